@@ -1,0 +1,100 @@
+"""What can go wrong, one class per condition: each message is one sentence that says what, where and what to try.
+
+The exit status of the command stands with the class (docs/conventions.md lists them).
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+
+class LacmeshError(Exception):
+    """Root of every error that lacmesh raises for wrong data, a wrong request or a file it cannot use."""
+
+    status = 1
+
+
+class LacmeshWarning(UserWarning):
+    """Something was left out or looks wrong, and the work went on."""
+
+
+class DataError(LacmeshError):
+    """The mesh does not allow what was asked; `cells` holds the file's numbers of the culprits."""
+
+    def __init__(self, message: str, cells: Iterable[int] = ()) -> None:
+        super().__init__(message)
+        self.cells = tuple(int(c) for c in cells)
+
+
+class CutError(DataError):
+    """The slave skin cannot be cut; `cells` holds the file's numbers of the faces or cells concerned."""
+
+
+class RequestError(LacmeshError):
+    """The request itself is wrong: an option, or a group that the file lacks."""
+
+    status = 2
+
+
+class GroupNotFoundError(RequestError):
+    """A group that the mesh lacks; near matches are in the message, the name in `name`."""
+
+    def __init__(self, name: str, known: Iterable[str], what: str = "cell group") -> None:
+        self.name = name
+        self.known = tuple(known)
+        super().__init__(f"no {what} named {name!r}{did_you_mean(name, self.known)}")
+
+
+class ReadError(LacmeshError):
+    """A file that cannot be read; `path` and `place` (a line, a byte, a path inside the file) say where."""
+
+    status = 3
+
+    def __init__(self, path: Any, message: str, place: str | None = None) -> None:
+        self.path = str(path)
+        self.place = place
+        super().__init__(f"{self.path}: {message}" if place is None else f"{self.path}, {place}: {message}")
+
+
+class WriteError(LacmeshError):
+    """A file that cannot be written, or a mesh that the format cannot hold; nothing was left behind."""
+
+    status = 3
+
+    def __init__(self, path: Any, message: str) -> None:
+        self.path = str(path)
+        super().__init__(f"{self.path}: {message}")
+
+
+def did_you_mean(name: str, known: Iterable[str], limit: int = 8) -> str:
+    """End of a sentence: near matches of `name`, or the first few known names.
+
+    >>> did_you_mean("slav", ["slave", "master"])
+    '; did you mean slave?'
+    >>> did_you_mean("x", ["slave", "master"])
+    '; there are: master, slave'
+    >>> did_you_mean("x", [])
+    '; there are none'
+    """
+    names = sorted(set(known))
+    if not names:
+        return "; there are none"
+    lower = {n.lower(): n for n in reversed(names)}
+    near = [lower[n] for n in difflib.get_close_matches(name.lower(), list(lower), n=3, cutoff=0.6)]
+    if near:
+        return f"; did you mean {' or '.join(near)}?"
+    more = f" and {len(names) - limit} more" if len(names) > limit else ""
+    return f"; there are: {', '.join(names[:limit])}{more}"
+
+
+def some(numbers: Iterable[int], limit: int = 10) -> str:
+    """The first few numbers of a list, for a message.
+
+    >>> some(range(3)), some(range(12), limit=3)
+    ('0, 1, 2', '0, 1, 2 and 9 more')
+    """
+    listed = [str(int(n)) for n in numbers]
+    more = f" and {len(listed) - limit} more" if len(listed) > limit else ""
+    return ", ".join(listed[:limit]) + more

@@ -1,0 +1,249 @@
+"""The mesh: points, blocks of cells, groups and data. Frozen; arrays are indices from 0, `*_number` are the file's.
+
+A cell's index counts through the blocks in their order; `file_order` lists the indices in the order of the file.
+Node order inside a cell is gmsh's (`cells.py`). Missing values in data are NaN, or -1 in integer data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.errors import GroupNotFoundError, RequestError, some
+
+Ints = NDArray[np.integer]
+Floats = NDArray[np.floating]
+Tag = tuple[int, int]  # (dimension, tag), gmsh's way to name a physical group or an entity
+
+
+class Block(NamedTuple):
+    """All cells of one type: the type's name and their nodes, (n_cells, n_nodes of the type)."""
+
+    type: str
+    nodes: Ints
+
+
+@dataclass(frozen=True)
+class Step:
+    """Where an array of `cell_data` or `node_data` stands in a field of several steps."""
+
+    field: str
+    number: int = -1
+    order: int = -1
+    time: float = 0.0
+
+
+@dataclass(frozen=True)
+class Periodic:
+    """A periodic link of msh: entity `slave` repeats `master`; `nodes` (n, 2) are slave and master nodes."""
+
+    slave: Tag
+    master: Tag
+    affine: tuple[float, ...]
+    nodes: Ints
+
+
+@dataclass(frozen=True)
+class Model:
+    """What msh says of the geometry behind a mesh: which signed entities bound an entity, and the periodic links."""
+
+    boundary: Mapping[Tag, tuple[int, ...]] = field(default_factory=dict)
+    periodic: tuple[Periodic, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A mesh of any mixture of cells; see the module for the conventions.
+
+    `points` (n, 3), `blocks` at most one a type, `node_number` (n,), `cell_number` (k,), groups name -> sorted indices,
+    data name -> (n, ...) or (k, ...). `group_tags`: the physical groups of msh that a cell group stands for.
+    `cell_data["entity"]` and `node_data["entity"]` (k or n, 2): dimension and tag of msh's elementary entity.
+    `zones`: the names of a cut's zones, in the order of `cell_data["lac_zone"]`. `name`: the file's name for the mesh.
+    Built by `Mesh.create`, which fills what is absent and checks shapes and ranges.
+    """
+
+    points: Floats
+    blocks: tuple[Block, ...]
+    space_dim: int
+    node_number: Ints
+    cell_number: Ints
+    file_order: Ints | None = None
+    cell_groups: Mapping[str, Ints] = field(default_factory=dict)
+    node_groups: Mapping[str, Ints] = field(default_factory=dict)
+    cell_data: Mapping[str, NDArray] = field(default_factory=dict)
+    node_data: Mapping[str, NDArray] = field(default_factory=dict)
+    group_tags: Mapping[str, tuple[Tag, ...]] = field(default_factory=dict)
+    steps: Mapping[str, Step] = field(default_factory=dict)
+    zones: tuple[str, ...] = ()
+    model: Model | None = None
+    name: str = "mesh"
+
+    @classmethod
+    def create(cls, points: Any, blocks: Iterable[tuple[str, Any]], **rest: Any) -> Mesh:
+        """A mesh from points (n, 2 or 3) and (type, nodes) pairs; numbers default to 1, 2, ...
+
+        Raises ValueError for a wrong type, shape or range. `rest`: any other field of the class.
+
+        >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
+        >>> square.space_dim, square.n_cells, square.cells_by_type
+        (2, 1, {'QUAD4': 1})
+        """
+        points = np.asarray(points, dtype=float)
+        if points.ndim != 2 or points.shape[1] not in (1, 2, 3):
+            raise ValueError(f"points must be (n, 2) or (n, 3), not {points.shape}")
+        space_dim = rest.pop("space_dim", None)
+        if points.shape[1] < 3:
+            points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
+        made = tuple(_block(kind, nodes, len(points)) for kind, nodes in blocks)
+        names = [b.type for b in made]
+        if len(set(names)) < len(names):
+            raise ValueError(f"one block a cell type, not {names}")
+        if space_dim is None:
+            solid = any(ALL_CELLS[b.type].dim == 3 and len(b.nodes) for b in made)
+            space_dim = 3 if solid or np.any(points[:, 2]) else 2
+        n_cells = sum(len(b.nodes) for b in made)
+        rest.setdefault("node_number", np.arange(1, len(points) + 1))
+        rest.setdefault("cell_number", np.arange(1, n_cells + 1))
+        for key in ("cell_groups", "node_groups"):
+            size = n_cells if key == "cell_groups" else len(points)
+            rest[key] = {name: _members(name, ids, size) for name, ids in rest.get(key, {}).items()}
+        mesh = cls(points=points, blocks=made, space_dim=space_dim, **rest)
+        mesh._check_sizes()
+        return mesh
+
+    def _check_sizes(self) -> None:
+        sizes = {"node_number": self.n_nodes, "cell_number": self.n_cells}
+        if self.file_order is not None:
+            sizes["file_order"] = self.n_cells
+        for name, size in sizes.items():
+            if np.shape(getattr(self, name)) != (size,):
+                raise ValueError(f"{name} has shape {np.shape(getattr(self, name))}, expected ({size},)")
+        for what, data, size in (("cell", self.cell_data, self.n_cells), ("node", self.node_data, self.n_nodes)):
+            for name, values in data.items():
+                if len(values) != size:
+                    raise ValueError(f"{what} data {name!r} has {len(values)} rows, expected {size}")
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return len(self.points)
+
+    @cached_property
+    def n_cells(self) -> int:
+        """Number of cells, all blocks together."""
+        return sum(len(b.nodes) for b in self.blocks)
+
+    @cached_property
+    def offsets(self) -> Ints:
+        """(n_blocks + 1,): the index of each block's first cell, then the number of cells."""
+        return np.cumsum([0, *(len(b.nodes) for b in self.blocks)])
+
+    @cached_property
+    def cell_dim(self) -> Ints:
+        """(n_cells,): dimension of each cell."""
+        dims = np.array([ALL_CELLS[b.type].dim for b in self.blocks], np.int8)
+        return np.repeat(dims, np.diff(self.offsets))
+
+    @property
+    def dim(self) -> int:
+        """The highest dimension of a cell."""
+        return max((ALL_CELLS[b.type].dim for b in self.blocks if len(b.nodes)), default=0)
+
+    @property
+    def cells_by_type(self) -> dict[str, int]:
+        """Number of cells of each type present."""
+        return {b.type: len(b.nodes) for b in self.blocks if len(b.nodes)}
+
+    def block(self, name: str) -> Ints:
+        """(k, n_nodes of the type): nodes of the cells of type `name`; no rows where there are none."""
+        for b in self.blocks:
+            if b.type == name:
+                return b.nodes
+        return np.empty((0, ALL_CELLS[name].n_nodes), np.int64)
+
+    def select(self, cells: Ints) -> Iterator[tuple[str, Ints, Ints]]:
+        """The cells of a list, block by block: (type, their indices in the mesh, their nodes)."""
+        cells = np.asarray(cells)
+        which = np.searchsorted(self.offsets, cells, side="right") - 1
+        for k, b in enumerate(self.blocks):
+            chosen = cells[which == k]
+            if len(chosen):
+                yield b.type, chosen, b.nodes[chosen - self.offsets[k]]
+
+    def group_dim(self, name: str) -> int:
+        """The highest dimension among a cell group's cells; of its tags where it is empty; -1 where it has none."""
+        cells = self.cell_groups[name]
+        if len(cells):
+            return int(self.cell_dim[cells].max())
+        return max((dim for dim, _ in self.group_tags.get(name, ())), default=-1)
+
+    def group(self, spec: str) -> str:
+        """The name of the cell group that `spec` means: a name, a tag `5`, or `2:5` (dimension and tag).
+
+        Raises GroupNotFoundError, with near matches, and RequestError where a tag means several groups.
+        """
+        if spec in self.cell_groups:
+            return spec
+        parts = spec.split(":")
+        if len(parts) <= 2 and all(p.strip().isdigit() for p in parts):
+            wanted = tuple(int(p) for p in parts)
+            found = [n for n, tags in self.group_tags.items() if any(t[-len(wanted) :] == wanted for t in tags)]
+            if len(found) == 1:
+                return found[0]
+            if found:
+                raise RequestError(f"tag {spec} means several groups ({', '.join(sorted(found))}); say dimension:tag")
+        raise GroupNotFoundError(spec, self.cell_groups)
+
+    def cells_of(self, spec: str) -> Ints:
+        """Sorted indices of the cells that `spec` names: a group (as `group`), or `entity:2:17`, an entity of msh."""
+        if spec.startswith("entity:") and spec not in self.cell_groups:
+            return self._cells_of_entity(spec)
+        return self.cell_groups[self.group(spec)]
+
+    def _cells_of_entity(self, spec: str) -> Ints:
+        entity = self.cell_data.get("entity")
+        parts = spec.split(":")[1:]
+        if len(parts) != 2 or not all(p.isdigit() for p in parts):
+            raise RequestError(f"{spec!r} is no entity; write entity:DIM:TAG, as entity:2:17")
+        if entity is None:
+            raise GroupNotFoundError(spec, self.cell_groups)
+        found = np.flatnonzero((entity == [int(p) for p in parts]).all(axis=1))
+        if not len(found):
+            known = {f"entity:{dim}:{tag}" for dim, tag in np.unique(entity, axis=0)}
+            raise GroupNotFoundError(spec, known, "entity")
+        return found
+
+    def cell_names(self, cells: Iterable[int]) -> str:
+        """The file's numbers of some cells, for a message."""
+        return some(self.cell_number[np.asarray(list(cells), dtype=int)])
+
+
+def _block(kind: str, nodes: Any, n_nodes: int) -> Block:
+    if kind not in ALL_CELLS:
+        raise ValueError(f"unknown cell type {kind!r}")
+    nodes = np.asarray(nodes)
+    if nodes.size == 0:
+        nodes = np.empty((0, ALL_CELLS[kind].n_nodes), np.int64)
+    if nodes.ndim != 2 or nodes.shape[1] != ALL_CELLS[kind].n_nodes or nodes.dtype.kind not in "iu":
+        raise ValueError(f"nodes of {kind} must be integers (k, {ALL_CELLS[kind].n_nodes}), not {nodes.shape}")
+    if nodes.size and (nodes.min() < 0 or nodes.max() >= n_nodes):
+        raise ValueError(f"a {kind} has a node outside 0..{n_nodes - 1}")
+    return Block(kind, nodes)
+
+
+def _members(name: str, ids: Any, size: int) -> Ints:
+    """A group's members: distinct, sorted, inside the mesh."""
+    ids = np.asarray(ids, dtype=np.int64)
+    if ids.ndim != 1:
+        raise ValueError(f"group {name!r} must be a list of indices")
+    if len(ids) > 1 and not (np.diff(ids) > 0).all():
+        ids = np.unique(ids)
+    if len(ids) and (ids[0] < 0 or ids[-1] >= size):
+        raise ValueError(f"group {name!r} has an index outside 0..{size - 1}")
+    return ids

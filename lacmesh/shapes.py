@@ -1,0 +1,147 @@
+"""Shape functions of every cell, and their gradients, on the reference elements of `cells.py`.
+
+Each cell's functions are the Lagrange basis of a space spanned by a few terms x^i y^j z^k (1 - z)^-m; only pyramids
+have m > 0. The spaces: complete polynomials (SEG, TRIA, TETRA, tensor cells), serendipity (QUAD8, HEXA20, PENTA15),
+P2 with a bubble (TRIA7), and on pyramids Bedrosian's rational functions (PYRAM5, PYRAM13; Int. J. Numer. Meth. Engng 35,
+1992) and Bergot, Cohen and Durufle's (PYRAM14; J. Sci. Comput. 42, 2010). At a pyramid's apex the functions have their
+limit; the gradient has none there and is not to be asked for.
+
+Notation: N (p, n) values at p points of n functions, dN (p, n, dim) their gradients, X (p, dim) reference points.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS
+
+#: one basis function: its terms, each (i, j, k, m), summed
+Basis = tuple[tuple[tuple[int, int, int, int], ...], ...]
+
+_TINY = 1e-300
+
+
+def _monomials(*exponents: tuple[int, int, int]) -> Basis:
+    return tuple(((*e, 0),) for e in exponents)
+
+
+def _complete(dim: int, degree: int) -> Basis:
+    """Every monomial of total degree at most `degree`."""
+    return _monomials(*(_pad(e) for e in product(range(degree + 1), repeat=dim) if sum(e) <= degree))
+
+
+def _tensor(dim: int, degree: int) -> Basis:
+    """Every monomial of degree at most `degree` in each variable."""
+    return _monomials(*(_pad(e) for e in product(range(degree + 1), repeat=dim)))
+
+
+def _serendipity(dim: int) -> Basis:
+    """Degree 2 at most, linear factors not counted (Arnold and Awanou, Found. Comput. Math. 11, 2011)."""
+    chosen = (e for e in product(range(3), repeat=dim) if sum(i for i in e if i > 1) <= 2)
+    return _monomials(*(_pad(e) for e in chosen))
+
+
+def _prism(triangle: Basis, powers: range) -> Basis:
+    return tuple(((i, j, k, 0),) for ((i, j, _, _),) in triangle for k in powers)
+
+
+def _pad(e: tuple[int, ...]) -> tuple[int, int, int]:
+    i, j, k = (*e, 0, 0, 0)[:3]
+    return i, j, k
+
+
+_RATIONAL_13: Basis = (((1, 1, 0, 1),), ((2, 1, 0, 1),), ((1, 2, 0, 1),))
+_BASES: dict[str, Basis] = {
+    "POI1": _complete(0, 0),
+    "SEG2": _complete(1, 1),
+    "SEG3": _complete(1, 2),
+    "TRIA3": _complete(2, 1),
+    "TRIA6": _complete(2, 2),
+    "TRIA7": (*_complete(2, 2), ((2, 1, 0, 0), (1, 2, 0, 0))),
+    "QUAD4": _tensor(2, 1),
+    "QUAD8": _serendipity(2),
+    "QUAD9": _tensor(2, 2),
+    "TETRA4": _complete(3, 1),
+    "TETRA10": _complete(3, 2),
+    "HEXA8": _tensor(3, 1),
+    "HEXA20": _serendipity(3),
+    "HEXA27": _tensor(3, 2),
+    "PENTA6": _prism(_complete(2, 1), range(2)),
+    "PENTA15": (*_prism(_complete(2, 2), range(2)), *_prism(_complete(2, 1), range(2, 3))),
+    "PENTA18": _prism(_complete(2, 2), range(3)),
+    "PYRAM5": (*_complete(3, 1), ((1, 1, 0, 1),)),
+    "PYRAM13": (*_complete(3, 2), *_RATIONAL_13),
+    "PYRAM14": (*_complete(3, 2), *_RATIONAL_13, ((2, 2, 0, 2),)),
+}
+
+
+def _padded(X: Any, dim: int) -> NDArray[np.floating]:
+    X = np.atleast_2d(np.asarray(X, dtype=float))
+    if dim and X.shape[1] != dim:
+        raise ValueError(f"reference points must be (p, {dim}), not {X.shape}")
+    return np.pad(X[:, :dim], ((0, 0), (0, 3 - dim)))
+
+
+def _terms(basis: Basis, X: NDArray, derivative: int | None = None) -> NDArray:
+    """(p, n): each basis function, or its derivative along one axis, at the points X (p, 3)."""
+    w = np.maximum(1.0 - X[:, 2], _TINY)
+    out = np.zeros((len(X), len(basis)))
+    for column, terms in enumerate(basis):
+        for i, j, k, m in terms:
+            for factor, powers in _derivatives((i, j, k, m), derivative):
+                value = np.full(len(X), float(factor))
+                for axis in range(3):
+                    value *= X[:, axis] ** powers[axis]
+                out[:, column] += np.divide(value, w ** powers[3], out=np.zeros_like(value), where=value != 0)
+    return out
+
+
+def _derivatives(e: tuple[int, int, int, int], axis: int | None) -> list[tuple[int, tuple[int, ...]]]:
+    """x^i y^j z^k (1 - z)^-m, or its derivative, as (factor, exponents) terms."""
+    if axis is None:
+        return [(1, e)]
+    lower = list(e)
+    lower[axis] -= 1
+    parts = [(e[axis], tuple(lower))] if e[axis] else []
+    if axis == 2 and e[3]:
+        parts.append((e[3], (*e[:3], e[3] + 1)))
+    return parts
+
+
+@lru_cache(maxsize=None)
+def _coefficients(name: str) -> NDArray:
+    """(n, n): the Lagrange basis in the terms of `_BASES`; its entries are multiples of 1/8, made exact here."""
+    cell = CELLS[name]
+    nodes = _padded(np.array(cell.reference).reshape(cell.n_nodes, cell.dim), cell.dim)
+    return np.round(np.linalg.inv(_terms(_BASES[name], nodes)) * 8) / 8
+
+
+def shape(name: str, X: Any) -> NDArray[np.floating]:
+    """N (p, n_nodes): shape functions of cell type `name` at reference points X (p, dim).
+
+    >>> shape("SEG3", [[0.5]])
+    array([[-0.125,  0.375,  0.75 ]])
+    """
+    return _terms(_BASES[name], _padded(X, CELLS[name].dim)) @ _coefficients(name)
+
+
+def gradient(name: str, X: Any) -> NDArray[np.floating]:
+    """dN (p, n_nodes, dim): gradients of the shape functions at reference points X (p, dim).
+
+    >>> gradient("SEG2", [[0.0]])[0, :, 0]
+    array([-0.5,  0.5])
+    """
+    dim = CELLS[name].dim
+    X = _padded(X, dim)
+    along = [_terms(_BASES[name], X, axis) @ _coefficients(name) for axis in range(dim)]
+    return np.stack(along, axis=-1) if along else np.zeros((len(X), 1, 0))
+
+
+def jacobian(name: str, x: Any, X: Any) -> NDArray[np.floating]:
+    """J (cells, p, 3, dim): derivative of the map of cells with nodes at x (cells, n_nodes, 3), at X (p, dim)."""
+    return np.einsum("cns,pnd->cpsd", np.asarray(x, dtype=float), gradient(name, X), optimize=True)
