@@ -1,0 +1,206 @@
+"""The cut: from a mesh and its slave skin to a mesh whose slave faces are macro-elements with an internal dof.
+
+    faces = which faces are slave, the cells on them and behind them     (plan)
+    kinds = how each is cut: whole, cone or ring, fixed before any is cut (plan)
+    children = new nodes, and the cells that replace others               (subdivide)
+    mesh = the same mesh with its children, numbers, groups and data      (rebuild)
+
+Method: Abbas, Drouet, Hild, Int. J. Numer. Meth. Engng 114, 2018; code_aster R5.03.55, 3.1. `docs/cut.md` has the theory.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lacmesh.errors import CutError, LacmeshWarning, RequestError
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.patterns import WHOLE_FACES, internal_points
+from lacmesh.plan import HEXA, Plan, make_plan
+from lacmesh.rebuild import rebuild
+from lacmesh.skin import FACE_TYPES
+from lacmesh.subdivide import KINDS, WHOLE_CODE, Subdivision, subdivide
+
+#: integer data that a cut is kept in, -1 where they say nothing (`docs/conventions.md`)
+CELL_RECORDS = ("lac_macro", "lac_zone", "lac_child", "lac_parent")
+NODE_RECORD = "lac_internal"
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A view on the records that a cut leaves in its mesh (they are data like any other: formats keep them).
+
+    Raises CutError where the mesh carries no cut.
+    """
+
+    mesh: Mesh
+
+    def __post_init__(self) -> None:
+        if not is_cut(self.mesh):
+            raise CutError("this mesh carries no cut; lacmesh.cut_skin makes one")
+
+    @property
+    def zones(self) -> tuple[str, ...]:
+        """Names of the zones: one for each slave group."""
+        return self.mesh.zones
+
+    @cached_property
+    def n_macros(self) -> int:
+        """Number of macro-elements."""
+        return int(self.macro_of_face.max(initial=-1)) + 1
+
+    @property
+    def macro_of_face(self) -> Ints:
+        """(n_cells,): the macro-element that a slave face is part of, -1 for every other cell."""
+        return self.mesh.cell_data["lac_macro"]
+
+    @property
+    def zone_of_face(self) -> Ints:
+        """(n_cells,): the place in `zones` of a slave face's zone, -1 for every other cell."""
+        return self.mesh.cell_data["lac_zone"]
+
+    @property
+    def child_kind(self) -> Ints:
+        """(n_cells,): 1 to 5 for the slave faces E1 to E5 of a macro-element, -1 for every other cell."""
+        return self.mesh.cell_data["lac_child"]
+
+    @property
+    def parent_of_cell(self) -> Ints:
+        """(n_cells,): the file's number of the cell that a child replaces, -1 for a cell that the cut left alone."""
+        return self.mesh.cell_data["lac_parent"]
+
+    @property
+    def macro_of_node(self) -> Ints:
+        """(n_nodes,): the macro-element whose internal dof a node carries, -1 for every other node."""
+        return self.mesh.node_data[NODE_RECORD]
+
+    @cached_property
+    def internal_nodes(self) -> tuple[Ints, ...]:
+        """For each macro-element, the nodes that carry an internal dof of it."""
+        nodes = np.flatnonzero(self.macro_of_node >= 0)
+        return split(nodes, self.macro_of_node[nodes], self.n_macros)
+
+    @cached_property
+    def faces_of_macro(self) -> tuple[Ints, ...]:
+        """For each macro-element, its slave faces, E1 first."""
+        faces = np.flatnonzero(self.macro_of_face >= 0)
+        faces = faces[np.argsort(self.child_kind[faces], kind="stable")]
+        return split(faces, self.macro_of_face[faces], self.n_macros)
+
+
+def split(members: Ints, owner: Ints, count: int) -> tuple[Ints, ...]:
+    """The members of each of `count` owners, in their order."""
+    order = np.argsort(owner, kind="stable")
+    return tuple(np.split(members[order], np.cumsum(np.bincount(owner, minlength=count))[:-1]))
+
+
+def is_cut(mesh: Mesh) -> bool:
+    """Whether a mesh carries the records of a cut."""
+    macro = mesh.cell_data.get("lac_macro")
+    return macro is not None and bool((macro >= 0).any())
+
+
+def cut_skin(
+    mesh: Mesh,
+    slave: str | Sequence[str],
+    *,
+    hexa: str = "pyramid",
+    interface: str = "both",
+    orient: str = "keep",
+    skin_only: bool = False,
+    node_groups: str = "extend",
+    ring: float = 1 / 3,
+    depth: float = 1 / 2,
+) -> Cut:
+    """Cut the skin faces of the slave groups, and the cells behind them, into macro-elements.
+
+    `slave`: one group or several (a zone each), named as `Mesh.group` takes them. `hexa`: HEXA8 and HEXA20 become
+    pyramids (`pyramid`), hexahedra (`hexa`), or whichever has the better worst child (`auto`). `interface`: a face
+    between two cells has both cut (`both`) or is an error (`refuse`). `orient`: slave faces are left as they are
+    (`keep`) or turned outward. `skin_only`: cut a skin that has no cells behind it. `node_groups`: a new node enters
+    a node group that holds every corner of the face or cell it lies on (`extend`), or none (`keep`). `ring`: half-width
+    of the inner polygon of ring patterns, `depth`: how deep it goes, both as parts of the parent, in (0, 1).
+
+    Faces that own an internal dof already (SEG3, QUAD9, TRIA7) become macro-elements as they are. A mesh whose slave
+    faces are all covered by a cut is returned unchanged. Raises CutError, GroupNotFoundError, RequestError.
+    """
+    _check_options(hexa=(hexa, HEXA), interface=(interface, ("both", "refuse")))
+    _check_options(orient=(orient, ("keep", "outward")), node_groups=(node_groups, ("extend", "keep")))
+    if not (0 < ring < 1 and 0 < depth < 1):
+        raise RequestError(f"ring ({ring}) and depth ({depth}) must lie between 0 and 1")
+    specs = [slave] if isinstance(slave, str) else list(slave)
+    if is_cut(mesh):
+        return _already_cut(mesh, specs)
+    mesh, plan = make_plan(mesh, specs, hexa, interface, orient, skin_only, (ring, depth))
+    made = subdivide(mesh, plan.faces, plan.kinds, plan.skin, plan.parents, ring, depth)
+    _warn_of_periodic(mesh, plan)
+    new, leaf_face = rebuild(mesh, made, extend=node_groups == "extend")
+    return Cut(_record(mesh, new, plan, made, leaf_face, ring))
+
+
+def _check_options(**options: tuple[str, tuple[str, ...]]) -> None:
+    for name, (value, allowed) in options.items():
+        if value not in allowed:
+            raise RequestError(f"{name} is one of {', '.join(allowed)}, not {value!r}")
+
+
+def _already_cut(mesh: Mesh, specs: list[str]) -> Cut:
+    dim = int(mesh.cell_dim[mesh.cell_data["lac_macro"] >= 0].max())
+    for spec in specs:
+        faces = mesh.cells_of(spec)
+        faces = faces[mesh.cell_dim[faces] == dim]
+        left = faces[mesh.cell_data["lac_macro"][faces] < 0]
+        if len(left) or not len(faces):
+            raise CutError(
+                f"this mesh is cut already (zones {', '.join(mesh.zones)}), but not everywhere on {spec!r} "
+                f"(cells {mesh.cell_names(left)}); cut the mesh it came from, with every --slave at once",
+                mesh.cell_number[left],
+            )
+    return Cut(mesh)
+
+
+def _warn_of_periodic(mesh: Mesh, plan: Plan) -> None:
+    if mesh.model is None or "entity" not in mesh.cell_data or not mesh.model.periodic:
+        return
+    linked = {tag for link in mesh.model.periodic for tag in (link.slave, link.master)}
+    cut = plan.skin.cell[plan.kinds[plan.skin.face] != WHOLE_CODE]
+    here = {tuple(int(t) for t in e) for e in np.unique(mesh.cell_data["entity"][cut], axis=0)} & linked
+    if here:
+        names = ", ".join(f"{dim}:{tag}" for dim, tag in sorted(here))
+        message = f"slave faces lie on periodic entities ({names}): their new nodes have no periodic partner"
+        warnings.warn(message, LacmeshWarning, stacklevel=3)
+
+
+def _record(mesh: Mesh, new: Mesh, plan: Plan, made: Subdivision, children: dict[str, Ints], ring: float) -> Mesh:
+    """Write the cut's records into the data of the new mesh. `children`: source and rank of each of its cells."""
+    source, rank = children["source"], children["rank"]
+    face_of = np.full(mesh.n_cells, -1, np.int32)
+    face_of[plan.slave] = np.arange(len(plan.slave))
+    macro = face_of[source]
+    zone, child, parent = (np.full(new.n_cells, -1, np.int32) for _ in range(3))
+    on_skin, replaced = np.flatnonzero(macro >= 0), np.flatnonzero(rank >= 0)
+    zone[on_skin] = plan.zone[macro[on_skin]]
+    child[on_skin] = np.maximum(rank[on_skin], 0) + 1
+    parent[replaced] = mesh.cell_number[source[replaced]]
+    records = dict(zip(CELL_RECORDS, (macro, zone, child, parent), strict=True))
+    cell_data = {**new.cell_data, **records}
+    node_data = {**new.node_data, NODE_RECORD: _internal(new.n_nodes, plan, made, ring)}
+    return replace(new, cell_data=cell_data, node_data=node_data, zones=plan.zones)
+
+
+def _internal(n_nodes: int, plan: Plan, made: Subdivision, ring: float) -> Ints:
+    """(n_nodes,): the macro-element whose internal dof each node carries."""
+    owner = np.full(n_nodes, -1, np.int32)
+    code = plan.faces.type * len(KINDS) + plan.kinds
+    for value in np.unique(code):
+        face, kind = FACE_TYPES[value // len(KINDS)], KINDS[value % len(KINDS)]
+        rows = np.flatnonzero(code == value)
+        if face in WHOLE_FACES:
+            owner[plan.faces.nodes[rows, WHOLE_FACES[face]]] = rows
+        else:
+            owner[made.face_points[rows][:, internal_points(face, kind, ring)]] = rows[:, None]
+    return owner

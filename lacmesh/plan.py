@@ -1,0 +1,281 @@
+"""Before anything is cut: which faces are slave, which cells lie on them and behind them, and how each will be cut."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.errors import CutError, LacmeshWarning, RequestError
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.patterns import RING_PARENTS, WHOLE_FACES
+from lacmesh.quality import corner_jacobian
+from lacmesh.skin import FACE_TYPES, REVERSED, Faces, Match, find_owners, find_repeats, turn
+from lacmesh.subdivide import CONE_CODE, RING_CODE, WHOLE_CODE, subdivide
+
+HEXA = ("pyramid", "hexa", "auto")
+_WHOLE_TYPES = np.array([name in WHOLE_FACES for name in FACE_TYPES])
+_RING_TYPES = np.array([name in ("SEG2", "QUAD4", "QUAD8") for name in FACE_TYPES])
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What will be cut: `faces`, a row each macro-element, how (`kinds`, codes of `subdivide.KINDS`), `zone` of each.
+
+    `slave` (f,): the cell of the mesh that gave each face its node order. `skin`: every cell on a face, the slave cells
+    and their duplicates; sorted by cell. `parents`: the cells behind.
+    """
+
+    faces: Faces
+    kinds: Ints
+    zones: tuple[str, ...]
+    zone: Ints
+    slave: Ints
+    skin: Match
+    parents: Match
+
+
+def make_plan(
+    mesh: Mesh,
+    specs: list[str],
+    hexa: str,
+    interface: str,
+    orient: str,
+    skin_only: bool,
+    shape: tuple[float, float],
+) -> tuple[Mesh, Plan]:
+    """The plan of a cut, and the mesh (its slave faces turned outward if asked for)."""
+    zones, cells, zone = _slave_cells(mesh, specs, skin_only)
+    faces, first = _distinct_faces(mesh, cells)
+    dim = int(mesh.cell_dim[cells[0]])
+    parents = find_owners(faces, _blocks(mesh, dim + 1), mesh.n_nodes)
+    _check_parents(mesh, faces, cells[first], parents, interface, skin_only)
+    if orient == "outward" and not skin_only:
+        mesh, faces = _outward(mesh, cells, faces, first, parents)
+    skin = _by_cell(find_repeats(faces, _blocks(mesh, dim), mesh.n_nodes))
+    if not skin.same.all():
+        odd = skin.cell[~skin.same]
+        raise CutError(
+            f"cells {mesh.cell_names(odd)} lie on slave faces with other nodes (linear on quadratic?); remove them",
+            mesh.cell_number[odd],
+        )
+    _warn_of_twins(mesh, cells, first)
+    kinds = _choose(mesh, faces, skin, parents, hexa, skin_only, shape)
+    return mesh, Plan(faces, kinds, zones, zone[first], cells[first], skin, parents)
+
+
+def _blocks(mesh: Mesh, dim: int) -> Iterator[tuple[str, Ints, Ints]]:
+    for k, block in enumerate(mesh.blocks):
+        if ALL_CELLS[block.type].dim == dim:
+            yield block.type, block.nodes, np.arange(mesh.offsets[k], mesh.offsets[k + 1])
+
+
+def _slave_cells(mesh: Mesh, specs: list[str], skin_only: bool) -> tuple[tuple[str, ...], Ints, Ints]:
+    """Zone names, the slave faces (a cell once, in its first zone), and the zone of each."""
+    if not specs:
+        raise RequestError("no slave group was given")
+    names = [spec if spec.startswith("entity:") else mesh.group(spec) for spec in specs]
+    if len(set(names)) < len(names):
+        raise RequestError(f"a slave group is given twice: {', '.join(names)}")
+    parts = [_skin_faces(mesh, name, skin_only) for name in names]
+    cells = np.concatenate(parts)
+    zone = np.repeat(np.arange(len(parts)), [len(p) for p in parts])
+    first = np.sort(np.unique(cells, return_index=True)[1])
+    dims = np.unique(mesh.cell_dim[cells])
+    if len(dims) > 1:
+        raise CutError(f"the slave groups {', '.join(names)} have faces of dimensions {dims.tolist()}; cut them apart")
+    return tuple(names), cells[first], zone[first]
+
+
+def _skin_faces(mesh: Mesh, name: str, skin_only: bool) -> Ints:
+    cells = mesh.cells_of(name)
+    if not len(cells):
+        raise CutError(f"the slave group {name!r} is empty")
+    dims = mesh.cell_dim[cells]
+    want = int(dims.max()) if skin_only else mesh.dim - 1
+    wrong = cells[dims > want] if not skin_only else cells[(dims < 1) | (dims > 2)]
+    if len(wrong) or not (dims == want).any():
+        odd = wrong if len(wrong) else cells
+        raise CutError(
+            f"the slave group {name!r} holds cells of dimension {int(mesh.cell_dim[odd].max())} "
+            f"({mesh.cell_names(odd)}); a slave skin is made of faces of dimension {max(want, 1)}, "
+            f"one less than the cells behind it",
+            mesh.cell_number[odd],
+        )
+    if (dims < want).any():
+        message = f"the slave group {name!r} also holds cells of lower dimension: they are left as they are"
+        warnings.warn(message, LacmeshWarning, stacklevel=5)
+    faces = cells[dims == want]
+    for kind, which, _ in mesh.select(faces):
+        if kind not in CELLS:
+            raise CutError(f"slave faces of type {kind} ({mesh.cell_names(which)}) cannot be cut", which)
+    return faces
+
+
+def _distinct_faces(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
+    """The faces under some cells, each once, and the place in `cells` that it has its node order from."""
+    faces = _faces_of(mesh, cells)
+    corners = np.sort(faces.corners, axis=1)
+    _, first = np.unique(corners, axis=0, return_index=True)
+    first = np.sort(first)
+    return faces.take(first), first
+
+
+def _faces_of(mesh: Mesh, cells: Ints) -> Faces:
+    """Faces, in the order of `cells`."""
+    order, parts = [], []
+    for kind, chosen, nodes in mesh.select(cells):
+        order.append(chosen)
+        parts.append((kind, nodes))
+    by_type = Faces.join(parts)
+    place = np.empty(mesh.n_cells, np.int32)
+    found = np.concatenate(order)
+    place[found] = np.arange(len(found))
+    return by_type.take(place[cells])
+
+
+def _by_cell(match: Match) -> Match:
+    order = np.argsort(match.cell, kind="stable")
+    return Match(match.face[order], match.cell[order], match.facet[order], match.same[order])
+
+
+def _check_parents(
+    mesh: Mesh, faces: Faces, slave: Ints, parents: Match, interface: str, skin_only: bool
+) -> None:
+    def fail(which: Ints, message: str) -> None:
+        names = mesh.cell_names(slave[which])
+        raise CutError(f"slave faces {names} {message}", mesh.cell_number[slave[which]])
+
+    count = np.bincount(parents.face, minlength=len(faces))
+    if skin_only:
+        if (count > 0).any():
+            fail(np.flatnonzero(count), "have cells behind them, which a cut of the skin only would tear apart")
+        return
+    if (count == 0).any():
+        fail(np.flatnonzero(count == 0), "have no cell behind them; cut a bare skin (a shell) with --skin-only")
+    if (count > 2).any():
+        fail(np.flatnonzero(count > 2), "have more than two cells behind them: the mesh is not a manifold there")
+    if not parents.same.all():
+        odd = np.unique(parents.face[~parents.same])
+        behind = mesh.cell_names(parents.cell[~parents.same])
+        fail(odd, f"and the cells behind them ({behind}) do not have the same mid-nodes: raise the order of both alike")
+    if interface == "refuse" and (count == 2).any():
+        fail(np.flatnonzero(count == 2), "lie between two cells; --interface both cuts both sides")
+
+
+def _outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: Match) -> tuple[Mesh, Faces]:
+    """Turn over the slave cells whose nodes turn inward; a face between two cells has no outward and stays."""
+    own = find_repeats(faces, [(k, n, c) for k, c, n in mesh.select(np.sort(cells))], mesh.n_nodes)
+    listed = _faces_of(mesh, own.cell)
+    single = np.bincount(parents.face, minlength=len(faces)) == 1
+    owner = np.full(len(faces), -1)
+    owner[parents.face] = np.arange(len(parents.face))
+    outward = _facets_of(mesh, parents)
+    inward = turn(outward.take(owner[own.face]), listed) % 2 == 1
+    back = np.sort(own.cell[inward & single[own.face]])
+    if not len(back):
+        return mesh, faces
+    blocks = []
+    for k, block in enumerate(mesh.blocks):
+        rows = back[(back >= mesh.offsets[k]) & (back < mesh.offsets[k + 1])] - mesh.offsets[k]
+        nodes = block.nodes
+        if len(rows):
+            nodes = nodes.copy()
+            nodes[rows] = nodes[rows][:, REVERSED[block.type]]
+        blocks.append(block._replace(nodes=nodes))
+    turned = replace(mesh, blocks=tuple(blocks))
+    return turned, _faces_of(turned, cells[first])
+
+
+def _facets_of(mesh: Mesh, parents: Match) -> Faces:
+    """The facets of a match's cells, outward, in its order."""
+    parts, rows = [], []
+    order = np.argsort(parents.cell, kind="stable")
+    done = 0
+    for kind, cells, nodes in mesh.select(parents.cell[order]):
+        facet = parents.facet[order[done : done + len(cells)]]
+        for j in np.unique(facet):
+            at = np.flatnonzero(facet == j)
+            parts.append((CELLS[kind].facets[j].type, nodes[at][:, CELLS[kind].facets[j].nodes]))
+            rows.append(order[done + at])
+        done += len(cells)
+    place = np.empty(len(order), np.int64)
+    place[np.concatenate(rows)] = np.arange(len(order))
+    return Faces.join(parts).take(place)
+
+
+def _warn_of_twins(mesh: Mesh, cells: Ints, first: Ints) -> None:
+    if len(first) < len(cells):
+        twins = np.setdiff1d(cells, cells[first])
+        message = f"slave faces stand twice in the slave groups (cells {mesh.cell_names(twins)} repeat others): "
+        warnings.warn(message + "one macro-element each, both copies cut", LacmeshWarning, stacklevel=4)
+
+
+def _choose(
+    mesh: Mesh, faces: Faces, skin: Match, parents: Match, hexa: str, skin_only: bool, shape: tuple[float, float]
+) -> Ints:
+    """How every face is cut, fixed before anything is: a parent takes one variant for all its slave faces."""
+    if skin_only:
+        ring = _RING_TYPES[faces.type] & (faces.type != FACE_TYPES.index("SEG2"))
+        alone = Match(*(np.empty(0, np.int64),) * 3, np.empty(0, bool))
+        if hexa == "auto":
+            return _better(mesh, faces, skin, alone, ring, np.arange(len(faces)), shape)
+        return _kinds(faces, ring & (hexa == "hexa"))
+    able = _ring_able(mesh, parents.cell, hexa)
+    ring = _RING_TYPES[faces.type].copy()
+    ring[parents.face[~able]] = False
+    component = np.arange(len(faces))
+    if hexa == "auto" or (able & ~ring[parents.face]).any():
+        component = _components(len(faces), parents, able)
+        spoilt = np.zeros(len(faces), bool)
+        spoilt[component[~ring & ~_WHOLE_TYPES[faces.type]]] = True
+        ring &= ~spoilt[component]
+    if hexa == "auto" and mesh.dim == 3:
+        return _better(mesh, faces, skin, parents, ring, component, shape)
+    return _kinds(faces, ring)
+
+
+def _kinds(faces: Faces, ring: Ints) -> Ints:
+    return np.where(_WHOLE_TYPES[faces.type], WHOLE_CODE, np.where(ring, RING_CODE, CONE_CODE))
+
+
+def _ring_able(mesh: Mesh, cells: Ints, hexa: str) -> Ints:
+    types = [b.type in RING_PARENTS and (hexa != "pyramid" or b.type == "QUAD4") for b in mesh.blocks]
+    return np.array(types, bool)[np.searchsorted(mesh.offsets, cells, side="right") - 1]
+
+
+def _components(n_faces: int, parents: Match, able: Ints) -> Ints:
+    """(n_faces,): faces that must be cut alike, because parents that can take the ring share them, get one label."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    _, cell = np.unique(parents.cell[able], return_inverse=True)
+    face = parents.face[able]
+    size = n_faces + (int(cell.max()) + 1 if len(cell) else 0)
+    graph = coo_matrix((np.ones(len(face), bool), (face, n_faces + cell)), shape=(size, size))
+    labels = connected_components(graph, directed=False)[1][:n_faces]
+    return np.unique(labels, return_inverse=True)[1]
+
+
+def _better(
+    mesh: Mesh, faces: Faces, skin: Match, parents: Match, ring: Ints, component: Ints, shape: tuple[float, float]
+) -> Ints:
+    """The variant whose worst child is better, for each set of faces that must be cut alike; the ring on a tie."""
+    worst = []
+    for kinds in (_kinds(faces, np.zeros_like(ring)), _kinds(faces, ring)):
+        made = subdivide(mesh, faces, kinds, skin, parents, *shape)
+        points = np.vstack([mesh.points, np.zeros((made.n_nodes - mesh.n_nodes, 3))])
+        for birth in made.births:
+            points[birth.ids] = birth.values(points)
+        face_of_root = np.full(mesh.n_cells, -1)
+        face_of_root[parents.cell] = parents.face
+        face_of_root[skin.cell] = skin.face
+        least = np.full(len(faces), np.inf)
+        for block in made.leaves:
+            quality = corner_jacobian(block.type, points[block.nodes], mesh.space_dim == 2)
+            np.minimum.at(least, component[face_of_root[block.root]], quality)
+        worst.append(least)
+    return _kinds(faces, ring & (worst[1] >= worst[0])[component])

@@ -1,0 +1,169 @@
+"""Faces and the cells behind them: which cell owns a face, which cells repeat it, which way it turns.
+
+A face is known by its corners, whatever their order. Only cells that touch the faces asked about are looked at, so the
+cost is one pass over the mesh's nodes and then grows with the faces (no table of all facets is ever built).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS
+from lacmesh.mesh import Ints
+
+#: width of a padded list of a face's nodes (QUAD9) and corners
+MAX_NODES, MAX_CORNERS = 9, 4
+#: face types, in the order of the codes that `Faces.type` uses
+FACE_TYPES = ("POI1", "SEG2", "SEG3", "TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9")
+TYPE_CODE = {name: code for code, name in enumerate(FACE_TYPES)}
+N_CORNERS = np.array([CELLS[name].n_corners for name in FACE_TYPES])
+N_NODES = np.array([CELLS[name].n_nodes for name in FACE_TYPES])
+
+#: the same face, turned over: it starts from the same corner and goes round the other way
+REVERSED = {
+    "POI1": (0,),
+    "SEG2": (1, 0),
+    "SEG3": (1, 0, 2),
+    "TRIA3": (0, 2, 1),
+    "TRIA6": (0, 2, 1, 5, 4, 3),
+    "TRIA7": (0, 2, 1, 5, 4, 3, 6),
+    "QUAD4": (0, 3, 2, 1),
+    "QUAD8": (0, 3, 2, 1, 7, 6, 5, 4),
+    "QUAD9": (0, 3, 2, 1, 7, 6, 5, 4, 8),
+}
+
+
+@dataclass(frozen=True)
+class Faces:
+    """Faces of any types, a row each: `type` (f,) codes of FACE_TYPES, `nodes` (f, 9) padded with -1."""
+
+    type: Ints
+    nodes: Ints
+
+    def __len__(self) -> int:
+        return len(self.type)
+
+    def take(self, rows: Ints) -> Faces:
+        """Some of the faces."""
+        return Faces(self.type[rows], self.nodes[rows])
+
+    @property
+    def corners(self) -> Ints:
+        """(f, 4): the corners, -1 where a face has fewer."""
+        corners = self.nodes[:, :MAX_CORNERS].copy()
+        corners[np.arange(MAX_CORNERS) >= N_CORNERS[self.type][:, None]] = -1
+        return corners
+
+    @classmethod
+    def join(cls, parts: Iterable[tuple[str, Ints]]) -> Faces:
+        """Faces from (type, nodes (k, n)) parts, in their order."""
+        parts = list(parts)
+        codes = np.repeat([TYPE_CODE[t] for t, _ in parts] or [0], [len(n) for _, n in parts] or [0])
+        nodes = np.full((len(codes), MAX_NODES), -1, np.int64)
+        start = 0
+        for _, rows in parts:
+            nodes[start : start + len(rows), : rows.shape[1]] = rows
+            start += len(rows)
+        return cls(codes, nodes)
+
+
+@dataclass(frozen=True)
+class Match:
+    """Cells found at faces, a row each: face `face`, cell `cell` (the caller's id), and which of its facets, `facet`.
+
+    Rows are sorted by face, then by cell. `same`: the facet's nodes are the face's, its mid-nodes included.
+    """
+
+    face: Ints
+    cell: Ints
+    facet: Ints
+    same: NDArray[np.bool_]
+
+
+def label_rows(rows: Ints) -> tuple[Ints, int]:
+    """(labels (k,), number of labels): equal rows get the same label. Exact, and faster than sorting whole rows."""
+    rng = np.random.default_rng(0)
+    while True:
+        weights = rng.integers(1, 2**63, size=rows.shape[1], dtype=np.uint64) | np.uint64(1)
+        key = (rows.astype(np.uint64) * weights).sum(axis=1, dtype=np.uint64)
+        order = np.argsort(key, kind="stable")
+        new = np.diff(key[order], prepend=key[order[:1]] + np.uint64(1)) != 0
+        repeats = np.flatnonzero(~new)
+        if (rows[order[repeats]] == rows[order[repeats - 1]]).all():  # else two different rows met: draw again
+            break
+    labels = np.empty(len(rows), np.int64)
+    labels[order] = np.cumsum(new) - 1
+    return labels, int(new.sum())
+
+
+def find_owners(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int) -> Match:
+    """The cells that have one of `faces` as a facet. `cells`: (type, nodes (k, n), ids (k,)) parts.
+
+    >>> square = [("QUAD4", np.array([[0, 1, 2, 3]]), np.array([7]))]
+    >>> found = find_owners(Faces.join([("SEG2", np.array([[2, 1]]))]), square, 4)
+    >>> found.cell, found.facet
+    (array([7]), array([1]))
+    """
+    touched = _touched(faces, n_nodes)
+    parts = []
+    for kind, nodes, ids in cells:
+        cell = CELLS.get(kind)
+        if cell is None or not cell.facets or not len(nodes):
+            continue
+        near = np.flatnonzero(np.count_nonzero(touched[nodes[:, : cell.n_corners]], axis=1) >= cell.dim)
+        close = nodes[near]
+        for j, facet in enumerate(cell.facets):
+            corners = facet.nodes[: CELLS[facet.type].n_corners]
+            hit = np.flatnonzero(touched[close[:, corners]].all(axis=1))
+            parts.append((facet.type, close[hit][:, facet.nodes], ids[near[hit]], j))
+    return _match(faces, parts)
+
+
+def find_repeats(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int) -> Match:
+    """The cells that lie on one of `faces`: same corners, any order (`facet` is 0). `cells` as for `find_owners`."""
+    touched = _touched(faces, n_nodes)
+    parts = []
+    for kind, nodes, ids in cells:
+        if kind in TYPE_CODE and len(nodes):
+            hit = np.flatnonzero(touched[nodes[:, : CELLS[kind].n_corners]].all(axis=1))
+            parts.append((kind, nodes[hit], ids[hit], 0))
+    return _match(faces, parts)
+
+
+def _touched(faces: Faces, n_nodes: int) -> NDArray[np.bool_]:
+    touched = np.zeros(n_nodes + 1, bool)  # one more, for the padding's -1
+    touched[faces.corners] = True
+    touched[-1] = False
+    return touched
+
+
+def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> Match:
+    """Pair faces with candidates (type, nodes, ids, facet number) that have the same corners."""
+    candidates = Faces.join((kind, nodes) for kind, nodes, _, _ in parts)
+    ids = np.concatenate([np.empty(0, np.int64), *(i for _, _, i, _ in parts)])
+    facet = np.repeat([j for *_, j in parts] or [0], [len(i) for _, _, i, _ in parts] or [0])
+    corners = np.sort(np.vstack([faces.corners, candidates.corners]), axis=1)
+    labels, count = label_rows(corners)
+    face_of = np.full(count, -1, np.int64)
+    face_of[labels[: len(faces)]] = np.arange(len(faces))
+    face = face_of[labels[len(faces) :]]
+    found = np.flatnonzero(face >= 0)
+    found = found[np.lexsort((ids[found], face[found]))]
+    same = candidates.type[found] == faces.type[face[found]]
+    same &= (np.sort(candidates.nodes[found], axis=1) == np.sort(faces.nodes[face[found]], axis=1)).all(axis=1)
+    return Match(face[found], ids[found], facet[found], same)
+
+
+def turn(faces: Faces, listed: Faces) -> Ints:
+    """(f,): how each row of `listed` lists the same face: 2 s + r, starting at corner s, r = 1 where it goes back."""
+    corners, other = faces.corners, listed.corners
+    start = (corners == other[:, :1]).argmax(axis=1)
+    n = N_CORNERS[faces.type]
+    following = corners[np.arange(len(faces)), (start + 1) % n]
+    back = following != other[:, 1]
+    segment = n == 2  # two corners only: the start says it all
+    return 2 * start + np.where(segment, start, back)
