@@ -17,13 +17,13 @@ _PUBLIC = {
     "Cut": "lacmesh.cut",
     "cut_skin": "lacmesh.cut",
     "raise_order": "lacmesh.order",
-    "multipliers": "lacmesh.multipliers",
+    "aster_multipliers": "lacmesh.multipliers",
     "LacmeshError": "lacmesh.errors",
     "LacmeshWarning": "lacmesh.errors",
 }
 
-__all__ = ["CELLS", "Block", "Cut", "LacmeshError", "LacmeshWarning", "Mesh", "__version__", "cut_skin"]
-__all__ += ["multipliers", "raise_order", "read", "write"]
+__all__ = ["CELLS", "Block", "Cut", "LacmeshError", "LacmeshWarning", "Mesh", "__version__", "aster_multipliers", "cut_skin"]
+__all__ += ["raise_order", "read", "write"]
 
 if TYPE_CHECKING:
     from lacmesh.cells import CELLS
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from lacmesh.errors import LacmeshError, LacmeshWarning
     from lacmesh.formats import read, write
     from lacmesh.mesh import Block, Mesh
-    from lacmesh.multipliers import multipliers
+    from lacmesh.multipliers import aster_multipliers
     from lacmesh.order import raise_order
 
 

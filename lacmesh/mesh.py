@@ -108,11 +108,13 @@ class Mesh:
             solid = any(ALL_CELLS[b.type].dim == 3 and len(b.nodes) for b in made)
             space_dim = 3 if solid or np.any(points[:, 2]) else 2
         n_cells = sum(len(b.nodes) for b in made)
-        rest.setdefault("node_number", np.arange(1, len(points) + 1))
-        rest.setdefault("cell_number", np.arange(1, n_cells + 1))
+        rest["node_number"] = np.asarray(rest.get("node_number", np.arange(1, len(points) + 1)))
+        rest["cell_number"] = np.asarray(rest.get("cell_number", np.arange(1, n_cells + 1)))
         for key in ("cell_groups", "node_groups"):
             size = n_cells if key == "cell_groups" else len(points)
             rest[key] = {name: _members(name, ids, size) for name, ids in rest.get(key, {}).items()}
+        for key in ("cell_data", "node_data"):
+            rest[key] = {name: np.asarray(values) for name, values in rest.get(key, {}).items()}
         mesh = cls(points=points, blocks=made, space_dim=space_dim, **rest)
         mesh._check_sizes()
         return mesh

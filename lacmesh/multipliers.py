@@ -52,7 +52,7 @@ class Multipliers:
     patch_nodes: tuple[Ints, ...]
 
 
-def multipliers(cut: Cut) -> Multipliers:
+def aster_multipliers(cut: Cut) -> Multipliers:
     """code_aster's view of the multipliers of a cut."""
     mesh = cut.mesh
     faces = np.flatnonzero(cut.macro_of_face >= 0)

@@ -1,0 +1,189 @@
+"""Every type, facet, rotation, orientation and variant of the cut, on one cell; and code_aster's own cuts."""
+
+from __future__ import annotations
+
+import json
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lacmesh import CELLS, Mesh, aster_multipliers, cut_skin
+from lacmesh.patterns import RING_PARENTS, WHOLE_FACES
+from tests import properties
+from tests.meshes import cell_with_faces
+
+CUTS = Path(__file__).parent / "reference" / "code_aster_cuts"
+CASES = [
+    (name, j, variant)
+    for name, cell in CELLS.items()
+    if cell.dim > 1
+    for j in range(len(cell.facets))
+    for variant in (("pyramid", "hexa") if name in RING_PARENTS and cell.dim == 3 else ("pyramid",))
+]
+#: (facet type, parent): nodes and cells added, skin and volume together; HEXA20 per variant
+COUNTS = {
+    ("TRIA3", None): (1, 2), ("QUAD4", None): (4, 5), ("TETRA4", 3): (1, 4), ("TETRA10", 3): (5, 4),
+    ("HEXA8", "hexa"): (8, 9), ("HEXA8", "pyramid"): (1, 7), ("HEXA20", "hexa"): (28, 9),
+    ("HEXA20", "pyramid"): (9, 7), ("PENTA6", 3): (1, 5), ("PENTA6", 4): (1, 6), ("PENTA15", 3): (7, 5),
+    ("PENTA15", 4): (7, 6), ("PYRAM5", 4): (1, 6), ("PYRAM5", 3): (1, 5), ("PYRAM13", 4): (6, 6),
+    ("PYRAM13", 3): (6, 5), ("PENTA18", 3): (7, 5), ("PYRAM14", 3): (6, 5),
+}  # fmt: skip
+
+
+def expected_counts(name, j, variant):
+    facet = CELLS[name].facets[j].type
+    if facet in WHOLE_FACES:
+        return 0, 0
+    corners = CELLS[facet].n_corners
+    for key in ((name, variant), (name, corners), (name, None)):
+        if key in COUNTS:
+            return COUNTS[key]
+    raise KeyError(name)
+
+
+@pytest.mark.parametrize(("name", "j", "variant"), CASES)
+def test_one_cell(name, j, variant):
+    corners = CELLS[CELLS[name].facets[j].type].n_corners
+    for rotation in range(corners if corners > 2 else 1):
+        for inward in (False, True):
+            mesh = cell_with_faces(name, (j,), rotation, inward, seed=rotation)
+            cut = cut_skin(mesh, "slave", hexa=variant)
+            properties.all_hold(mesh, cut)
+            added = (cut.mesh.n_nodes - mesh.n_nodes, cut.mesh.n_cells - mesh.n_cells)
+            assert added == expected_counts(name, j, variant)
+            assert len(cut.mesh.node_groups["all"]) == cut.mesh.n_nodes
+
+
+@pytest.mark.parametrize(("name", "variant"), sorted({(n, v) for n, _, v in CASES}))
+def test_every_set_of_slave_faces(name, variant):
+    """Several slave faces of one cell, in any order, in one pass: one macro-element each."""
+    n = len(CELLS[name].facets)
+    for size in range(2, n + 1):
+        for facets in combinations(range(n), size):
+            mesh = cell_with_faces(name, facets, rotation=size, inward=bool(size % 2))
+            cut = cut_skin(mesh, "slave", hexa=variant)
+            assert cut.n_macros == size
+            properties.all_hold(mesh, cut)
+            other = cut_skin(cell_with_faces(name, facets[::-1], rotation=size, inward=bool(size % 2)), "slave", hexa=variant)
+            assert properties.canonical(other.mesh) == properties.canonical(cut.mesh)
+
+
+@pytest.mark.parametrize("name", ["HEXA8", "HEXA20"])
+def test_further_slave_face_of_a_pyramid_cut_costs_one_node_six_cells(name):
+    more = 1 if name == "HEXA8" else 6
+    sizes = []
+    for facets in ((0,), (0, 1), (0, 1, 2)):
+        mesh = cell_with_faces(name, facets)
+        cut = cut_skin(mesh, "slave").mesh
+        sizes.append((cut.n_nodes - mesh.n_nodes, cut.n_cells - mesh.n_cells))
+    assert np.diff(sizes, axis=0).tolist() == [[more, 6], [more, 6]]
+
+
+# code_aster's own node order (its files say so): mid-nodes by edge, for a cell of so many nodes
+ASTER_EDGES = {
+    "TRIA": [(0, 1), (1, 2), (2, 0)],
+    "QUAD": [(0, 1), (1, 2), (2, 3), (3, 0)],
+    "SEG": [(0, 1)],
+    "TETRA": [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)],
+    "HEXA": [(0, 1), (1, 2), (2, 3), (0, 3), (0, 4), (1, 5), (2, 6), (3, 7), (4, 5), (5, 6), (6, 7), (4, 7)],
+    "PENTA": [(0, 1), (1, 2), (0, 2), (0, 3), (1, 4), (2, 5), (3, 4), (4, 5), (3, 5)],
+    "PYRAM": [(0, 1), (1, 2), (2, 3), (0, 3), (0, 4), (1, 4), (2, 4), (3, 4)],
+}
+
+
+def from_aster(name, nodes):
+    """A cell's nodes, from code_aster's order (counted from 1) to gmsh's."""
+    cell = CELLS[name]
+    nodes = [n - 1 for n in nodes]
+    out = nodes[: cell.n_corners]
+    if cell.order == 2:
+        edges = [frozenset(e) for e in ASTER_EDGES[cell.family]]
+        out += [nodes[cell.n_corners + edges.index(frozenset(e))] for e in cell.edges]
+        rest = nodes[len(out) :]
+        if cell.family == "HEXA" and rest:  # faces: bottom, front, right, back, left, top, in gmsh's names below
+            faces = [(0, 1, 2, 3), (0, 1, 4, 5), (1, 2, 5, 6), (2, 3, 6, 7), (0, 3, 4, 7), (4, 5, 6, 7)]
+            order = [faces.index(f) for f in ((0, 1, 2, 3), (0, 1, 4, 5), (0, 3, 4, 7), (1, 2, 5, 6), (2, 3, 6, 7), (4, 5, 6, 7))]
+            rest = [rest[k] for k in order] + rest[6:]
+        out += rest
+    return out
+
+
+def type_of(nodes, dim):
+    found = [c.name for c in CELLS.values() if c.n_nodes == len(nodes) and c.dim == dim]
+    return found[0]
+
+
+@pytest.mark.parametrize("path", sorted(CUTS.glob("*_face*.json")), ids=lambda p: p.stem)
+def test_code_aster_cut(path):
+    """Positions, children and their order, multipliers: as code_aster's file has them."""
+    data = json.loads(path.read_text())
+    name, face = data["cell"], data["face_type"]
+    before = data["before"]
+    x = np.array(before["coordinates"], float)
+    mesh = Mesh.create(
+        x,
+        [(name, [from_aster(name, before["cells"][0])]), (face, [from_aster(face, before["cells"][1])])],
+        cell_groups={"VOL": [0], "ESCL": [1]},
+    )
+    cut = cut_skin(mesh, "ESCL", hexa=data["variant"] or "pyramid")
+    if "status" in data:  # QUAD9: code_aster stops, we do not
+        assert name == "QUAD9" and cut.mesh.n_cells == 2 and cut.n_macros == 1
+        return
+    after = data["after"]
+    ours, theirs = cut.mesh, np.array(after["coordinates"], float)
+    assert ours.n_nodes == len(theirs)
+    theirs = np.pad(theirs, ((0, 0), (0, 3 - theirs.shape[1])))
+    distance = np.linalg.norm(ours.points[:, None] - theirs[None], axis=2)
+    node = distance.argmin(axis=1)  # ours -> theirs
+    assert distance.min(axis=1).max() < 1e-11 and sorted(node) == list(range(len(theirs)))
+
+    in_file = np.arange(ours.n_cells) if ours.file_order is None else ours.file_order
+    cells = {}
+    for kind, ids, nodes in ours.select(in_file):
+        cells |= {int(i): (kind, node[row].tolist()) for i, row in zip(ids, nodes, strict=True)}
+    assert len(in_file) == len(after["cells"])
+    volume = set(after["groups"]["VOL"])
+    for k, cell in enumerate(in_file):
+        kind, mine = cells[int(cell)]
+        dim = CELLS[name].dim - (k + 1 not in volume)
+        aster = after["cells"][k]
+        assert kind == type_of(aster, dim)
+        if k + 1 in volume:
+            assert set(mine) == {n - 1 for n in aster}, "another child at this place"
+        else:
+            assert mine == from_aster(kind, aster), "a slave child in another order"
+    view = aster_multipliers(cut)
+    assert view.patch_of_cell[in_file].tolist() == after["patch_of_cell"]
+    of_node = np.zeros(len(theirs), int)
+    of_node[node] = view.patch_of_node
+    assert of_node.tolist() == after["patch_of_node"]
+    code, *carriers = after["patch_code"]
+    assert [view.patch_code[0]] == [code]
+    assert sorted(node[view.patch_nodes[0]] + 1) == sorted(carriers)
+
+
+def test_every_code_aster_file_is_read():
+    assert len(list(CUTS.glob("*.json"))) == 24
+
+
+HALVES = {
+    ("HEXA8", "hexa"): ([0.5, 0.5, 0.5, 0.5, 0.25], [2, 2, 2, 2, 4]),
+    ("HEXA20", "hexa"): ([0.5, 0.5, 0.5, 0.5, 0.25], [2, 2, 2, 2, 4]),
+    ("HEXA8", "pyramid"): ([1, 1, 1, 1], [1, 1, 1, 1]),
+    ("TETRA4", "pyramid"): ([1, 1, 1], [1, 1, 1]),
+    ("QUAD4", "pyramid"): ([1, 0.5, 1], [1, 2, 1]),
+    ("TRIA3", "pyramid"): ([1, 1], [1, 1]),
+    ("HEXA27", "pyramid"): ([1], [1]),
+    ("TRIA6", "pyramid"): ([1], [1]),
+}
+
+
+@pytest.mark.parametrize(("key", "expected"), HALVES.items(), ids=lambda k: str(k))
+def test_halves_and_quarters(key, expected):
+    """Figures 3 to 16: the share of each child is one over the multipliers that it carries."""
+    name, variant = key
+    view = aster_multipliers(cut_skin(cell_with_faces(name), "slave", hexa=variant))
+    assert view.share.tolist() == expected[0]
+    assert (view.nodes >= 0).sum(axis=1).tolist() == expected[1]
