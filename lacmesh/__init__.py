@@ -22,7 +22,17 @@ _PUBLIC = {
     "LacmeshWarning": "lacmesh.errors",
 }
 
-__all__ = ["CELLS", "Block", "Cut", "LacmeshError", "LacmeshWarning", "Mesh", "__version__", "aster_multipliers", "cut_skin"]
+__all__ = [
+    "CELLS",
+    "Block",
+    "Cut",
+    "LacmeshError",
+    "LacmeshWarning",
+    "Mesh",
+    "__version__",
+    "aster_multipliers",
+    "cut_skin",
+]
 __all__ += ["raise_order", "read", "write"]
 
 if TYPE_CHECKING:

@@ -5,7 +5,8 @@
     children = new nodes, and the cells that replace others               (subdivide)
     mesh = the same mesh with its children, numbers, groups and data      (rebuild)
 
-Method: Abbas, Drouet, Hild, Int. J. Numer. Meth. Engng 114, 2018; code_aster R5.03.55, 3.1. `docs/cut.md` has the theory.
+Method: Abbas, Drouet, Hild, Int. J. Numer. Meth. Engng 114, 2018; code_aster R5.03.55, 3.1.
+`docs/cut.md` has the theory.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.patterns import WHOLE_FACES, internal_points
 from lacmesh.plan import HEXA, Plan, make_plan
-from lacmesh.rebuild import rebuild
+from lacmesh.rebuild import Origin, rebuild
 from lacmesh.skin import FACE_TYPES
-from lacmesh.subdivide import KINDS, WHOLE_CODE, Subdivision, subdivide
+from lacmesh.subdivide import KINDS, WHOLE_CODE, subdivide
 
 #: integer data that a cut is kept in, -1 where they say nothing (`docs/conventions.md`)
 CELL_RECORDS = ("lac_macro", "lac_zone", "lac_child", "lac_parent")
@@ -138,8 +139,11 @@ def cut_skin(
     mesh, plan = make_plan(mesh, specs, hexa, interface, orient, skin_only, (ring, depth))
     made = subdivide(mesh, plan.faces, plan.kinds, plan.skin, plan.parents, ring, depth)
     _warn_of_periodic(mesh, plan)
-    new, leaf_face = rebuild(mesh, made, extend=node_groups == "extend")
-    return Cut(_record(mesh, new, plan, made, leaf_face, ring))
+    face_points = made.face_points
+    new, origin = rebuild(mesh, made, plan.slave, extend=node_groups == "extend")
+    del made  # a large mesh's records are about to need the room
+    internal = _internal(new.n_nodes, plan, face_points, ring)
+    return Cut(_record(mesh, new, plan, origin, internal))
 
 
 def _check_options(**options: tuple[str, tuple[str, ...]]) -> None:
@@ -175,24 +179,27 @@ def _warn_of_periodic(mesh: Mesh, plan: Plan) -> None:
         warnings.warn(message, LacmeshWarning, stacklevel=3)
 
 
-def _record(mesh: Mesh, new: Mesh, plan: Plan, made: Subdivision, children: dict[str, Ints], ring: float) -> Mesh:
-    """Write the cut's records into the data of the new mesh. `children`: source and rank of each of its cells."""
-    source, rank = children["source"], children["rank"]
-    face_of = np.full(mesh.n_cells, -1, np.int32)
-    face_of[plan.slave] = np.arange(len(plan.slave))
-    macro = face_of[source]
-    zone, child, parent = (np.full(new.n_cells, -1, np.int32) for _ in range(3))
-    on_skin, replaced = np.flatnonzero(macro >= 0), np.flatnonzero(rank >= 0)
-    zone[on_skin] = plan.zone[macro[on_skin]]
-    child[on_skin] = np.maximum(rank[on_skin], 0) + 1
-    parent[replaced] = mesh.cell_number[source[replaced]]
+def _record(mesh: Mesh, new: Mesh, plan: Plan, origin: Origin, internal: Ints) -> Mesh:
+    """Write the cut's records into the data of the new mesh."""
+    wide = int(mesh.cell_number.max(initial=0)) > np.iinfo(np.int32).max
+    macro, zone, child = (np.full(new.n_cells, -1, np.int32) for _ in range(3))
+    parent = np.full(new.n_cells, -1, np.int64 if wide else np.int32)
+    parent[origin.child] = mesh.cell_number[origin.root]
+    order = np.argsort(plan.slave)
+    at = np.minimum(np.searchsorted(plan.slave, origin.root, sorter=order), len(order) - 1)
+    ours = plan.slave[order[at]] == origin.root
+    whole = np.flatnonzero(origin.followed >= 0)
+    faces = np.concatenate([origin.child[ours], origin.followed[whole]])
+    macro[faces] = np.concatenate([order[at[ours]], whole])
+    zone[faces] = plan.zone[macro[faces]]
+    child[faces] = np.concatenate([origin.rank[ours], np.zeros(len(whole), int)]) + 1
     records = dict(zip(CELL_RECORDS, (macro, zone, child, parent), strict=True))
     cell_data = {**new.cell_data, **records}
-    node_data = {**new.node_data, NODE_RECORD: _internal(new.n_nodes, plan, made, ring)}
+    node_data = {**new.node_data, NODE_RECORD: internal}
     return replace(new, cell_data=cell_data, node_data=node_data, zones=plan.zones)
 
 
-def _internal(n_nodes: int, plan: Plan, made: Subdivision, ring: float) -> Ints:
+def _internal(n_nodes: int, plan: Plan, face_points: Ints, ring: float) -> Ints:
     """(n_nodes,): the macro-element whose internal dof each node carries."""
     owner = np.full(n_nodes, -1, np.int32)
     code = plan.faces.type * len(KINDS) + plan.kinds
@@ -202,5 +209,5 @@ def _internal(n_nodes: int, plan: Plan, made: Subdivision, ring: float) -> Ints:
         if face in WHOLE_FACES:
             owner[plan.faces.nodes[rows, WHOLE_FACES[face]]] = rows
         else:
-            owner[made.face_points[rows][:, internal_points(face, kind, ring)]] = rows[:, None]
+            owner[face_points[rows][:, internal_points(face, kind, ring)]] = rows[:, None]
     return owner

@@ -1,7 +1,7 @@
 """Raise the order of a mesh: linear cells to serendipity ("2"), or linear and serendipity ones to full quadratic.
 
-New nodes stand at the middle of edges, faces and cells (on the cell's own map, where it is quadratic already). Edges and
-faces are shared by their corners, so the mesh stays conforming; an edge whose mid-node some cell already has keeps it.
+New nodes stand at the middle of edges, faces and cells (on the cell's own map, where it is quadratic already). Edges
+and faces are known by their corners, so the mesh stays conforming; an edge that has a mid-node already keeps it.
 """
 
 from __future__ import annotations

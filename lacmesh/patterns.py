@@ -1,8 +1,8 @@
 """How one slave face is cut, and the cell behind it: two rules, written once, and the tables that fix the order.
 
-The **cone**: a point c at the centre of the slave face, joined to every other facet of the parent. The **ring**: an inner
-polygon on the face (at `ring` of the half-width) carried to `depth` inside the parent; for QUAD4 in 2D, HEXA8 and HEXA20.
-A face that owns an internal dof already (SEG3, TRIA7, QUAD9) is left **whole**, and its parent with it.
+The **cone**: a point c at the centre of the slave face, joined to every other facet of the parent. The **ring**: an
+inner polygon on the face (at `ring` of the half-width) carried to `depth` inside the parent; for QUAD4 in 2D, HEXA8 and
+HEXA20. A face that owns an internal dof already (SEG3, TRIA7, QUAD9) is left **whole**, and its parent with it.
 A quadratic cell is cut as its corners are; each new mid-node stands at the middle, in the parent's reference element,
 of the two ends of its edge, so that the parent's map places it. Positions, counts and the order of the children are
 code_aster's DECOUPE_LAC (R5.03.55, 3.1), where it has the cell.
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,12 +76,13 @@ def kind_of_face(face: str, ring: bool) -> str:
     return RING if ring and CELLS[face].family != "TRIA" else CONE
 
 
-@lru_cache(maxsize=None)
+@cache
 def face_pattern(face: str, kind: str, ring: float = 1 / 3) -> Template:
     """The cut of a skin face of type `face`, in its own node order: the ring's sides first, the centre last."""
     cell = CELLS[face]
     points = [tuple(p) for p in cell.reference[: cell.n_corners]]
     n = cell.n_corners
+    sides: list[Nodes]
     if kind == WHOLE:
         return _template(cell, [tuple(range(n))], points, n)
     if kind == CONE:
@@ -97,7 +98,7 @@ def face_pattern(face: str, kind: str, ring: float = 1 / 3) -> Template:
     return _template(cell, sides, points, len(points))
 
 
-@lru_cache(maxsize=None)
+@cache
 def parent_pattern(parent: str, facet: int, kind: str, ring: float = 1 / 3, depth: float = 1 / 2) -> Template:
     """The cut of a cell of type `parent` whose slave face is its facet number `facet`."""
     cell = CELLS[parent]
@@ -175,10 +176,8 @@ def _template(
     The nodes of higher order are found by their place: the cell's own, a point of the face, or a new one.
     """
     own = [tuple(p) for p in cell.reference]
-    if on_face is None:  # a face's own pattern: all its new points are on it
-        frame = _Frame(own, points[cell.n_corners :])
-    else:
-        frame = _Frame(own, [tuple(p) for p in on_face])
+    # a face's own pattern has all its new points on it
+    frame = _Frame(own, points[cell.n_corners :] if on_face is None else [tuple(p) for p in on_face])
     made: dict[str, list[tuple[int, Nodes]]] = {}
     for rank, corners in enumerate(children):
         kind, places = _child(cell, [points[c] for c in corners])
@@ -238,7 +237,7 @@ def _same(a: Sequence[Point], b: Sequence[Point]) -> bool:
     return np.allclose(np.array(a), np.array(b))
 
 
-@lru_cache(maxsize=None)
+@cache
 def turns(face: str, kind: str, ring: float = 1 / 3) -> NDArray[np.intp]:
     """(2 n_corners, n_points): where the points of a face's pattern stand when the face is listed another way.
 
@@ -260,7 +259,7 @@ def turns(face: str, kind: str, ring: float = 1 / 3) -> NDArray[np.intp]:
     return np.array(rows, dtype=np.intp).reshape(2 * n, len(X))
 
 
-@lru_cache(maxsize=None)
+@cache
 def internal_points(face: str, kind: str, ring: float = 1 / 3) -> NDArray[np.intp]:
     """The points of a face's pattern that own an internal dof: those whose function has a positive integral over it.
 

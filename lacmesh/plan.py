@@ -13,7 +13,7 @@ from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.patterns import RING_PARENTS, WHOLE_FACES
 from lacmesh.quality import corner_jacobian
-from lacmesh.skin import FACE_TYPES, REVERSED, Faces, Match, find_owners, find_repeats, turn
+from lacmesh.skin import FACE_TYPES, REVERSED, Faces, Match, find_owners, find_repeats, label_rows, turn
 from lacmesh.subdivide import CONE_CODE, RING_CODE, WHOLE_CODE, subdivide
 
 HEXA = ("pyramid", "hexa", "auto")
@@ -118,9 +118,10 @@ def _skin_faces(mesh: Mesh, name: str, skin_only: bool) -> Ints:
 def _distinct_faces(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
     """The faces under some cells, each once, and the place in `cells` that it has its node order from."""
     faces = _faces_of(mesh, cells)
-    corners = np.sort(faces.corners, axis=1)
-    _, first = np.unique(corners, axis=0, return_index=True)
-    first = np.sort(first)
+    labels, count = label_rows(np.sort(faces.corners, axis=1))
+    first = np.full(count, len(labels))
+    np.minimum.at(first, labels, np.arange(len(labels)))
+    first.sort()
     return faces.take(first), first
 
 
@@ -142,9 +143,7 @@ def _by_cell(match: Match) -> Match:
     return Match(match.face[order], match.cell[order], match.facet[order], match.same[order])
 
 
-def _check_parents(
-    mesh: Mesh, faces: Faces, slave: Ints, parents: Match, interface: str, skin_only: bool
-) -> None:
+def _check_parents(mesh: Mesh, faces: Faces, slave: Ints, parents: Match, interface: str, skin_only: bool) -> None:
     def fail(which: Ints, message: str) -> None:
         names = mesh.cell_names(slave[which])
         raise CutError(f"slave faces {names} {message}", mesh.cell_number[slave[which]])
@@ -227,7 +226,7 @@ def _choose(
     able = _ring_able(mesh, parents.cell, hexa)
     ring = _RING_TYPES[faces.type].copy()
     ring[parents.face[~able]] = False
-    component = np.arange(len(faces))
+    component: Ints = np.arange(len(faces))
     if hexa == "auto" or (able & ~ring[parents.face]).any():
         component = _components(len(faces), parents, able)
         spoilt = np.zeros(len(faces), bool)

@@ -1,12 +1,13 @@
 """Quadrature on the reference elements of `cells.py`: Gauss rules in products, collapsed onto simplices and pyramids.
 
 A collapsed rule integrates polynomials of its degree exactly, and on pyramids the rational functions of `shapes.py`
-too: with x = u (1 - z), y = v (1 - z) they are polynomials (Stroud, Approximate Calculation of Multiple Integrals, 1971).
+too: with x = u (1 - z), y = v (1 - z) they are polynomials (Stroud, Approximate Calculation of Multiple
+Integrals, 1971).
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ def _gauss(n: int, power: int = 0) -> Rule:
     return (t + 1) / 2, w / 2 ** (power + 1)
 
 
-@lru_cache(maxsize=None)
+@cache
 def rule(family: str, degree: int) -> Rule:
     """Points (p, dim) and weights (p,) on the reference element of a family, exact to `degree`.
 

@@ -1,14 +1,14 @@
 """Quality that one number ranks: the least corner Jacobian, each type scaled to 1 for its ideal cell.
 
-At a corner the tangents of the edges are brought to length 1 and their determinant is taken (Knupp, Int. J. Numer. Meth.
-Engng 48, 2000); ideal are the equilateral triangle and tetrahedron, the square and the cube, the prism with an
+At a corner the tangents of the edges are brought to length 1 and their determinant is taken (Knupp, Int. J. Numer.
+Meth. Engng 48, 2000); ideal are the equilateral triangle and tetrahedron, the square and the cube, the prism with an
 equilateral base, the pyramid of equilateral sides. A pyramid's apex, where four edges meet, has no such number. The
 tangents of a quadratic cell are those of its curved edges.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ _IDEAL = {
 _CHUNK = 1 << 15
 
 
-@lru_cache(maxsize=None)
+@cache
 def _tangents(name: str) -> NDArray:
     """(corners, dim, n_nodes): weights of the nodes in the tangents of the edges that leave each corner."""
     cell = CELLS[name]

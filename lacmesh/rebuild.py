@@ -31,15 +31,24 @@ class _Layout:
     seq: Ints
 
 
-def rebuild(mesh: Mesh, made: Subdivision, *, extend: bool) -> tuple[Mesh, dict[str, Ints]]:
-    """The new mesh, and for each of its cells `source`, the old cell, and `rank`, its place among the children (or -1).
+@dataclass(frozen=True)
+class Origin:
+    """Where cells of the new mesh come from: `child` (c,) replaces the old cell `root` (c,), as number `rank` (c,) of
+    its children; `followed`: the new indices of the old cells asked about, -1 for those that were replaced.
+    """
+
+    child: Ints
+    root: Ints
+    rank: Ints
+    followed: Ints
+
+
+def rebuild(mesh: Mesh, made: Subdivision, follow: Ints, *, extend: bool) -> tuple[Mesh, Origin]:
+    """The new mesh, and where its cells come from; `follow`: old cells whose new indices are wanted.
 
     `extend`: new nodes enter the node groups that hold every corner of what they lie on.
     """
     layout = _lay_out(mesh, made.leaves)
-    source = layout.source
-    rank = np.full(len(source), -1, np.int8)
-    rank[layout.child] = layout.seq
     numbers = _cell_numbers(mesh, layout)
     cell_groups = {name: _group(ids, layout) for name, ids in mesh.cell_groups.items()}
     added = made.n_nodes - mesh.n_nodes
@@ -53,12 +62,12 @@ def rebuild(mesh: Mesh, made: Subdivision, *, extend: bool) -> tuple[Mesh, dict[
         file_order=_file_order(mesh, layout),
         cell_groups=cell_groups,
         node_groups=node_groups(mesh, made.births, extend),
-        cell_data={name: values[source] for name, values in mesh.cell_data.items()},
+        cell_data={name: values[layout.source] for name, values in mesh.cell_data.items()},
         node_data=node_data(mesh, made.births, added),
     )
     if "entity" in new.node_data and "entity" in mesh.cell_data:
         new = replace(new, node_data={**new.node_data, "entity": _node_entities(mesh, made, new.node_data["entity"])})
-    return new, {"source": source, "rank": rank}
+    return new, Origin(layout.child, layout.root, layout.seq, layout.new_index[follow])
 
 
 def _lay_out(mesh: Mesh, leaves: list[Leaves]) -> _Layout:
@@ -130,16 +139,16 @@ def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
 
 def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
     """The new file's order of cells; None where it is that of the indices."""
-    count = np.ones(mesh.n_cells, np.int32)
+    count = np.ones(mesh.n_cells, np.int16)
     count[layout.root] = 0
     np.add.at(count, layout.root, 1)
-    if mesh.file_order is None:
-        start = np.cumsum(count, dtype=np.int32) - count
-    else:
-        in_file = count[mesh.file_order]
-        start = np.empty(mesh.n_cells, np.int32)
-        start[mesh.file_order] = np.cumsum(in_file, dtype=np.int32) - in_file
+    in_file = count if mesh.file_order is None else count[mesh.file_order]
+    start = np.cumsum(in_file, dtype=np.int32)
+    start -= in_file
+    if mesh.file_order is not None:
+        start[mesh.file_order] = start.copy()
     place = start[layout.source]
+    del start, count, in_file
     place[layout.child] += layout.seq.astype(np.int32)
     if (place[1:] > place[:-1]).all():
         return None
@@ -161,7 +170,7 @@ def _group(members: Ints, layout: _Layout) -> Ints:
 
 
 def node_values(old: NDArray, births: list[Birth], added: int) -> NDArray:
-    """(n + added, ...): values of old and new nodes, by the shape functions of the cells in which these are born, in turn."""
+    """(n + added, ...): values of old and new nodes, by the shape functions of the cells in which these are born."""
     values = np.concatenate([old, np.zeros((added, *old.shape[1:]), old.dtype)])
     for birth in births:
         values[birth.ids] = birth.values(values)
@@ -200,7 +209,7 @@ def node_groups(mesh: Mesh, births: list[Birth], extend: bool) -> dict[str, Ints
     if not extend:
         return dict(mesh.node_groups)
     size = max((int(b.ids.max()) + 1 for b in births), default=mesh.n_nodes)
-    groups = {}
+    groups: dict[str, Ints] = {}
     for name, members in mesh.node_groups.items():
         inside = np.zeros(size, bool)
         inside[members] = True

@@ -2,16 +2,16 @@
 
 Each cell's functions are the Lagrange basis of a space spanned by a few terms x^i y^j z^k (1 - z)^-m; only pyramids
 have m > 0. The spaces: complete polynomials (SEG, TRIA, TETRA, tensor cells), serendipity (QUAD8, HEXA20, PENTA15),
-P2 with a bubble (TRIA7), and on pyramids Bedrosian's rational functions (PYRAM5, PYRAM13; Int. J. Numer. Meth. Engng 35,
-1992) and Bergot, Cohen and Durufle's (PYRAM14; J. Sci. Comput. 42, 2010). At a pyramid's apex the functions have their
-limit; the gradient has none there and is not to be asked for.
+P2 with a bubble (TRIA7), and on pyramids Bedrosian's rational functions (PYRAM5, PYRAM13; Int. J. Numer. Meth. Engng
+35, 1992) and Bergot, Cohen and Durufle's (PYRAM14; J. Sci. Comput. 42, 2010). At a pyramid's apex the functions have
+their limit; the gradient has none there and is not to be asked for.
 
 Notation: N (p, n) values at p points of n functions, dN (p, n, dim) their gradients, X (p, dim) reference points.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 from itertools import product
 from typing import Any
 
@@ -113,7 +113,7 @@ def _derivatives(e: tuple[int, int, int, int], axis: int | None) -> list[tuple[i
     return parts
 
 
-@lru_cache(maxsize=None)
+@cache
 def _coefficients(name: str) -> NDArray:
     """(n, n): the Lagrange basis in the terms of `_BASES`; its entries are multiples of 1/8, made exact here."""
     cell = CELLS[name]

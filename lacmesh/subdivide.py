@@ -1,6 +1,6 @@
 """Cut the faces and the cells behind them: which new nodes appear, where, and which children replace which cell.
 
-A cell with several slave faces is cut once per face, in the order of its own facets. Each pattern leaves the cell's other
+A cell with several slave faces is cut once per face, in the order of its own facets. Each pattern leaves the other
 facets whole, so the next face has exactly one owner among the children of the cuts before it; it is found as the first
 owners were (`skin.find_owners`). All cells are cut together: there are as many rounds as a cell has slave faces.
 """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 
@@ -58,9 +59,7 @@ def is_conforming(before, cut):
         assert len({frozenset(nodes.tolist()) for *_, nodes in owners}) == 1, "mid-nodes differ across a facet"
         if len(owners) == 1:
             boundary += measure(owners[0][2], after.points[owners[0][3]][None])[0]
-    old = sum(
-        measure(o[0][2], before.points[o[0][3]][None])[0] for o in facets_of(before).values() if len(o) == 1
-    )
+    old = sum(measure(o[0][2], before.points[o[0][3]][None])[0] for o in facets_of(before).values() if len(o) == 1)
     np.testing.assert_allclose(boundary, old, rtol=1e-12)
     used = np.unique(np.concatenate([b.nodes.ravel() for b in after.blocks]))
     assert set(range(before.n_nodes, after.n_nodes)) <= set(used.tolist()), "a new node that no cell uses"
@@ -95,13 +94,13 @@ def skin_is_in_order(before, cut):
         if len(faces) == 1:
             continue
         parent = old[int(cut.parent_of_cell[faces[0]])]
-        (kind, _, nodes), = before.select(np.array([parent]))
+        ((kind, _, nodes),) = before.select(np.array([parent]))
         corners = nodes[0][: CELLS[kind].n_corners]
         mine = [next(after.select(np.array([f])))[2][0] for f in faces]
         assert macro == cut.macro_of_face[faces[0]]
         if CELLS[kind].dim == 1:
             assert mine[0][0] == corners[0] and mine[-1][1] == corners[1]
-            assert all(a[1] == b[0] for a, b in zip(mine, mine[1:], strict=False))
+            assert all(a[1] == b[0] for a, b in pairwise(mine))
             continue
         for k, child in enumerate(mine[: len(corners)]):
             assert child[0] == corners[k] and child[1] == corners[(k + 1) % len(corners)]

@@ -274,8 +274,11 @@ def test_lower_cells_in_a_slave_group_are_left_with_a_warning():
 
 def test_a_linear_face_on_a_quadratic_cell_is_an_error():
     mesh = cell_with_faces("TETRA10", (0,))
-    linear = Mesh.create(mesh.points, [("TETRA10", mesh.block("TETRA10")), ("TRIA3", mesh.block("TRIA6")[:, :3])],
-                         cell_groups={"slave": [1]})
+    linear = Mesh.create(
+        mesh.points,
+        [("TETRA10", mesh.block("TETRA10")), ("TRIA3", mesh.block("TRIA6")[:, :3])],
+        cell_groups={"slave": [1]},
+    )
     with pytest.raises(CutError, match="mid-nodes"):
         cut_skin(linear, "slave")
 
@@ -350,7 +353,7 @@ def test_ring_and_depth_are_adjustable(name):
             cut = cut_skin(mesh, "slave", hexa="hexa", ring=ring, depth=depth)
             properties.all_hold(mesh, cut)
             faces = cut.faces_of_macro[0]
-            (kind, _, nodes), = cut.mesh.select(faces)
+            ((kind, _, nodes),) = cut.mesh.select(faces)
             areas[ring] = measure(kind, cut.mesh.points[nodes])
     centre = -1 if name != "QUAD4" else 1
     dim = CELLS[name].dim - 1
@@ -364,9 +367,7 @@ def test_auto_takes_the_variant_whose_worst_child_is_better():
     points, hexas = box(1)
     for scale in (0.05, 1.0, 20.0):
         top = facets_of(Mesh.create(points, [("HEXA8", hexas)]))[1, 3, 5, 7][0][3]
-        mesh = Mesh.create(
-            points * [1, 1, scale], [("HEXA8", hexas), ("QUAD4", [top])], cell_groups={"slave": [1]}
-        )
+        mesh = Mesh.create(points * [1, 1, scale], [("HEXA8", hexas), ("QUAD4", [top])], cell_groups={"slave": [1]})
         both = {v: cut_skin(mesh, "slave", hexa=v) for v in VARIANTS}
         least = {v: worst(c.mesh, np.arange(c.mesh.n_cells)) for v, c in both.items()}
         assert least["auto"] == max(least["pyramid"], least["hexa"])
@@ -377,7 +378,10 @@ def test_node_groups_are_extended_or_left():
     mesh = cell_with_faces("HEXA8")
     face = mesh.block("QUAD4")[0]
     mesh = replace(mesh, node_groups={"face": np.sort(face), "three": np.sort(face[:3]), "all": np.arange(8)})
-    grown, kept = cut_skin(mesh, "slave", hexa="hexa").mesh, cut_skin(mesh, "slave", hexa="hexa", node_groups="keep").mesh
+    grown, kept = (
+        cut_skin(mesh, "slave", hexa="hexa").mesh,
+        cut_skin(mesh, "slave", hexa="hexa", node_groups="keep").mesh,
+    )
     assert [len(grown.node_groups[n]) for n in mesh.node_groups] == [8, 3, 16]
     assert [len(kept.node_groups[n]) for n in mesh.node_groups] == [4, 3, 8]
 
@@ -411,7 +415,11 @@ def test_entities_of_new_nodes_are_those_of_what_they_lie_on():
 
 def test_the_input_is_not_touched():
     mesh = random_mesh(np.random.default_rng(0), 3, 1)
-    copies = [b.nodes.copy() for b in mesh.blocks], mesh.points.copy(), {k: g.copy() for k, g in mesh.cell_groups.items()}
+    copies = (
+        [b.nodes.copy() for b in mesh.blocks],
+        mesh.points.copy(),
+        {k: g.copy() for k, g in mesh.cell_groups.items()},
+    )
     cut_skin(mesh, "slave", orient="outward", hexa="auto")
     for block, nodes in zip(mesh.blocks, copies[0], strict=True):
         np.testing.assert_array_equal(block.nodes, nodes)

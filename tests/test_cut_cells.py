@@ -66,7 +66,9 @@ def test_every_set_of_slave_faces(name, variant):
             cut = cut_skin(mesh, "slave", hexa=variant)
             assert cut.n_macros == size
             properties.all_hold(mesh, cut)
-            other = cut_skin(cell_with_faces(name, facets[::-1], rotation=size, inward=bool(size % 2)), "slave", hexa=variant)
+            other = cut_skin(
+                cell_with_faces(name, facets[::-1], rotation=size, inward=bool(size % 2)), "slave", hexa=variant
+            )
             assert properties.canonical(other.mesh) == properties.canonical(cut.mesh)
 
 
@@ -104,7 +106,10 @@ def from_aster(name, nodes):
         rest = nodes[len(out) :]
         if cell.family == "HEXA" and rest:  # faces: bottom, front, right, back, left, top, in gmsh's names below
             faces = [(0, 1, 2, 3), (0, 1, 4, 5), (1, 2, 5, 6), (2, 3, 6, 7), (0, 3, 4, 7), (4, 5, 6, 7)]
-            order = [faces.index(f) for f in ((0, 1, 2, 3), (0, 1, 4, 5), (0, 3, 4, 7), (1, 2, 5, 6), (2, 3, 6, 7), (4, 5, 6, 7))]
+            order = [
+                faces.index(f)
+                for f in ((0, 1, 2, 3), (0, 1, 4, 5), (0, 3, 4, 7), (1, 2, 5, 6), (2, 3, 6, 7), (4, 5, 6, 7))
+            ]
             rest = [rest[k] for k in order] + rest[6:]
         out += rest
     return out

@@ -1,0 +1,45 @@
+"""Large structured meshes: hexahedra, or six tetrahedra for each, with the top as the group 'slave'."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lacmesh import Mesh
+
+#: six tetrahedra of a hexahedron (Kuhn), from corner 0 to corner 6
+KUHN = [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
+
+
+def box(nx: int, ny: int, nz: int, cell: str = "HEXA8") -> Mesh:
+    """A box of nx ny nz hexahedra, or six times as many tetrahedra, one elementary entity a dimension."""
+    g = np.arange((nx + 1) * (ny + 1) * (nz + 1)).reshape(nz + 1, ny + 1, nx + 1)
+    z, y, x = np.meshgrid(np.arange(nz + 1.0), np.arange(ny + 1.0), np.arange(nx + 1.0), indexing="ij")
+    points = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
+
+    def corner(i: int, j: int, k: int) -> np.ndarray:
+        return g[k : k + nz, j : j + ny, i : i + nx].ravel()
+
+    places = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    cells = np.stack([corner(*p) for p in places], axis=1)
+    top = cells[-nx * ny :, 4:]
+    if cell == "HEXA8":
+        solid, skin = ("HEXA8", cells), ("QUAD4", top)
+    else:
+        solid = ("TETRA4", cells[:, KUHN].reshape(-1, 4))
+        skin = ("TRIA3", np.concatenate([top[:, [0, 1, 2]], top[:, [0, 2, 3]]]))
+    n, m = len(solid[1]), len(skin[1])
+    entity = np.repeat(np.array([[3, 1], [2, 1]], np.int32), [n, m], axis=0)
+    return Mesh.create(
+        points,
+        [solid, skin],
+        cell_groups={"body": np.arange(n), "slave": n + np.arange(m)},
+        cell_data={"entity": entity},
+    )
+
+
+def n_bytes(mesh: Mesh) -> int:
+    """Memory of all the arrays of a mesh."""
+    arrays = [mesh.points, mesh.node_number, mesh.cell_number, *(b.nodes for b in mesh.blocks)]
+    arrays += [*mesh.cell_groups.values(), *mesh.node_groups.values()]
+    arrays += [*mesh.cell_data.values(), *mesh.node_data.values()]
+    return sum(a.nbytes for a in arrays)

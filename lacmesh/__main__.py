@@ -1,0 +1,7 @@
+"""`python -m lacmesh`: the command."""
+
+import sys
+
+from lacmesh.cli import main
+
+sys.exit(main())

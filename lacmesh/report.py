@@ -1,0 +1,123 @@
+"""What a mesh holds, and what a cut did to it, as plain records: the command prints them, `--json` writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lacmesh.cells import CELLS
+from lacmesh.cut import Cut, is_cut
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.patterns import CONE, RING, RING_PARENTS, WHOLE, WHOLE_FACES, face_pattern, parent_pattern
+from lacmesh.quality import worst
+
+
+@dataclass(frozen=True)
+class PatternRow:
+    """One line of the table of patterns; `added_nodes` and `added_cells` are net, skin and volume together."""
+
+    cell: str
+    face: str
+    variant: str
+    faces: str
+    children: str
+    added_nodes: int
+    added_cells: int
+
+
+@dataclass(frozen=True)
+class CutSummary:
+    """What a cut did. `replaced` and `children` count cells by type; qualities are of the touched cells (NaN: none)."""
+
+    zones: dict[str, int]
+    replaced: dict[str, int]
+    children: dict[str, int]
+    nodes: tuple[int, int]
+    cells: tuple[int, int]
+    worst: tuple[float, float]
+
+
+def describe(mesh: Mesh) -> dict[str, Any]:
+    """Everything that `lacmesh info --json` says of a mesh, counts of distinct cells."""
+    low_high = [mesh.points.min(axis=0).tolist(), mesh.points.max(axis=0).tolist()] if mesh.n_nodes else None
+    lac = None
+    if is_cut(mesh):
+        cut = Cut(mesh)
+        lac = {"macro_elements": cut.n_macros, "zones": list(cut.zones)}
+    return {
+        "nodes": mesh.n_nodes,
+        "cells": mesh.n_cells,
+        "cells_by_type": mesh.cells_by_type,
+        "groups": {name: {"dim": mesh.group_dim(name), "cells": len(g)} for name, g in mesh.cell_groups.items()},
+        "node_groups": {name: len(members) for name, members in mesh.node_groups.items()},
+        "bounding_box": low_high,
+        "lac": lac,
+    }
+
+
+def summarise(before: Mesh, cut: Cut) -> CutSummary:
+    """Compare a mesh with its cut."""
+    after = cut.mesh
+    children = np.flatnonzero(cut.parent_of_cell >= 0)
+    parents = _rows(before, np.unique(cut.parent_of_cell[children]))
+    macros = np.bincount(_zone_of_macro(cut), minlength=len(cut.zones))
+    return CutSummary(
+        zones={name: int(n) for name, n in zip(cut.zones, macros, strict=True)},
+        replaced={kind: len(cells) for kind, cells, _ in before.select(parents)},
+        children={kind: len(cells) for kind, cells, _ in after.select(children)},
+        nodes=(before.n_nodes, after.n_nodes),
+        cells=(before.n_cells, after.n_cells),
+        worst=(worst(before, parents), worst(after, children)),
+    )
+
+
+def _zone_of_macro(cut: Cut) -> Ints:
+    first = np.flatnonzero(cut.child_kind == 1)
+    return cut.zone_of_face[first]
+
+
+def _rows(mesh: Mesh, numbers: Ints) -> Ints:
+    order = np.argsort(mesh.cell_number, kind="stable")
+    return np.sort(order[np.searchsorted(mesh.cell_number, numbers, sorter=order)])
+
+
+def pattern_table() -> Iterator[PatternRow]:
+    """Every way to cut a cell by one of its facets, one row for facets that are cut alike."""
+    for cell in CELLS.values():
+        if cell.dim < 2:
+            continue
+        seen = set()
+        for j, facet in enumerate(cell.facets):
+            for kind in _kinds(cell.name, facet.type):
+                if (facet.type, kind) not in seen:
+                    seen.add((facet.type, kind))
+                    yield _row(cell.name, j, facet.type, kind)
+
+
+def _kinds(cell: str, face: str) -> tuple[str, ...]:
+    if face in WHOLE_FACES:
+        return (WHOLE,)
+    return (CONE, RING) if cell in RING_PARENTS else (CONE,)
+
+
+def _row(cell: str, j: int, face: str, kind: str) -> PatternRow:
+    volume, skin = parent_pattern(cell, j, kind), face_pattern(face, kind)
+    variants = {"HEXA8": {CONE: "pyramid", RING: "hexa"}, "QUAD4": {CONE: "beside a triangle", RING: "default"}}
+    variants["HEXA20"] = variants["HEXA8"]
+    whole = kind == WHOLE
+    return PatternRow(
+        cell=cell,
+        face=face,
+        variant=variants.get(cell, {}).get(kind, "whole" if whole else ""),
+        faces=f"1 {face}" if whole else _count(skin.children),
+        children=f"1 {cell}" if whole else _count(volume.children),
+        added_nodes=len(volume.on_face) + len(volume.inside),
+        added_cells=0 if whole else volume.n_children + skin.n_children - 2,
+    )
+
+
+def _count(blocks: Any) -> str:
+    return " + ".join(f"{len(b.rank)} {b.type}" for b in blocks)
