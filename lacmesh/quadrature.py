@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import roots_jacobi
 
 from lacmesh.cells import CELLS
 from lacmesh.shapes import jacobian
@@ -20,10 +19,11 @@ from lacmesh.shapes import jacobian
 Rule = tuple[NDArray[np.floating], NDArray[np.floating]]
 
 
-def _gauss(n: int, power: int = 0) -> Rule:
-    """n points on [0, 1] for the weight (1 - t)^power, exact to degree 2n - 1."""
-    t, w = roots_jacobi(n, power, 0)
-    return (t + 1) / 2, w / 2 ** (power + 1)
+def _gauss(degree: int, power: int = 0) -> Rule:
+    """Points on [0, 1] and weights that hold (1 - t)^power, exact to `degree` of what else is integrated."""
+    t, w = np.polynomial.legendre.leggauss((degree + power) // 2 + 1)
+    t, w = (t + 1) / 2, w / 2
+    return t, w * (1 - t) ** power
 
 
 @cache
@@ -34,26 +34,25 @@ def rule(family: str, degree: int) -> Rule:
     >>> float(round(w.sum(), 15)), float(round((w * X[:, 0] ** 2).sum(), 15))
     (0.166666666666667, 0.016666666666667)
     """
-    n = degree // 2 + 1
-    line, w_line = _gauss(n)
+    line, w_line = _gauss(degree)
     if family == "POI":
         return np.zeros((1, 0)), np.ones(1)
     if family in ("SEG", "QUAD", "HEXA"):
         axes = {"SEG": 1, "QUAD": 2, "HEXA": 3}[family]
         return _product([(2 * line - 1, 2 * w_line)] * axes)
     if family == "TRIA":
-        (X, w) = _product([_gauss(n, 1), (line, w_line)])
+        (X, w) = _product([_gauss(degree, 1), (line, w_line)])
         return np.column_stack([X[:, 0], X[:, 1] * (1 - X[:, 0])]), w
     if family == "TETRA":
-        (X, w) = _product([_gauss(n, 2), _gauss(n, 1), (line, w_line)])
+        (X, w) = _product([_gauss(degree, 2), _gauss(degree, 1), (line, w_line)])
         y = X[:, 1] * (1 - X[:, 0])
         return np.column_stack([X[:, 0], y, X[:, 2] * (1 - X[:, 0] - y)]), w
     if family == "PENTA":
         X, w = rule("TRIA", degree)
         z, wz = 2 * line - 1, 2 * w_line
-        return np.column_stack([np.repeat(X, n, axis=0), np.tile(z, len(X))]), np.outer(w, wz).ravel()
+        return np.column_stack([np.repeat(X, len(z), axis=0), np.tile(z, len(X))]), np.outer(w, wz).ravel()
     if family == "PYRAM":
-        (X, w) = _product([_gauss(n, 2), (2 * line - 1, 2 * w_line), (2 * line - 1, 2 * w_line)])
+        (X, w) = _product([_gauss(degree, 2), (2 * line - 1, 2 * w_line), (2 * line - 1, 2 * w_line)])
         return np.column_stack([X[:, 1] * (1 - X[:, 0]), X[:, 2] * (1 - X[:, 0]), X[:, 0]]), w
     raise ValueError(f"no rule for {family!r}")
 

@@ -62,7 +62,7 @@ def rebuild(mesh: Mesh, made: Subdivision, follow: Ints, *, extend: bool) -> tup
         file_order=_file_order(mesh, layout),
         cell_groups=cell_groups,
         node_groups=node_groups(mesh, made.births, extend),
-        cell_data={name: values[layout.source] for name, values in mesh.cell_data.items()},
+        cell_data={n: np.take(values, layout.source, axis=0) for n, values in mesh.cell_data.items()},
         node_data=node_data(mesh, made.births, added),
     )
     if "entity" in new.node_data and "entity" in mesh.cell_data:
@@ -115,16 +115,27 @@ def _block(
     here = replaced[mesh.offsets[k] : mesh.offsets[k + 1]]
     rows = np.flatnonzero(~here).astype(np.int32)
     nodes = np.empty((len(rows) + len(joined.root), width), old.dtype)
-    if len(rows) == len(old):
-        nodes[: len(rows)] = old
-    else:
-        np.take(old, rows, axis=0, out=nodes[: len(rows)], mode="clip")
+    _copy_rows(old, here, rows, nodes)
     nodes[len(rows) :] = joined.nodes
     return nodes, rows + np.int32(mesh.offsets[k]), joined
 
 
+def _copy_rows(old: Ints, left_out: NDArray[np.bool_], rows: Ints, target: Ints) -> None:
+    """target[: len(rows)] = old[rows], run by run where there are few: copying is several times faster than picking."""
+    gaps = np.flatnonzero(left_out)
+    if len(gaps) * 20 > len(old):
+        np.take(old, rows, axis=0, out=target[: len(rows)], mode="clip")
+        return
+    start = done = 0
+    for stop in (*gaps.tolist(), len(old)):
+        if stop > start:
+            target[done : done + stop - start] = old[start:stop]
+            done += stop - start
+        start = stop + 1
+
+
 def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
-    numbers = mesh.cell_number[layout.source]
+    numbers = np.take(mesh.cell_number, layout.source)
     if mesh.file_order is None:
         place = layout.root
     else:

@@ -80,8 +80,12 @@ def _zone_of_macro(cut: Cut) -> Ints:
 
 
 def _rows(mesh: Mesh, numbers: Ints) -> Ints:
-    order = np.argsort(mesh.cell_number, kind="stable")
-    return np.sort(order[np.searchsorted(mesh.cell_number, numbers, sorter=order)])
+    if int(mesh.cell_number.max(initial=0)) > 10 * mesh.n_cells + 1000:
+        order = np.argsort(mesh.cell_number, kind="stable")
+        return np.sort(order[np.searchsorted(mesh.cell_number, numbers, sorter=order)])
+    row = np.full(int(mesh.cell_number.max(initial=0)) + 1, -1, np.int32)
+    row[mesh.cell_number] = np.arange(mesh.n_cells, dtype=np.int32)
+    return np.sort(row[numbers])
 
 
 def pattern_table() -> Iterator[PatternRow]:

@@ -17,6 +17,9 @@ from lacmesh.mesh import Ints
 
 #: width of a padded list of a face's nodes (QUAD9) and corners
 MAX_NODES, MAX_CORNERS = 9, 4
+_PIECE = 1 << 15
+#: 2^64 over the golden ratio, odd
+_GOLDEN = 0x9E3779B97F4A7C15
 #: face types, in the order of the codes that `Faces.type` uses
 FACE_TYPES = ("POI1", "SEG2", "SEG3", "TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9")
 TYPE_CODE = {name: code for code, name in enumerate(FACE_TYPES)}
@@ -86,9 +89,11 @@ class Match:
 
 def label_rows(rows: Ints) -> tuple[Ints, int]:
     """(labels (k,), number of labels): equal rows get the same label. Exact, and faster than sorting whole rows."""
-    rng = np.random.default_rng(0)
+    seed = 0
     while True:
-        weights = rng.integers(1, 2**63, size=rows.shape[1], dtype=np.uint64) | np.uint64(1)
+        seed += 1
+        # multiplicative hash: powers of an odd constant (Knuth, The Art of Computer Programming 3, 6.4)
+        weights = np.array([pow(_GOLDEN, seed + k, 2**64) for k in range(rows.shape[1])], np.uint64)
         key = (rows.astype(np.uint64) * weights).sum(axis=1, dtype=np.uint64)
         order = np.argsort(key, kind="stable")
         new = np.diff(key[order], prepend=key[order[:1]] + np.uint64(1)) != 0
@@ -114,7 +119,7 @@ def find_owners(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: 
         cell = CELLS.get(kind)
         if cell is None or not cell.facets or not len(nodes):
             continue
-        near = np.flatnonzero(np.count_nonzero(touched[nodes[:, : cell.n_corners]], axis=1) >= cell.dim)
+        near = _near(touched, nodes, cell.n_corners, cell.dim)
         close = nodes[near]
         for j, facet in enumerate(cell.facets):
             corners = facet.nodes[: CELLS[facet.type].n_corners]
@@ -139,6 +144,18 @@ def _touched(faces: Faces, n_nodes: int) -> NDArray[np.bool_]:
     touched[faces.corners] = True
     touched[-1] = False
     return touched
+
+
+def _near(touched: NDArray[np.bool_], nodes: Ints, n_corners: int, least: int) -> Ints:
+    """Rows of `nodes` with at least `least` touched corners; in pieces that stay in the cache."""
+    found = [np.empty(0, np.int64)]
+    for start in range(0, len(nodes), _PIECE):
+        piece = nodes[start : start + _PIECE]
+        count = np.zeros(len(piece), np.uint8)
+        for corner in range(n_corners):
+            count += touched[piece[:, corner]]
+        found.append(start + np.flatnonzero(count >= least))
+    return np.concatenate(found)
 
 
 def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> Match:

@@ -1,0 +1,136 @@
+"""What a test may need that a machine may lack, and the count of the tests that are skipped for it.
+
+A test says what it needs by a mark (`gmsh`, `medcoupling`, `vtk`, `shared`) or by the fixture `shared`. What is absent
+skips it, visibly. With LACMESH_ALL=1 (`make test`) a package that is absent fails its tests instead, and a session
+whose skipped tests are not those expected fails. Works alone and under pytest-xdist, whose workers collect and whose
+controller counts.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+#: a picture of a triangle
+DRAW = """
+import sys
+from lacmesh import Mesh
+from lacmesh.view import picture
+picture(Mesh.create([[0, 0], [1, 0], [0, 1]], [("TRIA3", [[0, 1, 2]])]), sys.argv[1])
+"""
+
+
+def all_needed():
+    """Whether every package must be there: `make test` says so."""
+    return os.environ.get("LACMESH_ALL") == "1"
+
+
+@cache
+def absence(need):
+    """Why `need` is not to be had on this machine, or None."""
+    return {"shared": _no_shared, "gmsh": _no_gmsh, "medcoupling": _no_medcoupling, "vtk": _no_vtk}[need]()
+
+
+def shared_folder():
+    """The folder of reference meshes and cuts: beside the checkout, or in $LACMESH_SHARED."""
+    return Path(os.environ.get("LACMESH_SHARED") or REPOSITORY.parent / "shared") / "reference"
+
+
+def _no_shared():
+    folder = shared_folder()
+    return None if folder.is_dir() else f"{folder} is absent (LACMESH_SHARED may name another shared folder)"
+
+
+def _no_gmsh():
+    if find_spec("gmsh") is None:
+        return "gmsh is not installed"
+    return _complaint("import gmsh")  # it may be installed and lack a library of the system
+
+
+def _no_medcoupling():
+    return "medcoupling is not installed" if find_spec("medcoupling") is None else None
+
+
+def _no_vtk():
+    if find_spec("pyvista") is None:
+        return "pyvista is not installed"
+    with tempfile.TemporaryDirectory() as folder:
+        return _complaint(DRAW, str(Path(folder) / "triangle.png"))
+
+
+def _complaint(code, *arguments):
+    """The last words of a child process that runs some code, or None where it goes well."""
+    command = [sys.executable, "-c", code, *arguments]
+    child = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    if child.returncode == 0:
+        return None
+    return (child.stderr.strip().splitlines() or [f"a child process died ({child.returncode})"])[-1]
+
+
+def missing(item):
+    """What a test needs and this machine lacks: (need, why) pairs."""
+    needs = [n for n in ("shared", "gmsh", "medcoupling", "vtk") if item.get_closest_marker(n)]
+    if "shared" in getattr(item, "fixturenames", ()) and "shared" not in needs:
+        needs.append("shared")
+    return [(need, absence(need)) for need in needs if absence(need)]
+
+
+def forgiven(need):
+    """Whether a test may be skipped for want of `need`."""
+    return need == "shared" or not all_needed()
+
+
+class Tally:
+    """A pytest plugin that counts skipped tests, and those that were to be expected."""
+
+    def __init__(self, config):
+        self.config = config
+        self.skipped = self.expected = self.files = 0
+
+    @property
+    def worker(self):
+        """Where a worker of pytest-xdist leaves what its controller is to know; None elsewhere."""
+        return getattr(self.config, "workeroutput", None)
+
+    def pytest_collection_finish(self, session):
+        """Count what is to be skipped, once deselected tests are gone."""
+        self.expected = sum(
+            all(forgiven(need) for need, _ in lacks) for item in session.items if (lacks := missing(item))
+        )
+
+    def pytest_collectreport(self, report):
+        """Count files skipped whole: none is expected."""
+        self.files += report.skipped
+
+    def pytest_runtest_logreport(self, report):
+        """Count a skipped test."""
+        self.skipped += report.skipped and not hasattr(report, "wasxfail")
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node):
+        """Take over a worker's counts: each collects every test."""
+        counts = getattr(node, "workeroutput", {})
+        self.expected = max(self.expected, counts.get("expected", 0))
+        self.files = max(self.files, counts.get("files", 0))
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_sessionfinish(self, session):
+        """Leave the counts to the controller, or fail where they differ."""
+        if self.worker is not None:
+            self.worker.update(expected=self.expected, files=self.files)
+        elif all_needed() and self.skipped + self.files != self.expected and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter):
+        """The counts, in a line."""
+        count = self.skipped + self.files
+        bad = all_needed() and count != self.expected
+        terminalreporter.write_line(f"skipped: {count}, expected: {self.expected}", red=bad, bold=bad)

@@ -1,0 +1,225 @@
+"""The table of cells, its shape functions and quadrature: each row proved by an identity, none left out."""
+
+from __future__ import annotations
+
+import json
+from itertools import product
+from math import factorial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
+from lacmesh.patterns import internal_points, kind_of_face
+from lacmesh.quadrature import measure, rule
+from lacmesh.quality import corner_jacobian, worst
+from lacmesh.shapes import gradient, jacobian, shape
+from lacmesh.skin import FACE_TYPES, REVERSED, label_rows
+from tests.meshes import cell_with_faces, pad
+
+NAMES = list(CELLS)
+SOLID = [n for n, c in CELLS.items() if c.dim == 3]
+REFERENCE_SIZE = {"SEG": 2, "TRIA": 0.5, "QUAD": 4, "TETRA": 1 / 6, "HEXA": 8, "PENTA": 1, "PYRAM": 4 / 3}
+ISSUE = (
+    "SEG2 SEG3 TRIA3 TRIA6 TRIA7 QUAD4 QUAD8 QUAD9 TETRA4 TETRA10 HEXA8 HEXA20 HEXA27 PENTA6 PENTA15 PENTA18 "
+    "PYRAM5 PYRAM13 PYRAM14 POI1"
+)
+
+
+def inner_points(name, n=5):
+    X, _ = rule(CELLS[name].family, 2 * n - 1)
+    return X
+
+
+def test_every_type_that_is_promised_is_there():
+    assert set(NAMES) == set(ISSUE.split())
+
+
+@pytest.mark.parametrize("name", list(ALL_CELLS))
+def test_name_is_family_and_number_of_nodes(name):
+    cell = ALL_CELLS[name]
+    assert name == f"{cell.family}{cell.n_nodes}"
+
+
+def test_msh_numbers_are_distinct():
+    numbers = [c.msh for c in ALL_CELLS.values() if c.msh is not None]
+    assert len(set(numbers)) == len(numbers)
+    assert [n for n, c in ALL_CELLS.items() if c.msh is None] == ["TRIA7"]
+
+
+@pytest.mark.gmsh
+def test_reference_nodes_and_msh_numbers_are_gmshs():
+    import gmsh
+
+    gmsh.initialize(interruptible=False)
+    try:
+        for name, cell in ALL_CELLS.items():
+            if cell.msh is None or cell.dim == 0:
+                continue
+            if name in ("PENTA40", "PENTA75"):  # gmsh has no properties of these, only their number
+                assert gmsh.model.mesh.getElementType("Prism", 3 if name == "PENTA40" else 4) == cell.msh
+                continue
+            _, dim, _, n_nodes, local, n_corners = gmsh.model.mesh.getElementProperties(cell.msh)
+            assert (dim, n_nodes, n_corners) == (cell.dim, cell.n_nodes, cell.n_corners), name
+            if name in CELLS:
+                np.testing.assert_allclose(np.reshape(local, (n_nodes, dim)), cell.reference, atol=1e-12)
+    finally:
+        gmsh.finalize()
+
+
+def test_carried_cells_have_no_table():
+    for cell in CARRIED.values():
+        assert not cell.facets and not cell.reference
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if CELLS[n].dim])
+def test_shape_functions(name):
+    cell = CELLS[name]
+    X = inner_points(name)
+    N, dN = shape(name, X), gradient(name, X)
+    np.testing.assert_allclose(shape(name, cell.reference), np.eye(cell.n_nodes), atol=1e-14)
+    np.testing.assert_allclose(N.sum(axis=1), 1, atol=1e-14)
+    np.testing.assert_allclose(dN.sum(axis=1), 0, atol=1e-13)
+    np.testing.assert_allclose(N @ np.array(cell.reference), X, atol=1e-14)  # isoparametric
+    h = 1e-6
+    for axis in range(cell.dim):
+        step = h * np.eye(cell.dim)[axis]
+        slope = (shape(name, X + step) - shape(name, X - step)) / (2 * h)
+        np.testing.assert_allclose(dN[:, :, axis], slope, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if CELLS[n].order == 2])
+def test_quadratic_cells_contain_p2(name):
+    cell = CELLS[name]
+    X, nodes = inner_points(name), np.array(cell.reference)
+    for e in product(range(3), repeat=cell.dim):
+        if sum(e) <= 2:
+            np.testing.assert_allclose(shape(name, X) @ np.prod(nodes**e, axis=1), np.prod(X**e, axis=1), atol=1e-13)
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if CELLS[n].dim > 1])
+def test_trace_on_a_facet_is_the_facets_own(name):
+    """What makes a mixed mesh conforming: on each facet only its nodes count, with the facet type's functions."""
+    cell = CELLS[name]
+    for facet in cell.facets:
+        flat = CELLS[CELLS[facet.type].linear]
+        X = rule(flat.family, 5)[0]
+        corners = np.array([cell.reference[c] for c in facet.nodes[: flat.n_corners]])
+        N = shape(name, shape(flat.name, X) @ corners)
+        own = shape(facet.type, X)
+        np.testing.assert_allclose(N[:, list(facet.nodes)], own, atol=1e-13)
+        others = np.setdiff1d(np.arange(cell.n_nodes), facet.nodes)
+        np.testing.assert_allclose(N[:, others], 0, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", SOLID)
+def test_facets_close_the_cell_and_point_outward(name):
+    """Divergence theorem: the flux of x through the facets is three times the volume."""
+    cell = CELLS[name]
+    x = pad(cell.reference)
+    flux = 0.0
+    for facet in cell.facets:
+        X, w = rule(CELLS[facet.type].family, 6)
+        J = jacobian(facet.type, x[list(facet.nodes)][None], X)[0]
+        normal = np.cross(J[..., 0], J[..., 1])
+        flux += (w * np.einsum("ps,ps->p", shape(facet.type, X) @ x[list(facet.nodes)], normal)).sum()
+    np.testing.assert_allclose(flux, 3 * REFERENCE_SIZE[cell.family], rtol=1e-13)
+    np.testing.assert_allclose(measure(name, x[None]), REFERENCE_SIZE[cell.family], rtol=1e-13)
+
+
+@pytest.mark.parametrize("family", list(REFERENCE_SIZE))
+@pytest.mark.parametrize("degree", [0, 1, 2, 3, 4, 5, 8, 11])
+def test_rules_integrate_every_monomial_of_their_degree(family, degree):
+    dim = next(c.dim for c in CELLS.values() if c.family == family)
+    X, w = rule(family, degree)
+    for e in product(range(degree + 1), repeat=dim):
+        if sum(e) <= degree:
+            exact = monomial(family, (*e, 0, 0)[:3])
+            np.testing.assert_allclose((w * np.prod(X**e, axis=1)).sum(), exact, rtol=1e-12, atol=1e-14)
+
+
+def monomial(family, e):
+    """Exact integral of x^i y^j z^k over a reference element."""
+    i, j, k = e
+    line = lambda n: 2 / (n + 1) if n % 2 == 0 else 0.0  # noqa: E731
+    if family in ("SEG", "QUAD", "HEXA"):
+        return line(i) * (line(j) if family != "SEG" else 1) * (line(k) if family == "HEXA" else 1)
+    triangle = factorial(i) * factorial(j) / factorial(i + j + 2)
+    if family == "TRIA":
+        return triangle
+    if family == "PENTA":
+        return triangle * line(k)
+    if family == "TETRA":
+        return factorial(i) * factorial(j) * factorial(k) / factorial(i + j + k + 3)
+    # pyramid: x = u (1 - z), y = v (1 - z)
+    power = i + j + 2
+    return line(i) * line(j) * factorial(power) * factorial(k) / factorial(power + k + 1)
+
+
+def test_rule_of_an_unknown_family_is_refused():
+    with pytest.raises(ValueError, match="no rule"):
+        rule("OCTA", 1)
+
+
+def test_node_orders_agree_with_the_recorded_facts():
+    """Every format's order is a permutation of the nodes of the type it is listed for."""
+    orders = json.loads((Path(__file__).parent / "reference" / "node_orders.json").read_text())
+    for name, formats in orders.items():
+        if name in CELLS:
+            for perm in formats.values():
+                assert perm is None or sorted(perm) == list(range(CELLS[name].n_nodes))
+
+
+@pytest.mark.parametrize("name", FACE_TYPES[1:])
+def test_a_reversed_face_is_the_same_face_turned_over(name):
+    order = list(REVERSED[name])
+    x = np.array(CELLS[name].reference)
+    X = rule(CELLS[name].family, 3)[0]
+    there = shape(name, X) @ x[order]
+    J = jacobian(name, pad(x[order])[None], X)[0]
+    sign = J[:, 0, 0] if CELLS[name].dim == 1 else np.cross(J[..., 0], J[..., 1])[:, 2]
+    assert (sign < 0).all()
+    assert order[0] == 0 or CELLS[name].dim == 1
+    np.testing.assert_allclose(shape(name, there).sum(axis=1), 1)
+
+
+def test_only_nodes_of_a_positive_integral_count_as_internal():
+    assert internal_points("TRIA6", "cone").tolist() == [1, 2, 3]  # not the centre: its function integrates to zero
+    assert internal_points("QUAD8", "ring").tolist() == list(range(4, 12))
+    assert kind_of_face("TRIA6", True) == "cone" and kind_of_face("QUAD9", True) == "whole"
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if CELLS[n].dim > 1])
+def test_quality_of_the_ideal_cell_is_one_and_of_an_inverted_one_negative(name):
+    cell = CELLS[name]
+    x = pad(cell.reference)
+    equilateral = np.array([[1, 0.5, 0.5], [0, np.sqrt(3) / 2, np.sqrt(3) / 6], [0, 0, np.sqrt(2 / 3)]])
+    if cell.family in ("TRIA", "TETRA"):
+        x = x @ equilateral.T
+    elif cell.family == "PENTA":
+        x[:, :2] = x[:, :2] @ equilateral[:2, :2].T
+    elif cell.family == "PYRAM":
+        x[:, 2] *= np.sqrt(2)
+    assert corner_jacobian(name, x[None]) == pytest.approx(1, abs=1e-14)
+    assert corner_jacobian(name, 7.5 * x[None] + 3) == pytest.approx(1, abs=1e-13)
+    if cell.dim == 3:
+        assert corner_jacobian(name, x[None] * [1, 1, -1]) < 0
+    else:
+        assert corner_jacobian(name, x[None] * [1, -1, 1], plane=True) < 0
+        assert corner_jacobian(name, x[None] * [1, -1, 1]) > 0
+
+
+def test_worst_of_nothing_is_nan():
+    mesh = cell_with_faces("HEXA8")
+    assert np.isnan(worst(mesh, np.empty(0, int)))
+    assert worst(mesh, np.array([0])) <= 1
+
+
+def test_labels_of_rows():
+    rng = np.random.default_rng(0)
+    rows = rng.integers(-1, 4, (500, 3))
+    labels, count = label_rows(rows)
+    _, expected = np.unique(rows, axis=0, return_inverse=True)
+    assert count == expected.max() + 1
+    assert len({(a, b) for a, b in zip(labels, expected.ravel(), strict=True)}) == count

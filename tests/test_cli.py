@@ -1,0 +1,406 @@
+"""The command as a user meets it: its output, its exit statuses, what it leaves on the disk."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lacmesh
+from lacmesh import Cut, cut_skin
+from lacmesh.cli import main
+from lacmesh.formats import kind_of
+from tests.meshes import cell_with_faces, random_mesh
+
+CASES = [
+    case
+    for case in json.loads((Path(__file__).parent / "reference" / "cases.json").read_text())["cases"]
+    if case["kind"] == "cut_counts"
+]
+
+
+@pytest.fixture
+def mesh():
+    return random_mesh(np.random.default_rng(5), 3, slaves=5)
+
+
+@pytest.fixture
+def msh(tmp_path, mesh):
+    path = tmp_path / "part.msh"
+    lacmesh.write(path, mesh)
+    return path
+
+
+def run(*args, **options):
+    return subprocess.run([sys.executable, "-m", "lacmesh", *map(str, args)], capture_output=True, text=True, **options)
+
+
+def info(path, capsys):
+    capsys.readouterr()
+    assert main(["info", str(path), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+# ---- start
+
+
+@pytest.mark.parametrize("args", [["--help"], ["--version"], ["cut", "--help"]])
+def test_help_and_version_import_no_numpy(args):
+    code = (
+        f"import sys\nfrom lacmesh.cli import main\ntry: main({args!r})\nexcept SystemExit as e: assert e.code == 0\n"
+        "heavy = {'numpy', 'scipy', 'h5py', 'rich', 'gmsh', 'pyvista'} & set(sys.modules)\nassert not heavy, heavy"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "lacmesh" in done.stdout
+
+
+def test_importing_the_package_imports_no_numpy():
+    code = "import sys, lacmesh; assert 'numpy' not in sys.modules; assert 'cut_skin' in dir(lacmesh)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_types_lists_every_pattern(capsys):
+    assert main(["types"]) == 0
+    out = capsys.readouterr().out
+    for name in lacmesh.CELLS:
+        assert name in out
+    assert "5 PYRAM5" in out and "6 HEXA20" in out
+
+
+# ---- the main job
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("case", CASES, ids=lambda c: c["id"])
+@pytest.mark.parametrize("suffix", [".med", ".msh"])
+def test_code_aster_counts(case, suffix, tmp_path, shared, capsys):
+    """Every cut_counts row of code_aster's suite, through the command line, from MED to MED and to msh."""
+    source = shared / "reference" / case["mesh"]
+    counts(case, source, suffix, tmp_path, capsys)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda c: c["id"])
+def test_code_aster_counts_on_twins(case, tmp_path, capsys):
+    """The same rows on meshes generated here: same cells, same groups, same expectation."""
+    source = tmp_path / "twin.med"
+    lacmesh.write(source, twin(case["id"].rsplit("-", 1)[0]))
+    counts(case, source, ".med", tmp_path, capsys)
+
+
+def counts(case, source, suffix, tmp_path, capsys):
+    if case["prepare"]:
+        order = "2-full" if "full" in case["prepare"] else "2"
+        assert main(["convert", str(source), str(tmp_path / "q.med"), "--order", order]) == 0
+        source = tmp_path / "q.med"
+    slave = [a for group in case["slave"] for a in ("--slave", group)]
+    hexa = ["--hexa", case["hexa"]] if case["hexa"] else []
+    target = tmp_path / f"out{suffix}"
+    assert main(["cut", str(source), *slave, *hexa, "-o", str(target)]) == 0
+    found = info(target, capsys)
+    assert {"cells": found["cells"], "nodes": found["nodes"]} == case["expect"]
+    assert found["lac"]["zones"] == case["slave"]
+
+
+def twin(name):
+    """One QUAD4, TRIA3 or HEXA8 with all its sides and points, or 12 TETRA4: the meshes of zzzz383a to d."""
+    from lacmesh import CELLS, Mesh
+
+    if name == "zzzz383d":
+        return cube_of_tetrahedra()
+    cell = CELLS[{"zzzz383a": "QUAD4", "zzzz383b": "TRIA3", "zzzz383c": "HEXA8"}[name]]
+    blocks = {cell.name: [list(range(cell.n_nodes))]}
+    for facet in cell.facets:
+        blocks.setdefault(facet.type, []).append(list(facet.nodes))
+    if cell.dim == 3:
+        blocks["SEG2"] = [list(e) for e in cell.edges]
+    if name == "zzzz383b":
+        blocks["SEG2"] = blocks["SEG2"][:3]
+    groups = {f"{'Face' if cell.dim == 3 else 'Edge'}_{k + 1}": [1 + k] for k in range(len(cell.facets))}
+    return Mesh.create(np.array(cell.reference), blocks.items(), cell_groups=groups)
+
+
+def cube_of_tetrahedra():
+    """A cube cut into 12 tetrahedra from its centre, all faces and edges of its skin as cells, Face_2 one side."""
+    from lacmesh import Mesh
+
+    x = np.array([[a, b, c] for a in (0, 1) for b in (0, 1) for c in (0, 1)] + [[0.5] * 3], float)
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))]
+    edges = sorted({tuple(sorted((s[k], s[(k + 1) % 4]))) for s in sides for k in range(4)})
+    tetrahedra = [(a, c, b, 8) for a, b, c in triangles]
+    return Mesh.create(
+        x, [("TETRA4", tetrahedra), ("TRIA3", triangles), ("SEG2", edges)], cell_groups={"Face_2": [14, 15]}
+    )
+
+
+def test_output_stands_beside_the_input(msh, capsys):
+    assert main(["cut", str(msh), "--slave", "slave"]) == 0
+    out = capsys.readouterr().out
+    target = msh.with_name("part.lac.msh")
+    assert target.exists()
+    for word in ("macro-elements of slave", "worst quality", "nodes", "cells", "read", "peak memory"):
+        assert word in out
+    found = info(target, capsys)
+    assert found["lac"] == {"macro_elements": len(lacmesh.read(msh).cell_groups["slave"]), "zones": ["slave"]}
+
+
+def test_summary_counts_are_those_of_the_meshes(msh, mesh, capsys):
+    main(["cut", str(msh), "--slave", "slave", "--hexa", "hexa"])
+    out = capsys.readouterr().out
+    cut = cut_skin(mesh, "slave", hexa="hexa").mesh
+    assert f"+{cut.n_nodes - mesh.n_nodes:,}" in out and f"{cut.n_cells:,}" in out
+
+
+@pytest.mark.parametrize(("version", "ascii_"), [("4.1", False), ("4.1", True), ("2.2", False), ("2.2", True)])
+def test_output_keeps_the_inputs_version_and_kind(tmp_path, mesh, version, ascii_):
+    source = tmp_path / "in.msh"
+    lacmesh.write(source, mesh, msh=version, binary=not ascii_)
+    assert main(["cut", str(source), "--slave", "slave", "-q"]) == 0
+    kind = kind_of(tmp_path / "in.lac.msh")
+    assert (kind.version, kind.binary) == (version, not ascii_)
+    assert main(["cut", str(source), "--slave", "slave", "-q", "--force", "--msh", "2.2", "--ascii"]) == 0
+    kind = kind_of(tmp_path / "in.lac.msh")
+    assert (kind.version, kind.binary) == ("2.2", False)
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".med"])
+def test_a_cut_written_is_a_cut_when_read_back(tmp_path, mesh, suffix):
+    mesh = replace(mesh, cell_groups={**mesh.cell_groups, "one": mesh.cell_groups["slave"][:1]})
+    cut = cut_skin(mesh, ["one", "slave"])
+    path = tmp_path / f"cut{suffix}"
+    lacmesh.write(path, cut.mesh)
+    back = Cut(lacmesh.read(path))
+    assert back.zones == ("one", "slave") and back.n_macros == cut.n_macros
+    for view in ("macro_of_face", "zone_of_face", "child_kind", "parent_of_cell"):
+        ours = dict(zip(cut.mesh.cell_number.tolist(), getattr(cut, view).tolist(), strict=True))
+        theirs = dict(zip(back.mesh.cell_number.tolist(), getattr(back, view).tolist(), strict=True))
+        assert ours == theirs, view
+    nodes = lambda c: [sorted(c.mesh.node_number[n].tolist()) for n in c.internal_nodes]  # noqa: E731
+    assert nodes(back) == nodes(cut)
+    again = cut_skin(back.mesh, ["one", "slave"])
+    assert again.mesh is back.mesh
+
+
+def test_cutting_a_cut_file_writes_it_as_it_was(msh, capsys):
+    main(["cut", str(msh), "--slave", "slave", "-q"])
+    first = msh.with_name("part.lac.msh")
+    assert main(["cut", str(first), "--slave", "slave"]) == 0
+    assert "cut already" in capsys.readouterr().out
+    a, b = info(first, capsys), info(msh.with_name("part.lac.lac.msh"), capsys)
+    assert a == b
+
+
+@pytest.mark.parametrize(
+    ("options", "check"),
+    [
+        (["--hexa", "auto"], lambda c: True),
+        (["--orient", "outward"], lambda c: True),
+        (["--node-groups", "keep"], lambda c: len(c.mesh.node_groups["all"]) == 8),
+        (["--node-groups", "extend"], lambda c: len(c.mesh.node_groups["all"]) == c.mesh.n_nodes),
+        (["--hexa", "hexa"], lambda c: c.mesh.cells_by_type["HEXA8"] == 6),
+    ],
+)
+def test_options_reach_the_cut(tmp_path, options, check):
+    source = tmp_path / "h.med"
+    lacmesh.write(source, cell_with_faces("HEXA8", inward=True))
+    assert main(["cut", str(source), "--slave", "slave", *options, "-q"]) == 0
+    assert check(Cut(lacmesh.read(tmp_path / "h.lac.med")))
+
+
+def test_interface_and_skin_only_reach_the_cut(tmp_path, capsys):
+    from tests.test_cut import two_hexas
+
+    lacmesh.write(tmp_path / "two.msh", two_hexas())
+    assert main(["cut", str(tmp_path / "two.msh"), "--slave", "slave", "--interface", "refuse"]) == 1
+    assert "between two cells" in capsys.readouterr().err
+    shell = lacmesh.Mesh.create([[0, 0, 1], [1, 0, 1], [0, 1, 2]], [("TRIA3", [[0, 1, 2]])], cell_groups={"s": [0]})
+    lacmesh.write(tmp_path / "shell.med", shell)
+    assert main(["cut", str(tmp_path / "shell.med"), "--slave", "s"]) == 1
+    assert main(["cut", str(tmp_path / "shell.med"), "--slave", "s", "--skin-only", "-q"]) == 0
+    assert Cut(lacmesh.read(tmp_path / "shell.lac.med")).n_macros == 1
+
+
+def test_groups_by_tag_and_entity(tmp_path):
+    mesh = cell_with_faces("HEXA8", (0, 5))
+    mesh = replace(
+        mesh,
+        cell_groups={"2:5": np.array([1]), "top": np.array([2]), "body": np.array([0])},
+        group_tags={"2:5": ((2, 5),), "top": ((2, 6),), "body": ((3, 5),)},
+        cell_data={"entity": np.array([[3, 1], [2, 17], [2, 18]], np.int32)},
+    )
+    source = tmp_path / "t.msh"
+    lacmesh.write(source, mesh)
+    for spec, n in (("2:5", 1), ("6", 1), ("entity:2:17", 1), ("top", 1)):
+        assert main(["cut", str(source), "--slave", spec, "-q", "--force"]) == 0
+        assert Cut(lacmesh.read(tmp_path / "t.lac.msh")).n_macros == n
+    assert main(["cut", str(source), "--slave", "5", "-q", "--force"]) == 2  # 2:5 or 3:5?
+
+
+# ---- info and convert
+
+
+def test_info_counts_distinct_cells(msh, mesh, capsys):
+    found = info(msh, capsys)
+    assert set(found) == {"nodes", "cells", "cells_by_type", "groups", "node_groups", "bounding_box", "lac"}
+    assert found["cells"] == mesh.n_cells and found["nodes"] == mesh.n_nodes
+    assert found["cells_by_type"] == mesh.cells_by_type
+    assert found["groups"]["all"] == {"dim": 3, "cells": mesh.n_cells}
+    assert found["groups"]["slave"]["dim"] == 2
+    assert found["node_groups"]["every"] == mesh.n_nodes
+    np.testing.assert_allclose(found["bounding_box"], [mesh.points.min(axis=0), mesh.points.max(axis=0)])
+    assert found["lac"] is None
+    assert main(["info", str(msh)]) == 0
+    out = capsys.readouterr().out
+    assert "msh 4.1 binary" in out and "slave" in out
+
+
+def test_brackets_in_names_are_printed_as_they_are(tmp_path, capsys):
+    mesh = replace(cell_with_faces("TETRA4"), cell_groups={"[red]slave[/red] :smile:": np.array([1])})
+    lacmesh.write(tmp_path / "b.msh", mesh)
+    main(["info", str(tmp_path / "b.msh")])
+    assert "[red]slave[/red] :smile:" in capsys.readouterr().out
+
+
+def test_convert_there_and_back(msh, mesh, tmp_path, capsys):
+    med, again = tmp_path / "a.med", tmp_path / "b.msh"
+    assert main(["convert", str(msh), str(med)]) == 0
+    assert main(["convert", str(med), str(again), "--msh", "2.2", "--ascii"]) == 0
+    a, b = info(msh, capsys), info(again, capsys)
+    for found in (a, b):
+        found["cells_by_type"] = dict(sorted(found["cells_by_type"].items()))
+        found["groups"] = dict(sorted(found["groups"].items()))
+        found["node_groups"] = dict(sorted(found["node_groups"].items()))
+        found.pop("bounding_box")
+    assert a == b
+
+
+# ---- mistakes
+
+
+@pytest.mark.parametrize(
+    ("args", "status", "words"),
+    [
+        (["cut", "{msh}"], 2, "--slave"),
+        (["cut", "{msh}", "--slave", "slavee"], 2, "did you mean slave?"),
+        (["cut", "{msh}", "--slave", "slave", "-o", "{dir}/out.xyz"], 2, "no format has the suffix"),
+        (["cut", "{msh}", "--slave", "slave", "-o", "{msh}"], 2, "--force"),
+        (["cut", "{msh}", "--slave", "slave", "--hexa", "tetra"], 2, "invalid choice"),
+        (["cut", "{dir}/none.msh", "--slave", "slave"], 3, "none.msh"),
+        (["cut", "{msh}", "--slave", "slave", "-o", "{dir}/no/folder/out.msh"], 3, "does not exist"),
+        (["cut", "{msh}", "--slave", "all"], 1, "dimension"),
+        (["info", "{dir}"], 3, "cannot be read"),
+        (["info", "{text}"], 3, "neither"),
+        (["convert", "{msh}", "{dir}/o.med", "--order", "4"], 2, "invalid choice"),
+        (["nonsense"], 2, "invalid choice"),
+        ([], 2, "required"),
+    ],
+)
+def test_mistakes_get_one_sentence_and_a_status(args, status, words, msh):
+    text = msh.with_name("text.msh")
+    text.write_text("no mesh at all")
+    before = sorted(msh.parent.iterdir())
+    done = run(*(a.format(msh=msh, dir=msh.parent, text=text) for a in args))
+    assert done.returncode == status
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert sorted(msh.parent.iterdir()) == before
+
+
+def test_an_existing_output_is_kept_without_force_and_replaced_with_it(msh):
+    target = msh.with_name("part.lac.msh")
+    target.write_text("precious")
+    assert main(["cut", str(msh), "--slave", "slave", "-q"]) == 2
+    assert target.read_text() == "precious"
+    assert main(["cut", str(msh), "--slave", "slave", "-q", "--force"]) == 0
+    assert Cut(lacmesh.read(target)).zones == ("slave",)
+
+
+def test_an_output_that_cannot_be_written_whole_leaves_nothing(tmp_path, capsys):
+    mesh = cell_with_faces("PENTA18", (0,))
+    source = tmp_path / "p.msh"
+    lacmesh.write(source, mesh)
+    target = tmp_path / "p.med"
+    target.write_text("precious")
+    assert main(["cut", str(source), "--slave", "slave", "-o", str(target), "--force"]) == 3
+    assert "PYRAM14" in capsys.readouterr().err
+    assert target.read_text() == "precious"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["p.med", "p.msh"]
+
+
+def test_a_folder_without_permission(msh, monkeypatch, capsys):
+    def refuse(**where):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("lacmesh.formats.tempfile.mkstemp", refuse)
+    assert main(["cut", str(msh), "--slave", "slave"]) == 3
+    assert "Permission denied" in capsys.readouterr().err
+
+
+def test_a_full_disk_leaves_the_old_file(msh, monkeypatch, capsys):
+    target = msh.with_name("part.lac.msh")
+    target.write_text("precious")
+
+    def full(handle):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("lacmesh.formats.os.fsync", full)
+    assert main(["cut", str(msh), "--slave", "slave", "--force"]) == 3
+    assert "No space left" in capsys.readouterr().err
+    assert target.read_text() == "precious" and len(list(msh.parent.iterdir())) == 2
+
+
+@pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_stops_it_with_nothing_left(msh, sent, status):
+    """The writing is slowed, so that the signal arrives while the file beside is there."""
+    code = (
+        "import sys, time\nimport lacmesh.formats as f\nsettle = f._settle\n"
+        "def slow(*a):\n    print('now', flush=True)\n    time.sleep(30)\n    settle(*a)\n"
+        f"f._settle = slow\nfrom lacmesh.cli import main\nsys.exit(main(['cut', {str(msh)!r}, '--slave', 'slave']))"
+    )
+    before = sorted(msh.parent.iterdir())
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert child.stdout.readline() == "now\n"
+    child.send_signal(sent)
+    _, err = child.communicate(timeout=20)
+    assert child.returncode == status and "Traceback" not in err and "nothing was written" in err
+    assert sorted(msh.parent.iterdir()) == before
+
+
+def test_a_closed_pipe_is_no_error(msh):
+    done = subprocess.run(
+        f"{sys.executable} -m lacmesh types | head -1", shell=True, capture_output=True, text=True, check=True
+    )
+    assert "Traceback" not in done.stderr and "Broken" not in done.stderr
+
+
+def test_progress_is_shown_on_a_terminal_only(msh):
+    done = run("cut", msh, "--slave", "slave")
+    assert done.stderr == ""
+    master, slave = pty.openpty()
+    env = {**os.environ, "TERM": "xterm-256color"}
+    command = [sys.executable, "-m", "lacmesh", "cut", str(msh), "--slave", "slave", "--force"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=slave, env=env) as child:
+        os.close(slave)
+        shown = b""
+        deadline = time.monotonic() + 20
+        while time.monotonic() < deadline:
+            try:
+                piece = os.read(master, 4096)
+            except OSError:
+                break
+            if not piece:
+                break
+            shown += piece
+    os.close(master)
+    assert child.returncode == 0
+    assert b"read" in shown and b"write" in shown

@@ -1,0 +1,88 @@
+"""Raising the order: counts, places, conformity, groups and data."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lacmesh import Mesh, cut_skin, raise_order
+from lacmesh.cells import CELLS
+from lacmesh.errors import CutError, RequestError
+from tests import properties
+from tests.meshes import cell_with_faces, facets_of, random_mesh
+
+TARGETS = {
+    "2": {"TRIA3": "TRIA6", "QUAD4": "QUAD8", "TETRA4": "TETRA10", "HEXA8": "HEXA20", "PENTA6": "PENTA15",
+          "PYRAM5": "PYRAM13", "SEG2": "SEG3", "POI1": "POI1"},
+    "2-full": {"TRIA3": "TRIA6", "QUAD4": "QUAD9", "TETRA4": "TETRA10", "HEXA8": "HEXA27", "PENTA6": "PENTA18",
+               "PYRAM5": "PYRAM14", "QUAD8": "QUAD9", "HEXA20": "HEXA27", "PENTA15": "PENTA18",
+               "PYRAM13": "PYRAM14"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("order", "name"), [(o, n) for o, table in TARGETS.items() for n in table])
+def test_each_type_becomes_the_right_one_in_place(order, name):
+    cell = CELLS[name]
+    x = np.array(cell.reference).reshape(cell.n_nodes, cell.dim)
+    mesh = Mesh.create(np.pad(x, ((0, 0), (0, 3 - cell.dim))), [(name, [np.arange(cell.n_nodes)])])
+    raised = raise_order(mesh, order)
+    target = TARGETS[order][name]
+    assert raised.cells_by_type == {target: 1}
+    there = raised.points[raised.block(target)[0]][:, : cell.dim]
+    np.testing.assert_allclose(there, np.array(CELLS[target].reference).reshape(there.shape), atol=1e-15)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**9), dim=st.sampled_from([2, 3]), order=st.sampled_from(["2", "2-full"]))
+def test_random_meshes(seed, dim, order):
+    mesh = random_mesh(np.random.default_rng(seed), dim)
+    raised = raise_order(mesh, order)
+    for owners in facets_of(raised).values():
+        assert len({frozenset(nodes.tolist()) for *_, nodes in owners}) == 1, "mid-nodes differ across a facet"
+    np.testing.assert_allclose(
+        properties.volumes(raised), by_number(mesh, raised, properties.volumes(mesh)), rtol=1e-12
+    )
+    assert set(raised.cell_number) == set(mesh.cell_number)
+    for name, members in mesh.cell_groups.items():
+        assert properties.numbers(raised, raised.cell_groups[name]) == properties.numbers(mesh, members)
+    np.testing.assert_array_equal(raised.points[: mesh.n_nodes], mesh.points)
+    np.testing.assert_allclose(raised.node_data["where"], raised.points, atol=1e-13)
+    assert len(raised.node_groups["every"]) == raised.n_nodes
+    assert len(np.unique(raised.points.round(10), axis=0)) == raised.n_nodes
+    twice = raise_order(raised, order)
+    assert twice.n_nodes == raised.n_nodes
+    full = raise_order(raised, "2-full")
+    assert properties.canonical(full) == properties.canonical(raise_order(mesh, "2-full"))
+
+
+def by_number(mesh, raised, values):
+    row = {int(n): k for k, n in enumerate(mesh.cell_number)}
+    return values[[row[int(n)] for n in raised.cell_number]]
+
+
+def test_types_that_become_one_share_a_block_and_keep_the_file_s_order():
+    x = np.array([[0, 0], [1, 0], [0, 1], [1, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
+    mesh = Mesh.create(
+        x,
+        [("TRIA3", [[1, 3, 2]]), ("TRIA6", [[0, 1, 2, 4, 5, 6]])],
+        cell_number=[5, 9],
+        file_order=np.array([1, 0]),
+        cell_groups={"linear": [0], "quadratic": [1]},
+        cell_data={"colour": [0.5, 0.9]},
+    )
+    raised = raise_order(mesh)
+    assert raised.cells_by_type == {"TRIA6": 2}
+    assert raised.n_nodes == 9  # the shared edge keeps the mid-node it has
+    assert raised.cell_number[raised.file_order].tolist() == [9, 5]
+    assert raised.cell_number[raised.cell_groups["quadratic"]].tolist() == [9]
+    assert raised.cell_data["colour"].tolist() == (raised.cell_number / 10).tolist()
+
+
+def test_wrong_requests():
+    mesh = cell_with_faces("HEXA8")
+    with pytest.raises(RequestError, match="order is one of"):
+        raise_order(mesh, "3")
+    with pytest.raises(CutError, match="carries a cut"):
+        raise_order(cut_skin(mesh, "slave").mesh)
