@@ -5,7 +5,7 @@
     children = new nodes, and the cells that replace others               (subdivide)
     mesh = the same mesh with its children, numbers, groups and data      (rebuild)
 
-Method: Abbas, Drouet, Hild, Int. J. Numer. Meth. Engng 114, 2018; code_aster R5.03.55, 3.1.
+Method: Abbas, Drouet, Hild, Comput. Methods Appl. Mech. Engrg. 339, 2018, 488-513; code_aster R5.03.55, 3.1.
 `docs/cut.md` has the theory.
 """
 
@@ -23,7 +23,7 @@ from lacmesh.mesh import Ints, Mesh
 from lacmesh.patterns import WHOLE_FACES, internal_points
 from lacmesh.plan import HEXA, Plan, make_plan
 from lacmesh.rebuild import Origin, rebuild
-from lacmesh.skin import FACE_TYPES
+from lacmesh.skin import FACE_TYPES, Faces, find_repeats
 from lacmesh.subdivide import KINDS, WHOLE_CODE, subdivide
 
 #: integer data that a cut is kept in, -1 where they say nothing (`docs/conventions.md`)
@@ -157,7 +157,7 @@ def _already_cut(mesh: Mesh, specs: list[str]) -> Cut:
     for spec in specs:
         faces = mesh.cells_of(spec)
         faces = faces[mesh.cell_dim[faces] == dim]
-        left = faces[mesh.cell_data["lac_macro"][faces] < 0]
+        left = _uncovered(mesh, faces)
         if len(left) or not len(faces):
             raise CutError(
                 f"this mesh is cut already (zones {', '.join(mesh.zones)}), but not everywhere on {spec!r} "
@@ -165,6 +165,15 @@ def _already_cut(mesh: Mesh, specs: list[str]) -> Cut:
                 mesh.cell_number[left],
             )
     return Cut(mesh)
+
+
+def _uncovered(mesh: Mesh, faces: Ints) -> Ints:
+    """Those of some faces that are no part of a macro-element, nor repeat a face that is."""
+    macro = mesh.cell_data["lac_macro"]
+    left = faces[macro[faces] < 0]
+    covered = Faces.join((kind, nodes) for kind, _, nodes in mesh.select(np.flatnonzero(macro >= 0)))
+    repeats = find_repeats(covered, [(kind, nodes, cells) for kind, cells, nodes in mesh.select(left)], mesh.n_nodes)
+    return np.setdiff1d(left, repeats.cell)
 
 
 def _warn_of_periodic(mesh: Mesh, plan: Plan) -> None:

@@ -69,13 +69,6 @@ class Template:
         return sum(len(c.rank) for c in self.children)
 
 
-def kind_of_face(face: str, ring: bool) -> str:
-    """How a face of this type is cut; `ring`: its parents allow the ring (a SEG2 then has two new nodes)."""
-    if face in WHOLE_FACES:
-        return WHOLE
-    return RING if ring and CELLS[face].family != "TRIA" else CONE
-
-
 @cache
 def face_pattern(face: str, kind: str, ring: float = 1 / 3) -> Template:
     """The cut of a skin face of type `face`, in its own node order: the ring's sides first, the centre last."""

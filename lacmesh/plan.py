@@ -111,7 +111,8 @@ def _skin_faces(mesh: Mesh, name: str, skin_only: bool) -> Ints:
     faces = cells[dims == want]
     for kind, which, _ in mesh.select(faces):
         if kind not in CELLS:
-            raise CutError(f"slave faces of type {kind} ({mesh.cell_names(which)}) cannot be cut", which)
+            message = f"slave faces of type {kind} ({mesh.cell_names(which)}) cannot be cut"
+            raise CutError(message, mesh.cell_number[which])
     return faces
 
 

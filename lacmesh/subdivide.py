@@ -77,11 +77,11 @@ class Cutter:
         self.births: list[Birth] = []
         self.face_points = self._cut_faces()
 
-    def _born(self, kind: str, sources: Ints, at: Floats) -> Ints:
+    def _born(self, kind: str, sources: Ints, at: Floats, on: Ints) -> Ints:
         ids = self.n_nodes + np.arange(len(sources) * len(at)).reshape(len(sources), len(at))
         if ids.size:
             self.n_nodes += ids.size
-            self.births.append(Birth(kind, sources, at, ids, sources[:, : CELLS[kind].n_corners]))
+            self.births.append(Birth(kind, sources, at, ids, on))
         return ids
 
     def _cut_faces(self) -> Ints:
@@ -90,7 +90,8 @@ class Cutter:
         for face_type, kind, rows in self._face_kinds(np.arange(len(self.faces))):
             pattern = face_pattern(face_type, kind, self.ring)
             sources = self.faces.nodes[rows][:, : CELLS[face_type].n_nodes]
-            points[rows, : len(pattern.on_face)] = self._born(face_type, sources, pattern.on_face)
+            on = sources[:, : CELLS[face_type].n_corners]
+            points[rows, : len(pattern.on_face)] = self._born(face_type, sources, pattern.on_face, on)
         return points
 
     def _face_kinds(self, faces: Ints) -> Iterator[tuple[str, str, Ints]]:
@@ -105,6 +106,17 @@ class Cutter:
         rows = turn(of, Faces.join([(face_type, listed)]))
         places = turns(face_type, kind, self.ring)[rows]
         return np.hstack([nodes, np.take_along_axis(self.face_points[faces], places, axis=1)])
+
+    def _corners(self, cells: Ints) -> Ints:
+        """(k, 8): the corners of cells of the mesh, the last one repeated where there are fewer."""
+        corners = np.empty((len(cells), 8), np.int64)
+        order = np.argsort(cells, kind="stable")
+        done = 0
+        for kind, some, nodes in self.mesh.select(cells[order]):
+            n = CELLS[kind].n_corners
+            corners[order[done : done + len(some)]] = nodes[:, np.minimum(np.arange(8), n - 1)]
+            done += len(some)
+        return corners
 
     def cut_skin_cells(self, kind_of_cell: str, nodes: Ints, cells: Ints, faces: Ints) -> Iterator[Leaves]:
         """Children of skin cells (all of one type) that lie on `faces`, in each cell's own order."""
@@ -124,7 +136,8 @@ class Cutter:
                 pattern = parent_pattern(owners.type, int(j), kind, self.ring, self.depth)
                 listed = mine.nodes[:, cell.facets[j].nodes]
                 frame = self._frame(mine.nodes, listed, faces[rows], face_type, kind)
-                frame = np.hstack([frame, self._born(owners.type, mine.nodes, pattern.inside)])
+                inside = self._born(owners.type, mine.nodes, pattern.inside, self._corners(mine.root))
+                frame = np.hstack([frame, inside])
                 yield from _children(pattern, frame, mine.root, mine.key)
 
 

@@ -426,3 +426,23 @@ def test_the_input_is_not_touched():
     np.testing.assert_array_equal(mesh.points, copies[1])
     for name, members in copies[2].items():
         np.testing.assert_array_equal(mesh.cell_groups[name], members)
+
+
+def test_a_cut_with_twins_is_not_cut_again():
+    points, hexas = box(1)
+    face = facets_of(Mesh.create(points, [("HEXA8", hexas)]))[4, 5, 6, 7][0][3]
+    mesh = Mesh.create(points, [("QUAD4", [face, face]), ("HEXA8", hexas)], cell_groups={"slave": [0, 1], "twin": [1]})
+    with pytest.warns(LacmeshWarning, match="stand twice"):
+        cut = cut_skin(mesh, "slave")
+    assert cut_skin(cut.mesh, "slave").mesh is cut.mesh
+    assert cut_skin(cut.mesh, "twin").mesh is cut.mesh
+
+
+def test_node_inside_enters_a_group_of_all_corners_of_the_cell_it_was_cut_from():
+    """Also where the cell is cut again: the corners that count are the mesh's, not a child's."""
+    mesh = cell_with_faces("HEXA20", (0, 1))
+    for left_out in range(8):
+        some = np.setdiff1d(np.arange(20), [left_out])
+        grown = cut_skin(replace(mesh, node_groups={"some": some}), "slave").mesh
+        on_faces = sum(left_out not in CELLS["HEXA20"].facets[j].nodes[:4] for j in (0, 1))
+        assert len(grown.node_groups["some"]) == 19 + 5 * on_faces

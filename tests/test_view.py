@@ -8,7 +8,6 @@ import sys
 import numpy as np
 import pytest
 
-import lacmesh
 from lacmesh import Mesh, cut_skin, raise_order, scene, view
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import GroupNotFoundError, RequestError, WriteError
@@ -90,7 +89,7 @@ def test_curved_faces_are_drawn_curved():
 @pytest.mark.parametrize(("dim", "order"), [(2, 1), (3, 1), (3, 2), (3, 3)])
 @pytest.mark.parametrize("seed", range(4))
 def test_neighbours_have_different_colours(dim, order, seed):
-    mesh = random_mesh(np.random.default_rng(seed), dim, order, slaves=8)
+    mesh = random_mesh(np.random.default_rng(seed), dim, order, slaves=100)
     cut = cut_skin(mesh, "slave").mesh
     shown = scene._find_shown(cut, np.flatnonzero(cut.cell_data["lac_macro"] >= 0), None, None)
     colour = scene._paint(shown)
@@ -155,6 +154,7 @@ def test_cutaway_and_near():
     assert flux(make_scene(mesh, "slave", near=0.2))[0] == pytest.approx(0.25)
     bare = make_scene(mesh, cutaway=(0, 0, 2)).layers[0]
     inside = (bare.rgb == scene._rgb((scene.INSIDE,))).all(axis=1)
+    assert inside.sum() == 4 * 16
     assert bare.points[inside][:, 2] == pytest.approx(0.5)
     with pytest.raises(RequestError, match="near means near slave faces"):
         make_scene(mesh, near=0.2)
@@ -186,14 +186,14 @@ def test_everything_is_inside_the_frame(eye):
         back, up = np.subtract(camera["position"], camera["focal"]), np.array(camera["up"])
         x = np.vstack([layer.points for layer in drawn.layers]) - camera["focal"]
         height, width = x @ up / camera["scale"], x @ np.cross(up, back / np.linalg.norm(back)) / camera["scale"]
-        assert (np.abs(height) < 1).all()
+        assert 2 * scene.LOW - 1 - 1e-9 < height.min() < height.max() < 2 * scene.HIGH - 1 + 1e-9
         assert (np.abs(width) < size[0] / size[1]).all()
         assert max(np.ptp(height) / 2 / (scene.HIGH - scene.LOW), np.ptp(width) / 2 / 0.94 / size[0] * size[1]) > 0.999
 
 
 def test_what_is_said_where_nothing_can_be_drawn(tmp_path, monkeypatch):
     mesh, target = cube(), tmp_path / "cube.png"
-    with pytest.raises(RequestError, match="written as .png"):
+    with pytest.raises(RequestError, match="is written as"):
         view.picture(mesh, tmp_path / "cube.jpg")
     with monkeypatch.context() as m, pytest.raises(RequestError, match=r"pip install 'lacmesh\[view\]'"):
         m.setattr(view, "find_spec", lambda name: None)
@@ -232,13 +232,3 @@ def test_a_picture(tmp_path):
         assert ((likeness > 0.98) & (np.linalg.norm(hue, axis=1) > 20)).sum() > 100
     with pytest.raises(WriteError, match="nowhere"):
         view.picture(cut.mesh, tmp_path / "nowhere" / "cubes.png", size=(80, 50))
-
-
-@pytest.mark.vtk
-@pytest.mark.slow
-def test_a_picture_of_every_type(tmp_path):
-    """VTK takes whatever the scene gives it: no type is left white."""
-    for name in (*SOLIDS, *SURFACES):
-        view.picture(cell_with_faces(name), tmp_path / f"{name}.png", size=(60, 60), slave="slave")
-    assert len(list(tmp_path.glob("*.png"))) == len(SOLIDS) + len(SURFACES)
-    assert lacmesh.__version__

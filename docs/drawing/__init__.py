@@ -1,0 +1,1 @@
+"""How the figures and tables of these pages are made; `make_figures.py` is the command."""

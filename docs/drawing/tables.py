@@ -1,0 +1,125 @@
+"""The tables of the pages, written from the code between markers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Any
+
+from drawing.patterns import children_text, patterns
+from drawing.solids import body
+from lacmesh.cells import CELLS
+from lacmesh.patterns import WHOLE, WHOLE_FACES
+from lacmesh.quadrature import rule
+from lacmesh.quality import corner_jacobian
+from lacmesh.shapes import shape
+
+
+def counts_table() -> Iterator[str]:
+    """Every pattern: the macro-element, the children, what a slave face adds, and the quality of the worst child."""
+    yield from _head(
+        "cell", "slave face", "variant", "macro-element", "children", "nodes added >", "cells added >",
+        "internal nodes >", "worst child >", "figure",
+    )  # fmt: skip
+    for p in patterns():
+        whole = p.kind == WHOLE
+        volume, skin = p.volume, p.skin
+        nodes = len(volume.on_face) + len(volume.inside)
+        cells = 0 if whole else volume.n_children + skin.n_children - 2
+        variant = f"`{p.variant}`" if p.variant in ("hexa", "pyramid") else p.variant
+        macro, children = (f"1 {p.face}", f"1 {p.cell}") if whole else (children_text(skin), children_text(volume))
+        it = body(p)
+        worst = min(float(corner_jacobian(kind, it.points[ids][None], it.flat)[0]) for kind, ids in it.children)
+        yield (
+            f"| {p.cell} | {p.face} | {variant} | {macro} | {children} | {nodes} | {cells} "
+            f"| {len(it.pattern.carriers)} | {worst:.2f} | [drawing](figures/{p.figure}) |"
+        )
+
+
+def integrals_table() -> Iterator[str]:
+    """For each face type, the mean of its shape functions: which nodes can carry an internal dof."""
+    yield from _head("face", "corners", "mid-nodes", "centre", "inside the face")
+    for name in ("SEG2", "SEG3", "TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9"):
+        cell = CELLS[name]
+        X, w = rule(cell.family, 6)
+        mean = w @ shape(name, X) / w.sum()
+        n, m = cell.n_corners, cell.n_corners + (len(cell.edges) if cell.order == 2 else 0)
+        parts = [_fraction(mean[k]) if len(mean) > k else "" for k in (0, n, m)]
+        if cell.dim == 1:
+            parts = [parts[0], "", parts[1]] if cell.order == 2 else parts
+        inside = f"node {WHOLE_FACES[name]}" if name in WHOLE_FACES else "none"
+        yield f"| {name} | {' | '.join(parts)} | {inside} |"
+
+
+def _fraction(value: float) -> str:
+    return str(Fraction(float(value)).limit_denominator(1000)).replace("-", "\u2212")
+
+
+def families_table() -> Iterator[str]:
+    """Corners, edges and facets of every family."""
+    yield from _head("family", "corners, reference coordinates", "edges", "facets, outward, by their corners")
+    for family in dict.fromkeys(c.family for c in CELLS.values() if c.dim):
+        cell = next(c for c in CELLS.values() if c.family == family and c.order == 1)
+        corners = " ".join(f"({', '.join(f'{x:g}' for x in p)})" for p in cell.reference)
+        yield (
+            f"| {family} | {corners.replace('-', chr(0x2212))} | {' '.join(_digits(e) for e in cell.edges)} "
+            f"| {' '.join(_digits(f.nodes) for f in cell.facets)} |"
+        )
+
+
+def types_table() -> Iterator[str]:
+    """Every type: what its nodes are."""
+    yield from _head(
+        "type", "dimension >", "order >", "nodes >", "corners", "mid-nodes", "centres of faces (node: corners)",
+        "own centre", "facets", "gmsh's number",
+    )  # fmt: skip
+    for c in CELLS.values():
+        mids = [n for n, on in enumerate(c.corners_of_node) if len(on) == 2 and n >= c.n_corners]
+        rest = [n for n in range(c.n_nodes) if n >= c.n_corners and n not in mids]
+        own = [n for n in rest if len(c.corners_of_node[n]) == c.n_corners]
+        centres = ", ".join(f"{n}: {_digits(c.corners_of_node[n])}" for n in rest if n not in own)
+        facets = [f.type for f in c.facets]
+        kinds = ", ".join(f"{facets.count(t)} {t}" for t in dict.fromkeys(facets))
+        if c.dim == 1:  # a segment's mid-node is its centre: one name is enough
+            own = [n for n in own if n not in mids]
+        yield (
+            f"| {c.name} | {c.dim} | {c.order} | {c.n_nodes} | {_span(range(c.n_corners))} | {_span(mids)} | {centres} "
+            f"| {_span(own)} | {kinds} | {c.msh or 'none'} |"
+        )
+
+
+def _head(*columns: str) -> Iterator[str]:
+    """The head of a table; a column that ends in > is set to the right."""
+    yield f"| {' | '.join(c.removesuffix(' >') for c in columns)} |"
+    yield f"|{'|'.join('---:' if c.endswith(' >') else '---' for c in columns)}|"
+
+
+def _digits(nodes: tuple[int, ...]) -> str:
+    return "-".join(str(n) for n in nodes)
+
+
+def _span(nodes: Any) -> str:
+    nodes = list(nodes)
+    if len(nodes) < 2:
+        return "".join(str(n) for n in nodes)
+    return f"{nodes[0]} to {nodes[-1]}"
+
+
+#: page -> the tables that stand in it, by the name of their markers
+TABLES = {
+    "cut.md": {"counts": counts_table, "integrals": integrals_table},
+    "conventions.md": {"families": families_table, "types": types_table},
+}
+
+
+def with_tables(page: str, text: str) -> str:
+    """A page's text with its tables as they should be, between `<!-- name: begin -->` and `<!-- name: end -->`."""
+    for name, rows in TABLES[page].items():
+        begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+        found = re.search(f"{begin}\n.*?{end}", text, re.DOTALL)
+        if not found:
+            raise SystemExit(f"docs/{page} has no markers {begin} ... {end}")
+        table = "\n".join(rows())
+        text = text[: found.start()] + f"{begin}\n{table}\n{end}" + text[found.end() :]
+    return text

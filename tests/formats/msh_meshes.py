@@ -1,0 +1,187 @@
+"""Random small meshes that use all a msh file can hold, and more; and meshes as plain values, by number."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import strategies as st
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.formats.entities import assign
+from lacmesh.mesh import Mesh, Model, Periodic, Step
+
+NAMES = ["slave", "A", "b c", "Körper", 'say "hi"', "x" * 300, "é" * 90, "$End", "", "tab\there", "2:7", "a'b", " pad "]
+FIELDS = ["T", "U", "champ é", 'f"q"', "T@0", "entity", "lac_macro", "x" * 200]
+
+
+@st.composite
+def meshes(draw, kinds=tuple(ALL_CELLS), tidy=False):
+    """A mesh; `tidy`: distinct nodes in a cell and entities of the cells' dimension, as gmsh wants them."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    flag = {f: draw(st.booleans()) for f in ("entity", "node_entity", "order", "model", "numbers", "plane", "tags")}
+    n = int(rng.integers(130, 150) if tidy else rng.integers(1, 30))
+    points = np.round(rng.normal(size=(n, 3)) * 10.0 ** rng.integers(-3, 4), 12)
+    if flag["plane"]:
+        points[:, 2] = 0
+    chosen = draw(st.lists(st.sampled_from(kinds), unique=True, max_size=5))
+    blocks = [(kind, _cells(rng, kind, n, tidy)) for kind in chosen]
+    k = sum(len(rows) for _, rows in blocks)
+    cell_dim = np.concatenate([np.zeros(0, int), *(np.full(len(r), ALL_CELLS[t].dim) for t, r in blocks)])
+    groups = _groups(rng, draw(st.lists(st.sampled_from(NAMES), unique=True, max_size=6)), k)
+    tags, used = {}, set()
+    for name in groups:
+        found = {(int(d), int(t)) for d, t in rng.integers([0, 1], [4, 9], (2, 2))} - used
+        if flag["tags"] and found:
+            tags[name] = tuple(sorted(found))
+            used |= found
+    if flag["tags"] and (2, 12) not in used and "2:12" not in groups:
+        groups["2:12"], tags["2:12"] = _some(rng, np.flatnonzero(cell_dim == 2)), ((2, 12),)
+    cell_data = _fields(rng, draw(st.lists(st.sampled_from(FIELDS), unique=True, max_size=3)), k)
+    node_data = _fields(rng, draw(st.lists(st.sampled_from(FIELDS), unique=True, max_size=2)), n)
+    steps = {}
+    for key in list(cell_data):
+        if key != "lac_macro" and draw(st.booleans()):
+            steps |= _steps(rng, cell_data, node_data, key)
+    for data in (cell_data, node_data):
+        data.pop("entity", None)
+    steps = {key: step for key, step in steps.items() if key in cell_data or key in node_data}
+    if flag["entity"]:
+        entity = np.column_stack([cell_dim, rng.integers(1, 4, k)])
+        if not tidy:
+            entity[rng.random(k) < 0.1] = -1
+            entity[rng.random(k) < 0.1, 0] = 2
+        cell_data["entity"] = entity.astype(np.int32)
+    if flag["node_entity"]:
+        node_data["entity"] = rng.integers([0, 1], [4, 4], (n, 2)).astype(np.int32)
+        node_data["entity"][rng.random(n) < 0.2] = -1
+    return Mesh.create(
+        points,
+        blocks,
+        space_dim=draw(st.sampled_from([None, 2, 3])),
+        node_number=_numbers(rng, n) if flag["numbers"] else np.arange(1, n + 1),
+        cell_number=_numbers(rng, k) if flag["numbers"] else np.arange(1, k + 1),
+        file_order=rng.permutation(k) if flag["order"] else None,
+        cell_groups=groups,
+        node_groups=_groups(rng, draw(st.lists(st.sampled_from(NAMES), unique=True, max_size=3)), n),
+        cell_data=cell_data,
+        node_data=node_data,
+        group_tags=tags,
+        steps=steps,
+        zones=tuple(draw(st.lists(st.sampled_from(["zone 1", "z$é"]), max_size=2))),
+        model=_model(rng, n) if flag["model"] else None,
+        name=draw(st.sampled_from(["mesh", "my mesh é", "$"])),
+    )
+
+
+def _cells(rng, kind, n, tidy):
+    rows = [rng.choice(n, ALL_CELLS[kind].n_nodes, replace=not tidy) for _ in range(rng.integers(1, 7))]
+    return np.array(rows)
+
+
+def _some(rng, candidates):
+    return np.sort(rng.permutation(candidates)[: rng.integers(0, len(candidates) + 1)])
+
+
+def _groups(rng, names, size):
+    return {name: _some(rng, np.arange(size)) for name in names}
+
+
+def _numbers(rng, n):
+    return rng.permutation(rng.choice(10 ** int(rng.integers(3, 10)), n, replace=False)) + 1
+
+
+def _fields(rng, names, n):
+    fields = {}
+    for name in names:
+        shape = [(), (1,), (2,), (3,), (6,), (9,), (12,), (3, 3)][rng.integers(8)]
+        values = rng.normal(size=(n, *shape))
+        if name.startswith("lac_"):
+            values = rng.integers(-1, 5, n).astype(np.int32)
+        elif rng.random() < 0.3:
+            values = rng.integers(-1, 2**50, (n, *shape))
+        elif rng.random() < 0.6:
+            values[rng.random(n) < 0.5] = np.nan
+        fields[name] = values
+    return fields
+
+
+def _steps(rng, cell_data, node_data, key):
+    """Make a field one of several steps, or of one step with a time."""
+    if rng.random() < 0.5:
+        return {key: Step(key, int(rng.integers(-1, 3)), int(rng.integers(-1, 2)), float(rng.normal()))}
+    values, steps = cell_data.pop(key), {}
+    node_data.pop(key, None)
+    numbers = [np.arange(3), np.array([5, 2, 9]), np.array([-1, -1, 3]), np.array([10**8, 0, 1])][rng.integers(4)]
+    for j, number in enumerate(numbers.tolist()):
+        cell_data[f"{key}@{j}"] = values * (j + 1)
+        steps[f"{key}@{j}"] = Step(key, number, -1, 0.5 * j)
+    return steps
+
+
+def _model(rng, n):
+    tags = [(d, t) for d in range(4) for t in (1, 2)]
+    boundary = {(d, t): tuple((rng.permutation([1, -2])[: rng.integers(0, 3)]).tolist()) for d, t in tags if d}
+    boundary |= {tag: () for tag in tags if tag[0] == 0}
+    links = tuple(
+        Periodic((d, 1), (d, 2), tuple(rng.normal(size=16)) if d else (), rng.integers(0, n, (d, 2))) for d in range(3)
+    )
+    return Model(boundary, links[: rng.integers(0, 4)])
+
+
+def plain(mesh):
+    """What a mesh says, by the numbers of nodes and cells, without what a writer may choose."""
+    node, cell = mesh.node_number, mesh.cell_number
+    cells = {}
+    for block, first in zip(mesh.blocks, mesh.offsets, strict=False):
+        for j, row in enumerate(block.nodes):
+            cells[int(cell[first + j])] = (block.type, *node[row].tolist())
+    return {
+        "points": dict(zip(node.tolist(), map(tuple, mesh.points.tolist()), strict=True)),
+        "cells": cells,
+        "space_dim": mesh.space_dim,
+        "cell_groups": {name: set(cell[g].tolist()) for name, g in mesh.cell_groups.items()},
+        "node_groups": {name: set(node[g].tolist()) for name, g in mesh.node_groups.items()},
+        "cell_data": {key: _by_number(cell, v) for key, v in mesh.cell_data.items() if key != "entity"},
+        "node_data": {key: _by_number(node, v) for key, v in mesh.node_data.items() if key != "entity"},
+        "steps": {key: tuple(vars(step).values()) for key, step in mesh.steps.items()},
+        "zones": mesh.zones,
+        "name": mesh.name,
+        "periodic": [] if mesh.model is None else [_link(link, node) for link in mesh.model.periodic],
+    }
+
+
+def _by_number(number, values):
+    values = np.asarray(values)
+    integer = values.dtype.kind in "iu"
+    absent = (values == -1) if integer else np.isnan(values)
+    absent = absent.all(axis=tuple(range(1, values.ndim)))
+    rows = {int(n): repr(v.tolist()) for n, v, a in zip(number, values, absent, strict=True) if not a}
+    return integer, values.shape[1:], rows
+
+
+def _link(link, node):
+    return link.slave, link.master, tuple(link.affine), node[np.reshape(link.nodes, (-1, 2))].tolist()
+
+
+def entities(mesh):
+    """The entities of cells and nodes by number (where they are known), and the boundaries that are not empty."""
+    said = {"boundary": {} if mesh.model is None else {t: b for t, b in mesh.model.boundary.items() if b}}
+    for on, number, data in (("cell", mesh.cell_number, mesh.cell_data), ("node", mesh.node_number, mesh.node_data)):
+        if "entity" in data:
+            said[on] = dict(zip(number.tolist(), map(tuple, data["entity"].tolist()), strict=True))
+    return said
+
+
+def decided(mesh):
+    """The same as `assign` decides it."""
+    table = assign(mesh)
+    tags = np.array([(e.dim, e.tag) for e in table.entities]).reshape(-1, 2)
+    return {
+        "cell": dict(zip(mesh.cell_number.tolist(), map(tuple, tags[table.cell].tolist()), strict=True)),
+        "node": dict(zip(mesh.node_number.tolist(), map(tuple, tags[table.node].tolist()), strict=True)),
+        "boundary": {tag: signed for tag, signed in table.boundary.items() if signed},
+    }
+
+
+def order(mesh):
+    """Numbers of the cells in the order of the file."""
+    return mesh.cell_number[slice(None) if mesh.file_order is None else mesh.file_order].tolist()

@@ -1,0 +1,849 @@
+"""MED: what we write and read again is the same; medcoupling and gmsh see the same; damage is an error."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError
+from lacmesh.formats import med
+from lacmesh.formats.med_hdf5 import add_group, created
+from lacmesh.formats.med_types import MED_TYPES
+from lacmesh.mesh import Block, Mesh, Model, Periodic, Step
+from tests.formats.med_old import write_old
+from tests.formats.med_peer import ask
+
+HERE = Path(__file__).parents[1]
+SHARED = Path(os.environ.get("LACMESH_SHARED", HERE.parents[1] / "shared")) / "reference" / "meshes"
+#: our type -> (MED's name, place in our order of the node MED lists k-th), from ../reference, not from the module
+ORDERS = {
+    ours: (key.removeprefix("med:"), places)
+    for ours, row in json.loads((HERE / "reference" / "node_orders.json").read_text()).items()
+    if ours != "about"
+    for key, places in row.items()
+    if key.startswith("med:")
+}
+ORDERS |= {
+    kind: (name, list(range(n))) for kind, name, n in (("POI1", "PO1", 1), ("SEG2", "SE2", 2), ("SEG3", "SE3", 3))
+}
+ORDERS |= {"SEG4": ("SE4", [0, 1, 2, 3])}
+STEP = f"{-1:020d}{-1:020d}"
+
+
+def home_of(file, mesh="mesh"):
+    return file[f"ENS_MAA/{mesh}/{STEP}"]
+
+
+@pytest.fixture
+def cube():
+    """A hexahedron, its lower face in two groups, an orphan node."""
+    points = [*CELLS["HEXA8"].reference, (5, 5, 5)]
+    return Mesh.create(
+        points,
+        [("HEXA8", [range(8)]), ("QUAD4", [[0, 3, 2, 1], [4, 5, 6, 7]])],
+        cell_groups={"body": [0], "slave": [1], "both": [1, 2], "none": []},
+        node_groups={"corner": [0, 8], "no node": []},
+        cell_number=[7, 70, 71],
+        node_number=range(10, 100, 10),
+        cell_data={"colour": [1.0, np.nan, 2.0], "lac_macro": np.array([-1, 0, -1], np.int32)},
+        node_data={"heat": np.arange(9.0)},
+        name="mesh",
+    )
+
+
+# The table
+
+
+def test_types_are_those_of_the_reference():
+    assert {kind.type: (kind.name, list(kind.nodes)) for kind in MED_TYPES} == ORDERS
+
+
+def test_numbers_and_bits_of_types():
+    """MED's number is dimension and nodes; the bits follow those numbers, with OCTA12 (312) which we lack."""
+    for kind in MED_TYPES:
+        cell = ALL_CELLS[kind.type]
+        assert kind.geo == (1 if kind.type == "POI1" else 100 * cell.dim + cell.n_nodes)
+    geos = sorted([*(kind.geo for kind in MED_TYPES), 312])
+    assert [geos.index(kind.geo) for kind in MED_TYPES] == [kind.bit for kind in MED_TYPES]
+    assert [kind.geo for kind in MED_TYPES] == sorted(kind.geo for kind in MED_TYPES)
+
+
+# There and back
+
+
+def arrays(rng, n):
+    """Data of every kind that MED holds, with rows that are missing, one array all missing."""
+    reals, vectors = rng.normal(size=n), rng.normal(size=(n, 3))
+    reals[rng.random(n) < 0.4] = np.nan
+    vectors[rng.random(n) < 0.4] = np.nan
+    vectors[rng.random((n, 3)) < 0.1] = np.nan
+    return {
+        "reals": reals,
+        "vectors": vectors,
+        "missing": np.full(n, np.nan),
+        "lac_macro": np.where(rng.random(n) < 0.7, -1, rng.integers(0, 5, n)).astype(np.int32),
+        "entity": rng.integers(-1, 3, (n, 2)).astype(np.int32),
+        "large": rng.integers(-(2**60), 2**60, n),
+        "colour of é": rng.integers(0, 9, n).astype(float),
+    }
+
+
+def random_mesh(rng, types, n_nodes, names, space_dim=3, data=True, ordered=False):
+    """A mesh of random connectivity: all that matters to a file, whatever the geometry."""
+    blocks = []
+    for kind in types:
+        width = ALL_CELLS[kind].n_nodes
+        k = int(rng.integers(1, 5))
+        blocks.append((kind, np.stack([rng.permutation(n_nodes)[:width] for _ in range(k)])))
+    n_cells = sum(len(rows) for _, rows in blocks)
+    points = rng.normal(size=(n_nodes, 3)) * [1, 1, space_dim == 3]
+    steps, cell_data, node_data = {}, {}, {}
+    if data and n_cells:
+        cell_data, node_data = arrays(rng, n_cells), arrays(rng, n_nodes)
+        for k, (number, order, time) in enumerate([(0, -1, 0.0), (1, -1, 0.5), (1, 2, 0.75)]):
+            steps[f"moved@{k}"] = Step("moved", number, order, time)
+            cell_data[f"moved@{k}"], node_data[f"moved@{k}"] = rng.normal(size=n_cells), rng.normal(size=n_nodes)
+        steps["late"], cell_data["late"] = Step("late", 3, -1, 2.5), rng.normal(size=n_cells)
+    return Mesh.create(
+        points,
+        blocks,
+        space_dim=space_dim,
+        name="maillage é 1",
+        node_number=rng.permutation(3 * n_nodes)[:n_nodes] + 1,
+        cell_number=rng.permutation(3 * n_cells)[:n_cells] + 1,
+        file_order=rng.permutation(n_cells) if ordered else None,
+        cell_groups={name: np.flatnonzero(rng.random(n_cells) < rng.choice([0, 0.3, 1])) for name in names},
+        node_groups={name: np.flatnonzero(rng.random(n_nodes) < rng.choice([0, 0.3, 1])) for name in names[::2]},
+        cell_data=cell_data,
+        node_data=node_data,
+        steps=steps,
+    )
+
+
+def reordered(mesh, order):
+    """The mesh with its cells in the order given, which keeps types together."""
+    kinds = np.repeat([b.type for b in mesh.blocks], np.diff(mesh.offsets))[order].tolist()
+    place = {b.type: (lo, b.nodes) for b, lo in zip(mesh.blocks, mesh.offsets, strict=False)}
+    cells = {kind: np.array([c for c, k in zip(order, kinds, strict=True) if k == kind]) for kind in kinds}
+    return replace(
+        mesh,
+        blocks=tuple(Block(kind, place[kind][1][ids - place[kind][0]]) for kind, ids in cells.items()),
+        cell_number=mesh.cell_number[order],
+        cell_groups={name: np.flatnonzero(np.isin(order, ids)) for name, ids in mesh.cell_groups.items()},
+        cell_data={name: values[order] for name, values in mesh.cell_data.items()},
+        file_order=None,
+    )
+
+
+def as_written(mesh):
+    """The mesh with the cells of each type in the order of the file."""
+    if mesh.file_order is None or not mesh.n_cells:
+        return replace(mesh, file_order=None)
+    rank = np.argsort(mesh.file_order)
+    return reordered(
+        mesh, sorted(range(mesh.n_cells), key=lambda c: (np.searchsorted(mesh.offsets, c, "right"), rank[c]))
+    )
+
+
+def assert_same(mesh, again):
+    assert (again.name, again.space_dim, again.file_order) == (mesh.name, mesh.space_dim, None)
+    assert [b.type for b in again.blocks] == [b.type for b in mesh.blocks]
+    for a, b in zip(mesh.blocks, again.blocks, strict=True):
+        np.testing.assert_array_equal(a.nodes, b.nodes)
+    for name in ("points", "node_number", "cell_number"):
+        np.testing.assert_array_equal(getattr(mesh, name), getattr(again, name), strict=name == "points")
+    for name in ("cell_groups", "node_groups", "cell_data", "node_data"):
+        before, after = getattr(mesh, name), getattr(again, name)
+        assert set(before) == set(after), name
+        for key, values in before.items():
+            np.testing.assert_array_equal(values, after[key], err_msg=f"{name} {key}")
+            assert values.dtype.kind == after[key].dtype.kind, (name, key)
+    for name in ("steps", "zones", "model", "group_tags"):
+        assert getattr(mesh, name) == getattr(again, name), name
+
+
+NAMES = st.lists(
+    st.text(st.characters(exclude_categories=("Cs", "Cc")), min_size=1, max_size=20).map(lambda s: s + "é·"),
+    max_size=5,
+    unique=True,
+)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    seed=st.integers(0, 10**9),
+    types=st.lists(st.sampled_from(sorted(ORDERS)), max_size=6, unique=True),
+    names=NAMES,
+    n_nodes=st.integers(27, 40),
+    flags=st.tuples(st.booleans(), st.booleans()),
+)
+def test_round_trip(tmp_path, seed, types, names, n_nodes, flags):
+    rng = np.random.default_rng(seed)
+    flat = all(ALL_CELLS[t].dim < 3 for t in types) and rng.random() < 0.5
+    mesh = random_mesh(rng, types, n_nodes, names, 2 if flat else 3, *flags)
+    med.write(tmp_path / "a.med", mesh)
+    again = med.read(tmp_path / "a.med")
+    assert_same(as_written(mesh), again)
+    med.write(tmp_path / "b.med", again)
+    assert_same(again, med.read(tmp_path / "b.med"))
+
+
+def test_integers_of_a_cut_are_read_back_as_written(tmp_path, cube):
+    macro, parent = np.array([-1, 0, 1], np.int32), np.array([5, -1, -1], np.int32)
+    internal = np.where(np.arange(9) == 8, 3, -1).astype(np.int32)
+    data = {"lac_macro": macro, "lac_zone": macro, "lac_child": macro, "lac_parent": parent}
+    mesh = replace(cube, cell_data=data, node_data={"lac_internal": internal}, zones=("slave", "seal"))
+    med.write(tmp_path / "cut.med", mesh)
+    again = med.read(tmp_path / "cut.med")
+    assert_same(mesh, again)
+    assert all(values.dtype == np.int32 for values in (*again.cell_data.values(), *again.node_data.values()))
+    with h5py.File(tmp_path / "cut.med") as file:  # sparse: the file holds what is there, and the profile of it once
+        sizes = []
+        file["CHA"].visititems(lambda _, o: sizes.append(o.size) if isinstance(o, h5py.Dataset) else None)
+        assert sorted(sizes) == [1, 1, 2, 2, 2]
+        assert len(file["PROFILS"]) == 1  # the node alone; cells are there or not type by type
+
+
+def test_zones_are_derived_where_our_notes_are_gone(tmp_path):
+    points = np.random.default_rng(0).random((6, 3))
+    macro = np.array([0, 0, 1, -1, 2], np.int32)
+    mesh = Mesh.create(
+        points,
+        [("TRIA3", [[0, 1, 2], [1, 2, 3], [2, 3, 4], [3, 4, 5], [0, 4, 5]])],
+        cell_groups={"slave": [0, 1, 3], "all": range(5), "zone": [0, 1], "big": [0, 1, 2, 3]},
+        cell_data={"lac_macro": macro, "lac_zone": np.array([0, 0, 1, -1, 2], np.int32)},
+        zones=("a", "b", "c"),
+    )
+    med.write(tmp_path / "a.med", mesh)
+    assert med.read(tmp_path / "a.med").zones == ("a", "b", "c")
+    with h5py.File(tmp_path / "a.med", "r+") as file:
+        del file["LACMESH"]
+    assert med.read(tmp_path / "a.med").zones == ("zone", "zone2", "zone3")
+
+
+def test_what_msh_knows_goes_through(tmp_path, cube):
+    model = Model(
+        {(3, 1): (-1, 2), (2, 1): ()},
+        (Periodic((2, 1), (2, 2), tuple(float(k) for k in range(16)), np.array([[0, 4]])),),
+    )
+    tags = {"body": ((3, 1),), "both": ((2, 5), (3, 5)), "none": ((1, 9),)}
+    entity = np.array([[3, 1], [2, 1], [2, 2]])
+    mesh = replace(
+        cube, model=model, group_tags=tags, cell_data={"entity": entity}, node_data={"entity": np.ones((9, 2), int)}
+    )
+    med.write(tmp_path / "a.med", mesh)
+    again = med.read(tmp_path / "a.med")
+    assert (again.group_tags, again.model.boundary) == (tags, model.boundary)
+    (link,) = again.model.periodic
+    assert (link.slave, link.master, link.affine) == ((2, 1), (2, 2), model.periodic[0].affine)
+    np.testing.assert_array_equal(link.nodes, [[0, 4]])
+    np.testing.assert_array_equal(again.cell_data["entity"], entity)
+    np.testing.assert_array_equal(again.node_data["entity"], np.ones((9, 2)))
+
+
+@pytest.mark.parametrize("content", [b"{", b"[1]", b'{"mesh": "mesh", "model": 3}', b'{"mesh": "mesh", "zones": 1}'])
+def test_damaged_notes_are_left_out(tmp_path, cube, content):
+    med.write(tmp_path / "a.med", cube)
+    with h5py.File(tmp_path / "a.med", "r+") as file:
+        file["LACMESH/notes"] = np.frombuffer(content, np.uint8)
+    with pytest.warns(LacmeshWarning, match="notes"):
+        assert_same(replace(cube, zones=()), med.read(tmp_path / "a.med"))
+
+
+def test_a_mesh_without_cells_or_nodes(tmp_path):
+    for points in (np.zeros((0, 3)), np.ones((2, 3))):
+        mesh = Mesh.create(points, [], cell_groups={"a": []}, node_groups={"b": []}, space_dim=3)
+        med.write(tmp_path / "a.med", mesh)
+        assert_same(mesh, med.read(tmp_path / "a.med"))
+
+
+def test_plane_meshes_keep_their_number_of_coordinates(tmp_path):
+    square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
+    for mesh, esp in ((square, 2), (replace(square, space_dim=3), 3)):
+        med.write(tmp_path / "a.med", mesh)
+        with h5py.File(tmp_path / "a.med") as file:
+            assert (file["ENS_MAA/mesh"].attrs["DIM"], file["ENS_MAA/mesh"].attrs["ESP"]) == (2, esp)
+        assert med.read(tmp_path / "a.med").space_dim == esp
+
+
+def test_data_that_med_holds_otherwise(tmp_path, cube):
+    """Slashes, two shapes under one name, tensors, text: changed as little as possible, and said."""
+    cell_data = {
+        "a/b": np.arange(3.0),
+        "two": np.arange(3.0),
+        "tensor": np.arange(27.0).reshape(3, 3, 3),
+        "text": np.array(["x"] * 3),
+    }
+    mesh = replace(cube, cell_data=cell_data, node_data={"two": np.ones((9, 2)), "flag": np.arange(9) > 3})
+    with pytest.warns(LacmeshWarning, match=r"tensor.*text.*'a/b' is written as 'a_b'.*'two' is written as 'two_2'"):
+        med.write(tmp_path / "a.med", mesh)
+    again = med.read(tmp_path / "a.med")
+    assert (set(again.cell_data), set(again.node_data)) == ({"a_b", "two", "tensor"}, {"two_2", "flag"})
+    np.testing.assert_array_equal(again.cell_data["tensor"], cell_data["tensor"].reshape(3, 9))
+    np.testing.assert_array_equal(again.node_data["flag"], np.arange(9) > 3)
+
+
+# Other programs read what we write
+
+
+def ours(mesh):
+    """What `med_peer.say` must find, built from the mesh and the reference's node orders."""
+    types, place = {}, {}
+    for block, lo in zip(mesh.blocks, mesh.offsets, strict=False):
+        name, order = ORDERS[block.type]
+        number = mesh.cell_number[lo : lo + len(block.nodes)].tolist()
+        types[name] = {"nodes": block.nodes[:, order].tolist(), "number": number}
+        place |= {int(lo) + k: [name, k] for k in range(len(block.nodes))}
+    return {
+        "name": mesh.name,
+        "space_dim": mesh.space_dim,
+        "points": mesh.points[:, : mesh.space_dim].tolist(),
+        "types": types,
+        "groups": {name: sorted(place[c] for c in ids.tolist()) for name, ids in mesh.cell_groups.items() if len(ids)},
+        "node_groups": {name: ids.tolist() for name, ids in mesh.node_groups.items() if len(ids)},
+        "node_number": mesh.node_number.tolist(),
+        "all_groups": sorted({*mesh.cell_groups, *mesh.node_groups}),
+    }
+
+
+def assert_says(said, mesh):
+    expected = ours(mesh)
+    if all(number is None for part in said["types"].values() for number in part["number"]):
+        expected["types"] = {
+            name: {**part, "number": [None] * len(part["number"])} for name, part in expected["types"].items()
+        }
+    expected["node_number"] = expected["node_number"] if said["node_number"] else None
+    assert {name: said[name] for name in expected} == expected
+
+
+def dense(field, mesh):
+    """medcoupling's pieces of a step as our arrays: (cells, nodes), NaN where there is nothing."""
+    start = {ORDERS[b.type][0]: (int(lo), len(b.nodes)) for b, lo in zip(mesh.blocks, mesh.offsets, strict=False)}
+    start["NOE"] = (0, mesh.n_nodes)
+    width = len(next(iter(field.values()))[1][0])
+    found = {"cells": np.full((mesh.n_cells, width), np.nan), "nodes": np.full((mesh.n_nodes, width), np.nan)}
+    for support, (places, rows) in field.items():
+        lo, n = start[support]
+        found["nodes" if support == "NOE" else "cells"][
+            lo + np.arange(n)[slice(None) if places is None else places]
+        ] = rows
+    return found["cells"], found["nodes"]
+
+
+def assert_fields(said, mesh):
+    keys = {}
+    for key in (*mesh.cell_data, *mesh.node_data):
+        step = mesh.steps.get(key, Step(key))
+        keys[step.field, step.number, step.order] = key, step.time
+    assert {(name, n, o) for name, steps in said.items() for n, o, _, _ in steps} == set(keys)
+    for name, steps in said.items():
+        for number, order, time, parts in steps:
+            key, expected = keys[name, number, order]
+            assert time == expected
+            for found, data in zip(dense(parts, mesh), (mesh.cell_data, mesh.node_data), strict=True):
+                if key not in data:
+                    assert np.isnan(found).all()
+                    continue
+                values = data[key].reshape(len(data[key]), -1).astype(float)
+                if data[key].dtype.kind == "i":
+                    values[(data[key].reshape(len(values), -1) == -1).all(axis=1)] = np.nan
+                    found = np.where((found == -1).all(axis=1)[:, None], np.nan, found)
+                np.testing.assert_array_equal(found, values, err_msg=key)
+
+
+@pytest.mark.medcoupling
+def test_medcoupling_reads_what_we_write(tmp_path):
+    pytest.importorskip("medcoupling")
+    meshes = {}
+    kinds = sorted(ORDERS)
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        types = kinds if seed == 0 else [kinds[k] for k in rng.permutation(len(kinds))[: seed + 1]]
+        names = ["slave", "peau é à 2", "x" * 80, "ß" * 40, "last"][: seed + 1]
+        mesh = as_written(random_mesh(rng, types, 30, names, ordered=seed % 2 == 1))
+        mesh = replace(mesh, zones=("zone é",), group_tags={"slave": ((2, 1),)})
+        path = tmp_path / f"{seed}.med"
+        med.write(path, mesh)
+        meshes[str(path)] = mesh
+    for path, said in ask("say", *meshes).items():
+        assert_says(said, meshes[path])
+        assert_fields(said["fields"], meshes[path])
+
+
+@pytest.mark.medcoupling
+def test_medcoupling_finds_no_cell_inside_out(tmp_path):
+    pytest.importorskip("medcoupling")
+    files = {}
+    for kind in sorted(k for k in ORDERS if k in CELLS and CELLS[k].dim == 3):
+        path = tmp_path / f"{kind}.med"
+        med.write(path, Mesh.create(CELLS[kind].reference, [(kind, [range(CELLS[kind].n_nodes)])]))
+        files[str(path)] = CELLS[kind].family
+    volume = {"TETRA": 1 / 6, "HEXA": 8, "PENTA": 1, "PYRAM": 4 / 3}
+    for path, said in ask("say", *files).items():
+        assert [v for part in said["volumes"].values() for v in part] == pytest.approx([volume[files[path]]]), path
+
+
+@pytest.mark.medcoupling
+def test_nodes_of_quadratic_cells_stand_where_medcoupling_puts_them(tmp_path):
+    """A cell that medcoupling made quadratic: each node we read is at the mean of the corners that the table says."""
+    pytest.importorskip("medcoupling")
+    ask("raised", tmp_path / "q")
+    found = set()
+    for path in sorted(tmp_path.glob("q.*.med")):
+        mesh = med.read(path)
+        for block in mesh.blocks:
+            x = mesh.points[block.nodes[0]]
+            means = [x[list(corners)].mean(axis=0) for corners in CELLS[block.type].corners_of_node]
+            np.testing.assert_allclose(x, means, atol=1e-12, err_msg=path.name)
+            found.add(block.type)
+    assert found >= {"TRIA6", "QUAD8", "TETRA10", "PYRAM13", "PENTA15", "HEXA20", "TRIA7", "QUAD9", "HEXA27"}
+
+
+@pytest.mark.gmsh
+def test_gmsh_opens_what_we_write(tmp_path):
+    pytest.importorskip("gmsh")
+    meshes = {}
+    known = [k for k in sorted(ORDERS) if k in CELLS and CELLS[k].msh is not None]
+    linear = [k for k in known if CELLS[k].order < 2]  # gmsh loses cells of meshes that mix orders
+    for seed, types in enumerate((linear, *([k] for k in known if k not in linear))):
+        rng = np.random.default_rng(seed)
+        mesh = random_mesh(rng, types, 30, ["slave", "peau é", "last"], data=False)
+        n = mesh.n_cells
+        data = {
+            "lac_macro": np.arange(n, dtype=np.int32) - 2,
+            "entity": np.ones((n, 2), np.int32),
+            "u": rng.normal(size=n),
+        }
+        mesh = replace(mesh, cell_data=data, zones=("a",), node_data={"heat": rng.normal(size=30)})
+        path = tmp_path / f"{seed}.med"
+        med.write(path, mesh)
+        meshes[str(path)] = mesh
+    for path, mesh in meshes.items():
+        said = ask("gmsh", path)[path]
+        assert said["cells"] == {str(CELLS[b.type].msh): len(b.nodes) for b in mesh.blocks}
+        assert said["groups"] == {name: len(ids) for name, ids in mesh.cell_groups.items() if len(ids)}
+        assert said["views"] == 4
+
+
+# We read what other programs write
+
+
+@pytest.fixture(scope="module")
+def reference_meshes():
+    """{file: what medcoupling says} of all shared meshes."""
+    pytest.importorskip("medcoupling")
+    files = sorted(SHARED.glob("*.med"))
+    if not files:
+        pytest.skip(f"no meshes in {SHARED}")
+    return ask("say", *files)
+
+
+@pytest.mark.shared
+@pytest.mark.medcoupling
+def test_code_asters_meshes_are_what_medcoupling_says(reference_meshes):
+    for path, said in reference_meshes.items():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LacmeshWarning)
+            mesh = med.read(Path(path))
+        assert said["types"], path
+        assert_says(said, mesh)
+
+
+@pytest.mark.shared
+def test_code_asters_meshes_go_there_and_back(tmp_path):
+    files = sorted(SHARED.glob("*.med"))
+    if not files:
+        pytest.skip(f"no meshes in {SHARED}")
+    for path in files:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LacmeshWarning)
+            mesh = med.read(path)
+        med.write(tmp_path / "a.med", mesh)
+        assert_same(mesh, med.read(tmp_path / "a.med"))
+
+
+@pytest.mark.medcoupling
+def test_every_version_that_medcoupling_writes(tmp_path):
+    pytest.importorskip("medcoupling")
+    ask("make", tmp_path / "v")
+    files = sorted(tmp_path.glob("v.*.med"))
+    assert len(files) == 5
+    for path in files:
+        with pytest.warns(LacmeshWarning, match="left out, of elno$"):
+            mesh = med.read(path)
+        assert mesh.cells_by_type == {"TRIA3": 1, "QUAD4": 1, "TETRA4": 1, "HEXA8": 1}
+        assert mesh.steps["moved@1"] == Step("moved", 1, -1, 0.5)
+        cells = {kind: i for kind, i in zip([b.type for b in mesh.blocks], range(4), strict=True)}
+        np.testing.assert_array_equal(mesh.cell_data["moved@1"][[cells["TETRA4"], cells["HEXA8"]]], [[2, 2], [3, 4]])
+        assert np.isnan(mesh.cell_data["moved@0"][[cells["TRIA3"], cells["QUAD4"]]]).all()
+        np.testing.assert_array_equal(mesh.node_data["partial"], [np.nan, 1, np.nan, np.nan, 2, *[np.nan] * 4, 3])
+        assert {name: set(mesh.cell_number[ids]) for name, ids in mesh.cell_groups.items()} == {
+            "peau à 2": {70},
+            "B": {70, 80},
+            "V": {7},
+        }
+        np.testing.assert_array_equal(mesh.node_groups["N"], [2, 9])
+        np.testing.assert_array_equal(mesh.node_number, range(10, 110, 10))
+
+
+def old_mesh(seed, space_dim):
+    rng = np.random.default_rng(seed)
+    types = ["TRIA3", "SEG2", "QUAD8"] if space_dim == 2 else ["HEXA20", "TRIA6", "TETRA4", "POI1"]
+    mesh = random_mesh(rng, types, 30, ["SLAVE", "peau", "X" * 80], space_dim, data=False)
+    heat = np.where(rng.random(30) < 0.5, rng.normal(size=30), np.nan)
+    used = {name: ids for name, ids in mesh.cell_groups.items() if len(ids)}
+    data = {"u": rng.normal(size=(mesh.n_cells, 2))}
+    return replace(
+        mesh, name="old", cell_groups=used, node_groups={"N": np.arange(3)}, cell_data=data, node_data={"heat": heat}
+    )
+
+
+@pytest.mark.medcoupling
+def test_med_2_3_as_libmed_reads_it(tmp_path):
+    """Our reader and libmed agree on files of the layout of MED 2.3, whose cells have no order of types."""
+    pytest.importorskip("medcoupling")
+    meshes = {}
+    for seed, space_dim, faces, esp in (
+        (0, 3, (), True),
+        (1, 2, (), True),
+        (2, 3, ("TRIA6",), True),
+        (3, 3, (), False),
+    ):
+        path = tmp_path / f"{seed}.med"
+        mesh = old_mesh(seed, space_dim)
+        write_old(path, mesh, ORDERS, faces, esp)
+        read = med.read(path)
+        kinds = np.repeat([b.type for b in mesh.blocks], np.diff(mesh.offsets))
+        rank = {kind.type: (kind.type in faces, k) for k, kind in enumerate(MED_TYPES)}
+        assert_same(reordered(mesh, sorted(range(mesh.n_cells), key=lambda c: (rank[kinds[c]], c))), read)
+        meshes[str(path)] = read
+    for path, said in ask("say", *meshes).items():
+        assert_says(said, meshes[path])
+        if "2.med" not in path:  # libmed looks for the field of a face among cells
+            assert_fields(said["fields"], meshes[path])
+
+
+def test_families_of_med_2_3_may_stand_at_the_root(tmp_path):
+    mesh = old_mesh(4, 3)
+    write_old(tmp_path / "a.med", mesh, ORDERS)
+    with h5py.File(tmp_path / "a.med", "r+") as file:
+        file.create_group("FAS")
+        file.move("ENS_MAA/old/FAS", "FAS/old")
+    again = med.read(tmp_path / "a.med")
+    assert {name: len(ids) for name, ids in again.cell_groups.items()} == {
+        n: len(i) for n, i in mesh.cell_groups.items()
+    }
+
+
+# What a file may say, and what we say to it
+
+
+def edited(tmp_path, mesh, change):
+    """The mesh as a file, changed by `change(file, group of the step)`."""
+    path = tmp_path / "edited.med"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)
+        med.write(path, mesh)
+    with h5py.File(path, "r+") as file:
+        change(file, home_of(file))
+    return path
+
+
+def put(group, name, values, **attributes):
+    kept = dict(group[name].attrs) if name in group else {}
+    if name in group:
+        del group[name]
+    group[name] = values
+    for key, value in (kept | attributes).items():
+        group[name].attrs[key] = value
+
+
+def test_several_meshes(tmp_path, cube):
+    path = edited(tmp_path, cube, lambda file, _: file.copy("ENS_MAA/mesh", "ENS_MAA/other"))
+    with pytest.raises(RequestError, match="2 meshes, say which: mesh, other"):
+        med.read(path)
+    with pytest.raises(RequestError, match="did you mean other"):
+        med.read(path, "othr")
+    assert_same(cube, med.read(path, "mesh"))
+    with pytest.warns(LacmeshWarning, match="cells in 3 undefined families"):
+        other = med.read(path, "other")  # without families, fields and notes of its own
+    assert (other.name, dict(other.cell_groups), dict(other.cell_data)) == ("other", {}, {})
+
+
+def test_numbers_that_are_missing_are_counted_in_libmeds_order(tmp_path, cube):
+    def without(_, step):
+        del step["NOE/NUM"], step["MAI/QU4/NUM"], step["MAI/HE8/NUM"]
+
+    mesh = med.read(edited(tmp_path, cube, without))
+    np.testing.assert_array_equal(mesh.node_number, range(1, 10))
+    np.testing.assert_array_equal(mesh.cell_number, [3, 1, 2])  # HEXA8 first in the file, QUAD4 first in libmed
+
+
+def test_numbers_given_twice_are_counted(tmp_path, cube):
+    path = edited(tmp_path, cube, lambda _, step: put(step, "MAI/QU4/NUM", np.array([7, 8], "i4")))
+    with pytest.warns(LacmeshWarning, match="cells are numbered from 1"):
+        np.testing.assert_array_equal(med.read(path).cell_number, [3, 1, 2])
+
+
+def test_types_without_order_of_links_come_in_libmeds_order(tmp_path, cube):
+    def unordered(file, step):
+        parts = file.create_group("parts")
+        for name in step["MAI"]:
+            step.copy(f"MAI/{name}", parts, name)
+        del step["MAI"]
+        file.move("parts", f"{step.name}/MAI")
+
+    mesh = med.read(edited(tmp_path, cube, unordered))
+    assert [b.type for b in mesh.blocks] == ["QUAD4", "HEXA8"]
+    np.testing.assert_array_equal(mesh.cell_number, [70, 71, 7])
+    np.testing.assert_array_equal(mesh.cell_groups["both"], [0, 1])
+
+
+def test_latin_1_and_blanks_in_names(tmp_path, cube):
+    def rename(file, _):
+        for family in file["FAS/mesh/ELEME"].values():
+            names = family["GRO/NOM"]
+            values = names[()]
+            for k, row in enumerate(values):
+                if bytes(row.view("u1")).startswith(b"slave"):
+                    values[k] = np.frombuffer("côté".encode("latin-1").ljust(80, b" "), "i1")
+            names[...] = values
+
+    mesh = med.read(edited(tmp_path, cube, rename))
+    np.testing.assert_array_equal(mesh.cell_groups["côté"], [1])
+
+
+def test_what_is_left_out_is_said(tmp_path, cube):
+    def more(file, step):
+        put(step, "NOE/NOM", np.zeros(9 * 16, "i1"))
+        file["ENS_MAA/mesh"].create_group("EQS/twins")
+        file.copy(step, f"ENS_MAA/mesh/{0:020d}{-1:020d}")
+        put(step, "MAI/HE8/FAM", np.array([-99], "i4"))
+
+    with pytest.warns(LacmeshWarning) as caught:
+        mesh = med.read(edited(tmp_path, cube, more))
+    (warning,) = caught
+    for said in ("one of the 2 steps", "names of single nodes", "1 undefined families", "equivalences"):
+        assert said in str(warning.message)
+    assert "body" in mesh.cell_groups
+
+
+def test_gauss_points_are_left_out_whole(tmp_path, cube):
+    def gauss(file, _):
+        leaf = file[f"CHA/colour/{STEP}/MAI.HE8/MED_NO_PROFILE_INTERNAL"]
+        put(leaf, "CO", np.arange(8.0))
+        leaf.attrs["NGA"] = 8
+
+    with pytest.warns(LacmeshWarning, match="of colour$"):
+        assert set(med.read(edited(tmp_path, cube, gauss)).cell_data) == {"lac_macro"}
+
+
+def _polygons(_, step):
+    step.create_group("MAI/POG")
+
+
+BAD = {
+    "polygons are not read": _polygons,
+    "polyhedra are not read": lambda _, step: step.create_group("MAI/POE"),
+    "OCTA12": lambda _, step: step.create_group("MAI/O12"),
+    "cells of type X99 are not read": lambda _, step: step.create_group("MAI/X99"),
+    "structured grid": lambda file, _: file["ENS_MAA/mesh"].attrs.modify("TYP", np.int32(1)),
+    "Cartesian": lambda file, _: file["ENS_MAA/mesh"].attrs.modify("REP", np.int32(1)),
+    "MED version 5.1 is not read": lambda file, _: file["INFOS_GENERALES"].attrs.modify("MAJ", np.int32(5)),
+    "not MED": lambda file, _: file.pop("INFOS_GENERALES"),
+    "holds no mesh": lambda file, _: file["ENS_MAA"].pop("mesh"),
+    "NOE/COO: holds a coordinate that is not finite": lambda _, step: put(step, "NOE/COO", np.full(27, np.inf)),
+    "holds int32, expected reals": lambda _, step: put(step, "NOE/COO", np.zeros(27, "i4")),
+    "NOE/COO: holds 26 values for 9 nodes": lambda _, step: put(step, "NOE/COO", np.zeros(26)),
+    "NOE/NUM: holds 3 values, expected 9": lambda _, step: put(step, "NOE/NUM", np.zeros(3, "i4")),
+    "MAI/HE8/NOD: holds a node outside 1..9": lambda _, step: put(step, "MAI/HE8/NOD", np.arange(8, dtype="i4")),
+    "QU4/NOD: holds a node outside 1..9": lambda _, step: put(step, "MAI/QU4/NOD", np.arange(3, 11, dtype="i4")),
+    "MAI/QU4/NOD: holds 7 values for 2 cells of 4 nodes": lambda _, step: put(step, "MAI/QU4/NOD", np.ones(7, "i4")),
+    "descending": lambda _, step: step["MAI/HE8"].move("NOD", "DES"),
+    "has no attribute NUM": lambda file, _: file["FAS/mesh/ELEME/FAM_-1"].attrs.pop("NUM"),
+    "GRO/NOM: holds 80 bytes for 9 names": lambda file, _: file["FAS/mesh/ELEME/FAM_-1/GRO"].attrs.modify(
+        "NBR", np.int32(9)
+    ),
+    "attribute NBR is not an integer": lambda _, step: put(step, "NOE/COO", np.zeros(27), NBR=np.bytes_(b"nine")),
+    "PROFILE_1/PFL: holds a number outside 1..2": lambda file, _: put(
+        file, "PROFILS/PROFILE_1/PFL", np.array([3], "i4")
+    ),
+    "CO: holds 3 values, expected 1": lambda file, _: put(
+        file, f"CHA/colour/{STEP}/MAI.HE8/MED_NO_PROFILE_INTERNAL/CO", np.zeros(3)
+    ),
+    "another file": lambda _, step: step["NOE"].__setitem__("FAM2", 0) or _external(step["NOE"], "FAM"),
+    "HE8: is a dataset, expected a group": lambda _, step: put(step["MAI"], "HE8", np.zeros(3)),
+}
+
+
+def _external(group, name):
+    del group[name]
+    group[name] = h5py.ExternalLink("elsewhere.med", "/x")
+
+
+@pytest.mark.parametrize("message", BAD)
+def test_what_a_mesh_cannot_be(tmp_path, cube, message):
+    path = edited(tmp_path, cube, BAD[message])
+    with pytest.raises(ReadError) as caught:
+        med.read(path)
+    assert message in str(caught.value)
+    assert caught.value.path == str(path)
+
+
+def test_absurd_sizes_are_refused_before_memory_is_taken(tmp_path, cube):
+    def huge(_, step):
+        del step["MAI/HE8/NOD"]
+        step["MAI/HE8"].create_dataset("NOD", shape=(8 * 10**11,), dtype="i4", chunks=(10**6,))
+        step["MAI/HE8/NOD"].attrs["NBR"] = 10**11
+
+    with pytest.raises(ReadError, match=r"HE8/NOD: declares 3200000000000 bytes, in a file of"):
+        med.read(edited(tmp_path, cube, huge))
+
+
+def test_files_that_are_no_med(tmp_path):
+    for name, content in {
+        "empty.med": b"",
+        "text.med": b"$MeshFormat",
+        "half.med": b"\x89HDF\r\n\x1a\n" + b"0" * 50,
+    }.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(ReadError, match="cannot be read"):
+            med.read(tmp_path / name)
+    with pytest.raises(ReadError, match="cannot be read"):
+        med.read(tmp_path / "missing.med")
+
+
+@pytest.mark.parametrize("kind", ["PYRAM14", "SEG5", "HEXA64"])
+def test_cells_that_med_lacks(tmp_path, kind):
+    n = ALL_CELLS[kind].n_nodes
+    mesh = Mesh.create(np.random.default_rng(0).random((n, 3)), [(kind, [range(n)])])
+    with pytest.raises(WriteError, match=f"MED has no cells of type {kind}, the mesh has 1; .*msh"):
+        med.write(tmp_path / "a.med", mesh)
+    assert not (tmp_path / "a.med").exists()
+
+
+@pytest.mark.parametrize("name", ["x" * 81, "é" * 41, "blank ", "", "nul\0l"])
+def test_group_names_that_med_lacks(tmp_path, cube, name):
+    for groups in ({"cell_groups": {name: np.array([0])}}, {"node_groups": {name: np.array([0])}}):
+        with pytest.raises(WriteError, match="name"):
+            med.write(tmp_path / "a.med", replace(cube, **groups))
+
+
+def test_long_names_of_fields_and_meshes(tmp_path, cube):
+    for change in ({"name": "m" * 65}, {"cell_data": {"d" * 65: np.zeros(3)}}):
+        with pytest.raises(WriteError, match="64 bytes at most"):
+            med.write(tmp_path / "a.med", replace(cube, **change))
+
+
+def test_a_place_that_cannot_be_written(tmp_path, cube):
+    with pytest.raises(WriteError, match="cannot be written"):
+        med.write(tmp_path / "nowhere" / "a.med", cube)
+
+
+def test_groups_track_the_order_of_links_and_not_of_attributes(tmp_path, cube):
+    med.write(tmp_path / "a.med", cube)
+    with h5py.File(tmp_path / "a.med") as file:
+        groups = [file["/"]]
+        file.visititems(lambda _, o: groups.append(o) if isinstance(o, h5py.Group) else None)
+        assert len(groups) > 20
+        for group in groups:
+            made = group.id.get_create_plist()
+            assert (made.get_link_creation_order(), made.get_attr_creation_order()) == (3, 0)
+
+
+# Damage
+
+
+def outcome(path):
+    """A mesh or a LacmeshError; anything else goes up and fails the test."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)
+        try:
+            mesh = med.read(path)
+        except LacmeshError as error:
+            return type(error).__name__
+    for block in mesh.blocks:
+        assert block.nodes.min() >= 0 and block.nodes.max() < mesh.n_nodes
+    assert np.isfinite(mesh.points).all()
+    return "Mesh"
+
+
+@pytest.mark.parametrize("old", [False, True])
+def test_truncated_and_mutated_files(tmp_path, cube, old):
+    source, path = tmp_path / "source.med", tmp_path / "damaged.med"
+    if old:
+        write_old(source, old_mesh(0, 3), ORDERS)
+    else:
+        med.write(source, replace(cube, zones=("a",)))
+    whole = source.read_bytes()
+    rng = random.Random(20240917)
+    found = []
+    for k in range(300):
+        content = bytearray(whole[: rng.randrange(len(whole))] if k % 5 == 0 else whole)
+        for _ in range(0 if k % 5 == 0 else rng.choice([1, 2, 10, 50])):
+            content[rng.randrange(len(content))] = rng.choice([0, 255, rng.randrange(256)])
+        path.write_bytes(content)
+        found.append(outcome(path))
+    assert found.count("ReadError") > 50
+    assert found.count("Mesh") > 20
+
+
+def test_every_part_missing_or_of_another_kind(tmp_path, cube):
+    """Each link and attribute in turn: gone, or replaced by a group, text, reals, too few or very large integers."""
+    source, path = tmp_path / "source.med", tmp_path / "damaged.med"
+    med.write(source, replace(cube, zones=("a",)))
+    places = []
+    with h5py.File(source) as file:
+        file.visititems(lambda name, o: places.extend([(name, None), *((name, key) for key in o.attrs)]))
+    found = []
+    for number, (name, key) in enumerate(places):
+        for change in (None, *np.random.default_rng(number).choice(len(SUBSTITUTES), 1)):
+            shutil.copy(source, path)
+            with h5py.File(path, "r+") as file:
+                holder, link = (file, name) if key is None else (file[name].attrs, key)
+                del holder[link]
+                if change is not None:
+                    SUBSTITUTES[change](holder, link)
+            found.append(outcome(path))
+    assert found.count("ReadError") > 100
+    assert found.count("Mesh") > 100
+
+
+def _group_or_number(holder, name):
+    if isinstance(holder, h5py.AttributeManager):
+        holder[name] = 3.5
+    else:
+        holder.create_group(name)
+
+
+SUBSTITUTES = [
+    _group_or_number,
+    lambda holder, name: holder.__setitem__(name, np.bytes_(b"text")),
+    lambda holder, name: holder.__setitem__(name, np.array([0.5])),
+    lambda holder, name: holder.__setitem__(name, np.array([], "i4")),
+    lambda holder, name: holder.__setitem__(name, np.array([2**62, -(2**62)])),
+    lambda holder, name: holder.__setitem__(name, np.int64(2**62)),
+    lambda holder, name: holder.__setitem__(name, np.int32(-5)),
+    lambda holder, name: holder.__setitem__(name, h5py.Empty("f8")),
+    lambda holder, name: holder.__setitem__(name, "text of any length"),
+]
+
+
+def test_the_writers_own_groups_are_closed_on_failure(tmp_path):
+    with pytest.raises(KeyError), created(tmp_path / "a.med") as root:
+        add_group(root, "x")
+        raise KeyError
+    with h5py.File(tmp_path / "a.med") as file:
+        assert list(file) == ["x"]
