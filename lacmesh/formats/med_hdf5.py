@@ -1,0 +1,260 @@
+"""HDF5 as MED uses it: looking into a file that nobody vouches for, and writing one that libmed accepts.
+
+Whatever is missing, damaged, of the wrong kind or size is a ReadError that names the place inside the file.
+When writing, every group tracks the order in which its links were created, or libmed fails in MEDfamilyCr; attributes
+are not tracked, or libmed fails on a group with more than 8; the file format is held at HDF5 1.10.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import ReadError, WriteError
+from lacmesh.mesh import Floats, Ints
+
+#: How a link is called; h5py gives bytes for what is not UTF-8.
+Name = str | bytes
+#: What h5py raises on a damaged file.
+_DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError, MemoryError)
+_MISSING: Final = object()
+
+
+def text(name: Any) -> str:
+    """A name as MED keeps it: UTF-8 or else latin-1, up to the first NUL, without the blanks that fill it up.
+
+    >>> text(b"SKIN  "), text(b"c" + bytes([0xF4]) + b"t" + bytes([0xE9, 0, 0]))
+    ('SKIN', 'côté')
+    """
+    if isinstance(name, bytes):
+        name = name.split(b"\0", 1)[0]
+        try:
+            name = name.decode("utf-8")
+        except UnicodeDecodeError:
+            name = name.decode("latin-1")
+    return str(name).split("\0", 1)[0].rstrip(" ")
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Branch]:
+    """The root of a file, for reading. Raises ReadError, also for damage met while inside."""
+    try:
+        size = path.stat().st_size
+        with h5py.File(path, "r") as file:
+            yield Branch(path, file, size)
+    except (OSError, RuntimeError) as error:
+        raise ReadError(path, f"cannot be read ({error})") from error
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A group of a file; each look inside gives what was asked for or raises ReadError."""
+
+    path: Path
+    group: h5py.Group
+    file_size: int
+
+    def error(self, message: str, name: Name = "") -> ReadError:
+        """A ReadError about `name` in this group, or about the group."""
+        place = text(self.group.name or "") + ("/" + text(name) if name else "")
+        return ReadError(self.path, message, place.replace("//", "/"))
+
+    @contextmanager
+    def _looking_at(self, name: Name) -> Iterator[None]:
+        try:
+            yield
+        except _DAMAGE as error:
+            raise self.error(f"cannot be read ({error})", name) from error
+
+    def names(self) -> list[Name]:
+        """The links of the group, in the order of their creation where the file keeps it, else by name."""
+        with self._looking_at(""):
+            return list(self.group)
+
+    @property
+    def ordered(self) -> bool:
+        """Whether the file keeps the order in which the group's links were created."""
+        with self._looking_at(""):
+            return bool(self.group.id.get_create_plist().get_link_creation_order())
+
+    def has(self, name: Name) -> bool:
+        """Whether the group has a link of that name."""
+        with self._looking_at(name):
+            return name in self.group
+
+    def _open(self, name: Name, kind: type) -> Any:
+        with self._looking_at(name):
+            link = self.group.get(name, getlink=True)
+            if link is None:
+                raise self.error("is missing", name)
+            if isinstance(link, h5py.ExternalLink):
+                raise self.error("points into another file, which is not followed", name)
+            found = self.group[name]
+            if not isinstance(found, kind):
+                raise self.error(f"is a {type(found).__name__.lower()}, expected a {kind.__name__.lower()}", name)
+            return found
+
+    def branch(self, name: Name) -> Branch:
+        """The group of that name."""
+        return Branch(self.path, self._open(name, h5py.Group), self.file_size)
+
+    def branches(self) -> Iterator[tuple[Name, Branch]]:
+        """All the groups inside, which must be groups."""
+        for name in self.names():
+            yield name, self.branch(name)
+
+    def has_attribute(self, name: str) -> bool:
+        """Whether the group has an attribute of that name."""
+        with self._looking_at(f"@{name}"):
+            return name in self.group.attrs
+
+    def _attribute(self, name: str, of: Name, default: Any) -> Any:
+        holder = self._open(of, h5py.Dataset) if of else self.group
+        with self._looking_at(f"{text(of)}@{name}"):
+            if name in holder.attrs:
+                return np.asarray(holder.attrs[name])
+        if default is _MISSING:
+            raise self.error(f"has no attribute {name}", of)
+        return None
+
+    def integer(self, name: str, default: Any = _MISSING, *, of: Name = "") -> int:
+        """An integer attribute of the group, or of the dataset `of`."""
+        value = self._attribute(name, of, default)
+        if value is None:
+            return default
+        if value.size != 1 or value.dtype.kind not in "iu":
+            raise self.error(f"attribute {name} is not an integer", of)
+        return int(value.reshape(-1)[0])
+
+    def real(self, name: str, default: float) -> float:
+        """A real attribute of the group."""
+        value = self._attribute(name, "", default)
+        if value is None:
+            return default
+        if value.size != 1 or value.dtype.kind not in "iuf":
+            raise self.error(f"attribute {name} is not a number")
+        return float(value.reshape(-1)[0])
+
+    def string(self, name: str, default: str = "") -> str:
+        """A text attribute of the group, without the blanks that fill it up."""
+        value = self._attribute(name, "", default)
+        if value is None:
+            return default
+        if value.size != 1 or value.dtype.kind not in "SUO":
+            raise self.error(f"attribute {name} is not text")
+        return text(value.reshape(-1)[0])
+
+    def check_room(self, n_bytes: int, name: Name = "", packed: bool = True) -> None:
+        """Refuse an array that the file cannot hold: deflate packs 1032 to 1 at most, and MED itself packs nothing."""
+        if n_bytes > (1032 * self.file_size if packed else self.file_size):
+            raise self.error(f"declares {n_bytes} bytes, in a file of {self.file_size}", name)
+
+    def _dataset(self, name: Name) -> Any:
+        dataset = self._open(name, h5py.Dataset)
+        with self._looking_at(name):
+            if dataset.external or dataset.is_virtual:
+                raise self.error("is kept in another file, which is not followed", name)
+            if dataset.shape is None:
+                raise self.error("has no values", name)
+            self.check_room(dataset.dtype.itemsize * int(dataset.size), name, dataset.chunks is not None)
+        return dataset
+
+    def _numbers(self, name: Name, kinds: str, size: int | None) -> NDArray:
+        dataset = self._dataset(name)
+        with self._looking_at(name):
+            if dataset.dtype.kind not in kinds:
+                raise self.error(f"holds {dataset.dtype}, expected {'integers' if 'f' not in kinds else 'reals'}", name)
+            if size is not None and dataset.size != size:
+                raise self.error(f"holds {dataset.size} values, expected {size}", name)
+            values = np.asarray(dataset[()]).reshape(-1)
+            return values.astype(values.dtype.newbyteorder("="), copy=False)
+
+    def integers(self, name: Name, size: int | None = None) -> Ints:
+        """(size,): the values of a dataset of integers."""
+        return self._numbers(name, "iu", size)
+
+    def reals(self, name: Name, size: int | None = None) -> Floats:
+        """(size,): the values of a dataset of reals."""
+        return self._numbers(name, "f", size).astype(float, copy=False)
+
+    def numbers(self, name: Name, size: int | None = None) -> NDArray:
+        """(size,): the values of a dataset of integers or reals."""
+        return self._numbers(name, "iuf", size)
+
+    def raw(self, name: Name) -> bytes:
+        """The bytes of a dataset of characters, however the characters are declared."""
+        dataset = self._dataset(name)
+        with self._looking_at(name):
+            if dataset.dtype.hasobject:
+                raise self.error(f"holds {dataset.dtype}, expected characters", name)
+            return np.asarray(dataset[()]).tobytes()
+
+
+@contextmanager
+def created(path: Path) -> Iterator[h5py.Group]:
+    """The root of a new file. Raises WriteError where the disk refuses."""
+    try:
+        access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+        access.set_libver_bounds(h5py.h5f.LIBVER_EARLIEST, h5py.h5f.LIBVER_V110)
+        make = h5py.h5p.create(h5py.h5p.FILE_CREATE)
+        make.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
+        with h5py.File(h5py.h5f.create(str(path).encode(), h5py.h5f.ACC_TRUNC, make, access)) as file:
+            yield file
+    except (OSError, RuntimeError) as error:
+        raise WriteError(path, f"cannot be written ({error})") from error
+
+
+def add_group(parent: h5py.Group, name: str, **attributes: int | float | str) -> h5py.Group:
+    """A new group, with attributes."""
+    make = h5py.h5p.create(h5py.h5p.GROUP_CREATE)
+    make.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
+    group = h5py.Group(h5py.h5g.create(parent.id, encoded(name), gcpl=make))
+    set_attributes(group, **attributes)
+    return group
+
+
+def add_array(parent: h5py.Group, name: str, values: NDArray, **attributes: int) -> None:
+    """A new dataset, with attributes."""
+    set_attributes(parent.create_dataset(name, data=values), **attributes)
+
+
+def set_attributes(holder: Any, **attributes: int | float | str) -> None:
+    """Attributes as MED wants them: 32-bit integers, 64-bit reals, fixed text."""
+    for name, value in attributes.items():
+        if isinstance(value, str):
+            holder.attrs.create(name, np.bytes_(encoded(value)))
+        else:
+            holder.attrs.create(name, np.int32(value) if isinstance(value, int) else np.float64(value))
+
+
+def set_mask(group: h5py.Group, name: str, value: int) -> None:
+    """A 32-bit mask as an attribute: MED wants HDF5's bit field, not an integer."""
+    kind = h5py.h5t.STD_B32LE
+    attribute = h5py.h5a.create(group.id, name.encode(), kind, h5py.h5s.create(h5py.h5s.SCALAR))
+    attribute.write(np.array(value, "<u4"), mtype=kind)
+
+
+def add_names(parent: h5py.Group, names: list[str], width: int = 80) -> None:
+    """The dataset NOM of a family's GRO: each name an array of `width` bytes, NUL at the end."""
+    values = np.frombuffer(b"".join(encoded(n).ljust(width, b"\0") for n in names), np.int8).reshape(-1, width)
+    kind = h5py.h5t.array_create(h5py.h5t.STD_I8LE, (width,))
+    dataset = h5py.h5d.create(parent.id, b"NOM", kind, h5py.h5s.create_simple((len(names),)))
+    dataset.write(h5py.h5s.ALL, h5py.h5s.ALL, values.copy(), mtype=kind)
+
+
+def compact(values: NDArray) -> Ints:
+    """Integers in 32 bits where they fit, as most libmed expect, else in 64."""
+    fits = not len(values) or (values.min() >= -(2**31) and values.max() < 2**31)
+    return values.astype(np.int32 if fits else np.int64, copy=False)
+
+
+def encoded(name: str) -> bytes:
+    """A name as UTF-8."""
+    return name.encode("utf-8", "surrogateescape")
