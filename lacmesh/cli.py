@@ -356,6 +356,9 @@ def _print_summary(summary: CutSummary, source: Path, target: Path, stage: _Stag
     else:
         table.add_row("every slave face owns an internal dof already: no cell is cut", "", "", "")
     console.print(table)
+    if summary.worst[0] <= 0:
+        message = "cells behind the slave faces were inverted or degenerate before the cut: their children are too"
+        warnings.warn(message, LacmeshWarning, stacklevel=1)
     times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
     print(f"{target}: {times}{_memory()}")
 

@@ -62,22 +62,28 @@ class Cut:
     @property
     def zone_of_face(self) -> Ints:
         """(n_cells,): the place in `zones` of a slave face's zone, -1 for every other cell."""
-        return self.mesh.cell_data["lac_zone"]
+        return self._cell_record("lac_zone")
 
     @property
     def child_kind(self) -> Ints:
         """(n_cells,): 1 to 5 for the slave faces E1 to E5 of a macro-element, -1 for every other cell."""
-        return self.mesh.cell_data["lac_child"]
+        return self._cell_record("lac_child")
 
     @property
     def parent_of_cell(self) -> Ints:
         """(n_cells,): the file's number of the cell that a child replaces, -1 for a cell that the cut left alone."""
-        return self.mesh.cell_data["lac_parent"]
+        return self._cell_record("lac_parent")
 
     @property
     def macro_of_node(self) -> Ints:
         """(n_nodes,): the macro-element whose internal dof a node carries, -1 for every other node."""
-        return self.mesh.node_data[NODE_RECORD]
+        internal = self.mesh.node_data.get(NODE_RECORD)
+        return np.full(self.mesh.n_nodes, -1, np.int32) if internal is None else internal
+
+    def _cell_record(self, name: str) -> Ints:
+        """A record; a file keeps none that says nothing (`lac_parent` where every face was left whole)."""
+        values = self.mesh.cell_data.get(name)
+        return np.full(self.mesh.n_cells, -1, np.int32) if values is None else values
 
     @cached_property
     def internal_nodes(self) -> tuple[Ints, ...]:

@@ -12,6 +12,7 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.patterns import RING_PARENTS, WHOLE_FACES
+from lacmesh.quadrature import measure
 from lacmesh.quality import corner_jacobian
 from lacmesh.skin import FACE_TYPES, REVERSED, Faces, Match, find_owners, find_repeats, label_rows, turn
 from lacmesh.subdivide import CONE_CODE, RING_CODE, WHOLE_CODE, subdivide
@@ -175,6 +176,7 @@ def _outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: Match)
     owner[parents.face] = np.arange(len(parents.face))
     outward = _facets_of(mesh, parents)
     inward = turn(outward.take(owner[own.face]), listed) % 2 == 1
+    inward ^= _inside_out(mesh, parents)[owner[own.face]]
     back = np.sort(own.cell[inward & single[own.face]])
     if not len(back):
         return mesh, faces
@@ -188,6 +190,19 @@ def _outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: Match)
         blocks.append(block._replace(nodes=nodes))
     turned = replace(mesh, blocks=tuple(blocks))
     return turned, _faces_of(turned, cells[first])
+
+
+def _inside_out(mesh: Mesh, parents: Match) -> Ints:
+    """(m,): parents whose nodes turn the wrong way (real meshes have some): their facets point inward."""
+    wrong = np.zeros(mesh.n_cells, bool)
+    for kind, cells, nodes in mesh.select(parents.cell):
+        flat = CELLS[CELLS[kind].linear]
+        x = mesh.points[nodes[:, : flat.n_corners]]
+        if flat.dim == 3:
+            wrong[cells] = measure(flat.name, x) < 0
+        elif mesh.space_dim == 2:
+            wrong[cells] = corner_jacobian(flat.name, x, plane=True) < 0
+    return wrong[parents.cell]
 
 
 def _facets_of(mesh: Mesh, parents: Match) -> Faces:

@@ -22,7 +22,7 @@ def pytest_runtest_setup(item):
 
 @pytest.fixture(scope="session")
 def shared():
-    """../shared/reference, or the folder `reference` in $LACMESH_SHARED."""
+    """The folder `../shared`, or $LACMESH_SHARED: `shared / "reference"` is there."""
     if skips.absence("shared"):
         pytest.skip(skips.absence("shared"))
     return skips.shared_folder()

@@ -40,12 +40,12 @@ def absence(need):
 
 
 def shared_folder():
-    """The folder of reference meshes and cuts: beside the checkout, or in $LACMESH_SHARED."""
-    return Path(os.environ.get("LACMESH_SHARED") or REPOSITORY.parent / "shared") / "reference"
+    """The folder whose `reference` holds meshes and cuts of others: beside the checkout, or $LACMESH_SHARED."""
+    return Path(os.environ.get("LACMESH_SHARED") or REPOSITORY.parent / "shared")
 
 
 def _no_shared():
-    folder = shared_folder()
+    folder = shared_folder() / "reference"
     return None if folder.is_dir() else f"{folder} is absent (LACMESH_SHARED may name another shared folder)"
 
 

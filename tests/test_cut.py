@@ -446,3 +446,18 @@ def test_node_inside_enters_a_group_of_all_corners_of_the_cell_it_was_cut_from()
         grown = cut_skin(replace(mesh, node_groups={"some": some}), "slave").mesh
         on_faces = sum(left_out not in CELLS["HEXA20"].facets[j].nodes[:4] for j in (0, 1))
         assert len(grown.node_groups["some"]) == 19 + 5 * on_faces
+
+
+@pytest.mark.parametrize("name", ["TETRA4", "TRIA3", "HEXA20", "QUAD8"])
+def test_outward_is_outward_also_from_a_cell_that_turns_the_wrong_way(name):
+    for inward in (False, True):
+        mesh = cell_with_faces(name, tuple(range(len(CELLS[name].facets))), inward=inward)
+        mirror = [1, 1, -1] if CELLS[name].dim == 3 else [1, -1, 1]
+        mesh = replace(mesh, points=mesh.points * mirror)
+        cut = cut_skin(mesh, "slave", orient="outward")
+        centre = mesh.points.mean(axis=0)
+        for face in np.flatnonzero(cut.macro_of_face >= 0):
+            _, _, nodes = next(cut.mesh.select(np.array([face])))
+            x = cut.mesh.points[nodes[0]]
+            normal = np.cross(x[1] - x[0], x[2] - x[0] if CELLS[name].dim == 3 else [0, 0, 1])
+            assert normal @ (x.mean(axis=0) - centre) > 0

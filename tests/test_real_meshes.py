@@ -1,0 +1,105 @@
+"""Whole files, cut, written, and opened by the programs that people use; a generated twin of each always runs."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import lacmesh
+from lacmesh.cells import CELLS
+from tests import properties
+from tests.formats.med_peer import ask
+from tests.meshes import random_mesh
+
+#: code_aster's meshes and the group that its tests take as slave
+SLAVE = {
+    "ssnp150c": "BAS",
+    "ssnp170a": "Group_1",
+    "ssnp170e": "Group_1",
+    "ssnp170k": "Group_1",
+    "ssnp170m": "Group_1",
+    "ssnp173a": "Group_2",
+    "ssnv104k": "CON2",
+    "ssnv104l": "CON2",
+    "ssnv219e": "ESCLAVE",
+    "zzzz383a": "Edge_1",
+    "zzzz383b": "Edge_1",
+    "zzzz383c": "Face_2",
+    "zzzz383d": "Face_2",
+}
+GMSH = """
+import gmsh, json, sys
+gmsh.initialize(interruptible=False)
+gmsh.option.setNumber("General.Terminal", 0)
+gmsh.open(sys.argv[1])
+groups = {}
+for dim, tag in gmsh.model.getPhysicalGroups():
+    found = groups.setdefault(gmsh.model.getPhysicalName(dim, tag), [])
+    for entity in gmsh.model.getEntitiesForPhysicalGroup(dim, tag):
+        for tags in gmsh.model.mesh.getElements(dim, entity)[1]:
+            found += [int(t) for t in tags]
+views = [gmsh.option.getString(f"View[{k}].Name") for k in range(len(gmsh.view.getTags()))]
+print(json.dumps({"groups": groups, "views": views, "nodes": len(gmsh.model.mesh.getNodes()[0])}))
+"""
+
+
+def gmsh_says(path):
+    done = subprocess.run([sys.executable, "-c", GMSH, path], capture_output=True, text=True, timeout=60, check=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def opens_everywhere(mesh, slave, folder):
+    """Cut; gmsh and medcoupling find the same groups, cell by cell, and the cut's records as fields."""
+    cut = lacmesh.cut_skin(mesh, slave)
+    properties.is_conforming(mesh, cut)
+    properties.groups_follow(mesh, cut)
+    properties.owns_internal_dofs(mesh, cut)
+    after = cut.mesh
+    same_sign_as_parents(mesh, cut)
+    msh, med = folder / "cut.msh", folder / "cut.med"
+    lacmesh.write(msh, after)
+    lacmesh.write(med, after)
+    seen = gmsh_says(msh)
+    assert seen["nodes"] == after.n_nodes
+    expected = {name: set(after.cell_number[g].tolist()) for name, g in after.cell_groups.items() if len(g)}
+    assert {name: set(tags) for name, tags in seen["groups"].items()} == expected
+    records = {"lac_macro", "lac_zone", "lac_child", "lac_internal"}
+    assert records | ({"lac_parent"} if (cut.parent_of_cell >= 0).any() else set()) <= set(seen["views"])
+    said = ask("say", str(med))[str(med)]
+    numbers = {kind: part["number"] for kind, part in said["types"].items()}
+    groups = {name: {numbers[kind][row] for kind, row in cells} for name, cells in said["groups"].items() if cells}
+    assert groups == expected
+    named = {name: len(members) for name, members in after.node_groups.items() if len(members)}
+    assert {name: len(members) for name, members in said["node_groups"].items() if members} == named
+
+
+def same_sign_as_parents(mesh, cut):
+    """code_aster's meshes have cells that turn the other way; children turn as their parents do."""
+    row = {int(n): k for k, n in enumerate(mesh.cell_number)}
+    children = np.flatnonzero(cut.parent_of_cell >= 0)
+    parents = [row[int(n)] for n in cut.parent_of_cell[children]]
+    assert (properties.volumes(cut.mesh)[children] * properties.volumes(mesh)[parents] > 0).all()
+
+
+@pytest.mark.shared
+@pytest.mark.gmsh
+@pytest.mark.medcoupling
+@pytest.mark.parametrize("name", list(SLAVE))
+@pytest.mark.filterwarnings("ignore:.*left out")
+def test_code_aster_mesh(name, shared, tmp_path):
+    opens_everywhere(lacmesh.read(shared / "reference" / "meshes" / f"{name}.med"), SLAVE[name], tmp_path)
+
+
+@pytest.mark.gmsh
+@pytest.mark.medcoupling
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_generated_twin(dim, order, seed, tmp_path):
+    mesh = random_mesh(np.random.default_rng(seed), dim, order, slaves=6)
+    assert any(CELLS[b.type].dim == dim for b in mesh.blocks)
+    opens_everywhere(mesh, "slave", tmp_path)
