@@ -1,0 +1,56 @@
+# Everything starts here, and installs what it needs: `make demo`, `make test`, in any order (CONTRIBUTING.md).
+
+SHELL := /bin/bash
+BIN := .venv/bin
+INSTALLED := .venv/.installed
+# what `make quick` leaves out: slow tests, and the packages beyond the base and the tests' own
+QUICK := not slow and not gmsh and not medcoupling and not vtk
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help install demo test lint quick bench docs clean
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+install: $(INSTALLED) ## .venv with lacmesh and all that developing it takes
+
+.venv/.system: tools/system.sh tools/python.sh
+	@bash tools/system.sh
+	@mkdir -p .venv && touch $@
+
+$(INSTALLED): pyproject.toml .venv/.system
+	@python=$$(bash tools/python.sh) && $$python -m venv .venv
+	@echo "installing lacmesh and its tools into .venv (some 300 MB to fetch the first time)"
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@touch $@
+
+demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, and draw the result
+	@mkdir -p build
+	$(BIN)/lacmesh cut data/two_blocks.msh --slave slave -o build/two_blocks.lac.msh --force
+	$(BIN)/lacmesh info build/two_blocks.lac.msh
+	$(BIN)/python data/draw_two_blocks.py build/two_blocks.lac.msh build/two_blocks.lac.png
+	@echo
+	@echo "The cut mesh is build/two_blocks.lac.msh (gmsh opens it), its picture build/two_blocks.lac.png."
+
+test: lint ## linters, then every test; what is skipped must be what was expected
+	LACMESH_ALL=1 $(BIN)/pytest -n 2
+
+lint: $(INSTALLED) ## style, types, import layers
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	@$(BIN)/lint-imports --no-cache > .venv/imports.txt || { cat .venv/imports.txt; exit 1; }; tail -n 2 .venv/imports.txt
+
+quick: $(INSTALLED) ## the tests that need neither gmsh, medcoupling nor VTK, in less than a minute
+	$(BIN)/pytest -n 2 -q -m "$(QUICK)"
+
+bench: $(INSTALLED) ## measure speed and memory
+	$(BIN)/python benchmarks/run.py
+
+docs: $(INSTALLED) ## make the figures and tables of docs/ again
+	$(BIN)/python docs/make_figures.py
+
+clean: ## remove .venv, build and every cache
+	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -prune -exec rm -rf {} +
