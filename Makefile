@@ -50,6 +50,7 @@ bench: $(INSTALLED) ## measure speed and memory
 
 docs: $(INSTALLED) ## make the figures and tables of docs/ again
 	$(BIN)/python docs/make_figures.py
+	$(BIN)/python docs/make_pictures.py
 
 clean: ## remove .venv, build and every cache
 	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
