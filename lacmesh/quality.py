@@ -86,7 +86,7 @@ def _areas(tangents: list[NDArray], plane: bool) -> list[NDArray]:
     normals = [_cross(t[:, 0], t[:, 1]) for t in tangents]
     if plane:
         return [n[2] for n in normals]
-    mean = _unit(sum(normals).T[:, None])[:, 0].T
+    mean = _unit(np.sum(normals, axis=0).T[:, None])[:, 0].T
     return [(n * mean).sum(axis=0) for n in normals]
 
 

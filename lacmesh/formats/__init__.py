@@ -44,9 +44,9 @@ def kind_of(path: str | os.PathLike[str]) -> Kind:
     if head.startswith(_HDF5):
         return Kind("med")
     if head.lstrip().startswith(b"$"):
-        from lacmesh.formats import msh
+        from lacmesh.formats.msh import header
 
-        version, binary = msh.header(path, head)
+        version, binary = header(path, head)
         return Kind("msh", version, binary)
     if not head.strip():
         raise ReadError(path, "is empty")
@@ -60,12 +60,12 @@ def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
     """
     kind = kind_of(path)
     if kind.format == "med":
-        from lacmesh.formats import med
+        from lacmesh.formats.med import read as read_med
 
-        return med.read(Path(path), mesh)
-    from lacmesh.formats import msh
+        return read_med(Path(path), mesh)
+    from lacmesh.formats.msh import read as read_msh
 
-    return msh.read(Path(path))
+    return read_msh(Path(path))
 
 
 def write(
@@ -92,14 +92,14 @@ def check_target(path: str | os.PathLike[str]) -> str:
 
 def _writer(path: Path, version: str, binary: bool) -> Callable[[Path, Mesh], Any]:
     if check_target(path) == "med":
-        from lacmesh.formats import med
+        from lacmesh.formats.med import write as write_med
 
-        return med.write
+        return write_med
     if version not in ("4.1", "2.2"):
         raise RequestError(f"msh version {version!r} is not written; choose 4.1 or 2.2")
-    from lacmesh.formats import msh
+    from lacmesh.formats.msh import write as write_msh
 
-    return lambda beside, mesh: msh.write(beside, mesh, version, binary)
+    return lambda beside, mesh: write_msh(beside, mesh, version, binary)
 
 
 def _write_beside(path: Path, fill: Callable[[Path], Any]) -> None:

@@ -172,7 +172,7 @@ def write(root: h5py.Group, mesh: Mesh, name: str, cells: Sequence[tuple[MedType
     fields = _fields(root.file.filename, mesh, said)
     if not fields:
         return
-    supports = {
+    supports: dict[bool, list[tuple[str, int, Ints]]] = {
         True: [("NOE", 1, np.arange(mesh.n_nodes))],
         False: [(f"MAI.{kind.name}", 1 << kind.bit, rows) for kind, rows in cells],
     }
