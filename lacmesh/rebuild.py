@@ -62,7 +62,7 @@ def rebuild(mesh: Mesh, made: Subdivision, follow: Ints, *, extend: bool) -> tup
         file_order=_file_order(mesh, layout),
         cell_groups=cell_groups,
         node_groups=node_groups(mesh, made.births, extend),
-        cell_data={n: np.take(values, layout.source, axis=0) for n, values in mesh.cell_data.items()},
+        cell_data={name: _carry(values, layout.source) for name, values in mesh.cell_data.items()},
         node_data=node_data(mesh, made.births, added),
     )
     if "entity" in new.node_data and "entity" in mesh.cell_data:
@@ -110,7 +110,8 @@ def _block(
     joined = Leaves(kind, *(np.concatenate([getattr(p, f) for p in parts]) for f in ("nodes", "root", "key")))
     joined = joined.take(np.lexsort((joined.key, joined.root)))
     if k is None:
-        return joined.nodes, np.empty(0, np.int32), joined
+        dtype = mesh.blocks[0].nodes.dtype if mesh.blocks else np.int64
+        return joined.nodes.astype(dtype), np.empty(0, np.int32), joined
     old = mesh.blocks[k].nodes
     here = replaced[mesh.offsets[k] : mesh.offsets[k + 1]]
     rows = np.flatnonzero(~here).astype(np.int32)
@@ -132,6 +133,13 @@ def _copy_rows(old: Ints, left_out: NDArray[np.bool_], rows: Ints, target: Ints)
             target[done : done + stop - start] = old[start:stop]
             done += stop - start
         start = stop + 1
+
+
+def _carry(values: NDArray, source: Ints) -> NDArray:
+    """values[source]; pairs of 4 bytes (entities) go as one number of 8, many times faster."""
+    if values.ndim == 2 and values.shape[1] == 2 and values.itemsize == 4 and values.flags.c_contiguous:
+        return np.take(values.view(np.int64)[:, 0], source).view(values.dtype).reshape(-1, 2)
+    return np.take(values, source, axis=0)
 
 
 def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:

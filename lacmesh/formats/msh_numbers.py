@@ -1,0 +1,99 @@
+"""The file's numbers of nodes and cells, and the way back from a number to an index.
+
+Numbers that count 1..n in order need no table; others have one, or a sorted list where they are scattered.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.mesh import Ints
+
+#: gmsh's number of a type -> our name
+TYPE_NAMES = {cell.msh: name for name, cell in ALL_CELLS.items() if cell.msh is not None}
+#: What to say of a type that has no name.
+UNKNOWN_TYPE = "there are elements of type {} of gmsh, which lacmesh does not know; take them out of the mesh"
+#: Rows converted at a time: a piece stays in the processor's cache.
+CHUNK = 1 << 14
+
+
+def counts_up(numbers: Ints) -> bool:
+    """Whether numbers are 1, 2, ... n in order."""
+    n = len(numbers)
+    return n == 0 or (numbers[0] == 1 and numbers[-1] == n and np.array_equal(numbers, np.arange(1, n + 1)))
+
+
+def repeated(numbers: Ints) -> int | None:
+    """A number that stands twice among positive numbers, or None."""
+    n = len(numbers)
+    if n < 2 or (numbers[1:] > numbers[:-1]).all():
+        return None
+    if _dense(numbers):
+        seen = np.zeros(int(numbers.max()) + 1, bool)
+        seen[numbers] = True
+        if np.count_nonzero(seen) == n:
+            return None
+    ordered = np.sort(numbers)
+    twice = ordered[1:][ordered[1:] == ordered[:-1]]
+    return int(twice[0]) if len(twice) else None
+
+
+def _dense(numbers: Ints) -> bool:
+    return int(numbers.max()) < 10 * len(numbers) + 1_000_000
+
+
+class Index:
+    """From numbers, (n,) distinct and positive, to their places 0..n-1; `more`: further numbers, for one of those."""
+
+    def __init__(self, numbers: Ints, more: Ints | None = None, meant: Ints | None = None) -> None:
+        self.n = len(numbers)
+        self._numbers, self._places = numbers, None
+        if more is not None and meant is not None and len(more):
+            self._places = np.append(np.arange(self.n), Index(numbers).places(meant))
+            self._numbers = np.append(numbers, more)
+
+    @cached_property
+    def _up(self) -> bool:
+        return self._places is None and counts_up(self._numbers)
+
+    @cached_property
+    def _table(self) -> Ints | None:
+        """number -> place, the last entry for what is unknown; None where numbers are too scattered for a table."""
+        if not _dense(self._numbers):
+            return None
+        table: Ints = np.full(int(self._numbers.max()) + 2, -1, np.int32 if self.n < 2**31 else np.int64)
+        table[self._numbers] = np.arange(self.n) if self._places is None else self._places
+        return table
+
+    @cached_property
+    def _ordered(self) -> tuple[Ints, Ints]:
+        """The numbers in ascending order, and their places."""
+        order = np.argsort(self._numbers, kind="stable")
+        return self._numbers[order], order if self._places is None else self._places[order]
+
+    def places(self, numbers: Ints) -> Ints:
+        """The place of each number, any shape, int64; -1 where it is unknown."""
+        numbers = np.asarray(numbers)
+        if self._up:
+            known = (numbers >= 1) & (numbers <= self.n)
+            return np.where(known, numbers, 0).astype(np.int64) - 1
+        if self._table is not None:
+            last = len(self._table) - 1
+            known = (numbers >= 0) & (numbers < last)
+            return self._table[np.where(known, numbers, last)].astype(np.int64)
+        ordered, places = self._ordered
+        k = np.minimum(np.searchsorted(ordered, numbers), len(ordered) - 1)
+        return np.where(ordered[k] == numbers, places[k], -1)
+
+    def convert(self, numbers: Ints, out: Ints) -> int | None:
+        """Write the places of rows of numbers to `out`; the first row that has an unknown one, or None."""
+        for a in range(0, len(numbers), CHUNK):
+            piece = np.ascontiguousarray(numbers[a : a + CHUNK])
+            places = piece - 1 if self._up else self.places(piece)
+            if places.min(initial=0) < 0 or places.max(initial=0) >= self.n:
+                return a + int(((places < 0) | (places >= self.n)).any(axis=1).argmax())
+            out[a : a + CHUNK] = places
+        return None
