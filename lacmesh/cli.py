@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import os
 import signal
@@ -33,6 +34,7 @@ class Terminated(BaseException):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; the exit status."""
+    gc.disable()  # a short life of large arrays and no cycles: collecting would only cost time
     args = _parser().parse_args(argv)
     signal.signal(signal.SIGTERM, _terminate)
     with warnings.catch_warnings():

@@ -277,8 +277,12 @@ def _groups(
         lost += n
     if lost:
         _warn(f"{lost} members of groups are cells that the file does not hold: left out")
-    joined = {name: np.concatenate([np.empty(0, np.int64), *parts]) for name, parts in groups.items()}
+    joined = {name: parts[0] if len(parts) == 1 else _joined(parts) for name, parts in groups.items()}
     return joined, {name: tuple(tags) for name, tags in group_tags.items()}
+
+
+def _joined(parts: list[Ints]) -> Ints:
+    return np.concatenate([np.empty(0, np.int64), *parts])
 
 
 def _members(content: Content, first: list[int], index: Index) -> dict[Tag, list[Ints]]:
