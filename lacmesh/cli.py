@@ -8,6 +8,7 @@ import json
 import os
 import signal
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -19,6 +20,7 @@ from lacmesh import __version__
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
 
 if TYPE_CHECKING:
+    from lacmesh.cut import Cut
     from lacmesh.mesh import Mesh
     from lacmesh.report import CutSummary
 
@@ -205,16 +207,26 @@ def _cut(args: argparse.Namespace) -> None:
             skin_only=args.skin_only,
             node_groups=args.node_groups,
         )
+    summary: list[CutSummary] = []
+    reporter = threading.Thread(target=_summarise, args=(mesh, cut, summary))
+    if not (args.quiet or done):
+        reporter.start()  # beside the writing, which waits for the disk
     with stage("write"):
         _write(target, cut.mesh, source, args)
-    if args.quiet:
-        return
-    if done:
+    if done and not args.quiet:
         print(f"{source} is cut already everywhere on {', '.join(args.slave)}: written as it was to {target}")
-        return
+    elif not args.quiet:
+        reporter.join()
+        _print_summary(summary[0], source, target, stage)
+
+
+def _summarise(mesh: Mesh, cut: Cut, summary: list[CutSummary]) -> None:
+    import rich.console
+    import rich.table  # noqa: F401  (what the printing will need)
+
     from lacmesh.report import summarise
 
-    _print_summary(summarise(mesh, cut), source, target, stage)
+    summary.append(summarise(mesh, cut))
 
 
 def _info(args: argparse.Namespace) -> None:

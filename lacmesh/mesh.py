@@ -241,8 +241,10 @@ def _block(kind: str, nodes: Any, n_nodes: int) -> Block:
 
 def _members(name: str, ids: Any, size: int) -> Ints:
     """A group's members: distinct, sorted, inside the mesh."""
-    ids = np.asarray(ids, dtype=np.int64)
-    if ids.ndim != 1:
+    ids = np.asarray(ids)
+    if not ids.size:  # numpy takes an empty list for reals
+        ids = np.empty(0, np.int64)
+    if ids.ndim != 1 or ids.dtype.kind not in "iu":
         raise ValueError(f"group {name!r} must be a list of indices")
     if len(ids) > 1 and not (np.diff(ids) > 0).all():
         ids = np.unique(ids)

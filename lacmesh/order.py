@@ -13,7 +13,7 @@ import numpy as np
 from lacmesh.cells import CELLS, Cell
 from lacmesh.errors import CutError, RequestError
 from lacmesh.mesh import Block, Ints, Mesh
-from lacmesh.rebuild import node_data, node_groups, node_values
+from lacmesh.rebuild import more_numbers, node_data, node_groups, node_values
 from lacmesh.skin import label_rows
 from lacmesh.subdivide import Birth
 
@@ -61,7 +61,7 @@ def raise_order(mesh: Mesh, order: str = "2", *, extend: bool = True) -> Mesh:
         mesh,
         points=node_values(mesh.points, births, added),
         blocks=tuple(Block(t, nodes) for t, nodes in zip(targets, raised, strict=True)),
-        node_number=np.concatenate([mesh.node_number, int(mesh.node_number.max(initial=0)) + 1 + np.arange(added)]),
+        node_number=more_numbers(mesh.node_number, added),
         node_groups=node_groups(mesh, births, extend),
         node_data=node_data(mesh, births, added),
     )

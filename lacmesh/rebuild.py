@@ -17,18 +17,40 @@ from lacmesh.subdivide import Birth, Leaves, Subdivision
 
 
 @dataclass(frozen=True)
+class _Part:
+    """A block of the new mesh: the cells kept of the old block (`kept` of them in `old`), then children of `roots`."""
+
+    old: slice
+    kept: int
+    roots: Ints
+
+
+@dataclass(frozen=True)
 class _Layout:
-    """Where cells go: `source` (new cells,) the old cell each comes from, `new_index` (old cells,) -1 where replaced.
+    """Where cells go: the new `blocks`, a part each; `gone` (old cells,) which were replaced; `new_index` (old cells,).
 
     `child` (c,) indices of the children sorted by `root` (c,), the cell they replace, then in order: `seq` (c,).
     """
 
     blocks: tuple[Block, ...]
-    source: Ints
+    parts: tuple[_Part, ...]
+    gone: NDArray[np.bool_]
     new_index: Ints
     child: Ints
     root: Ints
     seq: Ints
+
+    def carry(self, values: NDArray) -> NDArray:
+        """Values of the old cells (n, ...) on the new ones: their own, or those of the cell that was replaced."""
+        size = sum(part.kept + len(part.roots) for part in self.parts)
+        out = np.empty((size, *values.shape[1:]), values.dtype)
+        start = 0
+        for part in self.parts:
+            _copy_kept(values[part.old], self.gone[part.old], out[start : start + part.kept])
+            start += part.kept
+            out[start : start + len(part.roots)] = values[part.roots]
+            start += len(part.roots)
+        return out
 
 
 @dataclass(frozen=True)
@@ -52,17 +74,16 @@ def rebuild(mesh: Mesh, made: Subdivision, follow: Ints, *, extend: bool) -> tup
     numbers = _cell_numbers(mesh, layout)
     cell_groups = {name: _group(ids, layout) for name, ids in mesh.cell_groups.items()}
     added = made.n_nodes - mesh.n_nodes
-    first_number = int(mesh.node_number.max(initial=0)) + 1
     new = replace(
         mesh,
         points=node_values(mesh.points, made.births, added),
         blocks=layout.blocks,
-        node_number=np.concatenate([mesh.node_number, first_number + np.arange(added)]),
+        node_number=more_numbers(mesh.node_number, added),
         cell_number=numbers,
         file_order=_file_order(mesh, layout),
         cell_groups=cell_groups,
         node_groups=node_groups(mesh, made.births, extend),
-        cell_data={name: _carry(values, layout.source) for name, values in mesh.cell_data.items()},
+        cell_data={name: layout.carry(values) for name, values in mesh.cell_data.items()},
         node_data=node_data(mesh, made.births, added),
     )
     if "entity" in new.node_data and "entity" in mesh.cell_data:
@@ -74,58 +95,57 @@ def _lay_out(mesh: Mesh, leaves: list[Leaves]) -> _Layout:
     by_type: dict[str, list[Leaves]] = {}
     for leaf in leaves:
         by_type.setdefault(leaf.type, []).append(leaf)
-    replaced = np.zeros(mesh.n_cells, bool)
+    gone = np.zeros(mesh.n_cells, bool)
     for leaf in leaves:
-        replaced[leaf.root] = True
+        gone[leaf.root] = True
     old = {block.type: k for k, block in enumerate(mesh.blocks)}
-    new_index = np.full(mesh.n_cells, -1, np.int32)
-    blocks, source, child, root, key = [], [], [], [], []
+    new_index = np.empty(mesh.n_cells, np.int32)
+    blocks, parts, child, key = [], [], [], []
     start = 0
     for kind in [*old, *(t for t in by_type if t not in old)]:
-        nodes, cells, made = _block(mesh, old.get(kind), replaced, kind, by_type.get(kind, []))
-        kept = len(cells)
-        new_index[cells] = np.arange(start, start + kept, dtype=np.int32)
-        child.append(np.arange(start + kept, start + len(nodes), dtype=np.int32))
-        source += [cells, made.root.astype(np.int32)]
-        root.append(made.root)
+        made = _joined(kind, by_type.get(kind, []))
+        span = slice(*mesh.offsets[old[kind] : old[kind] + 2]) if kind in old else slice(0, 0)
+        np.cumsum(~gone[span], out=new_index[span])
+        kept = int(new_index[span][-1]) if span.stop > span.start else 0
+        new_index[span] += start - 1
+        blocks.append(Block(kind, _nodes(mesh, old.get(kind), gone[span], kept, made)))
+        parts.append(_Part(span, kept, made.root))
+        child.append(np.arange(start + kept, start + kept + len(made.root), dtype=np.int32))
         key.append(made.key)
-        blocks.append(Block(kind, nodes))
-        start += len(nodes)
-    all_root, all_key, all_child = (np.concatenate(part) for part in (root, key, child))
+        start += kept + len(made.root)
+    new_index[gone] = -1
+    all_root, all_key, all_child = (np.concatenate(p) for p in ([p.roots for p in parts], key, child))
     order = np.lexsort((all_key, all_root))
     all_root = all_root[order]
     first = np.flatnonzero(np.diff(all_root, prepend=-1))
     seq = np.arange(len(order)) - np.repeat(first, np.diff(first, append=len(order)))
-    filled = tuple(b for b in blocks if len(b.nodes) or b.type in old)
-    return _Layout(filled, np.concatenate(source), new_index, all_child[order], all_root, seq)
+    return _Layout(tuple(blocks), tuple(parts), gone, new_index, all_child[order], all_root, seq)
 
 
-def _block(
-    mesh: Mesh, k: int | None, replaced: NDArray[np.bool_], kind: str, made: list[Leaves]
-) -> tuple[Ints, Ints, Leaves]:
-    """A type's nodes: cells left alone, then children by cell; the old indices of the former, and the latter."""
-    width = ALL_CELLS[kind].n_nodes
-    empty = Leaves(kind, np.empty((0, width), np.int64), np.empty(0, np.int64), np.empty(0, np.int64))
+def _joined(kind: str, made: list[Leaves]) -> Leaves:
+    """The children of one type, by the cell they replace."""
+    empty = Leaves(kind, np.empty((0, ALL_CELLS[kind].n_nodes), np.int64), *(np.empty(0, np.int64),) * 2)
     parts = [empty, *made]
     joined = Leaves(kind, *(np.concatenate([getattr(p, f) for p in parts]) for f in ("nodes", "root", "key")))
-    joined = joined.take(np.lexsort((joined.key, joined.root)))
+    return joined.take(np.lexsort((joined.key, joined.root)))
+
+
+def _nodes(mesh: Mesh, k: int | None, gone: NDArray[np.bool_], kept: int, made: Leaves) -> Ints:
+    """A type's nodes: of the cells that stay, then of the children."""
     if k is None:
-        dtype = mesh.blocks[0].nodes.dtype if mesh.blocks else np.int64
-        return joined.nodes.astype(dtype), np.empty(0, np.int32), joined
+        return made.nodes.astype(mesh.blocks[0].nodes.dtype)
     old = mesh.blocks[k].nodes
-    here = replaced[mesh.offsets[k] : mesh.offsets[k + 1]]
-    rows = np.flatnonzero(~here).astype(np.int32)
-    nodes = np.empty((len(rows) + len(joined.root), width), old.dtype)
-    _copy_rows(old, here, rows, nodes)
-    nodes[len(rows) :] = joined.nodes
-    return nodes, rows + np.int32(mesh.offsets[k]), joined
+    nodes = np.empty((kept + len(made.root), old.shape[1]), old.dtype)
+    _copy_kept(old, gone, nodes[:kept])
+    nodes[kept:] = made.nodes
+    return nodes
 
 
-def _copy_rows(old: Ints, left_out: NDArray[np.bool_], rows: Ints, target: Ints) -> None:
-    """target[: len(rows)] = old[rows], run by run where there are few: copying is several times faster than picking."""
-    gaps = np.flatnonzero(left_out)
+def _copy_kept(old: NDArray, gone: NDArray[np.bool_], target: NDArray) -> None:
+    """target[:] = old[~gone], run by run where there are few: several times faster than picking, and no room needed."""
+    gaps = np.flatnonzero(gone)
     if len(gaps) * 20 > len(old):
-        np.take(old, rows, axis=0, out=target[: len(rows)], mode="clip")
+        target[:] = old[~gone]
         return
     start = done = 0
     for stop in (*gaps.tolist(), len(old)):
@@ -135,15 +155,11 @@ def _copy_rows(old: Ints, left_out: NDArray[np.bool_], rows: Ints, target: Ints)
         start = stop + 1
 
 
-def _carry(values: NDArray, source: Ints) -> NDArray:
-    """values[source]; pairs of 4 bytes (entities) go as one number of 8, many times faster."""
-    if values.ndim == 2 and values.shape[1] == 2 and values.itemsize == 4 and values.flags.c_contiguous:
-        return np.take(values.view(np.int64)[:, 0], source).view(values.dtype).reshape(-1, 2)
-    return np.take(values, source, axis=0)
-
-
 def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
-    numbers = np.take(mesh.cell_number, layout.source)
+    numbers = layout.carry(mesh.cell_number)
+    first = int(mesh.cell_number.max(initial=0)) + 1
+    if first + len(layout.child) > np.iinfo(numbers.dtype).max:
+        numbers = numbers.astype(np.int64)
     if mesh.file_order is None:
         place = layout.root
     else:
@@ -152,8 +168,15 @@ def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
         place = rank[layout.root]
     order = np.lexsort((layout.seq, place))  # new numbers grow along the file
     later = layout.child[order][layout.seq[order] > 0]
-    numbers[later] = int(mesh.cell_number.max(initial=0)) + 1 + np.arange(len(later))
+    numbers[later] = first + np.arange(len(later))
     return numbers
+
+
+def more_numbers(numbers: Ints, added: int) -> Ints:
+    """Some numbers, and as many more after the largest."""
+    first = int(numbers.max(initial=0)) + 1
+    dtype = numbers.dtype if first + added <= np.iinfo(numbers.dtype).max else np.dtype(np.int64)
+    return np.concatenate([numbers, np.arange(first, first + added, dtype=dtype)], dtype=dtype)
 
 
 def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
@@ -166,7 +189,7 @@ def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
     start -= in_file
     if mesh.file_order is not None:
         start[mesh.file_order] = start.copy()
-    place = start[layout.source]
+    place = layout.carry(start)
     del start, count, in_file
     place[layout.child] += layout.seq.astype(np.int32)
     if (place[1:] > place[:-1]).all():
@@ -178,14 +201,17 @@ def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
 
 def _group(members: Ints, layout: _Layout) -> Ints:
     """A cell group after the cut: its cells, and the children of those that were replaced."""
-    new = layout.new_index[members]
-    at = np.searchsorted(members, layout.root)
-    inside = at < len(members)
-    inside[inside] = members[at[inside]] == layout.root[inside]
+    if not len(members):
+        return members
+    consecutive = int(members[-1]) - int(members[0]) + 1 == len(members)
+    new = layout.new_index[slice(members[0], members[-1] + 1) if consecutive else members]
+    root = layout.root.astype(members.dtype)
+    at = np.minimum(np.searchsorted(members, root), len(members) - 1)
+    inside = members[at] == root
     if inside.any():
         new = np.concatenate([new[new >= 0], layout.child[inside]])
         new.sort(kind="stable")
-    return new.astype(np.int64)
+    return new.copy() if consecutive and not inside.any() else new
 
 
 def node_values(old: NDArray, births: list[Birth], added: int) -> NDArray:

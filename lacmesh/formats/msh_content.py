@@ -288,9 +288,10 @@ def _joined(parts: list[Ints]) -> Ints:
 def _members(content: Content, first: list[int], index: Index) -> dict[Tag, list[Ints]]:
     """Physical group -> the indices of its cells, in parts."""
     members: dict[Tag, list[Ints]] = {}
+    small = np.int32 if sum(len(p.number) for p in content.pieces) < 2**31 else np.int64
     for p, a in zip(content.pieces, first, strict=True):
         for tag in p.groups:
-            members.setdefault(tag, []).append(np.arange(a, a + len(p.number)))
+            members.setdefault(tag, []).append(np.arange(a, a + len(p.number), dtype=small))
         if p.physical is not None:
             for physical, rows in _by_value(p.physical):
                 members.setdefault((ALL_CELLS[p.type].dim, physical), []).append(rows + a)
