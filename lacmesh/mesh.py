@@ -51,7 +51,10 @@ class Periodic:
 
 @dataclass(frozen=True)
 class Model:
-    """What msh says of the geometry behind a mesh: which signed entities bound an entity, and the periodic links."""
+    """What msh says of the geometry behind a mesh: which signed entities bound an entity, and the periodic links.
+
+    A bound beyond the largest tag of its dimension is gmsh's way to write an entity embedded in another.
+    """
 
     boundary: Mapping[Tag, tuple[int, ...]] = field(default_factory=dict)
     periodic: tuple[Periodic, ...] = ()

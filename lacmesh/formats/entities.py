@@ -2,7 +2,7 @@
 
 In gmsh a cell belongs to one entity (dimension, tag) and physical groups are lists of entities. `assign` derives such a
 table from groups that overlap as they like: a cell keeps the entity of `cell_data["entity"]`, and an entity is split
-only where group membership differs inside it.
+only where group membership differs inside it. New entities hold cells of one order.
 """
 
 from __future__ import annotations
@@ -86,21 +86,24 @@ class _Classes:
 
     def __init__(self, mesh: Mesh) -> None:
         known, which = _distinct(mesh.cell_data.get("entity"), mesh.n_cells, "cell")
-        n = len(known)  # place n stands for an unknown entity, or one of another dimension than the cell's
+        # places n and n + 1 stand for an unknown entity, or one of another dimension than the cell's: linear cells,
+        # and higher ones apart, since gmsh's getElements shows one order of a shape in an entity
+        n = len(known)
+        width = n + 2
         dims = known[:, 0]
         valid = known[:, 1] > 0
         code = np.empty(mesh.n_cells, np.int32)
         for block, a, b in _spans(mesh):
-            dim = ALL_CELLS[block].dim
-            code[a:b] = np.append(np.where((dims == dim) & valid, np.arange(n), n), n)[which[a:b]] + dim * (n + 1)
-        count = np.bincount(code, minlength=4 * (n + 1))
+            dim, new = ALL_CELLS[block].dim, n + (ALL_CELLS[block].order > 1)
+            code[a:b] = np.where((dims == dim) & valid, np.arange(n), new)[which[a:b]] + dim * width
+        count = np.bincount(code, minlength=4 * width)
         used = np.flatnonzero(count)
         place = np.zeros(len(count), np.int32)
         place[used] = np.arange(len(used))
-        tags = np.append(known[:, 1], 0)
+        tags = np.append(known[:, 1], [0, 0])
         self.of_cell: Ints = place[code]
         self.count: Ints = count[used]
-        self.source: list[Tag] = [(int(u) // (n + 1), int(tags[u % (n + 1)])) for u in used]
+        self.source: list[Tag] = [(int(u) // width, int(tags[u % width])) for u in used]
         self.groups: list[list[int]] = [[] for _ in used]
 
     def split_by_groups(self, mesh: Mesh) -> None:
