@@ -1,6 +1,6 @@
 """Pictures of whole parts for the docs: a real CAD part cut on its curved bore, and the two blocks of the demo.
 
-    python docs/make_pictures.py        needs gmsh and pyvista; writes docs/figures/*.png
+python docs/make_pictures.py        needs gmsh and pyvista; writes docs/figures/*.png
 """
 
 from __future__ import annotations

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import shutil
@@ -37,7 +36,7 @@ def test_commands_run_in_their_order(fresh):
         name, *args = shlex.split(command)
         assert name == "lacmesh"
         assert main(args) == 0, command
-    assert {"two_blocks.med", "quadratic.msh"} <= set(os.listdir(fresh))
+    assert {"two_blocks.med", "quadratic.msh"} <= {p.name for p in fresh.iterdir()}
 
 
 def test_python_runs(fresh):

@@ -1,4 +1,4 @@
-"""Files: one module a format, each `read(path) -> Mesh` and `write(path, mesh, options)`; here, the choice between them.
+"""Files: a module for each format, with `read(path) -> Mesh` and `write(path, mesh)`; here, the choice between them.
 
 The format is known by its content when reading (the first bytes), by its suffix when writing. A file is written beside
 its place and renamed, so that nothing is ever half-written or lost.

@@ -140,17 +140,23 @@ def _write_elements(
         e, block = entities.entities[c.row], mesh.blocks[c.block]
         out.record("3iq", e.dim, e.tag, int(ALL_CELLS[block.type].msh or 0), c.size)
         rows = np.empty((min(c.size, CHUNK), 1 + block.nodes.shape[1]), "<i8")
-        cells = block.nodes[c.cells] if isinstance(c.cells, slice) else None
         for part in pieces(c.size):
             some = rows[: part.stop - part.start]
             some[:, 0] = number[part]
-            nodes = cells[part] if cells is not None else block.nodes[c.cells[part]]
+            nodes = block.nodes[_some(c.cells, part)]
             if up:
                 np.add(nodes, 1, out=some[:, 1:])
             else:
                 some[:, 1:] = node_number[nodes]
             out.int_rows(some)
     out.end("Elements")
+
+
+def _some(cells: slice | Ints, part: slice) -> slice | Ints:
+    """A part of a chunk's cells."""
+    if isinstance(cells, slice):
+        return slice(cells.start + part.start, cells.start + part.stop)
+    return cells[part]
 
 
 def _extremes(numbers: Ints) -> tuple[int, int]:
