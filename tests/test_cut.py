@@ -461,3 +461,44 @@ def test_outward_is_outward_also_from_a_cell_that_turns_the_wrong_way(name):
             x = cut.mesh.points[nodes[0]]
             normal = np.cross(x[1] - x[0], x[2] - x[0] if CELLS[name].dim == 3 else [0, 0, 1])
             assert normal @ (x.mean(axis=0) - centre) > 0
+
+
+def in_file(mesh, cells):
+    """Some cells in the order of the file: (type, number, nodes) each."""
+    order = np.arange(mesh.n_cells) if mesh.file_order is None else mesh.file_order
+    found = {}
+    for kind, ids, nodes in mesh.select(np.asarray(cells)):
+        found |= {int(i): (kind, int(mesh.cell_number[i]), row.tolist()) for i, row in zip(ids, nodes, strict=True)}
+    return [found[int(c)] for c in order if int(c) in found]
+
+
+def test_a_child_that_is_cut_again_is_replaced_where_it_stood():
+    """As code_aster's sequence of cuts: in a hexahedron's five pyramids, the one that owns the second face becomes
+    four tetrahedra in its place."""
+    for second in range(1, 6):
+        once = cut_skin(cell_with_faces("HEXA8", (0,)), "slave")
+        twice = cut_skin(cell_with_faces("HEXA8", (0, second)), "slave")
+        base = set(CELLS["HEXA8"].facets[second].nodes)
+        pyramids = in_file(once.mesh, np.flatnonzero(once.parent_of_cell == 1))
+        (place,) = [k for k, (_, _, nodes) in enumerate(pyramids) if set(nodes[:4]) == base]
+        types = [kind for kind, _, _ in in_file(twice.mesh, np.flatnonzero(twice.parent_of_cell == 1))]
+        assert types == ["PYRAM5"] * place + ["TETRA4"] * 4 + ["PYRAM5"] * (4 - place)
+
+
+def test_new_numbers_grow_along_the_file():
+    for seed in range(5):
+        mesh = random_mesh(np.random.default_rng(seed), 3, slaves=6)
+        after = cut_skin(mesh, "slave").mesh
+        numbers = after.cell_number if after.file_order is None else after.cell_number[after.file_order]
+        new = numbers[numbers > mesh.cell_number.max()]
+        assert len(new) and (np.diff(new) == 1).all()
+
+
+def test_a_face_with_other_mid_nodes_than_its_cell_is_an_error():
+    mesh = cell_with_faces("TETRA10", (0,))
+    face = mesh.block("TRIA6").copy()
+    face[0, 3] = mesh.n_nodes
+    points = np.vstack([mesh.points, mesh.points[mesh.block("TRIA6")[0, 3]]])
+    torn = Mesh.create(points, [("TETRA10", mesh.block("TETRA10")), ("TRIA6", face)], cell_groups={"slave": [1]})
+    with pytest.raises(CutError, match="mid-nodes"):
+        cut_skin(torn, "slave")
