@@ -8,10 +8,9 @@ import json
 import os
 import signal
 import sys
-import threading
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO
@@ -37,6 +36,8 @@ class Terminated(BaseException):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; the exit status."""
     gc.disable()  # a short life of large arrays and no cycles: collecting would only cost time
+    if sys.stdout is None:  # closed by who called us
+        sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
     args = _parser().parse_args(argv)
     signal.signal(signal.SIGTERM, _terminate)
     with warnings.catch_warnings():
@@ -50,6 +51,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         except BrokenPipeError:  # the reader of our output went away, as `head` does
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 0
+        except OSError as error:  # files of ours say so themselves: this is what we print to
+            return _fail(f"the terminal or file that is printed to fails ({error.strerror or error})", 3)
         except KeyboardInterrupt:
             return _fail("interrupted; nothing was written", 130)
         except Terminated:
@@ -187,11 +190,13 @@ def _add_mesh_option(parser: argparse.ArgumentParser) -> None:
 
 
 def _cut(args: argparse.Namespace) -> None:
+    from concurrent.futures import ThreadPoolExecutor
+
     from lacmesh.cut import cut_skin, is_cut
     from lacmesh.formats import read
 
     source = Path(args.input)
-    target = Path(args.output) if args.output else source.with_suffix(f".lac{source.suffix}")
+    target = Path(args.output) if args.output else _beside(source)
     stage = _Stages(args, ("read", "cut", "write"))
     _check_output(target, args)
     with stage("read"):
@@ -207,40 +212,47 @@ def _cut(args: argparse.Namespace) -> None:
             skin_only=args.skin_only,
             node_groups=args.node_groups,
         )
-    summary: list[CutSummary] = []
-    reporter = threading.Thread(target=_summarise, args=(mesh, cut, summary))
-    if not (args.quiet or done):
-        reporter.start()  # beside the writing, which waits for the disk
-    with stage("write"):
-        _write(target, cut.mesh, source, args)
-    if done and not args.quiet:
+    with ThreadPoolExecutor(1) as beside:
+        # beside the writing, which waits for the disk
+        summary = None if args.quiet or done else beside.submit(_summarise, mesh, cut)
+        with stage("write"):
+            _write(target, cut.mesh, source, args)
+    if summary is not None:
+        _print_summary(summary.result(), source, target, stage)
+    elif done and not args.quiet:
         print(f"{source} is cut already everywhere on {', '.join(args.slave)}: written as it was to {target}")
-    elif not args.quiet:
-        reporter.join()
-        _print_summary(summary[0], source, target, stage)
 
 
-def _summarise(mesh: Mesh, cut: Cut, summary: list[CutSummary]) -> None:
+def _beside(source: Path) -> Path:
+    """Where a cut goes when nothing is said: `.lac` before the suffix (the format's own where there is none)."""
+    from lacmesh.formats import kind_of
+
+    kind = kind_of(source)
+    return source.with_name(f"{source.stem}.lac{source.suffix or f'.{kind.format}'}")
+
+
+def _summarise(mesh: Mesh, cut: Cut) -> CutSummary:
     import rich.console
     import rich.table  # noqa: F401  (what the printing will need)
 
     from lacmesh.report import summarise
 
-    summary.append(summarise(mesh, cut))
+    return summarise(mesh, cut)
 
 
 def _info(args: argparse.Namespace) -> None:
     from lacmesh.formats import kind_of, read
     from lacmesh.report import describe
 
-    found = describe(read(args.input, mesh=args.mesh))
+    mesh = read(args.input, mesh=args.mesh)
+    found = describe(mesh)
     if args.json:
         print(json.dumps(found, ensure_ascii=False, indent=2))
         return
     kind = kind_of(args.input)
     name = f"msh {kind.version} {'binary' if kind.binary else 'ASCII'}" if kind.format == "msh" else "MED"
     if not args.quiet:
-        _print_info(args.input, name, found)
+        _print_info(args.input, name, found, mesh.group_tags)
 
 
 def _convert(args: argparse.Namespace) -> None:
@@ -386,7 +398,7 @@ def _memory() -> str:
     return f"; peak memory {peak / 1e6:.0f} MB"
 
 
-def _print_info(path: str, kind: str, found: dict[str, Any]) -> None:
+def _print_info(path: str, kind: str, found: dict[str, Any], tags: Mapping[str, tuple[tuple[int, int], ...]]) -> None:
     console = _console()
     print(f"{path}: {kind}, {found['nodes']:,} nodes, {found['cells']:,} cells")
     if found["bounding_box"]:
@@ -397,9 +409,10 @@ def _print_info(path: str, kind: str, found: dict[str, Any]) -> None:
         table.add_row(name, f"{count:,}")
     console.print(table)
     if found["groups"]:
-        table = _table("group", "dimension", "cells")
+        table = _table("group", "dimension", "cells", "tag")
         for name, group in found["groups"].items():
-            table.add_row(name, str(group["dim"]) if group["dim"] >= 0 else "", f"{group['cells']:,}")
+            dim = str(group["dim"]) if group["dim"] >= 0 else ""
+            table.add_row(name, dim, f"{group['cells']:,}", ", ".join(f"{d}:{t}" for d, t in tags.get(name, ())))
         console.print(table)
     if found["node_groups"]:
         table = _table("node group", "nodes")

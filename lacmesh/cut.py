@@ -43,6 +43,11 @@ class Cut:
     def __post_init__(self) -> None:
         if not is_cut(self.mesh):
             raise CutError("this mesh carries no cut; lacmesh.cut_skin makes one")
+        faces = np.flatnonzero(self.macro_of_face >= 0)
+        kinds = {kind for kind, _, _ in self.mesh.select(faces)}
+        zones = self.zone_of_face[faces]
+        if not kinds <= set(FACE_TYPES[1:]) or zones.min() < 0 or zones.max() >= len(self.zones):
+            raise CutError("the data lac_macro and lac_zone of this mesh are not those of a cut; take them out")
 
     @property
     def zones(self) -> tuple[str, ...]:
@@ -113,7 +118,7 @@ def is_cut(mesh: Mesh) -> bool:
 
 def cut_skin(
     mesh: Mesh,
-    slave: str | Sequence[str],
+    slave: str | int | Sequence[str | int],
     *,
     hexa: str = "pyramid",
     interface: str = "both",
@@ -125,12 +130,13 @@ def cut_skin(
 ) -> Cut:
     """Cut the skin faces of the slave groups, and the cells behind them, into macro-elements.
 
-    `slave`: one group or several (a zone each), named as `Mesh.group` takes them. `hexa`: HEXA8 and HEXA20 become
-    pyramids (`pyramid`), hexahedra (`hexa`), or whichever has the better worst child (`auto`). `interface`: a face
-    between two cells has both cut (`both`) or is an error (`refuse`). `orient`: slave faces are left as they are
-    (`keep`) or turned outward. `skin_only`: cut a skin that has no cells behind it. `node_groups`: a new node enters
-    a node group that holds every corner of the face or cell it lies on (`extend`), or none (`keep`). `ring`: half-width
-    of the inner polygon of ring patterns, `depth`: how deep it goes, both as parts of the parent, in (0, 1).
+    `slave`: one group or several (a zone each), named as `Mesh.group` takes them; an integer is a tag. `hexa`: HEXA8
+    and HEXA20 become pyramids (`pyramid`), hexahedra (`hexa`), or whichever has the better worst child (`auto`).
+    `interface`: a face between two cells has both cut (`both`) or is an error (`refuse`). `orient`: slave faces are
+    left as they are (`keep`) or turned outward. `skin_only`: cut a skin that has no cells behind it. `node_groups`: a
+    new node enters a node group that holds every corner of the face or cell it lies on (`extend`), or none (`keep`).
+    `ring`: half-width of the inner polygon of ring patterns, `depth`: how deep it goes, both as parts of the parent,
+    in (0, 1).
 
     Faces that own an internal dof already (SEG3, QUAD9, TRIA7) become macro-elements as they are. A mesh whose slave
     faces are all covered by a cut is returned unchanged. Raises CutError, GroupNotFoundError, RequestError.
@@ -139,7 +145,7 @@ def cut_skin(
     _check_options(orient=(orient, ("keep", "outward")), node_groups=(node_groups, ("extend", "keep")))
     if not (0 < ring < 1 and 0 < depth < 1):
         raise RequestError(f"ring ({ring}) and depth ({depth}) must lie between 0 and 1")
-    specs = [slave] if isinstance(slave, str) else list(slave)
+    specs = [str(s) for s in ([slave] if isinstance(slave, (str, int)) else slave)]
     if is_cut(mesh):
         return _already_cut(mesh, specs)
     mesh, plan = make_plan(mesh, specs, hexa, interface, orient, skin_only, (ring, depth))
@@ -159,6 +165,7 @@ def _check_options(**options: tuple[str, tuple[str, ...]]) -> None:
 
 
 def _already_cut(mesh: Mesh, specs: list[str]) -> Cut:
+    cut = Cut(mesh)
     dim = int(mesh.cell_dim[mesh.cell_data["lac_macro"] >= 0].max())
     for spec in specs:
         faces = mesh.cells_of(spec)
@@ -170,7 +177,7 @@ def _already_cut(mesh: Mesh, specs: list[str]) -> Cut:
                 f"(cells {mesh.cell_names(left)}); cut the mesh it came from, with every --slave at once",
                 mesh.cell_number[left],
             )
-    return Cut(mesh)
+    return cut
 
 
 def _uncovered(mesh: Mesh, faces: Ints) -> Ints:

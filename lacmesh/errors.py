@@ -82,7 +82,8 @@ def did_you_mean(name: str, known: Iterable[str], limit: int = 8) -> str:
     if not names:
         return "; there are none"
     lower = {n.lower(): n for n in reversed(names)}
-    near = [lower[n] for n in difflib.get_close_matches(name.lower(), list(lower), n=3, cutoff=0.6)]
+    likeness = {n: difflib.SequenceMatcher(None, name.lower(), n).ratio() for n in lower}
+    near = [lower[n] for n in sorted(lower, key=lambda n: (-likeness[n], n)) if likeness[n] >= 0.6][:3]
     if near:
         return f"; did you mean {' or '.join(near)}?"
     more = f" and {len(names) - limit} more" if len(names) > limit else ""

@@ -107,12 +107,14 @@ class Mesh:
         names = [b.type for b in made]
         if len(set(names)) < len(names):
             raise ValueError(f"one block a cell type, not {names}")
+        if rest.get("file_order") is not None:
+            rest["file_order"] = np.asarray(rest["file_order"])
         if space_dim is None:
             solid = any(ALL_CELLS[b.type].dim == 3 and len(b.nodes) for b in made)
             space_dim = 3 if solid or np.any(points[:, 2]) else 2
         n_cells = sum(len(b.nodes) for b in made)
-        rest["node_number"] = np.asarray(rest.get("node_number", np.arange(1, len(points) + 1)))
-        rest["cell_number"] = np.asarray(rest.get("cell_number", np.arange(1, n_cells + 1)))
+        for key, size in (("node_number", len(points)), ("cell_number", n_cells)):
+            rest[key] = np.asarray(rest[key] if size and key in rest else np.arange(1, size + 1))
         for key in ("cell_groups", "node_groups"):
             size = n_cells if key == "cell_groups" else len(points)
             rest[key] = {name: _members(name, ids, size) for name, ids in rest.get(key, {}).items()}
@@ -127,8 +129,9 @@ class Mesh:
         if self.file_order is not None:
             sizes["file_order"] = self.n_cells
         for name, size in sizes.items():
-            if np.shape(getattr(self, name)) != (size,):
-                raise ValueError(f"{name} has shape {np.shape(getattr(self, name))}, expected ({size},)")
+            values = getattr(self, name)
+            if values.shape != (size,) or values.dtype.kind not in "iu":
+                raise ValueError(f"{name} must be integers ({size},), not {values.dtype} {values.shape}")
         for what, data, size in (("cell", self.cell_data, self.n_cells), ("node", self.node_data, self.n_nodes)):
             for name, values in data.items():
                 if len(values) != size:
@@ -227,6 +230,11 @@ class Mesh:
     def cell_names(self, cells: Iterable[int]) -> str:
         """The file's numbers of some cells, for a message."""
         return some(self.cell_number[np.asarray(list(cells), dtype=int)])
+
+
+def distinct(numbers: Ints) -> bool:
+    """Whether no number stands twice."""
+    return bool((numbers[1:] > numbers[:-1]).all()) or len(np.unique(numbers)) == len(numbers)
 
 
 def _block(kind: str, nodes: Any, n_nodes: int) -> Block:

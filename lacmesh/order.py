@@ -6,12 +6,13 @@ and faces are known by their corners, so the mesh stays conforming; an edge that
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lacmesh.cells import CELLS, Cell
-from lacmesh.errors import CutError, RequestError
+from lacmesh.cells import ALL_CELLS, CELLS, Cell
+from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Block, Ints, Mesh
 from lacmesh.rebuild import more_numbers, node_data, node_groups, node_values
 from lacmesh.skin import label_rows
@@ -59,12 +60,17 @@ def raise_order(mesh: Mesh, order: str = "2", *, extend: bool = True) -> Mesh:
     added = sum(b.ids.size for b in births)
     new = replace(
         mesh,
-        points=node_values(mesh.points, births, added),
+        points=node_values("points", mesh.points, births, added),
         blocks=tuple(Block(t, nodes) for t, nodes in zip(targets, raised, strict=True)),
         node_number=more_numbers(mesh.node_number, added),
         node_groups=node_groups(mesh, births, extend),
         node_data=node_data(mesh, births, added),
     )
+    if "entity" in new.node_data and "entity" in new.cell_data:
+        new = replace(new, node_data={**new.node_data, "entity": _node_entities(new, mesh.n_nodes)})
+    if added and mesh.model is not None and mesh.model.periodic:
+        message = "the mesh has periodic links: the new nodes on them have no periodic partner"
+        warnings.warn(message, LacmeshWarning, stacklevel=2)
     return _merge_blocks(new)
 
 
@@ -118,6 +124,17 @@ def _place(mesh: Mesh, wanted: list[_Wanted], raised: list[Ints], targets: list[
                 births.append(_birth(mesh.blocks[w.block], CELLS[targets[w.block]], w.column, rows, ids))
             raised[w.block][:, w.column] = np.where(w.known >= 0, w.known, node[mine])
     return births
+
+
+def _node_entities(mesh: Mesh, first: int) -> Ints:
+    """The entities of nodes; those from `first` on take that of the lowest-dimensional cell they lie on."""
+    values: Ints = mesh.node_data["entity"].copy()
+    order = sorted(range(len(mesh.blocks)), key=lambda k: -ALL_CELLS[mesh.blocks[k].type].dim)
+    for k in order:  # the lowest dimension writes last
+        nodes = mesh.blocks[k].nodes
+        rows, columns = np.nonzero(nodes >= first)
+        values[nodes[rows, columns]] = mesh.cell_data["entity"][mesh.offsets[k] + rows]
+    return values
 
 
 def _birth(block: Block, target: Cell, column: int, rows: Ints, ids: Ints) -> Birth:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
-from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, distinct
 from lacmesh.patterns import RING_PARENTS, WHOLE_FACES
 from lacmesh.quadrature import measure
 from lacmesh.quality import corner_jacobian
@@ -49,9 +50,11 @@ def make_plan(
     shape: tuple[float, float],
 ) -> tuple[Mesh, Plan]:
     """The plan of a cut, and the mesh (its slave faces turned outward if asked for)."""
+    _check_numbers(mesh)
     zones, cells, zone = _slave_cells(mesh, specs, skin_only)
     faces, first = _distinct_faces(mesh, cells)
     dim = int(mesh.cell_dim[cells[0]])
+    _refuse_higher_order(mesh, faces, dim)
     parents = find_owners(faces, _blocks(mesh, dim + 1), mesh.n_nodes)
     _check_parents(mesh, faces, cells[first], parents, interface, skin_only)
     if orient == "outward" and not skin_only:
@@ -68,6 +71,13 @@ def make_plan(
     return mesh, Plan(faces, kinds, zones, zone[first], cells[first], skin, parents)
 
 
+def _check_numbers(mesh: Mesh) -> None:
+    """A cut is recorded by numbers: they must tell cells, and nodes, apart."""
+    for what, numbers in (("cells", mesh.cell_number), ("nodes", mesh.node_number)):
+        if len(numbers) and (numbers.min() < 0 or not distinct(numbers)):
+            raise CutError(f"the numbers of {what} are not distinct, or some are negative: number them again")
+
+
 def _blocks(mesh: Mesh, dim: int) -> Iterator[tuple[str, Ints, Ints]]:
     for k, block in enumerate(mesh.blocks):
         if ALL_CELLS[block.type].dim == dim:
@@ -78,7 +88,7 @@ def _slave_cells(mesh: Mesh, specs: list[str], skin_only: bool) -> tuple[tuple[s
     """Zone names, the slave faces (a cell once, in its first zone), and the zone of each."""
     if not specs:
         raise RequestError("no slave group was given")
-    names = [spec if spec.startswith("entity:") else mesh.group(spec) for spec in specs]
+    names = [_name(mesh, spec) for spec in specs]
     if len(set(names)) < len(names):
         raise RequestError(f"a slave group is given twice: {', '.join(names)}")
     parts = [_skin_faces(mesh, name, skin_only) for name in names]
@@ -86,9 +96,22 @@ def _slave_cells(mesh: Mesh, specs: list[str], skin_only: bool) -> tuple[tuple[s
     zone = np.repeat(np.arange(len(parts)), [len(p) for p in parts])
     first = np.sort(np.unique(cells, return_index=True)[1])
     dims = np.unique(mesh.cell_dim[cells])
+    if mesh.dim < 2:
+        raise CutError("this mesh has lines and points only: there is no skin to cut")
+    empty = [name for k, name in enumerate(names) if not (zone[first] == k).any()]
+    if empty:
+        message = f"every face of {', '.join(empty)} is in an earlier slave group: no macro-element is of that zone"
+        warnings.warn(message, LacmeshWarning, stacklevel=4)
     if len(dims) > 1:
         raise CutError(f"the slave groups {', '.join(names)} have faces of dimensions {dims.tolist()}; cut them apart")
     return tuple(names), cells[first], zone[first]
+
+
+def _name(mesh: Mesh, spec: str) -> str:
+    if not spec.startswith("entity:") or spec in mesh.cell_groups:
+        return mesh.group(spec)
+    mesh.cells_of(spec)
+    return ":".join(["entity", *(str(int(part)) for part in spec.split(":")[1:])])
 
 
 def _skin_faces(mesh: Mesh, name: str, skin_only: bool) -> Ints:
@@ -102,8 +125,8 @@ def _skin_faces(mesh: Mesh, name: str, skin_only: bool) -> Ints:
         odd = wrong if len(wrong) else cells
         raise CutError(
             f"the slave group {name!r} holds cells of dimension {int(mesh.cell_dim[odd].max())} "
-            f"({mesh.cell_names(odd)}); a slave skin is made of faces of dimension {max(want, 1)}, "
-            f"one less than the cells behind it",
+            f"({mesh.cell_names(odd)}); a slave skin is made of faces of dimension "
+            + ("1 or 2" if skin_only else f"{max(want, 1)}, one less than the cells behind it"),
             mesh.cell_number[odd],
         )
     if (dims < want).any():
@@ -165,6 +188,22 @@ def _check_parents(mesh: Mesh, faces: Faces, slave: Ints, parents: Match, interf
         fail(odd, f"and the cells behind them ({behind}) do not have the same mid-nodes: raise the order of both alike")
     if interface == "refuse" and (count == 2).any():
         fail(np.flatnonzero(count == 2), "lie between two cells; --interface both cuts both sides")
+
+
+def _refuse_higher_order(mesh: Mesh, faces: Faces, dim: int) -> None:
+    """Cells of order 3 and higher are never cut, so none may have a slave face, or lie on one."""
+    corners = None
+    for kind, nodes, cells in (b for d in (dim, dim + 1) for b in _blocks(mesh, d) if b[0] in CARRIED and len(b[1])):
+        if corners is None:
+            corners = {tuple(sorted(c for c in row if c >= 0)) for row in faces.corners.tolist()}
+        own = nodes[:, : CARRIED[kind].n_corners]
+        for row in np.flatnonzero(np.count_nonzero(np.isin(own, faces.corners), axis=1) > dim):
+            sets = (s for n in {len(c) for c in corners} for s in combinations(sorted(own[row].tolist()), n))
+            if not corners.isdisjoint(sets):
+                message = (
+                    f"the {kind} {mesh.cell_number[cells[row]]} has a slave face, and cells of its order are not cut"
+                )
+                raise CutError(message, [mesh.cell_number[cells[row]]])
 
 
 def _outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: Match) -> tuple[Mesh, Faces]:

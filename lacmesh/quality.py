@@ -91,9 +91,12 @@ def _areas(tangents: list[NDArray], plane: bool) -> list[NDArray]:
 
 
 def worst(mesh: Mesh, cells: Ints) -> float:
-    """The least corner Jacobian among some cells of a mesh; NaN where there is none to measure."""
+    """The least corner Jacobian among some cells of a mesh; NaN where there is none to measure.
+
+    Cells of a plane mesh count by their own orientation: many meshes list them clockwise.
+    """
     least = [
-        corner_jacobian(kind, mesh.points[nodes], mesh.space_dim == 2).min()
+        corner_jacobian(kind, mesh.points[nodes]).min()
         for kind, _, nodes in mesh.select(cells)
         if kind in CELLS and CELLS[kind].dim > 1
     ]

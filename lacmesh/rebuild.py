@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.errors import DataError
 from lacmesh.mesh import Block, Ints, Mesh
 from lacmesh.subdivide import Birth, Leaves, Subdivision
 
@@ -76,7 +77,7 @@ def rebuild(mesh: Mesh, made: Subdivision, follow: Ints, *, extend: bool) -> tup
     added = made.n_nodes - mesh.n_nodes
     new = replace(
         mesh,
-        points=node_values(mesh.points, made.births, added),
+        points=node_values("points", mesh.points, made.births, added),
         blocks=layout.blocks,
         node_number=more_numbers(mesh.node_number, added),
         cell_number=numbers,
@@ -214,7 +215,7 @@ def _group(members: Ints, layout: _Layout) -> Ints:
     return new.copy() if consecutive and not inside.any() else new
 
 
-def node_values(old: NDArray, births: list[Birth], added: int) -> NDArray:
+def node_values(name: str, old: NDArray, births: list[Birth], added: int) -> NDArray:
     """(n + added, ...): values of old and new nodes, by the shape functions of the cells in which these are born."""
     values = np.concatenate([old, np.zeros((added, *old.shape[1:]), old.dtype)])
     for birth in births:
@@ -225,13 +226,17 @@ def node_values(old: NDArray, births: list[Birth], added: int) -> NDArray:
 def node_data(mesh: Mesh, births: list[Birth], added: int) -> dict[str, NDArray]:
     """Node data of old and new nodes: interpolated, or what the nodes around agree on where it is integer."""
     return {
-        name: (node_values if old.dtype.kind == "f" else _common_values)(old, births, added)
+        name: (node_values if old.dtype.kind in "fc" else _common_values)(name, old, births, added)
         for name, old in mesh.node_data.items()
     }
 
 
-def _common_values(old: NDArray, births: list[Birth], added: int) -> NDArray:
-    """Integer values: that of the nodes around where they agree, else -1."""
+def _common_values(name: str, old: NDArray, births: list[Birth], added: int) -> NDArray:
+    """Integer values: that of the nodes around where they agree, else -1 (so unsigned ones and flags become signed)."""
+    if old.dtype.kind not in "iub":
+        raise DataError(f"the node data {name!r} hold {old.dtype}: only numbers can be carried to new nodes")
+    if old.dtype.kind in "ub":
+        old = old.astype(np.promote_types(old.dtype, np.int8) if old.dtype != np.uint64 else np.int64)
     values = np.concatenate([old, np.full((added, *old.shape[1:]), -1, old.dtype)])
     for birth in births:
         around = values[birth.sources]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.cut import Cut, is_cut
+from lacmesh.errors import CutError
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.patterns import CONE, RING, RING_PARENTS, WHOLE, WHOLE_FACES, face_pattern, parent_pattern
 from lacmesh.quality import worst
@@ -45,8 +47,9 @@ def describe(mesh: Mesh) -> dict[str, Any]:
     low_high = [mesh.points.min(axis=0).tolist(), mesh.points.max(axis=0).tolist()] if mesh.n_nodes else None
     lac = None
     if is_cut(mesh):
-        cut = Cut(mesh)
-        lac = {"macro_elements": cut.n_macros, "zones": list(cut.zones)}
+        with suppress(CutError):  # records that mean something else
+            cut = Cut(mesh)
+            lac = {"macro_elements": cut.n_macros, "zones": list(cut.zones)}
     return {
         "nodes": mesh.n_nodes,
         "cells": mesh.n_cells,

@@ -404,3 +404,63 @@ def test_progress_is_shown_on_a_terminal_only(msh):
     os.close(master)
     assert child.returncode == 0
     assert b"read" in shown and b"write" in shown
+
+
+@pytest.mark.parametrize("name", [".", "/", "..", "", "nofile", "nofile.msh"])
+def test_what_is_no_file_cannot_be_read(name, tmp_path):
+    done = run("cut", name, "--slave", "a", cwd=tmp_path)
+    assert done.returncode == 3 and "cannot be read" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_without_suffix_gets_its_formats(tmp_path, mesh):
+    lacmesh.write(tmp_path / "x.msh", mesh)
+    (tmp_path / "x.msh").rename(tmp_path / "bare")
+    assert main(["cut", str(tmp_path / "bare"), "--slave", "slave", "-q"]) == 0
+    assert Cut(lacmesh.read(tmp_path / "bare.lac.msh")).zones == ("slave",)
+
+
+def test_a_full_or_closed_output_is_no_internal_error(msh):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run([sys.executable, "-m", "lacmesh", "info", str(msh)], stdout=full, stderr=subprocess.PIPE)
+    assert done.returncode == 3 and b"No space left" in done.stderr and b"internal" not in done.stderr
+    closed = subprocess.run(f"{sys.executable} -m lacmesh info {msh} >&-", shell=True, capture_output=True, text=True)
+    assert closed.returncode == 0 and not closed.stderr
+
+
+def test_summary_says_the_worst_quality_before_and_after(tmp_path, capsys):
+    from lacmesh.quality import worst
+
+    mesh = cell_with_faces("TETRA4")
+    lacmesh.write(tmp_path / "t.msh", mesh)
+    main(["cut", str(tmp_path / "t.msh"), "--slave", "slave"])
+    after = cut_skin(mesh, "slave").mesh
+    line = next(row for row in capsys.readouterr().out.splitlines() if "worst quality" in row)
+    figures = [float(word) for word in line.split()[-2:]]
+    assert figures == [round(worst(m, np.arange(m.n_cells)), 3) for m in (mesh, after)]
+    assert figures[1] < figures[0]
+
+
+def test_a_link_to_a_file_stays_a_link(tmp_path, mesh):
+    (tmp_path / "real.msh").write_text("old")
+    (tmp_path / "link.msh").symlink_to("real.msh")
+    lacmesh.write(tmp_path / "link.msh", mesh)
+    assert (tmp_path / "link.msh").is_symlink()
+    assert lacmesh.read(tmp_path / "real.msh").n_cells == mesh.n_cells
+
+
+def test_coordinates_that_are_no_numbers_are_not_written(tmp_path, mesh):
+    points = mesh.points.copy()
+    points[3] = np.nan
+    with pytest.raises(lacmesh.LacmeshError, match=f"nodes {mesh.node_number[3]} are not finite"):
+        lacmesh.write(tmp_path / "n.msh", replace(mesh, points=points))
+    assert not list(tmp_path.iterdir())
+
+
+def test_info_says_the_tags_that_groups_go_by(tmp_path, capsys):
+    mesh = replace(cell_with_faces("HEXA8"), group_tags={"slave": ((2, 5),), "body": ((3, 5),)})
+    lacmesh.write(tmp_path / "t.msh", mesh)
+    assert main(["info", str(tmp_path / "t.msh")]) == 0
+    out = capsys.readouterr().out
+    assert "2:5" in out and "3:5" in out
+    assert main(["info", str(tmp_path / "t.msh"), "--mesh", "other"]) == 2

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from lacmesh import Cut, LacmeshWarning, Mesh, cut_skin, raise_order
 from lacmesh.cells import CELLS
-from lacmesh.errors import CutError, GroupNotFoundError, RequestError
+from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
+from lacmesh.mesh import Model, Periodic
 from lacmesh.quadrature import measure
 from tests import properties
 from tests.meshes import affine, box, cell_with_faces, facets_of, random_mesh, rotate
@@ -502,3 +503,91 @@ def test_a_face_with_other_mid_nodes_than_its_cell_is_an_error():
     torn = Mesh.create(points, [("TETRA10", mesh.block("TETRA10")), ("TRIA6", face)], cell_groups={"slave": [1]})
     with pytest.raises(CutError, match="mid-nodes"):
         cut_skin(torn, "slave")
+
+
+@pytest.mark.parametrize("skin_only", [True, False])
+@pytest.mark.parametrize("kind", ["TRIA10", "TETRA20", "SEG4"])
+def test_cells_of_higher_order_on_a_slave_face_are_refused(kind, skin_only):
+    """They are never cut, so cutting what lies on them would tear the mesh."""
+    n = int(kind.lstrip("SEGTRIA"))
+    points = np.random.default_rng(0).random((n, 3))
+    face = ("TRIA3", [[0, 1, 2]]) if kind == "TETRA20" else ("SEG2", [[0, 1]])
+    blocks = [(kind, [range(n)]), face, *([("TRIA3", [[0, 1, 2]])] if kind == "SEG4" else [])]
+    mesh = Mesh.create(points, blocks, cell_number=[70, 5, 6][: len(blocks)], cell_groups={"slave": [1]})
+    with pytest.raises(CutError, match=f"the {kind} 70 has a slave face") as caught:
+        cut_skin(mesh, "slave", skin_only=skin_only)
+    assert caught.value.cells == (70,)
+
+
+def test_cells_of_higher_order_elsewhere_are_carried_through():
+    mesh = cell_with_faces("TETRA4", (0,))
+    points = np.vstack([mesh.points, np.random.default_rng(0).random((20, 3)) + 9])
+    blocks = [*((b.type, b.nodes) for b in mesh.blocks), ("TETRA20", [np.arange(4, 24)])]
+    cut = cut_skin(Mesh.create(points, blocks, cell_groups={"slave": [1], "far": [2]}), "slave")
+    assert cut.mesh.cells_by_type["TETRA20"] == 1 and cut.mesh.cells_by_type["TETRA4"] == 3
+
+
+def test_a_mesh_of_lines_has_no_skin():
+    line = Mesh.create([[0, 0], [1, 0]], [("SEG2", [[0, 1]]), ("POI1", [[0]])], cell_groups={"slave": [1]})
+    with pytest.raises(CutError, match="no skin"):
+        cut_skin(line, "slave")
+
+
+def test_records_that_are_not_a_cuts_are_refused():
+    mesh = cell_with_faces("HEXA8")
+    odd = replace(mesh, cell_data={"lac_macro": np.array([0, -1])})
+    for call in (lambda: Cut(odd), lambda: cut_skin(odd, "slave")):
+        with pytest.raises(CutError, match="not those of a cut"):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("dtype", "becomes"),
+    [("u1", "i2"), ("u4", "i8"), ("u8", "i8"), ("?", "i1"), ("i2", "i2"), ("c16", "c16"), ("f4", "f4")],
+)
+def test_node_data_of_every_kind_of_number(dtype, becomes):
+    mesh = cell_with_faces("HEXA8")
+    values = np.arange(8).astype(dtype)
+    data = cut_skin(replace(mesh, node_data={"v": values}), "slave").mesh.node_data["v"]
+    assert data.dtype == np.dtype(becomes)
+    np.testing.assert_array_equal(data[:8], values.astype(becomes))
+    face = mesh.block("QUAD4")[0]
+    expected = values[face].mean() if np.dtype(dtype).kind in "fc" else -1
+    if dtype != "?":
+        assert data[8] == pytest.approx(expected)
+
+
+def test_node_data_that_are_no_numbers_are_refused():
+    mesh = replace(cell_with_faces("HEXA8"), node_data={"label": np.array(list("abcdefgh"))})
+    with pytest.raises(DataError, match="only numbers"):
+        cut_skin(mesh, "slave")
+
+
+def test_numbers_that_do_not_tell_cells_apart_are_refused():
+    mesh = cell_with_faces("HEXA8")
+    for numbers in ([3, 3], [-1, 2]):
+        with pytest.raises(CutError, match="not distinct"):
+            cut_skin(replace(mesh, cell_number=np.array(numbers)), "slave")
+    with pytest.raises(ValueError, match="integers"):
+        Mesh.create(mesh.points, mesh.blocks, cell_number=[1.0, 2.0])
+
+
+def test_a_tag_may_be_a_number_and_a_zone_without_faces_is_said():
+    mesh = cell_with_faces("HEXA8")
+    mesh = replace(mesh, group_tags={"slave": ((2, 5),)}, cell_data={"entity": np.array([[3, 1], [2, 7]], np.int32)})
+    assert cut_skin(mesh, 5).zones == ("slave",)
+    assert cut_skin(mesh, "entity:2:07").zones == ("entity:2:7",)
+    with pytest.raises(RequestError, match="twice"):
+        cut_skin(mesh, ["entity:2:7", "entity:2:07"])
+    with pytest.warns(LacmeshWarning, match="in an earlier slave group"):
+        assert cut_skin(mesh, ["slave", "entity:2:7"]).n_macros == 1
+
+
+def test_periodic_faces_are_warned_of():
+    mesh = cell_with_faces("HEXA8")
+    link = Periodic((2, 7), (2, 8), (), np.empty((0, 2), int))
+    mesh = replace(mesh, cell_data={"entity": np.array([[3, 1], [2, 7]], np.int32)}, model=Model(periodic=(link,)))
+    with pytest.warns(LacmeshWarning, match="periodic entities .2:7."):
+        cut_skin(mesh, "slave")
+    with pytest.warns(LacmeshWarning, match="periodic links"):
+        raise_order(mesh)

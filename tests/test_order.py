@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -94,3 +96,25 @@ def test_cells_that_are_quadratic_already_keep_their_own_mid_nodes():
     cells = [[0, 1, 2, 4, 5, 6], [1, 3, 2, 7, 8, 9]]
     raised = raise_order(Mesh.create(x, [("TRIA6", cells)]))
     np.testing.assert_array_equal(raised.block("TRIA6"), cells)
+
+
+def test_data_follow_cells_when_blocks_merge():
+    x = [[0, 0], [1, 0], [0, 1], [1, 1], [0.5, 0], [0.5, 0.5], [0, 0.5], [2, 0], [2, 1]]
+    blocks = [("TRIA3", [[1, 3, 2]]), ("QUAD4", [[1, 7, 8, 3]]), ("TRIA6", [[0, 1, 2, 4, 5, 6]])]
+    mesh = Mesh.create(x, blocks, cell_number=[5, 6, 9], cell_data={"colour": [0.5, 0.6, 0.9]})
+    raised = raise_order(mesh)
+    assert [b.type for b in raised.blocks] == ["TRIA6", "QUAD8"]
+    assert raised.cell_number.tolist() == [5, 9, 6]
+    assert raised.cell_data["colour"].tolist() == [0.5, 0.9, 0.6]
+
+
+def test_new_nodes_take_the_entity_of_the_lowest_cell_they_lie_on():
+    mesh = cell_with_faces("HEXA8")
+    mesh = replace(
+        mesh,
+        cell_data={"entity": np.array([[3, 1], [2, 9]], np.int32)},
+        node_data={"entity": np.array([[0, k + 1] for k in range(8)], np.int32)},
+    )
+    raised = raise_order(mesh, "2-full")
+    new = raised.node_data["entity"][8:].tolist()
+    assert new.count([2, 9]) == 5 and new.count([3, 1]) == 14

@@ -14,7 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lacmesh.errors import ReadError, RequestError, WriteError, did_you_mean
+import numpy as np
+
+from lacmesh.errors import ReadError, RequestError, WriteError, did_you_mean, some
 from lacmesh.mesh import Mesh
 
 
@@ -63,6 +65,8 @@ def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
         from lacmesh.formats.med import read as read_med
 
         return read_med(Path(path), mesh)
+    if mesh is not None:
+        raise RequestError(f"{path} is a msh file, which holds one mesh: leave out the name {mesh!r}")
     from lacmesh.formats.msh import read as read_msh
 
     return read_msh(Path(path))
@@ -75,8 +79,11 @@ def write(
 
     An existing file is replaced, at the end and whole, unless `force` is False. Raises WriteError, RequestError.
     """
-    path = Path(path)
+    path = Path(os.path.realpath(path))  # a link stays one, what it points to is replaced
     writer = _writer(path, msh, binary)
+    if not np.isfinite(mesh.points).all():
+        nodes = some(mesh.node_number[~np.isfinite(mesh.points).all(axis=1)])
+        raise WriteError(path, f"the coordinates of nodes {nodes} are not finite numbers")
     if not force and path.exists():
         raise RequestError(f"{path} exists already; --force replaces it, -o names another file")
     _write_beside(path, lambda beside: writer(beside, mesh))

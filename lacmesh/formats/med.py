@@ -66,9 +66,10 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     return found
 
 
-def _say(path: Path, said: list[str]) -> None:
+def _say(path: Path | None, said: list[str]) -> None:
     if said:
-        warnings.warn(f"{path}: {'; '.join(said)}", LacmeshWarning, stacklevel=3)
+        where = f"{path}: " if path else "MED: "
+        warnings.warn(where + "; ".join(said), LacmeshWarning, stacklevel=3)
 
 
 def _check_version(root: Branch) -> None:
@@ -274,7 +275,7 @@ def write(path: Path, mesh: Mesh) -> None:
         families.write(home, "NOEUD", node_families, 1)
         fields.write(root, mesh, name, cells, said)
         notes.write(root, mesh, name)
-    _say(path, said)
+    _say(None, said)  # `path` may stand for another file (`formats.write`)
 
 
 def _check(path: Path, mesh: Mesh) -> None:
