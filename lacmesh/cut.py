@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, codes
 from lacmesh.patterns import WHOLE_FACES, internal_points
 from lacmesh.plan import HEXA, Plan, make_plan
 from lacmesh.rebuild import Origin, rebuild
@@ -225,7 +225,7 @@ def _internal(n_nodes: int, plan: Plan, face_points: Ints, ring: float) -> Ints:
     """(n_nodes,): the macro-element whose internal dof each node carries."""
     owner = np.full(n_nodes, -1, np.int32)
     code = plan.faces.type * len(KINDS) + plan.kinds
-    for value in np.unique(code):
+    for value in codes(code):
         face, kind = FACE_TYPES[value // len(KINDS)], KINDS[value % len(KINDS)]
         rows = np.flatnonzero(code == value)
         if face in WHOLE_FACES:

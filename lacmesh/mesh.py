@@ -232,6 +232,15 @@ class Mesh:
         return some(self.cell_number[np.asarray(list(cells), dtype=int)])
 
 
+def codes(values: Ints) -> Ints:
+    """The distinct values among small integers >= 0, ascending; quicker to start than np.unique, which loads numpy.ma.
+
+    >>> codes(np.array([5, 2, 5])).tolist()
+    [2, 5]
+    """
+    return np.flatnonzero(np.bincount(values))
+
+
 def distinct(numbers: Ints) -> bool:
     """Whether no number stands twice."""
     return bool((numbers[1:] > numbers[:-1]).all()) or len(np.unique(numbers)) == len(numbers)

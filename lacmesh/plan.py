@@ -11,7 +11,7 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh, distinct
+from lacmesh.mesh import Ints, Mesh, codes, distinct
 from lacmesh.patterns import RING_PARENTS, WHOLE_FACES
 from lacmesh.quadrature import measure
 from lacmesh.quality import corner_jacobian
@@ -94,8 +94,8 @@ def _slave_cells(mesh: Mesh, specs: list[str], skin_only: bool) -> tuple[tuple[s
     parts = [_skin_faces(mesh, name, skin_only) for name in names]
     cells = np.concatenate(parts)
     zone = np.repeat(np.arange(len(parts)), [len(p) for p in parts])
-    first = np.sort(np.unique(cells, return_index=True)[1])
-    dims = np.unique(mesh.cell_dim[cells])
+    first = np.arange(len(cells)) if len(parts) == 1 else np.sort(np.unique(cells, return_index=True)[1])
+    dims = codes(mesh.cell_dim[cells])
     if mesh.dim < 2:
         raise CutError("this mesh has lines and points only: there is no skin to cut")
     empty = [name for k, name in enumerate(names) if not (zone[first] == k).any()]
@@ -251,7 +251,7 @@ def _facets_of(mesh: Mesh, parents: Match) -> Faces:
     done = 0
     for kind, cells, nodes in mesh.select(parents.cell[order]):
         facet = parents.facet[order[done : done + len(cells)]]
-        for j in np.unique(facet):
+        for j in codes(facet):
             at = np.flatnonzero(facet == j)
             parts.append((CELLS[kind].facets[j].type, nodes[at][:, CELLS[kind].facets[j].nodes]))
             rows.append(order[done + at])

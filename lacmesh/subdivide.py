@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.patterns import CONE, RING, WHOLE, Template, face_pattern, parent_pattern, turns
 from lacmesh.shapes import shape
 from lacmesh.skin import FACE_TYPES, Faces, Match, find_owners, turn
@@ -97,7 +97,7 @@ class Cutter:
     def _face_kinds(self, faces: Ints) -> Iterator[tuple[str, str, Ints]]:
         """(face type, kind, rows of `faces`) for each combination present."""
         code = self.faces.type[faces] * len(KINDS) + self.kinds[faces]
-        for value in np.unique(code):
+        for value in codes(code):
             yield FACE_TYPES[value // len(KINDS)], KINDS[value % len(KINDS)], np.flatnonzero(code == value)
 
     def _frame(self, nodes: Ints, listed: Ints, faces: Ints, face_type: str, kind: str) -> Ints:
@@ -128,7 +128,7 @@ class Cutter:
     def cut_cells(self, owners: Leaves, facet: Ints, faces: Ints) -> Iterator[Leaves]:
         """Children of cells (all of one type) whose facet number `facet` is the slave face `faces`."""
         cell = CELLS[owners.type]
-        for j in np.unique(facet):
+        for j in codes(facet):
             at = np.flatnonzero(facet == j)
             for face_type, kind, some in self._face_kinds(faces[at]):
                 rows = at[some]

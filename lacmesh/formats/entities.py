@@ -167,7 +167,9 @@ def _distinct(entity: Any, n: int, what: str) -> tuple[Ints, Ints]:
         raise DataError(f"{what} data 'entity' has a tag above {_LARGEST}")
     pair = np.ascontiguousarray(entity, np.int32).view(np.int64).ravel()
     start = np.flatnonzero(np.append(True, pair[1:] != pair[:-1])) if n else np.empty(0, np.intp)
-    unique, which = np.unique(pair[start], return_inverse=True)
+    heads = np.sort(pair[start])
+    unique = heads[np.append(True, heads[1:] != heads[:-1])] if n else heads
+    which = np.searchsorted(unique, pair[start])
     runs = np.diff(np.append(start, n))
     return unique.view(np.int32).reshape(-1, 2), np.repeat(which.astype(np.int32), runs)
 

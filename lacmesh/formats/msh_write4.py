@@ -11,7 +11,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.entities import Assignment
 from lacmesh.formats.msh_numbers import CHUNK, counts_up
 from lacmesh.formats.msh_output import Output, pieces
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, codes
 
 
 class _Chunk(NamedTuple):
@@ -61,11 +61,12 @@ def _runs(key: Ints, members: Ints) -> Iterator[tuple[int, slice | Ints]]:
         return
     begin = np.flatnonzero(np.append(True, key[1:] != key[:-1]))
     heads = key[begin]
-    if len(np.unique(heads)) < len(heads):
-        first = np.unique(key, return_index=True)
-        rank = np.empty(int(key.max()) + 1, np.int32)
-        rank[first[0][np.argsort(first[1])]] = np.arange(len(first[0]))
-        rank = rank.astype(np.uint16) if len(first[0]) <= 1 << 16 else rank  # numpy sorts short integers by radix
+    present = codes(heads)
+    if len(present) < len(heads):
+        first = np.full(int(present[-1]) + 1, len(heads))
+        np.minimum.at(first, heads, np.arange(len(heads)))
+        rank = np.empty(len(first), np.uint16 if len(present) <= 1 << 16 else np.int32)  # short: sorted by radix
+        rank[present[np.argsort(first[present])]] = np.arange(len(present))
         order = np.argsort(rank[key], kind="stable")
         key, members = key[order], members[order]
         begin = np.flatnonzero(np.append(True, key[1:] != key[:-1]))
