@@ -83,7 +83,7 @@ def _write_entities(
     for row, which in nodes:
         _widen(box[row], mesh.points[which])
     for c in chunks:
-        _widen(box[c.row], _touched(mesh.points, mesh.blocks[c.block].nodes[c.cells]))
+        _widen(box[c.row], _touched(mesh, c))
     box = np.nan_to_num(box)
     out.text("$Entities\n")
     out.record("4q", *(sum(e.dim == dim for e in entities.entities) for dim in range(4)))
@@ -105,13 +105,15 @@ def _widen(box: Floats, points: Floats) -> None:
             box[axis + 3] = np.fmax(box[axis + 3], points[:, axis].max())
 
 
-def _touched(points: Floats, nodes: Ints) -> Floats:
-    """The points of some cells; where these are many, each point once."""
-    if nodes.size < len(points):
-        return points[nodes.ravel()]
-    used = np.zeros(len(points), bool)
-    used[nodes.ravel()] = True
-    return points if used.all() else points[used]
+def _touched(mesh: Mesh, chunk: _Chunk) -> Floats:
+    """The points of a chunk's cells, each once."""
+    nodes = mesh.blocks[chunk.block].nodes
+    if chunk.size * nodes.shape[1] < mesh.n_nodes:
+        return mesh.points[nodes[chunk.cells].ravel()]
+    used = np.zeros(mesh.n_nodes, bool)
+    for part in pieces(chunk.size):
+        used[nodes[_some(chunk.cells, part)]] = True
+    return mesh.points if used.all() else mesh.points[used]
 
 
 def _write_nodes(
