@@ -26,7 +26,8 @@ import lacmesh
 LACMESH = [sys.executable, "-m", "lacmesh", "cut"]
 HERE = Path(__file__).parent
 GMSH = "import gmsh,sys; gmsh.initialize(); gmsh.option.setNumber('General.Terminal',0); gmsh.open(sys.argv[1]); \
-gmsh.option.setNumber('Mesh.SaveAll',1); gmsh.option.setNumber('Mesh.Binary',1); gmsh.write(sys.argv[2])"
+gmsh.option.setNumber('Mesh.SaveAll',1); gmsh.option.setNumber('Mesh.Binary',1); gmsh.write(sys.argv[2]); \
+import os; os.fsync(os.open(sys.argv[2], os.O_RDONLY))"
 
 
 def timed(run, repeats):

@@ -86,9 +86,13 @@ class Cutter:
 
     def _cut_faces(self) -> Ints:
         """The new nodes on every face, made once for all the cells that share it."""
-        points = np.full((len(self.faces), 12), -1, np.int64)
-        for face_type, kind, rows in self._face_kinds(np.arange(len(self.faces))):
-            pattern = face_pattern(face_type, kind, self.ring)
+        found = [
+            (face_type, face_pattern(face_type, kind, self.ring), rows)
+            for face_type, kind, rows in self._face_kinds(np.arange(len(self.faces)))
+        ]
+        width = max((len(pattern.on_face) for _, pattern, _ in found), default=0)
+        points = np.full((len(self.faces), width), -1, np.int64)
+        for face_type, pattern, rows in found:
             sources = self.faces.nodes[rows][:, : CELLS[face_type].n_nodes]
             on = sources[:, : CELLS[face_type].n_corners]
             points[rows, : len(pattern.on_face)] = self._born(face_type, sources, pattern.on_face, on)
@@ -136,8 +140,9 @@ class Cutter:
                 pattern = parent_pattern(owners.type, int(j), kind, self.ring, self.depth)
                 listed = mine.nodes[:, cell.facets[j].nodes]
                 frame = self._frame(mine.nodes, listed, faces[rows], face_type, kind)
-                inside = self._born(owners.type, mine.nodes, pattern.inside, self._corners(mine.root))
-                frame = np.hstack([frame, inside])
+                if len(pattern.inside):
+                    inside = self._born(owners.type, mine.nodes, pattern.inside, self._corners(mine.root))
+                    frame = np.hstack([frame, inside])
                 yield from _children(pattern, frame, mine.root, mine.key)
 
 
