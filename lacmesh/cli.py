@@ -40,6 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
     args = _parser().parse_args(argv)
     signal.signal(signal.SIGTERM, _terminate)
+    _keep_memory()
     with warnings.catch_warnings():
         warnings.simplefilter("always", LacmeshWarning)
         warnings.showwarning = _show_warning
@@ -65,6 +66,18 @@ def main(argv: Sequence[str] | None = None) -> int:
             message = f"internal error ({type(error).__name__}: {error}); --verbose shows where; please report it"
             return _fail(message, 1)
     return 0
+
+
+def _keep_memory() -> None:
+    """Let glibc keep what is freed for the next array: new pages cost a tenth of the time on a mesh of 1e6 cells."""
+    if sys.platform == "linux":
+        import ctypes
+
+        mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # musl has none
+        if mallopt is not None:
+            mallopt(-3, 1 << 30)  # M_MMAP_THRESHOLD
+            mallopt(-1, (1 << 31) - 1)  # M_TRIM_THRESHOLD
+            mallopt(-2, 1 << 26)  # M_TOP_PAD
 
 
 def _terminate(signum: int, frame: object) -> NoReturn:
