@@ -3,8 +3,8 @@
     python benchmarks/run.py [--quick] [-o TABLE.md]
 
 `cut_skin` on 1e6 HEXA8 and 1e6 TETRA4 with 1e4 slave faces, its memory beside the mesh's; the whole command on binary
-msh 4.1 against `rewrite_msh.py` and against gmsh's open and write (all force their file to the disk); growth with the mesh, with the skin, and on a slab
-whose every cell is touched.
+msh 4.1 against `rewrite_msh.py` and against gmsh's open and write (all force their file to the disk); growth with the
+mesh, with the skin, and on a slab whose every cell is touched.
 """
 
 from __future__ import annotations
