@@ -81,7 +81,7 @@ def command_rows(sizes, repeats, folder):
         seconds = {name: [] for name in rivals}
         for _ in range(repeats):  # in turn, so that a slow moment falls on all
             for name, command in rivals.items():
-                run = lambda c=command: subprocess.run(c, check=True, capture_output=True, env=env)  # noqa: E731
+                run = lambda c=command, e=env: subprocess.run(c, check=True, capture_output=True, env=e)  # noqa: E731
                 seconds[name] += timed(run, 1)
         ours = seconds["lacmesh cut"]
         for name, values in seconds.items():

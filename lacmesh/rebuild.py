@@ -143,10 +143,12 @@ def _nodes(mesh: Mesh, k: int | None, gone: NDArray[np.bool_], kept: int, made: 
 
 
 def _copy_kept(old: NDArray, gone: NDArray[np.bool_], target: NDArray) -> None:
-    """target[:] = old[~gone], run by run where there are few: several times faster than picking, and no room needed."""
+    """target[:] = old[~gone]; wide rows go run by run where there are few runs, which is several times faster."""
+    if old.ndim == 2 and old.shape[1] * old.itemsize == 8 and old.flags.c_contiguous:  # pairs of 4 bytes, as one of 8
+        old, target = old.view(np.int64)[:, 0], target.view(np.int64)[:, 0]
     gaps = np.flatnonzero(gone)
-    if len(gaps) * 20 > len(old):
-        target[:] = old[~gone]
+    if old.ndim == 1 or len(gaps) * 50 > len(old):
+        np.compress(~gone, old, axis=0, out=target)
         return
     start = done = 0
     for stop in (*gaps.tolist(), len(old)):
