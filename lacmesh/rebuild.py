@@ -148,7 +148,7 @@ def _copy_kept(old: NDArray, gone: NDArray[np.bool_], target: NDArray) -> None:
         old, target = old.view(np.int64)[:, 0], target.view(np.int64)[:, 0]
     gaps = np.flatnonzero(gone)
     if old.ndim == 1 or len(gaps) * 50 > len(old):
-        np.compress(~gone, old, axis=0, out=target)
+        target[:] = old[~gone]
         return
     start = done = 0
     for stop in (*gaps.tolist(), len(old)):
