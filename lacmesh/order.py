@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lacmesh.cells import ALL_CELLS, CELLS, Cell
+from lacmesh.cells import CELLS, Cell
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Block, Ints, Mesh
-from lacmesh.rebuild import more_numbers, node_data, node_groups, node_values
+from lacmesh.rebuild import more_numbers, node_data, node_entities, node_groups, node_values
 from lacmesh.skin import label_rows
 from lacmesh.subdivide import Birth
 
@@ -67,7 +67,10 @@ def raise_order(mesh: Mesh, order: str = "2", *, extend: bool = True) -> Mesh:
         node_data=node_data(mesh, births, added),
     )
     if "entity" in new.node_data and "entity" in new.cell_data:
-        new = replace(new, node_data={**new.node_data, "entity": _node_entities(new, mesh.n_nodes)})
+        entities = np.split(new.cell_data["entity"], new.offsets[1:-1])
+        cells = ((b.type, b.nodes, own) for b, own in zip(new.blocks, entities, strict=True))
+        entity = node_entities(new.node_data["entity"], mesh.n_nodes, cells)
+        new = replace(new, node_data={**new.node_data, "entity": entity})
     if added and mesh.model is not None and mesh.model.periodic:
         message = "the mesh has periodic links: the new nodes on them have no periodic partner"
         warnings.warn(message, LacmeshWarning, stacklevel=2)
@@ -124,17 +127,6 @@ def _place(mesh: Mesh, wanted: list[_Wanted], raised: list[Ints], targets: list[
                 births.append(_birth(mesh.blocks[w.block], CELLS[targets[w.block]], w.column, rows, ids))
             raised[w.block][:, w.column] = np.where(w.known >= 0, w.known, node[mine])
     return births
-
-
-def _node_entities(mesh: Mesh, first: int) -> Ints:
-    """The entities of nodes; those from `first` on take that of the lowest-dimensional cell they lie on."""
-    values: Ints = mesh.node_data["entity"].copy()
-    order = sorted(range(len(mesh.blocks)), key=lambda k: -ALL_CELLS[mesh.blocks[k].type].dim)
-    for k in order:  # the lowest dimension writes last
-        nodes = mesh.blocks[k].nodes
-        rows, columns = np.nonzero(nodes >= first)
-        values[nodes[rows, columns]] = mesh.cell_data["entity"][mesh.offsets[k] + rows]
-    return values
 
 
 def _birth(block: Block, target: Cell, column: int, rows: Ints, ids: Ints) -> Birth:

@@ -77,7 +77,7 @@ def face_pattern(face: str, kind: str, ring: float = 1 / 3) -> Template:
     n = cell.n_corners
     sides: list[Nodes]
     if kind == WHOLE:
-        return _template(cell, [tuple(range(n))], points, n)
+        return _template(cell, [tuple(range(n))], points)
     if kind == CONE:
         points.append(tuple(np.mean(points, axis=0)))
         sides = [(k, (k + 1) % n, n) for k in range(n)] if cell.dim == 2 else [(0, 2), (2, 1)]
@@ -88,7 +88,7 @@ def face_pattern(face: str, kind: str, ring: float = 1 / 3) -> Template:
         else:
             sides = [(k, (k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
             sides.append(tuple(range(n, 2 * n)))
-    return _template(cell, sides, points, len(points))
+    return _template(cell, sides, points)
 
 
 @cache
@@ -96,7 +96,7 @@ def parent_pattern(parent: str, facet: int, kind: str, ring: float = 1 / 3, dept
     """The cut of a cell of type `parent` whose slave face is its facet number `facet`."""
     cell = CELLS[parent]
     if kind == WHOLE:
-        return _template(cell, [tuple(range(cell.n_corners))], list(cell.reference[: cell.n_corners]), cell.n_corners)
+        return _template(cell, [tuple(range(cell.n_corners))], list(cell.reference[: cell.n_corners]))
     X = face_pattern(cell.facets[facet].type, kind, ring).on_face
     return _cone(cell, facet, X) if kind == CONE else _ring(cell, facet, X, depth)
 
@@ -121,7 +121,7 @@ def _cone(cell: Cell, facet: int, X: NDArray) -> Template:
         side = _corners(cell, other)
         # outward for the parent is outward for the child: base against the apex
         children.append((*side, apex) if cell.dim == 2 else (side[0], *side[:0:-1], apex))
-    return _template(cell, children, points, apex + 1, on_face)
+    return _template(cell, children, points, on_face)
 
 
 def _other_facets(cell: Cell, facet: int) -> list[int]:
@@ -158,13 +158,11 @@ def _ring(cell: Cell, facet: int, X: NDArray, depth: float) -> Template:
             children.append((ring[i], ring[j], f[j], f[i], inner[i], inner[j], g[j], g[i]))
         children.append((*inner[::-1], *g[::-1]))
         children.append((*ring[::-1], *inner[::-1]))
-    return _template(cell, children, points, first + n, on_face)
+    return _template(cell, children, points, on_face)
 
 
-def _template(
-    cell: Cell, children: Sequence[Nodes], points: list[Point], n_face: int, on_face: NDArray | None = None
-) -> Template:
-    """Children given by corners among `points` (the cell's corners, points on the face up to `n_face`, the rest).
+def _template(cell: Cell, children: Sequence[Nodes], points: list[Point], on_face: NDArray | None = None) -> Template:
+    """Children given by corners among `points`: the cell's corners, points on the face, the rest.
 
     The nodes of higher order are found by their place: the cell's own, a point of the face, or a new one.
     """

@@ -6,12 +6,13 @@ children stand where it stood. The first child keeps its cell's number, the othe
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import DataError
 from lacmesh.mesh import Block, Ints, Mesh
 from lacmesh.subdivide import Birth, Leaves, Subdivision
@@ -88,7 +89,9 @@ def rebuild(mesh: Mesh, made: Subdivision, follow: Ints, *, extend: bool) -> tup
         node_data=node_data(mesh, made.births, added),
     )
     if "entity" in new.node_data and "entity" in mesh.cell_data:
-        new = replace(new, node_data={**new.node_data, "entity": _node_entities(mesh, made, new.node_data["entity"])})
+        cells = ((leaf.type, leaf.nodes, mesh.cell_data["entity"][leaf.root]) for leaf in made.leaves)
+        entity = node_entities(new.node_data["entity"], mesh.n_nodes, cells)
+        new = replace(new, node_data={**new.node_data, "entity": entity})
     return new, Origin(layout.child, layout.root, layout.seq, layout.new_index[follow])
 
 
@@ -247,12 +250,15 @@ def _common_values(name: str, old: NDArray, births: list[Birth], added: int) -> 
     return values
 
 
-def _node_entities(mesh: Mesh, made: Subdivision, values: NDArray) -> NDArray:
-    """New nodes belong to the entity of the lowest-dimensional cell they lie on: their slave face, else the parent."""
+def node_entities(values: NDArray, first: int, cells: Iterable[tuple[str, Ints, NDArray]]) -> NDArray:
+    """Entities of nodes (n, 2), where those from `first` on take that of the lowest-dimensional cell they lie on.
+
+    `cells`: (type, nodes (k, m), entities (k, 2)) parts.
+    """
     values = values.copy()
-    for leaf in sorted(made.leaves, key=lambda leaf: -CELLS[leaf.type].dim):  # the lowest dimension writes last
-        fresh = leaf.nodes >= mesh.n_nodes
-        values[leaf.nodes[fresh]] = np.repeat(mesh.cell_data["entity"][leaf.root], fresh.sum(axis=1), axis=0)
+    for _, nodes, entity in sorted(cells, key=lambda part: -ALL_CELLS[part[0]].dim):  # the lowest dimension writes last
+        rows, columns = np.nonzero(nodes >= first)
+        values[nodes[rows, columns]] = entity[rows]
     return values
 
 
