@@ -1,0 +1,39 @@
+"""`lacmesh convert`: the same mesh in another format, or of another order."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from lacmesh.cli.options import add_command, add_output_options, check_output, write_mesh
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(commands, "convert", run, "write a mesh in another format, or of another order, groups kept")
+    parser.add_argument("input", metavar="IN")
+    parser.add_argument("output", metavar="OUT", help="the suffix says the format: .msh, .med")
+    parser.add_argument(
+        "--order",
+        choices=("2", "2-full"),
+        help="raise linear cells to serendipity (2) or full quadratic (2-full: HEXA27 ...)",
+    )
+    add_output_options(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Convert a file."""
+    from lacmesh.formats import read
+
+    source, target = Path(args.input), Path(args.output)
+    check_output(target, args)
+    mesh = read(source, mesh=args.mesh)
+    if args.order:
+        from lacmesh.order import raise_order
+
+        mesh = raise_order(mesh, args.order)
+    write_mesh(target, mesh, source, args)
+    if not args.quiet:
+        types = ", ".join(f"{n} {kind}" for kind, n in mesh.cells_by_type.items())
+        print(f"{target}: {mesh.n_nodes} nodes, {mesh.n_cells} cells ({types}), {len(mesh.cell_groups)} groups")

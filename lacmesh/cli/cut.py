@@ -1,0 +1,126 @@
+"""`lacmesh cut`: the slave skin, and the cells behind it, into macro-elements."""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.cli.options import add_command, add_output_options, check_output, write_mesh
+from lacmesh.cli.terminal import Stages, console, memory, table
+from lacmesh.errors import LacmeshWarning
+
+if TYPE_CHECKING:
+    from lacmesh.cut import Cut
+    from lacmesh.mesh import Mesh
+    from lacmesh.report import CutSummary
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(commands, "cut", run, "cut the slave skin, and the cells behind it, into macro-elements")
+    parser.add_argument("input", metavar="IN", help="mesh: .msh (2.2, 4.1), .med")
+    parser.add_argument("--slave", action="append", required=True, metavar="GROUP", help="slave skin; may be repeated")
+    parser.add_argument("-o", "--output", metavar="OUT", help="default: beside the input, with .lac before its suffix")
+    parser.add_argument(
+        "--hexa",
+        choices=("pyramid", "hexa", "auto"),
+        default="pyramid",
+        help="children of hexahedra; auto: those whose worst is better (default: pyramid)",
+    )
+    parser.add_argument(
+        "--interface",
+        choices=("both", "refuse"),
+        default="both",
+        help="a slave face between two cells: cut both, or refuse (default: both)",
+    )
+    parser.add_argument(
+        "--orient",
+        choices=("keep", "outward"),
+        default="keep",
+        help="leave slave faces as they turn, or turn them outward (default: keep)",
+    )
+    parser.add_argument("--skin-only", action="store_true", help="cut a skin that has no cells behind it (a shell)")
+    parser.add_argument(
+        "--node-groups",
+        choices=("extend", "keep"),
+        default="extend",
+        help="new nodes enter node groups that hold all corners around them (default: extend)",
+    )
+    add_output_options(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Cut a file."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    from lacmesh.cut import cut_skin, is_cut
+    from lacmesh.formats import read
+
+    source = Path(args.input)
+    target = Path(args.output) if args.output else _beside(source)
+    stage = Stages(args, ("read", "cut", "write"))
+    check_output(target, args)
+    with stage("read"):
+        mesh = read(source, mesh=args.mesh)
+    done = is_cut(mesh)
+    with stage("cut"):
+        cut = cut_skin(
+            mesh,
+            args.slave,
+            hexa=args.hexa,
+            interface=args.interface,
+            orient=args.orient,
+            skin_only=args.skin_only,
+            node_groups=args.node_groups,
+        )
+    with ThreadPoolExecutor(1) as beside:
+        # beside the writing, which waits for the disk
+        summary = None if args.quiet or done else beside.submit(_summarise, mesh, cut)
+        with stage("write"):
+            write_mesh(target, cut.mesh, source, args)
+    if summary is not None:
+        _print_summary(summary.result(), source, target, stage)
+    elif done and not args.quiet:
+        print(f"{source} is cut already everywhere on {', '.join(args.slave)}: written as it was to {target}")
+
+
+def _beside(source: Path) -> Path:
+    """Where a cut goes when nothing is said: `.lac` before the suffix (the format's own where there is none)."""
+    from lacmesh.formats import kind_of
+
+    kind = kind_of(source)
+    return source.with_name(f"{source.stem}.lac{source.suffix or f'.{kind.format}'}")
+
+
+def _summarise(mesh: Mesh, cut: Cut) -> CutSummary:
+    import rich.console
+    import rich.table  # noqa: F401  (what the printing will need)
+
+    from lacmesh.report import summarise
+
+    return summarise(mesh, cut)
+
+
+def _print_summary(summary: CutSummary, source: Path, target: Path, stage: Stages) -> None:
+    out = console()
+    rows = table(f"{source.name} -> {target.name}", "before", "after", "added")
+    for name, (before, after) in (("nodes", summary.nodes), ("cells", summary.cells)):
+        rows.add_row(name, f"{before:,}", f"{after:,}", f"+{after - before:,}")
+    for zone, macros in summary.zones.items():
+        rows.add_row(f"macro-elements of {zone}", "", f"{macros:,}", "")
+    rows.add_section()
+    for kind in dict.fromkeys([*summary.replaced, *summary.children]):
+        old, new = summary.replaced.get(kind, 0), summary.children.get(kind, 0)
+        rows.add_row(f"{kind} touched", f"{old:,}", f"{new:,}", f"{new - old:+,}")
+    if summary.replaced:
+        rows.add_row("worst quality of the touched cells", *(f"{q:.3f}" for q in summary.worst), "")
+    else:
+        rows.add_row("every slave face owns an internal dof already: no cell is cut", "", "", "")
+    out.print(rows)
+    if summary.worst[0] <= 0:
+        message = "cells behind the slave faces were inverted or degenerate before the cut: their children are too"
+        warnings.warn(message, LacmeshWarning, stacklevel=1)
+    times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
+    print(f"{target}: {times}{memory()}")

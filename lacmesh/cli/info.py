@@ -1,0 +1,60 @@
+"""`lacmesh info`: what is in a file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from lacmesh.cli.options import add_command, add_mesh_option
+from lacmesh.cli.terminal import console, table
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(commands, "info", run, "say what is in a file")
+    parser.add_argument("input", metavar="IN")
+    parser.add_argument("--json", action="store_true", help="one JSON object")
+    add_mesh_option(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Say what is in a file."""
+    from lacmesh.formats import kind_of, read
+    from lacmesh.report import describe
+
+    mesh = read(args.input, mesh=args.mesh)
+    found = describe(mesh)
+    if args.json:
+        print(json.dumps(found, ensure_ascii=False, indent=2))
+        return
+    kind = kind_of(args.input)
+    name = f"msh {kind.version} {'binary' if kind.binary else 'ASCII'}" if kind.format == "msh" else "MED"
+    if not args.quiet:
+        _print_info(args.input, name, found, mesh.group_tags)
+
+
+def _print_info(path: str, kind: str, found: dict[str, Any], tags: Mapping[str, tuple[tuple[int, int], ...]]) -> None:
+    out = console()
+    print(f"{path}: {kind}, {found['nodes']:,} nodes, {found['cells']:,} cells")
+    if found["bounding_box"]:
+        low, high = found["bounding_box"]
+        print("box: " + ", ".join(f"{a} in [{lo:.6g}, {hi:.6g}]" for a, lo, hi in zip("xyz", low, high, strict=True)))
+    rows = table("type", "cells")
+    for name, count in found["cells_by_type"].items():
+        rows.add_row(name, f"{count:,}")
+    out.print(rows)
+    if found["groups"]:
+        rows = table("group", "dimension", "cells", "tag")
+        for name, group in found["groups"].items():
+            dim = str(group["dim"]) if group["dim"] >= 0 else ""
+            rows.add_row(name, dim, f"{group['cells']:,}", ", ".join(f"{d}:{t}" for d, t in tags.get(name, ())))
+        out.print(rows)
+    if found["node_groups"]:
+        rows = table("node group", "nodes")
+        for name, count in found["node_groups"].items():
+            rows.add_row(name, f"{count:,}")
+        out.print(rows)
+    if found["lac"]:
+        print(f"cut: {found['lac']['macro_elements']:,} macro-elements in {', '.join(found['lac']['zones'])}")

@@ -1,0 +1,66 @@
+"""What the commands share: how an argument is declared, and how an output is checked and written."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.errors import RequestError
+
+if TYPE_CHECKING:
+    from lacmesh.mesh import Mesh
+
+EPILOG = """\
+A group is named as in the file, or by its tag (5), or dimension and tag (2:5); an elementary entity is entity:2:17.
+Exit status: 0 done, 1 the data are wrong, 2 the command is wrong, 3 a file cannot be read or written,
+130 interrupted, 143 terminated."""
+
+
+def add_command(commands: Any, name: str, run: Callable[..., None], text: str) -> argparse.ArgumentParser:
+    """Declare a command, with what all of them take; `text` is its line in the help."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name,
+        help=text,
+        description=text[0].upper() + text[1:] + ".",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.set_defaults(run=run)
+    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but warnings and errors")
+    parser.add_argument("-v", "--verbose", action="store_true", help="show where an internal error comes from")
+    return parser
+
+
+def add_output_options(parser: argparse.ArgumentParser) -> None:
+    """Declare what every command that writes a mesh takes."""
+    parser.add_argument("--msh", choices=("4.1", "2.2"), help="version of a .msh output (default: the input's, or 4.1)")
+    parser.add_argument("--ascii", action="store_true", help="write .msh as text (default: as the input, or binary)")
+    parser.add_argument("--force", action="store_true", help="replace an existing output")
+    add_mesh_option(parser)
+
+
+def add_mesh_option(parser: argparse.ArgumentParser) -> None:
+    """Declare `--mesh`."""
+    parser.add_argument("--mesh", metavar="NAME", help="which mesh, in a file that holds several")
+
+
+def check_output(target: Path, args: argparse.Namespace) -> None:
+    """Say at once what would stop the writing at the end."""
+    from lacmesh.errors import WriteError
+    from lacmesh.formats import check_target
+
+    check_target(target)
+    if target.exists() and not args.force:
+        raise RequestError(f"{target} exists already; --force replaces it, -o names another file")
+    if not target.parent.is_dir():
+        raise WriteError(target, f"the folder {target.parent} does not exist")
+
+
+def write_mesh(target: Path, mesh: Mesh, source: Path, args: argparse.Namespace) -> None:
+    """Write as the options say; what they leave open is as in the input."""
+    from lacmesh.formats import kind_of, write
+
+    kind = kind_of(source)
+    write(target, mesh, msh=args.msh or kind.version, binary=kind.binary and not args.ascii, force=args.force)

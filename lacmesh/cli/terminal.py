@@ -1,0 +1,76 @@
+"""What people see on a terminal: progress, tables, time and memory."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+
+class Stages:
+    """Times the stages of a command, and shows a progress bar where a person watches."""
+
+    def __init__(self, args: argparse.Namespace, names: Iterable[str]) -> None:
+        self.names = tuple(names)
+        self.seconds: dict[str, float] = {}
+        self.bar: Any = None
+        if sys.stderr.isatty() and not args.quiet:
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+            self.bar = Progress(
+                TextColumn("{task.description:6}"),
+                BarColumn(),
+                TimeElapsedColumn(),
+                console=Console(stderr=True),
+                transient=True,
+            )
+            self.task = self.bar.add_task("", total=len(self.names))
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[None]:
+        """Time what is done inside, as stage `name`."""
+        start = time.perf_counter()
+        if self.bar:
+            self.bar.start()
+            self.bar.update(self.task, description=name, refresh=True)
+        try:
+            yield
+            self.seconds[name] = time.perf_counter() - start
+            if self.bar:
+                self.bar.advance(self.task)
+        finally:
+            if self.bar and (name not in self.seconds or name == self.names[-1]):
+                self.bar.stop()
+
+
+def console() -> Any:
+    """Where tables are printed: as wide as the terminal, or 160 columns in a file."""
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False, emoji=False)
+
+
+def table(*columns: str) -> Any:
+    """An empty table; columns whose names speak of numbers are set to the right."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in columns:
+        number = name.startswith("+") or name in ("before", "after", "added", "cells", "number", "nodes")
+        table.add_column(name, justify="right" if number else "left", no_wrap=number)
+    return table
+
+
+def memory() -> str:
+    """End of a sentence: the peak memory of this process, where the system tells."""
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return ""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return f"; peak memory {peak / 1e6:.0f} MB"
