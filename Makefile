@@ -4,7 +4,7 @@ SHELL := /bin/bash
 BIN := .venv/bin
 INSTALLED := .venv/.installed
 # what `make quick` leaves out: slow tests, and the packages beyond the base and the tests' own
-QUICK := not slow and not gmsh and not medcoupling and not vtk
+QUICK := not slow and not gmsh and not medcoupling and not vtk and not meshio and not browser and not calculix
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -33,7 +33,11 @@ demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, and draw the resu
 	@echo
 	@echo "The cut mesh is build/two_blocks.lac.msh (gmsh opens it), its picture build/two_blocks.lac.png."
 
-test: lint ## linters, then every test; what is skipped must be what was expected
+.venv/.system-tests: tools/system.sh
+	@bash tools/system.sh tests
+	@mkdir -p .venv && touch $@
+
+test: lint .venv/.system-tests ## linters, then every test; what is skipped must be what was expected
 	LACMESH_ALL=1 $(BIN)/pytest -n 2
 
 lint: $(INSTALLED) ## style, types, import layers

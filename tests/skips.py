@@ -1,14 +1,15 @@
 """What a test may need that a machine may lack, and the count of the tests that are skipped for it.
 
-A test says what it needs by a mark (`gmsh`, `medcoupling`, `vtk`, `shared`) or by the fixture `shared`. What is absent
-skips it, visibly. With LACMESH_ALL=1 (`make test`) a package that is absent fails its tests instead, and a session
-whose skipped tests are not those expected fails. Works alone and under pytest-xdist, whose workers collect and whose
+A test says what it needs by a mark (those of `NEEDS`) or by the fixture `shared`. What is absent skips it, visibly.
+With LACMESH_ALL=1 (`make test`) a package that is absent fails its tests instead, and a session whose skipped tests are
+not those expected fails. Works alone and under pytest-xdist, whose workers collect and whose
 controller counts.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -36,7 +37,7 @@ def all_needed():
 @cache
 def absence(need):
     """Why `need` is not to be had on this machine, or None."""
-    return {"shared": _no_shared, "gmsh": _no_gmsh, "medcoupling": _no_medcoupling, "vtk": _no_vtk}[need]()
+    return NEEDS[need]()
 
 
 def shared_folder():
@@ -55,8 +56,12 @@ def _no_gmsh():
     return _complaint("import gmsh")  # it may be installed and lack a library of the system
 
 
-def _no_medcoupling():
-    return "medcoupling is not installed" if find_spec("medcoupling") is None else None
+def _no_package(name):
+    return f"{name} is not installed" if find_spec(name) is None else None
+
+
+def _no_program(name, package):
+    return f"the program {name} is not installed (Debian: {package})" if shutil.which(name) is None else None
 
 
 def _no_vtk():
@@ -75,9 +80,22 @@ def _complaint(code, *arguments):
     return (child.stderr.strip().splitlines() or [f"a child process died ({child.returncode})"])[-1]
 
 
+#: mark -> why what it asks for is absent, or None
+NEEDS = {
+    "shared": _no_shared,
+    "gmsh": _no_gmsh,
+    "vtk": _no_vtk,
+    "medcoupling": lambda: _no_package("medcoupling"),
+    "meshio": lambda: _no_package("meshio"),
+    "trimesh": lambda: _no_package("trimesh"),
+    "browser": lambda: _no_program("chromium", "chromium"),
+    "calculix": lambda: _no_program("ccx", "calculix-ccx"),
+}
+
+
 def missing(item):
     """What a test needs and this machine lacks: (need, why) pairs."""
-    needs = [n for n in ("shared", "gmsh", "medcoupling", "vtk") if item.get_closest_marker(n)]
+    needs = [n for n in NEEDS if item.get_closest_marker(n)]
     if "shared" in getattr(item, "fixturenames", ()) and "shared" not in needs:
         needs.append("shared")
     return [(need, absence(need)) for need in needs if absence(need)]

@@ -13,8 +13,7 @@ HERE = Path(__file__).resolve().parent
 TESTS = """
 import pytest
 from tests import skips
-real = skips._no_medcoupling
-skips._no_medcoupling = lambda: {absent!r}
+skips.NEEDS["medcoupling"] = lambda: {absent!r}
 
 @pytest.mark.shared
 def test_marked(): raise AssertionError

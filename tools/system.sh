@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Install what pip cannot bring, where it is missing: Python's venv, the libraries that gmsh loads, an off-screen
-# renderer for pictures. On Debian and Ubuntu, as root; anyone else is told the one command to run.
+# renderer for pictures; with the argument `tests`, the browser and the solver that tests run. On Debian and Ubuntu, as
+# root; anyone else is told the one command to run.
 set -euo pipefail
 
 [ "$(uname)" = Linux ] || exit 0
@@ -28,6 +29,10 @@ need libxft2 libXft.so.2
 need libxinerama1 libXinerama.so.1
 need libgomp1 libgomp.so.1
 need libegl1 libEGL.so.1 libOSMesa.so.8
+if [ "${1:-}" = tests ]; then
+  command -v chromium >/dev/null || missing+=(chromium)
+  command -v ccx >/dev/null || missing+=(calculix-ccx)
+fi
 
 [ ${#missing[@]} -gt 0 ] || exit 0
 if ! command -v apt-get >/dev/null; then
