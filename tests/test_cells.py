@@ -129,7 +129,7 @@ def test_facets_close_the_cell_and_point_outward(name):
 
 
 @pytest.mark.parametrize("family", list(REFERENCE_SIZE))
-@pytest.mark.parametrize("degree", [0, 1, 2, 3, 4, 5, 8, 11])
+@pytest.mark.parametrize("degree", [0, 1, 2, 3, 4, 5, 6, 7, 8, 11])
 def test_rules_integrate_every_monomial_of_their_degree(family, degree):
     dim = next(c.dim for c in CELLS.values() if c.family == family)
     X, w = rule(family, degree)
@@ -137,6 +137,18 @@ def test_rules_integrate_every_monomial_of_their_degree(family, degree):
         if sum(e) <= degree:
             exact = monomial(family, (*e, 0, 0)[:3])
             np.testing.assert_allclose((w * np.prod(X**e, axis=1)).sum(), exact, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("family", "points"), [("TRIA", [1, 1, 3, 6, 6, 7, 12, 16, 16]), ("TETRA", [1, 1, 4, 14, 14, 14, 24])]
+)
+def test_symmetric_rules_are_small_positive_and_inside(family, points):
+    for degree, count in enumerate(points):
+        X, w = rule(family, degree)
+        assert len(w) == count
+        assert (w > 0).all()
+        assert (X > 0).all()
+        assert (X.sum(axis=1) < 1).all()
 
 
 def monomial(family, e):
