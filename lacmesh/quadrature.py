@@ -8,6 +8,7 @@ Calculation of Multiple Integrals, 1971).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from itertools import permutations
 from typing import Any
@@ -19,13 +20,14 @@ from lacmesh.cells import CELLS
 from lacmesh.shapes import jacobian
 
 Rule = tuple[NDArray[np.floating], NDArray[np.floating]]
+Orbits = tuple[tuple[float, tuple[float, ...]], ...]
 
 _R15 = np.sqrt(15.0)
 _R10, _SUB = np.sqrt(10.0), np.sqrt(38 - 44 * np.sqrt(0.4))
 _TERM = np.sqrt(213125 - 53320 * _R10)
 #: degree -> orbits (weight of one point, the whole being 1; barycentric coordinates, the last one left out).
 #: 2, 4: Strang and Fix, 1973. 5: Radon, 1948. 6, 8: Dunavant, Int. J. Numer. Meth. Engng 21, 1985.
-_TRIANGLES: dict[int, tuple[tuple[float, tuple[float, float]], ...]] = {
+_TRIANGLES: dict[int, Orbits] = {
     1: ((1.0, (1 / 3, 1 / 3)),),
     2: ((1 / 3, (1 / 6, 1 / 6)),),
     4: (
@@ -51,7 +53,7 @@ _TRIANGLES: dict[int, tuple[tuple[float, tuple[float, float]], ...]] = {
     ),
 }
 #: 2: Hammer, Marlowe and Stroud, 1956. 5: Walkington, 2000. 6: Keast, Comput. Methods Appl. Mech. Engrg. 55, 1986.
-_TETRAHEDRA: dict[int, tuple[tuple[float, tuple[float, float, float]], ...]] = {
+_TETRAHEDRA: dict[int, Orbits] = {
     1: ((1.0, (0.25, 0.25, 0.25)),),
     2: ((0.25, ((5 - np.sqrt(5.0)) / 20,) * 3),),
     5: (
@@ -75,6 +77,10 @@ def _gauss(degree: int, power: int = 0) -> Rule:
     return t, w * (1 - t) ** power
 
 
+#: by family, the degrees going up
+_SYMMETRIC: dict[str, Mapping[int, Orbits]] = {"TRIA": _TRIANGLES, "TETRA": _TETRAHEDRA}
+
+
 @cache
 def rule(family: str, degree: int) -> Rule:
     """Points (p, dim) and weights (p,) on the reference element of a family, exact to `degree`.
@@ -89,10 +95,9 @@ def rule(family: str, degree: int) -> Rule:
     if family in ("SEG", "QUAD", "HEXA"):
         axes = {"SEG": 1, "QUAD": 2, "HEXA": 3}[family]
         return _product([(2 * line - 1, 2 * w_line)] * axes)
-    table: dict = {"TRIA": _TRIANGLES, "TETRA": _TETRAHEDRA}.get(family, {})
-    known = [d for d in table if d >= degree]
-    if known:
-        return _orbits(table[min(known)])
+    for tabled, orbits in _SYMMETRIC.get(family, {}).items():
+        if tabled >= degree:
+            return _orbits(orbits)
     if family == "TRIA":
         (X, w) = _product([_gauss(degree, 1), (line, w_line)])
         return np.column_stack([X[:, 0], X[:, 1] * (1 - X[:, 0])]), w
@@ -110,7 +115,7 @@ def rule(family: str, degree: int) -> Rule:
     raise ValueError(f"no rule for {family!r}")
 
 
-def _orbits(orbits: tuple[tuple[float, tuple[float, ...]], ...]) -> Rule:
+def _orbits(orbits: Orbits) -> Rule:
     """Points and weights of a symmetric rule, from one point of each orbit."""
     points, weights = [], []
     for weight, first in orbits:
