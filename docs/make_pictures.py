@@ -1,10 +1,12 @@
-"""Pictures of whole parts for the docs: a real CAD part cut on its curved bore, and the two blocks of the demo.
+"""Pictures for the docs: a real CAD part cut on its curved bore, the two blocks of the demo, what `lacmesh view` shows.
 
-python docs/make_pictures.py        needs gmsh and pyvista; writes docs/figures/*.png
+python docs/make_pictures.py        needs gmsh and pyvista, and Chromium for the page; writes docs/figures/*.png
 """
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -12,10 +14,17 @@ from pathlib import Path
 import gmsh
 
 import lacmesh
-from lacmesh.view import picture
+from lacmesh.checks import check
+from lacmesh.scene.marks import cell_values
+from lacmesh.view import page, picture
 
 FIGURES = Path(__file__).parent / "figures"
 ROOT = Path(__file__).parents[1]
+#: a browser without a window, WebGL by software; time for the page to unpack itself
+BROWSER = (
+    *("--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
+    *("--virtual-time-budget=10000", "--window-size=1280,800"),
+)
 
 
 def mesh_nut(path: Path, size: float = 4.0) -> None:
@@ -35,16 +44,38 @@ def mesh_nut(path: Path, size: float = 4.0) -> None:
         gmsh.finalize()
 
 
+def photograph(path: Path, target: Path, anchor: str = "") -> None:
+    """Save what a browser shows of a page; left as it is where there is no browser."""
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        print(f"no Chromium here: {target.name} is left as it is")
+        return
+    command = [browser, *BROWSER, f"--user-data-dir={path.parent / 'browser'}", f"--screenshot={target}"]
+    subprocess.run([*command, f"{path.as_uri()}#{anchor}"], check=True, capture_output=True)
+
+
 def main() -> None:
     """Write the pictures."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "nut.msh"
         mesh_nut(path)
         nut = lacmesh.cut_skin(lacmesh.read(path), "bore").mesh
-    title = f"A nut of TETRA10, cut on its bore: {lacmesh.Cut(nut).n_macros} macro-elements (half of it shown)"
-    picture(nut, FIGURES / "nut.png", camera=(0.25, 0.75, 1.0), cutaway=(0, 0, 1), title=title)
-    blocks = lacmesh.cut_skin(lacmesh.read(ROOT / "data" / "two_blocks.msh"), "slave").mesh
-    picture(blocks, FIGURES / "two_blocks.png")
+        title = f"A nut of TETRA10, cut on its bore: {lacmesh.Cut(nut).n_macros} macro-elements (half of it shown)"
+        picture(nut, FIGURES / "nut.png", camera=(0.25, 0.75, 1.0), cutaway=(0, 0, 1), title=title)
+        source = lacmesh.read(ROOT / "data" / "two_blocks.msh")
+        blocks = lacmesh.cut_skin(source, "slave").mesh
+        picture(blocks, FIGURES / "two_blocks.png")
+        size, title = (1280, 800), "two_blocks, cut"
+        values = cell_values(blocks)
+        picture(
+            blocks, FIGURES / "view_quality.png", master="master", values=values, size=size, title="two_blocks, cut"
+        )
+        found = check(source, "slave", "master")
+        picture(source, FIGURES / "view_check.png", slave="slave", master="master", findings=found, size=size)
+        sheet = Path(folder) / "two_blocks.html"
+        findings = check(blocks, blocks.zones, "master")
+        page(blocks, sheet, master="master", findings=findings, values=values, title=title)
+        photograph(sheet, FIGURES / "view_page.png", "theme=light&colour=role&pick=330,270")
 
 
 if __name__ == "__main__":

@@ -1,22 +1,41 @@
-"""Pictures: what is in the scene, of every cell type; what is said where nothing can be drawn; a PNG."""
+"""What is drawn: the faces in sight, of every cell type; slave, master, macro-elements; findings and values."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+import time
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from lacmesh import Mesh, cut_skin, raise_order, scene, view
+from lacmesh import Mesh, cut_skin, raise_order, scene
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.errors import GroupNotFoundError, RequestError, WriteError
+from lacmesh.errors import GroupNotFoundError, RequestError
 from lacmesh.quadrature import measure
-from lacmesh.scene import PALETTE, camera_of, make_scene
+from lacmesh.quality.measures import SCALES
+from lacmesh.scene import camera_of, colours, make_scene
+from lacmesh.scene.edges import edges_of
+from lacmesh.scene.layers import CURVED, curved_parts
+from lacmesh.scene.marks import Values, cell_values, find_marks
+from lacmesh.scene.placing import SEEN_AT
+from lacmesh.scene.seen import BODY, MASTER, SLAVE, find_seen
+from lacmesh.skin import Faces
 from tests.meshes import box, cell_with_faces, random_mesh
 
 SOLIDS = [name for name, cell in CELLS.items() if cell.dim == 3]
+LINEAR = [name for name, cell in CELLS.items() if cell.order == 1 and cell.dim > 1]
 SURFACES = [name for name, cell in CELLS.items() if cell.dim == 2]
+
+
+class Said(NamedTuple):
+    """A finding, as a check would say it."""
+
+    severity: str
+    message: str
+    cells: tuple[int, ...] = ()
+    nodes: tuple[int, ...] = ()
 
 
 def cube(n=2, slave_side=0, **rest):
@@ -29,18 +48,22 @@ def cube(n=2, slave_side=0, **rest):
 
 
 def two_cubes():
-    """A cube on another; the upper one carries the slave skin."""
-    upper = cube(2)
-    points, hexahedra = box(3)
+    """A cube on another; the upper one carries the slave skin, the lower one the master."""
+    upper, lower = cube(2), cube(3, slave_side=1)
+    n = len(upper.block("QUAD4"))
     return Mesh.create(
-        np.vstack([upper.points, points - [0, 0, 1]]),
-        [("QUAD4", upper.block("QUAD4")), ("HEXA8", np.vstack([upper.block("HEXA8"), hexahedra + upper.n_nodes]))],
-        cell_groups=upper.cell_groups,
+        np.vstack([upper.points, lower.points - [0, 0, 1]]),
+        [(kind, np.vstack([upper.block(kind), lower.block(kind) + upper.n_nodes])) for kind in ("QUAD4", "HEXA8")],
+        cell_groups={"slave": np.arange(n), "master": np.arange(n, n + len(lower.block("QUAD4")))},
     )
 
 
 def layers(drawn, kind):
     return [layer for layer in drawn.layers if layer.kind == kind]
+
+
+def coloured(layer, colour):
+    return (layer.rgb == colours.rgb((colour,))).all(axis=1)
 
 
 def flux(drawn):
@@ -86,19 +109,67 @@ def test_curved_faces_are_drawn_curved():
     assert radius.min() > 0.98
 
 
+def test_many_curved_faces_are_drawn_in_fewer_parts():
+    def faces(kind, count):
+        return Faces.join([(kind, np.zeros((count, CELLS[kind].n_nodes), int))])
+
+    parts = [curved_parts(faces("TRIA6", count)) for count in (1, 5_000, 20_000, 1_000_000)]
+    assert parts[0] == CURVED
+    assert parts[-1] == 2
+    assert parts == sorted(parts, reverse=True)
+    assert curved_parts(faces("TRIA3", 1_000_000)) == CURVED
+
+
 @pytest.mark.parametrize(("dim", "order"), [(2, 1), (3, 1), (3, 2), (3, 3)])
 @pytest.mark.parametrize("seed", range(4))
 def test_neighbours_have_different_colours(dim, order, seed):
     mesh = random_mesh(np.random.default_rng(seed), dim, order, slaves=100)
-    cut = cut_skin(mesh, "slave").mesh
-    shown = scene._find_shown(cut, np.flatnonzero(cut.cell_data["lac_macro"] >= 0), None, None)
-    colour = scene._paint(shown)
-    ends, face = scene._edges(shown.slaves) if dim == 3 else (shown.slaves.nodes[:, :2], np.arange(len(shown.slaves)))
+    seen = find_seen(cut_skin(mesh, "slave").mesh)
+    slaves = seen.faces.take(seen.rows(SLAVE))
+    macro = seen.macro[seen.rows(SLAVE)]
+    colour = colours.paint(macro, slaves.corners)
+    ends, face = edges_of(slaves) if dim == 3 else (slaves.nodes[:, :2], np.arange(len(slaves)))
     for key in {tuple(sorted(e[:2])) for e in ends}:
         faces = face[[tuple(sorted(e[:2])) == key for e in ends]]
-        assert len(set(colour[faces])) == len(set(shown.macro[faces]))
-    for macro in np.unique(shown.macro):
-        assert len(set(colour[shown.macro == macro])) == 1
+        assert len(set(colour[faces])) == len(set(macro[faces]))
+    for name in np.unique(macro):
+        assert len(set(colour[macro == name])) == 1
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_in_sight_is_what_one_cell_alone_has(dim, seed):
+    """Against counting corners in a table; skin cells, twins, orphans and inner faces included."""
+    from tests.meshes import facets_of
+
+    rng = np.random.default_rng(100 + seed)
+    mesh = random_mesh(rng, dim, slaves=8, interior=True, twins=True)
+    seen = find_seen(mesh, "slave")
+
+    def keys(rows):
+        return sorted(tuple(sorted(c[c >= 0].tolist())) for c in seen.faces.corners[rows])
+
+    slave_keys = {
+        tuple(sorted(nodes[: CELLS[kind].n_corners].tolist()))
+        for kind, _, rows in mesh.select(mesh.cell_groups["slave"])
+        for nodes in rows
+    }
+    assert keys(seen.rows(SLAVE)) == sorted(slave_keys)
+    if dim == 3:
+        single = {key for key, owners in facets_of(mesh).items() if len(owners) == 1}
+        assert keys(seen.rows(BODY)) == sorted(single - slave_keys)
+    else:
+        flat = [
+            tuple(sorted(nodes.tolist()))
+            for _, _, rows in mesh.select(np.flatnonzero(mesh.cell_dim == 2))
+            for nodes in rows
+        ]
+        assert keys(seen.rows(BODY)) == sorted(flat)
+    for row in range(len(seen.faces)):
+        ((kind, _, nodes),) = mesh.select(seen.cell[[row]])
+        corners = seen.faces.corners[row]
+        assert set(corners[corners >= 0]) <= set(nodes[0])
+        assert CELLS[kind].dim == mesh.dim
 
 
 @pytest.mark.parametrize("order", ["1", "2", "2-full"])
@@ -109,14 +180,17 @@ def test_a_cut_shows_its_macros_and_internal_nodes(order):
     (dots,) = layers(drawn, "dots")
     expected = np.concatenate(cut.internal_nodes)
     np.testing.assert_array_equal(dots.points, cut.mesh.points[np.sort(expected)])
+    assert coloured(dots, colours.DOT).all()
     assert flux(drawn) == pytest.approx((1.0, 6.0))
-    assert drawn.legend[0][1].startswith("9 macro-elements")
-    assert {"macro", "dot"} == {kind for kind, _ in drawn.legend}
+    assert drawn.legend[0].words.startswith("9 macro-elements")
+    assert [entry.kind for entry in drawn.legend] == ["area", "dot"]
 
 
 def test_segments_of_a_plane_cut():
     square = Mesh.create(
-        [[0, 0], [1, 0], [1, 1], [0, 1]], [("SEG2", [[0, 1]]), ("QUAD4", [[0, 1, 2, 3]])], cell_groups={"slave": [0]}
+        [[0, 0], [1, 0], [1, 1], [0, 1]],
+        [("SEG2", [[0, 1], [1, 2]]), ("QUAD4", [[0, 1, 2, 3]])],
+        cell_groups={"slave": [0]},
     )
     cut = cut_skin(square, "slave")
     drawn = make_scene(cut.mesh)
@@ -124,6 +198,30 @@ def test_segments_of_a_plane_cut():
     assert {tuple(p) for p in ends.points} == {(0, 0, 0), (1, 0, 0)}
     assert len(internal.points) == len(cut.internal_nodes[0])
     assert tuple(drawn.eye) == (0, 0, 1)
+    seen = find_seen(cut.mesh)
+    slaves = seen.rows(SLAVE)
+    assert len(slaves) == 3
+    assert (cut.mesh.cell_dim[seen.cell[slaves]] == 2).all()
+    assert (cut.mesh.cell_dim[seen.skin[slaves]] == 1).all()
+
+
+def test_the_master_has_a_colour_of_its_own():
+    mesh = cut_skin(two_cubes(), "slave").mesh
+    seen = find_seen(mesh, None, "master")
+    assert [len(seen.rows(role)) for role in (BODY, SLAVE, MASTER)] == [5 * 4 + 5 * 9, 16, 9]
+    assert (seen.skin[seen.role == MASTER] >= 0).all()
+    assert (mesh.cell_dim[seen.cell] == 3).all()
+    drawn = make_scene(mesh, None, "master")
+    assert [entry.words for entry in drawn.legend][1] == "9 master faces"
+    (master,) = [layer for layer in layers(drawn, "faces") if coloured(layer, colours.MASTER).all()]
+    assert len(master.cells) == 18
+    assert flux(drawn) == pytest.approx((2.0, 12.0))
+
+
+def test_a_face_of_both_groups_is_slave():
+    mesh = cube(2)
+    seen = find_seen(mesh, "slave", "slave")
+    assert (len(seen.rows(SLAVE)), len(seen.rows(MASTER))) == (4, 0)
 
 
 def test_a_hidden_skin_is_turned_towards_the_eye():
@@ -131,7 +229,7 @@ def test_a_hidden_skin_is_turned_towards_the_eye():
     drawn = make_scene(mesh)
     body, skin = layers(drawn, "faces")
     normal = skin.normals.mean(axis=0)
-    assert normal @ drawn.eye == pytest.approx(np.cos(np.radians(scene.SEEN_AT)))
+    assert normal @ drawn.eye == pytest.approx(np.cos(np.radians(SEEN_AT)))
     assert skin.points[:, 2].min() > 0.1  # the lower cube ends at z = 0
     assert flux(drawn)[0] == pytest.approx(2.0)
     still = make_scene(mesh, explode=0, tilt=0)
@@ -148,26 +246,48 @@ def test_a_skin_that_nothing_hides_stays():
     assert drawn.eye[2] < 0
 
 
-def test_cutaway_and_near():
-    mesh = cube(4)
-    assert flux(make_scene(mesh, cutaway=(1, 0, 0)))[0] == pytest.approx(0.5)
+def test_near_and_cutaway_lay_the_inside_bare():
+    mesh = cut_skin(cube(4), "slave").mesh
     assert flux(make_scene(mesh, "slave", near=0.2))[0] == pytest.approx(0.25)
     bare = make_scene(mesh, cutaway=(0, 0, 2)).layers[0]
-    inside = (bare.rgb == scene._rgb((scene.INSIDE,))).all(axis=1)
+    inside = coloured(bare, colours.INSIDE)
     assert inside.sum() == 4 * 16
     assert bare.points[inside][:, 2] == pytest.approx(0.5)
     with pytest.raises(RequestError, match="near means near slave faces"):
-        make_scene(mesh, near=0.2)
+        make_scene(cube(4), near=0.2)
+
+
+def test_orphan_nodes_and_empty_groups_change_nothing():
+    mesh = two_cubes()
+    far = Mesh.create(
+        np.vstack([mesh.points, [[1e3, 0, 0], [0, 1e3, 5]]]),
+        [(b.type, b.nodes) for b in mesh.blocks],
+        cell_groups={**mesh.cell_groups, "none": []},
+    )
+    for options in ({}, {"near": 0.3}):
+        ours = make_scene(mesh, "slave", "master", **options)
+        theirs = make_scene(far, ["slave", "none"], ["master", "none"], **options)
+        assert camera_of(ours, (800, 600)) == camera_of(theirs, (800, 600))
+        assert ours.legend == theirs.legend
+    assert make_scene(far, "none").legend == ()
 
 
 def test_groups_of_a_mesh_without_a_cut_and_of_one_with():
     mesh = two_cubes()
     assert make_scene(mesh).legend == ()
-    assert make_scene(mesh, "slave").legend == (("macro", "4 slave faces"),)
+    assert [entry.words for entry in make_scene(mesh, "slave").legend] == ["4 slave faces"]
     with pytest.raises(GroupNotFoundError, match="did you mean slave"):
         make_scene(mesh, ["slav"])
+    with pytest.raises(GroupNotFoundError, match="did you mean master"):
+        make_scene(mesh, "slave", "mastre")
     with pytest.raises(RequestError, match="nothing to draw"):
-        make_scene(Mesh.create([[0, 0], [1, 0]], [("SEG2", [[0, 1]])]))
+        make_scene(Mesh.create([[0, 0], [1, 0]], [("POI1", [[0]])]))
+
+
+def test_a_mesh_of_lines_is_drawn():
+    drawn = make_scene(Mesh.create([[0, 0], [1, 0], [2, 1]], [("SEG2", [[0, 1], [1, 2]])]))
+    (lines,) = drawn.layers
+    assert len(lines.cells) == 2
 
 
 def test_loose_shells_are_drawn_but_not_the_skin_twice():
@@ -180,34 +300,137 @@ def test_loose_shells_are_drawn_but_not_the_skin_twice():
 
 @pytest.mark.parametrize("eye", [(1, -1.6, 0.9), (0, 0, 1), (0, 0, -3), (0, 1, 0)])
 def test_everything_is_inside_the_frame(eye):
-    drawn = make_scene(two_cubes(), camera=eye)
-    for size in ((1600, 1000), (400, 900)):
-        camera = camera_of(drawn, size)
-        back, up = np.subtract(camera["position"], camera["focal"]), np.array(camera["up"])
-        x = np.vstack([layer.points for layer in drawn.layers]) - camera["focal"]
-        height, width = x @ up / camera["scale"], x @ np.cross(up, back / np.linalg.norm(back)) / camera["scale"]
-        assert 2 * scene.LOW - 1 - 1e-9 < height.min() < height.max() < 2 * scene.HIGH - 1 + 1e-9
-        assert (np.abs(width) < size[0] / size[1]).all()
-        assert max(np.ptp(height) / 2 / (scene.HIGH - scene.LOW), np.ptp(width) / 2 / 0.94 / size[0] * size[1]) > 0.999
+    findings = [Said("error", "one", cells=(3,)), Said("warning", "two", nodes=(1,))]
+    for drawn in (make_scene(two_cubes(), camera=eye), make_scene(two_cubes(), "slave", camera=eye, findings=findings)):
+        for size in ((1600, 1000), (400, 900)):
+            camera = camera_of(drawn, size)
+            back, up = np.subtract(camera["position"], camera["focal"]), np.array(camera["up"])
+            x = np.vstack([layer.points for layer in drawn.layers]) - camera["focal"]
+            height, width = x @ up / camera["scale"], x @ np.cross(up, back / np.linalg.norm(back)) / camera["scale"]
+            assert 2 * drawn.low - 1 - 1e-9 < height.min() < height.max() < 2 * scene.HIGH - 1 + 1e-9
+            assert (np.abs(width) < size[0] / size[1]).all()
+            filled = np.ptp(height) / 2 / (scene.HIGH - drawn.low), np.ptp(width) / 2 / 0.94 / size[0] * size[1]
+            assert max(filled) > 0.999
 
 
-def test_what_is_said_where_nothing_can_be_drawn(tmp_path, monkeypatch):
-    mesh, target = cube(), tmp_path / "cube.png"
-    with pytest.raises(RequestError, match="is written as"):
-        view.picture(mesh, tmp_path / "cube.jpg")
-    with monkeypatch.context() as m, pytest.raises(RequestError, match=r"pip install 'lacmesh\[view\]'"):
-        m.setattr(view, "find_spec", lambda name: None)
-        view.picture(mesh, target)
-    monkeypatch.setattr(view, "find_spec", lambda name: True)
-    died = subprocess.CompletedProcess([], -11, "", "")
-    monkeypatch.setattr(view, "_draw_apart", lambda folder, window: died)
-    with pytest.raises(RequestError, match=r"nothing can be drawn here; apt-get install .*libegl1"):
-        view.picture(mesh, target)
-    raised = subprocess.CompletedProcess([], 1, "", "Traceback\nImportError: libX11.so.6: no such file\n")
-    monkeypatch.setattr(view, "_draw_apart", lambda folder, window: raised)
-    with pytest.raises(RequestError, match=r"\(ImportError: libX11.so.6: no such file\)"):
-        view.picture(mesh, target)
-    assert not target.exists()
+def test_findings_name_cells_by_the_numbers_of_the_file():
+    mesh = two_cubes()
+    renumbered = Mesh.create(
+        mesh.points,
+        [(b.type, b.nodes) for b in mesh.blocks],
+        cell_groups=mesh.cell_groups,
+        cell_number=1000 - 3 * np.arange(mesh.n_cells),
+        node_number=5 * np.arange(mesh.n_nodes) + 7,
+    )
+    solid = int(np.flatnonzero(mesh.cell_dim == 3)[0])
+    findings = [
+        Said("info", "by the way", cells=(1000,)),
+        Said("warning", "poor", cells=(1000 - 3 * solid, 999_999)),
+        Said("error", "twice", cells=(1000, 997), nodes=(12,)),
+    ]
+    marks = find_marks(renumbered, findings)
+    assert marks.severity == ("error", "warning", "info")
+    assert marks.message[0] == "twice"
+    assert sorted(marks.cell[marks.of == 0]) == [0, 1]
+    assert marks.cell[marks.of == 1].tolist() == [solid] * 6
+    assert marks.nodes.tolist() == [1]
+    drawn = make_scene(renumbered, "slave", findings=findings)
+    red, orange = colours.SEVERITIES["error"], colours.SEVERITIES["warning"]
+    marked = [layer for layer in layers(drawn, "faces") if coloured(layer, red).any()]
+    assert [layer.opacity for layer in marked] == [1.0, scene.layers.THROUGH]
+    assert [coloured(layer, red).sum() for layer in marked] == [8, 8]
+    assert [coloured(layer, orange).sum() for layer in marked] == [24, 24]
+    assert [entry.words for entry in drawn.legend][-3:] == ["error: twice", "warning: poor", "info: by the way"]
+    assert {label.words for label in drawn.labels} == {"1000", "997", str(1000 - 3 * solid), "node 12"}
+    assert not any(coloured(layer, colours.PALETTE[0]).any() for layer in drawn.layers)
+
+
+def test_what_is_cut_away_is_not_marked_and_hints_change_no_colour():
+    mesh = cube(2)
+    solid = mesh.cell_number[mesh.cell_dim == 3]
+    findings = [Said("warning", "all", cells=tuple(solid.tolist()))]
+    drawn = make_scene(mesh, "slave", findings=findings, cutaway=(0, 0, 1))
+    marked = [layer for layer in layers(drawn, "faces") if coloured(layer, colours.SEVERITIES["warning"]).any()]
+    assert [len(layer.cells) for layer in marked] == [4 * 12, 4 * 12]
+    told = make_scene(mesh, "slave", findings=[Said("info", "fine", cells=(1,))])
+    plain = make_scene(mesh, "slave")
+    assert len(told.layers) == len(plain.layers)
+    for ours, theirs in zip(told.layers, plain.layers, strict=True):
+        np.testing.assert_array_equal(ours.rgb, theirs.rgb)
+
+
+def test_many_findings_are_listed_and_labelled_in_part():
+    findings = [Said("warning", f"finding {k}", cells=(k + 1,)) for k in range(12)]
+    drawn = make_scene(two_cubes(), findings=findings)
+    assert [entry.words for entry in drawn.legend][-1] == "and 7 more findings"
+    assert len(drawn.labels) == scene.LABELLED
+    assert make_scene(two_cubes(), findings=[]).legend[-1].words == "the check found nothing to say"
+
+
+def test_cells_are_coloured_by_a_value():
+    mesh = cut_skin(two_cubes(), "slave").mesh
+    values = cell_values(mesh, "corner_jacobian")
+    assert np.isnan(values.values[mesh.cell_dim < 2]).all()
+    drawn = make_scene(mesh, None, "master", values=values)
+    found = np.vstack([layer.rgb for layer in layers(drawn, "faces")])
+    seen = find_seen(mesh, None, "master")
+    expected = np.unique(colours.on_ramp(values.values[seen.cell], 0.0, 1.0), axis=0)
+    np.testing.assert_array_equal(np.unique(found, axis=0), expected)
+    worst = mesh.cell_number[values.worst(1)[0]]
+    assert any(f"cell {worst}" in entry.words for entry in drawn.legend)
+    assert not any("not defined" in entry.words for entry in drawn.legend)
+    some = make_scene(mesh, values=cell_values(mesh, "diagonal"))  # of HEXA8 alone; the children are PYRAM5
+    assert some.legend[-1].words == "diagonal is not defined on these cells"
+    with pytest.raises(RequestError, match="did you mean corner_jacobian"):
+        cell_values(mesh, "corner_jacobia")
+    with pytest.raises(RequestError, match="no cell of this mesh has the measure 'oddy'"):
+        cell_values(cell_with_faces("TETRA4", facets=()), "oddy")
+
+
+@pytest.mark.parametrize("measure", sorted(SCALES))
+def test_every_measure_has_a_bad_and_a_good_end(measure):
+    mesh = one_of_each()
+    values = cell_values(mesh, measure)
+    known = values.values[np.isfinite(values.values)]
+    assert len(known)
+    better = SCALES[measure].better
+    assert (values.bad != values.good) or np.ptp(known) == 0
+    assert better * (values.good - values.bad) >= 0
+    assert np.isin(values.worst(1), np.flatnonzero(values.values == (known.max() if better < 0 else known.min()))).all()
+    if SCALES[measure].kind == "unit":
+        assert {values.bad, values.good} == {0.0, 1.0}
+
+
+def one_of_each():
+    """Every family of linear cells, no two alike, apart from each other."""
+    parts = [cell_with_faces(CELLS[name].name, facets=(), seed=k) for k, name in enumerate(LINEAR)]
+    starts = np.cumsum([0, *(part.n_nodes for part in parts)])
+    points = np.vstack([part.points + np.array([10.0 * k, 0, 0]) for k, part in enumerate(parts)])
+    return Mesh.create(
+        points, [(name, part.block(name) + start) for name, part, start in zip(LINEAR, parts, starts, strict=False)]
+    )
+
+
+def test_invalid_cells_are_red_and_named():
+    mesh = cube(2)
+    points = mesh.points.copy()
+    points[np.flatnonzero((points == 0.5).all(axis=1))] += 0.7  # the inner node, beyond a corner
+    mesh = Mesh.create(points, [(b.type, b.nodes) for b in mesh.blocks])
+    values = cell_values(mesh, "corner_jacobian")
+    assert values.invalid.sum() > 0
+    drawn = make_scene(mesh, values=values)
+    assert drawn.legend[-1].words.startswith(f"{values.invalid.sum()} invalid cell")
+    assert coloured(drawn.layers[0], colours.INVALID).any()
+
+
+def test_a_ramp_has_its_ends_and_the_worst_lie_at_its_bad_one():
+    values = Values("aspect", np.array([1.0, np.nan, 9.0, 4.0]), 9.0, 1.0, np.zeros(4, bool))
+    assert values.worst(2).tolist() == [2, 3]
+    assert values.worst(9).tolist() == [2, 3, 0]
+    found = colours.on_ramp(values.values, values.bad, values.good)
+    np.testing.assert_array_equal(found[[2, 0]], colours.rgb((colours.RAMP[0], colours.RAMP[-1])))
+    lightness = colours.on_ramp(np.linspace(0, 1, 50), 0.0, 1.0) @ [0.299, 0.587, 0.114]
+    assert (np.diff(lightness) > 0).all()
 
 
 def test_the_modules_need_no_pyvista():
@@ -215,20 +438,27 @@ def test_the_modules_need_no_pyvista():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-@pytest.mark.vtk
-def test_a_picture(tmp_path):
-    from PIL import Image
+def test_long_words_are_broken_or_shortened():
+    findings = [Said("error", "long " * 40), Said("info", "short"), Said("info", "w" * 300)]
+    drawn = make_scene(two_cubes(), "slave", findings=findings)
+    wide, narrow = (scene.laid_out(drawn, size) for size in ((1600, 1000), (300, 1000)))
+    assert [len(entry.colours) for entry in wide.legend] == [3, 1, 0, 0, 0, 0]
+    assert wide.legend[1].words.startswith("error: long")
+    assert wide.legend[3].words == "info: short"
+    assert narrow.low > drawn.low
+    for laid, size in ((wide, (1600, 1000)), (narrow, (300, 1000))):
+        room = 0.98 * size[0] - scene.INDENT * scene.unit_of(size)
+        assert max(len(entry.words) for entry in laid.legend) * scene.LETTER * scene.unit_of(size) <= room
+    assert narrow.legend[2].words.endswith("...")
+    assert "..." not in wide.legend[1].words + wide.legend[2].words
 
-    cut = cut_skin(two_cubes(), "slave")
-    target = tmp_path / "cubes.png"
-    view.picture(cut.mesh, target, size=(480, 300), title="two cubes")
-    pixels = np.asarray(Image.open(target).convert("RGB")).reshape(-1, 3).astype(int)
-    assert len(pixels) == 480 * 300
-    assert 0.3 < (pixels == 255).all(axis=1).mean() < 0.9
-    hue = pixels - pixels.mean(axis=1, keepdims=True)  # the light changes a colour's strength, not its tone
-    for colour in scene._rgb(PALETTE[:4]).astype(float):
-        tone = colour - colour.mean()
-        likeness = hue @ tone / np.maximum(np.linalg.norm(hue, axis=1), 1e-9) / np.linalg.norm(tone)
-        assert ((likeness > 0.98) & (np.linalg.norm(hue, axis=1) > 20)).sum() > 100
-    with pytest.raises(WriteError, match="nowhere"):
-        view.picture(cut.mesh, tmp_path / "nowhere" / "cubes.png", size=(80, 50))
+
+@pytest.mark.slow
+def test_only_the_skin_of_a_large_mesh_is_drawn():
+    points, hexahedra = box(80)
+    mesh = Mesh.create(points, [("HEXA8", hexahedra)])
+    start = time.perf_counter()
+    drawn = make_scene(mesh)
+    seconds = time.perf_counter() - start
+    assert sum(len(layer.cells) for layer in layers(drawn, "faces")) == 2 * 6 * 80**2
+    assert seconds < 12  # 2 s on a machine at rest

@@ -1,0 +1,112 @@
+"""`lacmesh view`: a picture of a mesh, or a page that turns it in a browser."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.cli.options import add_command, add_mesh_option
+from lacmesh.cli.terminal import Stages, memory
+from lacmesh.errors import RequestError, WriteError, did_you_mean
+
+if TYPE_CHECKING:
+    from lacmesh.mesh import Mesh
+
+PICTURES, PAGES = (".png",), (".html", ".htm")
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(commands, "view", run, "draw a mesh: a picture (.png), or a page that opens offline (.html)")
+    parser.add_argument("input", metavar="IN", help="mesh, cut or not")
+    parser.add_argument("-o", "--output", required=True, metavar="FILE", help="the suffix says which: .png, .html")
+    parser.add_argument(
+        "--slave", action="append", metavar="GROUP", help="slave skin (default: all of a cut); may be repeated"
+    )
+    parser.add_argument("--master", action="append", metavar="GROUP", help="master skin; may be repeated")
+    parser.add_argument("--check", action="store_true", help="mark the cells that `lacmesh check` finds fault with")
+    parser.add_argument(
+        "--quality",
+        nargs="?",
+        const="corner_jacobian",
+        metavar="MEASURE",
+        help="colour cells by a measure of their quality (default: corner_jacobian)",
+    )
+    direction = {"nargs": 3, "type": float, "metavar": ("X", "Y", "Z")}
+    parser.add_argument("--camera", **direction, help="direction from the mesh to the eye")  # type: ignore[arg-type]
+    parser.add_argument("--cutaway", **direction, help="leave out cells beyond the middle in this direction")  # type: ignore[arg-type]
+    parser.add_argument(
+        "--explode", type=float, metavar="GAP", help="gap between bodies, as a part of the mesh's size; 0: as they are"
+    )
+    parser.add_argument("--size", type=_size, default=(1600, 1000), metavar="WxH", help="pixels (default: 1600x1000)")
+    parser.add_argument("--title", help="a line above (default: the file's name, or what the mesh holds)")
+    parser.add_argument("--force", action="store_true", help="replace an existing output")
+    add_mesh_option(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Draw a file."""
+    target = Path(args.output)
+    _check_request(target, args)
+    from lacmesh.formats import read
+
+    stage = Stages(args, ("read", "look", "draw"))
+    with stage("read"):
+        mesh = read(args.input, mesh=args.mesh)
+    with stage("look"):
+        shown = _shown(mesh, args)
+    with stage("draw"):
+        if target.suffix.lower() in PICTURES:
+            from lacmesh.view import picture
+
+            tilt = 0.0 if args.explode == 0 else None
+            picture(mesh, target, size=args.size, tilt=tilt, title=args.title, **shown)
+        else:
+            from lacmesh.view import page
+
+            page(mesh, target, title=args.title or Path(args.input).name, **shown)
+    if not args.quiet:
+        times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
+        print(f"{target}: {target.stat().st_size / 1e6:.1f} MB; {times}{memory()}")
+
+
+def _shown(mesh: Mesh, args: argparse.Namespace) -> dict[str, Any]:
+    """The options that a picture and a page share."""
+    shown: dict[str, Any] = {
+        "slave": args.slave,
+        "master": args.master,
+        "camera": args.camera and tuple(args.camera),
+        "cutaway": args.cutaway and tuple(args.cutaway),
+        "explode": args.explode,
+    }
+    if args.check:
+        from lacmesh.checks import check
+
+        shown["findings"] = check(mesh, args.slave or mesh.zones, args.master)
+    if args.quality:
+        from lacmesh.scene.marks import cell_values
+
+        shown["values"] = cell_values(mesh, args.quality)
+    return shown
+
+
+def _check_request(target: Path, args: argparse.Namespace) -> None:
+    """Say at once what would stop the drawing at the end."""
+    suffix = target.suffix.lower()
+    if suffix not in (*PICTURES, *PAGES):
+        raise RequestError(f"{target}: nothing is drawn as {suffix!r}{did_you_mean(suffix, (*PICTURES, *PAGES))}")
+    for name in ("camera", "cutaway"):
+        if getattr(args, name) and not any(getattr(args, name)):
+            raise RequestError(f"--{name} 0 0 0 is no direction")
+    if target.exists() and not args.force:
+        raise RequestError(f"{target} exists already; --force replaces it, -o names another file")
+    if not target.parent.is_dir():
+        raise WriteError(target, f"the folder {target.parent} does not exist")
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.lower().partition("x")
+    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
+        raise argparse.ArgumentTypeError(f"{text!r} is no size; write it as 1600x1000")
+    return int(width), int(height)

@@ -1,0 +1,215 @@
+"""What is drawn of a mesh: the faces in sight, as triangles, lines and dots with their colours, and the camera.
+
+    seen = the faces of bodies, slave skin and master in sight                 (`seen`)
+    points = the bodies moved apart, to show the skin between them             (`placing`)
+    marks, values = what findings name, a value for each cell                  (`marks`)
+    layers = triangles, lines and dots with their colours                      (`layers`)
+
+Numbers only: `view` draws them, as a picture or as a page. Curved faces follow their cells' own shape functions; cells
+of order 3 and more are drawn by their corners.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.errors import some
+from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.scene.colours import BODIES, DOT, INK, INVALID, MASTER, PALETTE, SEVERITIES, pale, rgb
+from lacmesh.scene.layers import Layer, make_layers
+from lacmesh.scene.marks import Finding, Marks, Values, find_marks
+from lacmesh.scene.placing import find_eye, find_opening, frame, opened
+from lacmesh.scene.seen import MASTER as IS_MASTER
+from lacmesh.scene.seen import SLAVE, Groups, Seen, Vector, find_seen
+
+#: the part of the picture's height above which the mesh ends, and what a line of the legend takes below it
+HIGH, FOOT, LEGEND_LINE = 0.93, 0.035, 0.04
+#: in units (`unit_of`): where words begin beside a box of the legend, what a ramp takes, a letter of a legend's words
+INDENT, RAMP_ROOM, LETTER = 82, 480, 12.4
+#: findings that get a line in the legend, and cells of theirs that get a label
+LISTED, LABELLED = 5, 8
+
+
+class Entry(NamedTuple):
+    """A line of the legend: an `area`, an `outline` or a `dot` in one or several colours, and words."""
+
+    kind: str
+    words: str
+    colours: tuple[str, ...]
+
+
+class Label(NamedTuple):
+    """Words at a point of the mesh, in a colour."""
+
+    point: tuple[float, float, float]
+    words: str
+    colour: str
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All that is drawn, and `eye` (3,): the direction from it towards the eye. `values`: what a ramp stands for."""
+
+    layers: tuple[Layer, ...]
+    eye: Floats
+    title: str
+    legend: tuple[Entry, ...]
+    labels: tuple[Label, ...] = ()
+    values: Values | None = None
+
+    @property
+    def low(self) -> float:
+        """The part of the picture's height below which words stand."""
+        rows = max(len(self.legend), 2 * (self.values is not None))
+        return min(0.6, FOOT + LEGEND_LINE * rows)
+
+
+def make_scene(
+    mesh: Mesh,
+    slave: Groups = None,
+    master: Groups = None,
+    *,
+    findings: Iterable[Finding] | None = None,
+    values: Values | None = None,
+    camera: Vector | None = None,
+    explode: float | None = None,
+    tilt: float | None = None,
+    near: float | None = None,
+    cutaway: Vector | None = None,
+) -> Scene:
+    """What `view.picture` draws; the options are explained there. Raises RequestError, GroupNotFoundError."""
+    seen = find_seen(mesh, slave, master, near=near, cutaway=cutaway)
+    eye = find_eye(mesh, seen, camera)
+    points = opened(mesh, seen, find_opening(mesh, seen, eye, explode, tilt))
+    marks = None if findings is None else find_marks(mesh, findings, seen.kept)
+    return Scene(
+        layers=make_layers(points, seen, eye, marks, values),
+        eye=eye,
+        title=title_of(mesh),
+        legend=(
+            *legend_of(seen, marked=marks is not None and marks.wrong, valued=values is not None),
+            *_values_legend(mesh, values),
+            *_marks_legend(marks),
+        ),
+        labels=() if marks is None else _labels(mesh, points, marks),
+        values=values,
+    )
+
+
+def laid_out(scene: Scene, size: tuple[int, int]) -> Scene:
+    """The scene with its legend broken into lines that a picture of `size` has room for, no more than two an entry."""
+    unit = unit_of(size)
+    room = size[0] * 0.96 - INDENT * unit - (RAMP_ROOM * unit if scene.values is not None else 0)
+    legend: list[Entry] = []
+    for entry in scene.legend:
+        wide = max(8, int(room / (LETTER * unit)))
+        first, *rest = textwrap.wrap(entry.words, wide, max_lines=2, placeholder=" ...") or [""]
+        indented = "none" if entry.kind == "none" else "area"
+        legend += [entry._replace(words=first), *(Entry(indented, words, ()) for words in rest)]
+    return replace(scene, legend=tuple(legend))
+
+
+def unit_of(size: tuple[int, int]) -> float:
+    """Pixels of a unit of length in words and lines: a thousandth of the height, less in a narrow picture."""
+    return min(size[1] / 1000, size[0] / 1200)
+
+
+def camera_of(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
+    """A camera of parallel rays that looks along -eye, upright, with all in sight and room for the words."""
+    points = np.vstack([layer.points for layer in scene.layers])
+    return frame(points, scene.eye, size, scene.low, HIGH)
+
+
+def title_of(mesh: Mesh) -> str:
+    """A line that says what the mesh holds."""
+    cells = (f"{count:,} {kind}" for kind, count in mesh.cells_by_type.items() if ALL_CELLS[kind].dim == mesh.dim)
+    return f"{mesh.n_nodes:,} nodes, {', '.join(cells)}"
+
+
+def legend_of(seen: Seen, *, marked: bool = False, valued: bool = False) -> tuple[Entry, ...]:
+    """What slave, master and dots look like: paler where findings are `marked`, outlined where cells are `valued`."""
+    slaves, masters = seen.rows(SLAVE), seen.rows(IS_MASTER)
+    kind = "outline" if valued else "area"
+    shades: tuple[str, ...] = PALETTE[:3]
+    if marked:
+        shades = tuple(bytes(colour).hex() for colour in pale(rgb(shades)))
+    entries = []
+    if len(slaves):
+        macros = len(np.unique(seen.macro[slaves]))
+        cut = f"{_count(macros, 'macro-element')}, made of {_count(len(slaves), 'slave face')}"
+        words = cut if len(seen.internal) else _count(len(slaves), "slave face")
+        entries.append(Entry(kind, words, (INK,) if valued else shades))
+    if len(masters):
+        entries.append(Entry(kind, _count(len(masters), "master face"), (INK if valued else MASTER,)))
+    if len(seen.internal):
+        words = f"{_count(len(seen.internal), 'internal node')}, each with a dof of its own"
+        entries.append(Entry("dot", words, (INK if marked else DOT,)))
+    return tuple(entries)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
+
+
+def _values_legend(mesh: Mesh, values: Values | None) -> list[Entry]:
+    """The worst cells of all, in sight or not, and those that no solver can use."""
+    if values is None:
+        return []
+    entries = []
+    if len(worst := values.worst(3)):
+        words = ", ".join(f"{values.values[c]:.3g} (cell {mesh.cell_number[c]})" for c in worst)
+        entries.append(Entry("none", f"worst: {words}", ()))
+    if np.isnan(values.values[mesh.cell_dim > 1]).any():
+        entries.append(Entry("area", f"{values.what} is not defined on these cells", (BODIES[0],)))
+    if len(cells := np.flatnonzero(values.invalid)):
+        words = f"{_count(len(cells), 'invalid cell')}: {some(mesh.cell_number[cells], 6)}"
+        entries.append(Entry("area", words, (INVALID,)))
+    return entries
+
+
+def _marks_legend(marks: Marks | None) -> list[Entry]:
+    """A line for each of the first findings."""
+    if marks is None:
+        return []
+    if not len(marks):
+        return [Entry("none", "the check found nothing to say", ())]
+    rows = zip(marks.severity, marks.message, strict=True)
+    entries = [
+        Entry("area", f"{severity}: {message}", () if severity == "info" else (SEVERITIES[severity],))
+        for severity, message in rows
+    ]
+    more = len(entries) - LISTED
+    if more > 1:
+        entries = [*entries[:LISTED], Entry("area", f"and {more} more findings", ())]
+    return entries
+
+
+def _labels(mesh: Mesh, points: Floats, marks: Marks) -> tuple[Label, ...]:
+    """The numbers of some cells and nodes that errors and warnings name: one each of every finding, then more."""
+    labels: list[tuple[int, Label]] = []
+    for node, index, of in ((False, marks.cell, marks.of), (True, marks.nodes, marks.node_of)):
+        named = np.unique(np.stack([of, index], axis=1), axis=0)
+        turn = _turns(named[:, 0])
+        for row in np.lexsort((named[:, 0], turn))[:LABELLED]:
+            finding, what = named[row].tolist()
+            nodes = np.array([what]) if node else np.unique(marks.faces.nodes[marks.cell == what])
+            x, y, z = points[nodes[nodes >= 0]].mean(axis=0).tolist()
+            words = f"node {mesh.node_number[what]}" if node else str(mesh.cell_number[what])
+            if (severity := marks.severity[finding]) != "info":
+                labels.append((int(turn[row]), Label((x, y, z), words, SEVERITIES[severity])))
+    return tuple(label for _, label in sorted(labels, key=lambda pair: pair[0])[:LABELLED])
+
+
+def _turns(of: Ints) -> Ints:
+    """How many equal values stand before each, in a sorted list.
+
+    >>> _turns(np.array([0, 0, 0, 2, 2])).tolist()
+    [0, 1, 2, 0, 1]
+    """
+    return np.arange(len(of)) - np.searchsorted(of, of)

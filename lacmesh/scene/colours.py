@@ -1,0 +1,86 @@
+"""Colours: of bodies, slave, master, macro-elements, findings, and of a value on a ramp.
+
+Chosen so that people who see red and green alike can tell them apart: macro-elements differ in lightness as well as in
+hue, the ramp darkens steadily, and what is wrong is drawn in the two strongest colours of all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats, Ints
+
+#: colours of macro-elements: close to Paul Tol's light scheme, made for areas side by side
+PALETTE = ("77aadd", "ee8866", "eedd88", "ffaabb", "99ddff", "44bb99", "bbcc33", "c3a5d9")
+#: colours of bodies, and of what a cutaway lays bare
+BODIES, INSIDE = ("eceae4", "dbe1e6", "e6e0ec", "dfe8dc"), "c3c9cf"
+MASTER = "8093b0"
+INK, CREASE, EDGE, CHILD_EDGE, DOT = "1b1f24", "5c646c", "8a929a", "4a525a", "b3122f"
+#: what is wrong, by its severity; a value beyond what is valid
+SEVERITIES = {"error": "cc1f1a", "warning": "e87500", "info": "5b6b7d", "worst": "8f2f74"}
+INVALID = "cc1f1a"
+#: a value from its bad end to its good one: dark to light
+RAMP = ("231a4c", "34489b", "2f7fb5", "56b4b8", "a9d9b2", "f4f3d0")
+#: by how much macro-elements pale where findings are to stand out
+PALER = 0.55
+
+
+def rgb(colours: Sequence[str]) -> NDArray[np.uint8]:
+    """(n, 3): colours from 0 to 255.
+
+    >>> rgb(["77aadd"])
+    array([[119, 170, 221]], dtype=uint8)
+    """
+    return np.array([[int(c[k : k + 2], 16) for k in (0, 2, 4)] for c in colours], np.uint8).reshape(-1, 3)
+
+
+def pale(colours: NDArray[np.uint8], by: float = PALER) -> NDArray[np.uint8]:
+    """Colours (n, 3) mixed with white."""
+    return np.round(colours + by * (255.0 - colours)).astype(np.uint8)
+
+
+def on_ramp(values: Floats, bad: float, good: float) -> NDArray[np.uint8]:
+    """(n, 3): the colour of each value between its bad and its good end; grey where it is NaN."""
+    stops = rgb(RAMP).astype(float)
+    span = good - bad
+    place = np.clip((values - bad) / span if span else np.ones_like(values), 0, 1) * (len(stops) - 1)
+    known = np.isfinite(place)
+    at = np.linspace(0, len(stops) - 1, len(stops))
+    mixed = np.stack([np.interp(np.where(known, place, 0), at, stop) for stop in stops.T], axis=-1)
+    mixed[~known] = rgb(BODIES[:1])
+    return np.round(mixed).astype(np.uint8)
+
+
+def paint(macro: Ints, corners: Ints) -> Ints:
+    """(s,): the place in PALETTE of each slave face: one colour a macro-element, neighbours as different as can be.
+
+    `macro` (s,) the macro-element of each face, `corners` (s, 4) its nodes, padded with -1.
+    """
+    from scipy.sparse import coo_matrix
+
+    if not len(macro):
+        return np.empty(0, np.int64)
+    names, member = np.unique(macro, return_inverse=True)
+    face, place = np.nonzero(corners >= 0)
+    touch = coo_matrix((np.ones(len(face)), (member[face], corners[face, place]))).tocsr()
+    touch.data[:] = 1
+    shared = (touch @ touch.T).tocsr()  # nodes that two macro-elements share
+    return _greedy(shared.indptr, shared.indices, shared.data, len(names))[member]
+
+
+def _greedy(indptr: Ints, indices: Ints, shared: Floats, count: int) -> Ints:
+    """A colour for each of `count` nodes of a graph, in turn: the least like its neighbours', then the least used."""
+    starts, near, weight = indptr.tolist(), indices.tolist(), shared.tolist()
+    colour, used = [-1] * count, [0] * len(PALETTE)
+    for k in range(count):
+        clash = [0.0] * len(PALETTE)
+        for j in range(starts[k], starts[k + 1]):
+            if colour[near[j]] >= 0:
+                clash[colour[near[j]]] += weight[j]
+        best = min(range(len(PALETTE)), key=lambda c: (clash[c], used[c]))
+        colour[k] = best
+        used[best] += 1
+    return np.array(colour)

@@ -1,0 +1,74 @@
+"""Edges of the faces in sight, each once: where a body has a crease, where a macro-element ends, and the others.
+
+An edge is (end, end, mid-node or -1), three indices of nodes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lacmesh.cells import CELLS
+from lacmesh.mesh import Floats, Ints
+from lacmesh.scene.seen import is_segment
+from lacmesh.skin import FACE_TYPES, Faces, label_rows
+
+#: cosine of the angle from which an edge between two faces is a crease
+CREASE_COSINE = 0.77
+TINY = 1e-300
+
+
+def edges_of(faces: Faces) -> tuple[Ints, Ints]:
+    """Every edge of every face but segments, (e, 3), and the row of the face."""
+    ends, rows = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
+    for code in np.unique(faces.type):
+        cell = CELLS[FACE_TYPES[code]]
+        here = np.flatnonzero(faces.type == code)
+        for k, (a, b) in enumerate(cell.edges if cell.n_corners > 2 else ()):
+            middle = cell.n_corners + k if cell.order == 2 else -1  # a row of `nodes` ends with -1, or QUAD9's centre
+            nodes = faces.nodes[here]
+            ends.append(np.stack([nodes[:, a], nodes[:, b], nodes[:, middle] if middle > 0 else 0 * here - 1], axis=1))
+            rows.append(here)
+    return np.vstack(ends), np.concatenate(rows)
+
+
+def body_edges(points: Floats, faces: Faces) -> tuple[Ints, Ints]:
+    """The edges of bodies, each once: those on smooth ground, and those where the body ends or has a crease."""
+    ends, face = edges_of(faces)
+    label, count = label_rows(np.sort(ends[:, :2], axis=1))
+    x = points[faces.nodes[:, :3]]
+    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), TINY)
+    order = np.argsort(label, kind="stable")
+    first = np.searchsorted(label[order], np.arange(count))
+    times = np.bincount(label, minlength=count)
+    other = order[np.minimum(first + 1, len(order) - 1)] if len(order) else order
+    turn = np.abs((normal[face[order[first]]] * normal[face[other]]).sum(axis=1))
+    sharp = (times != 2) | (turn < CREASE_COSINE)
+    return ends[order[first[~sharp]]], ends[order[first[sharp]]]
+
+
+def group_edges(faces: Faces, group: Ints) -> tuple[Ints, Ints]:
+    """The edges of faces that stand in groups (f,), each once: those inside a group, and those on its outline."""
+    ends, face = edges_of(faces)
+    label, count = label_rows(np.sort(ends[:, :2], axis=1))
+    low, high = np.full(count, np.iinfo(np.int64).max), np.full(count, -1)
+    np.minimum.at(low, label, group[face])
+    np.maximum.at(high, label, group[face])
+    inside = (np.bincount(label, minlength=count) == 2) & (low == high)
+    once = np.unique(label, return_index=True)[1]
+    return ends[once[inside]], ends[once[~inside]]
+
+
+def segments(faces: Faces) -> tuple[Ints, Ints]:
+    """The faces that are segments, as edges (e, 3), and their rows."""
+    rows = np.flatnonzero(is_segment(faces))
+    return faces.nodes[rows][:, :3], rows
+
+
+def group_ends(faces: Faces, group: Ints) -> Ints:
+    """Nodes where a group of segments ends: `group` (f,)."""
+    line = np.flatnonzero(is_segment(faces))
+    nodes = faces.nodes[line][:, :2]
+    pairs = np.stack([nodes.ravel(), np.repeat(group[line], 2)], axis=1)
+    pairs, times = np.unique(pairs, axis=0, return_counts=True)
+    return np.unique(pairs[times == 1, 0])

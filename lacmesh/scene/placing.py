@@ -1,0 +1,140 @@
+"""Where things stand: the eye, the bodies moved apart to show the skin between them, the camera of a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lacmesh.mesh import Floats, Mesh
+from lacmesh.scene.seen import MASTER, SLAVE, Seen, Vector, diagonal, is_segment
+
+#: where the eye is by default, and how far from straight on it may see the slave skin, in degrees
+OBLIQUE, SEEN_AT = (1.0, -1.6, 0.9), 40.0
+#: gap left by default between the bodies, as a part of the diagonal: in space, in the plane where a master is shown
+GAP, PLANE_GAP = 0.05, 0.03
+#: a skin whose mean normal is less than this looks every way
+ONE_WAY = 0.3
+
+
+@dataclass(frozen=True)
+class Opening:
+    """How the bodies that carry slave faces are moved: turned by `angle` about `axis` through `centre`, then shifted.
+
+    `shift` (3,) is what the other bodies need to stay clear of them, and a gap.
+    """
+
+    centre: Floats
+    axis: Floats
+    angle: float
+    shift: Floats
+
+    def of(self, x: Floats) -> Floats:
+        """Points (n, 3) moved."""
+        return self.centre + rotated(x - self.centre, self.axis, self.angle) + self.shift
+
+
+def find_eye(mesh: Mesh, seen: Seen, camera: Vector | None) -> Floats:
+    """(3,): the direction from the mesh towards the eye."""
+    if camera is not None:
+        return unit(camera)
+    if mesh.space_dim == 2:
+        return np.array([0.0, 0.0, 1.0])
+    outward = find_outward(mesh.points, seen)
+    return unit((0 if seen.hidden else outward) + 0.6 * unit(OBLIQUE))
+
+
+def find_outward(points: Floats, seen: Seen) -> Floats:
+    """(3,): the unit normal of the slave skin, on average and out of its bodies; 0 where it looks every way."""
+    rows = seen.rows(SLAVE)
+    if not len(rows):
+        return np.zeros(3)
+    slaves = seen.faces.take(rows)
+    corners = slaves.corners
+    x = points[np.where(corners < 0, corners[:, :1], corners)]
+    third = np.where(is_segment(slaves)[:, None], x[:, 0] + [0.0, 0.0, 1.0], x[:, 2])
+    normals = np.cross(x[:, 1] - x[:, 0], third - x[:, 0])
+    own = (seen.role != SLAVE) & np.isin(seen.body, seen.slave_bodies)
+    inside = points[seen.faces.nodes[own, 0]].mean(axis=0) if own.any() else x[:, 0].mean(axis=0)
+    mean = normals.sum(axis=0)
+    if np.linalg.norm(mean) <= ONE_WAY * np.linalg.norm(normals, axis=1).sum():
+        return np.zeros(3)
+    return unit(mean if mean @ (x[:, 0].mean(axis=0) - inside) >= 0 else -mean)
+
+
+def find_opening(
+    mesh: Mesh, seen: Seen, eye: Floats, explode: float | None = None, tilt: float | None = None
+) -> Opening | None:
+    """How to move the bodies that carry slave faces so that these show; None where nothing has to move."""
+    points, outward, plane = mesh.points, find_outward(mesh.points, seen), mesh.space_dim == 2
+    if not outward.any() or not seen.hidden:
+        return None
+    if tilt is None:
+        tilt = 0.0 if plane else max(0.0, float(np.degrees(np.arccos(np.clip(outward @ eye, -1, 1)))) - SEEN_AT)
+    shown = points[np.isin(seen.body_of_node, seen.body)]
+    gap = explode if explode is not None else GAP if not plane else PLANE_GAP if (seen.role == MASTER).any() else 0.0
+    if tilt == gap == 0:
+        return None
+    mine, other = moving(seen)
+    centre = (points[mine].min(axis=0) + points[mine].max(axis=0)) / 2
+    axis = unit(eye if plane else np.cross(outward, eye))
+    turned = centre + rotated(points[mine] - centre, axis, np.radians(tilt))
+    overlap = (turned @ outward).max() - (points[other] @ outward).min()
+    return Opening(centre, axis, float(np.radians(tilt)), -(overlap + gap * diagonal(shown)) * outward)
+
+
+def moving(seen: Seen) -> tuple[Any, Any]:
+    """(n_nodes,) masks: nodes of the bodies that carry slave faces; nodes of the others in sight."""
+    mine = np.isin(seen.body_of_node, seen.slave_bodies)
+    return mine, np.isin(seen.body_of_node, seen.body) & ~mine
+
+
+def opened(mesh: Mesh, seen: Seen, opening: Opening | None) -> Floats:
+    """(n_nodes, 3): the points of the mesh, those of the bodies that carry slave faces moved."""
+    if opening is None:
+        return mesh.points
+    mine, _ = moving(seen)
+    points = mesh.points.copy()
+    points[mine] = opening.of(points[mine])
+    return points
+
+
+def rotated(x: Floats, axis: Floats, angle: float) -> Floats:
+    """Vectors (n, 3) turned about an axis by Rodrigues' formula."""
+    along = np.outer(x @ axis, axis)
+    return along + np.cos(angle) * (x - along) + np.sin(angle) * np.cross(axis, x)
+
+
+def unit(v: Any) -> Floats:
+    """A vector brought to length 1; 0 stays."""
+    v = np.asarray(v, float)
+    length = float(np.linalg.norm(v))
+    return v / length if length > 0 else np.zeros(3)
+
+
+def screen_axes(eye: Floats) -> Floats:
+    """(3, 3): columns right, up and towards the eye, upright (y in the plane seen from above or below, else z)."""
+    upright = np.array([0.0, 1.0, 0.0] if abs(eye[2]) > 0.999 else [0.0, 0.0, 1.0])
+    right = unit(np.cross(upright, eye))
+    return np.stack([right, np.cross(eye, right), eye], axis=1)
+
+
+def frame(points: Floats, eye: Floats, size: tuple[int, int], low: float, high: float) -> dict[str, Any]:
+    """A camera of parallel rays that looks along -eye, upright, with all points in sight between two heights.
+
+    `low`, `high`: the part of the picture's height that the points may take, from 0 at its foot to 1.
+    """
+    axes = screen_axes(eye)
+    seen = points @ axes
+    extent, middle = np.ptp(seen, axis=0), axes @ (seen.min(axis=0) + seen.max(axis=0)) / 2
+    half = max(extent[1] / (high - low), extent[0] / 0.94 * size[1] / size[0]) / 2
+    middle -= (high + low - 1) * half * axes[:, 1]
+    distance = float(np.linalg.norm(extent)) or 1.0
+    position = middle + distance * eye
+    return {
+        "focal": middle.tolist(),
+        "position": position.tolist(),
+        "up": axes[:, 1].tolist(),
+        "scale": float(half) or 1.0,
+    }

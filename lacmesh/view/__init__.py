@@ -1,0 +1,11 @@
+"""Pictures of meshes and of their cuts, without a window: PNG files, and pages that turn in a browser.
+
+scene = what is drawn, and from where               (`lacmesh.scene`)
+image = the scene drawn by pyvista                  (`png`; `draw`, in a child process: VTK dies without a renderer)
+page = the same faces and a small viewer            (`page`, `page.html`: one file that opens offline)
+"""
+
+from lacmesh.view.page import page
+from lacmesh.view.png import picture
+
+__all__ = ["page", "picture"]

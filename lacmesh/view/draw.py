@@ -1,0 +1,179 @@
+"""Draws the scene that `png` left in a folder; run in a process of its own, because VTK may end it."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.scene import INDENT, LETTER, unit_of
+from lacmesh.scene.colours import INK, RAMP, on_ramp
+
+#: arrays of a layer
+ARRAYS = ("points", "cells", "rgb", "normals")
+#: lights that go with the camera: where they stand (right, up, towards the eye), how strong
+LIGHTS = (((-0.5, 0.9, 1.0), 0.55), ((0.9, 0.0, 0.6), 0.22), ((0.0, -0.2, 1.0), 0.33))
+#: triangles that all balls together may have; where that is too few for balls, dots are flat
+BALLS = 2_000_000
+
+
+class Sheet(NamedTuple):
+    """What is drawn on: pyvista's plotter, the module itself, pixels a thousandth of the height, the scene."""
+
+    plotter: Any
+    pyvista: Any
+    unit: float
+    scene: Mapping[str, Any]
+
+
+def draw(folder: str) -> None:
+    """Draw the scene in a folder into its `picture.png`."""
+    pyvista: Any = import_module("pyvista")
+    scene = json.loads((Path(folder) / "scene.json").read_text(encoding="utf-8"))
+    arrays = np.load(Path(folder) / "scene.npz")
+    width, height = scene["size"]
+    plotter = pyvista.Plotter(off_screen=True, window_size=scene["size"])
+    sheet = Sheet(plotter, pyvista, unit_of((width, height)), scene)
+    plotter.set_background("white")
+    plotter.remove_all_lights()
+    for place, strength in LIGHTS:
+        plotter.add_light(pyvista.Light(position=place, intensity=strength, light_type="camera light"))
+    for k, layer in enumerate(scene["layers"]):
+        _add_layer(sheet, layer, [arrays[f"{a}{k}"] for a in ARRAYS])
+    camera = scene["camera"]
+    plotter.enable_parallel_projection()
+    plotter.camera_position = [camera["position"], camera["focal"], camera["up"]]
+    plotter.camera.parallel_scale = camera["scale"]
+    plotter.reset_camera_clipping_range()
+    if width * height <= 4_000_000:  # this costs four times the memory of the picture
+        plotter.enable_anti_aliasing("ssaa")
+    _add_words(sheet)
+    _add_labels(sheet)
+    plotter.screenshot(Path(folder) / "picture.png")
+
+
+def _add_layer(sheet: Sheet, layer: tuple[str, float, float], arrays: list[NDArray]) -> None:
+    """Add a layer: its kind, width and opacity; the arrays of ARRAYS."""
+    (kind, width, opacity), (points, cells, rgb, normals) = layer, arrays
+    plotter, pyvista = sheet.plotter, sheet.pyvista
+    rows = np.hstack([np.full((len(cells), 1), cells.shape[1]), cells]).ravel()
+    if kind == "dots":
+        _add_dots(sheet, points, rgb[0].tolist(), width)
+    elif kind == "lines":
+        lines = pyvista.PolyData(points, lines=rows)
+        pixels = width * sheet.unit
+        actor = plotter.add_mesh(lines, scalars=rgb, rgb=True, line_width=pixels, lighting=False, opacity=opacity)
+        actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+        actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-1, -4 * pixels)
+    else:
+        faces = pyvista.PolyData(points, faces=rows)
+        faces.point_data.active_normals = normals
+        plotter.add_mesh(faces, scalars=rgb, rgb=True, ambient=0.65, diffuse=0.45, specular=0.0, opacity=opacity)
+
+
+def _add_dots(sheet: Sheet, points: NDArray, colour: list[int], radius: float) -> None:
+    plotter, pyvista = sheet.plotter, sheet.pyvista
+    around = min(24, int(np.sqrt(BALLS / len(points) / 2)))
+    if around >= 6:
+        ball = pyvista.Sphere(radius=radius, theta_resolution=around, phi_resolution=around)
+        dots = pyvista.PolyData(points).glyph(geom=ball, scale=False, orient=False)
+        plotter.add_mesh(dots, color=colour, smooth_shading=True)
+    else:
+        pixels = radius / sheet.scene["camera"]["scale"] * sheet.scene["size"][1]
+        plotter.add_mesh(
+            pyvista.PolyData(points), color=colour, style="points", point_size=max(pixels, 1.5), lighting=False
+        )
+
+
+def _add_words(sheet: Sheet) -> None:
+    """The title above, the legend below, each of its lines beside what it explains; the ramp at the right."""
+    plotter, _, unit, scene = sheet
+    width, height = scene["size"]
+    style = {"viewport": True, "color": f"#{INK}"}
+    title = _fitted(scene["title"], 0.96 * width, 13 / 11 * LETTER * unit)
+    plotter.add_text(title, position=(0.02, 0.945), font_size=round(13 * unit), **style)
+    if "ramp" in scene:
+        _add_ramp(sheet)
+    for row, (kind, words, colours) in enumerate(reversed(scene["legend"])):
+        y = (26 + 40 * row) * unit
+        _add_mark(sheet, kind, colours, 0.02 * width, y)
+        left = 0.0 if kind == "none" else INDENT * unit
+        plotter.add_text(words, position=(0.02 + left / width, y / height), font_size=round(11 * unit), **style)
+
+
+def _add_mark(sheet: Sheet, kind: str, colours: list[str], x: float, y: float) -> None:
+    """What a line of the legend is about, in a box of 66 by 24 units."""
+    pyvista, unit = sheet.pyvista, sheet.unit
+    wide, high = 66 * unit / max(1, len(colours)), 24 * unit
+    for k, colour in enumerate(colours):
+        left, shade = x + wide * k, [int(colour[i : i + 2], 16) for i in (0, 2, 4)]
+        if kind == "dot":
+            ball = pyvista.Disc(center=(x + 33 * unit, y + 12 * unit, 0), inner=0, outer=9 * unit, c_res=40)
+            sheet.plotter.add_actor(_flat(ball, shade))
+            continue
+        for inset, tone in ((0, shade), (4 * unit, [255, 255, 255])) if kind == "outline" else ((0, shade),):
+            a, b, c, d = left + inset, left + wide - inset, y + inset, y + high - inset
+            sheet.plotter.add_actor(_flat(pyvista.Rectangle([(a, c, 0), (b, c, 0), (b, d, 0)]), tone))
+
+
+def _add_ramp(sheet: Sheet) -> None:
+    """What a value's colour means: a bar from the bad end to the good one."""
+    plotter, pyvista, unit, scene = sheet
+    width, height = scene["size"]
+    what, bad, good = scene["ramp"]
+    left, y, wide, parts = width - 440 * unit, 26 * unit, 400 * unit, 5 * (len(RAMP) - 1) * 4
+    for k, colour in enumerate(on_ramp((np.arange(parts) + 0.5) / parts, 0.0, 1.0).tolist()):
+        a, b = left + wide * k / parts, left + wide * (k + 1) / parts
+        plotter.add_actor(_flat(pyvista.Rectangle([(a, y, 0), (b, y, 0), (b, y + 24 * unit, 0)]), colour))
+    style = {"viewport": True, "color": f"#{INK}", "font_size": round(11 * unit)}
+    top = (y + 32 * unit) / height
+    plotter.add_text(f"{bad:.3g}", position=(left / width, top), **style)
+    plotter.add_text(what, position=((left + 60 * unit) / width, top), **style)
+    end = f"{good:.3g}"
+    plotter.add_text(end, position=((left + wide - 11 * len(end) * unit) / width, top), **style)
+
+
+def _add_labels(sheet: Sheet) -> None:
+    """The numbers of cells, in front of everything, left out where one would cover another."""
+    scene, taken = sheet.scene, np.empty((0, 2))
+    camera, height = scene["camera"], scene["size"][1]
+    back = np.subtract(camera["position"], camera["focal"])
+    right = np.cross(camera["up"], back / np.linalg.norm(back))
+    for point, words, colour in scene["labels"]:
+        at = np.array([np.dot(point, right), np.dot(point, camera["up"])]) / camera["scale"] * height / 2
+        if (np.abs(taken - at) < [110 * sheet.unit, 36 * sheet.unit]).all(axis=1).any():
+            continue
+        taken = np.vstack([taken, at])
+        sheet.plotter.add_point_labels(
+            [point],
+            [words],
+            always_visible=True,
+            show_points=False,
+            font_size=round(22 * sheet.unit),
+            text_color="white",
+            shape="rounded_rect",
+            shape_color=f"#{colour}",
+            shape_opacity=1.0,
+            margin=4,
+        )
+
+
+def _fitted(words: str, room: float, letter: float) -> str:
+    """Words that fit into some pixels, given the width of a letter; an ellipsis for what does not."""
+    return textwrap.shorten(words, max(8, int(room / letter)), placeholder=" ...")
+
+
+def _flat(shape: Any, colour: list[int]) -> Any:
+    """A figure in the plane of the picture; its coordinates are pixels."""
+    core: Any = import_module("vtkmodules.vtkRenderingCore")
+    mapper, actor = core.vtkPolyDataMapper2D(), core.vtkActor2D()
+    mapper.SetInputData(shape)
+    actor.SetMapper(mapper)
+    actor.GetProperty().SetColor(*(c / 255 for c in colour))
+    return actor

@@ -1,0 +1,300 @@
+"""A page that shows a mesh in a browser, offline: one file, with the faces in sight and a small viewer.
+
+The template and the viewer are in `web/`. The arrays go into the page as one block, deflated and in
+base64; the viewer bends curved faces itself, with the shape functions that the page brings along.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import os
+import re
+import zlib
+from collections.abc import Iterable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS
+from lacmesh.errors import RequestError
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.scene import colours, legend_of, title_of
+from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
+from lacmesh.scene.layers import curved_parts, grid
+from lacmesh.scene.marks import Finding, Marks, Values, find_marks
+from lacmesh.scene.placing import find_eye, find_opening
+from lacmesh.scene.seen import BODY, SLAVE, FaceKeys, Groups, Seen, Vector, as_faces, diagonal, find_seen
+from lacmesh.shapes import shape
+from lacmesh.skin import FACE_TYPES, N_NODES, Faces
+
+#: the role of a face that a finding names, after BODY, SLAVE, MASTER
+MARK = 3
+#: kinds of lines, in the order that the viewer knows
+PLAIN, CREASE, INNER, OUTLINE, BORDER, SEGMENT = range(6)
+#: cells with the worst values that the page lists; cells that a finding shows at most
+WORST, MOST = 12, 20_000
+SCRIPTS = ("data.js", "graphics.js", "panel.js")
+
+Arrays = dict[str, NDArray]
+
+
+def page(
+    mesh: Mesh,
+    path: str | os.PathLike[str],
+    *,
+    slave: Groups = None,
+    master: Groups = None,
+    findings: Iterable[Finding] | None = None,
+    values: Values | None = None,
+    camera: Vector | None = None,
+    explode: float | None = None,
+    near: float | None = None,
+    cutaway: Vector | None = None,
+    title: str | None = None,
+) -> None:
+    """Write a page that shows a mesh and opens without a network; the options are those of `picture`.
+
+    Raises RequestError, GroupNotFoundError, WriteError.
+    """
+    from lacmesh.view.png import write_whole
+
+    path = Path(path)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise RequestError(f"{path}: a page is written as .html")
+    seen = find_seen(mesh, slave, master, near=near, cutaway=cutaway)
+    marks = find_marks(mesh, [*(findings or ()), *_worst(mesh, values)], seen.kept)
+    head, arrays = _content(mesh, seen, marks, values)
+    head |= _placing(mesh, seen, head, camera, explode)
+    head |= {"title": title or title_of(mesh), "checked": findings is not None}
+    write_whole(path, _filled(head, arrays).encode("utf-8", "replace"))
+
+
+class _Worst:
+    """A cell of the worst values, listed as findings are."""
+
+    nodes = ()
+
+    def __init__(self, cell: int, message: str) -> None:
+        self.severity, self.cells, self.message = "worst", (cell,), message
+
+
+def _worst(mesh: Mesh, values: Values | None) -> list[Any]:
+    if values is None:
+        return []
+    cells = values.worst(WORST)
+    return [_Worst(int(mesh.cell_number[c]), f"cell {mesh.cell_number[c]}\t{values.values[c]:.4g}") for c in cells]
+
+
+def _content(mesh: Mesh, seen: Seen, marks: Marks, values: Values | None) -> tuple[dict[str, Any], Arrays]:
+    """What the page knows: a head of names and small tables, and the arrays."""
+    count = len(seen.faces)
+    shown = _limited(marks)
+    faces = Faces(
+        np.append(seen.faces.type, marks.faces.type[shown]), np.vstack([seen.faces.nodes, marks.faces.nodes[shown]])
+    )
+    cell = np.append(seen.cell, marks.cell[shown])
+    edges, kind, face = _edges(mesh, seen, marks, shown)
+    ends = group_ends(seen.faces.take(seen.rows(SLAVE)), seen.macro[seen.rows(SLAVE)])
+    used = np.zeros(mesh.n_nodes + 1, bool)
+    for nodes in (faces.nodes, seen.internal, ends, marks.nodes):
+        used[nodes] = True
+    used[-1] = False
+    place = np.cumsum(used) - 1
+    used = used[:-1]
+    box = mesh.points[used]
+    centre, half = (box.min(axis=0) + box.max(axis=0)) / 2, diagonal(box) / 2 or 1.0
+    names, bodies = np.unique(seen.body_of_node[used], return_inverse=True)
+    combination, combinations = _group_sets(mesh, seen, cell)
+    slaves = seen.rows(SLAVE)
+    paint = np.zeros(len(faces), np.uint8)
+    paint[slaves] = colours.paint(seen.macro[slaves], seen.faces.corners[slaves])
+    kinds = [b.type for b in mesh.blocks]
+    arrays: Arrays = {
+        "points": ((box - centre) / half).astype(np.float32),
+        "nodeNumber": _numbers(mesh.node_number[used]),
+        "nodeBody": bodies.astype(np.int32),
+        "type": faces.type.astype(np.uint8),
+        "nodes": place[faces.nodes[np.arange(faces.nodes.shape[1]) < N_NODES[faces.type][:, None]]].astype(np.int32),
+        "role": np.append(seen.role, np.full(len(shown), MARK)).astype(np.uint8),
+        "of": np.append(np.full(count, -1), marks.of[shown]).astype(np.int32),
+        "macro": np.append(seen.macro, np.full(len(shown), -1)).astype(np.int32),
+        "paint": paint,
+        "bare": np.append(seen.bare, np.zeros(len(shown), bool)).astype(np.uint8),
+        "cell": _numbers(mesh.cell_number[cell]),
+        "cellType": (np.searchsorted(mesh.offsets, cell, side="right") - 1).astype(np.uint8),
+        "skin": _numbers(np.append(np.where(seen.skin < 0, -1, mesh.cell_number[seen.skin]), np.full(len(shown), -1))),
+        "groups": combination.astype(np.int32),
+        "edges": np.where(edges < 0, -1, place[edges]).astype(np.int32),
+        "edgeKind": kind.astype(np.uint8),
+        "edgeFace": face.astype(np.int32),
+        "internal": place[seen.internal].astype(np.int32),
+        "ends": place[ends].astype(np.int32),
+        "markNodes": place[marks.nodes].astype(np.int32),
+        "markOf": marks.node_of.astype(np.int32),
+    }
+    head = {
+        "counts": title_of(mesh),
+        "centre": centre.tolist(),
+        "half": half,
+        "plane": mesh.space_dim == 2,
+        "faceTypes": _face_types(faces),
+        "cellTypes": kinds,
+        "cut": len(seen.internal) > 0,
+        "nBodies": len(names),
+        "bodies": names.tolist(),
+        "groups": [{"name": g, "dim": mesh.group_dim(g), "cells": len(ids)} for g, ids in mesh.cell_groups.items()],
+        "combinations": combinations,
+        "findings": [{"severity": s, "message": m} for s, m in zip(marks.severity, marks.message, strict=True)],
+        "legend": [entry.words for entry in legend_of(seen)],
+        "colours": {
+            "palette": colours.PALETTE, "bodies": colours.BODIES, "inside": colours.INSIDE, "master": colours.MASTER,
+            "dot": colours.DOT, "ramp": colours.RAMP, "invalid": colours.INVALID, **colours.SEVERITIES,
+        },
+    }  # fmt: skip
+    if values is not None:
+        arrays["value"] = values.values[cell].astype(np.float32)
+        arrays["invalid"] = values.invalid[cell].astype(np.uint8)
+        head["values"] = {"what": values.what, "bad": values.bad, "good": values.good}
+    return head, arrays
+
+
+def _limited(marks: Marks) -> Ints:
+    """Rows of the marks' faces: of each finding, those of no more than MOST."""
+    start = np.searchsorted(marks.of, np.arange(len(marks) + 1))
+    return np.flatnonzero(np.arange(len(marks.of)) - start[marks.of] < MOST)
+
+
+def _edges(mesh: Mesh, seen: Seen, marks: Marks, shown: Ints) -> tuple[Ints, Ints, Ints]:
+    """Lines: ends and mid-node (e, 3), kind, and for a face that is a segment its row (-1 elsewhere)."""
+    plain, sharp = body_edges(mesh.points, seen.faces.take(seen.rows(BODY)))
+    skin = np.flatnonzero(seen.role != BODY)
+    group = np.where(seen.role[skin] == SLAVE, seen.macro[skin] + 1, 0)
+    inner, outline = group_edges(seen.faces.take(skin), group)
+    lines, rows = segments(seen.faces)
+    marked, marked_rows = segments(marks.faces.take(shown))
+    border = group_edges(seen.faces.take(skin), seen.role[skin])[1]
+    parts = (plain, sharp, inner, outline, border, np.vstack([lines, marked]))
+    kind = np.repeat([PLAIN, CREASE, INNER, OUTLINE, BORDER, SEGMENT], [len(p) for p in parts])
+    face = np.full(len(kind), -1)
+    face[kind == SEGMENT] = np.concatenate([rows, marked_rows + len(seen.faces)])
+    return np.vstack(parts), kind, face
+
+
+def _face_types(faces: Faces) -> dict[int, dict[str, Any]]:
+    """For each type of face: its nodes, and how it is drawn (weights of its nodes at points, triangles of these)."""
+    parts, found = curved_parts(faces), {}
+    for code in np.unique(faces.type).tolist():
+        name = FACE_TYPES[code]
+        entry: dict[str, Any] = {"name": name, "nodes": int(N_NODES[code])}
+        if CELLS[name].dim == 1:
+            X, triangles = (
+                np.linspace(-1, 1, (parts if CELLS[name].order == 2 else 1) + 1)[:, None],
+                np.empty((0, 3), int),
+            )
+        else:
+            X, triangles = grid(name, parts)
+        entry |= {"weights": np.round(shape(name, X), 9).tolist(), "triangles": triangles.tolist()}
+        found[code] = entry
+    line = np.linspace(-1, 1, parts + 1)[:, None]
+    found[FACE_TYPES.index("SEG3")] = {
+        "name": "SEG3", "nodes": 3, "weights": np.round(shape("SEG3", line), 9).tolist(), "triangles": [],
+    }  # fmt: skip
+    return found
+
+
+def _group_sets(mesh: Mesh, seen: Seen, cell: Ints) -> tuple[Ints, list[list[int]]]:
+    """The set of groups that each face is in, as a place in a list of sets.
+
+    A face is in the groups of the cell behind it, and of every cell of its own dimension that lies on it.
+    """
+    names = list(mesh.cell_groups)
+    rows, cells = _on_faces(mesh, seen)
+    rows, cells = np.append(np.arange(len(cell)), rows), np.append(cell, cells)
+    weight = np.random.default_rng(3).integers(1, 1 << 63, len(names), np.uint64)
+    signature = np.zeros(len(cell), np.uint64)
+    for k, name in enumerate(names):
+        inside = np.zeros(mesh.n_cells, bool)
+        inside[mesh.cell_groups[name]] = True
+        signature[np.unique(rows[inside[cells]])] += weight[k]
+    _, first, combination = np.unique(signature, return_index=True, return_inverse=True)
+    order = np.argsort(rows, kind="stable")
+    start, end = np.searchsorted(rows[order], first), np.searchsorted(rows[order], first, side="right")
+    sets: list[list[int]] = [[] for _ in first]
+    for k, name in enumerate(names):
+        inside = np.zeros(mesh.n_cells, bool)
+        inside[mesh.cell_groups[name]] = True
+        for which, (a, b) in enumerate(zip(start, end, strict=True)):
+            if inside[cells[order[a:b]]].any():
+                sets[which].append(k)
+    return combination, sets
+
+
+def _on_faces(mesh: Mesh, seen: Seen) -> tuple[Ints, Ints]:
+    """Rows of faces in sight, and the cells of lower dimension that lie on them."""
+    faces, cells = as_faces(mesh, np.flatnonzero((mesh.cell_dim < mesh.dim) & (mesh.cell_dim > 0)))
+    keys = FaceKeys(mesh)
+    mine, theirs = keys.of(seen.faces), keys.of(faces)
+    order = np.argsort(mine)
+    low, high = (np.searchsorted(mine[order], theirs, side=side) for side in ("left", "right"))
+    count = high - low
+    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return order[np.repeat(low, count) + within], np.repeat(cells, count)
+
+
+def _placing(
+    mesh: Mesh, seen: Seen, head: dict[str, Any], camera: Vector | None, explode: float | None
+) -> dict[str, Any]:
+    """The eye, and how the bodies that carry the slave skin move to show it, in the page's own lengths."""
+    eye = find_eye(mesh, seen, camera)
+    placed: dict[str, Any] = {"eye": eye.tolist(), "opened": explode != 0}
+    opening = find_opening(mesh, seen, eye, explode or None)
+    if opening is not None:
+        mine = np.searchsorted(head["bodies"], seen.slave_bodies)
+        placed["opening"] = {
+            "bodies": mine.tolist(),
+            "centre": ((opening.centre - head["centre"]) / head["half"]).tolist(),
+            "axis": opening.axis.tolist(),
+            "angle": opening.angle,
+            "shift": (opening.shift / head["half"]).tolist(),
+        }
+    return placed
+
+
+def _numbers(numbers: Ints) -> NDArray:
+    """The file's numbers in four bytes, or as reals where they are too large."""
+    return numbers.astype(np.int32 if not len(numbers) or np.abs(numbers).max() < 1 << 31 else np.float64)
+
+
+def _filled(head: dict[str, Any], arrays: Arrays) -> str:
+    """The page: the template, each of its marks replaced once (what is filled in may look like one)."""
+    block, places = _packed(arrays)
+    said = json.dumps(head | {"arrays": places}, separators=(",", ":"), allow_nan=False)
+    web = files("lacmesh.view") / "web"
+    template, style, *script = (
+        (web / name).read_text(encoding="utf-8") for name in ("page.html", "page.css", *SCRIPTS)
+    )
+    parts = {
+        "TITLE": html.escape(head["title"]),
+        "STYLE": style,
+        "HEAD": said.replace("<", "\\u003c"),  # a name with </script> would end the element that holds it
+        "BLOCK": base64.b64encode(zlib.compress(block, 6)).decode(),
+        "SCRIPT": "".join(script),
+    }
+    return re.sub("%([A-Z]+)%", lambda mark: parts[mark[1]], template)
+
+
+def _packed(arrays: Arrays) -> tuple[bytes, dict[str, tuple[str, int, int]]]:
+    """All arrays in one block, little-endian, each at a multiple of 8 bytes: the block, and (type, start, length)."""
+    parts, places, start = [], {}, 0
+    for name, array in arrays.items():
+        content = np.ascontiguousarray(array, array.dtype.newbyteorder("<")).tobytes()
+        places[name] = (array.dtype.name, start, array.size)
+        content += bytes(-len(content) % 8)
+        parts.append(content)
+        start += len(content)
+    return b"".join(parts), places
