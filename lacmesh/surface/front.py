@@ -1,0 +1,115 @@
+"""Advancing front: pairs found from their neighbours (PANG: Gander and Japhet, ACM Trans. Math. Softw. 40, 2013).
+
+From a pair that meets, the front floods the master's neighbours for as long as they meet the same slave face; the slave
+face's own neighbours then start from the masters it met. What a front cannot reach, another part of either surface,
+beyond a hole, or another layer, is seeded again from the tree: every slave face is checked against the boxes that it
+meets, and floods on from any of them that the front had not tried. So the pairs are those of the tree, whose candidates
+that do not meet are left out. (The manual's 3.3.2.1 repairs the same weakness by trying every pair.)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from lacmesh.mesh import Ints
+from lacmesh.surface.clip import facing_plane, outside, project
+from lacmesh.surface.patches import Patches
+from lacmesh.surface.search import Pairs
+
+
+def advance(slave: Patches, master: Patches, pairs: Pairs, beyond_s: Ints, beyond_m: Ints) -> Pairs:
+    """The pairs of patches whose projections meet. `pairs`: candidates of the tree; `beyond_*` (f, 4): neighbours."""
+    first_s, first_m = (np.searchsorted(p.face, np.arange(len(p.G) + 1)) for p in (slave, master))
+    room = 2 * len(pairs.master) + 64
+    while True:
+        s, m = np.empty(room, np.int64), np.empty(room, np.int64)
+        count = _advance(
+            pairs.start, pairs.master, first_s, first_m, beyond_s, beyond_m, master.face,
+            slave.n, slave.centre, slave.e, slave.y, master.n, master.x, s, m,
+        )  # fmt: skip
+        if count <= room:
+            break
+        room = count
+    s, m = s[:count], m[:count]
+    order = np.lexsort((m, s))
+    start = np.searchsorted(s[order], np.arange(len(slave.n) + 1))
+    return Pairs(start, m[order])
+
+
+@njit(cache=True, error_model="numpy")
+def _meet(f, g, first_s, first_m, n_s, centre, e, y_s, n_m, x_m, s, m, count, y):
+    """Write down the patches of faces f and g that meet. Returns how many pairs there are now."""
+    for a in range(first_s[f], first_s[f + 1]):
+        for b in range(first_m[g], first_m[g + 1]):
+            project(x_m[b], n_m[b], centre[a], e[a], y)
+            if n_s[a] == 2:  # segments: they face where the reversed master runs as the slave does
+                if not (y[1, 0] > y[0, 0] and y[0, 0] < y_s[a, 1, 0] and y[1, 0] > y_s[a, 0, 0]):
+                    continue
+            elif outside(y, n_m[b], y_s[a], n_s[a]) or not facing_plane(y, n_m[b])[0]:
+                continue
+            if count < len(s):
+                s[count], m[count] = a, b
+            count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _advance(start, candidate, first_s, first_m, beyond_s, beyond_m, face_m, n_s, centre, e, y_s, n_m, x_m, s, m):
+    count = 0
+    y = np.empty((4, 3))
+    queue = np.empty(len(beyond_s), np.int64)
+    seed = np.full(len(beyond_s), -1, np.int64)  # a master face that a neighbour met
+    known = np.zeros(len(beyond_s), np.bool_)
+    tried = np.full(len(beyond_m), -1, np.int64)  # the slave face that a master face was last tried with
+    flood = np.empty(len(beyond_m) + 1, np.int64)
+    for root in range(len(beyond_s)):
+        if known[root]:
+            continue
+        known[root] = True
+        queue[0] = root
+        head, tail = 0, 1
+        while head < tail:
+            f = queue[head]
+            head += 1
+            met = -1
+            top = 0
+            if seed[f] >= 0:
+                flood[0] = seed[f]
+                tried[seed[f]] = f
+                top = 1
+            a = first_s[f]
+            at = start[a]
+            while True:
+                while top > 0:
+                    top -= 1
+                    g = flood[top]
+                    before = count
+                    count = _meet(f, g, first_s, first_m, n_s, centre, e, y_s, n_m, x_m, s, m, count, y)
+                    if count == before:
+                        continue
+                    met = g
+                    for k in range(4):
+                        other = beyond_m[g, k]
+                        if other >= 0 and tried[other] != f:
+                            tried[other] = f
+                            flood[top] = other
+                            top += 1
+                # repair: a face in reach that the front has not tried
+                while at < start[first_s[f + 1]] and tried[face_m[candidate[at]]] == f:
+                    at += 1
+                if at == start[first_s[f + 1]]:
+                    break
+                flood[0] = face_m[candidate[at]]
+                tried[flood[0]] = f
+                top = 1
+            for k in range(4):
+                other = beyond_s[f, k]
+                if other >= 0:
+                    if seed[other] < 0:
+                        seed[other] = met
+                    if not known[other]:
+                        known[other] = True
+                        queue[tail] = other
+                        tail += 1
+    return count

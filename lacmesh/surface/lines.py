@@ -1,0 +1,161 @@
+"""The same in the plane: pieces of segments are intervals, and everything is arrays.
+
+Notation: t in [0, 1] along a slave patch, s along a normal.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats, Ints
+from lacmesh.surface.maps import AFFINE
+from lacmesh.surface.patches import Patches
+from lacmesh.surface.search import Pairs, Reach
+
+_LEAST = 1e-13
+_FACING = 1e-6
+_STEPS = 60
+
+
+class Intervals(NamedTuple):
+    """Parts that a slave and a master patch share, a row each: `slave`, `master`, and (k, 2) `ends` in the slave face."""
+
+    slave: Ints
+    master: Ints
+    ends: Floats
+
+
+def clip_lines(pairs: Pairs, slave: Patches, master: Patches, reach: Reach) -> Intervals:
+    """The parts of candidates, by slave patch and along it; the nearest where several lie over one another."""
+    s = np.repeat(np.arange(len(slave.n)), np.diff(pairs.start))
+    m = pairs.master
+    d = master.x[m, :2] - slave.x[s, :1]
+    length = slave.area[s]
+    along = (slave.x[s, 1] - slave.x[s, 0]) / length[:, None]
+    t = np.einsum("kcs,ks->kc", d, along) / length[:, None]
+    h = np.einsum("kcs,ks->kc", d, slave.e[s, 2])
+    # a master that faces the slave runs against it
+    width = t[:, 0] - t[:, 1]
+    facing = width * length > _FACING * master.area[m]
+    low, high = np.maximum(t[:, 1], 0.0), np.minimum(t[:, 0], 1.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope = (h[:, 0] - h[:, 1]) / width
+        middle = h[:, 1] + slope * ((low + high) / 2 - t[:, 1])
+    keep = facing & (high - low > _LEAST) & (middle <= reach.ahead[s])
+    keep &= -middle <= np.minimum(reach.behind[s] + reach.deep[m], reach.limit)
+    s, m, low, high, h1, slope, t1 = (v[keep] for v in (s, m, low, high, h[:, 1], slope, t[:, 1]))
+    s, m, low, high = _nearest_only(s, m, low, high, h1 - slope * t1, slope)
+    order = np.lexsort((low, s))
+    s, m, low, high = s[order], m[order], low[order], high[order]
+    return Intervals(s, m, _in_face(slave, s, np.stack([low, high], axis=1)))
+
+
+def _nearest_only(s: Ints, m: Ints, low: Floats, high: Floats, h0: Floats, slope: Floats) -> tuple[NDArray, ...]:
+    """Where intervals [low, high] of one slave patch overlap, keep the nearest; heights are h0 + slope t."""
+    order = np.lexsort((low, s))
+    s, m, low, high, h0, slope = (v[order] for v in (s, m, low, high, h0, slope))
+    reach = np.maximum.accumulate(high + 2.0 * s)[:-1] - 2.0 * s[1:] if len(s) else high
+    clash = np.unique(s[1:][reach > low[1:] + 1e-12]) if len(s) else s
+    if not len(clash):
+        return s, m, low, high
+    alone = ~np.isin(s, clash)
+    parts = [(s[alone], m[alone], low[alone], high[alone])]
+    for one in clash:
+        at = np.flatnonzero(s == one)
+        cuts = np.unique(np.concatenate([low[at], high[at]]))
+        mid = (cuts[1:] + cuts[:-1]) / 2
+        over = (low[at][:, None] <= mid) & (high[at][:, None] >= mid)
+        far = np.where(over, np.abs(h0[at][:, None] + slope[at][:, None] * mid), np.inf)
+        best = at[far.argmin(axis=0)]
+        used = over.any(axis=0) & (np.diff(cuts) > _LEAST)
+        parts.append((np.full(used.sum(), one), m[best[used]], cuts[:-1][used], cuts[1:][used]))
+    made = [np.concatenate(v) for v in zip(*parts, strict=True)]
+    return made[0], made[1], made[2], made[3]
+
+
+def _in_face(slave: Patches, s: Ints, t: Floats) -> Floats:
+    """Reference coordinates in the face whose points lie over t (k, 2) of the patches' chords; the ends stay ends."""
+    a, b = slave.xi[s, 0, 0][:, None], slave.xi[s, 1, 0][:, None]
+    u = a + t * (b - a)
+    G = slave.G[slave.face[s]]
+    along = (slave.x[s, 1] - slave.x[s, 0]) / slave.area[s][:, None] ** 2
+    G1 = np.einsum("kms,ks->km", G - 0.0, along)
+    G1[:, 0] -= (slave.x[s, 0] * along).sum(axis=1)
+    for _ in range(_STEPS):
+        f = G1[:, :1] + u * (G1[:, 1:2] + u * G1[:, 3:4]) - t
+        slope = G1[:, 1:2] + 2 * u * G1[:, 3:4]
+        step = np.divide(f, slope, out=np.zeros_like(f), where=np.abs(slope) > 1e-12 * np.abs(b - a) ** -1)
+        u = np.clip(u - step, a, b)
+        if not (np.abs(step) > 1e-15).any():
+            break
+    return np.where(t <= 0, a, np.where(t >= 1, b, u))
+
+
+def gauss_points(slave: Patches, master: Patches, parts: Intervals, degree: Ints, radius: bool, smooth: bool) -> Ints:
+    """(k,): Gauss points that each part takes, for shape functions of so high a degree on either face.
+
+    Exact where both faces are evenly divided; 16 where the middle node of one stands off, and on curved ones 4.
+    """
+    fs, fm = slave.face[parts.slave], master.face[parts.master]
+    even = (slave.kind[fs] == AFFINE) & (master.kind[fm] == AFFINE)
+    straight = slave.plane[fs] & master.plane[fm] & (not smooth)
+    exact = (degree + radius) // 2 + 1
+    return np.where(even & (not smooth), exact, np.where(straight, 16, 4))
+
+
+def place_lines(
+    parts: Intervals, count: Ints, slave: Patches, master: Patches, normals: Floats | None
+) -> tuple[NDArray, ...]:
+    """Points on parts, `count` each: part, u in the slave, u in the master, weight, normal, gap, met, x (n, 3)."""
+    piece, X, w = _rows(count)
+    s, m = parts.slave[piece], parts.master[piece]
+    fs, fm = slave.face[s], master.face[m]
+    low, high = parts.ends[piece, 0], parts.ends[piece, 1]
+    u = low + X * (high - low)
+    x, d = _at(slave.G[fs], u)
+    jacobian = np.linalg.norm(d, axis=1)
+    if normals is None:
+        n = np.stack([d[:, 1], -d[:, 0], np.zeros(len(d))], axis=1)
+    else:
+        n, _ = _at(normals[fs], u)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        n = n / np.linalg.norm(n, axis=1, keepdims=True)
+    um, gap, met = meet(master.G[fm], x, n, master.xi[m, :2, 0].mean(axis=1))
+    return piece, u, um, w * (high - low) * jacobian, n, gap, met, x
+
+
+def _rows(count: Ints) -> tuple[Ints, Floats, Floats]:
+    """For parts with so many Gauss points each: the part of each point, its place in [0, 1] and its weight."""
+    piece = np.repeat(np.arange(len(count)), count)
+    within = np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)
+    X, w = np.zeros(len(piece)), np.zeros(len(piece))
+    for n in np.unique(count):
+        place, weight = np.polynomial.legendre.leggauss(int(n))
+        at = count[piece] == n
+        X[at], w[at] = (place[within[at]] + 1) / 2, weight[within[at]] / 2
+    return piece, X, w
+
+
+def _at(G: Floats, u: Floats) -> tuple[Floats, Floats]:
+    u = u[:, None]
+    return G[:, 0] + u * (G[:, 1] + u * G[:, 3]), G[:, 1] + 2 * u * G[:, 3]
+
+
+def meet(G: Floats, x: Floats, n: Floats, u: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Where lines through x (k, 3) along n meet segments with maps G: (u, distance along n, met), from a guess u."""
+    across = np.stack([-n[:, 1], n[:, 0], np.zeros(len(n))], axis=1)
+    met = np.zeros(len(u), bool)
+    for _ in range(_STEPS):
+        y, d = _at(G, u)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            step = ((y - x) * across).sum(axis=1) / (d * across).sum(axis=1)
+        met = np.abs(step) < 1e-13
+        u = u - np.clip(step, -1.0, 1.0)
+        if not (np.abs(step) > 1e-15).any():
+            break
+    met |= np.abs(step) < 1e-10
+    y, _ = _at(G, u)
+    return u, ((y - x) * n).sum(axis=1), met

@@ -1,0 +1,120 @@
+"""The maps of faces as polynomials, so that one compiled function serves every type of face.
+
+x(u, v) = sum_k G_k m_k(u, v) over the nine monomials m = 1, u, v, u^2, uv, v^2, u^2 v, u v^2, u^2 v^2, which span the
+shape functions of every face (SEG: v = 0). G (f, 9, 3) follows from the nodes and is exact up to rounding. A face's map
+is AFFINE (triangles with straight sides, parallelograms), BILINEAR (quadrangles with straight sides) or CURVED.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats, Ints
+from lacmesh.shapes import shape
+from lacmesh.skin import FACE_TYPES, N_NODES
+from lacmesh.surface.record import Surface
+
+AFFINE, BILINEAR, CURVED = range(3)
+#: what is left of a coefficient that rounding alone made: of the face's size, and of its coordinates
+_ROUNDING = (1e-13, 1e-15)
+N_MONOMIALS = 9
+
+
+def monomials(X: Floats) -> Floats:
+    """(..., 9): the monomials at reference points X (..., 2).
+
+    >>> monomials(np.array([2.0, 3.0])).astype(int).tolist()
+    [1, 2, 3, 4, 6, 9, 12, 18, 36]
+    """
+    u, v = X[..., 0], X[..., 1]
+    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v, u * u * v, u * v * v, u * u * v * v], axis=-1)
+
+
+@cache
+def basis(code: int) -> NDArray[np.floating]:
+    """(9, n_nodes): the shape functions of a type of face (its code) in the monomials; multiples of 1/8, exact here."""
+    line = np.array([-1.0, 0.0, 1.0])
+    name = FACE_TYPES[code]
+    if name.startswith("SEG"):
+        X, used = np.stack([line, 0 * line], axis=1), [0, 1, 3]
+        N = shape(name, X[:, :1])
+    else:
+        X, used = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2), list(range(N_MONOMIALS))
+        N = shape(name, X)
+    out = np.zeros((N_MONOMIALS, N_NODES[code]))
+    out[used] = np.round(np.linalg.solve(monomials(X)[:, used], N) * 8) / 8
+    return out
+
+
+def coefficients(surface: Surface, values: Floats | None = None) -> Floats:
+    """G (f, 9, k): the map of each face; or of `values` (f, 9, k) at its nodes, interpolated."""
+    k = 3 if values is None else values.shape[2]
+    G = np.empty((len(surface), N_MONOMIALS, k))
+    for name, rows, nodes in surface.by_type():
+        at = surface.x[nodes] if values is None else values[rows, : nodes.shape[1]]
+        C = basis(FACE_TYPES.index(name))
+        G[rows] = (C @ at.reshape(len(rows), nodes.shape[1], k)).astype(float)
+    return G
+
+
+def kinds(G: Floats, corners: Ints) -> tuple[Ints, NDArray[np.bool_], Floats]:
+    """For maps G of faces with so many corners: their kind, whether they are plane, and how far they are curved (f,).
+
+    The last is the part of the map that is neither affine nor bilinear, against the size of the face.
+    """
+    size = np.linalg.norm(G[:, 1], axis=1) + np.linalg.norm(G[:, 2], axis=1)
+    part = np.linalg.norm(G, axis=2)
+    least = _ROUNDING[0] * size + _ROUNDING[1] * np.abs(G).max(axis=(1, 2))
+    bent = part[:, 3:].copy()
+    bent[:, 1] = np.where(corners == 4, 0.0, bent[:, 1])
+    curved = bent.max(axis=1) > least
+    kind = np.where(curved, CURVED, np.where((corners == 4) & (part[:, 4] > least), BILINEAR, AFFINE))
+    across = np.stack([-G[:, 1, 1], G[:, 1, 0], 0 * G[:, 1, 0]], axis=1)
+    normal = np.where((corners == 2)[:, None], across, np.cross(G[:, 1], G[:, 2]))
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    out_of_plane = np.abs(np.einsum("fks,fs->fk", G[:, 3:], normal)).max(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return kind, out_of_plane <= least, np.where(curved, bent.sum(axis=1) / size, 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def at(G, kind, u, v):
+    """x(u, v) of one face with map G (9, 3), and its derivatives along u and v: three triples."""
+    if kind == AFFINE:
+        return (
+            (
+                G[0, 0] + u * G[1, 0] + v * G[2, 0],
+                G[0, 1] + u * G[1, 1] + v * G[2, 1],
+                G[0, 2] + u * G[1, 2] + v * G[2, 2],
+            ),
+            (G[1, 0], G[1, 1], G[1, 2]),
+            (G[2, 0], G[2, 1], G[2, 2]),
+        )
+    if kind == BILINEAR:
+        a = (G[1, 0] + v * G[4, 0], G[1, 1] + v * G[4, 1], G[1, 2] + v * G[4, 2])
+        x = (
+            G[0, 0] + u * a[0] + v * G[2, 0],
+            G[0, 1] + u * a[1] + v * G[2, 1],
+            G[0, 2] + u * a[2] + v * G[2, 2],
+        )
+        return x, a, (G[2, 0] + u * G[4, 0], G[2, 1] + u * G[4, 1], G[2, 2] + u * G[4, 2])
+    x0, a0, b0 = _curved(G, 0, u, v)
+    x1, a1, b1 = _curved(G, 1, u, v)
+    x2, a2, b2 = _curved(G, 2, u, v)
+    return (x0, x1, x2), (a0, a1, a2), (b0, b1, b2)
+
+
+@njit(cache=True, error_model="numpy")
+def _curved(G, s, u, v):
+    """One coordinate of x and its derivatives, all nine monomials."""
+    c0 = G[0, s] + v * (G[2, s] + v * G[5, s])
+    c1 = G[1, s] + v * (G[4, s] + v * G[7, s])
+    c2 = G[3, s] + v * (G[6, s] + v * G[8, s])
+    d0 = G[2, s] + 2 * v * G[5, s]
+    d1 = G[4, s] + 2 * v * G[7, s]
+    d2 = G[6, s] + 2 * v * G[8, s]
+    return c0 + u * (c1 + u * c2), c1 + 2 * u * c2, d0 + u * (d1 + u * d2)

@@ -1,0 +1,165 @@
+"""Patches: the straight pieces of faces that are clipped in their place.
+
+A face whose sides are straight is one patch. Curved ones are subdivided for the intersection only, all of a surface
+alike, so that the patches of neighbours meet along whole edges; quadrature points lie on the true geometry. A quadrangle that is not convex in its mean plane is two
+triangles.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lacmesh.cells import CELLS
+from lacmesh.mesh import Floats, Ints
+from lacmesh.skin import MAX_CORNERS
+from lacmesh.surface.maps import coefficients, kinds, monomials
+from lacmesh.surface.record import Surface
+
+#: curved faces go in 2 parts a side where the most curved (maps.kinds) is less so than the first; then 4, 8
+_STEPS = np.array([0.2, 0.8])
+
+
+class Patches(NamedTuple):
+    """Patches of a surface, a row each: `face`, `n` corners (2 to 4), `xi` (p, 4, 2) their places in the face.
+
+    `x` (p, 4, 3): corners; frame: `centre` (p, 3), `e` (p, 3, 3): two tangents and the unit normal of the mean plane;
+    `y` (p, 4, 3): corners in that frame. `area` (p,) in the mean plane: length of segments. `G` (f, 9, 3), `kind` (f,),
+    `plane` (f,): the maps of the whole faces. Patches without area, or with NaN, are left out.
+    """
+
+    face: Ints
+    n: Ints
+    xi: Floats
+    x: Floats
+    centre: Floats
+    e: Floats
+    y: Floats
+    area: Floats
+    G: Floats
+    kind: Ints
+    plane: Ints
+
+    def take(self, rows: Ints) -> Patches:
+        """Some of the patches."""
+        return Patches(*(v[rows] for v in self[:8]), *self[8:])
+
+
+def patches(surface: Surface) -> Patches:
+    """The patches of a surface, by face."""
+    G = coefficients(surface)
+    kind, plane, curved = kinds(G, surface.n_corners)
+    most = curved[np.isfinite(curved)].max(initial=0.0)
+    level = np.where(curved > 0, 1 + np.searchsorted(_STEPS, most), 0)
+    face, n, xi = _grids(surface, level)
+    out = _with_frames(face, n, xi, G, kind, plane)
+    return out if surface.dim == 1 else _split_concave(out)
+
+
+def _grids(surface: Surface, level: Ints) -> tuple[Ints, Ints, Floats]:
+    """Rows, corners and reference places of the patches, sorted by face."""
+    faces, ns, xis = [], [], []
+    for family, corners in (("SEG", 2), ("TRIA", 3), ("QUAD", 4)):
+        for k in range(len(_STEPS) + 2):
+            rows = np.flatnonzero((surface.n_corners == corners) & (level == k))
+            if not len(rows):
+                continue
+            cells = reference_grid(family, 2**k)
+            faces.append(np.repeat(rows, len(cells)))
+            ns.append(np.full(len(rows) * len(cells), corners))
+            xis.append(np.tile(cells, (len(rows), 1, 1)))
+    face = np.concatenate(faces)
+    order = np.argsort(face, kind="stable")
+    return face[order], np.concatenate(ns)[order], np.concatenate(xis)[order]
+
+
+def reference_grid(family: str, n: int) -> Floats:
+    """(cells, 4, 2): the reference element of a family in n parts a side, its cells turning as it does.
+
+    >>> reference_grid("TRIA", 2).shape, reference_grid("QUAD", 2).shape, reference_grid("SEG", 2)[:, :2, 0].tolist()
+    ((4, 4, 2), (4, 4, 2), [[-1.0, 0.0], [0.0, 1.0]])
+    """
+    corners = np.zeros((3 if family == "TRIA" else 2 ** (1 + (family == "QUAD")), 2))
+    reference = np.array(CELLS[f"{family}{len(corners)}"].reference)
+    corners[:, : reference.shape[1]] = reference
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    if family == "SEG":
+        at = np.array([[[k, 0], [k + 1, 0]] for k in range(n)], float)
+    elif family == "QUAD":
+        at = np.stack([i, j, i + 1, j, i + 1, j + 1, i, j + 1], axis=1).reshape(-1, 4, 2).astype(float)
+    else:
+        up = i + j < n
+        down = i + j < n - 1
+        ups = np.stack([i, j, i + 1, j, i, j + 1], axis=1)[up]
+        downs = np.stack([i + 1, j, i + 1, j + 1, i, j + 1], axis=1)[down]
+        at = np.concatenate([ups, downs]).reshape(-1, 3, 2).astype(float)
+    last = corners[-1] if len(corners) != 2 else corners[0]
+    made = corners[0] + at[..., :1] / n * (corners[1] - corners[0]) + at[..., 1:] / n * (last - corners[0])
+    return np.concatenate([made, np.repeat(made[:, :1], MAX_CORNERS - made.shape[1], axis=1)], axis=1)
+
+
+def _with_frames(face: Ints, n: Ints, xi: Floats, G: Floats, kind: Ints, plane: Ints) -> Patches:
+    line = len(n) > 0 and n[0] == 2
+    x = np.matmul(monomials(xi), G[face]) if len(face) else np.zeros((0, 4, 3))
+    a = x[:, 1] - x[:, 0]
+    last = np.where((n == 4)[:, None], x[:, 3], x[:, 0])
+    normal = np.stack([a[:, 1], -a[:, 0], 0 * a[:, 0]], axis=1) if line else cross(x[:, 2] - x[:, 0], last - x[:, 1])
+    length = norm(normal)
+    area = length if line else length / 2
+    b = x[:, 2] - x[:, 0]
+    longest = np.maximum(norm(a), norm(b))
+    fine = np.isfinite(length) & (area > 1e-14 * (longest if line else longest**2)) & (area > 0)
+    if not fine.all():
+        face, n, xi, x, normal, length, area, a, b, longest, last = (
+            v[fine] for v in (face, n, xi, x, normal, length, area, a, b, longest, last)
+        )
+    normal = normal / length[:, None]
+    centre = (x[:, 0] + x[:, 1]) / 2 if line else (x[:, 0] + x[:, 1] + x[:, 2] + last) / 4
+    if not line:
+        centre = np.where((n == 3)[:, None], (x[:, 0] + x[:, 1] + x[:, 2]) / 3, centre)
+    # a tangent along the diagonal, or the first edge where that is longer: an edge may have no length
+    along = np.where((norm(b) >= norm(a))[:, None], b, a)
+    along = along - (along * normal).sum(axis=1, keepdims=True) * normal
+    along /= norm(along)[:, None]
+    e = np.stack([along, cross(normal, along), normal], axis=1)
+    y = np.matmul(x - centre[:, None], np.swapaxes(e, 1, 2))
+    return Patches(face, n, xi, x, centre, e, y, area, G, kind, plane)
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """(k, 3): cross products; numpy's own is several times slower on many."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def norm(a: Floats) -> Floats:
+    """(k,): lengths of vectors (k, 3)."""
+    x, y, z = a.T
+    return np.sqrt(x * x + y * y + z * z)
+
+
+def turns(y: Floats) -> Floats:
+    """(p, 4): twice the area of the triangle at each corner of plane quadrangles y (p, 4, 2 or more); > 0 convex."""
+    before, after = y - np.roll(y, 1, axis=1), np.roll(y, -1, axis=1) - y
+    return before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]
+
+
+def _split_concave(p: Patches) -> Patches:
+    """Quadrangles that are not convex in their mean plane become two triangles, cut at the corner that goes in."""
+    corner = turns(p.y)
+    concave = (p.n == 4) & (corner.min(axis=1) < -1e-12 * p.area)
+    if not concave.any():
+        return p
+    rows = np.flatnonzero(concave)
+    start = corner[rows].argmin(axis=1)
+    made = []
+    for places in ((0, 1, 2), (0, 2, 3)):
+        which = (start[:, None] + np.array(places)) % 4
+        xi = np.take_along_axis(p.xi[rows], which[..., None], axis=1)
+        made.append(np.concatenate([xi, xi[:, :1]], axis=1))
+    face = np.concatenate([p.face[~concave], p.face[rows], p.face[rows]])
+    n = np.concatenate([p.n[~concave], np.full(2 * len(rows), 3)])
+    xi = np.concatenate([p.xi[~concave], *made])
+    order = np.argsort(face, kind="stable")
+    return _with_frames(face[order], n[order], xi[order], p.G, p.kind, p.plane)

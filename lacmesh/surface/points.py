@@ -1,0 +1,219 @@
+"""Contact points: quadrature on the slave, and for each point where its normal meets the master."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import RequestError
+from lacmesh.mesh import Floats, Ints
+from lacmesh.surface.clip import clip
+from lacmesh.surface.front import advance
+from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
+from lacmesh.surface.maps import coefficients
+from lacmesh.surface.normals import smoothed
+from lacmesh.surface.patches import Patches, patches
+from lacmesh.surface.place import place
+from lacmesh.surface.record import Surface
+from lacmesh.surface.rules import FUNCTION_DEGREE, pair_rule
+from lacmesh.surface.search import Pairs, Reach, candidates
+
+NORMALS = ("facet", "smoothed")
+SEARCHES = ("tree", "front")
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPoints:
+    """A row each quadrature point (n,), sorted by (slave type, master type, rule): `groups` says where each starts.
+
+    `macro`: macro-element; `slave`, `master`: rows of the two surfaces; `xi_slave`, `xi_master` (n, 2; the second
+    column is 0 on lines): reference coordinates in those faces; `weight`: true measure of the slave surface (2 pi r is
+    in it where `axisymmetric`); `normal` (n, 3): unit, outward from the slave; `gap` = (x_bar - x).normal, > 0 where
+    open, with x the slave's point and x_bar the master's, on the line through x along `normal`.
+    `groups` (g, 5): slave type code, master type code (skin.FACE_TYPES), rule code, first row, row after the last.
+    """
+
+    macro: Ints
+    slave: Ints
+    master: Ints
+    xi_slave: Floats
+    xi_master: Floats
+    weight: Floats
+    normal: Floats
+    gap: Floats
+    groups: Ints
+    axisymmetric: bool = False
+
+    def __len__(self) -> int:
+        return len(self.weight)
+
+
+def contact_points(
+    slave: Surface,
+    master: Surface,
+    *,
+    macro: Ints | None = None,
+    normals: str = "facet",
+    crease_angle: float = 40.0,
+    search_distance: float | None = None,
+    max_penetration: float | None = None,
+    search: str = "tree",
+    axisymmetric: bool = False,
+) -> ContactPoints:
+    """Contact points of a slave surface against a master.
+
+    `macro` (faces of slave,): the macro-element of each slave face; its own row if None; points of faces with a
+    negative one are left out. `normals`: `facet`, the slave's true normal, or `smoothed`, nodal normals over edges
+    that turn by less than `crease_angle` degrees. `search`: `tree`, or `front` (advancing front, repaired from the
+    tree); they give the same points. `axisymmetric`: about the y axis, x >= 0 the radius; weights hold 2 pi x.
+
+    A slave face looks for master faces that face it (normals opposed) up to `search_distance` ahead along its normal,
+    by default a quarter of the diagonal of the smaller surface's box, or twice the largest slave face if that is longer; and behind
+    itself, where bodies overlap, up to `max_penetration`, by default as deep as the cell behind it and the cell behind
+    the master face reach together (the size of faces that have no cell behind), and no farther than ahead: a body's
+    other side is never nearer. Of several layers of the master the nearest counts. Raises RequestError, ValueError.
+    """
+    _check(slave, master, normals, search, axisymmetric, search_distance, max_penetration)
+    macro = np.arange(len(slave)) if macro is None else np.asarray(macro)
+    if macro.shape != (len(slave),):
+        raise ValueError(f"macro must be ({len(slave)},), not {macro.shape}")
+    s, m = patches(slave), patches(master)
+    s = s.take(np.flatnonzero(macro[s.face] >= 0))
+    reach = reaches(slave, master, s, m, search_distance, max_penetration)
+    pairs = candidates(s, m, reach)
+    if search == "front":
+        pairs = advance(s, m, pairs, slave.neighbours, master.neighbours)
+    H = coefficients(slave, smoothed(slave, crease_angle)) if normals == "smoothed" else None
+    make = _on_lines if slave.dim == 1 else _on_faces
+    points = make(slave, master, s, m, pairs, reach, H, axisymmetric)
+    return replace(points, macro=macro[points.slave])
+
+
+def _check(
+    slave: Surface,
+    master: Surface,
+    normals: str,
+    search: str,
+    axisymmetric: bool,
+    distance: float | None,
+    penetration: float | None,
+) -> None:
+    for name, value, allowed in (("normals", normals, NORMALS), ("search", search, SEARCHES)):
+        if value not in allowed:
+            raise RequestError(f"{name} is one of {', '.join(allowed)}, not {value!r}")
+    for name, length in (("search_distance", distance), ("max_penetration", penetration)):
+        if length is not None and not length >= 0:
+            raise RequestError(f"{name} is a length, 0 or more, not {length}")
+    if slave.dim != master.dim:
+        raise RequestError(f"the slave's faces have dimension {slave.dim}, the master's {master.dim}: they do not meet")
+    if axisymmetric and slave.dim != 1:
+        raise RequestError("an axisymmetric model is plane: its surfaces are made of segments")
+
+
+def reaches(
+    slave: Surface,
+    master: Surface,
+    s: Patches,
+    m: Patches,
+    distance: float | None = None,
+    penetration: float | None = None,
+) -> Reach:
+    """How far each slave patch looks ahead and behind, by the rules that `contact_points` states."""
+    if distance is None:
+        boxes = [np.ptp(p.x[:, :3].reshape(-1, 3), axis=0) if len(p.x) else np.zeros(3) for p in (s, m)]
+        largest = 2 * float(slave.size.max(initial=0.0))
+        distance = max(0.25 * min(float(np.linalg.norm(box)) for box in boxes), largest)
+    ahead = np.full(len(s.n), float(distance))
+    if penetration is not None:
+        return Reach(ahead, np.full(len(s.n), float(penetration)), np.zeros(len(m.n)), np.inf)
+    depth_s, depth_m = (np.where(k.depth > 0, k.depth, k.size) for k in (slave, master))
+    return Reach(ahead, depth_s[s.face], depth_m[m.face], float(distance))
+
+
+def _on_faces(
+    slave: Surface,
+    master: Surface,
+    s: Patches,
+    m: Patches,
+    pairs: Pairs,
+    reach: Reach,
+    H: Floats | None,
+    axisymmetric: bool,
+) -> ContactPoints:
+    pieces = clip(pairs, s, m, reach)
+    fs, fm = s.face[pieces.slave], m.face[pieces.master]
+    code = pair_rule(
+        slave.faces.type[fs],
+        s.kind[fs],
+        s.plane[fs],
+        master.faces.type[fm],
+        m.kind[fm],
+        m.plane[fm],
+        pieces.largest_share(),
+        H is not None,
+    )
+    order, groups = _groups(slave, master, fs, fm, code)
+    pieces, code = pieces.take(order), code[order]
+    made = place(pieces, code, s, m, slave.faces.type[fs[order]], master.faces.type[fm[order]], H)
+    piece = made.piece
+    points = ContactPoints(
+        fs, fs[order][piece], fm[order][piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap,
+        _bounds(groups, piece),
+    )  # fmt: skip
+    return points if made.met.all() else _only(points, made.met)
+
+
+def _on_lines(
+    slave: Surface,
+    master: Surface,
+    s: Patches,
+    m: Patches,
+    pairs: Pairs,
+    reach: Reach,
+    H: Floats | None,
+    axisymmetric: bool,
+) -> ContactPoints:
+    parts = clip_lines(pairs, s, m, reach)
+    fs, fm = s.face[parts.slave], m.face[parts.master]
+    degree = np.maximum(FUNCTION_DEGREE[slave.faces.type[fs]], FUNCTION_DEGREE[master.faces.type[fm]])
+    count = gauss_points(s, m, parts, degree, axisymmetric, H is not None)
+    order, groups = _groups(slave, master, fs, fm, count)
+    parts = Intervals(*(v[order] for v in parts))
+    piece, u, um, weight, normal, gap, met, x = place_lines(parts, count[order], s, m, H)
+    if axisymmetric:
+        weight = weight * 2 * np.pi * x[:, 0]
+    xi_s, xi_m = np.zeros((len(u), 2)), np.zeros((len(u), 2))
+    xi_s[:, 0], xi_m[:, 0] = u, um
+    points = ContactPoints(
+        fs, fs[order][piece], fm[order][piece], xi_s, xi_m, weight, normal, gap, _bounds(groups, piece), axisymmetric
+    )
+    return points if met.all() else _only(points, met)
+
+
+def _groups(slave: Surface, master: Surface, fs: Ints, fm: Ints, code: Ints) -> tuple[Ints, Ints]:
+    """The order of pieces by (slave type, master type, rule, slave face), and the groups: (type, type, rule, from, to)."""
+    key = (slave.faces.type[fs] * 16 + master.faces.type[fm]) * 64 + code
+    order = np.argsort(key, kind="stable")
+    values, first = np.unique(key[order], return_index=True)
+    last = np.append(first, len(order))[1:]
+    return order, np.stack([values // 1024, values // 64 % 16, values % 64, first, last], axis=1).astype(np.int64)
+
+
+def _bounds(groups: Ints, piece: Ints) -> Ints:
+    """Groups of pieces as groups of points."""
+    out = groups.copy()
+    out[:, 3:] = np.searchsorted(piece, groups[:, 3:])
+    return out
+
+
+def _only(points: ContactPoints, keep: NDArray[np.bool_]) -> ContactPoints:
+    """The points whose ray met the master; the others leave their part of the slave uncovered."""
+    groups = points.groups.copy()
+    groups[:, 3:] = np.concatenate([[0], np.cumsum(keep)])[groups[:, 3:]]
+    rows = {
+        name: getattr(points, name)[keep]
+        for name in ("slave", "master", "xi_slave", "xi_master", "weight", "normal", "gap")
+    }
+    return replace(points, groups=groups[groups[:, 4] > groups[:, 3]], **rows)

@@ -1,0 +1,241 @@
+"""A surface: faces of one dimension, turned outward, and the coordinates they stand on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.errors import DataError
+from lacmesh.mesh import Floats, Ints, Mesh, codes
+from lacmesh.quadrature import measure
+from lacmesh.skin import (
+    FACE_TYPES,
+    MAX_CORNERS,
+    N_CORNERS,
+    N_NODES,
+    REVERSED,
+    TYPE_CODE,
+    Faces,
+    Match,
+    find_owners,
+    label_rows,
+    turn,
+)
+
+#: z of a plane mesh may differ by this much of its extent
+_PLANE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Faces of one dimension, a row each, each once; their nodes turn so that the normal leaves the cells behind.
+
+    `x` (n_nodes of the mesh, 3): coordinates. `faces`: types and nodes. `cell` (f,): the mesh's cell each row is.
+    `dim`: 2 for faces of solids, 1 for segments (whose normal lies in their plane, z constant). `depth` (f,): how far
+    the cell behind reaches below the face at its deepest corner; NaN where there is not just one cell behind.
+    """
+
+    x: Floats
+    faces: Faces
+    cell: Ints
+    dim: int
+    depth: Floats
+
+    @classmethod
+    def of(cls, mesh: Mesh, cells: Ints) -> Surface:
+        """The surface under some skin cells (indices) of a mesh.
+
+        Faces stand in the order of `cells`; one that lies on the corners of an earlier one is left out. A face with one
+        cell behind it is turned outward (also where that cell is inside out); between two cells, or with none, it keeps
+        the orientation it has in the mesh. Raises DataError for cells that are no faces, or of several dimensions.
+
+        >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]]), ("SEG2", [[2, 1]])])
+        >>> Surface.of(square, np.array([1])).faces.nodes[0, :2]
+        array([1, 2])
+        """
+        cells = np.asarray(cells, np.int64)
+        dim = _dimension(mesh, cells)
+        faces = _faces_of(mesh, cells)
+        labels, count = label_rows(np.sort(faces.corners, axis=1))
+        first = np.full(count, len(labels))
+        np.minimum.at(first, labels, np.arange(len(labels)))
+        first.sort()
+        faces, cells = faces.take(first), cells[first]
+        parents = find_owners(faces, _blocks(mesh, dim + 1), mesh.n_nodes)
+        alone = np.bincount(parents.face, minlength=len(faces)) == 1
+        keep = alone[parents.face]
+        parents = Match(parents.face[keep], parents.cell[keep], parents.facet[keep], parents.same[keep])
+        faces = _outward(mesh, faces, parents)
+        surface = cls(mesh.points, faces, cells, dim, np.full(len(faces), np.nan))
+        return replace(surface, depth=_depth(mesh, surface, parents))
+
+    def __len__(self) -> int:
+        return len(self.cell)
+
+    def at(self, x: Floats) -> Surface:
+        """The same faces at other coordinates (n_nodes, 3): the deformed surface."""
+        x = np.asarray(x, dtype=float)
+        if x.shape != self.x.shape:
+            raise ValueError(f"coordinates must be {self.x.shape}, not {x.shape}")
+        return replace(self, x=x)
+
+    def take(self, rows: Ints) -> Surface:
+        """Some of the faces."""
+        return replace(self, faces=self.faces.take(rows), cell=self.cell[rows], depth=self.depth[rows])
+
+    def by_type(self) -> Iterator[tuple[str, Ints, Ints]]:
+        """The faces type by type: (type, rows, nodes (k, n_nodes of the type))."""
+        for code in codes(self.faces.type):
+            rows = np.flatnonzero(self.faces.type == code)
+            yield FACE_TYPES[code], rows, self.faces.nodes[rows, : N_NODES[code]]
+
+    @cached_property
+    def n_corners(self) -> Ints:
+        """(f,): corners of each face."""
+        return N_CORNERS[self.faces.type]
+
+    @cached_property
+    def size(self) -> Floats:
+        """(f,): the largest distance between two corners of each face."""
+        x = self.x[self.faces.nodes[:, :MAX_CORNERS]]
+        out = np.zeros(len(self))
+        for a in range(MAX_CORNERS):
+            for b in range(a):
+                apart = np.linalg.norm(x[:, a] - x[:, b], axis=1)
+                np.maximum(out, np.where(self.n_corners > a, apart, 0.0), out=out)
+        return out
+
+    @cached_property
+    def neighbours(self) -> Ints:
+        """(f, 4): the face beyond the edge from corner k to the next (beyond corner k, for segments), or -1.
+
+        Where more than two faces meet, one of the others.
+        """
+        n = self.n_corners
+        corner = np.broadcast_to(np.arange(MAX_CORNERS), (len(self), MAX_CORNERS))
+        there = corner < n[:, None]
+        a = self.faces.nodes[:, :MAX_CORNERS]
+        b = a if self.dim == 1 else np.take_along_axis(a, (corner + 1) % n[:, None], axis=1)
+        ends = np.sort(np.stack([a[there], b[there]], axis=1), axis=1)
+        label, _ = label_rows(ends)
+        order = np.argsort(label, kind="stable")
+        same = label[order[1:]] == label[order[:-1]]
+        face = np.nonzero(there)[0]
+        beyond = np.full(len(label), -1)
+        beyond[order[1:][same]] = face[order[:-1][same]]
+        beyond[order[:-1][same]] = face[order[1:][same]]
+        out = np.full((len(self), MAX_CORNERS), -1)
+        out[there] = beyond
+        return out
+
+
+def _dimension(mesh: Mesh, cells: Ints) -> int:
+    if not len(cells):
+        raise DataError("a surface needs at least one face: the list of cells is empty")
+    dims = codes(mesh.cell_dim[cells])
+    if len(dims) > 1 or dims[0] not in (1, 2):
+        raise DataError(
+            f"a surface is made of faces of one dimension, 1 or 2, and cells {mesh.cell_names(cells)} have dimensions "
+            f"{', '.join(map(str, dims))}",
+            mesh.cell_number[cells],
+        )
+    for kind, which, nodes in mesh.select(cells):
+        if kind not in CELLS:
+            message = f"cells {mesh.cell_names(which)} are of type {kind}; a surface is made of linear or quadratic"
+            raise DataError(f"{message} faces", mesh.cell_number[which])
+        z = mesh.points[nodes, 2]
+        if dims[0] == 1 and np.ptp(z) > _PLANE * np.ptp(mesh.points, axis=0).max():
+            message = f"segments {mesh.cell_names(which)} do not lie in a plane z = constant: their normal is unknown"
+            raise DataError(message, mesh.cell_number[which])
+    return int(dims[0])
+
+
+def _blocks(mesh: Mesh, dim: int) -> Iterator[tuple[str, Ints, Ints]]:
+    for k, block in enumerate(mesh.blocks):
+        if ALL_CELLS[block.type].dim == dim:
+            yield block.type, block.nodes, np.arange(mesh.offsets[k], mesh.offsets[k + 1])
+
+
+def _faces_of(mesh: Mesh, cells: Ints) -> Faces:
+    """Faces, in the order of `cells`."""
+    faces = Faces(np.empty(len(cells), np.int64), np.full((len(cells), 9), -1, np.int64))
+    which = np.searchsorted(mesh.offsets, cells, side="right") - 1
+    for k in codes(which):
+        rows = np.flatnonzero(which == k)
+        block = mesh.blocks[k]
+        faces.type[rows] = TYPE_CODE[block.type]
+        faces.nodes[rows, : block.nodes.shape[1]] = block.nodes[cells[rows] - mesh.offsets[k]]
+    return faces
+
+
+def _outward(mesh: Mesh, faces: Faces, parents: Match) -> Faces:
+    """The faces, those turned over whose nodes turn inward, seen from the one cell behind them."""
+    nodes = faces.nodes.copy()
+    back = turn(_facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
+    back ^= _inside_out(mesh, parents.cell)
+    for code in codes(faces.type[parents.face[back]]):
+        rows = parents.face[back][faces.type[parents.face[back]] == code]
+        order = REVERSED[FACE_TYPES[code]]
+        nodes[rows[:, None], np.arange(len(order))] = faces.nodes[rows[:, None], order]
+    return Faces(faces.type, nodes)
+
+
+def _facets_of(mesh: Mesh, parents: Match) -> Faces:
+    """The facets that a match found, as their cells list them: outward."""
+    out = Faces(np.zeros(len(parents.cell), np.int64), np.full((len(parents.cell), 9), -1, np.int64))
+    which = np.searchsorted(mesh.offsets, parents.cell, side="right") - 1
+    for k in codes(which):
+        block = mesh.blocks[k]
+        for j, facet in enumerate(CELLS[block.type].facets):
+            rows = np.flatnonzero((which == k) & (parents.facet == j))
+            out.type[rows] = TYPE_CODE[facet.type]
+            nodes = block.nodes[parents.cell[rows] - mesh.offsets[k]][:, facet.nodes]
+            out.nodes[rows, : nodes.shape[1]] = nodes
+    return out
+
+
+def _inside_out(mesh: Mesh, cells: Ints) -> Ints:
+    """(k,): cells whose nodes turn the wrong way: their facets point inward."""
+    wrong = np.zeros(mesh.n_cells, bool)
+    for kind, which, nodes in mesh.select(cells):
+        flat = CELLS[CELLS[kind].linear]
+        x = mesh.points[nodes[:, : flat.n_corners]]
+        if flat.dim == 3:
+            wrong[which] = measure(flat.name, x) < 0
+        else:
+            wrong[which] = (x[..., 0] * (np.roll(x[..., 1], -1, 1) - np.roll(x[..., 1], 1, 1))).sum(axis=1) < 0
+    return wrong[cells]
+
+
+def _depth(mesh: Mesh, surface: Surface, parents: Match) -> Floats:
+    """How far each cell behind reaches below its face; NaN for faces that are not in the match."""
+    depth = np.full(len(surface), np.nan)
+    which = np.searchsorted(mesh.offsets, parents.cell, side="right") - 1
+    normal, centre = mean_normals(surface)
+    for k in codes(which):
+        block = mesh.blocks[k]
+        at = np.flatnonzero(which == k)
+        rows = parents.face[at]
+        x = mesh.points[block.nodes[parents.cell[at] - mesh.offsets[k]][:, : CELLS[block.type].n_corners]]
+        below = np.einsum("fcs,fs->fc", centre[rows][:, None] - x, normal[rows])
+        depth[rows] = below.max(axis=1)
+    return depth
+
+
+def mean_normals(surface: Surface) -> tuple[Floats, Floats]:
+    """(f, 3) unit normals of the faces' corners as one plane (0 for a face without extent), and (f, 3) their mean."""
+    n = surface.n_corners
+    x = surface.x[surface.faces.nodes[:, :MAX_CORNERS]]
+    if surface.dim == 1:
+        along = x[:, 1] - x[:, 0]
+        normal, centre = np.stack([along[:, 1], -along[:, 0], 0 * along[:, 0]], axis=1), x[:, :2].mean(axis=1)
+    else:
+        last = np.where((n == 4)[:, None], x[:, 3], x[:, 0])
+        normal = np.cross(x[:, 2] - x[:, 0], last - x[:, 1])
+        centre = np.where((n == 4)[:, None], x.mean(axis=1), x[:, :3].mean(axis=1))
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    return np.divide(normal, size, out=np.zeros_like(normal), where=size > 0), centre

@@ -1,0 +1,364 @@
+"""Contact points: exact integrals on flat interfaces, balance, gaps against closed forms, bodies that must not pair."""
+
+import numpy as np
+import pytest
+
+from lacmesh import Mesh, cut_skin, raise_order
+from lacmesh.errors import RequestError
+from lacmesh.skin import FACE_TYPES
+from lacmesh.surface import Surface, contact_points, coverage
+from lacmesh.surface.coverage import face_measure
+from tests.surface.surfaces import TYPES, blocks, errors, line, mapped, positions, sheet, whole
+
+
+def rotation(seed):
+    q = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    return q * np.sign(np.linalg.det(q))
+
+
+@pytest.mark.parametrize("skew", [0.0, 0.05, 0.2])
+@pytest.mark.parametrize("master_kind", TYPES)
+@pytest.mark.parametrize("slave_kind", TYPES)
+def test_flat_interfaces_are_integrated_exactly(slave_kind, master_kind, skew):
+    slave = whole(sheet(5, kind=slave_kind, skew=skew))
+    master = whole(sheet(4, 0.01, kind=master_kind, skew=skew, seed=1, down=True))
+    points = contact_points(slave, master)
+    assert max(errors(points, slave, master)) < 1e-11
+    found = coverage(points, slave)
+    assert np.abs(found.covered / found.area - 1).max() < 1e-12
+    assert np.abs(points.gap - 0.01).max() < 1e-14
+
+
+@pytest.mark.parametrize("skew", [0.0, 0.05, 0.2])
+@pytest.mark.parametrize("order", ["1", "2", "2-full"])
+@pytest.mark.parametrize("hexa", ["pyramid", "hexa"])
+def test_cut_interfaces_are_integrated_exactly_in_either_role(hexa, order, skew):
+    # a distorted quadratic face that is cut has children with curved sides, in its plane
+    cut = cut_skin(blocks(5, 0.0, 0.5, order=order, skew=skew), "skin", hexa=hexa)
+    one = Surface.of(cut.mesh, cut.mesh.cell_groups["skin"])
+    two = blocks(4, -0.5, 0.0, skew=skew, seed=1)
+    two = Surface.of(two, two.cell_groups["skin"])
+    macro = cut.macro_of_face[one.cell]
+    points = contact_points(one, two, macro=macro)
+    assert max(errors(points, one, two)) < 1e-11
+    assert np.abs(coverage(points, one, macro).covered / coverage(points, one, macro).area - 1).max() < 1e-12
+    assert max(errors(contact_points(two, one), two, one)) < 1e-11
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("kind", ["QUAD8", "QUAD9", "TRIA6", "TRIA7"])
+def test_sides_that_are_curved_in_the_plane(kind, seed):
+    def swirl(x):
+        r2 = ((x[:, :2] - 0.5) ** 2).sum(axis=1)
+        turn = 0.6 * np.exp(-8 * r2) * (x[:, 0] * (1 - x[:, 0]) * x[:, 1] * (1 - x[:, 1]) * 16) ** 2
+        c, s = np.cos(turn), np.sin(turn)
+        d = x - [0.5, 0.5, 0]
+        return np.stack([0.5 + c * d[:, 0] - s * d[:, 1], 0.5 + s * d[:, 0] + c * d[:, 1], x[:, 2]], axis=1)
+
+    slave = whole(mapped(sheet(6, kind=kind, seed=seed, skew=0.1), swirl))
+    master = whole(sheet(5, 0.01, kind="mixed", skew=0.15, seed=seed + 100, down=True))
+    assert max(errors(contact_points(slave, master), slave, master)) < 1e-10
+    assert max(errors(contact_points(master, slave), master, slave)) < 1e-10
+
+
+@pytest.mark.parametrize("kinds", [("SEG2", "SEG2"), ("SEG3", "SEG2"), ("SEG2", "SEG3"), ("SEG3", "SEG3")])
+@pytest.mark.parametrize("skew", [0.0, 0.3])
+def test_flat_lines_are_integrated_exactly_also_with_middle_nodes_off_the_middle(kinds, skew):
+    slave = whole(line(7, kind=kinds[0], skew=skew))
+    master = whole(line(5, 0.1, kind=kinds[1], skew=skew, seed=1, down=True))
+    points = contact_points(slave, master)
+    assert max(errors(points, slave, master)) < 1e-10
+    assert np.abs(coverage(points, slave).ratio - 1).max() < 1e-12
+
+
+@pytest.mark.parametrize("normals", ["facet", "smoothed"])
+@pytest.mark.parametrize("kind", [*TYPES, "SEG2", "SEG3"])
+def test_balance_partition_of_unity_and_rays_along_the_normal(kind, normals):
+    rng = np.random.default_rng(0)
+    if kind.startswith("SEG"):
+        slave, master = line(9, kind=kind), line(7, 0.02, kind=kind, down=True)
+        wave = lambda x: x + np.outer(0.1 * np.sin(3 * x[:, 0]), [0, 1, 0])  # noqa: E731
+    else:
+        slave, master = sheet(6, kind=kind, skew=0.2), sheet(5, 0.02, kind=kind, skew=0.2, seed=1, down=True)
+        wave = lambda x: x + np.outer(0.1 * np.sin(3 * x[:, 0]) * np.cos(2 * x[:, 1]), [0, 0, 1])  # noqa: E731
+    slave, master = whole(mapped(slave, wave)), whole(mapped(master, wave))
+    p = contact_points(slave, master, normals=normals)
+    x = positions(p, slave, p.slave, p.xi_slave)
+    x_bar = positions(p, master, p.master, p.xi_master)
+    assert np.abs(np.linalg.norm(p.normal, axis=1) - 1).max() < 1e-14
+    assert np.abs(np.cross(x_bar - x, p.normal)).max() < 1e-13
+    assert np.abs(((x_bar - x) * p.normal).sum(axis=1) - p.gap).max() < 1e-14
+    pressure = rng.random(len(slave))[p.slave] * p.weight
+    force = pressure[:, None] * p.normal
+    arm = np.cross(x_bar - x, force).sum(axis=0)
+    assert np.abs(arm).max() < 1e-13
+    assert (p.weight > 0).all() or (p.weight.min() > -1e-5)
+
+
+def test_gaps_are_signed_open_positive():
+    slave = whole(sheet(3))
+    for z in (0.2, -0.05):
+        found = coverage(contact_points(slave, whole(sheet(4, z, down=True))), slave)
+        assert np.allclose([found.min_gap, found.mean_gap, found.max_gap], z)
+        assert np.allclose(found.gap_integral, z / 9)
+
+
+@pytest.mark.parametrize("kind", ["QUAD4", "TRIA3", "QUAD8", "mixed2"])
+def test_a_rigid_motion_changes_nothing(kind):
+    def bend(x):
+        return x + np.outer(0.2 * x[:, 0] ** 2 - 0.1 * x[:, 0] * x[:, 1], [0, 0, 1])
+
+    slave, master = mapped(sheet(5, kind=kind, skew=0.2), bend), mapped(sheet(4, 0.03, kind=kind, down=True), bend)
+    q = rotation(3)
+    here = contact_points(whole(slave), whole(master))
+    there = contact_points(*(whole(mapped(m, lambda x: x @ q.T + [3, -2, 1])) for m in (slave, master)))
+    a, b = coverage(here, whole(slave)), coverage(there, whole(slave))
+    assert np.allclose(a.ratio, b.ratio, atol=1e-9) and np.allclose(a.gap_integral, b.gap_integral, atol=1e-9)
+    assert len(here) == len(there)
+
+
+@pytest.mark.parametrize("kind", ["QUAD8", "QUAD9", "TRIA6", "TRIA7"])
+def test_concentric_spheres_at_the_geometrys_rate(kind):
+    """The quadratic geometry is off by O(h^3) or better, and so is the gap."""
+    off = []
+    for n in (4, 8, 16):
+        pair = []
+        for radius, down, cells, half in ((1.0, False, n, 0.5), (1.05, True, n + 1, 0.6)):
+            flat = sheet(cells, kind=kind, down=down)
+            ball = mapped(flat, lambda x, h=half: np.column_stack([(2 * x[:, :2] - 1) * h, np.ones(len(x))]))
+            pair.append(whole(mapped(ball, lambda x, r=radius: r * x / np.linalg.norm(x, axis=1, keepdims=True))))
+        p = contact_points(*pair)
+        found = coverage(p, pair[0])
+        assert np.abs(found.covered / found.area - 1).max() < 1e-8
+        off.append(np.abs(p.gap - 0.05).max())
+    assert np.log2(off[0] / off[1]) > 2.3 and np.log2(off[1] / off[2]) > 2.3
+
+
+def arc(n, radius, down, angle=1.0, kind="SEG3"):
+    return mapped(
+        line(n, kind=kind, down=not down),
+        lambda x: radius * np.stack([np.cos(x[:, 0] * angle), np.sin(x[:, 0] * angle), 0 * x[:, 0]], axis=1),
+    )
+
+
+def test_concentric_cylinders_in_the_plane_and_axisymmetric_area():
+    off, areas = [], []
+    for n in (4, 8, 16, 32):
+        slave, master = whole(arc(n, 1.0, False)), whole(arc(n + 1, 1.1, True))
+        p = contact_points(slave, master, axisymmetric=True)
+        found = coverage(p, slave)
+        off.append(np.abs(p.gap - 0.1).max())
+        areas.append(abs(found.area.sum() - 2 * np.pi * np.sin(1.0)))
+        assert np.abs(found.covered / found.area - 1).max() < 1e-7
+    assert off[-1] < 1e-8 and (np.diff(np.log2(off)) < -3.5).all() and (np.diff(np.log2(areas)) < -3.5).all()
+
+
+def test_axisymmetric_weights_are_exact_on_straight_lines():
+    slave, master = whole(line(5)), whole(line(3, 0.1, down=True))
+    found = coverage(contact_points(slave, master, axisymmetric=True), slave)
+    edges = np.linspace(0, 1, 6)
+    assert np.allclose(np.sort(found.area), np.pi * np.diff(edges**2)) and np.allclose(found.ratio, 1, atol=1e-14)
+
+
+def test_hertz_like_gap():
+    """A paraboloid under a plane: heights integrated over its facets tend to r^2 over the square, at order 2."""
+    off = []
+    over = whole(mapped(sheet(5, 0.0, down=True), lambda x: 5 * x - [2, 2, 0]))
+    for n in (8, 16, 32):
+        bowl = whole(
+            mapped(sheet(n, kind="TRIA3"), lambda x: x - np.outer(((x[:, :2] - 0.5) ** 2).sum(axis=1), [0, 0, 1]))
+        )
+        p = contact_points(bowl, over, search_distance=2.0)
+        assert np.allclose(coverage(p, bowl).ratio, 1)
+        # along the normal, on the inclined face: twice the cosine makes it the height over the plane
+        off.append(abs((p.weight * p.gap * p.normal[:, 2] ** 2).sum() - 1 / 6))
+    assert off[2] < 1e-3 and np.allclose(np.array(off[:-1]) / off[1:], 4, rtol=0.02)
+
+
+def test_smoothed_normals_turn_from_face_to_face_and_stop_at_creases():
+    ball = lambda x: x / np.linalg.norm(x, axis=1, keepdims=True)  # noqa: E731
+    slave = mapped(sheet(8, kind="TRIA3"), lambda x: ball(np.column_stack([x[:, :2] - 0.5, np.ones(len(x))])))
+    master = mapped(
+        sheet(9, kind="TRIA3", down=True),
+        lambda x: 1.05 * ball(np.column_stack([1.2 * (x[:, :2] - 0.5), np.ones(len(x))])),
+    )
+    slave, master = whole(slave), whole(master)
+    worst = {}
+    for normals in ("facet", "smoothed"):
+        p = contact_points(slave, master, normals=normals)
+        worst[normals] = np.abs(np.cross(ball(positions(p, slave, p.slave, p.xi_slave)), p.normal)).max()
+    assert worst["smoothed"] < 0.5 * worst["facet"]
+    roof = whole(mapped(sheet(4), lambda x: x - np.outer(np.abs(x[:, 0] - 0.5), [0, 0, 1])))
+    over = whole(mapped(sheet(4, 0.05, down=True), lambda x: x - np.outer(np.abs(x[:, 0] - 0.5), [0, 0, 1])))
+    sharp = contact_points(roof, over, normals="smoothed", crease_angle=40)
+    blunt = contact_points(roof, over, normals="smoothed", crease_angle=100)
+    assert np.allclose(np.abs(sharp.normal[:, 0]), np.sqrt(0.5)) and np.abs(blunt.normal[:, 0]).min() < 0.6
+
+
+def cube(low, high):
+    """The skin of a box, outward, its corners at low and high; 2 x 2 faces a side."""
+    faces = []
+    for axis in range(3):
+        for side in (0, 1):
+            flat = sheet(2, down=side == 0).points
+            mesh = sheet(2, down=side == 0)
+            x = np.empty_like(flat)
+            x[:, (axis + 1) % 3], x[:, (axis + 2) % 3], x[:, axis] = flat[:, 0], flat[:, 1], side
+            faces.append((x * (np.array(high) - low) + low, mesh.block("QUAD4")))
+    points = np.concatenate([x for x, _ in faces])
+    quads = np.concatenate([q + 9 * k for k, (_, q) in enumerate(faces)])
+    return Mesh.create(points, [("QUAD4", quads)], space_dim=3)
+
+
+def plate(z0, z1):
+    """A plate one hexahedron thick and 4 x 4 wide, with its whole skin in the group `skin`."""
+    flat = sheet(4)
+    q = flat.block("QUAD4")
+    points = np.concatenate([flat.points + [0, 0, z0], flat.points + [0, 0, z1]])
+    skin = np.concatenate([q[:, ::-1], q + len(flat.points)])
+    mesh = Mesh.create(points, [("HEXA8", np.concatenate([q, q + len(flat.points)], axis=1)), ("QUAD4", skin)])
+    return Surface.of(mesh, np.arange(len(q), mesh.n_cells))
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.01, -0.01])
+def test_thin_plates_pair_only_the_sides_that_face(gap):
+    upper, lower = plate(gap, gap + 0.05), plate(-0.05, 0.0)
+    p = contact_points(upper, lower)
+    found = coverage(p, upper)
+    assert np.array_equal(found.ratio > 0.5, np.arange(32) < 16)
+    assert np.allclose(found.ratio[:16], 1) and not found.ratio[16:].any()
+    assert np.allclose(p.gap, gap, atol=1e-14) and (p.master >= 16).all()
+
+
+def test_of_two_layers_the_nearest_counts_and_coverage_stays_below_one():
+    near, far = sheet(4, 0.05, down=True), sheet(3, 0.1, down=True)
+    near = mapped(near, lambda x: x * [0.6, 1, 1])
+    both = Mesh.create(
+        np.concatenate([far.points, near.points]),
+        [("QUAD4", np.concatenate([far.block("QUAD4"), near.block("QUAD4") + far.n_nodes]))],
+        space_dim=3,
+    )
+    slave = whole(sheet(5, skew=0.2))
+    p = contact_points(slave, whole(both))
+    found = coverage(p, slave)
+    assert np.abs(found.covered / found.area - 1).max() < 1e-11
+    x = positions(p, slave, p.slave, p.xi_slave)[:, 0]
+    assert np.allclose(p.gap, np.where(x < 0.6, 0.05, 0.1))
+    again = contact_points(slave, whole(both), search="front")
+    assert np.array_equal(again.weight, p.weight)
+
+
+def test_layers_of_lines():
+    near, far = line(4, 0.05, down=True, b=0.6), line(3, 0.1, down=True)
+    both = Mesh.create(
+        np.concatenate([far.points, near.points]),
+        [("SEG2", np.concatenate([far.block("SEG2"), near.block("SEG2") + far.n_nodes]))],
+        space_dim=2,
+    )
+    slave = whole(line(5))
+    p = contact_points(slave, whole(both))
+    assert np.allclose(coverage(p, slave).ratio, 1)
+    assert np.isclose((p.weight * p.gap).sum(), 0.6 * 0.05 + 0.4 * 0.1)
+
+
+def test_partial_overlap_in_the_shape_of_a_t():
+    slave = whole(sheet(7, skew=0.2))
+    master = whole(sheet(12, 0.01, down=True, keep=lambda c: (c[:, 1] > 0.5) | (np.abs(c[:, 0] - 0.5) < 1 / 12)))
+    p = contact_points(slave, master)
+    area = face_measure(master).sum()
+    assert np.isclose(p.weight.sum(), area, rtol=1e-12)
+    back = contact_points(master, slave)
+    assert np.isclose(back.weight.sum(), area, rtol=1e-12)
+
+
+def test_nothing_in_reach_and_holes():
+    slave = whole(sheet(3))
+    p = contact_points(slave, whole(sheet(3, 5.0, down=True)))
+    assert len(p) == 0 and len(p.groups) == 0
+    found = coverage(p, slave)
+    assert not found.ratio.any() and np.isnan(found.mean_gap).all() and np.isnan(found.min_gap).all()
+    assert len(contact_points(slave, whole(sheet(3, 5.0, down=True)), search_distance=6.0)) > 0
+    assert len(contact_points(slave, whole(sheet(3, 0.1, down=False)))) == 0
+
+
+def test_max_penetration_bounds_how_deep_a_pair_may_lie():
+    slave, master = whole(sheet(3)), whole(sheet(3, -0.4, down=True))
+    assert len(contact_points(slave, master, max_penetration=0.3)) == 0
+    assert np.allclose(contact_points(slave, master, max_penetration=0.5).gap, -0.4)
+
+
+def test_degenerate_faces_yield_nothing_and_no_nan():
+    rng = np.random.default_rng(0)
+    mesh = sheet(6, kind="mixed")
+    points = mesh.points.copy()
+    points[10] = points[9]
+    points[20:22] = np.nan
+    points[30] = 1e300
+    slave = whole(Mesh.create(points, [(b.type, b.nodes) for b in mesh.blocks], space_dim=3))
+    master = whole(sheet(5, 0.01, down=True))
+    for one, two in ((slave, master), (master, slave)):
+        p = contact_points(one, two, search_distance=0.5)
+        assert len(p)
+        for name in ("xi_slave", "xi_master", "weight", "normal", "gap"):
+            assert np.isfinite(getattr(p, name)).all()
+        assert np.isfinite(coverage(p, one).ratio).all()
+    flat = sheet(2)
+    line_of_faces = whole(mapped(flat, lambda x: x * [1, 0, 0]))
+    assert not len(contact_points(line_of_faces, master)) and rng
+
+
+def test_warped_and_steep_faces_keep_coverage_within_one():
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        slave = whole(mapped(sheet(5), lambda x: x + 0.08 * rng.normal(size=x.shape)))
+        master = whole(mapped(sheet(6, 0.05, down=True), lambda x: x + 0.08 * rng.normal(size=x.shape)))
+        p = contact_points(slave, master)
+        found = coverage(p, slave)
+        assert (found.covered <= found.area * (1 + 1e-3)).all() and (found.ratio <= 1).all()
+        assert np.isfinite(p.gap).all()
+
+
+def test_points_are_sorted_by_types_and_rule_and_macros_are_kept():
+    slave, master = whole(sheet(6, kind="mixed", skew=0.1)), whole(sheet(5, 0.01, kind="mixed", skew=0.1, down=True))
+    macro = np.arange(len(slave)) // 3
+    macro[:4] = -1
+    p = contact_points(slave, master, macro=macro)
+    assert not np.isin(p.slave, np.arange(4)).any() and np.array_equal(p.macro, macro[p.slave])
+    assert p.groups[0, 3] == 0 and p.groups[-1, 4] == len(p)
+    assert np.array_equal(p.groups[1:, 3], p.groups[:-1, 4])
+    keys = [tuple(row[:3]) for row in p.groups]
+    assert keys == sorted(set(keys)) and len(keys) >= 4
+    for s, m, _, a, b in p.groups:
+        assert (slave.faces.type[p.slave[a:b]] == s).all() and (master.faces.type[p.master[a:b]] == m).all()
+        assert "TRIA3" in FACE_TYPES[s] or "QUAD4" in FACE_TYPES[s]
+    found = coverage(p, slave, macro)
+    assert len(found.area) == macro.max() + 1 and np.allclose(found.ratio[2:], 1)
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ({"normals": "nodal"}, RequestError),
+        ({"search": "grid"}, RequestError),
+        ({"search_distance": -1.0}, RequestError),
+        ({"max_penetration": float("nan")}, RequestError),
+        ({"axisymmetric": True}, RequestError),
+        ({"macro": [0, 1]}, ValueError),
+    ],
+)
+def test_wrong_requests(options, error):
+    slave, master = whole(sheet(2)), whole(sheet(2, 0.1, down=True))
+    with pytest.raises(error):
+        contact_points(slave, master, **options)
+    with pytest.raises(RequestError, match="dimension"):
+        contact_points(slave, whole(line(2)))
+
+
+def test_raised_solids_give_the_same_coverage():
+    lower, upper = blocks(3, -0.5, 0.0), blocks(4, 0.01, 0.5, seed=1)
+    out = []
+    for order in ("1", "2", "2-full"):
+        one, two = (m if order == "1" else raise_order(m, order) for m in (upper, lower))
+        s, m = (Surface.of(k, k.cell_groups["skin"]) for k in (one, two))
+        out.append(coverage(contact_points(s, m), s).gap_integral)
+    assert np.allclose(out[0], out[1], rtol=1e-12) and np.allclose(out[0], out[2], rtol=1e-12)
