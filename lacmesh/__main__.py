@@ -1,7 +1,21 @@
-"""`python -m lacmesh`: the command."""
+"""`lacmesh` and `python -m lacmesh`: the command, interrupted or not while it is still being loaded."""
 
+import signal
 import sys
 
-from lacmesh.cli import main
 
-sys.exit(main())
+def main() -> int:
+    """Run the command; the exit status."""
+    try:
+        from lacmesh.cli import main as run
+
+        status = run()
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and said
+        return status
+    except KeyboardInterrupt:
+        print("lacmesh: error: interrupted; nothing was written", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -65,6 +65,7 @@ class WriteError(LacmeshError):
 
     def __init__(self, path: Any, message: str) -> None:
         self.path = str(path)
+        self.what = message
         super().__init__(f"{self.path}: {message}")
 
 

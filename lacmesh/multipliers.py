@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.cut import Cut, split
 from lacmesh.mesh import Ints
+from lacmesh.records import Cut, split
 from lacmesh.skin import Faces, find_owners
 
 #: (type of the faces, number of them in the macro-element): code of the patch; for each face, E1 first, the places of

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
+from lacmesh.cells import CARRIED, CELLS
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
+from lacmesh.faces import cells_of_dim, distinct_faces
 from lacmesh.mesh import Ints, Mesh, codes, distinct
+from lacmesh.orientation import turn_outward
 from lacmesh.patterns import RING_PARENTS, WHOLE_FACES
-from lacmesh.quadrature import measure
 from lacmesh.quality import corner_jacobian
-from lacmesh.skin import FACE_TYPES, REVERSED, Faces, Match, find_owners, find_repeats, label_rows, turn
+from lacmesh.skin import FACE_TYPES, Faces, Match, find_owners, find_repeats
 from lacmesh.subdivide import CONE_CODE, RING_CODE, WHOLE_CODE, subdivide
 
 HEXA = ("pyramid", "hexa", "auto")
@@ -52,14 +52,14 @@ def make_plan(
     """The plan of a cut, and the mesh (its slave faces turned outward if asked for)."""
     _check_numbers(mesh)
     zones, cells, zone = _slave_cells(mesh, specs, skin_only)
-    faces, first = _distinct_faces(mesh, cells)
+    faces, first = distinct_faces(mesh, cells)
     dim = int(mesh.cell_dim[cells[0]])
     _refuse_higher_order(mesh, faces, dim)
-    parents = find_owners(faces, _blocks(mesh, dim + 1), mesh.n_nodes)
+    parents = find_owners(faces, cells_of_dim(mesh, dim + 1), mesh.n_nodes)
     _check_parents(mesh, faces, cells[first], parents, interface, skin_only)
-    if orient == "outward" and not skin_only:
-        mesh, faces = _outward(mesh, cells, faces, first, parents)
-    skin = _by_cell(find_repeats(faces, _blocks(mesh, dim), mesh.n_nodes))
+    if orient == "outward":
+        mesh, faces = turn_outward(mesh, cells, faces, first, parents)
+    skin = _by_cell(find_repeats(faces, cells_of_dim(mesh, dim), mesh.n_nodes))
     if not skin.same.all():
         odd = skin.cell[~skin.same]
         raise CutError(
@@ -76,12 +76,6 @@ def _check_numbers(mesh: Mesh) -> None:
     for what, numbers in (("cells", mesh.cell_number), ("nodes", mesh.node_number)):
         if len(numbers) and (numbers.min() < 0 or not distinct(numbers)):
             raise CutError(f"the numbers of {what} are not distinct, or some are negative: number them again")
-
-
-def _blocks(mesh: Mesh, dim: int) -> Iterator[tuple[str, Ints, Ints]]:
-    for k, block in enumerate(mesh.blocks):
-        if ALL_CELLS[block.type].dim == dim:
-            yield block.type, block.nodes, np.arange(mesh.offsets[k], mesh.offsets[k + 1])
 
 
 def _slave_cells(mesh: Mesh, specs: list[str], skin_only: bool) -> tuple[tuple[str, ...], Ints, Ints]:
@@ -140,29 +134,6 @@ def _skin_faces(mesh: Mesh, name: str, skin_only: bool) -> Ints:
     return faces
 
 
-def _distinct_faces(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
-    """The faces under some cells, each once, and the place in `cells` that it has its node order from."""
-    faces = _faces_of(mesh, cells)
-    labels, count = label_rows(np.sort(faces.corners, axis=1))
-    first = np.full(count, len(labels))
-    np.minimum.at(first, labels, np.arange(len(labels)))
-    first.sort()
-    return faces.take(first), first
-
-
-def _faces_of(mesh: Mesh, cells: Ints) -> Faces:
-    """Faces, in the order of `cells`."""
-    order, parts = [], []
-    for kind, chosen, nodes in mesh.select(cells):
-        order.append(chosen)
-        parts.append((kind, nodes))
-    by_type = Faces.join(parts)
-    place = np.empty(mesh.n_cells, np.int32)
-    found = np.concatenate(order)
-    place[found] = np.arange(len(found))
-    return by_type.take(place[cells])
-
-
 def _by_cell(match: Match) -> Match:
     order = np.argsort(match.cell, kind="stable")
     return Match(match.face[order], match.cell[order], match.facet[order], match.same[order])
@@ -193,7 +164,9 @@ def _check_parents(mesh: Mesh, faces: Faces, slave: Ints, parents: Match, interf
 def _refuse_higher_order(mesh: Mesh, faces: Faces, dim: int) -> None:
     """Cells of order 3 and higher are never cut, so none may have a slave face, or lie on one."""
     corners = None
-    for kind, nodes, cells in (b for d in (dim, dim + 1) for b in _blocks(mesh, d) if b[0] in CARRIED and len(b[1])):
+    for kind, nodes, cells in (
+        b for d in (dim, dim + 1) for b in cells_of_dim(mesh, d) if b[0] in CARRIED and len(b[1])
+    ):
         if corners is None:
             corners = {tuple(sorted(c for c in row if c >= 0)) for row in faces.corners.tolist()}
         own = nodes[:, : CARRIED[kind].n_corners]
@@ -204,61 +177,6 @@ def _refuse_higher_order(mesh: Mesh, faces: Faces, dim: int) -> None:
                     f"the {kind} {mesh.cell_number[cells[row]]} has a slave face, and cells of its order are not cut"
                 )
                 raise CutError(message, [mesh.cell_number[cells[row]]])
-
-
-def _outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: Match) -> tuple[Mesh, Faces]:
-    """Turn over the slave cells whose nodes turn inward; a face between two cells has no outward and stays."""
-    own = find_repeats(faces, [(k, n, c) for k, c, n in mesh.select(np.sort(cells))], mesh.n_nodes)
-    listed = _faces_of(mesh, own.cell)
-    single = np.bincount(parents.face, minlength=len(faces)) == 1
-    owner = np.full(len(faces), -1)
-    owner[parents.face] = np.arange(len(parents.face))
-    outward = _facets_of(mesh, parents)
-    inward = turn(outward.take(owner[own.face]), listed) % 2 == 1
-    inward ^= _inside_out(mesh, parents)[owner[own.face]]
-    back = np.sort(own.cell[inward & single[own.face]])
-    if not len(back):
-        return mesh, faces
-    blocks = []
-    for k, block in enumerate(mesh.blocks):
-        rows = back[(back >= mesh.offsets[k]) & (back < mesh.offsets[k + 1])] - mesh.offsets[k]
-        nodes = block.nodes
-        if len(rows):
-            nodes = nodes.copy()
-            nodes[rows] = nodes[rows][:, REVERSED[block.type]]
-        blocks.append(block._replace(nodes=nodes))
-    turned = replace(mesh, blocks=tuple(blocks))
-    return turned, _faces_of(turned, cells[first])
-
-
-def _inside_out(mesh: Mesh, parents: Match) -> Ints:
-    """(m,): parents whose nodes turn the wrong way (real meshes have some): their facets point inward."""
-    wrong = np.zeros(mesh.n_cells, bool)
-    for kind, cells, nodes in mesh.select(parents.cell):
-        flat = CELLS[CELLS[kind].linear]
-        x = mesh.points[nodes[:, : flat.n_corners]]
-        if flat.dim == 3:
-            wrong[cells] = measure(flat.name, x) < 0
-        elif mesh.space_dim == 2:
-            wrong[cells] = corner_jacobian(flat.name, x, plane=True) < 0
-    return wrong[parents.cell]
-
-
-def _facets_of(mesh: Mesh, parents: Match) -> Faces:
-    """The facets of a match's cells, outward, in its order."""
-    parts, rows = [], []
-    order = np.argsort(parents.cell, kind="stable")
-    done = 0
-    for kind, cells, nodes in mesh.select(parents.cell[order]):
-        facet = parents.facet[order[done : done + len(cells)]]
-        for j in codes(facet):
-            at = np.flatnonzero(facet == j)
-            parts.append((CELLS[kind].facets[j].type, nodes[at][:, CELLS[kind].facets[j].nodes]))
-            rows.append(order[done + at])
-        done += len(cells)
-    place = np.empty(len(order), np.int64)
-    place[np.concatenate(rows)] = np.arange(len(order))
-    return Faces.join(parts).take(place)
 
 
 def _warn_of_twins(mesh: Mesh, cells: Ints, first: Ints) -> None:

@@ -163,7 +163,7 @@ def _copy_kept(old: NDArray, gone: NDArray[np.bool_], target: NDArray) -> None:
 
 def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
     numbers = layout.carry(mesh.cell_number)
-    first = int(mesh.cell_number.max(initial=0)) + 1
+    first = _next_number(mesh.cell_number, len(layout.child), "cells")
     if first + len(layout.child) > np.iinfo(numbers.dtype).max:
         numbers = numbers.astype(np.int64)
     if mesh.file_order is None:
@@ -179,10 +179,17 @@ def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
 
 
 def more_numbers(numbers: Ints, added: int) -> Ints:
-    """Some numbers, and as many more after the largest."""
-    first = int(numbers.max(initial=0)) + 1
+    """Some numbers, and as many more after the largest. Raises DataError where there are none."""
+    first = _next_number(numbers, added, "nodes")
     dtype = numbers.dtype if first + added <= np.iinfo(numbers.dtype).max else np.dtype(np.int64)
     return np.concatenate([numbers, np.arange(first, first + added, dtype=dtype)], dtype=dtype)
+
+
+def _next_number(numbers: Ints, added: int, what: str) -> int:
+    largest = int(numbers.max(initial=0))
+    if largest + added > np.iinfo(np.int64).max:
+        raise DataError(f"no numbers are left for new {what} after {largest}: number them again")
+    return largest + 1
 
 
 def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:

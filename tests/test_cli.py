@@ -338,10 +338,10 @@ def test_an_output_that_cannot_be_written_whole_leaves_nothing(tmp_path, capsys)
 
 
 def test_a_folder_without_permission(msh, monkeypatch, capsys):
-    def refuse(**where):
+    def refuse(*where):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("lacmesh.formats.tempfile.mkstemp", refuse)
+    monkeypatch.setattr("lacmesh.formats.os.open", refuse)
     assert main(["cut", str(msh), "--slave", "slave"]) == 3
     assert "Permission denied" in capsys.readouterr().err
 

@@ -11,15 +11,18 @@ import gc
 import os
 import signal
 import sys
+import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib import import_module
+from io import TextIOWrapper
 from pathlib import Path
 from typing import NoReturn, TextIO
 
 from lacmesh import __version__
-from lacmesh.cli.options import EPILOG
-from lacmesh.errors import LacmeshError, LacmeshWarning
+from lacmesh.cli.options import EPILOG, written
+from lacmesh.errors import GroupNotFoundError, LacmeshError, LacmeshWarning
 
 #: in the order of the help
 COMMANDS = ("cut", "check", "quality", "orient", "view", "mesh", "info", "convert", "types")
@@ -34,9 +37,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     gc.disable()  # a short life of large arrays and no cycles: collecting would only cost time
     if sys.stdout is None:  # closed by who called us
         sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
-    args = _parser().parse_args(argv)
-    signal.signal(signal.SIGTERM, _terminate)
+    elif isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a name may hold what the terminal cannot show
     _keep_memory()
+    args = argparse.Namespace()
+    with _signals():
+        try:
+            _parser().parse_args(argv, args)
+            return _run(args)
+        except KeyboardInterrupt:
+            return _fail(f"interrupted; {written(args)}", 130)
+        except Terminated:
+            return _fail(f"terminated; {written(args)}", 143)
+
+
+def _run(args: argparse.Namespace) -> int:
+    """Run what was asked for, whatever becomes of it."""
     with warnings.catch_warnings():
         warnings.simplefilter("always", LacmeshWarning)
         warnings.showwarning = _show_warning
@@ -44,16 +60,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             args.run(args)
             sys.stdout.flush()
         except LacmeshError as error:
-            return _fail(str(error), error.status)
+            return _fail(_with_file(error, args), error.status)
         except BrokenPipeError:  # the reader of our output went away, as `head` does
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 0
         except OSError as error:  # files of ours say so themselves: this is what we print to
             return _fail(f"the terminal or file that is printed to fails ({error.strerror or error})", 3)
-        except KeyboardInterrupt:
-            return _fail("interrupted; nothing was written", 130)
-        except Terminated:
-            return _fail("terminated; nothing was written", 143)
         except MemoryError:
             return _fail("there is not enough memory for this mesh", 1)
         except Exception as error:  # a fault of ours: one line, and the traceback on request
@@ -62,6 +74,33 @@ def main(argv: Sequence[str] | None = None) -> int:
             message = f"internal error ({type(error).__name__}: {error}); --verbose shows where; please report it"
             return _fail(message, 1)
     return 0
+
+
+@contextmanager
+def _signals() -> Iterator[None]:
+    """Let the first SIGINT or SIGTERM unwind, and those that follow wait for the end of that."""
+    if threading.current_thread() is not threading.main_thread():  # only there may handlers be set
+        yield
+        return
+    before = {number: signal.signal(number, _stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)  # None: set by something that is not Python
+
+
+def _stop(signum: int, frame: object) -> NoReturn:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    raise KeyboardInterrupt if signum == signal.SIGINT else Terminated
+
+
+def _with_file(error: LacmeshError, args: argparse.Namespace) -> str:
+    """What an error says; where it is about the mesh and does not name the file, with the file before it."""
+    message, source = str(error), getattr(args, "input", None)
+    about_mesh = error.status == 1 or isinstance(error, GroupNotFoundError)
+    return f"{source}: {message}" if about_mesh and source and source not in message else message
 
 
 def _keep_memory() -> None:
@@ -76,13 +115,26 @@ def _keep_memory() -> None:
             mallopt(-2, 1 << 26)  # M_TOP_PAD
 
 
-def _terminate(signum: int, frame: object) -> NoReturn:
-    raise Terminated
-
-
 def _fail(message: str, status: int) -> int:
-    print(f"lacmesh: error: {message}", file=sys.stderr)
+    with suppress(OSError):  # nobody listens
+        print(f"lacmesh: error: {_on_one_line(message)}", file=sys.stderr)
     return status
+
+
+def _on_one_line(message: str) -> str:
+    """Names come from files: no line ends, no commands to the terminal.
+
+    >>> _on_one_line("group 'a" + chr(10) + chr(27) + "é'")
+    "group 'a\\n\\x1bé'"
+    """
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line, as all errors are."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(_fail(f"{message}; see {self.prog} --help", 2))
 
 
 def _show_warning(
@@ -94,11 +146,11 @@ def _show_warning(
     line: str | None = None,
 ) -> None:
     if issubclass(category, LacmeshWarning):
-        print(f"lacmesh: warning: {message}", file=sys.stderr)
+        print(f"lacmesh: warning: {_on_one_line(str(message))}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="lacmesh",
         description="Cut meshes for Local Average Contact: each face of the slave skin becomes a macro-element that "
         "owns a displacement degree of freedom.",
@@ -108,8 +160,5 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"lacmesh {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
-        try:
-            import_module(f"lacmesh.cli.{name}").add(commands)
-        except ModuleNotFoundError:
-            continue
+        import_module(f"lacmesh.cli.{name}").add(commands)
     return parser

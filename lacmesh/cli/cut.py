@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.options import add_command, add_output_options, check_output, write_mesh
 from lacmesh.cli.terminal import Stages, console, memory, table
-from lacmesh.errors import LacmeshWarning
+from lacmesh.errors import LacmeshWarning, RequestError
 
 if TYPE_CHECKING:
     from lacmesh.cut import Cut
     from lacmesh.mesh import Mesh
-    from lacmesh.report import CutSummary
+    from lacmesh.report import CutReport, CutSummary
 
 
 def add(commands: Any) -> None:
@@ -48,6 +48,15 @@ def add(commands: Any) -> None:
         default="extend",
         help="new nodes enter node groups that hold all corners around them (default: extend)",
     )
+    parser.add_argument(
+        "--min-quality",
+        type=_number,
+        metavar="X",
+        help="write nothing where the least corner Jacobian of a touched cell would be below X (1: ideal, 0: flat)",
+    )
+    parser.add_argument(
+        "--report", metavar="FILE", help="what the cut does to the cells: .html (opens offline), .md, .json"
+    )
     add_output_options(parser)
 
 
@@ -60,8 +69,10 @@ def run(args: argparse.Namespace) -> None:
 
     source = Path(args.input)
     target = Path(args.output) if args.output else _beside(source)
-    stage = Stages(args, ("read", "cut", "write"))
+    stage = Stages(args, ("read", "cut", *(("report",) if args.report else ()), "write"))
     check_output(target, args)
+    if args.report:
+        _check_report(target, args)
     with stage("read"):
         mesh = read(source, mesh=args.mesh)
     done = is_cut(mesh)
@@ -75,15 +86,25 @@ def run(args: argparse.Namespace) -> None:
             skin_only=args.skin_only,
             node_groups=args.node_groups,
         )
+        if args.min_quality is not None:
+            _refuse_poor(None if done else mesh, cut, args.min_quality)
+    report = None
+    if args.report:
+        with stage("report"):
+            report = _report(None if done else mesh, cut)
     with ThreadPoolExecutor(1) as beside:
         # beside the writing, which waits for the disk
         summary = None if args.quiet or done else beside.submit(_summarise, mesh, cut)
         with stage("write"):
             write_mesh(target, cut.mesh, source, args)
+            if report is not None:
+                _write_report(args, report)
     if summary is not None:
         _print_summary(summary.result(), source, target, stage)
     elif done and not args.quiet:
         print(f"{source} is cut already everywhere on {', '.join(args.slave)}: written as it was to {target}")
+    if report is not None and not args.quiet:
+        print(f"report: {args.report}")
 
 
 def _beside(source: Path) -> Path:
@@ -92,6 +113,48 @@ def _beside(source: Path) -> Path:
 
     kind = kind_of(source)
     return source.with_name(f"{source.stem}.lac{source.suffix or f'.{kind.format}'}")
+
+
+def _check_report(target: Path, args: argparse.Namespace) -> None:
+    """Say at once what would stop the report at the end."""
+    from lacmesh.report.writing import check_report
+
+    if Path(args.report) == target:
+        raise RequestError(f"{target} cannot be both the mesh and the report; name another file")
+    check_report(Path(args.report), force=args.force)
+
+
+def _refuse_poor(before: Mesh | None, cut: Cut, least: float) -> None:
+    """Stop where a touched cell is below `least`; `before` is None where the mesh was cut already."""
+    from lacmesh.report.touched import refuse_poor, refuse_poor_children
+
+    if before is None:
+        refuse_poor_children(cut, least)
+    else:
+        refuse_poor(before, cut, least)
+
+
+def _report(before: Mesh | None, cut: Cut) -> CutReport | None:
+    from lacmesh.report import cut_report
+
+    if before is None:
+        message = "this mesh was cut before, from what is not known: no report is written; see lacmesh quality"
+        warnings.warn(message, LacmeshWarning, stacklevel=1)
+        return None
+    return cut_report(before, cut)
+
+
+def _write_report(args: argparse.Namespace, report: CutReport) -> None:
+    from lacmesh.report import write_report
+
+    write_report(args.report, report, name=Path(args.input).name, force=args.force)
+
+
+def _number(text: str) -> float:
+    value = float(text)
+    if value != value:
+        raise argparse.ArgumentTypeError("NaN is no quality")
+    return value
 
 
 def _summarise(mesh: Mesh, cut: Cut) -> CutSummary:

@@ -52,10 +52,33 @@ def check_output(target: Path, args: argparse.Namespace) -> None:
     from lacmesh.formats import check_target
 
     check_target(target)
-    if target.exists() and not args.force:
-        raise RequestError(f"{target} exists already; --force replaces it, -o names another file")
-    if not target.parent.is_dir():
-        raise WriteError(target, f"the folder {target.parent} does not exist")
+    args.target, args.before = target, _identity(target)
+    try:
+        if target.exists() and not target.is_file():
+            raise WriteError(target, "is no file; -o names another one")
+        if target.exists() and not args.force:
+            raise RequestError(f"{target} exists already; --force replaces it, -o names another file")
+        if not target.parent.is_dir():
+            raise WriteError(target, f"the folder {target.parent} does not exist")
+    except OSError as error:
+        raise WriteError(target, f"cannot be written ({error.strerror or error})") from error
+
+
+def written(args: argparse.Namespace) -> str:
+    """For a command that is stopped: what there is of its output, by what lies on the disk."""
+    target = getattr(args, "target", None)
+    if target is None or _identity(target) == args.before:
+        return "nothing was written"
+    return f"{target} was written before that"
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """What differs between a file and one that took its place; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns
 
 
 def write_mesh(target: Path, mesh: Mesh, source: Path, args: argparse.Namespace) -> None:

@@ -1,13 +1,13 @@
 """Files: a module for each format, with `read(path) -> Mesh` and `write(path, mesh)`; here, the choice between them.
 
-The format is known by its content when reading (the first bytes), by its suffix when writing. A file is written beside
-its place and renamed, so that nothing is ever half-written or lost.
+The format is known by its content when reading (`sniff.py`), by its suffix when writing (`table.py`). A file is written
+beside its place and renamed, so that nothing is ever half-written or lost.
 """
 
 from __future__ import annotations
 
 import os
-import tempfile
+import secrets
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,117 +16,195 @@ from typing import Any
 
 import numpy as np
 
-from lacmesh.errors import ReadError, RequestError, WriteError, did_you_mean, some
+from lacmesh.errors import ReadError, RequestError, WriteError, some
+from lacmesh.formats.sniff import HEAD, sniff
+from lacmesh.formats.table import OF_NAME, SUFFIXES, Format, format_of
 from lacmesh.mesh import Mesh
+
+__all__ = ["SUFFIXES", "Kind", "check_target", "kind_of", "read", "title_of", "write"]
+
+#: Programs that an .inp file is written for.
+_INP_TARGETS = ("calculix", "abaqus")
 
 
 @dataclass(frozen=True)
 class Kind:
-    """How a file keeps a mesh: its format, and for msh the version (4.1 or 2.2) and whether it is binary."""
+    """How a file keeps a mesh: its format, for msh the version (4.1 or 2.2), and whether it is binary.
+
+    `binary` is False only where the same format could be: msh, VTU or XDMF in text.
+    """
 
     format: str
     version: str = "4.1"
     binary: bool = True
 
 
-#: suffix -> format
-SUFFIXES = {".msh": "msh", ".med": "med", ".rmed": "med", ".mmed": "med"}
-
-_HDF5 = b"\x89HDF\r\n\x1a\n"
-
-
 def kind_of(path: str | os.PathLike[str]) -> Kind:
-    """What an existing file is, by its content. Raises ReadError."""
+    """What an existing file is, by its content; by its suffix where that says nothing. Raises ReadError."""
     path = Path(path)
     try:
+        if not path.is_dir() and path.exists() and not path.is_file():  # a pipe gives its content once, or waits
+            raise ReadError(path, "is no regular file; save it as one first")
         with path.open("rb") as file:
-            head = file.read(2048)
+            head = file.read(HEAD)
+        found = sniff(path, head)
     except OSError as error:
         raise ReadError(path, f"cannot be read ({error.strerror or error})") from error
-    if head.startswith(_HDF5):
-        return Kind("med")
-    if head.lstrip().startswith(b"$"):
+    if found.format == "msh":
         from lacmesh.formats.msh import header
 
-        version, binary = header(path, head)
-        return Kind("msh", version, binary)
-    if not head.strip():
-        raise ReadError(path, "is empty")
-    raise ReadError(path, "is neither a gmsh msh file ($MeshFormat) nor a MED file (HDF5)")
+        return Kind("msh", *header(path, head))
+    return Kind(found.format, binary=found.binary or found.format not in ("vtu", "xdmf"))
+
+
+def title_of(path: str | os.PathLike[str]) -> str:
+    """What an existing file is, for people. Raises ReadError.
+
+    For example "msh 4.1 binary", "MED", "VTU ASCII", "stl, by meshio".
+    """
+    kind = kind_of(path)
+    title = OF_NAME[kind.format].title + (f" {kind.version}" if kind.format == "msh" else "")
+    if kind.format == "msh" and kind.binary:
+        return title + " binary"
+    return title if kind.binary else title + " ASCII"
 
 
 def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
-    """The mesh in a file: msh 2.2 or 4.1 (ASCII or binary), MED 2.3 to 4.1.
+    """The mesh in a file: msh 2.2 or 4.1, MED 2.3 to 4.2, .mail, .inp, VTU, XDMF, and what meshio reads.
 
-    `mesh`: which one, by name, in a file that holds several. Raises ReadError (RequestError for a wrong `mesh`).
+    `mesh`: which one, by name, in a file that holds several (MED, XDMF). Raises ReadError (RequestError for a wrong
+    `mesh`, or where meshio is missing).
     """
-    kind = kind_of(path)
-    if kind.format == "med":
-        from lacmesh.formats.med import read as read_med
-
-        return read_med(Path(path), mesh)
+    path = Path(path)
+    name = kind_of(path).format
+    found = OF_NAME[name]
+    if name in ("med", "xdmf"):
+        return _reader(name)(path, mesh)
     if mesh is not None:
-        raise RequestError(f"{path} is a msh file, which holds one mesh: leave out the name {mesh!r}")
-    from lacmesh.formats.msh import read as read_msh
+        raise RequestError(f"{path} is a {found.title} file, which holds one mesh: leave out the name {mesh!r}")
+    if found.meshio:
+        from lacmesh.formats.by_meshio import read as read_by_meshio
 
-    return read_msh(Path(path))
+        return read_by_meshio(path, name)
+    return _reader(name)(path)
+
+
+def _reader(name: str) -> Callable[..., Mesh]:
+    from importlib import import_module
+
+    return import_module(f"lacmesh.formats.{name}").read
 
 
 def write(
-    path: str | os.PathLike[str], mesh: Mesh, *, msh: str = "4.1", binary: bool = True, force: bool = True
+    path: str | os.PathLike[str],
+    mesh: Mesh,
+    *,
+    msh: str = "4.1",
+    binary: bool = True,
+    compress: bool = False,
+    target: str | None = None,
+    force: bool = True,
 ) -> None:
-    """Write a mesh; the suffix says the format (.msh, .med). `msh`: the version, `binary`: or ASCII, for msh only.
+    """Write a mesh; the suffix says the format (`lacmesh.formats.SUFFIXES`).
 
+    `msh`: the version of a msh file; `binary`: or ASCII, for msh, VTU and XDMF; `compress`: for VTU and XDMF; `target`:
+    the program that an .inp file is for, calculix (as by default) or abaqus. XDMF has a second file beside it, .h5.
     An existing file is replaced, at the end and whole, unless `force` is False. Raises WriteError, RequestError.
     """
-    path = Path(os.path.realpath(path))  # a link stays one, what it points to is replaced
-    writer = _writer(path, msh, binary)
+    path = Path(path)
+    form = format_of(path)
+    fill = _writer(form, msh, binary, compress, target)
     if not np.isfinite(mesh.points).all():
         nodes = some(mesh.node_number[~np.isfinite(mesh.points).all(axis=1)])
         raise WriteError(path, f"the coordinates of nodes {nodes} are not finite numbers")
-    if not force and path.exists():
-        raise RequestError(f"{path} exists already; --force replaces it, -o names another file")
-    _write_beside(path, lambda beside: writer(beside, mesh))
+    heavy = form.beside if binary else ""
+    try:
+        for there in (path, path.with_suffix(heavy)) if heavy else (path,):
+            if there.exists() and not there.is_file():  # renaming would put a file in place of a device
+                raise WriteError(there, "is no file; write to another one")
+            if not force and there.exists():
+                raise RequestError(f"{there} exists already; --force replaces it, -o names another file")
+    except OSError as error:
+        raise WriteError(path, f"cannot be written ({error.strerror or error})") from error
+    _write_beside(path, lambda *beside: fill(mesh, *beside), heavy)
 
 
 def check_target(path: str | os.PathLike[str]) -> str:
     """The format that the suffix of `path` means. Raises RequestError."""
-    suffix = Path(path).suffix.lower()
-    if suffix not in SUFFIXES:
-        raise RequestError(f"{path}: no format has the suffix {suffix!r}{did_you_mean(suffix, SUFFIXES)}")
-    return SUFFIXES[suffix]
+    return format_of(Path(path)).name
 
 
-def _writer(path: Path, version: str, binary: bool) -> Callable[[Path, Mesh], Any]:
-    if check_target(path) == "med":
-        from lacmesh.formats.med import write as write_med
+def _writer(form: Format, version: str, binary: bool, compress: bool, target: str | None) -> Callable[..., Any]:
+    """What writes a mesh of that format: called with the mesh, the file, and the second file where there is one."""
+    from importlib import import_module
 
-        return write_med
-    if version not in ("4.1", "2.2"):
+    if compress and "compress" not in form.options:
+        raise RequestError(f"compress is for VTU and XDMF, {form.title} has no such choice")
+    if target is not None and "target" not in form.options:
+        raise RequestError(f"a target ({target}) is for .inp files, {form.title} has no such choice")
+    if target not in (None, *_INP_TARGETS):
+        raise RequestError(f"an .inp file is for {' or '.join(_INP_TARGETS)}, not {target!r}")
+    if form.name == "msh" and version not in ("4.1", "2.2"):
         raise RequestError(f"msh version {version!r} is not written; choose 4.1 or 2.2")
-    from lacmesh.formats.msh import write as write_msh
+    if form.meshio:
+        from lacmesh.formats.by_meshio import write as write_by_meshio
+        from lacmesh.formats.meshio_mesh import needed
 
-    return lambda beside, mesh: write_msh(beside, mesh, version, binary)
+        needed()
+        return lambda mesh, path: write_by_meshio(path, mesh, form.name)
+    module = import_module(f"lacmesh.formats.{form.name}")
+    options: dict[str, Any] = {}
+    if form.name in ("msh", "vtu"):
+        options["binary"] = binary
+    if form.name == "msh":
+        options["version"] = version
+    if compress:
+        options["compress"] = True
+    if target is not None:
+        options["target"] = target
+    if form.name != "xdmf" or not binary:
+        return lambda mesh, path: module.write(path, mesh, **options)
+
+    def with_heavy(mesh: Mesh, path: Path, heavy: Path, link: str) -> None:
+        module.write(path, mesh, heavy=heavy, link=link, **options)
+
+    return with_heavy
 
 
-def _write_beside(path: Path, fill: Callable[[Path], Any]) -> None:
-    """Let `fill` write a file next to `path`, force it to the disk, and rename it; leave nothing behind on failure."""
+def _write_beside(path: Path, fill: Callable[..., Any], heavy: str = "") -> None:
+    """Let `fill` write a file next to `path`, force it to the disk, and rename it; leave nothing behind on failure.
+
+    `heavy`: the suffix of a second file, which goes with the first; `fill` is then given it too, and its later name.
+    """
+    real = Path(os.path.realpath(path))  # a link stays one, what it points to is replaced
+    places = [real, *([path.with_name(path.stem + heavy)] if heavy else [])]
+    # the names are known before the files are there: whenever a signal arrives, what is there can be removed
+    token = secrets.token_hex(8)
+    beside = [place.with_name(f".{place.stem[:40]}-{token}{place.suffix}") for place in places]
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-    except OSError as error:
-        raise WriteError(path, f"cannot be written ({error.strerror or error})") from error
-    os.close(handle)
-    beside = Path(name)
-    try:
-        fill(beside)
-        _settle(beside, path)
+        for name in beside:
+            os.close(os.open(name, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
+        fill(*beside, *(place.name for place in places[1:]))
+        if heavy:
+            _check_ours(places[1])
+        for name, place in zip(beside[::-1], places[::-1], strict=True):
+            _settle(name, place)
     except WriteError as error:
-        raise WriteError(path, str(error).removeprefix(f"{beside}: ")) from error
+        raise WriteError(path, error.what) from error
     except OSError as error:
         raise WriteError(path, f"cannot be written ({error.strerror or error})") from error
     finally:
-        with suppress(FileNotFoundError):
-            beside.unlink()
+        for name in beside:
+            with suppress(OSError):
+                name.unlink()
+
+
+def _check_ours(heavy: Path) -> None:
+    """Raise WriteError where a file that lacmesh did not write stands where the second file goes."""
+    from lacmesh.formats.xdmf_write import is_ours
+
+    if heavy.exists() and not is_ours(heavy):
+        raise WriteError(heavy, f"{heavy.name} is there and lacmesh did not write it; move it, or choose another name")
 
 
 def _settle(beside: Path, path: Path) -> None:

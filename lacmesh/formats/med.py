@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import h5py
 import numpy as np
 
-from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError, did_you_mean
+from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError, did_you_mean, some
 from lacmesh.formats import med_families as families
 from lacmesh.formats import med_fields as fields
 from lacmesh.formats import med_notes as notes
@@ -120,6 +120,8 @@ def _read_mesh(root: Branch, name: Name, said: list[str]) -> Mesh:
     supports["NOE"] = np.arange(len(points))
     data = fields.read(root, name, supports, {"NOE": len(points), "MAI": int(bounds[-1])}, said)
     noted = notes.read(root, text(name), len(points), said)
+    if "group_tags" in noted:  # another program may have taken groups away
+        noted["group_tags"] = {name: tags for name, tags in noted["group_tags"].items() if name in cell_groups}
     if not noted.get("zones"):
         noted["zones"] = notes.zone_names(data.cell_data, cell_groups)
     _say_not_carried(root, home, step, said)
@@ -154,9 +156,10 @@ def _read_points(home: Branch, step: Branch) -> tuple[Floats, int]:
     """(n, 3), and the number of coordinates in the file (2 where it has one)."""
     nodes = step.branch("NOE")
     values = nodes.reals("COO")
-    n = nodes.integer("NBR", -1, of="COO")
+    counted = nodes.has_attribute("NBR", of="COO")
+    n = nodes.integer("NBR", of="COO") if counted else -1
     dim = home.integer("ESP", len(values) // n if n > 0 else home.integer("DIM"))
-    if n < 0 and 1 <= dim <= 3:
+    if not counted and 1 <= dim <= 3:
         n = len(values) // dim
     if not 1 <= dim <= 3 or len(values) != n * dim:
         raise nodes.error(f"holds {len(values)} values for {n} nodes in {dim} dimensions", "COO")
@@ -164,8 +167,12 @@ def _read_points(home: Branch, step: Branch) -> tuple[Floats, int]:
         raise nodes.error("is cylindrical or spherical; only Cartesian coordinates are read", "COO")
     points = np.zeros((n, 3))
     points[:, :dim] = values.reshape(dim, n).T
-    if not np.isfinite(values).all():
-        raise nodes.error("holds a coordinate that is not finite", "COO")
+    finite = np.isfinite(points)
+    if not finite.all():
+        bad = np.flatnonzero(~finite.all(axis=1))
+        number = _number(nodes, n)
+        names = some(bad + 1 if number is None else number[bad])
+        raise nodes.error(f"the coordinates of nodes {names} are not finite numbers", "COO")
     return points, max(dim, 2)
 
 
@@ -210,11 +217,20 @@ def _read_type(part: Branch, entity: str, name: str, n_nodes: int) -> _Cells | N
     if n == 0:
         return None
     if values.min() < 1 or values.max() > n_nodes:
-        raise part.error(f"holds a node outside 1..{n_nodes}", "NOD")
+        raise _stray_node(part, kind, values, n_nodes)
     nodes = np.empty((n, width), np.int64)
     nodes[:, kind.nodes] = values.reshape(width, n).T
     nodes -= 1
     return _Cells(kind, f"{entity}.{name}", nodes, _number(part, n), _family(part, n))
+
+
+def _stray_node(part: Branch, kind: MedType, values: Ints, n_nodes: int) -> ReadError:
+    """The error for a cell one of whose nodes, counted from 1, is not there."""
+    n = len(values) // len(kind.nodes)
+    place = int(((values < 1) | (values > n_nodes)).argmax())
+    number = _number(part, n)
+    cell = place % n + 1 if number is None else number[place % n]
+    return part.error(f"the {kind.type} {cell} has node {values[place]}, and there are {n_nodes} nodes", "NOD")
 
 
 def _number(part: Branch, size: int) -> Ints | None:
@@ -240,9 +256,13 @@ def _distinct(number: Ints | None, counted: Ints, what: str, said: list[str]) ->
     """The numbers where no two are the same, else the count."""
     if number is None:
         return counted
-    if (np.diff(number) > 0).all() or (np.diff(np.sort(number)) > 0).all():
+    if (np.diff(number) > 0).all():
         return number
-    said.append(f"{what} are numbered from 1, the file gives some the same number")
+    ordered = np.sort(number)
+    again = ordered[1:][ordered[1:] == ordered[:-1]]
+    if not len(again):
+        return number
+    said.append(f"{what} are numbered from 1, the file gives several the number {again[0]}")
     return counted
 
 

@@ -244,6 +244,10 @@ def _write_field(
     field = add_group(home, name, MAI=mesh, NCO=width, TYP=_KINDS[kind.name], NOM=blank, UNI=blank, UNT="")
     used = []
     for number, order in sorted({(p.step.number, p.step.order) for p in parts}):
+        if max(number, order) >= 2**31 or min(number, order) < -(2**31):
+            raise WriteError(
+                home.file.filename, f"the field {name!r} has step {number}, {order}: MED has 32 bits for them"
+            )
         here = [p for p in parts if (p.step.number, p.step.order) == (number, order)]
         link = f"{number:020d}{order:020d}"
         step = add_group(field, link, NDT=number, NOR=order, PDT=float(here[0].step.time), RDT=-1, ROR=-1)

@@ -7,6 +7,7 @@ are not tracked, or libmed fails on a group with more than 8; the file format is
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError, WriteError
+from lacmesh.formats.hdf5_sink import written
 from lacmesh.mesh import Floats, Ints
 
 #: How a link is called; h5py gives bytes for what is not UTF-8.
@@ -42,6 +44,26 @@ def text(name: Any) -> str:
     return str(name).split("\0", 1)[0].rstrip(" ")
 
 
+def reason(error: BaseException) -> str:
+    """What HDF5 has to say, on one line and without what every such sentence begins with; the system's word if any.
+
+    >>> reason(OSError("Unable to synchronously open file (truncated file: eof = 96, stored_eof = 2048)"))
+    'it is cut short: 96 of its 2048 bytes are there'
+    >>> reason(RuntimeError("Unable to get group info (addr overflow)"))
+    'HDF5: addr overflow'
+    """
+    if isinstance(error, OSError) and error.strerror and "\n" not in error.strerror and "(" not in error.strerror:
+        return error.strerror
+    said = " ".join(str(error).strip("'").split()) or type(error).__name__  # a KeyError comes with quotes
+    short = re.search(r"truncated file: eof = (\d+).* stored_eof = (\d+)", said)
+    if short:
+        return f"it is cut short: {short[1]} of its {short[2]} bytes are there"
+    if "on disk image buffer" in said:  # asked for, and refused, before any of it is used
+        return "HDF5: an object of absurd size"
+    found = re.fullmatch(r"[^()]*\((.*)\)", said)
+    return f"HDF5: {found[1] if found else said}"
+
+
 @contextmanager
 def opened(path: Path) -> Iterator[Branch]:
     """The root of a file, for reading. Raises ReadError, also for damage met while inside."""
@@ -50,7 +72,7 @@ def opened(path: Path) -> Iterator[Branch]:
         with h5py.File(path, "r") as file:
             yield Branch(path, file, size)
     except (OSError, RuntimeError) as error:
-        raise ReadError(path, f"cannot be read ({error})") from error
+        raise ReadError(path, f"cannot be read ({reason(error)})") from error
 
 
 @dataclass(frozen=True)
@@ -71,7 +93,7 @@ class Branch:
         try:
             yield
         except _DAMAGE as error:
-            raise self.error(f"cannot be read ({error})", name) from error
+            raise self.error(f"cannot be read ({reason(error)})", name) from error
 
     def names(self) -> list[Name]:
         """The links of the group, in the order of their creation where the file keeps it, else by name."""
@@ -110,13 +132,17 @@ class Branch:
         for name in self.names():
             yield name, self.branch(name)
 
-    def has_attribute(self, name: str) -> bool:
-        """Whether the group has an attribute of that name."""
-        with self._looking_at(f"@{name}"):
-            return name in self.group.attrs
+    def has_attribute(self, name: str, *, of: Name = "") -> bool:
+        """Whether the group, or the dataset `of`, has an attribute of that name."""
+        holder = self._holder(of)
+        with self._looking_at(f"{text(of)}@{name}"):
+            return name in holder.attrs
+
+    def _holder(self, of: Name) -> Any:
+        return self._open(of, h5py.Dataset) if of else self.group
 
     def _attribute(self, name: str, of: Name, default: Any) -> Any:
-        holder = self._open(of, h5py.Dataset) if of else self.group
+        holder = self._holder(of)
         with self._looking_at(f"{text(of)}@{name}"):
             if name in holder.attrs:
                 return np.asarray(holder.attrs[name])
@@ -205,10 +231,10 @@ def created(path: Path) -> Iterator[h5py.Group]:
         access.set_libver_bounds(h5py.h5f.LIBVER_EARLIEST, h5py.h5f.LIBVER_V110)
         make = h5py.h5p.create(h5py.h5p.FILE_CREATE)
         make.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
-        with h5py.File(h5py.h5f.create(str(path).encode(), h5py.h5f.ACC_TRUNC, make, access)) as file:
+        with written(path, access, make) as file:
             yield file
     except (OSError, RuntimeError) as error:
-        raise WriteError(path, f"cannot be written ({error})") from error
+        raise WriteError(path, f"cannot be written ({reason(error)})") from error
 
 
 def add_group(parent: h5py.Group, name: str, **attributes: int | float | str) -> h5py.Group:

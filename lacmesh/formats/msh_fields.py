@@ -7,7 +7,7 @@ an int of 4 bytes and doubles. Nodes or cells without a row have no value: NaN, 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -66,7 +66,7 @@ def read_rows(source: Source, section: str) -> Rows:
         if time != time:
             raise ValueError("not a number")
     except ValueError:
-        raise source.error(f"{reals[0][:40]!r} should be a time", at) from None
+        raise source.error(f"{quoted(reals[0][:40])!r} should be a time", at) from None
     if not 1 <= width <= source.size or n < 0:
         raise source.error(f"a ${section} cannot have {width} components and {n} rows", at)
     head = Head(SECTIONS[section], quoted(strings[0]), step, time)
@@ -197,6 +197,24 @@ def to_file(
 ) -> None:
     """Write all arrays on nodes or cells; what the sections cannot say is added to `notes`. Raises WriteError."""
     section = next(s for s, what in SECTIONS.items() if what == on)
+    for _, head, there, values in to_rows(path, on, data, steps, notes):
+        width = values.shape[1]
+        out.text(f'${section}\n1\n"{head.name}"\n1\n{head.time!r}\n3\n{head.step}\n{width}\n{len(there)}\n')
+        out.numbered_rows(number[there], values)
+        out.end(section)
+
+
+def to_rows(
+    path: Path,
+    on: str,
+    data: Mapping[str, NDArray],
+    steps: Mapping[str, Step],
+    notes: dict[tuple[str, str, int], FieldNote],
+) -> Iterator[tuple[str, Head, Ints, Floats]]:
+    """Each array on nodes or cells as (its key, its header, (m,) the indices that have values, (m, width) these).
+
+    What headers cannot say is added to `notes`. Raises WriteError, for `path`.
+    """
     meant = {key: steps.get(key, Step(key, 0, -1, 0.0)) for key in data}
     heads = _heads(on, meant)
     for (key, array), head, (default, step) in zip(data.items(), heads, keys(heads), strict=True):
@@ -215,9 +233,7 @@ def to_file(
         plain = step or Step(default, 0, -1, 0.0)
         if note != FieldNote(default, plain.field, plain.number, -1, None, False):
             notes[on, head.name, head.step] = note
-        out.text(f'${section}\n1\n"{head.name}"\n1\n{head.time!r}\n3\n{head.step}\n{width}\n{len(there)}\n')
-        out.numbered_rows(number[there], np.pad(values, ((0, 0), (0, width - values.shape[1]))))
-        out.end(section)
+        yield key, head, there, np.pad(values, ((0, 0), (0, width - values.shape[1])))
 
 
 def _heads(on: str, meant: Mapping[str, Step]) -> list[Head]:

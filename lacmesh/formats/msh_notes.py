@@ -122,7 +122,9 @@ def from_text(text: bytes, source: Source) -> Notes | None:
         return _notes(said)
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
-        raise source.error(f"the section ${SECTION} is damaged ({what[:80]}); the rest can be read without") from None
+        raise source.error(
+            f"the section ${SECTION} is damaged ({what[:80]}); without it the rest can be read"
+        ) from None
 
 
 def _notes(said: dict[str, Any]) -> Notes:

@@ -89,18 +89,22 @@ class Reader:
         start = source.position
         if source.binary:
             table = source.take(source.order + "i4", (source.size - start) // 4)
-            elements = msh_runs.find(table, n, True, lambda message, k: source.error(message, start + 4 * k))
+
+            def error(message: str, place: int) -> ReadError:
+                at = start + 4 * place
+                if (
+                    source.data[at : at + 8].lstrip().startswith(b"$End")
+                ):  # no element: more were announced than stand here
+                    message = f"$Elements ends too early: {n} elements were announced"
+                return source.error(message, at)
+
+            elements = msh_runs.find(table, n, True, error)
             source.position = start + 4 * elements.end
             source.end("Elements")
         else:
             numbers = TextNumbers(source, "Elements", False)
             table = numbers.values
-
-            def error(message: str, place: int) -> ReadError:
-                numbers.place = place + 1
-                return numbers.error(message)
-
-            elements = msh_runs.find(table, n, False, error)
+            elements = msh_runs.find(table, n, False, numbers.error_at)
             numbers.place = elements.end
             numbers.done()
         kinds, first = np.unique(elements.kind, return_index=True)

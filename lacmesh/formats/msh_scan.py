@@ -198,6 +198,11 @@ class TextNumbers:
             at += len(line)
         return self.source.error(message, at)
 
+    def error_at(self, message: str, place: int) -> ReadError:
+        """The error to raise for the number at a place, from 0, of the section."""
+        self.place = place + 1
+        return self.error(message)
+
     def done(self) -> None:
         """Raises ReadError where numbers are left over."""
         if self.place < len(self.values):

@@ -43,14 +43,14 @@ def write(path: Path, mesh: Mesh, version: str = "4.1", binary: bool = True) -> 
         if binary:
             out.array(np.array([1], "<i4"))
         out.end("MeshFormat")
-        _write_names(out, mesh, entities, notes)
+        _write_names(out, names_of(mesh, entities, notes))
         if version == "4.1":
             msh_write4.write_sections(out, mesh, entities, nodes, cells)
         else:
             msh_write2.write_sections(out, mesh, entities, nodes, cells, partition)
         for on, numbers, data in (("node", nodes, node_data), ("cell", cells, cell_data)):
             to_file(out, path, on, numbers, data, mesh.steps, notes.fields)
-        _add_numbers(notes, mesh, entities, nodes, cells, version)
+        add_numbers(notes, mesh, entities, nodes, cells, version)
         out.text(to_text(notes))
 
 
@@ -86,18 +86,23 @@ def _partition(mesh: Mesh) -> Ints | None:
     return values.astype(np.int64)
 
 
-def _write_names(out: Output, mesh: Mesh, entities: Assignment, notes: Notes) -> None:
-    """$PhysicalNames; names that it cannot hold, and groups that nothing else in the file tells of, go to our notes."""
-    lines = []
+def names_of(mesh: Mesh, entities: Assignment, notes: Notes) -> list[tuple[Tag, str]]:
+    """Physical groups and their names; what names cannot hold, and groups that nothing else tells of, is noted."""
+    names = []
     safe = safe_names(mesh.cell_groups)
     for name, cells in mesh.cell_groups.items():
         tags = entities.group_tags[name]
         if not _nameless(name, tags):
-            lines += [f'{dim} {tag} "{safe[name]}"\n' for dim, tag in tags]
+            names += [(tag, safe[name]) for tag in tags]
         if safe[name] != name or not tags or (_nameless(name, tags) and not len(cells)):
             notes.groups[name] = tags
-    if lines:
-        out.text(f"$PhysicalNames\n{len(lines)}\n{''.join(lines)}$EndPhysicalNames\n")
+    return names
+
+
+def _write_names(out: Output, names: list[tuple[Tag, str]]) -> None:
+    if names:
+        lines = "".join(f'{dim} {tag} "{name}"\n' for (dim, tag), name in names)
+        out.text(f"$PhysicalNames\n{len(names)}\n{lines}$EndPhysicalNames\n")
 
 
 def _nameless(name: str, tags: tuple[Tag, ...]) -> bool:
@@ -105,8 +110,8 @@ def _nameless(name: str, tags: tuple[Tag, ...]) -> bool:
     return len(tags) == 1 and name == unnamed(tags[0])
 
 
-def _add_numbers(notes: Notes, mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints, version: str) -> None:
-    """What our notes hold of the mesh itself."""
+def add_numbers(notes: Notes, mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints, version: str) -> None:
+    """Note what the sections of a msh file, or a model of gmsh (as 4.1), cannot hold of the mesh itself."""
     notes.name = None if mesh.name == "mesh" else mesh.name
     notes.zones = tuple(mesh.zones)
     if Mesh.create(mesh.points, [(b.type, b.nodes[:1]) for b in mesh.blocks]).space_dim != mesh.space_dim:

@@ -664,12 +664,18 @@ BAD = {
     "MED version 5.1 is not read": lambda file, _: file["INFOS_GENERALES"].attrs.modify("MAJ", np.int32(5)),
     "not MED": lambda file, _: file.pop("INFOS_GENERALES"),
     "holds no mesh": lambda file, _: file["ENS_MAA"].pop("mesh"),
-    "NOE/COO: holds a coordinate that is not finite": lambda _, step: put(step, "NOE/COO", np.full(27, np.inf)),
+    "NOE/COO: the coordinates of nodes 10, 20, 30, 40, 50, 60, 70, 80, 90 are not finite numbers": lambda _, step: put(
+        step, "NOE/COO", np.full(27, np.inf)
+    ),
     "holds int32, expected reals": lambda _, step: put(step, "NOE/COO", np.zeros(27, "i4")),
     "NOE/COO: holds 26 values for 9 nodes": lambda _, step: put(step, "NOE/COO", np.zeros(26)),
     "NOE/NUM: holds 3 values, expected 9": lambda _, step: put(step, "NOE/NUM", np.zeros(3, "i4")),
-    "MAI/HE8/NOD: holds a node outside 1..9": lambda _, step: put(step, "MAI/HE8/NOD", np.arange(8, dtype="i4")),
-    "QU4/NOD: holds a node outside 1..9": lambda _, step: put(step, "MAI/QU4/NOD", np.arange(3, 11, dtype="i4")),
+    "MAI/HE8/NOD: the HEXA8 7 has node 0, and there are 9 nodes": lambda _, step: put(
+        step, "MAI/HE8/NOD", np.arange(8, dtype="i4")
+    ),
+    "QU4/NOD: the QUAD4 71 has node 10, and there are 9 nodes": lambda _, step: put(
+        step, "MAI/QU4/NOD", np.arange(3, 11, dtype="i4")
+    ),
     "MAI/QU4/NOD: holds 7 values for 2 cells of 4 nodes": lambda _, step: put(step, "MAI/QU4/NOD", np.ones(7, "i4")),
     "descending": lambda _, step: step["MAI/HE8"].move("NOD", "DES"),
     "has no attribute NUM": lambda file, _: file["FAS/mesh/ELEME/FAM_-1"].attrs.pop("NUM"),

@@ -65,7 +65,7 @@ def summarise(before: Mesh, cut: Cut) -> CutSummary:
     """Compare a mesh with its cut."""
     after = cut.mesh
     children = np.flatnonzero(cut.parent_of_cell >= 0)
-    parents = _rows(before, np.unique(cut.parent_of_cell[children]))
+    parents = rows_of(before, np.unique(cut.parent_of_cell[children]))
     macros = np.bincount(_zone_of_macro(cut), minlength=len(cut.zones))
     return CutSummary(
         zones={name: int(n) for name, n in zip(cut.zones, macros, strict=True)},
@@ -82,7 +82,8 @@ def _zone_of_macro(cut: Cut) -> Ints:
     return cut.zone_of_face[first]
 
 
-def _rows(mesh: Mesh, numbers: Ints) -> Ints:
+def rows_of(mesh: Mesh, numbers: Ints) -> Ints:
+    """(k,): sorted indices of the cells with these numbers, which the mesh has."""
     if int(mesh.cell_number.max(initial=0)) > 10 * mesh.n_cells + 1000:
         order = np.argsort(mesh.cell_number, kind="stable")
         return np.sort(order[np.searchsorted(mesh.cell_number, numbers, sorter=order)])

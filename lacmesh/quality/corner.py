@@ -2,20 +2,21 @@
 
 At a corner the tangents of the edges are brought to length 1 and their determinant is taken (Knupp, Int. J. Numer.
 Meth. Engng 48, 2000); ideal are the equilateral triangle and tetrahedron, the square and the cube, the prism with an
-equilateral base, the pyramid of equilateral sides. A pyramid's apex, where four edges meet, has no such number. The
-tangents of a quadratic cell are those of its curved edges.
+equilateral base, the pyramid of equilateral sides. At a pyramid's apex, where four edges meet, each three that follow
+one another count, which are as good as those at the base when the pyramid is ideal. The tangents of a quadratic cell
+are those of its curved edges.
 """
 
 from __future__ import annotations
 
 from functools import cache
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.shapes import gradient
 
 _IDEAL = {
     "TRIA": np.sqrt(3) / 2,
@@ -30,18 +31,30 @@ _PIECE = 1 << 13
 
 @cache
 def _tangents(name: str) -> NDArray:
-    """(corners, dim, n_nodes): weights of the nodes in the tangents of the edges that leave each corner."""
+    """(corners, dim, n_nodes): weights of the nodes in the tangents of edges that leave a corner, in the cell's sense.
+
+    An apex counts four times, without one of its edges each time.
+    """
     cell = CELLS[name]
     ref = np.array(cell.reference)
-    corners = range(4 if cell.family == "PYRAM" else cell.n_corners)
     rows = []
-    for c in corners:
-        ends = [b if a == c else a for a, b in cell.edges if c in (a, b)]
-        along = np.array([ref[e] - ref[c] for e in ends])
-        if np.linalg.det(along) < 0:
-            along[[0, 1]] = along[[1, 0]]
-        rows.append(along @ gradient(name, ref[c])[0].T)
+    for c in range(cell.n_corners):
+        ends = [(b if a == c else a, k) for k, (a, b) in enumerate(cell.edges) if c in (a, b)]
+        for some in combinations(ends, cell.dim):
+            along = np.array([ref[e] - ref[c] for e, _ in some])
+            order = [1, 0, 2][: cell.dim] if np.linalg.det(along) < 0 else [0, 1, 2][: cell.dim]
+            rows.append([_weights(name, c, *some[k]) for k in order])
     return np.array(rows)
+
+
+def _weights(name: str, start: int, end: int, edge: int) -> NDArray:
+    """(n_nodes,): weights of the nodes in an edge's derivative at its start, the edge's own parameter from 0 to 1."""
+    cell = CELLS[name]
+    out = np.zeros(cell.n_nodes)
+    out[[start, end]] = (-1, 1) if cell.order == 1 else (-3, -1)
+    if cell.order == 2:
+        out[cell.n_corners + edge] = 4
+    return out
 
 
 def corner_jacobian(name: str, x: Floats, plane: bool = False) -> Floats:

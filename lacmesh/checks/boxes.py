@@ -1,0 +1,136 @@
+"""Pairs of boxes that meet: a tree over the boxes, compiled. Cost grows as n log n and with the pairs found."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats, Ints
+
+Array = NDArray[Any]
+#: boxes in a leaf
+_LEAF = 4
+_BITS = 20
+
+
+def meeting(low: Floats, high: Floats, other_low: Floats, other_high: Floats) -> tuple[Ints, Ints]:
+    """(i, j): every box i (low, high (n, 3)) that meets the box j of the others.
+
+    Boxes that only touch meet. A box with a coordinate that is not a number meets nothing.
+    """
+    if not len(low) or not len(other_low):
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    # both along one curve, so that what is near is near in memory
+    mine, other = _curve(low, high), _curve(other_low, other_high)
+    tree = _tree(other_low[other], other_high[other])
+    i, j = _query(low[mine], high[mine], other_low[other], other_high[other], *tree, False)
+    return mine[i], other[j]
+
+
+def meeting_each_other(low: Floats, high: Floats) -> tuple[Ints, Ints]:
+    """(i, j), i < j: every two boxes (low, high (n, 3)) of a set that meet, as `meeting`."""
+    if not len(low):
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    order = _curve(low, high)
+    low, high = low[order], high[order]
+    i, j = _query(low, high, low, high, *_tree(low, high), True)
+    i, j = order[i], order[j]
+    return np.minimum(i, j), np.maximum(i, j)
+
+
+def meeting_plain(low: Floats, high: Floats, other_low: Floats, other_high: Floats) -> tuple[Ints, Ints]:
+    """As `meeting`, every box against every other: the plain twin of the compiled kernel."""
+    i, j = np.nonzero(((low[:, None] <= other_high) & (high[:, None] >= other_low)).all(axis=2))
+    return i, j
+
+
+def _curve(low: Floats, high: Floats) -> Ints:
+    return np.argsort(_morton((low + high) / 2), kind="stable")
+
+
+def _tree(low: Floats, high: Floats) -> tuple[Floats, Floats, Ints]:
+    """(low, high, last) of the nodes of a complete binary tree; its last level bounds _LEAF boxes each, as they stand.
+
+    `last`: the last box below a node, plus one.
+    """
+    width = 1 << max(0, (-(-len(low) // _LEAF) - 1).bit_length())
+    more = ((0, width * _LEAF - len(low)), (0, 0))
+    low = np.pad(low, more, constant_values=np.inf).reshape(width, _LEAF, 3)
+    high = np.pad(high, more, constant_values=-np.inf).reshape(width, _LEAF, 3)
+    lows, highs = [np.fmin.reduce(low, axis=1)], [np.fmax.reduce(high, axis=1)]
+    last = [np.arange(1, width + 1) * _LEAF]
+    while len(lows[0]) > 1:
+        last.insert(0, last[0][1::2])
+        lows.insert(0, np.fmin(lows[0][::2], lows[0][1::2]))
+        highs.insert(0, np.fmax(highs[0][::2], highs[0][1::2]))
+    return np.concatenate(lows), np.concatenate(highs), np.concatenate(last)
+
+
+def _morton(x: Floats) -> Ints:
+    """(n,): places along a Morton curve of points (n, 3)."""
+    x = np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0)
+    extent = np.ptp(x, axis=0).max()
+    cell = ((x - x.min(axis=0)) / (extent if extent > 0 else 1.0) * (2**_BITS - 1)).astype(np.uint64)
+    code = np.zeros(len(x), np.uint64)
+    for axis in range(3):
+        spread = cell[:, axis]
+        for shift, mask in (
+            (32, 0x1F00000000FFFF),
+            (16, 0x1F0000FF0000FF),
+            (8, 0x100F00F00F00F00F),
+            (4, 0x10C30C30C30C30C3),
+            (2, 0x1249249249249249),
+        ):
+            spread = (spread | (spread << np.uint64(shift))) & np.uint64(mask)
+        code |= spread << np.uint64(axis)
+    return code.astype(np.int64)
+
+
+@njit(cache=True)
+def _meet(low: Array, high: Array, i: int, other_low: Array, other_high: Array, j: int) -> bool:
+    for k in range(3):  # noqa: SIM110 (compiled: a generator would cost)
+        if not (low[i, k] <= other_high[j, k] and high[i, k] >= other_low[j, k]):
+            return False
+    return True
+
+
+@njit(cache=True)
+def _query(
+    low: Array,
+    high: Array,
+    other_low: Array,
+    other_high: Array,
+    tree_low: Array,
+    tree_high: Array,
+    last: Array,
+    each_other: bool,
+) -> tuple[Array, Array]:
+    first_leaf = len(tree_low) // 2
+    found = np.empty((max(16, 6 * len(low)), 2), np.int64)
+    stack = np.empty(128, np.int64)
+    count = 0
+    for i in range(len(low)):
+        after = i + 1 if each_other else 0
+        stack[0] = 0
+        top = 1
+        while top > 0:
+            top -= 1
+            node = stack[top]
+            if last[node] <= after or not _meet(low, high, i, tree_low, tree_high, node):
+                continue
+            if node < first_leaf:
+                stack[top], stack[top + 1] = 2 * node + 1, 2 * node + 2
+                top += 2
+                continue
+            for j in range(max(after, last[node] - _LEAF), min(last[node], len(other_low))):
+                if _meet(low, high, i, other_low, other_high, j):
+                    if count == len(found):
+                        more = np.empty((2 * count, 2), np.int64)
+                        more[:count] = found
+                        found = more
+                    found[count, 0], found[count, 1] = i, j
+                    count += 1
+    return found[:count, 0], found[:count, 1]

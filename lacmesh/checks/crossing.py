@@ -1,0 +1,242 @@
+"""Where a skin crosses or overlaps itself: triangles in space, segments in the plane.
+
+Faces are split into flat pieces that share their nodes with the neighbours' (a quadratic face into those between its
+mid-nodes), so that a curved skin is tested as it bends. Two pieces whose boxes meet cross when an edge of one, or its
+centre, reaches the inside of the other: on the line from end to end the distance to the other's plane and the three
+barycentric coordinates are linear, so that each condition is an interval, and the question is whether they meet.
+
+Pieces that share nodes need no rule of their own: their common corner or edge is on the rim of both, not inside. What
+touches rim to rim does not cross. Distances count from EPSILON of a piece's size on.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lacmesh.checks.boxes import meeting_each_other, meeting_plain
+from lacmesh.mesh import Floats, Ints
+from lacmesh.skin import FACE_TYPES, Faces
+
+Array = NDArray[Any]
+#: distances to a plane below this part of a piece's size are zero
+EPSILON = 1e-9
+#: a point is inside a piece when its barycentric coordinates are above this
+INSIDE = 1e-7
+
+#: pieces of each face, by their places among the face's nodes
+PIECES = {
+    "SEG2": ((0, 1),),
+    "SEG3": ((0, 2), (2, 1)),
+    "TRIA3": ((0, 1, 2),),
+    "TRIA6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    "TRIA7": ((0, 3, 6), (3, 1, 6), (1, 4, 6), (4, 2, 6), (2, 5, 6), (5, 0, 6)),
+    "QUAD4": ((0, 1, 2), (0, 2, 3)),
+    "QUAD8": ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6), (4, 6, 7)),
+    "QUAD9": (
+        (0, 4, 8), (4, 1, 8), (1, 5, 8), (5, 2, 8), (2, 6, 8), (6, 3, 8), (3, 7, 8), (7, 0, 8),
+    ),
+}  # fmt: skip
+
+
+def crossing(points: Floats, faces: Faces) -> Ints:
+    """(k, 2): pairs of faces i < j that cross or overlap; points (n, 3), in the plane z = 0 for segments."""
+    return _pairs(points, faces, compiled=True)
+
+
+def crossing_plain(points: Floats, faces: Faces) -> Ints:
+    """As `crossing`, in numpy over all pairs of pieces: the plain twin of the compiled kernel."""
+    return _pairs(points, faces, compiled=False)
+
+
+def _pairs(points: Floats, faces: Faces, compiled: bool) -> Ints:
+    nodes, face = pieces_of(faces)
+    x = np.ascontiguousarray(points[nodes])
+    start = np.searchsorted(face, np.arange(len(faces) + 1))
+    if not len(face):
+        return np.empty((0, 2), np.int64)
+    low, high = (
+        np.asarray(f.reduceat(m(x, axis=1), start[:-1])) for f, m in ((np.minimum, np.min), (np.maximum, np.max))
+    )
+    room = EPSILON * (high - low).max(axis=1, keepdims=True)
+    if compiled:
+        pairs = np.column_stack(meeting_each_other(low - room, high + room))
+        hit = _cross_each(x, start, pairs)
+    else:
+        pairs = np.column_stack(meeting_plain(low - room, high + room, low, high))
+        pairs = pairs[pairs[:, 0] < pairs[:, 1]]
+        hit = np.array([_cross_plain(x, start, i, j) for i, j in pairs], bool)
+    pairs = pairs[hit]
+    return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+
+
+def pieces_of(faces: Faces) -> tuple[Ints, Ints]:
+    """(nodes (p, 2 or 3), face (p,)): the pieces of faces of one dimension, face by face."""
+    parts, owner = [], []
+    for code in np.unique(faces.type):
+        rows = np.flatnonzero(faces.type == code)
+        places = np.array(PIECES[FACE_TYPES[code]])
+        parts.append(faces.nodes[rows][:, places].reshape(-1, places.shape[1]))
+        owner.append(np.repeat(rows, len(places)))
+    if not parts:
+        return np.empty((0, 3), np.int64), np.empty(0, np.int64)
+    nodes, face = np.concatenate(parts), np.concatenate(owner)
+    order = np.argsort(face, kind="stable")
+    return nodes[order], face[order]
+
+
+def _cross_plain(x: NDArray, start: Ints, i: int, j: int) -> bool:
+    """Whether a piece of face i and one of face j cross."""
+    m, n = start[i + 1] - start[i], start[j + 1] - start[j]
+    a, b = np.repeat(start[i] + np.arange(m), n), np.tile(start[j] + np.arange(n), m)
+    return bool((_reach_plain(x[a], x[b]) | _reach_plain(x[b], x[a])).any())
+
+
+def _planes(x: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Per piece (k, m, 3): its first corner, the rows (k, c, 3) that give signed distance and coordinates, its size."""
+    side = x[:, 1] - x[:, 0]
+    if x.shape[1] == 2:
+        square = (side * side).sum(axis=1)
+        normal = np.stack([side[:, 1], -side[:, 0], 0 * side[:, 0]], axis=1)
+        size = np.sqrt(square)
+        with np.errstate(all="ignore"):
+            return x[:, 0], np.stack([normal / size[:, None], side / square[:, None]], axis=1), size
+    other = x[:, 2] - x[:, 0]
+    normal = np.cross(side, other)
+    square = (normal * normal).sum(axis=1)[:, None]
+    size = np.sqrt(np.maximum((side * side).sum(axis=1), (other * other).sum(axis=1)))
+    with np.errstate(all="ignore"):
+        rows = normal / np.sqrt(square), np.cross(other, normal) / square, np.cross(normal, side) / square
+    return x[:, 0], np.stack(rows, axis=1), size
+
+
+def _reach_plain(x: NDArray, other: NDArray) -> NDArray[np.bool_]:
+    """Whether an edge of a piece x (k, m, 3), or its centre, reaches the inside of the other."""
+    origin, rows, size = _planes(other)
+    m = x.shape[1]
+    centre = x.mean(axis=1)
+    lines = [(x[:, a], x[:, (a + 1) % m]) for a in range(m if m == 3 else 1)] + [(centre, centre)]
+    out = np.zeros(len(x), bool)
+    for start, stop in lines:
+        low, high = np.zeros(len(x)), np.ones(len(x))
+        at = [np.einsum("kcs,ks->kc", rows, end - origin) for end in (start, stop)]
+        first, last = ([(EPSILON * size) - v[:, 0], (EPSILON * size) + v[:, 0], *_coordinates(v)] for v in at)
+        for f, g in zip(first, last, strict=True):
+            high = np.where((f < 0) & (g < 0) | np.isnan(f) | np.isnan(g), -1.0, high)
+            with np.errstate(all="ignore"):
+                turn = f / (f - g)
+            low = np.where((f < 0) & (g >= 0), np.maximum(low, turn), low)
+            high = np.where((f >= 0) & (g < 0), np.minimum(high, turn), high)
+        out |= low <= high
+    return out
+
+
+def _coordinates(v: NDArray) -> list[NDArray]:
+    """What must be positive inside, from (distance, coordinates ...) (k, c)."""
+    rest = 1 - v[:, 1:].sum(axis=1)
+    return [*(v[:, k] - INSIDE for k in range(1, v.shape[1])), rest - INSIDE]
+
+
+@njit(cache=True)
+def _cross_each(x: Array, start: Array, pairs: Array) -> Array:
+    """(k,): which pairs of faces have pieces that cross."""
+    m = x.shape[1]
+    rows, values = np.empty((m, 3)), np.empty((m + 1, m + 2))
+    hit = np.zeros(len(pairs), np.bool_)
+    for k in range(len(pairs)):
+        for i in range(start[pairs[k, 0]], start[pairs[k, 0] + 1]):
+            for j in range(start[pairs[k, 1]], start[pairs[k, 1] + 1]):
+                if not hit[k] and not _apart(x, i, j):
+                    hit[k] = _reaches(x, i, j, rows, values) or _reaches(x, j, i, rows, values)
+    return hit
+
+
+@njit(cache=True)
+def _apart(x: Array, i: int, j: int) -> bool:
+    """Whether the boxes of two pieces are clearly apart."""
+    for s in range(3):
+        low, high, other_low, other_high = x[i, 0, s], x[i, 0, s], x[j, 0, s], x[j, 0, s]
+        for c in range(1, x.shape[1]):
+            low, high = min(low, x[i, c, s]), max(high, x[i, c, s])
+            other_low, other_high = min(other_low, x[j, c, s]), max(other_high, x[j, c, s])
+        room = 1e-6 * (high - low + other_high - other_low)
+        if low > other_high + room or other_low > high + room:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _plane(x: Array, j: int, rows: Array) -> float:
+    """The rows of `_planes` of piece j; its size, 0 where it has no extent."""
+    m = x.shape[1]
+    a0, a1, a2 = x[j, 1, 0] - x[j, 0, 0], x[j, 1, 1] - x[j, 0, 1], x[j, 1, 2] - x[j, 0, 2]
+    if m == 2:
+        square = a0 * a0 + a1 * a1 + a2 * a2
+        if not square > 0.0:
+            return 0.0
+        size = np.sqrt(square)
+        rows[0, 0], rows[0, 1], rows[0, 2] = a1 / size, -a0 / size, 0.0
+        rows[1, 0], rows[1, 1], rows[1, 2] = a0 / square, a1 / square, a2 / square
+        return size
+    b0, b1, b2 = x[j, 2, 0] - x[j, 0, 0], x[j, 2, 1] - x[j, 0, 1], x[j, 2, 2] - x[j, 0, 2]
+    n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    square = n0 * n0 + n1 * n1 + n2 * n2
+    if not square > 0.0:
+        return 0.0
+    length = np.sqrt(square)
+    rows[0, 0], rows[0, 1], rows[0, 2] = n0 / length, n1 / length, n2 / length
+    rows[1, 0] = (b1 * n2 - b2 * n1) / square
+    rows[1, 1] = (b2 * n0 - b0 * n2) / square
+    rows[1, 2] = (b0 * n1 - b1 * n0) / square
+    rows[2, 0] = (n1 * a2 - n2 * a1) / square
+    rows[2, 1] = (n2 * a0 - n0 * a2) / square
+    rows[2, 2] = (n0 * a1 - n1 * a0) / square
+    return np.sqrt(max(a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2))
+
+
+@njit(cache=True)
+def _reaches(x: Array, i: int, j: int, rows: Array, values: Array) -> bool:
+    """Whether an edge of piece i (of x (k, m, 3)), or its centre, reaches the inside of piece j; two work arrays."""
+    m = x.shape[1]
+    size = _plane(x, j, rows)
+    if not size > 0.0:
+        return False
+    # for each corner of i, and its centre: what must be positive inside j
+    for c in range(m):
+        rest = 1.0
+        for r in range(m):
+            value = 0.0
+            for s in range(3):
+                value += rows[r, s] * (x[i, c, s] - x[j, 0, s])
+            if r == 0:
+                values[c, 0], values[c, 1] = EPSILON * size - value, EPSILON * size + value
+            else:
+                values[c, 1 + r] = value - INSIDE
+                rest -= value
+        values[c, m + 1] = rest - INSIDE
+    for r in range(m + 2):
+        values[m, r] = 0.0
+        for c in range(m):
+            values[m, r] += values[c, r] / m
+    for edge in range(m + 1):
+        a, b = edge, (edge + 1) % m
+        if edge == m:
+            a, b = m, m
+        if m == 2 and edge == 1:
+            continue
+        low, high = 0.0, 1.0
+        for r in range(m + 2):
+            f, g = values[a, r], values[b, r]
+            if not (f >= 0.0 or g >= 0.0):
+                high = -1.0
+                break
+            if f < 0.0:
+                low = max(low, f / (f - g))
+            elif g < 0.0:
+                high = min(high, f / (f - g))
+        if low <= high:
+            return True
+    return False

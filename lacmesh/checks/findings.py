@@ -1,0 +1,89 @@
+"""What a check says: findings, each with its rule, its gravity, where, and a sentence that says what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from lacmesh.checks.rules import SEVERITIES
+
+Corner = tuple[float, float, float]
+
+
+class Where(NamedTuple):
+    """Where a finding stands: the `group` it was found in, and the `box` (lowest, highest corner) of its cells."""
+
+    group: str | None = None
+    box: tuple[Corner, Corner] | None = None
+
+
+@dataclass(frozen=True)
+class Finding:
+    """`rule` (a key of RULES), `severity`, the file's numbers of `cells` and `nodes`, `where`, and a sentence."""
+
+    rule: str
+    severity: str
+    cells: tuple[int, ...]
+    nodes: tuple[int, ...]
+    where: Where
+    message: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "rule": self.rule,
+            "severity": self.severity,
+            "cells": list(self.cells),
+            "nodes": list(self.nodes),
+            "where": {"group": self.where.group, "box": self.where.box and [list(c) for c in self.where.box]},
+            "message": self.message,
+        }
+
+
+@dataclass(frozen=True)
+class Findings:
+    """All findings, errors first; `summary`: counts, and figures of the internal dofs, the gap and the coverage."""
+
+    findings: tuple[Finding, ...]
+    summary: Mapping[str, Any]
+
+    def __iter__(self) -> Iterator[Finding]:
+        return iter(self.findings)
+
+    def __len__(self) -> int:
+        return len(self.findings)
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """The findings that say that the mesh will not work."""
+        return self.of_severity("error")
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """The findings that say where it may not."""
+        return self.of_severity("warning")
+
+    @property
+    def rules(self) -> tuple[str, ...]:
+        """The rules that said something, each once, in the order of the findings."""
+        return tuple(dict.fromkeys(f.rule for f in self.findings))
+
+    def of_severity(self, severity: str) -> tuple[Finding, ...]:
+        """The findings of one severity."""
+        return tuple(f for f in self.findings if f.severity == severity)
+
+    def of_rule(self, rule: str) -> tuple[Finding, ...]:
+        """The findings of one rule."""
+        return tuple(f for f in self.findings if f.rule == rule)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: {findings, summary}."""
+        return {"findings": [f.as_dict() for f in self.findings], "summary": dict(self.summary)}
+
+
+def collect(found: list[Finding], figures: Mapping[str, Any]) -> Findings:
+    """Findings, errors first, and the summary."""
+    ranked = sorted(found, key=lambda f: SEVERITIES.index(f.severity))
+    counts = {severity: sum(f.severity == severity for f in found) for severity in SEVERITIES}
+    return Findings(tuple(ranked), {"ok": counts["error"] == 0, **counts, **figures})

@@ -1,0 +1,242 @@
+"""What is asked of the cells: their numbers, nodes, facets, and whether their maps can be inverted."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.checks.facets import CROWDED, FACETS, Solid
+from lacmesh.checks.findings import Finding
+from lacmesh.checks.subject import Subject
+from lacmesh.mesh import Block, Ints, Mesh
+from lacmesh.quality import corner_jacobian, validity
+from lacmesh.quality.determinant import validity_among
+from lacmesh.quality.measures import measure_cells
+
+#: scaled Jacobian (1: ideal) below which a cell is poor
+POOR = 0.1
+_WORST = 5
+_NEITHER = -1
+_PIECE = 1 << 14
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+
+
+def check_numbers(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
+    """Whether there is a body, and its numbers and places are sane."""
+    mesh, found = subject.mesh, []
+    if mesh.dim < 2:
+        found.append(subject.found("no-cells", "the mesh has no cells of dimension 2 or 3: there is no body to check"))
+    for what, numbers in (("cells", mesh.cell_number), ("nodes", mesh.node_number)):
+        values, first, count = np.unique(numbers, return_index=True, return_counts=True)
+        odd = first[(count > 1) | (values < 0)]
+        if len(odd):
+            message = (
+                f"the numbers of {len(odd)} {what} are repeated or negative ({numbers[odd[0]]}); number them again"
+            )
+            found.append(subject.found("repeated-number", message, *((odd, None) if what == "cells" else (None, odd))))
+    used = np.zeros(mesh.n_nodes, bool)
+    for block in mesh.blocks:
+        used[block.nodes] = True
+    infinite = np.flatnonzero(used & ~subject.finite)
+    if len(infinite):
+        message = (
+            f"{len(infinite)} nodes have coordinates that are no numbers, or huge ({subject.node_numbers(infinite)})"
+        )
+        found.append(subject.found("not-finite", f"{message}; correct them", nodes=infinite))
+    free = np.flatnonzero(~used)
+    if len(free):
+        message = f"{len(free)} nodes belong to no cell ({subject.node_numbers(free)})"
+        found.append(subject.found("unreferenced-node", message, nodes=free))
+    return found, {"nodes": mesh.n_nodes, "cells": mesh.n_cells}
+
+
+def check_validity(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
+    """Repeated nodes in a cell, and the Jacobian determinant where solvers evaluate it."""
+    mesh = subject.mesh
+    repeated = _with_repeated_nodes(mesh)
+    value, poor = np.ones(mesh.n_cells), np.ones(mesh.n_cells)
+    turned = np.zeros(mesh.n_cells, bool)
+    for k, block in enumerate(mesh.blocks):
+        if block.type not in CELLS or not CELLS[block.type].dim or not len(block.nodes):
+            continue
+        cells = slice(mesh.offsets[k], mesh.offsets[k + 1])
+        with np.errstate(all="ignore"):  # places that are no numbers have a finding of their own
+            value[cells] = validity_among(block.type, mesh.points, block.nodes).least
+            if CELLS[block.type].dim == mesh.dim:
+                poor[cells] = _quality(mesh, block)
+            if CELLS[block.type].dim == 2 == mesh.dim and mesh.space_dim == 2:
+                turned[cells] = _clockwise(block.type, mesh.points[block.nodes])
+    known = np.ones(mesh.n_cells, bool)
+    for k, block in enumerate(mesh.blocks):
+        if not subject.finite.all():
+            known[mesh.offsets[k] : mesh.offsets[k + 1]] = subject.finite[block.nodes].all(axis=1)
+    invalid = np.flatnonzero(~(value > 0) & ~repeated & known)
+    inverted = invalid[_inside_out(subject, invalid) == 1]
+    invalid = np.setdiff1d(invalid, inverted)
+    clockwise = np.flatnonzero(turned & (value > 0) & ~repeated & known)
+    bad = np.flatnonzero((poor < POOR) & (value > 0) & ~repeated & known)
+    found = _invalid(subject, np.flatnonzero(repeated), invalid, inverted)
+    return found + _doubtful(subject, clockwise, bad, poor), {
+        "invalid_cells": len(invalid) + len(inverted),
+        "worst_quality": float(np.min(poor[known], initial=1.0)),
+    }
+
+
+def _quality(mesh: Mesh, block: Block) -> NDArray:
+    """The scaled Jacobian, as `lacmesh quality` reports it; that of the corners for quadratic cells."""
+    if CELLS[block.type].order == 1:
+        return measure_cells(block.type, mesh.points, block.nodes, ["scaled_jacobian"])["scaled_jacobian"]
+    starts = range(0, len(block.nodes), _PIECE)
+    return np.concatenate([corner_jacobian(block.type, mesh.points[block.nodes[s : s + _PIECE]]) for s in starts])
+
+
+def _invalid(subject: Subject, repeated: Ints, invalid: Ints, inverted: Ints) -> list[Finding]:
+    found = []
+    if len(repeated):
+        message = f"{len(repeated)} cells list a node twice ({subject.numbers(repeated)}); give them their simpler type"
+        found.append(subject.found("repeated-node", message, repeated))
+    if len(invalid):
+        message = f"the Jacobian determinant of {len(invalid)} cells is not positive where solvers evaluate it "
+        message += f"({subject.numbers(invalid)}); mesh again there, or move the nodes"
+        found.append(subject.found("invalid-cell", message, invalid))
+    if len(inverted):
+        message = f"{len(inverted)} cells are inside out ({subject.numbers(inverted)}); list their nodes the other way"
+        found.append(subject.found("inverted-cell", message, inverted))
+    return found
+
+
+def _doubtful(subject: Subject, clockwise: Ints, bad: Ints, quality: NDArray) -> list[Finding]:
+    found = []
+    if len(clockwise):
+        message = f"{len(clockwise)} plane cells are listed clockwise ({subject.numbers(clockwise)}); "
+        message += "some solvers refuse them"
+        found.append(subject.found("clockwise-cell", message, clockwise))
+    if len(bad):
+        worst = bad[np.argsort(quality[bad], kind="stable")]
+        named = ", ".join(f"{subject.mesh.cell_number[c]} ({quality[c]:.3f})" for c in worst[:_WORST])
+        message = f"{len(bad)} cells are poor (scaled Jacobian below {POOR}); worst: {named}"
+        found.append(subject.found("poor-cell", f"{message}; see lacmesh quality", worst))
+    return found
+
+
+def _with_repeated_nodes(mesh: Mesh) -> NDArray[np.bool_]:
+    """(n_cells,): cells that list a node twice."""
+    out = np.zeros(mesh.n_cells, bool)
+    for k, block in enumerate(mesh.blocks):
+        n = block.nodes.shape[1]
+        twice = out[mesh.offsets[k] : mesh.offsets[k + 1]]
+        columns = np.ascontiguousarray(block.nodes.T)
+        for a in range(n):
+            for b in range(a):
+                twice |= columns[a] == columns[b]
+    return out
+
+
+def _clockwise(kind: str, x: NDArray) -> NDArray[np.bool_]:
+    """Plane cells whose corners go round clockwise."""
+    c = x[:, : CELLS[kind].n_corners]
+    area = (c[..., 0] * (np.roll(c[..., 1], -1, axis=1) - np.roll(c[..., 1], 1, axis=1))).sum(axis=1)
+    return area < 0
+
+
+def check_facets(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
+    """Whether the cells fit together: every facet has one or two cells, on its two sides, with the same nodes."""
+    facets = subject.facets
+    solid, twin, found = facets.solid, facets.twin, []
+    if len(facets.copies):
+        message = (
+            f"{len(facets.copies)} cells stand on the corners of others ({subject.numbers(facets.copies)}); remove them"
+        )
+        found.append(subject.found("repeated-cell", message, facets.copies))
+    crowded = np.unique(np.flatnonzero(twin == CROWDED) // FACETS)
+    if len(crowded):
+        cells = solid.cells[crowded]
+        message = f"more than two cells share a facet (cells {subject.numbers(cells)}); remove those that are too many"
+        found.append(subject.found("crowded-facet", message, cells))
+    found += _overlapping(subject, solid, twin, facets.same)
+    found += _other_mid_nodes(subject, solid, twin)
+    return found, {}
+
+
+def _overlapping(subject: Subject, solid: Solid, twin: Ints, same: NDArray[np.bool_]) -> list[Finding]:
+    """Two cells, both the right way out, that go round their facet alike lie on one side of it."""
+    mesh = subject.mesh
+    if mesh.dim == 2 and mesh.space_dim == 3:  # a surface in space has no right way out
+        return []
+    odd = np.flatnonzero(same)
+    odd = odd[odd < twin[odd]]
+    a, b = odd // FACETS, twin[odd] // FACETS
+    sides = [_inside_out(subject, solid.cells[rows]) for rows in (a, b)]
+    overlap = np.flatnonzero((sides[0] == sides[1]) & (sides[0] != _NEITHER))
+    cells = np.unique(solid.cells[np.concatenate([a[overlap], b[overlap]])])
+    if not len(cells):
+        return []
+    message = (
+        f"{len(overlap)} pairs of cells lie on the same side of the facet that they share ({subject.numbers(cells)})"
+    )
+    return [subject.found("overlapping-cells", f"{message}; mesh again there", cells)]
+
+
+def _inside_out(subject: Subject, cells: Ints) -> Ints:
+    """(k,): 1 for cells wholly inside out (clockwise in the plane), 0 for valid ones, _NEITHER for others."""
+    mesh = subject.mesh
+    out = np.full(len(cells), _NEITHER)
+    order = np.argsort(cells, kind="stable")
+    done = 0
+    for kind, chosen, nodes in mesh.select(cells[order]):
+        rows = order[done : done + len(chosen)]
+        done += len(chosen)
+        if kind not in CELLS:
+            continue
+        x = mesh.points[nodes]
+        with np.errstate(all="ignore"):
+            valid = validity(kind, x) > 0
+            if CELLS[kind].dim == 3:
+                back = validity(kind, x * [-1, 1, 1]) > 0
+                out[rows[valid]], out[rows[back]] = 0, 1
+            elif CELLS[kind].dim == 2:
+                out[rows[valid]] = _clockwise(kind, x[valid])
+    return out
+
+
+def _other_mid_nodes(subject: Subject, solid: Solid, twin: Ints) -> list[Finding]:
+    """Facets whose two cells have the same corners and other nodes between."""
+    mesh = subject.mesh
+    orders = {ALL_CELLS[b.type].order for b in mesh.blocks if ALL_CELLS[b.type].dim == mesh.dim and len(b.nodes)}
+    if orders <= {1}:
+        return []
+    sign = np.zeros(len(twin), np.uint64)
+    known = twin >= 0
+    place = np.full(mesh.n_cells, -1, np.int64)
+    place[solid.cells] = np.arange(len(solid.cells))
+    for k, block in enumerate(mesh.blocks):
+        cell = ALL_CELLS[block.type]
+        if cell.dim != mesh.dim:
+            continue
+        rows = place[mesh.offsets[k] : mesh.offsets[k + 1]]
+        nodes = block.nodes[rows >= 0]
+        rows = rows[rows >= 0]
+        if block.type not in CELLS:
+            known[(rows[:, None] * FACETS + np.arange(FACETS)).ravel()] = False
+            continue
+        mixed = _mixed(nodes)
+        for j, facet in enumerate(cell.facets):
+            sign[rows * FACETS + j] = mixed[:, facet.nodes].sum(axis=1, dtype=np.uint64)
+    at = np.flatnonzero(known)
+    at = at[(at < twin[at]) & known[twin[at]]]
+    at = at[sign[at] != sign[twin[at]]]
+    cells = np.unique(solid.cells[np.concatenate([at, twin[at]]) // FACETS])
+    if not len(cells):
+        return []
+    message = f"the cells on both sides of {len(at)} facets share corners and not mid-nodes ({subject.numbers(cells)})"
+    return [subject.found("mid-nodes-differ", f"{message}; raise the order of both alike", cells)]
+
+
+def _mixed(nodes: Ints) -> NDArray[np.uint64]:
+    """Node indices as well-mixed words, so that their sums tell sets of nodes apart."""
+    x = (nodes.astype(np.uint64) + np.uint64(1)) * _GOLDEN
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    return x ^ (x >> np.uint64(31))

@@ -1,0 +1,187 @@
+"""What is checked: the mesh, its slave and master skins, the macro-elements, the nodes that are held."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.checks.facets import Facets, find_bodies
+from lacmesh.checks.findings import Finding, Where
+from lacmesh.checks.rules import RULES
+from lacmesh.errors import GroupNotFoundError, some
+from lacmesh.faces import cells_of_dim, distinct_faces
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.skin import TYPE_CODE, Faces, Match, find_owners
+
+#: at most so many numbers in a sentence
+SHOWN = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """A skin: `what` (slave, master), the groups' `names`, `listed` (all cells of the groups, in order), its faces.
+
+    `cells` (f,): a cell for each face, the first that lies on it; `zone` (f,): the place of its group among `names`;
+    `faces`: the faces, each once; `copies`: the cells that lie on a face already there; `groups`: the cells of each.
+    """
+
+    what: str
+    names: tuple[str, ...]
+    groups: tuple[Ints, ...]
+    cells: Ints
+    zone: Ints
+    faces: Faces
+    copies: Ints
+
+    def __len__(self) -> int:
+        return len(self.cells)
+
+    @property
+    def group(self) -> str:
+        """The names, for a place."""
+        return ", ".join(self.names)
+
+    @cached_property
+    def nodes(self) -> Ints:
+        """All nodes of the faces."""
+        return np.unique(self.faces.nodes[self.faces.nodes >= 0])
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """The mesh and what was asked about it. `dim`: of the skins. `fixed`: nodes of the Dirichlet groups."""
+
+    mesh: Mesh
+    dim: int
+    slave: Side
+    master: Side | None
+    fixed: Ints
+    dirichlet: tuple[str, ...]
+    options: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def sides(self) -> tuple[Side, ...]:
+        """The skins."""
+        return (self.slave,) if self.master is None else (self.slave, self.master)
+
+    @cached_property
+    def finite(self) -> NDArray[np.bool_]:
+        """(n_nodes,): nodes whose coordinates are numbers of a sane size (their squares are finite too)."""
+        return np.asarray((np.abs(self.mesh.points) < 1e150).all(axis=1))
+
+    @cached_property
+    def parents(self) -> dict[str, Match]:
+        """For each side the cells behind its faces."""
+        blocks = list(cells_of_dim(self.mesh, self.dim + 1))
+        return {side.what: find_owners(side.faces, blocks, self.mesh.n_nodes) for side in self.sides}
+
+    @cached_property
+    def facets(self) -> Facets:
+        """The cells of the mesh's dimension and their facets, paired."""
+        return Facets.of(self.mesh)
+
+    @cached_property
+    def bodies(self) -> Ints:
+        """(n_nodes,): the body of each node, -1 for nodes of no cell."""
+        return find_bodies(self.facets.solid, self.mesh.n_nodes)
+
+    def behind(self, side: Side) -> Ints:
+        """(f,): how many cells each face of a side has behind it."""
+        return np.bincount(self.parents[side.what].face, minlength=len(side))
+
+    def numbers(self, cells: Ints) -> str:
+        """The file's numbers of some cells, for a sentence."""
+        return some(self.mesh.cell_number[cells], SHOWN)
+
+    def node_numbers(self, nodes: Ints) -> str:
+        """The file's numbers of some nodes, for a sentence."""
+        return some(self.mesh.node_number[nodes], SHOWN)
+
+    def found(
+        self, rule: str, message: str, cells: Ints | None = None, nodes: Ints | None = None, group: str | None = None
+    ) -> Finding:
+        """A finding of a rule, about cells and nodes given by their indices."""
+        cells = np.empty(0, np.int64) if cells is None else np.asarray(cells, np.int64)
+        nodes = np.empty(0, np.int64) if nodes is None else np.asarray(nodes, np.int64)
+        return Finding(
+            rule,
+            RULES[rule].severity,
+            tuple(self.mesh.cell_number[cells].tolist()),
+            tuple(self.mesh.node_number[nodes].tolist()),
+            Where(group, self._box(cells, nodes)),
+            message,
+        )
+
+    def _box(self, cells: Ints, nodes: Ints) -> tuple[Any, Any] | None:
+        """The box of some nodes, or of some cells where there are no nodes."""
+        if not len(nodes):
+            parts = [n.ravel() for _, _, n in self.mesh.select(cells)]
+            nodes = np.concatenate(parts) if parts else nodes
+        nodes = nodes[self.finite[nodes]]
+        if not len(nodes):
+            return None
+        x = self.mesh.points[nodes]
+        return tuple(x.min(axis=0).tolist()), tuple(x.max(axis=0).tolist())
+
+
+#: a part of the check: what it finds, and figures for the summary
+Part = Callable[[Subject], tuple[list[Finding], dict[str, Any]]]
+
+
+def make_subject(
+    mesh: Mesh, slave: tuple[str, ...], master: tuple[str, ...], dirichlet: tuple[str, ...], options: dict[str, Any]
+) -> Subject:
+    """The subject; raises GroupNotFoundError and RequestError for groups that the mesh lacks."""
+    groups = {what: tuple(np.asarray(mesh.cells_of(s)) for s in specs) for what, specs in _both(slave, master)}
+    fixed = [_nodes_of(mesh, spec) for spec in dirichlet]
+    dim = _skin_dim(mesh, np.concatenate([np.empty(0, np.int64), *groups["slave"]]))
+    sides = {what: _side(mesh, what, specs, groups[what], dim) for what, specs in _both(slave, master)}
+    held = np.unique(np.concatenate([np.empty(0, np.int64), *fixed]))
+    return Subject(mesh, dim, sides["slave"], sides.get("master"), held, dirichlet, options)
+
+
+def _both(slave: tuple[str, ...], master: tuple[str, ...]) -> list[tuple[str, tuple[str, ...]]]:
+    return [("slave", slave), ("master", master)] if master else [("slave", slave)]
+
+
+def _skin_dim(mesh: Mesh, cells: Ints) -> int:
+    """The dimension of the skins: one less than the mesh's, but a surface without solids behind is a skin (a shell)."""
+    bare = mesh.dim == 2 and mesh.space_dim == 3 and len(cells) and (mesh.cell_dim[cells] == 2).all()
+    return 2 if bare else mesh.dim - 1
+
+
+def _side(mesh: Mesh, what: str, names: tuple[str, ...], groups: tuple[Ints, ...], dim: int) -> Side:
+    known = np.array([b.type in TYPE_CODE and ALL_CELLS[b.type].dim == dim > 0 for b in mesh.blocks] or [False], bool)
+    parts = [cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]] for cells in groups]
+    cells = np.concatenate([np.empty(0, np.int64), *parts])
+    zone = np.repeat(np.arange(len(parts)), [len(p) for p in parts])
+    first = np.sort(np.unique(cells, return_index=True)[1])
+    cells, zone = cells[first], zone[first]
+    faces, rows = distinct_faces(mesh, cells) if len(cells) else (Faces.join([]).take(np.empty(0, np.int64)), first)
+    copies = np.setdiff1d(cells, cells[rows])
+    return Side(what, names, groups, cells[rows], zone[rows], faces, copies)
+
+
+def _nodes_of(mesh: Mesh, spec: str) -> Ints:
+    """The nodes of a node group, or of the cells of a cell group."""
+    if spec in mesh.node_groups:
+        mine = [mesh.node_groups[spec]]
+        if spec in mesh.cell_groups:
+            mine += [nodes.ravel() for _, _, nodes in mesh.select(mesh.cell_groups[spec])]
+        return np.unique(np.concatenate(mine))
+    try:
+        cells = mesh.cells_of(spec)
+    except GroupNotFoundError as error:
+        raise GroupNotFoundError(spec, [*mesh.cell_groups, *mesh.node_groups], "cell or node group") from error
+    return np.unique(np.concatenate([np.empty(0, np.int64), *(n.ravel() for _, _, n in mesh.select(cells))]))
+
+
+def is_carried(name: str) -> bool:
+    """Whether cells of a type are carried through whole: order 3 and higher."""
+    return name not in CELLS

@@ -1,0 +1,123 @@
+"""`lacmesh check`: whether a mesh will work with the method, and where it will not."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.cli.options import add_command, add_mesh_option
+from lacmesh.cli.terminal import Stages, console, memory, table
+from lacmesh.errors import DataError
+
+if TYPE_CHECKING:
+    from lacmesh.checks import Finding, Findings
+
+_STYLE = {"error": "bold red", "warning": "yellow", "info": "dim"}
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(
+        commands,
+        "check",
+        run,
+        "say whether a mesh will work with the method, and where not; exit 1 if any finding is an error",
+    )
+    parser.add_argument("input", metavar="IN", help="mesh, cut or not")
+    parser.add_argument("--slave", action="append", required=True, metavar="GROUP", help="slave skin; may be repeated")
+    parser.add_argument("--master", action="append", default=[], metavar="GROUP", help="master skin; may be repeated")
+    parser.add_argument(
+        "--dirichlet",
+        action="append",
+        default=[],
+        metavar="GROUP",
+        help="cells or nodes whose displacement is imposed; may be repeated",
+    )
+    parser.add_argument(
+        "--axisymmetric", action="store_true", help="a plane mesh about the y axis: measures hold 2 pi x"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object: {findings, summary}")
+    add_mesh_option(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Check a file; raises DataError (status 1) where a finding is an error."""
+    from lacmesh.formats import read
+
+    stage = Stages(args, ("read", "check"))
+    with stage("read"):
+        mesh = read(args.input, mesh=args.mesh)
+    with stage("check"):
+        from lacmesh.checks import check
+
+        found = check(mesh, args.slave, args.master, args.dirichlet, axisymmetric=args.axisymmetric)
+    if args.json:
+        print(json.dumps(found.as_dict(), ensure_ascii=False, indent=2, allow_nan=False))
+    elif not args.quiet:
+        _print_findings(found)
+        times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
+        print(f"{args.input}: {times}{memory()}")
+    sys.stdout.flush()
+    if found.errors:
+        rules = ", ".join(dict.fromkeys(f.rule for f in found.errors))
+        raise DataError(f"{args.input} will not do as it is: {_count(found, 'error')} ({rules})")
+
+
+def _count(found: Findings, severity: str) -> str:
+    n = len(found.of_severity(severity))
+    return f"{n} {severity}{'' if n == 1 else 's'}"
+
+
+def _print_findings(found: Findings) -> None:
+    from rich.text import Text
+
+    out = console()
+    if found.findings:
+        rows = table("finding", "rule", "what, where, what to do")
+        for column in rows.columns[:2]:
+            column.no_wrap = True
+        for f in found:
+            rows.add_row(Text(f.severity, _STYLE[f.severity]), f.rule, _sentence(f))
+        out.print(rows)
+    rows = table("summary", "")
+    for name, value in _figures(found.summary):
+        rows.add_row(name, value)
+    out.print(rows)
+    verdict = _count(found, "error") if found.errors else "no errors"
+    print(f"{verdict}, {_count(found, 'warning')}")
+
+
+def _sentence(f: Finding) -> str:
+    """The message, and where it is."""
+    places = [f"in {f.where.group}"] if f.where.group else []
+    if f.where.box and f.severity != "info":
+        scale = 1e-9 * max(abs(v) for corner in f.where.box for v in corner)
+        low, high = ([v if abs(v) > scale else 0.0 for v in corner] for corner in f.where.box)
+        axes = zip("xyz", low, high, strict=True)
+        places.append(", ".join(f"{a} {lo:.5g}" if lo == hi else f"{a} {lo:.5g} to {hi:.5g}" for a, lo, hi in axes))
+    return f"{f.message} [{'; '.join(places)}]" if places else f.message
+
+
+def _figures(s: Any) -> list[tuple[str, str]]:
+    """What the summary says, for people."""
+    rows = [
+        (what, f"{s[f'{what}_faces']:,} faces in {', '.join(s[what])}") for what in ("slave", "master") if what in s
+    ]
+    if "macro_elements" in s:
+        macros, inside, free = s["macro_elements"], s["with_internal_dof"], s["with_free_internal_dof"]
+        text = f"{inside:,} of {macros:,}" + (f", {free:,} of them free" if free != inside else "")
+        rows.append(("macro-elements with an internal dof", text))
+    if "bodies" in s:
+        rows.append(("bodies", f"{s['bodies']:,}"))
+    if "worst_quality" in s:
+        rows.append(("worst scaled Jacobian", f"{s['worst_quality']:.3f}"))
+    if "gap" in s:
+        rows.append(("gap: least, mean, largest", ", ".join(f"{s['gap'][k]:.6g}" for k in ("min", "mean", "max"))))
+        whole, part, none = (s[f"{k}_macro_elements"] for k in ("covered", "partly_covered", "uncovered"))
+        text = (
+            f"{100 * s['covered']:.4g} % of the slave; macro-elements: {whole:,} whole, {part:,} in part, {none:,} not"
+        )
+        rows.append(("covered by the master", text))
+    return rows

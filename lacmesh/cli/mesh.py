@@ -1,0 +1,155 @@
+"""`lacmesh mesh`: a CAD file listed, or meshed with the groups that a contact needs."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.cli.options import add_command, check_output
+from lacmesh.cli.terminal import Stages, console, table
+from lacmesh.errors import RequestError
+
+if TYPE_CHECKING:
+    from lacmesh.gmsh.cad import Part, Shape
+
+TEXT = """\
+list the surfaces of a CAD file, or mesh it with groups
+
+A group is made of surfaces (of curves, where the file is plane) by their tags, as --list shows them, or of those that
+lie in a box as a whole. After DIM: they are of that dimension: --group body=3:1 names the volume 1. Repeat --group for
+further groups, and for more of the same group. Volumes in no group are in the mesh all the same, and so are surfaces:
+entity:2:17 names them to other commands. Lengths of STEP and IGES come out in millimetres."""
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    first, _, rest = TEXT.partition("\n\n")
+    parser = add_command(commands, "mesh", run, first)
+    parser.description = f"{parser.description}\n\n{rest}"
+    parser.add_argument(
+        "cad", metavar="CAD", help="geometry: .geo, .geo_unrolled, .step, .stp, .iges, .igs, .brep, .stl"
+    )
+    parser.add_argument("--list", action="store_true", help="list bodies and surfaces: tag, type, area, normal, box")
+    parser.add_argument("--json", action="store_true", help="with --list: one JSON object")
+    parser.add_argument("-o", "--output", metavar="OUT", help="the mesh; the suffix says the format")
+    parser.add_argument(
+        "--group",
+        action="append",
+        default=[],
+        metavar="NAME=TAG,TAG",
+        help="or NAME=box:x0,y0,z0,x1,y1,z1; may be repeated",
+    )
+    parser.add_argument(
+        "--size",
+        type=float,
+        metavar="H",
+        help="length of edges (default: as a .geo says, else a twentieth of the diagonal, and 12 to a full turn)",
+    )
+    parser.add_argument("--order", type=int, choices=(1, 2), help="2: quadratic, on the curved geometry (default: 1)")
+    parser.add_argument("--slave", action="append", default=[], metavar="GROUP", help="group that gets --slave-size")
+    parser.add_argument("--slave-size", type=float, metavar="H", help="length of edges on the slave faces")
+    parser.add_argument(
+        "--dim", type=int, choices=(2, 3), help="2: mesh surfaces only (default: 3, if there are volumes)"
+    )
+    parser.add_argument("--msh", choices=("4.1", "2.2"), default="4.1", help="version of a .msh output (default: 4.1)")
+    parser.add_argument("--ascii", action="store_true", help="write .msh as text")
+    parser.add_argument("--force", action="store_true", help="replace an existing output")
+
+
+def run(args: argparse.Namespace) -> None:
+    """List or mesh a file."""
+    if args.list == bool(args.output):
+        raise RequestError("say --list to see what is in the file, or -o OUT to mesh it")
+    if args.list:
+        _list(args)
+    elif args.json:
+        raise RequestError("--json goes with --list; lacmesh info --json tells of a mesh")
+    else:
+        _mesh(args)
+
+
+def _list(args: argparse.Namespace) -> None:
+    from dataclasses import asdict
+
+    from lacmesh.gmsh.cad import list_cad
+
+    shapes = list_cad(args.cad, dim=args.dim)
+    if args.json:
+        print(json.dumps({"file": args.cad, "shapes": [asdict(s) for s in shapes]}, ensure_ascii=False, indent=2))
+        return
+    dim = max(shape.dim for shape in shapes)
+    bodies, skin = ([s for s in shapes if s.dim == d] for d in (dim, dim - 1))
+    out = console()
+    print(f"{args.cad}: {_count(bodies, dim)}, {_count(skin, dim - 1)}")
+    out.print(_table(bodies, dim, len(bodies) > 1))
+    out.print(_table(skin, dim - 1, len(bodies) > 1))
+
+
+def _count(shapes: Sequence[Shape], dim: int) -> str:
+    what = ("point", "curve", "surface", "volume")[dim]
+    return f"{len(shapes)} {what}{'s' if len(shapes) != 1 else ''}"
+
+
+def _table(shapes: Sequence[Shape], dim: int, of_bodies: bool) -> Any:
+    """Rows of shapes of one dimension; only columns that hold something."""
+    columns = {
+        ("", "curve", "surface", "volume")[dim]: [str(s.tag) for s in shapes],
+        "type": [s.type for s in shapes],
+        ("", "length", "area", "volume ")[dim]: [f"{s.measure:.5g}" for s in shapes],
+        "centre": [_vector(s.centre) for s in shapes],
+        "normal, or radius": [_facing(s) for s in shapes],
+        "box": [f"{_vector(s.box[0])} .. {_vector(s.box[1])}" for s in shapes],
+        "of body": [", ".join(map(str, s.bodies)) if of_bodies else "" for s in shapes],
+        "group": [", ".join(s.groups) for s in shapes],
+    }
+    shown = {name: cells for name, cells in columns.items() if any(cells)}
+    rows = table(*shown)
+    for cells in zip(*shown.values(), strict=True):
+        rows.add_row(*cells)
+    return rows
+
+
+def _facing(shape: Shape) -> str:
+    if shape.normal is not None:
+        return _vector(shape.normal)
+    if shape.radius is None:
+        return ""
+    return f"{'round' if shape.radius > 0 else 'hollow'}, r = {abs(shape.radius):.5g}"
+
+
+def _vector(values: Sequence[float]) -> str:
+    return f"({', '.join(f'{0.0 if abs(v) < 1e-7 else v:.4g}' for v in values)})"
+
+
+def _mesh(args: argparse.Namespace) -> None:
+    from lacmesh.formats import write
+    from lacmesh.gmsh.cad import check_source, mesh_cad, parse_group
+
+    groups: dict[str, list[Part]] = {}
+    for text in args.group:
+        name, part = parse_group(text)
+        groups.setdefault(name, []).append(part)
+    check_source(args.cad)
+    target = Path(args.output)
+    check_output(target, args)
+    stage = Stages(args, ("mesh", "write"))
+    with stage("mesh"):
+        mesh = mesh_cad(
+            args.cad,
+            groups=groups,
+            size=args.size,
+            order=args.order,
+            slave=args.slave,
+            slave_size=args.slave_size,
+            dim=args.dim,
+        )
+    with stage("write"):
+        write(target, mesh, msh=args.msh, binary=not args.ascii, force=args.force)
+    if not args.quiet:
+        types = ", ".join(f"{n:,} {kind}" for kind, n in mesh.cells_by_type.items())
+        print(f"{target}: {mesh.n_nodes:,} nodes, {mesh.n_cells:,} cells ({types})")
+        for name, cells in mesh.cell_groups.items():
+            print(f"  {name}: {len(cells):,} cells of dimension {mesh.group_dim(name)}")

@@ -1,0 +1,56 @@
+"""`lacmesh orient`: a skin turned outward."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.cli.options import add_command, add_output_options, check_output, write_mesh
+
+if TYPE_CHECKING:
+    from lacmesh.mesh import Mesh
+    from lacmesh.orientation import Turning
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(commands, "orient", run, "turn the faces of a skin outward")
+    parser.add_argument("input", metavar="IN", help="mesh")
+    parser.add_argument("--group", action="append", required=True, metavar="GROUP", help="the skin; may be repeated")
+    parser.add_argument("-o", "--output", metavar="OUT", help="default: beside the input, with .out before its suffix")
+    add_output_options(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Turn the skins of a file."""
+    from lacmesh.formats import kind_of, read
+    from lacmesh.orientation import reverse, skin_cells, turning
+
+    source = Path(args.input)
+    suffix = source.suffix or f".{kind_of(source).format}"
+    target = Path(args.output) if args.output else source.with_name(f"{source.stem}.out{suffix}")
+    check_output(target, args)
+    mesh = read(source, mesh=args.mesh)
+    said = []
+    for group in args.group:
+        cells = skin_cells(mesh, group)
+        turn = turning(mesh, cells)
+        mesh = reverse(mesh, turn.turned)
+        said += _report(mesh, group, len(cells), turn)
+    write_mesh(target, mesh, source, args)
+    if not args.quiet:
+        print("\n".join([*said, f"written to {target}"]))
+
+
+def _report(mesh: Mesh, group: str, count: int, turn: Turning) -> list[str]:
+    """What was done to a group, a line each."""
+    lines = [f"{group}: {len(turn.turned):,} of {count:,} faces turned"]
+    for cells, what in (
+        (turn.interface, "lie between two cells and have no outward side: they stay"),
+        (turn.open, "have no cell behind them and enclose nothing: they were made to agree, outward is for you to say"),
+        (turn.one_sided, "are on a skin with one side only, and cannot agree: they stay"),
+    ):
+        if len(cells):
+            lines.append(f"{group}: {len(cells):,} faces ({mesh.cell_names(cells)}) {what}")
+    return lines

@@ -1,0 +1,208 @@
+"""`lacmesh quality`: which cells are invalid, which are poor, how the measures are spread, which cells are worst."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.cli.options import add_command, add_mesh_option
+from lacmesh.cli.terminal import Stages, console, memory, table
+
+if TYPE_CHECKING:
+    from lacmesh.mesh import Mesh
+    from lacmesh.quality.spread import Histogram
+    from lacmesh.quality.survey import Quality, TypeQuality
+    from lacmesh.report.parents import ChildrenQuality
+
+_BAR = 40
+_ARTICLES = {"c": "a", "m": "a", "i": "an"}
+_PERCENTS = ("1 %", "5 %", "median", "95 %", "99 %")
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(
+        commands, "quality", run, "measure the cells: invalid ones, how measures are spread, the worst"
+    )
+    parser.add_argument("input", metavar="IN", help="mesh, cut or not")
+    parser.add_argument("--group", metavar="GROUP", help="the cells of this group only")
+    parser.add_argument(
+        "--measures", metavar="all|NAME[,NAME]", help="which measures (default: the leading ones of each type)"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object")
+    parser.add_argument("--plot", metavar="FILE.png", help="draw the histograms (needs matplotlib)")
+    parser.add_argument("--force", action="store_true", help="replace an existing plot")
+    add_mesh_option(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Measure a file. The status is 0 whatever is found: `lacmesh check` is the command that judges."""
+    from lacmesh.formats import read
+
+    if args.plot:
+        from lacmesh.report.drawing import check_plot
+
+        check_plot(Path(args.plot), force=args.force)
+    stage = Stages(args, ("read", "measure", "draw") if args.plot else ("read", "measure"))
+    with stage("read"):
+        mesh = read(args.input, mesh=args.mesh)
+    with stage("measure"):
+        from lacmesh.quality import measure_quality
+
+        found = measure_quality(mesh, args.group, _measures(args.measures))
+        children = _children(mesh) if args.group is None else None
+    if args.plot:
+        with stage("draw"):
+            from lacmesh.report import plot_quality
+
+            name = Path(args.input).name + (f", group {args.group}" if args.group else "")
+            plot_quality(found, args.plot, title=f"Quality of {name}", force=args.force)
+    if args.json:
+        told = {"file": str(args.input), **found.as_json(), "cut": children and children.as_json()}
+        print(json.dumps(told, ensure_ascii=False, indent=2, allow_nan=False))
+    elif not args.quiet:
+        _print(args, found, children)
+        times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
+        print(f"{args.plot}: {times}{memory()}" if args.plot else f"{times}{memory()}")
+
+
+def _measures(text: str | None) -> str | list[str] | None:
+    return text if text in (None, "all") else [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _children(mesh: Mesh) -> ChildrenQuality | None:
+    """The children of a mesh that carries a cut, against their parents."""
+    from lacmesh.cut import Cut, is_cut
+    from lacmesh.errors import CutError
+    from lacmesh.report import children_quality
+
+    if not is_cut(mesh):
+        return None
+    try:
+        return children_quality(Cut(mesh))
+    except CutError:  # records that mean something else
+        return None
+
+
+def _print(args: argparse.Namespace, found: Quality, children: ChildrenQuality | None) -> None:
+    where = f"{args.input}, group {args.group}" if args.group else str(args.input)
+    poor = [t.poor for t in found.types if t.poor is not None]
+    told = f", {sum(poor):,} poor" if poor else ""
+    print(f"{where}: {found.count:,} cells measured, {found.invalid:,} invalid{told}")
+    if found.not_measured:
+        print("not measured: " + ", ".join(f"{n:,} {kind}" for kind, n in found.not_measured.items()))
+    for kind in found.types:
+        _print_type(kind)
+    if found.groups:
+        _print_groups(found)
+    if children is not None:
+        _print_children(children)
+
+
+def _print_type(kind: TypeQuality) -> None:
+    from lacmesh.quality.measures import headline
+    from lacmesh.quality.verdict import ACCEPTED
+    from lacmesh.report.outline import number
+
+    rank = headline(kind.type) or ""
+    accepted = ACCEPTED.get(kind.type, {})
+    print(f"\n{_title(kind, rank)}")
+    rows = table("measure", *(f"+{name}" for name in ("min", *_PERCENTS, "max", "mean")), "accepted", "+outside")
+    for column in rows.columns:
+        column.header = str(column.header).removeprefix("+")
+    for name, s in kind.measures.items():
+        limits = accepted.get(name)
+        told = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
+        outside = "" if s.outside is None else f"{s.outside:,}"
+        rows.add_row(name, *(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean)), told, outside)
+    out = console()
+    out.print(rows)
+    if rank in kind.measures and rank != "validity":
+        print(rank)
+        for line in _bars(kind.measures[rank].histogram):
+            print(f"  {line}")
+        print()
+    _print_worst(kind, rank)
+
+
+def _title(kind: TypeQuality, rank: str) -> str:
+    from lacmesh.quality.verdict import ACCEPTED
+    from lacmesh.report.outline import number
+
+    told = f"{kind.type}: {kind.count:,} cells, {kind.invalid:,} invalid"
+    if kind.invalid:
+        told += (
+            f" ({', '.join(f'{n:,} at {_ARTICLES[where[0]]} {where}' for where, n in kind.invalid_at.items() if n)})"
+        )
+    limits = ACCEPTED.get(kind.type, {}).get(rank)
+    if kind.poor is not None and limits is not None:
+        told += f", {kind.poor:,} poor ({rank} below {number(limits[0])})"
+    return told
+
+
+def _bars(histogram: Histogram) -> list[str]:
+    """The histogram in characters, two bins a line, the part in use."""
+    from lacmesh.report.markdown import bar
+
+    edges = histogram.edges[::2]
+    counts = [a + b for a, b in zip(histogram.counts[::2], histogram.counts[1::2], strict=True)]
+    names = [f"{low:.3g} to {high:.3g}" for low, high in pairwise(edges)]
+    names = [f"below {edges[0]:.3g}", *names, f"above {edges[-1]:.3g}"]
+    counts = [histogram.below, *counts, histogram.above]
+    used = [k for k, n in enumerate(counts) if n]
+    if not used:
+        return []
+    plain = "utf" not in (sys.stdout.encoding or "").lower()
+    total, out = max(counts), []
+    for k in range(min(used[0], 1), max(used[-1], len(counts) - 2) + 1):
+        drawn = "#" * round(_BAR * counts[k] / total) if plain else bar(counts[k], total, _BAR)
+        out.append(f"{names[k]:12} {counts[k]:>11,}  {drawn}".rstrip())
+    return out
+
+
+def _print_worst(kind: TypeQuality, rank: str) -> None:
+    from lacmesh.report.outline import number
+
+    ranks = dict.fromkeys((rank, "validity"))
+    rows = table("worst", *ranks, "centroid", "groups", *(("invalid at",) if kind.invalid else ()))
+    for bad in kind.worst:
+        values = {rank: bad.value, "validity": bad.validity}
+        place = ", ".join(f"{v:.4g}" for v in bad.centroid)
+        where = (", ".join(bad.invalid_at),) if kind.invalid else ()
+        rows.add_row(str(bad.number), *(number(values[r]) for r in ranks), place, ", ".join(bad.groups), *where)
+    console().print(rows)
+
+
+def _print_groups(found: Quality) -> None:
+    from lacmesh.quality.measures import headline
+    from lacmesh.report.outline import number
+
+    rows = table("group", "type", "cells", "+invalid", "+poor", "ranked by", "+min", "+5 %", "+median", "worst cell")
+    for column in rows.columns:
+        column.header = str(column.header).removeprefix("+")
+    for name, types in found.groups.items():
+        for t in types:
+            rank = headline(t.type) or ""
+            s = t.measures[rank]
+            poor = "" if t.poor is None else f"{t.poor:,}"
+            values = (number(s.least), number(s.percentiles[1]), number(s.median))
+            rows.add_row(name, t.type, f"{t.count:,}", f"{t.invalid:,}", poor, rank, *values, str(t.worst[0].number))
+    console().print(rows)
+
+
+def _print_children(c: ChildrenQuality) -> None:
+    from lacmesh.report.outline import number
+
+    known = f"{c.parents:,} parents put together again"
+    known += f", {c.unknown:,} not (cut by several of their faces)" if c.unknown else ""
+    print(f"cut: {c.children:,} children, {c.invalid:,} invalid; {known}")
+    rows = table("corner_jacobian", *(f"+{name}" for name in ("min", *_PERCENTS, "max", "mean")))
+    for column in rows.columns:
+        column.header = str(column.header).removeprefix("+")
+    for name, s in (("of the children", c.child), ("of their parents", c.parent), ("child / parent", c.ratio)):
+        rows.add_row(name, *(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean)))
+    console().print(rows)

@@ -1,0 +1,101 @@
+"""Meshes to and from the libraries people use: meshio, pyvista, trimesh. Nothing is written to a disk.
+
+Each of them is an extra (`lacmesh[io]`, `lacmesh[view]`), and imported when it is used.
+"""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.errors import DataError, RequestError
+from lacmesh.formats.arrays import to_arrays
+from lacmesh.formats.meshio_mesh import from_meshio, to_meshio
+from lacmesh.formats.notes import to_json
+from lacmesh.formats.vtu_types import OF_TYPE
+from lacmesh.formats.vtu_write import NOTES, ZONES, vtk_cells
+from lacmesh.mesh import Ints, Mesh
+
+__all__ = ["from_meshio", "to_meshio", "to_pyvista", "to_trimesh"]
+
+_TRIA6 = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
+_TRIA7 = ((0, 3, 6), (3, 1, 6), (1, 4, 6), (4, 2, 6), (2, 5, 6), (5, 0, 6))
+_QUAD8 = ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6), (4, 6, 7))
+_QUAD9 = ((0, 4, 8), (4, 1, 8), (1, 5, 8), (5, 2, 8), (2, 6, 8), (6, 3, 8), (3, 7, 8), (7, 0, 8))
+#: face -> its triangles, which use all its nodes and turn as it does
+TRIANGLES = {
+    "TRIA3": ((0, 1, 2),),
+    "TRIA6": _TRIA6,
+    "TRIA7": _TRIA7,
+    "QUAD4": ((0, 1, 2), (0, 2, 3)),
+    "QUAD8": _QUAD8,
+    "QUAD9": _QUAD9,
+}
+
+
+def _needed(name: str, extra: str) -> None:
+    if find_spec(name) is None:
+        raise RequestError(f"this needs {name}; pip install 'lacmesh[{extra}]' brings it")
+
+
+def to_pyvista(mesh: Mesh, *, groups: bool = True, data: bool = True) -> Any:
+    """The mesh as a `pyvista.UnstructuredGrid`, its cells in the order of the file.
+
+    `cell_data` and `point_data` hold what a VTU file does: `group:NAME` (0 or 1), `cell_number`, `node_number`, and the
+    data; `groups`, `data`: whether those are wanted. Raises RequestError where pyvista is missing, DataError for cells
+    that VTK lacks (PYRAM14; TRIA9, TRIA12, QUAD12 and pyramids and prisms of higher order).
+    """
+    _needed("pyvista", "view")
+    import pyvista
+
+    for kind, n in mesh.cells_by_type.items():
+        if kind not in OF_TYPE:
+            raise DataError(f"VTK has no cells of type {kind}, the mesh has {n}; lower their order")
+    connectivity, ends, types = (a.astype(k) for a, k in zip(vtk_cells(mesh), (int, int, np.uint8), strict=True))
+    cells = np.insert(connectivity, ends - np.diff(ends, prepend=0), np.diff(ends, prepend=0))
+    grid = pyvista.UnstructuredGrid(cells, types, mesh.points.astype(float))
+    arrays = to_arrays(mesh, [])
+    order = slice(None) if mesh.file_order is None else np.asarray(mesh.file_order)
+    wanted = {"cell_number", "node_number"}
+    for values, into, rows in ((arrays.cell, grid.cell_data, order), (arrays.node, grid.point_data, slice(None))):
+        for name, array in values.items():
+            if name in wanted or (groups if name.startswith("group:") else data):
+                into[name] = array[rows]
+    grid.field_data[NOTES] = [to_json(mesh, **arrays.notes)]
+    if mesh.zones:
+        grid.field_data[ZONES] = list(mesh.zones)
+    return grid
+
+
+def to_trimesh(mesh: Mesh, group: str) -> Any:
+    """The skin faces of a group as a `trimesh.Trimesh`: triangles that turn as the faces do, on the nodes they use.
+
+    A QUAD4 is two triangles; a quadratic face is split at its mid-nodes. `metadata`: for each triangle its face, as an
+    index (`cell`) and by the file's number (`cell_number`); for each vertex its node, likewise (`node`, `node_number`).
+    Raises RequestError where trimesh is missing, GroupNotFoundError, DataError where the group has no such faces.
+    """
+    _needed("trimesh", "io")
+    import trimesh
+
+    cells = mesh.cells_of(group)
+    triangles, owners = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
+    for kind, chosen, nodes in mesh.select(cells[mesh.cell_dim[cells] == 2]):
+        parts = TRIANGLES[kind if kind in TRIANGLES else ALL_CELLS[kind].linear]
+        triangles.append(nodes[:, parts].reshape(-1, 3).astype(np.int64))
+        owners.append(np.repeat(chosen, len(parts)))
+    faces, cell = np.concatenate(triangles), np.concatenate(owners)
+    if not len(faces):
+        raise DataError(f"the group {group!r} has no faces of dimension 2")
+    used, inverse = np.unique(faces, return_inverse=True)
+    place: Ints = inverse.reshape(-1, 3)
+    told = {
+        "group": group,
+        "cell": cell,
+        "cell_number": mesh.cell_number[cell],
+        "node": used,
+        "node_number": mesh.node_number[used],
+    }
+    return trimesh.Trimesh(mesh.points[used], place, process=False, validate=False, metadata=told)

@@ -1,0 +1,202 @@
+"""A mesh as named arrays on its cells and nodes, for formats that know nothing else (VTU, XDMF, pyvista, meshio).
+
+    group:NAME      0 or 1: who is in a group, so that groups overlap as they like and ParaView can threshold them
+    cell_number     the file's numbers of the cells;  node_number: of the nodes
+    anything else   the data of the mesh, under its own name: fields, the records of a cut (lac_*), entity, partition
+
+What an array cannot say of itself (a name that the format cannot hold, a shape of more than a row) goes into the notes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterable, Mapping
+from itertools import chain, count
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Ints, Mesh, distinct
+
+GROUP = "group:"
+CELL_NUMBER, NODE_NUMBER = "cell_number", "node_number"
+_NUMBER = {"cell": CELL_NUMBER, "node": NODE_NUMBER}
+#: Data that only integers make sense for: name -> whether they are pairs.
+_RECORDS = ("lac_macro", "lac_zone", "lac_child", "lac_parent", "lac_internal")
+
+
+class Arrays(NamedTuple):
+    """Arrays on cells and on nodes, each (n,) or (n, m); `notes`: names and shapes that the arrays do not tell."""
+
+    cell: dict[str, NDArray]
+    node: dict[str, NDArray]
+    notes: dict[str, Any]
+
+
+def to_arrays(mesh: Mesh, said: list[str], tidy: Callable[[str], str] = str) -> Arrays:
+    """All that a mesh has on its cells and nodes; `tidy` makes a name one that the format can hold.
+
+    What cannot be an array of numbers is named in `said`.
+    """
+    parts: dict[str, dict[str, NDArray]] = {}
+    notes: dict[str, Any] = {"names": {}, "shapes": {}}
+    for on, groups, data, number in (
+        ("cell", mesh.cell_groups, mesh.cell_data, mesh.cell_number),
+        ("node", mesh.node_groups, mesh.node_data, mesh.node_number),
+    ):
+        made: dict[str, NDArray] = {_NUMBER[on]: np.asarray(number, np.int64)}
+        names: dict[str, str] = {}
+        for name, members in groups.items():
+            inside = np.zeros(len(number), np.uint8)
+            inside[members] = 1
+            made[_unique(GROUP, name, tidy, made, names)] = inside
+        for name, given in data.items():
+            values = _storable(given)
+            if values is None:
+                said.append(f"data {name!r} ({np.asarray(given).dtype}, shape {np.shape(given)}) are left out")
+                continue
+            key = _unique("" if not name.startswith(GROUP) else "data:", name, tidy, made, names)
+            made[key] = values
+            if np.shape(given)[1:] != values.shape[1:] or np.shape(given)[1:] == (1,):
+                notes["shapes"].setdefault(on, {})[key] = list(np.shape(given)[1:])
+        if names:
+            notes["names"][on] = names
+        parts[on] = made
+    return Arrays(parts["cell"], parts["node"], {key: value for key, value in notes.items() if value})
+
+
+def _unique(prefix: str, name: str, tidy: Callable[[str], str], taken: Container[str], names: dict[str, str]) -> str:
+    """The name of an array that no other has; where it is not the prefix and the name, `names` says what it means."""
+    key = prefix + tidy(name)
+    key = next(k for k in chain([key], (f"{key}_{n}" for n in count(2))) if k and k not in taken)
+    if key != prefix + name or prefix == "data:":
+        names[key] = name
+    return key
+
+
+def _storable(given: NDArray) -> NDArray | None:
+    """(n,) or (n, m) of the machine's integers or reals; None for what no array of a file can hold."""
+    values = np.asarray(given)
+    if values.dtype.kind not in "fiub" or 0 in values.shape[1:]:
+        return None
+    if values.dtype.kind == "b":
+        values = values.astype(np.uint8)
+    elif values.dtype.kind == "f" and values.dtype.itemsize not in (4, 8):
+        values = values.astype(np.float32 if values.dtype.itemsize < 4 else np.float64)
+    if values.dtype.byteorder not in "=|":
+        values = values.astype(values.dtype.newbyteorder("="))
+    if values.ndim > 2:
+        return values.reshape(len(values), int(np.prod(values.shape[1:])))
+    return values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+
+
+def from_arrays(
+    cell: Mapping[str, NDArray],
+    node: Mapping[str, NDArray],
+    sizes: tuple[int, int],
+    notes: Mapping[str, Any],
+    said: list[str],
+) -> dict[str, Any]:
+    """Fields of a Mesh (numbers, groups, data) from the arrays on its cells and nodes; `sizes`: how many of each.
+
+    Integers that are 0 or 1 under `group:` are groups; numbers that are not positive and distinct are counted instead,
+    and that is `said`.
+    """
+    fields: dict[str, Any] = {}
+    for on, arrays, size in (("cell", cell, sizes[0]), ("node", node, sizes[1])):
+        names = _noted(notes, "names", on)
+        shapes = _noted(notes, "shapes", on)
+        groups: dict[str, Ints] = {}
+        data: dict[str, NDArray] = {}
+        for key, values in arrays.items():
+            name = names.get(key)
+            if key == _NUMBER[on] and values.shape == (size,):
+                fields[key] = _numbers(values, on, said)
+            elif key.startswith(GROUP) and _is_mark(values):
+                groups[name if isinstance(name, str) else key.removeprefix(GROUP)] = np.flatnonzero(values)
+            else:
+                data[name if isinstance(name, str) else key] = _shaped(values, shapes.get(key))
+        fields[f"{on}_groups"] = groups
+        fields[f"{on}_data"] = _sound(data, said)
+    return fields
+
+
+def _noted(notes: Mapping[str, Any], what: str, on: str) -> dict[str, Any]:
+    found = notes.get(what, {})
+    found = found.get(on, {}) if isinstance(found, dict) else {}
+    return found if isinstance(found, dict) else {}
+
+
+def _is_mark(values: NDArray) -> bool:
+    if values.ndim != 1 or values.dtype.kind not in "iu":
+        return False
+    return not len(values) or (values.min() >= 0 and values.max() <= 1)
+
+
+def _numbers(values: NDArray, on: str, said: list[str]) -> Ints:
+    numbers = _integers(values)
+    if numbers is not None and (not len(numbers) or (numbers.min() > 0 and distinct(numbers))):
+        return numbers.astype(np.int64)
+    said.append(f"{on}s are counted from 1: {_NUMBER[on]} is not positive and distinct")
+    return np.arange(1, len(values) + 1)
+
+
+def _integers(values: NDArray) -> Ints | None:
+    """The values as integers where that is what they are, some tools having made reals of them."""
+    if values.dtype.kind in "iu":
+        return None if values.dtype == np.uint64 and len(values) and values.max() >= 2**63 else values
+    if values.dtype.kind != "f" or not np.isfinite(values).all():
+        return None
+    whole = np.rint(values)
+    return values.astype(np.int64) if (whole == values).all() and (np.abs(whole) < 2.0**53).all() else None
+
+
+def _shaped(values: NDArray, shape: Any) -> NDArray:
+    """The array in the shape that the notes say, where it has room for it."""
+    if not isinstance(shape, list) or not all(isinstance(n, int) and n > 0 for n in shape):
+        return values
+    fits = int(np.prod([len(values), *shape], dtype=object)) == values.size
+    return values.reshape(len(values), *shape) if fits else values
+
+
+def _sound(data: dict[str, NDArray], said: list[str]) -> dict[str, NDArray]:
+    """Data whose names mean something to lacmesh are what they should be, or get another name."""
+    sound: dict[str, NDArray] = {}
+    for name, values in data.items():
+        reserved = name == "entity" or name in _RECORDS
+        whole = _integers(values) if reserved else None
+        if not reserved:
+            sound[name] = values
+        elif whole is None or (values.shape[1:] != ((2,) if name == "entity" else ())):
+            said.append(f"data {name!r} are not what lacmesh means by that name: they are {name + '_'!r} now")
+            sound[name + "_"] = values
+        else:
+            sound[name] = values if values.dtype.kind == "i" else whole.astype(np.int64)
+    return sound
+
+
+def merged(parts: Iterable[tuple[Mapping[str, NDArray], int]], said: list[str], what: str) -> dict[str, NDArray]:
+    """Arrays of several pieces (arrays, size) as one; a piece that lacks one gets NaN, -1, or 0 in a group.
+
+    An array whose pieces have different widths is left out, which is `said`.
+    """
+    parts = list(parts)
+    names = dict.fromkeys(name for arrays, _ in parts for name in arrays)
+    result: dict[str, NDArray] = {}
+    for name in names:
+        found = [arrays[name] for arrays, _ in parts if name in arrays]
+        if len({a.shape[1:] for a in found}) > 1:
+            said.append(f"{what} data {name!r} have other widths in other pieces: they are left out")
+            continue
+        kind = np.result_type(*found)
+        if len(found) < len(parts) and kind.kind == "u" and not name.startswith(GROUP):
+            kind = np.result_type(kind, np.int8) if kind.itemsize < 8 else np.dtype(np.int64)
+        blank = 0 if name.startswith(GROUP) else np.nan if kind.kind == "f" else -1
+        shape = found[0].shape[1:]
+        result[name] = np.concatenate(
+            [
+                np.asarray(arrays[name], kind) if name in arrays else np.full((size, *shape), blank, kind)
+                for arrays, size in parts
+            ]
+        )
+    return result

@@ -1,0 +1,114 @@
+"""Formats that meshio reads and writes and lacmesh does not: the cells, and as much of the rest as meshio keeps.
+
+meshio raises whatever it likes, exits, drops cells without a word and swaps nodes in some formats. So what it wrote is
+read back and compared: cells that came out otherwise are an error, and what else was lost is named in one warning.
+Quadratic cells are written where their node order was checked against another program; mid-nodes that a reader puts
+far from their edges are an error.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError
+from lacmesh.formats.arrays import to_arrays
+from lacmesh.formats.kept import losses, match, unbent
+from lacmesh.formats.meshio_mesh import from_meshio, needed, to_meshio
+from lacmesh.mesh import Mesh
+
+#: Formats of meshio that are not taken, and why.
+NOT_TAKEN = {
+    "ansys": "a .msh file is gmsh's",
+    "tetgen": "a mesh is two files, and meshio's reader may never end",
+    "ugrid": "meshio does not read what it writes",
+    "svg": "it is a picture",
+    "wkt": "it has no mesh, only single triangles",
+    "gmsh": "lacmesh reads and writes it",
+    "abaqus": "lacmesh reads and writes it",
+    "med": "lacmesh reads and writes it",
+    "vtu": "lacmesh reads and writes it",
+    "xdmf": "lacmesh reads and writes it",
+}
+#: Formats that keep arrays on cells and nodes: groups, numbers and fields go there.
+_WITH_ARRAYS = ("vtk", "hmf", "tecplot", "avsucd")
+#: Formats whose node order of quadratic cells was checked: VTK's reader takes these for what they are.
+_QUADRATIC = {"vtk": ("SEG3", "TRIA6", "QUAD8", "QUAD9", "TETRA10", "HEXA20", "HEXA27", "PENTA18")}
+
+
+def read(path: Path, name: str) -> Mesh:
+    """The mesh of a file of meshio's format `name`. Raises ReadError; RequestError where meshio is missing."""
+    meshio = needed()
+    if not path.is_file():
+        raise ReadError(path, "cannot be read (No such file or directory)")
+    mesh = _guarded(lambda: meshio.read(path, file_format=name), lambda why: ReadError(path, why))
+    try:
+        found = from_meshio(mesh)
+    except LacmeshError as error:
+        raise ReadError(path, str(error)) from error
+    odd = unbent(found)
+    if odd:
+        raise ReadError(path, f"has mid-nodes far from their edges as meshio reads {name} ({odd}); use another format")
+    return found
+
+
+def write(path: Path, mesh: Mesh, name: str) -> None:
+    """Write a mesh in meshio's format `name`, read it back, and warn of what that lost.
+
+    Raises WriteError where cells are not kept as they are, RequestError where meshio is missing.
+    """
+    meshio = needed()
+    _check_types(path, mesh, name)
+    given = _given(mesh, name)
+    _guarded(lambda: meshio.write(path, given, file_format=name), lambda why: WriteError(path, why))
+    found = _guarded(lambda: from_meshio(meshio.read(path, file_format=name)), lambda why: WriteError(path, why))
+    where = match(mesh, found)
+    if isinstance(where, str):
+        message = f"meshio's format {name} does not keep the cells ({where} are left); write .vtu, .med or .msh"
+        raise WriteError(path, message)
+    lost = losses(mesh, found, where)
+    if lost:
+        warnings.warn(f"written by meshio as {name}, which loses " + "; ".join(lost), LacmeshWarning, stacklevel=3)
+
+
+def _check_types(path: Path, mesh: Mesh, name: str) -> None:
+    for kind, n in mesh.cells_by_type.items():
+        if ALL_CELLS[kind].order > 1 and kind not in _QUADRATIC.get(name, ()):
+            message = f"cells of type {kind} (the mesh has {n}) are not written as {name}; write .vtu, .med or .msh"
+            raise WriteError(path, message)
+
+
+def _given(mesh: Mesh, name: str) -> Any:
+    """The mesh for meshio, with its groups as arrays or without any data."""
+    given = to_meshio(mesh)
+    given.cell_sets, given.point_sets = {}, {}
+    if name not in _WITH_ARRAYS:
+        given.cell_data, given.point_data = {}, {}
+        return given
+    arrays = to_arrays(mesh, [], lambda text: "_".join(text.split()))
+    bounds = list(zip(mesh.offsets, mesh.offsets[1:], strict=False))
+    given.cell_data = {key: [values[a:b] for a, b in bounds] for key, values in arrays.cell.items()}
+    given.point_data = dict(arrays.node)
+    if name in ("tecplot", "avsucd"):  # meshio's writers take numbers of one width
+        given.cell_data = {key: [v.astype(float) for v in values] for key, values in given.cell_data.items()}
+    return given
+
+
+def _guarded(call: Callable[[], Any], failed: Callable[[str], LacmeshError]) -> Any:
+    """What meshio returns; its words are kept from the terminal, and whatever it raises is one error."""
+    heard = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(heard), contextlib.redirect_stderr(heard), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return call()
+    except LacmeshError as error:
+        raise failed(f"what meshio made of it cannot be used ({error})") from error
+    except (Exception, SystemExit) as error:
+        said = " ".join(heard.getvalue().split())[:120]
+        why = said or str(error).splitlines()[0][:120] if said or str(error) else type(error).__name__
+        raise failed(f"meshio fails ({type(error).__name__}: {why})") from error

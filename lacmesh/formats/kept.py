@@ -1,0 +1,159 @@
+"""What a mesh lost on its way through a format: the mesh that was written against the mesh that is read back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.errors import some
+from lacmesh.mesh import Floats, Ints, Mesh
+
+_SOME = 6
+
+
+class Match(NamedTuple):
+    """Where cells and nodes went, -1 for nowhere; `off`: how far the farthest node moved, by the mesh's size."""
+
+    cell: Ints
+    node: Ints
+    off: float
+
+
+def match(before: Mesh, after: Mesh, tolerance: float = 1e-5) -> Match | str:
+    """The match of two meshes whose cells are the same, block by block and in order; else what is not the same."""
+    size = float(np.ptp(before.points, axis=0).max(initial=0)) if before.n_nodes else 0.0
+    cell, node = np.full(before.n_cells, -1), np.full(before.n_nodes, -1)
+    off = 0.0
+    for kind in dict.fromkeys([*before.cells_by_type, *after.cells_by_type]):
+        ours, theirs = _of_type(before, kind), _of_type(after, kind)
+        if len(ours) != len(theirs):
+            return f"{len(theirs)} {kind} of {len(ours)}"
+        rows, found = before.block(kind), after.block(kind)
+        away = _farthest(before.points[rows], after.points[found])
+        if not away <= tolerance * size:
+            return f"{kind} with other nodes"
+        off = max(off, away)
+        cell[ours] = theirs
+        node[rows] = found
+    if after.n_nodes == before.n_nodes:
+        alone = np.flatnonzero(node < 0)
+        there = _farthest(before.points[alone], after.points[alone]) <= tolerance * size
+        node[alone] = alone if there else -1
+    return Match(cell, node, off / size if size else 0.0)
+
+
+def _of_type(mesh: Mesh, kind: str) -> Ints:
+    for k, block in enumerate(mesh.blocks):
+        if block.type == kind:
+            return np.arange(mesh.offsets[k], mesh.offsets[k + 1])
+    return np.empty(0, np.int64)
+
+
+def _farthest(a: Floats, b: Floats) -> float:
+    return float(np.linalg.norm(a - b, axis=-1).max(initial=0.0))
+
+
+def losses(before: Mesh, after: Mesh, where: Match) -> list[str]:
+    """What `after` lacks of what `before` has, in words."""
+    lost = []
+    if where.off > 1e-14:
+        lost.append(f"digits of coordinates (moved by up to {where.off:.0e} of the mesh's size)")
+    if (where.node < 0).any():
+        lost.append(f"{int((where.node < 0).sum())} nodes that no cell has")
+    for what, groups, other, to in (
+        ("cell groups", before.cell_groups, after.cell_groups, where.cell),
+        ("node groups", before.node_groups, after.node_groups, where.node),
+    ):
+        gone = [name for name, members in groups.items() if not _same_group(to[members], other.get(name))]
+        if gone:
+            lost.append(f"the {what} {_names(gone)}")
+    for what, number, other_number, to in (
+        ("nodes", before.node_number, after.node_number, where.node),
+        ("cells", before.cell_number, after.cell_number, where.cell),
+    ):
+        there = to >= 0
+        if not np.array_equal(number[there], other_number[to[there]]):
+            lost.append(f"the numbers of {what} (they are 1, 2, ...)")
+    lost += _lost_data("cell", before.cell_data, after.cell_data, where.cell)
+    lost += _lost_data("node", before.node_data, after.node_data, where.node)
+    return lost + _lost_rest(before, after)
+
+
+def _same_group(members: Ints, found: Ints | None) -> bool:
+    return found is not None and np.array_equal(np.sort(members), np.sort(found))
+
+
+def _names(names: list[str]) -> str:
+    more = f" and {len(names) - _SOME} more" if len(names) > _SOME else ""
+    return ", ".join(map(repr, names[:_SOME])) + more
+
+
+def _lost_data(on: str, data: Mapping[str, NDArray], found: Mapping[str, NDArray], to: Ints) -> list[str]:
+    gone, kinds = [], []
+    for name, values in data.items():
+        other = found.get(name)
+        there = to >= 0
+        same = other is not None and other.shape[1:] == values.shape[1:]
+        if other is None or not same or not _same_values(values[there], other[to[there]]):
+            gone.append(name)
+        elif values.dtype.kind in "iu" and other.dtype.kind == "f":
+            kinds.append(name)
+    lost = [f"the {on} data {_names(gone)}"] if gone else []
+    return lost + ([f"that the {on} data {_names(kinds)} are integers"] if kinds else [])
+
+
+def _same_values(a: NDArray, b: NDArray) -> bool:
+    if a.dtype.kind not in "iufb" or b.dtype.kind not in "iufb":
+        return False
+    scale = float(np.nanmax(np.abs(a), initial=0.0)) if a.dtype.kind == "f" else 0.0
+    return bool(np.allclose(a.astype(float), b.astype(float), rtol=1e-6, atol=1e-9 * scale, equal_nan=True))
+
+
+def _lost_rest(before: Mesh, after: Mesh) -> list[str]:
+    lost = []
+    if before.zones and before.zones != after.zones:
+        lost.append(f"the names of the zones {_names(list(before.zones))}")
+    if before.name not in ("mesh", after.name):
+        lost.append(f"the mesh's name {before.name!r}")
+    if before.space_dim != after.space_dim:
+        lost.append(f"that the mesh has {before.space_dim} dimensions")
+    if before.steps and before.steps != after.steps:
+        lost.append("the times of steps")
+    if before.group_tags and before.group_tags != after.group_tags:
+        lost.append("the tags of groups")
+    if before.model is not None and before.model.periodic and not (after.model and after.model.periodic):
+        lost.append("periodic links")
+    if before.file_order is not None and _types(before) != _types(after):
+        lost.append("the order of cells of different types")
+    return lost
+
+
+def _types(mesh: Mesh) -> list[Any]:
+    """The types of the cells in the order of the file."""
+    kinds = np.repeat([b.type for b in mesh.blocks], np.diff(mesh.offsets))
+    return (kinds if mesh.file_order is None else kinds[mesh.file_order]).tolist()
+
+
+def unbent(mesh: Mesh) -> str:
+    """The cells whose mid-nodes are far from their edges, as a reader of another node order gives them; "" for none.
+
+    A mid-node belongs nearer to the middle of its edge than half the edge's length.
+    """
+    wrong = []
+    for block in mesh.blocks:
+        cell = ALL_CELLS[block.type]
+        if cell.order != 2 or not len(block.nodes) or cell.dim < 2:
+            continue
+        x = mesh.points[block.nodes]
+        a, b = (x[:, [edge[k] for edge in cell.edges]] for k in (0, 1))
+        middle = x[:, cell.n_corners : cell.n_corners + len(cell.edges)]
+        far = np.linalg.norm(middle - (a + b) / 2, axis=2) > 0.5 * np.linalg.norm(b - a, axis=2)
+        k = [other.type for other in mesh.blocks].index(block.type)
+        bad = np.flatnonzero(far.any(axis=1)) + mesh.offsets[k]
+        if len(bad):
+            wrong.append(f"{block.type} {some(mesh.cell_number[bad], 3)}")
+    return ", ".join(wrong)

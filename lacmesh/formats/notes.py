@@ -1,0 +1,99 @@
+"""What most formats have no place for, as JSON text: a mesh's name, zones, tags of groups, steps, geometry model.
+
+A format that keeps text keeps this. Which names and shapes its arrays had is told beside it (`arrays.py`).
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lacmesh.mesh import Mesh, Model, Periodic, Step, Tag
+
+VERSION = 1
+#: What a damaged text may raise while it is read.
+_DAMAGE = (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError, OverflowError)
+
+
+def to_json(mesh: Mesh, **rest: Any) -> str:
+    """The notes of a mesh, and `rest`; the names of zones are data of their own in most formats, and told here too."""
+    notes: dict[str, Any] = {"version": VERSION, "name": mesh.name, "space_dim": mesh.space_dim}
+    if mesh.zones:
+        notes["zones"] = list(mesh.zones)
+    if mesh.group_tags:
+        notes["group_tags"] = {group: [list(map(int, t)) for t in tags] for group, tags in mesh.group_tags.items()}
+    if mesh.steps:
+        notes["steps"] = {key: [s.field, s.number, s.order, s.time] for key, s in mesh.steps.items()}
+    if mesh.model is not None:
+        notes["model"] = _plain(mesh.model)
+    notes |= {key: value for key, value in rest.items() if value}
+    return json.dumps(notes, ensure_ascii=True)
+
+
+def from_json(text: str, n_nodes: int, said: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The fields of a Mesh that the notes hold, and all they hold; nothing where they are damaged, which is `said`."""
+    try:
+        notes = json.loads(text)
+        if notes["version"] > VERSION:
+            said.append("the notes of a newer lacmesh are left out")
+            return {}, {}
+        return _fields(notes, n_nodes), notes
+    except _DAMAGE:
+        said.append("lacmesh's own notes are damaged and left out")
+        return {}, {}
+
+
+def fitting(mesh: Mesh) -> Mesh:
+    """A mesh without the noted tags of groups that its file does not hold any more."""
+    if all(name in mesh.cell_groups for name in mesh.group_tags):
+        return mesh
+    return replace(mesh, group_tags={name: t for name, t in mesh.group_tags.items() if name in mesh.cell_groups})
+
+
+def _plain(model: Model) -> dict[str, Any]:
+    return {
+        "boundary": [[*map(int, tag), *map(int, entities)] for tag, entities in model.boundary.items()],
+        "periodic": [
+            {
+                "slave": [int(n) for n in p.slave],
+                "master": [int(n) for n in p.master],
+                "affine": [float(a) for a in p.affine],
+                "nodes": np.asarray(p.nodes).tolist(),
+            }
+            for p in model.periodic
+        ],
+    }
+
+
+def _fields(notes: dict[str, Any], n_nodes: int) -> dict[str, Any]:
+    fields: dict[str, Any] = {"name": str(notes.get("name", "mesh"))}
+    if notes.get("space_dim") in (1, 2, 3):
+        fields["space_dim"] = int(notes["space_dim"])
+    if "zones" in notes:
+        fields["zones"] = tuple(str(zone) for zone in notes["zones"])
+    if "group_tags" in notes:
+        fields["group_tags"] = {str(g): tuple(_tag(t) for t in tags) for g, tags in notes["group_tags"].items()}
+    if "steps" in notes:
+        fields["steps"] = {
+            str(key): Step(str(name), int(number), int(order), float(time))
+            for key, (name, number, order, time) in notes["steps"].items()
+        }
+    if "model" in notes:
+        boundary = {_tag(b[:2]): tuple(int(e) for e in b[2:]) for b in notes["model"]["boundary"]}
+        fields["model"] = Model(boundary, tuple(_periodic(p, n_nodes) for p in notes["model"]["periodic"]))
+    return fields
+
+
+def _tag(pair: Any) -> Tag:
+    dim, tag = pair
+    return int(dim), int(tag)
+
+
+def _periodic(noted: dict[str, Any], n_nodes: int) -> Periodic:
+    nodes = np.array(noted["nodes"], dtype=np.int64).reshape(-1, 2)
+    if nodes.size and (nodes.min() < 0 or nodes.max() >= n_nodes):
+        raise ValueError("a periodic node outside the mesh")
+    return Periodic(_tag(noted["slave"]), _tag(noted["master"]), tuple(float(a) for a in noted["affine"]), nodes)

@@ -1,0 +1,137 @@
+"""What a file is, by its first bytes; by its suffix where these say nothing.
+
+A file is what its content says: a .msh that holds VTU is read as VTU. Formats of plain text that begin with anything
+(.mail, .inp, those of meshio) are known by their suffix, and looked at for whether that can be so.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from lacmesh.errors import ReadError
+from lacmesh.formats.table import OF_MESHIO, OWN, SUFFIXES, suffix_of
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+#: how many of a file's bytes are looked at
+HEAD = 4096
+#: Beginnings of formats that lacmesh does not read by itself: the sentence's end.
+_FOREIGN = (
+    (b"CDF\x01", "a netCDF file"),
+    (b"CDF\x02", "a netCDF file"),
+    (b"PK\x03\x04", "a zip archive"),
+    (b"\x1f\x8b", "a file packed by gzip"),
+    (b"ISO-10303-21", "a STEP file, which is geometry: lacmesh mesh makes a mesh of it"),
+    (b"%PDF", "a PDF file"),
+)
+#: Elements that VTK's XML files hold, and what can be done.
+_VTK = {
+    "Collection": "is a collection of VTU files (.pvd); read one of them: {files}",
+    "PUnstructuredGrid": "is a list of the pieces of a mesh (.pvtu); read one of them: {files}",
+}
+
+
+class Found(NamedTuple):
+    """The name of a format, and whether the file is binary."""
+
+    format: str
+    binary: bool = True
+
+
+def sniff(path: Path, head: bytes) -> Found:
+    """The format of a file that begins with `head`. Raises ReadError."""
+    text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
+    suffix = suffix_of(path)
+    if head.startswith(_HDF5):
+        return Found(_in_hdf5(path, suffix))
+    if text.startswith(b"$") and (suffix not in OF_MESHIO or b"$MeshFormat" in head):  # $ begins a comment of Nastran
+        return Found("msh")
+    if text.startswith(b"<"):
+        found = _in_xml(path, text, suffix)
+        if found:
+            return found
+    if not text.strip():
+        raise ReadError(path, "is empty")
+    for begin, what in _FOREIGN:
+        if head.startswith(begin) and SUFFIXES.get(suffix) not in ("exodus", "netgen", "permas"):
+            raise ReadError(path, f"is {what}")
+    if text.startswith(b"# vtk DataFile"):
+        return Found("vtk")
+    if text.startswith(b"solid ") and suffix not in SUFFIXES:
+        return Found("stl")
+    return _by_suffix(path, text, suffix)
+
+
+def _by_suffix(path: Path, text: bytes, suffix: str) -> Found:
+    """A format of plain text: the suffix's, if the text may be of that format, or else what the text looks like."""
+    from lacmesh.formats import inp, mail
+
+    begins: dict[str, Callable[[bytes], bool]] = {"mail": mail.begins, "inp": inp.begins}
+    name = SUFFIXES.get(suffix)
+    if name in begins:
+        other = "inp" if name == "mail" else "mail"
+        if not begins[name](text) and begins[other](text):
+            return Found(other, False)
+        return Found(name, False)
+    if name is not None and name not in {f.name for f in OWN}:
+        return Found(name)
+    if mail.begins(text):
+        return Found("mail", False)
+    if text.startswith(b"*") and inp.begins(text):
+        return Found("inp", False)
+    raise ReadError(
+        path,
+        "is neither a gmsh msh file ($MeshFormat) nor a MED file (HDF5), nor VTU, XDMF, .mail or .inp; "
+        "formats of meshio are known by their suffix",
+    )
+
+
+def _in_xml(path: Path, text: bytes, suffix: str) -> Found | None:
+    """The format of an XML file; None where it may be one of another suffix."""
+    found = re.search(rb"<VTKFile\b[^>]*?\btype\s*=\s*[\"'](\w+)[\"']", text)
+    if found:
+        kind = found[1].decode()
+        if kind in _VTK:
+            raise ReadError(path, _VTK[kind].format(files=_listed(path) or "it names none"))
+        return Found("vtu", _binary_vtu(path))
+    if re.search(rb"<Xdmf\b", text):
+        return Found("xdmf", b'Format="XML"' not in text)
+    if re.search(rb"<dolfin\b", text):
+        return Found("dolfin-xml", False)
+    if suffix in (".vtu", ".xdmf", ".xmf", ".xml"):
+        raise ReadError(path, "is XML, but neither VTU (<VTKFile>) nor XDMF (<Xdmf>)")
+    return None
+
+
+def _binary_vtu(path: Path) -> bool:
+    with path.open("rb") as file:
+        return b'format="ascii"' not in file.read(1 << 16) or b"<AppendedData" in file.read()
+
+
+def _listed(path: Path) -> str:
+    with path.open("rb") as file:
+        names = re.findall(rb"(?:file|Source)\s*=\s*[\"']([^\"']+)[\"']", file.read(1 << 16))
+    return ", ".join(n.decode("utf-8", "replace") for n in names[:4]) + (" ..." if len(names) > 4 else "")
+
+
+def _in_hdf5(path: Path, suffix: str) -> str:
+    """The format of an HDF5 file, by what is at its root."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            names, marks = set(file), set(file.attrs)
+    except (OSError, RuntimeError, ValueError, KeyError):
+        return "med"  # its reader says what is wrong
+    if "INFOS_GENERALES" in names or "ENS_MAA" in names:
+        return "med"
+    if "lacmesh_id" in marks:
+        raise ReadError(path, "holds the arrays of an XDMF file; read the .xdmf file beside it")
+    if "VTKHDF" in names:
+        raise ReadError(path, "is a VTKHDF file, which is not read; save it as .vtu")
+    if "tstt" in names:
+        return "h5m"
+    name = SUFFIXES.get(suffix, "med")
+    return name if name in ("cgns", "hmf", "h5m", "exodus") else "med"

@@ -1,0 +1,40 @@
+"""gmsh itself: there or not, and the model that is current."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from lacmesh.errors import RequestError
+
+_MISSING = "this needs gmsh; pip install 'lacmesh[gmsh]' brings it"
+
+
+def find() -> None:
+    """Raises RequestError where the gmsh package is missing."""
+    try:
+        missing = find_spec("gmsh") is None
+    except ValueError:  # a module that is blocked
+        missing = True
+    if missing:
+        raise RequestError(_MISSING)
+
+
+def load() -> Any:
+    """The gmsh package. Raises RequestError, with the line that installs what is missing."""
+    try:
+        return import_module("gmsh")
+    except ModuleNotFoundError as error:
+        raise RequestError(_MISSING) from error
+    except OSError as error:  # the package is there, a system library is not
+        libraries = "libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgomp1"
+        raise RequestError(f"gmsh cannot be loaded ({error}); on Debian: apt-get install {libraries}") from error
+
+
+def running() -> Any:
+    """The gmsh package, initialised by the caller. Raises RequestError."""
+    gmsh = load()
+    if not gmsh.isInitialized():
+        raise RequestError("gmsh is not running: call gmsh.initialize(), then open or build a model")
+    return gmsh

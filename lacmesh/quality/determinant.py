@@ -1,0 +1,172 @@
+"""Validity: the Jacobian determinant of a cell's map, where solvers evaluate it. A cell is invalid where it is <= 0.
+
+It is taken at the corners, at the other nodes (mid-nodes, centres), and at the integration points in use: 2 a direction
+of lines, quadrangles and hexahedra, 2 and 3 of quadratic ones; 1 of a triangle, 3, 6 and 7 of a quadratic one; 1 of a
+tetrahedron, 4 and 14; 3 by 2 of a prism, and 7 by 3; conical products on pyramids. These sets are symmetric, so that
+the order in which a cell lists its nodes does not matter. The determinant of a surface cell is that of its normal
+against the cell's mean normal, a line's that of its tangent against the mean tangent. These are samples, not a bound:
+between them the determinant may be lower.
+
+At a pyramid's apex the gradient depends on how it is approached. The apex counts as its limits along the four edges
+that meet there. On a ray x = u w, y = v w, w = 1 - z the gradient is linear in w (constant for PYRAM5, whose base
+corners therefore say the same), so that the limit is 2 g(w) - g(2 w) exactly.
+
+Notation: dN (p, n, dim) gradients of the shape functions at p samples, J Jacobian matrix, det its determinant.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS
+from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.quadrature import rule
+from lacmesh.quality.vectors import cross, dot, nodes_first, norm
+from lacmesh.shapes import gradient
+
+#: cells at a time, so that a piece stays in the cache
+PIECE = 1 << 12
+#: from so many cells on it pays to load the compiled kernels
+COMPILED_FROM = 1 << 15
+#: (family, order) -> degrees of the rules in use; 3 points a direction integrate to degree 5, 2 to degree 3
+_DEGREES = {
+    ("TRIA", 1): (1,),
+    ("TRIA", 2): (2, 4, 5),
+    ("TETRA", 1): (1,),
+    ("TETRA", 2): (2, 5),
+    ("PENTA", 1): (2,),
+    ("PENTA", 2): (2, 5),
+}
+#: round-off of a determinant, in units of the largest coordinate times the cell's extent to the power dim - 1
+_ROUND_OFF = 32 * np.finfo(float).eps
+
+
+class Validity(NamedTuple):
+    """Least determinants (k,) at the corners, at the other nodes, at the integration points; see `validity`.
+
+    A linear cell has no other nodes: what is at its corners stands there again.
+    """
+
+    corner: Floats
+    node: Floats
+    point: Floats
+
+    @property
+    def least(self) -> Floats:
+        """(k,): the least of all."""
+        return np.minimum(np.minimum(self.corner, self.node), self.point)
+
+
+def validity(name: str, x: Floats, plane: bool = False) -> Floats:
+    """(k,): least Jacobian determinant over corners, mid-nodes and integration points of cells at x (k, n_nodes, 3).
+
+    Relative to the mean of its absolute value over the integration points: 1 for a parallelepiped or a straight
+    simplex, -1 for one inside out, 0 for what is within round-off of nothing. The cell is valid where this is positive
+    (NaN coordinates give NaN). `plane`: surface cells count against +z, not against their own mean normal. Points, and
+    cells of higher order than 2, give 1.
+
+    >>> x = np.array([CELLS["TETRA10"].reference])
+    >>> round(float(validity("TETRA10", x)[0]), 12)
+    1.0
+    >>> x[0, 4] = [0.2, 0, 0]  # a mid-node beyond the quarter of its edge
+    >>> bool(validity("TETRA10", x)[0] < 0)
+    True
+    """
+    return validity_at(name, x, plane).least
+
+
+def validity_at(name: str, x: Floats, plane: bool = False) -> Validity:
+    """`validity`, apart for the corners, the other nodes and the integration points."""
+    x = np.asarray(x, dtype=float)
+    n = x.shape[1]
+    return validity_among(name, x.reshape(-1, 3), np.arange(len(x) * n).reshape(-1, n), plane)
+
+
+def validity_of(mesh: Mesh, cells: Ints | None = None) -> Floats:
+    """(k,): `validity` of some cells of a mesh, or of all; surface cells against their own normal."""
+    chosen = np.arange(mesh.n_cells) if cells is None else np.asarray(cells)
+    by_cell = np.ones(mesh.n_cells)
+    for kind, which, nodes in mesh.select(chosen):
+        by_cell[which] = validity_among(kind, mesh.points, nodes).least
+    return by_cell[chosen]
+
+
+def validity_among(name: str, points: Floats, nodes: Ints, plane: bool = False) -> Validity:
+    """`validity_at` of cells with `nodes` (k, n) among `points`."""
+    out = np.ones((3, len(nodes)))
+    if name not in CELLS or not CELLS[name].dim:
+        return Validity(*out)
+    dN, places = _samples(name)
+    if len(nodes) >= COMPILED_FROM:
+        return Validity(*_compiled(dN, places, points, np.ascontiguousarray(nodes, np.int64), plane).T)
+    for start in range(0, len(nodes), PIECE):
+        piece = slice(start, start + PIECE)
+        out[:, piece] = _least(dN, places, points[nodes[piece]], plane)
+    return Validity(*out)
+
+
+def _compiled(dN: NDArray, places: tuple[Ints, Ints, Ints], points: Floats, nodes: Ints, plane: bool) -> NDArray:
+    """(k, 3): the columns of a `Validity`."""
+    from lacmesh.quality.kernel_determinant import least
+    from lacmesh.quality.kernels import in_threads
+
+    out = np.empty((len(nodes), 3))
+    in_threads(lambda part: least(points, nodes[part], dN, *places, plane, _ROUND_OFF, out[part]), len(nodes))
+    return out
+
+
+def _least(dN: NDArray, places: tuple[Ints, Ints, Ints], x: Floats, plane: bool) -> NDArray:
+    """(3, k): the rows of a `Validity` for cells at x (k, n, 3); plain twin of `kernel_determinant.least`."""
+    flat = nodes_first(x)
+    det = _determinants(dN, flat, places[2], plane)
+    extent = np.max(flat.max(axis=0) - flat.min(axis=0), axis=0)
+    nothing = _ROUND_OFF * np.abs(flat).max(axis=(0, 1)) * extent ** (dN.shape[2] - 1)
+    mean = np.abs(det[places[2]]).mean(axis=0)
+    least = np.stack([det[rows].min(axis=0) for rows in places])
+    least[np.abs(least) <= nothing] = 0
+    return np.divide(least, mean, out=least, where=least != 0)
+
+
+def _determinants(dN: NDArray, x: NDArray, inside: Ints, plane: bool) -> NDArray:
+    """(p, k): determinants of cells with nodes x (n, 3, k) at the samples; `inside`: the integration points."""
+    p, n, dim = dN.shape
+    J = (dN.transpose(0, 2, 1).reshape(p * dim, n) @ x.reshape(n, -1)).reshape(p, dim, 3, -1).transpose(1, 2, 0, 3)
+    if dim == 3:
+        return dot(J[0], cross(J[1], J[2]))
+    along = J[0] if dim == 1 else cross(J[0], J[1])
+    if dim == 2 and plane:
+        return along[2]
+    mean = along[:, inside].sum(axis=1)
+    size = norm(mean)
+    return dot(along, np.divide(mean, size, out=np.zeros_like(mean), where=size != 0)[:, None])
+
+
+@cache
+def _samples(name: str) -> tuple[NDArray, tuple[Ints, Ints, Ints]]:
+    """dN (p, n, dim) at every sample, and which are corners, other nodes, integration points; each gradient once."""
+    cell = CELLS[name]
+    nodes = np.array(cell.reference)
+    apex = cell.family == "PYRAM"
+    corner = nodes[: 4 if apex else cell.n_corners]
+    parts = [gradient(name, corner), gradient(name, nodes[cell.n_corners :]), gradient(name, _points(name))]
+    if apex:
+        rays = np.array([(u, v) for u in (-1, 1) for v in (-1, 1)])
+        near, far = (gradient(name, np.column_stack([rays * w, np.full(4, 1 - w)])) for w in (0.25, 0.5))
+        parts[0] = np.concatenate([parts[0], 2 * near - far])
+    ends = np.cumsum([0, *(len(g) for g in parts)])
+    all_rows = np.concatenate(parts)
+    _, first, same = np.unique(np.round(all_rows, 12), axis=0, return_index=True, return_inverse=True)
+    corners, others, inside = (np.unique(same.ravel()[a:b]) for a, b in pairwise(ends))
+    return all_rows[first], (corners, others if len(others) else corners, inside)
+
+
+def _points(name: str) -> NDArray:
+    """(p, dim): the integration points of a type: those of the rules in use for it."""
+    cell = CELLS[name]
+    degrees = _DEGREES.get((cell.family, cell.order)) or ((3,) if cell.order == 1 else (3, 5))
+    return np.concatenate([rule(cell.family, degree)[0] for degree in degrees])

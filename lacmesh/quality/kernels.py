@@ -1,0 +1,244 @@
+"""The default measures, compiled, for meshes of many cells: what the plain modules say, many times faster.
+
+A kernel reads points (n, 3) and nodes of cells (k, n_nodes), and fills out (k, m). Its plain twin is named with it, and
+a test compares them. Imported only where there are cells enough to pay for loading the compiler.
+
+Notation as in the twins: a, b, c edges that leave a corner; det their determinant.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS
+from lacmesh.quality.angles import GAUSS_AT, GAUSS_WEIGHT, corners_of
+from lacmesh.quality.hexahedron import FRAMES, SIGNS
+from lacmesh.quality.tetrahedron import AT_CORNER, EDGES, FACES
+from lacmesh.quality.vectors import LARGEST, ROUND_OFF
+
+_FRAMES, _SIGNS = np.array(FRAMES), np.array(SIGNS)
+_AT_CORNER, _EDGES, _FACES = np.array(AT_CORNER), np.array(EDGES), np.array(FACES)
+_HEXA_FACES = np.array([f.nodes for f in CELLS["HEXA8"].facets])
+_THREADS = 8
+_LARGEST, _ROUND_OFF = float(LARGEST), float(ROUND_OFF)
+
+
+def in_threads(run: Callable[[slice], None], count: int) -> None:
+    """Let `run` fill the cells 0 to `count`, a part in each of the machine's threads."""
+    threads = min(os.cpu_count() or 1, _THREADS)
+    ends = np.linspace(0, count, threads + 1).astype(int).tolist()
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(run, (slice(a, b) for a, b in pairwise(ends))))
+
+
+@njit(cache=True, inline="always")
+def _minus(p: Any, i: int, j: int) -> Any:
+    return p[i, 0] - p[j, 0], p[i, 1] - p[j, 1], p[i, 2] - p[j, 2]
+
+
+@njit(cache=True, inline="always")
+def _dot(a: Any, b: Any) -> Any:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True, inline="always")
+def _cross(a: Any, b: Any) -> Any:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True)
+def _hexa_volume(p: Any) -> Any:
+    """Cones from node 0 over triangles around the centres of the faces."""
+    six = 0.0
+    for f in range(6):
+        mx = my = mz = 0.0
+        for k in range(4):
+            i = _HEXA_FACES[f, k]
+            mx += (p[i, 0] - p[0, 0]) / 4
+            my += (p[i, 1] - p[0, 1]) / 4
+            mz += (p[i, 2] - p[0, 2]) / 4
+        for k in range(4):
+            a, b = _minus(p, _HEXA_FACES[f, k], 0), _minus(p, _HEXA_FACES[f, (k + 1) % 4], 0)
+            six += _dot(_cross(a, b), (mx, my, mz))
+    return six / 6
+
+
+@njit(cache=True, nogil=True)
+def hexahedra(points: Any, nodes: Any, out: Any) -> None:
+    """`Hexahedron`: scaled_jacobian, condition, skew, shape, volume, into out (k, 5)."""
+    p = np.empty((8, 3))
+    X = np.empty((3, 3))
+    for cell in range(len(nodes)):
+        for n in range(8):
+            for s in range(3):
+                p[n, s] = points[nodes[cell, n], s]
+        X[:] = 0.0
+        for n in range(8):
+            for d in range(3):
+                for s in range(3):
+                    X[d, s] += _SIGNS[n, d] * p[n, s]
+        least, flattest, worst, collapsed = np.inf, np.inf, 0.0, False
+        longest = 0.0
+        for f in range(9):
+            if f < 8:
+                i = _FRAMES[f, 0]
+                a, b, c = _minus(p, _FRAMES[f, 1], i), _minus(p, _FRAMES[f, 2], i), _minus(p, _FRAMES[f, 3], i)
+            else:
+                a = (X[0, 0], X[0, 1], X[0, 2])
+                b = (X[1, 0], X[1, 1], X[1, 2])
+                c = (X[2, 0], X[2, 1], X[2, 2])
+            aa, bb, cc = _dot(a, a), _dot(b, b), _dot(c, c)
+            if f < 8:
+                longest = max(longest, aa, bb, cc)
+            bc, ca, ab = _cross(b, c), _cross(c, a), _cross(a, b)
+            det = _dot(a, bc)
+            product = math.sqrt(aa) * math.sqrt(bb) * math.sqrt(cc)
+            if product > 0:
+                least = min(least, det / product)
+            else:
+                collapsed = True
+            squares = aa + bb + cc
+            if f == 8:  # condition and shape do not look at the principal axes
+                continue
+            if det > _ROUND_OFF * product:
+                minors = _dot(bc, bc) + _dot(ca, ca) + _dot(ab, ab)
+                worst = max(worst, squares * minors / (det * det))
+                flattest = min(flattest, (det / squares) * (det / squares) / squares)
+            else:
+                worst, flattest = np.inf, 0.0
+        out[cell, 0] = _LARGEST if collapsed else least
+        out[cell, 1] = min(math.sqrt(worst) / 3, _LARGEST)
+        out[cell, 2] = _skew(X, math.sqrt(longest))
+        out[cell, 3] = 3 * flattest ** (1 / 3)
+        out[cell, 4] = _hexa_volume(p)
+
+
+@njit(cache=True)
+def _skew(X: Any, longest: float) -> Any:
+    a, b, c = (X[0, 0], X[0, 1], X[0, 2]), (X[1, 0], X[1, 1], X[1, 2]), (X[2, 0], X[2, 1], X[2, 2])
+    la, lb, lc = math.sqrt(_dot(a, a)), math.sqrt(_dot(b, b)), math.sqrt(_dot(c, c))
+    if not min(la, lb, lc) > _ROUND_OFF * longest:
+        return _LARGEST
+    return max(abs(_dot(a, b)) / (la * lb), abs(_dot(b, c)) / (lb * lc), abs(_dot(c, a)) / (lc * la))
+
+
+@njit(cache=True, nogil=True)
+def tetrahedra(points: Any, nodes: Any, out: Any) -> None:
+    """`Tetrahedron`: scaled_jacobian, aspect_ratio, condition, shape, volume, into out (k, 5)."""
+    p = np.empty((4, 3))
+    l = np.empty(6)  # noqa: E741
+    for cell in range(len(nodes)):
+        for n in range(4):
+            for s in range(3):
+                p[n, s] = points[nodes[cell, n], s]
+        longest = 0.0
+        for e in range(6):
+            edge = _minus(p, _EDGES[e, 1], _EDGES[e, 0])
+            l[e] = math.sqrt(_dot(edge, edge))
+            longest = max(longest, l[e])
+        product = 0.0
+        for k in range(4):
+            product = max(product, l[_AT_CORNER[k, 0]] * l[_AT_CORNER[k, 1]] * l[_AT_CORNER[k, 2]])
+        area = 0.0
+        for k in range(4):
+            i = _FACES[k, 0]
+            normal = _cross(_minus(p, _FACES[k, 1], i), _minus(p, _FACES[k, 2], i))
+            area += math.sqrt(_dot(normal, normal)) / 2
+        a, b, c = _minus(p, 1, 0), _minus(p, 2, 0), _minus(p, 3, 0)
+        det = _dot(a, _cross(b, c))
+        frobenius = 1.5 * (_dot(a, a) + _dot(b, b) + _dot(c, c)) - _dot(a, b) - _dot(b, c) - _dot(c, a)
+        scale = max(product, abs(det))
+        out[cell, 0] = math.sqrt(2) * det / scale if scale > 0 else _LARGEST
+        out[cell, 4] = det / 6
+        if not abs(det) > _ROUND_OFF * longest**3:
+            out[cell, 1], out[cell, 2], out[cell, 3] = _LARGEST, _LARGEST, 0.0
+            continue
+        out[cell, 1] = min(longest * area / (math.sqrt(6) * abs(det)), _LARGEST)
+        out[cell, 2] = _tetra_condition(a, b, c, det)
+        out[cell, 3] = 3 * (2 * det * det) ** (1 / 3) / frobenius if det > 0 else 0.0
+
+
+@njit(cache=True)
+def _tetra_condition(a: Any, b: Any, c: Any, det: float) -> Any:
+    r, q = 1 / math.sqrt(3), 1 / math.sqrt(6)
+    v = ((2 * b[0] - a[0]) * r, (2 * b[1] - a[1]) * r, (2 * b[2] - a[2]) * r)
+    w = ((3 * c[0] - a[0] - b[0]) * q, (3 * c[1] - a[1] - b[1]) * q, (3 * c[2] - a[2] - b[2]) * q)
+    squares = _dot(a, a) + _dot(v, v) + _dot(w, w)
+    av, vw, wa = _cross(a, v), _cross(v, w), _cross(w, a)
+    minors = _dot(av, av) + _dot(vw, vw) + _dot(wa, wa)
+    return max(min(math.sqrt(squares * minors) / (3 * math.sqrt(2) * det), _LARGEST), -_LARGEST)
+
+
+def edges_and_angles(name: str, points: NDArray, nodes: NDArray) -> NDArray:
+    """(k, 3): `edge_ratio`, then the least and the largest of `angles`, of cells of any type."""
+    table = corners_of(name)
+    cell = CELLS[name]
+    mid = cell.n_corners if cell.order == 2 else 0
+    out = np.empty((len(nodes), 3))
+    ways = table.dihedral if cell.dim == 3 else np.insert(table.angles, 0, -1, axis=1)
+    in_threads(lambda part: _edges_and_angles(points, nodes[part], table.edges, mid, ways, out[part]), len(nodes))
+    out[:, 1:] = np.degrees(np.arccos(np.clip(out[:, 1:], -1, 1)))
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _edges_and_angles(points: Any, nodes: Any, edges: Any, mid: int, ways: Any, out: Any) -> None:
+    """Ratio, largest and least cosine; `mid`: the node of the first edge's middle, 0 where edges are straight."""
+    t = np.empty((2 * len(edges), 3))
+    for cell in range(len(nodes)):
+        shortest, longest = np.inf, 0.0
+        for e in range(len(edges)):
+            i, j = nodes[cell, edges[e, 0]], nodes[cell, edges[e, 1]]
+            for s in range(3):
+                if mid:
+                    middle = 4 * points[nodes[cell, mid + e], s]
+                    t[2 * e, s] = middle - 3 * points[i, s] - points[j, s]
+                    t[2 * e + 1, s] = middle - 3 * points[j, s] - points[i, s]
+                else:
+                    t[2 * e, s] = points[j, s] - points[i, s]
+                    t[2 * e + 1, s] = -t[2 * e, s]
+            length = _length(t, e, mid > 0)
+            shortest, longest = min(shortest, length), max(longest, length)
+        out[cell, 0] = longest / shortest if shortest > 0 else np.inf
+        out[cell, 2], out[cell, 1] = _cosines(t, ways)
+
+
+@njit(cache=True)
+def _length(t: Any, e: int, curved: bool) -> Any:
+    if not curved:
+        return math.sqrt(t[2 * e, 0] ** 2 + t[2 * e, 1] ** 2 + t[2 * e, 2] ** 2)
+    length = 0.0
+    for g in range(3):
+        square = 0.0
+        for s in range(3):
+            square += ((1 - GAUSS_AT[g]) * t[2 * e, s] - GAUSS_AT[g] * t[2 * e + 1, s]) ** 2
+        length += GAUSS_WEIGHT[g] * math.sqrt(square)
+    return length
+
+
+@njit(cache=True)
+def _cosines(t: Any, ways: Any) -> Any:
+    """The least and the largest cosine; NaN where there is none."""
+    low, high = np.inf, -np.inf
+    for w in range(len(ways)):
+        e, i, j = ways[w, 0], ways[w, 1], ways[w, 2]
+        a, b = (t[i, 0], t[i, 1], t[i, 2]), (t[j, 0], t[j, 1], t[j, 2])
+        if e >= 0:
+            along = (t[e, 0], t[e, 1], t[e, 2])
+            a, b = _cross(along, a), _cross(along, b)
+        square = _dot(a, a) * _dot(b, b)
+        if square > 0:
+            cosine = _dot(a, b) / math.sqrt(square)
+            low, high = min(low, cosine), max(high, cosine)
+    if high < low:
+        return np.nan, np.nan
+    return low, high

@@ -1,0 +1,124 @@
+"""How the values of one measure are spread: extremes, percentiles, mean, and a histogram on bins that never change.
+
+The bins depend on the measure only, so that histograms of two meshes, or of one before and after its cut, compare.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats
+from lacmesh.quality.measures import SCALES
+from lacmesh.quality.vectors import LARGEST
+
+#: percentiles that a spread holds
+PERCENTS = (1, 5, 50, 95, 99)
+_EDGES: Mapping[str, NDArray] = {
+    "unit": np.linspace(0, 1, 21),
+    "ratio": 10 ** (np.arange(21) / 10),
+    "angle": np.linspace(0, 180, 37),
+}
+_BINS = 20
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """`counts` (b,) between `edges` (b + 1,), the last bin with its end; `below` and `above` lie outside."""
+
+    edges: tuple[float, ...]
+    counts: tuple[int, ...]
+    below: int
+    above: int
+
+
+@dataclass(frozen=True)
+class Spread:
+    """`count` values: extremes, percentiles (1, 5, 50, 95, 99), mean, histogram.
+
+    `undefined` are left out of all these: NaN, and what Verdict writes as 1e30, a cell so flat that the measure divides
+    by nothing. `outside` counts the values beyond the range that Verdict accepts, undefined ones too; None where it
+    names no range.
+    """
+
+    count: int
+    undefined: int
+    outside: int | None
+    least: float
+    percentiles: tuple[float, ...]
+    mean: float
+    largest: float
+    histogram: Histogram
+
+    @property
+    def median(self) -> float:
+        """The value that half of the cells do not exceed."""
+        return self.percentiles[PERCENTS.index(50)]
+
+    def as_json(self) -> dict[str, Any]:
+        """The spread as plain data; None stands for what no cell has."""
+        out: dict[str, Any] = {"count": self.count, "undefined": self.undefined, "outside_range": self.outside}
+        out |= {"min": _plain(self.least)}
+        out |= {f"p{p}": _plain(v) for p, v in zip(PERCENTS, self.percentiles, strict=True)}
+        out |= {"mean": _plain(self.mean), "max": _plain(self.largest)}
+        h = self.histogram
+        out["histogram"] = {"edges": h.edges, "counts": h.counts, "below": h.below, "above": h.above}
+        return out
+
+
+def _plain(value: float) -> float | None:
+    return None if np.isnan(value) else value
+
+
+def spread(measure: str, values: Floats, accepted: tuple[float, float] | None = None) -> Spread:
+    """The spread of the values (k,) of a measure; `accepted`: the range that Verdict accepts.
+
+    >>> s = spread("skew", np.array([0.0, 0.1, 0.2, 0.9]), (0, 0.5))
+    >>> s.count, s.outside, round(s.median, 3), s.histogram.counts[2]
+    (4, 1, 0.15, 1)
+    """
+    good = values[np.abs(values) < LARGEST]  # NaN is not
+    outside = None
+    if accepted is not None:
+        slack = 1e-9 * max(abs(a) for a in accepted if np.isfinite(a)) + 1e-12  # an ideal cell is not outside
+        outside = int(np.count_nonzero(~((values >= accepted[0] - slack) & (values <= accepted[1] + slack))))
+    if not len(good):
+        nothing = float("nan")
+        empty = (nothing,) * len(PERCENTS)
+        return Spread(0, len(values), outside, nothing, empty, nothing, nothing, histogram(measure, good))
+    ends = [int(f(p / 100 * (len(good) - 1))) for p in PERCENTS for f in (np.floor, np.ceil)]
+    ordered = np.partition(good, sorted({0, len(good) - 1, *ends}))
+    return Spread(
+        count=len(good),
+        undefined=len(values) - len(good),
+        outside=outside,
+        least=float(ordered[0]),
+        percentiles=tuple(_percentile(ordered, p) for p in PERCENTS),
+        mean=float(good.mean()),
+        largest=float(ordered[-1]),
+        histogram=histogram(measure, good),
+    )
+
+
+def _percentile(ordered: NDArray, percent: float) -> float:
+    """Linear between the two values around it, as numpy does; those two stand where sorting would put them."""
+    at = percent / 100 * (len(ordered) - 1)
+    low, high = int(np.floor(at)), int(np.ceil(at))
+    return float(ordered[low] + (at - low) * (ordered[high] - ordered[low]))
+
+
+def histogram(measure: str, values: Floats) -> Histogram:
+    """The histogram of values (k,) of a measure, on the bins of its kind."""
+    edges = _EDGES.get(SCALES[measure].kind)
+    if edges is None:
+        low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+        edges = np.linspace(low, high if high > low else low + 1, _BINS + 1)
+    slack = 1e-9 * np.diff(edges)  # round-off does not put an ideal cell outside
+    starts = [edges[0] - slack[0], *(edges[1:-1] - slack[1:])]
+    below = [int(np.count_nonzero(values < edge)) for edge in starts]
+    below.append(int(np.count_nonzero(values <= edges[-1] + slack[-1])))
+    return Histogram(tuple(edges.tolist()), tuple(np.diff(below).tolist()), below[0], len(values) - below[-1])

@@ -1,0 +1,259 @@
+"""The quality of a mesh: for each cell type, and each group, how every measure is spread and which cells are worst.
+
+Invalid is apart from poor. A cell is *invalid* where its Jacobian determinant is not positive at a corner, another node
+or an integration point (`determinant`); *poor* where it is valid and the measure that ranks its type is outside the
+range that Verdict accepts. Verdict names no range on prisms, pyramids and quadratic cells: none of these is poor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS
+from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.quality.determinant import validity_among
+from lacmesh.quality.measures import RELATIVE, chosen_measures, headline, mean_size_of, measure_cells
+from lacmesh.quality.spread import Spread, spread
+from lacmesh.quality.verdict import ACCEPTED
+
+#: of the JSON that `as_json` gives; raised when a name changes its meaning or goes
+SCHEMA = 1
+#: cells named for each type
+WORST = 10
+#: where a cell may be invalid
+PLACES = ("corner", "mid-node or centre", "integration point")
+
+
+@dataclass(frozen=True)
+class BadCell:
+    """One of the worst cells: the file's number, its groups and centroid, its value of what ranks it, its validity.
+
+    `invalid_at`: where it is invalid, of PLACES; none for a valid one.
+    """
+
+    number: int
+    groups: tuple[str, ...]
+    centroid: tuple[float, float, float]
+    measure: str
+    value: float
+    validity: float
+    invalid_at: tuple[str, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """The cell as plain data."""
+        value, validity = (None if np.isnan(v) else v for v in (self.value, self.validity))
+        return {
+            "cell": self.number,
+            "groups": list(self.groups),
+            "centroid": [None if np.isnan(v) else v for v in self.centroid],
+            "measure": self.measure,
+            "value": value,
+            "validity": validity,
+            "invalid_at": list(self.invalid_at),
+        }
+
+
+@dataclass(frozen=True)
+class TypeQuality:
+    """The cells of one type: how many, invalid, poor (None: no range is named), the spread of every measure, the worst.
+
+    `invalid_at`: how many are invalid at a corner, at another node, at an integration point; one cell may be all.
+    """
+
+    type: str
+    count: int
+    invalid: int
+    invalid_at: dict[str, int]
+    poor: int | None
+    measures: dict[str, Spread]
+    worst: tuple[BadCell, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """The type as plain data."""
+        return {
+            "type": self.type,
+            "cells": self.count,
+            "invalid": self.invalid,
+            "invalid_at": self.invalid_at,
+            "poor": self.poor,
+            "ranked_by": headline(self.type),
+            "accepted_ranges": {m: _range(r) for m, r in ACCEPTED.get(self.type, {}).items() if m in self.measures},
+            "measures": {name: s.as_json() for name, s in self.measures.items()},
+            "worst": [cell.as_json() for cell in self.worst],
+        }
+
+
+def _range(accepted: tuple[float, float] | None) -> list[float | None] | None:
+    return None if accepted is None else [v if np.isfinite(v) else None for v in accepted]
+
+
+@dataclass(frozen=True)
+class Quality:
+    """The quality of a mesh, or of one group: `types` of all its cells, and of each group by itself in `groups`."""
+
+    group: str | None
+    types: tuple[TypeQuality, ...]
+    groups: dict[str, tuple[TypeQuality, ...]]
+    not_measured: dict[str, int]
+
+    @property
+    def count(self) -> int:
+        """Number of cells measured."""
+        return sum(t.count for t in self.types)
+
+    @property
+    def invalid(self) -> int:
+        """Number of invalid cells."""
+        return sum(t.invalid for t in self.types)
+
+    def as_json(self) -> dict[str, Any]:
+        """Everything as plain data: what `lacmesh quality --json` prints (`docs/quality.md` says what is in it)."""
+        return {
+            "schema": f"lacmesh.quality/{SCHEMA}",
+            "group": self.group,
+            "cells": self.count,
+            "invalid": self.invalid,
+            "types": [t.as_json() for t in self.types],
+            "groups": {name: [t.as_json() for t in types] for name, types in self.groups.items()},
+            "not_measured": self.not_measured,
+        }
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """All cells of a type that were measured: indices in the mesh, sorted, and the values (k,) of each measure."""
+
+    type: str
+    cells: Ints
+    values: dict[str, Floats]
+    validity: NDArray  # (3, k)
+
+    def take(self, cells: Ints) -> _Measured:
+        """Those of some cells (sorted indices in the mesh)."""
+        at = np.searchsorted(self.cells, cells)
+        at = at[self.cells[np.minimum(at, len(self.cells) - 1)] == cells] if len(self.cells) else at[:0]
+        if len(at) == len(self.cells):
+            return self
+        values = {m: v[at] for m, v in self.values.items()}
+        return _Measured(self.type, self.cells[at], values, self.validity[:, at])
+
+
+def measure_quality(mesh: Mesh, group: str | None = None, measures: str | Iterable[str] | None = None) -> Quality:
+    """The quality of a mesh, or of one `group` (named as `Mesh.cells_of` takes it).
+
+    `measures`: names, "all", or None for the default ones. Surface cells count against their own normal.
+    Raises GroupNotFoundError, RequestError.
+
+    >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
+    >>> q = measure_quality(square)
+    >>> q.count, q.invalid, q.types[0].measures["scaled_jacobian"].least
+    (1, 0, 1.0)
+    """
+    cells = np.arange(mesh.n_cells) if group is None else mesh.cells_of(group)
+    names = list(mesh.cell_groups) if group is None else []
+    return quality_of(mesh, cells, measures, group=group, by_group=names)
+
+
+def quality_of(
+    mesh: Mesh,
+    cells: Ints,
+    measures: str | Iterable[str] | None = None,
+    *,
+    group: str | None = None,
+    by_group: Iterable[str] = (),
+) -> Quality:
+    """The quality of some cells of a mesh (sorted indices), and of the part of them in each group of `by_group`."""
+    chosen = chosen_measures(measures)
+    found = [_measured(mesh, *part, chosen(part[0])) for part in mesh.select(cells) if _measurable(part[0])]
+    grouped = {name: _types(mesh, [part.take(mesh.cell_groups[name]) for part in found]) for name in by_group}
+    left = {kind: len(which) for kind, which, _ in mesh.select(cells) if not _measurable(kind)}
+    return Quality(group, _types(mesh, found), {name: types for name, types in grouped.items() if types}, left)
+
+
+def _measurable(kind: str) -> bool:
+    return headline(kind) is not None
+
+
+def _measured(mesh: Mesh, kind: str, cells: Ints, nodes: Ints, measures: tuple[str, ...]) -> _Measured:
+    validity = np.stack(validity_among(kind, mesh.points, nodes))
+    rank = headline(kind)
+    wanted = [m for m in dict.fromkeys((rank, *measures)) if m and m != "validity"]
+    mean = mean_size_of(kind, mesh.points, mesh.block(kind)) if set(wanted) & set(RELATIVE) else None
+    values = measure_cells(kind, mesh.points, nodes, wanted, mean)
+    return _Measured(kind, cells, {"validity": validity.min(axis=0), **values}, validity)
+
+
+def _types(mesh: Mesh, found: list[_Measured]) -> tuple[TypeQuality, ...]:
+    return tuple(_type(mesh, part) for part in found if len(part.cells))
+
+
+def _type(mesh: Mesh, part: _Measured) -> TypeQuality:
+    accepted = ACCEPTED.get(part.type, {})
+    rank = headline(part.type)
+    assert rank is not None  # only types that have one are measured
+    bad = ~(part.validity > 0)
+    invalid = bad.any(axis=0)
+    limits = accepted.get(rank)
+    poor = None
+    if limits is not None:
+        values = part.values[rank]
+        poor = int(np.count_nonzero(~invalid & ~((values >= limits[0] - 1e-9) & (values <= limits[1] + 1e-9))))
+    places = PLACES if CELLS[part.type].order == 2 else (PLACES[0], PLACES[2])
+    return TypeQuality(
+        type=part.type,
+        count=len(part.cells),
+        invalid=int(invalid.sum()),
+        invalid_at={name: int(bad[PLACES.index(name)].sum()) for name in places},
+        poor=poor,
+        measures={m: spread(m, v, accepted.get(m)) for m, v in part.values.items()},
+        worst=_worst(mesh, part, rank, bad),
+    )
+
+
+def _worst(mesh: Mesh, part: _Measured, rank: str, bad: NDArray) -> tuple[BadCell, ...]:
+    """The invalid cells first, by their validity, then the valid ones by the measure that ranks them."""
+    invalid = bad.any(axis=0)
+    key = np.where(invalid, np.nan_to_num(part.values["validity"], nan=-np.inf), np.inf)
+    count = min(WORST, len(key))
+    order = np.lexsort((part.values[rank], key)) if len(key) <= 4 * WORST else _lowest(key, part.values[rank], count)
+    return tuple(_bad_cell(mesh, part, rank, bad, int(k)) for k in order[:count])
+
+
+def _lowest(key: NDArray, value: NDArray, count: int) -> NDArray:
+    """The first `count` rows by key, then value, without sorting all of them."""
+    candidates = np.flatnonzero(key < np.inf)
+    if len(candidates) < count:
+        valid = np.where(key < np.inf, np.inf, value)
+        candidates = np.concatenate([candidates, np.argpartition(valid, count)[:count]])
+    return candidates[np.lexsort((value[candidates], key[candidates]))]
+
+
+def _bad_cell(mesh: Mesh, part: _Measured, rank: str, bad: NDArray, k: int) -> BadCell:
+    cell = int(part.cells[k])
+    ((_, _, nodes),) = mesh.select(np.array([cell]))
+    centre = mesh.points[nodes[0][: CELLS[part.type].n_corners]].mean(axis=0)
+    order = CELLS[part.type].order
+    return BadCell(
+        number=int(mesh.cell_number[cell]),
+        groups=groups_of(mesh, cell),
+        centroid=(float(centre[0]), float(centre[1]), float(centre[2])),
+        measure=rank,
+        value=float(part.values[rank][k]),
+        validity=float(part.values["validity"][k]),
+        invalid_at=tuple(name for p, name in enumerate(PLACES) if bad[p, k] and (order == 2 or p != 1)),
+    )
+
+
+def groups_of(mesh: Mesh, cell: int) -> tuple[str, ...]:
+    """The names of the cell groups that hold a cell."""
+    return tuple(name for name, members in mesh.cell_groups.items() if _holds(members, cell))
+
+
+def _holds(members: Ints, cell: int) -> bool:
+    at = int(np.searchsorted(members, cell))
+    return at < len(members) and int(members[at]) == cell

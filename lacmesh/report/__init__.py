@@ -1,0 +1,54 @@
+"""What a mesh holds, how good it is, and what a cut did to it: plain records, and how they are put into files.
+
+records = what a mesh holds, what a cut counts, the table of patterns     (`records`)
+touched = the cells that a cut replaced, and those it made               (`touched`)
+report = the mesh against its cut: quality, sizes, the worst children     (`compare`)
+children = the same of a cut whose mesh before is gone                    (`parents`)
+files = a report as HTML, Markdown or JSON, quality as a picture          (`writing`, `html`, `drawing`)
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.report.records import CutSummary, PatternRow, describe, pattern_table, summarise
+
+#: name -> the module that holds it, imported when it is used
+_LATE = {
+    "ChildrenQuality": "parents",
+    "CutReport": "compare",
+    "children_quality": "parents",
+    "cut_report": "compare",
+    "plot_quality": "drawing",
+    "refuse_poor": "touched",
+    "write_report": "writing",
+}
+
+__all__ = [
+    "ChildrenQuality",
+    "CutReport",
+    "CutSummary",
+    "PatternRow",
+    "children_quality",
+    "cut_report",
+    "describe",
+    "pattern_table",
+    "plot_quality",
+    "refuse_poor",
+    "summarise",
+    "write_report",
+]
+
+if TYPE_CHECKING:
+    from lacmesh.report.compare import CutReport, cut_report
+    from lacmesh.report.drawing import plot_quality
+    from lacmesh.report.parents import ChildrenQuality, children_quality
+    from lacmesh.report.touched import refuse_poor
+    from lacmesh.report.writing import write_report
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LATE:
+        return getattr(import_module(f"lacmesh.report.{_LATE[name]}"), name)
+    raise AttributeError(f"module 'lacmesh.report' has no attribute {name!r}")

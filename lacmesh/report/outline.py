@@ -1,0 +1,244 @@
+"""What a report of a cut says, in order, as blocks that a page of HTML or Markdown only has to dress."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from lacmesh.quality.measures import SCALES
+from lacmesh.quality.spread import PERCENTS, Histogram, Spread
+from lacmesh.quality.survey import TypeQuality
+from lacmesh.quality.verdict import ACCEPTED
+from lacmesh.report.compare import Comparison, CutReport
+
+#: below this a child is hard to compute on, whatever its parent (a tenth of the ideal)
+_HARD = 0.1
+_WORDS = {3: "Solid cells", 2: "Surface cells", 1: "Lines"}
+_SIZE = {3: "volume", 2: "area", 1: "length"}
+
+
+@dataclass(frozen=True)
+class Title:
+    """A heading of `level` 1 to 3."""
+
+    level: int
+    text: str
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph; `lead`: the word that it explains."""
+
+    text: str
+    lead: str = ""
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A number to be seen first: what it is, and a word on it. `bad`: it wants attention."""
+
+    label: str
+    value: str
+    note: str = ""
+    bad: bool = False
+
+
+@dataclass(frozen=True)
+class Facts:
+    """The numbers to be seen first."""
+
+    facts: tuple[Fact, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of words; columns named in `right` hold numbers. `folded`: of interest to few."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    right: tuple[bool, ...]
+    folded: str = ""
+
+
+@dataclass(frozen=True)
+class Bars:
+    """A measure before the cut and after it; `before` is None where there was none (the ratio to the parent)."""
+
+    measure: str
+    kind: str
+    before: Histogram | None
+    after: Histogram
+
+
+@dataclass(frozen=True)
+class Charts:
+    """Charts that stand side by side."""
+
+    charts: tuple[Bars, ...]
+
+
+Block = Title | Text | Facts | Table | Charts
+
+
+def outline(report: CutReport, name: str = "") -> Iterator[Block]:
+    """The blocks of a report; `name`: of the mesh, for its title."""
+    yield Title(1, f"The cut of {name}" if name else "The cut")
+    yield Facts(tuple(_facts(report)))
+    yield Text(" ".join(_sentences(report)))
+    for comparison in report.comparisons:
+        if comparison.dim > 1 or any(comparison.invalid):
+            yield from _comparison(comparison)
+    if report.worst:
+        yield Title(2, "The worst children")
+        yield _worst(report)
+    if report.sizes:
+        yield Title(2, "What the touched cells hold")
+        yield Text(
+            "Lengths, areas and volumes of the touched cells, which the cut keeps; the other cells are unchanged."
+        )
+        yield _sizes(report)
+    if report.types_after.types:
+        yield Title(2, "Verdict's measures, type by type")
+        yield Text("As ParaView computes them; Verdict defines none on quadratic cells. Touched cells only.")
+        for when, quality in (("before", report.types_before), ("after", report.types_after)):
+            for kind in quality.types:
+                yield from _type(kind, when)
+    yield Title(2, "What the numbers mean")
+    yield from (Text(text, lead) for lead, text in _MEANINGS.items())
+
+
+_MEANINGS = {
+    "corner_jacobian": "the least, over the corners, of the determinant of the edges brought to length 1, over that of "
+    "the ideal cell: 1 ideal, 0 flat, negative folded over. It ranks the children; --min-quality and --hexa auto go "
+    "by it.",
+    "ratio to the parent": "a child's corner_jacobian over its parent's. A cut makes flat cells of any parent: judge "
+    "it by this ratio and by validity, not by the ranges meant for meshes as they are generated.",
+    "validity": "the least Jacobian determinant at the corners, mid-nodes and integration points, over its mean: 1 "
+    "where it is the same everywhere. A cell where it is not positive is invalid: solvers refuse it, or compute "
+    "nonsense.",
+    "edge_ratio": "the longest edge over the shortest.",
+    "angles": "in degrees: dihedral in solids, at the corners of surfaces.",
+}
+
+
+def _facts(report: CutReport) -> Iterator[Fact]:
+    s = report.summary
+    macros = sum(n for n, _ in report.internal.values())
+    yield Fact("macro-elements", f"{macros:,}", ", ".join(report.internal))
+    yield Fact("cells", f"{s.cells[1]:,}", f"{s.cells[1] - s.cells[0]:+,}")
+    yield Fact("nodes", f"{s.nodes[1]:,}", f"{s.nodes[1] - s.nodes[0]:+,}")
+    if not report.comparisons:
+        return
+    before, after = s.worst
+    yield Fact("worst child", number(after), f"worst parent {number(before)}", bad=not after >= _HARD)
+    top = report.comparisons[0]
+    yield Fact("child / parent", number(top.ratio.median), f"median; least {number(top.ratio.least)}")
+    invalid = [sum(c.invalid[k] for c in report.comparisons) for k in (0, 1)]
+    yield Fact("invalid children", f"{invalid[1]:,}", f"{invalid[0]:,} invalid parents", bad=invalid[1] > 0)
+
+
+def _sentences(report: CutReport) -> Iterator[str]:
+    s = report.summary
+    if not report.comparisons:
+        yield "Every slave face owned an internal dof already: no cell was cut."
+        return
+    yield f"{_count(s.replaced)} became {_count(s.children)}."
+    least = min(k for _, k in report.internal.values())
+    if least > 0:
+        yield f"Every macro-element owns an internal dof (at least {least} of its nodes)."
+    else:
+        bad = [zone for zone, (_, k) in report.internal.items() if k == 0]
+        yield f"Some macro-elements of {', '.join(bad)} own no internal dof: the hypothesis of LAC does not hold."
+    invalid = [sum(c.invalid[k] for c in report.comparisons) for k in (0, 1)]
+    if invalid[1]:
+        why = " (invalid parents stay so when they are cut)" if invalid[0] else ""
+        yield f"{invalid[1]:,} children are invalid, of {invalid[0]:,} parents that were invalid before{why}."
+    else:
+        yield "No child is invalid."
+    if report.variants is not None:
+        yield _variant_sentence(report)
+
+
+def _variant_sentence(report: CutReport) -> str:
+    v = report.variants
+    assert v is not None
+    found = ", ".join(f"--hexa {name} {number(least)}" for name, least in v.least.items())
+    start = f"The worst child of the {v.hexahedra:,} hexahedra has {number(v.now)} ({found})"
+    better = {name: count for name, count in v.better.items() if count}
+    if not better:
+        return f"{start}: no hexahedron would be better off with the other variant."
+    told = "; ".join(f"{count:,} would have better children with --hexa {name}" for name, count in better.items())
+    return f"{start}: {told}. --hexa auto chooses for each set of hexahedra that share slave faces."
+
+
+def _count(cells: dict[str, int]) -> str:
+    return ", ".join(f"{n:,} {kind}" for kind, n in cells.items())
+
+
+def _comparison(c: Comparison) -> Iterator[Block]:
+    yield Title(2, f"{_WORDS[c.dim]}: {c.cells[0]:,} before, {c.cells[1]:,} after")
+    ordered = sorted(c.after, key=lambda m: (m != "corner_jacobian", m == "validity"))
+    charts = [Bars(m, SCALES[m].kind, c.before[m].histogram, c.after[m].histogram) for m in ordered if c.dim > 1]
+    if c.dim > 1:
+        charts.insert(1, Bars("ratio to the parent", "unit", None, c.ratio.histogram))
+        yield Charts(tuple(charts))
+    rows = [_spread_row(m, when, s) for m in ordered for when, s in (("before", c.before[m]), ("after", c.after[m]))]
+    if c.dim > 1:
+        rows.insert(2, _spread_row("ratio to the parent", "after", c.ratio))
+    columns = ("measure", "", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean")
+    yield Table(columns, tuple(rows), (False, False, *(True,) * 8))
+
+
+def _spread_row(measure: str, when: str, s: Spread) -> tuple[str, ...]:
+    return (measure, when, *(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean)))
+
+
+def _worst(report: CutReport) -> Table:
+    names = ("cell", "type", "corner_jacobian", "of the parent", "parent", "place", "angles", "groups", "better")
+    columns = names if any(w.better for w in report.worst) else names[:-1]
+    rows = []
+    for w in report.worst:
+        place = ", ".join(f"{v:.4g}" for v in w.centroid)
+        better = "" if w.better is None else f"--hexa {w.better[0]}: {number(w.better[1])}"
+        angles = "" if np.isnan(w.angles[0]) else f"{w.angles[0]:.1f} to {w.angles[1]:.1f}"
+        parent = f"{w.parent_type} {w.parent}"
+        values = (str(w.number), w.type, number(w.value), number(w.parent_value), parent, place, angles)
+        rows.append((*values, ", ".join(w.groups), better)[: len(columns)])
+    return Table(columns, tuple(rows), (True, False, True, True, *(False,) * (len(columns) - 4)))
+
+
+def _sizes(report: CutReport) -> Table:
+    rows = tuple(
+        (s.group or "all", _SIZE[s.dim], f"{s.before:.10g}", f"{s.after:.10g}", f"{s.change:+.1e}" if s.change else "0")
+        for s in report.sizes
+    )
+    return Table(("group", "", "before", "after", "relative change"), rows, (False, False, True, True, True))
+
+
+def _type(t: TypeQuality, when: str) -> Iterator[Block]:
+    accepted = ACCEPTED.get(t.type, {})
+    measures = {m: s for m, s in t.measures.items() if m in accepted}
+    if not measures:
+        return
+    columns = ("measure", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean", "accepted")
+    rows = []
+    for m, s in measures.items():
+        limits = accepted[m]
+        told = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
+        rows.append((*(_spread_row(m, "", s)[0:1] + _spread_row(m, "", s)[2:]), told))
+    yield Table(columns, tuple(rows), (False, *(True,) * 9), folded=f"{t.type} {when}: {t.count:,} cells")
+
+
+def number(value: float) -> str:
+    """A number of a report, three digits; a dash for what is not defined.
+
+    >>> number(0.12345), number(1234.5), number(float("nan")), number(-2e-17), number(float("inf"))
+    ('0.123', '1.23e+03', '–', '0', 'inf')
+    """
+    if np.isnan(value):
+        return "–"
+    if abs(value) < 1e-12:
+        return "0"
+    return f"{value:.3g}"

@@ -1,0 +1,144 @@
+"""The cells that a cut touched: parents before, children after, how good each is, and what a variant would give.
+
+The number that ranks is the least corner Jacobian (`quality.corner`).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.cut import Cut, cut_skin
+from lacmesh.errors import CutError, LacmeshWarning, some
+from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.patterns import RING_PARENTS
+from lacmesh.quality import corner_jacobian
+from lacmesh.report.records import rows_of
+
+_NAMED = 5
+
+
+@dataclass(frozen=True)
+class Touched:
+    """`parents` (p,) indices in the mesh before, `children` (c,) in that after, both sorted; `of` (c,) their parent.
+
+    `before` (p,) and `after` (c,): least corner Jacobian.
+    """
+
+    parents: Ints
+    children: Ints
+    of: Ints
+    before: Floats
+    after: Floats
+
+    @property
+    def least(self) -> Floats:
+        """(p,): the least corner Jacobian of each parent's children."""
+        out = np.full(len(self.parents), np.inf)
+        np.minimum.at(out, self.of, self.after)
+        return out
+
+
+def touched(before: Mesh, cut: Cut) -> Touched:
+    """The cells that a cut touched. Raises CutError where the cut is not of the mesh `before`."""
+    children = np.flatnonzero(cut.parent_of_cell >= 0)
+    numbers = cut.parent_of_cell[children]
+    known = before.cell_number
+    if len(numbers) and not np.isin(numbers, known).all():
+        odd = np.unique(numbers[~np.isin(numbers, known)])
+        raise CutError(f"the mesh before has no cells {some(odd)}: the cut is of another mesh", odd)
+    parents = rows_of(before, np.unique(numbers))
+    order = np.argsort(known[parents])
+    of = order[np.searchsorted(known[parents][order], numbers)]
+    return Touched(parents, children, of, _corner(before, parents), _corner(cut.mesh, children))
+
+
+def _corner(mesh: Mesh, cells: Ints) -> Floats:
+    out = np.ones(len(cells))
+    for kind, which, nodes in mesh.select(cells):
+        out[np.searchsorted(cells, which)] = corner_jacobian(kind, mesh.points[nodes])
+    return out
+
+
+def hexahedra(before: Mesh, cells: Touched) -> NDArray[np.bool_]:
+    """(p,): the parents that have two variants."""
+    types = np.array([b.type in RING_PARENTS and CELLS[b.type].dim == 3 for b in before.blocks], bool)
+    return types[np.searchsorted(before.offsets, cells.parents, side="right") - 1]
+
+
+def variants(before: Mesh, cut: Cut, cells: Touched, ring: float = 1 / 3, depth: float = 1 / 2) -> Mapping[str, Floats]:
+    """`pyramid`, `hexa` -> (p,): the least corner Jacobian of each parent's children if the slaves were cut that way.
+
+    Empty where no parent has two variants. `ring` and `depth` as `cut_skin` had them.
+    """
+    if not hexahedra(before, cells).any():
+        return {}
+    found = {}
+    for hexa in ("pyramid", "hexa"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LacmeshWarning)  # the cut itself gave them
+            other = cut_skin(before, cut.zones, hexa=hexa, ring=ring, depth=depth)
+        found[hexa] = touched(before, other).least
+    return found
+
+
+def refuse_poor(before: Mesh, cut: Cut, least: float) -> None:
+    """Raise CutError where a touched cell has a least corner Jacobian below `least` after the cut.
+
+    The message names the worst, their parents and their places, and says which variant would be better there.
+    """
+    cells = touched(before, cut)
+    poor = np.flatnonzero(~(cells.after >= least))
+    if not len(poor):
+        return
+    poor = poor[np.argsort(cells.after[poor], kind="stable")]
+    worst = poor[np.sort(np.unique(cells.of[poor], return_index=True)[1])]  # of each parent
+    listed = "; ".join(_named(before, cut, cells, int(k)) for k in worst[:_NAMED])
+    more = f"; and those of {len(worst) - _NAMED:,} more" if len(worst) > _NAMED else ""
+    raise CutError(
+        f"{len(poor):,} cells would have a quality below {least:g} (least corner Jacobian), the worst {listed}{more}. "
+        + _advice(before, cut, cells, poor, least),
+        cut.mesh.cell_number[cells.children[poor]],
+    )
+
+
+def refuse_poor_children(cut: Cut, least: float) -> None:
+    """`refuse_poor` where the mesh before is not known."""
+    children = np.flatnonzero(cut.parent_of_cell >= 0)
+    values = _corner(cut.mesh, children)
+    poor = children[~(values >= least)]
+    if len(poor):
+        raise CutError(
+            f"{len(poor):,} cells of this cut have a quality below {least:g} (least corner Jacobian), "
+            f"{np.nanmin(values):.3g} at least: cells {cut.mesh.cell_names(poor)}; cut the mesh before again",
+            cut.mesh.cell_number[poor],
+        )
+
+
+def _named(before: Mesh, cut: Cut, cells: Touched, k: int) -> str:
+    child, parent = int(cells.children[k]), int(cells.parents[cells.of[k]])
+    ((kind, _, nodes),) = cut.mesh.select(np.array([child]))
+    ((parent_kind, _, _),) = before.select(np.array([parent]))
+    place = ", ".join(f"{v:.4g}" for v in cut.mesh.points[nodes[0, : ALL_CELLS[kind].n_corners]].mean(axis=0))
+    return (
+        f"a {kind} of the {parent_kind} {before.cell_number[parent]} at ({place}) with {cells.after[k]:.3g} "
+        f"(it had {cells.before[cells.of[k]]:.3g})"
+    )
+
+
+def _advice(before: Mesh, cut: Cut, cells: Touched, poor: Ints, least: float) -> str:
+    """What to try, a sentence."""
+    of = np.unique(cells.of[poor])
+    if (cells.before[of] < least).all():
+        return "Their parents were below it before: mesh them better, or ask for less"
+    for hexa, values in variants(before, cut, cells).items():
+        there = values[of].min()
+        if there > cells.least[of].min() + 1e-9:
+            enough = "is enough" if values.min() >= least else "is better there, not enough"
+            return f"--hexa {hexa} {enough} (at least {there:.3g})"
+    return "No variant is better there: refine the mesh, or ask for less"

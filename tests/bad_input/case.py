@@ -1,0 +1,221 @@
+"""One bad input: how it is made, what the command must say of it; and the run that sees what it does say.
+
+A case runs the real command in a folder of its own, with an output that exists already and `--force`: when the command
+fails, the old output must be whole and nothing else may lie in the folder. Time and address space are limited.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import signal
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import NamedTuple
+
+from lacmesh.cli import main
+
+SECONDS = 10
+BYTES = 1 << 30
+PRECIOUS = b"an older result"
+CUT = ("cut", "{in}", "--slave", "SLAVE", "-o", "{out}", "--force")
+INFO = ("info", "{in}")
+
+#: How formats are called in the page -> the suffix of their files.
+FORMATS = {
+    "msh 2.2 ASCII": ".msh",
+    "msh 2.2 binary": ".msh",
+    "msh 4.1 ASCII": ".msh",
+    "msh 4.1 binary": ".msh",
+    "MED 2.3": ".med",
+    "MED 3.0": ".med",
+    "MED 4.1": ".med",
+    "mail": ".mail",
+    "inp": ".inp",
+    "vtu": ".vtu",
+    "xdmf": ".xdmf",
+    "any": ".msh",
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """`make`: the content of the input, or what puts files into a folder; `says`: a pattern found in the sentence.
+
+    `{in}`, `{out}` in the command stand for the input and the output. Status 0: the pattern is found in a warning, and
+    `then` looks at the folder. `nobody`: run as a user who owns nothing; `file_size`: no file may grow beyond.
+    """
+
+    kind: str
+    format: str
+    what: str
+    make: bytes | Callable[[Path], object]
+    says: str
+    status: int = 3
+    command: tuple[str, ...] = CUT
+    file: str = ""
+    out: str = "out.msh"
+    then: Callable[[Path], object] | None = None
+    nobody: bool = False
+    file_size: int | None = None
+
+    @property
+    def input(self) -> str:
+        """The name of the input file."""
+        return self.file or "bad" + FORMATS[self.format]
+
+    @property
+    def key(self) -> str:
+        """A name for the case, as in the page."""
+        return f"{self.kind}: {self.format}: {self.what}"
+
+
+class Outcome(NamedTuple):
+    """What a command did: its status, what it printed on stderr line by line, how long it took."""
+
+    status: int
+    lines: list[str]
+    seconds: float
+
+    @property
+    def sentence(self) -> str:
+        """The error, or the warnings where there is none, without the prefix."""
+        said = [line for line in self.lines if line.startswith("lacmesh: error: ")] or self.lines
+        return " / ".join(re.sub(r"^lacmesh: (error|warning): ", "", line) for line in said)
+
+
+class TooSlow(BaseException):
+    """The command did not end in time; nothing in it catches this."""
+
+
+def run(case: Case, folder: Path) -> Outcome:
+    """Make the input in an empty folder and run the command there; the test of one case, but for its words.
+
+    Raises AssertionError where more than one sentence is said, or anything in the folder changes on failure.
+    """
+    if callable(case.make):
+        case.make(folder)
+    else:
+        (folder / case.input).write_bytes(case.make)
+    out = folder / case.out
+    if "{out}" in case.command and len(Path(case.out).parts) == 1 and not os.path.lexists(out):
+        with contextlib.suppress(OSError):  # a name that is too long
+            out.write_bytes(PRECIOUS)
+    before = listing(folder)
+    args = [word.replace("{in}", case.input).replace("{out}", case.out) for word in case.command]
+    outcome = command(args, folder, case.nobody, case.file_size)
+    assert "Traceback" not in "".join(outcome.lines)
+    assert outcome.seconds < SECONDS
+    errors = [line for line in outcome.lines if line.startswith("lacmesh: error: ")]
+    warnings = [line for line in outcome.lines if line.startswith("lacmesh: warning: ")]
+    assert len(errors) + len(warnings) == len(outcome.lines), outcome.lines
+    if outcome.status:
+        assert len(errors) == 1, outcome.lines
+        assert listing(folder) == before, "the command failed and left something, or changed what was there"
+    elif case.then is not None:
+        case.then(folder)
+    return outcome
+
+
+def command(args: list[str], folder: Path, as_nobody: bool = False, file_size: int | None = None) -> Outcome:
+    """Run the command in this process, in a folder, with limits of time and memory."""
+    said = io.StringIO()
+    start = time.perf_counter()
+    with (
+        contextlib.chdir(folder),
+        contextlib.redirect_stderr(said),
+        contextlib.redirect_stdout(io.StringIO()),
+        nobody() if as_nobody else contextlib.nullcontext(),
+        small_files(file_size),
+        alarm(SECONDS),
+        room(BYTES),
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("default")  # as in a process of its own: pytest makes errors of numpy's warnings
+        try:
+            status = main(args)
+        except SystemExit as error:
+            assert isinstance(error.code, int)
+            status = error.code
+    return Outcome(status, said.getvalue().splitlines(), time.perf_counter() - start)
+
+
+@contextlib.contextmanager
+def alarm(seconds: float) -> Iterator[None]:
+    """Raise TooSlow inside where it takes longer."""
+
+    def ring(signum: int, frame: FrameType | None) -> None:
+        raise TooSlow(f"more than {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@contextlib.contextmanager
+def room(n_bytes: int) -> Iterator[None]:
+    """Let this process take so many bytes more, untouched ones too; where the system can say no (Linux)."""
+    taken = Path("/proc/self/statm")
+    if not taken.exists():
+        yield
+        return
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    now = int(taken.read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    resource.setrlimit(resource.RLIMIT_AS, (now + n_bytes, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+@contextlib.contextmanager
+def small_files(n_bytes: int | None) -> Iterator[None]:
+    """Let no file grow beyond so many bytes, as if the disk were full."""
+    if n_bytes is None:
+        yield
+        return
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@contextlib.contextmanager
+def nobody() -> Iterator[None]:
+    """Root may do everything: be a user who owns nothing for a while. Others keep what they are."""
+    if os.geteuid() != 0:
+        yield
+        return
+    os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(0)
+
+
+def listing(folder: Path) -> dict[str, bytes | str]:
+    """All that lies in a folder: contents of files, targets of links."""
+    found: dict[str, bytes | str] = {}
+    for path in sorted(folder.rglob("*")):
+        name = str(path.relative_to(folder))
+        if path.is_symlink():
+            found[name] = f"-> {path.readlink()}"
+        else:
+            found[name] = path.read_bytes() if path.is_file() else "folder"
+    return found

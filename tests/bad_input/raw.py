@@ -1,0 +1,287 @@
+"""A small mesh as plain lists, and writers that check nothing: what no careful program would write comes from here.
+
+Two hexahedra in a row, SLAVE faces above, MASTER faces below, all with numbers of their own (nodes from 11, cells from
+101), so that a sentence that speaks of an index instead of the file's number is seen.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import Any
+
+import h5py
+import numpy as np
+
+from lacmesh.formats.med_types import MED_TYPES
+
+_MSH = {"HEXA8": 5, "QUAD4": 3, "TRIA3": 2, "SEG2": 1}
+_MED = {kind.type: kind for kind in MED_TYPES}
+_INP = {"HEXA8": "C3D8", "QUAD4": "S4", "TRIA3": "S3", "SEG2": "B31"}
+_VTK = {"HEXA8": 12, "QUAD4": 9, "TRIA3": 5, "SEG2": 3}
+_XDMF = {"HEXA8": 9, "QUAD4": 5, "TRIA3": 4}
+_DIM = {"HEXA8": 3, "QUAD4": 2, "TRIA3": 2, "SEG2": 1}
+
+
+@dataclass
+class Cell:
+    """A cell: number, type (or a code of the format that stands for none), the numbers of its nodes, its group."""
+
+    number: int
+    type: Any
+    nodes: list[int]
+    group: str
+
+
+@dataclass
+class Raw:
+    """The mesh; `count` overrides what a file announces: "nodes", "cells" (of a block where there are blocks)."""
+
+    points: list[list[float]]
+    node_number: list[int]
+    cells: list[Cell]
+    count: dict[str, int] = field(default_factory=dict)
+
+    def runs(self) -> list[list[Cell]]:
+        """Cells of one type and group, in order of appearance."""
+        found: dict[tuple[Any, str], list[Cell]] = {}
+        for cell in self.cells:
+            found.setdefault((cell.type, cell.group), []).append(cell)
+        return list(found.values())
+
+    def groups(self) -> list[str]:
+        return list(dict.fromkeys(c.group for c in self.cells))
+
+
+def two_hexahedra() -> Raw:
+    """The mesh without a fault."""
+    points = [[float(x), float(y), float(z)] for z in (0, 1) for y in (0, 1) for x in (0, 1, 2)]
+    at = lambda x, y, z: 11 + x + 3 * y + 6 * z  # noqa: E731
+    cells = []
+    for k in (0, 1):
+        low = [at(k, 0, 0), at(k + 1, 0, 0), at(k + 1, 1, 0), at(k, 1, 0)]
+        high = [at(k, 0, 1), at(k + 1, 0, 1), at(k + 1, 1, 1), at(k, 1, 1)]
+        cells += [Cell(101 + k, "HEXA8", low + high, "BODY"), Cell(103 + k, "QUAD4", high, "SLAVE")]
+        cells.append(Cell(105 + k, "QUAD4", low[::-1], "MASTER"))
+    cells.sort(key=lambda c: c.number)
+    return Raw(points, list(range(11, 23)), cells)
+
+
+# ---- msh
+
+
+def _tag(raw: Raw, group: str) -> int:
+    return raw.groups().index(group) + 1
+
+
+def _names(raw: Raw) -> bytes:
+    lines = [f'{_DIM.get(run[0].type, 3)} {_tag(raw, run[0].group)} "{run[0].group}"' for run in raw.runs()]
+    return "\n".join(["$PhysicalNames", str(len(lines)), *lines, "$EndPhysicalNames", ""]).encode("latin-1")
+
+
+def msh22(raw: Raw, binary: bool = False) -> bytes:
+    """msh 2.2."""
+    out = [f"$MeshFormat\n2.2 {int(binary)} 8\n".encode(), b"\1\0\0\0\n" if binary else b"", b"$EndMeshFormat\n"]
+    out += [_names(raw), f"$Nodes\n{raw.count.get('nodes', len(raw.points))}\n".encode()]
+    for number, xyz in zip(raw.node_number, raw.points, strict=True):
+        out.append(struct.pack("<i3d", number, *xyz) if binary else _line(number, *xyz))
+    out += [b"\n" if binary else b"", b"$EndNodes\n"]
+    out.append(f"$Elements\n{raw.count.get('cells', len(raw.cells))}\n".encode())
+    for cell in raw.cells:
+        tag, kind = _tag(raw, cell.group), _MSH.get(cell.type, cell.type)
+        row = [cell.number, tag, tag, *cell.nodes]
+        out.append(struct.pack(f"<{3 + len(row)}i", kind, 1, 2, *row) if binary else _line(row[0], kind, 2, *row[1:]))
+    return b"".join([*out, b"\n" if binary else b"", b"$EndElements\n"])
+
+
+def msh41(raw: Raw, binary: bool = False) -> bytes:
+    """msh 4.1."""
+    out = [f"$MeshFormat\n4.1 {int(binary)} 8\n".encode(), b"\1\0\0\0\n" if binary else b"", b"$EndMeshFormat\n"]
+    out.append(_names(raw))
+
+    def numbers(layout: str, *values: Any) -> None:
+        out.append(struct.pack("<" + layout, *values) if binary else _line(*values))
+
+    def section(name: str) -> None:
+        if binary and name.startswith("$End"):
+            out.append(b"\n")
+        out.append(name.encode() + b"\n")
+
+    runs = raw.runs()
+    section("$Entities")
+    dims = [_DIM.get(run[0].type, 3) for run in runs]
+    numbers("4q", *(dims.count(d) for d in range(4)))
+    for dim, run in sorted(zip(dims, runs, strict=True), key=lambda pair: pair[0]):
+        tag = _tag(raw, run[0].group)
+        numbers("i6dqiq", tag, *[0.0] * 3, 2.0, 1.0, 1.0, 1, tag, 0)
+        assert dim > 0
+    section("$EndEntities")
+    section("$Nodes")
+    n = raw.count.get("nodes", len(raw.points))
+    numbers("4q", 1, len(raw.points), 1, 99)
+    numbers("3iq", 3, 1, 0, n)
+    for number in raw.node_number:
+        numbers("q", number)
+    for xyz in raw.points:
+        numbers("3d", *xyz)
+    section("$EndNodes")
+    section("$Elements")
+    numbers("4q", len(runs), len(raw.cells), 1, 999)
+    for k, (dim, run) in enumerate(zip(dims, runs, strict=True)):
+        n = raw.count.get("cells", len(run)) if k == 0 else len(run)
+        numbers("3iq", dim, _tag(raw, run[0].group), _MSH.get(run[0].type, run[0].type), n)
+        for cell in run:
+            numbers(f"{1 + len(cell.nodes)}q", cell.number, *cell.nodes)
+    section("$EndElements")
+    return b"".join(out)
+
+
+def _line(*values: Any) -> bytes:
+    return (" ".join(repr(v) for v in values) + "\n").encode()
+
+
+# ---- MED
+
+
+def med(raw: Raw, version: tuple[int, int, int] = (4, 1, 0), name: str = "mesh") -> bytes:
+    """MED of a version, in its layout: before 3.0 the mesh holds what later stands in its step."""
+    image = BytesIO()
+    with h5py.File(image, "w", libver=("earliest", "v110")) as file:
+        _put_med(file, raw, version, name)
+    return image.getvalue()
+
+
+def _put_med(file: h5py.File, raw: Raw, version: tuple[int, int, int], name: str) -> None:
+    infos = file.create_group("INFOS_GENERALES")
+    infos.attrs.update({k: np.int32(v) for k, v in zip(("MAJ", "MIN", "REL"), version, strict=True)})
+    home = file.create_group(f"ENS_MAA/{name}")
+    home.attrs.update({k: np.int32(v) for k, v in {"DIM": 3, "ESP": 3, "REP": 0, "TYP": 0}.items()})
+    step = home
+    if version >= (3, 0):
+        step = home.create_group(f"{-1:020d}{-1:020d}")
+        step.attrs.update({"NDT": np.int32(-1), "NOR": np.int32(-1), "PDT": 0.0})
+    n, index = len(raw.points), {number: k + 1 for number, k in _places(raw).items()}
+    nodes = step.create_group("NOE")
+    _array(nodes, "COO", np.array(raw.points).T.ravel(), raw.count.get("nodes", n))
+    _array(nodes, "NUM", np.array(raw.node_number), n)
+    for kind in dict.fromkeys(c.type for c in raw.cells):
+        cells = [c for c in raw.cells if c.type == kind]
+        part = step.create_group(f"MAI/{_MED[kind].name if kind in _MED else kind}")
+        rows = np.array([[index.get(number, number) for number in c.nodes] for c in cells])
+        places = _MED[kind].nodes if kind in _MED else range(rows.shape[1])
+        _array(part, "NOD", rows[:, list(places)].T.ravel(), raw.count.get("cells", len(cells)))
+        _array(part, "NUM", np.array([c.number for c in cells]), len(cells))
+        _array(part, "FAM", np.array([-_tag(raw, c.group) for c in cells]), len(cells))
+    families = (home if version < (3, 0) else file.create_group("FAS")).create_group(
+        "FAS" if version < (3, 0) else name
+    )
+    families.create_group("FAMILLE_ZERO").attrs["NUM"] = np.int32(0)
+    for group in raw.groups():
+        family = families.create_group(f"ELEME/FAM_{_tag(raw, group)}")
+        family.attrs["NUM"] = np.int32(-_tag(raw, group))
+        names = family.create_group("GRO")
+        names.attrs["NBR"] = np.int32(1)
+        names["NOM"] = np.frombuffer(group.encode("latin-1").ljust(80, b"\0"), np.int8).reshape(1, 80)
+
+
+def _array(parent: h5py.Group, name: str, values: Any, count: int) -> None:
+    if name != "COO":
+        values = values.astype("i8" if np.abs(values).max(initial=0) >= 2**31 else "i4")
+    parent.create_dataset(name, data=values).attrs["NBR"] = np.int64(count) if abs(count) >= 2**31 else np.int32(count)
+
+
+# ---- mail, inp
+
+
+def mail(raw: Raw) -> bytes:
+    """code_aster's own text."""
+    lines = ["TITRE", "two hexahedra", "FINSF", "COOR_3D"]
+    lines += [f"N{number} {' '.join(map(repr, xyz))}" for number, xyz in zip(raw.node_number, raw.points, strict=True)]
+    lines.append("FINSF")
+    for run in raw.runs():
+        lines.append(str(run[0].type))
+        lines += [f"M{c.number} " + " ".join(f"N{n}" for n in c.nodes) for c in run]
+        lines.append("FINSF")
+    for group in raw.groups():
+        lines += [f"GROUP_MA NOM={group}", *(f"M{c.number}" for c in raw.cells if c.group == group), "FINSF"]
+    return "\n".join([*lines, "FIN", ""]).encode("latin-1")
+
+
+def inp(raw: Raw) -> bytes:
+    """Abaqus and CalculiX: volumes and skin as elements, groups as sets."""
+    lines = ["*HEADING", "two hexahedra", "*NODE"]
+    lines += [f"{number}, {', '.join(map(repr, xyz))}" for number, xyz in zip(raw.node_number, raw.points, strict=True)]
+    for run in raw.runs():
+        lines.append(f"*ELEMENT, TYPE={_INP.get(run[0].type, run[0].type)}, ELSET={run[0].group}")
+        lines += [f"{c.number}, " + ", ".join(map(str, c.nodes)) for c in run]
+    return "\n".join([*lines, ""]).encode("latin-1")
+
+
+# ---- vtu, xdmf
+
+
+def _places(raw: Raw) -> dict[int, int]:
+    """Number -> place from 0: cells name nodes as they were before anybody changed numbers."""
+    return {**{number: k for k, number in enumerate(raw.node_number)}, **{11 + k: k for k in range(12)}}
+
+
+def _indices(raw: Raw) -> list[list[int]]:
+    """Nodes from 0; a number that no node has is past the end by as much."""
+    index = _places(raw)
+    return [[index.get(n, n) for n in c.nodes] for c in raw.cells]
+
+
+def vtu(raw: Raw) -> bytes:
+    """VTK's XML, ASCII; numbers and groups as arrays."""
+    rows = _indices(raw)
+    ends = np.cumsum([len(r) for r in rows]).tolist()
+    n, m = raw.count.get("nodes", len(raw.points)), raw.count.get("cells", len(raw.cells))
+
+    def array(kind: str, name: str, values: Any, width: int = 1) -> str:
+        flat = " ".join(map(str, np.ravel(values).tolist()))
+        head = f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{width}" format="ascii">'
+        return f"{head}\n{flat}\n</DataArray>\n"
+
+    text = (
+        '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
+        f'header_type="UInt64">\n<UnstructuredGrid>\n<Piece NumberOfPoints="{n}" NumberOfCells="{m}">\n'
+        f"<Points>\n{array('Float64', 'Points', raw.points, 3)}</Points>\n<Cells>\n"
+        + array("Int64", "connectivity", np.array([i for r in rows for i in r]))
+        + array("Int64", "offsets", ends)
+        + array("UInt8", "types", [_VTK.get(c.type, c.type) for c in raw.cells])
+        + "</Cells>\n<PointData>\n"
+        + array("Int64", "node_number", raw.node_number)
+        + "</PointData>\n<CellData>\n"
+        + array("Int64", "cell_number", [c.number for c in raw.cells])
+        + "".join(array("UInt8", f"group:{g}", [int(c.group == g) for c in raw.cells]) for g in raw.groups())
+        + "</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
+    )
+    return text.encode("latin-1")
+
+
+def xdmf(raw: Raw) -> bytes:
+    """XDMF 3 with its numbers in the XML."""
+    rows = _indices(raw)
+    flat = [i for c, r in zip(raw.cells, rows, strict=True) for i in (_XDMF.get(c.type, c.type), *r)]
+    n, m = raw.count.get("nodes", len(raw.points)), raw.count.get("cells", len(raw.cells))
+    points = "\n".join(" ".join(map(repr, xyz)) for xyz in raw.points)
+    text = (
+        '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n<Grid Name="mesh" GridType="Uniform">\n'
+        f'<Topology TopologyType="Mixed" NumberOfElements="{m}">\n'
+        f'<DataItem Dimensions="{len(flat)}" NumberType="Int" Precision="8" Format="XML">\n'
+        f"{' '.join(map(str, flat))}\n</DataItem>\n</Topology>\n"
+        f'<Geometry GeometryType="XYZ">\n<DataItem Dimensions="{n} 3" NumberType="Float" Precision="8" Format="XML">\n'
+        f"{points}\n</DataItem>\n</Geometry>\n"
+        + _attribute("Node", "node_number", raw.node_number)
+        + _attribute("Cell", "cell_number", [c.number for c in raw.cells])
+        + "".join(_attribute("Cell", f"group:{g}", [int(c.group == g) for c in raw.cells]) for g in raw.groups())
+        + "</Grid>\n</Domain>\n</Xdmf>\n"
+    )
+    return text.encode("latin-1")
+
+
+def _attribute(on: str, name: str, values: list[int]) -> str:
+    item = f'<DataItem Dimensions="{len(values)}" NumberType="Int" Precision="8" Format="XML">'
+    head = f'<Attribute Name="{name}" AttributeType="Scalar" Center="{on}">'
+    return f"{head}\n{item}\n{' '.join(map(str, values))}\n</DataItem>\n</Attribute>\n"

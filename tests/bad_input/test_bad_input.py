@@ -1,0 +1,134 @@
+"""Every bad input gets one sentence and its status, leaves nothing behind, and stands in docs/bad_input.md."""
+
+from __future__ import annotations
+
+import re
+import resource
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from tests.bad_input import case, page, stop_cases
+from tests.bad_input.case import Case, listing
+from tests.bad_input.command_cases import GOOD, OUTPUTS
+from tests.bad_input.corpus import all_cases
+
+
+@cache
+def the_page() -> dict[tuple[str, str, str], str]:
+    return page.parsed(page.PAGE.read_text(encoding="utf-8"))
+
+
+def holds(one, outcome):
+    """The status and words that are expected, and those in the page."""
+    assert outcome.status == one.status, outcome.sentence
+    assert re.search(one.says, outcome.sentence), outcome.sentence
+    key, said = page.entry(one, outcome)
+    assert the_page().get(key) == said, "run: python -m tests.bad_input.page"
+
+
+@pytest.mark.parametrize("one", all_cases(), ids=lambda c: c.key)
+def test_one_sentence_and_nothing_left(one, tmp_path):
+    outcome = case.run(one, tmp_path)
+    holds(one, outcome)
+    if outcome.status == 3:  # it names the file: the input, one that belongs to it, or the output
+        assert any(path.name in outcome.sentence for path in (*tmp_path.iterdir(), Path(one.input), Path(one.out)))
+
+
+@pytest.mark.parametrize("stop", stop_cases.cases(), ids=lambda c: c.key)
+def test_stopped(stop, tmp_path):
+    outcome = stop_cases.run(stop, tmp_path)
+    assert len(outcome.lines) == 1
+    holds(stop, outcome)
+
+
+def test_the_page_holds_these_cases_and_no_other():
+    every = (*all_cases(), *stop_cases.cases())
+    keys = [(page.KINDS[c.kind][0], page._safe(page.row(c, case.Outcome(0, [], 0)).what), c.format) for c in every]
+    assert len(set(keys)) == len(keys), "two cases have the same name"
+    assert set(keys) == set(the_page())
+    assert len(keys) >= 250
+
+
+def in_process(args, folder, file_size):
+    """`lacmesh` as it is installed, with a limit of the files that it writes."""
+    limit = None if file_size is None else lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, file_size))
+    args = [sys.executable, "-m", "lacmesh", *args]
+    return subprocess.run(args, cwd=folder, capture_output=True, text=True, preexec_fn=limit)
+
+
+def selected() -> list[Case]:
+    """One case of each kind."""
+    found = {c.kind: c for c in all_cases() if not c.nobody}
+    return list(found.values())
+
+
+@pytest.mark.parametrize("one", selected(), ids=lambda c: c.key)
+def test_in_a_process_of_its_own(one, tmp_path):
+    """The same for the command as it is installed, up to the end of the process."""
+    if callable(one.make):
+        one.make(tmp_path)
+    else:
+        (tmp_path / one.input).write_bytes(one.make)
+    before = listing(tmp_path)
+    args = [word.replace("{in}", one.input).replace("{out}", one.out) for word in one.command]
+    done = in_process(args, tmp_path, one.file_size)
+    assert done.returncode == one.status
+    errors = [line for line in done.stderr.splitlines() if not line.startswith("lacmesh: warning: ")]
+    assert [line.startswith("lacmesh: error: ") for line in errors] == [True] * bool(one.status)
+    if one.status:
+        assert listing(tmp_path) == before
+
+
+@pytest.mark.parametrize("suffix", sorted({suffix for suffix, *_ in OUTPUTS.values()}))
+@pytest.mark.parametrize("size", [50, 3000])
+def test_a_full_disk_and_the_end_of_the_process(suffix, size, tmp_path):
+    """HDF5 that could not write used to end in a segmentation fault."""
+    (tmp_path / "in.msh").write_bytes(GOOD)
+    done = in_process(["cut", "in.msh", "--slave", "SLAVE", "--hexa", "hexa", "-o", f"out{suffix}"], tmp_path, size)
+    if done.returncode == 0:
+        assert size == 3000 and (tmp_path / f"out{suffix}").stat().st_size <= size
+        return
+    assert done.returncode == 3
+    assert done.stderr == f"lacmesh: error: out{suffix}: cannot be written (File too large)\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["in.msh"]
+
+
+def test_the_run_of_a_case_sees_what_is_wrong(tmp_path):
+    """Two sentences, a file that is left, a changed output, too much memory, too much time: none of them passes."""
+
+    def stray(folder: Path) -> None:
+        (folder / "bad.msh").write_bytes(GOOD)
+
+    one = Case("output", "any", "", stray, "", command=("nothing",))
+
+    def tried(monkeypatched):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(case, "main", monkeypatched)
+            folder = tmp_path / monkeypatched.__name__
+            folder.mkdir()
+            case.run(one, folder)
+
+    def says_it_twice(args):
+        print("lacmesh: error: a\nlacmesh: error: b", file=sys.stderr)
+        return 3
+
+    def leaves_a_file(args):
+        print("lacmesh: error: a", file=sys.stderr)
+        Path("half").touch()
+        return 3
+
+    def takes_memory(args):
+        bytes(2 << 30)
+
+    for main in (says_it_twice, leaves_a_file):
+        with pytest.raises(AssertionError):
+            tried(main)
+    with pytest.raises(MemoryError):
+        tried(takes_memory)
+    with pytest.raises(case.TooSlow), case.alarm(0.05):
+        while True:
+            pass

@@ -1,0 +1,294 @@
+"""What a mesh may have, one case each: a mesh that has it, whether it is still there, what a warning calls it.
+
+Cells of two meshes are told by their type and where their nodes are, so that numbers and order may change.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from dataclasses import replace as but
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lacmesh.cells import CELLS
+from lacmesh.cut import Cut, cut_skin
+from lacmesh.mesh import Mesh, Model, Periodic, Step
+
+
+def solid(**rest):
+    """Four tetrahedra in a row, three of their faces as skin."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1.5, 1, 0], [2, 0, 0.75]])
+    tetrahedra = [[0, 1, 2, 3], [1, 4, 2, 3], [1, 5, 2, 4], [1, 6, 5, 4]]
+    return Mesh.create(points, [("TETRA4", tetrahedra), ("TRIA3", [[0, 2, 1], [0, 1, 3], [1, 2, 5]])], **rest)
+
+
+def bare(**rest):
+    """The tetrahedra alone."""
+    mesh = solid()
+    return Mesh.create(mesh.points, [("TETRA4", mesh.block("TETRA4"))], **rest)
+
+
+def skin(**rest):
+    """Four triangles in space, on the same nodes."""
+    return Mesh.create(solid().points, [("TRIA3", [[0, 2, 1], [0, 1, 3], [1, 2, 5], [4, 5, 6]])], **rest)
+
+
+def plane(space_dim, **rest):
+    """Triangles in the plane."""
+    points = np.array([[0, 0], [1, 0], [0, 1], [1, 1.25], [2, 0.5]])
+    return Mesh.create(points, [("TRIA3", [[0, 1, 2], [1, 3, 2], [1, 4, 3]])], space_dim=space_dim, **rest)
+
+
+class Matched(NamedTuple):
+    """For each cell and node of the first mesh its index in the second, -1 where it is not there."""
+
+    cell: np.ndarray
+    node: np.ndarray
+
+
+def matched(before, after):
+    def keys(mesh):
+        near = np.round(mesh.points, 5) + 0.0
+        names = [tuple(p) for p in near.tolist()]
+        cells = [(b.type, *(names[n] for n in row)) for b in mesh.blocks for row in b.nodes.tolist()]
+        return cells, names
+
+    (cells, points), (other_cells, other_points) = keys(before), keys(after)
+    at_cell, at_point = ({k: i for i, k in enumerate(ks)} for ks in (other_cells, other_points))
+    cell = np.array([at_cell.get(k, -1) for k in cells], int)
+    node = np.array([at_point.get(k, -1) for k in points], int)
+    return Matched(cell, node)
+
+
+def same_groups(groups, others, to):
+    return all(name in others and set(to[g].tolist()) == set(others[name].tolist()) for name, g in groups.items())
+
+
+def same_data(data, others, to):
+    def same(a, b):
+        return a.shape[1:] == b.shape[1:] and np.allclose(a, b[to], rtol=1e-7, atol=0, equal_nan=True)
+
+    return all(name in others and same(np.asarray(a), np.asarray(others[name])) for name, a in data.items())
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A column of the table: its title; a mesh that has the feature, made of `one` (`bare`, or `skin` for formats of
+    surfaces); how it is still there; a warning's word for it.
+    """
+
+    title: str
+    mesh: Any
+    kept: Any
+    word: str
+
+
+def cell_groups(before, after, to):
+    return same_groups(before.cell_groups, after.cell_groups, to.cell)
+
+
+def node_groups(before, after, to):
+    return same_groups(before.node_groups, after.node_groups, to.node)
+
+
+def data(before, after, to):
+    return same_data(before.cell_data, after.cell_data, to.cell) and same_data(
+        before.node_data, after.node_data, to.node
+    )
+
+
+def integers(before, after, to):
+    pairs = [(before.cell_data, after.cell_data), (before.node_data, after.node_data)]
+    kinds = all(name in b and np.asarray(b[name]).dtype.kind in "iu" for a, b in pairs for name in a)
+    return kinds and data(before, after, to)
+
+
+def steps(before, after, to):
+    def told(mesh):
+        data = [*mesh.node_data.items(), *mesh.cell_data.items()]
+        return {(s.field, s.number, s.time): v for k, v in data for s in [mesh.steps.get(k)] if s is not None}
+
+    mine, theirs = told(before), told(after)
+    return mine.keys() == theirs.keys() and all(np.allclose(v, theirs[k][to.node]) for k, v in mine.items())
+
+
+def cut_mesh():
+    return cut_skin(bare_with_slave(), "slave").mesh
+
+
+def bare_with_slave():
+    return solid(cell_groups={"slave": [4, 5]})
+
+
+def two_zones():
+    """Two zones that have the same cells in a group that would else give its name."""
+    mesh = solid(cell_groups={"slave": [4], "other": [5], "above": [4], "beside": [5]})
+    return but(cut_skin(mesh, ["slave", "other"]).mesh, zones=("left side", "right side"))
+
+
+def records(before, after, to):
+    try:
+        was, now = Cut(before), Cut(after)
+    except Exception:
+        return False
+    names = {"lac_macro", "lac_zone", "lac_child"} & before.cell_data.keys()
+    cells = all(np.array_equal(before.cell_data[n], after.cell_data[n][to.cell]) for n in names)
+    return cells and was.n_macros == now.n_macros and np.array_equal(was.macro_of_node, now.macro_of_node[to.node])
+
+
+def periodic():
+    mesh = solid(cell_data={"entity": np.array([[3, 1]] * 4 + [[2, 1], [2, 2], [2, 3]], np.int32)})
+    link = Periodic((2, 1), (2, 2), (1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1), np.array([[0, 1], [2, 3]]))
+    return but(mesh, model=Model({}, (link,)))
+
+
+def links(before, after, to):
+    def told(mesh, there):
+        found = () if mesh.model is None else mesh.model.periodic
+        return [(p.slave, p.master, sorted(map(tuple, there(np.asarray(p.nodes)).tolist()))) for p in found]
+
+    return told(before, lambda n: to.node[n]) == told(after, lambda n: n)
+
+
+def order(mesh):
+    kinds = np.repeat([b.type for b in mesh.blocks], np.diff(mesh.offsets))
+    return (kinds if mesh.file_order is None else kinds[mesh.file_order]).tolist()
+
+
+def number(on):
+    def same(before, after, to):
+        return np.array_equal(getattr(before, f"{on}_number"), getattr(after, f"{on}_number")[getattr(to, on)])
+
+    return same
+
+
+LONG = "a name of 60 characters that goes on and on, as some like it"
+
+#: every column of the table, by its key
+FEATURES = {
+    "group": Feature("groups", lambda one: one(cell_groups={"all": [0, 1, 2, 3]}), cell_groups, "group"),
+    "overlap": Feature(
+        "groups that overlap",
+        lambda one: one(cell_groups={"a": [0, 1, 2], "b": [1, 2, 3], "c": [2]}),
+        cell_groups,
+        "group",
+    ),
+    "lower": Feature("groups of skin", lambda one: solid(cell_groups={"slave": [4, 5]}), cell_groups, "group"),
+    "dims": Feature(
+        "groups of several dimensions",
+        lambda one: solid(cell_groups={"all": [0, 1, 2, 3, 4, 5, 6]}),
+        cell_groups,
+        "group|all",
+    ),
+    "empty": Feature(
+        "empty groups", lambda one: one(cell_groups={"all": [0, 1, 2, 3], "none": []}), cell_groups, "none|group"
+    ),
+    "loose": Feature(
+        "cells in no group",
+        lambda one: one(cell_groups={"a": [0]}),
+        lambda b, a, to: b.n_cells == a.n_cells and (to.cell >= 0).all(),
+        "cells",
+    ),
+    "nodes": Feature(
+        "groups of nodes", lambda one: one(node_groups={"corner": [0, 2], "all": range(7)}), node_groups, "node"
+    ),
+    "names": Feature(
+        "names with blanks, accents",
+        lambda one: one(cell_groups={"Körper links": [0, 1], "été": [2]}),
+        cell_groups,
+        "nam|Körper",
+    ),
+    "long": Feature(
+        "names of 60 characters", lambda one: one(cell_groups={LONG: [0, 1]}), cell_groups, "nam|characters"
+    ),
+    "orphan": Feature(
+        "nodes of no cell",
+        lambda one: Mesh.create([*one().points, (3, 3, 3), (4, 3, 3)], one().blocks),
+        lambda b, a, to: b.n_nodes == a.n_nodes and (to.node >= 0).all(),
+        "nodes",
+    ),
+    "node_number": Feature(
+        "numbers of nodes", lambda one: one(node_number=range(10, 80, 10)), number("node"), "number"
+    ),
+    "cell_number": Feature(
+        "numbers of cells", lambda one: one(cell_number=[1003, 1001, 1009, 1004]), number("cell"), "number"
+    ),
+    "order": Feature(
+        "order of cells of several types",
+        lambda one: solid(file_order=[4, 0, 5, 1, 2, 6, 3]),
+        lambda b, a, to: order(b) == order(a),
+        "order",
+    ),
+    "field": Feature(
+        "fields",
+        lambda one: one(cell_data={"stress": np.array([1.5, np.pi, -2e-7, 3e9])}, node_data={"heat": np.arange(7) / 3}),
+        data,
+        "stress|field|data",
+    ),
+    "vector": Feature(
+        "fields of vectors and tensors",
+        lambda one: one(
+            node_data={"move": np.arange(21).reshape(7, 3) / 7}, cell_data={"s": np.arange(36).reshape(4, 9) / 9}
+        ),
+        data,
+        "move|field|data",
+    ),
+    "gap": Feature(
+        "fields with missing values",
+        lambda one: one(cell_data={"stress": np.array([1.5, np.nan, 2, 3])}),
+        data,
+        "stress|field|data",
+    ),
+    "integer": Feature(
+        "fields of integers",
+        lambda one: one(cell_data={"rank": np.array([1, -1, 7, 2**30])}, node_data={"level": np.arange(7)}),
+        integers,
+        "rank|field|data",
+    ),
+    "steps": Feature(
+        "fields at several times",
+        lambda one: one(
+            node_data={"heat@0": np.arange(7) / 3, "heat@1": np.arange(7) / 5},
+            steps={"heat@0": Step("heat", 0, -1, 0.0), "heat@1": Step("heat", 1, -1, 0.5)},
+        ),
+        steps,
+        "heat|field|data|step",
+    ),
+    "cut": Feature("the records of a cut", lambda one: cut_mesh(), records, "lac_|field|data"),
+    "zones": Feature("names of a cut's zones", lambda one: two_zones(), lambda b, a, to: b.zones == a.zones, "zone"),
+    "plane": Feature("two dimensions", lambda one: plane(2), lambda b, a, to: a.space_dim == 2, "dimension"),
+    "flat": Feature("a plane mesh in space", lambda one: plane(3), lambda b, a, to: a.space_dim == 3, "dimension"),
+    "periodic": Feature("periodic links", lambda one: periodic(), links, "periodic|model"),
+    "partition": Feature(
+        "partitions",
+        lambda one: one(cell_data={"partition": np.array([1, 1, 2, 2], np.int32)}),
+        integers,
+        "partition|field|data",
+    ),
+    "tags": Feature(
+        "tags of groups",
+        lambda one: one(cell_groups={"all": [0, 1, 2, 3]}, group_tags={"all": ((3, 7),)}),
+        lambda b, a, to: b.group_tags == a.group_tags,
+        "tag",
+    ),
+    "name": Feature("the mesh's name", lambda one: one(name="beam"), lambda b, a, to: a.name == "beam", "name"),
+    "digits": Feature(
+        "every digit of coordinates",
+        lambda one: but(one(), points=one().points * np.pi / 3),
+        lambda b, a, to: np.array_equal(b.points[b.blocks[0].nodes], a.points[a.blocks[0].nodes]),
+        "digits",
+    ),
+}
+
+#: every type of cell, alone, as a column of the other table
+TYPES = tuple(CELLS)
+
+
+def one_cell(kind):
+    """One cell of a type, bent so that no two of its nodes could change places unseen."""
+    cell = CELLS[kind]
+    x = np.array(cell.reference, float).reshape(cell.n_nodes, -1)
+    x = np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
+    bent = x @ np.array([[1, 0.1, 0.2], [0.05, 1.1, 0.1], [0.15, 0.2, 0.9]]) + 0.02 * np.sin(3 * x + [1, 2, 3])
+    return Mesh.create(bent + np.array([1, 2, 3]), [(kind, [range(cell.n_nodes)])])

@@ -1,0 +1,131 @@
+"""Formats through meshio: what it breaks is an error, what it loses is said, and nothing is left half-written."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
+from lacmesh.formats import by_meshio, kind_of, read, title_of, write
+from lacmesh.formats.kept import losses, match, unbent
+from lacmesh.formats.meshio_mesh import NAMES
+from lacmesh.formats.table import OF_MESHIO
+from lacmesh.formats.vtu_types import OF_TYPE
+from lacmesh.mesh import Mesh
+from tests.formats.feature_cases import bare, one_cell, solid
+
+meshio = pytest.importorskip("meshio")
+
+
+@pytest.mark.vtk
+@pytest.mark.parametrize("kind", by_meshio._QUADRATIC["vtk"])
+def test_vtk_takes_quadratic_cells_for_what_they_are(kind, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    mesh = one_cell(kind)
+    write(tmp_path / "a.vtk", mesh)
+    grid = pyvista.read(tmp_path / "a.vtk")
+    assert int(grid.celltypes[0]) == OF_TYPE[kind].number
+    assert list(grid.get_cell(0).point_ids) == list(OF_TYPE[kind].nodes)
+
+
+@pytest.mark.parametrize("suffix", sorted(OF_MESHIO))
+def test_a_surface_or_solid_goes_there_and_back(suffix, tmp_path):
+    """The cells of a mesh that the format takes, whatever else it loses."""
+    if OF_MESHIO[suffix] == "exodus":
+        pytest.importorskip("netCDF4")
+    mesh = Mesh.create(bare().points, [("TRIA3", [[0, 2, 1], [0, 1, 3], [4, 5, 6]])])
+    if suffix in (".f3grid", ".cgns", ".su2"):
+        mesh = bare()
+    try:
+        write(tmp_path / f"a{suffix}", mesh)
+    except LacmeshWarning as said:  # warnings are errors here
+        assert "loses" in str(said)
+        with pytest.warns(LacmeshWarning):
+            write(tmp_path / f"a{suffix}", mesh)
+    back = read(tmp_path / f"a{suffix}")
+    assert back.cells_by_type == mesh.cells_by_type
+    kind = mesh.blocks[0].type
+    np.testing.assert_allclose(back.points[back.block(kind)], mesh.points[mesh.block(kind)], atol=1e-6)
+    assert kind_of(tmp_path / f"a{suffix}").format == OF_MESHIO[suffix]
+
+
+def test_what_is_lost_is_said(tmp_path):
+    mesh = solid(cell_groups={"slave": [4, 5]}, node_number=range(10, 80, 10), cell_data={"x": np.arange(7.0)})
+    with pytest.warns(LacmeshWarning) as said:
+        write(tmp_path / "a.mesh", mesh)
+    assert [str(w.message) for w in said] == [
+        "written by meshio as medit, which loses the cell groups 'slave'; "
+        "the numbers of nodes (they are 1, 2, ...); the cell data 'x'"
+    ]
+
+
+def test_cells_that_come_out_otherwise_are_an_error(tmp_path):
+    with pytest.raises(WriteError, match=r"format off does not keep the cells \(0 TETRA4 of 4 are left\)"):
+        write(tmp_path / "a.off", solid())
+    with pytest.raises(WriteError, match=r"a\.mesh: cells of type TETRA10 \(the mesh has 1\) are not written as medit"):
+        write(tmp_path / "a.mesh", one_cell("TETRA10"))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("error", [SystemExit(1), KeyError("x"), MemoryError(), AssertionError()])
+def test_whatever_meshio_raises_is_one_error(error, tmp_path, monkeypatch, capfd):
+    def fail(*args, **options):
+        print("Error: meshio says a word", file=sys.stderr)
+        raise error
+
+    (tmp_path / "a.stl").write_text("solid\n")
+    monkeypatch.setattr(meshio, "read", fail)
+    with pytest.raises(ReadError, match=rf"meshio fails \({type(error).__name__}: Error: meshio says a word\)"):
+        read(tmp_path / "a.stl")
+    monkeypatch.setattr(meshio, "write", fail)
+    with pytest.raises(WriteError, match=r"b\.stl: meshio fails"):
+        write(tmp_path / "b.stl", bare())
+    assert [p.name for p in tmp_path.iterdir()] == ["a.stl"] and capfd.readouterr().err == ""
+
+
+def test_files_that_are_not_what_their_suffix_says(tmp_path):
+    (tmp_path / "a.stl").write_text("nonsense")
+    with pytest.raises(ReadError):
+        read(tmp_path / "a.stl")
+    write(tmp_path / "a.vtu", bare())
+    (tmp_path / "a.vtu").rename(tmp_path / "a.msh")
+    assert kind_of(tmp_path / "a.msh").format == "vtu" and title_of(tmp_path / "a.msh") == "VTU"
+    assert read(tmp_path / "a.msh").cells_by_type == {"TETRA4": 4}
+    (tmp_path / "b.nas").write_text("$ a comment\nGRID    1               0.      0.      0.\n")
+    assert kind_of(tmp_path / "b.nas").format == "nastran"
+
+
+def test_without_meshio_the_line_that_installs_it(tmp_path, monkeypatch):
+    (tmp_path / "a.stl").write_text("solid\n")
+    monkeypatch.setattr("lacmesh.formats.meshio_mesh.find_spec", lambda name: None)
+    for call in (lambda: read(tmp_path / "a.stl"), lambda: write(tmp_path / "b.stl", bare())):
+        with pytest.raises(RequestError, match=r"this needs meshio; pip install 'lacmesh\[io\]' brings it"):
+            call()
+
+
+def test_mid_nodes_far_from_their_edges_are_seen(tmp_path):
+    mesh = one_cell("TETRA10")
+    assert unbent(mesh) == ""
+    swapped = Mesh.create(mesh.points, [("TETRA10", mesh.block("TETRA10")[:, [0, 1, 2, 3, 5, 4, 6, 7, 8, 9]])])
+    assert unbent(swapped) == "TETRA10 1"
+    meshio.write(tmp_path / "a.bdf", meshio.Mesh(mesh.points, [("tetra10", swapped.block("TETRA10"))]))
+    with pytest.raises(ReadError, match="mid-nodes far from their edges as meshio reads nastran"):
+        read(tmp_path / "a.bdf")
+
+
+def test_names_are_meshios():
+    from meshio._common import num_nodes_per_cell
+
+    for ours, theirs in NAMES.items():
+        count = num_nodes_per_cell.get(theirs)
+        assert count in (None, OF_TYPE[ours].nodes and len(OF_TYPE[ours].nodes) if ours in OF_TYPE else count), ours
+    assert NAMES["TETRA10"] == "tetra10" and NAMES["POI1"] == "vertex" and NAMES["PENTA15"] == "wedge15"
+
+
+def test_losses_of_nothing_are_none():
+    mesh = solid(cell_groups={"slave": [4, 5]}, node_data={"x": np.arange(7.0)})
+    where = match(mesh, mesh)
+    assert not isinstance(where, str) and losses(mesh, mesh, where) == []
+    assert match(mesh, bare()) == "0 TRIA3 of 3"

@@ -1,0 +1,410 @@
+"""VTU: what we write and read again is the same; VTK sees the same, and we read every encoding of VTK's."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+import warnings
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.cut import Cut, cut_skin
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError
+from lacmesh.formats import kind_of, read, vtu, write
+from lacmesh.formats.vtu_lz4 import expand
+from lacmesh.formats.vtu_types import OF_NUMBER, OF_TYPE, READ_TOO, VTK_TYPES
+from lacmesh.mesh import Mesh
+from tests.formats.feature_cases import one_cell, solid
+from tests.formats.msh_meshes import meshes, order, plain
+from tests.meshes import random_mesh
+
+REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "node_orders.json").read_text())
+KINDS = tuple(OF_TYPE)
+
+
+def same(a, b):
+    first, second = plain(a), plain(b)
+    return [key for key in first if first[key] != second[key]] + ([] if order(a) == order(b) else ["order"])
+
+
+# The table
+
+
+def test_node_orders_are_those_of_the_reference():
+    for ours, row in REFERENCE.items():
+        for key, places in row.items() if ours != "about" else ():
+            if key.startswith("vtk") and places:
+                assert (OF_TYPE[ours].number, list(OF_TYPE[ours].nodes)) == (int(key[4:]), places), ours
+    assert "PYRAM14" not in OF_TYPE and not {"TRIA9", "TRIA12", "QUAD12", "PENTA40", "PYRAM30"} & set(OF_TYPE)
+
+
+def test_the_table_is_sound():
+    for kind in (*VTK_TYPES, *READ_TOO):
+        assert sorted(kind.nodes) == list(range(ALL_CELLS[kind.type].n_nodes))
+    assert len(OF_NUMBER) == len(VTK_TYPES) + len(READ_TOO) and len(OF_TYPE) == len(VTK_TYPES)
+
+
+# There and back
+
+
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(mesh=meshes(kinds=KINDS))
+def test_what_is_written_is_read(mesh, tmp_path):
+    for k, options in enumerate(({}, {"binary": False}, {"compress": True})):
+        path = tmp_path / "mesh.vtu"
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            vtu.write(path, mesh, **options)
+            assert same(mesh, vtu.read(path)) == [], options
+        assert kind_of(path).binary == (k != 1)
+
+
+def test_a_cut_is_kept(tmp_path):
+    cut = cut_skin(solid(cell_groups={"slave": [4, 5]}), "slave")
+    write(tmp_path / "cut.vtu", cut.mesh)
+    back = Cut(read(tmp_path / "cut.vtu"))
+    assert back.zones == ("slave",) and same(cut.mesh, back.mesh) == []
+
+
+@pytest.mark.parametrize("dtype", ["i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8", ">i4", ">f8"])
+@pytest.mark.parametrize("options", [{}, {"binary": False}, {"compress": True}], ids=["raw", "text", "zlib"])
+def test_every_kind_of_number(dtype, options, tmp_path):
+    values = np.array([0, 1, 100, 127], dtype) if "f" not in dtype else np.array([np.pi, np.nan, -1e-30, 1e30], dtype)
+    mesh = Mesh.create(np.eye(4, 3), [("POI1", [[0], [1], [2], [3]])], cell_data={"x": values}, space_dim=3)
+    vtu.write(tmp_path / "a.vtu", mesh, **options)
+    back = vtu.read(tmp_path / "a.vtu").cell_data["x"]
+    np.testing.assert_array_equal(back, values)
+    assert back.dtype == np.dtype(dtype).newbyteorder("=")
+
+
+def test_odd_data(tmp_path):
+    n = np.arange(4)
+    data = {"flag": n > 1, "group:x": n % 2, "cell_number": n, "": n, "a\x01b": n, "text": np.array(list("abcd"))}
+    data |= {"half": n.astype(np.float16), "column": n[:, None], "deep": np.arange(24).reshape(4, 2, 3)}
+    mesh = Mesh.create(np.eye(4, 3), [("POI1", n[:, None])], cell_data=data, cell_groups={"x": [0]}, space_dim=3)
+    with pytest.warns(LacmeshWarning, match=r"data 'text' \(<U1, shape \(4,\)\) are left out"):
+        vtu.write(tmp_path / "a.vtu", mesh)
+    back = vtu.read(tmp_path / "a.vtu")
+    assert back.cell_data.keys() == data.keys() - {"text"}
+    for name in back.cell_data:
+        np.testing.assert_array_equal(back.cell_data[name], data[name])
+        assert back.cell_data[name].shape == data[name].shape
+    assert back.cell_groups.keys() == {"x"} and back.cell_number.tolist() == [1, 2, 3, 4]
+
+
+def test_a_cell_that_vtk_lacks_is_an_error(tmp_path):
+    with pytest.raises(WriteError, match="VTK has no cells of type PYRAM14, the mesh has 1; write them as PYRAM13"):
+        write(tmp_path / "a.vtu", one_cell("PYRAM14"))
+    assert not list(tmp_path.iterdir())
+
+
+# What VTK sees
+
+
+def grid_of(path):
+    pyvista = pytest.importorskip("pyvista")
+    return pyvista.read(path)
+
+
+@pytest.mark.vtk
+@pytest.mark.parametrize("kind", [k for k in CELLS if k in OF_TYPE])
+def test_vtk_sees_the_cell(kind, tmp_path):
+    """The same places in space for the same reference points, and so the same volume, not turned inside out."""
+    pytest.importorskip("vtk")
+    mesh = one_cell(kind)
+    write(tmp_path / "a.vtu", mesh)
+    cell = grid_of(tmp_path / "a.vtu").GetCell(0)
+    table = CELLS[kind]
+    assert cell.GetNumberOfPoints() == table.n_nodes
+    reference = np.array(table.reference).reshape(table.n_nodes, -1)
+    theirs = np.array([cell.GetParametricCoords()[k] for k in range(3 * table.n_nodes)]).reshape(-1, 3)[:, : table.dim]
+    if table.family in ("SEG", "QUAD", "HEXA"):
+        reference = (reference + 1) / 2
+    elif table.family == "PENTA":
+        reference = reference * [1, 1, 0.5] + [0, 0, 0.5]
+    elif table.family == "PYRAM":
+        reference = (reference * [1, 1, 1]) / [2, 2, 1] + np.stack(
+            [*2 * [0.5 * np.ones(len(reference))], 0 * reference[:, 2]], 1
+        )
+        keep = reference[:, 2] == 0  # above its base VTK's pyramid is collapsed, ours is not
+        reference, theirs = reference[keep], theirs[keep[list(OF_TYPE[kind].nodes)]]
+        places = [n for n in OF_TYPE[kind].nodes if keep[n]]
+        np.testing.assert_allclose(theirs, reference[np.searchsorted(np.flatnonzero(keep), places)], atol=1e-6)
+        return
+    np.testing.assert_allclose(theirs, reference[list(OF_TYPE[kind].nodes)], atol=1e-6)
+
+
+@pytest.mark.vtk
+@pytest.mark.parametrize("kind", ["TETRA4", "HEXA8", "PENTA6", "PYRAM5"])
+def test_vtk_finds_a_positive_volume(kind, tmp_path):
+    write(tmp_path / "a.vtu", one_cell(kind))
+    assert grid_of(tmp_path / "a.vtu").compute_cell_sizes()["Volume"][0] > 0.1
+
+
+@pytest.mark.vtk
+@pytest.mark.parametrize("kind", [k for k in ALL_CELLS if k not in CELLS and k in OF_TYPE])
+def test_vtk_and_gmsh_agree_on_lagrange_cells(kind):
+    """The place of each node in VTK's reference cell is that of the node in gmsh's."""
+    vtk, gmsh = pytest.importorskip("vtk"), pytest.importorskip("gmsh")
+    names = {68: "Curve", 69: "Triangle", 70: "Quadrilateral", 71: "Tetra", 72: "Hexahedron"}
+    cell, table = OF_TYPE[kind], ALL_CELLS[kind]
+    gmsh.initialize(["-nt", "1"], readConfigFiles=False)
+    try:
+        _, dim, degree, n, x, _ = gmsh.model.mesh.getElementProperties(table.msh)
+    finally:
+        gmsh.finalize()
+    ours = np.reshape(x, (n, dim))
+    theirs = getattr(vtk, f"vtkLagrange{names[cell.number]}")()
+    theirs.GetPoints().SetNumberOfPoints(n)
+    theirs.GetPointIds().SetNumberOfIds(n)
+    if cell.number in (70, 72):
+        theirs.SetOrder(*[degree] * dim)
+    elif cell.number != 68:
+        theirs.Initialize()
+    parametric = theirs.GetParametricCoords()
+    found = np.array([parametric[k] for k in range(3 * n)]).reshape(n, 3)[:, :dim]
+    np.testing.assert_allclose(
+        found, (ours if cell.number in (69, 71) else (ours + 1) / 2)[list(cell.nodes)], atol=1e-6
+    )
+
+
+@pytest.mark.vtk
+@pytest.mark.parametrize("options", [{}, {"binary": False}, {"compress": True}], ids=["raw", "text", "zlib"])
+def test_pyvista_sees_groups_data_and_numbers(options, tmp_path):
+    mesh = random_mesh(np.random.default_rng(5), slaves=4)
+    mesh = replace(
+        mesh, zones=("zone ä",), cell_data={**mesh.cell_data, "rank": mesh.cell_data["rank"].astype(np.int32)}
+    )
+    write(tmp_path / "a.vtu", mesh, **({"compress": True} if "compress" in options else options))
+    grid = grid_of(tmp_path / "a.vtu")
+    rows = mesh.file_order
+    assert grid.n_cells == mesh.n_cells and grid.n_points == mesh.n_nodes
+    np.testing.assert_array_equal(grid.points, mesh.points)
+    np.testing.assert_array_equal(grid.cell_data["cell_number"], mesh.cell_number[rows])
+    np.testing.assert_array_equal(grid.point_data["node_number"], mesh.node_number)
+    for name, members in mesh.cell_groups.items():
+        np.testing.assert_array_equal(grid.cell_data[f"group:{name}"], np.isin(rows, members))
+    for name, members in mesh.node_groups.items():
+        np.testing.assert_array_equal(np.flatnonzero(grid.point_data[f"group:{name}"]), members)
+    for name, values in mesh.cell_data.items():
+        np.testing.assert_array_equal(grid.cell_data[name], values[rows])
+    for name, values in mesh.node_data.items():
+        np.testing.assert_array_equal(grid.point_data[name], values)
+    assert list(grid.field_data["lac_zones"]) == ["zone ä"] and list(grid.field_data["space_dim"]) == [3]
+    for k in range(mesh.n_cells):
+        kind, _, nodes = next(iter(mesh.select([rows[k]])))
+        assert list(grid.get_cell(k).point_ids) == nodes[0][list(OF_TYPE[kind].nodes)].tolist()
+
+
+WRITERS = [
+    (mode, compressor, header, order, base64_on)
+    for mode in ("Ascii", "Binary", "Appended")
+    for compressor in ("None", "ZLib", "LZ4", "LZMA")
+    for header in ("32", "64")
+    for order in ("Little", "Big")
+    for base64_on in ((True, False) if mode == "Appended" else (True,))
+    if mode != "Ascii" or (compressor, header, order) == ("None", "32", "Little")
+]
+
+
+@pytest.mark.vtk
+@pytest.mark.parametrize("options", WRITERS, ids=lambda o: "-".join(map(str, o)))
+def test_every_encoding_of_vtk_is_read(options, tmp_path):
+    vtk = pytest.importorskip("vtk")
+    from lacmesh.exchange import to_pyvista
+
+    mode, compressor, header, order_of_bytes, in_base64 = options
+    mesh = random_mesh(np.random.default_rng(7), slaves=3)
+    many = np.arange(3 * mesh.n_nodes * 40).reshape(mesh.n_nodes, -1) / 7  # several blocks
+    mesh = replace(mesh, node_data={**mesh.node_data, "many": many})
+    writer = vtk.vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(to_pyvista(mesh))
+    writer.SetFileName(str(tmp_path / "a.vtu"))
+    getattr(writer, f"SetDataModeTo{mode}")()
+    getattr(writer, f"SetCompressorTypeTo{compressor}")()
+    getattr(writer, f"SetHeaderTypeToUInt{header}")()
+    getattr(writer, f"SetByteOrderTo{order_of_bytes}Endian")()
+    writer.SetEncodeAppendedData(in_base64)
+    assert writer.Write() == 1
+    assert same(mesh, vtu.read(tmp_path / "a.vtu")) == []
+
+
+@pytest.mark.vtk
+def test_other_cells_of_vtk(tmp_path):
+    """Voxels, pixels and Lagrange cells of low order are our own; a polyhedron is named."""
+    pyvista = pytest.importorskip("pyvista")
+    grid = pyvista.ImageData(dimensions=(3, 2, 2)).cast_to_unstructured_grid()
+    grid.save(tmp_path / "voxel.vtu")
+    mesh = read(tmp_path / "voxel.vtu")
+    assert mesh.cells_by_type == {"HEXA8": 2}
+    x = mesh.points[mesh.blocks[0].nodes]
+    np.testing.assert_allclose(np.linalg.det(x[:, [1, 3, 4]] - x[:, :1]), 1)
+    pyvista.ImageData(dimensions=(3, 2, 1)).cast_to_unstructured_grid().save(tmp_path / "pixel.vtu")
+    assert read(tmp_path / "pixel.vtu").cells_by_type == {"QUAD4": 2}
+    cube = pyvista.Cube().triangulate()
+    poly = [len(cube.regular_faces), *(n for f in cube.regular_faces.tolist() for n in (3, *f))]
+    pyvista.UnstructuredGrid([len(poly), *poly], [42], cube.points).save(tmp_path / "poly.vtu")
+    with pytest.raises(ReadError, match=r"polyhedra \(VTK's type 42"):
+        read(tmp_path / "poly.vtu")
+
+
+# Files by hand
+
+HEAD = '<VTKFile type="UnstructuredGrid" version="{version}" byte_order="LittleEndian"{more}><UnstructuredGrid>'
+
+
+def text_of(points, connectivity, offsets, types, version="1.0", more="", extra="", n=None, k=None):
+    def array(name, kind, values, width=1):
+        words = " ".join(str(v) for v in np.ravel(values).tolist())
+        return f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{width}" format="ascii">{words}</DataArray>'
+
+    n, k = len(points) if n is None else n, len(types) if k is None else k
+    return (
+        HEAD.format(version=version, more=more)
+        + f'<Piece NumberOfPoints="{n}" NumberOfCells="{k}">{extra}<Points>{array("p", "Float64", points, 3)}</Points>'
+        + f"<Cells>{array('connectivity', 'Int64', connectivity)}{array('offsets', 'Int64', offsets)}"
+        + f"{array('types', 'UInt8', types)}</Cells></Piece></UnstructuredGrid></VTKFile>"
+    )
+
+
+TRIANGLE = (np.eye(3), [0, 1, 2], [3], [5])
+
+
+def test_lagrange_hexahedra_of_vtk_8(tmp_path):
+    """VTK 9 reads files older than 2.1 with the last two vertical edges swapped, and so do we."""
+    x = np.random.default_rng(0).random((27, 3))
+    for version in ("1.0", "2.1"):
+        (tmp_path / f"{version}.vtu").write_text(text_of(x, range(27), [27], [72], version))
+    old, new = (read(tmp_path / f"{v}.vtu").block("HEXA27")[0][list(OF_TYPE["HEXA27"].nodes)] for v in ("1.0", "2.1"))
+    assert new.tolist() == list(range(27))
+    assert old.tolist() == [*range(18), 19, 18, *range(20, 27)]
+
+
+@pytest.mark.vtk
+def test_vtk_agrees_on_old_lagrange_hexahedra(tmp_path):
+    pytest.importorskip("pyvista")
+    x = np.random.default_rng(0).random((64, 3))
+    for version in ("1.0", "2.1"):
+        (tmp_path / "a.vtu").write_text(text_of(x, range(64), [64], [72], version))
+        ours = read(tmp_path / "a.vtu").block("HEXA64")[0][list(OF_TYPE["HEXA64"].nodes)]
+        assert list(grid_of(tmp_path / "a.vtu").get_cell(0).point_ids) == ours.tolist()
+
+
+def test_pieces_are_put_together(tmp_path):
+    one = text_of(
+        *TRIANGLE, extra='<CellData><DataArray type="Float64" Name="x" format="ascii">5</DataArray></CellData>'
+    )
+    piece = one[one.index("<Piece") : one.index("</UnstructuredGrid>")]
+    other = piece.replace(">5<", ">7<").replace("CellData", "Unknown")
+    (tmp_path / "a.vtu").write_text(one.replace(piece, piece + other))
+    with pytest.warns(LacmeshWarning, match="2 pieces are put together; nodes that several have stay apart"):
+        mesh = read(tmp_path / "a.vtu")
+    assert mesh.block("TRIA3").tolist() == [[0, 1, 2], [3, 4, 5]]
+    np.testing.assert_array_equal(mesh.cell_data["x"], [5, np.nan])
+
+
+def test_a_header_encoded_by_itself(tmp_path):
+    """Some writers encode the header of an array apart from its bytes, though VTK does not."""
+    raw = np.array([0, 1, 2], "<i8").tobytes()
+    apart = base64.b64encode(struct.pack("<I", len(raw))) + base64.b64encode(raw)
+    text = text_of(*TRIANGLE).replace('format="ascii">0 1 2', f'format="binary">{apart.decode()}')
+    (tmp_path / "a.vtu").write_text(text)
+    assert read(tmp_path / "a.vtu").block("TRIA3").tolist() == [[0, 1, 2]]
+
+
+def _packed(values, head=None):
+    raw = np.array(values, "<i8").tobytes()
+    block = zlib.compress(raw)
+    head = [1, len(raw), 0, len(block)] if head is None else head
+    return (base64.b64encode(struct.pack(f"<{len(head)}I", *head)) + base64.b64encode(block)).decode()
+
+
+ZLIB = ' compressor="vtkZLibDataCompressor"'
+WRONG = {
+    "no xml": ("<VTKFile", "no sound XML"),
+    "an entity": ('<!DOCTYPE a [<!ENTITY b "c">]><VTKFile type="UnstructuredGrid">&b;</VTKFile>', "declares XML entities"),
+    "poly data": ('<VTKFile type="PolyData"></VTKFile>', "holds PolyData; of VTK's files only UnstructuredGrid"),
+    "no grid": ('<VTKFile type="UnstructuredGrid"></VTKFile>', "has no <UnstructuredGrid>"),
+    "no piece": (HEAD.format(version="1.0", more="") + "</UnstructuredGrid></VTKFile>", "has no <Piece>"),
+    "byte order": (text_of(*TRIANGLE).replace("LittleEndian", "Middle"), "byte_order or header_type"),
+    "a huge count": (text_of(*TRIANGLE, n=10**12), "9 coordinates of type float64 for 1000000000000 points"),
+    "no count": (text_of(*TRIANGLE, k="many"), "NumberOfCells should be a number, not 'many'"),
+    "a node outside": (text_of(np.eye(3), [0, 1, 3], [3], [5]), "3|outside"),
+    "a negative node": (text_of(np.eye(3), [0, 1, -1], [3], [5]), "-1|outside"),
+    "offsets fall": (text_of(np.eye(3), [0, 1, 2], [3, 2], [5, 5]), "offsets do not fit"),
+    "offsets short": (text_of(np.eye(3), [0, 1, 2], [2], [5]), "offsets do not fit"),
+    "types short": (text_of(np.eye(3), [0, 1, 2], [3], [], k=1), "0 types and 1 offsets for 1 cells"),
+    "an unknown type": (text_of(np.eye(3), [0, 1, 2], [3], [99]), r"does not know \(VTK's type 99, 3 nodes\)"),
+    "a polygon": (text_of(np.eye(5, 3), range(5), [5], [7]), "polygons of more than 4 corners"),
+    "not finite": (text_of(np.full((3, 3), np.inf), [0, 1, 2], [3], [5]), "not finite"),
+    "words": (text_of(["a"] * 9, [0, 1, 2], [3], [5], n=3), "cannot be read"),
+    "a wide number": (text_of(np.eye(3), [0, 1, 2], [3], [300]), "too large for uint8"),
+    "an odd type": (text_of(*TRIANGLE).replace("Float64", "Float16"), "the type 'Float16' is not known"),
+    "an odd format": (text_of(*TRIANGLE).replace('format="ascii"', 'format="xml"'), "the format 'xml' is not known"),
+    "no base64": (text_of(*TRIANGLE).replace('format="ascii"', 'format="binary"'), "cannot be read"),
+    "a bad header": (text_of(*TRIANGLE, more=ZLIB).replace('format="ascii">0 1 2', f'format="binary">{_packed([0, 1, 2], [2**31, 8, 0])}'), "more than the file holds"),
+    "a bomb": (text_of(*TRIANGLE, more=ZLIB).replace('format="ascii">0 1 2', f'format="binary">{_packed(np.zeros(10**5), [1, 2**31, 0, 789])}'), "cannot be read"),
+    "an odd compressor": (text_of(*TRIANGLE, more=' compressor="vtkX"').replace('format="ascii">0 1 2', f'format="binary">{_packed([0, 1, 2])}'), "vtkX is not known"),
+    "no appended data": (text_of(*TRIANGLE).replace('format="ascii">0 1 2', 'format="appended" offset="0">'), "past the end"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_damaged_file_is_one_clear_sentence(name, tmp_path):
+    text, message = WRONG[name]
+    (tmp_path / "bad.vtu").write_text(text)
+    with pytest.raises(ReadError, match=message) as caught:
+        vtu.read(tmp_path / "bad.vtu")
+    assert str(tmp_path / "bad.vtu") in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_lists_of_files_are_named(tmp_path):
+    (tmp_path / "a.pvd").write_text(
+        '<VTKFile type="Collection"><Collection><DataSet file="a_0.vtu"/></Collection></VTKFile>'
+    )
+    (tmp_path / "a.pvtu").write_text('<VTKFile type="PUnstructuredGrid"><Piece Source="a_1.vtu"/></VTKFile>')
+    for name, part in (("a.pvd", "a_0.vtu"), ("a.pvtu", "a_1.vtu")):
+        with pytest.raises(ReadError, match=f"read one of them: {part}"):
+            read(tmp_path / name)
+
+
+@pytest.mark.parametrize("options", [{}, {"binary": False}, {"compress": True}], ids=["raw", "text", "zlib"])
+def test_mutated_files_are_errors_or_meshes(options, tmp_path):
+    rng = np.random.default_rng(11)
+    write(tmp_path / "a.vtu", random_mesh(rng, slaves=2), **options)
+    good = (tmp_path / "a.vtu").read_bytes()
+    failed = 0
+    for _ in range(150):
+        data = bytearray(good)
+        for _ in range(int(rng.integers(1, 6))):
+            data[int(rng.integers(len(data)))] = int(rng.integers(256))
+        (tmp_path / "b.vtu").write_bytes(bytes(data[: int(rng.integers(1, len(data)))]) if rng.random() < 0.3 else data)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LacmeshWarning)
+            try:
+                read(tmp_path / "b.vtu")
+            except LacmeshError:
+                failed += 1
+    assert 20 < failed < 150 or not options
+
+
+def test_the_compiled_lz4_is_the_plain_one():
+    rng = np.random.default_rng(2)
+    blocks = [b"\x50hello", b"\x14ab\x02\x00\x50hello", bytes([0xF0, 0, *range(15)]), b"\x0fa", b"\x10a\x05\x00", b""]
+    blocks += [rng.integers(0, 256, int(n), np.uint8).tobytes() for n in rng.integers(1, 60, 300)]
+    for block in blocks:
+        data = np.frombuffer(block, np.uint8)
+        outs = [np.zeros(64, np.uint8) for _ in range(2)]
+        counts = [expand(data, outs[0]), expand.py_func(data, outs[1])]
+        assert counts[0] == counts[1]
+        np.testing.assert_array_equal(*outs)
+    out = np.zeros(20, np.uint8)
+    assert expand(np.frombuffer(b"\x25ab\x02\x00\x10c", np.uint8), out) == 12
+    assert out[:12].tobytes() == b"ababababababac"[:11] + b"c"

@@ -1,0 +1,137 @@
+"""One spoilt file: read, and looked through; an error of lacmesh is an answer, every other exception a failure."""
+
+from __future__ import annotations
+
+import json
+import random
+import sys
+import traceback
+import warnings
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import lacmesh
+from lacmesh import LacmeshError, Mesh, cut_skin
+from lacmesh.report import describe
+from tests.bad_input.case import SECONDS, TooSlow, alarm
+from tests.fuzz import mutate, mutate_hdf5
+from tests.fuzz.seeds import FORMATS, Seed, seeds
+
+READ, REFUSED, FAILED = "read", "refused", "failed"
+
+
+class Outcome(NamedTuple):
+    """READ, REFUSED or FAILED, and what there is to say of it."""
+
+    what: str
+    text: str = ""
+
+
+def spoilt(name: str, number: int) -> Seed:
+    """The spoilt file of that number; always the same."""
+    rng = random.Random(f"{name}/{number}")
+    seed = rng.choice(seeds(name))
+    files = dict(seed.files)
+    file = rng.choice([*files, seed.main])
+    hdf5 = files[file].startswith(b"\x89HDF")
+    if hdf5 and rng.random() < 0.6:
+        files[file] = mutate_hdf5.mutated(rng, files[file])
+    else:
+        others = [other.files.get(file, b"\n") for other in seeds(name)]
+        files[file] = mutate.mutated(rng, files[file], others, FORMATS[name].text and not hdf5)
+    return Seed(seed.main, files)
+
+
+def tried(name: str, number: int, folder: Path) -> Outcome:
+    """Spoil, write and read a file in a folder, and do with the mesh what commands do."""
+    seed = spoilt(name, number)
+    for old in folder.iterdir():
+        old.unlink()
+    for file, content in seed.files.items():
+        (folder / file).write_bytes(content)
+    unraised: list[str] = []
+    before, sys.unraisablehook = sys.unraisablehook, lambda args: unraised.append(repr(args.exc_value))
+    try:
+        with warnings.catch_warnings(), alarm(SECONDS):
+            warnings.simplefilter("ignore")
+            outcome = _read(folder / seed.main)
+    except TooSlow as error:
+        outcome = Outcome(FAILED, f"{error}\n{traceback.format_exc()}")
+    except Exception:
+        outcome = Outcome(FAILED, traceback.format_exc())
+    finally:
+        sys.unraisablehook = before
+    return Outcome(FAILED, f"an exception in the background: {unraised}") if unraised else outcome
+
+
+def _read(path: Path) -> Outcome:
+    try:
+        mesh = lacmesh.read(path)
+    except LacmeshError as error:
+        return _refusal(error)
+    except AssertionError as error:
+        raise RuntimeError("the reader takes for granted what is not so") from error
+    consistent(mesh)
+    json.dumps(describe(mesh))
+    for group in list(mesh.cell_groups)[:2]:
+        _allowed(lambda group=group: cut_skin(mesh, group))
+    for other in ("out.med", "out.msh"):
+        _allowed(lambda other=other: lacmesh.write(path.with_name(other), mesh))
+    return Outcome(READ)
+
+
+def _allowed(work) -> None:
+    """Do something that may be refused."""
+    try:
+        work()
+    except LacmeshError as error:
+        if (refusal := _refusal(error)).what == FAILED:
+            raise RuntimeError(refusal.text) from error
+
+
+def _refusal(error: LacmeshError) -> Outcome:
+    """An answer, unless a lack of memory is behind it, or it says nothing."""
+    behind: BaseException | None = error
+    while behind is not None:
+        if isinstance(behind, MemoryError):
+            return Outcome(FAILED, f"memory: {traceback.format_exception(error)}")
+        behind = behind.__cause__ or behind.__context__
+    text = str(error)
+    return Outcome(REFUSED if text.strip() and len(text) < 2000 else FAILED, text)
+
+
+def consistent(mesh: Mesh) -> None:
+    """Raise where the parts of a mesh do not fit together."""
+    n, k = mesh.n_nodes, mesh.n_cells
+    _must(mesh.points.shape == (n, 3) and mesh.points.dtype == float and bool(np.isfinite(mesh.points).all()), "points")
+    _must(mesh.space_dim in (1, 2, 3), "space_dim")
+    for block in mesh.blocks:
+        _must(block.nodes.dtype.kind in "iu" and block.nodes.ndim == 2, f"nodes of {block.type}")
+        _must(not block.nodes.size or (block.nodes.min() >= 0 and block.nodes.max() < n), f"nodes of {block.type}")
+    for numbers, size in ((mesh.node_number, n), (mesh.cell_number, k)):
+        _must(numbers.shape == (size,) and numbers.dtype.kind in "iu" and len(np.unique(numbers)) == size, "numbers")
+    if mesh.file_order is not None:
+        _must(np.array_equal(np.sort(mesh.file_order), np.arange(k)), "file_order")
+    for groups, size in ((mesh.cell_groups, k), (mesh.node_groups, n)):
+        for name, members in groups.items():
+            _must(isinstance(name, str) and members.dtype.kind in "iu", f"group {name!r}")
+            _must(not len(members) or (members[0] >= 0 and members[-1] < size), f"group {name!r}")
+            _must(bool((np.diff(members) > 0).all()), f"group {name!r}")
+    for data, size in ((mesh.cell_data, k), (mesh.node_data, n)):
+        for key, values in data.items():
+            _must(isinstance(key, str) and len(values) == size and values.dtype.kind in "iuf", f"data {key!r}")
+    _must(set(mesh.steps) <= {*mesh.cell_data, *mesh.node_data}, "steps")
+    _must(set(mesh.group_tags) <= set(mesh.cell_groups), "group_tags")
+    for tags in mesh.group_tags.values():
+        _must(all(isinstance(x, int) for tag in tags for x in tag) and all(len(tag) == 2 for tag in tags), "group_tags")
+    _must(all(isinstance(zone, str) for zone in mesh.zones), "zones")
+    for link in mesh.model.periodic if mesh.model else ():
+        nodes = np.asarray(link.nodes)
+        _must(nodes.shape == (len(nodes), 2) and (not nodes.size or (nodes.min() >= 0 and nodes.max() < n)), "periodic")
+
+
+def _must(true: bool, what: str) -> None:
+    if not true:
+        raise ValueError(f"the mesh that was read does not fit together: {what}")

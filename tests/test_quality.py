@@ -1,0 +1,486 @@
+"""Quality by what it must be: ideal cells, motions that change nothing, cells spoilt in known ways, kernels, twins."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from lacmesh import Mesh
+from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.errors import GroupNotFoundError, RequestError
+from lacmesh.quality import (
+    corner_jacobian,
+    measure_cells,
+    measure_quality,
+    measures_of,
+    validity,
+    validity_at,
+    validity_of,
+)
+from lacmesh.quality import determinant as determinant_module
+from lacmesh.quality import measures as measures_module
+from lacmesh.quality.angles import angles, edge_ratio
+from lacmesh.quality.measures import SCALES, default_measures, headline
+from lacmesh.quality.spread import histogram, spread
+from lacmesh.quality.survey import PLACES
+from lacmesh.quality.verdict import ACCEPTED
+from lacmesh.shapes import gradient, jacobian
+from tests.meshes import box, pad
+from tests.quality_cells import IDEAL, LINEAR, MEASURED, QUADRATIC, degenerate, distorted, ideal, reference, rotation
+
+CURVED = [n for n in QUADRATIC if CELLS[n].dim > 1]
+SOLID = [n for n in MEASURED if CELLS[n].dim == 3]
+
+
+def measured(name, x, measures=None, **more):
+    x = np.asarray(x, float).reshape(-1, *np.shape(x)[-2:])
+    k, n = x.shape[:2]
+    wanted = measures_of(name) if measures is None else measures
+    return measure_cells(name, x.reshape(-1, 3), np.arange(k * n).reshape(k, n), wanted, **more)
+
+
+# ---- the tables
+
+
+def test_every_type_has_its_measures():
+    for name, cell in ALL_CELLS.items():
+        measures = measures_of(name)
+        assert len(set(measures)) == len(measures) and set(measures) <= set(SCALES)
+        assert set(default_measures(name)) <= set(measures)
+        assert (headline(name) is None) == (not measures)
+        assert bool(measures) == (name in CELLS and cell.dim > 0)
+    assert set(ACCEPTED) == set(LINEAR)
+    assert not any(set(measures_of(n)) & {"scaled_jacobian", "condition", "shape"} for n in QUADRATIC)
+
+
+def test_a_measure_that_is_not_defined_is_refused():
+    with pytest.raises(RequestError, match=r"'skew' is not defined on TETRA4"):
+        measured("TETRA4", ideal("TETRA4"), ["skew"])
+    with pytest.raises(RequestError, match=r"no measure named 'skw'; did you mean skew"):
+        measure_quality(Mesh.create([[0, 0], [1, 0], [0, 1]], [("TRIA3", [[0, 1, 2]])]), measures=["skw"])
+
+
+# ---- ideal cells
+
+
+@pytest.mark.parametrize("name", LINEAR)
+def test_ideal_cells_score_one(name):
+    found = measured(name, ideal(name))
+    best = {"skew": 0, "taper": 0, "oddy": 0, "collapse_ratio": np.sqrt(2 / 3)}
+    for measure, values in found.items():
+        kind, better = SCALES[measure]
+        if kind in ("unit", "ratio", "other") and better:
+            rounded = 1e-5 if name == "PENTA6" and measure in ("condition", "max_aspect_frobenius", "distortion") else 0
+            assert values[0] == pytest.approx(best.get(measure, 1), abs=1e-12 + rounded), measure
+
+
+#: sizes and angles by hand: area or volume, least angle, largest angle (dihedral of solids)
+BY_HAND = {
+    "TRIA3": (np.sqrt(3) / 4, 60, 60),
+    "QUAD4": (1, 90, 90),
+    "TETRA4": (np.sqrt(2) / 12, np.degrees(np.arccos(1 / 3)), np.degrees(np.arccos(1 / 3))),
+    "HEXA8": (1, 90, 90),
+    "PENTA6": (np.sqrt(3) / 4, 60, 90),
+    "PYRAM5": (np.sqrt(2) / 6, np.degrees(np.arccos(1 / np.sqrt(3))), np.degrees(np.arccos(-1 / 3))),
+}
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_sizes_and_angles_of_ideal_cells(name):
+    size, low, high = BY_HAND[CELLS[name].linear]
+    x = ideal(name)[None]
+    least, largest = angles(name, x)
+    assert least[0] == pytest.approx(low, abs=1e-9) and largest[0] == pytest.approx(high, abs=1e-9)
+    assert edge_ratio(name, x)[0] == pytest.approx(1, abs=1e-12)
+    for measure in ("area", "volume"):
+        if measure in measures_of(name):
+            assert measured(name, x, [measure])[measure][0] == pytest.approx(size, abs=1e-14)
+
+
+def test_numbers_worked_out_by_hand():
+    """A right triangle 3-4-5, a 2 x 1 rectangle, a corner of a cube, a 1 x 1 x 2 box."""
+    tri = measured("TRIA3", [(0, 0, 0), (4, 0, 0), (0, 3, 0)])
+    assert tri["area"][0] == 6
+    assert tri["aspect_ratio"][0] == pytest.approx(5 * 12 / (4 * np.sqrt(3) * 6))
+    assert tri["radius_ratio"][0] == pytest.approx(2.5 / 2)  # R = 5 / 2, r = 1
+    assert tri["scaled_jacobian"][0] == pytest.approx(2 / np.sqrt(3) * 12 / 20)
+    assert tri["min_angle"][0] == pytest.approx(np.degrees(np.arctan2(3, 4)))
+    quad = measured("QUAD4", [(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)])
+    assert quad["aspect_ratio"][0] == pytest.approx(2 * 6 / (4 * 2))
+    assert quad["stretch"][0] == pytest.approx(np.sqrt(2) / np.sqrt(5))
+    assert quad["condition"][0] == pytest.approx(5 / 4) and quad["shape"][0] == pytest.approx(4 / 5)
+    corner = measured("TETRA4", [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+    assert corner["volume"][0] == pytest.approx(1 / 6) and corner["jacobian"][0] == 1
+    assert corner["scaled_jacobian"][0] == pytest.approx(np.sqrt(2) / 2)  # two edges of sqrt(2), one of 1
+    assert corner["aspect_gamma"][0] == pytest.approx(1.5**1.5 / (np.sqrt(2)))
+    hexa = measured("HEXA8", np.array(IDEAL["HEXA8"]) * [1, 1, 2])
+    assert hexa["max_edge_ratio"][0] == 2 and hexa["stretch"][0] == pytest.approx(np.sqrt(3) / np.sqrt(6))
+    assert hexa["shape"][0] == pytest.approx(3 * 4 ** (1 / 3) / 6)
+
+
+# ---- what changes nothing, what mirrors
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_rigid_motions_change_nothing(name):
+    rng = np.random.default_rng(2)
+    x = reference(name) + 0.08 * rng.normal(size=(40, *reference(name).shape))
+    before = measured(name, x)
+    after = measured(name, x @ rotation(rng).T + rng.normal(size=3))
+    for measure, values in before.items():
+        np.testing.assert_allclose(after[measure], values, rtol=1e-9, atol=1e-9, err_msg=measure)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e6])
+@pytest.mark.parametrize("name", MEASURED)
+def test_only_sizes_depend_on_the_unit(name, scale):
+    """In any unit: a mesh of cells of a nanometre, in metres, is as good as it is in nanometres."""
+    rng = np.random.default_rng(3)
+    x = reference(name) + 0.08 * rng.normal(size=(20, *reference(name).shape))
+    before, after = measured(name, x), measured(name, scale * x)
+    powers = {"area": 2, "volume": 3, "dimension": 1, "jacobian": CELLS[name].dim}
+    for measure, values in before.items():
+        np.testing.assert_allclose(
+            after[measure] / scale ** powers.get(measure, 0), values, rtol=1e-9, atol=1e-9, err_msg=measure
+        )
+
+
+@pytest.mark.parametrize("name", SOLID)
+def test_inverted_cells_are_invalid(name):
+    x = ideal(name)[None]
+    mirrored = x * [1, 1, -1]
+    assert validity(name, x)[0] == pytest.approx(1) and validity(name, mirrored)[0] == pytest.approx(-1)
+    assert corner_jacobian(name, mirrored)[0] == pytest.approx(-1)
+    found = measured(name, mirrored)
+    if name in LINEAR:
+        assert found["volume"][0] < 0 and found["shape"][0] == 0 and found["scaled_jacobian"][0] <= 0
+    assert validity_at(name, mirrored).point[0] < 0
+
+
+@pytest.mark.parametrize("name", MEASURED)
+@pytest.mark.parametrize("cells", [distorted, degenerate])
+def test_measures_stay_in_their_ranges(name, cells):
+    """Whatever the cell: nothing but numbers, and units between -1 and 1 where they are bounded."""
+    found = measured(name, cells(name, k=100))
+    for measure, values in found.items():
+        undefined = ("dimension", "distortion", "min_dihedral", "max_dihedral", "min_corner_angle", "max_corner_angle")
+        assert measure in undefined or not np.isnan(values).any(), measure
+        some = values[np.isfinite(values) & (np.abs(values) < 1e30)]
+        kind, better = SCALES[measure]
+        if kind == "angle":
+            assert (some >= 0).all() and (some <= 360).all(), measure
+        elif kind == "ratio" and measure != "condition":
+            low = 1 - 1e-9 if measure not in ("max_aspect_frobenius", "radius_ratio") else 0.9
+            assert (some >= low).all(), measure
+        elif kind == "unit" and better > 0 and measure not in ("distortion", "collapse_ratio", "stretch"):
+            best = np.sqrt(2) if measure == "corner_jacobian" and name in QUADRATIC else 1  # edges that bend at corners
+            assert (some <= best + 1e-9).all(), measure
+            assert (some >= -np.sqrt(2) - 1e-9).all() or measure == "validity", measure
+
+
+# ---- validity
+
+
+@pytest.mark.parametrize("name", [n for n in CELLS if CELLS[n].dim])
+def test_validity_is_the_least_determinant(name):
+    """Against the determinants of the map at fine points: never above them where it samples, and of their size."""
+    rng = np.random.default_rng(4)
+    ref = pad(np.array(CELLS[name].reference).reshape(CELLS[name].n_nodes, -1))
+    x = ref + 0.025 * rng.normal(size=(30, *ref.shape)) * (
+        [1, 1, 1] if CELLS[name].dim == 3 else [1, CELLS[name].dim > 1, 0]
+    )
+    parts = validity_at(name, x)
+    nodes = np.array(CELLS[name].reference)
+    if CELLS[name].family == "PYRAM":
+        nodes = np.delete(nodes, 4, axis=0)
+    J = jacobian(name, x, nodes)[..., : CELLS[name].dim, :]
+    det = np.linalg.det(J)
+    at_nodes = np.minimum(parts.corner, parts.node)
+    scale = det.min(axis=1) / at_nodes  # the mean determinant, where only nodes count
+    if CELLS[name].family != "PYRAM":
+        assert (scale > 0).all()
+        np.testing.assert_allclose(np.sign(at_nodes), np.sign(det.min(axis=1)))
+        fine = np.abs(np.linalg.det(jacobian(name, x, _inside(name))[..., : CELLS[name].dim, :])).mean(axis=1)
+        np.testing.assert_allclose(scale, fine, rtol=0.25)
+    np.testing.assert_array_equal(validity(name, x), np.minimum(at_nodes, parts.point))
+
+
+def _inside(name):
+    from lacmesh.quadrature import rule
+
+    return rule(CELLS[name].family, 7)[0]
+
+
+@pytest.mark.parametrize("name", CURVED)
+def test_a_mid_node_beyond_the_quarter_point_is_caught(name):
+    """Where it crosses the quarter of a straight edge, the determinant at the corner changes its sign."""
+    cell = CELLS[name]
+    for k, (a, b) in [(k, ends) for k, edge in enumerate(cell.edges) for ends in (edge, edge[::-1])]:
+        x = np.repeat(ideal(name)[None], 2, axis=0)
+        for row, at in enumerate((0.26, 0.24)):
+            x[row, cell.n_corners + k] = (1 - at) * x[row, a] + at * x[row, b]
+        found = validity(name, x)
+        assert found[0] > 0 > found[1], (k, a, found)
+        parts = validity_at(name, x)
+        assert parts.corner[1] < 0
+
+
+@pytest.mark.parametrize("name", CURVED)
+def test_a_corner_pushed_in_is_caught(name):
+    cell = CELLS[name]
+    for c in range(cell.n_corners):
+        x = ideal(name)
+        centre = x[: cell.n_corners].mean(axis=0)
+        x[c] = centre + 0.4 * (centre - x[c])  # past the centre; its mid-nodes stay
+        assert validity(name, x[None])[0] < 0, c
+
+
+def test_a_bad_centre_of_a_full_quadratic_hexahedron_is_caught_at_integration_points_only():
+    x = np.repeat(ideal("HEXA27")[None], 2, axis=0)
+    x[1, 26] = [0.95, 0.5, 0.5]
+    parts = validity_at("HEXA27", x)
+    assert parts.corner[1] > 0.9 and parts.node[1] < 0 and parts.point[1] < 0
+    assert validity("HEXA27", x[:1])[0] == pytest.approx(1)
+
+
+def test_a_corner_folded_over_with_good_integration_points():
+    """A HEXA8 that a solver would take, and is yet invalid at a corner."""
+    x = ideal("HEXA8")[None].copy()
+    x[0, 6] = [0.6, 0.6, 0.6]  # below the plane of its neighbours, at 2 / 3
+    parts = validity_at("HEXA8", x)
+    assert parts.corner[0] < 0 < parts.point[0]
+    mesh = Mesh.create(x[0], [("HEXA8", [np.arange(8)])])
+    (found,) = measure_quality(mesh).types
+    assert found.invalid == 1 and found.invalid_at == {"corner": 1, "integration point": 0}
+    assert found.worst[0].invalid_at == ("corner",) and found.poor == 0
+
+
+@pytest.mark.parametrize("name", [n for n in CELLS if CELLS[n].dim])
+def test_cells_without_extent_are_not_valid(name):
+    point = np.ones((1, CELLS[name].n_nodes, 3))
+    assert validity(name, point)[0] == 0
+    if CELLS[name].dim == 3:
+        flat = reference(name)[None] * [1, 1, 0] @ rotation(np.random.default_rng(5)).T + 7
+        assert validity(name, flat)[0] == 0
+    assert np.isnan(validity(name, np.full((1, CELLS[name].n_nodes, 3), np.nan)))[0]
+    thin = reference(name)[None] * [1, 1, 1e-6]
+    assert validity(name, thin)[0] == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["TRIA6", "QUAD9", "TETRA10", "HEXA20", "PENTA15", "PYRAM13"])
+def test_the_order_of_the_nodes_does_not_matter(name):
+    """Every way to list a cell's corners that keeps its sense gives the same validity, angles and corner Jacobian."""
+    rng = np.random.default_rng(6)
+    cell = CELLS[name]
+    x = reference(name) + 0.12 * rng.normal(size=(10, *reference(name).shape)) * [1, 1, cell.dim == 3]
+    expected = [validity(name, x), *angles(name, x), corner_jacobian(name, x)]
+    count = 0
+    for order in _symmetries(cell):
+        count += 1
+        for mine, before in zip([validity(name, x[:, order]), *angles(name, x[:, order])], expected, strict=False):
+            np.testing.assert_allclose(mine, before, rtol=1e-9)
+        np.testing.assert_allclose(corner_jacobian(name, x[:, order]), expected[-1], rtol=1e-9)
+    assert count == {"TRIA": 3, "QUAD": 4, "TETRA": 12, "HEXA": 24, "PENTA": 6, "PYRAM": 4}[cell.family]
+
+
+def _symmetries(cell):
+    """Orders of a cell's nodes that list the same cell in the same sense, found by trying."""
+    where = {frozenset(on): k for k, on in enumerate(cell.corners_of_node)}
+    edges = {frozenset(e) for e in cell.edges}
+    ref = np.array(cell.reference)[: cell.n_corners]
+    turned = gradient(cell.linear, np.mean(ref, axis=0))[0]
+    for corners in permutations(range(cell.n_corners)):
+        if {frozenset((corners[a], corners[b])) for a, b in cell.edges} != edges:
+            continue
+        if np.linalg.det(ref[list(corners)].T @ turned) > 0:
+            yield [where[frozenset(corners[c] for c in on)] for on in cell.corners_of_node]
+
+
+def test_surfaces_count_against_their_own_normal_or_the_plane():
+    x = reference("QUAD8")[None]
+    back = x[:, [0, 3, 2, 1, 7, 6, 5, 4]]
+    assert validity("QUAD8", back)[0] == pytest.approx(1)
+    assert validity("QUAD8", back, plane=True)[0] == pytest.approx(-1)
+    assert validity("QUAD8", x, plane=True)[0] == pytest.approx(1)
+
+
+# ---- kernels and their plain twins
+
+
+@pytest.fixture
+def compiled(monkeypatch):
+    def switch(on):
+        for module in (determinant_module, measures_module):
+            monkeypatch.setattr(module, "COMPILED_FROM", 1 if on else 10**9)
+
+    return switch
+
+
+@pytest.mark.parametrize("name", [n for n in CELLS if CELLS[n].dim])
+def test_kernels_equal_their_twins(name, compiled):
+    if CELLS[name].dim > 1:
+        x = np.concatenate([distorted(name, k=40), degenerate(name, k=40)])
+    else:
+        x = reference(name) + np.random.default_rng(7).normal(size=(40, *reference(name).shape))
+    x[3] = np.nan
+    wanted = dict.fromkeys([*default_measures(name), *(m for m in measures_of(name) if SCALES[m].kind == "angle")])
+    compiled(on=True)
+    fast, fast_parts = measured(name, x, wanted), validity_at(name, x)
+    compiled(on=False)
+    plain, plain_parts = measured(name, x, wanted), validity_at(name, x)
+    for measure, values in plain.items():
+        # arc cosines of numbers within round-off of 1
+        atol = (
+            1e-5
+            if SCALES[measure].kind == "angle"
+            else 1e-11 * np.nanmax(np.abs(values), initial=1, where=values < 1e29)
+        )
+        np.testing.assert_allclose(fast[measure], values, rtol=1e-10, atol=atol, err_msg=measure)
+    for mine, other in zip(fast_parts, plain_parts, strict=True):
+        np.testing.assert_allclose(mine, other, rtol=1e-9, atol=1e-11)
+
+
+def test_the_kernels_are_what_is_used_on_many_cells(monkeypatch):
+    from lacmesh.quality import kernels
+
+    called = []
+    monkeypatch.setattr(kernels, "hexahedra", lambda points, nodes, out: (called.append(len(nodes)), out.fill(0.5)))
+    points, cells = box(2)
+    many = np.repeat(cells, measures_module.COMPILED_FROM // len(cells) + 1, axis=0)
+    assert measure_cells("HEXA8", points, many, ["shape"])["shape"][0] == 0.5 and sum(called) == len(many)
+    assert measure_cells("HEXA8", points, cells, ["shape"])["shape"][0] == pytest.approx(1) and sum(called) == len(many)
+
+
+# ---- spreads
+
+
+def test_a_spread_is_numpys():
+    rng = np.random.default_rng(8)
+    values = rng.uniform(-0.2, 1, 1001)
+    s = spread("scaled_jacobian", values, (0.5, 1))
+    np.testing.assert_allclose(s.percentiles, np.percentile(values, (1, 5, 50, 95, 99)))
+    assert (s.least, s.largest) == (values.min(), values.max()) and s.mean == pytest.approx(values.mean())
+    assert s.outside == (values < 0.5).sum() and s.median == np.median(values)
+    h = s.histogram
+    assert sum(h.counts) + h.below + h.above == 1001 and h.below == (values < 0).sum()
+    assert list(h.counts) == np.histogram(values, h.edges)[0].tolist()
+
+
+def test_infinite_and_missing_values_are_told_apart():
+    s = spread("condition", np.array([1.0, 2.0, 1e30, np.nan, np.inf]), (1, 3))
+    assert (s.count, s.undefined, s.outside, s.largest) == (2, 3, 3, 2.0)
+    none = spread("condition", np.array([1e30]))
+    assert none.count == 0 and np.isnan(none.mean) and none.as_json()["min"] is None
+    assert histogram("volume", np.array([2.0, 2.0])).counts[0] == 2
+    assert sum(histogram("scaled_jacobian", np.array([1 + 1e-15, -1e-18])).counts) == 2
+
+
+# ---- a mesh
+
+
+@pytest.fixture
+def mixed():
+    """Eight hexahedra of a box, one of them spoilt, a tetrahedron beside, a skin face, a line, a point, a TRIA10."""
+    points, cells = box(2)
+    points = points.copy()
+    points[cells[3, 6]] = [0.2, 0.2, 0.2]  # turns several cells over
+    far = np.array([[5, 0, 0], [6, 0, 0], [5, 1, 0], [5, 0, 1]], float)
+    points = np.vstack([points, far])
+    n = len(points) - 4
+    blocks = [
+        ("HEXA8", cells),
+        ("TETRA4", [[n, n + 1, n + 2, n + 3]]),
+        ("QUAD4", cells[:1, :4]),
+        ("SEG2", [[0, 1]]),
+        ("POI1", [[0]]),
+        ("TRIA10", [np.arange(10)]),
+    ]
+    groups = {"body": np.arange(8), "some": [0, 8], "skin": [9], "nothing": [], "odd": [12]}
+    return Mesh.create(points, blocks, cell_groups=groups, cell_number=np.arange(13) + 100)
+
+
+def test_a_mesh_by_type_and_by_group(mixed):
+    q = measure_quality(mixed)
+    by_type = {t.type: t for t in q.types}
+    assert list(by_type) == ["HEXA8", "TETRA4", "QUAD4", "SEG2"] and q.not_measured == {"POI1": 1, "TRIA10": 1}
+    assert q.count == 11 and q.invalid == by_type["HEXA8"].invalid > 0
+    assert {g: [t.type for t in types] for g, types in q.groups.items()} == {
+        "body": ["HEXA8"],
+        "some": ["HEXA8", "TETRA4"],
+        "skin": ["QUAD4"],
+    }
+    hexa = by_type["HEXA8"]
+    value = measure_cells("HEXA8", mixed.points, mixed.block("HEXA8"), ["scaled_jacobian"])["scaled_jacobian"]
+    valid = validity_of(mixed)
+    assert hexa.invalid == (valid[:8] <= 0).sum()
+    assert hexa.poor == ((valid[:8] > 0) & (value < 0.5)).sum()
+    assert hexa.measures["scaled_jacobian"].least == value.min()
+    worst = hexa.worst[0]
+    assert worst.number == 100 + valid[:8].argmin() and "body" in worst.groups and set(worst.invalid_at) <= set(PLACES)
+    assert worst.centroid == pytest.approx(mixed.points[mixed.block("HEXA8")[valid[:8].argmin()]].mean(axis=0))
+
+
+def test_one_group(mixed):
+    q = measure_quality(mixed, "some")
+    assert [(t.type, t.count) for t in q.types] == [("HEXA8", 1), ("TETRA4", 1)] and not q.groups
+    assert measure_quality(mixed, "nothing").count == 0
+    assert measure_quality(mixed, "odd").not_measured == {"TRIA10": 1}
+    with pytest.raises(GroupNotFoundError, match="did you mean body"):
+        measure_quality(mixed, "bdy")
+
+
+def test_sizes_are_relative_to_the_whole_mesh(mixed):
+    """As in ParaView, which sees the whole mesh, also where one group is looked at."""
+    whole = measure_quality(mixed, measures=["relative_size_squared"]).types[0].measures["relative_size_squared"]
+    one = measure_quality(mixed, "some", measures=["relative_size_squared"]).types[0].measures["relative_size_squared"]
+    nodes = mixed.block("HEXA8")
+    values = measure_cells("HEXA8", mixed.points, nodes, ["relative_size_squared"])["relative_size_squared"]
+    assert one.least == pytest.approx(values[0]) and whole.least == pytest.approx(values.min())
+
+
+def test_the_worst_are_the_worst():
+    """Invalid cells by validity, then the others by what ranks them; the same by a full sort."""
+    rng = np.random.default_rng(9)
+    points, cells = box(6)
+    mesh = Mesh.create(points + 0.03 * rng.normal(size=points.shape), [("HEXA8", cells)])
+    (t,) = measure_quality(mesh).types
+    found = measure_cells("HEXA8", mesh.points, cells, ["validity", "scaled_jacobian"])
+    invalid = found["validity"] <= 0
+    key = np.where(invalid, found["validity"], np.inf)
+    order = np.lexsort((found["scaled_jacobian"], key))[:10] + 1
+    assert [w.number for w in t.worst] == order.tolist()
+    assert 0 < invalid.sum() < 10  # both kinds are among them
+
+
+def test_nodes_without_a_place(mixed):
+    points = mixed.points.copy()
+    points[mixed.block("HEXA8")[0, 0]] = np.nan
+    q = measure_quality(replace(mixed, points=points))
+    hexa = q.types[0]
+    assert hexa.measures["scaled_jacobian"].undefined == 1 and np.isnan(hexa.worst[0].validity)
+    assert json.dumps(q.as_json(), allow_nan=False)
+
+
+def test_json_has_its_schema(mixed):
+    q = measure_quality(mixed, measures="all").as_json()
+    assert q["schema"] == "lacmesh.quality/1" and set(q) == {
+        *("schema", "group", "cells", "invalid", "types", "groups", "not_measured")
+    }
+    for t in [*q["types"], *(t for types in q["groups"].values() for t in types)]:
+        assert set(t) == {
+            *("type", "cells", "invalid", "invalid_at", "poor", "ranked_by", "accepted_ranges", "measures", "worst")
+        }
+        assert set(t["measures"]) == set(measures_of(t["type"])) and len(t["worst"]) == min(10, t["cells"])
+        for s in t["measures"].values():
+            assert list(s) == [
+                *("count", "undefined", "outside_range", "min", "p1", "p5", "p50", "p95", "p99", "mean", "max"),
+                "histogram",
+            ]
+            assert sum(s["histogram"]["counts"]) + s["histogram"]["below"] + s["histogram"]["above"] == s["count"]
+        for w in t["worst"]:
+            assert set(w) == {"cell", "groups", "centroid", "measure", "value", "validity", "invalid_at"}
+    assert json.loads(json.dumps(q, allow_nan=False)) == json.loads(json.dumps(q))

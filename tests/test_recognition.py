@@ -1,0 +1,360 @@
+"""A cut whose records are gone is found again, and nothing is found where nothing was cut."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lacmesh
+from lacmesh import CELLS, Cut, LacmeshWarning, Mesh, cut_skin
+from lacmesh.cut import CELL_RECORDS, NODE_RECORD
+from lacmesh.errors import CutError, GroupNotFoundError, RequestError
+from lacmesh.recognition import find_macros, recognise
+from tests.checks.blocks import SOLIDS, block, cut_blocks, join, skin, two_blocks
+from tests.meshes import cell_with_faces, random_mesh
+from tests.test_cut_cells import CASES, CUTS, from_aster, type_of
+
+
+def without_records(mesh):
+    """The mesh as a program writes it that knows nothing of a cut."""
+    cells = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
+    nodes = {name: values for name, values in mesh.node_data.items() if name != NODE_RECORD}
+    return replace(mesh, cell_data=cells, node_data=nodes, zones=())
+
+
+def macros(cut):
+    """The macro-elements: the file's numbers of their faces, E1 first."""
+    return {tuple(cut.mesh.cell_number[faces].tolist()) for faces in cut.faces_of_macro}
+
+
+def internal(cut):
+    return sorted(sorted(cut.mesh.node_number[nodes].tolist()) for nodes in cut.internal_nodes)
+
+
+def same(cut, found):
+    assert found is not None
+    assert macros(found) == macros(cut)
+    assert internal(found) == internal(cut)
+    zones = lambda c: {int(c.mesh.cell_number[f]): c.zones[z] for f, z in enumerate(c.zone_of_face) if z >= 0}  # noqa: E731
+    assert zones(found) == zones(cut)
+
+
+# ---- what we cut
+
+
+@pytest.mark.parametrize(("name", "j", "variant"), CASES)
+def test_one_slave_face(name, j, variant):
+    for rotation in range(CELLS[CELLS[name].facets[j].type].n_corners):
+        for inward in (False, True):
+            cut = cut_skin(cell_with_faces(name, (j,), rotation, inward), "slave", hexa=variant)
+            same(cut, recognise(without_records(cut.mesh), "slave"))
+
+
+@pytest.mark.parametrize(("name", "variant"), sorted({(name, variant) for name, _, variant in CASES}))
+def test_several_slave_faces_of_one_cell(name, variant):
+    for n in range(2, len(CELLS[name].facets) + 1):
+        cut = cut_skin(cell_with_faces(name, tuple(range(n)), n, bool(n % 2)), "slave", hexa=variant)
+        same(cut, recognise(without_records(cut.mesh), "slave"))
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("seed", range(12))
+def test_random_meshes(seed, dim, order):
+    """Mixtures with faces between cells, duplicates, both orientations, any numbering; and uncut ones find nothing."""
+    rng = np.random.default_rng([seed, dim, order])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)  # of duplicates
+        mesh = random_mesh(rng, dim, order, slaves=6, interior=bool(seed % 2), twins=seed % 3 == 0)
+        assert find_macros(mesh, ["slave"]).n_cut == 0
+        for hexa in ("pyramid", "hexa"):
+            cut = cut_skin(mesh, "slave", hexa=hexa)
+            same(cut, recognise(without_records(cut.mesh), "slave"))
+
+
+@pytest.mark.parametrize("name", ["QUAD4", "HEXA8", "HEXA20"])
+@pytest.mark.parametrize("ring", [0.2, 0.5])
+def test_another_ring(name, ring):
+    cut = cut_skin(two_blocks(name), "slave", hexa="hexa", ring=ring, depth=0.3)
+    same(cut, recognise(without_records(cut.mesh), "slave"))
+
+
+def test_a_skin_without_cells_behind():
+    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0.2], [1, 1, 0.0], [2, 0, 0], [2, 1, 0]]
+    for name, faces in (("TRIA3", [[0, 1, 2], [1, 3, 2]]), ("QUAD4", [[0, 1, 3, 2], [1, 4, 5, 3]])):
+        mesh = Mesh.create(points, [(name, faces)], cell_groups={"s": [0, 1]})
+        for hexa in ("pyramid", "hexa"):
+            cut = cut_skin(mesh, "s", skin_only=True, hexa=hexa)
+            same(cut, recognise(without_records(cut.mesh), "s"))
+
+
+def test_bare_lines():
+    points = [[0, 0], [1, 0], [2, 0], [3, 0.5], [0, -2], [1, -2], [0, -3]]
+    mesh = Mesh.create(
+        points, [("TRIA3", [[4, 6, 5]]), ("SEG2", [[0, 1], [1, 2], [2, 3]])], cell_groups={"s": [1, 2, 3]}
+    )
+    cut = cut_skin(mesh, "s", skin_only=True)
+    same(cut, recognise(without_records(cut.mesh), "s"))
+
+
+def test_zones_keep_their_order():
+    mesh = two_blocks("HEXA8")
+    cut = cut_skin(mesh, ["slave", "loaded"])
+    found = recognise(without_records(cut.mesh), ["slave", "loaded"])
+    same(cut, found)
+    assert found.zones == ("slave", "loaded")
+    np.testing.assert_array_equal(found.macro_of_face, cut.macro_of_face)
+    np.testing.assert_array_equal(found.child_kind, cut.child_kind)
+    np.testing.assert_array_equal(found.macro_of_node, cut.macro_of_node)
+    assert (found.parent_of_cell == -1).all(), "what was replaced is not in the mesh any more"
+
+
+def test_records_that_are_there_are_taken():
+    cut = cut_skin(two_blocks(), "slave")
+    assert recognise(cut.mesh, "slave").mesh is cut.mesh
+
+
+def test_numbers_and_places_of_another_program():
+    """Other numbers, another order of cells, coordinates with seven digits: certain patterns are found all the same."""
+    rng = np.random.default_rng(3)
+    for name, hexa in (("HEXA8", "pyramid"), ("HEXA8", "hexa"), ("TETRA10", "pyramid"), ("PENTA6", "pyramid")):
+        cut = cut_skin(two_blocks(name), "slave", hexa=hexa)
+        mesh = without_records(cut.mesh)
+        order = rng.permutation(mesh.n_nodes)
+        place = np.argsort(order)
+        blocks, groups, old = [], {}, []
+        for k, b in enumerate(mesh.blocks):
+            rows = rng.permutation(len(b.nodes))
+            blocks.append((b.type, place[b.nodes[rows]]))
+            old.append(mesh.offsets[k] + rows)
+        new = np.argsort(np.concatenate(old))
+        groups = {g: new[members] for g, members in mesh.cell_groups.items()}
+        points = mesh.points[order].astype(np.float32).astype(float)
+        found = recognise(Mesh.create(points, blocks, cell_groups=groups), "slave")
+        wanted = {frozenset(new[faces].tolist()) for faces in cut.faces_of_macro}
+        assert {frozenset(faces.tolist()) for faces in found.faces_of_macro} == wanted
+
+
+# ---- what code_aster cuts
+
+
+#: QUAD9_face1 is there to show that code_aster stops on it: it has no cut to recognise
+ASTER_CUTS = sorted(path for path in CUTS.glob("*_face*.json") if path.stem != "QUAD9_face1")
+
+
+@pytest.mark.parametrize("path", ASTER_CUTS, ids=lambda p: p.stem)
+def test_code_aster_cut(path):
+    data = json.loads(path.read_text())
+    after = data["after"]
+    dim = CELLS[data["cell"]].dim
+    volume = set(after["groups"]["VOL"])
+    cells = {}
+    for k, nodes in enumerate(after["cells"], start=1):
+        kind = type_of(nodes, dim - (k not in volume))
+        cells.setdefault(kind, []).append((k, from_aster(kind, nodes)))
+    numbers = [k for rows in cells.values() for k, _ in rows]
+    mesh = Mesh.create(
+        np.array(after["coordinates"], float),
+        [(kind, [nodes for _, nodes in rows]) for kind, rows in cells.items()],
+        cell_number=numbers,
+        file_order=np.argsort(numbers),
+        cell_groups={"ESCL": [i for i, k in enumerate(numbers) if k in after["groups"]["ESCL"]]},
+    )
+    found = recognise(mesh, "ESCL")
+    assert found.n_macros == 1
+    assert macros(found) == {tuple(after["groups"]["ESCL"])}
+    assert np.flatnonzero(np.array(after["patch_of_cell"])).tolist() == sorted(n - 1 for n in after["groups"]["ESCL"])
+
+
+# ---- what is not cut
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_uncut_blocks(name):
+    found = find_macros(two_blocks(name), ["slave"])
+    assert found.n_cut == 0
+    whole = name in ("TRIA6", "TRIA7", "QUAD8", "QUAD9", "HEXA27", "PYRAM14")
+    assert (recognise(two_blocks(name), "slave") is not None) == whole, (
+        "faces that own an internal dof are macro-elements"
+    )
+
+
+def crossed(n):
+    """A block whose top is made of quadrangles crossed by their diagonals: centres with four triangles around them."""
+    points, cells = block((n, n, n), (0, 0, 0), (1, 1, 1), "PYRAM5")
+    bases = cells["PYRAM5"]
+    top = np.abs(points[bases[:, :4], 2] - 1).max(axis=1) < 1e-9
+    centre = len(points) + np.arange(top.sum())
+    b = bases[top]
+    tets = np.stack([np.column_stack([b[:, i], b[:, (i + 1) % 4], centre, b[:, 4]]) for i in range(4)], axis=1)
+    middle = points[b[:, :4]].mean(axis=1)
+    return np.vstack([points, middle]), {"PYRAM5": bases[~top], "TETRA4": tets.reshape(-1, 4)}
+
+
+def renumbered(mesh, order):
+    """The mesh with its nodes in another order."""
+    place = np.argsort(order)
+    blocks = [(b.type, place[b.nodes]) for b in mesh.blocks]
+    return Mesh.create(mesh.points[order], blocks, cell_groups=mesh.cell_groups)
+
+
+def test_crossed_quadrangles_of_a_mesher_are_no_cut():
+    on = lambda x: np.abs(x[..., 2] - 1) < 1e-9  # noqa: E731
+    points, cells = crossed(3)
+    mesh = join([(points, cells, {"slave": skin(points, cells, on)})])
+    by_place = renumbered(mesh, np.lexsort(mesh.points.T))
+    assert recognise(by_place, "slave") is None
+    assert cut_skin(by_place, "slave").n_macros == 36
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 6])
+def test_even_lines_are_no_cut(n):
+    """On a line with an even spacing every pair and every triple stands as a cut would put them."""
+    for kind in ("TRIA3", "QUAD4"):
+        mesh = two_blocks(kind, n=n)
+        assert find_macros(mesh, ["slave"]).n_cut == 0
+        assert cut_skin(mesh, "slave").n_macros == n
+
+
+def test_diagonals_that_alternate_are_no_cut():
+    """Every second node of such a boundary has just two triangles, as in a cut; its number says that it is older."""
+    n = 4
+    g = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    x, y = np.meshgrid(np.arange(n + 1.0), np.arange(n + 1.0), indexing="ij")
+    triangles = []
+    for i in range(n):
+        for j in range(n):
+            a, b, c, d = g[i, j], g[i + 1, j], g[i + 1, j + 1], g[i, j + 1]
+            triangles += [(a, b, c), (a, c, d)] if (i + j) % 2 else [(a, b, d), (b, c, d)]
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    edges = [[g[i, 0], g[i + 1, 0]] for i in range(n)]
+    mesh = Mesh.create(points, [("TRIA3", triangles), ("SEG2", edges)], cell_groups={"s": 2 * n * n + np.arange(n)})
+    assert recognise(mesh, "s") is None
+    assert cut_skin(mesh, "s").n_macros == n
+
+
+def test_a_tetrahedron_at_the_centre_of_a_triangle_but_not_quite():
+    """Three triangles around a node are a cut only where the node is at their centre."""
+    cut = cut_skin(cell_with_faces("TETRA4"), "slave")
+    points = cut.mesh.points.copy()
+    points[-1] += 1e-3 * (points[0] - points[-1])
+    assert recognise(replace(without_records(cut.mesh), points=points), "slave") is None
+
+
+# ---- partly cut
+
+
+def test_a_skin_cut_in_part_is_said():
+    cut = cut_skin(two_blocks("HEXA8"), "slave")
+    mesh = without_records(cut.mesh)
+    with pytest.warns(LacmeshWarning, match="cut in part"):
+        assert recognise(mesh, ["slave", "loaded"]) is None
+
+
+def test_cutting_twice_does_nothing():
+    cut = cut_skin(two_blocks("TETRA4"), "slave")
+    again = cut_skin(without_records(cut.mesh), "slave")
+    assert again.mesh.n_cells == cut.mesh.n_cells
+    same(cut, again)
+
+
+def test_cutting_a_skin_that_is_half_cut_is_refused():
+    cut = cut_skin(two_blocks("TETRA4", n=2, m=2), "slave")
+    with pytest.raises(CutError, match="was cut before") as caught:
+        cut_skin(without_records(cut.mesh), ["slave", "loaded"])
+    loaded = cut.mesh.cell_groups["loaded"]
+    assert set(caught.value.cells) == set(cut.mesh.cell_number[loaded].tolist())
+
+
+def test_a_group_that_is_not_there():
+    with pytest.raises(GroupNotFoundError):
+        recognise(two_blocks(), "slvae")
+    with pytest.raises(RequestError):
+        recognise(two_blocks(), [])
+
+
+def test_groups_without_faces():
+    mesh = replace(two_blocks(), cell_groups={"none": np.empty(0, int), "body": np.arange(3)})
+    assert recognise(mesh, "none") is None
+    assert recognise(mesh, "body") is None
+
+
+# ---- through files that keep no fields
+
+
+def test_through_a_file_without_fields(tmp_path):
+    cut = cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa")
+    path = tmp_path / "cut.msh"
+    lacmesh.write(path, cut.mesh, msh="2.2", binary=False)
+    text = path.read_text()
+    text = re.sub(r"\$(ElementData|NodeData|LacMesh)\n.*?\$End\1\n", "", text, flags=re.S)
+    path.write_text(text)
+    mesh = lacmesh.read(path)
+    assert not set(CELL_RECORDS) & set(mesh.cell_data)
+    same(cut, recognise(mesh, "slave"))
+
+
+REWRITE = """
+import gmsh, sys
+gmsh.initialize(interruptible=False)
+gmsh.option.setNumber("General.Terminal", 0)
+gmsh.open(sys.argv[1])
+gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
+gmsh.write(sys.argv[2])
+"""
+
+
+@pytest.mark.gmsh
+@pytest.mark.parametrize(
+    ("name", "hexa"), [("TETRA4", "pyramid"), ("HEXA8", "pyramid"), ("HEXA20", "hexa"), ("QUAD4", "pyramid")]
+)
+@pytest.mark.filterwarnings("ignore:.*left out")
+def test_through_gmsh(name, hexa, tmp_path):
+    cut = cut_skin(two_blocks(name), "slave", hexa=hexa)
+    ours, theirs = tmp_path / "cut.msh", tmp_path / "gmsh.msh"
+    lacmesh.write(ours, without_records(cut.mesh))
+    subprocess.run([sys.executable, "-c", REWRITE, str(ours), str(theirs)], check=True, timeout=60, capture_output=True)
+    mesh = lacmesh.read(theirs)
+    found = recognise(mesh, "slave")
+    assert found is not None and found.n_macros == cut.n_macros
+    assert places(found) == places(cut)
+
+
+def places(cut):
+    """The macro-elements, by the middles of their faces."""
+    out = set()
+    for faces in cut.faces_of_macro:
+        parts = [cut.mesh.points[n].mean(axis=1) for _, _, n in cut.mesh.select(np.sort(faces))]
+        out.add(frozenset(map(tuple, np.concatenate(parts).round(9) + 0.0)))
+    return out
+
+
+@pytest.mark.parametrize("suffix", [".mail", ".inp"])
+@pytest.mark.parametrize(
+    ("name", "hexa"), [("HEXA8", "hexa"), ("TETRA10", "pyramid"), ("TRIA3", "pyramid"), ("QUAD4", "pyramid")]
+)
+@pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
+def test_through_text_formats(name, hexa, suffix, tmp_path):
+    cut = cut_skin(two_blocks(name), "slave", hexa=hexa)
+    lacmesh.write(tmp_path / f"cut{suffix}", without_records(cut.mesh))
+    mesh = lacmesh.read(tmp_path / f"cut{suffix}")
+    slave = next(group for group in mesh.cell_groups if group.lower() == "slave")
+    assert places(recognise(mesh, slave)) == places(cut)
+
+
+def test_the_whole_of_a_cut_is_a_cut():
+    """What is found can be used as a cut: code_aster's multipliers come out the same."""
+    cut = cut_skin(two_blocks("HEXA20"), "slave", hexa="hexa")
+    found = recognise(without_records(cut.mesh), "slave")
+    assert isinstance(found, Cut)
+    a, b = lacmesh.aster_multipliers(cut), lacmesh.aster_multipliers(found)
+    np.testing.assert_array_equal(a.nodes, b.nodes)
+    np.testing.assert_array_equal(a.patch_code, b.patch_code)
+    assert cut_blocks("QUAD4").n_cells > 0
