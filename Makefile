@@ -8,7 +8,7 @@ QUICK := not slow and not gmsh and not medcoupling and not vtk and not meshio an
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test lint quick bench docs clean
+.PHONY: help install demo test lint quick fuzz bench docs clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -48,6 +48,9 @@ lint: $(INSTALLED) ## style, types, import layers
 
 quick: $(INSTALLED) ## the tests that need neither gmsh, medcoupling nor VTK, in less than a minute
 	$(BIN)/pytest -n 2 -q -m "$(QUICK)"
+
+fuzz: $(INSTALLED) ## 10,000 damaged files of each format that is read here (some hours; make test takes a slice)
+	$(BIN)/python -m tests.fuzz
 
 bench: $(INSTALLED) ## measure speed and memory
 	$(BIN)/python benchmarks/run.py

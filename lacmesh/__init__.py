@@ -14,42 +14,83 @@ _PUBLIC = {
     "CELLS": "lacmesh.cells",
     "read": "lacmesh.formats",
     "write": "lacmesh.formats",
-    "Cut": "lacmesh.cut",
+    "Cut": "lacmesh.records",
     "cut_skin": "lacmesh.cut",
     "raise_order": "lacmesh.order",
+    "orient": "lacmesh.orientation",
+    "recognise": "lacmesh.recognition",
     "aster_multipliers": "lacmesh.multipliers",
+    "check": "lacmesh.checks",
+    "Finding": "lacmesh.checks",
+    "Findings": "lacmesh.checks",
+    "Quality": "lacmesh.quality",
+    "measure_quality": "lacmesh.quality",
+    "Surface": "lacmesh.surface",
+    "contact_points": "lacmesh.surface",
+    "coverage": "lacmesh.surface",
+    "from_meshio": "lacmesh.exchange",
+    "to_meshio": "lacmesh.exchange",
+    "to_pyvista": "lacmesh.exchange",
+    "to_trimesh": "lacmesh.exchange",
     "LacmeshError": "lacmesh.errors",
     "LacmeshWarning": "lacmesh.errors",
 }
+#: packages that are imported when they are named
+_PACKAGES = ("gmsh", "surface", "view")
 
 __all__ = [
     "CELLS",
     "Block",
     "Cut",
+    "Finding",
+    "Findings",
     "LacmeshError",
     "LacmeshWarning",
     "Mesh",
+    "Quality",
+    "Surface",
     "__version__",
     "aster_multipliers",
+    "check",
+    "contact_points",
+    "coverage",
     "cut_skin",
+    "from_meshio",
+    "measure_quality",
+    "orient",
+    "raise_order",
+    "read",
+    "recognise",
+    "to_meshio",
+    "to_pyvista",
+    "to_trimesh",
+    "write",
 ]
-__all__ += ["raise_order", "read", "write"]
 
 if TYPE_CHECKING:
     from lacmesh.cells import CELLS
-    from lacmesh.cut import Cut, cut_skin
+    from lacmesh.checks import Finding, Findings, check
+    from lacmesh.cut import cut_skin
     from lacmesh.errors import LacmeshError, LacmeshWarning
+    from lacmesh.exchange import from_meshio, to_meshio, to_pyvista, to_trimesh
     from lacmesh.formats import read, write
     from lacmesh.mesh import Block, Mesh
     from lacmesh.multipliers import aster_multipliers
     from lacmesh.order import raise_order
+    from lacmesh.orientation import orient
+    from lacmesh.quality import Quality, measure_quality
+    from lacmesh.recognition import recognise
+    from lacmesh.records import Cut
+    from lacmesh.surface import Surface, contact_points, coverage
 
 
 def __getattr__(name: str) -> Any:
     if name in _PUBLIC:
         return getattr(import_module(_PUBLIC[name]), name)
+    if name in _PACKAGES:
+        return import_module(f"lacmesh.{name}")
     raise AttributeError(f"module 'lacmesh' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_PUBLIC})
+    return sorted({*globals(), *_PUBLIC, *_PACKAGES})

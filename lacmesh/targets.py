@@ -20,7 +20,7 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cut import cut_skin, is_cut
-from lacmesh.errors import CutError, LacmeshWarning, RequestError, did_you_mean
+from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError, did_you_mean
 from lacmesh.formats.inp_write_types import card
 from lacmesh.formats.med_types import MED_TYPES
 from lacmesh.formats.xdmf_types import OF_TYPE as XDMF_OF_TYPE
@@ -74,6 +74,14 @@ def refused(mesh: Mesh, target: str) -> dict[str, int]:
     return wrong
 
 
+def check_cells(mesh: Mesh, target: str) -> None:
+    """Raise DataError where a mesh as it is has cells that a target cannot take (RequestError: it is no target)."""
+    wrong = refused(mesh, target)
+    if wrong:
+        listed = ", ".join(f"{n} {kind}" for kind, n in sorted(wrong.items()))
+        raise DataError(f"the mesh has {listed}, and {TARGETS[target]} {_reason(mesh, wrong, target)}; mesh it anew")
+
+
 def check_target_cells(
     mesh: Mesh,
     slave: str | int | Sequence[str | int],
@@ -96,11 +104,14 @@ def check_target_cells(
         return
     new = {kind: max(0, n - before.get(kind, 0)) for kind, n in wrong.items()}
     listed = ", ".join(f"{n} {kind} ({new[kind]} of them new)" for kind, n in sorted(wrong.items()))
-    mixture = all(element(kind, target, mesh.space_dim == 2) for kind in wrong)
-    what = "takes no mixture of cells" if mixture else "has no such cells"
-    message = f"the mesh that is cut would have {listed}, and {TARGETS[target]} {what}; "
+    message = f"the mesh that is cut would have {listed}, and {TARGETS[target]} {_reason(mesh, wrong, target)}; "
     bad = [c for kind, cells, _ in mesh.select(np.arange(mesh.n_cells)) if kind in wrong for c in cells[:1000]]
     raise CutError(message + _advice(mesh, slave, target, hexa, interface, skin_only), mesh.cell_number[bad])
+
+
+def _reason(mesh: Mesh, wrong: Mapping[str, int], target: str) -> str:
+    mixture = all(element(kind, target, mesh.space_dim == 2) for kind in wrong)
+    return "takes no mixture of cells" if mixture else "has no such cells"
 
 
 def _check_target(target: str) -> None:

@@ -6,19 +6,22 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from lacmesh.cli.options import add_command, add_output_options, check_output, write_mesh
+from lacmesh.cli.options import add_command, add_output_options, add_program_option, check_output, write_mesh
 
 
 def add(commands: Any) -> None:
     """Declare the command."""
     parser = add_command(commands, "convert", run, "write a mesh in another format, or of another order, groups kept")
     parser.add_argument("input", metavar="IN")
-    parser.add_argument("output", metavar="OUT", help="the suffix says the format: .msh, .med")
+    parser.add_argument(
+        "output", metavar="OUT", help="the suffix says the format (docs/formats.md)"
+    )
     parser.add_argument(
         "--order",
         choices=("2", "2-full"),
         help="raise linear cells to serendipity (2) or full quadratic (2-full: HEXA27 ...)",
     )
+    add_program_option(parser, "refuse cells that this program cannot take")
     add_output_options(parser)
 
 
@@ -33,6 +36,10 @@ def run(args: argparse.Namespace) -> None:
         from lacmesh.order import raise_order
 
         mesh = raise_order(mesh, args.order)
+    if args.program:
+        from lacmesh.targets import check_cells
+
+        check_cells(mesh, args.program)
     write_mesh(target, mesh, source, args)
     if not args.quiet:
         types = ", ".join(f"{n} {kind}" for kind, n in mesh.cells_by_type.items())

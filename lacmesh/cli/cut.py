@@ -7,9 +7,9 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_output_options, check_output, write_mesh
+from lacmesh.cli.options import add_command, add_output_options, add_program_option, check_output, write_mesh
 from lacmesh.cli.terminal import Stages, console, memory, table
-from lacmesh.errors import LacmeshWarning, RequestError
+from lacmesh.errors import DataError, LacmeshWarning, RequestError
 
 if TYPE_CHECKING:
     from lacmesh.cut import Cut
@@ -20,8 +20,16 @@ if TYPE_CHECKING:
 def add(commands: Any) -> None:
     """Declare the command."""
     parser = add_command(commands, "cut", run, "cut the slave skin, and the cells behind it, into macro-elements")
-    parser.add_argument("input", metavar="IN", help="mesh: .msh (2.2, 4.1), .med")
+    parser.add_argument("input", metavar="IN", help="mesh: .msh, .med, .mail, .inp, .vtu, .xdmf and more")
     parser.add_argument("--slave", action="append", required=True, metavar="GROUP", help="slave skin; may be repeated")
+    parser.add_argument(
+        "--master",
+        action="append",
+        default=[],
+        metavar="GROUP",
+        help="what the slave skin faces; may be repeated: the cut is checked against it (as lacmesh check does), and "
+        "not written where that finds an error",
+    )
     parser.add_argument("-o", "--output", metavar="OUT", help="default: beside the input, with .lac before its suffix")
     parser.add_argument(
         "--hexa",
@@ -54,6 +62,7 @@ def add(commands: Any) -> None:
         metavar="X",
         help="write nothing where the least corner Jacobian of a touched cell would be below X (1: ideal, 0: flat)",
     )
+    add_program_option(parser, "refuse, before cutting, what would give cells that this program cannot take")
     parser.add_argument(
         "--report", metavar="FILE", help="what the cut does to the cells: .html (opens offline), .md, .json"
     )
@@ -64,12 +73,13 @@ def run(args: argparse.Namespace) -> None:
     """Cut a file."""
     from concurrent.futures import ThreadPoolExecutor
 
-    from lacmesh.cut import cut_skin, is_cut
+    from lacmesh.cut import is_cut
     from lacmesh.formats import read
 
     source = Path(args.input)
     target = Path(args.output) if args.output else _beside(source)
-    stage = Stages(args, ("read", "cut", *(("report",) if args.report else ()), "write"))
+    asked = {"check": args.master, "report": args.report}
+    stage = Stages(args, ("read", "cut", *(name for name, wanted in asked.items() if wanted), "write"))
     check_output(target, args)
     if args.report:
         _check_report(target, args)
@@ -77,17 +87,12 @@ def run(args: argparse.Namespace) -> None:
         mesh = read(source, mesh=args.mesh)
     done = is_cut(mesh)
     with stage("cut"):
-        cut = cut_skin(
-            mesh,
-            args.slave,
-            hexa=args.hexa,
-            interface=args.interface,
-            orient=args.orient,
-            skin_only=args.skin_only,
-            node_groups=args.node_groups,
-        )
+        cut = _cut(mesh, args)
         if args.min_quality is not None:
             _refuse_poor(None if done else mesh, cut, args.min_quality)
+    if args.master:
+        with stage("check"):
+            _check(cut, args)
     report = None
     if args.report:
         with stage("report"):
@@ -105,6 +110,31 @@ def run(args: argparse.Namespace) -> None:
         print(f"{source} is cut already everywhere on {', '.join(args.slave)}: written as it was to {target}")
     if report is not None and not args.quiet:
         print(f"report: {args.report}")
+
+
+def _cut(mesh: Mesh, args: argparse.Namespace) -> Cut:
+    """The cut that the options ask for, if the program that it is for can take it."""
+    from lacmesh.cut import cut_skin
+
+    choices = {"hexa": args.hexa, "interface": args.interface, "skin_only": args.skin_only}
+    if args.program:
+        from lacmesh.targets import check_target_cells
+
+        check_target_cells(mesh, args.slave, args.program, **choices)
+    return cut_skin(mesh, args.slave, orient=args.orient, node_groups=args.node_groups, **choices)
+
+
+def _check(cut: Cut, args: argparse.Namespace) -> None:
+    """Stop where the check of the cut against its master finds an error; what it finds beside is warned of."""
+    from lacmesh.checks import check
+
+    found = check(cut, args.slave, args.master)
+    if found.errors:
+        first, more = found.errors[0], len(found.errors) - 1
+        others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
+        raise DataError(f"the cut will not do: {first.rule}: {first.message}{others}")
+    for finding in found.warnings:
+        warnings.warn(f"{finding.rule}: {finding.message}", LacmeshWarning, stacklevel=1)
 
 
 def _beside(source: Path) -> Path:

@@ -12,6 +12,9 @@ from lacmesh.errors import RequestError
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
 
+#: whom a mesh may be for: the keys of lacmesh.targets.TARGETS
+PROGRAMS = ("gmsh", "aster", "calculix", "abaqus", "fenics")
+
 EPILOG = """\
 A group is named as in the file, or by its tag (5), or dimension and tag (2:5); an elementary entity is entity:2:17.
 Exit status: 0 done, 1 the data are wrong, 2 the command is wrong, 3 a file cannot be read or written,
@@ -39,6 +42,13 @@ def add_output_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--ascii", action="store_true", help="write .msh as text (default: as the input, or binary)")
     parser.add_argument("--force", action="store_true", help="replace an existing output")
     add_mesh_option(parser)
+
+
+def add_program_option(parser: argparse.ArgumentParser, text: str) -> None:
+    """Declare `--for`, which goes to `args.program`."""
+    parser.add_argument(
+        "--for", dest="program", choices=PROGRAMS, help=f"{text}; also whose .inp to write (default: calculix)"
+    )
 
 
 def add_mesh_option(parser: argparse.ArgumentParser) -> None:
@@ -83,7 +93,14 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 def write_mesh(target: Path, mesh: Mesh, source: Path, args: argparse.Namespace) -> None:
     """Write as the options say; what they leave open is as in the input."""
-    from lacmesh.formats import kind_of, write
+    from lacmesh.formats import check_target, kind_of, write
 
-    kind = kind_of(source)
-    write(target, mesh, msh=args.msh or kind.version, binary=kind.binary and not args.ascii, force=args.force)
+    kind, program = kind_of(source), getattr(args, "program", None)
+    write(
+        target,
+        mesh,
+        msh=args.msh or kind.version,
+        binary=kind.binary and not args.ascii,
+        target=program if check_target(target) == "inp" and program in ("calculix", "abaqus") else None,
+        force=args.force,
+    )

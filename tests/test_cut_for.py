@@ -1,0 +1,78 @@
+"""`lacmesh cut --for` and `--master`: what is refused before and after the cut, and that nothing is written then."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import lacmesh
+from lacmesh.cli import main
+
+DATA = Path(__file__).parent.parent / "data"
+BLOCKS = str(DATA / "two_blocks.msh")
+
+
+def refused(capsys, target, *args):
+    """The sentence of a command that must fail on the data, and leave nothing."""
+    assert main(["cut", BLOCKS, "--slave", "slave", "-o", str(target), *args]) == 1
+    assert not list(target.parent.iterdir())
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+def test_what_the_program_lacks_is_said_before_the_cut(tmp_path, capsys):
+    said = refused(capsys, tmp_path / "out.inp", "--for", "calculix")
+    assert "180 PYRAM5" in said
+    assert "CalculiX" in said
+    assert "--hexa hexa" in said
+    assert "mixture" in refused(capsys, tmp_path / "out.xdmf", "--for", "fenics", "--hexa", "hexa")
+
+
+@pytest.mark.parametrize(("program", "card"), [("calculix", "TYPE=C3D8"), ("abaqus", "TYPE=C3D5")])
+def test_inp_is_written_for_the_program(tmp_path, program, card, capsys):
+    target = tmp_path / "out.inp"
+    hexa = "hexa" if program == "calculix" else "pyramid"
+    asked = ["cut", BLOCKS, "--slave", "slave", "-o", str(target), "--for", program, "--hexa", hexa]
+    assert main(asked) == 0
+    text = target.read_text().upper()
+    assert card in text
+    assert ("C3D5" in text) == (program == "abaqus")
+    assert "macro-elements of slave 36" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("program", ["gmsh", "aster"])
+def test_other_files_may_be_for_a_program_too(tmp_path, program):
+    target = tmp_path / "out.med"
+    assert main(["cut", BLOCKS, "--slave", "slave", "-o", str(target), "--for", program, "-q"]) == 0
+    assert lacmesh.read(target).n_cells > 1268
+
+
+def test_a_mesh_is_converted_for_a_program_that_takes_it(tmp_path, capsys):
+    cut = tmp_path / "cut.msh"
+    assert main(["cut", BLOCKS, "--slave", "slave", "-o", str(cut), "-q"]) == 0
+    capsys.readouterr()
+    assert main(["convert", str(cut), str(tmp_path / "out.inp"), "--for", "calculix"]) == 1
+    assert "PYRAM5" in capsys.readouterr().err
+    assert main(["convert", str(cut), str(tmp_path / "out.inp"), "--for", "abaqus", "-q"]) == 0
+    assert "C3D5" in (tmp_path / "out.inp").read_text()
+
+
+def test_a_cut_is_checked_against_its_master(tmp_path, capsys):
+    target = tmp_path / "out.msh"
+    assert main(["cut", BLOCKS, "--slave", "slave", "--master", "master", "-o", str(target)]) == 0
+    printed = capsys.readouterr()
+    assert "check " in printed.out
+    assert not printed.err
+
+
+def test_a_cut_that_its_master_forbids_is_not_written(tmp_path, capsys):
+    said = refused(capsys, tmp_path / "out.msh", "--master", "symmetry_x")
+    assert "shared-nodes" in said
+    assert "slave and master share 7 nodes" in said
+
+
+def test_a_master_that_the_file_lacks_is_a_wrong_command(tmp_path, capsys):
+    asked = ["cut", BLOCKS, "--slave", "slave", "--master", "mster", "-o", str(tmp_path / "out.msh")]
+    assert main(asked) == 2
+    assert "did you mean master?" in capsys.readouterr().err
