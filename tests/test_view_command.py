@@ -1,77 +1,31 @@
-"""`lacmesh view`: pictures, pages in a browser, and what is said where nothing can be drawn or written."""
+"""`lacmesh view`: pictures, and what is said where nothing can be drawn or written."""
 
 from __future__ import annotations
 
-import base64
-import json
 import os
-import re
 import signal
 import subprocess
 import sys
 import time
-import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import lacmesh
-from lacmesh import Mesh, cut_skin
-from lacmesh.cells import CELLS
-from lacmesh.cli import main
+from lacmesh import Mesh
 from lacmesh.errors import RequestError, WriteError
 from lacmesh.scene import colours
 from lacmesh.scene.marks import cell_values
-from lacmesh.scene.seen import BODY, MASTER, SLAVE
-from lacmesh.skin import FACE_TYPES
 from lacmesh.view import page, picture, png
-from tests.browser import Browser
-from tests.meshes import box, cell_with_faces, random_mesh
 from tests.test_view import Said, cube, two_cubes
+from tests.viewing import cut_blocks, status, tones
 
 DATA = Path(__file__).resolve().parents[1] / "data"
-#: names that would be markup, script or a mark of the template if they were not text
-NASTY = (
-    "</script><script>document.title='owned'</script>",
-    "<img src=x onerror=alert(1)>",
-    "%BLOCK% & %HEAD%",
-    "a\"b'c\\",
-)
 
 
 @pytest.fixture
 def blocks(tmp_path):
-    """The two blocks, cut, in a file."""
-    target = tmp_path / "blocks.msh"
-    lacmesh.write(target, cut_skin(lacmesh.read(DATA / "two_blocks.msh"), "slave").mesh)
-    return target
-
-
-def status(capsys, *arguments):
-    """The exit status of the command, and what it said."""
-    code = main(["view", *map(str, arguments)])
-    said = capsys.readouterr()
-    return code, said.out + said.err
-
-
-# pictures
-
-
-def tones(path, *wanted):
-    """How many pixels have each tone: the light changes a colour's strength, not its tone."""
-    from PIL import Image
-
-    with Image.open(path) as image:
-        pixels = np.asarray(image.convert("RGB")).reshape(-1, 3).astype(float)
-    hue = pixels - pixels.mean(axis=1, keepdims=True)
-    strength = np.linalg.norm(hue, axis=1)
-    counts = []
-    for colour in colours.rgb(wanted).astype(float):
-        tone = colour - colour.mean()
-        likeness = hue @ tone / np.maximum(strength, 1e-9) / np.linalg.norm(tone)
-        counts.append(int(((likeness > 0.98) & (strength > 0.5 * np.linalg.norm(tone))).sum()))
-    return counts
+    return cut_blocks(tmp_path)
 
 
 @pytest.mark.vtk
@@ -247,259 +201,3 @@ def test_a_picture_into_a_folder_that_is_not_there(tmp_path, monkeypatch):
         picture(cube(), tmp_path / "a.jpg")
     with pytest.raises(RequestError, match="is written as"):
         page(cube(), tmp_path / "a.png")
-
-
-# pages, without a browser
-
-
-def unpacked(path):
-    """What a page holds: its head, and its arrays."""
-    text = path.read_text(encoding="utf-8")
-    head = json.loads(re.search(r'id="head">(.*?)</script>', text, re.S)[1])
-    block = zlib.decompress(base64.b64decode(re.search(r'id="block">(.*?)</script>', text, re.S)[1]))
-    arrays = {
-        name: np.frombuffer(block, np.dtype(kind).newbyteorder("<"), count, start)
-        for name, (kind, start, count) in head["arrays"].items()
-    }
-    return head, arrays
-
-
-@pytest.mark.filterwarnings("ignore:slave faces stand twice")
-@pytest.mark.parametrize(("dim", "order"), [(2, 1), (2, 2), (3, 1), (3, 2), (3, 3)])
-@pytest.mark.parametrize("seed", range(3))
-def test_a_page_holds_the_faces_with_their_numbers_and_groups(dim, order, seed, tmp_path):
-    mesh = random_mesh(np.random.default_rng(seed), dim, order, slaves=6, twins=True)
-    mesh = cut_skin(mesh, "slave").mesh
-    page(mesh, tmp_path / "a.html")
-    head, arrays = unpacked(tmp_path / "a.html")
-    index = {int(n): k for k, n in enumerate(mesh.cell_number)}
-    kind = [b.type for b in mesh.blocks]
-    on_face = {}
-    for name, ids, nodes in mesh.select(np.flatnonzero((mesh.cell_dim < mesh.dim) & (mesh.cell_dim > 0))):
-        for cell, row in zip(ids, nodes, strict=True):
-            on_face.setdefault(frozenset(row[: CELLS[name].n_corners].tolist()), []).append(cell)
-    where = {int(n): k for k, n in enumerate(mesh.node_number)}
-    start = 0
-    assert len(arrays["role"]) == len(arrays["cell"]) > 0
-    for f, code in enumerate(arrays["type"]):
-        face = CELLS[FACE_TYPES[code]]
-        own = arrays["nodes"][start : start + face.n_nodes]
-        start += face.n_nodes
-        corners = frozenset(where[int(n)] for n in arrays["nodeNumber"][own[: face.n_corners]])
-        cell = index[int(arrays["cell"][f])]
-        assert head["cellTypes"][arrays["cellType"][f]] == kind[np.searchsorted(mesh.offsets, cell, side="right") - 1]
-        members = {cell, *on_face.get(corners, [])}
-        groups = {g for g, ids in mesh.cell_groups.items() if members & set(ids.tolist())}
-        assert {head["groups"][g]["name"] for g in head["combinations"][arrays["groups"][f]]} == groups
-        assert (arrays["role"][f] == SLAVE) == (arrays["skin"][f] >= 0)
-        x = mesh.points[[where[int(n)] for n in arrays["nodeNumber"][own]]]
-        kept = np.array(head["centre"]) + head["half"] * arrays["points"].reshape(-1, 3)[own]
-        np.testing.assert_allclose(kept, x, atol=1e-6 * head["half"])
-    assert start == len(arrays["nodes"])
-    assert sorted(arrays["nodeNumber"][arrays["internal"]]) == sorted(
-        mesh.node_number[mesh.node_data["lac_internal"] >= 0]
-    )
-
-
-def test_numbers_beyond_four_bytes_stay(tmp_path):
-    mesh = cube(1)
-    mesh = Mesh.create(mesh.points, [(b.type, b.nodes) for b in mesh.blocks], cell_number=[5, 2**40 + 1])
-    page(mesh, tmp_path / "a.html")
-    assert unpacked(tmp_path / "a.html")[1]["cell"].max() == 2**40 + 1
-
-
-def nasty():
-    mesh = two_cubes()
-    return Mesh.create(
-        mesh.points,
-        [(b.type, b.nodes) for b in mesh.blocks],
-        cell_groups={**mesh.cell_groups, **{name: [k] for k, name in enumerate(NASTY)}},
-    )
-
-
-def test_a_page_is_whole_and_names_stay_text(tmp_path):
-    target = tmp_path / "a.html"
-    page(nasty(), target, slave="slave", findings=[Said("error", NASTY[0], cells=(1,))], title=NASTY[1] + "\udcff")
-    text = target.read_text(encoding="utf-8")
-    assert not re.search(r"""(?:src|href)\s*=\s*["'](?!data:)|@import|url\(""", text)
-    assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", text)
-    assert text.count("<script") == text.count("</script>") == 3
-    assert "<img" not in text
-    head, _ = unpacked(target)
-    assert [g["name"] for g in head["groups"]][-len(NASTY) :] == list(NASTY)
-    assert head["findings"][0]["message"] == NASTY[0]
-    assert "connect-src" not in text
-    assert "default-src 'none'" in text
-
-
-@pytest.mark.slow
-def test_a_large_mesh_makes_a_small_page(tmp_path):
-    points, hexahedra = box(70)
-    page(Mesh.create(points, [("HEXA8", hexahedra)]), tmp_path / "a.html")
-    assert (tmp_path / "a.html").stat().st_size < 3e6
-    assert len(unpacked(tmp_path / "a.html")[1]["role"]) == 6 * 70**2
-
-
-# pages, in a browser
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    """A browser, started once."""
-    started = Browser(tmp_path_factory.mktemp("browser"))
-    yield started
-    started.close()
-
-
-def detail(browser):
-    """What the details of a clicked face say, a line each, and the nodes that they list."""
-    lines = browser.value("[...document.querySelectorAll('#detail > div')].map(e => e.textContent)")
-    return lines, browser.value("[...document.querySelectorAll('#detail td:first-child')].map(e => +e.textContent)")
-
-
-def button(browser, text):
-    """Press the button with some words on it."""
-    found = f"[...document.querySelectorAll('aside button')].find(b => b.textContent.startsWith({text!r}))"
-    browser.value(f"{found}.click()")
-
-
-def shown(arrays, *roles):
-    """How many faces have one of some roles."""
-    return int(np.isin(arrays["role"], roles).sum())
-
-
-@pytest.mark.browser
-def test_a_page_draws_every_face(blocks, tmp_path, capsys, browser):
-    target = tmp_path / "blocks.html"
-    assert status(capsys, blocks, "--master", "master", "--quality", "-o", target)[0] == 0
-    browser.open(target)
-    _, arrays = unpacked(target)
-    assert (browser.data("state"), browser.data("glError")) == ("ready", "0")
-    assert int(browser.data("faces")) == shown(arrays, BODY, SLAVE, MASTER) > 600
-    assert browser.value("document.title") == "blocks.msh"
-    panel = browser.value("document.getElementById('panel').innerText")
-    assert "36 macro-elements" in panel
-    assert "corner jacobian" in panel
-    button(browser, "hidden")
-    assert int(browser.data("faces")) == shown(arrays, SLAVE, MASTER) > 0
-    button(browser, "solid")
-    worst = browser.value("document.querySelector('#worst button').textContent")
-    assert worst.startswith(f"cell {arrays['cell'][np.flatnonzero(arrays['of'] == 0)[0]]}")
-    button(browser, worst[:8])
-    assert int(browser.data("faces")) == shown(arrays, BODY, SLAVE, MASTER) + int((arrays["of"] == 0).sum())
-    assert browser.said == []
-
-
-@pytest.mark.browser
-def test_a_click_tells_the_numbers_of_the_file(tmp_path, browser):
-    """The middle of a 3 x 3 x 3 cube seen from above is the top of its middle column."""
-    points, hexahedra = box(3)
-    numbers = 7000 + 11 * np.arange(27)
-    mesh = Mesh.create(
-        points, [("HEXA8", hexahedra)], cell_number=numbers, cell_groups={"core": np.arange(27), "rest": [0]}
-    )
-    page(mesh, tmp_path / "a.html")
-    browser.open(tmp_path / "a.html", "eye=0,0,1")
-    middle = browser.value("(c => [c.clientWidth / 2, c.clientHeight / 2])(document.getElementById('canvas'))")
-
-    def click_on(centre, corners):
-        browser.click(*middle)
-        browser.wait("!document.getElementById('details').hidden")
-        lines, nodes = detail(browser)
-        cell = np.linalg.norm(points[hexahedra].mean(axis=1) - centre, axis=1).argmin()
-        assert lines == [f"cell {numbers[cell]}, HEXA8", "group core"]
-        near = np.linalg.norm(points - corners, axis=1) < 0.3
-        assert set(nodes) == set((np.flatnonzero(near) + 1).tolist())
-        assert browser.value("document.getElementById('tip').hidden") is False
-        browser.value("document.getElementById('close').click()")
-
-    click_on([0.5, 0.5, 5 / 6], [0.5, 0.5, 1])
-    browser.drag(middle, [middle[0], middle[1] - 600])  # turned over: the other way round, seen from below
-    click_on([0.5, 0.5, 1 / 6], [0.5, 0.5, 0])
-    browser.click(20, 20)
-    assert detail(browser)[0] != []
-    browser.wait("document.getElementById('details').hidden")
-    assert browser.said == []
-
-
-@pytest.mark.browser
-def test_the_mouse_moves_and_zooms(tmp_path, browser):
-    page(cube(2), tmp_path / "a.html", slave="slave")
-    browser.open(tmp_path / "a.html", "eye=1,0,0&theme=light")
-
-    def box_of_ink(name):
-        from PIL import Image
-
-        browser.photograph(tmp_path / name)
-        with Image.open(tmp_path / name) as image:
-            pixels = np.asarray(image.convert("RGB")).astype(int)[:650, :820]
-        rows, columns = np.nonzero(pixels.sum(axis=2) < 740)
-        return np.array([columns.min(), columns.max(), rows.min(), rows.max()])
-
-    def shrink():
-        browser.mouse("mouseWheel", 436, 400, deltaX=0, deltaY=120)
-
-    shrink()
-    shrink()  # clear of the axes in the corner
-    first = box_of_ink("first.png")
-    shrink()
-    small = box_of_ink("small.png")
-    assert (np.diff(small)[[0, 2]] < 0.85 * np.diff(first)[[0, 2]]).all()
-    browser.drag((436, 400), (486, 370), button="right")
-    np.testing.assert_allclose(box_of_ink("moved.png") - small, [50, 50, -30, -30], atol=3)
-
-
-@pytest.mark.browser
-def test_a_finding_is_red_and_a_plane_mesh_flat(tmp_path, browser):
-    x, quads = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]], [[0, 1, 4, 3], [1, 2, 5, 4]]
-    mesh = Mesh.create(x, [("SEG2", [[0, 1], [1, 2]]), ("QUAD4", quads)], cell_groups={"slave": [0, 1], "face": [2, 3]})
-    mesh = cut_skin(mesh, "slave").mesh
-    number = int(mesh.cell_number[np.flatnonzero(mesh.cell_dim == 2)[-1]])
-    page(mesh, tmp_path / "a.html", findings=[Said("error", "inverted", cells=(number,))])
-    browser.open(tmp_path / "a.html", "theme=light")
-    browser.photograph(tmp_path / "a.png")
-    assert tones(tmp_path / "a.png", colours.SEVERITIES["error"])[0] > 2000
-    browser.click(436, 400)
-    browser.wait("!document.getElementById('details').hidden")
-    assert detail(browser)[0][0].endswith(("QUAD4", "TRIA3"))
-    browser.open(tmp_path / "a.html", "theme=dark")
-    button(browser, "face")
-    browser.photograph(tmp_path / "b.png")
-    assert tones(tmp_path / "b.png", "c83ca0")[0] > 20_000
-    assert browser.said == []
-
-
-@pytest.mark.browser
-def test_names_are_not_run(tmp_path, browser):
-    page(nasty(), tmp_path / "a.html", slave="slave", findings=[Said("error", NASTY[0], cells=(1,))], title="safe")
-    browser.open(tmp_path / "a.html", "open=0&eye=0,0,-1&bodies=hidden")
-    button(browser, NASTY[0])
-    assert browser.value("document.title") == "safe"
-    assert browser.value("document.querySelectorAll('img, aside script').length") == 0
-    names = browser.value("[...document.querySelectorAll('#groups li span')].map(e => e.textContent)")
-    assert names[-len(NASTY) :] == list(NASTY)
-    assert browser.said == []
-
-
-@pytest.mark.browser
-def test_every_cell_type_in_a_page(tmp_path, browser):
-    for k, name in enumerate(name for name, cell in CELLS.items() if cell.dim > 1):
-        mesh = cell_with_faces(name, facets=(0,) if CELLS[name].dim == 3 else (), seed=k)
-        page(mesh, tmp_path / "a.html", slave="slave")
-        browser.open(tmp_path / "a.html")
-        assert browser.data("state") == "ready"
-        assert int(browser.data("faces")) == max(1, len(CELLS[name].facets) if CELLS[name].dim == 3 else 1)
-        assert browser.said == []
-
-
-@pytest.mark.browser
-def test_without_webgl_the_page_says_so(tmp_path):
-    page(two_cubes(), tmp_path / "a.html", slave="slave")
-    browser = Browser(tmp_path / "browser", flags=("--disable-3d-apis",))
-    try:
-        browser.open(tmp_path / "a.html")
-        assert browser.data("state") == "failed"
-        assert "This browser has no WebGL 2" in browser.value("document.body.innerText")
-        assert "slave" in browser.value("document.getElementById('groups').innerText")
-    finally:
-        browser.close()
