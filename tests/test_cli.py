@@ -363,9 +363,9 @@ def test_a_full_disk_leaves_the_old_file(msh, monkeypatch, capsys):
 def test_a_signal_stops_it_with_nothing_left(msh, sent, status):
     """The writing is slowed, so that the signal arrives while the file beside is there."""
     code = (
-        "import sys, time\nimport lacmesh.formats as f\nsettle = f._settle\n"
+        "import sys, time\nimport lacmesh.formats.output as f\nsettle = f._finish\n"
         "def slow(*a):\n    print('now', flush=True)\n    time.sleep(30)\n    settle(*a)\n"
-        f"f._settle = slow\nfrom lacmesh.cli import main\nsys.exit(main(['cut', {str(msh)!r}, '--slave', 'slave']))"
+        f"f._finish = slow\nfrom lacmesh.cli import main\nsys.exit(main(['cut', {str(msh)!r}, '--slave', 'slave']))"
     )
     before = sorted(msh.parent.iterdir())
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

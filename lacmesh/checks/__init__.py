@@ -42,7 +42,8 @@ def check(
 
     `slave`: one group or several (a zone each), named as in `cut_skin`; a `Cut` knows its own. `master`: the groups
     that it faces; what compares both is left out without. `dirichlet`: cell or node groups whose displacement is held.
-    `search_distance`, `max_penetration`, `axisymmetric`: as in `surface.contact_points`. Lengths are the mesh's.
+    `search_distance`, `max_penetration`, `axisymmetric`: as in `surface.contact_points`, with macro-elements for faces
+    where the distance is not given. Lengths are the mesh's.
 
     Raises GroupNotFoundError and RequestError for what was asked; whatever is wrong with the mesh is a finding.
 
@@ -56,6 +57,8 @@ def check(
         mesh = mesh.mesh
     if slave is None or (not isinstance(slave, (str, int)) and not slave):
         raise RequestError("no slave group was given")
+    if axisymmetric and mesh.dim == 3:
+        raise RequestError("an axisymmetric model is plane, and this mesh has cells of dimension 3")
     options = {
         "search_distance": search_distance,
         "max_penetration": max_penetration,

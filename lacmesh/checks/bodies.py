@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lacmesh.checks.boxes import meeting
 from lacmesh.checks.crossing import crossing
-from lacmesh.checks.findings import Finding
+from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import Side, Subject
 from lacmesh.mesh import Floats, Ints
 from lacmesh.orientation import edge_uses
@@ -30,7 +30,7 @@ def check_bodies(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     figures: dict[str, Any] = {"bodies": count}
     found = []
     if count:
-        message = f"the cells make {count} separate {'body' if count == 1 else 'bodies'}"
+        message = f"the cells make {counted(count, 'body', 'separate bodies')}"
         mine = {
             side.what: np.unique(bodies[side.nodes][bodies[side.nodes] >= 0]) for side in subject.sides if len(side)
         }
@@ -73,9 +73,8 @@ def _coincident(subject: Subject, nodes: Ints) -> list[Finding]:
         return []
     torn = int((subject.bodies[a] == subject.bodies[b]).sum())
     what = "the body is torn there, or has a crack" if torn else "the bodies are not joined there"
-    message = (
-        f"{len(a)} pairs of nodes stand at the same place ({subject.node_numbers(a)}): {what}; merge them if not meant"
-    )
+    message = counted(len(a), "pair of nodes stands", "pairs of nodes stand")
+    message += f" at the same place ({subject.node_numbers(a)}): {what}; merge them if not meant"
     return [subject.found("coincident-nodes", message, nodes=np.unique(np.concatenate([a, b])))]
 
 
@@ -112,10 +111,9 @@ def _torn(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
     node = np.unique(node[mine & ~on_skin[node]])
     if not len(node):
         return []
-    message = (
-        f"{len(node)} nodes lie inside edges of the body that they belong to ({subject.node_numbers(node)}): its cells "
-    )
-    message += "do not conform there; mesh both sides alike, or tie them in the solver"
+    message = counted(len(node), "node lies inside an edge", "nodes lie inside edges")
+    message += f" of the body that they belong to ({subject.node_numbers(node)}): its cells do not conform there; "
+    message += "mesh both sides alike, or tie them in the solver"
     return [subject.found("torn-body", message, nodes=node)]
 
 
@@ -172,8 +170,8 @@ def check_skins_in_space(subject: Subject) -> tuple[list[Finding], dict[str, Any
     for side in subject.sides:
         hanging = hanging_nodes(subject, side)
         if len(hanging):
-            message = f"{len(hanging)} nodes of the {side.what} skin lie inside edges of its other faces "
-            message += f"({subject.node_numbers(hanging)}); mesh the skin conformingly"
+            message = counted(len(hanging), f"node of the {side.what} skin lies", f"nodes of the {side.what} skin lie")
+            message += f" inside edges of its other faces ({subject.node_numbers(hanging)}); mesh the skin conformingly"
             found.append(subject.found("hanging-node", message, nodes=hanging, group=side.group))
         found += _crossing(subject, side)
     return found, {}
@@ -189,7 +187,8 @@ def _crossing(subject: Subject, side: Side) -> list[Finding]:
     if not len(pairs):
         return []
     cells = side.cells[good[np.unique(pairs)]]
-    message = (
-        f"{len(pairs)} pairs of {side.what} faces cross or overlap ({subject.numbers(cells)}); repair the skin there"
+    message = counted(
+        len(pairs), f"pair of {side.what} faces crosses or overlaps", f"pairs of {side.what} faces cross or overlap"
     )
+    message += f" ({subject.numbers(cells)}); repair the skin there"
     return [subject.found("self-intersection", message, cells, group=side.group)]

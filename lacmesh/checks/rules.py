@@ -179,11 +179,13 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         ),
         # slave against master
         "no-coverage": Rule(
-            "error", "no slave face finds a master face along its normal", "check the groups, and their places"
+            "error",
+            "no slave face finds a master face along its normal, as far as it looks",
+            "check the groups, their places and their sides, or look farther (--search-distance)",
         ),
         "partial-coverage": Rule(
             "warning",
-            "the master covers a macro-element only in part, or not at all",
+            "the master covers less than 95 % of a macro-element, or nothing of it",
             "nothing, if the slave is meant to reach beyond the master; such pressures are zero or act on a part",
         ),
         "wrong-side": Rule(

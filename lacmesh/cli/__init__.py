@@ -122,7 +122,7 @@ def _fail(message: str, status: int) -> int:
 
 
 def _on_one_line(message: str) -> str:
-    """Names come from files: no line ends, no commands to the terminal.
+    r"""Names come from files: no line ends, no commands to the terminal.
 
     >>> _on_one_line("group 'a" + chr(10) + chr(27) + "é'")
     "group 'a\\n\\x1bé'"

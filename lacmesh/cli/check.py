@@ -38,6 +38,13 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--axisymmetric", action="store_true", help="a plane mesh about the y axis: measures hold 2 pi x"
     )
+    parser.add_argument(
+        "--search-distance",
+        type=float,
+        metavar="LENGTH",
+        help="how far the slave looks for the master (default: a quarter of the smaller skin's diagonal, or twice its "
+        "largest macro-element)",
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object: {findings, summary}")
     add_mesh_option(parser)
 
@@ -52,7 +59,14 @@ def run(args: argparse.Namespace) -> None:
     with stage("check"):
         from lacmesh.checks import check
 
-        found = check(mesh, args.slave, args.master, args.dirichlet, axisymmetric=args.axisymmetric)
+        found = check(
+            mesh,
+            args.slave,
+            args.master,
+            args.dirichlet,
+            search_distance=args.search_distance,
+            axisymmetric=args.axisymmetric,
+        )
     if args.json:
         print(json.dumps(found.as_dict(), ensure_ascii=False, indent=2, allow_nan=False))
     elif not args.quiet:

@@ -13,9 +13,7 @@ def add(commands: Any) -> None:
     """Declare the command."""
     parser = add_command(commands, "convert", run, "write a mesh in another format, or of another order, groups kept")
     parser.add_argument("input", metavar="IN")
-    parser.add_argument(
-        "output", metavar="OUT", help="the suffix says the format (docs/formats.md)"
-    )
+    parser.add_argument("output", metavar="OUT", help="the suffix says the format (docs/formats.md)")
     parser.add_argument(
         "--order",
         choices=("2", "2-full"),

@@ -21,7 +21,7 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Say what is in a file."""
-    from lacmesh.formats import kind_of, read
+    from lacmesh.formats import read, title_of
     from lacmesh.report import describe
 
     mesh = read(args.input, mesh=args.mesh)
@@ -29,10 +29,8 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         print(json.dumps(found, ensure_ascii=False, indent=2))
         return
-    kind = kind_of(args.input)
-    name = f"msh {kind.version} {'binary' if kind.binary else 'ASCII'}" if kind.format == "msh" else "MED"
     if not args.quiet:
-        _print_info(args.input, name, found, mesh.group_tags)
+        _print_info(args.input, title_of(args.input), found, mesh.group_tags)
 
 
 def _print_info(path: str, kind: str, found: dict[str, Any], tags: Mapping[str, tuple[tuple[int, int], ...]]) -> None:

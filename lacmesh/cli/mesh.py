@@ -82,10 +82,11 @@ def _list(args: argparse.Namespace) -> None:
         return
     dim = max(shape.dim for shape in shapes)
     bodies, skin = ([s for s in shapes if s.dim == d] for d in (dim, dim - 1))
+    of_bodies = len(bodies) > 1 or not all(shape.bodies for shape in skin)
     out = console()
     print(f"{args.cad}: {_count(bodies, dim)}, {_count(skin, dim - 1)}")
-    out.print(_table(bodies, dim, len(bodies) > 1))
-    out.print(_table(skin, dim - 1, len(bodies) > 1))
+    out.print(_table(bodies, dim, of_bodies))
+    out.print(_table(skin, dim - 1, of_bodies))
 
 
 def _count(shapes: Sequence[Shape], dim: int) -> str:

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.errors import RequestError
-
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
 
@@ -57,21 +55,19 @@ def add_mesh_option(parser: argparse.ArgumentParser) -> None:
 
 
 def check_output(target: Path, args: argparse.Namespace) -> None:
-    """Say at once what would stop the writing at the end."""
-    from lacmesh.errors import WriteError
+    """Say at once what would stop the writing of a mesh at the end."""
     from lacmesh.formats import check_target
 
     check_target(target)
+    check_place(target, args)
+
+
+def check_place(target: Path, args: argparse.Namespace) -> None:
+    """Say at once what would stop the writing of any file at the end; what is there now is remembered for `written`."""
+    from lacmesh.formats import output
+
     args.target, args.before = target, _identity(target)
-    try:
-        if target.exists() and not target.is_file():
-            raise WriteError(target, "is no file; -o names another one")
-        if target.exists() and not args.force:
-            raise RequestError(f"{target} exists already; --force replaces it, -o names another file")
-        if not target.parent.is_dir():
-            raise WriteError(target, f"the folder {target.parent} does not exist")
-    except OSError as error:
-        raise WriteError(target, f"cannot be written ({error.strerror or error})") from error
+    output.check_place(target, force=args.force)
 
 
 def written(args: argparse.Namespace) -> str:

@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_mesh_option
+from lacmesh.cli.options import add_command, add_mesh_option, check_place
 from lacmesh.cli.terminal import Stages, memory
-from lacmesh.errors import RequestError, WriteError, did_you_mean
+from lacmesh.errors import RequestError, did_you_mean
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
@@ -99,10 +99,7 @@ def _check_request(target: Path, args: argparse.Namespace) -> None:
     for name in ("camera", "cutaway"):
         if getattr(args, name) and not any(getattr(args, name)):
             raise RequestError(f"--{name} 0 0 0 is no direction")
-    if target.exists() and not args.force:
-        raise RequestError(f"{target} exists already; --force replaces it, -o names another file")
-    if not target.parent.is_dir():
-        raise WriteError(target, f"the folder {target.parent} does not exist")
+    check_place(target, args)
 
 
 def _size(text: str) -> tuple[int, int]:

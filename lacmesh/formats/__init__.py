@@ -1,15 +1,13 @@
 """Files: a module for each format, with `read(path) -> Mesh` and `write(path, mesh)`; here, the choice between them.
 
-The format is known by its content when reading (`sniff.py`), by its suffix when writing (`table.py`). A file is written
-beside its place and renamed, so that nothing is ever half-written or lost.
+The format is known by its content when reading (`sniff.py`), by its suffix when writing (`table.py`); `output.py` puts
+what is written in its place.
 """
 
 from __future__ import annotations
 
 import os
-import secrets
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,14 +15,12 @@ from typing import Any
 import numpy as np
 
 from lacmesh.errors import ReadError, RequestError, WriteError, some
+from lacmesh.formats.output import check_place, replacing
 from lacmesh.formats.sniff import HEAD, sniff
-from lacmesh.formats.table import OF_NAME, SUFFIXES, Format, format_of
+from lacmesh.formats.table import OF_NAME, OWN, SUFFIXES, Format, format_of
 from lacmesh.mesh import Mesh
 
 __all__ = ["SUFFIXES", "Kind", "check_target", "kind_of", "read", "title_of", "write"]
-
-#: Programs that an .inp file is written for.
-_INP_TARGETS = ("calculix", "abaqus")
 
 
 @dataclass(frozen=True)
@@ -103,30 +99,32 @@ def write(
     binary: bool = True,
     compress: bool = False,
     target: str | None = None,
+    plane: str | None = None,
+    all_cells: bool = False,
     force: bool = True,
 ) -> None:
     """Write a mesh; the suffix says the format (`lacmesh.formats.SUFFIXES`).
 
-    `msh`: the version of a msh file; `binary`: or ASCII, for msh, VTU and XDMF; `compress`: for VTU and XDMF; `target`:
-    the program that an .inp file is for, calculix (as by default) or abaqus. XDMF has a second file beside it, .h5.
+    `msh`: the version of a msh file; `binary`: or ASCII, for msh, VTU and XDMF; `compress`: for VTU and XDMF. XDMF has
+    a second file beside it, .h5. For .inp: `target`, the program it is for, calculix (as by default) or abaqus;
+    `plane`: its elements in the plane, CPS (as by default), CPE or CAX; `all_cells`: cells below the mesh's dimension
+    are elements too, not surfaces and sets of nodes alone.
     An existing file is replaced, at the end and whole, unless `force` is False. Raises WriteError, RequestError.
     """
     path = Path(path)
     form = format_of(path)
-    fill = _writer(form, msh, binary, compress, target)
+    options = {"compress": compress, "target": target, "plane": plane, "all_cells": all_cells}
+    fill = _writer(form, msh, binary, {name: value for name, value in options.items() if value})
     if not np.isfinite(mesh.points).all():
         nodes = some(mesh.node_number[~np.isfinite(mesh.points).all(axis=1)])
         raise WriteError(path, f"the coordinates of nodes {nodes} are not finite numbers")
-    heavy = form.beside if binary else ""
-    try:
-        for there in (path, path.with_suffix(heavy)) if heavy else (path,):
-            if there.exists() and not there.is_file():  # renaming would put a file in place of a device
-                raise WriteError(there, "is no file; write to another one")
-            if not force and there.exists():
-                raise RequestError(f"{there} exists already; --force replaces it, -o names another file")
-    except OSError as error:
-        raise WriteError(path, f"cannot be written ({error.strerror or error})") from error
-    _write_beside(path, lambda *beside: fill(mesh, *beside), heavy)
+    places = [path, *([path.with_suffix(form.beside)] if form.beside and binary else [])]
+    for place in places:
+        check_place(place, force=force)
+    for heavy in places[1:]:
+        _check_ours(heavy)
+    with replacing(*places) as beside:
+        fill(mesh, *beside, *(place.name for place in places[1:]))
 
 
 def check_target(path: str | os.PathLike[str]) -> str:
@@ -134,18 +132,13 @@ def check_target(path: str | os.PathLike[str]) -> str:
     return format_of(Path(path)).name
 
 
-def _writer(form: Format, version: str, binary: bool, compress: bool, target: str | None) -> Callable[..., Any]:
+def _writer(form: Format, version: str, binary: bool, options: dict[str, Any]) -> Callable[..., Any]:
     """What writes a mesh of that format: called with the mesh, the file, and the second file where there is one."""
     from importlib import import_module
 
-    if compress and "compress" not in form.options:
-        raise RequestError(f"compress is for VTU and XDMF, {form.title} has no such choice")
-    if target is not None and "target" not in form.options:
-        raise RequestError(f"a target ({target}) is for .inp files, {form.title} has no such choice")
-    if target not in (None, *_INP_TARGETS):
-        raise RequestError(f"an .inp file is for {' or '.join(_INP_TARGETS)}, not {target!r}")
-    if form.name == "msh" and version not in ("4.1", "2.2"):
-        raise RequestError(f"msh version {version!r} is not written; choose 4.1 or 2.2")
+    for name in options.keys() - set(form.options):
+        titles = " and ".join(f.title for f in OWN if name in f.options)
+        raise RequestError(f"the option {name!r} is for {titles}, not for {form.title}")
     if form.meshio:
         from lacmesh.formats.by_meshio import write as write_by_meshio
         from lacmesh.formats.meshio_mesh import needed
@@ -153,50 +146,15 @@ def _writer(form: Format, version: str, binary: bool, compress: bool, target: st
         needed()
         return lambda mesh, path: write_by_meshio(path, mesh, form.name)
     module = import_module(f"lacmesh.formats.{form.name}")
-    options: dict[str, Any] = {}
-    if form.name in ("msh", "vtu"):
-        options["binary"] = binary
     if form.name == "msh":
-        options["version"] = version
-    if compress:
-        options["compress"] = True
-    if target is not None:
-        options["target"] = target
+        if version not in ("4.1", "2.2"):
+            raise RequestError(f"msh version {version!r} is not written; choose 4.1 or 2.2")
+        options |= {"version": version}
+    if form.name in ("msh", "vtu"):
+        options |= {"binary": binary}
     if form.name != "xdmf" or not binary:
         return lambda mesh, path: module.write(path, mesh, **options)
-
-    def with_heavy(mesh: Mesh, path: Path, heavy: Path, link: str) -> None:
-        module.write(path, mesh, heavy=heavy, link=link, **options)
-
-    return with_heavy
-
-
-def _write_beside(path: Path, fill: Callable[..., Any], heavy: str = "") -> None:
-    """Let `fill` write a file next to `path`, force it to the disk, and rename it; leave nothing behind on failure.
-
-    `heavy`: the suffix of a second file, which goes with the first; `fill` is then given it too, and its later name.
-    """
-    real = Path(os.path.realpath(path))  # a link stays one, what it points to is replaced
-    places = [real, *([path.with_name(path.stem + heavy)] if heavy else [])]
-    # the names are known before the files are there: whenever a signal arrives, what is there can be removed
-    token = secrets.token_hex(8)
-    beside = [place.with_name(f".{place.stem[:40]}-{token}{place.suffix}") for place in places]
-    try:
-        for name in beside:
-            os.close(os.open(name, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
-        fill(*beside, *(place.name for place in places[1:]))
-        if heavy:
-            _check_ours(places[1])
-        for name, place in zip(beside[::-1], places[::-1], strict=True):
-            _settle(name, place)
-    except WriteError as error:
-        raise WriteError(path, error.what) from error
-    except OSError as error:
-        raise WriteError(path, f"cannot be written ({error.strerror or error})") from error
-    finally:
-        for name in beside:
-            with suppress(OSError):
-                name.unlink()
+    return lambda mesh, path, heavy, link: module.write(path, mesh, heavy=heavy, link=link, **options)
 
 
 def _check_ours(heavy: Path) -> None:
@@ -205,17 +163,3 @@ def _check_ours(heavy: Path) -> None:
 
     if heavy.exists() and not is_ours(heavy):
         raise WriteError(heavy, f"{heavy.name} is there and lacmesh did not write it; move it, or choose another name")
-
-
-def _settle(beside: Path, path: Path) -> None:
-    with beside.open("rb") as file:
-        os.fsync(file.fileno())
-    mode = path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask()
-    beside.chmod(mode)
-    beside.replace(path)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

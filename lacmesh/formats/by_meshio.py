@@ -27,6 +27,7 @@ NOT_TAKEN = {
     "ansys": "a .msh file is gmsh's",
     "tetgen": "a mesh is two files, and meshio's reader may never end",
     "ugrid": "meshio does not read what it writes",
+    "cgns": "what meshio writes is no CGNS: gmsh does not open it, nor meshio what others write",
     "svg": "it is a picture",
     "wkt": "it has no mesh, only single triangles",
     "gmsh": "lacmesh reads and writes it",
@@ -46,9 +47,10 @@ def read(path: Path, name: str) -> Mesh:
     meshio = needed()
     if not path.is_file():
         raise ReadError(path, "cannot be read (No such file or directory)")
-    mesh = _guarded(lambda: meshio.read(path, file_format=name), lambda why: ReadError(path, why))
+    given = _guarded(lambda: meshio.read(path, file_format=name), lambda why: ReadError(path, why))
+    _turn_wedges(given, name)
     try:
-        found = from_meshio(mesh)
+        found = from_meshio(given)
     except LacmeshError as error:
         raise ReadError(path, str(error)) from error
     odd = unbent(found)
@@ -65,8 +67,11 @@ def write(path: Path, mesh: Mesh, name: str) -> None:
     meshio = needed()
     _check_types(path, mesh, name)
     given = _given(mesh, name)
+    _turn_wedges(given, name)
     _guarded(lambda: meshio.write(path, given, file_format=name), lambda why: WriteError(path, why))
-    found = _guarded(lambda: from_meshio(meshio.read(path, file_format=name)), lambda why: WriteError(path, why))
+    back = _guarded(lambda: meshio.read(path, file_format=name), lambda why: WriteError(path, why))
+    _turn_wedges(back, name)
+    found = _guarded(lambda: from_meshio(back), lambda why: WriteError(path, why))
     where = match(mesh, found)
     if isinstance(where, str):
         message = f"meshio's format {name} does not keep the cells ({where} are left); write .vtu, .med or .msh"
@@ -97,6 +102,13 @@ def _given(mesh: Mesh, name: str) -> Any:
     if name in ("tecplot", "avsucd"):  # meshio's writers take numbers of one width
         given.cell_data = {key: [v.astype(float) for v in values] for key, values in given.cell_data.items()}
     return given
+
+
+def _turn_wedges(given: Any, name: str) -> None:
+    """Undo what meshio does to VTK's linear wedges: it turns them over, and VTK then finds negative volumes."""
+    for block in given.cells if name == "vtk" else ():
+        if block.type == "wedge":
+            block.data = block.data[:, [0, 2, 1, 3, 5, 4]]
 
 
 def _guarded(call: Callable[[], Any], failed: Callable[[str], LacmeshError]) -> Any:

@@ -164,7 +164,9 @@ def elements(card: Card, n_nodes: int, spare: int) -> tuple[Ints, int]:
     """
     text = card.text()
     width = 1 + n_nodes
-    tables, left, lost = [np.empty((0, width), np.int64)], np.empty(0, np.int64), 0
+    tables: list[Ints] = [np.empty((0, width), np.int64)]
+    left: Ints = np.empty(0, np.int64)
+    lost = 0
     for at, piece in chunks(text):
         values = integers(piece)
         if values is None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from lacmesh.kernels import kernel
 
 _NEWLINE, _COMMA, _SPACE, _ZERO, _NINE = 10, 44, 32, 48, 57
 _MOST_DIGITS = 18
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@kernel
 def count_fields(text, counts):  # type: ignore[no-untyped-def]
     """Fill in how many fields each line has; one comma at a line's end adds none, a blank line has 0.
 
@@ -29,7 +30,7 @@ def count_fields(text, counts):  # type: ignore[no-untyped-def]
             commas += trailing
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@kernel
 def scan_integers(text, values):  # type: ignore[no-untyped-def]
     """Fill in the integers of a text, which commas and blanks separate; their number, or -1 where there is else.
 

@@ -46,7 +46,7 @@ def read(path: Path) -> Mesh:
         node_number=number,
         cell_number=cells.number,
         file_order=None if (np.diff(cells.place) > 0).all() else np.argsort(cells.place),
-        cell_groups={name: cells.index[which] for name, which in groups.cells.items()},
+        cell_groups={name: cells.of_earlier[which] for name, which in groups.cells.items()},
         node_groups=groups.nodes,
         name=model.heading[0] if len(model.heading) == 1 else "mesh",
     )
@@ -69,12 +69,12 @@ class _Groups(NamedTuple):
 
 
 class _All(NamedTuple):
-    """Elements and new skin: blocks, places in the file, numbers; `index`: from earlier indices to the mesh's."""
+    """Elements and new skin: blocks, places in the file, numbers; `of_earlier`: from earlier indices to the mesh's."""
 
     blocks: list[tuple[str, Ints]]
     place: Ints
     number: Ints
-    index: Ints
+    of_earlier: Ints
 
 
 def _say(path: Path, model: Model, said: list[str]) -> None:

@@ -140,7 +140,7 @@ class Resolver:
             raise card.error(f"the set {name!r} contains itself, or too many sets inside one another")
         self._open.append(at)
         found = self.scope.sets(of)[known_as]
-        parts = [np.empty(0, np.int64)]
+        parts: list[Ints] = [np.empty(0, np.int64)]
         for listed in found.members:
             parts.append(self.existing(of, listed.numbers))
             parts += [self._generated(of, r) for r in listed.ranges]

@@ -256,7 +256,7 @@ def _losses(mesh: Mesh, roles: _Roles) -> list[str]:
     for members in mesh.cell_groups.values():
         grouped[members] = True
     if n := int((~grouped & ~roles.element).sum()):
-        said.append(f"{n} cells of lower dimension are in no group, and left out (all_cells keeps them)")
+        said.append(f"{n} cells of lower dimension are in no group, and left out")
     skin = np.flatnonzero(roles.skin & ~roles.element & grouped)
     face = roles.parent[skin] * 8 + roles.facet[skin]
     if twice := len(face) - len(np.unique(face)):

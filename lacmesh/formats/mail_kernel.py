@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from lacmesh.kernels import kernel
 
 _BLANK, _LETTER, _DIGIT = 0, 1, 2
 _MOST_LETTERS, _MOST_DIGITS = 7, 9
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@kernel
 def scan(text, kind_of, number, prefix, first):  # type: ignore[no-untyped-def]
     """Fill in, word by word, its number, the integer of its letters, and whether it begins a line.
 

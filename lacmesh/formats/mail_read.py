@@ -225,7 +225,8 @@ def _numbers(path: Path, content: _Content, keys: Ints, what: str) -> Ints:
 def _blocks(content: _Content, nodes: Index) -> tuple[Ints, list[tuple[str, Ints]]]:
     """One block a type, in the order in which types first appear; where each cell stands in the file's order."""
     first = np.cumsum([0, *(len(s.name) for s in content.sections)])
-    order, blocks = [np.empty(0, np.int64)], []
+    order: list[Ints] = [np.empty(0, np.int64)]
+    blocks: list[tuple[str, Ints]] = []
     for kind in dict.fromkeys(s.type for s in content.sections):
         mine = [k for k, s in enumerate(content.sections) if s.type == kind]
         rows = np.empty((sum(len(content.sections[k].name) for k in mine), len(NODES[kind])), np.int32)

@@ -35,6 +35,7 @@ from lacmesh.formats.med_hdf5 import (
     text,
 )
 from lacmesh.formats.med_types import MED_TYPES, NOT_READ, MedType
+from lacmesh.formats.notes import zone_names
 from lacmesh.mesh import Floats, Ints, Mesh
 
 _OF_NAME = {kind.name: kind for kind in MED_TYPES}
@@ -123,7 +124,7 @@ def _read_mesh(root: Branch, name: Name, said: list[str]) -> Mesh:
     if "group_tags" in noted:  # another program may have taken groups away
         noted["group_tags"] = {name: tags for name, tags in noted["group_tags"].items() if name in cell_groups}
     if not noted.get("zones"):
-        noted["zones"] = notes.zone_names(data.cell_data, cell_groups)
+        noted["zones"] = zone_names(data.cell_data, cell_groups)
     _say_not_carried(root, home, step, said)
     return Mesh.create(
         points,

@@ -7,15 +7,13 @@ zones, msh's tags of the groups, and msh's model; where they are gone, the zones
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.formats.med_hdf5 import Branch, add_array, add_group
-from lacmesh.mesh import Ints, Mesh, Model, Periodic, Tag
+from lacmesh.mesh import Mesh, Model, Periodic, Tag
 
 HOME, PLACE = "LACMESH", "notes"
 
@@ -85,21 +83,3 @@ def _periodic(noted: dict[str, Any], n_nodes: int) -> Periodic:
     if nodes.size and (nodes.min() < 0 or nodes.max() >= n_nodes):
         raise ValueError("a periodic node outside the mesh")
     return Periodic(_tag(noted["slave"]), _tag(noted["master"]), tuple(float(a) for a in noted["affine"]), nodes)
-
-
-def zone_names(cell_data: Mapping[str, NDArray], cell_groups: Mapping[str, Ints]) -> tuple[str, ...]:
-    """Names for the zones of a cut: of the smallest group whose macro cells are the zone's, else zone1, zone2, ..."""
-    zone, macro = (cell_data.get(name) for name in ("lac_zone", "lac_macro"))
-    if zone is None or macro is None or zone.ndim != 1 or macro.ndim != 1:
-        return ()
-    cut = np.flatnonzero((macro >= 0) & (zone >= 0))
-    cells = {int(z): cut[zone[cut] == z] for z in np.unique(zone[cut])}
-    if max(cells, default=-1) >= len(cut):
-        return ()
-    names = {}
-    for name, members in sorted(cell_groups.items(), key=lambda g: (len(g[1]), g[0]), reverse=True):
-        inside = members[macro[members] >= 0]
-        first = int(zone[inside[0]]) if len(inside) else -1
-        if first in cells and np.array_equal(inside, cells[first]):
-            names[first] = name
-    return tuple(names.get(k, f"zone{k + 1}") for k in range(max(cells, default=-1) + 1))

@@ -36,7 +36,7 @@ def write(path: Path, mesh: Mesh, version: str = "4.1", binary: bool = True) -> 
     node_data = {k: v for k, v in mesh.node_data.items() if k != "entity"}
     _check_limits(path, version, nodes, cells, bool(node_data), bool(cell_data))
     if version == "4.1" and "partition" in cell_data:
-        _warn("msh 4.1 gets partitions as element data; the entities of partitions and ghost cells are left out")
+        _warn("msh 4.1 gets partitions as element data, which only lacmesh reads as partitions")
     with path.open("wb") as file:
         out = Output(file, binary)
         out.text(f"$MeshFormat\n{version} {int(binary)} 8\n")

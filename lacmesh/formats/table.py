@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 from lacmesh.errors import RequestError, did_you_mean
 
-#: suffix -> meshio's name of the format: all that meshio knows, but for our own and for by_meshio.NOT_TAKEN
+#: suffix -> meshio's name of the format: all that meshio knows, but for our own, for by_meshio.NOT_TAKEN, and for
+#: permas's .post.gz and .dato.gz, which meshio neither packs nor unpacks
 OF_MESHIO = {
     ".f3grid": "flac3d",
     ".mdpa": "mdpa",
     ".ply": "ply",
     ".stl": "stl",
     ".vtk": "vtk",
-    ".cgns": "cgns",
     ".h5m": "h5m",
     ".avs": "avsucd",
     ".xml": "dolfin-xml",
@@ -35,9 +35,7 @@ OF_MESHIO = {
     ".obj": "obj",
     ".off": "off",
     ".post": "permas",
-    ".post.gz": "permas",
     ".dato": "permas",
-    ".dato.gz": "permas",
     ".su2": "su2",
     ".dat": "tecplot",
     ".tec": "tecplot",
@@ -47,7 +45,7 @@ OF_MESHIO = {
 class Format(NamedTuple):
     """A format: its `name`, its `title` for people, its suffixes (the first is the usual one).
 
-    `options`: what `write` takes for it. `beside`: the suffix of a second file that goes with the first.
+    `options`: what `lacmesh.formats.write` takes for it. `beside`: the suffix of a second file beside the first.
     """
 
     name: str
@@ -59,10 +57,10 @@ class Format(NamedTuple):
 
 
 OWN = (
-    Format("msh", "msh", (".msh",), ("msh", "binary")),
+    Format("msh", "msh", (".msh",), ("binary",)),
     Format("med", "MED", (".med", ".rmed", ".mmed")),
     Format("mail", "code_aster .mail", (".mail",)),
-    Format("inp", ".inp of CalculiX and Abaqus", (".inp",), ("target",)),
+    Format("inp", ".inp of CalculiX and Abaqus", (".inp",), ("target", "plane", "all_cells")),
     Format("vtu", "VTU", (".vtu",), ("binary", "compress")),
     Format("xdmf", "XDMF", (".xdmf", ".xmf"), ("binary", "compress"), beside=".h5"),
 )

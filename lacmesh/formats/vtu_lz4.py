@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lacmesh.kernels import kernel
 
-@njit(cache=True)
-def _extended(data: NDArray[np.uint8], at: int, length: int) -> tuple[int, int]:
+Whole = int | np.integer
+
+
+@kernel
+def _extended(data: NDArray[np.uint8], at: Whole, length: Whole) -> tuple[Whole, Whole]:
     """A length of 15 goes on in bytes, up to one that is not 255: the length (-1 past the end), and the next place."""
     if length < 15:
         return length, at
@@ -21,15 +24,16 @@ def _extended(data: NDArray[np.uint8], at: int, length: int) -> tuple[int, int]:
     return -1, at
 
 
-@njit(cache=True)
-def expand(data: NDArray[np.uint8], out: NDArray[np.uint8]) -> int:
+@kernel
+def expand(data: NDArray[np.uint8], out: NDArray[np.uint8]) -> Whole:
     """Fill `out` from the block `data`; how many bytes were filled, -1 where the block makes no sense.
 
     A block is a row of sequences: a token (length of literals, length of a match less 4, each in 4 bits), more of the
     first length, the literals, how far back the match starts (2 bytes), more of the second length. The last sequence
     ends with its literals.
     """
-    i, o = 0, 0
+    i: Whole = 0
+    o: Whole = 0
     while i < len(data):
         token = np.int64(data[i])
         length, i = _extended(data, i + 1, token >> 4)

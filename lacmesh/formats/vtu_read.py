@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshWarning, ReadError, some
 from lacmesh.formats import notes
-from lacmesh.formats.arrays import from_arrays, merged
+from lacmesh.formats.arrays import Parts, assembled, merged
 from lacmesh.formats.vtu_types import LAGRANGE_HEXAHEDRON, NOT_READ, OF_NUMBER, lagrange_8_to_9
-from lacmesh.formats.vtu_write import NOTES, SPACE_DIM, ZONES
+from lacmesh.formats.vtu_write import NOTES
 from lacmesh.formats.vtu_xml import Document, Element, opened
 from lacmesh.mesh import Floats, Ints, Mesh
 
@@ -116,7 +116,7 @@ def _mesh(document: Document, grid: Element, pieces: list[_Piece], said: list[st
     n_nodes = sum(len(p.points) for p in pieces)
     if sum(len(p.points) > 0 for p in pieces) > 1:
         said.append(f"{len(pieces)} pieces are put together; nodes that several have stay apart")
-    fields, noted = _field_data(document, grid, n_nodes, said)
+    fields, noted = _notes(document, grid, n_nodes, said)
     first = np.cumsum([0, *(len(p.points) for p in pieces)])
     starts = np.cumsum([0, *(len(p.cells.connectivity) for p in pieces)])
     cells = Cells(
@@ -128,33 +128,7 @@ def _mesh(document: Document, grid: Element, pieces: list[_Piece], said: list[st
     cell = merged(((p.cell, len(p.cells.types)) for p in pieces), said, "cell")
     node = merged(((p.node, len(p.points)) for p in pieces), said, "node")
     points = np.concatenate([p.points for p in pieces])
-    return notes.fitting(assembled(points, blocks, place, cell, node, fields, noted, said))
-
-
-def assembled(
-    points: Floats,
-    blocks: dict[str, Ints],
-    place: Ints,
-    cell: dict[str, NDArray],
-    node: dict[str, NDArray],
-    fields: dict[str, Any],
-    noted: dict[str, Any],
-    said: list[str],
-) -> Mesh:
-    """A mesh from its parts; `place`: where in the file the cells of the blocks stand, and their rows of arrays."""
-    n_cells = len(place)
-    in_order = bool((np.diff(place) > 0).all())
-    rows = {name: values if in_order else values[place] for name, values in cell.items()}
-    fields = {**fields, **from_arrays(rows, node, (n_cells, len(points)), noted, said)}
-    if not in_order:
-        fields["file_order"] = np.argsort(place)
-    known = {*fields["cell_data"], *fields["node_data"]}
-    fields["steps"] = {key: step for key, step in fields.get("steps", {}).items() if key in known}
-    if not fields.get("zones") and "lac_zone" in fields["cell_data"]:
-        from lacmesh.formats.med_notes import zone_names
-
-        fields["zones"] = zone_names(fields["cell_data"], fields["cell_groups"])
-    return Mesh.create(points, blocks.items(), **fields)
+    return assembled(Parts(points, blocks, place, cell, node), fields, noted, said)
 
 
 def _is_old(document: Document) -> bool:
@@ -194,22 +168,10 @@ def blocks_of(source: Any, cells: Cells, old: bool) -> tuple[dict[str, Ints], In
     return blocks, np.concatenate(places)
 
 
-def _field_data(
-    document: Document, grid: Element, n_nodes: int, said: list[str]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Fields of the mesh, and the notes, from the FieldData."""
-    fields: dict[str, Any] = {}
-    noted: dict[str, Any] = {}
+def _notes(document: Document, grid: Element, n_nodes: int, said: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Fields of the mesh that the notes in FieldData tell, and all that they hold."""
     arrays = {array.get("Name", ""): array for array in grid.findall("FieldData/")}
-    if NOTES in arrays and arrays[NOTES].get("type") == "String":
-        fields, noted = notes.from_json("".join(document.strings(arrays[NOTES])), n_nodes, said)
-    if SPACE_DIM in arrays and arrays[SPACE_DIM].get("type") != "String" and "space_dim" not in fields:
-        given = document.array(arrays[SPACE_DIM])
-        if len(given) == 1 and given[0] in (2, 3):
-            fields["space_dim"] = int(given[0])
-    if ZONES in arrays and arrays[ZONES].get("type") == "String":
-        fields["zones"] = tuple(document.strings(arrays[ZONES]))
-    others = [name for name in arrays if name not in (NOTES, ZONES, SPACE_DIM)]
+    others = [name for name in arrays if name != NOTES]
     if others:
         said.append(f"FieldData {', '.join(map(repr, others[:8]))} are left out")
-    return fields, noted
+    return notes.from_json(document.text(arrays[NOTES]), n_nodes, said) if NOTES in arrays else ({}, {})

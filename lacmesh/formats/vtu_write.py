@@ -1,8 +1,8 @@
 """Writing VTU: one piece, its arrays in one block of bytes behind the XML (raw, or compressed by zlib), or as text.
 
 CellData and PointData hold the arrays of `arrays.py`: `group:NAME` for each group, `cell_number`, `node_number`, and
-the data of the mesh. FieldData holds `lac_zones` (the names of a cut's zones), `space_dim`, and the notes (`lacmesh`,
-JSON). Cells stand in the order of the file. The layout is that of VTK's XML formats (VTK User's Guide, 19.3).
+the data of the mesh. FieldData holds the notes, JSON, as the bytes of the array `lacmesh`: meshio fails on a file that
+holds strings. Cells stand in the order of the file. The layout is that of VTK's XML formats (VTK User's Guide, 19.3).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from lacmesh.formats.notes import to_json
 from lacmesh.formats.vtu_types import LAGRANGE_HEXAHEDRON, OF_TYPE
 from lacmesh.mesh import Ints, Mesh
 
-NOTES, ZONES, SPACE_DIM = "lacmesh", "lac_zones", "space_dim"
+NOTES = "lacmesh"
 _NAMES = {"i": "Int", "u": "UInt", "f": "Float"}
 #: Bytes of a block that is compressed by itself, as VTK takes it by default.
 BLOCK = 2**15
@@ -32,28 +32,25 @@ _CHUNK = 2**17
 
 
 class _Array(NamedTuple):
-    """An array as it stands in the file: its name, values (n,) or (n, m); `text`: characters; `field`: of no cell."""
+    """An array as it stands in the file: its name, values (n,) or (n, m); `field`: it is on no cell or node."""
 
     name: str
     values: NDArray
-    text: bool = False
     field: bool = False
 
     @property
     def head(self) -> str:
-        if self.text:
-            count = int((self.values == 0).sum())
-            return f'Array type="String" Name={quoteattr(self.name)} NumberOfTuples="{count}"'
+        """What the element of XML says of it."""
         kind = self.values.dtype
         width = self.values.shape[1] if self.values.ndim == 2 else 1
         components = f' NumberOfComponents="{width}"' if width > 1 else ""
         tuples = f' NumberOfTuples="{len(self.values)}"' if self.field else ""
         name = quoteattr(self.name)
-        return f'DataArray type="{_NAMES[kind.kind]}{8 * kind.itemsize}" Name={name}{components}{tuples}'
+        return f'type="{_NAMES[kind.kind]}{8 * kind.itemsize}" Name={name}{components}{tuples}'
 
 
 def write(path: Path, mesh: Mesh, *, binary: bool = True, compress: bool = False) -> None:
-    """Write a mesh over what `path` holds; `binary`: or as text; `compress`: with zlib, a third of the size and slow.
+    """Write a mesh over what `path` holds; `binary`: or as text; `compress`: with zlib, a third of the size.
 
     Raises WriteError for a cell that VTK lacks. What is left out is named in a LacmeshWarning.
     """
@@ -78,12 +75,9 @@ def check_types(path: Path, mesh: Mesh, whose: str) -> None:
 def _sections(mesh: Mesh, said: list[str]) -> dict[str, list[_Array]]:
     """What stands where in the file."""
     arrays = to_arrays(mesh, said, legal)
-    space_dim = _Array(SPACE_DIM, np.array([mesh.space_dim], np.int32), field=True)
-    field = [space_dim, _strings(NOTES, [to_json(mesh, **arrays.notes)])]
-    if mesh.zones:
-        field.append(_strings(ZONES, mesh.zones))
+    notes = np.frombuffer(to_json(mesh, **arrays.notes).encode("ascii"), np.uint8)
     return {
-        "FieldData": field,
+        "FieldData": [_Array(NOTES, notes, field=True)],
         "PointData": [_Array(name, values) for name, values in arrays.node.items()],
         "CellData": [_Array(name, values[_order(mesh)]) for name, values in arrays.cell.items()],
         "Points": [_Array("Points", np.ascontiguousarray(mesh.points, np.float64))],
@@ -96,12 +90,6 @@ def _sections(mesh: Mesh, said: list[str]) -> dict[str, list[_Array]]:
 def legal(name: str) -> str:
     """A name without the characters that XML cannot hold."""
     return "".join(c if (c >= " " and not "\ud800" <= c <= "\udfff" and c not in "￾￿") else "_" for c in name)
-
-
-def _strings(name: str, texts: tuple[str, ...] | list[str]) -> _Array:
-    """Strings as VTK keeps them: the bytes of each, and a NUL."""
-    content = b"".join(text.encode("utf-8", "replace").replace(b"\0", b"_") + b"\0" for text in texts)
-    return _Array(name, np.frombuffer(content, np.uint8), text=True)
 
 
 def _order(mesh: Mesh) -> Ints | slice:
@@ -151,14 +139,13 @@ def _write(file: BinaryIO, mesh: Mesh, sections: Mapping[str, list[_Array]], bin
     for section, arrays in sections.items():
         put(f"<{section}>\n")
         for array in arrays:
-            tag = array.head.split(" ", 1)[0]
             if binary:
-                put(f'<{array.head} format="appended" offset="{at}"/>\n')
+                put(f'<DataArray {array.head} format="appended" offset="{at}"/>\n')
                 at += next(sizes) if sizes else 8 + array.values.nbytes
             else:
-                put(f'<{array.head} format="ascii">\n')
+                put(f'<DataArray {array.head} format="ascii">\n')
                 _write_text(put, array.values)
-                put(f"</{tag}>\n")
+                put("</DataArray>\n")
         put(f"</{section}>\n")
         if section == "FieldData":
             put(f'<Piece NumberOfPoints="{mesh.n_nodes}" NumberOfCells="{mesh.n_cells}">\n')
@@ -189,7 +176,7 @@ def _little(values: NDArray) -> NDArray:
 def _packed(values: NDArray) -> list[bytes]:
     """Blocks compressed by themselves, and before them how many, how large, how large the last, how large packed."""
     raw = _little(np.ascontiguousarray(values)).tobytes()
-    blocks = [zlib.compress(raw[a : a + BLOCK], 6) for a in range(0, len(raw), BLOCK)]
+    blocks = [zlib.compress(raw[a : a + BLOCK], 1) for a in range(0, len(raw), BLOCK)]
     head = [len(blocks), BLOCK, len(raw) % BLOCK, *map(len, blocks)]
     return [np.array(head, "<u8").tobytes(), *blocks]
 

@@ -20,7 +20,7 @@ from lacmesh.formats.vtu_codec import DAMAGE, Coding, Order, from_text, numbers
 Element = ElementTree.Element
 
 _KINDS = {f"{'U' * u}Int{8 * n}": np.dtype(f"{'u' if u else 'i'}{n}") for u in (0, 1) for n in (1, 2, 4, 8)}
-_KINDS |= {"Float32": np.dtype(np.float32), "Float64": np.dtype(np.float64)}
+_KINDS |= {"Float32": np.dtype(np.float32), "Float64": np.dtype(np.float64), "String": np.dtype(np.uint8)}
 _APPENDED = re.compile(rb"<AppendedData\b[^>]*>\s*_")
 _ENCODING = re.compile(rb"encoding\s*=\s*[\"'](\w+)[\"']")
 
@@ -70,16 +70,10 @@ class Document:
         except DAMAGE as error:
             raise self.error(f"cannot be read ({error})", _place(element)) from None
 
-    def strings(self, element: Element) -> list[str]:
-        """The values of an array of strings."""
-        try:
-            if element.get("format", "ascii") == "ascii":
-                raw = from_text(element.text or "", np.dtype(np.uint8)).tobytes()
-            else:
-                raw = self._bytes(element)
-        except DAMAGE as error:
-            raise self.error(f"cannot be read ({error})", _place(element)) from None
-        return [part.decode("utf-8", "replace") for part in raw.split(b"\0")[:-1]]
+    def text(self, element: Element) -> str:
+        """The text of an array of bytes, or of strings, of which each ends in a NUL; "" where there is none."""
+        values = self.array(element)
+        return values.tobytes().replace(b"\0", b"").decode("utf-8", "replace") if values.dtype.itemsize == 1 else ""
 
     def _bytes(self, element: Element) -> bytes:
         form = element.get("format")

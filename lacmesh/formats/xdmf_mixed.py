@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lacmesh.kernels import kernel
 
-@njit(cache=True)
+
+@kernel
 def starts(values: NDArray[np.int64], width: NDArray[np.int64], found: NDArray[np.int64]) -> int:
     """Fill `found` with the places in `values` where a cell starts; how many, or -1 - place where none can.
 

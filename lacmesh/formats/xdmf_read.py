@@ -9,7 +9,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,8 +17,8 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, did_you_mean, some
 from lacmesh.formats import notes
-from lacmesh.formats.arrays import GROUP, merged
-from lacmesh.formats.vtu_read import Cells, assembled, blocks_of, stray_node
+from lacmesh.formats.arrays import GROUP, Parts, assembled, merged
+from lacmesh.formats.vtu_read import Cells, blocks_of, stray_node
 from lacmesh.formats.vtu_types import OF_TYPE as VTK_OF_TYPE
 from lacmesh.formats.vtu_xml import parsed
 from lacmesh.formats.xdmf_items import Element, Source
@@ -295,8 +294,7 @@ def _put_together(
         data, place = _own(data, place, noted)
     elif len(parts) > 1:
         blocks, place, data = _without_repeats(blocks, place, data, parts, np.repeat(np.arange(len(parts)), sizes))
-    mesh = assembled(points, blocks, place, data, node, fields, noted, said)
-    return notes.fitting(replace(mesh, cell_groups=_all_groups(mesh, noted))) if noted else mesh
+    return assembled(Parts(points, blocks, place, data, node), fields, noted, said, {"cell": _noted_groups(noted)})
 
 
 def _own(data: dict[str, NDArray], place: Ints, noted: dict[str, Any]) -> tuple[dict[str, NDArray], Ints]:
@@ -304,18 +302,19 @@ def _own(data: dict[str, NDArray], place: Ints, noted: dict[str, Any]) -> tuple[
     own = noted.get("own", [])
     order = data.get(PLACE)
     data = {name: values for name, values in data.items() if name not in own}
-    if order is None or PLACE not in own or not np.array_equal(np.sort(order), np.arange(len(place))):
+    if order is None or order.dtype.kind not in "iu" or PLACE not in own:
+        return data, place
+    if not np.array_equal(np.sort(order), np.arange(len(place))):
         return data, place
     back = np.argsort(order)
     return {name: values[back] for name, values in data.items()}, order[place]
 
 
-def _all_groups(mesh: Mesh, noted: dict[str, Any]) -> dict[str, Ints]:
-    """The groups in the order that our file says, those without a cell too."""
+def _noted_groups(noted: dict[str, Any]) -> dict[str, Ints]:
+    """Every group that our file tells of, in its order, still empty: one without a cell has no attribute."""
     names = noted.get("names", {}).get("cell", {})
     keys = [key for key in noted.get("groups", []) if isinstance(key, str)]
-    listed = [str(names.get(key, key.removeprefix(GROUP))) for key in keys]
-    return {**{name: np.empty(0, np.int64) for name in listed}, **mesh.cell_groups}
+    return {str(names.get(key, key.removeprefix(GROUP))): np.empty(0, np.int64) for key in keys}
 
 
 def _without_repeats(

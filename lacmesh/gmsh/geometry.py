@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.errors import DataError, ReadError
+from lacmesh.errors import DataError, LacmeshWarning, ReadError, some
 from lacmesh.gmsh import stl
 from lacmesh.gmsh.cad import SUFFIXES, Shape
 from lacmesh.gmsh.model import read_model
@@ -37,6 +38,8 @@ _FLAT, _ROUND = 1e-4, 0.02
 def open_file(gmsh: Any, path: Path, dim: int | None) -> int:
     """Open a file; the dimension of its bodies. Raises ReadError, DataError."""
     kind = SUFFIXES[path.suffix.lower()]
+    if path.suffix.lower() == ".geo":
+        _check_last_line(path)
     _open(gmsh, path, kind)
     gmsh.option.setNumber("Geometry.OCCBoundsUseStl", 1)  # boxes that fit, where OCC would leave room
     if kind == "STL":
@@ -47,6 +50,7 @@ def open_file(gmsh: Any, path: Path, dim: int | None) -> int:
     if there < (dim or 2):
         what = {0: "points", 1: "curves", 2: "surfaces"}[there]
         raise DataError(f"the file holds {what} and no {'volume' if dim == 3 else 'surface'}")
+    _warn_of_loose(gmsh, dim or there)
     return dim or there
 
 
@@ -60,6 +64,25 @@ def _open(gmsh: Any, path: Path, kind: str) -> None:
         raise ReadError(path, f"there is no geometry in it; is it {kind}?")
     if failed := errors(gmsh):
         raise ReadError(path, f"gmsh reads it with errors ({failed[0]})")
+
+
+def _check_last_line(path: Path) -> None:
+    """Warns of a script without a line end after its last statements: gmsh 4.15 reads the first of them only."""
+    last = path.read_bytes().rpartition(b"\n")[2]
+    if last.count(b";") > 1:
+        message = "its last line has no end, and gmsh may leave out what stands on it; add a line end"
+        warnings.warn(LacmeshWarning(message), stacklevel=2)
+
+
+def _warn_of_loose(gmsh: Any, dim: int) -> None:
+    """Warns of surfaces (of curves, in the plane) that bound no body: a body may be broken."""
+    bounds = {abs(tag) for around in boundary(gmsh, dim).values() for tag in around}
+    inside = {t for tag in gmsh.model.getEntities(dim) for d, t in gmsh.model.mesh.getEmbedded(*tag) if d == dim - 1}
+    loose = [int(t) for _, t in gmsh.model.getEntities(dim - 1) if t not in bounds | inside]
+    if loose:
+        what, of = ("surfaces", "volume") if dim == 3 else ("curves", "surface")
+        message = f"{len(loose)} {what} bound no {of} ({some(loose)}); is a body open, or a part of it lost?"
+        warnings.warn(LacmeshWarning(message), stacklevel=2)
 
 
 def _sew(gmsh: Any, path: Path) -> None:

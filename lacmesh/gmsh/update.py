@@ -296,15 +296,15 @@ def _by_key(key: Ints, members: Ints) -> Iterator[tuple[int, Ints]]:
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Let an interrupt (SIGINT) wait until the model is whole again."""
+    """Let an interrupt (SIGINT) wait until the model is whole again; then it does what it would have done."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    waiting: list[Any] = []
-    before = signal.signal(signal.SIGINT, lambda *arrived: waiting.append(arrived))
+    arrived: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: arrived.append(number))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
-        if waiting and callable(before):
-            before(*waiting[0])
+        signal.signal(signal.SIGINT, before if before is not None else signal.SIG_DFL)
+        if arrived:
+            signal.raise_signal(signal.SIGINT)

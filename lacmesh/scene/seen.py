@@ -18,13 +18,15 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cut import is_cut
-from lacmesh.errors import RequestError
+from lacmesh.errors import DataError, RequestError, some
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.skin import FACE_TYPES, Faces, find_owners
 
 Vector = tuple[float, float, float]
 Groups = str | Sequence[str] | None
 
+#: the largest coordinate that is drawn: squares of greater ones are no numbers
+FARTHEST = 1e150
 #: what a face is
 BODY, SLAVE, MASTER = range(3)
 
@@ -75,7 +77,11 @@ def find_seen(
     near: float | None = None,
     cutaway: Vector | None = None,
 ) -> Seen:
-    """The faces in sight; `view.picture` explains the options. Raises RequestError, GroupNotFoundError."""
+    """The faces in sight; `view.picture` explains the options. Raises RequestError, GroupNotFoundError, DataError."""
+    far = np.flatnonzero(used_nodes(mesh) & (np.abs(mesh.points) > FARTHEST).any(axis=1))
+    if len(far):
+        numbers = some(mesh.node_number[far])
+        raise DataError(f"nodes {numbers} lie too far away for anything to be drawn; correct their coordinates")
     slaves = _slave_cells(mesh, slave)
     masters = np.setdiff1d(_cells_of(mesh, master), slaves)
     kept = _kept(mesh, slaves, near, cutaway)
@@ -266,7 +272,10 @@ def stack(parts: Sequence[Faces]) -> Faces:
 def _cells_of(mesh: Mesh, groups: Groups) -> Ints:
     """Sorted indices of the faces of some groups: the cells of the highest dimension among them, 1 or 2."""
     specs = [] if groups is None else [groups] if isinstance(groups, str) else list(groups)
-    cells = np.unique(np.concatenate([np.empty(0, np.int64), *(mesh.cells_of(spec) for spec in specs)]))
+    return _faces_among(mesh, np.unique(np.concatenate([np.empty(0, np.int64), *map(mesh.cells_of, specs)])))
+
+
+def _faces_among(mesh: Mesh, cells: Ints) -> Ints:
     dims = mesh.cell_dim[cells]
     return cells[(dims == dims.max(initial=0)) & (dims < 3) & (dims > 0)]
 
@@ -274,7 +283,7 @@ def _cells_of(mesh: Mesh, groups: Groups) -> Ints:
 def _slave_cells(mesh: Mesh, slave: Groups) -> Ints:
     """Indices of the slave faces: those of the groups, or all of a cut."""
     if slave is None:
-        return np.flatnonzero(mesh.cell_data["lac_macro"] >= 0) if is_cut(mesh) else np.empty(0, np.int64)
+        return _faces_among(mesh, np.flatnonzero(mesh.cell_data["lac_macro"] >= 0 if is_cut(mesh) else []))
     return _cells_of(mesh, slave)
 
 

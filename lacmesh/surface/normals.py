@@ -14,13 +14,6 @@ from lacmesh.quadrature import rule
 from lacmesh.shapes import jacobian
 from lacmesh.surface.record import Surface
 
-_GROUP = 8
-
-
-def facet(surface: Surface, row: int, X: Floats) -> tuple[Floats, Floats]:
-    """True unit normals (p, 3) and Jacobians (p,) of one face at reference points X (p, 2; or (p, 1))."""
-    raise NotImplementedError
-
 
 def weighted(name: str, x: Floats, X: Floats, dim: int) -> Floats:
     """(k, p, 3): normals of faces with nodes at x (k, n, 3), times the Jacobian, at reference points X."""

@@ -17,7 +17,7 @@ from lacmesh.surface.normals import smoothed
 from lacmesh.surface.patches import Patches, patches
 from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface
-from lacmesh.surface.rules import FUNCTION_DEGREE, pair_rule
+from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Sides, pair_rule
 from lacmesh.surface.search import Pairs, Reach, candidates
 
 NORMALS = ("facet", "smoothed")
@@ -70,22 +70,24 @@ def contact_points(
     tree); they give the same points. `axisymmetric`: about the y axis, x >= 0 the radius; weights hold 2 pi x.
 
     A slave face looks for master faces that face it (normals opposed) up to `search_distance` ahead along its normal,
-    by default a quarter of the diagonal of the smaller surface's box, or twice the largest slave face if that is longer; and behind
-    itself, where bodies overlap, up to `max_penetration`, by default as deep as the cell behind it and the cell behind
-    the master face reach together (the size of faces that have no cell behind), and no farther than ahead: a body's
-    other side is never nearer. Of several layers of the master the nearest counts. Raises RequestError, ValueError.
+    by default a quarter of the diagonal of the smaller surface's box, or twice the largest slave face if that is
+    longer; and behind itself, where bodies overlap, up to `max_penetration`, by default the mean of how deep the
+    cells behind the slave face and behind the master face reach (the size of a face that has no cell behind), and no
+    farther than ahead: so two plates one cell thick may overlap by half of both before the sides that turn away could
+    be taken for a pair. Of several layers of the master the nearest counts. Raises RequestError, ValueError.
     """
     _check(slave, master, normals, search, axisymmetric, search_distance, max_penetration)
     macro = np.arange(len(slave)) if macro is None else np.asarray(macro)
     if macro.shape != (len(slave),):
         raise ValueError(f"macro must be ({len(slave)},), not {macro.shape}")
-    s, m = patches(slave), patches(master)
+    with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates: such faces have no patch
+        s, m = patches(slave), patches(master)
+        H = coefficients(slave, smoothed(slave, crease_angle)) if normals == "smoothed" else None
     s = s.take(np.flatnonzero(macro[s.face] >= 0))
     reach = reaches(slave, master, s, m, search_distance, max_penetration)
     pairs = candidates(s, m, reach)
     if search == "front":
         pairs = advance(s, m, pairs, slave.neighbours, master.neighbours)
-    H = coefficients(slave, smoothed(slave, crease_angle)) if normals == "smoothed" else None
     make = _on_lines if slave.dim == 1 else _on_faces
     points = make(slave, master, s, m, pairs, reach, H, axisymmetric)
     return replace(points, macro=macro[points.slave])
@@ -123,13 +125,13 @@ def reaches(
     """How far each slave patch looks ahead and behind, by the rules that `contact_points` states."""
     if distance is None:
         boxes = [np.ptp(p.x[:, :3].reshape(-1, 3), axis=0) if len(p.x) else np.zeros(3) for p in (s, m)]
-        largest = 2 * float(slave.size.max(initial=0.0))
+        largest = 2 * float(slave.size[s.face].max(initial=0.0))
         distance = max(0.25 * min(float(np.linalg.norm(box)) for box in boxes), largest)
     ahead = np.full(len(s.n), float(distance))
     if penetration is not None:
         return Reach(ahead, np.full(len(s.n), float(penetration)), np.zeros(len(m.n)), np.inf)
-    depth_s, depth_m = (np.where(k.depth > 0, k.depth, k.size) for k in (slave, master))
-    return Reach(ahead, depth_s[s.face], depth_m[m.face], float(distance))
+    depth_s, depth_m = (np.where(k.depth > 0, k.depth, k.size)[p.face] for k, p in ((slave, s), (master, m)))
+    return Reach(ahead, depth_s / 2, depth_m / 2, float(distance))
 
 
 def _on_faces(
@@ -145,24 +147,27 @@ def _on_faces(
     pieces = clip(pairs, s, m, reach)
     fs, fm = s.face[pieces.slave], m.face[pieces.master]
     code = pair_rule(
-        slave.faces.type[fs],
-        s.kind[fs],
-        s.plane[fs],
-        master.faces.type[fm],
-        m.kind[fm],
-        m.plane[fm],
+        _side(slave, s, pieces.slave),
+        _side(master, m, pieces.master),
+        np.diff(pieces.start),
         pieces.largest_share(),
         H is not None,
     )
     order, groups = _groups(slave, master, fs, fm, code)
-    pieces, code = pieces.take(order), code[order]
-    made = place(pieces, code, s, m, slave.faces.type[fs[order]], master.faces.type[fm[order]], H)
-    piece = made.piece
+    functions = N_FUNCTIONS[slave.faces.type[fs]], N_FUNCTIONS[master.faces.type[fm]]
+    made = place(pieces, order, code, s, m, functions, np.empty((0, 9, 3)) if H is None else H)
+    groups[:, 3:] = made.first[groups[:, 3:]]
+    rows = fs[made.piece]
     points = ContactPoints(
-        fs, fs[order][piece], fm[order][piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap,
-        _bounds(groups, piece),
-    )  # fmt: skip
+        rows, rows, fm[made.piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap, groups
+    )
     return points if made.met.all() else _only(points, made.met)
+
+
+def _side(surface: Surface, p: Patches, rows: Ints) -> Sides:
+    """What decides the rules of pieces on some patches."""
+    f = p.face[rows]
+    return Sides(surface.faces.type[f], p.kind[f], p.plane[f], p.n[rows] == surface.n_corners[f])
 
 
 def _on_lines(
@@ -180,32 +185,24 @@ def _on_lines(
     degree = np.maximum(FUNCTION_DEGREE[slave.faces.type[fs]], FUNCTION_DEGREE[master.faces.type[fm]])
     count = gauss_points(s, m, parts, degree, axisymmetric, H is not None)
     order, groups = _groups(slave, master, fs, fm, count)
-    parts = Intervals(*(v[order] for v in parts))
-    piece, u, um, weight, normal, gap, met, x = place_lines(parts, count[order], s, m, H)
-    if axisymmetric:
-        weight = weight * 2 * np.pi * x[:, 0]
-    xi_s, xi_m = np.zeros((len(u), 2)), np.zeros((len(u), 2))
-    xi_s[:, 0], xi_m[:, 0] = u, um
+    parts = Intervals(parts.slave[order], parts.master[order], parts.ends[order])
+    made = place_lines(parts, count[order], s, m, H, axisymmetric)
+    groups[:, 3:] = made.first[groups[:, 3:]]
+    rows = fs[order][made.piece]
     points = ContactPoints(
-        fs, fs[order][piece], fm[order][piece], xi_s, xi_m, weight, normal, gap, _bounds(groups, piece), axisymmetric
-    )
-    return points if met.all() else _only(points, met)
+        rows, rows, fm[order][made.piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap, groups,
+        axisymmetric,
+    )  # fmt: skip
+    return points if made.met.all() else _only(points, made.met)
 
 
 def _groups(slave: Surface, master: Surface, fs: Ints, fm: Ints, code: Ints) -> tuple[Ints, Ints]:
-    """The order of pieces by (slave type, master type, rule, slave face), and the groups: (type, type, rule, from, to)."""
+    """The order of pieces by (slave type, master type, rule, slave face), and the groups: (types, rule, from, to)."""
     key = (slave.faces.type[fs] * 16 + master.faces.type[fm]) * 64 + code
     order = np.argsort(key, kind="stable")
     values, first = np.unique(key[order], return_index=True)
     last = np.append(first, len(order))[1:]
     return order, np.stack([values // 1024, values // 64 % 16, values % 64, first, last], axis=1).astype(np.int64)
-
-
-def _bounds(groups: Ints, piece: Ints) -> Ints:
-    """Groups of pieces as groups of points."""
-    out = groups.copy()
-    out[:, 3:] = np.searchsorted(piece, groups[:, 3:])
-    return out
 
 
 def _only(points: ContactPoints, keep: NDArray[np.bool_]) -> ContactPoints:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import RequestError
+from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.scene import colours, legend_of, title_of
 from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
@@ -59,10 +60,8 @@ def page(
 ) -> None:
     """Write a page that shows a mesh and opens without a network; the options are those of `picture`.
 
-    Raises RequestError, GroupNotFoundError, WriteError.
+    Raises RequestError, GroupNotFoundError, DataError, WriteError.
     """
-    from lacmesh.view.png import write_whole
-
     path = Path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise RequestError(f"{path}: a page is written as .html")
@@ -71,7 +70,7 @@ def page(
     head, arrays = _content(mesh, seen, marks, values)
     head |= _placing(mesh, seen, head, camera, explode)
     head |= {"title": title or title_of(mesh), "checked": findings is not None}
-    write_whole(path, _filled(head, arrays).encode("utf-8", "replace"))
+    replace_file(path, _filled(head, arrays).encode("utf-8", "replace"))
 
 
 class _Worst:

@@ -451,7 +451,7 @@ def test_what_the_file_loses_is_said_once(tmp_path):
     assert [str(w.message) for w in said] == [
         ".inp: fields are left out: cell data T; the zones of the cut are left out: z; cells of lower dimension become "
         "sets of nodes: edge, point; empty groups are left out: none; 1 cells of lower dimension are in no group, and "
-        "left out (all_cells keeps them)"
+        "left out"
     ]
     assert {name: members.tolist() for name, members in read.node_groups.items()} == {
         "edge": [0, 1],

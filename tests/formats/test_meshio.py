@@ -7,8 +7,10 @@ import sys
 import numpy as np
 import pytest
 
+from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
-from lacmesh.formats import by_meshio, kind_of, read, title_of, write
+from lacmesh.formats import kind_of, read, title_of, write
+from lacmesh.formats.fidelity import ROWS
 from lacmesh.formats.kept import losses, match, unbent
 from lacmesh.formats.meshio_mesh import NAMES
 from lacmesh.formats.table import OF_MESHIO
@@ -20,14 +22,64 @@ meshio = pytest.importorskip("meshio")
 
 
 @pytest.mark.vtk
-@pytest.mark.parametrize("kind", by_meshio._QUADRATIC["vtk"])
-def test_vtk_takes_quadratic_cells_for_what_they_are(kind, tmp_path):
+@pytest.mark.parametrize("kind", sorted(next(row for row in ROWS if row.format == "vtk").takes))
+def test_vtk_takes_cells_for_what_they_are(kind, tmp_path):
     pyvista = pytest.importorskip("pyvista")
     mesh = one_cell(kind)
     write(tmp_path / "a.vtk", mesh)
     grid = pyvista.read(tmp_path / "a.vtk")
     assert int(grid.celltypes[0]) == OF_TYPE[kind].number
     assert list(grid.get_cell(0).point_ids) == list(OF_TYPE[kind].nodes)
+    grid.save(tmp_path / "b.vtk")
+    assert read(tmp_path / "b.vtk").block(kind).tolist() == mesh.block(kind).tolist()
+
+
+@pytest.mark.vtk
+@pytest.mark.parametrize("suffix", [".e", ".avs"])
+@pytest.mark.parametrize("kind", ["TRIA3", "QUAD4", "TETRA4", "HEXA8", "PENTA6", "PYRAM5"])
+def test_vtk_reads_linear_cells_of_other_formats(kind, suffix, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    if suffix == ".e":
+        pytest.importorskip("netCDF4")
+    mesh = one_cell(kind)
+    write(tmp_path / f"a{suffix}", mesh)
+    grid = pyvista.read(tmp_path / f"a{suffix}")
+    grid = grid.combine() if isinstance(grid, pyvista.MultiBlock) else grid
+    np.testing.assert_allclose(grid.points[grid.get_cell(0).point_ids], mesh.points, rtol=1e-6)
+
+
+@pytest.mark.gmsh
+@pytest.mark.parametrize(
+    ("suffix", "kind"),
+    [
+        (s, k)
+        for s in (".mesh", ".obj", ".stl")
+        for k in ("TRIA3", "QUAD4", "TETRA4", "HEXA8")
+        if s == ".mesh" or k == "TRIA3"
+    ],
+)
+def test_gmsh_reads_linear_cells_of_other_formats(suffix, kind, tmp_path):
+    gmsh = pytest.importorskip("gmsh")
+    mesh = one_cell(kind)
+    write(tmp_path / f"a{suffix}", mesh)
+    gmsh.initialize(["-nt", "1", "-v", "0"], readConfigFiles=False)
+    try:
+        gmsh.merge(str(tmp_path / f"a{suffix}"))
+        types, _, nodes = gmsh.model.mesh.getElements()
+        tags, x, _ = gmsh.model.mesh.getNodes()
+    finally:
+        gmsh.finalize()
+    place = {tag: point for tag, point in zip(tags.tolist(), x.reshape(-1, 3), strict=True)}
+    here = types.tolist().index(CELLS[kind].msh)
+    np.testing.assert_allclose([place[n] for n in nodes[here].tolist()], mesh.points, atol=1e-6)
+
+
+def test_a_cgns_file_is_named(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.cgns", "w") as file:
+        file.create_group("CGNSLibraryVersion")
+    with pytest.raises(ReadError, match=r"is a CGNS file, which is not read; gmsh makes a \.msh of it"):
+        read(tmp_path / "a.cgns")
 
 
 @pytest.mark.parametrize("suffix", sorted(OF_MESHIO))
@@ -36,7 +88,7 @@ def test_a_surface_or_solid_goes_there_and_back(suffix, tmp_path):
     if OF_MESHIO[suffix] == "exodus":
         pytest.importorskip("netCDF4")
     mesh = Mesh.create(bare().points, [("TRIA3", [[0, 2, 1], [0, 1, 3], [4, 5, 6]])])
-    if suffix in (".f3grid", ".cgns", ".su2"):
+    if suffix in (".f3grid", ".su2"):
         mesh = bare()
     try:
         write(tmp_path / f"a{suffix}", mesh)

@@ -8,6 +8,7 @@ from lacmesh.errors import RequestError
 from lacmesh.skin import FACE_TYPES
 from lacmesh.surface import Surface, contact_points, coverage
 from lacmesh.surface.coverage import face_measure
+from lacmesh.surface.patches import patches
 from tests.surface.surfaces import TYPES, blocks, errors, line, mapped, positions, sheet, whole
 
 
@@ -186,8 +187,11 @@ def test_smoothed_normals_turn_from_face_to_face_and_stop_at_creases():
     worst = {}
     for normals in ("facet", "smoothed"):
         p = contact_points(slave, master, normals=normals)
-        worst[normals] = np.abs(np.cross(ball(positions(p, slave, p.slave, p.xi_slave)), p.normal)).max()
-    assert worst["smoothed"] < 0.5 * worst["facet"]
+        x = positions(p, slave, p.slave, p.xi_slave)
+        # in the last row of faces a nodal normal is a mean over one side only, and no better than the facet's
+        inner = (np.abs(x[:, :2] / x[:, 2:]) < 3 / 8).all(axis=1)
+        worst[normals] = np.linalg.norm(np.cross(ball(x), p.normal), axis=1)[inner].max()
+    assert worst["smoothed"] < 0.15 * worst["facet"]
     roof = whole(mapped(sheet(4), lambda x: x - np.outer(np.abs(x[:, 0] - 0.5), [0, 0, 1])))
     over = whole(mapped(sheet(4, 0.05, down=True), lambda x: x - np.outer(np.abs(x[:, 0] - 0.5), [0, 0, 1])))
     sharp = contact_points(roof, over, normals="smoothed", crease_angle=40)
@@ -214,7 +218,7 @@ def plate(z0, z1):
     """A plate one hexahedron thick and 4 x 4 wide, with its whole skin in the group `skin`."""
     flat = sheet(4)
     q = flat.block("QUAD4")
-    points = np.concatenate([flat.points + [0, 0, z0], flat.points + [0, 0, z1]])
+    points = np.concatenate([flat.points + np.array([0, 0, z0]), flat.points + np.array([0, 0, z1])])
     skin = np.concatenate([q[:, ::-1], q + len(flat.points)])
     mesh = Mesh.create(points, [("HEXA8", np.concatenate([q, q + len(flat.points)], axis=1)), ("QUAD4", skin)])
     return Surface.of(mesh, np.arange(len(q), mesh.n_cells))
@@ -314,7 +318,10 @@ def test_warped_and_steep_faces_keep_coverage_within_one():
         master = whole(mapped(sheet(6, 0.05, down=True), lambda x: x + 0.08 * rng.normal(size=x.shape)))
         p = contact_points(slave, master)
         found = coverage(p, slave)
-        assert (found.covered <= found.area * (1 + 1e-3)).all() and (found.ratio <= 1).all()
+        # where a face goes in at a corner its Jacobian all but vanishes along a line: no rule integrates that well
+        folded = np.bincount(patches(slave).face) > 1
+        assert (found.covered[~folded] <= found.area[~folded] * (1 + 1e-3)).all() and (found.ratio <= 1).all()
+        assert (found.covered <= found.area * 1.02).all() and folded.sum() < 13
         assert np.isfinite(p.gap).all()
 
 
