@@ -7,6 +7,7 @@ what is written in its place.
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from lacmesh.errors import ReadError, RequestError, WriteError, some
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError, some
 from lacmesh.formats.output import check_place, replacing
 from lacmesh.formats.sniff import HEAD, sniff
 from lacmesh.formats.table import OF_NAME, OWN, SUFFIXES, Format, format_of
@@ -68,8 +69,9 @@ def title_of(path: str | os.PathLike[str]) -> str:
 def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
     """The mesh in a file: msh 2.2 or 4.1, MED 2.3 to 4.2, .mail, .inp, VTU, XDMF, and what meshio reads.
 
-    `mesh`: which one, by name, in a file that holds several (MED, XDMF). Raises ReadError (RequestError for a wrong
-    `mesh`, or where meshio is missing).
+    `mesh`: which one, by name, in a file that holds several (MED, XDMF). The records of a cut that a format has no
+    place for are read from the file beside, NAME.SUFFIX.lac.json; a LacmeshWarning says where that does not belong to
+    this one. Raises ReadError (RequestError for a wrong `mesh`, or where meshio is missing).
     """
     path = Path(path)
     name = kind_of(path).format
@@ -78,11 +80,21 @@ def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
         return _reader(name)(path, mesh)
     if mesh is not None:
         raise RequestError(f"{path} is a {found.title} file, which holds one mesh: leave out the name {mesh!r}")
-    if found.meshio:
+    made = _read_alone(path, found)
+    if not found.cut_beside:
+        return made
+    from lacmesh.formats.cut_beside import taken_up
+
+    return taken_up(path, made)
+
+
+def _read_alone(path: Path, form: Format) -> Mesh:
+    """The mesh in one file, without what is beside it."""
+    if form.meshio:
         from lacmesh.formats.by_meshio import read as read_by_meshio
 
-        return read_by_meshio(path, name)
-    return _reader(name)(path)
+        return read_by_meshio(path, form.name)
+    return _reader(form.name)(path)
 
 
 def _reader(name: str) -> Callable[..., Mesh]:
@@ -108,7 +120,8 @@ def write(
     `msh`: the version of a msh file; `binary`: or ASCII, for msh, VTU and XDMF; `compress`: for VTU and XDMF. XDMF has
     a second file beside it, .h5. For .inp: `target`, the program it is for, calculix (as by default) or abaqus;
     `plane`: its elements in the plane, CPS (as by default), CPE or CAX; `all_cells`: cells below the mesh's dimension
-    are elements too, not surfaces and sets of nodes alone.
+    are elements too, not surfaces and sets of nodes alone. Where a format has no place for the records of a cut, they
+    go to a file beside, NAME.SUFFIX.lac.json; writing a mesh without a cut takes such a file away.
     An existing file is replaced, at the end and whole, unless `force` is False. Raises WriteError, RequestError.
     """
     path = Path(path)
@@ -118,13 +131,16 @@ def write(
     if not np.isfinite(mesh.points).all():
         nodes = some(mesh.node_number[~np.isfinite(mesh.points).all(axis=1)])
         raise WriteError(path, f"the coordinates of nodes {nodes} are not finite numbers")
-    places = [path, *([path.with_suffix(form.beside)] if form.beside and binary else [])]
+    places = [path, *_second(path, form, mesh, binary)]
     for place in places:
         check_place(place, force=force)
-    for heavy in places[1:]:
-        _check_ours(heavy)
-    with replacing(*places) as beside:
-        fill(mesh, *beside, *(place.name for place in places[1:]))
+    with replacing(*places) as made:
+        if form.cut_beside:
+            fill(mesh, made[0])
+            for side in made[1:]:
+                _write_records(side, mesh, made[0], form)
+        else:
+            fill(mesh, *made, *(place.name for place in places[1:]))
 
 
 def check_target(path: str | os.PathLike[str]) -> str:
@@ -157,9 +173,46 @@ def _writer(form: Format, version: str, binary: bool, options: dict[str, Any]) -
     return lambda mesh, path, heavy, link: module.write(path, mesh, heavy=heavy, link=link, **options)
 
 
-def _check_ours(heavy: Path) -> None:
-    """Raise WriteError where a file that lacmesh did not write stands where the second file goes."""
-    from lacmesh.formats.xdmf_write import is_ours
+def _second(path: Path, form: Format, mesh: Mesh, binary: bool) -> list[Path]:
+    """The place of the second file, where there is one to be, or to be taken away.
 
-    if heavy.exists() and not is_ours(heavy):
-        raise WriteError(heavy, f"{heavy.name} is there and lacmesh did not write it; move it, or choose another name")
+    Raises WriteError where a file that lacmesh did not write stands there.
+    """
+    if form.beside and binary:
+        from lacmesh.formats import xdmf_write
+
+        second = path.with_suffix(form.beside)
+        is_ours: Callable[[Path], bool] = xdmf_write.is_ours
+    elif form.cut_beside:
+        from lacmesh.formats import cut_beside
+
+        second, is_ours = cut_beside.place_of(path), cut_beside.is_ours
+        if cut_beside.records_of(mesh) is None and not is_ours(second):
+            return []
+    else:
+        return []
+    if second.is_file() and not is_ours(second):
+        raise WriteError(
+            second, f"{second.name} is there and lacmesh did not write it; move it, or choose another name"
+        )
+    return [second]
+
+
+def _write_records(side: Path, mesh: Mesh, written: Path, form: Format) -> None:
+    """Write the records of a cut for a file that was just written; without any, the file for them is taken away."""
+    from lacmesh.formats.cut_beside import UnfitError, records_of, to_json
+
+    text = None
+    if records_of(mesh) is not None:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                back = _read_alone(written, form)
+            text = to_json(mesh, back)
+        except (UnfitError, LacmeshError) as error:
+            why = str(error).replace(str(written), "the file")
+            warnings.warn(LacmeshWarning(f"the records of the cut are left out: {why}"), stacklevel=3)
+    if text is None:
+        side.unlink()
+    else:
+        side.write_text(text, encoding="ascii")

@@ -12,12 +12,14 @@ import contextlib
 import io
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats.arrays import to_arrays
+from lacmesh.formats.cut_beside import without_records
 from lacmesh.formats.kept import losses, match, unbent
 from lacmesh.formats.meshio_mesh import from_meshio, needed, to_meshio
 from lacmesh.mesh import Mesh
@@ -60,13 +62,14 @@ def read(path: Path, name: str) -> Mesh:
 
 
 def write(path: Path, mesh: Mesh, name: str) -> None:
-    """Write a mesh in meshio's format `name`, read it back, and warn of what that lost.
+    """Write a mesh in meshio's format `name`, read it back, and warn of what that lost but for the records of a cut.
 
     Raises WriteError where cells are not kept as they are, RequestError where meshio is missing.
     """
     meshio = needed()
     _check_types(path, mesh, name)
-    given = _given(mesh, name)
+    # writers fail on blocks of no cells, which a cut leaves of a type that it replaced
+    given = _given(replace(mesh, blocks=tuple(b for b in mesh.blocks if len(b.nodes))), name)
     _turn_wedges(given, name)
     _guarded(lambda: meshio.write(path, given, file_format=name), lambda why: WriteError(path, why))
     back = _guarded(lambda: meshio.read(path, file_format=name), lambda why: WriteError(path, why))
@@ -76,7 +79,7 @@ def write(path: Path, mesh: Mesh, name: str) -> None:
     if isinstance(where, str):
         message = f"meshio's format {name} does not keep the cells ({where} are left); write .vtu, .med or .msh"
         raise WriteError(path, message)
-    lost = losses(mesh, found, where)
+    lost = losses(without_records(mesh), found, where)
     if lost:
         warnings.warn(f"written by meshio as {name}, which loses " + "; ".join(lost), LacmeshWarning, stacklevel=3)
 

@@ -52,13 +52,16 @@ KEPT, LOST, REFUSED = "yes", "lost", "error"
 BY_TYPE = "by type"
 #: Kept where only lacmesh reads it again, which a LacmeshWarning says.
 OURS = "for lacmesh"
+#: Kept in a file of its own beside the mesh's, `NAME.SUFFIX.lac.json`, without a word.
+BESIDE = "beside"
 
 
 @dataclass(frozen=True)
 class Row:
     """A format and its options: the types of cells it `takes`, features that are `lost`, those that are `refused`.
 
-    `by_type`: what is BY_TYPE there is the order of cells. `ours`: features and types of cells that are OURS.
+    `by_type`: what is BY_TYPE there is the order of cells. `ours`: features and types of cells that are OURS;
+    `beside`: features that are BESIDE.
     """
 
     title: str
@@ -68,14 +71,17 @@ class Row:
     refused: frozenset[str] = frozenset()
     by_type: bool = False
     ours: frozenset[str] = frozenset()
+    beside: frozenset[str] = frozenset()
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def keeps(self, feature: str) -> str:
-        """KEPT, LOST, REFUSED, BY_TYPE or OURS."""
+        """KEPT, LOST, REFUSED, BY_TYPE, OURS or BESIDE."""
         if feature == "order" and self.by_type:
             return BY_TYPE
         if feature in self.ours:
             return OURS
+        if feature in self.beside:
+            return BESIDE
         return LOST if feature in self.lost else REFUSED if feature in self.refused else KEPT
 
     def keeps_cells(self, kind: str) -> str:
@@ -100,7 +106,9 @@ def _but(words: str) -> frozenset[str]:
 
 _LINEAR = _set("POI1 SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6 PYRAM5")
 #: What a format of cells, nodes and groups alone loses.
-_FIELDS = _set("field vector gap integer steps cut zones partition entity periodic tags")
+_FIELDS = _set("field vector gap integer steps partition entity periodic tags")
+#: What such a format has beside it.
+_CUT = _set("cut zones")
 #: What a format of cells and nodes alone loses.
 _CELLS_ONLY = _FIELDS | _set("group overlap empty nodes names long node_number cell_number name")
 #: What only meshes of several types of cells have.
@@ -111,22 +119,23 @@ def _by_meshio(
     name: str, takes: str, *, mixed: bool = False, keeps: str = "", loses: str = "flat", refuses: str = ""
 ) -> Row:
     """A format that keeps cells, and what it `keeps` beside; `mixed`: of several types in one mesh."""
-    lost = (_CELLS_ONLY | _MIXED - {"loose_skin"} if mixed else _CELLS_ONLY - _MIXED) | _set(loses)
+    lost = (_CELLS_ONLY | _MIXED - _CUT - {"loose_skin"} if mixed else _CELLS_ONLY - _MIXED) | _set(loses)
     refused = _set(refuses) | (frozenset() if mixed else _MIXED)
-    return Row(name, name, _set(takes), lost - _set(keeps), refused)
+    return Row(name, name, _set(takes), lost - _set(keeps), refused, beside=_CUT if mixed else frozenset())
 
 
 ROWS = (
     Row("msh 4.1", "msh", _but(""), by_type=True, ours=_set("TRIA7 partition")),
     Row("msh 2.2", "msh", _but(""), ours=_set("TRIA7"), options={"msh": "2.2"}),
     Row("MED", "med", _but("PYRAM14"), by_type=True),
-    Row(".mail", "mail", _but("PYRAM14"), _FIELDS | _set("names long"), by_type=True),
+    Row(".mail", "mail", _but("PYRAM14"), _FIELDS | _set("names long"), by_type=True, beside=_CUT),
     Row(
         ".inp for CalculiX",
         "inp",
         _but("TRIA7 QUAD9 HEXA27 PENTA18 PYRAM5 PYRAM13 PYRAM14"),
         _FIELDS | _set("loose_skin empty names long"),
         by_type=True,
+        beside=_CUT,
     ),
     Row(
         ".inp for Abaqus",
@@ -134,6 +143,7 @@ ROWS = (
         _but("TRIA7 PYRAM13 PYRAM14"),
         _FIELDS | _set("loose_skin empty names"),
         by_type=True,
+        beside=_CUT,
         options={"target": "abaqus"},
     ),
     Row("VTU", "vtu", _but("PYRAM14")),
@@ -142,7 +152,8 @@ ROWS = (
         "vtk",
         "vtk",
         _but("TRIA7 PENTA15 PYRAM13 PYRAM14"),
-        _set("names long order steps zones flat name entity periodic tags"),
+        _set("names long order steps flat name entity periodic tags"),
+        beside=_set("zones"),
     ),
     Row("hmf", "hmf", _LINEAR, _set("names long steps flat tags name"), _MIXED),
     _by_meshio("tecplot", "SEG2 TRIA3 QUAD4 TETRA4 HEXA8", keeps="node_number cell_number field gap"),

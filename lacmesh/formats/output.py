@@ -12,6 +12,7 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import compress
 from pathlib import Path
 
 from lacmesh.errors import RequestError, WriteError
@@ -42,7 +43,8 @@ def replacing(*places: Path) -> Iterator[list[Path]]:
     """New files beside `places`, to be filled: at the end they are put on the disk and take their places.
 
     On any failure, and when the process is interrupted, they are removed, and what was there stays. The last place is
-    taken first: the first file may then name the others. Raises WriteError, which names the first place.
+    taken first: the first file may then name the others. Where a new file was taken away again (unlinked), nothing
+    shall be: what is at its place is removed. Raises WriteError, which names the first place.
     """
     real = [Path(os.path.realpath(place)) for place in places]  # a link stays one, what it points to is replaced
     # the names are known before the files are there: whenever a signal arrives, what is there can be removed
@@ -52,11 +54,15 @@ def replacing(*places: Path) -> Iterator[list[Path]]:
         for name in beside:
             os.close(os.open(name, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
         yield beside
-        for name, place in zip(beside, real, strict=True):
+        there = [name.exists() for name in beside]
+        for name, place in zip(compress(beside, there), compress(real, there), strict=True):
             _finish(name, place)
         with signals_wait():  # one without the other would be half of it
-            for name, place in zip(beside[::-1], real[::-1], strict=True):
-                name.replace(place)
+            for name, place, stays in zip(beside[::-1], real[::-1], there[::-1], strict=True):
+                if stays:
+                    name.replace(place)
+                else:
+                    place.unlink(missing_ok=True)
     except WriteError as error:
         if error.path not in map(str, beside):
             raise

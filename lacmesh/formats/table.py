@@ -46,6 +46,7 @@ class Format(NamedTuple):
     """A format: its `name`, its `title` for people, its suffixes (the first is the usual one).
 
     `options`: what `lacmesh.formats.write` takes for it. `beside`: the suffix of a second file beside the first.
+    `cut_beside`: the records of a cut go to a file beside it (`cut_beside.py`) where it does not keep them itself.
     """
 
     name: str
@@ -54,13 +55,14 @@ class Format(NamedTuple):
     options: tuple[str, ...] = ()
     beside: str = ""
     meshio: bool = False
+    cut_beside: bool = False
 
 
 OWN = (
     Format("msh", "msh", (".msh",), ("binary",)),
     Format("med", "MED", (".med", ".rmed", ".mmed")),
-    Format("mail", "code_aster .mail", (".mail",)),
-    Format("inp", ".inp of CalculiX and Abaqus", (".inp",), ("target", "plane", "all_cells")),
+    Format("mail", "code_aster .mail", (".mail",), cut_beside=True),
+    Format("inp", ".inp of CalculiX and Abaqus", (".inp",), ("target", "plane", "all_cells"), cut_beside=True),
     Format("vtu", "VTU", (".vtu",), ("binary", "compress")),
     Format("xdmf", "XDMF", (".xdmf", ".xmf"), ("binary", "compress"), beside=".h5"),
 )
@@ -70,7 +72,10 @@ def _of_meshio() -> tuple[Format, ...]:
     suffixes: dict[str, list[str]] = {}
     for suffix, name in OF_MESHIO.items():
         suffixes.setdefault(name, []).append(suffix)
-    return tuple(Format(name, f"{name}, by meshio", tuple(found), meshio=True) for name, found in suffixes.items())
+    return tuple(
+        Format(name, f"{name}, by meshio", tuple(found), meshio=True, cut_beside=True)
+        for name, found in suffixes.items()
+    )
 
 
 FORMATS = (*OWN, *_of_meshio())

@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.layers import make_room, nearest_only
 from lacmesh.surface.patches import Patches
@@ -25,7 +25,7 @@ _LEAST = 1e-14
 #: parts that overlap by less than this, against the slave patch, are neighbours
 _OVERLAP = 1e-11
 #: cosine of the steepest pair that still faces
-_FACING = 1e-6
+FACING = 1e-6
 
 
 class Pieces(NamedTuple):
@@ -89,19 +89,19 @@ def _clip_rows(rows: slice, pairs: Pairs, slave: Patches, master: Patches, reach
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def project(x: Any, n: int, centre: Any, e: Any, out: Any) -> None:
-    """Corners of a master patch in a slave's frame, in the reverse order: (p, q, height)."""
+@kernel
+def project(x: Any, n: int, centre: Any, e: Any, back: bool, out: Any) -> None:
+    """Corners of a master patch in a slave's frame, (p, q, height); `back`: in the reverse order, which turns left."""
     for k in range(n):
         for a in range(3):
-            out[n - 1 - k, a] = (
+            out[n - 1 - k if back else k, a] = (
                 (x[k, 0] - centre[0]) * e[a, 0] + (x[k, 1] - centre[1]) * e[a, 1] + (x[k, 2] - centre[2]) * e[a, 2]
             )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def facing_plane(y: Any, n: int) -> Any:
-    """Height over a slave's frame of a master patch's mean plane: h = c0 + c1 p + c2 q; whether it faces the slave."""
+@kernel
+def mean_plane(y: Any, n: int) -> Any:
+    """Of n corners (p, q, height): the cosine of their mean plane, and c0, c1, c2 of its height c0 + c1 p + c2 q."""
     if n == 3:
         ux, uy, uz = y[1, 0] - y[0, 0], y[1, 1] - y[0, 1], y[1, 2] - y[0, 2]
         vx, vy, vz = y[2, 0] - y[0, 0], y[2, 1] - y[0, 1], y[2, 2] - y[0, 2]
@@ -111,17 +111,15 @@ def facing_plane(y: Any, n: int) -> Any:
     nx = uy * vz - uz * vy
     ny = uz * vx - ux * vz
     nz = ux * vy - uy * vx
-    if not nz > _FACING * np.sqrt(nx * nx + ny * ny + nz * nz):
-        return False, 0.0, 0.0, 0.0
     c1 = -nx / nz
     c2 = -ny / nz
     c0 = 0.0
     for k in range(n):
         c0 += (y[k, 2] - c1 * y[k, 0] - c2 * y[k, 1]) / n
-    return True, c0, c1, c2
+    return nz / np.sqrt(nx * nx + ny * ny + nz * nz), c0, c1, c2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _convex_parts(y: Any, n: int, places: Any) -> Any:
     """How a projected patch is clipped: `places` (2, 4) rows of corners; returns parts, and corners of each."""
     for k in range(n):
@@ -149,7 +147,7 @@ def _convex_parts(y: Any, n: int, places: Any) -> Any:
     return 2, 3
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _collect(s: int, pairs: Any, slave: Any, master: Any, reach: Any, of: Any, y: Any, places: Any) -> Any:
     """The parts that slave patch s shares with its candidates, into `of`. Returns their number; -1: no room."""
     parts = 0
@@ -158,11 +156,11 @@ def _collect(s: int, pairs: Any, slave: Any, master: Any, reach: Any, of: Any, y
     for c in range(pairs.start[s], pairs.start[s + 1]):
         m = pairs.master[c]
         n = master.n[m]
-        project(master.x[m], n, slave.centre[s], slave.e[s], y)
+        project(master.x[m], n, slave.centre[s], slave.e[s], True, y)
         if outside(y, n, y_s, n_s):
             continue
-        faces, c0, c1, c2 = facing_plane(y, n)
-        if not faces:
+        cosine, c0, c1, c2 = mean_plane(y, n)
+        if not cosine > FACING:
             continue
         low = min(y[0, 2], y[1, 2], y[2, 2], y[n - 1, 2])
         high = max(y[0, 2], y[1, 2], y[2, 2], y[n - 1, 2])
@@ -196,7 +194,7 @@ def _collect(s: int, pairs: Any, slave: Any, master: Any, reach: Any, of: Any, y
     return parts
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _clip_all(begin: int, end: int, pairs: Any, slave: Any, master: Any, reach: Any, of: Any, out: Any) -> Any:
     """Fill `out` for slave patches begin to end: (pieces, vertices, whether `of` was large enough).
 

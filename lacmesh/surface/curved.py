@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba import njit
-
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
 from lacmesh.surface.maps import CURVED, at
 from lacmesh.surface.moments import functions
@@ -26,7 +25,8 @@ _ALONG, _ACROSS = 24, 6
 class Side(NamedTuple):
     """One side of a piece: the map `G` (9, 3) of its face, of a `kind`; its patch; `k` functions to integrate.
 
-    The patch has `n` corners, at `xi` (4, 2) in the face and at `y` (4, .) in the slave's plane.
+    The patch has `n` corners, at `xi` (4, 2) in the face and at `y` (4, .) in the slave's plane; `patch`: its
+    `project.inverse`.
     """
 
     G: Floats
@@ -34,23 +34,24 @@ class Side(NamedTuple):
     n: int
     xi: Floats
     y: Floats
+    patch: Any
     k: int
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def in_plane(d: Any, e: Any) -> Any:
     """Components of a vector along the first two axes of a frame."""
     return d[0] * e[0, 0] + d[1] * e[0, 1] + d[2] * e[0, 2], d[0] * e[1, 0] + d[1] * e[1, 1] + d[2] * e[1, 2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def along(a: Any, b: Any, u: float, v: float) -> Any:
     """Where on the line a -> b a point's foot lies."""
     d0, d1 = b[0] - a[0], b[1] - a[1]
     return ((u - a[0]) * d0 + (v - a[1]) * d1) / (d0 * d0 + d1 * d1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _crossing(one: Any, a0: Any, a1: Any, two: Any, b0: Any, b1: Any, e: Any, s: float, t: float) -> Any:
     """Where the curve x(a0 + s (a1 - a0)) of one face crosses, seen along e's normal, one of another: (found, s, t)."""
     for _ in range(_STEPS):
@@ -72,7 +73,7 @@ def _crossing(one: Any, a0: Any, a1: Any, two: Any, b0: Any, b1: Any, e: Any, s:
     return False, s, t
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _moved(xu: Any, xv: Any, du: float, dv: float, e: Any) -> Any:
     """How a point of a face with derivatives xu, xv moves in a frame's plane while (u, v) moves by (du, dv)."""
     pu, qu = in_plane(xu, e)
@@ -80,7 +81,7 @@ def _moved(xu: Any, xv: Any, du: float, dv: float, e: Any) -> Any:
     return pu * du + pv * dv, qu * du + qv * dv
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _speed(xu: Any, xv: Any, du: float, dv: float, yu: Any, yv: Any, e: Any) -> Any:
     """How fast (u, v) moves in a face with derivatives yu, yv while x moves with (du, dv) in another, seen along e."""
     p, q = _moved(xu, xv, du, dv, e)
@@ -90,7 +91,7 @@ def _speed(xu: Any, xv: Any, du: float, dv: float, yu: Any, yv: Any, e: Any) -> 
     return (p * bv - av * q) / det, (au * q - p * bu) / det
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def vertices_in_faces(polygon: Any, edges: Any, slave: Any, master: Any, centre: Any, e: Any, out: Any) -> None:
     """Reference coordinates (n, 4) of a piece's vertices: two in the slave face, two in the master's.
 
@@ -99,8 +100,8 @@ def vertices_in_faces(polygon: Any, edges: Any, slave: Any, master: Any, centre:
     n = len(polygon)
     for k in range(n):
         p, q = polygon[k, 0], polygon[k, 1]
-        out[k, 0], out[k, 1], _ = in_face(slave.y, slave.n, slave.xi, p, q)
-        out[k, 2], out[k, 3], _ = in_face(master.y, master.n, master.xi, p, q)
+        out[k, 0], out[k, 1], _ = in_face(slave.patch, p, q)
+        out[k, 2], out[k, 3], _ = in_face(master.patch, p, q)
     if slave.kind < CURVED and master.kind < CURVED:
         return
     for k in range(n):
@@ -111,7 +112,7 @@ def vertices_in_faces(polygon: Any, edges: Any, slave: Any, master: Any, centre:
         _meet_along_normal(polygon[k], low >= MASTER and high < CHORD, high < MASTER, slave, master, centre, e, out[k])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _meet_at_crossing(i: int, j: int, slave: Any, master: Any, e: Any, out: Any) -> Any:
     """Move a vertex to where edge i of the slave crosses edge j of the master; false where they do not."""
     a0, a1 = slave.xi[i], slave.xi[(i + 1) % slave.n]
@@ -125,7 +126,7 @@ def _meet_at_crossing(i: int, j: int, slave: Any, master: Any, e: Any, out: Any)
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _meet_along_normal(
     vertex: Any, of_master: bool, of_slave: bool, slave: Any, master: Any, centre: Any, e: Any, out: Any
 ) -> None:
@@ -146,7 +147,7 @@ def _meet_along_normal(
         _, out[0], out[1], _ = ray(slave.G, slave.kind, x, unit, out[0], out[1])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _fan(
     side: Any, e: Any, local: Any, u: float, v: float, du: float, dv: float, weight: float, rules: Any, first: int,
     target: Any, work: Any,
@@ -172,7 +173,7 @@ def _fan(
             target[first + i] += mass * work[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def curved_integrals(
     corner: Any, edges: Any, n: int, slave: Any, master: Any, e: Any, at_slave: Any, at_master: Any, rules: Any,
     target: Any, work: Any,

@@ -15,8 +15,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from lacmesh.kernels import kernel
 from lacmesh.surface.curved import curved_integrals, vertices_in_faces
 from lacmesh.surface.maps import CURVED
 from lacmesh.surface.moments import functions, straight_integrals
@@ -24,9 +24,11 @@ from lacmesh.surface.polygon import MASTER
 
 #: what is left of a function, against itself, for it to count as one more
 _INDEPENDENT = 1e-10
+#: what is left of its square where orthogonalising it once is enough
+_MUCH = 0.25
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def fit(
     polygon: Any, edges: Any, slave: Any, master: Any, centre: Any, e: Any, rules: Any, xi_s: Any, xi_m: Any,
     weight: Any, room: Any,
@@ -50,18 +52,23 @@ def fit(
         straight_integrals(
             polygon, own, edges, MASTER, master.y, master.n, at_master, master.k, 1 + slave.k, rules, target
         )
-    work[0] = 1.0
-    for q in range(len(weight)):
-        u, v, h = at_slave
-        functions((xi_s[q, 0] - u) / h, (xi_s[q, 1] - v) / h, slave.k, work, 1)
-        u, v, h = at_master
-        functions((xi_m[q, 0] - u) / h, (xi_m[q, 1] - v) / h, master.k, work, 1 + slave.k)
-        for i in range(count):
-            phi[i, q] = work[i]
+    _values(xi_s, at_slave, slave.k, phi, 1, work)
+    _values(xi_m, at_master, master.k, phi, 1 + slave.k, work)
+    phi[0, : len(weight)] = 1.0
     correct(weight, len(weight), phi, count, target)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
+def _values(xi: Any, local: Any, k: int, phi: Any, first: int, work: Any) -> None:
+    """The first k functions of a face at points xi (q, 2), into phi[first:]."""
+    u, v, h = local
+    for q in range(len(xi)):
+        functions((xi[q, 0] - u) / h, (xi[q, 1] - v) / h, k, work, 0)
+        for i in range(k):
+            phi[first + i, q] = work[i]
+
+
+@kernel
 def _local(corner: Any, n: int, first: int) -> Any:
     """Origin and scale of the arguments of the functions of a face on a piece with `n` vertices corner[:, first:]."""
     u, v, size = 0.0, 0.0, 0.0
@@ -73,7 +80,7 @@ def _local(corner: Any, n: int, first: int) -> Any:
     return u, v, size
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def correct(weight: Any, n: int, phi: Any, k: int, target: Any) -> Any:
     """Multiply n weights so that functions phi (k, n) have the integrals `target`; phi is used up.
 
@@ -84,7 +91,7 @@ def correct(weight: Any, n: int, phi: Any, k: int, target: Any) -> Any:
         size = 0.0
         for q in range(n):
             size += weight[q] * phi[j, q] * phi[j, q]
-        t = target[j]
+        t, before, left = target[j], size, size
         for _ in range(2):
             for i in range(kept):
                 c = 0.0
@@ -93,9 +100,12 @@ def correct(weight: Any, n: int, phi: Any, k: int, target: Any) -> Any:
                 for q in range(n):
                     phi[j, q] -= c * phi[i, q]
                 t -= c * target[i]
-        left = 0.0
-        for q in range(n):
-            left += weight[q] * phi[j, q] * phi[j, q]
+            left = 0.0
+            for q in range(n):
+                left += weight[q] * phi[j, q] * phi[j, q]
+            if left > _MUCH * before:
+                break
+            before = left
         if left > _INDEPENDENT * _INDEPENDENT * size and kept < n:
             left = np.sqrt(left)
             for q in range(n):

@@ -12,10 +12,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Ints
-from lacmesh.surface.clip import facing_plane, project
+from lacmesh.surface.clip import FACING, mean_plane, project
 from lacmesh.surface.patches import Patches
 from lacmesh.surface.polygon import outside
 from lacmesh.surface.search import Pairs
@@ -37,16 +37,16 @@ def advance(slave: Patches, master: Patches, pairs: Pairs, beyond_s: Ints, beyon
     return Pairs(start, m[order])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _meet(f: int, g: int, slave: Any, master: Any, of_s: Any, of_m: Any, s: Any, m: Any, count: int, y: Any) -> Any:
     """Write down the patches of faces f and g that meet. Returns how many pairs there are now."""
     for a in range(of_s[f], of_s[f + 1]):
         for b in range(of_m[g], of_m[g + 1]):
-            project(master.x[b], master.n[b], slave.centre[a], slave.e[a], y)
+            project(master.x[b], master.n[b], slave.centre[a], slave.e[a], True, y)
             if slave.n[a] == 2:  # segments: they face where the reversed master runs as the slave does
                 if not (y[1, 0] > y[0, 0] and y[0, 0] < slave.y[a, 1, 0] and y[1, 0] > slave.y[a, 0, 0]):
                     continue
-            elif outside(y, master.n[b], slave.y[a], slave.n[a]) or not facing_plane(y, master.n[b])[0]:
+            elif outside(y, master.n[b], slave.y[a], slave.n[a]) or not mean_plane(y, master.n[b])[0] > FACING:
                 continue
             if count < len(s):
                 s[count], m[count] = a, b
@@ -54,7 +54,7 @@ def _meet(f: int, g: int, slave: Any, master: Any, of_s: Any, of_m: Any, s: Any,
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _advance(
     pairs: Any, slave: Any, master: Any, of_s: Any, of_m: Any, beyond_s: Any, beyond_m: Any, s: Any, m: Any
 ) -> Any:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.polygon import CHORD, ROOM, area_of, centroid, copy, cut_by_line, cut_by_polygon, outside, tidy
 
@@ -54,7 +54,7 @@ def make_room(n: int) -> Parts:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def nearest_only(of: Any, n: int, least: float, overlap: float) -> Any:
     """Where the n parts lie over one another, keep the nearest. Returns their number (some empty); -1: no room.
 
@@ -79,7 +79,7 @@ def nearest_only(of: Any, n: int, least: float, overlap: float) -> Any:
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _overlap(of: Any, a: int, b: int, least: float) -> Any:
     """Area that parts a and b share, and which of them is farther from the slave there."""
     p, q = of.shape[a], of.shape[b]
@@ -100,7 +100,7 @@ def _overlap(of: Any, a: int, b: int, least: float) -> Any:
     return area, a if ha > hb else b
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _subtract(of: Any, n: int, far: int, near: int, least: float) -> Any:
     """Take part `near` out of part `far`: what is left goes on as new parts. Returns their number; -1: no room."""
     m = of.size[far]
@@ -126,7 +126,7 @@ def _subtract(of: Any, n: int, far: int, near: int, least: float) -> Any:
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _any_overlap(of: Any, n: int, least: float) -> Any:
     """Whether any two parts lie over one another: a sweep along the first axis."""
     for a in range(n):
@@ -148,7 +148,7 @@ def _any_overlap(of: Any, n: int, least: float) -> Any:
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _sort(order: Any, key: Any, n: int) -> None:
     """Shell's method: a handful of parts nearly always, and never slow."""
     step = 1

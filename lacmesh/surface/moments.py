@@ -17,8 +17,8 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
 from lacmesh.surface.project import in_quadrangle, quadrangle, wedge
 
@@ -42,7 +42,7 @@ def gauss_rules() -> Gauss:
     return Gauss(np.concatenate([(t + 1) / 2 for t, _ in rules]), np.concatenate([w / 2 for _, w in rules]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def functions(u: float, v: float, k: int, out: Any, first: int) -> None:
     """The first k of u, v, uv, u^2, v^2, u^2 v, u v^2, u^2 v^2 into out[first:]."""
     out[first], out[first + 1] = u, v
@@ -56,7 +56,7 @@ def functions(u: float, v: float, k: int, out: Any, first: int) -> None:
         out[first + 7] = u * u * v * v
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def points_needed(c: Any, a: Any, b: Any, d: Any, p: Any, q: Any, least: int) -> Any:
     """How many Gauss points integrate along the segment p -> q what is analytic in a quadrangle's coordinates."""
     half = ((q[0] - p[0]) / 2, (q[1] - p[1]) / 2)
@@ -83,7 +83,7 @@ def points_needed(c: Any, a: Any, b: Any, d: Any, p: Any, q: Any, least: int) ->
     return min(int(n) + least, _MOST) if n < _MOST else _MOST
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _add(u: float, v: float, dv: float, j0: float, ju: float, jv: float, k: int, first: int, target: Any) -> None:
     """Add to target[first:] what a point of the boundary gives of k functions; target[0] the area where first is 1."""
     j = j0 + jv * v
@@ -106,7 +106,7 @@ def _add(u: float, v: float, dv: float, j0: float, ju: float, jv: float, k: int,
             target[first + 7] += v * v * f2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def straight_integrals(
     polygon: Any, corner: Any, edges: Any, own: int, y: Any, n: int, local: Any, k: int, first: int, rules: Any,
     target: Any,
@@ -117,6 +117,7 @@ def straight_integrals(
     origin and scale of the functions' arguments. target[0] takes the area where first is 1.
     """
     u0, v0, h = local
+    place, share = rules.t, rules.w
     c, a, b, d = quadrangle(y)
     if n == 3:
         j0 = wedge((y[1, 0] - y[0, 0], y[1, 1] - y[0, 1]), (y[2, 0] - y[0, 0], y[2, 1] - y[0, 1]))
@@ -137,10 +138,10 @@ def straight_integrals(
         step = (q[0] - p[0], q[1] - p[1])
         du, dv = corner[j, 0] - corner[i, 0], corner[j, 1] - corner[i, 1]
         for g in range(start, start + points):
-            t = rules.t[g]
+            t = place[g]
             if straight:
                 u, v = corner[i, 0] + t * du, corner[i, 1] + t * dv
             else:
                 u, v, jacobian = in_quadrangle(c, a, b, d, p[0] + t * step[0], p[1] + t * step[1])
                 dv = wedge((a[0] + v * d[0], a[1] + v * d[1]), step) / jacobian
-            _add((u - u0) / h, (v - v0) / h, rules.w[g] * dv * h, j0, ju, jv, k, first, target)
+            _add((u - u0) / h, (v - v0) / h, share[g] * dv * h, j0, ju, jv, k, first, target)

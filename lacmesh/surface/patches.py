@@ -54,13 +54,14 @@ class Patches(NamedTuple):
 
 def patches(surface: Surface) -> Patches:
     """The patches of a surface, by face."""
-    G = coefficients(surface)
-    kind, plane, curved = kinds(G, surface.n_corners)
-    most = curved[np.isfinite(curved)].max(initial=0.0)
-    level = np.where(curved > 0, 1 + np.searchsorted(_STEPS, most), 0)
-    face, n, xi = _grids(surface, level)
-    out = _with_frames(face, n, xi, G, kind, plane)
-    return out if surface.dim == 1 else _split_concave(out)
+    with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates: such faces have no patch
+        G = coefficients(surface)
+        kind, plane, curved = kinds(G, surface.n_corners)
+        most = curved[np.isfinite(curved)].max(initial=0.0)
+        level = np.where(curved > 0, 1 + np.searchsorted(_STEPS, most), 0)
+        face, n, xi = _grids(surface, level)
+        out = _with_frames(face, n, xi, G, kind, plane)
+        return out if surface.dim == 1 else _split_concave(out)
 
 
 def _grids(surface: Surface, level: Ints) -> tuple[Ints, Ints, Floats]:

@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
-from lacmesh.surface.clip import Pieces
+from lacmesh.surface.clip import Pieces, mean_plane, project
 from lacmesh.surface.curved import Side
 from lacmesh.surface.fit import fit
-from lacmesh.surface.maps import CURVED, at
+from lacmesh.surface.maps import AFFINE, CURVED, at
 from lacmesh.surface.moments import gauss_rules
 from lacmesh.surface.patches import Patches
 from lacmesh.surface.polygon import ROOM, centroid
-from lacmesh.surface.project import in_face, ray
+from lacmesh.surface.project import in_face, inverse, ray
 from lacmesh.surface.rules import CENTROID, ELLIPSE, FITTED, fan_rules, points_of
 from lacmesh.surface.search import in_parts
 
@@ -70,7 +70,7 @@ def place(
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def plane_rule(p: Any, n: int, code: int, fans: Any, out: Any, weight: Any) -> Any:
     """Points (., 2) and weights of a rule on a convex polygon of n vertices, into `out` and `weight`; their number."""
     if code <= ELLIPSE:
@@ -88,7 +88,7 @@ def plane_rule(p: Any, n: int, code: int, fans: Any, out: Any, weight: Any) -> A
     return m
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _ellipse_rule(p: Any, n: int, code: int, out: Any, weight: Any) -> Any:
     """The centroid, or three points on the ellipse that has twice the polygon's second moments over its area."""
     x, y = centroid(p, n)
@@ -119,7 +119,7 @@ def _ellipse_rule(p: Any, n: int, code: int, out: Any, weight: Any) -> Any:
     return 3
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
     """Unit normal of a face at (u, v): the true one, or the smoothed one where there are maps H; and the Jacobian."""
     n0 = du[1] * dv[2] - du[2] * dv[1]
@@ -133,60 +133,75 @@ def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
     return (n0 / size, n1 / size, n2 / size), jacobian
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _in_slave_plane(x: Any, n: int, centre: Any, e: Any, out: Any) -> None:
-    for k in range(n):
-        for a in range(2):
-            out[k, a] = (
-                (x[k, 0] - centre[0]) * e[a, 0] + (x[k, 1] - centre[1]) * e[a, 1] + (x[k, 2] - centre[2]) * e[a, 2]
-            )
+@kernel
+def _is_flat(patch: int, face: int, of: Any) -> Any:
+    """Whether the patch lies in its plane as `in_face` has it: a plane face with straight sides, not half of one."""
+    return of.plane[face] and (of.kind[face] == AFFINE or (of.kind[face] < CURVED and of.n[patch] == 4))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _point(p: float, q: float, area: float, slave: Any, master: Any, H: Any, face: int, row: int, out: Any) -> None:
-    """Write down the point of the slave over (p, q) of its patch's plane."""
-    u, v, ratio = in_face(slave.y, slave.n, slave.xi, p, q)
+@kernel
+def _point(p: float, q: float, area: float, slave: Any, master: Any, H: Any, face: int) -> Any:
+    """The point of the slave over (p, q) of its patch's plane: places in both faces, weight, normal, gap, met."""
+    u, v, ratio = in_face(slave.patch, p, q)
     x, du, dv = at(slave.G, slave.kind, u, v)
     unit, jacobian = normal_at(H, face, du, dv, u, v)
-    um, vm, _ = in_face(master.y, master.n, master.xi, p, q)
+    um, vm, _ = in_face(master.patch, p, q)
     hit, um, vm, gap = ray(master.G, master.kind, x, unit, um, vm)
-    out.xi_slave[row, 0], out.xi_slave[row, 1] = u, v
-    out.xi_master[row, 0], out.xi_master[row, 1] = um, vm
-    out.weight[row] = area * abs(ratio) * jacobian
-    out.normal[row, 0], out.normal[row, 1], out.normal[row, 2] = unit
-    out.gap[row] = gap
-    out.met[row] = hit and out.weight[row] < np.inf and abs(gap) < np.inf
+    return u, v, um, vm, area * abs(ratio) * jacobian, unit, gap, hit
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
+def _side(patch: int, of: Any, y: Any, k: int) -> Any:
+    """What a piece knows of a patch with corners y in the slave's plane; k functions of its face are fitted."""
+    face, n, xi = of.face[patch], of.n[patch], of.xi[patch]
+    return Side(of.G[face], of.kind[face], n, xi, y, inverse(y, n, xi), k)
+
+
+@kernel
 def _place_all(
     begin: int, end: int, pieces: Any, order: Any, code: Any, most: int, slaves: Any, masters: Any, H: Any,
     k_s: Any, k_m: Any, fans: Any, gauss: Any, out: Any,
 ) -> None:  # fmt: skip
     """Fill `out` for the pieces order[begin:end]. `most`: points of a piece."""
-    p, area, y_m = np.empty((most, 2)), np.empty(most), np.empty((4, 2))
+    p, area, y_m = np.empty((most, 2)), np.empty(most), np.empty((4, 3))
     room = (
         np.empty((ROOM, 4)),
         np.empty(_MOST_FUNCTIONS),
         np.empty(_MOST_FUNCTIONS),
         np.empty((_MOST_FUNCTIONS, most)),
     )
+    # arrays by themselves: what is taken out of a tuple for each point costs more than the point
+    xi_slave, xi_master, weight, normal, gap, met = (
+        out.xi_slave, out.xi_master, out.weight, out.normal, out.gap, out.met,
+    )  # fmt: skip
     for row in range(begin, end):
         k = order[row]
         s, m = pieces.slave[k], pieces.master[k]
-        fs, fm = slaves.face[s], masters.face[m]
+        fs = slaves.face[s]
         polygon = pieces.vertices[pieces.start[k] : pieces.start[k + 1]]
         n = plane_rule(polygon, len(polygon), code[k] % FITTED, fans, p, area)
         centre, e = slaves.centre[s], slaves.e[s]
-        _in_slave_plane(masters.x[m], masters.n[m], centre, e, y_m)
-        slave = Side(slaves.G[fs], slaves.kind[fs], slaves.n[s], slaves.xi[s], slaves.y[s], k_s[k])
-        master = Side(masters.G[fm], masters.kind[fm], masters.n[m], masters.xi[m], y_m, k_m[k])
+        project(masters.x[m], masters.n[m], centre, e, False, y_m)
+        slave, master = _side(s, slaves, slaves.y[s], k_s[k]), _side(m, masters, y_m, k_m[k])
+        first = out.first[row]
+        flat = len(H) == 0 and _is_flat(s, fs, slaves) and _is_flat(m, masters.face[m], masters)
+        patch_s, patch_m = slave.patch, master.patch
+        unit = (e[2, 0], e[2, 1], e[2, 2])
+        _, c0, c1, c2 = mean_plane(y_m, masters.n[m])
         for j in range(n):
-            _point(p[j, 0], p[j, 1], area[j], slave, master, H, fs, out.first[row] + j, out)
+            if flat:
+                u, v, _ = in_face(patch_s, p[j, 0], p[j, 1])
+                um, vm, _ = in_face(patch_m, p[j, 0], p[j, 1])
+                w, g, hit = area[j], c0 + c1 * p[j, 0] + c2 * p[j, 1], True
+            else:
+                u, v, um, vm, w, unit, g, hit = _point(p[j, 0], p[j, 1], area[j], slave, master, H, fs)
+            i = first + j
+            xi_slave[i, 0], xi_slave[i, 1], xi_master[i, 0], xi_master[i, 1] = u, v, um, vm
+            weight[i], gap[i], met[i] = w, g, hit and w < np.inf and abs(g) < np.inf
+            normal[i, 0], normal[i, 1], normal[i, 2] = unit
         if code[k] >= FITTED:
-            rows = slice(out.first[row], out.first[row + 1])
+            rows = slice(first, first + n)
             edges = pieces.edges[pieces.start[k] : pieces.start[k + 1]]
-            fit(polygon, edges, slave, master, centre, e, gauss, out.xi_slave[rows], out.xi_master[rows],
-                out.weight[rows], room)  # fmt: skip
-            for point in range(out.first[row], out.first[row + 1]):
-                out.met[point] = out.met[point] and abs(out.weight[point]) < np.inf  # a face that is folded has no fit
+            fit(polygon, edges, slave, master, centre, e, gauss, xi_slave[rows], xi_master[rows], weight[rows], room)
+            for i in range(first, first + n):
+                met[i] = met[i] and abs(weight[i]) < np.inf  # a face that is folded has no fit

@@ -18,7 +18,7 @@ from lacmesh.surface.patches import Patches, patches
 from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface
 from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Sides, pair_rule
-from lacmesh.surface.search import Pairs, Reach, candidates
+from lacmesh.surface.search import Pairs, Reach, candidates, side_by_side
 
 NORMALS = ("facet", "smoothed")
 SEARCHES = ("tree", "front")
@@ -80,8 +80,8 @@ def contact_points(
     macro = np.arange(len(slave)) if macro is None else np.asarray(macro)
     if macro.shape != (len(slave),):
         raise ValueError(f"macro must be ({len(slave)},), not {macro.shape}")
-    with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates: such faces have no patch
-        s, m = patches(slave), patches(master)
+    s, m = side_by_side(lambda: patches(slave), lambda: patches(master))
+    with np.errstate(over="ignore", invalid="ignore"):
         H = coefficients(slave, smoothed(slave, crease_angle)) if normals == "smoothed" else None
     s = s.take(np.flatnonzero(macro[s.face] >= 0))
     reach = reaches(slave, master, s, m, search_distance, max_penetration)
@@ -124,7 +124,7 @@ def reaches(
 ) -> Reach:
     """How far each slave patch looks ahead and behind, by the rules that `contact_points` states."""
     if distance is None:
-        boxes = [np.ptp(p.x[:, :3].reshape(-1, 3), axis=0) if len(p.x) else np.zeros(3) for p in (s, m)]
+        boxes = [p.x.max(axis=(0, 1)) - p.x.min(axis=(0, 1)) if len(p.x) else np.zeros(3) for p in (s, m)]
         largest = 2 * float(slave.size[s.face].max(initial=0.0))
         distance = max(0.25 * min(float(np.linalg.norm(box)) for box in boxes), largest)
     ahead = np.full(len(s.n), float(distance))

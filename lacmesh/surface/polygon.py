@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import njit
+from lacmesh.kernels import kernel
 
 #: vertices that a polygon may have
 ROOM = 40
@@ -19,7 +19,7 @@ MASTER, CHORD = 4, 8
 _THIN = 1e-9
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def area_of(p: Any, n: int) -> Any:
     """Area of a polygon; from its first vertex, so that a small one far away keeps its digits."""
     twice = 0.0
@@ -28,7 +28,7 @@ def area_of(p: Any, n: int) -> Any:
     return twice / 2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def centroid(p: Any, n: int) -> Any:
     """Centroid of a polygon; the mean of its vertices where it has hardly an area."""
     x = y = twice = mx = my = size = 0.0
@@ -48,7 +48,7 @@ def centroid(p: Any, n: int) -> Any:
     return p[0, 0] + x / (3 * twice), p[0, 1] + y / (3 * twice)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def copy(p: Any, label: Any, n: int, q: Any, made: Any) -> None:
     """Write polygon p over q."""
     for k in range(n):
@@ -57,7 +57,7 @@ def copy(p: Any, label: Any, n: int, q: Any, made: Any) -> None:
         made[k] = label[k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def cut_by_line(
     p: Any, label: Any, n: int, ax: float, ay: float, bx: float, by: float, mark: int, side: int, q: Any, made: Any
 ) -> Any:
@@ -92,7 +92,7 @@ def cut_by_line(
     return m
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def cut_by_polygon(p: Any, label: Any, n: int, by: Any, n_by: int, offset: int, work: Any, work_label: Any) -> Any:
     """The part of polygon p inside polygon `by`, in place; `work`: room. Returns its number of vertices, 0: none.
 
@@ -109,7 +109,7 @@ def cut_by_polygon(p: Any, label: Any, n: int, by: Any, n_by: int, offset: int, 
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def outside(y: Any, n: int, by: Any, n_by: int) -> Any:
     """Whether some edge of polygon `by` has all of y on its outer side."""
     for k in range(n_by):
@@ -126,7 +126,7 @@ def outside(y: Any, n: int, by: Any, n_by: int) -> Any:
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def tidy(p: Any, label: Any, n: int, least: float) -> Any:
     """Take out the vertices that add no area (coincident, or on a straight side). Returns how many are left.
 

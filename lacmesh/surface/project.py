@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from lacmesh.kernels import kernel
 from lacmesh.surface.maps import AFFINE, at
 
 _MOST = 40
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def quadrangle(y: Any) -> Any:
     """c, a, b, d, two components each, of the map y = c + s a + t b + s t d onto a plane quadrangle with corners y."""
     return (
@@ -23,13 +23,13 @@ def quadrangle(y: Any) -> Any:
     )
 
 
-@njit(cache=True, nogil=True, inline="always")
+@kernel
 def wedge(a: Any, b: Any) -> Any:
     """The third component of the cross product of two vectors of a plane."""
     return a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def in_quadrangle(c: Any, a: Any, b: Any, d: Any, p: float, q: float) -> Any:
     """(s, t) of a point of a plane quadrangle, and the Jacobian of its map there.
 
@@ -54,28 +54,41 @@ def in_quadrangle(c: Any, a: Any, b: Any, d: Any, p: float, q: float) -> Any:
     return s, t, wedge((a[0] + t * d[0], a[1] + t * d[1]), (b[0] + s * d[0], b[1] + s * d[1]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def in_face(y: Any, n: int, xi: Any, p: float, q: float) -> Any:
-    """Reference coordinates (u, v) in its face of a point (p, q) of a patch's plane, and d(u, v) / d(p, q).
+@kernel
+def inverse(y: Any, n: int, xi: Any) -> Any:
+    """What `in_face` needs to know of a patch: n; c, a, b, d as of `quadrangle`; origin and steps of its face.
 
     `y` (4, .), `xi` (4, 2): corners of the patch in its plane and in the face; the map between is affine on triangles
-    and bilinear on quadrangles.
+    and bilinear on quadrangles, which are rectangles of their face's reference square, or all of it.
     """
     if n == 3:
-        ax, ay, bx, by = y[1, 0] - y[0, 0], y[1, 1] - y[0, 1], y[2, 0] - y[0, 0], y[2, 1] - y[0, 1]
-        det = ax * by - ay * bx
-        s = ((p - y[0, 0]) * by - (q - y[0, 1]) * bx) / det
-        t = ((q - y[0, 1]) * ax - (p - y[0, 0]) * ay) / det
-        au, av, bu, bv = xi[1, 0] - xi[0, 0], xi[1, 1] - xi[0, 1], xi[2, 0] - xi[0, 0], xi[2, 1] - xi[0, 1]
-        return xi[0, 0] + s * au + t * bu, xi[0, 1] + s * av + t * bv, (au * bv - av * bu) / det
+        a, b = (y[1, 0] - y[0, 0], y[1, 1] - y[0, 1]), (y[2, 0] - y[0, 0], y[2, 1] - y[0, 1])
+        along_s = (xi[1, 0] - xi[0, 0], xi[1, 1] - xi[0, 1])
+        along_t = (xi[2, 0] - xi[0, 0], xi[2, 1] - xi[0, 1])
+        return n, (y[0, 0], y[0, 1]), a, b, (0.0, 0.0), (xi[0, 0], xi[0, 1]), along_s, along_t
     c, a, b, d = quadrangle(y)
-    s, t, jacobian = in_quadrangle(c, a, b, d, p, q)
-    # the patch is a rectangle of its face's reference square, or all of it
     half_u, half_v = (xi[2, 0] - xi[0, 0]) / 2, (xi[2, 1] - xi[0, 1]) / 2
-    return xi[0, 0] + (s + 1) * half_u, xi[0, 1] + (t + 1) * half_v, half_u * half_v / jacobian
+    return n, c, a, b, d, (xi[0, 0] + half_u, xi[0, 1] + half_v), (half_u, 0.0), (0.0, half_v)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
+def in_face(patch: Any, p: float, q: float) -> Any:
+    """Reference coordinates (u, v) in its face of a point (p, q) of a patch's plane, and d(u, v) / d(p, q).
+
+    `patch`: its `inverse`.
+    """
+    n, c, a, b, d, origin, along_s, along_t = patch
+    if n == 3:
+        jacobian, r = wedge(a, b), (p - c[0], q - c[1])
+        s, t = wedge(r, b) / jacobian, wedge(a, r) / jacobian
+    else:
+        s, t, jacobian = in_quadrangle(c, a, b, d, p, q)
+    u = origin[0] + s * along_s[0] + t * along_t[0]
+    v = origin[1] + s * along_s[1] + t * along_t[1]
+    return u, v, wedge(along_s, along_t) / jacobian
+
+
+@kernel
 def ray(G: Any, kind: int, x: Any, n: Any, u: float, v: float) -> Any:
     """Where the line through x along n meets a face with map G: (met, u, v, distance along n), from a first guess.
 

@@ -9,11 +9,12 @@ lies in the prism can be missed, whatever the sizes of faces.
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numba import njit
 
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.quality.kernels import in_threads
 from lacmesh.surface.patches import Patches
@@ -132,6 +133,12 @@ def in_parts(run: Callable[[slice], T], count: int) -> list[T]:
     return [parts[key] for key in sorted(parts)]
 
 
+def side_by_side(*runs: Callable[[], T]) -> list[T]:
+    """What each of the functions returns, each in a thread of its own."""
+    with ThreadPoolExecutor(len(runs)) as pool:
+        return [made.result() for made in [pool.submit(run) for run in runs]]
+
+
 def joined_starts(starts: list[Ints]) -> Ints:
     """One list of starts out of several, each from 0, whose rows are joined."""
     before = np.cumsum([0, *(int(s[-1]) for s in starts)])
@@ -148,7 +155,7 @@ def _extent(x: Floats, n: Ints) -> tuple[Floats, Floats]:
     return low, high
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _meets(prisms: Any, e: Any, s: int, boxes: Any, k: int) -> Any:
     """Whether box k meets prism s, seen along the prism's axes."""
     x = boxes.centre[k, 0] - prisms.centre[s, 0]
@@ -164,7 +171,7 @@ def _meets(prisms: Any, e: Any, s: int, boxes: Any, k: int) -> Any:
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _sort(values: Any, begin: int, end: int) -> None:
     """Insertion: the lists are short."""
     for i in range(begin + 1, end):
@@ -176,7 +183,7 @@ def _sort(values: Any, begin: int, end: int) -> None:
         values[k] = value
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _query(first: int, prisms: Any, e: Any, tree: Any, boxes: Any, start: Any, found: Any) -> Any:
     """Fill `start` and `found` for prisms from `first` on. Returns how many there are.
 

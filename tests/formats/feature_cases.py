@@ -150,9 +150,24 @@ def records(before, after, to):
         was, now = Cut(before), Cut(after)
     except Exception:
         return False
-    names = {"lac_macro", "lac_zone", "lac_child"} & before.cell_data.keys()
-    cells = all(np.array_equal(before.cell_data[n], after.cell_data[n][to.cell]) for n in names)
-    return cells and was.n_macros == now.n_macros and np.array_equal(was.macro_of_node, now.macro_of_node[to.node])
+    if was.n_macros != now.n_macros or told(was) != told(now):
+        return False
+    return np.array_equal(was.macro_of_node, now.macro_of_node[to.node])
+
+
+def told(cut):
+    """What the records say of cells, each by its type and the places of its nodes, however it is listed.
+
+    Of the parent, whose number may change: the first child, which has it.
+    """
+    mesh = cut.mesh
+    places = [tuple(p) for p in (np.round(mesh.points, 5) + 0.0).tolist()]
+    keys = [(b.type, frozenset(places[n] for n in row)) for b in mesh.blocks for row in b.nodes.tolist()]
+    first = dict(zip(mesh.cell_number.tolist(), keys, strict=True))
+    columns = (cut.macro_of_face, cut.zone_of_face, cut.child_kind, cut.parent_of_cell)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    said = {key: (*row, first.get(parent)) for key, (*row, parent) in zip(keys, rows, strict=True)}
+    return {key: row for key, row in said.items() if row != (-1, -1, -1, None)}
 
 
 def periodic():
@@ -182,6 +197,9 @@ def number(on):
 
 
 LONG = "a name of 60 characters that goes on and on, as some like it"
+
+#: what meshes with a cut have as well
+BESIDE_A_CUT = ("group", "cell_number", "order", "loose_skin", "digits")
 
 #: every column of the table, by its key
 FEATURES = {
@@ -255,8 +273,8 @@ FEATURES = {
         steps,
         "heat|field|data|step",
     ),
-    "cut": Feature(lambda one: cut_mesh(), records, "lac_|field|data"),
-    "zones": Feature(lambda one: two_zones(), lambda b, a, to: b.zones == a.zones, "zone"),
+    "cut": Feature(lambda one: cut_mesh(), records, "lac_|field|data", also=BESIDE_A_CUT),
+    "zones": Feature(lambda one: two_zones(), lambda b, a, to: b.zones == a.zones, "zone", also=BESIDE_A_CUT),
     "plane": Feature(lambda one: plane(2), lambda b, a, to: a.space_dim == 2, "dimension"),
     "flat": Feature(lambda one: plane(3), lambda b, a, to: a.space_dim == 3, "dimension"),
     "periodic": Feature(lambda one: periodic(), links, "periodic|model"),
@@ -268,7 +286,7 @@ FEATURES = {
     "entity": Feature(
         with_entities,
         integers,
-        "entity|field|data",
+        "entit|field|data",
     ),
     "tags": Feature(
         lambda one: one(cell_groups={"all": [0, 1, 2, 3]}, group_tags={"all": ((3, 7),)}),

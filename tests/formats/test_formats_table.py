@@ -11,7 +11,7 @@ import pytest
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import SUFFIXES, read, write
-from lacmesh.formats.fidelity import BY_TYPE, FEATURES, KEPT, LOST, OURS, REFUSED, ROWS
+from lacmesh.formats.fidelity import BESIDE, BY_TYPE, FEATURES, KEPT, LOST, OURS, REFUSED, ROWS
 from lacmesh.formats.table import FORMATS, OF_NAME
 from tests.formats import feature_cases as cases
 
@@ -47,10 +47,22 @@ def observed(row, options, path, mesh, case):
             said = [clause for clause in said if not re.search(cases.FEATURES[other].word, clause)]
     if case.kept(mesh, back, cases.matched(mesh, back)):
         ours = said and all("only lacmesh reads" in clause for clause in said)
-        return OURS if ours else f"kept, and yet warned: {said}" if said else KEPT
+        if said:
+            return OURS if ours else f"kept, and yet warned: {said}"
+        return BESIDE if lost_without_its_records(path, mesh, case) else KEPT
     if re.search(case.word, " ".join(said)):
         return LOST
     return BY_TYPE if case is cases.FEATURES["order"] else f"lost without a word ({said})"
+
+
+def lost_without_its_records(path, mesh, case):
+    """Whether the file beside a mesh, taken away, takes the feature with it."""
+    side = path.with_name(path.name + ".lac.json")
+    if not side.exists():
+        return False
+    side.unlink()
+    back = read(path)
+    return not case.kept(mesh, back, cases.matched(mesh, back))
 
 
 @pytest.mark.parametrize(("row", "options"), ROWS_AND_OPTIONS)
@@ -73,7 +85,7 @@ def test_a_type_of_cell_is_kept_or_refused(row, options, kind, tmp_path):
 def test_every_feature_and_format_is_in_the_table():
     assert set(cases.FEATURES) == set(FEATURES)
     assert {r.format for r in ROWS} == {f.name for f in FORMATS}
-    assert all(r.lost | r.refused <= set(FEATURES) and r.ours <= set(FEATURES) | set(CELLS) for r in ROWS)
+    assert all(r.lost | r.refused | r.beside <= set(FEATURES) and r.ours <= set(FEATURES) | set(CELLS) for r in ROWS)
     assert len({r.title for r in ROWS}) == len(ROWS)
 
 

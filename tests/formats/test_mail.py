@@ -325,7 +325,7 @@ def test_what_it_cannot_hold_is_said_once(tmp_path):
         mail.write(tmp_path / "a.mail", mesh)
     assert [str(w.message) for w in said] == [
         ".mail: fields are left out: cell data lac_macro, cell data T, node data u; the zones of the cut are left out: "
-        "slave; msh's tags of groups, and its model, are left out"
+        "slave; what only gmsh knows is left out: tags of groups"
     ]
 
 

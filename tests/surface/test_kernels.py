@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from lacmesh.quadrature import rule
-from lacmesh.surface.clip import facing_plane, project
+from lacmesh.surface.clip import FACING, mean_plane, project
 from lacmesh.surface.fit import correct
 from lacmesh.surface.layers import make_room, nearest_only
 from lacmesh.surface.moments import functions, gauss_rules, straight_integrals
 from lacmesh.surface.place import plane_rule
 from lacmesh.surface.polygon import CHORD, MASTER, ROOM, area_of, centroid, cut_by_line, cut_by_polygon, outside, tidy
-from lacmesh.surface.project import in_face, in_quadrangle, quadrangle
+from lacmesh.surface.project import in_face, in_quadrangle, inverse, quadrangle
 from lacmesh.surface.rules import DEGREE, FAN3, fan_rules
 from tests.surface import plain
 
@@ -103,11 +103,11 @@ def test_places_in_quadrangles_and_triangles(turn):
         c, a, b, d = quadrangle(y)
         u, v, jacobian = in_quadrangle(c, a, b, d, *p)
         assert np.allclose([u, v], [s, t], atol=1e-12) and np.sign(jacobian) == turn
-        u, v, ratio = in_face(y, 4, (SQUARE + 1) / 2, *p)
+        u, v, ratio = in_face(inverse(y, 4, (SQUARE + 1) / 2), *p)
         assert np.allclose([u, v], [(s + 1) / 2, (t + 1) / 2], atol=1e-12) and np.isclose(ratio, 0.25 / jacobian)
         xi = rng.random((4, 2))
         weights = rng.dirichlet(np.ones(3))
-        assert np.allclose(in_face(y, 3, xi, *(weights @ y[:3]))[:2], weights @ xi[:3], atol=1e-10)
+        assert np.allclose(in_face(inverse(y, 3, xi), *(weights @ y[:3]))[:2], weights @ xi[:3], atol=1e-10)
 
 
 def test_places_in_a_quadrangle_two_of_whose_corners_are_one():
@@ -132,7 +132,7 @@ def test_moments_of_quadrangles_are_those_of_a_rule_of_many_points(skew, k):
             n = cut_by_polygon(p, label, n, ring, 4, CHORD, np.empty((ROOM, 2)), np.zeros(ROOM, np.int8))
             if n < 3 or area_of(p, n) < 1e-3:
                 continue
-            corner = np.array([in_face(y, 4, SQUARE, *x)[:2] for x in p[:n]])
+            corner = np.array([in_face(inverse(y, 4, SQUARE), *x)[:2] for x in p[:n]])
             target = np.zeros(20)
             local = (corner[:, 0].mean(), corner[:, 1].mean(), 0.5)
             edges = np.full(n, CHORD, np.int8)
@@ -142,7 +142,7 @@ def test_moments_of_quadrangles_are_those_of_a_rule_of_many_points(skew, k):
             for j in range(1, n - 1):
                 T = np.stack([p[j] - p[0], p[j + 1] - p[0]])
                 for x, weight in zip(p[0] + X @ T, w * np.linalg.det(T), strict=True):
-                    u, v, _ = in_face(y, 4, SQUARE, *x)
+                    u, v, _ = in_face(inverse(y, 4, SQUARE), *x)
                     work[0] = 1.0
                     functions((u - local[0]) / 0.5, (v - local[1]) / 0.5, k, work, 1)
                     exact += weight * work
@@ -181,12 +181,12 @@ def test_corrected_weights_are_exact_and_nearest_to_those_given():
         assert np.allclose(np.linalg.lstsq(phi.T, change, rcond=None)[0] @ phi, change, atol=1e-9)
 
 
-def test_facing_planes_are_those_through_the_corners():
-    rng = np.random.default_rng(0)
+def test_mean_planes_go_through_the_corners_and_face_by_their_turn():
     x = np.array([[0, 0, 0.3], [0, 1, 0.2], [1, 0, 0.5], [0, 0, 0.3]])
-    y = np.empty((4, 3))
-    project(x, 3, np.zeros(3), np.eye(3), y)
-    faces, c0, c1, c2 = facing_plane(y, 3)
-    assert faces and np.allclose(c0 + y[:3, :2] @ [c1, c2], y[:3, 2]) and rng
-    project(x[[0, 2, 1, 0]], 3, np.zeros(3), np.eye(3), y)
-    assert not facing_plane(y, 3)[0]
+    for corners, back, faces in (([0, 1, 2, 0], True, True), ([0, 2, 1, 0], True, False), ([0, 2, 1, 0], False, True)):
+        y = np.empty((4, 3))
+        project(x[corners], 3, np.zeros(3), np.eye(3), back, y)
+        cosine, c0, c1, c2 = mean_plane(y, 3)
+        assert np.allclose(c0 + y[:3, :2] @ [c1, c2], y[:3, 2])
+        assert (cosine > FACING) == faces
+    assert abs(cosine - 1 / np.sqrt(1 + 0.1**2 + 0.2**2)) < 1e-15
