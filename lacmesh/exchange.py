@@ -15,8 +15,8 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.formats.arrays import to_arrays
 from lacmesh.formats.meshio_mesh import from_meshio, to_meshio
 from lacmesh.formats.notes import to_json
-from lacmesh.formats.vtu_types import OF_TYPE
-from lacmesh.formats.vtu_write import NOTES, vtk_cells
+from lacmesh.formats.vtu.types import OF_TYPE
+from lacmesh.formats.vtu.writer import NOTES, vtk_cells
 from lacmesh.mesh import Ints, Mesh
 
 __all__ = ["from_meshio", "to_meshio", "to_pyvista", "to_trimesh"]

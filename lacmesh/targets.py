@@ -22,9 +22,9 @@ import numpy as np
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cut import cut_skin, is_cut
 from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError, did_you_mean
-from lacmesh.formats.inp_write_types import card
-from lacmesh.formats.med_types import MED_TYPES
-from lacmesh.formats.xdmf_types import OF_TYPE as XDMF_OF_TYPE
+from lacmesh.formats.inp.writer_types import card
+from lacmesh.formats.med.types import MED_TYPES
+from lacmesh.formats.xdmf.types import OF_TYPE as XDMF_OF_TYPE
 from lacmesh.mesh import Mesh
 
 TARGETS: Mapping[str, str] = {

@@ -12,7 +12,7 @@ from lacmesh.cells import CELLS
 from lacmesh.cut import cut_skin
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.formats import write
-from lacmesh.formats.inp_write_types import card
+from lacmesh.formats.inp.writer_types import card
 from lacmesh.mesh import Mesh
 from lacmesh.order import raise_order
 from lacmesh.targets import TARGETS, check_cells, check_target_cells, element, refused

@@ -179,7 +179,7 @@ def _second(path: Path, form: Format, mesh: Mesh, binary: bool) -> list[Path]:
     Raises WriteError where a file that lacmesh did not write stands there.
     """
     if form.beside and binary:
-        from lacmesh.formats import xdmf_write
+        from lacmesh.formats.xdmf import writer as xdmf_write
 
         second = path.with_suffix(form.beside)
         is_ours: Callable[[Path], bool] = xdmf_write.is_ours

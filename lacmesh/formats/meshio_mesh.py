@@ -18,8 +18,8 @@ from lacmesh.cells import ALL_CELLS, CARRIED
 from lacmesh.errors import DataError, RequestError
 from lacmesh.formats import notes
 from lacmesh.formats.arrays import GROUP, Parts, assembled, to_arrays
-from lacmesh.formats.msh_names import unnamed
-from lacmesh.formats.vtu_types import OF_TYPE
+from lacmesh.formats.msh.names import unnamed
+from lacmesh.formats.vtu.types import OF_TYPE
 from lacmesh.mesh import Ints, Mesh, Tag
 
 _FAMILIES = {

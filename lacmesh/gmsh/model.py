@@ -1,7 +1,7 @@
 """gmsh's current model as a mesh.
 
     content = nodes, cells, groups, boundaries, links and views, by gmsh's functions   (`_content`)
-    mesh = what a msh file with that content makes                                      (`formats.msh_content.to_mesh`)
+    mesh = what a msh file with that content makes                                      (`formats.msh.content.to_mesh`)
 
 gmsh's getElements shows one type of a shape in an entity. Where it shows fewer cells than the model counts, cells are
 taken from a temporary file that gmsh writes.
@@ -22,10 +22,11 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import DataError, RequestError
-from lacmesh.formats import msh_content, read
-from lacmesh.formats.msh_content import Content, Piece
-from lacmesh.formats.msh_numbers import TYPE_NAMES, UNKNOWN_TYPE
-from lacmesh.formats.msh_scan import Source
+from lacmesh.formats import read
+from lacmesh.formats.msh import content as msh_content
+from lacmesh.formats.msh.content import Content, Piece
+from lacmesh.formats.msh.numbers import TYPE_NAMES, UNKNOWN_TYPE
+from lacmesh.formats.msh.scan import Source
 from lacmesh.gmsh import attribute, session, views
 from lacmesh.mesh import Ints, Mesh, Tag
 

@@ -23,9 +23,9 @@ import numpy as np
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.entities import Assignment, assign
-from lacmesh.formats.msh_notes import Notes
-from lacmesh.formats.msh_numbers import Index, repeated
-from lacmesh.formats.msh_write import add_numbers, names_of
+from lacmesh.formats.msh.notes import Notes
+from lacmesh.formats.msh.numbers import Index, repeated
+from lacmesh.formats.msh.writer import add_numbers, names_of
 from lacmesh.gmsh import session, views
 from lacmesh.gmsh.attribute import write_notes
 from lacmesh.gmsh.model import Read

@@ -11,7 +11,7 @@ from lacmesh.cut import Cut, cut_skin
 from lacmesh.errors import DataError, GroupNotFoundError, RequestError
 from lacmesh.exchange import TRIANGLES, from_meshio, to_meshio, to_pyvista, to_trimesh
 from lacmesh.formats import meshio_mesh, write
-from lacmesh.formats.vtu_types import OF_TYPE
+from lacmesh.formats.vtu.types import OF_TYPE
 from lacmesh.mesh import Mesh
 from lacmesh.shapes import shape
 from tests.formats.feature_cases import one_cell, solid

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
-from lacmesh.formats import inp, inp_data
-from lacmesh.formats.inp_types import FACETS, element
-from lacmesh.formats.inp_write_types import card
+from lacmesh.formats import inp
+from lacmesh.formats.inp import data as inp_data
+from lacmesh.formats.inp.types import FACETS, element
+from lacmesh.formats.inp.writer_types import card
 from lacmesh.formats.labels import labels
 from lacmesh.mesh import Mesh
 from lacmesh.quadrature import measure

@@ -14,7 +14,7 @@ from lacmesh.formats.fidelity import ROWS
 from lacmesh.formats.kept import losses, match, unbent
 from lacmesh.formats.meshio_mesh import NAMES
 from lacmesh.formats.table import OF_MESHIO
-from lacmesh.formats.vtu_types import OF_TYPE
+from lacmesh.formats.vtu.types import OF_TYPE
 from lacmesh.mesh import Mesh
 from tests.formats.feature_cases import bare, one_cell, solid
 

@@ -19,8 +19,8 @@ from lacmesh.cut import Cut, cut_skin
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import kind_of, read, vtu, write
 from lacmesh.formats.meshio_mesh import NAMES, from_meshio
-from lacmesh.formats.vtu_lz4 import expand
-from lacmesh.formats.vtu_types import OF_NUMBER, OF_TYPE, READ_TOO, VTK_TYPES
+from lacmesh.formats.vtu.lz4 import expand
+from lacmesh.formats.vtu.types import OF_NUMBER, OF_TYPE, READ_TOO, VTK_TYPES
 from lacmesh.mesh import Mesh
 from tests.formats.feature_cases import one_cell, solid
 from tests.formats.msh_meshes import meshes, order, plain

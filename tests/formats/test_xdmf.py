@@ -21,10 +21,10 @@ from lacmesh.cells import CELLS
 from lacmesh.cut import Cut, cut_skin
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import kind_of, read, write, xdmf
-from lacmesh.formats.vtu_types import OF_TYPE as VTK_OF_TYPE
-from lacmesh.formats.xdmf_mixed import starts
-from lacmesh.formats.xdmf_types import ALIASES, OF_NAME, OF_NUMBER, OF_TYPE, XDMF_TYPES
-from lacmesh.formats.xdmf_write import told
+from lacmesh.formats.vtu.types import OF_TYPE as VTK_OF_TYPE
+from lacmesh.formats.xdmf.mixed import starts
+from lacmesh.formats.xdmf.types import ALIASES, OF_NAME, OF_NUMBER, OF_TYPE, XDMF_TYPES
+from lacmesh.formats.xdmf.writer import told
 from lacmesh.mesh import Mesh
 from tests.formats.feature_cases import one_cell, solid
 from tests.formats.msh_meshes import meshes, order, plain
