@@ -15,7 +15,7 @@ from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
 from lacmesh.quadrature import measure
 from lacmesh.skin import FACE_TYPES, REVERSED, Faces
-from lacmesh.surface import ContactPoints, Coverage, Surface, contact_points, coverage
+from lacmesh.surface import ContactPoints, Coverage, Surface, contact_points, coverage, default_distance
 
 #: coverage from which a macro-element is covered, up to which it is not. Faces are matched in their mean planes, and
 #: where these are curved some hundredths are lost along the rim of a skin that the master covers
@@ -43,7 +43,7 @@ class _Facing:
         macro = subject.macros.of_face
         options = dict(subject.options)
         if options.get("search_distance") is None:
-            options["search_distance"] = _distance(a, b, macro)
+            options["search_distance"] = default_distance(a, b, macro)
         points = contact_points(a, b, macro=macro, **options)
         return cls(a, b, macro, options, points, coverage(points, a, macro))
 
@@ -52,18 +52,6 @@ class _Facing:
         """(m,) each: macro-elements that the master does not cover at all, and those that it covers in part."""
         ratio = self.covered.ratio
         return ratio <= NONE, (ratio > NONE) & (ratio < WHOLE)
-
-
-def _distance(slave: Surface, master: Surface, macro: Ints) -> float:
-    """How far to look: as `contact_points` does, with macro-elements for faces, so that a cut changes nothing."""
-    corners = [s.faces.corners for s in (slave, master)]
-    extent = [np.linalg.norm(np.ptp(s.x[c[c >= 0]], axis=0)) for s, c in zip((slave, master), corners, strict=True)]
-    x = slave.x[corners[0]]
-    low, high = (np.where((corners[0] >= 0)[..., None], x, v) for v in (np.inf, -np.inf))
-    lows, highs = np.full((2, int(macro.max()) + 1, 3), np.inf) * [[[1]], [[-1]]]
-    np.minimum.at(lows, macro, low.min(axis=1))
-    np.maximum.at(highs, macro, high.max(axis=1))
-    return float(max(0.25 * min(extent), 2 * np.linalg.norm(highs - lows, axis=1).max()))
 
 
 def check_facing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:

@@ -23,7 +23,7 @@ from lacmesh.surface.moments import functions, straight_integrals
 from lacmesh.surface.polygon import MASTER
 
 #: what is left of a function, against itself, for it to count as one more
-_INDEPENDENT = 1e-12
+_INDEPENDENT = 3e-11
 #: what is left of its square where orthogonalising it once is enough
 _MUCH = 0.25
 

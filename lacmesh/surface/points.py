@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints
+from lacmesh.skin import MAX_CORNERS
 from lacmesh.surface.clip import clip
 from lacmesh.surface.front import advance
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
 from lacmesh.surface.maps import coefficients
 from lacmesh.surface.normals import smoothed
-from lacmesh.surface.patches import Patches, patches
+from lacmesh.surface.patches import Patches, norm, patches
 from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface
 from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Sides, pair_rule
@@ -70,11 +71,10 @@ def contact_points(
     tree); they give the same points. `axisymmetric`: about the y axis, x >= 0 the radius; weights hold 2 pi x.
 
     A slave face looks for master faces that face it (normals opposed) up to `search_distance` ahead along its normal,
-    by default a quarter of the diagonal of the smaller surface's box, or twice the largest slave face if that is
-    longer; and behind itself, where bodies overlap, up to `max_penetration`, by default the mean of how deep the
-    cells behind the slave face and behind the master face reach (the size of a face that has no cell behind), and no
-    farther than ahead: so two plates one cell thick may overlap by half of both before the sides that turn away could
-    be taken for a pair. Of several layers of the master the nearest counts. Raises RequestError, ValueError.
+    by default as far as `default_distance` says; and behind itself, where bodies overlap, up to `max_penetration`, by
+    default the mean of how deep the cells behind the slave face and behind the master face reach (the size of a face
+    that has no cell behind), and no farther than ahead: so two plates one cell thick may overlap by half of both before
+    the sides that turn away could be taken for a pair. Of several layers of the master the nearest counts. Raises RequestError, ValueError.
     """
     _check(slave, master, normals, search, axisymmetric, search_distance, max_penetration)
     macro = np.arange(len(slave)) if macro is None else np.asarray(macro)
@@ -84,6 +84,8 @@ def contact_points(
     with np.errstate(over="ignore", invalid="ignore"):
         H = coefficients(slave, smoothed(slave, crease_angle)) if normals == "smoothed" else None
     s = s.take(np.flatnonzero(macro[s.face] >= 0))
+    if search_distance is None:
+        search_distance = default_distance(slave, master, macro)
     reach = reaches(slave, master, s, m, search_distance, max_penetration)
     pairs = candidates(s, m, reach)
     if search == "front":
@@ -114,6 +116,30 @@ def _check(
         raise RequestError("an axisymmetric model is plane: its surfaces are made of segments")
 
 
+def default_distance(slave: Surface, master: Surface, macro: Ints) -> float:
+    """How far ahead a slave looks where nothing is said; a cut of the slave does not change it.
+
+    A quarter of the diagonal of the smaller surface's box, or twice that of the largest macro-element's if it is more.
+    `macro` (faces of slave,), as in `contact_points`.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates
+        smaller = min(_diagonals(k, np.zeros(len(k), np.int64)).max(initial=0.0) for k in (slave, master))
+        return float(max(0.25 * smaller, 2 * _diagonals(slave, macro).max(initial=0.0)))
+
+
+def _diagonals(surface: Surface, group: Ints) -> Floats:
+    """(groups,): diagonals of the boxes around the corners of faces of a group each; of no group where negative."""
+    rows = np.flatnonzero(group >= 0)
+    nodes = surface.faces.nodes[rows, :MAX_CORNERS]
+    there = np.arange(MAX_CORNERS) < surface.n_corners[rows, None]
+    ends = np.full((2, int(group.max(initial=-1)) + 1, 3), -np.inf)
+    x = surface.x[nodes]
+    for out, corners in zip(ends, (x, -x), strict=True):
+        np.maximum.at(out, group[rows], np.where(there[..., None], corners, -np.inf).max(axis=1))
+    found = norm(ends[0] + ends[1])
+    return found[np.isfinite(found)]
+
+
 def reaches(
     slave: Surface,
     master: Surface,
@@ -124,9 +150,7 @@ def reaches(
 ) -> Reach:
     """How far each slave patch looks ahead and behind, by the rules that `contact_points` states."""
     if distance is None:
-        boxes = [p.x.max(axis=(0, 1)) - p.x.min(axis=(0, 1)) if len(p.x) else np.zeros(3) for p in (s, m)]
-        largest = 2 * float(slave.size[s.face].max(initial=0.0))
-        distance = max(0.25 * min(float(np.linalg.norm(box)) for box in boxes), largest)
+        distance = default_distance(slave, master, np.arange(len(slave)))
     ahead = np.full(len(s.n), float(distance))
     if penetration is not None:
         return Reach(ahead, np.full(len(s.n), float(penetration)), np.zeros(len(m.n)), np.inf)

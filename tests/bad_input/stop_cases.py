@@ -76,11 +76,11 @@ sys.meta_path.insert(0, Slow())"""
 _HALF = "given[0].write_bytes(b'half of it')"
 STAGES = (
     _Loading("while Python loads the command", ""),
-    Stage("while the file is read", "lacmesh.formats.msh.reader"),
+    Stage("while the file is read", "lacmesh.formats.msh.read"),
     Stage("while the mesh is cut", "lacmesh.cut.cut_skin"),
-    Stage("while a msh file is written", "lacmesh.formats.msh.writer", first=_HALF),
+    Stage("while a msh file is written", "lacmesh.formats.msh.write", first=_HALF),
     Stage("while HDF5 writes a MED file", "lacmesh.formats.med.notes.write", (*_CUT, "out.med"), lasts=1),
-    Stage("while the two files of XDMF are written", "lacmesh.formats.xdmf.writer", (*_CUT, "out.xdmf"), _HALF),
+    Stage("while the two files of XDMF are written", "lacmesh.formats.xdmf.write", (*_CUT, "out.xdmf"), _HALF),
     Stage("before the new file takes its place", "lacmesh.formats.output._finish"),
     Stage(
         "when one of the two files of XDMF is in its place",
