@@ -74,7 +74,8 @@ def contact_points(
     by default as far as `default_distance` says; and behind itself, where bodies overlap, up to `max_penetration`, by
     default the mean of how deep the cells behind the slave face and behind the master face reach (the size of a face
     that has no cell behind), and no farther than ahead: so two plates one cell thick may overlap by half of both before
-    the sides that turn away could be taken for a pair. Of several layers of the master the nearest counts. Raises RequestError, ValueError.
+    the sides that turn away could be taken for a pair. Of several layers of the master the nearest counts. Raises
+    RequestError, ValueError.
     """
     _check(slave, master, normals, search, axisymmetric, search_distance, max_penetration)
     macro = np.arange(len(slave)) if macro is None else np.asarray(macro)
