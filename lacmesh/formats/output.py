@@ -18,6 +18,10 @@ from pathlib import Path
 from lacmesh.errors import RequestError, WriteError
 from lacmesh.formats.table import suffix_of
 
+#: which permissions new files do without. It can only be asked for by setting it: once, before there are threads
+_UMASK = os.umask(0)
+os.umask(_UMASK)
+
 
 def check_place(path: Path, *, force: bool) -> None:
     """Say at once what would stop the writing at the end.
@@ -97,13 +101,7 @@ def _finish(beside: Path, path: Path) -> None:
     """Force a new file to the disk, with the permissions that it will need in its place."""
     with beside.open("rb") as file:
         os.fsync(file.fileno())
-    beside.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask())
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+    beside.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_UMASK)
 
 
 @contextmanager

@@ -30,8 +30,6 @@ def observed(row, options, path, mesh, case):
     """What becomes of a mesh that has a feature."""
     if OF_NAME[row.format].meshio:
         pytest.importorskip("meshio")
-    if row.format == "exodus":
-        pytest.importorskip("netCDF4")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:

@@ -80,8 +80,6 @@ def takes(title, mesh):
 def test_every_family_by_every_format_of_cells_and_skin(title, suffix, options, tmp_path):
     if OF_NAME[next((r.format for r in ROWS if r.title == title), "inp")].meshio:
         pytest.importorskip("meshio")
-    if title == "exodus":
-        pytest.importorskip("netCDF4")
     row = {"elements": ".inp for CalculiX", "Abaqus' elements": ".inp for Abaqus"}.get(title, title)
     tried = set()
     for k, (name, variant) in enumerate(SOLIDS):
@@ -106,8 +104,6 @@ def test_skin_alone_by_every_format(name, suffix, tmp_path):
     form = OF_NAME[name]
     if form.meshio:
         pytest.importorskip("meshio")
-    if name == "exodus":
-        pytest.importorskip("netCDF4")
     row = next(row for row in ROWS if row.format == name)
     tried = 0
     for k, kind in enumerate(SKINS):
