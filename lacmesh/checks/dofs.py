@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.checks.findings import Finding, counted
+from lacmesh.checks.recorded import Fault, internal_faults
 from lacmesh.checks.subject import Subject
 from lacmesh.mesh import Floats, Ints
 from lacmesh.orientation import edge_uses
 from lacmesh.quadrature import rule
+from lacmesh.records import Cut
 from lacmesh.shapes import jacobian, shape
 from lacmesh.skin import FACE_TYPES, N_CORNERS, N_NODES
 
@@ -54,7 +56,10 @@ def check_dofs(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
         "with_free_internal_dof": int((dofs.free_inside > 0).sum()),
         "least_integral": float(best.min()) if len(best) else None,
     }
-    return [*_records(subject), *_lacking(subject, dofs), *_owning(subject, dofs)], figures
+    faults = [*macros.faults]
+    if (macros.number >= 0).any():
+        faults += internal_faults(Cut(subject.mesh), macros.number, owner, internal, _rim(subject))
+    return [*_broken(subject, faults), *_records(subject), *_lacking(subject, dofs), *_owning(subject, dofs)], figures
 
 
 def _dofs(subject: Subject, owner: Ints, internal: NDArray[np.bool_]) -> _Dofs:
@@ -66,11 +71,15 @@ def _dofs(subject: Subject, owner: Ints, internal: NDArray[np.bool_]) -> _Dofs:
     return _Dofs(*(np.bincount(owner[nodes], minlength=subject.macros.count) for nodes in kinds))
 
 
+def _broken(subject: Subject, faults: list[Fault]) -> Iterator[Finding]:
+    for fault in faults:
+        message = f"the records of the cut cannot be used: {fault.message}"
+        yield subject.found("broken-records", message, fault.cells, fault.nodes, subject.slave.group)
+
+
 def _records(subject: Subject) -> Iterator[Finding]:
     """What is said of the cut itself."""
     side, macros = subject.slave, subject.macros
-    if macros.broken:
-        yield subject.found("broken-records", f"the records of the cut cannot be used: {macros.broken}")
     if macros.recognised and macros.cut.all():
         message = "the skin is cut, without records: " + counted(
             macros.count, "macro-element was", "macro-elements were"

@@ -81,11 +81,17 @@ def _left_out(subject: Subject, why: str) -> Finding:
 def _coverage(subject: Subject, facing: _Facing) -> Iterator[Finding]:
     side = subject.slave
     bare, partly = facing.lacking
-    if bare.all():
-        message = f"no slave face finds a master face along its normal, up to {facing.options['search_distance']:.4g} "
-        message += "away; check the groups, their places and their sides, or look farther (--search-distance)"
-        yield subject.found("no-coverage", message, side.cells, group=side.group)
-    elif (bare | partly).any():
+    zone = np.empty(len(bare), np.int64)
+    zone[facing.macro] = side.zone
+    for k, name in enumerate(side.names):  # a zone that is bare is an error, whatever the others see
+        mine = zone == k
+        if mine.any() and bare[mine].all():
+            message = f"no slave face of {name} finds a master face along its normal, up to "
+            message += f"{facing.options['search_distance']:.4g} away; check the groups, their places and their sides, "
+            message += "or look farther (--search-distance)"
+            yield subject.found("no-coverage", message, side.cells[mine[facing.macro]], group=name)
+            bare = bare & ~mine
+    if (bare | partly).any():
         cells = side.cells[(bare | partly)[facing.macro]]
         message = f"of {counted(len(bare), 'macro-element')}, {bare.sum():,} do not face the master at all and "
         message += (

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.checks.recorded import Fault, record_faults
 from lacmesh.errors import CutError
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.patterns import WHOLE_FACES
@@ -28,15 +29,17 @@ class Macros:
 
     `cut` (f,): faces that a cut made or left as a macro-element, by its records or as they were `recognised`; every
     other face is a macro-element by itself. `whole` (f,): faces of types that need no cut (SEG3, TRIA7, QUAD9).
-    `broken`: why the records cannot be used.
+    `number` (count,): their number in the records, -1 for those that have none. `faults`: why the records cannot be
+    used.
     """
 
     of_face: Ints
     count: int
     cut: NDArray[np.bool_]
     whole: NDArray[np.bool_]
+    number: Ints
     recognised: bool = False
-    broken: str = ""
+    faults: tuple[Fault, ...] = ()
 
     def faces(self, some: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(f,): the faces of some macro-elements (count,)."""
@@ -45,18 +48,26 @@ class Macros:
 
 def macros_of(mesh: Mesh, side: Side) -> Macros:
     """From the records, or found again, or each face its own."""
-    own, recognised, broken = np.full(len(side), -1, np.int64), False, ""
-    if is_cut(mesh):
-        try:
-            own = Cut(mesh).macro_of_face[side.cells].astype(np.int64)
-        except (CutError, IndexError, ValueError) as error:
-            broken = str(error)
-    if len(side) and (broken or not is_cut(mesh)):
+    own, recognised = np.full(len(side), -1, np.int64), False
+    faults = _faults(mesh) if is_cut(mesh) else []
+    if is_cut(mesh) and not faults:
+        own = Cut(mesh).macro_of_face[side.cells].astype(np.int64)
+    elif len(side):
         found = find_macros(mesh, list(side.names))
         if found.n_cut:
             recognised = True
             own = with_records(mesh, found).cell_data["lac_macro"][side.cells].astype(np.int64)
     made = own >= 0
-    own[~made] = int(own.max(initial=-1)) + 1 + np.arange(np.count_nonzero(~made))
-    _, of_face = np.unique(own, return_inverse=True)
-    return Macros(of_face, int(of_face.max(initial=-1)) + 1, made, _WHOLE[side.faces.type], recognised, broken)
+    last = int(own.max(initial=-1))
+    own[~made] = last + 1 + np.arange(np.count_nonzero(~made))
+    values, of_face = np.unique(own, return_inverse=True)
+    number = np.where((values <= last) & (not recognised), values, -1)
+    return Macros(of_face, len(values), made, _WHOLE[side.faces.type], number, recognised, tuple(faults))
+
+
+def _faults(mesh: Mesh) -> list[Fault]:
+    """Why the records of a mesh cannot be used."""
+    try:
+        return record_faults(Cut(mesh))
+    except (CutError, IndexError, ValueError) as error:
+        return [Fault(str(error))]

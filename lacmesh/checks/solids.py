@@ -17,7 +17,7 @@ from lacmesh.quality import corner_jacobian, validity
 from lacmesh.quality.determinant import validity_among
 from lacmesh.quality.measures import measure_cells
 
-#: scaled Jacobian (1: ideal) below which a cell is poor
+#: scaled Jacobian (1: ideal) below which the rule poor-cell names a cell, of any type; `lacmesh quality` asks for more
 POOR = 0.1
 _WORST = 5
 _NEITHER = -1
@@ -123,8 +123,8 @@ def _doubtful(subject: Subject, clockwise: Ints, bad: Ints, quality: NDArray) ->
     if len(bad):
         worst = bad[np.argsort(quality[bad], kind="stable")]
         named = ", ".join(f"{subject.mesh.cell_number[c]} ({quality[c]:.3f})" for c in worst[:_WORST])
-        message = counted(len(bad), "cell is", "cells are")
-        message += f" poor (scaled Jacobian below {POOR}), worst first: {named}; {_advice(subject, bad)}"
+        message = counted(len(bad), "cell has", "cells have")
+        message += f" a scaled Jacobian below {POOR}, worst first: {named}; {_advice(subject, bad)}"
         found.append(subject.found("poor-cell", message, worst))
     return found
 

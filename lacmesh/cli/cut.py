@@ -9,7 +9,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_output_options, add_program_option, check_output, write_mesh
+from lacmesh.cli.options import (
+    add_command,
+    add_facing_options,
+    add_output_options,
+    add_program_option,
+    check_output,
+    facing_options,
+    write_mesh,
+)
 from lacmesh.cli.terminal import Stages, console, memory, table
 from lacmesh.errors import DataError, LacmeshWarning, RequestError
 
@@ -33,6 +41,7 @@ def add(commands: Any) -> None:
         help="what the slave skin faces; may be repeated: the cut is checked against it (as lacmesh check does), and "
         "not written where that finds an error",
     )
+    add_facing_options(parser)
     parser.add_argument("-o", "--output", metavar="OUT", help="default: beside the input, with .lac before its suffix")
     parser.add_argument(
         "--hexa",
@@ -128,14 +137,14 @@ def _cut(mesh: Mesh, args: argparse.Namespace) -> Cut:
 def _check(cut: Cut, args: argparse.Namespace) -> Findings:
     """Stop where the check of the cut against its master finds an error; what it finds beside is warned of."""
     from lacmesh.checks import check
+    from lacmesh.cli.check import warn_of
 
-    found = check(cut, args.slave, args.master)
+    found = check(cut, args.slave, args.master, **facing_options(args))
     if found.errors:
         first, more = found.errors[0], len(found.errors) - 1
         others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
         raise DataError(f"the cut will not do: {first.rule}: {first.message}{others}")
-    for finding in found.warnings:
-        warnings.warn(f"{finding.rule}: {finding.message}", LacmeshWarning, stacklevel=1)
+    warn_of(found)
     return found
 
 

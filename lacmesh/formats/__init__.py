@@ -119,9 +119,10 @@ def write(
 
     `msh`: the version of a msh file; `binary`: or ASCII, for msh, VTU and XDMF; `compress`: for VTU and XDMF. XDMF has
     a second file beside it, .h5. For .inp: `target`, the program it is for, calculix (as by default) or abaqus;
-    `plane`: its elements in the plane, CPS (as by default), CPE or CAX; `all_cells`: cells below the mesh's dimension
-    are elements too, not surfaces and sets of nodes alone. Where a format has no place for the records of a cut, they
-    go to a file beside, NAME.SUFFIX.lac.json; writing a mesh without a cut takes such a file away.
+    `plane`: its elements in the plane, CPS, CPE or CAX (by default `mesh.plane`, else CPS, with a warning);
+    `all_cells`: cells below the mesh's dimension are elements too, not surfaces and sets of nodes alone. Where a format
+    has no place for the records of a cut, they go to a file beside, NAME.SUFFIX.lac.json; writing a mesh without a cut
+    takes such a file away.
     An existing file is replaced, at the end and whole, unless `force` is False. Raises WriteError, RequestError.
     """
     path = Path(path)

@@ -152,7 +152,7 @@ ROWS = (
         "vtk",
         "vtk",
         _but("TRIA7 PENTA15 PYRAM13 PYRAM14"),
-        _set("names long order steps flat name entity periodic tags"),
+        _set("order steps flat name periodic tags"),
         beside=_set("zones"),
     ),
     Row("hmf", "hmf", _LINEAR, _set("names long steps flat tags name"), _MIXED),

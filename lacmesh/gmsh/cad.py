@@ -66,7 +66,7 @@ class Shape:
 class Part:
     """What a group is made of: entities by tag, or those of dimension `dim` in a box (least and greatest corner).
 
-    A dimension of None is that of the skin: 2 in space, 1 in the plane.
+    A dimension of None is 2, and 1 where the geometry is plane: no volumes, and all surfaces in one plane.
     """
 
     dim: int | None

@@ -98,6 +98,29 @@ def _sew(gmsh: Any, path: Path) -> None:
         raise DataError(f"its surfaces cannot be sewn to volumes without loss (IGES has no volumes); {cure}")
 
 
+def skin_dim(gmsh: Any, dim: int) -> int:
+    """The dimension of what a tag alone names, bodies being of dimension `dim`: 1 where the geometry is plane, else 2.
+
+    Plane is a geometry without volumes whose surfaces lie in one plane, however that is turned; others have surfaces
+    to name even where only these are meshed.
+    """
+    if dim == 3 or gmsh.model.getEntities(3):
+        return 2
+    points = np.concatenate([_some_of(gmsh, int(tag)) for _, tag in gmsh.model.getEntities(2)])
+    across = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1]
+    return 1 if across <= _FLAT * diagonal(gmsh) else 2
+
+
+def _some_of(gmsh: Any, tag: int) -> Floats:
+    """(m, 3): points of a surface, beyond its bounds too where it is trimmed; of a discrete one its nodes."""
+    nodes: Floats = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)[1].reshape(-1, 3)
+    if len(nodes):
+        return nodes
+    low, high = (np.array(p) for p in gmsh.model.getParametrizationBounds(2, tag))
+    found: Floats = gmsh.model.getValue(2, tag, (low + _PLACES * (high - low)).ravel()).reshape(-1, 3)
+    return found
+
+
 def errors(gmsh: Any) -> list[str]:
     """What gmsh has said to be wrong so far."""
     return list(dict.fromkeys(line.removeprefix("Error: ") for line in gmsh.logger.get() if line.startswith("Error: ")))

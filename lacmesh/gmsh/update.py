@@ -208,10 +208,12 @@ def _add_nodes(gmsh: Any, table: Assignment, mesh: Mesh, change: _Change) -> Non
         dim, tag, _ = table.entities[row]
         points = mesh.points[nodes].ravel()
         gmsh.model.mesh.addNodes(dim, tag, mesh.node_number[nodes], points, _parameters(gmsh, dim, tag, points))
-    for node in change.moved.tolist():
-        dim, tag, _ = table.entities[table.node[node]]
-        points = mesh.points[node]
-        gmsh.model.mesh.setNode(mesh.node_number[node], points, _parameters(gmsh, dim, tag, points))
+    for row, nodes in _by_key(table.node[change.moved], change.moved):
+        dim, tag, _ = table.entities[row]
+        points = mesh.points[nodes]
+        held = _parameters(gmsh, dim, tag, points.ravel()).reshape(len(nodes), -1)
+        for node, xyz, parameters in zip(mesh.node_number[nodes].tolist(), points, held, strict=True):
+            gmsh.model.mesh.setNode(node, xyz, parameters)
 
 
 def _parameters(gmsh: Any, dim: int, tag: int, points: Floats) -> Floats:

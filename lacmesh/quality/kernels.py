@@ -205,7 +205,7 @@ def prisms(points: Any, nodes: Any, out: Any) -> None:
             some = 2 / math.sqrt(3) * det if det > _ROUND_OFF * squares**1.5 else 0.0
             flattest = min(flattest, 3 * np.cbrt(some) ** 2 / squares if squares > 0 else 0.0)
         out[cell, 0] = 2 / math.sqrt(3) * least if least < np.inf else -_LARGEST
-        out[cell, 1] = largest / _IDEAL_ASPECT if largest < _LARGEST else _LARGEST
+        out[cell, 1] = max(largest / _IDEAL_ASPECT, 1.0) if largest < _LARGEST else _LARGEST
         out[cell, 2] = min(flattest, 1.0)
         out[cell, 3] = _prism_volume(p)
 

@@ -70,9 +70,9 @@ class Prism(Linear):
         return np.minimum(least, 1)
 
     def max_aspect_frobenius(self) -> NDArray:
-        """aspect_frobenius of the tetrahedron at a corner, the largest, 1 for the ideal prism."""
+        """aspect_frobenius of the tetrahedron at a corner over that of the ideal prism, the largest, and at least 1."""
         largest = np.max([t.aspect_frobenius() for t in self._tetrahedra], axis=0)
-        return np.where(largest < LARGEST, largest / IDEAL_ASPECT, LARGEST)
+        return np.where(largest < LARGEST, np.maximum(largest / IDEAL_ASPECT, 1), LARGEST)
 
     def condition(self) -> NDArray:
         """The same as max_aspect_frobenius."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -301,7 +302,7 @@ def _kept(mesh: Mesh, slave: Ints, near: float | None, cutaway: Vector | None) -
             raise RequestError("near means near slave faces, and there are none; name them")
         kept &= cKDTree(mesh.points[on_skin]).query(centres)[0] <= near * diagonal(mesh.points[used_nodes(mesh)])
     if cutaway is not None and kept.any():
-        along = centres @ (np.asarray(cutaway, float) / (np.linalg.norm(cutaway) or 1.0))
+        along = centres @ unit(cutaway)
         kept &= along <= (along[kept].min() + along[kept].max()) / 2
     return kept
 
@@ -312,6 +313,16 @@ def used_nodes(mesh: Mesh) -> NDArray[np.bool_]:
     for block in mesh.blocks:
         used[block.nodes] = True
     return used
+
+
+def unit(v: Any) -> Floats:
+    """A vector brought to length 1; 0 stays."""
+    v = np.asarray(v, float)
+    largest = float(np.abs(v).max())
+    if not largest > 0:
+        return np.zeros(3)
+    v = v / largest  # squares of very large and very small numbers are none
+    return v / float(np.linalg.norm(v))
 
 
 def diagonal(points: Floats) -> float:

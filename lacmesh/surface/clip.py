@@ -212,12 +212,13 @@ def _clip_all(begin: int, end: int, pairs: Any, slave: Any, master: Any, reach: 
             return total, size, False
         for k in range(parts):
             v = of.size[k]
-            if v == 0:
+            area = area_of(of.shape[k], v)
+            if not area > 0:  # nothing is left of it, or what rounding left has no area
                 continue
             if total < len(out.slave) and size + v <= len(out.edges):
                 out.slave[total] = s
                 out.master[total] = of.who[k]
-                out.area[total] = area_of(of.shape[k], v)
+                out.area[total] = area
                 for j in range(v):
                     out.vertices[size + j, 0] = of.shape[k, j, 0]
                     out.vertices[size + j, 1] = of.shape[k, j, 1]

@@ -18,8 +18,8 @@ _FRAGMENTS = 64
 class Parts(NamedTuple):
     """Room for the parts of one slave patch, a row each: polygon `shape` (., ROOM, 2) of `size` vertices and `label`.
 
-    `plane` (., 3): height c0 + c1 p + c2 q of the master over the slave; `who`: the master patch. `low`, `high`,
-    `order`: room to sort them. `work`, `rest` (ROOM, 2) and their labels: room for polygons on the way.
+    `plane` (., 3): height c0 + c1 p + c2 q of the master over the slave; `who`: the master patch. `low`, `high`
+    (., 2), `order`, `held`: room to sweep over them. `work`, `rest` (ROOM, 2) and their labels: room for polygons on the way.
     """
 
     shape: Floats
@@ -30,6 +30,7 @@ class Parts(NamedTuple):
     low: Floats
     high: Floats
     order: Ints
+    held: Ints
     work: Floats
     work_label: NDArray[np.int8]
     rest: Floats
@@ -44,8 +45,9 @@ def make_room(n: int) -> Parts:
         np.zeros(n, np.int64),
         np.empty((n, 3)),
         np.empty(n, np.int64),
-        np.empty(n),
-        np.empty(n),
+        np.empty((n, 2)),
+        np.empty((n, 2)),
+        np.empty(n, np.int64),
         np.empty(n, np.int64),
         np.empty((ROOM, 2)),
         np.zeros(ROOM, np.int8),
@@ -60,22 +62,68 @@ def nearest_only(of: Any, n: int, least: float, overlap: float) -> Any:
 
     `least`: an area that is rounding; `overlap`: one that neighbours may share.
     """
-    if not _any_overlap(of, n, overlap):
-        return n
-    a = 1
-    most = _FRAGMENTS * n
-    while a < n < most:
-        for b in range(a):
-            if of.size[a] == 0:
+    for a in range(n):
+        _measure(of, a)
+        of.order[a] = a
+    _sort(of.order, of.low[:, 0], n)
+    held = 0  # parts `of.held` lie nowhere over one another, and reach as far as the sweep along the first axis
+    whole, most = n, _FRAGMENTS * n
+    for i in range(whole):
+        a = of.order[i]
+        held = _let_go(of, held, of.low[a, 0])
+        rest = n  # what is broken off from here on is set down in its turn
+        while True:
+            n = _set_down(of, n, a, held, least, overlap)
+            if n < 0 or n >= most:
+                return n
+            if of.size[a]:
+                of.held[held] = a
+                held += 1
+            if rest == n:
                 break
-            if of.size[b] == 0 or of.who[a] == of.who[b]:
-                continue
-            area, far = _overlap(of, a, b, overlap)
-            if area > overlap:
-                n = _subtract(of, n, far, a + b - far, least)
-                if n < 0:
-                    return -1
-        a += 1
+            a = rest
+            rest += 1
+    return n
+
+
+@kernel
+def _measure(of: Any, a: int) -> None:
+    """Where part a begins and ends along either axis."""
+    for axis in range(2):
+        of.low[a, axis], of.high[a, axis] = np.inf, -np.inf
+        for k in range(of.size[a]):
+            of.low[a, axis] = min(of.low[a, axis], of.shape[a, k, axis])
+            of.high[a, axis] = max(of.high[a, axis], of.shape[a, k, axis])
+
+
+@kernel
+def _let_go(of: Any, held: int, low: float) -> Any:
+    """Of the parts held, keep those that reach beyond `low` and are still there. Returns how many."""
+    kept = 0
+    for k in range(held):
+        b = of.held[k]
+        if of.size[b] and of.high[b, 0] > low:
+            of.held[kept] = b
+            kept += 1
+    return kept
+
+
+@kernel
+def _set_down(of: Any, n: int, a: int, held: int, least: float, overlap: float) -> Any:
+    """Where part a lies over one of those held, the nearer breaks the other. Returns their number; -1: no room."""
+    low, high = of.low, of.high
+    left, right, bottom, top = low[a, 0], high[a, 0], low[a, 1], high[a, 1]
+    for k in range(held):
+        b = of.held[k]
+        if high[b, 1] <= bottom or low[b, 1] >= top or high[b, 0] <= left or low[b, 0] >= right:
+            continue
+        if of.size[b] == 0 or of.who[a] == of.who[b]:
+            continue
+        area, far = _overlap(of, a, b, overlap)
+        if area > overlap:
+            n = _subtract(of, n, far, a + b - far, least)
+            if n < 0 or far == a:
+                break
     return n
 
 
@@ -118,34 +166,13 @@ def _subtract(of: Any, n: int, far: int, near: int, least: float) -> Any:
             of.plane[n] = of.plane[far]
             copy(of.work, of.work_label, out, of.shape[n], of.label[n])
             of.size[n] = tidy(of.shape[n], of.label[n], out, least)
+            _measure(of, n)
             n += 1
         m = cut_by_line(of.rest, of.rest_label, m, ax, ay, bx, by1, CHORD, 1, of.work, of.work_label)
         if m < 3:
             break
         copy(of.work, of.work_label, m, of.rest, of.rest_label)
     return n
-
-
-@kernel
-def _any_overlap(of: Any, n: int, least: float) -> Any:
-    """Whether any two parts lie over one another: a sweep along the first axis."""
-    for a in range(n):
-        of.low[a], of.high[a], of.order[a] = np.inf, -np.inf, a
-        for k in range(of.size[a]):
-            of.low[a] = min(of.low[a], of.shape[a, k, 0])
-            of.high[a] = max(of.high[a], of.shape[a, k, 0])
-    _sort(of.order, of.low, n)
-    for i in range(n):
-        a = of.order[i]
-        for j in range(i + 1, n):
-            b = of.order[j]
-            if of.low[b] >= of.high[a]:
-                break
-            if of.who[a] != of.who[b]:
-                area, _ = _overlap(of, a, b, least)
-                if area > least:
-                    return True
-    return False
 
 
 @kernel

@@ -18,6 +18,8 @@ from lacmesh.surface.rules import FITTED
 from lacmesh.surface.search import Pairs, Reach
 
 _LEAST = 1e-13
+#: neighbours on a slave patch may share this much of it
+_OVERLAP = 1e-12
 _FACING = 1e-6
 _STEPS = 60
 #: points of a fitted part: one for each function of both faces, and two more
@@ -61,23 +63,43 @@ def _nearest_only(s: Ints, m: Ints, low: Floats, high: Floats, h0: Floats, slope
     """Where intervals [low, high] of one slave patch overlap, keep the nearest; heights are h0 + slope t."""
     order = np.lexsort((low, s))
     s, m, low, high, h0, slope = s[order], m[order], low[order], high[order], h0[order], slope[order]
-    reach = np.maximum.accumulate(high + 2.0 * s)[:-1] - 2.0 * s[1:] if len(s) else high
-    clash = np.unique(s[1:][reach > low[1:] + 1e-12]) if len(s) else s
-    if not len(clash):
+    clash = np.zeros(int(s.max(initial=-1)) + 1, bool)
+    clash[s[1:][(s[1:] == s[:-1]) & (_highest(s, high)[:-1] > low[1:] + _OVERLAP)]] = True
+    over = clash[s]
+    if not over.any():
         return s, m, low, high
-    alone = ~np.isin(s, clash)
-    parts = [(s[alone], m[alone], low[alone], high[alone])]
-    for one in clash:
-        at = np.flatnonzero(s == one)
-        cuts = np.unique(np.concatenate([low[at], high[at]]))
-        mid = (cuts[1:] + cuts[:-1]) / 2
-        over = (low[at][:, None] <= mid) & (high[at][:, None] >= mid)
-        far = np.where(over, np.abs(h0[at][:, None] + slope[at][:, None] * mid), np.inf)
-        best = at[far.argmin(axis=0)]
-        used = over.any(axis=0) & (np.diff(cuts) > _LEAST)
-        parts.append((np.full(used.sum(), one), m[best[used]], cuts[:-1][used], cuts[1:][used]))
-    slaves, masters, lows, highs = (np.concatenate(v) for v in zip(*parts, strict=True))
-    return slaves, masters, lows, highs
+    row, *ends = _nearest_cells(s[over], low[over], high[over], h0[over], slope[over])
+    parts = (s[over][row], m[over][row], *ends)
+    s, m, low, high = (np.concatenate([v[~over], w]) for v, w in zip((s, m, low, high), parts, strict=True))
+    return s, m, low, high
+
+
+def _highest(s: Ints, high: Floats) -> Floats:
+    """(k,): the greatest of `high` so far in the same patch; s ascends. By ranks, which lose no digits."""
+    order = np.argsort(high)
+    rank = np.empty(len(s), np.int64)
+    rank[order] = np.arange(len(s))
+    return high[order[np.maximum.accumulate(s * len(s) + rank) - s * len(s)]]
+
+
+def _nearest_cells(s: Ints, low: Floats, high: Floats, h0: Floats, slope: Floats) -> tuple[Ints, Floats, Floats]:
+    """Cells between all the ends that lie on a patch, those that are covered: (nearest interval, from, to) of each."""
+    ends, patch = np.concatenate([low, high]), np.concatenate([s, s])
+    order = np.lexsort((ends, patch))
+    ends, patch = ends[order], patch[order]
+    new = np.append(True, (ends[1:] != ends[:-1]) | (patch[1:] != patch[:-1]))
+    place = np.empty(len(order), np.int64)
+    place[order] = np.cumsum(new) - 1
+    cut = ends[new]
+    first, last = np.split(place, 2)
+    row = np.repeat(np.arange(len(s)), last - first)
+    cell = np.arange(len(row)) - np.repeat(np.cumsum(last - first) - last, last - first)
+    far = np.abs(h0[row] + slope[row] * ((cut[cell] + cut[cell + 1]) / 2))
+    order = np.lexsort((row, far, cell))
+    row, cell = row[order], cell[order]
+    best = np.append(True, cell[1:] != cell[:-1]) & (cut[cell + 1] - cut[cell] > _LEAST)
+    row, cell = row[best], cell[best]
+    return row, cut[cell], cut[cell + 1]
 
 
 def _in_face(slave: Patches, s: Ints, t: Floats) -> Floats:

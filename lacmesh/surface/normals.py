@@ -51,12 +51,12 @@ def _gather(surface: Surface, own: Floats, area: Floats, least: float) -> Floats
     total = np.zeros_like(normal)
     start = np.searchsorted(node, node)
     stop = np.searchsorted(node, node, side="right")
-    for shift in range(int((stop - start).max(initial=0))):
-        other = start + shift
-        here = other < stop
-        other = np.where(here, other, 0)
-        close = here & ((normal * normal[other]).sum(axis=1) >= least - 1e-12)
-        total += np.where(close, weight[other], 0.0)[:, None] * normal[other]
+    rows, other = np.arange(len(node)), start
+    while len(rows):
+        close = (normal[rows] * normal[other]).sum(axis=1) >= least - 1e-12
+        total[rows] += np.where(close, weight[other], 0.0)[:, None] * normal[other]
+        more = other + 1 < stop[rows]  # only those go on: a pole where many faces meet costs no more than its own
+        rows, other = rows[more], other[more] + 1
     out = np.zeros_like(own)
     out[face, place] = total
     return out

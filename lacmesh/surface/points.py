@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import RequestError
+from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
 from lacmesh.skin import MAX_CORNERS
 from lacmesh.surface.clip import clip
@@ -23,6 +23,8 @@ from lacmesh.surface.search import Pairs, Reach, candidates, side_by_side
 
 NORMALS = ("facet", "smoothed")
 SEARCHES = ("tree", "front")
+#: how far nodes of an axisymmetric surface may lie beyond the axis, against their largest coordinate
+_BEYOND = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +117,21 @@ def _check(
         raise RequestError(f"the slave's faces have dimension {slave.dim}, the master's {master.dim}: they do not meet")
     if axisymmetric and slave.dim != 1:
         raise RequestError("an axisymmetric model is plane: its surfaces are made of segments")
+    if axisymmetric:
+        _check_radii(slave, master)
+
+
+def _check_radii(*surfaces: Surface) -> None:
+    """Raises DataError where nodes lie beyond the axis, by more than rounding."""
+    for surface, what in zip(surfaces, ("slave", "master"), strict=True):
+        x = surface.x[np.unique(surface.faces.nodes[surface.faces.nodes >= 0]), :2]
+        size = np.abs(x).max(initial=0.0, where=np.isfinite(x))
+        beyond = int((x[:, 0] < -_BEYOND * size).sum())
+        if beyond:
+            raise DataError(
+                f"{beyond} of {len(x)} nodes of the {what} have x < 0, and an axisymmetric model has its radius along "
+                "x: move the model to x >= 0, or measure it as a plane one"
+            )
 
 
 def default_distance(slave: Surface, master: Surface, macro: Ints) -> float:

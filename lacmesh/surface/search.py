@@ -173,14 +173,19 @@ def _meets(prisms: Any, e: Any, s: int, boxes: Any, k: int) -> Any:
 
 @kernel
 def _sort(values: Any, begin: int, end: int) -> None:
-    """Insertion: the lists are short."""
-    for i in range(begin + 1, end):
-        value = values[i]
-        k = i
-        while k > begin and values[k - 1] > value:
-            values[k] = values[k - 1]
-            k -= 1
-        values[k] = value
+    """Shell's method: plain insertion for a few values, as there are nearly always, and never slow."""
+    step = 1
+    while 9 * step < end - begin:
+        step = 3 * step + 1
+    while step > 0:
+        for i in range(begin + step, end):
+            value = values[i]
+            k = i
+            while k >= begin + step and values[k - step] > value:
+                values[k] = values[k - step]
+                k -= step
+            values[k] = value
+        step //= 3
 
 
 @kernel

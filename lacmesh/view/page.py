@@ -29,6 +29,7 @@ from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
 from lacmesh.scene.layers import curved_parts, grid
 from lacmesh.scene.marks import Finding, Marks, Values, find_marks
 from lacmesh.scene.placing import find_eye, find_opening
+from lacmesh.scene.request import check_placing
 from lacmesh.scene.seen import BODY, SLAVE, FaceKeys, Groups, Seen, Vector, as_faces, diagonal, find_seen
 from lacmesh.shapes import shape
 from lacmesh.skin import FACE_TYPES, N_NODES, Faces
@@ -65,6 +66,7 @@ def page(
     path = Path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise RequestError(f"{path}: a page is written as .html")
+    check_placing(camera, cutaway, explode, near)
     seen = find_seen(mesh, slave, master, near=near, cutaway=cutaway)
     marks = find_marks(mesh, [*(findings or ()), *_worst(mesh, values)], seen.kept)
     head, arrays = _content(mesh, seen, marks, values)

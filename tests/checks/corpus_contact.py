@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from lacmesh import cut_skin
 from tests.checks.blocks import cut_blocks, two_blocks
-from tests.checks.corpus import changed, defect, reversed_group, without_records
+from tests.checks.corpus import at, changed, defect, reversed_group, without_records
 
 
 @defect("no-internal-dof")
@@ -41,7 +42,7 @@ def a_cut_without_records():
     return without_records(cut_blocks("HEXA20", "hexa"))
 
 
-@defect("half-cut", also=("no-internal-dof",), slave=["slave", "loaded"], master="master")
+@defect("half-cut", also=("no-internal-dof", "no-coverage"), slave=["slave", "loaded"], master="master")
 def a_cut_of_another_group_only():
     return cut_blocks()
 
@@ -54,9 +55,75 @@ def records_of_no_cut():
     return replace(mesh, cell_data={**mesh.cell_data, "lac_zone": zone})
 
 
+def recorded(mesh, **changes):
+    """A cut with other records: name -> (cells or nodes, values)."""
+    data = {**mesh.cell_data, **mesh.node_data}
+    for name, (where, values) in changes.items():
+        data[name] = data[name].copy()
+        data[name][where] = values
+    cells = {name: data[name] for name in mesh.cell_data}
+    return replace(mesh, cell_data=cells, node_data={name: data[name] for name in mesh.node_data})
+
+
+@defect("broken-records")
+def an_internal_dof_recorded_at_a_vertex():
+    mesh = cut_blocks()
+    internal = mesh.node_data["lac_internal"]
+    vertex = at(mesh, 0.5, 0.5, 1)
+    node = np.flatnonzero(internal == 0)
+    return recorded(mesh, lac_internal=([*node, vertex], [-1] * len(node) + [0]))
+
+
+@defect("broken-records")
+def an_internal_dof_recorded_at_a_vertex_of_the_rim():
+    mesh = cut_blocks("TETRA4")
+    faces = np.flatnonzero(mesh.cell_data["lac_macro"] == mesh.cell_data["lac_macro"].max())
+    nodes = np.unique(np.concatenate([n.ravel() for _, _, n in mesh.select(faces)]))
+    corner = nodes[np.abs(mesh.points[nodes, :2] - 0.5).min(axis=1).argmax()]
+    number = mesh.cell_data["lac_macro"][faces[0]]
+    centre = np.flatnonzero(mesh.node_data["lac_internal"] == number)
+    return recorded(mesh, lac_internal=([*centre, corner], [-1] * len(centre) + [number]))
+
+
+@defect("broken-records")
+def internal_dofs_that_are_not_recorded():
+    mesh = cut_blocks("QUAD8")
+    return replace(mesh, node_data={})
+
+
+@defect("broken-records")
+def faces_of_macro_elements_that_are_all_the_first():
+    mesh = cut_blocks()
+    return recorded(mesh, lac_child=(mesh.cell_groups["slave"], 1))
+
+
+@defect("broken-records", slave=["slave", "master"], master=None)
+def macro_elements_of_two_bodies_with_one_number():
+    mesh = cut_skin(two_blocks("TETRA4"), ["slave", "master"]).mesh
+    macro = mesh.cell_data["lac_macro"]
+    return recorded(mesh, lac_macro=(macro == macro.max(), 0))
+
+
+@defect("broken-records", slave=["slave", "master"], master=None)
+def a_macro_element_in_two_zones():
+    mesh = cut_skin(two_blocks("QUAD4"), ["slave", "master"]).mesh
+    return recorded(mesh, lac_zone=(np.flatnonzero(mesh.cell_data["lac_macro"] == 0)[:1], 1))
+
+
+@defect("broken-records")
+def a_huge_number_of_a_macro_element():
+    mesh = cut_blocks("TETRA10")
+    return recorded(mesh, lac_macro=(mesh.cell_data["lac_macro"] == 3, 10**9))
+
+
 @defect("no-coverage", master="loaded")
 def the_wrong_master():
     return cut_blocks()
+
+
+@defect("no-coverage", slave=["slave", "fixed"])
+def one_zone_of_two_that_faces_nothing():
+    return cut_skin(two_blocks("QUAD4", reach=0.2), ["slave", "fixed"]).mesh
 
 
 @defect("no-coverage")

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 import json
+import lzma
 import struct
+import tracemalloc
 import warnings
 import zlib
 from dataclasses import replace
@@ -396,6 +398,52 @@ def test_a_damaged_file_is_one_clear_sentence(name, tmp_path):
     with pytest.raises(ReadError, match=message) as caught:
         vtu.read(tmp_path / "bad.vtu")
     assert str(tmp_path / "bad.vtu") in str(caught.value) and "\n" not in str(caught.value)
+
+
+def _claimed(compressor, expand, n):
+    """A header that claims the n zero bytes which its block holds, and both in base64."""
+    block = expand(bytes(n))
+    parts = struct.pack("<4I", 1, n, 0, len(block)), block
+    return f' compressor="vtk{compressor}DataCompressor"', "".join(base64.b64encode(part).decode() for part in parts)
+
+
+def _lz4_zeros(raw):
+    """A block of lz4: a literal 0, and a match one byte back of all the others but 5, which are literals."""
+    more, last = divmod(len(raw) - 6 - 4 - 15, 255)
+    return b"\x1f\0\1\0" + b"\xff" * more + bytes([last]) + b"\x50" + bytes(5)
+
+
+EXPANDABLE = {"ZLib": zlib.compress, "LZMA": lzma.compress, "LZ4": _lz4_zeros}
+
+
+@pytest.mark.parametrize("compressor", EXPANDABLE)
+@pytest.mark.parametrize("place", ["Points", "connectivity", "offsets", "types", "T"])
+def test_no_array_is_expanded_beyond_its_size(compressor, place, tmp_path):
+    """A sound block of 20 MB of zeros, where a few bytes should be."""
+    more, text = _claimed(compressor, EXPANDABLE[compressor], 20_000_000)
+    field = '<CellData><DataArray type="Float64" Name="T" format="ascii">1</DataArray></CellData>'
+    whole = text_of(*TRIANGLE, more=more).replace("</Piece>", field + "</Piece>")
+    start = whole.index("<Points>" if place == "Points" else f'Name="{place}"')
+    start = whole.index('format="ascii">', start)
+    end = whole.index("</DataArray>", start)
+    (tmp_path / "a.vtu").write_text(whole[:start] + 'format="binary">' + text + whole[end:])
+    tracemalloc.start()
+    try:
+        with pytest.raises(ReadError, match=r"its header claims 20000000 bytes, where \d+ should be"):
+            vtu.read(tmp_path / "a.vtu")
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 4_000_000
+
+
+@pytest.mark.parametrize("compressor", EXPANDABLE)
+def test_arrays_of_their_size_are_expanded(compressor, tmp_path):
+    more, text = _claimed(compressor, EXPANDABLE[compressor], 800)
+    field = f'<PointData><DataArray type="Float64" Name="T" format="binary">{text}</DataArray></PointData>'
+    whole = text_of(np.eye(100, 3), [0, 1, 2], [3], [5], more=more).replace("</Piece>", field + "</Piece>")
+    (tmp_path / "a.vtu").write_text(whole)
+    assert vtu.read(tmp_path / "a.vtu").node_data["T"].tolist() == [0] * 100
 
 
 def test_lists_of_files_are_named(tmp_path):

@@ -11,6 +11,7 @@ import numpy as np
 
 from lacmesh.errors import LacmeshWarning, ReadError, some
 from lacmesh.formats.inp.cards import Model, read_model
+from lacmesh.formats.inp.plain import losses, plane_of
 from lacmesh.formats.inp.scope import Elements, NodesOf, Resolver, Scope, Surface
 from lacmesh.formats.inp.skin import Block, Cells, Skin
 from lacmesh.formats.msh.numbers import Index, repeated
@@ -22,7 +23,7 @@ _NONE = np.empty(0, np.int64)
 def read(path: Path) -> Mesh:
     """The mesh in an .inp file of Abaqus or CalculiX. Raises ReadError, with the file and the line.
 
-    Cards that are no part of a mesh are left out, and named in one LacmeshWarning.
+    One LacmeshWarning names the cards that are no part of a mesh, and the elements that cells do not keep.
     """
     model = read_model(path)
     said = model.said
@@ -30,6 +31,7 @@ def read(path: Path) -> Mesh:
         raise ReadError(path, "has no nodes: there is no *NODE")
     number, points = _nodes(model.scope)
     elements = _elements(model.scope, Index(number), said)
+    said += losses(model.scope.elements)
     skin = Skin(Cells(elements.blocks, len(number)))
     groups = _groups(model.scope, number, elements.number, skin, said)
     new, members = skin.finish([groups.cells.get(name, _NONE) for name in groups.surfaces])
@@ -49,6 +51,7 @@ def read(path: Path) -> Mesh:
         cell_groups={name: cells.of_earlier[which] for name, which in groups.cells.items()},
         node_groups=groups.nodes,
         name=model.heading[0] if len(model.heading) == 1 else "mesh",
+        plane=plane_of(model.scope.elements),
     )
 
 

@@ -6,8 +6,9 @@ raised where they are taken, its names after its own name and a point, as Abaqus
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -190,13 +191,22 @@ class NodesOf:
     """The nodes of some elements, all by number."""
 
     def __init__(self, elements: Iterable[Elements]) -> None:
-        self._elements = list(elements)
+        self._cells = [e for e in elements if e.element is not None]
 
     def __call__(self, numbers: Ints) -> Ints:
-        """Sorted numbers of the nodes of the elements `numbers`."""
-        parts = [np.empty(0, np.int64), *self._parts(numbers)]
-        return ordered(np.concatenate(parts))
+        """Sorted numbers of the nodes of the elements `numbers`, which are all there."""
+        number, begin, width, nodes = self._rows
+        row = np.searchsorted(number, numbers)
+        count = width[row]
+        places = np.repeat(begin[row] - (np.cumsum(count) - count), count) + np.arange(count.sum())
+        return ordered(nodes[places])
 
-    def _parts(self, numbers: Ints) -> Iterator[Ints]:
-        for e in self._elements:
-            yield e.nodes[np.isin(e.number, numbers)].ravel()
+    @cached_property
+    def _rows(self) -> tuple[Ints, Ints, Ints, Ints]:
+        """Elements sorted by number: the number, where its nodes begin, how many; the nodes of all."""
+        none = np.empty(0, np.int64)
+        number = np.concatenate([none, *(e.number for e in self._cells)])
+        width = np.concatenate([none, *(np.full(e.nodes.shape[0], e.nodes.shape[1]) for e in self._cells)])
+        nodes = np.concatenate([none, *(e.nodes.ravel() for e in self._cells)])
+        order = np.argsort(number, kind="stable")
+        return number[order], (np.cumsum(width) - width)[order], width[order], nodes

@@ -1,7 +1,7 @@
 """Writing .inp: nodes, elements, sets, and skin groups as surfaces.
 
 A skin cell is no element: it tells which face of its parent a *SURFACE has. So a skin group becomes a surface of its
-name, with a set of its nodes.
+name, with a set of its nodes. Sets of elements, surfaces and sets of nodes are named apart: a name may mean all three.
 """
 
 from __future__ import annotations
@@ -34,26 +34,36 @@ _PER_LINE = 16
 #: Characters of a name, and of a real number, in both programs.
 _NAME, _REAL = 80, 20
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+#: Characters of a name, for `labels`.
+_ALLOWED = {"calculix": "A-Za-z0-9_-", "abaqus": " !#-~"}
 
 
-def write(path: Path, mesh: Mesh, *, target: str = "calculix", plane: str = "CPS", all_cells: bool = False) -> None:
+def write(
+    path: Path, mesh: Mesh, *, target: str = "calculix", plane: str | None = None, all_cells: bool = False
+) -> None:
     """Write a mesh as an .inp file for `target`, "calculix" or "abaqus", over what is there.
 
-    `plane`: the elements of plane meshes: CPS (plane stress), CPE (plane strain) or CAX (axisymmetric). Skin cells are
-    written as faces of *SURFACEs, other cells below the mesh's dimension as sets of nodes; with `all_cells` all of them
-    are elements as well. Raises WriteError for a cell that the target has no element for, RequestError for an option;
-    one LacmeshWarning names what is changed or left out.
+    `plane`: the elements of plane meshes: CPS (plane stress), CPE (plane strain) or CAX (axisymmetric); by default
+    `mesh.plane`, else CPS, which is said. Skin cells are written as faces of *SURFACEs, other cells below the mesh's
+    dimension as sets of nodes; with `all_cells` all of them are elements as well. Raises WriteError for a cell that the
+    target has no element for, RequestError for an option; one LacmeshWarning names what is changed or left out.
     """
-    if target not in TARGETS or plane not in PLANES:
-        raise RequestError(f"an .inp file is for {' or '.join(TARGETS)}, in {', '.join(PLANES)}: not {target}, {plane}")
+    chosen = plane or mesh.plane or "CPS"
+    if target not in TARGETS or chosen not in PLANES:
+        raise RequestError(
+            f"an .inp file is for {' or '.join(TARGETS)}, in {', '.join(PLANES)}: not {target}, {chosen}"
+        )
     said = left_out(mesh)
     roles = _roles(mesh, all_cells)
+    of_cells = _nodes_of_groups(mesh, roles)
     plan = _Plan(
         mesh,
         target,
         roles,
-        _cards(path, mesh, roles, target, plane),
+        of_cells,
+        _cards(path, mesh, roles, target, chosen),
         _labels(mesh, target, said),
+        _labels_apart(mesh, target, of_cells, said),
         _numbers(mesh.node_number, np.ones(mesh.n_nodes, bool), "nodes", said),
         _numbers(mesh.cell_number, roles.element, "cells", said),
     )
@@ -63,6 +73,8 @@ def write(path: Path, mesh: Mesh, *, target: str = "calculix", plane: str = "CPS
         _write_elements(file, plan)
         _write_groups(file, plan)
     said += _losses(mesh, roles)
+    if not (plane or mesh.plane) and _is_plane(mesh) and mesh.dim == 2:
+        said.append("written as CPS (plane stress); --plane CPE or CAX (plane=) for plane strain or axisymmetry")
     if said:
         warnings.warn(LacmeshWarning(".inp: " + "; ".join(said)), stacklevel=2)
 
@@ -83,13 +95,18 @@ class _Roles:
 
 @dataclass(frozen=True)
 class _Plan:
-    """What goes into a file: the element for cells of a type, skin or not; groups' names; numbers of both kinds."""
+    """What goes into a file: the element for cells of a type, skin or not; groups' names; numbers of both kinds.
+
+    `of_cells`: groups of cells that give a set of their nodes; `apart`: names of such sets that are not the group's.
+    """
 
     mesh: Mesh
     target: str
     roles: _Roles
+    of_cells: dict[str, Ints]
     cards: dict[tuple[str, bool], str]
     labels: dict[str, str]
+    apart: dict[str, str]
     node: Ints
     cell: Ints
 
@@ -161,15 +178,46 @@ def _is_plane(mesh: Mesh) -> bool:
     return mesh.space_dim == 2 and mesh.dim < 3 and not np.any(mesh.points[:, 2])
 
 
+def _nodes_of_groups(mesh: Mesh, roles: _Roles) -> dict[str, Ints]:
+    """The nodes of each group's cells that are skin, or no elements."""
+    found = {}
+    for name, members in mesh.cell_groups.items():
+        some = members[roles.skin[members] | ~roles.element[members]]
+        if len(some):
+            found[name] = _nodes_of(mesh, some)
+    return found
+
+
 def _labels(mesh: Mesh, target: str, said: list[str]) -> dict[str, str]:
-    """What each group is called in the file; in Abaqus between quotes where it is more than a word."""
-    quoted = target == "abaqus"
-    made = labels([*mesh.cell_groups, *mesh.node_groups], " !#-~" if quoted else "A-Za-z0-9_-", _NAME)
+    """What each group is called in the file; a group of cells and one of nodes may share a name."""
+    made = labels(_names(mesh), _ALLOWED[target], _NAME)
     if changed := changes(made):
         said.append(f"names of groups that an .inp file cannot hold: {changed}")
-    if quoted:
-        made = {name: text if _PLAIN.fullmatch(text) else f'"{text}"' for name, text in made.items()}
-    return made
+    return _quoted(made, target)
+
+
+def _labels_apart(mesh: Mesh, target: str, of_cells: dict[str, Ints], said: list[str]) -> dict[str, str]:
+    """What the set of nodes of a group of cells is called where a group of other nodes has its name."""
+    own = mesh.node_groups
+    clash = [n for n in of_cells if len(own.get(n, ())) and not np.array_equal(own[n], of_cells[n])]
+    taken = labels(_names(mesh), _ALLOWED[target], _NAME).values()
+    made = labels((f"{name}_nodes" for name in clash), _ALLOWED[target], _NAME, reserved=taken)
+    apart = dict(zip(clash, made.values(), strict=True))
+    if apart:
+        shown = ", ".join(f"those of {name!r} are {label}" for name, label in apart.items())
+        said.append(f"groups of cells and of other nodes have the same name; the sets of the cells' nodes: {shown}")
+    return _quoted(apart, target)
+
+
+def _names(mesh: Mesh) -> dict[str, None]:
+    return dict.fromkeys([*mesh.cell_groups, *mesh.node_groups])
+
+
+def _quoted(made: dict[str, str], target: str) -> dict[str, str]:
+    """Labels; for Abaqus between quotes where they are more than a word."""
+    if target != "abaqus":
+        return made
+    return {name: text if _PLAIN.fullmatch(text) else f'"{text}"' for name, text in made.items()}
 
 
 def _numbers(numbers: Ints, which: NDArray[np.bool_], what: str, said: list[str]) -> Ints:
@@ -228,19 +276,16 @@ def _write_rows(file: BinaryIO, kind: str, nodes: Ints, rows: Ints, node: Ints, 
 def _write_groups(file: BinaryIO, plan: _Plan) -> None:
     """Sets of elements, surfaces, sets of nodes; a group's cells that are none of these give a set of their nodes."""
     mesh, roles = plan.mesh, plan.roles
-    of_nodes = dict(mesh.node_groups)
     for name, members in mesh.cell_groups.items():
         elements, skin = members[roles.element[members]], members[roles.skin[members]]
-        as_nodes = members[roles.skin[members] | ~roles.element[members]]
         if len(elements):
             _write_set(file, f"*ELSET, ELSET={plan.labels[name]}", plan.cell[elements])
         if len(skin):
             _write_surface(file, plan, plan.labels[name], skin)
-        if len(as_nodes):
-            of_nodes.setdefault(name, _nodes_of(mesh, as_nodes))
-    for name, members in of_nodes.items():
-        if len(members):
-            _write_set(file, f"*NSET, NSET={plan.labels[name]}", plan.node[members])
+    of_nodes = {plan.labels[name]: nodes for name, nodes in mesh.node_groups.items() if len(nodes)}
+    of_nodes |= {plan.apart.get(name, plan.labels[name]): nodes for name, nodes in plan.of_cells.items()}
+    for label, nodes in of_nodes.items():
+        _write_set(file, f"*NSET, NSET={label}", plan.node[nodes])
 
 
 def _losses(mesh: Mesh, roles: _Roles) -> list[str]:

@@ -31,9 +31,11 @@ class Coding(NamedTuple):
     header: np.dtype
     compressor: str
 
-    def array(self, raw: bytes | memoryview, base64_text: bool) -> bytes:
-        """The bytes of the array that starts where `raw` does. Raises ValueError and others of DAMAGE."""
-        return bytes(self._packed(raw, base64_text) if self.compressor else self._plain(raw, base64_text))
+    def array(self, raw: bytes | memoryview, base64_text: bool, most: int | None = None) -> bytes:
+        """The bytes of the array that starts where `raw` does; `most`: of a compressed one that claims more, none are
+        expanded, as a thousand may come of each. Raises ValueError and others of DAMAGE.
+        """
+        return bytes(self._packed(raw, base64_text, most) if self.compressor else self._plain(raw, base64_text))
 
     def _plain(self, raw: bytes | memoryview, text: bool) -> bytes | memoryview:
         size = self.header.itemsize
@@ -47,12 +49,15 @@ class Coding(NamedTuple):
             return _decoded(bytes(raw[start : start + _chars(n)]), n)
         return _decoded(bytes(raw[: _chars(size + n)]), size + n)[size:]
 
-    def _packed(self, raw: bytes | memoryview, text: bool) -> bytes:
+    def _packed(self, raw: bytes | memoryview, text: bool, most: int | None) -> bytes:
         size = self.header.itemsize
         head = bytes(raw[: _chars(3 * size)]) if text else b""
         blocks, block, last = self._integers(_decoded(head, 3 * size) if text else raw, 3)
         if blocks * size > len(raw):
             raise ValueError(f"{blocks} blocks are more than the file holds")
+        claimed = (blocks - 1) * block + (last or block) if blocks else 0
+        if most is not None and claimed > most:
+            raise ValueError(f"its header claims {claimed} bytes, where {most} should be")
         whole = (3 + blocks) * size
         sizes = self._integers(_decoded(bytes(raw[: _chars(whole)]), whole) if text else raw, 3 + blocks)[3:]
         start, total = (_chars(whole), sum(sizes)) if text else (whole, sum(sizes))

@@ -52,7 +52,7 @@ def read(path: Path) -> Mesh:
 def _piece(document: Document, element: Element, said: list[str]) -> _Piece:
     n, k = document.count(element, "NumberOfPoints"), document.count(element, "NumberOfCells")
     place = element.find("Points/DataArray")
-    points = document.array(place) if place is not None else np.empty(0)
+    points = document.array(place, 3 * n) if place is not None else np.empty(0)
     if len(points) != 3 * n or points.dtype.kind != "f":
         raise document.error(f"holds {len(points)} coordinates of type {points.dtype} for {n} points", "<Points>")
     if not np.isfinite(points).all():
@@ -67,13 +67,14 @@ def _piece(document: Document, element: Element, said: list[str]) -> _Piece:
 
 
 def _cells(document: Document, element: Element, n_points: int, k: int) -> Cells:
+    arrays = {array.get("Name"): array for array in element.findall("Cells/DataArray")}
     found: dict[str, Ints] = {}
-    for array in element.findall("Cells/DataArray"):
-        if array.get("Name") in ("connectivity", "offsets", "types"):
-            values = document.array(array)
-            if values.dtype.kind not in "iu":
-                raise document.error(f"{array.get('Name')} should be integers", "<Cells>")
-            found[str(array.get("Name"))] = values
+    for name in ("offsets", "types", "connectivity"):
+        if name in arrays:
+            most = k + 1 if name != "connectivity" else _last(found.get("offsets"))
+            found[name] = document.array(arrays[name], most)
+            if found[name].dtype.kind not in "iu":
+                raise document.error(f"{name} should be integers", "<Cells>")
     none = np.empty(0, np.int64)
     cells = Cells(*(found.get(name, none) for name in ("connectivity", "offsets", "types")))
     if len(cells.ends) == len(cells.types) + 1 and len(cells.ends) and cells.ends[0] == 0:
@@ -86,6 +87,11 @@ def _cells(document: Document, element: Element, n_points: int, k: int) -> Cells
     if len(nodes) and (nodes.min() < 0 or nodes.max() >= n_points):
         raise stray_node(document, cells._replace(ends=ends), n_points, "<Cells>")
     return cells._replace(ends=ends, connectivity=nodes.astype(np.int64, copy=False))
+
+
+def _last(ends: Ints | None) -> int:
+    """Where the last cell ends; 0 where there is none."""
+    return max(int(ends[-1]), 0) if ends is not None and len(ends) else 0
 
 
 def stray_node(source: Any, cells: Cells, n_points: int, place: str) -> ReadError:
@@ -104,8 +110,8 @@ def _data(document: Document, element: Element, section: str, size: int, said: l
         if array.get("type") == "String":
             said.append(f"{section} {name!r} are strings, they are left out")
             continue
-        values = document.array(array)
         width = document.count(array, "NumberOfComponents", 1)
+        values = document.array(array, size * width)
         if width < 1 or len(values) != size * width:
             raise document.error(f"{name!r} has {len(values)} values for {size} times {width}", f"<{section}>")
         arrays[name] = values.reshape(size, width) if width > 1 else values

@@ -58,15 +58,16 @@ class Document:
             raise self.error(f"{name} should be a number, not {str(text)[:40]!r}", f"<{element.tag}>")
         return int(text)
 
-    def array(self, element: Element) -> NDArray:
-        """The values of a DataArray, flat."""
+    def array(self, element: Element, most: int | None = None) -> NDArray:
+        """The values of a DataArray, flat; `most`: how many there may be, where that is known, of a compressed one."""
         kind = _KINDS.get(element.get("type", ""))
         if kind is None:
             raise self.error(f"the type {element.get('type')!r} is not known", _place(element))
         try:
             if element.get("format", "ascii") == "ascii":
                 return from_text(element.text or "", kind)
-            return numbers(self._bytes(element), kind, self.coding.order)
+            n_bytes = None if most is None else most * kind.itemsize
+            return numbers(self._bytes(element, n_bytes), kind, self.coding.order)
         except DAMAGE as error:
             raise self.error(f"cannot be read ({error})", _place(element)) from None
 
@@ -75,15 +76,15 @@ class Document:
         values = self.array(element)
         return values.tobytes().replace(b"\0", b"").decode("utf-8", "replace") if values.dtype.itemsize == 1 else ""
 
-    def _bytes(self, element: Element) -> bytes:
+    def _bytes(self, element: Element, most: int | None) -> bytes:
         form = element.get("format")
         if form == "appended":
             offset = self.count(element, "offset")
             if offset >= len(self.appended):
                 raise ValueError(f"offset {offset} is past the end")
-            return self.coding.array(self.appended[offset:], self.base64)
+            return self.coding.array(self.appended[offset:], self.base64, most)
         if form == "binary":
-            return self.coding.array("".join((element.text or "").split()).encode("ascii"), True)
+            return self.coding.array("".join((element.text or "").split()).encode("ascii"), True, most)
         raise ValueError(f"the format {form!r} is not known")
 
 
