@@ -81,7 +81,9 @@ def near_ideal(name, seed=2, k=200):
     flat = CELLS[name].dim == 2
     heights = np.array([(1, 1, z) for z in (0.1, 0.5, 0.8, 0.9, 0.95, 1, 1.05, 1.1, 1.25, 2, 10)])
     wide = np.array([(x, y, 1) for x in (0.5, 1, 2) for y in (0.5, 0.9, 1, 3)])
-    on_axes = ref * np.concatenate([heights, wide])[:, None] * rng.choice([0.25, 1, 8], (len(heights) + len(wide), 1, 1))
+    on_axes = (
+        ref * np.concatenate([heights, wide])[:, None] * rng.choice([0.25, 1, 8], (len(heights) + len(wide), 1, 1))
+    )
     right = ref * heights[rng.integers(0, len(heights), k), None]
     boxes = ref * rng.uniform(0.5, 2, (k, 1, 3))
     shear = np.eye(3) + np.triu(rng.uniform(-0.5, 0.5, (k, 3, 3)), 1) * ([1, 1, 0] if flat else 1)

@@ -569,8 +569,50 @@ def test_groups_are_parsed():
     assert parse_group("a=1:2,3") == ("a", Part(1, (2, 3)))
 
 
+FOUR = """Point(1) = {0, 0, 1, .3}; Point(2) = {1, 0, 2, .3}; Point(3) = {1, 1, 3, .3}; Point(4) = {0, 1, 2, .3};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+"""
+FIN = """Point(5) = {0, 0, 5, .3}; Line(5) = {2, 5}; Line(6) = {5, 1};
+Curve Loop(2) = {1, 5, 6}; Plane Surface(2) = {2};
+"""
+OCC = 'SetFactory("OpenCASCADE");\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "dim"),
+    [
+        (f"{OCC}Rectangle(1) = {{0, 0, 0, 1, 2}};\n", 1),
+        (f"{OCC}Rectangle(1) = {{0, 0, 0, 1, 2}};\nRotate {{{{1, 2, 3}}, {{0, 0, 0}}, 0.7}} {{Surface{{1}};}}\n", 1),
+        (f"{OCC}Sphere(1) = {{0, 0, 0, 1}};\nDelete {{Volume{{1}};}}\n", 2),
+        (f"{OCC}Box(1) = {{0, 0, 0, 1, 1, 1}};\n", 2),  # volumes, though only surfaces are meshed
+        (FOUR, 1),
+        (FOUR + FIN, 2),
+    ],
+)
+def test_a_tag_alone_is_a_surface_unless_the_file_is_plane(text, dim, tmp_path):
+    script = tmp_path / "a.geo"
+    script.write_text(text)
+    mesh = mesh_cad(script, groups={"it": [Part(None, (1,))], "curve": [Part(1, (1,))]}, dim=2)
+    assert {name: mesh.group_dim(name) for name in mesh.cell_groups} == {"it": dim, "curve": 1}
+
+
+def test_surfaces_of_a_solid_are_slaves_of_a_shell(tmp_path, capsys):
+    target = tmp_path / "shell.msh"
+    command = ["mesh", str(LUG), "--dim", "2", "--group", "slave=15", "-o", str(target), "--size", "5"]
+    assert main([*command, "--slave", "slave", "--slave-size", "1.5"]) == 0
+    mesh = lacmesh.read(target)
+    (listed,) = [s for s in list_cad(LUG) if (s.dim, s.tag) == (2, 15)]
+    assert area(mesh, mesh.cell_groups["slave"]) == pytest.approx(listed.measure, rel=0.01)
+    assert edges_of(mesh, mesh.cell_groups["slave"])[0].mean() == pytest.approx(1.5, rel=0.15)
+    assert set(mesh.cell_dim[mesh.cell_groups["slave"]]) == {2}
+    assert main([*command, "--force", "--slave", "slav", "--slave-size", "1.5"]) == 2
+    assert "no group of surfaces named 'slav'" in capsys.readouterr().err
+
+
 def test_dim_2_meshes_a_shell(files):
-    mesh = mesh_cad(files / "open.stl", dim=2, size=0.2)
+    mesh = mesh_cad(files / "open.stl", dim=2, size=0.2, groups={"side": [Part(None, (2,))]})
+    assert mesh.group_dim("side") == 2
     assert set(mesh.cells_by_type) == {"SEG2", "TRIA3"}
     assert area(mesh, np.flatnonzero(mesh.cell_dim == 2)) == pytest.approx(5)
     with pytest.raises(DataError, match="no volume"):

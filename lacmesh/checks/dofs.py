@@ -9,6 +9,7 @@ only because nothing was cut needs the cut.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from shlex import quote
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -107,7 +108,7 @@ def _lacking(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
         if (dofs.anywhere[none] > 0).any():
             message += f"; {int((dofs.anywhere[none] > 0).sum())} of them one on the rim of the skin, where a symmetry "
             message += "condition would take it"
-        message += f"); cut the skin: lacmesh cut {' '.join(f'--slave {name}' for name in side.names)}"
+        message += f"); cut the skin: lacmesh cut {' '.join(f'--slave {quote(name)}' for name in side.names)}"
         yield subject.found("no-internal-dof", message, cells, group=side.group)
     if taken.any():
         cells = side.cells[macros.faces(taken)]

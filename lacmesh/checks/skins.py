@@ -97,10 +97,18 @@ def check_parents(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     return found, {}
 
 
+def _are_recorded(subject: Subject, cells: Ints) -> bool:
+    """Whether these cells are faces of macro-elements, by the records of a cut."""
+    macro = subject.mesh.cell_data.get("lac_macro")
+    return macro is not None and bool((macro[cells] >= 0).all())
+
+
 def _behind(subject: Subject, side: Side) -> Iterator[Finding]:
     count = subject.behind(side)
     on_carried = _on_carried(subject, side)
     bare, carried = side.cells[(count == 0) & ~on_carried], side.cells[(count == 0) & on_carried]
+    if side.what == "slave" and subject.mesh.dim == 2 and _are_recorded(subject, bare):
+        return  # a shell that was cut as one
     if len(bare) and side.what == "slave":
         message = f"{side.counted(len(bare), 'has', 'have')} no cell behind ({subject.numbers(bare)}); "
         message += "take them out of the group, or mesh the body (a shell is cut with --skin-only)"

@@ -19,9 +19,10 @@ TEXT = """\
 list the surfaces of a CAD file, or mesh it with groups
 
 A group is made of surfaces by their tags, as --list shows them, or of those that lie in a box as a whole; of curves,
-where the file is plane: no volumes, and all surfaces in one plane. After DIM: they are of that dimension: --group body=3:1 names the volume 1. Repeat --group for
-further groups, and for more of the same group. Volumes in no group are in the mesh all the same, and so are surfaces:
-entity:2:17 names them to other commands. Lengths of STEP and IGES come out in millimetres."""
+where the file is plane: no volumes, and all surfaces in one plane. After DIM: they are of that dimension: --group
+body=3:1 names the volume 1. Repeat --group for further groups, and for more of the same group. Volumes in no group are
+in the mesh all the same, and so are surfaces: entity:2:17 names them to other commands. Lengths of STEP and IGES come
+out in millimetres."""
 
 
 def add(commands: Any) -> None:

@@ -37,7 +37,10 @@ def add(commands: Any) -> None:
     parser.add_argument("--camera", **direction, help="direction from the mesh to the eye")  # type: ignore[arg-type]
     parser.add_argument("--cutaway", **direction, help="leave out cells beyond the middle in this direction")  # type: ignore[arg-type]
     parser.add_argument(
-        "--explode", type=float, metavar="GAP", help="gap between bodies, in sizes of the mesh, 0 to 100; 0: as they are"
+        "--explode",
+        type=float,
+        metavar="GAP",
+        help="gap between bodies, in sizes of the mesh, 0 to 100; 0: as they are",
     )
     parser.add_argument("--size", type=_size, default=(1600, 1000), metavar="WxH", help="pixels (default: 1600x1000)")
     parser.add_argument("--title", help="a line above (default: the file's name, or what the mesh holds)")

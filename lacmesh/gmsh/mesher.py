@@ -91,9 +91,7 @@ def _slave_entities(gmsh: Any, skin: int, spec: str) -> list[int]:
     raise GroupNotFoundError(spec, groups, f"group of {'surfaces' if skin == 2 else 'curves'}")
 
 
-def _set_sizes(
-    gmsh: Any, path: Path, size: float | None, faces: Sequence[Tag], slave_size: float | None
-) -> None:
+def _set_sizes(gmsh: Any, path: Path, size: float | None, faces: Sequence[Tag], slave_size: float | None) -> None:
     """Lengths of edges: everywhere, and on the slave faces and around them."""
     options = {}
     if size is not None:

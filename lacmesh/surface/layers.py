@@ -19,7 +19,8 @@ class Parts(NamedTuple):
     """Room for the parts of one slave patch, a row each: polygon `shape` (., ROOM, 2) of `size` vertices and `label`.
 
     `plane` (., 3): height c0 + c1 p + c2 q of the master over the slave; `who`: the master patch. `low`, `high`
-    (., 2), `order`, `held`: room to sweep over them. `work`, `rest` (ROOM, 2) and their labels: room for polygons on the way.
+    (., 2), `order`, `held`: room to sweep over them. `work`, `rest` (ROOM, 2) and their labels: room for
+    polygons on the way.
     """
 
     shape: Floats

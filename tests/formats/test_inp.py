@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lacmesh.cells import CELLS
+from lacmesh.cli import main
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import inp
 from lacmesh.formats.inp import data as inp_data
@@ -330,9 +331,11 @@ def said_of(folder, text, number=1):
 
 @pytest.mark.parametrize(
     ("name", "plain"),
-    [("C3D8R", "C3D8"), ("C3D8I", "C3D8"), ("C3D20RH", "C3D20"), ("DC3D4", "C3D4"), ("S4R", "S4"), ("S8R", "S8")]
-    + [("M3D4", "S4"), ("CAX4R", "CAX4"), ("CPEG4", "CPE4"), ("CGAX4", "CAX4"), ("DC2D4", "QUAD4"), ("B31", "T3D2")]
-    + [("SPRINGA", "T3D2"), ("SPRING1", "MASS")],
+    [
+        *[("C3D8R", "C3D8"), ("C3D8I", "C3D8"), ("C3D20RH", "C3D20"), ("DC3D4", "C3D4")],
+        *[("S4R", "S4"), ("S8R", "S8"), ("M3D4", "S4"), ("B31", "T3D2"), ("SPRINGA", "T3D2"), ("SPRING1", "MASS")],
+        *[("CAX4R", "CAX4"), ("CPEG4", "CPE4"), ("CGAX4", "CAX4"), ("DC2D4", "QUAD4")],
+    ],
 )
 def test_elements_that_become_plain_are_named(tmp_path, name, plain):
     """Whatever the letters of a name mean, a cell does not keep it."""
@@ -394,7 +397,7 @@ def test_elements_on_the_edges_of_others_are_said_and_can_be_kept(tmp_path):
     inp.write(tmp_path / "all.inp", mesh, all_cells=True)
     with pytest.warns(LacmeshWarning, match=r"2 elements of lower dimension than the mesh \(T3D2\)"):
         kept = inp.read(tmp_path / "all.inp")
-    assert kept.cell_number[kept.cell_groups["beam"]].tolist() == [2, 3]
+    assert sorted(kept.cell_number[kept.cell_groups["beam"]].tolist()) == [2, 3]
     assert said_of(tmp_path, shells, 0)[0] == ""
 
 
@@ -656,3 +659,17 @@ def test_of_two_cells_behind_a_face_the_one_it_turns_from(tmp_path, back):
         f"*SURFACE, NAME=middle, TYPE=ELEMENT\n{2 if back else 1}, S{1 if back else 2}\n"
         in (tmp_path / "a.inp").read_text()
     )
+
+
+def test_the_options_of_the_command(tmp_path, capsys):
+    source, target = tmp_path / "a.inp", tmp_path / "b.inp"
+    source.write_text(_SQUARE + "*ELEMENT, TYPE=CAX4\n1, 1, 2, 3, 4\n*ELEMENT, TYPE=T2D2, ELSET=slave\n2, 1, 2\n")
+    cut = ["cut", str(source), "--slave", "slave", "-q", "--force", "-o"]
+    for more, elements in (([], ["CAX4"]), (["--plane", "CPE"], ["CPE4"]), (["--all-cells"], ["CAX4", "T3D2"])):
+        assert main([*cut, str(target), *more]) == 0
+        assert "--all-cells" in capsys.readouterr().err
+        assert set(re.findall(r"TYPE=(\w+[34D]\d?)\n", target.read_text())) >= set(elements)
+    for option in (["--plane", "CPE"], ["--all-cells"]):
+        assert main([*cut, str(tmp_path / "b.med"), *option]) == 2
+        assert f"{option[0]} is for an .inp output" in capsys.readouterr().err
+    assert not (tmp_path / "b.med").exists()

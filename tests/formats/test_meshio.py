@@ -74,11 +74,12 @@ _POINTS = "POINTS 8 double\n0 0 0 1 0 0 0 1 0 1 1 0 0 0 1 1 0 1 0 1 1 1 1 1\n"
 
 def of_vtk(path, cells, data=""):
     """A file of VTK of a cube's corners; `cells`: (VTK's number of their type, nodes)."""
-    rows = "".join(f"{len(nodes)} {' '.join(map(str, nodes))}\n" for _, nodes in cells)
-    size = sum(1 + len(nodes) for _, nodes in cells)
+    offsets = " ".join(map(str, np.cumsum([0, *(len(nodes) for _, nodes in cells)])))
+    listed = " ".join(str(n) for _, nodes in cells for n in nodes)
+    head = f"# vtk DataFile Version 5.1\na cube\nASCII\nDATASET UNSTRUCTURED_GRID\n{_POINTS}"
+    rows = f"OFFSETS vtktypeint64\n{offsets}\nCONNECTIVITY vtktypeint64\n{listed}\n"
     types = "\n".join(str(number) for number, _ in cells)
-    head = "# vtk DataFile Version 4.2\na cube\nASCII\nDATASET UNSTRUCTURED_GRID\n"
-    text = f"{head}{_POINTS}CELLS {len(cells)} {size}\n{rows}CELL_TYPES {len(cells)}\n{types}\n{data}"
+    text = f"{head}CELLS {len(cells) + 1} {len(listed.split())}\n{rows}CELL_TYPES {len(cells)}\n{types}\n{data}"
     path.write_text(text)
     return path
 

@@ -80,7 +80,7 @@ def test_layers_keep_the_nearest_and_the_union():
         height = of.plane[:n, 0].copy()
         count = nearest_only(of, n, 1e-14, 1e-11)
         parts = [(of.shape[k, : of.size[k]].copy(), of.who[k]) for k in range(count) if of.size[k]]
-        X = rng.normal(size=(400, 2)) * 2
+        X = rng.normal(size=(200, 2)) * 2
         for x in X:
             over = [k for k, (p, v) in enumerate(polygons) if _holds(p[:v], x)]
             there = [who for p, who in parts if _holds(p, x)]

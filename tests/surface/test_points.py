@@ -319,7 +319,8 @@ def test_smoothed_normals_where_many_faces_meet_cost_no_more():
     n, pole = 150, 600
     flat = sheet(n).points
     angle = 2 * np.pi * np.arange(pole) / pole
-    fan = np.vstack([[[0, 0, 0]], np.column_stack([np.cos(angle), np.sin(angle), 0.1 * np.sin(2 * angle)])]) + [5, 0, 0]
+    fan = np.tile([5.0, 0.0, 0.0], (1 + pole, 1))
+    fan[1:] += np.column_stack([np.cos(angle), np.sin(angle), 0.1 * np.sin(2 * angle)])
     k = len(flat) + 1 + np.arange(pole)
     rim = np.column_stack([np.full(pole, len(flat)), k, np.roll(k, -1)])
     cells = [("QUAD4", sheet(n).block("QUAD4"))]
