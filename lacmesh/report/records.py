@@ -75,8 +75,9 @@ def _entities(mesh: Mesh) -> Iterator[dict[str, Any]]:
     for (_, nodes), first in zip(mesh.blocks, mesh.offsets, strict=False):
         rows = place[first : first + len(nodes)]
         x = mesh.points[nodes]
-        np.minimum.at(low, rows, x.min(axis=1))
-        np.maximum.at(high, rows, x.max(axis=1))
+        for axis in range(3):  # numpy is quick at this with one index only
+            np.minimum.at(low[:, axis], rows, x[..., axis].min(axis=1))
+            np.maximum.at(high[:, axis], rows, x[..., axis].max(axis=1))
     for k, (dim, tag) in enumerate(known):
         yield {"dim": dim, "tag": tag, "cells": int(cells[k]), "box": [low[k].tolist(), high[k].tolist()]}
 

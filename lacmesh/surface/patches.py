@@ -22,8 +22,8 @@ Bools = NDArray[np.bool_]
 
 #: curved faces go in 2 parts a side where the most curved (maps.kinds) is less so than the first; then 4, 8
 _STEPS = np.array([0.2, 0.8])
-#: corners nearer than this, against the patch, are one
-_SAME = 1e-13
+#: corners nearer than this, against the patch, are one: the direction of so short an edge would be rounding
+_SAME = 1e-8
 
 
 class Patches(NamedTuple):
