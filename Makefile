@@ -49,7 +49,7 @@ lint: $(INSTALLED) ## style, types, import layers
 quick: $(INSTALLED) ## the tests that need neither gmsh, medcoupling nor VTK, in less than a minute
 	$(BIN)/pytest -n 2 -q -m "$(QUICK)"
 
-fuzz: $(INSTALLED) ## 10,000 damaged files of each format that is read here (some hours; make test takes a slice)
+fuzz: $(INSTALLED) ## 10,000 damaged files of each format that is read here (half an hour or more)
 	$(BIN)/python -m tests.fuzz
 
 bench: $(INSTALLED) ## measure speed and memory
@@ -58,6 +58,7 @@ bench: $(INSTALLED) ## measure speed and memory
 docs: $(INSTALLED) ## make the figures and tables of docs/ again
 	$(BIN)/python docs/make_figures.py
 	$(BIN)/python docs/make_pictures.py
+	$(BIN)/python docs/tutorials/run.py
 
 clean: ## remove .venv, build and every cache
 	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import gmsh
 
-FOOT, THICK = (70.0, 40.0), 10.0  # along x and y, and high
-EYE, BORE, HIGH, WIDE = 18.0, 9.0, 36.0, 16.0  # radii of the eye, height of the bore's axis, width along y
-PIN, LONG, CHAMFER = 8.8, 36.0, 1.0
-BOLT, APART = 3.5, 54.0  # radius of the bolts' holes in the foot, and how far apart they are
+FOOT, THICK = (72.0, 32.0), 8.0  # along x and y, and high
+EYE, BORE, HIGH, WIDE = 20.0, 12.0, 32.0, 20.0  # radii of the eye, height of the bore, width along y
+PIN, LONG, CHAMFER = 11.8, 30.0, 1.0
+BOLT, APART = 3.5, 60.0  # radius of the bolts' holes in the foot, and how far apart they are
 FILLET = 4.0  # where the eye meets the foot
 
 

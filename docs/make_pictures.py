@@ -15,6 +15,8 @@ import gmsh
 
 import lacmesh
 from lacmesh.checks import check
+from lacmesh.quality import measure_quality
+from lacmesh.report import plot_quality
 from lacmesh.scene.marks import cell_values
 from lacmesh.view import page, picture
 
@@ -70,6 +72,7 @@ def main() -> None:
         picture(
             blocks, FIGURES / "view_quality.png", master="master", values=values, size=size, title="two_blocks, cut"
         )
+        plot_quality(measure_quality(blocks), FIGURES / "quality.png", title="Quality of two_blocks.lac.msh")
         found = check(source, "slave", "master")
         picture(source, FIGURES / "view_check.png", slave="slave", master="master", findings=found, size=size)
         sheet = Path(folder) / "two_blocks.html"

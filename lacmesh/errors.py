@@ -39,12 +39,13 @@ class RequestError(LacmeshError):
 
 
 class GroupNotFoundError(RequestError):
-    """A group that the mesh lacks; near matches are in the message, the name in `name`."""
+    """A group that the mesh lacks; near matches are in the message, the name in `name`; `hint` ends the message."""
 
-    def __init__(self, name: str, known: Iterable[str], what: str = "cell group") -> None:
+    def __init__(self, name: str, known: Iterable[str], what: str = "cell group", hint: str = "") -> None:
         self.name = name
         self.known = tuple(known)
-        super().__init__(f"no {what} named {name!r}{did_you_mean(name, self.known)}")
+        self.hint = hint
+        super().__init__(f"no {what} named {name!r}{did_you_mean(name, self.known)}{hint}")
 
 
 class ReadError(LacmeshError):

@@ -15,8 +15,8 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.formats.arrays import to_arrays
 from lacmesh.formats.meshio_mesh import from_meshio, to_meshio
 from lacmesh.formats.notes import to_json
-from lacmesh.formats.vtu_types import OF_TYPE
-from lacmesh.formats.vtu_write import NOTES, ZONES, vtk_cells
+from lacmesh.formats.vtu.types import OF_TYPE
+from lacmesh.formats.vtu.writer import NOTES, vtk_cells
 from lacmesh.mesh import Ints, Mesh
 
 __all__ = ["from_meshio", "to_meshio", "to_pyvista", "to_trimesh"]
@@ -54,9 +54,10 @@ def to_pyvista(mesh: Mesh, *, groups: bool = True, data: bool = True) -> Any:
     for kind, n in mesh.cells_by_type.items():
         if kind not in OF_TYPE:
             raise DataError(f"VTK has no cells of type {kind}, the mesh has {n}; lower their order")
-    connectivity, ends, types = (a.astype(k) for a, k in zip(vtk_cells(mesh), (int, int, np.uint8), strict=True))
-    cells = np.insert(connectivity, ends - np.diff(ends, prepend=0), np.diff(ends, prepend=0))
-    grid = pyvista.UnstructuredGrid(cells, types, mesh.points.astype(float))
+    connectivity, ends, types = vtk_cells(mesh)
+    first = ends - np.diff(ends, prepend=0)
+    cells = np.insert(connectivity.astype(np.int64), first, ends - first)
+    grid = pyvista.UnstructuredGrid(cells, types.astype(np.uint8), mesh.points.astype(float))
     arrays = to_arrays(mesh, [])
     order = slice(None) if mesh.file_order is None else np.asarray(mesh.file_order)
     wanted = {"cell_number", "node_number"}
@@ -65,8 +66,6 @@ def to_pyvista(mesh: Mesh, *, groups: bool = True, data: bool = True) -> Any:
             if name in wanted or (groups if name.startswith("group:") else data):
                 into[name] = array[rows]
     grid.field_data[NOTES] = [to_json(mesh, **arrays.notes)]
-    if mesh.zones:
-        grid.field_data[ZONES] = list(mesh.zones)
     return grid
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from numba import njit
@@ -17,9 +18,17 @@ from numba.core import event
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function of arrays and numbers. A division by zero is inf or NaN in it, as in numpy."""
     try:
-        return njit(function, cache=True, nogil=True, error_model="numpy")
+        made = njit(function, cache=True, nogil=True, error_model="numpy")
     except RuntimeError:  # no folder to keep it in can be written: it is compiled each time
         return njit(function, nogil=True, error_model="numpy")
+    keep = made._cache.save_overload
+
+    def keep_if_it_can(*arguments: Any) -> None:
+        with suppress(OSError):  # a full disk: it is compiled again the next time
+            keep(*arguments)
+
+    made._cache.save_overload = keep_if_it_can
+    return made
 
 
 class _Compiling(event.Listener):

@@ -20,6 +20,8 @@ from lacmesh.errors import GroupNotFoundError, RequestError, some
 Ints = NDArray[np.integer]
 Floats = NDArray[np.floating]
 Tag = tuple[int, int]  # (dimension, tag), gmsh's way to name a physical group or an entity
+#: makes one number of a dimension and a tag (of 32 bits), in the order of both
+ENTITY_CODE = np.array([1 << 32, 1])
 
 
 class Block(NamedTuple):
@@ -68,6 +70,7 @@ class Mesh:
     data name -> (n, ...) or (k, ...). `group_tags`: the physical groups of msh that a cell group stands for.
     `cell_data["entity"]` and `node_data["entity"]` (k or n, 2): dimension and tag of msh's elementary entity.
     `zones`: the names of a cut's zones, in the order of `cell_data["lac_zone"]`. `name`: the file's name for the mesh.
+    `plane`: what the plane elements of an .inp file are, CPS, CPE or CAX, where it was read from one.
     Built by `Mesh.create`, which fills what is absent and checks shapes and ranges.
     """
 
@@ -86,6 +89,7 @@ class Mesh:
     zones: tuple[str, ...] = ()
     model: Model | None = None
     name: str = "mesh"
+    plane: str = ""
 
     @classmethod
     def create(cls, points: Any, blocks: Iterable[tuple[str, Any]], **rest: Any) -> Mesh:
@@ -206,7 +210,31 @@ class Mesh:
                 return found[0]
             if found:
                 raise RequestError(f"tag {spec} means several groups ({', '.join(sorted(found))}); say dimension:tag")
-        raise GroupNotFoundError(spec, self.cell_groups)
+        raise GroupNotFoundError(spec, self.cell_groups, hint=self._entity_hint())
+
+    @property
+    def entities(self) -> list[Tag]:
+        """Dimension and tag of the elementary entities of msh that have cells, ascending."""
+        entity = self._entity_of_cell
+        code = np.unique(entity[entity[:, 0] >= 0].astype(np.int64) @ ENTITY_CODE)
+        dim = (code + ENTITY_CODE[0] // 2) // ENTITY_CODE[0]
+        return list(zip(dim.tolist(), (code - dim * ENTITY_CODE[0]).tolist(), strict=True))
+
+    @property
+    def _entity_of_cell(self) -> Ints:
+        """(k, 2): dimension and tag of each cell's entity; no rows in a mesh that knows none."""
+        entity = self.cell_data.get("entity")
+        if entity is None or entity.shape != (self.n_cells, 2) or entity.dtype.kind not in "iu":  # of that name only
+            return np.empty((0, 2), np.int64)
+        return entity
+
+    def _entity_hint(self) -> str:
+        """Where no group has a name: how an entity is named instead, one of the skin if there is one."""
+        known = [] if self.cell_groups else self.entities
+        if not known:
+            return ""
+        dim, tag = min(known, key=lambda entity: (entity[0] != self.dim - 1, entity))
+        return f", but entity:DIM:TAG names an entity, as entity:{dim}:{tag} (lacmesh info lists them)"
 
     def cells_of(self, spec: str) -> Ints:
         """Sorted indices of the cells that `spec` names: a group (as `group`), or `entity:2:17`, an entity of msh."""
@@ -215,15 +243,12 @@ class Mesh:
         return self.cell_groups[self.group(spec)]
 
     def _cells_of_entity(self, spec: str) -> Ints:
-        entity = self.cell_data.get("entity")
         parts = spec.split(":")[1:]
         if len(parts) != 2 or not all(p.isdigit() for p in parts):
             raise RequestError(f"{spec!r} is no entity; write entity:DIM:TAG, as entity:2:17")
-        if entity is None:
-            raise GroupNotFoundError(spec, self.cell_groups)
-        found = np.flatnonzero((entity == [int(p) for p in parts]).all(axis=1))
+        found = np.flatnonzero((self._entity_of_cell == [int(p) for p in parts]).all(axis=1))
         if not len(found):
-            known = {f"entity:{dim}:{tag}" for dim, tag in np.unique(entity, axis=0)}
+            known = [f"entity:{dim}:{tag}" for dim, tag in self.entities]
             raise GroupNotFoundError(spec, known, "entity")
         return found
 

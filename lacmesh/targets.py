@@ -15,15 +15,16 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cut import cut_skin, is_cut
 from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError, did_you_mean
-from lacmesh.formats.inp_write_types import card
-from lacmesh.formats.med_types import MED_TYPES
-from lacmesh.formats.xdmf_types import OF_TYPE as XDMF_OF_TYPE
+from lacmesh.formats.inp.writer_types import card
+from lacmesh.formats.med.types import MED_TYPES
+from lacmesh.formats.xdmf.types import OF_TYPE as XDMF_OF_TYPE
 from lacmesh.mesh import Mesh
 
 TARGETS: Mapping[str, str] = {
@@ -57,20 +58,21 @@ def element(kind: str, target: str, plane: bool = False) -> str | None:
 
 
 def refused(mesh: Mesh, target: str) -> dict[str, int]:
-    """type -> number of the cells that a target cannot take; for dolfinx, all of them where types are mixed.
+    """type -> number of the cells that a target cannot take; for dolfinx, those of one dimension and several types.
 
-    Cells below the mesh's dimension matter to gmsh and code_aster, and faces to dolfinx; .inp files hold them as
-    surfaces or sets of nodes.
+    Cells below the mesh's dimension matter to gmsh and code_aster, and facets to dolfinx; .inp files hold them as
+    surfaces or sets of nodes. Raises RequestError for a target that is none.
     """
-    _check_target(target)
-    solid = {kind: n for kind, n in mesh.cells_by_type.items() if ALL_CELLS[kind].dim == mesh.dim}
-    if target in ("calculix", "abaqus"):
-        asked = solid
-    else:
-        asked = {k: n for k, n in mesh.cells_by_type.items() if target != "fenics" or ALL_CELLS[k].dim >= mesh.dim - 1}
+    if target not in TARGETS:
+        raise RequestError(f"no target {target!r}{did_you_mean(target, TARGETS)}")
+    lowest = {"gmsh": 0, "aster": 0, "fenics": mesh.dim - 1}.get(target, mesh.dim)
+    asked = {kind: n for kind, n in mesh.cells_by_type.items() if ALL_CELLS[kind].dim >= lowest}
     wrong = {kind: n for kind, n in asked.items() if element(kind, target, mesh.space_dim == 2) is None}
-    if target == "fenics" and len(solid) > 1 and not wrong:
-        return solid
+    if target == "fenics" and not wrong:
+        for dim in (mesh.dim, mesh.dim - 1):
+            mixed = {kind: n for kind, n in asked.items() if ALL_CELLS[kind].dim == dim}
+            if len(mixed) > 1:
+                return mixed
     return wrong
 
 
@@ -78,8 +80,7 @@ def check_cells(mesh: Mesh, target: str) -> None:
     """Raise DataError where a mesh as it is has cells that a target cannot take (RequestError: it is no target)."""
     wrong = refused(mesh, target)
     if wrong:
-        listed = ", ".join(f"{n} {kind}" for kind, n in sorted(wrong.items()))
-        raise DataError(f"the mesh has {listed}, and {TARGETS[target]} {_reason(mesh, wrong, target)}; mesh it anew")
+        raise DataError(f"the mesh has {_listed(wrong)}, and {_reason(mesh, wrong, target)}; mesh it anew")
 
 
 def check_target_cells(
@@ -96,57 +97,59 @@ def check_target_cells(
     The options are those of `cut_skin`, whose errors come first (GroupNotFoundError, CutError). Costs a cut of the mesh
     without its data. Raises RequestError for a target that is none.
     """
-    _check_target(target)
-    before = mesh.cells_by_type
-    after = _cut(mesh, slave, hexa, interface, skin_only)
+    there = refused(mesh, target)
+
+    def cut(variant: str) -> Mesh:
+        return _cut(mesh, slave, hexa=variant, interface=interface, skin_only=skin_only)
+
+    after = cut(hexa)
     wrong = refused(after, target)
     if not wrong:
         return
-    new = {kind: max(0, n - before.get(kind, 0)) for kind, n in wrong.items()}
-    listed = ", ".join(f"{n} {kind} ({new[kind]} of them new)" for kind, n in sorted(wrong.items()))
-    message = f"the mesh that is cut would have {listed}, and {TARGETS[target]} {_reason(mesh, wrong, target)}; "
-    bad = [c for kind, cells, _ in mesh.select(np.arange(mesh.n_cells)) if kind in wrong for c in cells[:1000]]
-    raise CutError(message + _advice(mesh, slave, target, hexa, interface, skin_only), mesh.cell_number[bad])
+    if is_cut(mesh):
+        said = f"the mesh is cut already, has {_listed(wrong)}, and {_reason(after, wrong, target)}"
+        advice = f"cut the mesh that it came from with --for {target}, which says what to try"
+    else:
+        new = ", ".join(
+            f"{n} {kind} ({max(0, n - there.get(kind, 0))} of them new)" for kind, n in sorted(wrong.items())
+        )
+        said = f"the mesh that is cut would have {new}, and {_reason(after, wrong, target)}"
+        advice = _advice(mesh, there, cut("hexa"), target)
+    bad = [c for kind, cells, _ in after.select(np.arange(after.n_cells)) if kind in wrong for c in cells[:1000]]
+    raise CutError(f"{said}; {advice}", after.cell_number[bad])
+
+
+def _listed(kinds: Mapping[str, int]) -> str:
+    return ", ".join(f"{n} {kind}" for kind, n in sorted(kinds.items()))
 
 
 def _reason(mesh: Mesh, wrong: Mapping[str, int], target: str) -> str:
     mixture = all(element(kind, target, mesh.space_dim == 2) for kind in wrong)
-    return "takes no mixture of cells" if mixture else "has no such cells"
+    return f"{TARGETS[target]} {'takes no mixture of cells' if mixture else 'has no such cells'}"
 
 
-def _check_target(target: str) -> None:
-    if target not in TARGETS:
-        raise RequestError(f"no target {target!r}{did_you_mean(target, TARGETS)}")
-
-
-def _cut(mesh: Mesh, slave: str | int | Sequence[str | int], hexa: str, interface: str, skin_only: bool) -> Mesh:
-    """The mesh cut, without what does not matter to its types."""
+def _cut(mesh: Mesh, slave: str | int | Sequence[str | int], **options: Any) -> Mesh:
+    """The mesh cut, without what does not matter to its types; a mesh that is cut already, as it is."""
     if is_cut(mesh):
         return mesh
     data = {"entity": mesh.cell_data["entity"]} if "entity" in mesh.cell_data else {}
     bare = replace(mesh, cell_data=data, node_data={}, node_groups={}, steps={}, model=None)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LacmeshWarning)
-        return cut_skin(bare, slave, hexa=hexa, interface=interface, skin_only=skin_only).mesh
+        return cut_skin(bare, slave, **options).mesh
 
 
-def _advice(
-    mesh: Mesh,
-    slave: str | int | Sequence[str | int],
-    target: str,
-    hexa: str,
-    interface: str,
-    skin_only: bool,
-) -> str:
-    """What to try: another variant where that serves, else other cells behind the skin."""
-    there = refused(mesh, target)
-    if there and not is_cut(mesh):
-        return f"it has {', '.join(f'{n} {kind}' for kind, n in sorted(there.items()))} before it is cut: mesh it anew"
-    if not is_cut(mesh) and hexa != "hexa" and not refused(_cut(mesh, slave, "hexa", interface, skin_only), target):
+def _advice(mesh: Mesh, there: Mapping[str, int], with_hexa: Mesh, target: str) -> str:
+    """What to try: `there` is refused before the cut; `with_hexa`: the mesh cut by the variant of hexahedra."""
+    if there:
+        return f"it has {_listed(there)} before it is cut: mesh it anew"
+    wrong = refused(with_hexa, target)
+    if not wrong:
         return "--hexa hexa makes hexahedra instead"
-    behind = sorted(kind for kind in mesh.cells_by_type if ALL_CELLS[kind].dim == mesh.dim)
-    if any(kind.startswith(("PENTA", "PYRAM")) for kind in behind):
-        return "no option changes that for prisms and pyramids: mesh what is behind the slave skin with other cells"
-    if is_cut(mesh):
-        return "it is cut already: cut the mesh it came from with --hexa hexa"
-    return "mesh what is behind the slave skin with tetrahedra (or triangles), or hexahedra and --hexa hexa"
+    children = np.concatenate(
+        [cells for kind, cells, _ in with_hexa.select(np.arange(with_hexa.n_cells)) if kind in wrong]
+    )
+    parents = np.flatnonzero(np.isin(mesh.cell_number, with_hexa.cell_data["lac_parent"][children]))
+    behind = _listed({kind: len(cells) for kind, cells, _ in mesh.select(parents)})
+    anew = "tetrahedra, or with hexahedra and --hexa hexa"
+    return f"no option changes that for the {behind} behind the slave skin: mesh these with {anew}"

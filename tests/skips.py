@@ -86,7 +86,7 @@ NEEDS = {
     "gmsh": _no_gmsh,
     "vtk": _no_vtk,
     "medcoupling": lambda: _no_package("medcoupling"),
-    "meshio": lambda: _no_package("meshio"),
+    "meshio": lambda: _no_package("meshio") or _no_package("netCDF4"),
     "trimesh": lambda: _no_package("trimesh"),
     "browser": lambda: _no_program("chromium", "chromium"),
     "calculix": lambda: _no_program("ccx", "calculix-ccx"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -16,9 +17,11 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh import Cut, cut_skin
+from lacmesh import Cut, Mesh, cut_skin
 from lacmesh.cli import main
+from lacmesh.errors import GroupNotFoundError
 from lacmesh.formats import kind_of
+from lacmesh.report import describe
 from tests.meshes import cell_with_faces, random_mesh
 
 CASES = [
@@ -251,7 +254,9 @@ def test_groups_by_tag_and_entity(tmp_path):
 
 def test_info_counts_distinct_cells(msh, mesh, capsys):
     found = info(msh, capsys)
-    assert set(found) == {"nodes", "cells", "cells_by_type", "groups", "node_groups", "bounding_box", "lac"}
+    assert set(found) == {
+        "nodes", "cells", "cells_by_type", "groups", "node_groups", "entities", "bounding_box", "lac",
+    }  # fmt: skip
     assert found["cells"] == mesh.n_cells and found["nodes"] == mesh.n_nodes
     assert found["cells_by_type"] == mesh.cells_by_type
     assert found["groups"]["all"] == {"dim": 3, "cells": mesh.n_cells}
@@ -262,6 +267,71 @@ def test_info_counts_distinct_cells(msh, mesh, capsys):
     assert main(["info", str(msh)]) == 0
     out = capsys.readouterr().out
     assert "msh 4.1 binary" in out and "slave" in out
+
+
+def in_entities():
+    """Three squares in a row and a segment, in entities: surfaces 7 and 8, a curve 7; no groups."""
+    points = [[x, y] for y in (0, 1) for x in range(4)]
+    squares = [[k, k + 1, k + 5, k + 4] for k in range(3)]
+    entity = np.array([[2, 8], [2, 7], [2, 8], [1, 7]], np.int32)
+    return Mesh.create(points, [("QUAD4", squares), ("SEG2", [[1, 2]])], cell_data={"entity": entity})
+
+
+@pytest.mark.parametrize("options", [{}, {"msh": "2.2", "binary": False}])
+def test_entities_are_listed_where_there_are_no_groups(options, tmp_path, capsys):
+    path = tmp_path / "e.msh"
+    lacmesh.write(path, in_entities(), **options)
+    found = info(path, capsys)["entities"]
+    assert found == [
+        {"dim": 1, "tag": 7, "cells": 1, "box": [[1, 0, 0], [2, 0, 0]]},
+        {"dim": 2, "tag": 7, "cells": 1, "box": [[1, 0, 0], [2, 1, 0]]},
+        {"dim": 2, "tag": 8, "cells": 2, "box": [[0, 0, 0], [3, 1, 0]]},
+    ]
+    assert main(["info", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"entity:1:7 +1 +\(1, 0, 0\) \.\. \(2, 0, 0\)", said)
+    assert re.search(r"entity:2:8 +2 +\(0, 0, 0\) \.\. \(3, 1, 0\)", said)
+    assert main(["cut", str(path), "--slave", "skin", "-o", str(tmp_path / "c.msh")]) == 2
+    said = capsys.readouterr().err
+    assert "no cell group named 'skin'; there are none, but entity:DIM:TAG names an entity, as entity:1:7" in said
+    assert main(["cut", str(path), "--slave", "entity:1:7", "-o", str(tmp_path / "c.msh")]) == 0
+
+
+def test_entities_among_groups_are_in_the_json_only(tmp_path, capsys):
+    path = tmp_path / "e.msh"
+    lacmesh.write(path, replace(in_entities(), cell_groups={"skin": np.array([3])}))
+    assert len(info(path, capsys)["entities"]) == 3
+    assert main(["info", str(path)]) == 0
+    assert "entity:" not in capsys.readouterr().out
+    assert main(["cut", str(path), "--slave", "skim", "-o", str(tmp_path / "c.msh")]) == 2
+    assert capsys.readouterr().err.strip().endswith("did you mean skin?")
+
+
+def test_a_mesh_with_cells_of_no_entity(capsys):
+    """Cells that a group alone added have (-1, -1), and a field of another program may have that name."""
+    mesh = in_entities()
+    entity = np.where(np.arange(4)[:, None] == 0, -1, mesh.cell_data["entity"])
+    found = describe(replace(mesh, cell_data={"entity": entity}))["entities"]
+    assert [(e["dim"], e["tag"], e["cells"], e["box"][0][0]) for e in found] == [
+        (1, 7, 1, 1),
+        (2, 7, 1, 1),
+        (2, 8, 1, 2),
+    ]
+    for other in (np.arange(4), np.ones((4, 2))):
+        plain = replace(mesh, cell_data={"entity": other})
+        assert plain.entities == describe(plain)["entities"] == []
+        with pytest.raises(GroupNotFoundError, match=r"'entity:2:8'; there are none$"):
+            plain.cells_of("entity:2:8")
+
+
+def test_many_entities_are_cut_short_in_the_table(tmp_path, capsys):
+    points = np.arange(141)[:, None] * [1.0, 0]
+    entity = np.stack([np.ones(140, np.int32), np.arange(140, 0, -1, dtype=np.int32)], axis=1)
+    cells = np.arange(140)[:, None] + [0, 1]
+    lacmesh.write(tmp_path / "m.msh", Mesh.create(points, [("SEG2", cells)], cell_data={"entity": entity}))
+    assert main(["info", str(tmp_path / "m.msh")]) == 0
+    said = capsys.readouterr().out
+    assert said.count("entity:1:") == 60 and "and 80 entities more, which --json lists" in said
 
 
 def test_brackets_in_names_are_printed_as_they_are(tmp_path, capsys):
@@ -363,9 +433,9 @@ def test_a_full_disk_leaves_the_old_file(msh, monkeypatch, capsys):
 def test_a_signal_stops_it_with_nothing_left(msh, sent, status):
     """The writing is slowed, so that the signal arrives while the file beside is there."""
     code = (
-        "import sys, time\nimport lacmesh.formats as f\nsettle = f._settle\n"
+        "import sys, time\nimport lacmesh.formats.output as f\nsettle = f._finish\n"
         "def slow(*a):\n    print('now', flush=True)\n    time.sleep(30)\n    settle(*a)\n"
-        f"f._settle = slow\nfrom lacmesh.cli import main\nsys.exit(main(['cut', {str(msh)!r}, '--slave', 'slave']))"
+        f"f._finish = slow\nfrom lacmesh.cli import main\nsys.exit(main(['cut', {str(msh)!r}, '--slave', 'slave']))"
     )
     before = sorted(msh.parent.iterdir())
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import lacmesh
@@ -76,3 +78,34 @@ def test_a_master_that_the_file_lacks_is_a_wrong_command(tmp_path, capsys):
     asked = ["cut", BLOCKS, "--slave", "slave", "--master", "mster", "-o", str(tmp_path / "out.msh")]
     assert main(asked) == 2
     assert "did you mean master?" in capsys.readouterr().err
+
+
+def test_a_master_far_away_is_found_where_it_is_looked_for(tmp_path, capsys):
+    mesh = lacmesh.read(BLOCKS)
+    points = mesh.points.copy()
+    for _, _, nodes in mesh.select(mesh.cell_groups["upper"]):
+        points[np.unique(nodes), 2] = mesh.points[np.unique(nodes), 2] + 5
+    lacmesh.write(tmp_path / "far.msh", replace(mesh, points=points))
+    asked = ["cut", str(tmp_path / "far.msh"), "--slave", "slave", "--master", "master", "-q"]
+    assert main([*asked, "-o", str(tmp_path / "out.msh")]) == 1
+    assert "look farther (--search-distance)" in capsys.readouterr().err
+    assert main([*asked, "-o", str(tmp_path / "out.msh"), "--search-distance", "6"]) == 0
+    with pytest.raises(SystemExit) as stopped:
+        main([*asked, "-o", str(tmp_path / "other.msh"), "--search-distance", "inf"])
+    assert stopped.value.code == 2
+
+
+def test_a_quiet_check_says_warnings(tmp_path, capsys):
+    mesh = str(DATA / "disc_on_block.msh")
+    assert main(["cut", mesh, "--slave", "slave", "-o", str(tmp_path / "out.msh"), "-q"]) == 0
+    assert main(["check", str(tmp_path / "out.msh"), "--slave", "slave", "--master", "master", "-q"]) == 0
+    printed = capsys.readouterr()
+    assert not printed.out
+    assert "lacmesh: warning: partial-coverage: " in printed.err
+
+
+def test_a_shell_that_was_cut_as_one_passes_the_check(tmp_path, capsys):
+    faces = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]
+    shell = lacmesh.Mesh.create(np.vstack([np.zeros(3), np.eye(3)]), [("TRIA3", faces)], cell_groups={"s": range(4)})
+    assert lacmesh.check(shell, "s").rules[0] == "no-parent"
+    assert not lacmesh.check(lacmesh.cut_skin(shell, "s", skin_only=True)).errors

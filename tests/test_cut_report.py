@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lacmesh import Cut, Mesh, cut_skin, read, write
 from lacmesh.cells import CELLS
+from lacmesh.checks import Finding, check
+from lacmesh.checks.findings import Where
 from lacmesh.cli import main
 from lacmesh.errors import CutError, RequestError, WriteError
 from lacmesh.patterns import RING_PARENTS, WHOLE_FACES
@@ -20,6 +25,7 @@ from lacmesh.report.outline import Charts, Table, Text, Title, outline
 from lacmesh.report.parents import parents_of
 from tests.meshes import cell_with_faces, random_mesh
 
+DATA = Path(__file__).resolve().parents[1] / "data"
 #: every way to cut one cell by one of its facets
 CASES = [
     (name, facet, hexa)
@@ -60,10 +66,10 @@ def test_children_are_compared_with_the_same_parents_with_and_without_the_mesh_b
     assert found.parents + found.unknown == sum(c.cells[0] for c in report.comparisons)
     assert found.child.least == min(c.after["corner_jacobian"].least for c in report.comparisons if c.dim > 1)
     if not found.unknown:
-        assert found.ratio.least == pytest.approx(min(c.ratio.least for c in report.comparisons), rel=1e-9)
-        assert found.ratio.mean * found.ratio.count == pytest.approx(
-            sum(c.ratio.mean * c.ratio.count for c in report.comparisons if c.ratio.count), rel=1e-9
-        )
+        ratios = [c.ratio for c in report.comparisons if c.dim > 1]
+        assert found.ratio.count == sum(r.count for r in ratios)
+        assert found.ratio.least == pytest.approx(min(r.least for r in ratios), rel=1e-9)
+        assert found.ratio.mean * found.ratio.count == pytest.approx(sum(r.mean * r.count for r in ratios), rel=1e-9)
 
 
 def test_parents_cut_by_two_faces_are_counted_as_unknown():
@@ -124,6 +130,45 @@ def test_a_cut_of_another_mesh_is_refused():
     other = replace(mesh, cell_number=mesh.cell_number + 50)
     with pytest.raises(CutError, match="the cut is of another mesh"):
         cut_report(other, cut_skin(mesh, "slave"))
+
+
+# ---- what the check found
+
+
+def checked(tmp_path, *findings):
+    """The three forms of a report with findings, as text."""
+    mesh = stretched(0.2)
+    report = cut_report(mesh, cut_skin(mesh, "slave"), findings=findings)
+    for suffix in (".html", ".md", ".json"):
+        write_report(tmp_path / f"told{suffix}", report)
+    return [(tmp_path / f"told{suffix}").read_text(encoding="utf-8") for suffix in (".html", ".md", ".json")]
+
+
+def test_findings_stand_in_every_form(tmp_path):
+    bad = Finding("shared-node", "error", (1, 2), (7,), Where("slave"), "node 7 is <of> both|sides; part them")
+    good = Finding("bodies", "info", (), (), Where(), "the cells make 2 bodies")
+    page, text, told = checked(tmp_path, bad, good)
+    assert '<b class="bad">error, shared-node in slave</b>: node 7 is &lt;of&gt; both|sides; part them.' in page
+    assert "<b>info, bodies</b>: the cells make 2 bodies." in page
+    assert "**error, shared-node in slave**: node 7 is \\<of\\> both\\|sides; part them." in text
+    assert json.loads(told)["findings"] == [bad.as_dict(), good.as_dict()]
+
+
+def test_a_cut_with_nothing_found_is_told_from_one_that_was_not_checked(tmp_path):
+    page, text, told = checked(tmp_path)
+    assert "What the check found" in page and "What the check found\n\nNothing." in text
+    assert json.loads(told)["findings"] == []
+    mesh = stretched(0.2)
+    report = cut_report(mesh, cut_skin(mesh, "slave"))
+    assert report.as_json()["findings"] is None
+    assert not any(isinstance(b, Title) and b.text == "What the check found" for b in outline(report))
+
+
+def test_the_findings_of_a_check_can_be_told(tmp_path):
+    mesh = stretched(0.2)
+    cut = cut_skin(mesh, "slave")
+    found = check(cut, "slave")
+    assert cut_report(mesh, cut, findings=found).findings == found.findings
 
 
 # ---- the refusal
@@ -195,7 +240,17 @@ def test_html_opens_in_a_browser(report, tmp_path):
         assert (
             browser.value("[...document.querySelectorAll('svg')].filter(s => s.getBBox().width > 200).length") == charts
         )
-        assert browser.value("document.documentElement.scrollWidth <= window.innerWidth")
+        for width, scheme in ((1200, "light"), (400, "light"), (400, "dark")):
+            size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": False}
+            browser.ask("Emulation.setDeviceMetricsOverride", **size)
+            media = [{"name": "prefers-color-scheme", "value": scheme}]
+            browser.ask("Emulation.setEmulatedMedia", features=media)
+            assert browser.value("document.documentElement.scrollWidth <= window.innerWidth")
+            ink, ground = (
+                browser.value(f"getComputedStyle(document.body).{of}") for of in ("color", "backgroundColor")
+            )
+            ink, ground = (sum(map(int, re.findall(r"\d+", colour)[:3])) for colour in (ink, ground))
+            assert (ink > ground + 300) if scheme == "dark" else (ground > ink + 300)
     finally:
         browser.close()
 
@@ -222,7 +277,7 @@ def test_json_has_its_schema(report, tmp_path):
     assert found["schema"] == "lacmesh.cut_report/1" and found["name"] == "part.msh"
     assert list(found) == [
         *("name", "schema", "zones", "nodes", "cells", "replaced", "children", "touched", "sizes", "worst"),
-        *("variants", "types_before", "types_after"),
+        *("variants", "types_before", "types_after", "findings"),
     ]
     for touched in found["touched"]:
         assert list(touched) == ["dim", "cells", "invalid", "before", "after", "ratio_to_parent"]
@@ -272,6 +327,25 @@ def test_cut_refuses_what_is_below_the_least_quality(msh, tmp_path, capsys):
     assert main([*asked, "--min-quality", "0.01", "--report", str(told)]) == 0
     assert f"report: {told}" in capsys.readouterr().out and told.read_text().startswith("<!DOCTYPE html>")
     assert Cut(read(out)).n_macros == 1
+
+
+def test_a_cut_that_is_checked_reports_the_findings(tmp_path, capsys):
+    told = tmp_path / "told.json"
+    asked = ["cut", str(DATA / "two_blocks.msh"), "--slave", "slave", "--report", str(told), "-q", "--force"]
+    assert main([*asked, "-o", str(tmp_path / "out.msh"), "--master", "master"]) == 0
+    assert "gap" in [f["rule"] for f in json.loads(told.read_text())["findings"]]
+    assert main([*asked, "-o", str(tmp_path / "out.msh")]) == 0
+    assert json.loads(told.read_text())["findings"] is None
+
+
+def test_a_cut_loads_neither_compiler_nor_measures(tmp_path):
+    """Unless a report is asked for; so that it starts quickly."""
+    asked = ["cut", str(DATA / "two_blocks.msh"), "--slave", "slave", "-o", str(tmp_path / "out.msh")]
+    code = "import sys; from lacmesh.cli import main; main(sys.argv[1:]); print(*sorted(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code, *asked], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.splitlines()[-1].split())
+    assert "lacmesh.quality.corner" in loaded
+    assert not {"numba", "scipy", "matplotlib", "lacmesh.quality.measures", "lacmesh.report.compare"} & loaded
 
 
 def test_reports_are_checked_before_anything_is_read(msh, tmp_path, capsys):

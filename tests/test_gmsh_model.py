@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import subprocess
 import sys
 import warnings
 from dataclasses import replace
@@ -281,6 +282,22 @@ def test_cells_that_get_elements_hides_are_found(gmsh, tmp_path, first):
     same(mesh, saved(gmsh, tmp_path / "mixed.msh"))
 
 
+@pytest.mark.parametrize("last", [4, 5000, 2_500_000])
+@pytest.mark.parametrize("visible", [True, False])
+def test_lines_that_get_elements_hides_are_found_whatever_their_numbers(gmsh, last, visible):
+    """gmsh counts no lines: one of another order is found by its number."""
+    gmsh.model.add("mixed")
+    line = gmsh.model.addDiscreteEntity(1)
+    gmsh.model.mesh.addNodes(1, line, range(1, 7), np.random.default_rng(0).random(18))
+    gmsh.model.mesh.addElementsByType(line, 1, [1, 3, last + 2], [1, 2, 2, 3, 3, 4])
+    gmsh.model.mesh.addElementsByType(line, 8, [last], [4, 5, 6])
+    gmsh.model.mesh.setVisibility([last], int(visible))
+    mesh = to_mesh()
+    numbers = {kind: mesh.cell_number[cells].tolist() for kind, cells, _ in mesh.select(np.arange(mesh.n_cells))}
+    assert numbers == {"SEG2": [1, 3, last + 2], "SEG3": [last]}
+    assert gmsh.model.mesh.getVisibility([1, last]).tolist() == [1, int(visible)]
+
+
 def test_what_is_missing_is_said(gmsh, monkeypatch):
     with pytest.raises(RequestError, match="has no mesh"):
         to_mesh()
@@ -456,11 +473,41 @@ def test_an_interrupt_waits_until_the_model_is_whole(gmsh, monkeypatch):
         return add(*args)
 
     monkeypatch.setattr(gmsh.model.mesh, "addElementsByType", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        cut_model(slave)
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # whatever a gmsh of another test has set
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            cut_model(slave)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, handler)
     mesh = to_mesh()
     assert Cut(mesh).n_macros > 10
     assert properties.volumes(mesh)[mesh.cell_dim == 3].sum() == pytest.approx(2, rel=1e-12)
+
+
+INTERRUPTED = """
+import signal, gmsh
+from lacmesh.gmsh import cut_model
+gmsh.initialize()  # which lets an interrupt end the process
+gmsh.option.setNumber("General.Terminal", 0)
+gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+gmsh.model.occ.synchronize()
+gmsh.model.mesh.generate(3)
+add = gmsh.model.mesh.addElementsByType
+def interrupted(*args):
+    signal.raise_signal(signal.SIGINT)
+    print("went on", flush=True)
+    return add(*args)
+gmsh.model.mesh.addElementsByType = interrupted
+cut_model("entity:2:1")
+print("not interrupted", flush=True)
+"""
+
+
+def test_an_interrupt_that_ends_the_process_waits_too():
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True)
+    assert done.returncode == -signal.SIGINT
+    assert set(done.stdout.splitlines()) == {"went on"}
 
 
 # ---- the records as views
@@ -631,6 +678,30 @@ def test_groups_moved_nodes_and_reversed_faces_come_back(gmsh):
     numbers = {n: set(changed.cell_number[c].tolist()) for n, c in groups.items()}
     assert {n: set(back.cell_number[c].tolist()) for n, c in back.cell_groups.items()} == numbers
     assert len([t for t in gmsh.model.getEntities(2) if gmsh.model.getType(*t) == "Discrete surface"]) == 1
+
+
+def test_moved_nodes_keep_their_parameters(gmsh, monkeypatch):
+    """Nodes of a cylinder turned on it: gmsh is asked for an entity's once, and each node has its own parameters."""
+    gmsh.model.add("pin")
+    gmsh.model.occ.addCylinder(0, 0, 0, 0, 0, 1, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.4)
+    gmsh.model.mesh.generate(2)
+    mesh = to_mesh()
+    side = (mesh.node_data["entity"] == [2, 1]).all(axis=1)
+    points = mesh.points.copy()
+    turn = np.array([[np.cos(0.01), -np.sin(0.01)], [np.sin(0.01), np.cos(0.01)]])
+    points[side, :2] = points[side, :2] @ turn.T
+    asked, get = [], gmsh.model.mesh.getNodes
+    with monkeypatch.context() as patched:
+        patched.setattr(gmsh.model.mesh, "getNodes", lambda *a, **kw: (asked.append((a, kw)), get(*a, **kw))[1])
+        update_model(replace(mesh, points=points))
+    with_parameters = [a for a, kw in asked if kw.get("returnParametricCoord")]
+    assert side.sum() > 20 and len(with_parameters) == 1
+    nodes, xyz, parameters = gmsh.model.mesh.getNodes(2, 1, returnParametricCoord=True)
+    order = np.argsort(nodes)
+    assert np.abs(xyz.reshape(-1, 3)[order] - points[side][np.argsort(mesh.node_number[side])]).max() < 1e-12
+    assert np.abs(gmsh.model.getValue(2, 1, parameters) - xyz).max() < 1e-6
 
 
 def test_nodes_that_are_gone_make_the_mesh_anew(gmsh):

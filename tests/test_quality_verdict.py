@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacmesh.quality.vectors import nodes_first
+from lacmesh.quality.measures import RELATIVE
+from lacmesh.quality.vectors import dot, nodes_first, unit
 from lacmesh.quality.verdict import ACCEPTED, CLASSES
-from tests.quality_cells import IDEAL, LINEAR, degenerate, distorted
+from tests.quality_cells import IDEAL, LINEAR, degenerate, distorted, near_ideal
 
 pytestmark = pytest.mark.vtk
 
@@ -44,29 +45,34 @@ def differences(mine, theirs):
     return np.where(np.isnan(error), np.inf, error)
 
 
-def without_a_straight_angle(name, measure, x, mine):
-    """(k,): cells on which Verdict's arc cosine is of a number within round-off of 1, where it may be undefined.
+def a_straight_angle(measure, x, mine, theirs):
+    """(k,): angles of 0 or 180 degrees. Verdict's arc cosine may be of a number beyond 1 by round-off.
 
-    There we say 0, or 180; Verdict passes the angle over, or says 1e30.
+    Then it takes another angle of the cell, or says 1e30.
     """
-    if measure == "min_angle" and name in ("QUAD4", "TETRA4"):
-        return mine > 0
-    return np.ones(len(x), bool)
+    if measure not in ("min_angle", "max_angle"):
+        return np.zeros(len(x), bool)
+    return np.isclose(mine % 180, 0, atol=1e-5) & ((np.abs(theirs - mine) < 1e-5) | (theirs == 1e30) | (theirs < 180))
 
 
-def has_volume(name, measure, x, mine):
-    """(k,): prisms without volume are left out of `distortion`, a ratio to it: 0 / 0 but for round-off."""
-    if (name, measure) == ("PENTA6", "distortion"):
-        volume = CLASSES[name](nodes_first(x)).volume()
-        return np.abs(volume) > 1e-12
-    return np.ones(len(x), bool)
+def nothing_over_nothing(measure, x, mine, theirs):
+    """(k,): a prism or hexahedron without volume: 0 / 0, but for round-off of one of them."""
+    if measure not in ("distortion", "dimension") or x.shape[1] not in (6, 8):
+        return np.zeros(len(x), bool)
+    volume = CLASSES["PENTA6" if x.shape[1] == 6 else "HEXA8"](nodes_first(x)).volume()
+    return np.abs(volume) < 1e-12
 
 
-def not_tiny(name, measure, x, mine):
-    """(k,): Verdict takes determinants below 2.2e-15 for nothing, in the mesh's own unit; `oddy` of HEXA8 shows it."""
-    if measure == "oddy":
-        return np.abs(x - x.mean(axis=1, keepdims=True)).max(axis=(1, 2)) > 1e-4
-    return np.ones(len(x), bool)
+def a_corner_across_the_face(measure, x, mine, theirs):
+    """(k,): a quadrangle with a corner at right angles to the face: which side it is on is round-off."""
+    if measure != "distortion" or x.shape[1] != 4:
+        return np.zeros(len(x), bool)
+    cells = CLASSES["QUAD4"](nodes_first(x))
+    return np.min([np.abs(dot(unit(cells._face_normal), unit(n))) for n in cells.N], axis=0) < 1e-12
+
+
+#: where Verdict's own number is decided by round-off
+ROUNDED = (a_straight_angle, nothing_over_nothing, a_corner_across_the_face)
 
 
 @pytest.mark.parametrize("name", LINEAR)
@@ -74,20 +80,29 @@ def test_the_measures_are_those_that_verdict_defines(name):
     assert set(verdict(name, distorted(name, k=2))) == set(ACCEPTED[name])
 
 
-@pytest.mark.parametrize("cells", [distorted, degenerate])
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("cells", [distorted, degenerate, near_ideal])
 @pytest.mark.parametrize("name", LINEAR)
-def test_every_measure_equals_verdicts(name, cells):
-    x = cells(name)
+def test_every_measure_equals_verdicts(name, cells, seed):
+    x = cells(name, seed=seed)
     mine, theirs = ours(name, x), verdict(name, x)
     assert set(mine) == set(theirs)
     for measure, values in mine.items():
-        kept = np.ones(len(x), bool)
-        for rule in (without_a_straight_angle, has_volume, not_tiny):
-            kept &= rule(name, measure, x, values)
-        error = np.where(kept, differences(values, theirs[measure]), 0)
-        worst = error.argmax()
-        assert error[worst] < 1e-10, f"{measure} of {x[worst].tolist()}: {values[worst]}, {theirs[measure][worst]}"
-        assert kept.mean() >= (0.4 if cells is degenerate else 0.98), f"{measure}: too many are left out"
+        differ = differences(values, theirs[measure]) > 1e-10
+        rounded = differ & np.any([rule(measure, x, values, theirs[measure]) for rule in ROUNDED], axis=0)
+        wrong = np.flatnonzero(differ & ~rounded)
+        assert not len(wrong), (measure, [(x[k].tolist(), values[k], theirs[measure][k]) for k in wrong[:3]])
+        assert rounded.mean() <= (0.025 if cells is degenerate else 0), f"{measure}: {rounded.sum()} are passed over"
+
+
+@pytest.mark.parametrize("name", ["TETRA4", "HEXA8"])
+def test_sizes_in_a_mesh_that_is_mostly_inside_out(name):
+    """The mean size is negative, and no cell is as good as the others for being like them."""
+    x = np.array(IDEAL[name]) * np.array([[1, 1, -3], [1, 1, -2], [1, 1, -1], [1, 2, 1.0]])[:, None]
+    mine, theirs = ours(name, x), verdict(name, x)
+    for measure in set(RELATIVE) & set(mine):
+        assert not (mine[measure] > 0).any()
+        np.testing.assert_allclose(mine[measure], theirs[measure], rtol=1e-10, err_msg=measure)
 
 
 @pytest.mark.parametrize("name", LINEAR)
@@ -128,7 +143,7 @@ def test_edge_ratio_is_verdicts_where_it_has_one(name):
     mine = edge_ratio(name, x)
     if name == "HEXA8":  # its program misses the longest or the shortest edge of some cells
         assert (mine >= theirs * (1 - 1e-10)).all()
-        same = np.isclose(mine, theirs, rtol=1e-10)
+        same = np.isclose(mine, theirs, rtol=1e-10, atol=0)
         assert 0.2 < same.mean() < 1  # when it finds them all, these lines go
         return
     np.testing.assert_allclose(mine, theirs, rtol=1e-10)

@@ -358,3 +358,38 @@ def test_the_whole_of_a_cut_is_a_cut():
     np.testing.assert_array_equal(a.nodes, b.nodes)
     np.testing.assert_array_equal(a.patch_code, b.patch_code)
     assert cut_blocks("QUAD4").n_cells > 0
+
+
+# ---- real meshes
+
+#: mesh of the shared folder -> its slave groups
+REAL = {
+    "ssnp150c": "BAS",
+    "ssnp170a": "Group_1",
+    "ssnp170e": "Group_2",
+    "ssnp170k": "Group_1",
+    "ssnp170m": "Group_1",
+    "ssnp173a": "Group_2",
+    "ssnv104k": "CON2",
+    "ssnv104l": "CON2",
+    "ssnv219e": "ESCLAVE",
+    "zzzz383a": ("Edge_1", "Edge_2"),
+    "zzzz383b": "Edge_1",
+    "zzzz383c": "Face_2",
+    "zzzz383d": "Face_2",
+}
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("name", REAL)
+@pytest.mark.filterwarnings("ignore:.*left out")
+def test_real_meshes(shared, name):
+    """Linear and quadratic, both variants: nothing is found before the cut, the whole cut after it."""
+    mesh = lacmesh.read(shared / "reference" / "meshes" / f"{name}.med")
+    specs = [REAL[name]] if isinstance(REAL[name], str) else list(REAL[name])
+    quadratic = any(CELLS[b.type].order == 2 for b in mesh.blocks)
+    for base in [mesh] if quadratic else [mesh, lacmesh.raise_order(mesh, "2")]:
+        assert find_macros(base, specs).n_cut == 0
+        for hexa in ("pyramid", "hexa"):
+            cut = cut_skin(base, specs, hexa=hexa)
+            same(cut, recognise(without_records(cut.mesh), specs))

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from lacmesh.cells import CELLS
 from lacmesh.cut import cut_skin
-from lacmesh.errors import CutError, GroupNotFoundError, RequestError
+from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.formats import write
-from lacmesh.formats.inp_write_types import card
+from lacmesh.formats.inp.writer_types import card
 from lacmesh.mesh import Mesh
 from lacmesh.order import raise_order
-from lacmesh.targets import TARGETS, check_target_cells, element, refused
+from lacmesh.targets import TARGETS, check_cells, check_target_cells, element, refused
 from tests.formats.feature_cases import one_cell
 from tests.meshes import box, cell_with_faces
 
@@ -25,10 +28,9 @@ def slave_box(**rest):
 
 
 def cases():
-    for kind, cell in CELLS.items():
-        for number, facet in enumerate(cell.facets if cell.dim == 3 else ()):
-            if [f.type for f in cell.facets].index(facet.type) == number:
-                yield kind, number
+    """Every solid cell, with one facet of each type that it has."""
+    facets = {kind: [f.type for f in cell.facets] for kind, cell in CELLS.items() if cell.dim == 3}
+    return [(kind, types.index(facet)) for kind, types in facets.items() for facet in dict.fromkeys(types)]
 
 
 @pytest.mark.parametrize("target", TARGETS)
@@ -49,6 +51,50 @@ def test_the_word_before_the_cut_is_the_truth_after_it(case, hexa, target):
             check_target_cells(mesh, "slave", target, hexa=hexa)
 
 
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "targets.md"
+
+
+def rows_of_the_page():
+    """Cell, slave face, variant, and what the page says of each target."""
+    text = PAGE.read_text(encoding="utf-8").split("<!-- patterns: begin -->")[1].split("<!-- patterns: end -->")[0]
+    rows = [[word.strip() for word in line.strip("|\n").split("|")] for line in text.strip().splitlines()[2:]]
+    return [(*row[:3], dict(zip(TARGETS, row[4:], strict=True))) for row in rows]
+
+
+def mesh_of(kind, face, variant, alone):
+    """A mesh with a cell whose slave face is the group 'slave'; where not `alone`, another such cell is left uncut."""
+    cell = CELLS[kind]
+    facet = next(f for f in cell.facets if f.type == face)
+    points, blocks = np.array(cell.reference, float), [(kind, [range(cell.n_nodes)])]
+    if not alone:
+        points, blocks[0] = np.vstack([points, points + 5]), (kind, np.arange(2 * cell.n_nodes).reshape(2, -1))
+    faces = [facet.nodes]
+    if variant == "beside a TRIA3":
+        a, b = facet.nodes
+        blocks.append(("TRIA3", [[b, a, len(points)]]))
+        points = np.vstack([points, 1.5 * points[[a, b]].sum(axis=0)])
+    mesh = Mesh.create(points, [*blocks, (face, faces)])
+    return replace(mesh, cell_groups={"slave": np.flatnonzero(mesh.cell_dim == mesh.dim - 1)})
+
+
+@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("row", rows_of_the_page(), ids=lambda row: "-".join(row[:3]).replace(" ", "_"))
+def test_the_page_says_what_the_check_finds(row, target):
+    kind, face, variant, told = row
+    hexa = variant if variant in ("hexa", "pyramid") else "pyramid"
+    for alone in (True, False):
+        mesh = mesh_of(kind, face, variant, alone)
+        if told[target] == "yes" or (told[target] == "alone" and alone):
+            check_target_cells(mesh, "slave", target, hexa=hexa)
+            continue
+        with pytest.raises(CutError) as caught:
+            check_target_cells(mesh, "slave", target, hexa=hexa)
+        assert all(
+            name in str(caught.value) for name in told[target].removeprefix("no ").split(", ") if name != "alone"
+        )
+        assert told[target].startswith(("no ", "alone"))
+
+
 def test_calculix_has_no_pyramids():
     mesh = slave_box()
     with pytest.raises(CutError) as caught:
@@ -62,11 +108,29 @@ def test_calculix_has_no_pyramids():
     check_target_cells(mesh, "slave", "abaqus")
 
 
-def test_prisms_have_no_way():
-    mesh = cell_with_faces("PENTA6", [0])
+@pytest.mark.parametrize(("kind", "facet"), [("PENTA6", 0), ("PENTA6", 2), ("PYRAM5", 1), ("PENTA15", 0)])
+def test_prisms_have_no_way(kind, facet):
+    mesh = cell_with_faces(kind, [facet])
+    before = kind == "PYRAM5"
     for hexa in ("pyramid", "hexa"):
-        with pytest.raises(CutError, match="no option changes that for prisms and pyramids"):
+        with pytest.raises(CutError) as caught:
             check_target_cells(mesh, "slave", "calculix", hexa=hexa)
+        way = f"no option changes that for the 1 {kind} behind the slave skin: mesh these with tetrahedra"
+        assert ("it has 1 PYRAM5 before it is cut: mesh it anew" if before else way) in str(caught.value)
+
+
+def test_only_what_has_no_way_is_to_be_meshed_anew():
+    """A hexahedron and a prism side by side, both behind the skin: hexahedra would have a way, the prism has none."""
+    x = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]], float)
+    points = np.vstack([x, x + np.array([0, 0, 1])])
+    blocks = [("HEXA8", [[0, 1, 2, 3, 5, 6, 7, 8]]), ("PENTA6", [[1, 4, 2, 6, 9, 7]])]
+    skin = [("QUAD4", [[0, 3, 2, 1]]), ("TRIA3", [[1, 2, 4]])]
+    mesh = Mesh.create(points, blocks + skin, cell_groups={"slave": [2, 3], "square": [2]})
+    with pytest.raises(CutError, match="no option changes that for the 1 PENTA6 behind the slave skin"):
+        check_target_cells(mesh, "slave", "calculix")
+    with pytest.raises(CutError, match="--hexa hexa makes hexahedra instead"):
+        check_target_cells(mesh, "square", "calculix")
+    check_target_cells(mesh, "square", "calculix", hexa="hexa")
 
 
 def test_dolfinx_takes_no_mixture():
@@ -89,8 +153,16 @@ def test_serendipity_is_not_dolfinx():
 
 
 def test_a_mesh_that_is_cut_already():
-    with pytest.raises(CutError, match="it is cut already: cut the mesh it came from with --hexa hexa"):
-        check_target_cells(cut_skin(slave_box(), "slave").mesh, "slave", "calculix")
+    mesh = cut_skin(slave_box(), "slave").mesh
+    message = (
+        "is cut already, has 5 PYRAM5, and CalculiX has no such cells; cut the mesh that it came from with --for c"
+    )
+    with pytest.raises(CutError, match=message):
+        check_target_cells(mesh, "slave", "calculix")
+    check_target_cells(mesh, "slave", "abaqus")
+    with pytest.raises(DataError, match="the mesh has 5 PYRAM5, and CalculiX has no such cells"):
+        check_cells(mesh, "calculix")
+    check_cells(mesh, "abaqus")
 
 
 def test_a_wrong_name_is_the_first_error():

@@ -14,7 +14,7 @@ import pytest
 
 from lacmesh import Mesh
 from lacmesh.errors import RequestError, WriteError
-from lacmesh.scene import colours
+from lacmesh.scene import colours, make_scene
 from lacmesh.scene.marks import cell_values
 from lacmesh.view import page, picture, png
 from tests.test_view import Said, cube, two_cubes
@@ -82,6 +82,20 @@ def test_small_and_strange_pictures(mesh, tmp_path):
         (["-o", "a.html", "--slave", "slav"], 2, "did you mean slave"),
         (["-o", "a.html", "--master", "mastre"], 2, "did you mean master"),
         (["-o", "a.html", "--camera", "0", "0", "0"], 2, "no direction"),
+        (["-o", "a.png", "--camera", "nan", "0", "0"], 2, "--camera nan 0 0 is no direction"),
+        (["-o", "a.html", "--camera", "0", "inf", "0"], 2, "--camera 0 inf 0 is no direction"),
+        (["-o", "a.html", "--cutaway", "0", "0", "0"], 2, "no direction"),
+        (["-o", "a.png", "--cutaway", "0", "0", "inf"], 2, "--cutaway 0 0 inf is no direction"),
+        (["-o", "a.html", "--cutaway", "1", "nan", "0"], 2, "--cutaway 1 nan 0 is no direction"),
+        *(
+            (
+                ["-o", f"a.{kind}", "--explode", gap],
+                2,
+                f"--explode {float(gap):g} is no gap; say a number from 0 to 100",
+            )
+            for gap in ("nan", "inf", "-1", "1e300", "100.1")
+            for kind in ("png", "html")
+        ),
         (["-o", "a.html", "--quality", "corner_jacobia"], 2, "did you mean corner_jacobian"),
         (["-o", "a.html", "--mesh", "other"], 2, "other"),
         (["-o", "a.png", "--size", "99999x3"], 2, "each side is 1 to"),
@@ -98,6 +112,33 @@ def test_a_wrong_request(arguments, code, words, blocks, tmp_path, capsys, monke
     assert len(said.strip().splitlines()) == 1
     assert sorted(p.name for p in tmp_path.iterdir()) == ["blocks.msh", "there.html"]
     assert Path("there.html").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"camera": (0, float("nan"), 1)}, "camera 0 nan 1 is no direction"),
+        ({"camera": (1, 0)}, "camera 1 0 is no direction"),
+        ({"cutaway": (0, 0, 0)}, "cutaway 0 0 0 is no direction"),
+        ({"explode": float("nan")}, "explode nan is no gap"),
+        ({"explode": -0.1}, "explode -0.1 is no gap"),
+        ({"near": float("nan"), "slave": "slave"}, "near nan is no distance"),
+    ],
+)
+def test_a_wrong_request_from_python(options, words, tmp_path, monkeypatch):
+    monkeypatch.setattr(png, "find_spec", lambda name: True)
+    for draw, name in ((picture, "a.png"), (page, "a.html")):
+        with pytest.raises(RequestError, match=f"^{words}"):
+            draw(two_cubes(), tmp_path / name, **options)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("scale", [1e-320, 1e-200, 1e300])
+def test_a_direction_of_any_length(scale, tmp_path):
+    drawn = make_scene(two_cubes(), camera=(scale, 0, scale), cutaway=(0, 0, scale))
+    plain = make_scene(two_cubes(), camera=(1, 0, 1), cutaway=(0, 0, 1))
+    np.testing.assert_allclose(drawn.eye, plain.eye, rtol=1e-3)
+    np.testing.assert_array_equal(drawn.layers[0].points, plain.layers[0].points)
 
 
 @pytest.mark.parametrize("size", ["100", "0x5", "axb", "-3x4"])

@@ -5,15 +5,21 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
+from drawing.measures import own_table, verdict_table
 from drawing.patterns import children_text, patterns
 from drawing.solids import body
 from lacmesh.cells import CELLS
+from lacmesh.formats.fidelity import FEATURES, ROWS
+from lacmesh.formats.table import FORMATS, OF_NAME
 from lacmesh.patterns import WHOLE, WHOLE_FACES
 from lacmesh.quadrature import rule
 from lacmesh.quality import corner_jacobian
+from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.shapes import shape
+from lacmesh.targets import TARGETS, element
 
 
 def counts_table() -> Iterator[str]:
@@ -89,6 +95,54 @@ def types_table() -> Iterator[str]:
         )
 
 
+def features_table(by_meshio: bool) -> Iterator[str]:
+    """Feature by format: what becomes of it."""
+    rows = [row for row in ROWS if OF_NAME[row.format].meshio == by_meshio]
+    yield from _head("", *(row.title for row in rows))
+    for key, title in FEATURES.items():
+        yield f"| {title} | {' | '.join(row.keeps(key) for row in rows)} |"
+
+
+def kept_cells_table(by_meshio: bool) -> Iterator[str]:
+    """Type of cell by format: what becomes of it."""
+    rows = [row for row in ROWS if OF_NAME[row.format].meshio == by_meshio]
+    yield from _head("", *(row.title for row in rows))
+    for kind in CELLS:
+        yield f"| {kind} | {' | '.join(row.keeps_cells(kind) for row in rows)} |"
+
+
+def suffixes_table() -> Iterator[str]:
+    """Every format, and the suffixes that mean it."""
+    yield from _head("format", "suffixes", "options of `lacmesh.write`")
+    for form in FORMATS:
+        options = ", ".join(f"`{name}`" for name in (("msh",) if form.name == "msh" else ()) + form.options)
+        yield f"| {form.title} | {' '.join(form.suffixes)} | {options} |"
+
+
+def elements_table() -> Iterator[str]:
+    """Type of cell by target: the target's name for it."""
+    yield from _head("cell", *TARGETS.values())
+    for kind in CELLS:
+        names = [dict.fromkeys(element(kind, target, plane=p) or "none" for p in (False, True)) for target in TARGETS]
+        flat = CELLS[kind].dim == 2
+        told = [" / ".join(n) if flat or len(n) < 2 else next(iter(n)) for n in names]
+        yield f"| {kind} | {' | '.join(told)} |"
+
+
+def targets_table() -> Iterator[str]:
+    """Every pattern by target: whether it takes what the cell becomes."""
+    yield from _head("cell", "slave face", "variant", "becomes", *TARGETS.values())
+    for p in patterns():
+        kinds = {p.cell} if p.kind == WHOLE else {block.type for block in p.volume.children}
+        what = f"1 {p.cell}" if p.kind == WHOLE else children_text(p.volume)
+        told = []
+        for target in TARGETS:
+            lacking = {k for k in {p.cell, *kinds} if element(k, target, CELLS[p.cell].dim == 2) is None}
+            alone = p.cell in lacking or (target == "fenics" and kinds != {p.cell})
+            told.append(f"no {', '.join(sorted(lacking & kinds))}" if lacking & kinds else "alone" if alone else "yes")
+        yield f"| {p.cell} | {p.face} | {p.variant} | {what} | {' | '.join(told)} |"
+
+
 def _head(*columns: str) -> Iterator[str]:
     """The head of a table; a column that ends in > is set to the right."""
     yield f"| {' | '.join(c.removesuffix(' >') for c in columns)} |"
@@ -110,6 +164,15 @@ def _span(nodes: Any) -> str:
 TABLES = {
     "cut.md": {"counts": counts_table, "integrals": integrals_table},
     "conventions.md": {"families": families_table, "types": types_table},
+    "formats.md": {
+        "suffixes": suffixes_table,
+        "features": partial(features_table, False),
+        "cells": partial(kept_cells_table, False),
+        "features by meshio": partial(features_table, True),
+        "cells by meshio": partial(kept_cells_table, True),
+    },
+    "targets.md": {"patterns": targets_table, "elements": elements_table},
+    "quality.md": {"own": own_table, **{kind: partial(verdict_table, kind) for kind in ACCEPTED}},
 }
 
 

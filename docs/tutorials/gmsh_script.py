@@ -1,7 +1,6 @@
-"""A roller on a block, from the geometry to the cut mesh: `python gmsh_script.py [FOLDER] [--show]`."""
+"""A roller on a block, from the geometry to the cut mesh: `python gmsh_script.py [--show]`."""
 
 import sys
-from pathlib import Path
 
 import gmsh
 
@@ -14,7 +13,7 @@ gmsh.model.add("roller")
 
 # Two bodies that touch along a line. They are not joined, so each gets a mesh of its own.
 occ = gmsh.model.occ
-block = occ.addBox(0, 0, -6, 16, 12, 6)
+block = occ.addBox(0, 0, -4, 14, 12, 4)
 cylinder = occ.addCylinder(0, 2, 10, 0, 8, 0, 10)
 ((_, roller),), _ = occ.intersect([(3, cylinder)], [(3, occ.addBox(0, 0, 0, 20, 20, 10))])
 occ.synchronize()
@@ -27,10 +26,10 @@ def faces_in(x0, y0, z0, x1, y1, z1):
     return [tag for _, tag in found]
 
 
-gmsh.model.addPhysicalGroup(2, faces_in(0, 0, 0, 16, 12, 0), name="contact")
-gmsh.model.addPhysicalGroup(2, faces_in(0, 0, -6, 16, 12, -6), name="bottom")
-gmsh.model.addPhysicalGroup(2, faces_in(0, 0, -6, 0, 12, 10), name="symmetry")
-gmsh.model.addPhysicalGroup(2, faces_in(0, 0, 10, 16, 12, 10), name="top")
+gmsh.model.addPhysicalGroup(2, faces_in(0, 0, 0, 14, 12, 0), name="contact")
+gmsh.model.addPhysicalGroup(2, faces_in(0, 0, -4, 14, 12, -4), name="bottom")
+gmsh.model.addPhysicalGroup(2, faces_in(0, 0, -4, 0, 12, 10), name="symmetry")
+gmsh.model.addPhysicalGroup(2, faces_in(0, 0, 10, 14, 12, 10), name="top")
 round_faces = [tag for _, tag in gmsh.model.getEntities(2) if gmsh.model.getType(2, tag) == "Cylinder"]
 gmsh.model.addPhysicalGroup(2, round_faces, name="roller_face")
 gmsh.model.addPhysicalGroup(3, [block], name="block")
@@ -40,7 +39,7 @@ gmsh.model.addPhysicalGroup(3, [roller], name="roller")
 sides = gmsh.model.getBoundary([(3, block)], oriented=False)
 for _, edge in gmsh.model.getBoundary(sides, combined=False, oriented=False):
     x0, y0, _, x1, y1, _ = gmsh.model.getBoundingBox(1, edge)
-    cells, growth = (12, 1.15) if x1 - x0 > 1 else (14, 1) if y1 - y0 > 1 else (5, 1)
+    cells, growth = (10, 1.06) if x1 - x0 > 1 else (8, 1) if y1 - y0 > 1 else (4, 1)
     gmsh.model.mesh.setTransfiniteCurve(edge, cells + 1, "Progression", growth)
 for _, side in sides:
     gmsh.model.mesh.setTransfiniteSurface(side)
@@ -48,17 +47,16 @@ for _, side in sides:
 gmsh.model.mesh.setTransfiniteVolume(block)
 for point in gmsh.model.getBoundary([(3, roller)], recursive=True):
     height = gmsh.model.getValue(*point, [])[2]
-    gmsh.model.mesh.setSize([point], 0.6 if height < 1 else 2.5)
+    gmsh.model.mesh.setSize([point], 0.8 if height < 1 else 1.5)
 gmsh.model.mesh.generate(3)
 
 # The cut, in gmsh's model: the upper face of the block is the slave.
 cut = cut_model("contact", hexa="hexa")
-print(f"{cut.n_macros} macro-elements, {cut.mesh.n_cells} cells")
+print(cut.n_macros, "macro-elements;", cut.mesh.cells_by_type["HEXA8"], "HEXA8")
 
 # Files: by gmsh, as any model; by lacmesh, with the records of the cut.
-folder = Path(next((a for a in sys.argv[1:] if not a.startswith("-")), "."))
-gmsh.write(str(folder / "roller.msh"))
-lacmesh.write(folder / "roller.med", cut.mesh)
+gmsh.write("roller.msh")
+lacmesh.write("roller.med", cut.mesh)
 if "--show" in sys.argv:
     gmsh.fltk.run()
 gmsh.finalize()

@@ -1,4 +1,4 @@
-"""Run the tutorials as their pages stand, and keep the pictures they make beside the pages.
+"""Run the commands of the tutorials as their pages stand, and keep the pictures they make beside the pages.
 
 python docs/tutorials/run.py        needs gmsh and pyvista; writes docs/tutorials/*.png
 """
@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 import re
 import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from lacmesh.cli import main as lacmesh
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
+PAGES = ("gmsh_script.md", "step_to_med.md")
 
 
 class Command(NamedTuple):
@@ -36,9 +37,9 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 def commands(page: Path) -> list[Command]:
-    """The commands of a page, in their order."""
+    """The commands of a page, in their order; a line that ends with a backslash goes on in the next."""
     found: list[Command] = []
-    for line in "".join(blocks(page, "console")).splitlines():
+    for line in "".join(blocks(page, "console")).replace("\\\n", "").splitlines():
         if line.startswith("$ "):
             found.append(Command(shlex.split(line[2:]), []))
         elif line.strip():
@@ -46,48 +47,37 @@ def commands(page: Path) -> list[Command]:
     return found
 
 
-def run_page(page: Path, folder: Path) -> list[tuple[Command, str]]:
-    """Run the commands of a page in a folder that has the checkout's `data/`; each with what it printed."""
-    shutil.copytree(ROOT / "data", folder / "data", dirs_exist_ok=True)
-    done = []
-    with contextlib.chdir(folder):
-        for command in commands(page):
-            name, *rest = command.words
-            printed = io.StringIO()
-            with contextlib.redirect_stdout(printed):
-                status = lacmesh(rest)
-            if name != "lacmesh" or status:
-                raise SystemExit(f"{page.name}: {shlex.join(command.words)} ended with status {status}")
-            done.append((command, printed.getvalue()))
-    return done
+def run_page(page: Path, folder: Path) -> Iterator[tuple[Command, str]]:
+    """Run the commands of a page in a folder that has what of the checkout they name; each with what it printed."""
+    for name in ("data/pin_in_lug.step", "docs/tutorials/gmsh_script.py"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, folder / name)
+    for command in commands(page):
+        with contextlib.chdir(folder):
+            yield command, run(command.words)
 
 
-def run_script(folder: Path) -> str:
-    """Run gmsh_script.py in a folder; what it printed."""
-    done = subprocess.run(
-        [sys.executable, str(HERE / "gmsh_script.py"), str(folder)], capture_output=True, text=True, check=True
-    )
-    return done.stdout
-
-
-def draw_script(folder: Path) -> None:
-    """The picture of what gmsh_script.py left in a folder."""
-    import lacmesh
-    from lacmesh.view import picture
-
-    mesh = lacmesh.read(folder / "roller.med")
-    title = f"{lacmesh.Cut(mesh).n_macros} slave faces of HEXA8, cut into hexahedra"
-    picture(mesh, folder / "roller.png", master="roller_face", camera=(1.0, -1.2, 1.2), explode=0.25, title=title)
+def run(words: list[str]) -> str:
+    """Run `lacmesh ...` or `python ...`; what it printed. Raises SystemExit where it fails."""
+    program, *rest = words
+    if program == "python":
+        return subprocess.run([sys.executable, *rest], stdout=subprocess.PIPE, text=True, check=True).stdout
+    assert program == "lacmesh", words
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        status = lacmesh(rest)
+    if status:
+        raise SystemExit(f"{shlex.join(words)} ended with status {status}")
+    return printed.getvalue()
 
 
 def main() -> None:
-    """Run both, and keep their pictures."""
+    """Run all pages, and keep their pictures."""
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(os.path.realpath(name))
-        run_script(folder)
-        draw_script(folder)
-        for _, printed in run_page(HERE / "step_to_med.md", folder):
-            print(printed)
+        folder = Path(name)
+        for page in PAGES:
+            for command, printed in run_page(HERE / page, folder):
+                print(f"$ {shlex.join(command.words)}\n{printed}")
         for picture in folder.glob("*.png"):
             shutil.copy(picture, HERE)
 

@@ -12,6 +12,7 @@ Every rule stands in `rules.py`; `docs/check.md` lists them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,8 @@ def check(
 
     `slave`: one group or several (a zone each), named as in `cut_skin`; a `Cut` knows its own. `master`: the groups
     that it faces; what compares both is left out without. `dirichlet`: cell or node groups whose displacement is held.
-    `search_distance`, `max_penetration`, `axisymmetric`: as in `surface.contact_points`. Lengths are the mesh's.
+    `search_distance`, `max_penetration`, `axisymmetric`: as in `surface.contact_points`, with macro-elements for faces
+    where the distance is not given. Lengths are the mesh's.
 
     Raises GroupNotFoundError and RequestError for what was asked; whatever is wrong with the mesh is a finding.
 
@@ -54,8 +56,10 @@ def check(
     if isinstance(mesh, Cut):
         slave = mesh.zones if slave is None else slave
         mesh = mesh.mesh
-    if slave is None or (not isinstance(slave, (str, int)) and not slave):
+    if slave is None or (not isinstance(slave, (str, int, Integral)) and not len(slave)):
         raise RequestError("no slave group was given")
+    if axisymmetric and mesh.dim == 3:
+        raise RequestError("an axisymmetric model is plane, and this mesh has cells of dimension 3")
     options = {
         "search_distance": search_distance,
         "max_penetration": max_penetration,
@@ -76,7 +80,7 @@ def check(
 def _listed(specs: Specs | None) -> tuple[str, ...]:
     if specs is None:
         return ()
-    return (str(specs),) if isinstance(specs, (str, int)) else tuple(str(s) for s in specs)
+    return (str(specs),) if isinstance(specs, (str, int, Integral)) else tuple(str(s) for s in specs)
 
 
 def _parts(mesh: Mesh) -> list[Part]:

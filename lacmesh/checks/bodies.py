@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from lacmesh.checks.boxes import meeting
 from lacmesh.checks.crossing import crossing
-from lacmesh.checks.findings import Finding
+from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import Side, Subject
 from lacmesh.mesh import Floats, Ints
 from lacmesh.orientation import edge_uses
 from lacmesh.skin import N_CORNERS
 
-#: nodes nearer than this part of the mesh's extent stand at one place
-PLACE = 1e-9
+#: nodes nearer than this part of the length of edges (the median of what the nodes have as shortest) are at one place
+PLACE = 1e-8
 #: a node is inside an edge when its distance to it is below this part of the edge's length
 ON_EDGE = 1e-6
 #: a direction that few nodes of a regular mesh share
@@ -30,7 +30,7 @@ def check_bodies(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     figures: dict[str, Any] = {"bodies": count}
     found = []
     if count:
-        message = f"the cells make {count} separate {'body' if count == 1 else 'bodies'}"
+        message = f"the cells make {counted(count, 'body', 'separate bodies')}"
         mine = {
             side.what: np.unique(bodies[side.nodes][bodies[side.nodes] >= 0]) for side in subject.sides if len(side)
         }
@@ -45,7 +45,7 @@ def check_bodies(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     corners = subject.facets.corners(rows, facet)
     nodes = np.unique(corners[corners >= 0])
     nodes = nodes[subject.finite[nodes]]
-    found += _coincident(subject, nodes)
+    found += _coincident(subject, corners, nodes)
     found += _torn(subject, corners, nodes)
     return found, figures
 
@@ -63,42 +63,81 @@ def _on_sides(subject: Subject, a: Ints, b: Ints) -> NDArray[np.bool_]:
     return (on[0, a] & on[1, b]) | (on[1, a] & on[0, b]) | (apart & (on[0, a] | on[1, a] | on[0, b] | on[1, b]))
 
 
-def _coincident(subject: Subject, nodes: Ints) -> list[Finding]:
+def _coincident(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
     """Nodes of the boundary at the same place."""
-    a, b = same_place(subject.mesh.points[nodes])
-    a, b = nodes[a], nodes[b]
-    keep = ~_on_sides(subject, a, b)
-    a, b = a[keep], b[keep]
-    if not len(a):
+    place = same_place(subject.mesh.points[nodes], PLACE * _edge_length(subject, corners, nodes))
+    shared = np.bincount(place, minlength=len(nodes))[place] > 1
+    nodes, place = nodes[shared], place[shared]
+    again, torn = _unexplained(subject, nodes, place)
+    if not again.any():
         return []
-    torn = int((subject.bodies[a] == subject.bodies[b]).sum())
-    what = "the body is torn there, or has a crack" if torn else "the bodies are not joined there"
-    message = (
-        f"{len(a)} pairs of nodes stand at the same place ({subject.node_numbers(a)}): {what}; merge them if not meant"
-    )
-    return [subject.found("coincident-nodes", message, nodes=np.unique(np.concatenate([a, b])))]
+    what = "the body is torn there, or has a crack" if torn.any() else "the bodies are not joined there"
+    message = f"{np.count_nonzero(again):,} nodes stand at {counted(len(np.unique(place[again])), 'place')}"
+    message += f" ({subject.node_numbers(nodes[again])}): {what}; merge them if not meant"
+    return [subject.found("coincident-nodes", message, nodes=nodes[again])]
 
 
-def same_place(x: Floats) -> tuple[Ints, Ints]:
-    """(i, j): pairs of points (n, 3) nearer than PLACE times their extent; sorted along a line, neighbours compared."""
-    if len(x) < 2:
-        return np.empty(0, np.int64), np.empty(0, np.int64)
-    room = PLACE * max(float(np.ptp(x, axis=0).max()), 1e-300)
+def _unexplained(subject: Subject, nodes: Ints, place: Ints) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(k,) each: nodes with another at their place that slave and master do not explain; those with one of their body.
+
+    Two nodes are explained where one is on the slave and one on the master, or where they are of two bodies and one is
+    on a skin (`_on_sides`). Counted by place, as pairs of thousands of nodes at one place would be millions.
+    """
+    on = np.zeros((2, subject.mesh.n_nodes), bool)
+    for k, side in enumerate(subject.sides):
+        on[k, side.nodes] = True
+    slave, master = on[:, nodes]
+    off = ~(slave | master)
+    body = np.unique(np.column_stack([place, subject.bodies[nodes]]), axis=0, return_inverse=True)[1].ravel()
+    kinds = off, slave & ~master, master & ~slave
+    n_off, n_slave, n_master = (np.bincount(body, kind)[body] for kind in kinds)
+    members = np.bincount(body)[body]
+    torn = np.where(off, members > 1, n_off > 0)
+    torn |= (kinds[1] & (n_slave > 1)) | (kinds[2] & (n_master > 1))
+    return torn | (off & (np.bincount(place, off)[place] > 1)), torn
+
+
+def _edge_length(subject: Subject, corners: Ints, nodes: Ints) -> float:
+    """The median, over the nodes of the boundary, of the shortest edge that a node has: one stray node is no matter."""
+    a, b = _edges(corners, subject.mesh.n_nodes)
+    length = np.linalg.norm(subject.mesh.points[a] - subject.mesh.points[b], axis=1)
+    good = subject.finite[a] & subject.finite[b] & (length > 0)
+    shortest = np.full(subject.mesh.n_nodes, np.inf)
+    for end in (a, b):
+        np.minimum.at(shortest, end[good], length[good])
+    lengths = shortest[nodes]
+    lengths = lengths[np.isfinite(lengths)]
+    return float(np.median(lengths)) if len(lengths) else 0.0
+
+
+def same_place(x: Floats, room: float) -> Ints:
+    """(n,): labels of places, the same for points (n, 3) that lie within `room` of each other.
+
+    Sorted along a line, each point looks for the next one near it, and no farther: places of many points cost no more.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     along = x @ _OBLIQUE
     order = np.argsort(along, kind="stable")
     along = along[order]
+    reach = 2 * room + 4 * np.finfo(float).eps * np.abs(x[order]).sum(axis=1)  # what is equal may be projected apart
     left, right = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
-    alive = np.arange(len(x) - 1)
+    alive = np.arange(len(x))
     step = 1
     while len(alive):
         alive = alive[alive + step < len(x)]
-        alive = alive[along[alive + step] - along[alive] <= 2 * room]
+        alive = alive[along[alive + step] - along[alive] <= reach[alive]]
         i, j = order[alive], order[alive + step]
         near = (np.abs(x[i] - x[j]) <= room).all(axis=1)
-        left.append(np.minimum(i, j)[near])
-        right.append(np.maximum(i, j)[near])
+        left.append(i[near])
+        right.append(j[near])
+        alive = alive[~near]
         step += 1
-    return np.concatenate(left), np.concatenate(right)
+    i, j = np.concatenate(left), np.concatenate(right)
+    graph = coo_matrix((np.ones(len(i), bool), (i, j)), shape=(len(x), len(x)))
+    labels: Ints = connected_components(graph, directed=False)[1] if len(x) else np.empty(0, np.int64)
+    return labels
 
 
 def _torn(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
@@ -112,10 +151,9 @@ def _torn(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
     node = np.unique(node[mine & ~on_skin[node]])
     if not len(node):
         return []
-    message = (
-        f"{len(node)} nodes lie inside edges of the body that they belong to ({subject.node_numbers(node)}): its cells "
-    )
-    message += "do not conform there; mesh both sides alike, or tie them in the solver"
+    message = counted(len(node), "node lies inside an edge", "nodes lie inside edges")
+    message += f" of the body that they belong to ({subject.node_numbers(node)}): its cells do not conform there; "
+    message += "mesh both sides alike, or tie them in the solver"
     return [subject.found("torn-body", message, nodes=node)]
 
 
@@ -138,18 +176,23 @@ def inside_edges(subject: Subject, nodes: Ints, a: Ints, b: Ints) -> tuple[Ints,
     good = np.flatnonzero(subject.finite[a] & subject.finite[b] & (length > 0))
     room = (ON_EDGE * length[good])[:, None]
     low, high = np.minimum(x, y)[good] - room, np.maximum(x, y)[good] + room
-    at = subject.mesh.points[nodes]
-    edge, node = meeting(low, high, at, at)
+    place = same_place(subject.mesh.points[nodes], 0.0)
+    order = np.argsort(place, kind="stable")  # the nodes of a place, of which one is asked for all
+    size = np.bincount(place)
+    start = np.cumsum(size) - size
+    at = subject.mesh.points[nodes[order[start]]]
+    edge, point = meeting(low, high, at, at)
     edge = good[edge]
-    keep = (nodes[node] != a[edge]) & (nodes[node] != b[edge])
-    edge, node = edge[keep], node[keep]
     along = (y - x)[edge] / length[edge][:, None]
-    off = at[node] - x[edge]
-    place = (off * along).sum(axis=1)
-    apart = np.linalg.norm(off - place[:, None] * along, axis=1)
+    off = at[point] - x[edge]
+    far = (off * along).sum(axis=1)
+    apart = np.linalg.norm(off - far[:, None] * along, axis=1)
     tol = ON_EDGE * length[edge]
-    keep = (apart <= tol) & (place > tol) & (place < length[edge] - tol)
-    return nodes[node[keep]], edge[keep]
+    keep = (apart <= tol) & (far > tol) & (far < length[edge] - tol)
+    edge, point = edge[keep], point[keep]
+    hit = np.repeat(np.arange(len(point)), size[point])
+    nth = np.arange(len(hit)) - np.repeat(np.cumsum(size[point]) - size[point], size[point])
+    return nodes[order[start[point[hit]] + nth]], edge[hit]
 
 
 def hanging_nodes(subject: Subject, side: Side) -> Ints:
@@ -172,8 +215,8 @@ def check_skins_in_space(subject: Subject) -> tuple[list[Finding], dict[str, Any
     for side in subject.sides:
         hanging = hanging_nodes(subject, side)
         if len(hanging):
-            message = f"{len(hanging)} nodes of the {side.what} skin lie inside edges of its other faces "
-            message += f"({subject.node_numbers(hanging)}); mesh the skin conformingly"
+            message = counted(len(hanging), f"node of the {side.what} skin lies", f"nodes of the {side.what} skin lie")
+            message += f" inside edges of its other faces ({subject.node_numbers(hanging)}); mesh the skin conformingly"
             found.append(subject.found("hanging-node", message, nodes=hanging, group=side.group))
         found += _crossing(subject, side)
     return found, {}
@@ -189,7 +232,8 @@ def _crossing(subject: Subject, side: Side) -> list[Finding]:
     if not len(pairs):
         return []
     cells = side.cells[good[np.unique(pairs)]]
-    message = (
-        f"{len(pairs)} pairs of {side.what} faces cross or overlap ({subject.numbers(cells)}); repair the skin there"
+    message = counted(
+        len(pairs), f"pair of {side.what} faces crosses or overlaps", f"pairs of {side.what} faces cross or overlap"
     )
+    message += f" ({subject.numbers(cells)}); repair the skin there"
     return [subject.found("self-intersection", message, cells, group=side.group)]

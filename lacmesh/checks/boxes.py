@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 
 Array = NDArray[Any]
@@ -89,7 +89,7 @@ def _morton(x: Floats) -> Ints:
     return code.astype(np.int64)
 
 
-@njit(cache=True)
+@kernel
 def _meet(low: Array, high: Array, i: int, other_low: Array, other_high: Array, j: int) -> bool:
     for k in range(3):  # noqa: SIM110 (compiled: a generator would cost)
         if not (low[i, k] <= other_high[j, k] and high[i, k] >= other_low[j, k]):
@@ -97,7 +97,7 @@ def _meet(low: Array, high: Array, i: int, other_low: Array, other_high: Array, 
     return True
 
 
-@njit(cache=True)
+@kernel
 def _query(
     low: Array,
     high: Array,

@@ -14,10 +14,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from lacmesh.checks.boxes import meeting_each_other, meeting_plain
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.skin import FACE_TYPES, Faces
 
@@ -140,7 +140,7 @@ def _coordinates(v: NDArray) -> list[NDArray]:
     return [*(v[:, k] - INSIDE for k in range(1, v.shape[1])), rest - INSIDE]
 
 
-@njit(cache=True)
+@kernel
 def _cross_each(x: Array, start: Array, pairs: Array) -> Array:
     """(k,): which pairs of faces have pieces that cross."""
     m = x.shape[1]
@@ -154,7 +154,7 @@ def _cross_each(x: Array, start: Array, pairs: Array) -> Array:
     return hit
 
 
-@njit(cache=True)
+@kernel
 def _apart(x: Array, i: int, j: int) -> bool:
     """Whether the boxes of two pieces are clearly apart."""
     for s in range(3):
@@ -168,7 +168,7 @@ def _apart(x: Array, i: int, j: int) -> bool:
     return False
 
 
-@njit(cache=True)
+@kernel
 def _plane(x: Array, j: int, rows: Array) -> float:
     """The rows of `_planes` of piece j; its size, 0 where it has no extent."""
     m = x.shape[1]
@@ -197,7 +197,7 @@ def _plane(x: Array, j: int, rows: Array) -> float:
     return np.sqrt(max(a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2))
 
 
-@njit(cache=True)
+@kernel
 def _reaches(x: Array, i: int, j: int, rows: Array, values: Array) -> bool:
     """Whether an edge of piece i (of x (k, m, 3)), or its centre, reaches the inside of piece j; two work arrays."""
     m = x.shape[1]

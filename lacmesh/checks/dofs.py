@@ -8,159 +8,142 @@ only because nothing was cut needs the cut.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
+from shlex import quote
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.checks.findings import Finding
+from lacmesh.checks.findings import Finding, counted
+from lacmesh.checks.recorded import Fault, internal_faults
 from lacmesh.checks.subject import Subject
-from lacmesh.errors import CutError
 from lacmesh.mesh import Floats, Ints
 from lacmesh.orientation import edge_uses
-from lacmesh.patterns import WHOLE_FACES
 from lacmesh.quadrature import rule
-from lacmesh.recognition import find_macros, with_records
-from lacmesh.records import Cut, is_cut
+from lacmesh.records import Cut
 from lacmesh.shapes import jacobian, shape
 from lacmesh.skin import FACE_TYPES, N_CORNERS, N_NODES
 
 #: what counts as positive, as a part of the macro-element's measure (round-off, and curved vertices of a TRIA6)
 POSITIVE = 1e-6
 _DEGREE = 6
-_WHOLE = np.array([name in WHOLE_FACES for name in FACE_TYPES])
 
 
-@dataclass(frozen=True)
-class Macros:
-    """The macro-elements of the slave faces: `of_face` (f,) numbered from 0, `count`, `cut` (f,): made by a cut."""
+class _Dofs(NamedTuple):
+    """For each macro-element (m,), how many internal dofs: in all, off the rim, not held, neither."""
 
-    of_face: Ints
-    count: int
-    cut: np.ndarray
-    recognised: bool = False
-    broken: str = ""
-
-
-def macros_of(subject: Subject) -> Macros:
-    """From the records, or found again, or each face its own."""
-    mesh, side = subject.mesh, subject.slave
-    own, recognised, broken = np.full(len(side), -1, np.int64), False, ""
-    if is_cut(mesh):
-        try:
-            own = Cut(mesh).macro_of_face[side.cells].astype(np.int64)
-        except (CutError, IndexError, ValueError) as error:
-            broken = str(error)
-    if len(side) and (broken or not is_cut(mesh)):
-        found = find_macros(mesh, list(side.names))
-        if found.n_cut:
-            recognised = True
-            own = with_records(mesh, found).cell_data["lac_macro"][side.cells].astype(np.int64)
-    made = own >= 0
-    start = int(own.max(initial=-1)) + 1
-    own[~made] = start + np.arange(np.count_nonzero(~made))
-    _, of_face = np.unique(own, return_inverse=True)
-    return Macros(of_face, int(of_face.max(initial=-1)) + 1, made, recognised, broken)
+    anywhere: Ints
+    inside: Ints
+    free: Ints
+    free_inside: Ints
 
 
 def check_dofs(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """The internal dofs of every macro-element, and those left once the Dirichlet groups are held."""
-    side = subject.slave
-    if not len(side):
+    if not len(subject.slave):
         return [], {}
-    macros = macros_of(subject)
-    found = list(_records(subject, macros))
-    size, value, owner = _integrals(subject, macros)
-    share = value / np.where(size > 0, size, np.inf)[owner]
-    counted = (owner >= 0) & (share > POSITIVE)
-    rim = np.zeros(subject.mesh.n_nodes, bool)
-    rim[_rim(subject)] = True
-    held = np.zeros(subject.mesh.n_nodes, bool)
-    held[subject.fixed] = True
-    inside = _per_macro(owner, counted & ~rim, macros.count)
-    anywhere = _per_macro(owner, counted, macros.count)
-    free_inside = _per_macro(owner, counted & ~rim & ~held, macros.count)
-    free = _per_macro(owner, counted & ~held, macros.count)
-    found += _lacking(subject, macros, inside, anywhere, free_inside, free)
+    macros = subject.macros
+    size, value, owner = _integrals(subject)
+    share = np.nan_to_num(value / np.where(size > 0, size, np.inf)[owner])
+    internal = (owner >= 0) & (share > POSITIVE)
+    dofs = _dofs(subject, owner, internal)
     best = np.zeros(macros.count)
-    np.maximum.at(best, owner[counted], share[counted])
+    np.maximum.at(best, owner[internal], share[internal])
     figures = {
         "macro_elements": macros.count,
-        "with_internal_dof": int((inside > 0).sum()),
-        "with_free_internal_dof": int((free_inside > 0).sum()),
+        "with_internal_dof": int((dofs.inside > 0).sum()),
+        "with_free_internal_dof": int((dofs.free_inside > 0).sum()),
         "least_integral": float(best.min()) if len(best) else None,
     }
-    return found, figures
+    faults = [*macros.faults]
+    if (macros.number >= 0).any():
+        faults += internal_faults(Cut(subject.mesh), macros.number, owner, internal, _rim(subject))
+    return [*_broken(subject, faults), *_records(subject), *_lacking(subject, dofs), *_owning(subject, dofs)], figures
 
 
-def _records(subject: Subject, macros: Macros) -> list[Finding]:
+def _dofs(subject: Subject, owner: Ints, internal: NDArray[np.bool_]) -> _Dofs:
+    """Count the internal nodes of the macro-elements that own them."""
+    rim, held = np.zeros((2, subject.mesh.n_nodes), bool)
+    rim[_rim(subject)] = True
+    held[subject.fixed] = True
+    kinds = internal, internal & ~rim, internal & ~held, internal & ~rim & ~held
+    return _Dofs(*(np.bincount(owner[nodes], minlength=subject.macros.count) for nodes in kinds))
+
+
+def _broken(subject: Subject, faults: list[Fault]) -> Iterator[Finding]:
+    for fault in faults:
+        message = f"the records of the cut cannot be used: {fault.message}"
+        yield subject.found("broken-records", message, fault.cells, fault.nodes, subject.slave.group)
+
+
+def _records(subject: Subject) -> Iterator[Finding]:
     """What is said of the cut itself."""
-    side, found = subject.slave, []
-    if macros.broken:
-        found.append(subject.found("broken-records", f"the records of the cut cannot be used: {macros.broken}"))
+    side, macros = subject.slave, subject.macros
     if macros.recognised and macros.cut.all():
-        message = f"the skin is cut, without records: {macros.count} macro-elements were found again from the faces"
-        found.append(subject.found("recognised", message, side.cells, group=side.group))
-    whole = _WHOLE[side.faces.type]
-    left = side.cells[~macros.cut & ~whole]
-    if macros.cut[~whole].any() and len(left):
-        message = f"{len(left)} slave faces ({subject.numbers(left)}) are in no macro-element of the cut; "
-        message += "cut the mesh it came from, with every slave group at once"
-        found.append(subject.found("half-cut", message, left, group=side.group))
-    return found
+        message = "the skin is cut, without records: " + counted(
+            macros.count, "macro-element was", "macro-elements were"
+        )
+        yield subject.found("recognised", f"{message} found again from the faces", side.cells, group=side.group)
+    left = side.cells[~macros.cut & ~macros.whole]
+    if macros.cut[~macros.whole].any() and len(left):
+        message = counted(len(left), "slave face is", "slave faces are")
+        message += f" in no macro-element of the cut ({subject.numbers(left)}); cut the mesh it came from, with every "
+        yield subject.found("half-cut", f"{message}slave group at once", left, group=side.group)
 
 
-def _lacking(
-    subject: Subject, macros: Macros, inside: Ints, anywhere: Ints, free_inside: Ints, free: Ints
-) -> list[Finding]:
-    """Macro-elements without an internal dof, with one on the rim only, with none that is free."""
-    side = subject.slave
+def _lacking(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
+    """Macro-elements without an internal dof, with none that is free, with one on the rim only."""
+    side, macros = subject.slave, subject.macros
     uncut = np.zeros(macros.count, bool)
-    uncut[macros.of_face[~macros.cut & ~_WHOLE[side.faces.type]]] = True
-    none = (anywhere == 0) | (uncut & (inside == 0))
-    rim_only = ~none & (inside == 0)
-    taken = ~none & (free == 0)
-    rim_left = ~none & ~taken & ~rim_only & (free_inside == 0)
-    found = []
+    uncut[macros.of_face[~macros.cut & ~macros.whole]] = True
+    none = (dofs.anywhere == 0) | (uncut & (dofs.inside == 0))
+    taken = ~none & (dofs.free == 0)
+    on_rim = ~none & ~taken & (dofs.free_inside == 0)
     if none.any():
-        cells = side.cells[none[macros.of_face]]
-        on_rim = int((none & (anywhere > 0)).sum())
-        message = f"{int(none.sum())} of {macros.count} macro-elements own no internal dof (slave faces "
-        message += f"{subject.numbers(cells)}); lacmesh cut gives every slave face one"
-        if on_rim:
-            message += f" ({on_rim} of them own one on the rim of the skin, which a symmetry condition would take)"
-        found.append(subject.found("no-internal-dof", message, cells, group=side.group))
-    if rim_only.any() or rim_left.any():
-        cells = side.cells[(rim_only | rim_left)[macros.of_face]]
-        message = (
-            f"the macro-elements of slave faces {subject.numbers(cells)} own free dofs on the rim of the slave skin "
-        )
-        message += "only, which a symmetry condition would take; cut them, or name the conditions with --dirichlet"
-        found.append(subject.found("rim-dof", message, cells, group=side.group))
+        cells = side.cells[macros.faces(none)]
+        what = "macro-elements own" if macros.cut.any() else "slave faces own"
+        message = f"{int(none.sum()):,} of {macros.count:,} {what} no internal dof ({subject.numbers(cells)}"
+        if (dofs.anywhere[none] > 0).any():
+            message += f"; {int((dofs.anywhere[none] > 0).sum())} of them one on the rim of the skin, where a symmetry "
+            message += "condition would take it"
+        message += f"); cut the skin: lacmesh cut {' '.join(f'--slave {quote(name)}' for name in side.names)}"
+        yield subject.found("no-internal-dof", message, cells, group=side.group)
     if taken.any():
-        cells = side.cells[taken[macros.of_face]]
-        message = (
-            f"every internal dof of {int(taken.sum())} macro-elements (slave faces {subject.numbers(cells)}) is held "
+        cells = side.cells[macros.faces(taken)]
+        message = f"every internal dof of {counted(int(taken.sum()), 'macro-element')} is held by "
+        message += (
+            f"{', '.join(subject.dirichlet)} (slave faces {subject.numbers(cells)}); take these faces out of one "
         )
-        message += f"by {', '.join(subject.dirichlet)}; take these faces out of one of the groups"
-        found.append(subject.found("fixed-internal-dof", message, cells, group=side.group))
-    owning = int((inside > 0).sum())
-    if owning:
-        as_is = int((~macros.cut & _WHOLE[side.faces.type]).sum())
-        message = f"{owning} of {macros.count} macro-elements own an internal dof"
-        message += f", {as_is} of them faces that need no cut (SEG3, TRIA7, QUAD9)" if as_is else ""
-        found.append(subject.found("internal-dof", message, group=side.group))
-    return found
+        yield subject.found("fixed-internal-dof", f"{message}of the groups", cells, group=side.group)
+    if on_rim.any():
+        cells = side.cells[macros.faces(on_rim)]
+        message = counted(int(on_rim.sum()), "macro-element owns", "macro-elements own")
+        message += f" free dofs on the rim of the slave skin only (slave faces {subject.numbers(cells)}), which a "
+        message += "symmetry condition would take; cut them, or name the conditions with --dirichlet"
+        yield subject.found("rim-dof", message, cells, group=side.group)
 
 
-def _per_macro(owner: Ints, counted: np.ndarray, count: int) -> Ints:
-    return np.bincount(owner[counted], minlength=count)
+def _owning(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
+    """Macro-elements with an internal dof; the faces are listed where others have none."""
+    side, macros = subject.slave, subject.macros
+    owning = dofs.inside > 0
+    if not owning.any():
+        return
+    cells = side.cells[macros.faces(owning)]
+    as_is = int((~macros.cut & macros.whole).sum())
+    message = (
+        f"{int(owning.sum()):,} of {counted(macros.count, 'macro-element owns', 'macro-elements own')} an internal dof"
+    )
+    message += f", {as_is:,} of them as faces that need no cut (SEG3, TRIA7, QUAD9)" if as_is else ""
+    message += "" if owning.all() else f" (slave faces {subject.numbers(cells)})"
+    yield subject.found("internal-dof", message, None if owning.all() else cells, group=side.group)
 
 
-def _integrals(subject: Subject, macros: Macros) -> tuple[Floats, Floats, Ints]:
+def _integrals(subject: Subject) -> tuple[Floats, Floats, Ints]:
     """(measure of each macro-element, integral of each node's function, macro-element that alone holds the node)."""
-    mesh, faces = subject.mesh, subject.slave.faces
+    mesh, faces, macros = subject.mesh, subject.slave.faces, subject.macros
     size, value = np.zeros(macros.count), np.zeros(mesh.n_nodes)
     low, high = np.full(mesh.n_nodes, macros.count), np.full(mesh.n_nodes, -1)
     for code in np.unique(faces.type):

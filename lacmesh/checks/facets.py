@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.skin import label_rows
 
@@ -160,7 +160,7 @@ def find_twins_plain(solid: Solid) -> tuple[Ints, NDArray[np.bool_]]:
     return twin, same
 
 
-@njit(cache=True)
+@kernel
 def _sorted_corners(corners: Array, table: Array, cell: int, family: int, j: int, out: Array) -> int:
     """The sorted corners of a facet into out (4,), -1 beyond; their number."""
     n = 0
@@ -180,7 +180,7 @@ def _sorted_corners(corners: Array, table: Array, cell: int, family: int, j: int
     return n
 
 
-@njit(cache=True)
+@kernel
 def _goes_forward(corners: Array, table: Array, cell: int, family: int, j: int, n: int) -> bool:
     """Which way round a facet goes: from its least corner towards the larger of the two beside it."""
     if n == 2:
@@ -194,7 +194,7 @@ def _goes_forward(corners: Array, table: Array, cell: int, family: int, j: int, 
     return after > before
 
 
-@njit(cache=True)
+@kernel
 def _hash_facets(corners: Array, family: Array, table: Array) -> tuple[Array, Array]:
     n_cells = len(corners)
     bits = 4
@@ -270,7 +270,7 @@ def find_bodies_plain(solid: Solid, n_nodes: int) -> Ints:
     return out
 
 
-@njit(cache=True)
+@kernel
 def _root(parent: Array, node: int) -> int:
     while parent[node] != node:
         parent[node] = parent[parent[node]]
@@ -278,7 +278,7 @@ def _root(parent: Array, node: int) -> int:
     return node
 
 
-@njit(cache=True)
+@kernel
 def _unite(corners: Array, n_nodes: int) -> Array:
     parent = np.full(n_nodes, -1, np.int64)
     for cell in range(len(corners)):

@@ -2,23 +2,56 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lacmesh.checks.dofs import macros_of
-from lacmesh.checks.findings import Finding
-from lacmesh.checks.subject import Side, Subject
+from lacmesh.checks.findings import Finding, counted
+from lacmesh.checks.subject import Subject
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
+from lacmesh.quadrature import measure
 from lacmesh.skin import FACE_TYPES, REVERSED, Faces
-from lacmesh.surface import ContactPoints, Coverage, Surface, contact_points, coverage
+from lacmesh.surface import ContactPoints, Coverage, Surface, contact_points, coverage, default_distance
 
-#: coverage from which a macro-element is covered, up to which it is not
-WHOLE, NONE = 1 - 1e-6, 1e-6
+#: coverage from which a macro-element is covered, up to which it is not. Faces are matched in their mean planes, and
+#: where these are curved some hundredths are lost along the rim of a skin that the master covers
+WHOLE, NONE = 0.95, 1e-6
 #: how much slave and master may differ in size where they meet, and from where a hint is given
 RATIO, HINT = 5.0, 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class _Facing:
+    """Two surfaces, the macro-element of each slave face, and what was found between them."""
+
+    slave: Surface
+    master: Surface
+    macro: Ints
+    options: dict[str, Any]
+    points: ContactPoints
+    covered: Coverage
+
+    @classmethod
+    def of(cls, subject: Subject) -> _Facing:
+        """Raises DataError where the surfaces cannot be measured."""
+        assert subject.master is not None
+        a, b = (Surface.of(subject.mesh, side.cells) for side in subject.sides)
+        macro = subject.macros.of_face
+        options = dict(subject.options)
+        if options.get("search_distance") is None:
+            options["search_distance"] = default_distance(a, b, macro)
+        points = contact_points(a, b, macro=macro, **options)
+        return cls(a, b, macro, options, points, coverage(points, a, macro))
+
+    @property
+    def lacking(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """(m,) each: macro-elements that the master does not cover at all, and those that it covers in part."""
+        ratio = self.covered.ratio
+        return ratio <= NONE, (ratio > NONE) & (ratio < WHOLE)
 
 
 def check_facing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
@@ -29,69 +62,59 @@ def check_facing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     if not (subject.finite[slave.nodes].all() and subject.finite[master.nodes].all()):
         return [_left_out(subject, "some coordinates are no numbers")], {}
     try:
-        a, b = (Surface.of(subject.mesh, side.cells) for side in (slave, master))
+        facing = _Facing.of(subject)
     except DataError as error:
         return [_left_out(subject, str(error))], {}
-    macro = macros_of(subject).of_face
-    points = contact_points(a, b, macro=macro, **subject.options)
-    covered = coverage(points, a, macro)
-    found = _coverage(subject, macro, covered)
-    found += _sides(subject, a, b, macro, points, covered)
-    if not len(points):
+    found = [*_coverage(subject, facing), *_turned_away(subject, facing), *_behind(subject, facing)]
+    if not len(facing.points):
         return found, {"covered": 0.0}
-    gap, figures = _gap(subject, points, covered)
-    return [*found, gap, *_sizes(subject, a, b, macro, points)], figures
+    gap, figures = _gap(subject, facing)
+    if not np.isfinite([*figures["gap"].values(), figures["covered"]]).all():
+        return [*found, _left_out(subject, "lengths are too large or too small to be multiplied")], {}
+    return [*found, gap, *_sizes(subject, facing)], figures
 
 
 def _left_out(subject: Subject, why: str) -> Finding:
     return subject.found("facing-left-out", f"gap and coverage were left out: {why}", group=subject.slave.group)
 
 
-def _coverage(subject: Subject, macro: Ints, covered: Coverage) -> list[Finding]:
+def _coverage(subject: Subject, facing: _Facing) -> Iterator[Finding]:
     side = subject.slave
-    part = covered.ratio
-    if (part <= NONE).all():
-        message = "no slave face finds a master face along its normal; check the groups, their places and their sides"
-        return [subject.found("no-coverage", message, side.cells, group=side.group)]
-    bare, partly = part <= NONE, (part > NONE) & (part < WHOLE)
-    if not (bare | partly).any():
-        return []
-    cells = side.cells[(bare | partly)[macro]]
-    message = (
-        f"{int(bare.sum())} of {len(part)} macro-elements do not face the master at all, {int(partly.sum())} only in "
-    )
-    message += (
-        f"part (slave faces {subject.numbers(cells)}); nothing to do if the slave is meant to reach beyond the master"
-    )
-    return [subject.found("partial-coverage", message, cells, group=side.group)]
+    bare, partly = facing.lacking
+    zone = np.empty(len(bare), np.int64)
+    zone[facing.macro] = side.zone
+    for k, name in enumerate(side.names):  # a zone that is bare is an error, whatever the others see
+        mine = zone == k
+        if mine.any() and bare[mine].all():
+            message = f"no slave face of {name} finds a master face along its normal, up to "
+            message += f"{facing.options['search_distance']:.4g} away; check the groups, their places and their sides, "
+            message += "or look farther (--search-distance)"
+            yield subject.found("no-coverage", message, side.cells[mine[facing.macro]], group=name)
+            bare = bare & ~mine
+    if (bare | partly).any():
+        cells = side.cells[(bare | partly)[facing.macro]]
+        message = f"of {counted(len(bare), 'macro-element')}, {bare.sum():,} do not face the master at all and "
+        message += (
+            f"{partly.sum():,} only in part (slave faces {subject.numbers(cells)}); nothing to do if the slave is "
+        )
+        yield subject.found("partial-coverage", f"{message}meant to reach beyond the master", cells, group=side.group)
 
 
-def _sides(
-    subject: Subject, slave: Surface, master: Surface, macro: Ints, points: ContactPoints, covered: Coverage
-) -> list[Finding]:
-    """Whether the master turns its back on the slave, or lies behind it."""
-    found = []
-    lacking = covered.ratio < WHOLE
-    bare = np.isnan(master.depth)
-    if lacking.any() and bare.any():
-        over = contact_points(slave, _turned_over(master, bare), macro=macro, **subject.options)
-        gained = coverage(over, slave, macro).ratio > covered.ratio + 0.5
-        if gained.any():
-            cells = subject.slave.cells[gained[macro]]
-            message = f"the master turns its back on {int(gained.sum())} macro-elements (slave faces "
-            message += f"{subject.numbers(cells)}); turn it over (lacmesh orient, or list its faces the other way)"
-            found.append(subject.found("wrong-side", message, cells, group=subject.slave.group))
-    size = _size(covered.area, slave.dim)
-    deep = (covered.ratio > NONE) & (covered.mean_gap < -size)
-    if deep.any():
-        cells = subject.slave.cells[deep[macro]]
-        message = f"the master lies behind {int(deep.sum())} macro-elements, deeper than their size (slave faces "
-        message += f"{subject.numbers(cells)}); check that these are the surfaces that meet"
-        found.append(subject.found("wrong-side", message, cells, group=subject.slave.group))
-    return found
+def _turned_away(subject: Subject, facing: _Facing) -> Iterator[Finding]:
+    """Whether bare master faces turn their back on the slave: turned over, they cover more."""
+    bare = np.isnan(facing.master.depth)
+    if not bare.any() or not np.any(facing.lacking):
+        return
+    over = contact_points(facing.slave, _turned_over(facing.master, bare), macro=facing.macro, **facing.options)
+    gained = coverage(over, facing.slave, facing.macro).ratio > facing.covered.ratio + 0.5
+    if gained.any():
+        cells = subject.slave.cells[gained[facing.macro]]
+        message = f"the master turns its back on {counted(int(gained.sum()), 'macro-element')} (slave faces "
+        message += f"{subject.numbers(cells)}); turn it over: lacmesh orient, or list its faces the other way"
+        yield subject.found("wrong-side", message, cells, group=subject.slave.group)
 
 
-def _turned_over(surface: Surface, rows: np.ndarray) -> Surface:
+def _turned_over(surface: Surface, rows: NDArray[np.bool_]) -> Surface:
     nodes = surface.faces.nodes.copy()
     for code in np.unique(surface.faces.type[rows]):
         mine = np.flatnonzero(rows & (surface.faces.type == code))
@@ -100,52 +123,64 @@ def _turned_over(surface: Surface, rows: np.ndarray) -> Surface:
     return replace(surface, faces=Faces(surface.faces.type, nodes))
 
 
-def _gap(subject: Subject, points: ContactPoints, covered: Coverage) -> tuple[Finding, dict[str, Any]]:
-    total = float(covered.covered.sum())
+def _behind(subject: Subject, facing: _Facing) -> Iterator[Finding]:
+    """Whether the master lies deeper behind the slave than bodies that merely overlap: then it may not be seen."""
+    covered = facing.covered
+    if np.any(facing.lacking[0]):
+        depth = facing.options["search_distance"]
+        options = facing.options | {"max_penetration": depth}
+        points = contact_points(facing.slave, facing.master, macro=facing.macro, **options)
+        covered = coverage(points, facing.slave, facing.macro)
+    unseen = covered.ratio > facing.covered.ratio + 0.5
+    deep = unseen | ((covered.ratio > NONE) & (covered.mean_gap < -_size(covered.area, facing.slave.dim)))
+    if deep.any():
+        cells = subject.slave.cells[deep[facing.macro]]
+        message = (
+            f"the master lies behind {counted(int(deep.sum()), 'macro-element')}, too deep for bodies that merely "
+        )
+        message += f"overlap (slave faces {subject.numbers(cells)}); check that these are the surfaces that meet"
+        yield subject.found("wrong-side", message, cells, group=subject.slave.group)
+
+
+def _gap(subject: Subject, facing: _Facing) -> tuple[Finding, dict[str, Any]]:
+    points, covered = facing.points, facing.covered
+    total, area = float(covered.covered.sum()), float(covered.area.sum())
     mean = float(covered.gap_integral.sum()) / total if total > 0 else 0.0
     low, high = float(points.gap.min()), float(points.gap.max())
-    share = min(total / float(covered.area.sum()), 1.0) if covered.area.sum() > 0 else 0.0
+    share = min(total / area, 1.0) if area > 0 else 0.0
     message = f"gap from {low:.6g} to {high:.6g}, mean {mean:.6g} (open > 0); "
     message += f"{100 * share:.4g} % of the slave faces the master"
+    bare, partly = facing.lacking
     figures = {
         "gap": {"min": low, "mean": mean, "max": high},
         "covered": share,
-        "covered_macro_elements": int((covered.ratio >= WHOLE).sum()),
-        "partly_covered_macro_elements": int(((covered.ratio > NONE) & (covered.ratio < WHOLE)).sum()),
-        "uncovered_macro_elements": int((covered.ratio <= NONE).sum()),
+        "covered_macro_elements": int((~bare & ~partly).sum()),
+        "partly_covered_macro_elements": int(partly.sum()),
+        "uncovered_macro_elements": int(bare.sum()),
     }
     return subject.found("gap", message, group=subject.slave.group), figures
 
 
-def _sizes(subject: Subject, slave: Surface, master: Surface, macro: Ints, points: ContactPoints) -> list[Finding]:
+def _sizes(subject: Subject, facing: _Facing) -> Iterator[Finding]:
     """Sizes of macro-elements and master faces where they meet."""
-    own = _size(np.bincount(macro, _measures(slave)).astype(float), slave.dim)[points.macro]
-    other = _size(_measures(master), master.dim)[points.master]
+    points, group = facing.points, subject.slave.group
+    own = _size(np.bincount(facing.macro, _measures(facing.slave)).astype(float), facing.slave.dim)[points.macro]
+    other = _size(_measures(facing.master), facing.master.dim)[points.master]
     good = (own > 0) & (other > 0)
     if not good.any():
-        return []
+        return
     weight = points.weight[good]
     ratio = float(np.exp((weight * np.log(own[good] / other[good])).sum() / weight.sum()))
-    found = []
     text = f"where they meet, slave macro-elements are {ratio:.3g} times as large as master faces"
     if not 1 / RATIO <= ratio <= RATIO:
-        coarse = "slave" if ratio > 1 else "master"
-        found.append(subject.found("size-ratio", f"{text}; refine the {coarse}", group=subject.slave.group))
-    if ratio > HINT and not _bare(subject, subject.master):
+        yield subject.found("size-ratio", f"{text}; refine the {'slave' if ratio > 1 else 'master'}", group=group)
+    rigid = np.isnan(facing.master.depth).all()  # the stiffer side, whatever its mesh
+    if ratio > HINT and not rigid:
         message = f"a hint: {text}, and the rule of thumb takes the coarser and stiffer side as master; "
-        message += "think of exchanging them"
-        found.append(subject.found("better-slave", message, group=subject.slave.group))
-    return found
-
-
-def _bare(subject: Subject, side: Side | None) -> bool:
-    """A rigid side is the stiffer one, whatever its mesh."""
-    return side is not None and bool((subject.behind(side) == 0).all())
+        yield subject.found("better-slave", f"{message}think of exchanging them", group=group)
 
 
 def _measures(surface: Surface) -> Floats:
-    from lacmesh.quadrature import measure
-
     out = np.zeros(len(surface))
     for kind, rows, nodes in surface.by_type():
         out[rows] = measure(kind, surface.x[nodes])

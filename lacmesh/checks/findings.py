@@ -82,6 +82,15 @@ class Findings:
         return {"findings": [f.as_dict() for f in self.findings], "summary": dict(self.summary)}
 
 
+def counted(n: int, one: str, many: str | None = None) -> str:
+    """A number and what is counted, for a sentence.
+
+    >>> counted(1, "face turns", "faces turn"), counted(2000, "node")
+    ('1 face turns', '2,000 nodes')
+    """
+    return f"{n:,} {one if n == 1 else many or one + 's'}"
+
+
 def collect(found: list[Finding], figures: Mapping[str, Any]) -> Findings:
     """Findings, errors first, and the summary."""
     ranked = sorted(found, key=lambda f: SEVERITIES.index(f.severity))

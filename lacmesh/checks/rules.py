@@ -48,7 +48,8 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         ),
         "poor-cell": Rule(
             "warning",
-            "the scaled Jacobian of the cell is small: its stiffness is badly conditioned, its stresses are poor",
+            "the scaled Jacobian of the cell is below 0.1 (1: ideal), whatever its type: its stiffness is badly "
+            "conditioned, its stresses are inaccurate",
             "mesh better there, or try the other variant of the cut (--hexa)",
         ),
         "crowded-facet": Rule("error", "more than two cells share a facet", "remove the cell that is too many"),
@@ -174,16 +175,19 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         ),
         "broken-records": Rule(
             "error",
-            "the data lac_macro, lac_zone, ... of the mesh are not those of a cut",
+            "the data lac_macro, lac_zone, ... of the mesh are not those of a cut: numbers with holes, faces of a "
+            "macro-element that do not hang together, or internal dofs where the integrals find none",
             "take them out, or cut the original again",
         ),
         # slave against master
         "no-coverage": Rule(
-            "error", "no slave face finds a master face along its normal", "check the groups, and their places"
+            "error",
+            "no slave face of a zone finds a master face along its normal, as far as it looks",
+            "check the groups, their places and their sides, or look farther (--search-distance)",
         ),
         "partial-coverage": Rule(
             "warning",
-            "the master covers a macro-element only in part, or not at all",
+            "the master covers less than 95 % of a macro-element, or nothing of it",
             "nothing, if the slave is meant to reach beyond the master; such pressures are zero or act on a part",
         ),
         "wrong-side": Rule(

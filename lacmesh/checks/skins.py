@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.checks.findings import Finding
+from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import Side, Subject, is_carried
 from lacmesh.faces import cells_of_dim
 from lacmesh.mesh import Ints
@@ -38,7 +38,7 @@ def _dimensions(subject: Subject, side: Side) -> Iterator[Finding]:
         odd = [c for kind, c, _ in mesh.select(mine) if is_carried(kind)]
         if len(higher):
             message = (
-                f"the {side.what} group {name!r} holds {len(higher)} cells of dimension {int(dims.max())} "
+                f"the {side.what} group {name!r} holds {counted(len(higher), 'cell')} of dimension {int(dims.max())} "
                 f"({subject.numbers(higher)}); name the group of its skin, of dimension {subject.dim}"
             )
             yield subject.found("wrong-dimension", message, higher, group=name)
@@ -48,11 +48,13 @@ def _dimensions(subject: Subject, side: Side) -> Iterator[Finding]:
             )
             yield subject.found("empty-skin", message, lower, group=name)
         elif len(lower):
-            message = f"the {side.what} group {name!r} also holds {len(lower)} cells of lower dimension; take them out"
+            message = f"the {side.what} group {name!r} also holds {counted(len(lower), 'cell')} of lower dimension "
+            message += f"({subject.numbers(lower)}); take them out"
             yield subject.found("lower-dimension", message, lower, group=name)
         if odd:
             cells = np.concatenate(odd)
-            message = f"{len(cells)} {side.what} faces are of order 3 or higher ({subject.numbers(cells)})"
+            message = side.counted(len(cells), "is", "are")
+            message += f" of order 3 or higher ({subject.numbers(cells)})"
             yield subject.found(
                 "unsupported-face", f"{message}; mesh with linear or quadratic cells", cells, group=name
             )
@@ -61,8 +63,8 @@ def _dimensions(subject: Subject, side: Side) -> Iterator[Finding]:
 def _copies(subject: Subject, side: Side) -> Iterator[Finding]:
     if len(side.copies):
         message = (
-            f"{len(side.copies)} {side.what} faces stand twice: cells {subject.numbers(side.copies)} lie on the nodes "
-            "of others in the groups; remove the copies"
+            f"{side.counted(len(side.copies), 'stands', 'stand')} twice: "
+            f"cells {subject.numbers(side.copies)} lie on the nodes of others in the groups; remove the copies"
         )
         yield subject.found("repeated-face", message, side.copies, group=side.group)
     if side.what == "slave" and len(side):
@@ -70,9 +72,8 @@ def _copies(subject: Subject, side: Side) -> Iterator[Finding]:
         repeats = find_repeats(side.faces, blocks, subject.mesh.n_nodes)
         others = np.setdiff1d(repeats.cell, np.concatenate(side.groups))
         if len(others):
-            message = (
-                f"{len(others)} skin cells of other groups lie on slave faces ({subject.numbers(others)}); both are cut"
-            )
+            message = counted(len(others), "skin cell of another group lies", "skin cells of other groups lie")
+            message += f" on slave faces ({subject.numbers(others)}); both are cut"
             yield subject.found("duplicate", message, others, group=side.group)
 
 
@@ -81,7 +82,8 @@ def _in_two_zones(subject: Subject) -> Iterator[Finding]:
     cells, count = np.unique(np.concatenate(groups), return_counts=True)
     twice = cells[count > 1]
     if len(twice):
-        message = f"{len(twice)} cells ({subject.numbers(twice)}) are in several slave groups; the first zone has them"
+        message = counted(len(twice), "cell is", "cells are")
+        message += f" in several slave groups ({subject.numbers(twice)}); the zone of the first has them"
         yield subject.found("face-in-two-zones", message, twice, group=subject.slave.group)
 
 
@@ -95,42 +97,40 @@ def check_parents(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     return found, {}
 
 
+def _are_recorded(subject: Subject, cells: Ints) -> bool:
+    """Whether these cells are faces of macro-elements, by the records of a cut."""
+    macro = subject.mesh.cell_data.get("lac_macro")
+    return macro is not None and bool((macro[cells] >= 0).all())
+
+
 def _behind(subject: Subject, side: Side) -> Iterator[Finding]:
     count = subject.behind(side)
-    parents = subject.parents[side.what]
     on_carried = _on_carried(subject, side)
-    bare = side.cells[(count == 0) & ~on_carried]
+    bare, carried = side.cells[(count == 0) & ~on_carried], side.cells[(count == 0) & on_carried]
+    if side.what == "slave" and subject.mesh.dim == 2 and _are_recorded(subject, bare):
+        return  # a shell that was cut as one
     if len(bare) and side.what == "slave":
-        message = (
-            f"{len(bare)} slave faces have no cell behind them ({subject.numbers(bare)}); take them out of the group, "
-            "or mesh the body (a shell is cut with --skin-only)"
-        )
+        message = f"{side.counted(len(bare), 'has', 'have')} no cell behind ({subject.numbers(bare)}); "
+        message += "take them out of the group, or mesh the body (a shell is cut with --skin-only)"
         yield subject.found("no-parent", message, bare, group=side.group)
     elif len(bare):
-        message = f"{len(bare)} of {len(side)} master faces have no cells behind them: that part of the master is rigid"
+        message = f"{side.counted(len(bare), 'has', 'have')} no cell behind: the master, or that part of it, is rigid"
         yield subject.found("bare-master", message, bare, group=side.group)
-    carried = side.cells[(count == 0) & on_carried]
     if len(carried):
-        message = (
-            f"the cells behind {len(carried)} {side.what} faces ({subject.numbers(carried)}) are of order 3 or higher"
-        )
-        yield subject.found(
-            "unsupported-face", f"{message}; mesh with linear or quadratic cells", carried, group=side.group
-        )
+        message = f"{side.counted(len(carried), 'lies', 'lie')} on cells of order 3 or higher "
+        message += f"({subject.numbers(carried)}); mesh with linear or quadratic cells"
+        yield subject.found("unsupported-face", message, carried, group=side.group)
     between = side.cells[count == 2]
     if len(between):
-        message = (
-            f"{len(between)} {side.what} faces lie between two cells ({subject.numbers(between)}), where nothing "
-            "opens; double the nodes, or take them out of the group"
-        )
+        message = f"{side.counted(len(between), 'lies', 'lie')} between two cells ({subject.numbers(between)}), where "
+        message += "nothing opens; double the nodes, or take them out of the group"
         yield subject.found("interface", message, between, group=side.group)
-    odd = np.unique(parents.face[~parents.same])
+    parents = subject.parents[side.what]
+    odd = side.cells[np.unique(parents.face[~parents.same])]
     if len(odd):
-        message = (
-            f"{len(odd)} {side.what} faces and the cells behind them do not have the same mid-nodes "
-            f"({subject.numbers(side.cells[odd])}); raise the order of both alike"
-        )
-        yield subject.found("mid-nodes-differ", message, side.cells[odd], group=side.group)
+        message = f"{side.counted(len(odd), 'does', 'do')} not have the mid-nodes of the cells behind "
+        message += f"({subject.numbers(odd)}); raise the order of both alike"
+        yield subject.found("mid-nodes-differ", message, odd, group=side.group)
 
 
 def _on_carried(subject: Subject, side: Side) -> NDArray[np.bool_]:
@@ -150,14 +150,14 @@ def _turned(subject: Subject, side: Side) -> Iterator[Finding]:
     turn = turning(subject.mesh, side.cells)
     bare = np.intersect1d(turn.turned, turn.bare)
     inward = np.setdiff1d(turn.turned, turn.bare)
+    advice = f"turn them: lacmesh orient {' '.join(f'--group {name}' for name in side.names)}"
     if len(inward):
-        message = f"{len(inward)} of {len(side)} {side.what} faces turn inward ({subject.numbers(inward)})"
-        yield subject.found("orientation", f"{message}; turn them with lacmesh orient", inward, group=side.group)
+        message = f"{len(inward):,} of {side.counted(len(side), 'turns', 'turn')} inward ({subject.numbers(inward)})"
+        yield subject.found("orientation", f"{message}; {advice}", inward, group=side.group)
     if len(bare):
-        message = (
-            f"{len(bare)} bare {side.what} faces turn against their neighbours, or inward ({subject.numbers(bare)})"
-        )
-        yield subject.found("orientation", f"{message}; turn them with lacmesh orient", bare, group=side.group)
+        message = counted(len(bare), f"bare {side.what} face turns", f"bare {side.what} faces turn")
+        message += f" against their neighbours, or inward ({subject.numbers(bare)})"
+        yield subject.found("orientation", f"{message}; {advice}", bare, group=side.group)
 
 
 def check_shape(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
@@ -177,8 +177,8 @@ def _branches(subject: Subject, side: Side) -> Iterator[Finding]:
     if len(rows):
         cells = side.cells[rows]
         message = (
-            f"three or more {side.what} faces meet at {int((count > 2).sum())} edges (cells {subject.numbers(cells)}); "
-            "take those that branch off out of the group"
+            f"three or more {side.what} faces meet at {counted(int((count > 2).sum()), 'edge')} (cells "
+            f"{subject.numbers(cells)}); take those that branch off out of the group"
         )
         yield subject.found("non-manifold", message, cells, group=side.group)
 
@@ -200,15 +200,16 @@ def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
         common = np.intersect1d(slave.nodes, master.nodes)
         if len(common):
             message = (
-                f"slave and master share {len(common)} nodes ({subject.node_numbers(common)}): they cannot open there; "
-                "double the nodes, or take the faces that touch out of one of the groups"
+                f"slave and master share {counted(len(common), 'node')} ({subject.node_numbers(common)}): they cannot "
+                "open there; double the nodes, or take the faces that touch out of one of the groups"
             )
             found.append(subject.found("shared-nodes", message, nodes=common, group=f"{slave.group} / {master.group}"))
     shared = _shared_by_zones(subject)
     if len(shared):
         message = (
-            f"slave zones share {len(shared)} nodes ({subject.node_numbers(shared)}); keep them apart, or make one zone"
+            f"slave zones share {counted(len(shared), 'node')} ({subject.node_numbers(shared)}); keep a row of faces "
         )
+        message += "between them, or make one zone"
         found.append(subject.found("zones-share-nodes", message, nodes=shared, group=slave.group))
     return found, {}
 

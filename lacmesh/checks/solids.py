@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.checks.facets import CROWDED, FACETS, Solid
-from lacmesh.checks.findings import Finding
+from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import Subject
+from lacmesh.errors import some
 from lacmesh.mesh import Block, Ints, Mesh
 from lacmesh.quality import corner_jacobian, validity
 from lacmesh.quality.determinant import validity_among
 from lacmesh.quality.measures import measure_cells
 
-#: scaled Jacobian (1: ideal) below which a cell is poor
+#: scaled Jacobian (1: ideal) below which the rule poor-cell names a cell, of any type; `lacmesh quality` asks for more
 POOR = 0.1
 _WORST = 5
 _NEITHER = -1
@@ -29,26 +30,25 @@ def check_numbers(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     mesh, found = subject.mesh, []
     if mesh.dim < 2:
         found.append(subject.found("no-cells", "the mesh has no cells of dimension 2 or 3: there is no body to check"))
-    for what, numbers in (("cells", mesh.cell_number), ("nodes", mesh.node_number)):
+    for what, numbers in (("cell", mesh.cell_number), ("node", mesh.node_number)):
         values, first, count = np.unique(numbers, return_index=True, return_counts=True)
         odd = first[(count > 1) | (values < 0)]
         if len(odd):
-            message = (
-                f"the numbers of {len(odd)} {what} are repeated or negative ({numbers[odd[0]]}); number them again"
-            )
-            found.append(subject.found("repeated-number", message, *((odd, None) if what == "cells" else (None, odd))))
+            message = f"{counted(len(odd), f'{what} number is', f'{what} numbers are')} repeated or negative "
+            message += f"({some(numbers[odd])}); number the {what}s again"
+            found.append(subject.found("repeated-number", message, *((odd, None) if what == "cell" else (None, odd))))
     used = np.zeros(mesh.n_nodes, bool)
     for block in mesh.blocks:
         used[block.nodes] = True
     infinite = np.flatnonzero(used & ~subject.finite)
     if len(infinite):
-        message = (
-            f"{len(infinite)} nodes have coordinates that are no numbers, or huge ({subject.node_numbers(infinite)})"
-        )
-        found.append(subject.found("not-finite", f"{message}; correct them", nodes=infinite))
+        message = counted(len(infinite), "node has", "nodes have")
+        message += f" coordinates that are no numbers, or huge ({subject.node_numbers(infinite)}); correct them"
+        found.append(subject.found("not-finite", message, nodes=infinite))
     free = np.flatnonzero(~used)
     if len(free):
-        message = f"{len(free)} nodes belong to no cell ({subject.node_numbers(free)})"
+        message = counted(len(free), "node belongs", "nodes belong")
+        message += f" to no cell ({subject.node_numbers(free)}); nothing to do, unless the solver gives them dofs"
         found.append(subject.found("unreferenced-node", message, nodes=free))
     return found, {"nodes": mesh.n_nodes, "cells": mesh.n_cells}
 
@@ -81,7 +81,7 @@ def check_validity(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     found = _invalid(subject, np.flatnonzero(repeated), invalid, inverted)
     return found + _doubtful(subject, clockwise, bad, poor), {
         "invalid_cells": len(invalid) + len(inverted),
-        "worst_quality": float(np.min(poor[known], initial=1.0)),
+        "worst_quality": float(np.fmin.reduce(poor[known], initial=1.0)),
     }
 
 
@@ -96,14 +96,18 @@ def _quality(mesh: Mesh, block: Block) -> NDArray:
 def _invalid(subject: Subject, repeated: Ints, invalid: Ints, inverted: Ints) -> list[Finding]:
     found = []
     if len(repeated):
-        message = f"{len(repeated)} cells list a node twice ({subject.numbers(repeated)}); give them their simpler type"
+        message = counted(len(repeated), "cell lists", "cells list")
+        message += f" a node twice ({subject.numbers(repeated)}); give them their simpler type"
         found.append(subject.found("repeated-node", message, repeated))
     if len(invalid):
-        message = f"the Jacobian determinant of {len(invalid)} cells is not positive where solvers evaluate it "
+        message = (
+            f"the Jacobian determinant of {counted(len(invalid), 'cell')} is not positive where solvers evaluate it "
+        )
         message += f"({subject.numbers(invalid)}); mesh again there, or move the nodes"
         found.append(subject.found("invalid-cell", message, invalid))
     if len(inverted):
-        message = f"{len(inverted)} cells are inside out ({subject.numbers(inverted)}); list their nodes the other way"
+        message = counted(len(inverted), "cell is", "cells are")
+        message += f" inside out ({subject.numbers(inverted)}); list their nodes the other way"
         found.append(subject.found("inverted-cell", message, inverted))
     return found
 
@@ -111,15 +115,29 @@ def _invalid(subject: Subject, repeated: Ints, invalid: Ints, inverted: Ints) ->
 def _doubtful(subject: Subject, clockwise: Ints, bad: Ints, quality: NDArray) -> list[Finding]:
     found = []
     if len(clockwise):
-        message = f"{len(clockwise)} plane cells are listed clockwise ({subject.numbers(clockwise)}); "
-        message += "some solvers refuse them"
+        message = counted(len(clockwise), "plane cell is", "plane cells are")
+        message += (
+            f" listed clockwise ({subject.numbers(clockwise)}); list them the other way if the solver refuses them"
+        )
         found.append(subject.found("clockwise-cell", message, clockwise))
     if len(bad):
         worst = bad[np.argsort(quality[bad], kind="stable")]
         named = ", ".join(f"{subject.mesh.cell_number[c]} ({quality[c]:.3f})" for c in worst[:_WORST])
-        message = f"{len(bad)} cells are poor (scaled Jacobian below {POOR}); worst: {named}"
-        found.append(subject.found("poor-cell", f"{message}; see lacmesh quality", worst))
+        message = counted(len(bad), "cell has", "cells have")
+        message += f" a scaled Jacobian below {POOR}, worst first: {named}; {_advice(subject, bad)}"
+        found.append(subject.found("poor-cell", message, worst))
     return found
+
+
+def _advice(subject: Subject, poor: Ints) -> str:
+    """What to do about poor cells: those that a cut made hang on the cells it was made from, and on its variant."""
+    parent = subject.mesh.cell_data.get("lac_parent")
+    made = poor[:0] if parent is None else poor[parent[poor] >= 0]
+    if not len(made):
+        return "mesh better there (lacmesh quality says more)"
+    families = {CELLS[kind].family for kind, _, _ in subject.mesh.select(made)}
+    other = ", or cut with --hexa auto" if families & {"HEXA", "PYRAM"} else ""
+    return f"the cut made {len(made):,} of them: mesh better behind the slave faces{other}"
 
 
 def _with_repeated_nodes(mesh: Mesh) -> NDArray[np.bool_]:
@@ -148,7 +166,8 @@ def check_facets(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     solid, twin, found = facets.solid, facets.twin, []
     if len(facets.copies):
         message = (
-            f"{len(facets.copies)} cells stand on the corners of others ({subject.numbers(facets.copies)}); remove them"
+            f"{counted(len(facets.copies), 'cell stands', 'cells stand')} on the corners of others "
+            f"({subject.numbers(facets.copies)}); remove them"
         )
         found.append(subject.found("repeated-cell", message, facets.copies))
     crowded = np.unique(np.flatnonzero(twin == CROWDED) // FACETS)
@@ -175,7 +194,8 @@ def _overlapping(subject: Subject, solid: Solid, twin: Ints, same: NDArray[np.bo
     if not len(cells):
         return []
     message = (
-        f"{len(overlap)} pairs of cells lie on the same side of the facet that they share ({subject.numbers(cells)})"
+        f"{counted(len(overlap), 'pair of cells lies', 'pairs of cells lie')} on the same side of the facet that they "
+        f"share ({subject.numbers(cells)})"
     )
     return [subject.found("overlapping-cells", f"{message}; mesh again there", cells)]
 
@@ -231,7 +251,8 @@ def _other_mid_nodes(subject: Subject, solid: Solid, twin: Ints) -> list[Finding
     cells = np.unique(solid.cells[np.concatenate([at, twin[at]]) // FACETS])
     if not len(cells):
         return []
-    message = f"the cells on both sides of {len(at)} facets share corners and not mid-nodes ({subject.numbers(cells)})"
+    message = f"the cells on both sides of {counted(len(at), 'facet')} share corners and not mid-nodes "
+    message += f"({subject.numbers(cells)})"
     return [subject.found("mid-nodes-differ", f"{message}; raise the order of both alike", cells)]
 
 

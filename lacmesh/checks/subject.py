@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.checks.facets import Facets, find_bodies
-from lacmesh.checks.findings import Finding, Where
+from lacmesh.checks.findings import Finding, Where, counted
+from lacmesh.checks.macros import Macros, macros_of
 from lacmesh.checks.rules import RULES
 from lacmesh.errors import GroupNotFoundError, some
 from lacmesh.faces import cells_of_dim, distinct_faces
@@ -25,7 +26,7 @@ SHOWN = 8
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """A skin: `what` (slave, master), the groups' `names`, `listed` (all cells of the groups, in order), its faces.
+    """A skin: `what` (slave, master), the groups' `names`, its faces.
 
     `cells` (f,): a cell for each face, the first that lies on it; `zone` (f,): the place of its group among `names`;
     `faces`: the faces, each once; `copies`: the cells that lie on a face already there; `groups`: the cells of each.
@@ -46,6 +47,10 @@ class Side:
     def group(self) -> str:
         """The names, for a place."""
         return ", ".join(self.names)
+
+    def counted(self, n: int, one: str, many: str) -> str:
+        """Some of its faces and what they do, for a sentence: `2 slave faces turn`."""
+        return counted(n, f"{self.what} face {one}", f"{self.what} faces {many}")
 
     @cached_property
     def nodes(self) -> Ints:
@@ -90,6 +95,11 @@ class Subject:
     def bodies(self) -> Ints:
         """(n_nodes,): the body of each node, -1 for nodes of no cell."""
         return find_bodies(self.facets.solid, self.mesh.n_nodes)
+
+    @cached_property
+    def macros(self) -> Macros:
+        """The macro-elements of the slave faces."""
+        return macros_of(self.mesh, self.slave)
 
     def behind(self, side: Side) -> Ints:
         """(f,): how many cells each face of a side has behind it."""

@@ -34,7 +34,17 @@ class Terminated(BaseException):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; the exit status."""
+    collects = gc.isenabled()
     gc.disable()  # a short life of large arrays and no cycles: collecting would only cost time
+    try:
+        return _main(argv)
+    finally:
+        if collects:
+            gc.enable()
+
+
+def _main(argv: Sequence[str] | None) -> int:
+    """Let nothing that happens leave the command without a word and a status."""
     if sys.stdout is None:  # closed by who called us
         sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
     elif isinstance(sys.stdout, TextIOWrapper):
@@ -122,7 +132,7 @@ def _fail(message: str, status: int) -> int:
 
 
 def _on_one_line(message: str) -> str:
-    """Names come from files: no line ends, no commands to the terminal.
+    r"""Names come from files: no line ends, no commands to the terminal.
 
     >>> _on_one_line("group 'a" + chr(10) + chr(27) + "é'")
     "group 'a\\n\\x1bé'"

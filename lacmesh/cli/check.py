@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import warnings
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_mesh_option
+from lacmesh.cli.options import add_command, add_facing_options, add_mesh_option, facing_options
 from lacmesh.cli.terminal import Stages, console, memory, table
-from lacmesh.errors import DataError
+from lacmesh.errors import DataError, LacmeshWarning
 
 if TYPE_CHECKING:
     from lacmesh.checks import Finding, Findings
@@ -28,16 +29,7 @@ def add(commands: Any) -> None:
     parser.add_argument("input", metavar="IN", help="mesh, cut or not")
     parser.add_argument("--slave", action="append", required=True, metavar="GROUP", help="slave skin; may be repeated")
     parser.add_argument("--master", action="append", default=[], metavar="GROUP", help="master skin; may be repeated")
-    parser.add_argument(
-        "--dirichlet",
-        action="append",
-        default=[],
-        metavar="GROUP",
-        help="cells or nodes whose displacement is imposed; may be repeated",
-    )
-    parser.add_argument(
-        "--axisymmetric", action="store_true", help="a plane mesh about the y axis: measures hold 2 pi x"
-    )
+    add_facing_options(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object: {findings, summary}")
     add_mesh_option(parser)
 
@@ -52,17 +44,25 @@ def run(args: argparse.Namespace) -> None:
     with stage("check"):
         from lacmesh.checks import check
 
-        found = check(mesh, args.slave, args.master, args.dirichlet, axisymmetric=args.axisymmetric)
+        found = check(mesh, args.slave, args.master, **facing_options(args))
     if args.json:
         print(json.dumps(found.as_dict(), ensure_ascii=False, indent=2, allow_nan=False))
     elif not args.quiet:
         _print_findings(found)
         times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
         print(f"{args.input}: {times}{memory()}")
+    else:
+        warn_of(found)
     sys.stdout.flush()
     if found.errors:
         rules = ", ".join(dict.fromkeys(f.rule for f in found.errors))
         raise DataError(f"{args.input} will not do as it is: {_count(found, 'error')} ({rules})")
+
+
+def warn_of(found: Findings) -> None:
+    """Say the findings that are warnings as the command says warnings."""
+    for finding in found.warnings:
+        warnings.warn(f"{finding.rule}: {finding.message}", LacmeshWarning, stacklevel=1)
 
 
 def _count(found: Findings, severity: str) -> str:

@@ -13,9 +13,7 @@ def add(commands: Any) -> None:
     """Declare the command."""
     parser = add_command(commands, "convert", run, "write a mesh in another format, or of another order, groups kept")
     parser.add_argument("input", metavar="IN")
-    parser.add_argument(
-        "output", metavar="OUT", help="the suffix says the format (docs/formats.md)"
-    )
+    parser.add_argument("output", metavar="OUT", help="the suffix says the format (docs/formats.md)")
     parser.add_argument(
         "--order",
         choices=("2", "2-full"),
@@ -42,5 +40,7 @@ def run(args: argparse.Namespace) -> None:
         check_cells(mesh, args.program)
     write_mesh(target, mesh, source, args)
     if not args.quiet:
-        types = ", ".join(f"{n} {kind}" for kind, n in mesh.cells_by_type.items())
-        print(f"{target}: {mesh.n_nodes} nodes, {mesh.n_cells} cells ({types}), {len(mesh.cell_groups)} groups")
+        types = ", ".join(f"{n:,} {kind}" for kind, n in mesh.cells_by_type.items())
+        groups = len(mesh.cell_groups) + len(mesh.node_groups)
+        counts = f"{mesh.n_nodes:,} nodes, {mesh.n_cells:,} cells ({types}), {groups} group{'' if groups == 1 else 's'}"
+        print(f"{source}: {counts}; written to {target}")

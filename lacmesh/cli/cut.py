@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import argparse
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_output_options, add_program_option, check_output, write_mesh
+from lacmesh.cli.options import (
+    add_command,
+    add_facing_options,
+    add_output_options,
+    add_program_option,
+    check_output,
+    facing_options,
+    write_mesh,
+)
 from lacmesh.cli.terminal import Stages, console, memory, table
 from lacmesh.errors import DataError, LacmeshWarning, RequestError
 
 if TYPE_CHECKING:
+    from lacmesh.checks import Findings
     from lacmesh.cut import Cut
     from lacmesh.mesh import Mesh
     from lacmesh.report import CutReport, CutSummary
@@ -30,6 +41,7 @@ def add(commands: Any) -> None:
         help="what the slave skin faces; may be repeated: the cut is checked against it (as lacmesh check does), and "
         "not written where that finds an error",
     )
+    add_facing_options(parser)
     parser.add_argument("-o", "--output", metavar="OUT", help="default: beside the input, with .lac before its suffix")
     parser.add_argument(
         "--hexa",
@@ -90,20 +102,18 @@ def run(args: argparse.Namespace) -> None:
         cut = _cut(mesh, args)
         if args.min_quality is not None:
             _refuse_poor(None if done else mesh, cut, args.min_quality)
+    report = found = None
     if args.master:
         with stage("check"):
-            _check(cut, args)
-    report = None
+            found = _check(cut, args)
     if args.report:
         with stage("report"):
-            report = _report(None if done else mesh, cut)
+            report = _report(None if done else mesh, cut, found)
     with ThreadPoolExecutor(1) as beside:
         # beside the writing, which waits for the disk
         summary = None if args.quiet or done else beside.submit(_summarise, mesh, cut)
-        with stage("write"):
+        with stage("write"), _beside_report(args, report):
             write_mesh(target, cut.mesh, source, args)
-            if report is not None:
-                _write_report(args, report)
     if summary is not None:
         _print_summary(summary.result(), source, target, stage)
     elif done and not args.quiet:
@@ -124,17 +134,18 @@ def _cut(mesh: Mesh, args: argparse.Namespace) -> Cut:
     return cut_skin(mesh, args.slave, orient=args.orient, node_groups=args.node_groups, **choices)
 
 
-def _check(cut: Cut, args: argparse.Namespace) -> None:
+def _check(cut: Cut, args: argparse.Namespace) -> Findings:
     """Stop where the check of the cut against its master finds an error; what it finds beside is warned of."""
     from lacmesh.checks import check
+    from lacmesh.cli.check import warn_of
 
-    found = check(cut, args.slave, args.master)
+    found = check(cut, args.slave, args.master, **facing_options(args))
     if found.errors:
         first, more = found.errors[0], len(found.errors) - 1
         others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
         raise DataError(f"the cut will not do: {first.rule}: {first.message}{others}")
-    for finding in found.warnings:
-        warnings.warn(f"{finding.rule}: {finding.message}", LacmeshWarning, stacklevel=1)
+    warn_of(found)
+    return found
 
 
 def _beside(source: Path) -> Path:
@@ -164,24 +175,36 @@ def _refuse_poor(before: Mesh | None, cut: Cut, least: float) -> None:
         refuse_poor(before, cut, least)
 
 
-def _report(before: Mesh | None, cut: Cut) -> CutReport | None:
+def _report(before: Mesh | None, cut: Cut, findings: Findings | None) -> CutReport | None:
     from lacmesh.report import cut_report
 
     if before is None:
         message = "this mesh was cut before, from what is not known: no report is written; see lacmesh quality"
         warnings.warn(message, LacmeshWarning, stacklevel=1)
         return None
-    return cut_report(before, cut)
+    return cut_report(before, cut, findings=findings)
 
 
-def _write_report(args: argparse.Namespace, report: CutReport) -> None:
-    from lacmesh.report import write_report
+@contextmanager
+def _beside_report(args: argparse.Namespace, report: CutReport | None) -> Iterator[None]:
+    """Write the report, if there is one, and let it take its place after what is done inside: both, or neither."""
+    if report is None:
+        yield
+        return
+    from lacmesh.formats.output import replacing
+    from lacmesh.report.writing import report_bytes
 
-    write_report(args.report, report, name=Path(args.input).name, force=args.force)
+    path = Path(args.report)
+    with replacing(path) as (beside,):
+        beside.write_bytes(report_bytes(path.suffix.lower(), report, Path(args.input).name))
+        yield
 
 
 def _number(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
     if value != value:
         raise argparse.ArgumentTypeError("NaN is no quality")
     return value

@@ -10,6 +10,9 @@ from typing import Any
 from lacmesh.cli.options import add_command, add_mesh_option
 from lacmesh.cli.terminal import console, table
 
+#: entities that the table lists at most
+LISTED = 60
+
 
 def add(commands: Any) -> None:
     """Declare the command."""
@@ -21,7 +24,7 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Say what is in a file."""
-    from lacmesh.formats import kind_of, read
+    from lacmesh.formats import read, title_of
     from lacmesh.report import describe
 
     mesh = read(args.input, mesh=args.mesh)
@@ -29,10 +32,8 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         print(json.dumps(found, ensure_ascii=False, indent=2))
         return
-    kind = kind_of(args.input)
-    name = f"msh {kind.version} {'binary' if kind.binary else 'ASCII'}" if kind.format == "msh" else "MED"
     if not args.quiet:
-        _print_info(args.input, name, found, mesh.group_tags)
+        _print_info(args.input, title_of(args.input), found, mesh.group_tags)
 
 
 def _print_info(path: str, kind: str, found: dict[str, Any], tags: Mapping[str, tuple[tuple[int, int], ...]]) -> None:
@@ -51,6 +52,8 @@ def _print_info(path: str, kind: str, found: dict[str, Any], tags: Mapping[str, 
             dim = str(group["dim"]) if group["dim"] >= 0 else ""
             rows.add_row(name, dim, f"{group['cells']:,}", ", ".join(f"{d}:{t}" for d, t in tags.get(name, ())))
         out.print(rows)
+    else:
+        _print_entities(out, found["entities"])
     if found["node_groups"]:
         rows = table("node group", "nodes")
         for name, count in found["node_groups"].items():
@@ -58,3 +61,16 @@ def _print_info(path: str, kind: str, found: dict[str, Any], tags: Mapping[str, 
         out.print(rows)
     if found["lac"]:
         print(f"cut: {found['lac']['macro_elements']:,} macro-elements in {', '.join(found['lac']['zones'])}")
+
+
+def _print_entities(out: Any, entities: list[dict[str, Any]]) -> None:
+    """Where no group has a name: what to name instead."""
+    if not entities:
+        return
+    rows = table("entity", "cells", "box")
+    for entity in entities[:LISTED]:
+        low, high = ("(" + ", ".join(f"{v:.4g}" for v in corner) + ")" for corner in entity["box"])
+        rows.add_row(f"entity:{entity['dim']}:{entity['tag']}", f"{entity['cells']:,}", f"{low} .. {high}")
+    out.print(rows)
+    if len(entities) > LISTED:
+        print(f"and {len(entities) - LISTED} entities more, which --json lists")

@@ -18,10 +18,11 @@ if TYPE_CHECKING:
 TEXT = """\
 list the surfaces of a CAD file, or mesh it with groups
 
-A group is made of surfaces (of curves, where the file is plane) by their tags, as --list shows them, or of those that
-lie in a box as a whole. After DIM: they are of that dimension: --group body=3:1 names the volume 1. Repeat --group for
-further groups, and for more of the same group. Volumes in no group are in the mesh all the same, and so are surfaces:
-entity:2:17 names them to other commands. Lengths of STEP and IGES come out in millimetres."""
+A group is made of surfaces by their tags, as --list shows them, or of those that lie in a box as a whole; of curves,
+where the file is plane: no volumes, and all surfaces in one plane. After DIM: they are of that dimension: --group
+body=3:1 names the volume 1. Repeat --group for further groups, and for more of the same group. Volumes in no group are
+in the mesh all the same, and so are surfaces: entity:2:17 names them to other commands. Lengths of STEP and IGES come
+out in millimetres."""
 
 
 def add(commands: Any) -> None:
@@ -82,10 +83,11 @@ def _list(args: argparse.Namespace) -> None:
         return
     dim = max(shape.dim for shape in shapes)
     bodies, skin = ([s for s in shapes if s.dim == d] for d in (dim, dim - 1))
+    of_bodies = len(bodies) > 1 or not all(shape.bodies for shape in skin)
     out = console()
     print(f"{args.cad}: {_count(bodies, dim)}, {_count(skin, dim - 1)}")
-    out.print(_table(bodies, dim, len(bodies) > 1))
-    out.print(_table(skin, dim - 1, len(bodies) > 1))
+    out.print(_table(bodies, dim, of_bodies))
+    out.print(_table(skin, dim - 1, of_bodies))
 
 
 def _count(shapes: Sequence[Shape], dim: int) -> str:

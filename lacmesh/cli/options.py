@@ -40,6 +40,17 @@ def add_output_options(parser: argparse.ArgumentParser) -> None:
     """Declare what every command that writes a mesh takes."""
     parser.add_argument("--msh", choices=("4.1", "2.2"), help="version of a .msh output (default: the input's, or 4.1)")
     parser.add_argument("--ascii", action="store_true", help="write .msh as text (default: as the input, or binary)")
+    parser.add_argument(
+        "--plane",
+        choices=("CPS", "CPE", "CAX"),
+        help="elements of a plane mesh in an .inp output: plane stress, plane strain, axisymmetric (default: those of "
+        "an .inp input, or CPS)",
+    )
+    parser.add_argument(
+        "--all-cells",
+        action="store_true",
+        help="write cells below the mesh's dimension as elements of an .inp output too, not as surfaces and sets alone",
+    )
     parser.add_argument("--force", action="store_true", help="replace an existing output")
     add_mesh_option(parser)
 
@@ -51,27 +62,67 @@ def add_program_option(parser: argparse.ArgumentParser, text: str) -> None:
     )
 
 
+def add_facing_options(parser: argparse.ArgumentParser) -> None:
+    """Declare what says how slave and master are compared."""
+    parser.add_argument(
+        "--dirichlet",
+        action="append",
+        default=[],
+        metavar="GROUP",
+        help="cells or nodes whose displacement is imposed; may be repeated",
+    )
+    parser.add_argument(
+        "--axisymmetric", action="store_true", help="a plane mesh about the y axis: measures hold 2 pi x"
+    )
+    parser.add_argument(
+        "--search-distance",
+        type=_length,
+        metavar="LENGTH",
+        help="how far the slave looks for the master (default: a quarter of the smaller skin's diagonal, or twice its "
+        "largest macro-element)",
+    )
+    parser.add_argument(
+        "--max-penetration",
+        type=_length,
+        metavar="LENGTH",
+        help="how far it looks behind itself, where bodies overlap (default: half of the cells that meet there)",
+    )
+
+
+def facing_options(args: argparse.Namespace) -> dict[str, Any]:
+    """Those options, as `lacmesh.check` takes them."""
+    return {name: getattr(args, name) for name in ("dirichlet", "axisymmetric", "search_distance", "max_penetration")}
+
+
+def _length(text: str) -> float:
+    value = float(text)
+    if not 0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is no length")
+    return value
+
+
 def add_mesh_option(parser: argparse.ArgumentParser) -> None:
     """Declare `--mesh`."""
     parser.add_argument("--mesh", metavar="NAME", help="which mesh, in a file that holds several")
 
 
 def check_output(target: Path, args: argparse.Namespace) -> None:
-    """Say at once what would stop the writing at the end."""
-    from lacmesh.errors import WriteError
+    """Say at once what would stop the writing of a mesh at the end."""
     from lacmesh.formats import check_target
 
-    check_target(target)
+    if check_target(target) != "inp":
+        for option in ("plane", "all_cells"):
+            if getattr(args, option, None):
+                raise RequestError(f"--{option.replace('_', '-')} is for an .inp output, and {target} is none")
+    check_place(target, args)
+
+
+def check_place(target: Path, args: argparse.Namespace) -> None:
+    """Say at once what would stop the writing of any file at the end; what is there now is remembered for `written`."""
+    from lacmesh.formats import output
+
     args.target, args.before = target, _identity(target)
-    try:
-        if target.exists() and not target.is_file():
-            raise WriteError(target, "is no file; -o names another one")
-        if target.exists() and not args.force:
-            raise RequestError(f"{target} exists already; --force replaces it, -o names another file")
-        if not target.parent.is_dir():
-            raise WriteError(target, f"the folder {target.parent} does not exist")
-    except OSError as error:
-        raise WriteError(target, f"cannot be written ({error.strerror or error})") from error
+    output.check_place(target, force=args.force)
 
 
 def written(args: argparse.Namespace) -> str:
@@ -102,5 +153,7 @@ def write_mesh(target: Path, mesh: Mesh, source: Path, args: argparse.Namespace)
         msh=args.msh or kind.version,
         binary=kind.binary and not args.ascii,
         target=program if check_target(target) == "inp" and program in ("calculix", "abaqus") else None,
+        plane=args.plane,
+        all_cells=args.all_cells,
         force=args.force,
     )

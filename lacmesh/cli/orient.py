@@ -45,12 +45,12 @@ def run(args: argparse.Namespace) -> None:
 
 def _report(mesh: Mesh, group: str, count: int, turn: Turning) -> list[str]:
     """What was done to a group, a line each."""
-    lines = [f"{group}: {len(turn.turned):,} of {count:,} faces turned"]
+    lines = [f"{group}: {len(turn.turned):,} of {count:,} {'face' if count == 1 else 'faces'} turned"]
     for cells, what in (
-        (turn.interface, "lie between two cells and have no outward side: they stay"),
-        (turn.open, "have no cell behind them and enclose nothing: they were made to agree, outward is for you to say"),
-        (turn.one_sided, "are on a skin with one side only, and cannot agree: they stay"),
+        (turn.interface, "between two cells, with no outward side, left as they are"),
+        (turn.open, "with no cell behind and enclosing nothing, made to agree; outward is for you to say"),
+        (turn.one_sided, "on a skin with one side only, which cannot agree, left as they are"),
     ):
         if len(cells):
-            lines.append(f"{group}: {len(cells):,} faces ({mesh.cell_names(cells)}) {what}")
+            lines.append(f"{group}: {what}: {len(cells):,} ({mesh.cell_names(cells)})")
     return lines

@@ -92,7 +92,7 @@ def _print(args: argparse.Namespace, found: Quality, children: ChildrenQuality |
     where = f"{args.input}, group {args.group}" if args.group else str(args.input)
     poor = [t.poor for t in found.types if t.poor is not None]
     told = f", {sum(poor):,} poor" if poor else ""
-    print(f"{where}: {found.count:,} cells measured, {found.invalid:,} invalid{told}")
+    print(f"{where}: {_count(found.count, 'cell')} measured, {found.invalid:,} invalid{told}")
     if found.not_measured:
         print("not measured: " + ", ".join(f"{n:,} {kind}" for kind, n in found.not_measured.items()))
     for kind in found.types:
@@ -126,14 +126,19 @@ def _print_type(kind: TypeQuality) -> None:
         for line in _bars(kind.measures[rank].histogram):
             print(f"  {line}")
         print()
-    _print_worst(kind, rank)
+    if kind.invalid or rank != "validity":  # lines are all alike as long as they are valid
+        _print_worst(kind, rank)
+
+
+def _count(n: int, noun: str) -> str:
+    return f"{n:,} {noun}{'' if n == 1 else 's'}"
 
 
 def _title(kind: TypeQuality, rank: str) -> str:
     from lacmesh.quality.verdict import ACCEPTED
     from lacmesh.report.outline import number
 
-    told = f"{kind.type}: {kind.count:,} cells, {kind.invalid:,} invalid"
+    told = f"{kind.type}: {_count(kind.count, 'cell')}, {kind.invalid:,} invalid"
     if kind.invalid:
         told += (
             f" ({', '.join(f'{n:,} at {_ARTICLES[where[0]]} {where}' for where, n in kind.invalid_at.items() if n)})"
@@ -197,7 +202,7 @@ def _print_groups(found: Quality) -> None:
 def _print_children(c: ChildrenQuality) -> None:
     from lacmesh.report.outline import number
 
-    known = f"{c.parents:,} parents put together again"
+    known = f"{_count(c.parents, 'parent')} put together again"
     known += f", {c.unknown:,} not (cut by several of their faces)" if c.unknown else ""
     print(f"cut: {c.children:,} children, {c.invalid:,} invalid; {known}")
     rows = table("corner_jacobian", *(f"+{name}" for name in ("min", *_PERCENTS, "max", "mean")))

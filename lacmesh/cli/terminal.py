@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -29,6 +30,7 @@ class Stages:
                 transient=True,
             )
             self.task = self.bar.add_task("", total=len(self.names))
+            _tell(self.bar.console.print)
 
     @contextmanager
     def __call__(self, name: str) -> Iterator[None]:
@@ -45,6 +47,18 @@ class Stages:
         finally:
             if self.bar and (name not in self.seconds or name == self.names[-1]):
                 self.bar.stop()
+
+
+def _tell(say: Callable[[str], None]) -> None:
+    """Let what the library logs be said too: that kernels are compiled, which takes a while the first time."""
+
+    class Telling(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            say(f"lacmesh: {record.getMessage()}")
+
+    logger = logging.getLogger("lacmesh")
+    logger.addHandler(Telling())
+    logger.setLevel(logging.INFO)
 
 
 def console() -> Any:

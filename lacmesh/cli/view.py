@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_mesh_option
+from lacmesh.cli.options import add_command, add_mesh_option, check_place
 from lacmesh.cli.terminal import Stages, memory
-from lacmesh.errors import RequestError, WriteError, did_you_mean
+from lacmesh.errors import RequestError, did_you_mean
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
@@ -37,7 +37,10 @@ def add(commands: Any) -> None:
     parser.add_argument("--camera", **direction, help="direction from the mesh to the eye")  # type: ignore[arg-type]
     parser.add_argument("--cutaway", **direction, help="leave out cells beyond the middle in this direction")  # type: ignore[arg-type]
     parser.add_argument(
-        "--explode", type=float, metavar="GAP", help="gap between bodies, as a part of the mesh's size; 0: as they are"
+        "--explode",
+        type=float,
+        metavar="GAP",
+        help="gap between bodies, in sizes of the mesh, 0 to 100; 0: as they are",
     )
     parser.add_argument("--size", type=_size, default=(1600, 1000), metavar="WxH", help="pixels (default: 1600x1000)")
     parser.add_argument("--title", help="a line above (default: the file's name, or what the mesh holds)")
@@ -93,16 +96,17 @@ def _shown(mesh: Mesh, args: argparse.Namespace) -> dict[str, Any]:
 
 def _check_request(target: Path, args: argparse.Namespace) -> None:
     """Say at once what would stop the drawing at the end."""
+    from lacmesh.scene.request import check_direction, check_gap
+
     suffix = target.suffix.lower()
     if suffix not in (*PICTURES, *PAGES):
         raise RequestError(f"{target}: nothing is drawn as {suffix!r}{did_you_mean(suffix, (*PICTURES, *PAGES))}")
     for name in ("camera", "cutaway"):
-        if getattr(args, name) and not any(getattr(args, name)):
-            raise RequestError(f"--{name} 0 0 0 is no direction")
-    if target.exists() and not args.force:
-        raise RequestError(f"{target} exists already; --force replaces it, -o names another file")
-    if not target.parent.is_dir():
-        raise WriteError(target, f"the folder {target.parent} does not exist")
+        if getattr(args, name) is not None:
+            check_direction(f"--{name}", getattr(args, name))
+    if args.explode is not None:
+        check_gap("--explode", args.explode)
+    check_place(target, args)
 
 
 def _size(text: str) -> tuple[int, int]:

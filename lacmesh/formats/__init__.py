@@ -1,30 +1,27 @@
 """Files: a module for each format, with `read(path) -> Mesh` and `write(path, mesh)`; here, the choice between them.
 
-The format is known by its content when reading (`sniff.py`), by its suffix when writing (`table.py`). A file is written
-beside its place and renamed, so that nothing is ever half-written or lost.
+The format is known by its content when reading (`sniff.py`), by its suffix when writing (`table.py`); `output.py` puts
+what is written in its place.
 """
 
 from __future__ import annotations
 
 import os
-import secrets
+import warnings
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lacmesh.errors import ReadError, RequestError, WriteError, some
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError, some
+from lacmesh.formats.output import check_place, replacing
 from lacmesh.formats.sniff import HEAD, sniff
-from lacmesh.formats.table import OF_NAME, SUFFIXES, Format, format_of
+from lacmesh.formats.table import OF_NAME, OWN, SUFFIXES, Format, format_of
 from lacmesh.mesh import Mesh
 
 __all__ = ["SUFFIXES", "Kind", "check_target", "kind_of", "read", "title_of", "write"]
-
-#: Programs that an .inp file is written for.
-_INP_TARGETS = ("calculix", "abaqus")
 
 
 @dataclass(frozen=True)
@@ -72,8 +69,9 @@ def title_of(path: str | os.PathLike[str]) -> str:
 def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
     """The mesh in a file: msh 2.2 or 4.1, MED 2.3 to 4.2, .mail, .inp, VTU, XDMF, and what meshio reads.
 
-    `mesh`: which one, by name, in a file that holds several (MED, XDMF). Raises ReadError (RequestError for a wrong
-    `mesh`, or where meshio is missing).
+    `mesh`: which one, by name, in a file that holds several (MED, XDMF). The records of a cut that a format has no
+    place for are read from the file beside, NAME.SUFFIX.lac.json; a LacmeshWarning says where that does not belong to
+    this one. Raises ReadError (RequestError for a wrong `mesh`, or where meshio is missing).
     """
     path = Path(path)
     name = kind_of(path).format
@@ -82,11 +80,21 @@ def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
         return _reader(name)(path, mesh)
     if mesh is not None:
         raise RequestError(f"{path} is a {found.title} file, which holds one mesh: leave out the name {mesh!r}")
-    if found.meshio:
+    made = _read_alone(path, found)
+    if not found.cut_beside:
+        return made
+    from lacmesh.formats.cut_beside import taken_up
+
+    return taken_up(path, made)
+
+
+def _read_alone(path: Path, form: Format) -> Mesh:
+    """The mesh in one file, without what is beside it."""
+    if form.meshio:
         from lacmesh.formats.by_meshio import read as read_by_meshio
 
-        return read_by_meshio(path, name)
-    return _reader(name)(path)
+        return read_by_meshio(path, form.name)
+    return _reader(form.name)(path)
 
 
 def _reader(name: str) -> Callable[..., Mesh]:
@@ -103,30 +111,37 @@ def write(
     binary: bool = True,
     compress: bool = False,
     target: str | None = None,
+    plane: str | None = None,
+    all_cells: bool = False,
     force: bool = True,
 ) -> None:
     """Write a mesh; the suffix says the format (`lacmesh.formats.SUFFIXES`).
 
-    `msh`: the version of a msh file; `binary`: or ASCII, for msh, VTU and XDMF; `compress`: for VTU and XDMF; `target`:
-    the program that an .inp file is for, calculix (as by default) or abaqus. XDMF has a second file beside it, .h5.
+    `msh`: the version of a msh file; `binary`: or ASCII, for msh, VTU and XDMF; `compress`: for VTU and XDMF. XDMF has
+    a second file beside it, .h5. For .inp: `target`, the program it is for, calculix (as by default) or abaqus;
+    `plane`: its elements in the plane, CPS, CPE or CAX (by default `mesh.plane`, else CPS, with a warning);
+    `all_cells`: cells below the mesh's dimension are elements too, not surfaces and sets of nodes alone. Where a format
+    has no place for the records of a cut, they go to a file beside, NAME.SUFFIX.lac.json; writing a mesh without a cut
+    takes such a file away.
     An existing file is replaced, at the end and whole, unless `force` is False. Raises WriteError, RequestError.
     """
     path = Path(path)
     form = format_of(path)
-    fill = _writer(form, msh, binary, compress, target)
+    options = {"compress": compress, "target": target, "plane": plane, "all_cells": all_cells}
+    fill = _writer(form, msh, binary, {name: value for name, value in options.items() if value})
     if not np.isfinite(mesh.points).all():
         nodes = some(mesh.node_number[~np.isfinite(mesh.points).all(axis=1)])
         raise WriteError(path, f"the coordinates of nodes {nodes} are not finite numbers")
-    heavy = form.beside if binary else ""
-    try:
-        for there in (path, path.with_suffix(heavy)) if heavy else (path,):
-            if there.exists() and not there.is_file():  # renaming would put a file in place of a device
-                raise WriteError(there, "is no file; write to another one")
-            if not force and there.exists():
-                raise RequestError(f"{there} exists already; --force replaces it, -o names another file")
-    except OSError as error:
-        raise WriteError(path, f"cannot be written ({error.strerror or error})") from error
-    _write_beside(path, lambda *beside: fill(mesh, *beside), heavy)
+    places = [path, *_second(path, form, mesh, binary)]
+    for place in places:
+        check_place(place, force=force)
+    with replacing(*places) as made:
+        if form.cut_beside:
+            fill(mesh, made[0])
+            for side in made[1:]:
+                _write_records(side, mesh, made[0], form)
+        else:
+            fill(mesh, *made, *(place.name for place in places[1:]))
 
 
 def check_target(path: str | os.PathLike[str]) -> str:
@@ -134,18 +149,13 @@ def check_target(path: str | os.PathLike[str]) -> str:
     return format_of(Path(path)).name
 
 
-def _writer(form: Format, version: str, binary: bool, compress: bool, target: str | None) -> Callable[..., Any]:
+def _writer(form: Format, version: str, binary: bool, options: dict[str, Any]) -> Callable[..., Any]:
     """What writes a mesh of that format: called with the mesh, the file, and the second file where there is one."""
     from importlib import import_module
 
-    if compress and "compress" not in form.options:
-        raise RequestError(f"compress is for VTU and XDMF, {form.title} has no such choice")
-    if target is not None and "target" not in form.options:
-        raise RequestError(f"a target ({target}) is for .inp files, {form.title} has no such choice")
-    if target not in (None, *_INP_TARGETS):
-        raise RequestError(f"an .inp file is for {' or '.join(_INP_TARGETS)}, not {target!r}")
-    if form.name == "msh" and version not in ("4.1", "2.2"):
-        raise RequestError(f"msh version {version!r} is not written; choose 4.1 or 2.2")
+    for name in options.keys() - set(form.options):
+        titles = " and ".join(f.title for f in OWN if name in f.options)
+        raise RequestError(f"the option {name!r} is for {titles}, not for {form.title}")
     if form.meshio:
         from lacmesh.formats.by_meshio import write as write_by_meshio
         from lacmesh.formats.meshio_mesh import needed
@@ -153,69 +163,57 @@ def _writer(form: Format, version: str, binary: bool, compress: bool, target: st
         needed()
         return lambda mesh, path: write_by_meshio(path, mesh, form.name)
     module = import_module(f"lacmesh.formats.{form.name}")
-    options: dict[str, Any] = {}
-    if form.name in ("msh", "vtu"):
-        options["binary"] = binary
     if form.name == "msh":
-        options["version"] = version
-    if compress:
-        options["compress"] = True
-    if target is not None:
-        options["target"] = target
+        if version not in ("4.1", "2.2"):
+            raise RequestError(f"msh version {version!r} is not written; choose 4.1 or 2.2")
+        options |= {"version": version}
+    if form.name in ("msh", "vtu"):
+        options |= {"binary": binary}
     if form.name != "xdmf" or not binary:
         return lambda mesh, path: module.write(path, mesh, **options)
-
-    def with_heavy(mesh: Mesh, path: Path, heavy: Path, link: str) -> None:
-        module.write(path, mesh, heavy=heavy, link=link, **options)
-
-    return with_heavy
+    return lambda mesh, path, heavy, link: module.write(path, mesh, heavy=heavy, link=link, **options)
 
 
-def _write_beside(path: Path, fill: Callable[..., Any], heavy: str = "") -> None:
-    """Let `fill` write a file next to `path`, force it to the disk, and rename it; leave nothing behind on failure.
+def _second(path: Path, form: Format, mesh: Mesh, binary: bool) -> list[Path]:
+    """The place of the second file, where there is one to be, or to be taken away.
 
-    `heavy`: the suffix of a second file, which goes with the first; `fill` is then given it too, and its later name.
+    Raises WriteError where a file that lacmesh did not write stands there.
     """
-    real = Path(os.path.realpath(path))  # a link stays one, what it points to is replaced
-    places = [real, *([path.with_name(path.stem + heavy)] if heavy else [])]
-    # the names are known before the files are there: whenever a signal arrives, what is there can be removed
-    token = secrets.token_hex(8)
-    beside = [place.with_name(f".{place.stem[:40]}-{token}{place.suffix}") for place in places]
-    try:
-        for name in beside:
-            os.close(os.open(name, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
-        fill(*beside, *(place.name for place in places[1:]))
-        if heavy:
-            _check_ours(places[1])
-        for name, place in zip(beside[::-1], places[::-1], strict=True):
-            _settle(name, place)
-    except WriteError as error:
-        raise WriteError(path, error.what) from error
-    except OSError as error:
-        raise WriteError(path, f"cannot be written ({error.strerror or error})") from error
-    finally:
-        for name in beside:
-            with suppress(OSError):
-                name.unlink()
+    if form.beside and binary:
+        from lacmesh.formats.xdmf import writer as xdmf_write
+
+        second = path.with_suffix(form.beside)
+        is_ours: Callable[[Path], bool] = xdmf_write.is_ours
+    elif form.cut_beside:
+        from lacmesh.formats import cut_beside
+
+        second, is_ours = cut_beside.place_of(path), cut_beside.is_ours
+        if cut_beside.records_of(mesh) is None and not is_ours(second):
+            return []
+    else:
+        return []
+    if second.is_file() and not is_ours(second):
+        raise WriteError(
+            second, f"{second.name} is there and lacmesh did not write it; move it, or choose another name"
+        )
+    return [second]
 
 
-def _check_ours(heavy: Path) -> None:
-    """Raise WriteError where a file that lacmesh did not write stands where the second file goes."""
-    from lacmesh.formats.xdmf_write import is_ours
+def _write_records(side: Path, mesh: Mesh, written: Path, form: Format) -> None:
+    """Write the records of a cut for a file that was just written; without any, the file for them is taken away."""
+    from lacmesh.formats.cut_beside import UnfitError, records_of, to_json
 
-    if heavy.exists() and not is_ours(heavy):
-        raise WriteError(heavy, f"{heavy.name} is there and lacmesh did not write it; move it, or choose another name")
-
-
-def _settle(beside: Path, path: Path) -> None:
-    with beside.open("rb") as file:
-        os.fsync(file.fileno())
-    mode = path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask()
-    beside.chmod(mode)
-    beside.replace(path)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+    text = None
+    if records_of(mesh) is not None:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                back = _read_alone(written, form)
+            text = to_json(mesh, back)
+        except (UnfitError, LacmeshError) as error:
+            why = str(error).replace(str(written), "the file")
+            warnings.warn(LacmeshWarning(f"the records of the cut are left out: {why}"), stacklevel=3)
+    if text is None:
+        side.unlink()
+    else:
+        side.write_text(text, encoding="ascii")

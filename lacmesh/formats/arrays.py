@@ -16,13 +16,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.mesh import Ints, Mesh, distinct
+from lacmesh.formats.notes import fitting, zone_names
+from lacmesh.mesh import Floats, Ints, Mesh, distinct
+from lacmesh.records import CELL_RECORDS, NODE_RECORD
 
 GROUP = "group:"
 CELL_NUMBER, NODE_NUMBER = "cell_number", "node_number"
 _NUMBER = {"cell": CELL_NUMBER, "node": NODE_NUMBER}
-#: Data that only integers make sense for: name -> whether they are pairs.
-_RECORDS = ("lac_macro", "lac_zone", "lac_child", "lac_parent", "lac_internal")
 
 
 class Arrays(NamedTuple):
@@ -121,6 +121,41 @@ def from_arrays(
     return fields
 
 
+class Parts(NamedTuple):
+    """What a mesh is made of: points (n, 3); nodes by type; where in the file the cells of these blocks stand, which is
+    their rows in the arrays on cells; arrays on nodes.
+    """
+
+    points: Floats
+    blocks: Mapping[str, Ints]
+    place: Ints
+    cell: Mapping[str, NDArray]
+    node: Mapping[str, NDArray]
+
+
+def assembled(
+    parts: Parts,
+    fields: Mapping[str, Any],
+    noted: Mapping[str, Any],
+    said: list[str],
+    groups: Mapping[str, Mapping[str, Ints]] | None = None,
+) -> Mesh:
+    """A mesh from its parts, the `fields` that its notes tell, and `groups` (of "cell", "node") beside the arrays'."""
+    place = parts.place
+    in_order = bool((np.diff(place) > 0).all())
+    rows = {name: values if in_order else values[place] for name, values in parts.cell.items()}
+    made = {**fields, **from_arrays(rows, parts.node, (len(place), len(parts.points)), noted, said)}
+    if not in_order:
+        made["file_order"] = np.argsort(place)
+    for on, given in (groups or {}).items():
+        made[f"{on}_groups"] = {**given, **made[f"{on}_groups"]}
+    known = {*made["cell_data"], *made["node_data"]}
+    made["steps"] = {key: step for key, step in made.get("steps", {}).items() if key in known}
+    if not made.get("zones"):
+        made["zones"] = zone_names(made["cell_data"], made["cell_groups"])
+    return fitting(Mesh.create(parts.points, parts.blocks.items(), **made))
+
+
 def _noted(notes: Mapping[str, Any], what: str, on: str) -> dict[str, Any]:
     found = notes.get(what, {})
     found = found.get(on, {}) if isinstance(found, dict) else {}
@@ -163,7 +198,7 @@ def _sound(data: dict[str, NDArray], said: list[str]) -> dict[str, NDArray]:
     """Data whose names mean something to lacmesh are what they should be, or get another name."""
     sound: dict[str, NDArray] = {}
     for name, values in data.items():
-        reserved = name == "entity" or name in _RECORDS
+        reserved = name in ("entity", NODE_RECORD, *CELL_RECORDS)
         whole = _integers(values) if reserved else None
         if not reserved:
             sound[name] = values

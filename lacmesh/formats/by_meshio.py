@@ -3,23 +3,32 @@
 meshio raises whatever it likes, exits, drops cells without a word and swaps nodes in some formats. So what it wrote is
 read back and compared: cells that came out otherwise are an error, and what else was lost is named in one warning.
 Quadratic cells are written where their node order was checked against another program; mid-nodes that a reader puts
-far from their edges are an error.
+far from their edges are an error. What meshio says while it reads, of cells that it drops for one, is passed on.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
+import re
+import string
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote, unquote
+
+import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats.arrays import to_arrays
+from lacmesh.formats.cut_beside import without_records
 from lacmesh.formats.kept import losses, match, unbent
 from lacmesh.formats.meshio_mesh import from_meshio, needed, to_meshio
+from lacmesh.formats.vtu.types import NOT_READ
 from lacmesh.mesh import Mesh
 
 #: Formats of meshio that are not taken, and why.
@@ -27,6 +36,7 @@ NOT_TAKEN = {
     "ansys": "a .msh file is gmsh's",
     "tetgen": "a mesh is two files, and meshio's reader may never end",
     "ugrid": "meshio does not read what it writes",
+    "cgns": "what meshio writes is no CGNS: gmsh does not open it, nor meshio what others write",
     "svg": "it is a picture",
     "wkt": "it has no mesh, only single triangles",
     "gmsh": "lacmesh reads and writes it",
@@ -39,39 +49,59 @@ NOT_TAKEN = {
 _WITH_ARRAYS = ("vtk", "hmf", "tecplot", "avsucd")
 #: Formats whose node order of quadratic cells was checked: VTK's reader takes these for what they are.
 _QUADRATIC = {"vtk": ("SEG3", "TRIA6", "QUAD8", "QUAD9", "TETRA10", "HEXA20", "HEXA27", "PENTA18")}
+#: The characters that VTK's files have in names as they are; %XX is for the others.
+_PLAIN = "".join(sorted({*string.punctuation} - {*'%"'}))
+#: A word of meshio's to the user, up to the next.
+_WORD = re.compile(r"^(Warning|Error|Info): (.*?)(?=^(?:Warning|Error|Info): |\Z)", re.MULTILINE | re.DOTALL)
 
 
 def read(path: Path, name: str) -> Mesh:
-    """The mesh of a file of meshio's format `name`. Raises ReadError; RequestError where meshio is missing."""
+    """The mesh of a file of meshio's format `name`; a LacmeshWarning says what meshio warns of.
+
+    Raises ReadError, also where meshio warns and no cells are left; RequestError where meshio is missing.
+    """
     meshio = needed()
     if not path.is_file():
         raise ReadError(path, "cannot be read (No such file or directory)")
-    mesh = _guarded(lambda: meshio.read(path, file_format=name), lambda why: ReadError(path, why))
+    heard: list[str] = []
+    given = _guarded(lambda: meshio.read(path, file_format=name), lambda why: ReadError(path, why), heard)
+    if name == "vtk":
+        heard = [*map(_of_vtk, heard), *_colours(path)]
+    said = "; ".join(heard)
+    if said and not any(len(block.data) for block in given.cells):
+        raise ReadError(path, f"has no cells as meshio reads it ({said}); use another format{_hint(name)}")
+    _as_ours(given, name)
     try:
-        found = from_meshio(mesh)
+        found = from_meshio(given)
     except LacmeshError as error:
         raise ReadError(path, str(error)) from error
     odd = unbent(found)
     if odd:
         raise ReadError(path, f"has mid-nodes far from their edges as meshio reads {name} ({odd}); use another format")
+    if said:
+        warnings.warn(f"{path.name} as meshio reads it: {said}", LacmeshWarning, stacklevel=3)
     return found
 
 
 def write(path: Path, mesh: Mesh, name: str) -> None:
-    """Write a mesh in meshio's format `name`, read it back, and warn of what that lost.
+    """Write a mesh in meshio's format `name`, read it back, and warn of what that lost but for the records of a cut.
 
     Raises WriteError where cells are not kept as they are, RequestError where meshio is missing.
     """
     meshio = needed()
     _check_types(path, mesh, name)
-    given = _given(mesh, name)
+    # writers fail on blocks of no cells, which a cut leaves of a type that it replaced
+    given = _given(replace(mesh, blocks=tuple(b for b in mesh.blocks if len(b.nodes))), name)
+    _turn_wedges(given, name)
     _guarded(lambda: meshio.write(path, given, file_format=name), lambda why: WriteError(path, why))
-    found = _guarded(lambda: from_meshio(meshio.read(path, file_format=name)), lambda why: WriteError(path, why))
+    back = _guarded(lambda: meshio.read(path, file_format=name), lambda why: WriteError(path, why))
+    _as_ours(back, name)
+    found = _guarded(lambda: from_meshio(back), lambda why: WriteError(path, why))
     where = match(mesh, found)
     if isinstance(where, str):
         message = f"meshio's format {name} does not keep the cells ({where} are left); write .vtu, .med or .msh"
         raise WriteError(path, message)
-    lost = losses(mesh, found, where)
+    lost = losses(without_records(mesh), found, where)
     if lost:
         warnings.warn(f"written by meshio as {name}, which loses " + "; ".join(lost), LacmeshWarning, stacklevel=3)
 
@@ -90,25 +120,88 @@ def _given(mesh: Mesh, name: str) -> Any:
     if name not in _WITH_ARRAYS:
         given.cell_data, given.point_data = {}, {}
         return given
-    arrays = to_arrays(mesh, [], lambda text: "_".join(text.split()))
+    arrays = to_arrays(mesh, [], _encoded if name == "vtk" else lambda text: "_".join(text.split()))
     bounds = list(zip(mesh.offsets, mesh.offsets[1:], strict=False))
     given.cell_data = {key: [values[a:b] for a, b in bounds] for key, values in arrays.cell.items()}
     given.point_data = dict(arrays.node)
+    if name == "vtk":
+        given.cell_data = {key: [_wide(v) for v in values] for key, values in given.cell_data.items()}
+        given.point_data = {key: _wide(values) for key, values in given.point_data.items()}
     if name in ("tecplot", "avsucd"):  # meshio's writers take numbers of one width
         given.cell_data = {key: [v.astype(float) for v in values] for key, values in given.cell_data.items()}
     return given
 
 
-def _guarded(call: Callable[[], Any], failed: Callable[[str], LacmeshError]) -> Any:
-    """What meshio returns; its words are kept from the terminal, and whatever it raises is one error."""
+def _encoded(text: str) -> str:
+    """A name as VTK's files have it, without blanks."""
+    return quote(text, safe=_PLAIN)
+
+
+def _wide(values: NDArray) -> NDArray:
+    """Integers in 64 bits: VTK's reader does not know meshio's words for narrower ones, and then drops all arrays."""
+    return values.astype(np.int64) if values.dtype.kind in "iu" and values.dtype != np.uint64 else values
+
+
+def _as_ours(given: Any, name: str) -> None:
+    """What a file of VTK has otherwise than ours: its wedges, its names, the pairs in `entity`."""
+    if name != "vtk":
+        return
+    _turn_wedges(given, name)
+    given.cell_data = {unquote(k): _pairs(v) if k == "entity" else v for k, v in given.cell_data.items()}
+    given.point_data = {unquote(k): _pairs([v])[0] if k == "entity" else v for k, v in given.point_data.items()}
+
+
+def _pairs(pieces: list[NDArray]) -> list[NDArray]:
+    """Arrays of pairs as they were before meshio gave them a third column, of zeros."""
+    added = all(v.ndim == 2 and v.shape[1] == 3 and not v[:, 2].any() for v in pieces)
+    return [v[:, :2] for v in pieces] if added else pieces
+
+
+def _of_vtk(word: str) -> str:
+    """A word of meshio's on a file of VTK, with names for the numbers of types."""
+    names = {**NOT_READ, 11: "voxels"}
+    return re.sub(r"\(type (\d+)\)", lambda m: f"(type {m[1]}, {names.get(int(m[1]), 'unknown')})", word)
+
+
+def _colours(path: Path) -> list[str]:
+    """Words on the arrays that meshio skips without one; VTK saves an active array of bytes so."""
+    found = re.findall(rb"^COLOR_SCALARS (\S+) \d+\r?$", path.read_bytes(), re.MULTILINE)
+    return [f"the colours {unquote(name.decode(errors='replace'))!r} are left out" for name in found]
+
+
+def _hint(name: str) -> str:
+    return " (.vtu is read by lacmesh itself, with more types of cells)" if name == "vtk" else ""
+
+
+def _turn_wedges(given: Any, name: str) -> None:
+    """Undo what meshio does to VTK's linear wedges: it turns them over, and VTK then finds negative volumes."""
+    for block in given.cells if name == "vtk" else ():
+        if block.type == "wedge":
+            block.data = block.data[:, [0, 2, 1, 3, 5, 4]]
+
+
+def _guarded(call: Callable[[], Any], failed: Callable[[str], LacmeshError], words: list[str] | None = None) -> Any:
+    """What meshio returns; what it prints is kept from the terminal, and whatever it raises is one error.
+
+    What it warns of is added to `words`, each once. A writer's warnings are not asked for: what is lost is measured.
+    """
     heard = io.StringIO()
     try:
         with contextlib.redirect_stdout(heard), contextlib.redirect_stderr(heard), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return call()
+            found = call()
     except LacmeshError as error:
         raise failed(f"what meshio made of it cannot be used ({error})") from error
     except (Exception, SystemExit) as error:
         said = " ".join(heard.getvalue().split())[:120]
         why = said or str(error).splitlines()[0][:120] if said or str(error) else type(error).__name__
         raise failed(f"meshio fails ({type(error).__name__}: {why})") from error
+    if words is not None:
+        words += dict.fromkeys(_warned(heard.getvalue()))
+    return found
+
+
+def _warned(printed: str) -> list[str]:
+    """The warnings and errors in what meshio printed, each in one line, without colours and a full stop."""
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", printed)
+    return [" ".join(text.split()).rstrip(".") for kind, text in _WORD.findall(plain) if kind != "Info"]

@@ -1,14 +1,17 @@
-"""What each format keeps of a mesh: the table of docs/formats.md, which tests/formats/test_formats_table.py proves.
+"""What each format keeps of a mesh: the tables of docs/formats.md, which tests/formats/test_formats_table.py proves.
 
-A feature is kept, or lost and named in a LacmeshWarning, or the mesh that has it is refused with a WriteError.
+A feature is kept without a word, or lost and named in a LacmeshWarning, or the mesh that has it is refused with a
+WriteError.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from lacmesh.cells import CELLS
+from lacmesh.formats.table import OF_NAME
 
 #: key -> what a mesh may have
 FEATURES: Mapping[str, str] = {
@@ -18,6 +21,7 @@ FEATURES: Mapping[str, str] = {
     "dims": "groups of several dimensions",
     "empty": "empty groups",
     "loose": "cells in no group",
+    "loose_skin": "skin in no group",
     "nodes": "groups of nodes",
     "names": "names with blanks and accents",
     "long": "names of 60 characters",
@@ -25,6 +29,7 @@ FEATURES: Mapping[str, str] = {
     "node_number": "numbers of nodes",
     "cell_number": "numbers of cells",
     "order": "order of cells of several types",
+    "turn": "how each cell turns",
     "field": "fields",
     "vector": "fields of vectors, tensors",
     "gap": "fields with missing values",
@@ -36,34 +41,59 @@ FEATURES: Mapping[str, str] = {
     "flat": "a plane mesh in space",
     "periodic": "periodic links",
     "partition": "partitions",
+    "entity": "entities of gmsh",
     "tags": "tags of groups",
     "name": "the mesh's name",
     "digits": "every digit of coordinates",
 }
 
-KEPT, LOST, REFUSED, BY_TYPE = "kept", "lost", "refused", "by type"
+KEPT, LOST, REFUSED = "yes", "lost", "error"
+#: Cells stand together by type in the file, without a word, since their numbers tell the order.
+BY_TYPE = "by type"
+#: Kept where only lacmesh reads it again, which a LacmeshWarning says.
+OURS = "for lacmesh"
+#: Kept in a file of its own beside the mesh's, `NAME.SUFFIX.lac.json`, without a word.
+BESIDE = "beside"
 
 
 @dataclass(frozen=True)
 class Row:
-    """A format and its options: features that are `lost`, those that are `refused`, the types of cells it `takes`.
+    """A format and its options: the types of cells it `takes`, features that are `lost`, those that are `refused`.
 
-    `by_type`: cells stand together by type in the file, without a word, since their numbers tell the order.
+    `by_type`: what is BY_TYPE there is the order of cells. `ours`: features and types of cells that are OURS;
+    `beside`: features that are BESIDE.
     """
 
     title: str
     format: str
-    lost: frozenset[str]
-    refused: frozenset[str]
     takes: frozenset[str]
+    lost: frozenset[str] = frozenset()
+    refused: frozenset[str] = frozenset()
     by_type: bool = False
-    options: Mapping[str, str] = field(default_factory=dict)
+    ours: frozenset[str] = frozenset()
+    beside: frozenset[str] = frozenset()
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     def keeps(self, feature: str) -> str:
-        """KEPT, LOST, REFUSED, or BY_TYPE."""
+        """KEPT, LOST, REFUSED, BY_TYPE, OURS or BESIDE."""
         if feature == "order" and self.by_type:
             return BY_TYPE
+        if feature in self.ours:
+            return OURS
+        if feature in self.beside:
+            return BESIDE
         return LOST if feature in self.lost else REFUSED if feature in self.refused else KEPT
+
+    def keeps_cells(self, kind: str) -> str:
+        """KEPT, REFUSED or OURS."""
+        return OURS if kind in self.ours else KEPT if kind in self.takes else REFUSED
+
+    @property
+    def variants(self) -> list[dict[str, Any]]:
+        """The options of `lacmesh.formats.write` that give the file another coding, and keep as much."""
+        codings: dict[str, dict[str, Any]] = {"binary": {"binary": False}, "compress": {"compress": True}}
+        found = [coding for name, coding in codings.items() if name in OF_NAME[self.format].options]
+        return [{**self.options, **coding} for coding in ({}, *found)]
 
 
 def _set(words: str) -> frozenset[str]:
@@ -74,73 +104,76 @@ def _but(words: str) -> frozenset[str]:
     return frozenset(CELLS) - _set(words)
 
 
-_ALL = _but("")
 _LINEAR = _set("POI1 SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6 PYRAM5")
-_FIELDS = _set("field vector gap integer steps cut zones partition")
-_MSH_ONLY = _set("periodic tags")
-#: What is lost where nothing but the cells of a mesh is kept.
-_CELLS_ONLY = _FIELDS | _MSH_ONLY | _set("group overlap empty nodes names long node_number cell_number name")
-_MIXED = _set("lower dims order cut zones periodic")
+#: What a format of cells, nodes and groups alone loses.
+_FIELDS = _set("field vector gap integer steps partition entity periodic tags")
+#: What such a format has beside it.
+_CUT = _set("cut zones")
+#: What a format of cells and nodes alone loses.
+_CELLS_ONLY = _FIELDS | _set("group overlap empty nodes names long node_number cell_number name")
+#: What only meshes of several types of cells have.
+_MIXED = _set("lower loose_skin dims order cut zones periodic")
+
+
+def _by_meshio(
+    name: str, takes: str, *, mixed: bool = False, keeps: str = "", loses: str = "flat", refuses: str = ""
+) -> Row:
+    """A format that keeps cells, and what it `keeps` beside; `mixed`: of several types in one mesh."""
+    lost = (_CELLS_ONLY | _MIXED - _CUT - {"loose_skin"} if mixed else _CELLS_ONLY - _MIXED) | _set(loses)
+    refused = _set(refuses) | (frozenset() if mixed else _MIXED)
+    return Row(name, name, _set(takes), lost - _set(keeps), refused, beside=_CUT if mixed else frozenset())
+
 
 ROWS = (
-    Row("msh 4.1", "msh", _set(""), _set(""), _ALL, by_type=True),
-    Row("msh 2.2", "msh", _set(""), _set(""), _ALL, options={"msh": "2.2"}),
-    Row("MED", "med", _set(""), _set(""), _but("PYRAM14"), by_type=True),
-    Row(".mail", "mail", _FIELDS | _MSH_ONLY | _set("names long"), _set(""), _but("PYRAM14"), by_type=True),
+    Row("msh 4.1", "msh", _but(""), by_type=True, ours=_set("TRIA7 partition")),
+    Row("msh 2.2", "msh", _but(""), ours=_set("TRIA7"), options={"msh": "2.2"}),
+    Row("MED", "med", _but("PYRAM14"), by_type=True),
+    Row(".mail", "mail", _but("PYRAM14"), _FIELDS | _set("names long"), by_type=True, beside=_CUT),
     Row(
         ".inp for CalculiX",
         "inp",
-        _FIELDS | _MSH_ONLY | _set("empty names long"),
-        _set(""),
         _but("TRIA7 QUAD9 HEXA27 PENTA18 PYRAM5 PYRAM13 PYRAM14"),
+        _FIELDS | _set("loose_skin empty names long"),
         by_type=True,
+        beside=_CUT,
     ),
     Row(
         ".inp for Abaqus",
         "inp",
-        _FIELDS | _MSH_ONLY | _set("empty names"),
-        _set(""),
         _but("TRIA7 PYRAM13 PYRAM14"),
+        _FIELDS | _set("loose_skin empty names"),
         by_type=True,
+        beside=_CUT,
         options={"target": "abaqus"},
     ),
-    Row("VTU", "vtu", _set(""), _set(""), _but("PYRAM14")),
-    Row("XDMF", "xdmf", _set(""), _set(""), _but("TRIA7 PYRAM14")),
+    Row("VTU", "vtu", _but("PYRAM14")),
+    Row("XDMF", "xdmf", _but("TRIA7 PYRAM14")),
     Row(
         "vtk",
         "vtk",
-        _MSH_ONLY | _set("names long order steps zones flat name"),
-        _set(""),
         _but("TRIA7 PENTA15 PYRAM13 PYRAM14"),
+        _set("order steps flat name periodic tags"),
+        beside=_set("zones"),
     ),
-    Row("hmf", "hmf", _set("names long steps flat tags name"), _MIXED, _LINEAR),
-    Row(
-        "tecplot",
-        "tecplot",
-        _CELLS_ONLY - _MIXED - _set("node_number cell_number field gap") | _set("flat"),
-        _MIXED,
-        _LINEAR - _set("POI1 PENTA6 PYRAM5"),
-    ),
-    Row(
+    Row("hmf", "hmf", _LINEAR, _set("names long steps flat tags name"), _MIXED),
+    _by_meshio("tecplot", "SEG2 TRIA3 QUAD4 TETRA4 HEXA8", keeps="node_number cell_number field gap"),
+    _by_meshio(
         "avsucd",
-        "avsucd",
-        _CELLS_ONLY - _MIXED - _set("node_number cell_number field vector gap") | _set("flat"),
-        _MIXED,
-        _LINEAR - _set("POI1"),
+        "SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6 PYRAM5",
+        keeps="node_number cell_number field vector gap entity",
     ),
-    Row("exodus", "exodus", _CELLS_ONLY | _MIXED | _set("flat"), _set(""), _LINEAR),
-    Row("mdpa", "mdpa", _CELLS_ONLY | _MIXED | _set("flat"), _set(""), _LINEAR - _set("PYRAM5")),
-    Row("medit", "medit", _CELLS_ONLY | _MIXED | _set("flat"), _set(""), _LINEAR - _set("POI1")),
-    Row("nastran", "nastran", _CELLS_ONLY | _MIXED | _set("flat digits"), _set(""), _set("TRIA3 TETRA4 PENTA6")),
-    Row("netgen", "netgen", _CELLS_ONLY | _MIXED | _set("flat"), _set(""), _LINEAR - _set("POI1")),
-    Row("permas", "permas", _CELLS_ONLY | _MIXED | _set("flat"), _set(""), _LINEAR),
-    Row("h5m", "h5m", _CELLS_ONLY | _MIXED | _set("flat"), _set(""), _set("SEG2 TRIA3 TETRA4")),
-    Row("cgns", "cgns", _CELLS_ONLY - _MIXED, _MIXED | _set("plane flat"), _set("TETRA4")),
-    Row("dolfin-xml", "dolfin-xml", _CELLS_ONLY - _MIXED | _set("flat"), _MIXED, _set("TRIA3 TETRA4")),
-    Row("flac3d", "flac3d", _CELLS_ONLY - _MIXED, _MIXED | _set("plane flat"), _set("TETRA4 HEXA8 PYRAM5")),
-    Row("su2", "su2", _CELLS_ONLY - _MIXED, _MIXED | _set("plane flat"), _set("TETRA4 HEXA8 PENTA6 PYRAM5")),
-    Row("ply", "ply", _CELLS_ONLY - _MIXED | _set("flat"), _MIXED, _set("POI1 SEG2 TRIA3 QUAD4")),
-    Row("stl", "stl", _CELLS_ONLY - _MIXED | _set("flat orphan"), _MIXED, _set("TRIA3")),
-    Row("obj", "obj", _CELLS_ONLY - _MIXED | _set("flat"), _MIXED, _set("TRIA3 QUAD4")),
-    Row("off", "off", _CELLS_ONLY - _MIXED | _set("flat"), _MIXED, _set("TRIA3")),
+    _by_meshio("exodus", "POI1 SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6 PYRAM5", mixed=True),
+    _by_meshio("mdpa", "POI1 SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6", mixed=True),
+    _by_meshio("medit", "SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6 PYRAM5", mixed=True),
+    _by_meshio("nastran", "TRIA3 TETRA4 PENTA6", mixed=True, loses="flat digits"),
+    _by_meshio("netgen", "SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6 PYRAM5", mixed=True),
+    _by_meshio("permas", "POI1 SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6 PYRAM5", mixed=True),
+    _by_meshio("h5m", "SEG2 TRIA3 TETRA4", mixed=True),
+    _by_meshio("dolfin-xml", "TRIA3 TETRA4"),
+    _by_meshio("flac3d", "TETRA4 HEXA8 PYRAM5", loses="", refuses="plane flat turn"),
+    _by_meshio("su2", "TETRA4 HEXA8 PENTA6 PYRAM5", loses="", refuses="plane flat"),
+    _by_meshio("ply", "POI1 SEG2 TRIA3 QUAD4"),
+    _by_meshio("stl", "TRIA3", loses="flat orphan"),
+    _by_meshio("obj", "TRIA3 QUAD4"),
+    _by_meshio("off", "TRIA3"),
 )

@@ -7,14 +7,14 @@ not keep it.
 
 from __future__ import annotations
 
-import signal
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import h5py
+
+from lacmesh.formats.output import signals_wait
 
 
 class Sink:
@@ -79,30 +79,11 @@ def written(path: Path, access: h5py.h5p.PropFAID, make: h5py.h5p.PropFCID) -> I
     """A new file with these property lists. Raises OSError once it is closed, where the disk did not take all."""
     sink = Sink(path)
     access.set_fileobj_driver(h5py.h5fd.fileobj_driver, sink)
-    with sink.file, _signals_wait():
+    # an exception must not come up inside a write that HDF5 asked for
+    with sink.file, signals_wait():
         made = h5py.h5f.create(str(path).encode(), h5py.h5f.ACC_TRUNC, make, access)
         access.set_fapl_sec2()  # a list that outlives Python must not name an object of Python
         with h5py.File(made) as file:
             yield file
         if sink.failed is not None:
             raise sink.failed
-
-
-@contextmanager
-def _signals_wait() -> Iterator[None]:
-    """Hold SIGINT and SIGTERM back: an exception must not come up inside a write that HDF5 asked for."""
-    if threading.current_thread() is not threading.main_thread():  # signals come up in the main thread only
-        yield
-        return
-    arrived: list[int] = []
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    handlers = {number: handler for number, handler in handlers.items() if callable(handler)}
-    for number in handlers:
-        signal.signal(number, lambda signum, frame: arrived.append(signum))
-    try:
-        yield
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-        for signum in arrived[:1]:
-            signal.raise_signal(signum)

@@ -93,17 +93,22 @@ def _names(names: list[str]) -> str:
 
 
 def _lost_data(on: str, data: Mapping[str, NDArray], found: Mapping[str, NDArray], to: Ints) -> list[str]:
-    gone, kinds = [], []
+    gone, kinds, padded = [], [], []
     for name, values in data.items():
         other = found.get(name)
         there = to >= 0
+        if other is not None and (values.shape[1:], other.shape[1:]) == ((2,), (3,)) and not other[:, 2].any():
+            other = other[:, :2]
+            padded.append(name)
         same = other is not None and other.shape[1:] == values.shape[1:]
         if other is None or not same or not _same_values(values[there], other[to[there]]):
             gone.append(name)
         elif values.dtype.kind in "iu" and other.dtype.kind == "f":
             kinds.append(name)
     lost = [f"the {on} data {_names(gone)}"] if gone else []
-    return lost + ([f"that the {on} data {_names(kinds)} are integers"] if kinds else [])
+    lost += [f"that the {on} data {_names(kinds)} are integers"] if kinds else []
+    flat = [name for name in padded if name not in gone]
+    return lost + ([f"that the {on} data {_names(flat)} have 2 components (a third, 0, is added)"] if flat else [])
 
 
 def _same_values(a: NDArray, b: NDArray) -> bool:

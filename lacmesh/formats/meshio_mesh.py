@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CARRIED
 from lacmesh.errors import DataError, RequestError
 from lacmesh.formats import notes
-from lacmesh.formats.arrays import GROUP, from_arrays, to_arrays
-from lacmesh.formats.msh_names import unnamed
-from lacmesh.formats.vtu_types import OF_TYPE
+from lacmesh.formats.arrays import GROUP, Parts, assembled, to_arrays
+from lacmesh.formats.msh.names import unnamed
+from lacmesh.formats.vtu.types import OF_TYPE
 from lacmesh.mesh import Ints, Mesh, Tag
 
 _FAMILIES = {
@@ -107,52 +107,50 @@ def from_meshio(given: Any) -> Mesh:
 
 def _from_meshio(given: Any) -> Mesh:
     said: list[str] = []
-    fields: dict[str, Any] = {}
-    noted: dict[str, Any] = {}
     points = np.asarray(given.points, float)
-    info = given.info if isinstance(given.info, dict) else {}
-    if INFO in info:
-        fields, noted = notes.from_json(str(info[INFO]), len(points), said)
+    blocks, place = _blocks(given)
+    fields, noted = _noted(given, len(points), len(place), said)
+    cell = {name: np.concatenate([np.asarray(v) for v in values]) for name, values in given.cell_data.items()}
+    groups, tags = _groups(given, np.argsort(place), cell.get(_PHYSICAL))
+    if tags:
+        cell.pop(_PHYSICAL)
+    node = {name: np.asarray(values) for name, values in given.point_data.items()}
+    node_groups = {name: np.asarray(nodes) for name, nodes in given.point_sets.items()}
+    parts = Parts(points, blocks, place, _native(cell), _native(node))
+    return assembled(parts, {"group_tags": tags, **fields}, noted, said, {"cell": groups, "node": node_groups})
+
+
+def _blocks(given: Any) -> tuple[dict[str, Ints], Ints]:
+    """Nodes by type, in our order; where the cells of these blocks stand among all of meshio's."""
     for block in given.cells:
         if block.type not in _OF_NAME:
             raise DataError(f"cells of meshio's type {block.type!r} are not read")
-    kinds = [_OF_NAME[block.type] for block in given.cells]
-    sizes = [len(block.data) for block in given.cells]
-    starts = np.cumsum([0, *sizes])
-    of_kind = {kind: [k for k, other in enumerate(kinds) if other == kind] for kind in dict.fromkeys(kinds)}
-    blocks = {kind: np.concatenate([_nodes(given.cells[k].data, kind) for k in ks]) for kind, ks in of_kind.items()}
-    order = np.concatenate(
-        [np.empty(0, np.int64), *(np.arange(starts[k], starts[k + 1]) for ks in of_kind.values() for k in ks)]
-    )
-    place = np.argsort(order)
-    cell = {name: np.concatenate([np.asarray(v) for v in values])[order] for name, values in given.cell_data.items()}
-    node = {name: np.asarray(values) for name, values in given.point_data.items()}
-    found, tags = _groups(given, starts, place, {n: v for n, v in cell.items() if n == _PHYSICAL}, blocks)
-    if tags:
-        cell.pop(_PHYSICAL)
-    plain = from_arrays(_native(cell), _native(node), (len(order), len(points)), noted, said)
-    plain["cell_groups"] = {**plain["cell_groups"], **found}
-    plain["node_groups"] = {**plain["node_groups"], **{n: np.asarray(v) for n, v in given.point_sets.items()}}
+    starts = np.cumsum([0, *(len(block.data) for block in given.cells)])
+    rows: dict[str, list[Ints]] = {}
+    place: dict[str, list[Ints]] = {}
+    for block, a, b in zip(given.cells, starts, starts[1:], strict=False):
+        kind = _OF_NAME[block.type]
+        listed = np.asarray(block.data)
+        nodes = np.empty(listed.shape, np.int64)
+        nodes[:, places(kind)] = listed
+        rows.setdefault(kind, []).append(nodes)
+        place.setdefault(kind, []).append(np.arange(a, b))
+    order = np.concatenate([np.empty(0, np.int64), *(part for parts in place.values() for part in parts)])
+    return {kind: np.concatenate(parts) for kind, parts in rows.items()}, order
+
+
+def _noted(given: Any, n_nodes: int, n_cells: int, said: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Fields of the mesh that `to_meshio` left in the info, or a VTU file in the field data, and all that is there."""
+    info = given.info if isinstance(given.info, dict) else {}
+    in_file = np.asarray(given.field_data.get(INFO, ()))
+    text = str(info[INFO]) if INFO in info else in_file.tobytes().decode() if in_file.dtype == np.uint8 else ""
+    if not text:
+        return {}, {}
+    fields, noted = notes.from_json(text, n_nodes, said)
     listed = noted.get("file_order")
-    if isinstance(listed, list) and sorted(listed) == list(range(len(order))):
-        plain["file_order"] = np.array(listed, np.int64)
-    elif len(given.cells) > len(blocks):
-        plain["file_order"] = place
-    fields = {"group_tags": tags, **fields, **plain}
-    steps = fields.get("steps", {})
-    fields["steps"] = {k: s for k, s in steps.items() if k in plain["cell_data"] or k in plain["node_data"]}
-    if not fields.get("zones") and "lac_zone" in plain["cell_data"]:
-        from lacmesh.formats.med_notes import zone_names
-
-        fields["zones"] = zone_names(plain["cell_data"], plain["cell_groups"])
-    return Mesh.create(points, blocks.items(), **fields)
-
-
-def _nodes(data: Any, kind: str) -> Ints:
-    rows = np.asarray(data)
-    nodes = np.empty(rows.shape, np.int64)
-    nodes[:, places(kind)] = rows
-    return nodes
+    if isinstance(listed, list) and sorted(listed) == list(range(n_cells)):
+        fields["file_order"] = np.array(listed, np.int64)
+    return fields, noted
 
 
 def _native(arrays: Mapping[str, NDArray]) -> dict[str, NDArray]:
@@ -161,27 +159,25 @@ def _native(arrays: Mapping[str, NDArray]) -> dict[str, NDArray]:
     return {n: v.astype(v.dtype.newbyteorder("=")) if v.dtype.kind in "iuf" else v for n, v in flat.items()}
 
 
-def _groups(
-    given: Any, starts: Ints, place: Ints, physical: Mapping[str, NDArray], blocks: Mapping[str, Ints]
-) -> tuple[dict[str, Ints], dict[str, tuple[Tag, ...]]]:
-    """Groups of cells from the sets; else, with their tags, from gmsh's physical groups."""
+def _groups(given: Any, index: Ints, physical: NDArray | None) -> tuple[dict[str, Ints], dict[str, tuple[Tag, ...]]]:
+    """Groups of cells from the sets; else, with their tags, from gmsh's physical groups. `index`: ours, by meshio's."""
+    sizes = [len(block.data) for block in given.cells]
+    starts = np.cumsum([0, *sizes])
     groups = {
-        name: place[
-            np.concatenate([np.empty(0, np.int64), *(_members(m) + a for m, a in zip(parts, starts, strict=False))])
-        ]
+        name: index[np.concatenate([_members([]), *(_members(m) + a for m, a in zip(parts, starts, strict=False))])]
         for name, parts in given.cell_sets.items()
         if not name.startswith("gmsh:")
     }
-    if groups or _PHYSICAL not in physical:
+    if groups or physical is None:
         return groups, {}
-    dims = np.concatenate([np.full(len(rows), ALL_CELLS[kind].dim) for kind, rows in blocks.items()])
+    dims = np.repeat([ALL_CELLS[_OF_NAME[block.type]].dim for block in given.cells], sizes)
     names = {(int(d), int(t)): name for name, (t, d) in given.field_data.items()}
     tags: dict[str, tuple[Tag, ...]] = {}
-    for dim, tag in np.unique(np.stack([dims, physical[_PHYSICAL].astype(np.int64)], axis=1), axis=0).tolist():
+    for dim, tag in np.unique(np.stack([dims, physical.astype(np.int64)], axis=1), axis=0).tolist():
         if tag > 0:
             name = names.get((dim, tag), unnamed((dim, tag)))
-            here = np.flatnonzero((dims == dim) & (physical[_PHYSICAL] == tag))
-            groups[name] = np.concatenate([groups.get(name, np.empty(0, np.int64)), here])
+            here = index[(dims == dim) & (physical == tag)]
+            groups[name] = np.concatenate([groups.get(name, _members([])), here])
             tags[name] = (*tags.get(name, ()), (dim, tag))
     return groups, tags
 

@@ -6,12 +6,14 @@ A format that keeps text keeps this. Which names and shapes its arrays had is to
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lacmesh.mesh import Mesh, Model, Periodic, Step, Tag
+from lacmesh.mesh import Ints, Mesh, Model, Periodic, Step, Tag
 
 VERSION = 1
 #: What a damaged text may raise while it is read.
@@ -44,6 +46,24 @@ def from_json(text: str, n_nodes: int, said: list[str]) -> tuple[dict[str, Any],
     except _DAMAGE:
         said.append("lacmesh's own notes are damaged and left out")
         return {}, {}
+
+
+def zone_names(cell_data: Mapping[str, NDArray], cell_groups: Mapping[str, Ints]) -> tuple[str, ...]:
+    """Names for the zones of a cut: of the smallest group whose macro cells are the zone's, else zone1, zone2, ..."""
+    zone, macro = (cell_data.get(name) for name in ("lac_zone", "lac_macro"))
+    if zone is None or macro is None or zone.ndim != 1 or macro.ndim != 1:
+        return ()
+    cut = np.flatnonzero((macro >= 0) & (zone >= 0))
+    cells = {int(z): cut[zone[cut] == z] for z in np.unique(zone[cut])}
+    if max(cells, default=-1) >= len(cut):
+        return ()
+    names = {}
+    for name, members in sorted(cell_groups.items(), key=lambda g: (len(g[1]), g[0]), reverse=True):
+        inside = members[macro[members] >= 0]
+        first = int(zone[inside[0]]) if len(inside) else -1
+        if first in cells and np.array_equal(inside, cells[first]):
+            names[first] = name
+    return tuple(names.get(k, f"zone{k + 1}") for k in range(max(cells, default=-1) + 1))
 
 
 def fitting(mesh: Mesh) -> Mesh:

@@ -55,7 +55,7 @@ def sniff(path: Path, head: bytes) -> Found:
     if not text.strip():
         raise ReadError(path, "is empty")
     for begin, what in _FOREIGN:
-        if head.startswith(begin) and SUFFIXES.get(suffix) not in ("exodus", "netgen", "permas"):
+        if head.startswith(begin) and SUFFIXES.get(suffix) not in ("exodus", "netgen"):
             raise ReadError(path, f"is {what}")
     if text.startswith(b"# vtk DataFile"):
         return Found("vtk")
@@ -131,7 +131,9 @@ def _in_hdf5(path: Path, suffix: str) -> str:
         raise ReadError(path, "holds the arrays of an XDMF file; read the .xdmf file beside it")
     if "VTKHDF" in names:
         raise ReadError(path, "is a VTKHDF file, which is not read; save it as .vtu")
+    if "CGNSLibraryVersion" in names:
+        raise ReadError(path, "is a CGNS file, which is not read; gmsh makes a .msh of it")
     if "tstt" in names:
         return "h5m"
     name = SUFFIXES.get(suffix, "med")
-    return name if name in ("cgns", "hmf", "h5m", "exodus") else "med"
+    return name if name in ("hmf", "h5m", "exodus") else "med"

@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 from lacmesh.errors import RequestError, did_you_mean
 
-#: suffix -> meshio's name of the format: all that meshio knows, but for our own and for by_meshio.NOT_TAKEN
+#: suffix -> meshio's name of the format: all that meshio knows, but for our own, for by_meshio.NOT_TAKEN, and for
+#: permas's .post.gz and .dato.gz, which meshio neither packs nor unpacks
 OF_MESHIO = {
     ".f3grid": "flac3d",
     ".mdpa": "mdpa",
     ".ply": "ply",
     ".stl": "stl",
     ".vtk": "vtk",
-    ".cgns": "cgns",
     ".h5m": "h5m",
     ".avs": "avsucd",
     ".xml": "dolfin-xml",
@@ -35,9 +35,7 @@ OF_MESHIO = {
     ".obj": "obj",
     ".off": "off",
     ".post": "permas",
-    ".post.gz": "permas",
     ".dato": "permas",
-    ".dato.gz": "permas",
     ".su2": "su2",
     ".dat": "tecplot",
     ".tec": "tecplot",
@@ -47,7 +45,8 @@ OF_MESHIO = {
 class Format(NamedTuple):
     """A format: its `name`, its `title` for people, its suffixes (the first is the usual one).
 
-    `options`: what `write` takes for it. `beside`: the suffix of a second file that goes with the first.
+    `options`: what `lacmesh.formats.write` takes for it. `beside`: the suffix of a second file beside the first.
+    `cut_beside`: the records of a cut go to a file beside it (`cut_beside.py`) where it does not keep them itself.
     """
 
     name: str
@@ -56,13 +55,14 @@ class Format(NamedTuple):
     options: tuple[str, ...] = ()
     beside: str = ""
     meshio: bool = False
+    cut_beside: bool = False
 
 
 OWN = (
-    Format("msh", "msh", (".msh",), ("msh", "binary")),
+    Format("msh", "msh", (".msh",), ("binary",)),
     Format("med", "MED", (".med", ".rmed", ".mmed")),
-    Format("mail", "code_aster .mail", (".mail",)),
-    Format("inp", ".inp of CalculiX and Abaqus", (".inp",), ("target",)),
+    Format("mail", "code_aster .mail", (".mail",), cut_beside=True),
+    Format("inp", ".inp of CalculiX and Abaqus", (".inp",), ("target", "plane", "all_cells"), cut_beside=True),
     Format("vtu", "VTU", (".vtu",), ("binary", "compress")),
     Format("xdmf", "XDMF", (".xdmf", ".xmf"), ("binary", "compress"), beside=".h5"),
 )
@@ -72,7 +72,10 @@ def _of_meshio() -> tuple[Format, ...]:
     suffixes: dict[str, list[str]] = {}
     for suffix, name in OF_MESHIO.items():
         suffixes.setdefault(name, []).append(suffix)
-    return tuple(Format(name, f"{name}, by meshio", tuple(found), meshio=True) for name, found in suffixes.items())
+    return tuple(
+        Format(name, f"{name}, by meshio", tuple(found), meshio=True, cut_beside=True)
+        for name, found in suffixes.items()
+    )
 
 
 FORMATS = (*OWN, *_of_meshio())

@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from lacmesh.formats.msh_notes import SECTION, Notes, from_text, to_text
-from lacmesh.formats.msh_scan import Source
+from lacmesh.formats.msh.notes import SECTION, Notes, from_text, to_text
+from lacmesh.formats.msh.scan import Source
 
 
 def read_notes(gmsh: Any, name: str) -> Notes:

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
-import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lacmesh.errors import DataError, LacmeshError, LacmeshWarning, ReadError, RequestError, did_you_mean
+from lacmesh.errors import DataError, LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError, did_you_mean
 from lacmesh.formats import read
+from lacmesh.formats.output import temporary_folder
 from lacmesh.gmsh import session
 from lacmesh.mesh import Mesh
 
@@ -65,7 +66,7 @@ class Shape:
 class Part:
     """What a group is made of: entities by tag, or those of dimension `dim` in a box (least and greatest corner).
 
-    A dimension of None is that of the skin: 2 in space, 1 in the plane.
+    A dimension of None is 2, and 1 where the geometry is plane: no volumes, and all surfaces in one plane.
     """
 
     dim: int | None
@@ -171,14 +172,14 @@ def check_source(path: str | os.PathLike[str]) -> Path:
 def _ask(request: dict[str, Any], path: Path, want_mesh: bool) -> tuple[dict[str, Any], Mesh | None]:
     """Let a child answer; its warnings are repeated, its error is raised."""
     session.find()
-    with tempfile.TemporaryDirectory(prefix="lacmesh-") as name:
-        folder = Path(name)
+    with temporary_folder() as folder:
         request = {**request, "path": str(path.absolute())}
         (folder / "request.json").write_text(json.dumps(request), encoding="utf-8")
-        status, said = _run_child(folder)
-        answer = _answer(folder, path, status, said)
-        for message in answer["warnings"]:
-            warnings.warn(LacmeshWarning(message), stacklevel=3)
+        status, printed = _run_child(folder)
+        answer = _answer(folder, path, status, printed)
+        lost = [f"its reader says {said}; shapes may be missing" for said in _complaints(printed)]
+        for message in (*lost, *answer["warnings"]):
+            warnings.warn(LacmeshWarning(f"{path}: {message}"), stacklevel=3)
         return answer, read(folder / "mesh.msh") if want_mesh else None
 
 
@@ -197,22 +198,36 @@ def _run_child(folder: Path) -> tuple[int, str]:
             child.wait()
             raise
         printed.seek(0)
-        return status, printed.read().decode(errors="replace")
+        return status, re.sub(r"\x1b\[[0-9;]*m", "", printed.read().decode(errors="replace"))  # colours taken off
 
 
-def _answer(folder: Path, path: Path, status: int, said: str) -> dict[str, Any]:
+def _answer(folder: Path, path: Path, status: int, printed: str) -> dict[str, Any]:
+    """The child's answer; its error is raised, with what it printed where that explains it."""
+    explained = _complaints(printed)
     try:
         answer: dict[str, Any] = json.loads((folder / "answer.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        last = (said.strip().splitlines() or ["without a word"])[-1]
+        last = (explained or printed.strip().splitlines() or ["without a word"])[-1]
         message = f"gmsh died on it (status {status}: {last}); repair the geometry, or save it in another format"
         raise ReadError(path, message) from None
     error = answer.get("error")
     if error is None:
         return answer
+    message = "; ".join([error["message"], *explained[:1]])
     if error["kind"] == "ReadError":
-        raise ReadError(path, error["message"])
-    raise _ERRORS[error["kind"]](f"{path}: {error['message']}")
+        raise ReadError(path, message)
+    if error["kind"] == "WriteError":  # of the mesh in the folder
+        raise WriteError(folder.parent, error["message"].rpartition(": ")[2])
+    raise _ERRORS[error["kind"]](f"{path}: {message}")
+
+
+def _complaints(printed: str) -> list[str]:
+    """Errors that gmsh's reader of STEP and IGES prints, past gmsh.
+
+    >>> _complaints("**** ERR StepFile : Undefined Parsing: Line 7: unexpected end    ****")
+    ['Undefined Parsing: Line 7: unexpected end']
+    """
+    return list(dict.fromkeys(re.findall(r"\*\* ERR \w+ : (.*?)\s*\*\*", printed)))
 
 
 def _shape(row: dict[str, Any]) -> Shape:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.errors import DataError, ReadError
+from lacmesh.errors import DataError, LacmeshWarning, ReadError, some
 from lacmesh.gmsh import stl
 from lacmesh.gmsh.cad import SUFFIXES, Shape
 from lacmesh.gmsh.model import read_model
@@ -37,6 +38,8 @@ _FLAT, _ROUND = 1e-4, 0.02
 def open_file(gmsh: Any, path: Path, dim: int | None) -> int:
     """Open a file; the dimension of its bodies. Raises ReadError, DataError."""
     kind = SUFFIXES[path.suffix.lower()]
+    if path.suffix.lower() == ".geo":
+        _check_last_line(path)
     _open(gmsh, path, kind)
     gmsh.option.setNumber("Geometry.OCCBoundsUseStl", 1)  # boxes that fit, where OCC would leave room
     if kind == "STL":
@@ -47,6 +50,7 @@ def open_file(gmsh: Any, path: Path, dim: int | None) -> int:
     if there < (dim or 2):
         what = {0: "points", 1: "curves", 2: "surfaces"}[there]
         raise DataError(f"the file holds {what} and no {'volume' if dim == 3 else 'surface'}")
+    _warn_of_loose(gmsh, dim or there)
     return dim or there
 
 
@@ -62,6 +66,25 @@ def _open(gmsh: Any, path: Path, kind: str) -> None:
         raise ReadError(path, f"gmsh reads it with errors ({failed[0]})")
 
 
+def _check_last_line(path: Path) -> None:
+    """Warns of a script without a line end after its last statements: gmsh 4.15 reads the first of them only."""
+    last = path.read_bytes().rpartition(b"\n")[2]
+    if last.count(b";") > 1:
+        message = "its last line has no end, and gmsh may leave out what stands on it; add a line end"
+        warnings.warn(LacmeshWarning(message), stacklevel=2)
+
+
+def _warn_of_loose(gmsh: Any, dim: int) -> None:
+    """Warns of surfaces (of curves, in the plane) that bound no body: a body may be broken."""
+    bounds = {abs(tag) for around in boundary(gmsh, dim).values() for tag in around}
+    inside = {t for tag in gmsh.model.getEntities(dim) for d, t in gmsh.model.mesh.getEmbedded(*tag) if d == dim - 1}
+    loose = [int(t) for _, t in gmsh.model.getEntities(dim - 1) if t not in bounds | inside]
+    if loose:
+        what, of = ("surfaces", "volume") if dim == 3 else ("curves", "surface")
+        message = f"{len(loose)} {what} bound no {of} ({some(loose)}); is a body open, or a part of it lost?"
+        warnings.warn(LacmeshWarning(message), stacklevel=2)
+
+
 def _sew(gmsh: Any, path: Path) -> None:
     """Open an IGES that holds surfaces only again, these sewn to a volume. Raises DataError where some are lost."""
     before = sum(gmsh.model.occ.getMass(*tag) for tag in gmsh.model.getEntities(2))
@@ -73,6 +96,29 @@ def _sew(gmsh: Any, path: Path) -> None:
     if not gmsh.model.getEntities(3) or abs(after - before) > _FLAT * before:
         cure = "save it as STEP, or mesh it as a shell (--dim 2)"
         raise DataError(f"its surfaces cannot be sewn to volumes without loss (IGES has no volumes); {cure}")
+
+
+def skin_dim(gmsh: Any, dim: int) -> int:
+    """The dimension of what a tag alone names, bodies being of dimension `dim`: 1 where the geometry is plane, else 2.
+
+    Plane is a geometry without volumes whose surfaces lie in one plane, however that is turned; others have surfaces
+    to name even where only these are meshed.
+    """
+    if dim == 3 or gmsh.model.getEntities(3):
+        return 2
+    points = np.concatenate([_some_of(gmsh, int(tag)) for _, tag in gmsh.model.getEntities(2)])
+    across = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1]
+    return 1 if across <= _FLAT * diagonal(gmsh) else 2
+
+
+def _some_of(gmsh: Any, tag: int) -> Floats:
+    """(m, 3): points of a surface, beyond its bounds too where it is trimmed; of a discrete one its nodes."""
+    nodes: Floats = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)[1].reshape(-1, 3)
+    if len(nodes):
+        return nodes
+    low, high = (np.array(p) for p in gmsh.model.getParametrizationBounds(2, tag))
+    found: Floats = gmsh.model.getValue(2, tag, (low + _PLACES * (high - low)).ravel()).reshape(-1, 3)
+    return found
 
 
 def errors(gmsh: Any) -> list[str]:

@@ -28,10 +28,11 @@ _LARGE = 1e22
 def write_mesh(gmsh: Any, request: Mapping[str, Any], dim: int, target: Path) -> None:
     """Mesh the current model as a request says (`cad.mesh_cad`), and write it. Raises RequestError, DataError."""
     path = Path(request["path"])
+    skin = geometry.skin_dim(gmsh, dim)
     for name, parts in request["groups"].items():
-        _add_group(gmsh, name, [_entities(gmsh, dim, name, part) for part in parts])
-    faces = [tag for spec in request["slave"] for tag in _slave_entities(gmsh, dim, spec)]
-    _set_sizes(gmsh, path, dim, request["size"], faces, request["slave_size"])
+        _add_group(gmsh, name, [_entities(gmsh, skin, name, part) for part in parts])
+    faces = [(skin, tag) for spec in request["slave"] for tag in _slave_entities(gmsh, skin, spec)]
+    _set_sizes(gmsh, path, request["size"], faces, request["slave_size"])
     if request["order"]:
         gmsh.option.setNumber("Mesh.ElementOrder", request["order"])
     curved = gmsh.option.getNumber("Mesh.ElementOrder") > 1
@@ -44,9 +45,9 @@ def write_mesh(gmsh: Any, request: Mapping[str, Any], dim: int, target: Path) ->
     write(target, mesh)
 
 
-def _entities(gmsh: Any, dim: int, name: str, part: Mapping[str, Any]) -> list[Tag]:
-    """The entities that a part of a group means. Raises RequestError."""
-    d = dim - 1 if part["dim"] is None else part["dim"]
+def _entities(gmsh: Any, skin: int, name: str, part: Mapping[str, Any]) -> list[Tag]:
+    """The entities that a part of a group means; `skin`: their dimension where none is said. Raises RequestError."""
+    d = skin if part["dim"] is None else part["dim"]
     known = [int(t) for _, t in gmsh.model.getEntities(d)]
     what = ("point", "curve", "surface", "volume")[d]
     if part["tags"]:
@@ -73,26 +74,24 @@ def _add_group(gmsh: Any, name: str, parts: Iterable[Sequence[Tag]]) -> None:
         gmsh.model.addPhysicalGroup(d, [t for e, t in tags if e == d], name=name)
 
 
-def _slave_entities(gmsh: Any, dim: int, spec: str) -> list[int]:
-    """The skin's entities in a group: named, or by tag, as in a mesh. Raises RequestError."""
+def _slave_entities(gmsh: Any, skin: int, spec: str) -> list[int]:
+    """The entities of dimension `skin` in a group: named, or by tag, as in a mesh. Raises RequestError."""
     groups: dict[str, list[int]] = {}
     numbers = spec.split(":")
-    for d, tag in gmsh.model.getPhysicalGroups(dim - 1):
+    for d, tag in gmsh.model.getPhysicalGroups(skin):
         members = [abs(int(t)) for t in gmsh.model.getEntitiesForPhysicalGroup(d, tag)]
         groups[gmsh.model.getPhysicalName(d, tag) or f"{d}:{tag}"] = members
         if spec in (str(tag), f"{d}:{tag}"):
             return members
     if spec in groups:
         return groups[spec]
-    known = [int(t) for _, t in gmsh.model.getEntities(dim - 1)]
-    if numbers[:2] == ["entity", str(dim - 1)] and numbers[2:] in [[str(t)] for t in known]:
+    known = [int(t) for _, t in gmsh.model.getEntities(skin)]
+    if numbers[:2] == ["entity", str(skin)] and numbers[2:] in [[str(t)] for t in known]:
         return [int(numbers[2])]
-    raise GroupNotFoundError(spec, groups, f"group of {'surfaces' if dim == 3 else 'curves'}")
+    raise GroupNotFoundError(spec, groups, f"group of {'surfaces' if skin == 2 else 'curves'}")
 
 
-def _set_sizes(
-    gmsh: Any, path: Path, dim: int, size: float | None, faces: Sequence[int], slave_size: float | None
-) -> None:
+def _set_sizes(gmsh: Any, path: Path, size: float | None, faces: Sequence[Tag], slave_size: float | None) -> None:
     """Lengths of edges: everywhere, and on the slave faces and around them."""
     options = {}
     if size is not None:
@@ -103,7 +102,7 @@ def _set_sizes(
     for name, value in options.items():
         gmsh.option.setNumber(f"Mesh.{name}", value)
     if slave_size is not None:
-        _refine(gmsh, dim, faces, slave_size, min(gmsh.option.getNumber("Mesh.MeshSizeMax"), _size_of_points(gmsh)))
+        _refine(gmsh, faces, slave_size, min(gmsh.option.getNumber("Mesh.MeshSizeMax"), _size_of_points(gmsh)))
 
 
 def _size_of_points(gmsh: Any) -> float:
@@ -113,17 +112,17 @@ def _size_of_points(gmsh: Any) -> float:
     return float(max(sizes)) or geometry.diagonal(gmsh) / 10
 
 
-def _refine(gmsh: Any, dim: int, faces: Sequence[int], h: float, far: float) -> None:
+def _refine(gmsh: Any, faces: Sequence[Tag], h: float, far: float) -> None:
     """Fields that give faces edges of length h, and cells around them that grow (or shrink) to the length `far`."""
     field = gmsh.model.mesh.field
-    kind = "SurfacesList" if dim == 3 else "CurvesList"
+    kind, tags = "SurfacesList" if faces[0][0] == 2 else "CurvesList", [tag for _, tag in faces]
     distance, grading, on = field.add("Distance"), field.add("Threshold"), field.add("Constant")
-    field.setNumbers(distance, kind, faces)
-    field.setNumber(distance, "Sampling", min(max(20, int(2 * _extent(gmsh, dim, faces) / h)), 400))
+    field.setNumbers(distance, kind, tags)
+    field.setNumber(distance, "Sampling", min(max(20, int(2 * _extent(gmsh, faces) / h)), 400))
     for name, value in (("InField", distance), ("SizeMin", h), ("SizeMax", far), ("DistMin", h / 2)):
         field.setNumber(grading, name, value)
     field.setNumber(grading, "DistMax", h / 2 + abs(far - h) / _GRADE + 1e-9 * far)
-    field.setNumbers(on, kind, faces)
+    field.setNumbers(on, kind, tags)
     field.setNumber(on, "VIn", h)
     field.setNumber(on, "VOut", _LARGE if h <= far else 0)
     both = field.add("Min" if h <= far else "Max")
@@ -132,13 +131,13 @@ def _refine(gmsh: Any, dim: int, faces: Sequence[int], h: float, far: float) -> 
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
     gmsh.option.setNumber("Mesh.MeshSizeMin", 0)
     gmsh.option.setNumber("Mesh.MeshSizeMax", max(h, gmsh.option.getNumber("Mesh.MeshSizeMax")))
-    around = gmsh.model.getBoundary([(dim - 1, t) for t in faces], combined=False, oriented=False, recursive=True)
+    around = gmsh.model.getBoundary(faces, combined=False, oriented=False, recursive=True)
     gmsh.model.mesh.setSize([p for p in around if p[0] == 0], h)
 
 
-def _extent(gmsh: Any, dim: int, faces: Sequence[int]) -> float:
+def _extent(gmsh: Any, faces: Sequence[Tag]) -> float:
     """The longest side of the faces' boxes."""
-    boxes = np.array([gmsh.model.getBoundingBox(dim - 1, t) for t in faces])
+    boxes = np.array([gmsh.model.getBoundingBox(*tag) for tag in faces])
     return float((boxes[:, 3:] - boxes[:, :3]).max())
 
 

@@ -1,7 +1,7 @@
 """gmsh's current model as a mesh.
 
     content = nodes, cells, groups, boundaries, links and views, by gmsh's functions   (`_content`)
-    mesh = what a msh file with that content makes                                      (`formats.msh_content.to_mesh`)
+    mesh = what a msh file with that content makes                                      (`formats.msh.content.to_mesh`)
 
 gmsh's getElements shows one type of a shape in an entity. Where it shows fewer cells than the model counts, cells are
 taken from a temporary file that gmsh writes.
@@ -22,10 +22,11 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import DataError, RequestError
-from lacmesh.formats import msh_content, read
-from lacmesh.formats.msh_content import Content, Piece
-from lacmesh.formats.msh_numbers import TYPE_NAMES, UNKNOWN_TYPE
-from lacmesh.formats.msh_scan import Source
+from lacmesh.formats import read
+from lacmesh.formats.msh import content as msh_content
+from lacmesh.formats.msh.content import Content, Piece
+from lacmesh.formats.msh.numbers import TYPE_NAMES, UNKNOWN_TYPE
+from lacmesh.formats.msh.scan import Source
 from lacmesh.gmsh import attribute, session, views
 from lacmesh.mesh import Ints, Mesh, Tag
 
@@ -38,8 +39,8 @@ _COUNTS = {
     "NbPrisms": "PENTA",
     "NbPyramids": "PYRAM",
 }
-#: It counts no lines and points: as many numbers that no cell has are asked for one by one.
-_MANY_GAPS = 2000
+#: It counts no lines and points: it is asked about the numbers that no cell found has, so many at a time.
+_ASKED = 1 << 20
 #: Entities that are parts of others.
 _PARTS = ("Partition", "Ghost")
 _FULL_FILE = {"SaveAll": 1, "Binary": 1, "MshFileVersion": 4.1, "SaveParametric": 0, "ScalingFactor": 1}
@@ -150,19 +151,26 @@ def _complete(gmsh: Any, content: Content) -> bool:
             found[family] += len(piece.number)
     if any(int(gmsh.option.getNumber(f"Mesh.{option}")) != found[family] for option, family in _COUNTS.items()):
         return False
-    number = np.concatenate([np.empty(0, np.int64), *(p.number for p in content.pieces)])
+    number = np.sort(np.concatenate([np.empty(0, np.int64), *(p.number for p in content.pieces)]))
     last = int(gmsh.model.mesh.getMaxElementTag())
-    if not 0 < last - len(number) <= _MANY_GAPS:
-        return True
-    return not any(_is_cell(gmsh, gap) for gap in np.setdiff1d(np.arange(1, last + 1), number).tolist())
-
-
-def _is_cell(gmsh: Any, number: int) -> bool:
-    try:
-        gmsh.model.mesh.getElement(number)
-    except Exception:  # gmsh's own class of errors
-        return False
+    for a in range(1, last + 1, _ASKED) if last > len(number) else ():
+        b = min(a + _ASKED, last + 1)
+        free = np.ones(b - a, bool)
+        free[number[slice(*np.searchsorted(number, (a, b)))] - a] = False
+        if free.any() and _any_cell(gmsh, a + np.flatnonzero(free)):
+            return False
     return True
+
+
+def _any_cell(gmsh: Any, numbers: Ints) -> bool:
+    """Whether any of the numbers is a cell's: all others stay invisible when they are made visible."""
+    hidden = numbers[gmsh.model.mesh.getVisibility(numbers) == 0]
+    if len(hidden) < len(numbers):
+        return True
+    gmsh.model.mesh.setVisibility(hidden, 1)
+    shown = hidden[gmsh.model.mesh.getVisibility(hidden) != 0]
+    gmsh.model.mesh.setVisibility(shown, 0)
+    return len(shown) > 0
 
 
 def _pieces_through_file(gmsh: Any) -> Iterator[Piece]:

@@ -23,9 +23,9 @@ import numpy as np
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.entities import Assignment, assign
-from lacmesh.formats.msh_notes import Notes
-from lacmesh.formats.msh_numbers import Index, repeated
-from lacmesh.formats.msh_write import add_numbers, names_of
+from lacmesh.formats.msh.notes import Notes
+from lacmesh.formats.msh.numbers import Index, repeated
+from lacmesh.formats.msh.writer import add_numbers, names_of
 from lacmesh.gmsh import session, views
 from lacmesh.gmsh.attribute import write_notes
 from lacmesh.gmsh.model import Read
@@ -208,10 +208,12 @@ def _add_nodes(gmsh: Any, table: Assignment, mesh: Mesh, change: _Change) -> Non
         dim, tag, _ = table.entities[row]
         points = mesh.points[nodes].ravel()
         gmsh.model.mesh.addNodes(dim, tag, mesh.node_number[nodes], points, _parameters(gmsh, dim, tag, points))
-    for node in change.moved.tolist():
-        dim, tag, _ = table.entities[table.node[node]]
-        points = mesh.points[node]
-        gmsh.model.mesh.setNode(mesh.node_number[node], points, _parameters(gmsh, dim, tag, points))
+    for row, nodes in _by_key(table.node[change.moved], change.moved):
+        dim, tag, _ = table.entities[row]
+        points = mesh.points[nodes]
+        held = _parameters(gmsh, dim, tag, points.ravel()).reshape(len(nodes), -1)
+        for node, xyz, parameters in zip(mesh.node_number[nodes].tolist(), points, held, strict=True):
+            gmsh.model.mesh.setNode(node, xyz, parameters)
 
 
 def _parameters(gmsh: Any, dim: int, tag: int, points: Floats) -> Floats:
@@ -296,15 +298,15 @@ def _by_key(key: Ints, members: Ints) -> Iterator[tuple[int, Ints]]:
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Let an interrupt (SIGINT) wait until the model is whole again."""
+    """Let an interrupt (SIGINT) wait until the model is whole again; then it does what it would have done."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    waiting: list[Any] = []
-    before = signal.signal(signal.SIGINT, lambda *arrived: waiting.append(arrived))
+    arrived: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: arrived.append(number))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
-        if waiting and callable(before):
-            before(*waiting[0])
+        signal.signal(signal.SIGINT, before if before is not None else signal.SIG_DFL)
+        if arrived:
+            signal.raise_signal(signal.SIGINT)

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshWarning
-from lacmesh.formats.msh_content import Content
-from lacmesh.formats.msh_fields import RESERVED, Head, Rows, keys, to_rows
-from lacmesh.formats.msh_notes import FieldNote
+from lacmesh.formats.msh.content import Content
+from lacmesh.formats.msh.fields import RESERVED, Head, Rows, keys, to_rows
+from lacmesh.formats.msh.notes import FieldNote
 from lacmesh.mesh import Ints, Mesh
 
 _TYPES = {"NodeData": "node", "ElementData": "cell"}

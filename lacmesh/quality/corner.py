@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh
 
-_IDEAL = {
+#: family -> the determinant at a corner of its ideal cell
+IDEAL = {
     "TRIA": np.sqrt(3) / 2,
     "QUAD": 1.0,
     "TETRA": np.sqrt(0.5),
@@ -30,8 +31,8 @@ _PIECE = 1 << 13
 
 
 @cache
-def _tangents(name: str) -> NDArray:
-    """(corners, dim, n_nodes): weights of the nodes in the tangents of edges that leave a corner, in the cell's sense.
+def frames(name: str) -> Ints:
+    """(corners, dim): edges that leave a corner, in the cell's sense; 2 e + s leaves edge e from its end s.
 
     An apex counts four times, without one of its edges each time.
     """
@@ -39,17 +40,23 @@ def _tangents(name: str) -> NDArray:
     ref = np.array(cell.reference)
     rows = []
     for c in range(cell.n_corners):
-        ends = [(b if a == c else a, k) for k, (a, b) in enumerate(cell.edges) if c in (a, b)]
-        for some in combinations(ends, cell.dim):
-            along = np.array([ref[e] - ref[c] for e, _ in some])
-            order = [1, 0, 2][: cell.dim] if np.linalg.det(along) < 0 else [0, 1, 2][: cell.dim]
-            rows.append([_weights(name, c, *some[k]) for k in order])
+        ways = [2 * k + edge.index(c) for k, edge in enumerate(cell.edges) if c in edge]
+        for some in combinations(ways, cell.dim):
+            along = [ref[cell.edges[way // 2][1 - way % 2]] - ref[c] for way in some]
+            rows.append((some[1], some[0], *some[2:]) if np.linalg.det(along) < 0 else some)
     return np.array(rows)
 
 
-def _weights(name: str, start: int, end: int, edge: int) -> NDArray:
-    """(n_nodes,): weights of the nodes in an edge's derivative at its start, the edge's own parameter from 0 to 1."""
+@cache
+def _tangents(name: str) -> NDArray:
+    """(corners, dim, n_nodes): weights of the nodes in the tangents of the edges of `frames`."""
+    return np.array([[_weights(name, *divmod(way, 2)) for way in row] for row in frames(name).tolist()])
+
+
+def _weights(name: str, edge: int, end: int) -> NDArray:
+    """(n_nodes,): weights of the nodes in an edge's derivative at one of its ends, the parameter from 0 to 1 there."""
     cell = CELLS[name]
+    start, end = cell.edges[edge][end], cell.edges[edge][1 - end]
     out = np.zeros(cell.n_nodes)
     out[[start, end]] = (-1, 1) if cell.order == 1 else (-3, -1)
     if cell.order == 2:
@@ -75,7 +82,7 @@ def corner_jacobian(name: str, x: Floats, plane: bool = False) -> Floats:
             corners = [_volume(_unit(weights @ piece)) for weights in _tangents(name)]
         else:
             corners = _areas([_unit(weights @ piece) for weights in _tangents(name)], plane)
-        out[start : start + _PIECE] = np.min(corners, axis=0) / _IDEAL[cell.family]
+        out[start : start + _PIECE] = np.min(corners, axis=0) / IDEAL[cell.family]
     return out
 
 

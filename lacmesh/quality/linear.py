@@ -34,7 +34,12 @@ class Linear:
         return float(self.size.mean()) if self._mean is None else self._mean
 
     def relative_size_squared(self) -> NDArray:
-        """Size over the mean size, or its inverse where that is less, squared; 0 for cells turned inside out."""
+        """Size over the mean size of the type, or its inverse where that is less, squared; 0 inside out.
+
+        NaN in a mesh whose mean size is negative.
+        """
+        if self.mean_size < 0:
+            return np.full(self.x.shape[-1], np.nan)
         relative = self.sampled_size / self.mean_size if self.mean_size else np.zeros(self.x.shape[-1])
         some = relative > 0
         inverse = np.divide(1, relative, out=np.zeros_like(relative), where=some)

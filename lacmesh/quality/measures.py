@@ -208,6 +208,7 @@ def _piece(name: str, x: Floats, measures: list[str], mean_size: float | None) -
 _KERNELS = {
     "HEXA8": ("hexahedra", ("scaled_jacobian", "condition", "skew", "shape", "volume")),
     "TETRA4": ("tetrahedra", ("scaled_jacobian", "aspect_ratio", "condition", "shape", "volume")),
+    "PENTA6": ("prisms", ("scaled_jacobian", "condition", "shape", "volume")),
 }
 
 
@@ -216,9 +217,9 @@ def _compiled(name: str, points: Floats, nodes: Ints, measures: list[str]) -> di
     from lacmesh.quality import kernels
 
     found: dict[str, NDArray] = {}
-    own = _SOLID if CELLS[name].dim == 3 else _SURFACE
+    own = ("corner_jacobian", *(_SOLID if CELLS[name].dim == 3 else _SURFACE))
     if set(measures) & set(own):
-        found |= dict(zip(own, kernels.edges_and_angles(name, points, nodes).T, strict=True))
+        found |= dict(zip(own, kernels.corners(name, points, nodes).T, strict=True))
     kernel, filled = _KERNELS.get(name, ("", ()))
     if set(measures) & set(filled):
         out = np.empty((len(nodes), len(filled)))

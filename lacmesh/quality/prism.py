@@ -17,10 +17,10 @@ from lacmesh.quality.tetrahedron import Tetrahedron
 from lacmesh.quality.vectors import LARGEST, ROUND_OFF, bounded, dot, norm, ratio, triple
 
 #: each corner, its two neighbours in the triangle, and that in the other triangle
-_CORNERS = ((0, 1, 2, 3), (1, 2, 0, 4), (2, 0, 1, 5), (3, 5, 4, 0), (4, 3, 5, 1), (5, 4, 3, 2))
-_SIDES = ((0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5))
+CORNERS = ((0, 1, 2, 3), (1, 2, 0, 4), (2, 0, 1, 5), (3, 5, 4, 0), (4, 3, 5, 1), (5, 4, 3, 2))
+SIDES = ((0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5))
 #: aspect_frobenius of the tetrahedron at a corner of the ideal prism
-_IDEAL_ASPECT = 1.16477
+IDEAL_ASPECT = 1.16477
 #: volume of the ideal prism, and its determinant
 _IDEAL_VOLUME, _IDEAL_JACOBIAN = 0.433013, 0.866025
 
@@ -31,7 +31,7 @@ class Prism(Linear):
     @cached_property
     def _tetrahedra(self) -> list[Tetrahedron]:
         """The tetrahedron of the edges at each corner."""
-        return [Tetrahedron(self.x[list(c)]) for c in _CORNERS]
+        return [Tetrahedron(self.x[list(c)]) for c in CORNERS]
 
     @cached_property
     def det(self) -> NDArray:
@@ -47,7 +47,7 @@ class Prism(Linear):
         """Volume of the prism's map, exact: cones from node 0 over triangles around the centres of the faces."""
         x = self.x - self.x[0]
         six = triple(x[3], x[4], x[5])
-        for face in _SIDES:
+        for face in SIDES:
             centre = x[list(face)].mean(axis=0)
             six += sum(triple(x[a], x[b], centre) for a, b in zip(face, face[1:] + face[:1], strict=True))
         return six / 6
@@ -70,9 +70,9 @@ class Prism(Linear):
         return np.minimum(least, 1)
 
     def max_aspect_frobenius(self) -> NDArray:
-        """aspect_frobenius of the tetrahedron at a corner, the largest, 1 for the ideal prism."""
+        """aspect_frobenius of the tetrahedron at a corner over that of the ideal prism, the largest, and at least 1."""
         largest = np.max([t.aspect_frobenius() for t in self._tetrahedra], axis=0)
-        return np.where(largest < LARGEST, largest / _IDEAL_ASPECT, LARGEST)
+        return np.where(largest < LARGEST, np.maximum(largest / IDEAL_ASPECT, 1), LARGEST)
 
     def condition(self) -> NDArray:
         """The same as max_aspect_frobenius."""

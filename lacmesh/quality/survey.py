@@ -46,11 +46,11 @@ class BadCell:
 
     def as_json(self) -> dict[str, Any]:
         """The cell as plain data."""
-        value, validity = (None if np.isnan(v) else v for v in (self.value, self.validity))
+        value, validity = (v if np.isfinite(v) else None for v in (self.value, self.validity))
         return {
             "cell": self.number,
             "groups": list(self.groups),
-            "centroid": [None if np.isnan(v) else v for v in self.centroid],
+            "centroid": [v if np.isfinite(v) else None for v in self.centroid],
             "measure": self.measure,
             "value": value,
             "validity": validity,

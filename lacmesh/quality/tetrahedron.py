@@ -120,7 +120,7 @@ class Tetrahedron(Linear):
         return np.ones(self.x.shape[-1])
 
     def collapse_ratio(self) -> NDArray:
-        """Height over the longest edge of the face below, the least; negative inside out. See the module."""
+        """Height over the longest edge of the face below, the least; Verdict exchanges two edges (1-2, 1-3) in that."""
         with np.errstate(divide="ignore", invalid="ignore"):
             heights = self.det / (2 * self.face_areas)
             ratios = [heights[face] / self.l[list(edges)].max(axis=0) for face, edges in _COLLAPSE]
@@ -130,7 +130,7 @@ class Tetrahedron(Linear):
         return bounded(least)
 
     def min_angle(self) -> NDArray:
-        """The least dihedral angle, degrees, but for two edges. See the module."""
+        """The least dihedral angle, degrees; Verdict takes the supplement at the edges 0-2 and 1-3."""
         x = self.x
         ab, bc, ad, cd = x[1] - x[0], x[2] - x[1], x[3] - x[0], x[3] - x[2]
         normals = [cross(ab, bc), cross(ab, ad), cross(ad, cd), cross(bc, cd)]

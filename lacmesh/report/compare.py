@@ -6,9 +6,9 @@ their lines.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from lacmesh.quality.survey import Quality, groups_of, quality_of
 from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.report.records import CutSummary, summarise
 from lacmesh.report.touched import Touched, hexahedra, touched, variants
+
+if TYPE_CHECKING:
+    from lacmesh.checks.findings import Finding
 
 #: of the JSON that `as_json` gives; raised when a name changes its meaning or goes
 SCHEMA = 1
@@ -116,7 +119,8 @@ class Variants:
 class CutReport:
     """What a cut did to the quality of the cells it touched; `types_before` and `types_after`: Verdict's measures.
 
-    `internal`: for each zone its macro-elements, and the fewest nodes that carry an internal dof of one.
+    `internal`: for each zone its macro-elements, and the fewest nodes that carry an internal dof of one. `findings`: of
+    the check of the cut; None where it was not checked.
     """
 
     summary: CutSummary
@@ -127,6 +131,7 @@ class CutReport:
     sizes: tuple[Size, ...]
     worst: tuple[WorstChild, ...]
     variants: Variants | None
+    findings: tuple[Finding, ...] | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Everything as plain data: what `write_report` puts into a .json (`docs/quality.md` says what is in it)."""
@@ -144,13 +149,17 @@ class CutReport:
             "variants": None if self.variants is None else asdict(self.variants),
             "types_before": [t.as_json() for t in self.types_before.types],
             "types_after": [t.as_json() for t in self.types_after.types],
+            "findings": None if self.findings is None else [f.as_dict() for f in self.findings],
         }
 
 
-def cut_report(before: Mesh, cut: Cut, *, ring: float = 1 / 3, depth: float = 1 / 2) -> CutReport:
+def cut_report(
+    before: Mesh, cut: Cut, *, ring: float = 1 / 3, depth: float = 1 / 2, findings: Iterable[Finding] | None = None
+) -> CutReport:
     """What the cut of a mesh did to the cells it touched; `ring` and `depth` as `cut_skin` had them.
 
-    `before`: the mesh that was cut. Raises CutError where the cut is not of that mesh.
+    `before`: the mesh that was cut. `findings`: what `lacmesh.check` says of the cut, to be told in the report too.
+    Raises CutError where the cut is not of that mesh.
     """
     cells = touched(before, cut)
     by_variant = variants(before, cut, cells, ring, depth)
@@ -163,6 +172,7 @@ def cut_report(before: Mesh, cut: Cut, *, ring: float = 1 / 3, depth: float = 1 
         sizes=tuple(_sizes(before, cut, cells)),
         worst=tuple(_worst(before, cut, cells, by_variant)),
         variants=_variants(before, cells, by_variant),
+        findings=None if findings is None else tuple(findings),
     )
 
 

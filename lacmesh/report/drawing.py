@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from lacmesh.errors import RequestError
+from lacmesh.formats.output import check_place, replace_file
 from lacmesh.quality.measures import SCALES, headline
 from lacmesh.quality.spread import Histogram, Spread
 from lacmesh.quality.survey import Quality, TypeQuality
 from lacmesh.quality.verdict import ACCEPTED
-from lacmesh.report.writing import check_free, replace_file
 
 _INK, _SOFT, _LINE, _GOOD, _POOR, _BAD = "#1d2733", "#5c6b7a", "#dde3ea", "#2563b8", "#e0982c", "#b3261e"
 #: the measures drawn for a type: the one that ranks it, then the first of each of these that it has
@@ -59,7 +59,7 @@ def check_plot(path: Path, *, force: bool = True) -> None:
     """Say at once what would stop the drawing at the end. Raises RequestError, WriteError."""
     if path.suffix.lower() != ".png":
         raise RequestError(f"{path}: a plot is written as .png")
-    check_free(path, force)
+    check_place(path, force=force)
     if find_spec("matplotlib") is None:
         raise RequestError("a plot needs matplotlib; pip install 'lacmesh[view]' brings it")
 

@@ -26,7 +26,7 @@ code { font: 13.5px ui-monospace, monospace; white-space: nowrap; }
 .facts { display: grid; grid-template-columns: repeat(auto-fit, minmax(150px, 1fr)); gap: 12px; margin-bottom: 20px; }
 .fact { background: var(--paper); border: 1px solid var(--line); border-radius: 8px; padding: 12px 14px; }
 .fact b { display: block; font-size: 24px; font-weight: 600; font-variant-numeric: tabular-nums; }
-.fact.bad b { color: var(--bad); }
+.fact.bad b, b.bad { color: var(--bad); }
 .fact span { color: var(--soft); font-size: 13px; display: block; overflow-wrap: anywhere; }
 .charts { display: grid; grid-template-columns: repeat(auto-fill, minmax(320px, 1fr)); gap: 12px; margin-bottom: 16px; }
 .charts svg { background: var(--paper); border: 1px solid var(--line); border-radius: 8px; width: 100%; height: auto; }
@@ -67,7 +67,8 @@ def _block(block: Block) -> str:
         case Title():
             return f"<h{block.level}>{escape(block.text)}</h{block.level}>"
         case Text():
-            lead = f"<b>{escape(block.lead)}</b> " if block.lead else ""
+            marked = ' class="bad"' if block.bad else ""
+            lead = f"<b{marked}>{escape(block.lead)}</b>: " if block.lead else ""
             text = _OPTION.sub(r"<code>\g<0></code>", escape(block.text))
             return f"<p>{lead}{text}</p>"
         case Facts():

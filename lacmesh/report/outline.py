@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from lacmesh.quality.spread import PERCENTS, Histogram, Spread
 from lacmesh.quality.survey import TypeQuality
 from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.report.compare import Comparison, CutReport
+
+if TYPE_CHECKING:
+    from lacmesh.checks.findings import Finding
 
 #: below this a child is hard to compute on, whatever its parent (a tenth of the ideal)
 _HARD = 0.1
@@ -29,10 +33,11 @@ class Title:
 
 @dataclass(frozen=True)
 class Text:
-    """A paragraph; `lead`: the word that it explains."""
+    """A paragraph; `lead`: the word that it explains. `bad`: it wants attention."""
 
     text: str
     lead: str = ""
+    bad: bool = False
 
 
 @dataclass(frozen=True)
@@ -87,6 +92,9 @@ def outline(report: CutReport, name: str = "") -> Iterator[Block]:
     yield Title(1, f"The cut of {name}" if name else "The cut")
     yield Facts(tuple(_facts(report)))
     yield Text(" ".join(_sentences(report)))
+    if report.findings is not None:
+        yield Title(2, "What the check found")
+        yield from _findings(report.findings)
     for comparison in report.comparisons:
         if comparison.dim > 1 or any(comparison.invalid):
             yield from _comparison(comparison)
@@ -171,6 +179,14 @@ def _variant_sentence(report: CutReport) -> str:
         return f"{start}: no hexahedron would be better off with the other variant."
     told = "; ".join(f"{count:,} would have better children with --hexa {name}" for name, count in better.items())
     return f"{start}: {told}. --hexa auto chooses for each set of hexahedra that share slave faces."
+
+
+def _findings(findings: Sequence[Finding]) -> Iterator[Text]:
+    if not findings:
+        yield Text("Nothing.")
+    for f in findings:
+        group = f" in {f.where.group}" if f.where.group else ""
+        yield Text(f"{f.message}.", f"{f.severity}, {f.rule}{group}", bad=f.severity == "error")
 
 
 def _count(cells: dict[str, int]) -> str:

@@ -38,7 +38,8 @@ class ChildrenQuality:
     """The children of a cut against their parents, by the least corner Jacobian.
 
     `child` and `parent`: how it is spread over children, and over the parents that could be put together; `ratio`: over
-    the children of those, the child's over its parent's. `unknown`: parents that could not; `invalid`: children.
+    the children of those, the child's over its parent's; lines, which have none, are left out of these. `unknown`:
+    parents that could not be put together; `invalid`: children.
     """
 
     children: int
@@ -73,15 +74,16 @@ def children_quality(cut: Cut) -> ChildrenQuality | None:
         quality[cells] = corner_jacobian(kind, mesh.points[nodes])
         valid[cells] = validity_among(kind, mesh.points, nodes).least > 0
     families = list(parents_of(cut))
-    parent = [corner_jacobian(f.type, mesh.points[f.nodes]) for f in families]
-    ratios = [_ratio(quality[f.children], q[:, None]).ravel() for f, q in zip(families, parent, strict=True)]
+    ranked = [f for f in families if CELLS[f.type].dim > 1]
+    parent = [corner_jacobian(f.type, mesh.points[f.nodes]) for f in ranked]
+    ratios = [_ratio(quality[f.children], q[:, None]).ravel() for f, q in zip(ranked, parent, strict=True)]
     known = sum(len(f.nodes) for f in families)
     return ChildrenQuality(
         children=len(children),
         parents=known,
         unknown=len(np.unique(cut.parent_of_cell[children])) - known,
         invalid=int(np.count_nonzero(~valid[children])),
-        child=spread("corner_jacobian", quality[children]),
+        child=spread("corner_jacobian", quality[children[mesh.cell_dim[children] > 1]]),
         parent=spread("corner_jacobian", _joined(parent)),
         ratio=spread("corner_jacobian", _joined(ratios)),
     )

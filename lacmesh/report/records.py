@@ -12,7 +12,7 @@ import numpy as np
 from lacmesh.cells import CELLS
 from lacmesh.cut import Cut, is_cut
 from lacmesh.errors import CutError
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import ENTITY_CODE, Ints, Mesh
 from lacmesh.patterns import CONE, RING, RING_PARENTS, WHOLE, WHOLE_FACES, face_pattern, parent_pattern
 from lacmesh.quality import worst
 
@@ -56,9 +56,30 @@ def describe(mesh: Mesh) -> dict[str, Any]:
         "cells_by_type": mesh.cells_by_type,
         "groups": {name: {"dim": mesh.group_dim(name), "cells": len(g)} for name, g in mesh.cell_groups.items()},
         "node_groups": {name: len(members) for name, members in mesh.node_groups.items()},
+        "entities": list(_entities(mesh)),
         "bounding_box": low_high,
         "lac": lac,
     }
+
+
+def _entities(mesh: Mesh) -> Iterator[dict[str, Any]]:
+    """Each elementary entity of msh: dimension, tag, the number of its cells, and the box around them."""
+    known = mesh.entities
+    if not known:
+        return
+    entity = mesh.cell_data["entity"].astype(np.int64)
+    place = np.searchsorted(np.array(known) @ ENTITY_CODE, entity @ ENTITY_CODE)
+    place[entity[:, 0] < 0] = len(known)  # cells of none: one row more
+    cells = np.bincount(place)
+    low, high = np.full((len(known) + 1, 3), np.inf), np.full((len(known) + 1, 3), -np.inf)
+    for (_, nodes), first in zip(mesh.blocks, mesh.offsets, strict=False):
+        rows = place[first : first + len(nodes)]
+        x = mesh.points[nodes]
+        for axis in range(3):  # numpy is quick at this with one index only
+            np.minimum.at(low[:, axis], rows, x[..., axis].min(axis=1))
+            np.maximum.at(high[:, axis], rows, x[..., axis].max(axis=1))
+    for k, (dim, tag) in enumerate(known):
+        yield {"dim": dim, "tag": tag, "cells": int(cells[k]), "box": [low[k].tolist(), high[k].tolist()]}
 
 
 def summarise(before: Mesh, cut: Cut) -> CutSummary:

@@ -25,6 +25,7 @@ from lacmesh.scene.colours import BODIES, DOT, INK, INVALID, MASTER, PALETTE, SE
 from lacmesh.scene.layers import Layer, make_layers
 from lacmesh.scene.marks import Finding, Marks, Values, find_marks
 from lacmesh.scene.placing import find_eye, find_opening, frame, opened
+from lacmesh.scene.request import check_placing
 from lacmesh.scene.seen import MASTER as IS_MASTER
 from lacmesh.scene.seen import SLAVE, Groups, Seen, Vector, find_seen
 
@@ -84,6 +85,7 @@ def make_scene(
     cutaway: Vector | None = None,
 ) -> Scene:
     """What `view.picture` draws; the options are explained there. Raises RequestError, GroupNotFoundError."""
+    check_placing(camera, cutaway, explode, near)
     seen = find_seen(mesh, slave, master, near=near, cutaway=cutaway)
     eye = find_eye(mesh, seen, camera)
     points = opened(mesh, seen, find_opening(mesh, seen, eye, explode, tilt))

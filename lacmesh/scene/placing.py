@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.mesh import Floats, Mesh
-from lacmesh.scene.seen import MASTER, SLAVE, Seen, Vector, diagonal, is_segment
+from lacmesh.scene.seen import MASTER, SLAVE, Seen, Vector, diagonal, is_segment, unit
 
 #: where the eye is by default, and how far from straight on it may see the slave skin, in degrees
 OBLIQUE, SEEN_AT = (1.0, -1.6, 0.9), 40.0
@@ -104,13 +104,6 @@ def rotated(x: Floats, axis: Floats, angle: float) -> Floats:
     """Vectors (n, 3) turned about an axis by Rodrigues' formula."""
     along = np.outer(x @ axis, axis)
     return along + np.cos(angle) * (x - along) + np.sin(angle) * np.cross(axis, x)
-
-
-def unit(v: Any) -> Floats:
-    """A vector brought to length 1; 0 stays."""
-    v = np.asarray(v, float)
-    length = float(np.linalg.norm(v))
-    return v / length if length > 0 else np.zeros(3)
 
 
 def screen_axes(eye: Floats) -> Floats:

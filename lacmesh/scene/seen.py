@@ -12,19 +12,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cut import is_cut
-from lacmesh.errors import RequestError
+from lacmesh.errors import DataError, RequestError, some
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.skin import FACE_TYPES, Faces, find_owners
 
 Vector = tuple[float, float, float]
 Groups = str | Sequence[str] | None
 
+#: the largest coordinate that is drawn: squares of greater ones are no numbers
+FARTHEST = 1e150
 #: what a face is
 BODY, SLAVE, MASTER = range(3)
 
@@ -75,7 +78,11 @@ def find_seen(
     near: float | None = None,
     cutaway: Vector | None = None,
 ) -> Seen:
-    """The faces in sight; `view.picture` explains the options. Raises RequestError, GroupNotFoundError."""
+    """The faces in sight; `view.picture` explains the options. Raises RequestError, GroupNotFoundError, DataError."""
+    far = np.flatnonzero(used_nodes(mesh) & (np.abs(mesh.points) > FARTHEST).any(axis=1))
+    if len(far):
+        numbers = some(mesh.node_number[far])
+        raise DataError(f"nodes {numbers} lie too far away for anything to be drawn; correct their coordinates")
     slaves = _slave_cells(mesh, slave)
     masters = np.setdiff1d(_cells_of(mesh, master), slaves)
     kept = _kept(mesh, slaves, near, cutaway)
@@ -266,7 +273,10 @@ def stack(parts: Sequence[Faces]) -> Faces:
 def _cells_of(mesh: Mesh, groups: Groups) -> Ints:
     """Sorted indices of the faces of some groups: the cells of the highest dimension among them, 1 or 2."""
     specs = [] if groups is None else [groups] if isinstance(groups, str) else list(groups)
-    cells = np.unique(np.concatenate([np.empty(0, np.int64), *(mesh.cells_of(spec) for spec in specs)]))
+    return _faces_among(mesh, np.unique(np.concatenate([np.empty(0, np.int64), *map(mesh.cells_of, specs)])))
+
+
+def _faces_among(mesh: Mesh, cells: Ints) -> Ints:
     dims = mesh.cell_dim[cells]
     return cells[(dims == dims.max(initial=0)) & (dims < 3) & (dims > 0)]
 
@@ -274,7 +284,7 @@ def _cells_of(mesh: Mesh, groups: Groups) -> Ints:
 def _slave_cells(mesh: Mesh, slave: Groups) -> Ints:
     """Indices of the slave faces: those of the groups, or all of a cut."""
     if slave is None:
-        return np.flatnonzero(mesh.cell_data["lac_macro"] >= 0) if is_cut(mesh) else np.empty(0, np.int64)
+        return _faces_among(mesh, np.flatnonzero(mesh.cell_data["lac_macro"] >= 0 if is_cut(mesh) else []))
     return _cells_of(mesh, slave)
 
 
@@ -292,7 +302,7 @@ def _kept(mesh: Mesh, slave: Ints, near: float | None, cutaway: Vector | None) -
             raise RequestError("near means near slave faces, and there are none; name them")
         kept &= cKDTree(mesh.points[on_skin]).query(centres)[0] <= near * diagonal(mesh.points[used_nodes(mesh)])
     if cutaway is not None and kept.any():
-        along = centres @ (np.asarray(cutaway, float) / (np.linalg.norm(cutaway) or 1.0))
+        along = centres @ unit(cutaway)
         kept &= along <= (along[kept].min() + along[kept].max()) / 2
     return kept
 
@@ -303,6 +313,16 @@ def used_nodes(mesh: Mesh) -> NDArray[np.bool_]:
     for block in mesh.blocks:
         used[block.nodes] = True
     return used
+
+
+def unit(v: Any) -> Floats:
+    """A vector brought to length 1; 0 stays."""
+    v = np.asarray(v, float)
+    largest = float(np.abs(v).max())
+    if not largest > 0:
+        return np.zeros(3)
+    v = v / largest  # squares of very large and very small numbers are none
+    return v / float(np.linalg.norm(v))
 
 
 def diagonal(points: Floats) -> float:

@@ -11,7 +11,7 @@ The checks of a mesh and a contact solver both read `ContactPoints`, and nothing
 """
 
 from lacmesh.surface.coverage import Coverage, coverage
-from lacmesh.surface.points import ContactPoints, contact_points
+from lacmesh.surface.points import ContactPoints, contact_points, default_distance
 from lacmesh.surface.record import Surface
 
-__all__ = ["ContactPoints", "Coverage", "Surface", "contact_points", "coverage"]
+__all__ = ["ContactPoints", "Coverage", "Surface", "contact_points", "coverage", "default_distance"]

@@ -47,10 +47,10 @@ def coverage(points: ContactPoints, slave: Surface, macro: Ints | None = None) -
         raise ValueError(f"macro must be ({len(slave)},), not {macro.shape}")
     n = int(macro.max(initial=-1)) + 1
     ours = macro >= 0
-    area = np.bincount(macro[ours], face_measure(slave, points.axisymmetric)[ours], minlength=n)
-    covered = np.bincount(points.macro, points.weight, minlength=n)
-    integral = np.bincount(points.macro, points.weight * points.gap, minlength=n)
-    with np.errstate(invalid="ignore", divide="ignore"):
+    area = _sums(macro[ours], face_measure(slave, points.axisymmetric)[ours], n)
+    covered = _sums(points.macro, points.weight, n)
+    integral = _sums(points.macro, points.weight * points.gap, n)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         ratio = np.where(area > 0, np.minimum(covered / area, 1.0), 0.0)
         mean = np.where(covered > 0, integral / covered, np.nan)
     least, most = np.full(n, np.inf), np.full(n, -np.inf)
@@ -60,13 +60,18 @@ def coverage(points: ContactPoints, slave: Surface, macro: Ints | None = None) -
     return Coverage(area, covered, ratio, integral, mean, least, most)
 
 
+def _sums(rows: Ints, values: Floats, n: int) -> Floats:
+    return np.bincount(rows, values, minlength=n).astype(float)
+
+
 def face_measure(surface: Surface, axisymmetric: bool = False) -> Floats:
     """(f,): true area or length of each face; times 2 pi r where `axisymmetric`."""
     out = np.zeros(len(surface))
     for name, rows, nodes in surface.by_type():
         X, w = rule(CELLS[name].family, _DEGREE[CELLS[name].order])
         x = surface.x[nodes]
-        size = np.linalg.norm(weighted(name, x, X, surface.dim), axis=2)
+        with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates: infinite, and covered by nothing
+            size = np.linalg.norm(weighted(name, x, X, surface.dim), axis=2)
         if axisymmetric:
             size = size * 2 * np.pi * (x[..., 0] @ shape(name, X).T)
         out[rows] = size @ w

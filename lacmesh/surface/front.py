@@ -9,25 +9,25 @@ that do not meet are left out. (The manual's 3.3.2.1 repairs the same weakness b
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit
+from typing import Any
 
+import numpy as np
+
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Ints
-from lacmesh.surface.clip import facing_plane, outside, project
+from lacmesh.surface.clip import FACING, mean_plane, project
 from lacmesh.surface.patches import Patches
+from lacmesh.surface.polygon import outside
 from lacmesh.surface.search import Pairs
 
 
 def advance(slave: Patches, master: Patches, pairs: Pairs, beyond_s: Ints, beyond_m: Ints) -> Pairs:
     """The pairs of patches whose projections meet. `pairs`: candidates of the tree; `beyond_*` (f, 4): neighbours."""
-    first_s, first_m = (np.searchsorted(p.face, np.arange(len(p.G) + 1)) for p in (slave, master))
+    of_s, of_m = (np.searchsorted(p.face, np.arange(len(p.G) + 1)) for p in (slave, master))
     room = 2 * len(pairs.master) + 64
     while True:
         s, m = np.empty(room, np.int64), np.empty(room, np.int64)
-        count = _advance(
-            pairs.start, pairs.master, first_s, first_m, beyond_s, beyond_m, master.face,
-            slave.n, slave.centre, slave.e, slave.y, master.n, master.x, s, m,
-        )  # fmt: skip
+        count = _advance(pairs, slave, master, of_s, of_m, beyond_s, beyond_m, s, m)
         if count <= room:
             break
         room = count
@@ -37,16 +37,16 @@ def advance(slave: Patches, master: Patches, pairs: Pairs, beyond_s: Ints, beyon
     return Pairs(start, m[order])
 
 
-@njit(cache=True, error_model="numpy")
-def _meet(f, g, first_s, first_m, n_s, centre, e, y_s, n_m, x_m, s, m, count, y):
+@kernel
+def _meet(f: int, g: int, slave: Any, master: Any, of_s: Any, of_m: Any, s: Any, m: Any, count: int, y: Any) -> Any:
     """Write down the patches of faces f and g that meet. Returns how many pairs there are now."""
-    for a in range(first_s[f], first_s[f + 1]):
-        for b in range(first_m[g], first_m[g + 1]):
-            project(x_m[b], n_m[b], centre[a], e[a], y)
-            if n_s[a] == 2:  # segments: they face where the reversed master runs as the slave does
-                if not (y[1, 0] > y[0, 0] and y[0, 0] < y_s[a, 1, 0] and y[1, 0] > y_s[a, 0, 0]):
+    for a in range(of_s[f], of_s[f + 1]):
+        for b in range(of_m[g], of_m[g + 1]):
+            project(master.x[b], master.n[b], slave.centre[a], slave.e[a], True, y)
+            if slave.n[a] == 2:  # segments: they face where the reversed master runs as the slave does
+                if not (y[1, 0] > y[0, 0] and y[0, 0] < slave.y[a, 1, 0] and y[1, 0] > slave.y[a, 0, 0]):
                     continue
-            elif outside(y, n_m[b], y_s[a], n_s[a]) or not facing_plane(y, n_m[b])[0]:
+            elif outside(y, master.n[b], slave.y[a], slave.n[a]) or not mean_plane(y, master.n[b])[0] > FACING:
                 continue
             if count < len(s):
                 s[count], m[count] = a, b
@@ -54,8 +54,11 @@ def _meet(f, g, first_s, first_m, n_s, centre, e, y_s, n_m, x_m, s, m, count, y)
     return count
 
 
-@njit(cache=True, error_model="numpy")
-def _advance(start, candidate, first_s, first_m, beyond_s, beyond_m, face_m, n_s, centre, e, y_s, n_m, x_m, s, m):
+@kernel
+def _advance(
+    pairs: Any, slave: Any, master: Any, of_s: Any, of_m: Any, beyond_s: Any, beyond_m: Any, s: Any, m: Any
+) -> Any:
+    """Fill s and m with the pairs. Returns how many there are: where more than there is room for, call with more."""
     count = 0
     y = np.empty((4, 3))
     queue = np.empty(len(beyond_s), np.int64)
@@ -78,14 +81,14 @@ def _advance(start, candidate, first_s, first_m, beyond_s, beyond_m, face_m, n_s
                 flood[0] = seed[f]
                 tried[seed[f]] = f
                 top = 1
-            a = first_s[f]
-            at = start[a]
+            at = pairs.start[of_s[f]]
+            end = pairs.start[of_s[f + 1]]
             while True:
                 while top > 0:
                     top -= 1
                     g = flood[top]
                     before = count
-                    count = _meet(f, g, first_s, first_m, n_s, centre, e, y_s, n_m, x_m, s, m, count, y)
+                    count = _meet(f, g, slave, master, of_s, of_m, s, m, count, y)
                     if count == before:
                         continue
                     met = g
@@ -96,11 +99,11 @@ def _advance(start, candidate, first_s, first_m, beyond_s, beyond_m, face_m, n_s
                             flood[top] = other
                             top += 1
                 # repair: a face in reach that the front has not tried
-                while at < start[first_s[f + 1]] and tried[face_m[candidate[at]]] == f:
+                while at < end and tried[master.face[pairs.master[at]]] == f:
                     at += 1
-                if at == start[first_s[f + 1]]:
+                if at == end:
                     break
-                flood[0] = face_m[candidate[at]]
+                flood[0] = master.face[pairs.master[at]]
                 tried[flood[0]] = f
                 top = 1
             for k in range(4):

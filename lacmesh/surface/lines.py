@@ -11,17 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
+from lacmesh.surface.fit import correct
 from lacmesh.surface.maps import AFFINE
 from lacmesh.surface.patches import Patches
+from lacmesh.surface.rules import FITTED
 from lacmesh.surface.search import Pairs, Reach
 
 _LEAST = 1e-13
+#: neighbours on a slave patch may share this much of it
+_OVERLAP = 1e-12
 _FACING = 1e-6
 _STEPS = 60
+#: points of a fitted part: one for each function of both faces, and two more
+_FIT_POINTS = 7
 
 
 class Intervals(NamedTuple):
-    """Parts that a slave and a master patch share, a row each: `slave`, `master`, and (k, 2) `ends` in the slave face."""
+    """Parts that a slave and a master patch share, a row each: `slave`, `master`, (k, 2) `ends` in the slave face."""
 
     slave: Ints
     master: Ints
@@ -46,8 +52,8 @@ def clip_lines(pairs: Pairs, slave: Patches, master: Patches, reach: Reach) -> I
         middle = h[:, 1] + slope * ((low + high) / 2 - t[:, 1])
     keep = facing & (high - low > _LEAST) & (middle <= reach.ahead[s])
     keep &= -middle <= np.minimum(reach.behind[s] + reach.deep[m], reach.limit)
-    s, m, low, high, h1, slope, t1 = (v[keep] for v in (s, m, low, high, h[:, 1], slope, t[:, 1]))
-    s, m, low, high = _nearest_only(s, m, low, high, h1 - slope * t1, slope)
+    h0 = h[:, 1] - slope * t[:, 1]
+    s, m, low, high = _nearest_only(s[keep], m[keep], low[keep], high[keep], h0[keep], slope[keep])
     order = np.lexsort((low, s))
     s, m, low, high = s[order], m[order], low[order], high[order]
     return Intervals(s, m, _in_face(slave, s, np.stack([low, high], axis=1)))
@@ -56,24 +62,44 @@ def clip_lines(pairs: Pairs, slave: Patches, master: Patches, reach: Reach) -> I
 def _nearest_only(s: Ints, m: Ints, low: Floats, high: Floats, h0: Floats, slope: Floats) -> tuple[NDArray, ...]:
     """Where intervals [low, high] of one slave patch overlap, keep the nearest; heights are h0 + slope t."""
     order = np.lexsort((low, s))
-    s, m, low, high, h0, slope = (v[order] for v in (s, m, low, high, h0, slope))
-    reach = np.maximum.accumulate(high + 2.0 * s)[:-1] - 2.0 * s[1:] if len(s) else high
-    clash = np.unique(s[1:][reach > low[1:] + 1e-12]) if len(s) else s
-    if not len(clash):
+    s, m, low, high, h0, slope = s[order], m[order], low[order], high[order], h0[order], slope[order]
+    clash = np.zeros(int(s.max(initial=-1)) + 1, bool)
+    clash[s[1:][(s[1:] == s[:-1]) & (_highest(s, high)[:-1] > low[1:] + _OVERLAP)]] = True
+    over = clash[s]
+    if not over.any():
         return s, m, low, high
-    alone = ~np.isin(s, clash)
-    parts = [(s[alone], m[alone], low[alone], high[alone])]
-    for one in clash:
-        at = np.flatnonzero(s == one)
-        cuts = np.unique(np.concatenate([low[at], high[at]]))
-        mid = (cuts[1:] + cuts[:-1]) / 2
-        over = (low[at][:, None] <= mid) & (high[at][:, None] >= mid)
-        far = np.where(over, np.abs(h0[at][:, None] + slope[at][:, None] * mid), np.inf)
-        best = at[far.argmin(axis=0)]
-        used = over.any(axis=0) & (np.diff(cuts) > _LEAST)
-        parts.append((np.full(used.sum(), one), m[best[used]], cuts[:-1][used], cuts[1:][used]))
-    made = [np.concatenate(v) for v in zip(*parts, strict=True)]
-    return made[0], made[1], made[2], made[3]
+    row, *ends = _nearest_cells(s[over], low[over], high[over], h0[over], slope[over])
+    parts = (s[over][row], m[over][row], *ends)
+    s, m, low, high = (np.concatenate([v[~over], w]) for v, w in zip((s, m, low, high), parts, strict=True))
+    return s, m, low, high
+
+
+def _highest(s: Ints, high: Floats) -> Floats:
+    """(k,): the greatest of `high` so far in the same patch; s ascends. By ranks, which lose no digits."""
+    order = np.argsort(high)
+    rank = np.empty(len(s), np.int64)
+    rank[order] = np.arange(len(s))
+    return high[order[np.maximum.accumulate(s * len(s) + rank) - s * len(s)]]
+
+
+def _nearest_cells(s: Ints, low: Floats, high: Floats, h0: Floats, slope: Floats) -> tuple[Ints, Floats, Floats]:
+    """Cells between all the ends that lie on a patch, those that are covered: (nearest interval, from, to) of each."""
+    ends, patch = np.concatenate([low, high]), np.concatenate([s, s])
+    order = np.lexsort((ends, patch))
+    ends, patch = ends[order], patch[order]
+    new = np.append(True, (ends[1:] != ends[:-1]) | (patch[1:] != patch[:-1]))
+    place = np.empty(len(order), np.int64)
+    place[order] = np.cumsum(new) - 1
+    cut = ends[new]
+    first, last = np.split(place, 2)
+    row = np.repeat(np.arange(len(s)), last - first)
+    cell = np.arange(len(row)) - np.repeat(np.cumsum(last - first) - last, last - first)
+    far = np.abs(h0[row] + slope[row] * ((cut[cell] + cut[cell + 1]) / 2))
+    order = np.lexsort((row, far, cell))
+    row, cell = row[order], cell[order]
+    best = np.append(True, cell[1:] != cell[:-1]) & (cut[cell + 1] - cut[cell] > _LEAST)
+    row, cell = row[best], cell[best]
+    return row, cut[cell], cut[cell + 1]
 
 
 def _in_face(slave: Patches, s: Ints, t: Floats) -> Floats:
@@ -97,46 +123,101 @@ def _in_face(slave: Patches, s: Ints, t: Floats) -> Floats:
 def gauss_points(slave: Patches, master: Patches, parts: Intervals, degree: Ints, radius: bool, smooth: bool) -> Ints:
     """(k,): Gauss points that each part takes, for shape functions of so high a degree on either face.
 
-    Exact where both faces are evenly divided; 16 where the middle node of one stands off, and on curved ones 4.
+    Exact where both faces are evenly divided. Where the middle node of one stands off, on straight lines, their weights
+    are fitted (FITTED added): as many as functions, and a few more. On curved lines 4.
     """
     fs, fm = slave.face[parts.slave], master.face[parts.master]
     even = (slave.kind[fs] == AFFINE) & (master.kind[fm] == AFFINE)
     straight = slave.plane[fs] & master.plane[fm] & (not smooth)
     exact = (degree + radius) // 2 + 1
-    return np.where(even & (not smooth), exact, np.where(straight, 16, 4))
+    return np.where(even & (not smooth), exact, np.where(straight, _FIT_POINTS + FITTED, 4))
+
+
+class PlacedOnLines(NamedTuple):
+    """Points on parts, a row each: part, u (n,) in the slave and in the master, weight, normal, gap; `met` the master.
+
+    `first` (parts + 1,): the first point of each part.
+    """
+
+    first: Ints
+    piece: Ints
+    xi_slave: Floats
+    xi_master: Floats
+    weight: Floats
+    normal: Floats
+    gap: Floats
+    met: NDArray[np.bool_]
 
 
 def place_lines(
-    parts: Intervals, count: Ints, slave: Patches, master: Patches, normals: Floats | None
-) -> tuple[NDArray, ...]:
-    """Points on parts, `count` each: part, u in the slave, u in the master, weight, normal, gap, met, x (n, 3)."""
-    piece, X, w = _rows(count)
+    parts: Intervals, code: Ints, slave: Patches, master: Patches, normals: Floats | None, axisymmetric: bool
+) -> PlacedOnLines:
+    """Points on parts by rules `code` (gauss_points); weights hold 2 pi x where `axisymmetric`."""
+    first, piece, X, w = _rows(code % FITTED)
     s, m = parts.slave[piece], parts.master[piece]
     fs, fm = slave.face[s], master.face[m]
     low, high = parts.ends[piece, 0], parts.ends[piece, 1]
     u = low + X * (high - low)
     x, d = _at(slave.G[fs], u)
-    jacobian = np.linalg.norm(d, axis=1)
-    if normals is None:
-        n = np.stack([d[:, 1], -d[:, 0], np.zeros(len(d))], axis=1)
-    else:
-        n, _ = _at(normals[fs], u)
+    n = _normals(d) if normals is None else _at(normals[fs], u)[0]
     with np.errstate(invalid="ignore", divide="ignore"):
         n = n / np.linalg.norm(n, axis=1, keepdims=True)
     um, gap, met = meet(master.G[fm], x, n, master.xi[m, :2, 0].mean(axis=1))
-    return piece, u, um, w * (high - low) * jacobian, n, gap, met, x
+    weight = w * (high - low) * np.linalg.norm(d, axis=1)
+    if axisymmetric:
+        weight = weight * 2 * np.pi * x[:, 0]
+    for k in np.flatnonzero(code >= FITTED):
+        rows = slice(first[k], first[k + 1])
+        if met[rows].all():
+            maps = slave.G[slave.face[parts.slave[k]]], master.G[master.face[parts.master[k]]]
+            _fit(*maps, parts.ends[k], n[first[k]], axisymmetric, u[rows], um[rows], weight[rows])
+    xi_s, xi_m = (np.stack([v, np.zeros_like(v)], axis=1) for v in (u, um))
+    return PlacedOnLines(first, piece, xi_s, xi_m, weight, n, gap, met)
 
 
-def _rows(count: Ints) -> tuple[Ints, Floats, Floats]:
-    """For parts with so many Gauss points each: the part of each point, its place in [0, 1] and its weight."""
+def _normals(d: Floats) -> Floats:
+    return np.stack([d[:, 1], -d[:, 0], np.zeros(len(d))], axis=1)
+
+
+def _fit(
+    G: Floats, H: Floats, ends: Floats, n: Floats, axisymmetric: bool, u: Floats, um: Floats, weight: Floats
+) -> None:
+    """Correct the weights of the points u of a straight part, um in the master, so that u, u^2, um, um^2 are exact.
+
+    `G`, `H` (9, 3): the maps; `ends` (2,): the part in the slave. The integrals are polynomial in either face's own u.
+    """
+    x, _ = _at(np.broadcast_to(G, (2, 9, 3)), ends)
+    ends_m, _, met = meet(np.broadcast_to(H, (2, 9, 3)), x, np.broadcast_to(n, (2, 3)), um[[0, -1]])
+    if not met.all():
+        return
+    along = np.array([-n[1], n[0], 0.0])
+    place, w = np.polynomial.legendre.leggauss(_FIT_POINTS)
+    targets, functions = [], []
+    for (a, b), K, v in ((ends, G, u), (ends_m, H, um)):
+        middle, half = (a + b) / 2, (b - a) / 2
+        at, d = _at(np.broadcast_to(K, (len(place), 9, 3)), middle + half * place)
+        size = (d @ along) * half * w
+        if axisymmetric:  # the radius of the slave's point, which lies across from the master's
+            size = size * 2 * np.pi * (x[0, 0] + ((at - x[0]) @ along) * along[0])
+        size *= np.sign(size.sum())
+        targets += [size.sum(), place @ size, place**2 @ size]
+        local = (v - middle) / half
+        functions += [np.ones_like(local), local, local**2]
+    phi = np.array([*functions[:3], *functions[4:]])
+    correct(weight, len(weight), phi, len(phi), np.array([*targets[:3], *targets[4:]]))
+
+
+def _rows(count: Ints) -> tuple[Ints, Ints, Floats, Floats]:
+    """For parts with so many Gauss points: first point of each; of each point the part, its place in [0, 1], weight."""
+    first = np.concatenate([[0], np.cumsum(count)])
     piece = np.repeat(np.arange(len(count)), count)
-    within = np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)
+    within = np.arange(len(piece)) - first[piece]
     X, w = np.zeros(len(piece)), np.zeros(len(piece))
     for n in np.unique(count):
         place, weight = np.polynomial.legendre.leggauss(int(n))
         at = count[piece] == n
         X[at], w[at] = (place[within[at]] + 1) / 2, weight[within[at]] / 2
-    return piece, X, w
+    return first, piece, X, w
 
 
 def _at(G: Floats, u: Floats) -> tuple[Floats, Floats]:

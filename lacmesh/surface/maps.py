@@ -8,11 +8,12 @@ is AFFINE (triangles with straight sides, parallelograms), BILINEAR (quadrangles
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.shapes import shape
 from lacmesh.skin import FACE_TYPES, N_NODES
@@ -81,8 +82,8 @@ def kinds(G: Floats, corners: Ints) -> tuple[Ints, NDArray[np.bool_], Floats]:
         return kind, out_of_plane <= least, np.where(curved, bent.sum(axis=1) / size, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
-def at(G, kind, u, v):
+@kernel
+def at(G: Any, kind: int, u: float, v: float) -> Any:
     """x(u, v) of one face with map G (9, 3), and its derivatives along u and v: three triples."""
     if kind == AFFINE:
         return (
@@ -108,8 +109,8 @@ def at(G, kind, u, v):
     return (x0, x1, x2), (a0, a1, a2), (b0, b1, b2)
 
 
-@njit(cache=True, error_model="numpy")
-def _curved(G, s, u, v):
+@kernel
+def _curved(G: Any, s: int, u: float, v: float) -> Any:
     """One coordinate of x and its derivatives, all nine monomials."""
     c0 = G[0, s] + v * (G[2, s] + v * G[5, s])
     c1 = G[1, s] + v * (G[4, s] + v * G[7, s])

@@ -14,13 +14,6 @@ from lacmesh.quadrature import rule
 from lacmesh.shapes import jacobian
 from lacmesh.surface.record import Surface
 
-_GROUP = 8
-
-
-def facet(surface: Surface, row: int, X: Floats) -> tuple[Floats, Floats]:
-    """True unit normals (p, 3) and Jacobians (p,) of one face at reference points X (p, 2; or (p, 1))."""
-    raise NotImplementedError
-
 
 def weighted(name: str, x: Floats, X: Floats, dim: int) -> Floats:
     """(k, p, 3): normals of faces with nodes at x (k, n, 3), times the Jacobian, at reference points X."""
@@ -58,12 +51,12 @@ def _gather(surface: Surface, own: Floats, area: Floats, least: float) -> Floats
     total = np.zeros_like(normal)
     start = np.searchsorted(node, node)
     stop = np.searchsorted(node, node, side="right")
-    for shift in range(int((stop - start).max(initial=0))):
-        other = start + shift
-        here = other < stop
-        other = np.where(here, other, 0)
-        close = here & ((normal * normal[other]).sum(axis=1) >= least - 1e-12)
-        total += np.where(close, weight[other], 0.0)[:, None] * normal[other]
+    rows, other = np.arange(len(node)), start
+    while len(rows):
+        close = (normal[rows] * normal[other]).sum(axis=1) >= least - 1e-12
+        total[rows] += np.where(close, weight[other], 0.0)[:, None] * normal[other]
+        more = other + 1 < stop[rows]  # only those go on: a pole where many faces meet costs no more than its own
+        rows, other = rows[more], other[more] + 1
     out = np.zeros_like(own)
     out[face, place] = total
     return out

@@ -1,8 +1,8 @@
 """Patches: the straight pieces of faces that are clipped in their place.
 
 A face whose sides are straight is one patch. Curved ones are subdivided for the intersection only, all of a surface
-alike, so that the patches of neighbours meet along whole edges; quadrature points lie on the true geometry. A quadrangle that is not convex in its mean plane is two
-triangles.
+alike, so that the patches of neighbours meet along whole edges; quadrature points lie on the true geometry. A
+quadrangle that is not convex in its mean plane is two triangles.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
@@ -17,8 +18,12 @@ from lacmesh.skin import MAX_CORNERS
 from lacmesh.surface.maps import coefficients, kinds, monomials
 from lacmesh.surface.record import Surface
 
+Bools = NDArray[np.bool_]
+
 #: curved faces go in 2 parts a side where the most curved (maps.kinds) is less so than the first; then 4, 8
 _STEPS = np.array([0.2, 0.8])
+#: corners nearer than this, against the patch, are one: the direction of so short an edge would be rounding
+_SAME = 1e-8
 
 
 class Patches(NamedTuple):
@@ -39,22 +44,24 @@ class Patches(NamedTuple):
     area: Floats
     G: Floats
     kind: Ints
-    plane: Ints
+    plane: Bools
 
     def take(self, rows: Ints) -> Patches:
         """Some of the patches."""
-        return Patches(*(v[rows] for v in self[:8]), *self[8:])
+        one = {name: getattr(self, name)[rows] for name in Patches._fields[:8]}
+        return self._replace(**one)
 
 
 def patches(surface: Surface) -> Patches:
     """The patches of a surface, by face."""
-    G = coefficients(surface)
-    kind, plane, curved = kinds(G, surface.n_corners)
-    most = curved[np.isfinite(curved)].max(initial=0.0)
-    level = np.where(curved > 0, 1 + np.searchsorted(_STEPS, most), 0)
-    face, n, xi = _grids(surface, level)
-    out = _with_frames(face, n, xi, G, kind, plane)
-    return out if surface.dim == 1 else _split_concave(out)
+    with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates: such faces have no patch
+        G = coefficients(surface)
+        kind, plane, curved = kinds(G, surface.n_corners)
+        most = curved[np.isfinite(curved)].max(initial=0.0)
+        level = np.where(curved > 0, 1 + np.searchsorted(_STEPS, most), 0)
+        face, n, xi = _grids(surface, level)
+        out = _with_frames(face, n, xi, G, kind, plane)
+        return out if surface.dim == 1 else _split_concave(out)
 
 
 def _grids(surface: Surface, level: Ints) -> tuple[Ints, Ints, Floats]:
@@ -99,32 +106,47 @@ def reference_grid(family: str, n: int) -> Floats:
     return np.concatenate([made, np.repeat(made[:, :1], MAX_CORNERS - made.shape[1], axis=1)], axis=1)
 
 
-def _with_frames(face: Ints, n: Ints, xi: Floats, G: Floats, kind: Ints, plane: Ints) -> Patches:
+def _with_frames(face: Ints, n: Ints, xi: Floats, G: Floats, kind: Ints, plane: Bools) -> Patches:
     line = len(n) > 0 and n[0] == 2
-    x = np.matmul(monomials(xi), G[face]) if len(face) else np.zeros((0, 4, 3))
-    a = x[:, 1] - x[:, 0]
-    last = np.where((n == 4)[:, None], x[:, 3], x[:, 0])
-    normal = np.stack([a[:, 1], -a[:, 0], 0 * a[:, 0]], axis=1) if line else cross(x[:, 2] - x[:, 0], last - x[:, 1])
-    length = norm(normal)
-    area = length if line else length / 2
-    b = x[:, 2] - x[:, 0]
-    longest = np.maximum(norm(a), norm(b))
-    fine = np.isfinite(length) & (area > 1e-14 * (longest if line else longest**2)) & (area > 0)
+    x = _joined(np.matmul(monomials(xi), G[face]) if len(face) else np.zeros((0, 4, 3)))
+    normal, area, longest = _normals(x, n, line)
+    fine = np.isfinite(area) & (area > 1e-14 * (longest if line else longest**2)) & (area > 0)
     if not fine.all():
-        face, n, xi, x, normal, length, area, a, b, longest, last = (
-            v[fine] for v in (face, n, xi, x, normal, length, area, a, b, longest, last)
-        )
-    normal = normal / length[:, None]
-    centre = (x[:, 0] + x[:, 1]) / 2 if line else (x[:, 0] + x[:, 1] + x[:, 2] + last) / 4
-    if not line:
-        centre = np.where((n == 3)[:, None], (x[:, 0] + x[:, 1] + x[:, 2]) / 3, centre)
-    # a tangent along the diagonal, or the first edge where that is longer: an edge may have no length
-    along = np.where((norm(b) >= norm(a))[:, None], b, a)
+        face, n, xi, x, normal, area = face[fine], n[fine], xi[fine], x[fine], normal[fine], area[fine]
+    normal = normal / norm(normal)[:, None]
+    corners = np.arange(MAX_CORNERS) < n[:, None]
+    centre = (x * corners[..., None]).sum(axis=1) / n[:, None]
+    # a tangent along the first edge, or the diagonal where that has hardly a length
+    a, b = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
+    along = np.where((norm(b) > 4 * norm(a))[:, None], b, a)
     along = along - (along * normal).sum(axis=1, keepdims=True) * normal
     along /= norm(along)[:, None]
     e = np.stack([along, cross(normal, along), normal], axis=1)
-    y = np.matmul(x - centre[:, None], np.swapaxes(e, 1, 2))
+    y = _joined(np.matmul(x - centre[:, None], np.swapaxes(e, 1, 2)))
     return Patches(face, n, xi, x, centre, e, y, area, G, kind, plane)
+
+
+def _normals(x: Floats, n: Ints, line: bool) -> tuple[Floats, Floats, Floats]:
+    """Normals of patches, not unit ones; their areas; the longest of their first edges and diagonals."""
+    a, b = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
+    longest = np.maximum(norm(a), norm(b))
+    if line:
+        return np.stack([a[:, 1], -a[:, 0], 0 * a[:, 0]], axis=1), norm(a), longest
+    last = np.where((n == 4)[:, None], x[:, 3], x[:, 0])
+    normal = cross(b, last - x[:, 1])
+    return normal, norm(normal) / 2, longest
+
+
+def _joined(x: Floats) -> Floats:
+    """Corners x (p, 4, 3), those of a patch that are hardly apart exactly in one place: the edge between is none."""
+    size = np.abs(x[:, 1:] - x[:, :1]).max(axis=(1, 2), initial=0.0)[:, None]
+    near = np.abs(x - np.roll(x, 1, axis=1)).max(axis=2) <= _SAME * size
+    near[:, 0] = False  # the last corner and the first: below
+    for k in range(1, MAX_CORNERS):
+        x[near[:, k], k] = x[near[:, k], k - 1]
+    last = np.abs(x[:, 3] - x[:, 0]).max(axis=1) <= _SAME * size[:, 0]
+    x[last, 3] = x[last, 0]
+    return x
 
 
 def cross(a: Floats, b: Floats) -> Floats:

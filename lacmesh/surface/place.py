@@ -2,149 +2,125 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
 
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
-from lacmesh.surface.clip import Pieces, centroid
-from lacmesh.surface.fit import correct, functions, integrals, vertices_in_faces
-from lacmesh.surface.maps import CURVED, at
+from lacmesh.surface.clip import Pieces, mean_plane, project
+from lacmesh.surface.curved import Side
+from lacmesh.surface.fit import fit
+from lacmesh.surface.maps import AFFINE, CURVED, at
+from lacmesh.surface.moments import gauss_rules
 from lacmesh.surface.patches import Patches
-from lacmesh.surface.project import in_face, ray
-from lacmesh.surface.rules import (
-    CENTROID,
-    EDGE_POINTS,
-    ELLIPSE,
-    FAN3,
-    FAN30,
-    FITTED,
-    N_FUNCTIONS,
-    RADIAL_POINTS,
-    edge_step,
-    points_of,
-    triangle_rule,
-)
+from lacmesh.surface.polygon import ROOM, centroid
+from lacmesh.surface.project import in_face, inverse, ray
+from lacmesh.surface.rules import CENTROID, ELLIPSE, FITTED, fan_rules, points_of
+from lacmesh.surface.search import in_parts
+
+_MOST_FUNCTIONS = 20
 
 
 class Placed(NamedTuple):
-    """Points, a row each: piece, places (n, 2) in both faces, weight, unit normal, gap; `met`: the ray hit the master."""
+    """Points, a row each: piece, places (n, 2) in both faces, weight, unit normal, gap; `met`: the ray hit the master.
 
+    `first` (pieces + 1,): the first point of each piece, in the order in which they were placed.
+    """
+
+    first: Ints
     piece: Ints
     xi_slave: Floats
     xi_master: Floats
     weight: Floats
     normal: Floats
     gap: Floats
-    met: Ints
+    met: NDArray[np.bool_]
 
 
 def place(
-    pieces: Pieces,
-    code: Ints,
-    slave: Patches,
-    master: Patches,
-    type_slave: Ints,
-    type_master: Ints,
-    normals: Floats | None,
+    pieces: Pieces, order: Ints, code: Ints, slave: Patches, master: Patches, k: tuple[Ints, Ints], H: Floats
 ) -> Placed:
-    """Points of pieces (in the order given) by rules `code`; `normals` (f, 9, 3): maps of smoothed normals, or None.
+    """Points of pieces, in some order, by rules `code`.
 
-    `type_slave`, `type_master` (pieces,): types of the faces (codes).
+    `k`: how many functions of the slave face and of the master's are fitted, (pieces,) each. `H` (f, 9, 3): maps of
+    smoothed normals; (0, 9, 3) for true ones.
     """
-    count = points_of(code, np.diff(pieces.start))
+    count = points_of(code, np.diff(pieces.start))[order]
     first = np.concatenate([[0], np.cumsum(count)])
-    table = [triangle_rule(k) for k in range(FAN3, FAN30 + 1)]
-    size = np.cumsum([0] * FAN3 + [0, *(len(w) for _, w in table)])
-    X, w = np.concatenate([X for X, _ in table]), np.concatenate([w for _, w in table])
-    H = np.empty((0, 9, 3)) if normals is None else normals
-    twist = distortion(pieces, slave, master) * (code >= FITTED)
-    line = [np.polynomial.legendre.leggauss(int(n)) for n in (*EDGE_POINTS, *RADIAL_POINTS)]
-    T = (np.concatenate([X for X, _ in line]) + 1) / 2
-    wt = np.concatenate([w for _, w in line]) / 2
-    at_T = np.cumsum([0, *EDGE_POINTS, *RADIAL_POINTS])
-    made = _place_all(
-        pieces.slave, pieces.master, pieces.start, pieces.vertices, pieces.edges, code, first, int(count.max(initial=0)), size, X, w,
-        slave.face, slave.n, slave.xi, slave.y, slave.G, slave.kind, H,
-        master.face, master.n, master.xi, master.x, master.G, master.kind, slave.centre, slave.e,
-        edge_step(twist), N_FUNCTIONS[type_slave], N_FUNCTIONS[type_master], T, wt, at_T,
-    )  # fmt: skip
-    return Placed(np.repeat(np.arange(len(code)), count), *made)
+    n = int(first[-1])
+    out = Placed(
+        first,
+        np.repeat(order, count),
+        np.empty((n, 2)),
+        np.empty((n, 2)),
+        np.empty(n),
+        np.empty((n, 3)),
+        np.empty(n),
+        np.empty(n, np.bool_),
+    )
+    tables = fan_rules(), gauss_rules()
+    most = int(count.max(initial=1))
 
+    def run(rows: slice) -> None:
+        _place_all(rows.start, rows.stop, pieces, order, code, most, slave, master, H, *k, *tables, out)
 
-def distortion(pieces: Pieces, slave: Patches, master: Patches) -> Floats:
-    """(k,): how far the Jacobian of either patch of a piece varies, against its mean; 1 for faces with curved sides.
-
-    The master's as it is projected into the slave's plane.
-    """
-    out = np.ones(len(pieces.slave))
-    straight = (slave.kind[slave.face[pieces.slave]] < CURVED) & (master.kind[master.face[pieces.master]] < CURVED)
-    s, m = pieces.slave[straight], pieces.master[straight]
-    y = np.matmul(master.x[m], np.swapaxes(slave.e[s], 1, 2)[:, :, :2])
-    out[straight] = np.maximum(_twist(slave.y[..., :2], slave.n)[s], _twist(y, master.n[m]))
+    in_parts(run, len(order))
     return out
 
 
-def _twist(y: Floats, n: Ints) -> Floats:
-    a, b = y[:, 1] + y[:, 2] - y[:, 0] - y[:, 3], y[:, 2] + y[:, 3] - y[:, 0] - y[:, 1]
-    d = y[:, 0] + y[:, 2] - y[:, 1] - y[:, 3]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(n == 4, (abs(_det(a, d)) + abs(_det(d, b))) / abs(_det(a, b)), 0.0)
-
-
-def _det(a: Floats, b: Floats) -> Floats:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-
-
-@njit(cache=True, error_model="numpy")
-def plane_rule(p, n, code, size, X, w, out, weight):
-    """Points (., 2) and weights of a rule on a convex polygon p of n vertices, into `out` and `weight`; their number."""
-    if code == CENTROID or code == ELLIPSE:
-        x, y = centroid(p, n)
-        area = 0.0
-        xx = 0.0
-        xy = 0.0
-        yy = 0.0
-        for k in range(1, n - 1):
-            ax, ay = p[0, 0] - x, p[0, 1] - y
-            bx, by = p[k, 0] - x, p[k, 1] - y
-            cx, cy = p[k + 1, 0] - x, p[k + 1, 1] - y
-            t = ((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)) / 2
-            sx, sy = ax + bx + cx, ay + by + cy
-            area += t
-            xx += t * (ax * ax + bx * bx + cx * cx + sx * sx) / 12
-            xy += t * (ax * ay + bx * by + cx * cy + sx * sy) / 12
-            yy += t * (ay * ay + by * by + cy * cy + sy * sy) / 12
-        if code == CENTROID:
-            out[0, 0], out[0, 1], weight[0] = x, y, area
-            return 1
-        a = np.sqrt(max(2 * xx / area, 0.0))
-        b = 2 * xy / area / a if a > 0 else 0.0
-        c = np.sqrt(max(2 * yy / area - b * b, 0.0))
-        half = np.sqrt(3.0) / 2
-        for k in range(3):
-            cosine = 1.0 if k == 0 else -0.5
-            sine = 0.0 if k == 0 else (half if k == 1 else -half)
-            out[k, 0] = x + a * cosine
-            out[k, 1] = y + b * cosine + c * sine
-            weight[k] = area / 3
-        return 3
+@kernel
+def plane_rule(p: Any, n: int, code: int, fans: Any, out: Any, weight: Any) -> Any:
+    """Points (., 2) and weights of a rule on a convex polygon of n vertices, into `out` and `weight`; their number."""
+    if code <= ELLIPSE:
+        return _ellipse_rule(p, n, code, out, weight)
     m = 0
     for k in range(1, n - 1):
         ax, ay = p[k, 0] - p[0, 0], p[k, 1] - p[0, 1]
         bx, by = p[k + 1, 0] - p[0, 0], p[k + 1, 1] - p[0, 1]
         t = (ax * by - ay * bx) / 2
-        for j in range(size[code], size[code + 1]):
-            out[m, 0] = p[0, 0] + X[j, 0] * ax + X[j, 1] * bx
-            out[m, 1] = p[0, 1] + X[j, 0] * ay + X[j, 1] * by
-            weight[m] = t * w[j]
+        for j in range(fans.start[code], fans.start[code + 1]):
+            out[m, 0] = p[0, 0] + fans.X[j, 0] * ax + fans.X[j, 1] * bx
+            out[m, 1] = p[0, 1] + fans.X[j, 0] * ay + fans.X[j, 1] * by
+            weight[m] = t * fans.w[j]
             m += 1
     return m
 
 
-@njit(cache=True, error_model="numpy")
-def normal_at(H, face, du, dv, u, v):
+@kernel
+def _ellipse_rule(p: Any, n: int, code: int, out: Any, weight: Any) -> Any:
+    """The centroid, or three points on the ellipse that has twice the polygon's second moments over its area."""
+    x, y = centroid(p, n)
+    area = xx = xy = yy = 0.0
+    for k in range(1, n - 1):
+        ax, ay = p[0, 0] - x, p[0, 1] - y
+        bx, by = p[k, 0] - x, p[k, 1] - y
+        cx, cy = p[k + 1, 0] - x, p[k + 1, 1] - y
+        t = ((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)) / 2
+        sx, sy = ax + bx + cx, ay + by + cy
+        area += t
+        xx += t * (ax * ax + bx * bx + cx * cx + sx * sx) / 12
+        xy += t * (ax * ay + bx * by + cx * cy + sx * sy) / 12
+        yy += t * (ay * ay + by * by + cy * cy + sy * sy) / 12
+    if code == CENTROID:
+        out[0, 0], out[0, 1], weight[0] = x, y, area
+        return 1
+    a = np.sqrt(max(2 * xx / area, 0.0))
+    b = 2 * xy / area / a if a > 0 else 0.0
+    c = np.sqrt(max(2 * yy / area - b * b, 0.0))
+    half = np.sqrt(3.0) / 2
+    for k in range(3):
+        cosine = 1.0 if k == 0 else -0.5
+        sine = 0.0 if k == 0 else (half if k == 1 else -half)
+        out[k, 0] = x + a * cosine
+        out[k, 1] = y + b * cosine + c * sine
+        weight[k] = area / 3
+    return 3
+
+
+@kernel
+def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
     """Unit normal of a face at (u, v): the true one, or the smoothed one where there are maps H; and the Jacobian."""
     n0 = du[1] * dv[2] - du[2] * dv[1]
     n1 = du[2] * dv[0] - du[0] * dv[2]
@@ -152,101 +128,80 @@ def normal_at(H, face, du, dv, u, v):
     jacobian = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
     size = jacobian
     if len(H):
-        (n0, n1, n2), _, _ = at(H[face], 2, u, v)
+        (n0, n1, n2), _, _ = at(H[face], CURVED, u, v)
         size = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
     return (n0 / size, n1 / size, n2 / size), jacobian
 
 
-@njit(cache=True, error_model="numpy")
-def _project(x, n, centre, e, out):
-    for k in range(n):
-        for a in range(2):
-            out[k, a] = (
-                (x[k, 0] - centre[0]) * e[a, 0] + (x[k, 1] - centre[1]) * e[a, 1] + (x[k, 2] - centre[2]) * e[a, 2]
-            )
+@kernel
+def _is_flat(patch: int, face: int, of: Any) -> Any:
+    """Whether the patch lies in its plane as `in_face` has it: a plane face with straight sides, not half of one."""
+    return of.plane[face] and (of.kind[face] == AFFINE or (of.kind[face] < CURVED and of.n[patch] == 4))
 
 
-@njit(cache=True, error_model="numpy")
-def _locate(corner, n, local):
-    """Origin and scale of the arguments of functions on a piece, in the slave face and in the master's."""
-    for side in range(2):
-        u, v, size = 0.0, 0.0, 0.0
-        for k in range(n):
-            u += corner[k, 2 * side] / n
-            v += corner[k, 2 * side + 1] / n
-        for k in range(n):
-            size = max(size, abs(corner[k, 2 * side] - u), abs(corner[k, 2 * side + 1] - v))
-        local[3 * side], local[3 * side + 1], local[3 * side + 2] = u, v, size
+@kernel
+def _point(p: float, q: float, area: float, slave: Any, master: Any, H: Any, face: int) -> Any:
+    """The point of the slave over (p, q) of its patch's plane: places in both faces, weight, normal, gap, met."""
+    u, v, ratio = in_face(slave.patch, p, q)
+    x, du, dv = at(slave.G, slave.kind, u, v)
+    unit, jacobian = normal_at(H, face, du, dv, u, v)
+    um, vm, _ = in_face(master.patch, p, q)
+    hit, um, vm, gap = ray(master.G, master.kind, x, unit, um, vm)
+    return u, v, um, vm, area * abs(ratio) * jacobian, unit, gap, hit
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
+def _side(patch: int, of: Any, y: Any, k: int) -> Any:
+    """What a piece knows of a patch with corners y in the slave's plane; k functions of its face are fitted."""
+    face, n, xi = of.face[patch], of.n[patch], of.xi[patch]
+    return Side(of.G[face], of.kind[face], n, xi, y, inverse(y, n, xi), k)
+
+
+@kernel
 def _place_all(
-    slave, master, start, vertices, edges, code, first, most, size, X, w,
-    face_s, n_s, xi_s, y_s, G_s, kind_s, H,
-    face_m, n_m, xi_m, x_m, G_m, kind_m, centre, e,
-    step, k_s, k_m, T, wt, at_T,
-):  # fmt: skip
-    total = first[-1]
-    out_s = np.empty((total, 2))
-    out_m = np.empty((total, 2))
-    weight = np.empty(total)
-    normal = np.empty((total, 3))
-    gap = np.empty(total)
-    met = np.empty(total, np.bool_)
-    p = np.empty((most, 2))
-    area = np.empty(most)
-    y_m = np.empty((4, 2))
-    corner = np.empty((48, 4))
-    local = np.empty(6)
-    phi = np.empty((20, max(most, 1)))
-    target = np.empty(20)
-    work = np.empty(20)
-    for k in range(len(slave)):
-        s, m = slave[k], master[k]
-        polygon = vertices[start[k] : start[k + 1]]
-        n = plane_rule(polygon, len(polygon), code[k] % FITTED, size, X, w, p, area)
-        _project(x_m[m], n_m[m], centre[s], e[s], y_m)
-        fs, fm = face_s[s], face_m[m]
+    begin: int, end: int, pieces: Any, order: Any, code: Any, most: int, slaves: Any, masters: Any, H: Any,
+    k_s: Any, k_m: Any, fans: Any, gauss: Any, out: Any,
+) -> None:  # fmt: skip
+    """Fill `out` for the pieces order[begin:end]. `most`: points of a piece."""
+    p, area, y_m = np.empty((most, 2)), np.empty(most), np.empty((4, 3))
+    room = (
+        np.empty((ROOM, 4)),
+        np.empty(_MOST_FUNCTIONS),
+        np.empty(_MOST_FUNCTIONS),
+        np.empty((_MOST_FUNCTIONS, most)),
+    )
+    # arrays by themselves: what is taken out of a tuple for each point costs more than the point
+    xi_slave, xi_master, weight, normal, gap, met = (
+        out.xi_slave, out.xi_master, out.weight, out.normal, out.gap, out.met,
+    )  # fmt: skip
+    for row in range(begin, end):
+        k = order[row]
+        s, m = pieces.slave[k], pieces.master[k]
+        fs = slaves.face[s]
+        polygon = pieces.vertices[pieces.start[k] : pieces.start[k + 1]]
+        n = plane_rule(polygon, len(polygon), code[k] % FITTED, fans, p, area)
+        centre, e = slaves.centre[s], slaves.e[s]
+        project(masters.x[m], masters.n[m], centre, e, False, y_m)
+        slave, master = _side(s, slaves, slaves.y[s], k_s[k]), _side(m, masters, y_m, k_m[k])
+        first = out.first[row]
+        flat = len(H) == 0 and _is_flat(s, fs, slaves) and _is_flat(m, masters.face[m], masters)
+        patch_s, patch_m = slave.patch, master.patch
+        unit = (e[2, 0], e[2, 1], e[2, 2])
+        _, c0, c1, c2 = mean_plane(y_m, masters.n[m])
         for j in range(n):
-            row = first[k] + j
-            u, v, ratio = in_face(y_s[s], n_s[s], xi_s[s], p[j, 0], p[j, 1])
-            x, du, dv = at(G_s[fs], kind_s[fs], u, v)
-            unit, jacobian = normal_at(H, fs, du, dv, u, v)
-            um, vm, _ = in_face(y_m, n_m[m], xi_m[m], p[j, 0], p[j, 1])
-            hit, um, vm, g = ray(G_m[fm], kind_m[fm], x, unit, um, vm)
-            out_s[row, 0], out_s[row, 1] = u, v
-            out_m[row, 0], out_m[row, 1] = um, vm
-            weight[row] = area[j] * abs(ratio) * jacobian
-            normal[row, 0], normal[row, 1], normal[row, 2] = unit
-            gap[row] = g
-            met[row] = hit and weight[row] < np.inf
+            if flat:
+                u, v, _ = in_face(patch_s, p[j, 0], p[j, 1])
+                um, vm, _ = in_face(patch_m, p[j, 0], p[j, 1])
+                w, g, hit = area[j], c0 + c1 * p[j, 0] + c2 * p[j, 1], True
+            else:
+                u, v, um, vm, w, unit, g, hit = _point(p[j, 0], p[j, 1], area[j], slave, master, H, fs)
+            i = first + j
+            xi_slave[i, 0], xi_slave[i, 1], xi_master[i, 0], xi_master[i, 1] = u, v, um, vm
+            weight[i], gap[i], met[i] = w, g, hit and w < np.inf and abs(g) < np.inf
+            normal[i, 0], normal[i, 1], normal[i, 2] = unit
         if code[k] >= FITTED:
-            vertices_in_faces(
-                polygon, edges[start[k] : start[k + 1]], y_s[s], n_s[s], xi_s[s], y_m, n_m[m], xi_m[m],
-                G_s[fs], kind_s[fs], G_m[fm], kind_m[fm], centre[s], e[s], corner,
-            )  # fmt: skip
-            c = len(polygon)
-            _locate(corner, c, local)
-            curved = kind_s[fs] == CURVED or kind_m[fm] == CURVED or k_s[k] > 3 or k_m[k] > 3
-            i = min(step[k] + 2 * (k_s[k] > 3 or k_m[k] > 3), len(at_T) - 4)
-            r = len(at_T) - (2 if curved else 3)
-            integrals(
-                corner, edges[start[k] : start[k + 1]], c, G_s[fs], kind_s[fs], k_s[k], G_m[fm], kind_m[fm], k_m[k], e[s],
-                local, T[at_T[i] : at_T[i + 1]], wt[at_T[i] : at_T[i + 1]], T[at_T[r] : at_T[r + 1]],
-                wt[at_T[r] : at_T[r + 1]], target, work,
-            )  # fmt: skip
-            for j in range(n):
-                row = first[k] + j
-                work[0] = 1.0
-                functions((out_s[row, 0] - local[0]) / local[2], (out_s[row, 1] - local[1]) / local[2], k_s[k], work, 1)
-                functions(
-                    (out_m[row, 0] - local[3]) / local[5],
-                    (out_m[row, 1] - local[4]) / local[5],
-                    k_m[k],
-                    work,
-                    1 + k_s[k],
-                )
-                for i in range(1 + k_s[k] + k_m[k]):
-                    phi[i, j] = work[i]
-            correct(weight, first[k], n, phi, 1 + k_s[k] + k_m[k], target)
-    return out_s, out_m, weight, normal, gap, met
+            rows = slice(first, first + n)
+            edges = pieces.edges[pieces.start[k] : pieces.start[k + 1]]
+            fit(polygon, edges, slave, master, centre, e, gauss, xi_slave[rows], xi_master[rows], weight[rows], room)
+            for i in range(first, first + n):
+                met[i] = met[i] and abs(weight[i]) < np.inf  # a face that is folded has no fit

@@ -7,21 +7,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import RequestError
+from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
+from lacmesh.skin import MAX_CORNERS
 from lacmesh.surface.clip import clip
 from lacmesh.surface.front import advance
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
 from lacmesh.surface.maps import coefficients
 from lacmesh.surface.normals import smoothed
-from lacmesh.surface.patches import Patches, patches
+from lacmesh.surface.patches import Patches, norm, patches
 from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface
-from lacmesh.surface.rules import FUNCTION_DEGREE, pair_rule
-from lacmesh.surface.search import Pairs, Reach, candidates
+from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Sides, pair_rule
+from lacmesh.surface.search import Pairs, Reach, candidates, side_by_side
 
 NORMALS = ("facet", "smoothed")
 SEARCHES = ("tree", "front")
+#: how far nodes of an axisymmetric surface may lie beyond the axis, against their largest coordinate
+_BEYOND = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,22 +73,26 @@ def contact_points(
     tree); they give the same points. `axisymmetric`: about the y axis, x >= 0 the radius; weights hold 2 pi x.
 
     A slave face looks for master faces that face it (normals opposed) up to `search_distance` ahead along its normal,
-    by default a quarter of the diagonal of the smaller surface's box, or twice the largest slave face if that is longer; and behind
-    itself, where bodies overlap, up to `max_penetration`, by default as deep as the cell behind it and the cell behind
-    the master face reach together (the size of faces that have no cell behind), and no farther than ahead: a body's
-    other side is never nearer. Of several layers of the master the nearest counts. Raises RequestError, ValueError.
+    by default as far as `default_distance` says; and behind itself, where bodies overlap, up to `max_penetration`, by
+    default the mean of how deep the cells behind the slave face and behind the master face reach (the size of a face
+    that has no cell behind), and no farther than ahead: so two plates one cell thick may overlap by half of both before
+    the sides that turn away could be taken for a pair. Of several layers of the master the nearest counts. Raises
+    RequestError, ValueError.
     """
     _check(slave, master, normals, search, axisymmetric, search_distance, max_penetration)
     macro = np.arange(len(slave)) if macro is None else np.asarray(macro)
     if macro.shape != (len(slave),):
         raise ValueError(f"macro must be ({len(slave)},), not {macro.shape}")
-    s, m = patches(slave), patches(master)
+    s, m = side_by_side(lambda: patches(slave), lambda: patches(master))
+    with np.errstate(over="ignore", invalid="ignore"):
+        H = coefficients(slave, smoothed(slave, crease_angle)) if normals == "smoothed" else None
     s = s.take(np.flatnonzero(macro[s.face] >= 0))
+    if search_distance is None:
+        search_distance = default_distance(slave, master, macro)
     reach = reaches(slave, master, s, m, search_distance, max_penetration)
     pairs = candidates(s, m, reach)
     if search == "front":
         pairs = advance(s, m, pairs, slave.neighbours, master.neighbours)
-    H = coefficients(slave, smoothed(slave, crease_angle)) if normals == "smoothed" else None
     make = _on_lines if slave.dim == 1 else _on_faces
     points = make(slave, master, s, m, pairs, reach, H, axisymmetric)
     return replace(points, macro=macro[points.slave])
@@ -110,6 +117,45 @@ def _check(
         raise RequestError(f"the slave's faces have dimension {slave.dim}, the master's {master.dim}: they do not meet")
     if axisymmetric and slave.dim != 1:
         raise RequestError("an axisymmetric model is plane: its surfaces are made of segments")
+    if axisymmetric:
+        _check_radii(slave, master)
+
+
+def _check_radii(*surfaces: Surface) -> None:
+    """Raises DataError where nodes lie beyond the axis, by more than rounding."""
+    for surface, what in zip(surfaces, ("slave", "master"), strict=True):
+        x = surface.x[np.unique(surface.faces.nodes[surface.faces.nodes >= 0]), :2]
+        size = np.abs(x).max(initial=0.0, where=np.isfinite(x))
+        beyond = int((x[:, 0] < -_BEYOND * size).sum())
+        if beyond:
+            raise DataError(
+                f"{beyond} of {len(x)} nodes of the {what} have x < 0, and an axisymmetric model has its radius along "
+                "x: move the model to x >= 0, or measure it as a plane one"
+            )
+
+
+def default_distance(slave: Surface, master: Surface, macro: Ints) -> float:
+    """How far ahead a slave looks where nothing is said; a cut of the slave does not change it.
+
+    A quarter of the diagonal of the smaller surface's box, or twice that of the largest macro-element's if it is more.
+    `macro` (faces of slave,), as in `contact_points`.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates
+        smaller = min(_diagonals(k, np.zeros(len(k), np.int64)).max(initial=0.0) for k in (slave, master))
+        return float(max(0.25 * smaller, 2 * _diagonals(slave, macro).max(initial=0.0)))
+
+
+def _diagonals(surface: Surface, group: Ints) -> Floats:
+    """(groups,): diagonals of the boxes around the corners of faces of a group each; of no group where negative."""
+    rows = np.flatnonzero(group >= 0)
+    nodes = surface.faces.nodes[rows, :MAX_CORNERS]
+    there = np.arange(MAX_CORNERS) < surface.n_corners[rows, None]
+    ends = np.full((2, int(group.max(initial=-1)) + 1, 3), -np.inf)
+    x = surface.x[nodes]
+    for out, corners in zip(ends, (x, -x), strict=True):
+        np.maximum.at(out, group[rows], np.where(there[..., None], corners, -np.inf).max(axis=1))
+    found = norm(ends[0] + ends[1])
+    return found[np.isfinite(found)]
 
 
 def reaches(
@@ -122,14 +168,12 @@ def reaches(
 ) -> Reach:
     """How far each slave patch looks ahead and behind, by the rules that `contact_points` states."""
     if distance is None:
-        boxes = [np.ptp(p.x[:, :3].reshape(-1, 3), axis=0) if len(p.x) else np.zeros(3) for p in (s, m)]
-        largest = 2 * float(slave.size.max(initial=0.0))
-        distance = max(0.25 * min(float(np.linalg.norm(box)) for box in boxes), largest)
+        distance = default_distance(slave, master, np.arange(len(slave)))
     ahead = np.full(len(s.n), float(distance))
     if penetration is not None:
         return Reach(ahead, np.full(len(s.n), float(penetration)), np.zeros(len(m.n)), np.inf)
-    depth_s, depth_m = (np.where(k.depth > 0, k.depth, k.size) for k in (slave, master))
-    return Reach(ahead, depth_s[s.face], depth_m[m.face], float(distance))
+    depth_s, depth_m = (np.where(k.depth > 0, k.depth, k.size)[p.face] for k, p in ((slave, s), (master, m)))
+    return Reach(ahead, depth_s / 2, depth_m / 2, float(distance))
 
 
 def _on_faces(
@@ -145,24 +189,27 @@ def _on_faces(
     pieces = clip(pairs, s, m, reach)
     fs, fm = s.face[pieces.slave], m.face[pieces.master]
     code = pair_rule(
-        slave.faces.type[fs],
-        s.kind[fs],
-        s.plane[fs],
-        master.faces.type[fm],
-        m.kind[fm],
-        m.plane[fm],
+        _side(slave, s, pieces.slave),
+        _side(master, m, pieces.master),
+        np.diff(pieces.start),
         pieces.largest_share(),
         H is not None,
     )
     order, groups = _groups(slave, master, fs, fm, code)
-    pieces, code = pieces.take(order), code[order]
-    made = place(pieces, code, s, m, slave.faces.type[fs[order]], master.faces.type[fm[order]], H)
-    piece = made.piece
+    functions = N_FUNCTIONS[slave.faces.type[fs]], N_FUNCTIONS[master.faces.type[fm]]
+    made = place(pieces, order, code, s, m, functions, np.empty((0, 9, 3)) if H is None else H)
+    groups[:, 3:] = made.first[groups[:, 3:]]
+    rows = fs[made.piece]
     points = ContactPoints(
-        fs, fs[order][piece], fm[order][piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap,
-        _bounds(groups, piece),
-    )  # fmt: skip
+        rows, rows, fm[made.piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap, groups
+    )
     return points if made.met.all() else _only(points, made.met)
+
+
+def _side(surface: Surface, p: Patches, rows: Ints) -> Sides:
+    """What decides the rules of pieces on some patches."""
+    f = p.face[rows]
+    return Sides(surface.faces.type[f], p.kind[f], p.plane[f], p.n[rows] == surface.n_corners[f])
 
 
 def _on_lines(
@@ -180,32 +227,24 @@ def _on_lines(
     degree = np.maximum(FUNCTION_DEGREE[slave.faces.type[fs]], FUNCTION_DEGREE[master.faces.type[fm]])
     count = gauss_points(s, m, parts, degree, axisymmetric, H is not None)
     order, groups = _groups(slave, master, fs, fm, count)
-    parts = Intervals(*(v[order] for v in parts))
-    piece, u, um, weight, normal, gap, met, x = place_lines(parts, count[order], s, m, H)
-    if axisymmetric:
-        weight = weight * 2 * np.pi * x[:, 0]
-    xi_s, xi_m = np.zeros((len(u), 2)), np.zeros((len(u), 2))
-    xi_s[:, 0], xi_m[:, 0] = u, um
+    parts = Intervals(parts.slave[order], parts.master[order], parts.ends[order])
+    made = place_lines(parts, count[order], s, m, H, axisymmetric)
+    groups[:, 3:] = made.first[groups[:, 3:]]
+    rows = fs[order][made.piece]
     points = ContactPoints(
-        fs, fs[order][piece], fm[order][piece], xi_s, xi_m, weight, normal, gap, _bounds(groups, piece), axisymmetric
-    )
-    return points if met.all() else _only(points, met)
+        rows, rows, fm[order][made.piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap, groups,
+        axisymmetric,
+    )  # fmt: skip
+    return points if made.met.all() else _only(points, made.met)
 
 
 def _groups(slave: Surface, master: Surface, fs: Ints, fm: Ints, code: Ints) -> tuple[Ints, Ints]:
-    """The order of pieces by (slave type, master type, rule, slave face), and the groups: (type, type, rule, from, to)."""
+    """The order of pieces by (slave type, master type, rule, slave face), and the groups: (types, rule, from, to)."""
     key = (slave.faces.type[fs] * 16 + master.faces.type[fm]) * 64 + code
     order = np.argsort(key, kind="stable")
     values, first = np.unique(key[order], return_index=True)
     last = np.append(first, len(order))[1:]
     return order, np.stack([values // 1024, values // 64 % 16, values % 64, first, last], axis=1).astype(np.int64)
-
-
-def _bounds(groups: Ints, piece: Ints) -> Ints:
-    """Groups of pieces as groups of points."""
-    out = groups.copy()
-    out[:, 3:] = np.searchsorted(piece, groups[:, 3:])
-    return out
 
 
 def _only(points: ContactPoints, keep: NDArray[np.bool_]) -> ContactPoints:

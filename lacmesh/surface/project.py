@@ -2,57 +2,94 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit
+from typing import Any
 
+import numpy as np
+
+from lacmesh.kernels import kernel
 from lacmesh.surface.maps import AFFINE, at
 
 _MOST = 40
 
 
-@njit(cache=True, error_model="numpy")
-def in_face(y, n, xi, p, q):
-    """Reference coordinates (u, v) in its face of a point (p, q) of a patch's plane, and d(u, v) / d(p, q).
+@kernel
+def quadrangle(y: Any) -> Any:
+    """c, a, b, d, two components each, of the map y = c + s a + t b + s t d onto a plane quadrangle with corners y."""
+    return (
+        ((y[0, 0] + y[1, 0] + y[2, 0] + y[3, 0]) / 4, (y[0, 1] + y[1, 1] + y[2, 1] + y[3, 1]) / 4),
+        ((y[1, 0] + y[2, 0] - y[0, 0] - y[3, 0]) / 4, (y[1, 1] + y[2, 1] - y[0, 1] - y[3, 1]) / 4),
+        ((y[2, 0] + y[3, 0] - y[0, 0] - y[1, 0]) / 4, (y[2, 1] + y[3, 1] - y[0, 1] - y[1, 1]) / 4),
+        ((y[0, 0] + y[2, 0] - y[1, 0] - y[3, 0]) / 4, (y[0, 1] + y[2, 1] - y[1, 1] - y[3, 1]) / 4),
+    )
 
-    `y` (4, .), `xi` (4, 2): corners of the patch in its plane and in the face; the map between is affine on triangles
-    and bilinear on quadrangles, whose closed form (a quadratic equation) Newton's steps make exact.
+
+@kernel
+def wedge(a: Any, b: Any) -> Any:
+    """The third component of the cross product of two vectors of a plane."""
+    return a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def in_quadrangle(c: Any, a: Any, b: Any, d: Any, p: float, q: float) -> Any:
+    """(s, t) of a point of a plane quadrangle, and the Jacobian of its map there.
+
+    r = s a + t b + s t d, without t: (a x d) s^2 - (r x d - a x b) s - r x b = 0, whose discriminant is the Jacobian
+    squared; so its sign picks the root. A step of Newton's method takes the rounding away.
     """
-    if n == 3:
-        ax, ay, bx, by = y[1, 0] - y[0, 0], y[1, 1] - y[0, 1], y[2, 0] - y[0, 0], y[2, 1] - y[0, 1]
-        det = ax * by - ay * bx
-        s = ((p - y[0, 0]) * by - (q - y[0, 1]) * bx) / det
-        t = ((q - y[0, 1]) * ax - (p - y[0, 0]) * ay) / det
-        au, av, bu, bv = xi[1, 0] - xi[0, 0], xi[1, 1] - xi[0, 1], xi[2, 0] - xi[0, 0], xi[2, 1] - xi[0, 1]
-        return xi[0, 0] + s * au + t * bu, xi[0, 1] + s * av + t * bv, (au * bv - av * bu) / det
-    cx, cy = (y[0, 0] + y[1, 0] + y[2, 0] + y[3, 0]) / 4, (y[0, 1] + y[1, 1] + y[2, 1] + y[3, 1]) / 4
-    ax, ay = (y[1, 0] + y[2, 0] - y[0, 0] - y[3, 0]) / 4, (y[1, 1] + y[2, 1] - y[0, 1] - y[3, 1]) / 4
-    bx, by = (y[2, 0] + y[3, 0] - y[0, 0] - y[1, 0]) / 4, (y[2, 1] + y[3, 1] - y[0, 1] - y[1, 1]) / 4
-    dx, dy = (y[0, 0] + y[2, 0] - y[1, 0] - y[3, 0]) / 4, (y[0, 1] + y[2, 1] - y[1, 1] - y[3, 1]) / 4
-    det = ax * by - ay * bx
-    s = ((p - cx) * by - (q - cy) * bx) / det
-    t = ((q - cy) * ax - (p - cx) * ay) / det
-    jacobian = det
-    for _ in range(_MOST):
-        rx = cx + s * ax + t * bx + s * t * dx - p
-        ry = cy + s * ay + t * by + s * t * dy - q
-        sx, sy, tx, ty = ax + t * dx, ay + t * dy, bx + s * dx, by + s * dy
-        jacobian = sx * ty - sy * tx
-        ds = (rx * ty - ry * tx) / jacobian
-        dt = (sx * ry - sy * rx) / jacobian
+    r = (p - c[0], q - c[1])
+    turn = 1.0 if wedge(a, b) >= 0 else -1.0
+    A, B, C = wedge(a, d), wedge(r, d) - wedge(a, b), wedge(r, b)
+    root = turn * np.sqrt(max(B * B + 4 * A * C, 0.0))
+    s = -2 * C / (B - root) if turn * B < 0 else (B + root) / (2 * A)
+    x, y = b[0] + s * d[0], b[1] + s * d[1]
+    square = x * x + y * y
+    t = ((r[0] - s * a[0]) * x + (r[1] - s * a[1]) * y) / square if square > 0 else 0.0
+    f = (s * a[0] + t * b[0] + s * t * d[0] - r[0], s * a[1] + t * b[1] + s * t * d[1] - r[1])
+    along_s, along_t = (a[0] + t * d[0], a[1] + t * d[1]), (x, y)
+    jacobian = wedge(along_s, along_t)
+    ds, dt = wedge(f, along_t) / jacobian, wedge(along_s, f) / jacobian
+    if abs(ds) + abs(dt) < 1e-3:  # false for NaN, too: where the Jacobian is 0
         s -= ds
         t -= dt
-        if not abs(ds) + abs(dt) > 1e-9:
-            break
-    jacobian = (ax + t * dx) * (by + s * dy) - (ay + t * dy) * (bx + s * dx)
-    # the patch is a rectangle of its face's reference square, or all of it
+    return s, t, wedge((a[0] + t * d[0], a[1] + t * d[1]), (b[0] + s * d[0], b[1] + s * d[1]))
+
+
+@kernel
+def inverse(y: Any, n: int, xi: Any) -> Any:
+    """What `in_face` needs to know of a patch: n; c, a, b, d as of `quadrangle`; origin and steps of its face.
+
+    `y` (4, .), `xi` (4, 2): corners of the patch in its plane and in the face; the map between is affine on triangles
+    and bilinear on quadrangles, which are rectangles of their face's reference square, or all of it.
+    """
+    if n == 3:
+        a, b = (y[1, 0] - y[0, 0], y[1, 1] - y[0, 1]), (y[2, 0] - y[0, 0], y[2, 1] - y[0, 1])
+        along_s = (xi[1, 0] - xi[0, 0], xi[1, 1] - xi[0, 1])
+        along_t = (xi[2, 0] - xi[0, 0], xi[2, 1] - xi[0, 1])
+        return n, (y[0, 0], y[0, 1]), a, b, (0.0, 0.0), (xi[0, 0], xi[0, 1]), along_s, along_t
+    c, a, b, d = quadrangle(y)
     half_u, half_v = (xi[2, 0] - xi[0, 0]) / 2, (xi[2, 1] - xi[0, 1]) / 2
-    u = xi[0, 0] + (s + 1) * half_u
-    v = xi[0, 1] + (t + 1) * half_v
-    return u, v, half_u * half_v / jacobian
+    return n, c, a, b, d, (xi[0, 0] + half_u, xi[0, 1] + half_v), (half_u, 0.0), (0.0, half_v)
 
 
-@njit(cache=True, error_model="numpy")
-def ray(G, kind, x, n, u, v):
+@kernel
+def in_face(patch: Any, p: float, q: float) -> Any:
+    """Reference coordinates (u, v) in its face of a point (p, q) of a patch's plane, and d(u, v) / d(p, q).
+
+    `patch`: its `inverse`.
+    """
+    n, c, a, b, d, origin, along_s, along_t = patch
+    if n == 3:
+        jacobian, r = wedge(a, b), (p - c[0], q - c[1])
+        s, t = wedge(r, b) / jacobian, wedge(a, r) / jacobian
+    else:
+        s, t, jacobian = in_quadrangle(c, a, b, d, p, q)
+    u = origin[0] + s * along_s[0] + t * along_t[0]
+    v = origin[1] + s * along_s[1] + t * along_t[1]
+    return u, v, wedge(along_s, along_t) / jacobian
+
+
+@kernel
+def ray(G: Any, kind: int, x: Any, n: Any, u: float, v: float) -> Any:
     """Where the line through x along n meets a face with map G: (met, u, v, distance along n), from a first guess.
 
     Newton's method, its step at most 1 in reference coordinates. Not met: no convergence (the face is parallel to n).

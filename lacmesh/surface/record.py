@@ -8,8 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
+from lacmesh.faces import cells_of_dim, distinct_faces, facets_of
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.quadrature import measure
 from lacmesh.skin import (
@@ -18,7 +19,6 @@ from lacmesh.skin import (
     N_CORNERS,
     N_NODES,
     REVERSED,
-    TYPE_CODE,
     Faces,
     Match,
     find_owners,
@@ -59,13 +59,9 @@ class Surface:
         """
         cells = np.asarray(cells, np.int64)
         dim = _dimension(mesh, cells)
-        faces = _faces_of(mesh, cells)
-        labels, count = label_rows(np.sort(faces.corners, axis=1))
-        first = np.full(count, len(labels))
-        np.minimum.at(first, labels, np.arange(len(labels)))
-        first.sort()
-        faces, cells = faces.take(first), cells[first]
-        parents = find_owners(faces, _blocks(mesh, dim + 1), mesh.n_nodes)
+        faces, first = distinct_faces(mesh, cells)
+        cells = cells[first]
+        parents = find_owners(faces, cells_of_dim(mesh, dim + 1), mesh.n_nodes)
         alone = np.bincount(parents.face, minlength=len(faces)) == 1
         keep = alone[parents.face]
         parents = Match(parents.face[keep], parents.cell[keep], parents.facet[keep], parents.same[keep])
@@ -105,7 +101,8 @@ class Surface:
         out = np.zeros(len(self))
         for a in range(MAX_CORNERS):
             for b in range(a):
-                apart = np.linalg.norm(x[:, a] - x[:, b], axis=1)
+                with np.errstate(over="ignore", invalid="ignore"):
+                    apart = np.linalg.norm(x[:, a] - x[:, b], axis=1)
                 np.maximum(out, np.where(self.n_corners > a, apart, 0.0), out=out)
         return out
 
@@ -154,48 +151,16 @@ def _dimension(mesh: Mesh, cells: Ints) -> int:
     return int(dims[0])
 
 
-def _blocks(mesh: Mesh, dim: int) -> Iterator[tuple[str, Ints, Ints]]:
-    for k, block in enumerate(mesh.blocks):
-        if ALL_CELLS[block.type].dim == dim:
-            yield block.type, block.nodes, np.arange(mesh.offsets[k], mesh.offsets[k + 1])
-
-
-def _faces_of(mesh: Mesh, cells: Ints) -> Faces:
-    """Faces, in the order of `cells`."""
-    faces = Faces(np.empty(len(cells), np.int64), np.full((len(cells), 9), -1, np.int64))
-    which = np.searchsorted(mesh.offsets, cells, side="right") - 1
-    for k in codes(which):
-        rows = np.flatnonzero(which == k)
-        block = mesh.blocks[k]
-        faces.type[rows] = TYPE_CODE[block.type]
-        faces.nodes[rows, : block.nodes.shape[1]] = block.nodes[cells[rows] - mesh.offsets[k]]
-    return faces
-
-
 def _outward(mesh: Mesh, faces: Faces, parents: Match) -> Faces:
     """The faces, those turned over whose nodes turn inward, seen from the one cell behind them."""
     nodes = faces.nodes.copy()
-    back = turn(_facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
+    back = turn(facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
     back ^= _inside_out(mesh, parents.cell)
     for code in codes(faces.type[parents.face[back]]):
         rows = parents.face[back][faces.type[parents.face[back]] == code]
         order = REVERSED[FACE_TYPES[code]]
         nodes[rows[:, None], np.arange(len(order))] = faces.nodes[rows[:, None], order]
     return Faces(faces.type, nodes)
-
-
-def _facets_of(mesh: Mesh, parents: Match) -> Faces:
-    """The facets that a match found, as their cells list them: outward."""
-    out = Faces(np.zeros(len(parents.cell), np.int64), np.full((len(parents.cell), 9), -1, np.int64))
-    which = np.searchsorted(mesh.offsets, parents.cell, side="right") - 1
-    for k in codes(which):
-        block = mesh.blocks[k]
-        for j, facet in enumerate(CELLS[block.type].facets):
-            rows = np.flatnonzero((which == k) & (parents.facet == j))
-            out.type[rows] = TYPE_CODE[facet.type]
-            nodes = block.nodes[parents.cell[rows] - mesh.offsets[k]][:, facet.nodes]
-            out.nodes[rows, : nodes.shape[1]] = nodes
-    return out
 
 
 def _inside_out(mesh: Mesh, cells: Ints) -> Ints:
@@ -214,28 +179,30 @@ def _inside_out(mesh: Mesh, cells: Ints) -> Ints:
 def _depth(mesh: Mesh, surface: Surface, parents: Match) -> Floats:
     """How far each cell behind reaches below its face; NaN for faces that are not in the match."""
     depth = np.full(len(surface), np.nan)
-    which = np.searchsorted(mesh.offsets, parents.cell, side="right") - 1
     normal, centre = mean_normals(surface)
-    for k in codes(which):
-        block = mesh.blocks[k]
-        at = np.flatnonzero(which == k)
-        rows = parents.face[at]
-        x = mesh.points[block.nodes[parents.cell[at] - mesh.offsets[k]][:, : CELLS[block.type].n_corners]]
-        below = np.einsum("fcs,fs->fc", centre[rows][:, None] - x, normal[rows])
-        depth[rows] = below.max(axis=1)
+    order = np.argsort(parents.cell, kind="stable")
+    done = 0
+    for kind, cells, nodes in mesh.select(parents.cell[order]):
+        rows = parents.face[order[done : done + len(cells)]]
+        x = mesh.points[nodes[:, : CELLS[kind].n_corners]]
+        with np.errstate(over="ignore", invalid="ignore"):
+            depth[rows] = np.einsum("fcs,fs->fc", centre[rows][:, None] - x, normal[rows]).max(axis=1)
+        done += len(cells)
     return depth
 
 
 def mean_normals(surface: Surface) -> tuple[Floats, Floats]:
     """(f, 3) unit normals of the faces' corners as one plane (0 for a face without extent), and (f, 3) their mean."""
-    n = surface.n_corners
+    corners = np.arange(MAX_CORNERS) < surface.n_corners[:, None]
     x = surface.x[surface.faces.nodes[:, :MAX_CORNERS]]
-    if surface.dim == 1:
-        along = x[:, 1] - x[:, 0]
-        normal, centre = np.stack([along[:, 1], -along[:, 0], 0 * along[:, 0]], axis=1), x[:, :2].mean(axis=1)
-    else:
-        last = np.where((n == 4)[:, None], x[:, 3], x[:, 0])
-        normal = np.cross(x[:, 2] - x[:, 0], last - x[:, 1])
-        centre = np.where((n == 4)[:, None], x.mean(axis=1), x[:, :3].mean(axis=1))
-    size = np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.divide(normal, size, out=np.zeros_like(normal), where=size > 0), centre
+    with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates have no normal
+        if surface.dim == 1:
+            along = x[:, 1] - x[:, 0]
+            normal = np.stack([along[:, 1], -along[:, 0], 0 * along[:, 0]], axis=1)
+        else:
+            last = np.where(corners[:, 3:], x[:, 3], x[:, 0])
+            normal = np.cross(x[:, 2] - x[:, 0], last - x[:, 1])
+        size = np.linalg.norm(normal, axis=1, keepdims=True)
+        centre = np.where(corners[..., None], x, 0.0).sum(axis=1) / surface.n_corners[:, None]
+    fine = (size > 0) & np.isfinite(size)
+    return np.divide(normal, size, out=np.zeros_like(normal), where=fine), centre

@@ -8,17 +8,29 @@ lies in the prism can be missed, whatever the sizes of faces.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numba import njit
 
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
+from lacmesh.quality.kernels import in_threads
 from lacmesh.surface.patches import Patches
+
+T = TypeVar("T")
 
 #: patches in a leaf
 _LEAF = 4
 _BITS = 10
+
+
+class Boxes(NamedTuple):
+    """Boxes by their centres (b, 3) and half their sides (b, 3)."""
+
+    centre: Floats
+    half: Floats
 
 
 class Tree(NamedTuple):
@@ -40,8 +52,9 @@ class Pairs(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """How far a slave patch looks along its normal: up to `ahead` (slave patches,), and behind itself as far as `behind`
-    (slave patches,) and the master patch's `deep` (master patches,) added, but no more than `limit`.
+    """How far a slave patch looks along its normal: up to `ahead` (slave patches,), and some way behind itself.
+
+    That is `behind` (slave patches,) and the master patch's `deep` (master patches,) added, but no more than `limit`.
     """
 
     ahead: Floats
@@ -93,13 +106,43 @@ def candidates(slave: Patches, master: Patches, reach: Reach) -> Pairs:
     half += 1e-12 * (half[:, :1] + half[:, 1:2] + half[:, 2:])
     origin = slave.centre + (slave.e * middle[:, :, None]).sum(axis=1)
     low, high = _extent(master.x, master.n)
-    start = np.zeros(len(slave.n) + 1, np.int64)
-    found = np.empty(12 * len(slave.n) + 64, np.int64)
-    while True:
-        count = _query(origin, slave.e, half, *tree, _LEAF, (low + high) / 2, (high - low) / 2, start, found)
-        if count <= len(found):
-            return Pairs(start, found[:count])
-        found = np.empty(count, np.int64)
+    prisms = Boxes(origin, half)
+    boxes = Boxes((low + high) / 2, (high - low) / 2)
+
+    def run(rows: slice) -> Pairs:
+        start = np.zeros(rows.stop - rows.start + 1, np.int64)
+        found = np.empty(12 * len(start) + 64, np.int64)
+        count = _query(rows.start, prisms, slave.e, tree, boxes, start, found)
+        if count > len(found):
+            found = np.empty(count, np.int64)
+            _query(rows.start, prisms, slave.e, tree, boxes, start, found)
+        return Pairs(start, found[:count])
+
+    made = in_parts(run, len(slave.n))
+    return Pairs(joined_starts([p.start for p in made]), np.concatenate([p.master for p in made]))
+
+
+def in_parts(run: Callable[[slice], T], count: int) -> list[T]:
+    """What `run` makes of the rows 0 to `count`, a part in each of the machine's threads, in order."""
+    parts: dict[tuple[int, int], T] = {}
+
+    def keep(rows: slice) -> None:
+        parts[rows.start, rows.stop] = run(rows)
+
+    in_threads(keep, count)
+    return [parts[key] for key in sorted(parts)]
+
+
+def side_by_side(*runs: Callable[[], T]) -> list[T]:
+    """What each of the functions returns, each in a thread of its own."""
+    with ThreadPoolExecutor(len(runs)) as pool:
+        return [made.result() for made in [pool.submit(run) for run in runs]]
+
+
+def joined_starts(starts: list[Ints]) -> Ints:
+    """One list of starts out of several, each from 0, whose rows are joined."""
+    before = np.cumsum([0, *(int(s[-1]) for s in starts)])
+    return np.concatenate([*(s[:-1] + b for s, b in zip(starts, before, strict=False)), before[-1:]])
 
 
 def _extent(x: Floats, n: Ints) -> tuple[Floats, Floats]:
@@ -112,58 +155,70 @@ def _extent(x: Floats, n: Ints) -> tuple[Floats, Floats]:
     return low, high
 
 
-@njit(cache=True, error_model="numpy")
-def _meets(origin, e, half, s, centre, box, k):
+@kernel
+def _meets(prisms: Any, e: Any, s: int, boxes: Any, k: int) -> Any:
     """Whether box k meets prism s, seen along the prism's axes."""
-    x, y, z = centre[k, 0] - origin[s, 0], centre[k, 1] - origin[s, 1], centre[k, 2] - origin[s, 2]
+    x = boxes.centre[k, 0] - prisms.centre[s, 0]
+    y = boxes.centre[k, 1] - prisms.centre[s, 1]
+    z = boxes.centre[k, 2] - prisms.centre[s, 2]
+    half = boxes.half[k]
     for a in range(3):
-        apart = e[s, a, 0] * x + e[s, a, 1] * y + e[s, a, 2] * z
-        reach = half[s, a] + abs(e[s, a, 0]) * box[k, 0] + abs(e[s, a, 1]) * box[k, 1] + abs(e[s, a, 2]) * box[k, 2]
+        axis = e[s, a]
+        apart = axis[0] * x + axis[1] * y + axis[2] * z
+        reach = prisms.half[s, a] + abs(axis[0]) * half[0] + abs(axis[1]) * half[1] + abs(axis[2]) * half[2]
         if not abs(apart) <= reach:
             return False
     return True
 
 
-@njit(cache=True, error_model="numpy")
-def _sort(values, begin, end):
-    """Insertion: the lists are short."""
-    for i in range(begin + 1, end):
-        value = values[i]
-        k = i
-        while k > begin and values[k - 1] > value:
-            values[k] = values[k - 1]
-            k -= 1
-        values[k] = value
+@kernel
+def _sort(values: Any, begin: int, end: int) -> None:
+    """Shell's method: plain insertion for a few values, as there are nearly always, and never slow."""
+    step = 1
+    while 9 * step < end - begin:
+        step = 3 * step + 1
+    while step > 0:
+        for i in range(begin + step, end):
+            value = values[i]
+            k = i
+            while k >= begin + step and values[k - step] > value:
+                values[k] = values[k - step]
+                k -= step
+            values[k] = value
+        step //= 3
 
 
-@njit(cache=True, error_model="numpy")
-def _query(origin, e, half, centre, box, order, leaf, own_centre, own_box, start, found):
-    """Fill `start` and `found`. Returns how many there are: where more than there is room for, call again with more."""
-    first_leaf = len(centre) // 2
+@kernel
+def _query(first: int, prisms: Any, e: Any, tree: Any, boxes: Any, start: Any, found: Any) -> Any:
+    """Fill `start` and `found` for prisms from `first` on. Returns how many there are.
+
+    Where that is more than there is room for, call again with more.
+    """
+    first_leaf = len(tree.centre) // 2
     stack = np.empty(128, np.int64)
     count = 0
-    start[0] = 0
-    for s in range(len(origin)):
+    for row in range(len(start) - 1):
+        s = first + row
         stack[0] = 0
         top = 1
         begin = count
         while top > 0:
             top -= 1
             node = stack[top]
-            if not _meets(origin, e, half, s, centre, box, node):
+            if not _meets(prisms, e, s, tree, node):
                 continue
             if node < first_leaf:
                 stack[top] = 2 * node + 1
                 stack[top + 1] = 2 * node + 2
                 top += 2
                 continue
-            for k in range((node - first_leaf) * leaf, (node - first_leaf + 1) * leaf):
-                m = order[k]
-                if m >= 0 and _meets(origin, e, half, s, own_centre, own_box, m):
+            for k in range((node - first_leaf) * _LEAF, (node - first_leaf + 1) * _LEAF):
+                m = tree.order[k]
+                if m >= 0 and _meets(prisms, e, s, boxes, m):
                     if count < len(found):
                         found[count] = m
                     count += 1
         if count <= len(found):
             _sort(found, begin, count)
-        start[s + 1] = count
+        start[row + 1] = count
     return count

@@ -22,12 +22,14 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import RequestError
+from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.scene import colours, legend_of, title_of
 from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
 from lacmesh.scene.layers import curved_parts, grid
 from lacmesh.scene.marks import Finding, Marks, Values, find_marks
 from lacmesh.scene.placing import find_eye, find_opening
+from lacmesh.scene.request import check_placing
 from lacmesh.scene.seen import BODY, SLAVE, FaceKeys, Groups, Seen, Vector, as_faces, diagonal, find_seen
 from lacmesh.shapes import shape
 from lacmesh.skin import FACE_TYPES, N_NODES, Faces
@@ -59,19 +61,18 @@ def page(
 ) -> None:
     """Write a page that shows a mesh and opens without a network; the options are those of `picture`.
 
-    Raises RequestError, GroupNotFoundError, WriteError.
+    Raises RequestError, GroupNotFoundError, DataError, WriteError.
     """
-    from lacmesh.view.png import write_whole
-
     path = Path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise RequestError(f"{path}: a page is written as .html")
+    check_placing(camera, cutaway, explode, near)
     seen = find_seen(mesh, slave, master, near=near, cutaway=cutaway)
     marks = find_marks(mesh, [*(findings or ()), *_worst(mesh, values)], seen.kept)
     head, arrays = _content(mesh, seen, marks, values)
     head |= _placing(mesh, seen, head, camera, explode)
     head |= {"title": title or title_of(mesh), "checked": findings is not None}
-    write_whole(path, _filled(head, arrays).encode("utf-8", "replace"))
+    replace_file(path, _filled(head, arrays).encode("utf-8", "replace"))
 
 
 class _Worst:

@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from importlib.util import find_spec
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.errors import RequestError, WriteError
+from lacmesh.formats.output import replace_file, temporary_folder
 from lacmesh.mesh import Mesh
 from lacmesh.scene import Scene, camera_of, laid_out, make_scene
 from lacmesh.scene.marks import Finding, Values
@@ -57,7 +57,8 @@ def picture(
     slave face. `cutaway`: cells beyond the middle in this direction are left out. `title`: a line above.
     `explode` and `near` are parts of the mesh's diagonal. `timeout`: seconds that the drawing may take.
 
-    Raises RequestError where pyvista is missing, GroupNotFoundError, WriteError where nothing can be drawn or written.
+    Raises RequestError where pyvista is missing, GroupNotFoundError, DataError for places too far away, WriteError
+    where nothing can be drawn or written.
     """
     path = Path(path)
     if path.suffix.lower() != ".png":
@@ -70,17 +71,10 @@ def picture(
         mesh, slave, master, findings=findings, values=values,
         camera=camera, explode=explode, tilt=tilt, near=near, cutaway=cutaway,
     )  # fmt: skip
-    with tempfile.TemporaryDirectory(prefix="lacmesh-") as name:
-        _save(Path(name), laid_out(scene if title is None else replace(scene, title=title), size), size)
-        image = _drawn(path, Path(name), timeout)
-    write_whole(path, image)
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file beside its place and rename it. Raises WriteError."""
-    from lacmesh.formats import _write_beside
-
-    _write_beside(Path(os.path.realpath(path)), lambda beside: beside.write_bytes(content))
+    with temporary_folder() as folder:
+        _save(folder, laid_out(scene if title is None else replace(scene, title=title), size), size)
+        image = _drawn(path, folder, timeout)
+    replace_file(path, image)
 
 
 def _drawn(path: Path, folder: Path, timeout: float) -> bytes:

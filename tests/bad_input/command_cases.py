@@ -88,9 +88,8 @@ def _closed(folder: Path) -> None:
     folder.chmod(0o555)
 
 
-def _no_writing(folder: Path) -> None:
-    (folder / "bad.msh").write_bytes(GOOD)
-    (folder / "out.msh").write_bytes(PRECIOUS)
+def _replaced(folder: Path) -> None:
+    assert (folder / "out.msh").read_bytes() != PRECIOUS
 
 
 PLACES: list[tuple[str, bytes | Callable[[Path], object], str, int, str]] = [
@@ -116,9 +115,23 @@ def cases() -> Iterator[Case]:
     for what, make, out, status, says in PLACES:
         yield Case("output", "any", what, make, says, status, out=out)
     yield Case(
-        "permission", "any", "the folder of the output takes no files", _closed, "Permission denied", nobody=True
+        "permission",
+        "any",
+        "the folder of the output takes no files",
+        _closed,
+        "no file may be made in the folder",
+        nobody=True,
     )
-    yield Case("permission", "any", "the folder is another's", _no_writing, "Permission denied", nobody=True)
+    yield Case(
+        "permission",
+        "any",
+        "the folder and the older output are another's, but open",
+        GOOD,
+        "",
+        0,
+        then=_replaced,
+        nobody=True,
+    )
     for name, (suffix, *options) in OUTPUTS.items():
         for size in (0, 700):
             what = f"no room at all for {name}" if not size else f"no room after {size} bytes of {name}"

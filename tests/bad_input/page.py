@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tempfile
+import textwrap
 from pathlib import Path
 from typing import NamedTuple
 
@@ -70,16 +71,26 @@ KINDS = {
         "ones are left out, and said.",
     ),
     "several meshes": ("Several meshes in a file", "None is chosen for the user."),
+    "verdicts": (
+        "Meshes that will not do",
+        "What a command was asked to see to is not so: nothing is written, and the status is 1. `lacmesh check` prints "
+        "its findings first; `lacmesh quality` measures, and its status is 0 whatever it measures.",
+    ),
+    "geometry": (
+        "Geometry",
+        "`lacmesh mesh` lets gmsh work in a process of its own, so that gmsh may fail in any way, and may be stopped.",
+    ),
     "request": ("Commands", "A wrong command does nothing."),
     "output": ("Places of the output", "They are looked at before anything is read."),
-    "permission": ("Permissions", ""),
+    "permission": ("Permissions", "Whether a file may be made in the folder is known before anything is read."),
     "full disk": (
         "A full disk",
         "The output is written beside its place and renamed when it is whole and on the disk.",
     ),
     "stopped": (
         "Interrupted, terminated",
-        "SIGINT and SIGTERM stop the command wherever it is (in the middle of a MED file: when HDF5 has closed it).",
+        "SIGINT and SIGTERM stop the command wherever it is (in the middle of a MED file: when HDF5 has closed it; of "
+        "the two files of XDMF: when both are in their place).",
     ),
 }
 
@@ -94,14 +105,18 @@ class Row(NamedTuple):
 
 def row(case: Case | Stop, outcome: Outcome) -> Row:
     """The line of one case; what depends on the library or the machine is left out of the sentence."""
-    what = case.what if isinstance(case, Case) else f"{case.number.name} {case.what}"
     said = re.sub(r"\((HDF5: |choose from ).*\)", r"(\1…)", outcome.sentence)
     said = re.sub(r"is damaged \(.*\);", "is damaged (…);", said)
     said = re.sub(r"\d+ of its \d+ bytes", "… of its … bytes", said)
     said = re.sub(r"(declares \d+ bytes, in a file of) \d+", r"\1 …", said)
     said = re.sub(r"x{50,}", "x…", said)
+    said = re.sub(rf"^{re.escape(tempfile.gettempdir())}/\w+", "TMPDIR", said)
+    said = re.sub(r"(there are: (?:[^,]+, ){2}[^,]+), .* and \d+ more", r"\1, …", said)
+    if case.kind == "geometry":  # words of gmsh, of whatever version
+        said = re.sub(r"(gmsh [\w ]+) \(.*\)", r"\1 (…)", said)
+        said = re.sub(r"([?)]); (Undefined|Incorrect) .*", r"\1", said)
     said = re.sub(r"\bbad\.\w+(, (line|byte) \d+| holds|(, |: )/[\w/.-]+?(?=: )|:)?", _place, said)
-    return Row(what, outcome.status, said)
+    return Row(case.what, outcome.status, said)
 
 
 def _place(found: re.Match[str]) -> str:
@@ -118,7 +133,7 @@ def written(rows: dict[str, dict[Row, list[str]]]) -> str:
     """The tables, from kind -> row -> formats."""
     lines = []
     for kind, (title, decision) in KINDS.items():
-        lines += [f"## {title}", ""] + ([decision, ""] if decision else [])
+        lines += [f"## {title}", "", textwrap.fill(decision, 120, break_long_words=False), ""]
         lines += ["| what is wrong | in | status | what is said |", "|---|---|---:|---|"]
         lines += [_line(r, formats) for r, formats in rows[kind].items()]
         lines.append("")

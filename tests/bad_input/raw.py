@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from lacmesh.formats.med_types import MED_TYPES
+from lacmesh.formats.med.types import MED_TYPES
 
 _MSH = {"HEXA8": 5, "QUAD4": 3, "TRIA3": 2, "SEG2": 1}
 _MED = {kind.type: kind for kind in MED_TYPES}

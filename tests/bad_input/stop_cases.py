@@ -2,74 +2,126 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 from tests.bad_input.case import PRECIOUS, Outcome, listing
 from tests.bad_input.command_cases import GOOD
 
-_WAIT = "print('now', flush=True); time.sleep({})"
-_RUN = "from lacmesh.__main__ import main; sys.exit(main())"
-#: Where the command waits for its signal -> what is run instead of `lacmesh`.
-STAGES = {
-    "while Python loads the command": f"""
+_CUT = ("cut", "in.msh", "--slave", "SLAVE", "--force", "-o")
+#: What is run instead of `lacmesh`; {} makes the command wait at its stage.
+_RUN = """
+import sys, time
+sys.argv = ["lacmesh", *sys.argv[1:]]
+def wait(seconds=30):
+    print("now", flush=True)
+    time.sleep(seconds)
+{}
+from lacmesh.__main__ import main
+sys.exit(main())
+"""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Where a command is stopped: the function `at` waits, after what `first` does; `lasts`: the work goes on then.
+
+    A stage that lasts a second is one that is not stopped in the middle. `written`: the output is there after it.
+    `when`: of which calls this is so.
+    """
+
+    what: str
+    at: str
+    command: tuple[str, ...] = (*_CUT, "out.msh")
+    first: str = "pass"
+    lasts: float = 30
+    written: bool = False
+    when: str = "True"
+
+    def code(self) -> str:
+        """Python that puts the waiting in its place."""
+        module, _, name = self.at.rpartition(".")
+        return f"""
+import {module} as at
+real = at.{name}
+def slow(*given, **more):
+    if {self.when}:
+        {self.first}
+        wait({self.lasts})
+    return real(*given, **more)
+at.{name} = slow"""
+
+    @property
+    def output(self) -> str:
+        """What the command writes, if anything."""
+        return self.command[self.command.index("-o") + 1] if "-o" in self.command else ""
+
+
+class _Loading(Stage):
+    """While the command itself is imported."""
+
+    def code(self) -> str:
+        return """
 class Slow:
     def find_spec(self, name, *rest):
-        if name == 'lacmesh.cli.options': {_WAIT.format(30)}
-sys.meta_path.insert(0, Slow())
-{_RUN}""",
-    "while the file is read": f"""
-import lacmesh.formats.msh as at
-def slow(*given, **more): {_WAIT.format(30)}
-at.read = slow
-{_RUN}""",
-    "while the mesh is cut": f"""
-import lacmesh.cut as at
-def slow(*given, **more): {_WAIT.format(30)}
-at.cut_skin = slow
-{_RUN}""",
-    "while a msh file is written": f"""
-import lacmesh.formats.msh as at
-def slow(path, *given, **more):
-    path.write_bytes(b'half of it')
-    {_WAIT.format(30)}
-at.write = slow
-{_RUN}""",
-    "while HDF5 writes a MED file": f"""
-import lacmesh.formats.med_notes as at
-def slow(*given, **more): {_WAIT.format(1)}
-at.write = slow
-{_RUN}""",
-    "before the new file takes its place": f"""
-import lacmesh.formats as at
-def slow(*given, **more): {_WAIT.format(30)}
-at._settle = slow
-{_RUN}""",
-    "when the new file is there": f"""
-import lacmesh.cli.cut as at
-def slow(*given, **more): {_WAIT.format(30)}
-at._print_summary = slow
-{_RUN}""",
-}
+        if name == "lacmesh.cli.options": wait()
+sys.meta_path.insert(0, Slow())"""
+
+
+_HALF = "given[0].write_bytes(b'half of it')"
+STAGES = (
+    _Loading("while Python loads the command", ""),
+    Stage("while the file is read", "lacmesh.formats.msh.read"),
+    Stage("while the mesh is cut", "lacmesh.cut.cut_skin"),
+    Stage("while a msh file is written", "lacmesh.formats.msh.write", first=_HALF),
+    Stage("while HDF5 writes a MED file", "lacmesh.formats.med.notes.write", (*_CUT, "out.med"), lasts=1),
+    Stage("while the two files of XDMF are written", "lacmesh.formats.xdmf.write", (*_CUT, "out.xdmf"), _HALF),
+    Stage("before the new file takes its place", "lacmesh.formats.output._finish"),
+    Stage(
+        "when one of the two files of XDMF is in its place",
+        "os.replace",
+        (*_CUT, "out.xdmf"),
+        lasts=1,
+        written=True,
+        when="str(given[1]).endswith('.xdmf')",
+    ),
+    Stage("while a report is written", "lacmesh.report.writing.report_bytes", (*_CUT, "out.msh", "--report", "r.html")),
+    Stage("when the new file is there", "lacmesh.cli.cut._print_summary", written=True),
+    Stage("while a mesh is checked", "lacmesh.checks.check", ("check", "in.msh", "--slave", "SLAVE")),
+    Stage("while a plot is drawn", "lacmesh.report.plot_quality", ("quality", "in.msh", "--plot", "q.png", "--force")),
+    Stage("while a page is made", "lacmesh.view.page", ("view", "in.msh", "--force", "-o", "out.html")),
+    Stage(
+        "while a skin is turned",
+        "lacmesh.orientation.turning",
+        ("orient", "in.msh", "--group", "SLAVE", "--force", "-o", "out.msh"),
+    ),
+)
 
 
 @dataclass(frozen=True)
 class Stop:
     """A signal at a stage."""
 
-    what: str
+    stage: Stage
     number: signal.Signals
 
     kind = "stopped"
     format = "any"
 
     @property
+    def what(self) -> str:
+        """What happens, as in the page."""
+        return f"{self.number.name} {self.stage.what}"
+
+    @property
     def key(self) -> str:
-        """A name for the case, as in the page."""
-        return f"stopped: {self.number.name} {self.what}"
+        """A name for the case."""
+        return f"stopped: {self.what}"
 
     @property
     def status(self) -> int:
@@ -80,27 +132,34 @@ class Stop:
     def says(self) -> str:
         """The words that are expected."""
         word = "interrupted" if self.number == signal.SIGINT else "terminated"
-        there = "was written before that" if self.what == "when the new file is there" else "nothing was written"
-        return f"{word}; (out.msh )?{there}"
+        return f"{word}; " + (
+            f"{self.stage.output} was written before that" if self.stage.written else "nothing was written"
+        )
 
 
 def run(stop: Stop, folder: Path) -> Outcome:
     """Start the command, send the signal where it waits, and see that the folder is as it was."""
-    out = "out.med" if "MED" in stop.what else "out.msh"
-    (folder / "bad.msh").write_bytes(GOOD)
-    (folder / out).write_bytes(PRECIOUS)
+    stage = stop.stage
+    (folder / "in.msh").write_bytes(GOOD)
+    for name in {stage.output, "r.html", "q.png"} - {""}:
+        (folder / name).write_bytes(PRECIOUS)
     before = listing(folder)
-    code = f"import sys, time\nsys.argv = ['lacmesh', *sys.argv[1:]]{STAGES[stop.what]}"
-    args = [sys.executable, "-c", code, "cut", "bad.msh", "--slave", "SLAVE", "-o", out, "--force"]
-    with subprocess.Popen(args, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder) as child:
-        assert child.stdout is not None
-        if child.stdout.readline() != "now\n":
-            raise AssertionError(child.communicate())
-        child.send_signal(stop.number)
-        _, said = child.communicate(timeout=20)
+    args = [sys.executable, "-c", _RUN.format(stage.code()), *stage.command]
+    with tempfile.TemporaryDirectory() as other:
+        env = dict(os.environ, TMPDIR=other)
+        with subprocess.Popen(
+            args, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder, env=env
+        ) as child:
+            assert child.stdout is not None
+            if child.stdout.readline() != "now\n":
+                raise AssertionError(child.communicate())
+            child.send_signal(stop.number)
+            _, said = child.communicate(timeout=20)
+        assert not listing(Path(other)), "the command left temporary files"
     after = listing(folder)
-    if stop.what == "when the new file is there":
-        assert after.keys() == before.keys() and after["out.msh"] != PRECIOUS
+    if stage.written:
+        assert after[stage.output] != PRECIOUS and not any(name.startswith(".") for name in after)
+        assert (folder / stage.output).with_suffix(".h5").exists() == stage.output.endswith(".xdmf")
     else:
         assert after == before
     return Outcome(child.returncode, said.splitlines(), 0.0)
@@ -109,8 +168,8 @@ def run(stop: Stop, folder: Path) -> Outcome:
 def cases() -> list[Stop]:
     """Both signals at every stage; before the command is loaded SIGTERM is left to the system."""
     return [
-        Stop(what, number)
-        for what in STAGES
+        Stop(stage, number)
+        for stage in STAGES
         for number in (signal.SIGINT, signal.SIGTERM)
-        if (what, number) != ("while Python loads the command", signal.SIGTERM)
+        if not (isinstance(stage, _Loading) and number == signal.SIGTERM)
     ]

@@ -6,12 +6,13 @@ import re
 import resource
 import subprocess
 import sys
+import tempfile
 from functools import cache
 from pathlib import Path
 
 import pytest
 
-from tests.bad_input import case, page, stop_cases
+from tests.bad_input import case, page, stop_cases, tool_cases
 from tests.bad_input.case import Case, listing
 from tests.bad_input.command_cases import GOOD, OUTPUTS
 from tests.bad_input.corpus import all_cases
@@ -30,12 +31,38 @@ def holds(one, outcome):
     assert the_page().get(key) == said, "run: python -m tests.bad_input.page"
 
 
-@pytest.mark.parametrize("one", all_cases(), ids=lambda c: c.key)
-def test_one_sentence_and_nothing_left(one, tmp_path):
-    outcome = case.run(one, tmp_path)
+def parameters(cases):
+    """Cases for pytest, marked by the package that they need."""
+    return [pytest.param(c, id=c.key, marks=[getattr(pytest.mark, c.needs)] if c.needs else []) for c in cases]
+
+
+@pytest.fixture
+def folder():
+    """An empty folder that every user may reach, unlike those of pytest."""
+    with tempfile.TemporaryDirectory() as name:
+        yield Path(name)
+
+
+@pytest.mark.parametrize("one", parameters(all_cases()))
+def test_one_sentence_and_nothing_left(one, folder):
+    outcome = case.run(one, folder)
     holds(one, outcome)
-    if outcome.status == 3:  # it names the file: the input, one that belongs to it, or the output
-        assert any(path.name in outcome.sentence for path in (*tmp_path.iterdir(), Path(one.input), Path(one.out)))
+    if outcome.status == 3:  # it names the file: the input, one that belongs to it, the output, or where it is made
+        names = [Path(path).name for path in (*folder.iterdir(), one.input, one.out, *one.command)]
+        assert any(name in outcome.sentence for name in (*names, tempfile.gettempdir()))
+
+
+@pytest.mark.parametrize(
+    ("name", "defect"), [pytest.param(n, d, id=f"{n}: {d.what}") for n, d in tool_cases.readable()]
+)
+def test_every_command_takes_what_can_be_read(name, defect, tmp_path):
+    """No exception, one sentence where there is an error, nothing left: whatever is wrong with the mesh."""
+    content = tool_cases.spoilt(name, defect)
+    for what, words in tool_cases.EVERY.items():
+        folder = tmp_path / what
+        folder.mkdir()
+        outcome = case.run(Case("", name, defect.what, content, "", command=words), folder)
+        assert outcome.status in (0, 1, 2) and "not-checked" not in outcome.sentence, (what, outcome)
 
 
 @pytest.mark.parametrize("stop", stop_cases.cases(), ids=lambda c: c.key)
@@ -66,15 +93,11 @@ def selected() -> list[Case]:
     return list(found.values())
 
 
-@pytest.mark.parametrize("one", selected(), ids=lambda c: c.key)
+@pytest.mark.parametrize("one", parameters(selected()))
 def test_in_a_process_of_its_own(one, tmp_path):
     """The same for the command as it is installed, up to the end of the process."""
-    if callable(one.make):
-        one.make(tmp_path)
-    else:
-        (tmp_path / one.input).write_bytes(one.make)
+    args = case.made(one, tmp_path)
     before = listing(tmp_path)
-    args = [word.replace("{in}", one.input).replace("{out}", one.out) for word in one.command]
     done = in_process(args, tmp_path, one.file_size)
     assert done.returncode == one.status
     errors = [line for line in done.stderr.splitlines() if not line.startswith("lacmesh: warning: ")]

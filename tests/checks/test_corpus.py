@@ -7,6 +7,7 @@ import json
 import pytest
 
 from lacmesh.checks import RULES, check
+from tests.checks import corpus_cells, corpus_contact, corpus_skins  # noqa: F401 (they enter their meshes)
 from tests.checks.blocks import SOLIDS, cut_blocks
 from tests.checks.corpus import CORPUS
 

@@ -74,14 +74,18 @@ def same_data(data, others, to):
 
 @dataclass(frozen=True)
 class Feature:
-    """A column of the table: its title; a mesh that has the feature, made of `one` (`bare`, or `skin` for formats of
-    surfaces); how it is still there; a warning's word for it.
+    """A feature: a mesh that has it, made of `one` (`bare`, or `skin` for formats of surfaces); whether it is still
+    there; a warning's word for it. `also`: other features that the mesh has, whose loss may be told as well.
     """
 
-    title: str
     mesh: Any
     kept: Any
     word: str
+    also: tuple[str, ...] = ()
+
+
+def same_cells(before, after, to):
+    return before.n_cells == after.n_cells and bool((to.cell >= 0).all())
 
 
 def cell_groups(before, after, to):
@@ -113,6 +117,20 @@ def steps(before, after, to):
     return mine.keys() == theirs.keys() and all(np.allclose(v, theirs[k][to.node]) for k, v in mine.items())
 
 
+def turned(one):
+    """Every other cell inside out, or turned against its neighbours."""
+    mesh = one()
+    nodes = mesh.blocks[0].nodes.copy()
+    nodes[1::2, :2] = nodes[1::2, 1::-1]
+    return Mesh.create(mesh.points, [(mesh.blocks[0].type, nodes)])
+
+
+def with_entities(one):
+    mesh = one()
+    dim = mesh.dim
+    return but(mesh, cell_data={"entity": np.array([[dim, 7], [dim, 7], [dim, 3], [dim, 3]], np.int32)})
+
+
 def cut_mesh():
     return cut_skin(bare_with_slave(), "slave").mesh
 
@@ -132,9 +150,24 @@ def records(before, after, to):
         was, now = Cut(before), Cut(after)
     except Exception:
         return False
-    names = {"lac_macro", "lac_zone", "lac_child"} & before.cell_data.keys()
-    cells = all(np.array_equal(before.cell_data[n], after.cell_data[n][to.cell]) for n in names)
-    return cells and was.n_macros == now.n_macros and np.array_equal(was.macro_of_node, now.macro_of_node[to.node])
+    if was.n_macros != now.n_macros or told(was) != told(now):
+        return False
+    return np.array_equal(was.macro_of_node, now.macro_of_node[to.node])
+
+
+def told(cut):
+    """What the records say of cells, each by its type and the places of its nodes, however it is listed.
+
+    Of the parent, whose number may change: the first child, which has it.
+    """
+    mesh = cut.mesh
+    places = [tuple(p) for p in (np.round(mesh.points, 5) + 0.0).tolist()]
+    keys = [(b.type, frozenset(places[n] for n in row)) for b in mesh.blocks for row in b.nodes.tolist()]
+    first = dict(zip(mesh.cell_number.tolist(), keys, strict=True))
+    columns = (cut.macro_of_face, cut.zone_of_face, cut.child_kind, cut.parent_of_cell)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    said = {key: (*row, first.get(parent)) for key, (*row, parent) in zip(keys, rows, strict=True)}
+    return {key: row for key, row in said.items() if row != (-1, -1, -1, None)}
 
 
 def periodic():
@@ -165,69 +198,57 @@ def number(on):
 
 LONG = "a name of 60 characters that goes on and on, as some like it"
 
+#: what meshes with a cut have as well
+BESIDE_A_CUT = ("group", "cell_number", "order", "loose_skin", "digits")
+
 #: every column of the table, by its key
 FEATURES = {
-    "group": Feature("groups", lambda one: one(cell_groups={"all": [0, 1, 2, 3]}), cell_groups, "group"),
+    "group": Feature(lambda one: one(cell_groups={"all": [0, 1, 2, 3]}), cell_groups, "group"),
     "overlap": Feature(
-        "groups that overlap",
         lambda one: one(cell_groups={"a": [0, 1, 2], "b": [1, 2, 3], "c": [2]}),
         cell_groups,
         "group",
     ),
-    "lower": Feature("groups of skin", lambda one: solid(cell_groups={"slave": [4, 5]}), cell_groups, "group"),
+    "lower": Feature(lambda one: solid(cell_groups={"slave": [4, 5], "rest": [6]}), cell_groups, "group"),
     "dims": Feature(
-        "groups of several dimensions",
         lambda one: solid(cell_groups={"all": [0, 1, 2, 3, 4, 5, 6]}),
         cell_groups,
         "group|all",
     ),
-    "empty": Feature(
-        "empty groups", lambda one: one(cell_groups={"all": [0, 1, 2, 3], "none": []}), cell_groups, "none|group"
-    ),
+    "empty": Feature(lambda one: one(cell_groups={"all": [0, 1, 2, 3], "none": []}), cell_groups, "none|group"),
     "loose": Feature(
-        "cells in no group",
         lambda one: one(cell_groups={"a": [0]}),
-        lambda b, a, to: b.n_cells == a.n_cells and (to.cell >= 0).all(),
+        same_cells,
         "cells",
+        also=("group", "node_number"),
     ),
-    "nodes": Feature(
-        "groups of nodes", lambda one: one(node_groups={"corner": [0, 2], "all": range(7)}), node_groups, "node"
-    ),
+    "loose_skin": Feature(lambda one: solid(), same_cells, "cells", also=("cell_number",)),
+    "nodes": Feature(lambda one: one(node_groups={"corner": [0, 2], "all": range(7)}), node_groups, "node"),
     "names": Feature(
-        "names with blanks, accents",
         lambda one: one(cell_groups={"Körper links": [0, 1], "été": [2]}),
         cell_groups,
         "nam|Körper",
     ),
-    "long": Feature(
-        "names of 60 characters", lambda one: one(cell_groups={LONG: [0, 1]}), cell_groups, "nam|characters"
-    ),
+    "long": Feature(lambda one: one(cell_groups={LONG: [0, 1]}), cell_groups, "nam|characters"),
     "orphan": Feature(
-        "nodes of no cell",
         lambda one: Mesh.create([*one().points, (3, 3, 3), (4, 3, 3)], one().blocks),
         lambda b, a, to: b.n_nodes == a.n_nodes and (to.node >= 0).all(),
         "nodes",
     ),
-    "node_number": Feature(
-        "numbers of nodes", lambda one: one(node_number=range(10, 80, 10)), number("node"), "number"
-    ),
-    "cell_number": Feature(
-        "numbers of cells", lambda one: one(cell_number=[1003, 1001, 1009, 1004]), number("cell"), "number"
-    ),
+    "node_number": Feature(lambda one: one(node_number=range(10, 80, 10)), number("node"), "number"),
+    "cell_number": Feature(lambda one: one(cell_number=[1003, 1001, 1009, 1004]), number("cell"), "number"),
     "order": Feature(
-        "order of cells of several types",
         lambda one: solid(file_order=[4, 0, 5, 1, 2, 6, 3]),
         lambda b, a, to: order(b) == order(a),
         "order",
     ),
+    "turn": Feature(turned, same_cells, "turn", also=("node_number",)),
     "field": Feature(
-        "fields",
         lambda one: one(cell_data={"stress": np.array([1.5, np.pi, -2e-7, 3e9])}, node_data={"heat": np.arange(7) / 3}),
         data,
         "stress|field|data",
     ),
     "vector": Feature(
-        "fields of vectors and tensors",
         lambda one: one(
             node_data={"move": np.arange(21).reshape(7, 3) / 7}, cell_data={"s": np.arange(36).reshape(4, 9) / 9}
         ),
@@ -235,19 +256,16 @@ FEATURES = {
         "move|field|data",
     ),
     "gap": Feature(
-        "fields with missing values",
         lambda one: one(cell_data={"stress": np.array([1.5, np.nan, 2, 3])}),
         data,
         "stress|field|data",
     ),
     "integer": Feature(
-        "fields of integers",
         lambda one: one(cell_data={"rank": np.array([1, -1, 7, 2**30])}, node_data={"level": np.arange(7)}),
         integers,
         "rank|field|data",
     ),
     "steps": Feature(
-        "fields at several times",
         lambda one: one(
             node_data={"heat@0": np.arange(7) / 3, "heat@1": np.arange(7) / 5},
             steps={"heat@0": Step("heat", 0, -1, 0.0), "heat@1": Step("heat", 1, -1, 0.5)},
@@ -255,29 +273,32 @@ FEATURES = {
         steps,
         "heat|field|data|step",
     ),
-    "cut": Feature("the records of a cut", lambda one: cut_mesh(), records, "lac_|field|data"),
-    "zones": Feature("names of a cut's zones", lambda one: two_zones(), lambda b, a, to: b.zones == a.zones, "zone"),
-    "plane": Feature("two dimensions", lambda one: plane(2), lambda b, a, to: a.space_dim == 2, "dimension"),
-    "flat": Feature("a plane mesh in space", lambda one: plane(3), lambda b, a, to: a.space_dim == 3, "dimension"),
-    "periodic": Feature("periodic links", lambda one: periodic(), links, "periodic|model"),
+    "cut": Feature(lambda one: cut_mesh(), records, "lac_|field|data", also=BESIDE_A_CUT),
+    "zones": Feature(lambda one: two_zones(), lambda b, a, to: b.zones == a.zones, "zone", also=BESIDE_A_CUT),
+    "plane": Feature(lambda one: plane(2), lambda b, a, to: a.space_dim == 2, "dimension"),
+    "flat": Feature(lambda one: plane(3), lambda b, a, to: a.space_dim == 3, "dimension"),
+    "periodic": Feature(lambda one: periodic(), links, "periodic|model"),
     "partition": Feature(
-        "partitions",
         lambda one: one(cell_data={"partition": np.array([1, 1, 2, 2], np.int32)}),
         integers,
         "partition|field|data",
     ),
+    "entity": Feature(
+        with_entities,
+        integers,
+        "entit|field|data",
+    ),
     "tags": Feature(
-        "tags of groups",
         lambda one: one(cell_groups={"all": [0, 1, 2, 3]}, group_tags={"all": ((3, 7),)}),
         lambda b, a, to: b.group_tags == a.group_tags,
         "tag",
     ),
-    "name": Feature("the mesh's name", lambda one: one(name="beam"), lambda b, a, to: a.name == "beam", "name"),
+    "name": Feature(lambda one: one(name="beam"), lambda b, a, to: a.name == "beam", "name"),
     "digits": Feature(
-        "every digit of coordinates",
         lambda one: but(one(), points=one().points * np.pi / 3),
         lambda b, a, to: np.array_equal(b.points[b.blocks[0].nodes], a.points[a.blocks[0].nodes]),
         "digits",
+        also=("node_number",),
     ),
 }
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import h5py
 import numpy as np
 
-from lacmesh.formats.med_families import derive
+from lacmesh.formats.med.families import derive
 
 
 def write_old(path, mesh, med_types, faces=(), esp=True):

@@ -10,8 +10,8 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cut import Cut, cut_skin
 from lacmesh.errors import DataError, GroupNotFoundError, RequestError
 from lacmesh.exchange import TRIANGLES, from_meshio, to_meshio, to_pyvista, to_trimesh
-from lacmesh.formats import write
-from lacmesh.formats.vtu_types import OF_TYPE
+from lacmesh.formats import meshio_mesh, write
+from lacmesh.formats.vtu.types import OF_TYPE
 from lacmesh.mesh import Mesh
 from lacmesh.shapes import shape
 from tests.formats.feature_cases import one_cell, solid
@@ -157,13 +157,15 @@ def test_trimesh_has_the_faces_of_a_group():
 @pytest.mark.parametrize(
     ("call", "extra"),
     [
+        (lambda m: to_meshio(m), "meshio; pip install 'lacmesh[io]'"),
         (lambda m: to_pyvista(m), "pyvista; pip install 'lacmesh[view]'"),
         (lambda m: to_trimesh(m, "a"), "trimesh; pip install 'lacmesh[io]'"),
     ],
-    ids=["pyvista", "trimesh"],
+    ids=["meshio", "pyvista", "trimesh"],
 )
 def test_what_is_missing_is_named_with_the_line_that_installs_it(call, extra, monkeypatch):
-    monkeypatch.setattr(exchange, "find_spec", lambda name: None)
+    for module in (exchange, meshio_mesh):
+        monkeypatch.setattr(module, "find_spec", lambda name: None)
     with pytest.raises(RequestError) as caught:
         call(solid())
     assert extra in str(caught.value)

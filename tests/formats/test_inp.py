@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,10 +13,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lacmesh.cells import CELLS
+from lacmesh.cli import main
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
-from lacmesh.formats import inp, inp_data
-from lacmesh.formats.inp_types import FACETS, element
-from lacmesh.formats.inp_write_types import card
+from lacmesh.formats import inp
+from lacmesh.formats.inp import data as inp_data
+from lacmesh.formats.inp.scope import Elements, NodesOf
+from lacmesh.formats.inp.types import FACETS, element
+from lacmesh.formats.inp.writer_types import card
 from lacmesh.formats.labels import labels
 from lacmesh.mesh import Mesh
 from lacmesh.quadrature import measure
@@ -170,7 +174,7 @@ def test_every_facet_of_every_type(tmp_path, kind, target):
         return
     for j, facet in enumerate(cell.facets):
         mesh = cell_with_faces(kind, facets=[j], rotation=j, inward=bool(j % 2))
-        read = again(tmp_path, mesh, target=target)
+        read = again(tmp_path, mesh, target=target, plane="CPS")
         assert read.cell_groups["slave"].tolist() == [1]
         assert read.cells_by_type == {kind: 1, facet.type: 1}
         assert read.block(facet.type).tolist() == [list(facet.nodes)]
@@ -293,7 +297,7 @@ def test_cylindrical_coordinates(tmp_path):
 def test_the_middle_of_a_line_is_found(tmp_path):
     """Abaqus and CalculiX list it second, gmsh last."""
     nodes = "*NODE\n1, 0.\n2, 1.\n3, 2.\n"
-    assert read_text(tmp_path, nodes + "*ELEMENT, TYPE=B32\n1, 1, 2, 3\n").block("SEG3").tolist() == [[0, 2, 1]]
+    assert read_text(tmp_path, nodes + "*ELEMENT, TYPE=T3D3\n1, 1, 2, 3\n").block("SEG3").tolist() == [[0, 2, 1]]
     with pytest.warns(LacmeshWarning, match="1 lines have their middle node last"):
         read = read_text(tmp_path, nodes + "*ELEMENT, TYPE=T3D3\n1, 1, 3, 2\n")
     assert read.block("SEG3").tolist() == [[0, 2, 1]]
@@ -311,6 +315,90 @@ def test_what_is_left_out_is_said(tmp_path):
     assert len(said) == 1
     assert set(re.findall(words, str(said[0].message))) == set(words.split("|"))
     assert mesh.block("SEG2").tolist() == [[0, 1]]
+
+
+_SQUARE = "*NODE\n1, 1, 0\n2, 2, 0\n3, 2, 1\n4, 1, 1\n5, 3, 0\n6, 3, 1\n"
+
+
+def said_of(folder, text, number=1):
+    """What reading says, in one warning or none, and the mesh."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        mesh = read_text(folder, text)
+    assert len(said) == number
+    return "".join(str(w.message) for w in said), mesh
+
+
+@pytest.mark.parametrize(
+    ("name", "plain"),
+    [
+        *[("C3D8R", "C3D8"), ("C3D8I", "C3D8"), ("C3D20RH", "C3D20"), ("DC3D4", "C3D4")],
+        *[("S4R", "S4"), ("S8R", "S8"), ("M3D4", "S4"), ("B31", "T3D2"), ("SPRINGA", "T3D2"), ("SPRING1", "MASS")],
+        *[("CAX4R", "CAX4"), ("CPEG4", "CPE4"), ("CGAX4", "CAX4"), ("DC2D4", "QUAD4")],
+    ],
+)
+def test_elements_that_become_plain_are_named(tmp_path, name, plain):
+    """Whatever the letters of a name mean, a cell does not keep it."""
+    cell = element(name).type
+    row = ", ".join(map(str, range(1, CELLS[cell].n_nodes + 1)))
+    nodes = "*NODE\n" + "".join(f"{k}, {k}., {k * k}., {k % 3 if CELLS[cell].dim == 3 else 0}.\n" for k in range(1, 21))
+    text = nodes + f"*ELEMENT, TYPE={name.lower()}\n1, {row}\n*ELEMENT, TYPE={name}\n2, {row}\n"
+    said, _ = said_of(tmp_path, text)
+    assert f"a.inp: {name} read as {plain}: what else they are is lost" in said
+
+
+@pytest.mark.parametrize("name", ["C3D8", "C3D15V", "C3D5", "S3", "STRI65", "S9R5", "CPE4", "T2D2", "T3D3", "MASS"])
+def test_plain_elements_need_no_word(tmp_path, name):
+    row = ", ".join(map(str, range(1, CELLS[element(name).type].n_nodes + 1)))
+    nodes = "*NODE\n" + "".join(f"{k}, {k}., {k * k}.\n" for k in range(1, 21))
+    assert said_of(tmp_path, nodes + f"*ELEMENT, TYPE={name}\n1, {row}\n", 0)[0] == ""
+
+
+def test_skin_elements_are_plain_beside_solids_only(tmp_path):
+    nodes = "*NODE\n" + "".join(f"{k}, {k}., {k * k}., {k % 3}.\n" for k in range(1, 9))
+    solid = "*ELEMENT, TYPE=C3D8\n1, 1, 2, 3, 4, 5, 6, 7, 8\n"
+    for name in ("M3D4", "SFM3D4"):
+        skin = f"*ELEMENT, TYPE={name}\n2, 1, 2, 3, 4\n"
+        assert "read as" not in said_of(tmp_path, nodes + solid + skin)[0]
+        assert f"{name} read as S4" in said_of(tmp_path, nodes + skin)[0]
+
+
+@pytest.mark.parametrize("plane", ["CPS", "CPE", "CAX"])
+def test_the_plane_is_kept(tmp_path, plane):
+    _, mesh = said_of(tmp_path, _SQUARE + f"*ELEMENT, TYPE={plane}4\n1, 1, 2, 3, 4\n", 0)
+    assert mesh.plane == plane
+    assert again(tmp_path, mesh).plane == plane  # a warning would be an error here
+    assert f"TYPE={plane}4\n" in (tmp_path / "again.inp").read_text()
+    assert again(tmp_path, mesh, plane="CPE").plane == "CPE"
+
+
+def test_a_plane_that_nobody_named_is_said(tmp_path):
+    mesh = cell_with_faces("QUAD4", facets=[0])
+    with pytest.warns(LacmeshWarning, match=r"^.inp: written as CPS \(plane stress\); --plane CPE or CAX"):
+        read = again(tmp_path, mesh)
+    assert read.plane == "CPS"
+    lines = Mesh.create([[0, 0], [1, 0]], [("SEG2", [[0, 1]])])
+    assert again(tmp_path, lines).plane == ""
+
+
+def test_two_kinds_of_the_plane_are_said(tmp_path):
+    text = _SQUARE + "*ELEMENT, TYPE=CPE4\n1, 1, 2, 3, 4\n*ELEMENT, TYPE=CAX4\n2, 2, 5, 6, 3\n"
+    said, mesh = said_of(tmp_path, text)
+    assert "elements of the plane are CAX and CPE: an .inp output has one kind, that of --plane" in said
+    assert mesh.plane == ""
+
+
+def test_elements_on_the_edges_of_others_are_said_and_can_be_kept(tmp_path):
+    shells = _SQUARE + "*ELEMENT, TYPE=S4, ELSET=plate\n1, 1, 2, 3, 4\n"
+    text = shells + "*ELEMENT, TYPE=B31, ELSET=beam\n2, 1, 2\n3, 2, 5\n"
+    said, mesh = said_of(tmp_path, text)
+    assert "2 elements of lower dimension than the mesh (B31)" in said
+    assert "unless --all-cells (all_cells=True) keeps them elements" in said
+    inp.write(tmp_path / "all.inp", mesh, all_cells=True)
+    with pytest.warns(LacmeshWarning, match=r"2 elements of lower dimension than the mesh \(T3D2\)"):
+        kept = inp.read(tmp_path / "all.inp")
+    assert sorted(kept.cell_number[kept.cell_groups["beam"]].tolist()) == [2, 3]
+    assert said_of(tmp_path, shells, 0)[0] == ""
 
 
 def test_a_collapsed_brick_is_kept(tmp_path):
@@ -451,13 +539,78 @@ def test_what_the_file_loses_is_said_once(tmp_path):
     assert [str(w.message) for w in said] == [
         ".inp: fields are left out: cell data T; the zones of the cut are left out: z; cells of lower dimension become "
         "sets of nodes: edge, point; empty groups are left out: none; 1 cells of lower dimension are in no group, and "
-        "left out (all_cells keeps them)"
+        "left out"
     ]
     assert {name: members.tolist() for name, members in read.node_groups.items()} == {
         "edge": [0, 1],
         "point": [3],
         "face": sorted(cube.blocks[1].nodes[0].tolist()),
     }
+
+
+def test_cells_and_nodes_may_share_a_name(tmp_path):
+    """Surfaces and sets of nodes are named apart, so that a deck's *CONTACT PAIR finds both."""
+    cube = cell_with_faces("HEXA8", facets=[0])
+    same = {"slave": np.unique(cube.blocks[1].nodes)}
+    mesh = replace(cube, cell_groups={"slave": np.array([1])}, node_groups=same)
+    read = again(tmp_path, mesh)
+    assert set(read.cell_groups) == set(read.node_groups) == {"slave"}
+    assert read.node_groups["slave"].tolist() == same["slave"].tolist()
+    assert again(tmp_path, read).node_groups.keys() == {"slave"}
+
+
+@pytest.mark.parametrize("target", ["calculix", "abaqus"])
+def test_nodes_of_cells_are_kept_beside_a_group_of_other_nodes(tmp_path, target):
+    cube = cell_with_faces("HEXA8", facets=[0])
+    blocks = [*((b.type, b.nodes) for b in cube.blocks), ("SEG2", [[0, 1]])]
+    mesh = Mesh.create(
+        cube.points,
+        blocks,
+        cell_groups={"edge": [2], "slave": [1]},
+        node_groups={"edge": [5, 6], "slave": [7], "edge_nodes": [2]},
+    )
+    with pytest.warns(LacmeshWarning, match="those of 'edge' are edge_nodes_2, those of 'slave' are slave_nodes"):
+        read = again(tmp_path, mesh, target=target)
+    assert {name: members.tolist() for name, members in read.node_groups.items()} == {
+        "edge": [5, 6],
+        "slave": [7],
+        "edge_nodes": [2],
+        "edge_nodes_2": [0, 1],
+        "slave_nodes": np.unique(cube.blocks[1].nodes).tolist(),
+    }
+    assert list(read.cell_groups) == ["slave"]
+
+
+def test_nodes_of_elements_of_every_width(tmp_path):
+    nodes = "".join(f"{k}, {k}, {k * k}, {k % 3}\n" for k in range(1, 10))
+    text = (
+        f"*NODE\n{nodes}*ELEMENT, TYPE=C3D8\n30, 1, 2, 3, 4, 5, 6, 7, 8\n*ELEMENT, TYPE=DCOUP3D\n15, 9\n"
+        "*ELEMENT, TYPE=T3D2\n20, 8, 9\n10, 3, 1\n*ELSET, ELSET=E\n20, 10\n*NSET, NSET=N, ELSET=E\n*ELSET, ELSET=F\n"
+        "30, 20\n*NSET, NSET=M, ELSET=F\n"
+    )
+    with pytest.warns(LacmeshWarning, match="1 elements of type DCOUP3D are no cells"):
+        mesh = read_text(tmp_path, text)
+    assert {n: mesh.node_number[m].tolist() for n, m in mesh.node_groups.items()} == {
+        "N": [1, 3, 8, 9],
+        "M": [1, 2, 3, 4, 5, 6, 7, 8, 9],
+    }
+
+
+def test_sets_of_nodes_of_elements_look_at_each_card_once():
+    """As many sets as cards took the square of their number."""
+    looked = []
+
+    class Card(Elements):
+        def __getattribute__(self, name):
+            if name == "number":
+                looked.append(self)
+            return super().__getattribute__(name)
+
+    line = element("T3D2")
+    cards = [Card(None, line, np.array([k]), np.array([[k, k + 1]])) for k in range(1, 51)]
+    nodes_of = NodesOf(cards)
+    assert [nodes_of(np.array([k])).tolist() for k in range(1, 51)] == [[k, k + 1] for k in range(1, 51)]
+    assert len(looked) <= 100
 
 
 def test_real_numbers_have_20_characters(tmp_path):
@@ -506,3 +659,17 @@ def test_of_two_cells_behind_a_face_the_one_it_turns_from(tmp_path, back):
         f"*SURFACE, NAME=middle, TYPE=ELEMENT\n{2 if back else 1}, S{1 if back else 2}\n"
         in (tmp_path / "a.inp").read_text()
     )
+
+
+def test_the_options_of_the_command(tmp_path, capsys):
+    source, target = tmp_path / "a.inp", tmp_path / "b.inp"
+    source.write_text(_SQUARE + "*ELEMENT, TYPE=CAX4\n1, 1, 2, 3, 4\n*ELEMENT, TYPE=T2D2, ELSET=slave\n2, 1, 2\n")
+    cut = ["cut", str(source), "--slave", "slave", "-q", "--force", "-o"]
+    for more, elements in (([], ["CAX4"]), (["--plane", "CPE"], ["CPE4"]), (["--all-cells"], ["CAX4", "T3D2"])):
+        assert main([*cut, str(target), *more]) == 0
+        assert "--all-cells" in capsys.readouterr().err
+        assert set(re.findall(r"TYPE=(\w+[34D]\d?)\n", target.read_text())) >= set(elements)
+    for option in (["--plane", "CPE"], ["--all-cells"]):
+        assert main([*cut, str(tmp_path / "b.med"), *option]) == 2
+        assert f"{option[0]} is for an .inp output" in capsys.readouterr().err
+    assert not (tmp_path / "b.med").exists()

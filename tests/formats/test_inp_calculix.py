@@ -11,7 +11,7 @@ import pytest
 from lacmesh import cut_skin
 from lacmesh.cells import CELLS
 from lacmesh.formats import inp
-from lacmesh.formats.inp_write_types import card
+from lacmesh.formats.inp.writer_types import card
 from tests.formats.inp_blocks import PRESSED, E, K, P, on_springs, run, two_blocks
 from tests.meshes import cell_with_faces
 

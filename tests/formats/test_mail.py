@@ -12,10 +12,12 @@ from hypothesis import HealthCheck, given, settings
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning, ReadError, WriteError
-from lacmesh.formats import mail, mail_names, mail_read
+from lacmesh.formats import mail
 from lacmesh.formats.labels import labels
-from lacmesh.formats.mail_types import NODES
-from lacmesh.formats.med_types import MED_TYPES
+from lacmesh.formats.mail import names as mail_names
+from lacmesh.formats.mail import reader as mail_read
+from lacmesh.formats.mail.types import NODES
+from lacmesh.formats.med.types import MED_TYPES
 from lacmesh.mesh import Mesh, Step
 from lacmesh.quadrature import measure
 from tests.formats.mail_texts import DAMAGED, WHOLE
@@ -273,7 +275,7 @@ def test_pieces_of_a_large_file(tmp_path, monkeypatch):
         mesh = random_mesh(np.random.default_rng(len(mesh.points)), order=2)
     with lenient():
         whole = again(tmp_path, mesh)
-    monkeypatch.setattr("lacmesh.formats.mail_scan._CHUNK", 100)
+    monkeypatch.setattr("lacmesh.formats.mail.scan._CHUNK", 100)
     monkeypatch.setattr(mail_names, "_COMPILED", 50)
     assert kept(mail.read(tmp_path / "again.mail")) == kept(whole) == kept(mesh)
 
@@ -325,7 +327,7 @@ def test_what_it_cannot_hold_is_said_once(tmp_path):
         mail.write(tmp_path / "a.mail", mesh)
     assert [str(w.message) for w in said] == [
         ".mail: fields are left out: cell data lac_macro, cell data T, node data u; the zones of the cut are left out: "
-        "slave; msh's tags of groups, and its model, are left out"
+        "slave; what only gmsh knows is left out: tags of groups"
     ]
 
 

@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import med
-from lacmesh.formats.med_hdf5 import add_group, created
-from lacmesh.formats.med_types import MED_TYPES
+from lacmesh.formats.med.hdf5 import add_group, created
+from lacmesh.formats.med.types import MED_TYPES
 from lacmesh.mesh import Block, Mesh, Model, Periodic, Step
 from tests.formats.med_old import write_old
 from tests.formats.med_peer import ask

@@ -14,8 +14,9 @@ from hypothesis import HealthCheck, given, settings
 from lacmesh import formats
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, ReadError, WriteError
-from lacmesh.formats import msh, msh_read2
-from lacmesh.formats.msh_numbers import Index
+from lacmesh.formats import msh
+from lacmesh.formats.msh import reader2 as msh_read2
+from lacmesh.formats.msh.numbers import Index
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 from tests.formats.msh_gmsh import as_seen, by_place, places, seen_by, two_boxes
 from tests.formats.msh_meshes import decided, entities, meshes, plain

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 import json
+import lzma
 import struct
+import tracemalloc
 import warnings
 import zlib
 from dataclasses import replace
@@ -18,8 +20,9 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cut import Cut, cut_skin
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import kind_of, read, vtu, write
-from lacmesh.formats.vtu_lz4 import expand
-from lacmesh.formats.vtu_types import OF_NUMBER, OF_TYPE, READ_TOO, VTK_TYPES
+from lacmesh.formats.meshio_mesh import NAMES, from_meshio
+from lacmesh.formats.vtu.lz4 import expand
+from lacmesh.formats.vtu.types import OF_NUMBER, OF_TYPE, READ_TOO, VTK_TYPES
 from lacmesh.mesh import Mesh
 from tests.formats.feature_cases import one_cell, solid
 from tests.formats.msh_meshes import meshes, order, plain
@@ -197,10 +200,32 @@ def test_pyvista_sees_groups_data_and_numbers(options, tmp_path):
         np.testing.assert_array_equal(grid.cell_data[name], values[rows])
     for name, values in mesh.node_data.items():
         np.testing.assert_array_equal(grid.point_data[name], values)
-    assert list(grid.field_data["lac_zones"]) == ["zone ä"] and list(grid.field_data["space_dim"]) == [3]
+    told = json.loads(bytes(grid.field_data["lacmesh"]))
+    assert told["zones"] == ["zone ä"] and told["space_dim"] == 3
     for k in range(mesh.n_cells):
         kind, _, nodes = next(iter(mesh.select([rows[k]])))
         assert list(grid.get_cell(k).point_ids) == nodes[0][list(OF_TYPE[kind].nodes)].tolist()
+
+
+@pytest.mark.parametrize("options", [{}, {"binary": False}, {"compress": True}], ids=["raw", "text", "zlib"])
+def test_meshio_reads_all_of_it(options, tmp_path):
+    meshio = pytest.importorskip("meshio")
+    mesh = random_mesh(np.random.default_rng(9), slaves=4)
+    mesh = replace(mesh, zones=("left", "right"), name="two blocks")
+    write(tmp_path / "a.vtu", mesh, **options)
+    found = meshio.read(tmp_path / "a.vtu")
+    assert {"group:slave", "cell_number", "rank"} <= found.cell_data.keys() and "node_number" in found.point_data
+    assert same(mesh, from_meshio(found)) == []
+
+
+@pytest.mark.parametrize("kind", [k for k in CELLS if k in OF_TYPE and k not in ("PENTA15", "PYRAM13", "TRIA7")])
+def test_meshio_sees_the_cell(kind, tmp_path):
+    meshio = pytest.importorskip("meshio")  # whose reader fails on wedge15 and pyramid13, and does not know triangle7
+    write(tmp_path / "a.vtu", one_cell(kind))
+    found = meshio.read(tmp_path / "a.vtu")
+    assert [block.type for block in found.cells] == [NAMES[kind]]
+    places = [0, 2, 1, 3, 5, 4] if kind == "PENTA6" else list(OF_TYPE[kind].nodes)  # it turns VTK's wedges over
+    assert found.cells[0].data.tolist() == [places]
 
 
 WRITERS = [
@@ -314,8 +339,7 @@ def test_a_header_encoded_by_itself(tmp_path):
     """Some writers encode the header of an array apart from its bytes, though VTK does not."""
     raw = np.array([0, 1, 2], "<i8").tobytes()
     apart = base64.b64encode(struct.pack("<I", len(raw))) + base64.b64encode(raw)
-    text = text_of(*TRIANGLE).replace('format="ascii">0 1 2', f'format="binary">{apart.decode()}')
-    (tmp_path / "a.vtu").write_text(text)
+    (tmp_path / "a.vtu").write_text(coded(f'format="binary">{apart.decode()}'))
     assert read(tmp_path / "a.vtu").block("TRIA3").tolist() == [[0, 1, 2]]
 
 
@@ -327,9 +351,20 @@ def _packed(values, head=None):
 
 
 ZLIB = ' compressor="vtkZLibDataCompressor"'
+
+
+def coded(into, more=""):
+    """A triangle, whose nodes stand there in another way."""
+    return text_of(*TRIANGLE, more=more).replace('format="ascii">0 1 2', into)
+
+
+def in_base64(values, head=None):
+    return f'format="binary">{_packed(values, head)}'
+
+
 WRONG = {
     "no xml": ("<VTKFile", "no sound XML"),
-    "an entity": ('<!DOCTYPE a [<!ENTITY b "c">]><VTKFile type="UnstructuredGrid">&b;</VTKFile>', "declares XML entities"),
+    "an entity": ('<!DOCTYPE a [<!ENTITY b "c">]><VTKFile>&b;</VTKFile>', "declares XML entities"),
     "poly data": ('<VTKFile type="PolyData"></VTKFile>', "holds PolyData; of VTK's files only UnstructuredGrid"),
     "no grid": ('<VTKFile type="UnstructuredGrid"></VTKFile>', "has no <UnstructuredGrid>"),
     "no piece": (HEAD.format(version="1.0", more="") + "</UnstructuredGrid></VTKFile>", "has no <Piece>"),
@@ -349,10 +384,10 @@ WRONG = {
     "an odd type": (text_of(*TRIANGLE).replace("Float64", "Float16"), "the type 'Float16' is not known"),
     "an odd format": (text_of(*TRIANGLE).replace('format="ascii"', 'format="xml"'), "the format 'xml' is not known"),
     "no base64": (text_of(*TRIANGLE).replace('format="ascii"', 'format="binary"'), "cannot be read"),
-    "a bad header": (text_of(*TRIANGLE, more=ZLIB).replace('format="ascii">0 1 2', f'format="binary">{_packed([0, 1, 2], [2**31, 8, 0])}'), "more than the file holds"),
-    "a bomb": (text_of(*TRIANGLE, more=ZLIB).replace('format="ascii">0 1 2', f'format="binary">{_packed(np.zeros(10**5), [1, 2**31, 0, 789])}'), "cannot be read"),
-    "an odd compressor": (text_of(*TRIANGLE, more=' compressor="vtkX"').replace('format="ascii">0 1 2', f'format="binary">{_packed([0, 1, 2])}'), "vtkX is not known"),
-    "no appended data": (text_of(*TRIANGLE).replace('format="ascii">0 1 2', 'format="appended" offset="0">'), "past the end"),
+    "a bad header": (coded(in_base64([0, 1, 2], [2**31, 8, 0]), ZLIB), "more than the file holds"),
+    "a bomb": (coded(in_base64(np.zeros(10**5), [1, 2**31, 0, 789]), ZLIB), "cannot be read"),
+    "an odd compressor": (coded(in_base64([0, 1, 2]), ' compressor="vtkX"'), "vtkX is not known"),
+    "no appended data": (coded('format="appended" offset="0">'), "past the end"),
 }  # fmt: skip
 
 
@@ -363,6 +398,52 @@ def test_a_damaged_file_is_one_clear_sentence(name, tmp_path):
     with pytest.raises(ReadError, match=message) as caught:
         vtu.read(tmp_path / "bad.vtu")
     assert str(tmp_path / "bad.vtu") in str(caught.value) and "\n" not in str(caught.value)
+
+
+def _claimed(compressor, expand, n):
+    """A header that claims the n zero bytes which its block holds, and both in base64."""
+    block = expand(bytes(n))
+    parts = struct.pack("<4I", 1, n, 0, len(block)), block
+    return f' compressor="vtk{compressor}DataCompressor"', "".join(base64.b64encode(part).decode() for part in parts)
+
+
+def _lz4_zeros(raw):
+    """A block of lz4: a literal 0, and a match one byte back of all the others but 5, which are literals."""
+    more, last = divmod(len(raw) - 6 - 4 - 15, 255)
+    return b"\x1f\0\1\0" + b"\xff" * more + bytes([last]) + b"\x50" + bytes(5)
+
+
+EXPANDABLE = {"ZLib": zlib.compress, "LZMA": lzma.compress, "LZ4": _lz4_zeros}
+
+
+@pytest.mark.parametrize("compressor", EXPANDABLE)
+@pytest.mark.parametrize("place", ["Points", "connectivity", "offsets", "types", "T"])
+def test_no_array_is_expanded_beyond_its_size(compressor, place, tmp_path):
+    """A sound block of 20 MB of zeros, where a few bytes should be."""
+    more, text = _claimed(compressor, EXPANDABLE[compressor], 20_000_000)
+    field = '<CellData><DataArray type="Float64" Name="T" format="ascii">1</DataArray></CellData>'
+    whole = text_of(*TRIANGLE, more=more).replace("</Piece>", field + "</Piece>")
+    start = whole.index("<Points>" if place == "Points" else f'Name="{place}"')
+    start = whole.index('format="ascii">', start)
+    end = whole.index("</DataArray>", start)
+    (tmp_path / "a.vtu").write_text(whole[:start] + 'format="binary">' + text + whole[end:])
+    tracemalloc.start()
+    try:
+        with pytest.raises(ReadError, match=r"its header claims 20000000 bytes, where \d+ should be"):
+            vtu.read(tmp_path / "a.vtu")
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 4_000_000
+
+
+@pytest.mark.parametrize("compressor", EXPANDABLE)
+def test_arrays_of_their_size_are_expanded(compressor, tmp_path):
+    more, text = _claimed(compressor, EXPANDABLE[compressor], 800)
+    field = f'<PointData><DataArray type="Float64" Name="T" format="binary">{text}</DataArray></PointData>'
+    whole = text_of(np.eye(100, 3), [0, 1, 2], [3], [5], more=more).replace("</Piece>", field + "</Piece>")
+    (tmp_path / "a.vtu").write_text(whole)
+    assert vtu.read(tmp_path / "a.vtu").node_data["T"].tolist() == [0] * 100
 
 
 def test_lists_of_files_are_named(tmp_path):
@@ -392,7 +473,7 @@ def test_mutated_files_are_errors_or_meshes(options, tmp_path):
                 read(tmp_path / "b.vtu")
             except LacmeshError:
                 failed += 1
-    assert 20 < failed < 150 or not options
+    assert failed > 20
 
 
 def test_the_compiled_lz4_is_the_plain_one():

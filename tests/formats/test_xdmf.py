@@ -21,10 +21,10 @@ from lacmesh.cells import CELLS
 from lacmesh.cut import Cut, cut_skin
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import kind_of, read, write, xdmf
-from lacmesh.formats.vtu_types import OF_TYPE as VTK_OF_TYPE
-from lacmesh.formats.xdmf_mixed import starts
-from lacmesh.formats.xdmf_types import ALIASES, OF_NAME, OF_NUMBER, OF_TYPE, XDMF_TYPES
-from lacmesh.formats.xdmf_write import told
+from lacmesh.formats.vtu.types import OF_TYPE as VTK_OF_TYPE
+from lacmesh.formats.xdmf.mixed import starts
+from lacmesh.formats.xdmf.types import ALIASES, OF_NAME, OF_NUMBER, OF_TYPE, XDMF_TYPES
+from lacmesh.formats.xdmf.writer import told
 from lacmesh.mesh import Mesh
 from tests.formats.feature_cases import one_cell, solid
 from tests.formats.msh_meshes import meshes, order, plain
@@ -344,10 +344,14 @@ def test_meshes_on_other_points_are_chosen_by_name(tmp_path):
     assert read(path, mesh="two").points[2].tolist() == [2, 2, 0]
 
 
+POLAR, INFINITE = GEOMETRY.replace("XY", "RTHETA"), GEOMETRY.replace("1 1", "1 inf")
+ELSEWHERE = '<Geometry><DataItem Reference="XML">/Xdmf/Nowhere</DataItem></Geometry>'
+BESIDE = '<DataItem Dimensions="2 3" Format="HDF">no.h5:/a</DataItem>'
+STRUCTURED = '<Grid GridType="Uniform"><Topology TopologyType="2DRectMesh"/></Grid>'
 WRONG = {
     "no xml": ("<Grid", "no sound XML"),
     "no grid": ("", "holds no grid"),
-    "a structured grid": ('<Grid GridType="Uniform"><Topology TopologyType="2DRectMesh"/></Grid>', "has no <Geometry>|no DataItem"),
+    "a structured grid": (STRUCTURED, "has no <Geometry>|no DataItem"),
     "an unknown type": (grid("a", "Dodecahedron", 1, TRIANGLES), "cells of type Dodecahedron are not read"),
     "too few nodes": (grid("a", "Triangle", 3, TRIANGLES), "holds 6 nodes for 3 cells of 3"),
     "a node outside": (grid("a", "Triangle", 2, item("0 1 2 0 2 9", "2 3")), "9|outside"),
@@ -357,14 +361,14 @@ WRONG = {
     "odd numbers": (grid("a", "Triangle", 2, item("0", "1", "Complex")), "numbers of type Complex"),
     "words": (grid("a", "Triangle", 2, item("a b c d e f", "2 3")), "cannot be read"),
     "an attribute too short": (grid("a", "Triangle", 2, TRIANGLES, tags("t", "1 2 3")), "holds 3 values for 2 rows"),
-    "an attribute on faces": (grid("a", "Triangle", 2, TRIANGLES, tags("t", "1 2", "Face")), "attributes on Face are not read"),
+    "an attribute on faces": (grid("a", "Triangle", 2, TRIANGLES, tags("t", "1 2", "Face")), "on Face are not read"),
     "a broken mixture": (grid("a", "Mixed", 2, item("4 0 1 2 4 0 1", "7")), "the mixture is damaged"),
     "an unknown mixture": (grid("a", "Mixed", 1, item("99 0 1 2", "4")), "cells of XDMF's type 99 are not read"),
     "a long line": (grid("a", "Mixed", 1, item("2 3 0 1", "4")), "lines and vertices of several pieces"),
-    "another place": (grid("a", "Triangle", 2, TRIANGLES, "", '<Geometry><DataItem Reference="XML">/Xdmf/Nowhere</DataItem></Geometry>'), "refers to '/Xdmf/Nowhere', which is not found"),
-    "no such file": (grid("a", "Triangle", 2, '<DataItem Dimensions="2 3" Format="HDF">no.h5:/a</DataItem>'), "names the HDF5 file no.h5"),
-    "points in polar coordinates": (grid("a", "Triangle", 2, TRIANGLES, "", GEOMETRY.replace("XY", "RTHETA")), "points of type RTHETA"),
-    "infinite points": (grid("a", "Triangle", 2, TRIANGLES, "", GEOMETRY.replace("1 1", "1 inf")), "not finite"),
+    "another place": (grid("a", "Triangle", 2, TRIANGLES, "", ELSEWHERE), "refers to '/Xdmf/Nowhere', which is"),
+    "no such file": (grid("a", "Triangle", 2, BESIDE), "names the HDF5 file no.h5"),
+    "points in polar coordinates": (grid("a", "Triangle", 2, TRIANGLES, "", POLAR), "points of type RTHETA"),
+    "infinite points": (grid("a", "Triangle", 2, TRIANGLES, "", INFINITE), "not finite"),
 }  # fmt: skip
 
 

@@ -1,4 +1,7 @@
-"""`python -m tests.fuzz`: spoilt files of every format; a table of what became of them, status 1 where any failed."""
+"""`python -m tests.fuzz`: spoilt files of every format; a table of what became of them, status 1 where any failed.
+
+A file is made from its format and number, always the same. One that fails is kept in build/fuzz.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from pathlib import Path
 
 from tests.fuzz.pool import Tally, fuzz
 from tests.fuzz.seeds import FORMATS
-from tests.fuzz.trial import tried
+from tests.fuzz.trial import FAILED, spoilt, tried
 
 
 def main() -> int:
@@ -19,16 +22,15 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first (default: 0)")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument(
-        "--only", type=int, metavar="NUMBER", help="one file again, in this process; it stays in build/"
+        "--only", type=int, metavar="NUMBER", help="one file again, in this process; it stays in build/fuzz"
     )
     args = parser.parse_args()
     names = args.format or list(FORMATS)
     if args.only is not None:
-        folder = Path("build/fuzz")
-        folder.mkdir(parents=True, exist_ok=True)
+        folder = _kept(names[0], args.only)
         outcome = tried(names[0], args.only, folder)
         print(f"{folder}: {outcome.what}\n{outcome.text}")
-        return 0
+        return outcome.what == FAILED
     failed = 0
     print(Tally.head(), flush=True)
     for name in names:
@@ -39,9 +41,18 @@ def main() -> int:
             kinds.setdefault(text.strip().rpartition("\n")[2], []).append(number)
         for last, numbers in kinds.items():  # one of each kind whole
             print(f"--- {len(numbers)} times: {last[:200]}\n{tally.failed[numbers[0]]}")
-            print(f'again: python -m tests.fuzz "{name}" --only {numbers[0]}', flush=True)
+            print(f'{_kept(name, numbers[0])}; again: python -m tests.fuzz "{name}" --only {numbers[0]}', flush=True)
         failed += len(tally.failed)
     return 1 if failed else 0
+
+
+def _kept(name: str, number: int) -> Path:
+    """A folder in which the spoilt file of that number lies."""
+    folder = Path("build", "fuzz", f"{name.replace(' ', '_')}-{number}")
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, content in spoilt(name, number).files.items():
+        (folder / file).write_bytes(content)
+    return folder
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from tests.bad_input.case import BYTES, SECONDS, room
+from tests.bad_input.case import BYTES, SECONDS, compiled, room
 from tests.fuzz.trial import FAILED, READ, REFUSED, Outcome, tried
 
 
@@ -63,6 +63,7 @@ class _Worker:
 
 def fuzz(name: str, numbers: range, workers: int = 2) -> Tally:
     """Try the files of these numbers."""
+    compiled()
     tally = Tally(name)
     start = time.perf_counter()
     share = -(-len(numbers) // workers)

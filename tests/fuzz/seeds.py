@@ -16,7 +16,7 @@ import numpy as np
 import lacmesh
 from lacmesh import Mesh, cut_skin
 from lacmesh.errors import WriteError
-from lacmesh.formats.med_types import MED_TYPES
+from lacmesh.formats.med.types import MED_TYPES
 from lacmesh.mesh import Model, Periodic, Step
 from tests.bad_input import raw
 from tests.bad_input.mesh_cases import WRITERS

@@ -7,6 +7,7 @@ import random
 import sys
 import traceback
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,11 +15,16 @@ import numpy as np
 
 import lacmesh
 from lacmesh import LacmeshError, Mesh, cut_skin
+from lacmesh.checks import check
+from lacmesh.quality import measure_quality
 from lacmesh.report import describe
+from lacmesh.view import page
 from tests.bad_input.case import SECONDS, TooSlow, alarm
 from tests.fuzz import mutate, mutate_hdf5
 from tests.fuzz.seeds import FORMATS, Seed, seeds
 
+#: Suffixes of the formats that lacmesh writes itself.
+OWN = (".msh", ".med", ".mail", ".inp", ".vtu", ".xdmf")
 READ, REFUSED, FAILED = "read", "refused", "failed"
 
 
@@ -74,18 +80,28 @@ def _read(path: Path) -> Outcome:
     except AssertionError as error:
         raise RuntimeError("the reader takes for granted what is not so") from error
     consistent(mesh)
-    json.dumps(describe(mesh))
+    json.dumps(describe(mesh), allow_nan=False)
+    json.dumps(measure_quality(mesh).as_json(), allow_nan=False)
     for group in list(mesh.cell_groups)[:2]:
-        _allowed(lambda group=group: cut_skin(mesh, group))
-    for other in ("out.med", "out.msh"):
-        _allowed(lambda other=other: lacmesh.write(path.with_name(other), mesh))
+        _allowed(cut_skin, mesh, group)
+        _allowed(_checked, mesh, group)
+    _allowed(page, mesh, path.with_name("out.html"))
+    for suffix in OWN:
+        _allowed(lacmesh.write, path.with_name(f"out{suffix}"), mesh)
     return Outcome(READ)
 
 
-def _allowed(work) -> None:
+def _checked(mesh: Mesh, group: str) -> None:
+    found = check(mesh, group)
+    json.dumps(found.as_dict(), allow_nan=False)
+    if unfinished := found.of_rule("not-checked"):
+        raise RuntimeError(unfinished[0].message)
+
+
+def _allowed(work: Callable[..., object], *given: object) -> None:
     """Do something that may be refused."""
     try:
-        work()
+        work(*given)
     except LacmeshError as error:
         if (refusal := _refusal(error)).what == FAILED:
             raise RuntimeError(refusal.text) from error

@@ -75,7 +75,7 @@ def blocks(n, low, high, *, order="1", skew=0.0, seed=0):
     """n x n x 1 hexahedra over the unit square, group `skin`: their lower side (low = 0) or upper one (high = 0)."""
     rng = np.random.default_rng(seed)
     flat = sheet(n, skew=skew, seed=int(rng.integers(1 << 30)))
-    points = np.concatenate([flat.points + [0, 0, low], flat.points + [0, 0, high]])
+    points = np.concatenate([flat.points + np.array([0, 0, low]), flat.points + np.array([0, 0, high])])
     quads = flat.block("QUAD4")
     cells = np.concatenate([quads, quads + flat.n_nodes], axis=1)
     skin = cells[:, 4:] if high == 0 else cells[:, [0, 3, 2, 1]]

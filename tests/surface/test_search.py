@@ -1,5 +1,7 @@
 """Search and clipping: the tree against brute force, the front against the tree, kernels against their plain twins."""
 
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,11 +9,12 @@ from hypothesis import strategies as st
 
 from lacmesh import Mesh
 from lacmesh.surface import contact_points
-from lacmesh.surface.clip import CHORD, clip
+from lacmesh.surface.clip import clip
 from lacmesh.surface.front import advance
 from lacmesh.surface.patches import patches
 from lacmesh.surface.points import reaches
-from lacmesh.surface.search import candidates
+from lacmesh.surface.polygon import CHORD
+from lacmesh.surface.search import _sort, candidates
 from tests.surface.plain import all_candidates, shared_area
 from tests.surface.surfaces import line, mapped, sheet, whole
 
@@ -86,7 +89,7 @@ def test_the_front_leaves_out_candidates_that_do_not_meet():
     s, m = patches(slave), patches(master)
     pairs = candidates(s, m, reaches(slave, master, s, m))
     kept = advance(s, m, pairs, slave.neighbours, master.neighbours)
-    assert len(kept.master) < 0.8 * len(pairs.master)
+    assert len(kept.master) < 0.9 * len(pairs.master)
 
 
 def test_pieces_are_what_the_plain_clip_gives():
@@ -133,7 +136,8 @@ def test_any_two_quadrangles_convex_or_not(a, b):
         return
     plain = sum(shared_area(s, k, m, j) for k in range(len(s.n)) for j in range(len(m.n)))
     assert np.isclose(pieces.area.sum(), plain, atol=1e-9)
-    assert pieces.area.sum() <= s.area.sum() * (1 + 1e-12)
+    rounding = np.finfo(float).eps * np.ptp(a, axis=0).max() ** 2  # of an area, however thin the patch
+    assert pieces.area.sum() <= s.area.sum() * (1 + 1e-12) + rounding
 
 
 def test_edges_know_what_made_them():
@@ -158,7 +162,37 @@ def test_a_slave_face_under_ten_thousand_master_faces():
     slave, master = whole(sheet(1)), whole(sheet(100, kind="QUAD4", down=True, skew=0.1))
     points = contact_points(slave, master)
     assert np.unique(points.master).size == 10000
-    assert np.isclose(points.weight.sum(), 1, rtol=1e-12)
+    assert np.isclose(points.weight.sum(), 1, rtol=1e-12, atol=0)
+
+
+def test_long_lists_of_candidates_are_sorted_without_comparing_all():
+    for n in (0, 1, 2, 9, 10, 63, 1000, 300_000):
+        values = np.arange(n + 2)[::-1].copy()
+        begin = time.perf_counter()
+        _sort(values, 1, n + 1)
+        spent = time.perf_counter() - begin
+        assert values[0] == n + 1 and values[-1] == 0 and np.array_equal(values[1:-1], np.arange(1, n + 1))
+    assert spent < 3  # insertion alone: 4.5e10 moves
+
+
+def test_two_layers_of_many_faces_over_one_cost_no_more_than_a_few_times_one():
+    def seconds(master):
+        clip(candidates(s, master, reach), s, master, reach)  # compiled
+        begin = time.perf_counter()
+        pieces = clip(candidates(s, master, reach), s, master, reach)
+        return time.perf_counter() - begin, pieces
+
+    near, far = sheet(70, 0.05, down=True, skew=0.1), sheet(71, 0.1, down=True, skew=0.1)
+    nodes = np.concatenate([far.block("QUAD4"), near.block("QUAD4") + far.n_nodes])
+    both = whole(Mesh.create(np.concatenate([far.points, near.points]), [("QUAD4", nodes)], space_dim=3))
+    slave = whole(sheet(1))
+    s, m = patches(slave), patches(both)
+    reach = reaches(slave, both, s, m, 10.0, 10.0)
+    two, pieces = seconds(m)
+    assert abs(pieces.area.sum() - 1) < 1e-8 and (pieces.area[pieces.master < 71**2].sum() < 1e-8)
+    reach = reaches(slave, whole(far), s, patches(whole(far)), 10.0, 10.0)
+    one, _ = seconds(patches(whole(far)))
+    assert two < 20 * one
 
 
 @pytest.mark.parametrize("shift", [0.0, *(10.0**-k for k in range(15, 5, -1))])
@@ -166,10 +200,9 @@ def test_a_slave_face_under_ten_thousand_master_faces():
 def test_meshes_that_coincide_or_nearly_do(kind, shift):
     for turn in (0.0, shift):
         c, s = np.cos(turn), np.sin(turn)
+        turned = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
         slave = whole(sheet(5, kind=kind))
-        master = whole(
-            mapped(sheet(5, kind=kind, down=True), lambda x: x @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + shift)
-        )
+        master = whole(mapped(sheet(5, kind=kind, down=True), lambda x, q=turned: x @ q + shift))
         points = contact_points(slave, master)
         covered = np.bincount(points.slave, points.weight, minlength=len(slave))
         assert np.isfinite(points.weight).all() and np.isfinite(points.xi_master).all()

@@ -1,0 +1,73 @@
+"""The macro-elements of the slave skin, from the records of the cut, or found again where these are gone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.checks.recorded import Fault, record_faults
+from lacmesh.errors import CutError
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.patterns import WHOLE_FACES
+from lacmesh.recognition import find_macros, with_records
+from lacmesh.records import Cut, is_cut
+from lacmesh.skin import FACE_TYPES
+
+if TYPE_CHECKING:
+    from lacmesh.checks.subject import Side
+
+#: types of faces that own an internal dof as they are
+_WHOLE = np.array([name in WHOLE_FACES for name in FACE_TYPES])
+
+
+@dataclass(frozen=True)
+class Macros:
+    """The macro-elements of the slave faces: `of_face` (f,) numbered from 0, and their `count`.
+
+    `cut` (f,): faces that a cut made or left as a macro-element, by its records or as they were `recognised`; every
+    other face is a macro-element by itself. `whole` (f,): faces of types that need no cut (SEG3, TRIA7, QUAD9).
+    `number` (count,): their number in the records, -1 for those that have none. `faults`: why the records cannot be
+    used.
+    """
+
+    of_face: Ints
+    count: int
+    cut: NDArray[np.bool_]
+    whole: NDArray[np.bool_]
+    number: Ints
+    recognised: bool = False
+    faults: tuple[Fault, ...] = ()
+
+    def faces(self, some: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(f,): the faces of some macro-elements (count,)."""
+        return some[self.of_face]
+
+
+def macros_of(mesh: Mesh, side: Side) -> Macros:
+    """From the records, or found again, or each face its own."""
+    own, recognised = np.full(len(side), -1, np.int64), False
+    faults = _faults(mesh) if is_cut(mesh) else []
+    if is_cut(mesh) and not faults:
+        own = Cut(mesh).macro_of_face[side.cells].astype(np.int64)
+    elif len(side):
+        found = find_macros(mesh, list(side.names))
+        if found.n_cut:
+            recognised = True
+            own = with_records(mesh, found).cell_data["lac_macro"][side.cells].astype(np.int64)
+    made = own >= 0
+    last = int(own.max(initial=-1))
+    own[~made] = last + 1 + np.arange(np.count_nonzero(~made))
+    values, of_face = np.unique(own, return_inverse=True)
+    number = np.where((values <= last) & (not recognised), values, -1)
+    return Macros(of_face, len(values), made, _WHOLE[side.faces.type], number, recognised, tuple(faults))
+
+
+def _faults(mesh: Mesh) -> list[Fault]:
+    """Why the records of a mesh cannot be used."""
+    try:
+        return record_faults(Cut(mesh))
+    except (CutError, IndexError, ValueError) as error:
+        return [Fault(str(error))]

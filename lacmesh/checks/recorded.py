@@ -1,0 +1,101 @@
+"""Whether the records of a cut agree with each other, with its faces, and with the integrals over them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import some
+from lacmesh.mesh import Ints
+from lacmesh.orientation import edge_uses
+from lacmesh.records import Cut
+from lacmesh.skin import Faces
+
+_NONE = np.empty(0, np.int64)
+
+
+class Fault(NamedTuple):
+    """What is wrong with the records, and the cells or the nodes that show it."""
+
+    message: str
+    cells: Ints = _NONE
+    nodes: Ints = _NONE
+
+
+def record_faults(cut: Cut) -> list[Fault]:
+    """The faults of `lac_macro`, `lac_zone` and `lac_child`, over every face of the cut."""
+    cells = np.flatnonzero(cut.macro_of_face >= 0)
+    numbers, macro = np.unique(cut.macro_of_face[cells], return_inverse=True)
+    beyond = f"lac_macro does not number the {len(numbers):,} macro-elements from 0 to {len(numbers) - 1}"
+    ruled = (
+        (numbers[macro] >= len(numbers), beyond),
+        (_apart(cut, cells, macro), "faces of one macro-element (lac_macro) do not hang together"),
+        (_mixed(cut.zone_of_face[cells], macro), "faces of one macro-element are in several zones (lac_zone)"),
+        (_unranked(cut.child_kind[cells], macro), "lac_child does not count the faces of a macro-element from 1"),
+    )
+    name = cut.mesh.cell_number
+    return [
+        Fault(f"{message} (slave faces {some(name[cells[odd]], 8)})", cells[odd]) for odd, message in ruled if odd.any()
+    ]
+
+
+def _mixed(zone: Ints, macro: Ints) -> NDArray[np.bool_]:
+    """(f,): faces of macro-elements in several zones."""
+    first = np.empty(int(macro.max()) + 1, np.int64)
+    first[macro] = zone
+    odd = np.zeros(len(first), bool)
+    odd[macro[zone != first[macro]]] = True
+    return odd[macro]
+
+
+def _unranked(child: Ints, macro: Ints) -> NDArray[np.bool_]:
+    """(f,): faces of macro-elements whose faces are not 1, 2, ... k, each once."""
+    order = np.lexsort((child, macro))
+    start = np.searchsorted(macro[order], macro[order])
+    odd = np.zeros(int(macro.max()) + 1, bool)
+    odd[macro[order][child[order] != np.arange(len(order)) - start + 1]] = True
+    return odd[macro]
+
+
+def _apart(cut: Cut, cells: Ints, macro: Ints) -> NDArray[np.bool_]:
+    """(f,): faces of macro-elements that are in several pieces, joined by their edges (segments: by their ends)."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    faces = Faces.join((kind, nodes) for kind, _, nodes in cut.mesh.select(cells))
+    uses = edge_uses(faces)
+    edge = np.unique(uses.edge.astype(np.int64) * (int(macro.max()) + 1) + macro[uses.face], return_inverse=True)[1]
+    size = len(cells) + int(edge.max()) + 1
+    graph = coo_matrix((np.ones(len(edge), bool), (uses.face, len(cells) + edge)), shape=(size, size))
+    return _mixed(connected_components(graph, directed=False)[1][: len(cells)], macro)
+
+
+def internal_faults(cut: Cut, number: Ints, owner: Ints, internal: NDArray[np.bool_], rim: Ints) -> list[Fault]:
+    """The faults of `lac_internal`, against what the integrals say.
+
+    `number` (m,): the record of each macro-element asked for, -1 where it has none. `owner` (n_nodes,): the
+    macro-element that alone holds a node, or -1. `internal` (n_nodes,): nodes whose function has a positive integral.
+    `rim`: nodes on the rim of the skin. No node is asked of a macro-element where the integrals find none off the rim,
+    and of a node of such a one only that its macro-element alone holds it: what is wrong there is not the record.
+    """
+    mesh, recorded = cut.mesh, cut.macro_of_node
+    off_rim = internal.copy()
+    off_rim[rim] = False
+    owning = np.zeros(len(number), bool)
+    owning[owner[off_rim]] = True
+    fitting = (owner >= 0) & (off_rim | ~owning[owner])
+    expected = np.where(fitting, number[owner], -1)
+    known = np.isin(recorded, number[number >= 0]) | ~np.isin(recorded, cut.macro_of_face)
+    odd = np.flatnonzero((recorded >= 0) & known & (recorded != expected))
+    found = []
+    if len(odd):
+        message = "lac_internal names nodes that carry no internal dof of the macro-element named"
+        found.append(Fault(f"{message} (nodes {some(mesh.node_number[odd], 8)})", nodes=odd))
+    lacking = number[owning & (number >= 0) & ~np.isin(number, recorded)]
+    if len(lacking):
+        cells = np.flatnonzero(np.isin(cut.macro_of_face, lacking))
+        message = f"lac_internal names no node of {len(lacking):,} of the macro-elements"
+        found.append(Fault(f"{message} (slave faces {some(mesh.cell_number[cells], 8)})", cells))
+    return found

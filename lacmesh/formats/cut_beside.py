@@ -1,0 +1,353 @@
+"""The records of a cut in a JSON file beside a mesh file that has no fields: `part.inp.lac.json` beside `part.inp`.
+
+It says cells and nodes by the numbers that they have when the mesh file is read: writers number anew, and faces of
+*SURFACEs get their numbers from the reader. So the mesh file is read back before its records are written. A digest of
+the records and of the cells that have them ties it to its mesh file; where it does not fit, it is left out.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import warnings
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import CutError, LacmeshWarning
+from lacmesh.formats.kept import match
+from lacmesh.mesh import Ints, Mesh, distinct
+from lacmesh.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
+from lacmesh.skin import label_rows
+
+SUFFIX, VERSION = ".lac.json", 1
+_WHAT = "records of a cut"
+_OURS = re.compile(rb'\s*\{\s*"lacmesh"\s*:\s*"records of a cut"')
+#: the columns of `children`, after the cells' numbers
+_COLUMNS = ("macro", "zone", "child", "parent")
+#: slave faces of a macro-element at most
+_MAX_CHILD = 5
+#: more bytes than a whole file's, and a cell's or node's, records can have
+_ROOM, _ROOM_EACH = 1 << 20, 100
+#: what a damaged text may raise while it is read
+_DAMAGE = (ValueError, TypeError, KeyError, IndexError, RecursionError, OverflowError)
+
+
+class UnfitError(Exception):
+    """Why records do not go with a mesh file, for a warning."""
+
+
+class Records(NamedTuple):
+    """The records of a cut on some mesh: `cell` (n_cells,) by name, `internal` (n_nodes,), the names of the zones."""
+
+    cell: dict[str, Ints]
+    internal: Ints
+    zones: tuple[str, ...]
+
+
+def place_of(path: Path) -> Path:
+    """Where the records of a mesh file stand."""
+    return path.with_name(path.name + SUFFIX)
+
+
+def is_ours(path: Path) -> bool:
+    """Whether a file is one of ours, by how it begins."""
+    try:
+        with path.open("rb") as file:
+            return _OURS.match(file.read(256)) is not None
+    except OSError:
+        return False
+
+
+def records_of(mesh: Mesh) -> Records | None:
+    """The records of the cut that a mesh carries; None where it carries none."""
+    if not is_cut(mesh):
+        return None
+    try:
+        cut = Cut(mesh)
+    except CutError:
+        return None
+    cell = dict(
+        zip(CELL_RECORDS, (cut.macro_of_face, cut.zone_of_face, cut.child_kind, cut.parent_of_cell), strict=True)
+    )
+    found = Records(cell, cut.macro_of_node, cut.zones)
+    return found if all(v.ndim == 1 and v.dtype.kind in "iu" for v in (*cell.values(), found.internal)) else None
+
+
+def without_records(mesh: Mesh) -> Mesh:
+    """The mesh without its cut's records: what a format of nodes, cells and groups has to keep itself."""
+    if records_of(mesh) is None:
+        return mesh
+    cell = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
+    node = {name: values for name, values in mesh.node_data.items() if name != NODE_RECORD}
+    return replace(mesh, cell_data=cell, node_data=node, zones=())
+
+
+def to_json(mesh: Mesh, back: Mesh) -> str | None:
+    """The records of the cut that `mesh` carries, for the file that was written of it and is `back` when read.
+
+    None where `back` has them already. Raises UnfitError.
+    """
+    there, found = moved(mesh, back), records_of(back)
+    if found is not None and _same(there, found):
+        return None
+    has = np.flatnonzero(np.any([values >= 0 for values in there.cell.values()], axis=0))
+    nodes = np.flatnonzero(there.internal >= 0)
+    if not (distinct(back.cell_number) and distinct(back.node_number)):
+        raise UnfitError("numbers stand twice in the file")
+    children: dict[str, Ints] = {"cell": back.cell_number[has]}
+    children |= {column: there.cell[name][has] for column, name in zip(_COLUMNS, CELL_RECORDS, strict=True)}
+    internal = {"node": back.node_number[nodes], "macro": there.internal[nodes]}
+    try:
+        _check_values(children, internal, len(there.zones))
+    except ValueError as error:
+        raise UnfitError(f"there are {error}") from error
+    parts = {
+        "lacmesh": _WHAT,
+        "version": VERSION,
+        "nodes": back.n_nodes,
+        "cells": back.cells_by_type,
+        "digest": _digest(back, has, list(there.zones), children, internal),
+        "zones": list(there.zones),
+        "children": {name: values.tolist() for name, values in children.items()},
+        "internal": {name: values.tolist() for name, values in internal.items()},
+    }
+    return "{\n" + ",\n".join(f"{json.dumps(key)}: {json.dumps(value)}" for key, value in parts.items()) + "\n}\n"
+
+
+def taken_up(path: Path, mesh: Mesh) -> Mesh:
+    """The mesh of a file with the records that stand beside it; a warning where they do not belong to it."""
+    side = place_of(path)
+    try:
+        if not side.exists():
+            return mesh
+        return _with(mesh, _fitting(_loaded(side, mesh), path, mesh))
+    except UnfitError as unfit:
+        why = str(unfit)
+    except OSError as error:
+        why = f"it cannot be read ({error.strerror or error})"
+    except _DAMAGE:
+        why = "it is damaged"
+    message = f"{side}: the records of a cut are left out: {why}; write the mesh again, or take this file away"
+    warnings.warn(LacmeshWarning(message), stacklevel=3)
+    return mesh
+
+
+def _with(mesh: Mesh, records: Records) -> Mesh:
+    cell = {**mesh.cell_data, **records.cell}
+    node = {**mesh.node_data, NODE_RECORD: records.internal}
+    made = replace(mesh, cell_data=cell, node_data=node, zones=records.zones)
+    try:
+        Cut(made)
+    except CutError as error:
+        raise UnfitError("they are not those of a cut") from error
+    return made
+
+
+def _same(a: Records, b: Records) -> bool:
+    pairs = [*((a.cell[name], b.cell[name]) for name in CELL_RECORDS), (a.internal, b.internal)]
+    return a.zones == b.zones and all(y.dtype.kind in "iu" and np.array_equal(x, y) for x, y in pairs)
+
+
+def moved(mesh: Mesh, back: Mesh) -> Records:
+    """The records of `mesh`, which carries a cut, on `back`, the same mesh read from a file. Raises UnfitError.
+
+    Cells may stand in another order, be listed in another way, have other numbers; cells that the file lacks take their
+    parents' numbers with them, but all slave faces and internal nodes must be there.
+    """
+    records = records_of(mesh)
+    assert records is not None
+    node = _nodes(mesh, back)
+    cell = _cells(mesh, back, node)
+    for to, owner, what in (
+        (cell, records.cell["lac_macro"], "slave faces"),
+        (node, records.internal, "internal nodes"),
+    ):
+        if lost := int((to[owner >= 0] < 0).sum()):
+            raise UnfitError(f"{lost} of its {what} are not in the file")
+    values = {**records.cell, "lac_parent": _parents(mesh, back, cell, records.cell["lac_parent"])}
+    return Records(
+        {name: _placed(v, np.flatnonzero(cell >= 0), cell, back.n_cells) for name, v in values.items()},
+        _placed(records.internal, np.flatnonzero(records.internal >= 0), node, back.n_nodes),
+        records.zones,
+    )
+
+
+def _placed(values: Ints, rows: Ints, to: Ints, size: int) -> Ints:
+    """(size,): `values[rows]` at `to[rows]`, -1 elsewhere."""
+    found = np.full(size, -1, values.dtype)
+    found[to[rows]] = values[rows]
+    return found
+
+
+def _nodes(mesh: Mesh, back: Mesh) -> Ints:
+    """(n_nodes,): where each node went, -1 for nowhere. Raises UnfitError."""
+    size = float(np.ptp(mesh.points, axis=0).max(initial=0.0))
+    if back.n_nodes == mesh.n_nodes and np.abs(back.points - mesh.points).max(initial=0.0) <= 1e-5 * size:
+        return np.arange(mesh.n_nodes)
+    found = match(mesh, back)
+    if isinstance(found, str):
+        raise UnfitError(f"the file has {found}")
+    return found.node
+
+
+def _cells(mesh: Mesh, back: Mesh, node: Ints) -> Ints:
+    """(n_cells,): where each cell went, -1 for nowhere. Cells are known by their nodes, whatever their order.
+
+    Of cells on the same nodes the first goes to the first; where the file has fewer, slave faces come before others.
+    """
+    to = np.full(mesh.n_cells, -1)
+    macro = mesh.cell_data["lac_macro"]
+    theirs = {kind: (cells, rows) for kind, cells, rows in back.select(np.arange(back.n_cells))}
+    for kind, cells, rows in mesh.select(np.arange(mesh.n_cells)):
+        if kind not in theirs:
+            continue
+        others, found = theirs[kind]
+        label, n = label_rows(np.sort(np.concatenate([node[rows], found]), axis=1))
+        mine, its = label[: len(cells)], label[len(cells) :]
+        merged = np.bincount(mine, minlength=n) != np.bincount(its, minlength=n)
+        first, second = mesh.cell_number[cells], back.cell_number[others]
+        if not np.array_equal(np.sort(first), np.sort(second)):  # numbered anew, in the order of the cells
+            first, second = cells, others
+        keys = (
+            _distinct_keys(mine, np.lexsort((first, merged[mine] & (macro[cells] < 0), mine)), len(label)),
+            _distinct_keys(its, np.lexsort((second, its)), len(label)),
+        )
+        _, a, b = np.intersect1d(*keys, assume_unique=True, return_indices=True)
+        to[cells[a]] = others[b]
+    return to
+
+
+def _distinct_keys(labels: Ints, order: Ints, size: int) -> Ints:
+    """A number for each label, by the label and its place among its equals; `order` sorts the labels."""
+    ordered = labels[order]
+    begin = np.flatnonzero(np.diff(ordered, prepend=-1))
+    place = np.arange(len(labels)) - np.repeat(begin, np.diff(np.append(begin, len(labels))))
+    keys = np.empty(len(labels), np.int64)
+    keys[order] = ordered * size + place
+    return keys
+
+
+def _parents(mesh: Mesh, back: Mesh, cell: Ints, parent: Ints) -> Ints:
+    """The parents' numbers as the file's: the first child has its parent's number, in the mesh and in the file.
+
+    A number that no cell of the mesh has stays, unless the file gave it to a cell; then nothing is said (-1).
+    """
+    found = parent.astype(np.int64)
+    children = np.flatnonzero(found >= 0)
+    order = np.argsort(mesh.cell_number, kind="stable")
+    at = np.minimum(np.searchsorted(mesh.cell_number, found[children], sorter=order), mesh.n_cells - 1)
+    first = order[at]
+    known = (mesh.cell_number[first] == found[children]) & (cell[first] >= 0)
+    taken = ~known & np.isin(found[children], back.cell_number)
+    found[children[taken]] = -1
+    found[children[known]] = back.cell_number[cell[first[known]]]
+    return found
+
+
+def _digest(mesh: Mesh, cells: Ints, zones: list[str], *columns: dict[str, Ints]) -> str:
+    """A digest of the records, and of the cells that have them: types, numbers, nodes by number."""
+    said = sha256(json.dumps(zones).encode())
+    for values in (values for column in columns for values in column.values()):
+        _feed(said, values)
+    for kind, chosen, rows in sorted(mesh.select(cells), key=lambda part: part[0]):  # wherever the file lists a type
+        said.update(kind.encode())
+        _feed(said, mesh.cell_number[chosen])
+        _feed(said, mesh.node_number[rows])
+    return said.hexdigest()
+
+
+def _feed(said: Any, values: NDArray) -> None:
+    said.update(f"{values.shape}".encode())
+    said.update(np.ascontiguousarray(values, "<i8").tobytes())
+
+
+def _loaded(side: Path, mesh: Mesh) -> dict[str, Any]:
+    """What the file holds, of a version that is known. Raises UnfitError, OSError, _DAMAGE."""
+    if not side.is_file():
+        raise UnfitError("it is no regular file")
+    if side.stat().st_size > _ROOM + _ROOM_EACH * (mesh.n_cells + mesh.n_nodes):
+        raise UnfitError("it is larger than the records of this mesh can be")
+    if not is_ours(side):
+        raise UnfitError("lacmesh did not write it, or it is damaged")
+    held = json.loads(side.read_bytes().decode())
+    if type(held["version"]) is not int or held["version"] < 1:
+        raise ValueError("no version")
+    if held["version"] > VERSION:
+        raise UnfitError("a newer lacmesh wrote it")
+    return held
+
+
+def _fitting(held: dict[str, Any], path: Path, mesh: Mesh) -> Records:
+    """The records that a file holds, where they are those of this mesh. Raises UnfitError, _DAMAGE."""
+    nodes, cells = held["nodes"], held["cells"]
+    if not (isinstance(cells, dict) and all(type(n) is int for n in (nodes, *cells.values()))):
+        raise TypeError("counts are integers")
+    if (nodes, cells) != (mesh.n_nodes, mesh.cells_by_type):
+        raise UnfitError(f"they are of {nodes} nodes and {sum(cells.values())} cells, {_counts(path, mesh, cells)}")
+    children = {name: _column(held["children"][name]) for name in ("cell", *_COLUMNS)}
+    internal = {name: _column(held["internal"][name]) for name in ("node", "macro")}
+    zones = held["zones"]
+    if not (isinstance(zones, list) and all(isinstance(zone, str) for zone in zones)):
+        raise ValueError("zones")
+    of = [len({len(v) for v in columns.values()}) for columns in (children, internal)]
+    if of != [1, 1]:
+        raise ValueError("columns of several lengths")
+    at_cell = _places(children["cell"], mesh.cell_number)
+    at_node = _places(internal["node"], mesh.node_number)
+    if held["digest"] != _digest(mesh, at_cell, zones, children, internal):
+        raise UnfitError(f"they are of other cells than those of {path.name}, or were changed")
+    _check_values(children, internal, len(zones))
+    cell: dict[str, Ints] = {}
+    for column, name in zip(_COLUMNS, CELL_RECORDS, strict=True):
+        narrow = children[column].max(initial=-1) <= np.iinfo(np.int32).max
+        cell[name] = np.full(mesh.n_cells, -1, np.int32 if narrow else np.int64)
+        cell[name][at_cell] = children[column]
+    owner = np.full(mesh.n_nodes, -1, np.int32)
+    owner[at_node] = internal["macro"]
+    return Records(cell, owner, tuple(zones))
+
+
+def _counts(path: Path, mesh: Mesh, cells: dict[str, int]) -> str:
+    """What a mesh has, for a message; where the sums are the same, that the types are not."""
+    same = ", of other types" if sum(cells.values()) == mesh.n_cells else ""
+    return f"{path.name} has {mesh.n_nodes} and {mesh.n_cells}{same}"
+
+
+def _column(values: Any) -> Ints:
+    if not isinstance(values, list):
+        raise TypeError("a column is a list")
+    found = np.array(values) if values else np.empty(0, np.int64)
+    if found.ndim != 1 or found.dtype.kind != "i" or found.min(initial=0) < -1:
+        raise ValueError("a column is of integers")
+    return found
+
+
+def _places(numbers: Ints, known: Ints) -> Ints:
+    """The indices that have these numbers. Raises UnfitError."""
+    order = np.argsort(known, kind="stable")
+    at = order[np.minimum(np.searchsorted(known, numbers, sorter=order), max(len(known) - 1, 0))]
+    if not np.array_equal(known[at], numbers) or not distinct(numbers) or not distinct(known):
+        raise UnfitError("they name cells or nodes that the file has not, or twice")
+    return at
+
+
+def _check_values(children: dict[str, Ints], internal: dict[str, Ints], n_zones: int) -> None:
+    """Raise ValueError for values that no cut has."""
+    face = children["macro"] >= 0
+    n = int(children["macro"].max(initial=-1)) + 1
+    zone, child = children["zone"], children["child"]
+    right = (
+        0 < n <= int(face.sum())
+        and bool(np.bincount(children["macro"][face], minlength=n).all())
+        and bool(((zone[face] >= 0) & (zone[face] < n_zones)).all())
+        and bool(((child[face] >= 1) & (child[face] <= _MAX_CHILD)).all())
+        and bool((zone[~face] < 0).all() and (child[~face] < 0).all())
+        and bool(((internal["macro"] >= 0) & (internal["macro"] < n)).all())
+    )
+    if not right:
+        raise ValueError("records that no cut leaves")

@@ -1,0 +1,26 @@
+""".inp, the input files of Abaqus and CalculiX: the mesh in them.
+
+Read: nodes, elements of all kinds that are cells, sets (of sets, generated, of other files), surfaces of element faces
+as skin cells, parts and their instances. Written: what CalculiX takes, or Abaqus on request. Numbers are the file's;
+the program's own cards (materials, steps ...) are left out, and named.
+"""
+
+from __future__ import annotations
+
+import re
+
+from lacmesh.formats.inp.reader import read
+from lacmesh.formats.inp.writer import write
+
+__all__ = ["begins", "read", "write"]
+
+_KEYWORD = re.compile(rb"(?m)^[ \t]*\*[ \t]*(?:[A-Za-z]|\*)")
+
+
+def begins(head: bytes) -> bool:
+    """Whether a file's first bytes may be those of an .inp file: a line of them is a keyword's or a comment.
+
+    >>> begins(b"** made by hand\\n*Node, NSET=all\\n"), begins(b"COOR_3D\\n")
+    (True, False)
+    """
+    return _KEYWORD.search(head) is not None

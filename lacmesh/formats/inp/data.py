@@ -1,0 +1,269 @@
+"""The data lines of *NODE, *ELEMENT, *NSET, *ELSET and *SURFACE as arrays."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.formats.inp.scan import Card, label
+from lacmesh.formats.text_numbers import bad_line, decoded, parsed
+from lacmesh.mesh import Floats, Ints
+
+#: Separators become blanks, Fortran's exponents D become E.
+_INTEGER = bytes.maketrans(b",\t", b"  ")
+_REAL = bytes.maketrans(b"Dd,\t", b"ee  ")
+#: Bytes of data looked at in one go.
+_CHUNK = 1 << 22
+#: Texts from this size on are worth the time to load the compiler.
+_COMPILED = 1 << 20
+_LARGEST = 10**9
+_FACE = re.compile(rb"^[ \t]*(\d{1,18})[ \t]*,[ \t]*([A-Za-z]\w*)[ \t]*,?[ \t]*\r?$", re.MULTILINE)
+_NUMBER = re.compile(r"[+-]?\d{1,18}")
+
+
+class Range(NamedTuple):
+    """The numbers first, first + step ... up to last, as GENERATE gives them."""
+
+    first: int
+    last: int
+    step: int
+
+
+class Members(NamedTuple):
+    """What a set's data lines list: numbers, ranges of numbers, names of sets."""
+
+    numbers: Ints
+    ranges: tuple[Range, ...]
+    names: tuple[str, ...]
+
+
+def chunks(text: bytes) -> Iterator[tuple[int, bytes]]:
+    """A text of whole lines in pieces of whole lines, each with its place."""
+    begin = 0
+    while begin < len(text):
+        end = len(text) if len(text) - begin <= _CHUNK else text.rfind(b"\n", begin, begin + _CHUNK) + 1
+        if end <= begin:
+            end = text.find(b"\n", begin) + 1 or len(text)
+        yield begin, text[begin:end]
+        begin = end
+
+
+def nodes(card: Card) -> tuple[Ints, Floats]:
+    """Numbers (n,) and coordinates (n, 3) of the nodes of a card; what a line leaves out is 0. Raises ReadError."""
+    text = card.text()
+    numbers, points = [np.empty(0, np.int64)], [np.empty((0, 3))]
+    for at, piece in chunks(text):
+        table = _even(piece)
+        if table is None:
+            table = _uneven_nodes(card, piece, at)
+        with np.errstate(invalid="ignore"):
+            number = table[:, 0].astype(np.int64)
+        wrong = np.flatnonzero(~((number == table[:, 0]) & (number > 0) & (number < _LARGEST)))
+        if len(wrong):
+            message = f"a node's number should be an integer from 1 to {_LARGEST - 1}, not {table[wrong[0], 0]:g}"
+            raise card.error(message, at + _line(piece, int(wrong[0])))
+        wrong = np.flatnonzero(~np.isfinite(table).all(axis=1))
+        if len(wrong):
+            message = f"the coordinates of node {number[wrong[0]]} are not finite numbers"
+            raise card.error(message, at + _line(piece, int(wrong[0])))
+        xyz = np.zeros((len(table), 3))
+        xyz[:, : table.shape[1] - 1] = table[:, 1:4]
+        numbers.append(number)
+        points.append(xyz)
+    return np.concatenate(numbers), np.concatenate(points)
+
+
+def _even(text: bytes) -> Floats | None:
+    """The numbers of lines that have equally many, 2 to 4 (further ones left out); None where they do not."""
+    counts = values_in_lines(text)
+    counts = counts[counts > 0]
+    values = parsed(text.translate(_REAL), np.float64)
+    if values is None or not len(counts) or counts.min() != counts.max() or counts[0] < 2:
+        return None
+    if len(values) != len(counts) * counts[0]:  # something was left out between commas
+        return None
+    return values.reshape(len(counts), -1)[:, :4]
+
+
+def _uneven_nodes(card: Card, text: bytes, at: int) -> Floats:
+    """The numbers of lines one by one, (n, 4): what is left out is 0."""
+    rows = []
+    for line in text.translate(_EXPONENT).splitlines(keepends=True):
+        if line.strip():
+            fields = [f.strip() or b"0" for f in line.split(b",")[:4]]
+            try:
+                rows.append([float(f) for f in fields] + [0.0] * (4 - len(fields)))
+            except ValueError:
+                shown = decoded(line).strip()[:60]
+                raise card.error(f"{shown!r} should be a node's number and its coordinates", at) from None
+        at += len(line)
+    return np.array(rows, float).reshape(-1, 4)
+
+
+_EXPONENT = bytes.maketrans(b"Dd", b"ee")
+
+
+def _line(text: bytes, n: int) -> int:
+    """The place of the n-th line that is not blank."""
+    at = 0
+    for line in text.splitlines(keepends=True):
+        if line.strip():
+            if n == 0:
+                return at
+            n -= 1
+        at += len(line)
+    return at
+
+
+def values_in_lines(text: bytes) -> Ints:
+    """How many fields each line of a text has, by its commas; one at its end adds none. A blank line has 0."""
+    if len(text) < _COMPILED:
+        return values_in_lines_by_arrays(text)
+    from lacmesh.formats.inp.kernel import count_fields
+
+    counts = np.empty(text.count(b"\n"), np.int64)
+    count_fields(np.frombuffer(text, np.uint8), counts)
+    return counts
+
+
+def integers(text: bytes) -> Ints | None:
+    """The integers of a text that holds nothing else but commas and blanks, or None."""
+    if len(text) < _COMPILED:
+        return parsed(text.translate(_INTEGER), np.int64)
+    from lacmesh.formats.inp.kernel import scan_integers
+
+    values = np.empty(len(text) // 2 + 1, np.int64)
+    n = scan_integers(np.frombuffer(text, np.uint8), values)
+    return parsed(text.translate(_INTEGER), np.int64) if n < 0 else values[:n]
+
+
+def values_in_lines_by_arrays(text: bytes) -> Ints:
+    """What `values_in_lines` gives, without a compiler to load."""
+    letters = np.frombuffer(text, np.uint8)
+    ends = np.flatnonzero(letters == 10)
+    commas = np.flatnonzero(letters == 44)
+    solid = np.flatnonzero(letters > 32)  # no blank, tab or end of line
+    last = np.searchsorted(solid, ends) - 1  # the last solid byte of each line, if it is one of this line
+    begins = np.append(0, ends[:-1] + 1)[: len(ends)]
+    filled = (last >= 0) & (solid[last] >= begins) if len(solid) else np.zeros(len(ends), bool)
+    count = np.diff(np.searchsorted(commas, ends), prepend=0)
+    trailing = np.zeros(len(ends), bool)
+    trailing[filled] = letters[solid[last[filled]]] == 44
+    return np.where(filled, count + 1 - trailing, 0)
+
+
+def elements(card: Card, n_nodes: int, spare: int) -> tuple[Ints, int]:
+    """Rows (k, 1 + n_nodes) of numbers: the elements of a card, each on a line of its own or going on over several.
+
+    Lines may have `spare` further numbers, all or none of them, which are left out (a beam's orientation node); how
+    many rows had them comes second. Raises ReadError.
+    """
+    text = card.text()
+    width = 1 + n_nodes
+    tables: list[Ints] = [np.empty((0, width), np.int64)]
+    left: Ints = np.empty(0, np.int64)
+    lost = 0
+    for at, piece in chunks(text):
+        values = integers(piece)
+        if values is None:
+            place = bad_line(piece.translate(_INTEGER), np.int64)
+            shown = decoded(piece[place:].split(b"\n", 1)[0]).strip()[:60]
+            raise card.error(f"{shown!r} should be an element's number and its nodes'", at + place)
+        counts = values_in_lines(piece)
+        if spare and len(values) == counts.sum() and set(counts.tolist()) <= {0, width + spare}:
+            tables.append(values.reshape(-1, width + spare)[:, :width])
+            lost += len(tables[-1])
+            continue
+        _check_rows(card, piece, at, counts, len(values), len(left), width)
+        values = np.concatenate([left, values])
+        whole = len(values) // width * width
+        tables.append(values[:whole].reshape(-1, width))
+        left = values[whole:]
+    if len(left):
+        raise card.error(f"element {left[0]} has {len(left) - 1} nodes, and should have {n_nodes}", len(text) - 1)
+    return np.concatenate(tables), lost
+
+
+def _check_rows(card: Card, text: bytes, at: int, counts: Ints, n_values: int, before: int, width: int) -> None:
+    """Raises ReadError where an element does not begin a line; `before`: numbers of one that began earlier."""
+    ends = np.cumsum(counts) + before
+    if len(ends) and ends[-1] - before != n_values:
+        raise card.error("there are fields without a number among these elements", at)
+    begins = np.zeros(n_values + before + 1, bool)
+    begins[[0, *([before] if before else [])]] = True
+    begins[ends] = True
+    wrong = np.flatnonzero(~begins[width::width])
+    if len(wrong):
+        line = int(np.searchsorted(ends, wrong[0] * width, side="right"))
+        lines = text.split(b"\n", line + 1)
+        place = at + sum(len(row) + 1 for row in lines[:line])
+        raise card.error(f"an element here should have {width - 1} nodes, and the next one begin a line", place)
+
+
+def members(card: Card) -> Members:
+    """What the data lines of a set list. Raises ReadError."""
+    text = card.text()
+    generated = "GENERATE" in card.parameters
+    values = None if generated else integers(text)
+    if values is not None:
+        return Members(values, (), ())
+    numbers: list[int] = []
+    ranges: list[Range] = []
+    names: list[str] = []
+    at = 0
+    for line in text.splitlines(keepends=True):
+        fields = [f for part in decoded(line).split(",") if (f := part.strip())]
+        if generated and fields:
+            ranges.append(_range(card, fields, at))
+        elif not generated:
+            for f in fields:
+                if _NUMBER.fullmatch(f):
+                    numbers.append(int(f))
+                else:
+                    names.append(f)
+        at += len(line)
+    return Members(np.array(numbers, np.int64), tuple(ranges), tuple(names))
+
+
+def _range(card: Card, fields: list[str], at: int) -> Range:
+    if len(fields) not in (2, 3) or not all(_NUMBER.fullmatch(f) for f in fields):
+        raise card.error(f"{', '.join(fields)[:60]!r} should be first, last, step of numbers to generate", at)
+    first, last, step = (*map(int, fields), 1)[:3]
+    if step < 1:
+        raise card.error(f"the step of numbers to generate is {step}, and should be 1 or more", at)
+    return Range(first, last, step)
+
+
+def faces(card: Card) -> list[tuple[str, Ints | str]]:
+    """What a *SURFACE of elements lists: (label of a face, numbers or the name of a set). Raises ReadError."""
+    text = card.text()
+    rows = _FACE.findall(text)
+    if len(rows) == int(np.count_nonzero(values_in_lines(text))):
+        number = np.array([row[0] for row in rows], dtype="S").astype(np.int64)
+        face = np.array([row[1].upper() for row in rows], dtype="S")
+        return [(decoded(bytes(kind)), number[face == kind]) for kind in _distinct(face)]
+    found: list[tuple[str, Ints | str]] = []
+    at = 0
+    for line in text.splitlines(keepends=True):
+        fields = [f.strip() for f in decoded(line).split(",")]
+        if line.strip():
+            if not fields[0]:
+                raise card.error("a surface's line should begin with an element or a set of elements", at)
+            which = fields[1].upper() if len(fields) > 1 else ""
+            number_of = int(fields[0]) if _NUMBER.fullmatch(fields[0]) else None
+            found.append((which, fields[0] if number_of is None else np.array([number_of])))
+        at += len(line)
+    return found
+
+
+def _distinct(labels: NDArray) -> list[bytes]:
+    return sorted(set(labels.tolist()))
+
+
+def key(name: str) -> str:
+    """A set's name as it is compared."""
+    return label(name)[1]

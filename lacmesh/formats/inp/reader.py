@@ -1,0 +1,216 @@
+"""Reading .inp: scopes of numbers and names become a mesh."""
+
+from __future__ import annotations
+
+import warnings
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from lacmesh.errors import LacmeshWarning, ReadError, some
+from lacmesh.formats.inp.cards import Model, read_model
+from lacmesh.formats.inp.plain import losses, plane_of
+from lacmesh.formats.inp.scope import Elements, NodesOf, Resolver, Scope, Surface
+from lacmesh.formats.inp.skin import Block, Cells, Skin
+from lacmesh.formats.msh.numbers import Index, repeated
+from lacmesh.mesh import Floats, Ints, Mesh
+
+_NONE = np.empty(0, np.int64)
+
+
+def read(path: Path) -> Mesh:
+    """The mesh in an .inp file of Abaqus or CalculiX. Raises ReadError, with the file and the line.
+
+    One LacmeshWarning names the cards that are no part of a mesh, and the elements that cells do not keep.
+    """
+    model = read_model(path)
+    said = model.said
+    if not model.scope.nodes:
+        raise ReadError(path, "has no nodes: there is no *NODE")
+    number, points = _nodes(model.scope)
+    elements = _elements(model.scope, Index(number), said)
+    said += losses(model.scope.elements)
+    skin = Skin(Cells(elements.blocks, len(number)))
+    groups = _groups(model.scope, number, elements.number, skin, said)
+    new, members = skin.finish([groups.cells.get(name, _NONE) for name in groups.surfaces])
+    if skin.unknown:
+        said.append(f"surfaces name sides that are no faces, left out: {', '.join(skin.unknown)}")
+    _say(path, model, said)
+    cells = _with_skin(elements, new)
+    for name, which in zip(groups.surfaces, members, strict=True):
+        groups.cells[name] = np.append(groups.cells.get(name, _NONE), which)
+    return Mesh.create(
+        points,
+        cells.blocks,
+        space_dim=_space_dim(model.scope, points),
+        node_number=number,
+        cell_number=cells.number,
+        file_order=None if (np.diff(cells.place) > 0).all() else np.argsort(cells.place),
+        cell_groups={name: cells.of_earlier[which] for name, which in groups.cells.items()},
+        node_groups=groups.nodes,
+        name=model.heading[0] if len(model.heading) == 1 else "mesh",
+        plane=plane_of(model.scope.elements),
+    )
+
+
+class _Listed(NamedTuple):
+    """The file's elements: a block a type, and for each cell its place in the file and its number."""
+
+    blocks: list[Block]
+    place: Ints
+    number: Ints
+
+
+class _Groups(NamedTuple):
+    """Indices by name, of nodes and of cells; the names of surfaces, in the order in which the skin has them."""
+
+    nodes: dict[str, Ints]
+    cells: dict[str, Ints]
+    surfaces: list[str]
+
+
+class _All(NamedTuple):
+    """Elements and new skin: blocks, places in the file, numbers; `of_earlier`: from earlier indices to the mesh's."""
+
+    blocks: list[tuple[str, Ints]]
+    place: Ints
+    number: Ints
+    of_earlier: Ints
+
+
+def _say(path: Path, model: Model, said: list[str]) -> None:
+    if model.left_out:
+        said.append(f"left out, as they are no part of a mesh: {', '.join('*' + name for name in model.left_out)}")
+    if said:
+        warnings.warn(LacmeshWarning(f"{path}: {'; '.join(said)}"), stacklevel=3)
+
+
+def _nodes(scope: Scope) -> tuple[Ints, Floats]:
+    number = np.concatenate([n.number for n in scope.nodes])
+    twice = repeated(number) if len(number) else None
+    if twice is not None:
+        owner = [n.card for n in scope.nodes if (n.number == twice).any()][-1]
+        raise owner.error(f"two nodes have the number {twice}")
+    return number, np.concatenate([n.points for n in scope.nodes])
+
+
+def _elements(scope: Scope, nodes: Index, said: list[str]) -> _Listed:
+    """The elements that are cells, types in order of first appearance. Raises ReadError."""
+    used = [e for e in scope.elements if e.element is not None and len(e.number)]
+    number = np.concatenate([_NONE, *(e.number for e in used)])
+    twice = repeated(number) if len(number) else None
+    if twice is not None:
+        owner = [e.card for e in used if (e.number == twice).any()][-1]
+        raise owner.error(f"two elements have the number {twice}")
+    first = np.cumsum([0, *(len(e.number) for e in used)])
+    blocks, order = [], [_NONE]
+    kinds = [e.element.type for e in used if e.element is not None]
+    for kind in dict.fromkeys(kinds):
+        mine = [k for k, name in enumerate(kinds) if name == kind]
+        rows = [_placed(used[k], nodes) for k in mine]
+        what = [np.full(len(used[k].number), _what(used[k]), np.int8) for k in mine]
+        blocks.append(Block(kind, np.concatenate(rows), np.concatenate(what)))
+        order += [np.arange(first[k], first[k + 1]) for k in mine]
+    if "SEG3" in kinds:
+        blocks = [_lines(b, nodes, scope, said) if b.type == "SEG3" else b for b in blocks]
+    place = np.concatenate(order)
+    _say_repeats(blocks, number[place], said)
+    return _Listed(blocks, place, number[place])
+
+
+def _what(e: Elements) -> int:
+    assert e.element is not None
+    return e.element.kind
+
+
+def _placed(e: Elements, nodes: Index) -> Ints:
+    """The nodes of a card's elements as indices, in our order."""
+    assert e.element is not None
+    places = np.empty(e.nodes.shape, np.int32)
+    bad = nodes.convert(e.nodes, places)
+    if bad is not None:
+        wrong = e.nodes[bad][nodes.places(e.nodes[bad]) < 0][0]
+        raise e.card.error(f"element {e.number[bad]} has the node {wrong}, which is not among the nodes")
+    rows = np.empty_like(places)
+    rows[:, list(e.element.nodes)] = places
+    return rows
+
+
+def _lines(block: Block, nodes: Index, scope: Scope, said: list[str]) -> Block:
+    """Lines of three nodes, those turned round that have their middle last, as gmsh writes them."""
+    points = np.concatenate([n.points for n in scope.nodes])
+    a, b, middle = (points[block.nodes[:, k]] for k in range(3))
+    as_listed = np.linalg.norm(middle - (a + b) / 2, axis=1)
+    last = np.linalg.norm(b - (a + middle) / 2, axis=1)  # were the third node listed the middle
+    turned = last < 0.5 * as_listed
+    if turned.any():
+        said.append(f"{int(turned.sum())} lines have their middle node last, not between their ends: read so")
+        block.nodes[turned] = block.nodes[turned][:, [0, 2, 1]]
+    return block
+
+
+def _say_repeats(blocks: list[Block], number: Ints, said: list[str]) -> None:
+    """Elements with a node twice are legal (a collapsed brick is a wedge): they are kept, and named."""
+    start = 0
+    for block in blocks:
+        ordered = np.sort(block.nodes, axis=1)
+        bad = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
+        if len(bad):
+            said.append(f"{len(bad)} elements {block.type} have a node twice, kept so: {some(number[start + bad], 5)}")
+        start += len(block.nodes)
+
+
+def _groups(scope: Scope, node: Ints, cell: Ints, skin: Skin, said: list[str]) -> _Groups:
+    """Sets as groups; surfaces of nodes too; surfaces of faces are added to the skin. Raises ReadError."""
+    resolver = Resolver(scope, {"node": np.sort(node), "element": np.sort(cell)}, NodesOf(scope.elements))
+    nodes, elements = Index(node), Index(cell)
+    found = _Groups(
+        {s.shown: nodes.places(resolver.numbers("node", k, s.card)) for k, s in scope.node_sets.items()},
+        {s.shown: elements.places(resolver.numbers("element", k, s.card)) for k, s in scope.element_sets.items()},
+        [],
+    )
+    for surface in scope.surfaces.values():
+        entries = [_entry(resolver, surface, which) for _, which in surface.entries]
+        if surface.of_nodes:
+            more = np.concatenate([_NONE, *(nodes.places(e) for e in entries)])
+            found.nodes[surface.shown] = np.append(found.nodes.get(surface.shown, _NONE), more)
+            continue
+        skin.begin()
+        found.surfaces.append(surface.shown)
+        for (face, _), which in zip(surface.entries, entries, strict=True):
+            skin.add(surface.card, face, np.sort(elements.places(which)))
+    if resolver.strays:
+        said.append(f"{resolver.strays} members of sets and surfaces are no nodes or cells of the mesh, and left out")
+    return found
+
+
+def _entry(resolver: Resolver, surface: Surface, which: Ints | str) -> Ints:
+    of = "node" if surface.of_nodes else "element"
+    if isinstance(which, str):
+        return resolver.numbers(of, which, surface.card)
+    return resolver.existing(of, which)
+
+
+def _with_skin(elements: _Listed, new: list[tuple[str, Ints]]) -> _All:
+    """The file's cells and the new ones on its surfaces, which follow in number and order."""
+    offsets = np.cumsum([0, *(len(b.nodes) for b in elements.blocks)])
+    blocks = {b.type: b.nodes for b in elements.blocks}
+    index = {b.type: np.arange(lo, hi) for b, (lo, hi) in zip(elements.blocks, pairwise(offsets), strict=True)}
+    n = int(offsets[-1])
+    for kind, rows in new:
+        index[kind] = np.append(index.get(kind, _NONE), n + np.arange(len(rows)))
+        blocks[kind] = np.concatenate([blocks[kind], rows]) if kind in blocks else rows
+        n += len(rows)
+    before = np.concatenate([_NONE, *index.values()])  # the index that each cell had before new ones came among them
+    more = np.arange(n - int(offsets[-1]))
+    number = np.append(elements.number, int(elements.number.max(initial=0)) + 1 + more)
+    place = np.append(elements.place, len(elements.place) + more)
+    return _All(list(blocks.items()), place[before], number[before], np.argsort(before))
+
+
+def _space_dim(scope: Scope, points: Floats) -> int:
+    """2 where all nodes lie in the plane, and there are elements of the plane, or none that need space."""
+    spaces = {e.element.space for e in scope.elements if e.element is not None}
+    return 3 if np.any(points[:, 2]) or (3 in spaces and 2 not in spaces) else 2

@@ -1,0 +1,177 @@
+"""An .inp file as cards: a keyword line with its parameters, and the data lines that follow it.
+
+Keyword lines begin with one asterisk, comments with two; a keyword line that ends with a comma goes on. *INCLUDE puts
+another file in its own place, data lines included, as does the parameter INPUT of a card.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import accumulate
+from pathlib import Path
+from typing import NamedTuple
+
+from lacmesh.errors import ReadError
+from lacmesh.formats.msh.scan import Source
+from lacmesh.formats.text_numbers import decoded
+
+#: Files inside files: how deep, and how many in all.
+_DEEPEST, _MOST_FILES = 16, 10_000
+#: Characters of a keyword line.
+_LONGEST = 4096
+_SOLID = re.compile(rb"\S")
+_PARAMETER = re.compile(r'\s*([^,="]+?)\s*(?:=\s*("[^"]*"|[^,]*?)\s*)?(?:,|$)')
+#: Cards of which the parameter INPUT names a file with their data lines.
+_WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET")
+
+
+class Span(NamedTuple):
+    """Data lines: bytes `begin` to `end` of a file."""
+
+    source: Source
+    begin: int
+    end: int
+
+
+@dataclass
+class Card:
+    """A keyword (`name`, in capitals without blanks; `shown`, as written), its parameters, its data lines."""
+
+    name: str
+    shown: str
+    parameters: dict[str, str]
+    source: Source
+    at: int
+    spans: list[Span] = field(default_factory=list)
+
+    def text(self) -> bytes:
+        """All data lines, each ended."""
+        parts = [bytes(s.source.data[s.begin : s.end]) for s in self.spans]
+        return b"".join(p if p.endswith(b"\n") else p + b"\n" for p in parts)
+
+    def error(self, message: str, place: int | None = None) -> ReadError:
+        """The error for what stands at a place of `text`, or at the keyword."""
+        if place is None or not self.spans:
+            return self.source.error(message, self.at)
+        sizes = [s.end - s.begin + (s.end == s.begin or s.source.data[s.end - 1 : s.end] != b"\n") for s in self.spans]
+        starts = [0, *accumulate(sizes)][:-1]
+        k = max(0, bisect_right(starts, place) - 1)
+        span = self.spans[k]
+        return span.source.error(message, min(span.begin + place - starts[k], max(span.begin, span.end - 1)))
+
+
+def label(text: str) -> tuple[str, str]:
+    """A name as it is shown, and as it is compared: blanks and case count between quotes only.
+
+    >>> label("Top Face"), label('"Top Face"')
+    (('TopFace', 'TOPFACE'), ('Top Face', '"Top Face"'))
+    """
+    text = text.strip()
+    if len(text) > 1 and text[0] == text[-1] == '"':
+        return text[1:-1], text
+    shown = "".join(text.split())
+    return shown, shown.upper()
+
+
+def cards(path: Path, said: list[str]) -> list[Card]:
+    """The cards of a file and of those that it includes, in order. Raises ReadError."""
+    found = _Walk(path)
+    found.walk(Source(path), ())
+    if not found.cards:
+        raise ReadError(path, "holds no keyword line (as *NODE)")
+    if found.stray:
+        said.append("the text before the first keyword line is left out")
+    return found.cards
+
+
+class _Walk:
+    """Goes through a file, and through others where it includes them."""
+
+    def __init__(self, path: Path) -> None:
+        self.home = path.parent
+        self.cards: list[Card] = []
+        self.n_files = 0
+        self.stray = False
+
+    def walk(self, source: Source, inside: tuple[Path, ...]) -> None:
+        """Add the cards of one file; `inside`: the files that include it."""
+        self.n_files += 1
+        if self.n_files > _MOST_FILES:
+            raise ReadError(source.path, f"includes more than {_MOST_FILES} files")
+        begin = 0
+        for at, end in _starred(source):
+            self._add_data(source, begin, at)
+            begin = end
+            if source.data[at + 1 : at + 2] == b"*":
+                continue
+            text, begin = _keyword_line(source, at, end)
+            card = _card(source, at, text)
+            if card.name == "INCLUDE":
+                self._include(card, source, at, inside)
+            else:
+                self.cards.append(card)
+                if card.name in _WITH_INPUT and "INPUT" in card.parameters:
+                    self._include(card, source, at, inside)
+        self._add_data(source, begin, source.size)
+
+    def _add_data(self, source: Source, begin: int, end: int) -> None:
+        if not _SOLID.search(source.data, begin, end):
+            return
+        if not self.cards:
+            self.stray = True
+            return
+        self.cards[-1].spans.append(Span(source, begin, end))
+
+    def _include(self, card: Card, source: Source, at: int, inside: tuple[Path, ...]) -> None:
+        name = card.parameters.get("INPUT", "").strip('"')
+        if not name:
+            raise source.error("*INCLUDE should name a file: *INCLUDE, INPUT=name", at)
+        path = next((p for p in (source.path.parent / name, self.home / name) if p.is_file()), None)
+        if path is None:
+            raise source.error(f"the file {name!r}, which is included here, is not there", at)
+        chain = (*inside, source.path.resolve())
+        if path.resolve() in chain or len(chain) >= _DEEPEST:
+            what = "includes itself" if path.resolve() in chain else f"is the {_DEEPEST}th file inside others"
+            raise source.error(f"the file {name!r}, which is included here, {what}", at)
+        self.walk(Source(path), chain)
+
+
+def _starred(source: Source) -> Iterator[tuple[int, int]]:
+    """Where lines that begin with an asterisk do so, and where they end."""
+    at = source.data.find(b"*")
+    end = 0  # of the line looked at last
+    while at >= 0:
+        line = source.data.rfind(b"\n", end, at) + 1 or end
+        end = source.data.find(b"\n", at) + 1 or source.size
+        if not source.data[line:at].strip():
+            yield at, end
+        at = source.data.find(b"*", end)
+
+
+def _keyword_line(source: Source, at: int, end: int) -> tuple[str, int]:
+    """The text of a keyword line, with the lines that it goes on over, and where the last of them ends."""
+    text = decoded(bytes(source.data[at:end])).strip()
+    while text.endswith(",") and end < source.size:
+        begin, end = end, source.data.find(b"\n", end) + 1 or source.size
+        more = decoded(bytes(source.data[begin:end])).strip()
+        if more.startswith("*") or not more:
+            return text, begin
+        text += more
+        if len(text) > _LONGEST:
+            break
+    if len(text) > _LONGEST:
+        raise source.error(f"this keyword line has more than {_LONGEST} characters", at)
+    return text, end
+
+
+def _card(source: Source, at: int, text: str) -> Card:
+    head, _, rest = text[1:].partition(",")
+    shown = " ".join(head.split()).upper()
+    parameters = {}
+    if rest.strip():
+        for found in _PARAMETER.finditer(rest):
+            parameters["".join(found[1].split()).upper()] = found[2] or ""
+    return Card(shown.replace(" ", ""), shown, parameters, source, at)

@@ -1,0 +1,172 @@
+"""Surfaces of an .inp file as skin cells: a face of an element becomes a cell, where none lies on it yet.
+
+A surface that names a shell's own side means the shell itself. Faces are known by their corners; two surfaces, or two
+elements, that name the same face get the same cell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from lacmesh.cells import CELLS
+from lacmesh.formats.inp.scan import Card
+from lacmesh.formats.inp.types import FACETS, LINE, PLANE, SHELL, SIDES, SOLID
+from lacmesh.mesh import Ints
+from lacmesh.skin import FACE_TYPES, N_NODES, Faces, find_owners, find_repeats, label_rows
+
+
+class Block(NamedTuple):
+    """All cells of one type: their nodes (k, n) as indices, and what each is (k,) (`inp.types`)."""
+
+    type: str
+    nodes: Ints
+    kind: Ints
+
+
+@dataclass
+class Cells:
+    """The cells of a file, blocks one after the other: a cell's index counts through them."""
+
+    blocks: list[Block]
+    n_nodes: int
+
+    def __post_init__(self) -> None:
+        self.offsets = np.cumsum([0, *(len(b.nodes) for b in self.blocks)])
+
+    def parts(self, which: Ints | None = None) -> list[tuple[Block, Ints]]:
+        """Blocks and the indices of their cells, or of those among `which` (sorted)."""
+        spans = zip(self.blocks, self.offsets[:-1].tolist(), self.offsets[1:].tolist(), strict=True)
+        if which is None:
+            return [(b, np.arange(lo, hi)) for b, lo, hi in spans]
+        return [(b, which[np.searchsorted(which, lo) : np.searchsorted(which, hi)]) for b, lo, hi in spans]
+
+
+class _Side(NamedTuple):
+    """Facets of cells of one block: their type and nodes."""
+
+    type: str
+    nodes: Ints
+
+
+@dataclass
+class Skin:
+    """Surfaces as they are found: existing cells, and faces, of each surface; `unknown`: labels that mean nothing."""
+
+    cells: Cells
+    existing: list[Ints] = field(default_factory=list)
+    faces: list[tuple[int, _Side]] = field(default_factory=list)
+    n_surfaces: int = 0
+    unknown: dict[str, None] = field(default_factory=dict)
+
+    def begin(self) -> None:
+        """Begin the next surface."""
+        self.n_surfaces += 1
+        self.existing.append(np.empty(0, np.int64))
+
+    def add(self, card: Card, label: str, which: Ints) -> None:
+        """Add to the surface begun last the face `label` of the cells `which` (sorted indices). Raises ReadError."""
+        if not label:
+            self._add_free(which)
+            return
+        for block, found in self.cells.parts(which):
+            here = found - self.cells.offsets[self.cells.blocks.index(block)] if len(found) else found
+            for kind in np.unique(block.kind[here]).tolist():
+                self._add_side(
+                    card, label, block, kind, found[block.kind[here] == kind], here[block.kind[here] == kind]
+                )
+
+    def _add_side(self, card: Card, label: str, block: Block, kind: int, which: Ints, rows: Ints) -> None:
+        """One face of cells of one block that are all of one kind."""
+        if kind == SHELL and label in SIDES:
+            self.existing[-1] = np.append(self.existing[-1], which)
+            return
+        facet = _facet(block.type, kind, label)
+        if facet is None:
+            if label[:1] in "SE" and label[1:].isdigit() and kind in (SOLID, PLANE):
+                raise card.error(f"a surface names the face {label} of a {block.type}, which has none")
+            self.unknown[f"{label} of {block.type}"] = None
+            return
+        side = CELLS[block.type].facets[facet]
+        self.faces.append((self.n_surfaces - 1, _Side(side.type, block.nodes[rows][:, side.nodes])))
+
+    def _add_free(self, which: Ints) -> None:
+        """All faces of some cells that no other cell shares; shells themselves."""
+        parts = []
+        for block, found in self.cells.parts(which):
+            here = found - self.cells.offsets[self.cells.blocks.index(block)] if len(found) else found
+            shells = block.kind[here] == SHELL
+            self.existing[-1] = np.append(self.existing[-1], found[shells])
+            solid = np.isin(block.kind[here], (SOLID, PLANE))
+            parts += [
+                _Side(f.type, block.nodes[here[solid]][:, f.nodes]) for f in CELLS[block.type].facets if solid.any()
+            ]
+        faces = Faces.join(parts)
+        first = first_of_each(faces)[0]
+        owners = find_owners(faces.take(first), self._volumes(), self.cells.n_nodes)
+        free = np.bincount(owners.face, minlength=len(first)) == 1
+        for code in np.unique(faces.type[first[free]]).tolist():
+            chosen = first[free & (faces.type[first] == code)]
+            self.faces.append((self.n_surfaces - 1, _Side(FACE_TYPES[code], faces.nodes[chosen][:, : N_NODES[code]])))
+
+    def _volumes(self) -> list[tuple[str, Ints, Ints]]:
+        """Solid and plane cells: (type, nodes, indices)."""
+        found = []
+        for block, which in self.cells.parts():
+            solid = (block.kind == SOLID) | (block.kind == PLANE)
+            found.append((block.type, block.nodes[solid], which[solid]))
+        return found
+
+    def finish(self, members: list[Ints]) -> tuple[list[tuple[str, Ints]], list[Ints]]:
+        """New cells, (type, nodes) one a type, and for each surface its cells: an index, those of new cells following.
+
+        New cells are counted through their types in this order. `members`: for each surface the cells of the set of
+        elements of its name: where one of them lies on a face, no other is added for it.
+        """
+        faces = Faces.join([side for _, side in self.faces])
+        of_surface = np.repeat([s for s, _ in self.faces] or [0], [len(side.nodes) for _, side in self.faces] or [0])
+        first, label = first_of_each(faces)
+        distinct = faces.take(first)
+        repeats = find_repeats(distinct, [(b.type, b.nodes, w) for b, w in self.cells.parts()], self.cells.n_nodes)
+        cell = np.full(len(first), -1)
+        cell[repeats.face[::-1]] = repeats.cell[::-1]  # the first cell on a face
+        new: list[tuple[str, Ints]] = []
+        n = int(self.cells.offsets[-1])
+        for code in dict.fromkeys(distinct.type[cell < 0].tolist()):
+            rows = np.flatnonzero((cell < 0) & (distinct.type == code))
+            new.append((FACE_TYPES[code], distinct.nodes[rows][:, : N_NODES[code]]))
+            cell[rows] = n + np.arange(len(rows))
+            n += len(rows)
+        found = []
+        for s, old in enumerate(self.existing):
+            mine = label[of_surface == s]
+            there = repeats.face[np.isin(repeats.cell, members[s])]
+            found.append(np.append(old, cell[mine[~np.isin(mine, there)]]))
+        return new, found
+
+
+def first_of_each(faces: Faces) -> tuple[Ints, Ints]:
+    """Of faces with the same corners the first, in order, and for each face which of these it is."""
+    labels, n = label_rows(np.sort(faces.corners, axis=1))
+    first = np.full(n, len(labels))
+    np.minimum.at(first, labels, np.arange(len(labels)))
+    order = np.argsort(first)
+    rank = np.empty(n, np.int64)
+    rank[order] = np.arange(n)
+    return first[order], rank[labels]
+
+
+def _facet(cell: str, kind: int, label: str) -> int | None:
+    """Which facet of a cell a label means, or None."""
+    family = CELLS[cell].family
+    number = int(label[1:]) if label[1:].isdigit() and len(label) < 4 else 0
+    if kind in (SOLID, PLANE) and label[0] == "S" and 1 <= number <= len(FACETS[family]):
+        return FACETS[family][number - 1]
+    if kind == SHELL:  # Abaqus counts a shell's edges from E1, CalculiX from S3
+        edge = number if label[0] == "E" else number - 2 if label[0] == "S" else 0
+        return FACETS[family][edge - 1] if 1 <= edge <= len(FACETS[family]) else None
+    if kind == LINE and label in ("END1", "END2"):
+        return int(label == "END2")
+    return None

@@ -1,0 +1,291 @@
+"""Fields of a MED file: values on nodes and cells, one array a step.
+
+A field is a group under CHA, with a group for each step, in it one for each support (NOE, MAI.TE4 ...), in that one for
+each profile (the numbers, from 1, of the nodes or cells that have a value), and the values, component by component.
+MED 2.3 puts the support above the step, and the mesh's name in place of the profile's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator, Mapping, Sequence
+from functools import reduce
+from itertools import chain, count
+from operator import or_
+from typing import Any, NamedTuple
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import WriteError
+from lacmesh.formats.med.hdf5 import (
+    Branch,
+    Name,
+    add_array,
+    add_group,
+    compact,
+    encoded,
+    set_attributes,
+    set_mask,
+    text,
+)
+from lacmesh.formats.med.types import MedType
+from lacmesh.mesh import Ints, Mesh, Step
+
+NO_PROFILE = "MED_NO_PROFILE_INTERNAL"
+#: MED's numbers of the kinds of values, and the bits of cells and nodes in the mask LEN.
+_KINDS = {"float64": 6, "int32": 24, "int64": 26}
+_CELLS, _NODES = 1, 8
+#: A support to write on: its name, the bit of its type, the indices in the mesh of its nodes or cells.
+_Support = tuple[str, int, Ints]
+#: Bytes of the name of a field, of a mesh; of a component.
+_NAME_SIZE, _SHORT = 64, 16
+
+
+class _Leaf(NamedTuple):
+    """Values of one field at one step on one support."""
+
+    number: int
+    order: int
+    time: float
+    support: str
+    profile: Name
+    branch: Branch
+
+
+class Data(NamedTuple):
+    """What a file says in fields: `Mesh.cell_data`, `node_data` and `steps`."""
+
+    cell_data: dict[str, NDArray]
+    node_data: dict[str, NDArray]
+    steps: dict[str, Step]
+
+
+def read(root: Branch, mesh: Name, supports: Mapping[str, Ints], sizes: Mapping[str, int], said: list[str]) -> Data:
+    """The fields on nodes and cells of the mesh.
+
+    `supports`: support -> indices in the mesh of its nodes or cells; `sizes`: numbers of nodes (NOE) and cells (MAI).
+    What lies elsewhere (nodes of each cell, Gauss points) is named in `said`. Raises ReadError.
+    """
+    data = Data({}, {}, {})
+    left = []
+    for name, field in root.branch("CHA").branches() if root.has("CHA") else ():
+        arrays, whole = _field(root, field, mesh, supports, sizes)
+        if not whole:
+            left.append(text(name))
+        times = sorted({step for _, step in arrays}, key=lambda s: (s.number, s.order))
+        for (where, step), values in arrays.items():
+            key = text(name) if len(times) == 1 else f"{text(name)}@{times.index(step)}"
+            (data.node_data if where == "NOE" else data.cell_data)[key] = values
+            if len(times) > 1 or step != Step("", -1, -1, 0.0):
+                data.steps[key] = Step(text(name), step.number, step.order, step.time)
+    if left:
+        said.append(
+            "values at Gauss points, at the nodes of each cell or on cells that are not there are left out, "
+            f"of {', '.join(left[:8])}" + (f" and {len(left) - 8} more" if len(left) > 8 else "")
+        )
+    return data
+
+
+def _field(
+    root: Branch, field: Branch, mesh: Name, supports: Mapping[str, Ints], sizes: Mapping[str, int]
+) -> tuple[dict[tuple[str, Step], NDArray], bool]:
+    """(NOE or MAI, step) -> values of a field on all nodes or cells; and whether that is all there is."""
+    width = field.integer("NCO")
+    pieces: dict[tuple[str, Step], list[tuple[Ints, NDArray]]] = {}
+    whole = at_cells = True
+    for leaf in _leaves(field, mesh):
+        if leaf.support not in supports or leaf.branch.integer("NGA", 1) != 1:
+            whole = False
+            at_cells = at_cells and leaf.support not in supports
+            continue
+        rows = supports[leaf.support]
+        if text(leaf.profile) not in ("", NO_PROFILE):
+            rows = rows[_profile(root, leaf.profile, len(rows))]
+        if width < 1:
+            raise field.error(f"has {width} components")
+        values = leaf.branch.numbers("CO", len(rows) * width).reshape(width, -1).T
+        where = "NOE" if leaf.support == "NOE" else "MAI"
+        pieces.setdefault((where, Step("", leaf.number, leaf.order, leaf.time)), []).append((rows, values))
+    return {
+        (where, step): _assembled(field, part, sizes[where], width)
+        for (where, step), part in pieces.items()
+        if where == "NOE" or at_cells
+    }, whole
+
+
+def _leaves(field: Branch, mesh: Name) -> Iterator[_Leaf]:
+    for outer, child in field.branches():
+        if child.has_attribute("NDT"):
+            if field.string("MAI") != text(mesh):
+                return
+            when = child.integer("NDT"), child.integer("NOR", -1), child.real("PDT", 0.0)
+            for support, inside in child.branches():
+                for profile, branch in inside.branches():
+                    yield _Leaf(*when, text(support), profile, branch)
+        else:
+            for _, step in child.branches():
+                when = step.integer("NDT"), step.integer("NOR", -1), step.real("PDT", 0.0)
+                if step.has(mesh):
+                    branch = step.branch(mesh)
+                    yield _Leaf(*when, text(outer), branch.string("PFL"), branch)
+
+
+def _profile(root: Branch, name: Name, size: int) -> Ints:
+    """Places, from 0, of the rows that have a value."""
+    homes = root.branch("PROFILS")
+    if not homes.has(name):  # MED 2.3 may fill up the link, or the name of it, with blanks
+        name = next((n for n in homes.names() if text(n) == text(name)), name)
+    home = homes.branch(name)
+    places = home.integers("PFL").astype(np.int64) - 1
+    if len(places) and (places.min() < 0 or places.max() >= size):
+        raise home.error(f"holds a number outside 1..{size}", "PFL")
+    return places
+
+
+def _assembled(field: Branch, parts: list[tuple[Ints, NDArray]], size: int, width: int) -> NDArray:
+    """(size,) or (size, width): NaN, or -1 in integers, where no part has a value."""
+    kinds = [values.dtype for _, values in parts]
+    whole = all(k.kind in "iu" for k in kinds)
+    kind = np.dtype(float) if not whole else np.dtype(np.int32 if max(k.itemsize for k in kinds) <= 4 else np.int64)
+    field.check_room(size * width * kind.itemsize)
+    array = np.full((size, width), -1 if whole else np.nan, kind)
+    for rows, values in parts:
+        array[rows] = values
+    return array[:, 0] if width == 1 else array
+
+
+class _Part(NamedTuple):
+    """One array to write: on nodes or cells, (n, width)."""
+
+    nodes: bool
+    step: Step
+    values: NDArray
+
+
+def write(root: h5py.Group, mesh: Mesh, name: str, cells: Sequence[tuple[MedType, Ints]], said: list[str]) -> None:
+    """Write all data of a mesh that is called `name` in the file.
+
+    `cells`: the types in the file, with the indices of their cells in the order of the file. Rows without a value (NaN,
+    or -1 in integers) are left out through a profile. Raises WriteError for a name that MED cannot hold.
+    """
+    fields = _fields(root.file.filename, mesh, said)
+    if not fields:
+        return
+    supports: dict[bool, list[tuple[str, int, Ints]]] = {
+        True: [("NOE", 1, np.arange(mesh.n_nodes))],
+        False: [(f"MAI.{kind.name}", 1 << kind.bit, rows) for kind, rows in cells],
+    }
+    home = add_group(root, "CHA")
+    profiles: dict[bytes, str] = {}
+    for title, parts in fields.items():
+        _write_field(home, title, name, parts, supports, profiles)
+    home = add_group(root, "PROFILS") if profiles else home
+    for content, profile in profiles.items():
+        numbers = np.frombuffer(content, np.int64)
+        add_array(add_group(home, profile, NBR=len(numbers)), "PFL", compact(numbers))
+
+
+def _fields(path: str, mesh: Mesh, said: list[str]) -> dict[str, list[_Part]]:
+    """Name in the file -> arrays; one field for the arrays that share name, width and kind of number."""
+    alike: dict[tuple[str, str, int], list[_Part]] = {}
+    for nodes, data in ((False, mesh.cell_data), (True, mesh.node_data)):
+        for key, given in data.items():
+            values = _storable(given)
+            if values is None:
+                said.append(f"data {key!r} ({np.asarray(given).dtype}, {np.shape(given)}) are left out")
+                continue
+            if np.ndim(given) > 2:
+                said.append(f"data {key!r} of shape {np.shape(given)} are written with {values.shape[1]} components")
+            step = mesh.steps.get(key, Step(key))
+            parts = alike.setdefault((step.field, values.dtype.kind, values.shape[1]), [])
+            if any(p.nodes == nodes and (p.step.number, p.step.order) == (step.number, step.order) for p in parts):
+                said.append(f"data {key!r} are left out, other data stand at the same step of field {step.field!r}")
+            else:
+                parts.append(_Part(nodes, step, values))
+    fields: dict[str, list[_Part]] = {}
+    for (field, _, _), parts in alike.items():
+        fields[title(path, field, "field", said, fields)] = parts
+    return fields
+
+
+def _storable(given: NDArray) -> NDArray | None:
+    """(n, width) of float64, int32 or int64; None for what no field can hold."""
+    values = np.asarray(given)
+    if values.dtype.kind not in "fiub" or not values.size or (values.dtype == np.uint64 and values.max() >= 2**63):
+        return None
+    values = values.reshape(len(values), -1)
+    return values.astype(float, copy=False) if values.dtype.kind == "f" else compact(values.astype(np.int64))
+
+
+def title(path: Any, name: str, what: str, said: list[str], taken: Container[str] = ()) -> str:
+    """A name that an HDF5 link and libmed can hold, and that is not taken. Raises WriteError where it is too long."""
+    link = name.replace("/", "_").replace("\0", "_").rstrip(" ")
+    link = link if link.strip(".") else f"{link}_"
+    link = next(t for t in chain([link], (f"{link}_{k}" for k in count(2))) if t not in taken)
+    if len(encoded(link)) > _NAME_SIZE:
+        raise WriteError(path, f"MED names are of {_NAME_SIZE} bytes at most; shorten the name of {what} {name!r}")
+    if link != name:
+        said.append(f"{what} {name!r} is written as {link!r}")
+    return link
+
+
+def _write_field(
+    home: h5py.Group,
+    name: str,
+    mesh: str,
+    parts: list[_Part],
+    supports: Mapping[bool, list[_Support]],
+    profiles: dict[bytes, str],
+) -> None:
+    width = parts[0].values.shape[1]
+    kind = np.result_type(*(part.values for part in parts))
+    blank = " " * (_SHORT * width)
+    field = add_group(home, name, MAI=mesh, NCO=width, TYP=_KINDS[kind.name], NOM=blank, UNI=blank, UNT="")
+    used = []
+    for number, order in sorted({(p.step.number, p.step.order) for p in parts}):
+        if max(number, order) >= 2**31 or min(number, order) < -(2**31):
+            raise WriteError(
+                home.file.filename, f"the field {name!r} has step {number}, {order}: MED has 32 bits for them"
+            )
+        here = [p for p in parts if (p.step.number, p.step.order) == (number, order)]
+        link = f"{number:020d}{order:020d}"
+        step = add_group(field, link, NDT=number, NOR=order, PDT=float(here[0].step.time), RDT=-1, ROR=-1)
+        used.append({p.nodes: _write_part(step, p, kind, supports[p.nodes], profiles) for p in here})
+        _set_masks(step, used[-1])
+    types = {nodes: reduce(or_, (u.get(nodes, 0) for u in used)) for u in used for nodes in u}
+    _set_masks(field, types)
+    set_attributes(field, LAA=sum(u.keys() == types.keys() for u in used))
+    for nodes, mask in types.items():
+        set_attributes(field, **{"LNA" if nodes else "LCA": sum(u.get(nodes) == mask for u in used)})
+
+
+def _set_masks(holder: h5py.Group, used: Mapping[bool, int]) -> None:
+    """What libmed 4.1 asks first of a field or step: which entities (LEN), and of which types (LGC, LGN).
+
+    A field also has how many of its steps have all of that (LAA, LCA, LNA; seen in files that medcoupling writes).
+    """
+    set_mask(holder, "LEN", sum(_NODES if nodes else _CELLS for nodes in used))
+    for nodes, types in used.items():
+        set_mask(holder, "LGN" if nodes else "LGC", types)
+
+
+def _write_part(
+    step: h5py.Group, part: _Part, kind: np.dtype, supports: list[_Support], profiles: dict[bytes, str]
+) -> int:
+    """Write the values that are there, or all where none is; the mask of the types that have any."""
+    values = part.values
+    present = ~(np.isnan(values) if kind.kind == "f" else values == -1).all(axis=1)
+    if not present.any():
+        present[:] = True
+    mask = 0
+    for support, bit, rows in supports:
+        places = np.flatnonzero(present[rows])
+        if len(places):
+            profile = NO_PROFILE
+            if len(places) < len(rows):
+                profile = profiles.setdefault((places + 1).tobytes(), f"PROFILE_{len(profiles) + 1}")
+            leaf = add_group(add_group(step, support, GAU="", PFL=profile), profile, GAU="", NBR=len(places), NGA=1)
+            add_array(leaf, "CO", values[rows[places]].T.astype(kind).reshape(-1))
+            mask |= bit
+    return mask

@@ -1,0 +1,267 @@
+"""$NodeData and $ElementData: fields, each step a section of its own; between them and the arrays of a mesh.
+
+A header of text (name; time; step, components, rows, partition) is followed by rows: a number and its values, in binary
+an int of 4 bytes and doubles. Nodes or cells without a row have no value: NaN, or -1 in integers.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import WriteError
+from lacmesh.formats.msh.names import quoted, safe_names
+from lacmesh.formats.msh.notes import FieldNote
+from lacmesh.formats.msh.numbers import Index
+from lacmesh.formats.msh.output import Output
+from lacmesh.formats.msh.scan import Source, TextNumbers
+from lacmesh.mesh import Floats, Ints, Step
+
+#: section -> what its rows are on
+SECTIONS = {"NodeData": "node", "ElementData": "cell"}
+#: Keys of a mesh's data that are no fields.
+RESERVED = ("entity",)
+#: Components that gmsh knows.
+_WIDTHS = (1, 3, 9)
+#: Numbers of steps up to here are written as they are.
+_MANY_STEPS = 10_000
+
+
+class Head(NamedTuple):
+    """One array of values in a file: on "node" or "cell", the field's name, step and time there."""
+
+    on: str
+    name: str
+    step: int
+    time: float
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A section as it stands in the file: `number` (m,), `values` (m, components)."""
+
+    head: Head
+    partition: int
+    number: Ints
+    values: Floats
+
+
+def read_rows(source: Source, section: str) -> Rows:
+    """The section that starts here. Raises ReadError."""
+    strings = [source.line() for _ in range(source.count(section))]
+    reals = [source.line() for _ in range(source.count(section))]
+    at = source.position
+    integers = [source.line().strip() for _ in range(source.count(section))]
+    if not strings or len(integers) < 3 or not all(re.fullmatch(rb"-?\d{1,18}", i) for i in integers):
+        raise source.error(f"a ${section} needs a name and the integers step, components, rows", at)
+    step, width, n, *rest = (int(i) for i in integers)
+    try:
+        time = float(reals[0]) if reals else 0.0
+        if time != time:
+            raise ValueError("not a number")
+    except ValueError:
+        raise source.error(f"{quoted(reals[0][:40])!r} should be a time", at) from None
+    if not 1 <= width <= source.size or n < 0:
+        raise source.error(f"a ${section} cannot have {width} components and {n} rows", at)
+    head = Head(SECTIONS[section], quoted(strings[0]), step, time)
+    return Rows(head, rest[0] if rest else 0, *_payload(source, section, n, width))
+
+
+def _payload(source: Source, section: str, n: int, width: int) -> tuple[Ints, Floats]:
+    if not source.binary:
+        text = TextNumbers(source, section, True)
+        table = text.reals(n * (width + 1)).reshape(n, width + 1)
+        text.done()
+        with np.errstate(invalid="ignore"):
+            return table[:, 0].astype(np.int64), table[:, 1:]
+    # as bytes: a record of very many components is more than numpy's types allow
+    raw = source.take("u1", n * (4 + 8 * width)).reshape(n, 4 + 8 * width)
+    source.end(section)
+    number = np.ascontiguousarray(raw[:, :4]).view(source.order + "i4").ravel()
+    return number.astype(np.int64), np.ascontiguousarray(raw[:, 4:]).view(source.order + "f8").astype(np.float64)
+
+
+def keys(heads: Sequence[Head]) -> list[tuple[str, Step | None]]:
+    """The key of each array in a mesh, and its entry in `Mesh.steps` where it needs one.
+
+    A field of one step has its name for a key, others `name@0`, `name@1` ... by step and time.
+
+    >>> keys([Head("node", "U", 0, 0.0), Head("node", "T", 0, 0.0), Head("node", "T", 1, 0.5)])[:2]
+    [('U', None), ('T@0', Step(field='T', number=0, order=-1, time=0.0))]
+    """
+    times: dict[str, set[tuple[int, float]]] = {}
+    for head in heads:
+        times.setdefault(head.name, set()).add((head.step, head.time))
+    place = {name: {when: k for k, when in enumerate(sorted(found))} for name, found in times.items()}
+    used: dict[tuple[str, str], None] = {(on, key): None for on in SECTIONS.values() for key in RESERVED}
+    said: dict[str, Step | None] = {}
+    result: list[tuple[str, Step | None]] = []
+    for on, name, number, time in heads:
+        many = len(place[name]) > 1
+        step = Step(name, number, -1, time) if many or number or time else None
+        key, k = (f"{name}@{place[name][number, time]}" if many else name), len(place[name])
+        while (on, key) in used or said.setdefault(key, step) != step:
+            key, k, step = f"{name}@{k}", k + 1, Step(name, number, -1, time)
+        used[on, key] = None
+        result.append((key, step))
+    return result
+
+
+class Fields(NamedTuple):
+    """What the fields of a file are in a mesh; `stray` counts the rows that belong to nothing in it."""
+
+    cell_data: dict[str, NDArray]
+    node_data: dict[str, NDArray]
+    steps: dict[str, Step]
+    stray: int
+
+
+def to_mesh(
+    source: Source,
+    rows: Sequence[Rows],
+    index: Mapping[str, Index],
+    notes: Mapping[tuple[str, str, int], FieldNote],
+) -> Fields:
+    """The arrays that sections make; `index`: from numbers of nodes ("node") and cells ("cell") to their indices."""
+    fields = Fields({}, {}, {}, 0)
+    arrays = _joined(rows)
+    budget = 64 * source.size + 2**28
+    stray = 0
+    for (head, parts), (key, step) in zip(arrays, keys([head for head, _ in arrays]), strict=True):
+        note = notes.get((head.on, head.name, head.step))
+        width = parts[0].values.shape[1]
+        budget -= 8 * index[head.on].n * width
+        if budget < 0:
+            raise source.error(f"the field {head.name!r} would take far more memory than the file has values")
+        values = np.full((index[head.on].n, width), np.nan)
+        for part in parts:
+            place = index[head.on].places(part.number)
+            stray += int((place < 0).sum())
+            values[place[place >= 0]] = part.values[place >= 0]
+        if note is not None:
+            key = note.key if note.key not in RESERVED else key
+            step = Step(note.name, note.number, note.order, head.time)
+            step = None if step == Step(key, 0, -1, 0.0) else step
+        data = fields.node_data if head.on == "node" else fields.cell_data
+        data[key] = _shaped(source, key, head, values, note)
+        if step is not None:
+            fields.steps[key] = step
+    return fields._replace(stray=stray)
+
+
+def _joined(rows: Sequence[Rows]) -> list[tuple[Head, list[Rows]]]:
+    """The sections that make one array together: the same step, on different partitions."""
+    joined: dict[tuple[Head, int, int], list[Rows]] = {}
+    seen: dict[tuple[Head, int, int], int] = {}
+    for r in rows:
+        width = r.values.shape[1]
+        again = seen.get((r.head, width, r.partition), 0)
+        seen[r.head, width, r.partition] = again + 1
+        joined.setdefault((r.head, width, again), []).append(r)
+    return [(head, parts) for (head, _, _), parts in joined.items()]
+
+
+def _shaped(source: Source, key: str, head: Head, values: Floats, note: FieldNote | None) -> NDArray:
+    """Values in the shape and type of the mesh's array."""
+    shape = (1,) if note is None or note.shape is None else note.shape
+    if note is None or note.shape is None:
+        shape = () if values.shape[1] == 1 else (values.shape[1],)
+    width = int(np.prod(shape, dtype=object)) if all(n >= 0 for n in shape) else -1
+    if not 0 <= width <= values.shape[1]:
+        raise source.error(f"the field {head.name!r} has {values.shape[1]} components, and our notes say {shape}")
+    values = values[:, :width].reshape(len(values), *shape)
+    ours = key.startswith("lac_")
+    if not ours and (note is None or not note.integer):
+        return values
+    whole = np.where(np.isnan(values), -1.0, values)
+    limit = 2.0**31 if ours or key == "partition" else 2.0**63
+    if not ((whole == np.rint(whole)) & (np.abs(whole) < limit)).all():
+        raise source.error(f"the field {head.name!r} should have integers only")
+    return whole.astype(np.int32 if limit < 2.0**32 else np.int64)
+
+
+def to_file(
+    out: Output,
+    path: Path,
+    on: str,
+    number: Ints,
+    data: Mapping[str, NDArray],
+    steps: Mapping[str, Step],
+    notes: dict[tuple[str, str, int], FieldNote],
+) -> None:
+    """Write all arrays on nodes or cells; what the sections cannot say is added to `notes`. Raises WriteError."""
+    section = next(s for s, what in SECTIONS.items() if what == on)
+    for _, head, there, values in to_rows(path, on, data, steps, notes):
+        width = values.shape[1]
+        out.text(f'${section}\n1\n"{head.name}"\n1\n{head.time!r}\n3\n{head.step}\n{width}\n{len(there)}\n')
+        out.numbered_rows(number[there], values)
+        out.end(section)
+
+
+def to_rows(
+    path: Path,
+    on: str,
+    data: Mapping[str, NDArray],
+    steps: Mapping[str, Step],
+    notes: dict[tuple[str, str, int], FieldNote],
+) -> Iterator[tuple[str, Head, Ints, Floats]]:
+    """Each array on nodes or cells as (its key, its header, (m,) the indices that have values, (m, width) these).
+
+    What headers cannot say is added to `notes`. Raises WriteError, for `path`.
+    """
+    meant = {key: steps.get(key, Step(key, 0, -1, 0.0)) for key in data}
+    heads = _heads(on, meant)
+    for (key, array), head, (default, step) in zip(data.items(), heads, keys(heads), strict=True):
+        there, values, integer = _as_reals(path, key, np.asarray(array))
+        width = next((w for w in _WIDTHS if w >= values.shape[1]), values.shape[1])
+        held = () if width == 1 else (width,)
+        truth = meant[key]
+        note = FieldNote(
+            key,
+            truth.field,
+            truth.number,
+            truth.order,
+            None if array.shape[1:] == held else array.shape[1:],
+            integer and not key.startswith("lac_"),
+        )
+        plain = step or Step(default, 0, -1, 0.0)
+        if note != FieldNote(default, plain.field, plain.number, -1, None, False):
+            notes[on, head.name, head.step] = note
+        yield key, head, there, np.pad(values, ((0, 0), (0, width - values.shape[1])))
+
+
+def _heads(on: str, meant: Mapping[str, Step]) -> list[Head]:
+    """How each array is called in the file; a step's number there is small, since gmsh makes room for all up to it."""
+    safe = safe_names(step.field for step in meant.values())
+    numbers: dict[str, list[int]] = {}
+    for step in meant.values():
+        numbers.setdefault(step.field, []).append(step.number)
+    heads = []
+    count: dict[str, int] = {}
+    for step in meant.values():
+        found = numbers[step.field]
+        plain = len(set(found)) == len(found) and min(found) >= 0 and max(found) < _MANY_STEPS
+        k = count[step.field] = count.get(step.field, -1) + 1
+        time = float(step.time)
+        heads.append(Head(on, safe[step.field], int(step.number) if plain else k, time if time == time else 0.0))
+    return heads
+
+
+def _as_reals(path: Path, key: str, array: NDArray) -> tuple[Ints, Floats, bool]:
+    """The rows that have values, these as doubles, and whether they are integers."""
+    if array.dtype.kind not in "iufb":
+        raise WriteError(path, f"the field {key!r} holds {array.dtype}, and msh holds numbers only")
+    integer = array.dtype.kind in "iub"
+    rows = array.reshape(len(array), -1) if array.size else np.empty((len(array), int(np.prod(array.shape[1:]))))
+    held = (rows != -1) if integer else ~np.isnan(rows)
+    there = np.flatnonzero(held[:, 0] if held.shape[1] == 1 else held.any(axis=1))
+    values = rows[there].astype(np.float64)
+    if integer and (np.abs(values) > 2.0**53).any():
+        raise WriteError(path, f"the field {key!r} has integers above 2^53, which msh's numbers cannot hold")
+    return there, values, integer

@@ -1,0 +1,89 @@
+"""Numbers and text into a msh file, in ASCII or binary, so that each section's layout is written down once."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Iterator
+from itertools import chain
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.formats.msh.numbers import CHUNK
+from lacmesh.mesh import Floats, Ints
+
+
+class Output:
+    """A msh file that is being written; floats in ASCII are the shortest that read back the same."""
+
+    def __init__(self, file: BinaryIO, binary: bool) -> None:
+        self.file = file
+        self.binary = binary
+
+    def text(self, text: str) -> None:
+        """Text as it stands, in both kinds of file."""
+        self.file.write(text.encode())
+
+    def array(self, array: NDArray) -> None:
+        """The bytes of an array, as they stand; for binary files."""
+        self.file.write(np.ascontiguousarray(array).data)
+
+    def end(self, name: str) -> None:
+        """The line that ends a section."""
+        self.text(f"\n$End{name}\n" if self.binary else f"$End{name}\n")
+
+    def record(self, layout: str, *values: float) -> None:
+        """A few numbers: a line, or, in binary, bytes in the `layout` of the module struct."""
+        if self.binary:
+            self.file.write(struct.pack("<" + layout, *values))
+        else:
+            self.text(" ".join(map(str, values)) + "\n")
+
+    def int_rows(self, rows: Ints) -> None:
+        """Rows of integers (n, m), in binary of 8 bytes."""
+        if self.binary:
+            self.array(rows.astype("<i8", copy=False))
+        else:
+            self._lines("%d", [rows[:, j] for j in range(rows.shape[1])])
+
+    def real_rows(self, rows: Floats) -> None:
+        """Rows of doubles (n, m)."""
+        if self.binary:
+            self.array(rows.astype("<f8", copy=False))
+        else:
+            self._lines("%r", [rows[:, j] for j in range(rows.shape[1])])
+
+    def numbered_rows(self, number: Ints, values: Floats) -> None:
+        """Rows of a number, in binary of 4 bytes, and doubles (n, m)."""
+        if not self.binary:
+            self._lines("%r", [number, *(values[:, j] for j in range(values.shape[1]))])
+            return
+        record = np.dtype([("number", "<i4"), ("values", "<f8", (values.shape[1],))])
+        for a in range(0, len(number), CHUNK):
+            rows = np.empty(len(number[a : a + CHUNK]), record)
+            rows["number"], rows["values"] = number[a : a + CHUNK], values[a : a + CHUNK]
+            self.array(rows)
+
+    def _lines(self, form: str, columns: list[Ints | Floats]) -> None:
+        line = " ".join([form] * len(columns)) + "\n"
+        for a in range(0, len(columns[0]), CHUNK):
+            part = [c[a : a + CHUNK].tolist() for c in columns]
+            self.text(line * len(part[0]) % tuple(chain.from_iterable(zip(*part, strict=True))))
+
+
+def ragged_lines(lengths: Iterable[int], values: Iterable[int]) -> str:
+    """Lines of integers, of the given lengths, one after the other.
+
+    >>> ragged_lines([2, 1], [7, 8, 9])
+    '7 8\\n9\\n'
+    """
+    lengths = list(lengths)
+    form = {n: " ".join(["%d"] * n) + "\n" for n in set(lengths)}
+    return "".join([form[n] for n in lengths]) % tuple(values)
+
+
+def pieces(n: int, size: int = CHUNK) -> Iterator[slice]:
+    """Slices of at most `size`, from 0 to n."""
+    for a in range(0, n, size):
+        yield slice(a, min(a + size, n))

@@ -1,0 +1,120 @@
+"""Reading msh: which version it is, then section by section."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from pathlib import Path
+
+from lacmesh.errors import LacmeshWarning
+from lacmesh.formats.msh import content as msh_content
+from lacmesh.formats.msh import fields as msh_fields
+from lacmesh.formats.msh import names as msh_names
+from lacmesh.formats.msh import notes as msh_notes
+from lacmesh.formats.msh import reader2 as msh_read2
+from lacmesh.formats.msh import reader4 as msh_read4
+from lacmesh.formats.msh.scan import Source
+from lacmesh.mesh import Mesh
+
+#: Versions that we read -> the layout they have.
+LAYOUTS = {"2": "2.2", "2.0": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}
+#: Sections that a mesh has no place for.
+_DROPPED = ("GhostElements", "ElementNodeData", "InterpolationScheme", "Parametrizations")
+_SAVE_AS = "open it in gmsh and save it as msh 4.1"
+
+
+def read(path: Path) -> Mesh:
+    """The mesh in a msh file of version 2.0, 2.1, 2.2 or 4.1, ASCII or binary. Raises ReadError.
+
+    Warns of what the mesh has no place for, of sections that are unknown, and of whatever looks wrong.
+    """
+    source = Source(path)
+    read_format(source)
+    dropped: dict[str, None] = {}
+    reader = msh_read4.Reader(source, dropped) if source.version == "4.1" else msh_read2.Reader(source)
+    unknown, seen = _sections(source, reader, dropped)
+    if "Nodes" not in seen:
+        raise source.error("the file has no section $Nodes", source.size)
+    content = reader.finish()
+    for about, names in (("what a mesh has no place for is left out", dropped), ("unknown sections", unknown)):
+        if names:
+            warnings.warn(LacmeshWarning(f"{path.name}: {about}: {', '.join(names)}"), stacklevel=3)
+    if "Elements" not in seen:
+        warnings.warn(LacmeshWarning(f"{path.name}: the file has no section $Elements, so no cells"), stacklevel=3)
+    return msh_content.to_mesh(content)
+
+
+def read_format(source: Source) -> None:
+    """Pass $MeshFormat (and comments before it); the source then knows its version and byte order. Raises ReadError."""
+    name = source.section()
+    while name == "Comments":
+        source.body(name)
+        name = source.section()
+    if name in ("NOD", "NOE"):
+        raise source.error(f"this is msh version 1; {_SAVE_AS}")
+    if name != "MeshFormat":
+        raise source.error("a msh file should begin with $MeshFormat", source.section_start)
+    _read_version(source)
+
+
+def _read_version(source: Source) -> None:
+    at = source.position
+    found = re.fullmatch(rb"\s*(\d+(?:\.\d+)?)\s+([01])\s+(\d{1,4})\s*", source.line())
+    if found is None:
+        raise source.error("$MeshFormat should hold a version, 0 or 1, and a size", at)
+    version = found[1].decode()
+    if version not in LAYOUTS:
+        raise source.error(f"msh version {version} is not read (2.0 to 2.2 and 4.1 are); {_SAVE_AS}", at)
+    if int(found[3]) != 8:
+        raise source.error(f"numbers of {int(found[3])} bytes are not read, only of 8; {_SAVE_AS}", at)
+    source.version = "2.0" if version == "2" else version
+    if found[2] == b"1":
+        source.binary = True
+        mark = bytes(source.take("u1", 4))
+        if mark not in (b"\1\0\0\0", b"\0\0\0\1"):
+            raise source.error("the file says that it is binary, but its byte order mark is missing", at)
+        source.order = "<" if mark == b"\1\0\0\0" else ">"
+    source.end("MeshFormat")
+
+
+def _sections(
+    source: Source, reader: msh_read2.Reader | msh_read4.Reader, dropped: dict[str, None]
+) -> tuple[dict[str, None], set[str]]:
+    """Read all sections; the names of those that nobody knows, and of those that were there."""
+    content = reader.content
+    unknown: dict[str, None] = {}
+    seen: set[str] = set()
+    while (name := source.section()) is not None:
+        if name in seen and name in ("PhysicalNames", "Entities", "Nodes", "Elements"):
+            raise source.error(f"there is a second section ${name}")
+        if name == "Elements" and "Nodes" not in seen:
+            raise source.error("the section $Elements stands before $Nodes")
+        seen.add(name)
+        if name == "Nodes":
+            content.nodes_at = source.section_start
+        elif name == "Elements":
+            content.elements_at = source.section_start
+        if reader.read(name):
+            continue
+        if name == "MeshFormat":
+            before = source.version, source.binary, source.order
+            _read_version(source)
+            if before != (source.version, source.binary, source.order):
+                raise source.error("a second $MeshFormat that differs from the first stands here")
+        elif name == "PhysicalNames":
+            content.names = msh_names.physical_names(source)
+        elif name in msh_fields.SECTIONS:
+            content.rows.append(msh_fields.read_rows(source, name))
+        elif name == msh_notes.SECTION:
+            notes = msh_notes.from_text(source.body(name), source)
+            if notes is None:
+                unknown[f"${name} of a newer lacmesh"] = None
+            else:
+                content.notes = notes
+        else:
+            source.body(name)
+            if name in _DROPPED:
+                dropped[f"${name}"] = None
+            elif name not in ("Comments", *msh_notes.FORMER):
+                unknown[f"${name}"] = None
+    return unknown, seen

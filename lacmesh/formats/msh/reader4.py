@@ -1,0 +1,188 @@
+"""The sections of msh 4.1: entities, nodes and elements in blocks of one entity, periodic links.
+
+The layout is the same in ASCII and in binary; `Numbers` hides the difference.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.errors import ReadError
+from lacmesh.formats.msh.content import Content, Piece
+from lacmesh.formats.msh.numbers import TYPE_NAMES, UNKNOWN_TYPE
+from lacmesh.formats.msh.scan import Numbers, Source
+from lacmesh.mesh import Floats, Ints, Tag
+
+_LARGEST = 2**31 - 1
+
+
+class _Entity(NamedTuple):
+    """What $Entities or $PartitionedEntities says of one entity, or of the part of one that lies in a partition."""
+
+    groups: tuple[Tag, ...] = ()
+    boundary: tuple[int, ...] = ()
+    parent: Tag | None = None
+    partition: int = -1
+
+
+class Reader:
+    """Reads the sections of one file into a `Content`; `dropped` names what the mesh has no place for."""
+
+    def __init__(self, source: Source, dropped: dict[str, None]) -> None:
+        self.content = Content(source)
+        self.dropped = dropped
+        self._entities: dict[Tag, _Entity] = {}
+        self._parts: dict[Tag, _Entity] = {}
+        self._used: set[Tag] = set()
+
+    def read(self, section: str) -> bool:
+        """Read the section that starts here, if it is one of those that differ between versions."""
+        source = self.content.source
+        if section == "Entities":
+            self._read_entities(source.numbers(section, True))
+        elif section == "PartitionedEntities":
+            self._read_parts(source.numbers(section, True))
+        elif section == "Nodes":
+            self._read_nodes(source.numbers(section, True))
+        elif section == "Elements":
+            self._read_elements(source.numbers(section, False))
+        elif section == "Periodic":
+            self._read_periodic(source.numbers(section, True))
+        else:
+            return False
+        return True
+
+    def finish(self) -> Content:
+        """The content, complete: parents for parts of entities, the boundaries where there are any."""
+        for piece in self.content.pieces:
+            entity = self._parts.get(piece.entity) or self._entities.get(piece.entity) or _Entity()
+            piece.groups, piece.partition = entity.groups, entity.partition
+            if entity.parent is not None and entity.parent[0] == piece.entity[0]:
+                piece.entity = entity.parent
+        if any(e.boundary for e in self._entities.values()) or not self._used.issuperset(self._entities):
+            self.content.boundary = {tag: e.boundary for tag, e in self._entities.items()}
+        return self.content
+
+    def _read_entities(self, numbers: Numbers) -> None:
+        for dim, n in enumerate(_counts(numbers, 4)):
+            for _ in range(n):
+                tag = _tag(numbers, dim, numbers.ints(1)[0])
+                self._entities[tag] = _Entity(*self._rest(numbers, dim))
+        numbers.done()
+
+    def _read_parts(self, numbers: Numbers) -> None:
+        _, ghosts = _counts(numbers, 2)
+        numbers.ints(2 * ghosts)
+        for dim, n in enumerate(_counts(numbers, 4)):
+            for _ in range(n):
+                own, parent_dim, parent_tag = numbers.ints(3).tolist()
+                tag = _tag(numbers, dim, own)
+                partitions = numbers.ints(_count(numbers))
+                parent = _tag(numbers, parent_dim, parent_tag) if parent_tag else None
+                partition = int(partitions[0]) if len(partitions) else -1
+                if not -1 <= partition <= _LARGEST:
+                    raise numbers.error(f"there cannot be a partition {partition}")
+                self._parts[tag] = _Entity(*self._rest(numbers, dim), parent, partition)
+        numbers.done()
+
+    def _rest(self, numbers: Numbers, dim: int) -> tuple[tuple[Tag, ...], tuple[int, ...]]:
+        """What follows the name of an entity: its box, its physical groups, its boundary."""
+        numbers.reals(6 if dim else 3)
+        groups = numbers.ints(_count(numbers)).tolist()
+        boundary = numbers.ints(_count(numbers)).tolist() if dim else []
+        if any(not 0 < abs(g) <= _LARGEST for g in groups):
+            raise numbers.error("a physical group has an impossible tag")
+        if any(g < 0 for g in groups):
+            self.dropped["the sign of physical groups (cells listed the other way round)"] = None
+        return tuple(dict.fromkeys((dim, abs(g)) for g in groups)), tuple(boundary)
+
+    def _read_nodes(self, numbers: Numbers) -> None:
+        n_blocks, total, _, _ = numbers.sizes(4).tolist()
+        found: list[tuple[Tag, Ints, Floats]] = []
+        for _ in _upto(n_blocks):
+            dim, tag, parametric = numbers.ints(3).tolist()
+            n = _count(numbers)
+            entity = _tag(numbers, dim, tag)
+            width = 3 + dim if parametric else 3
+            number = numbers.sizes(n)
+            xyz = numbers.reals(n * width).reshape(n, width)
+            if parametric and n:
+                self.dropped["parametric coordinates of nodes"] = None
+            found.append((entity, number, xyz))
+        numbers.done()
+        if sum(len(number) for _, number, _ in found) != total:
+            raise self.content.source.error(f"$Nodes announces {total} nodes and holds another number")
+        content = self.content
+        content.node_number = np.empty(total, np.int64)
+        content.points = np.empty((total, 3))
+        content.node_entity = np.empty((total, 2), np.int32)
+        a = 0
+        for entity, number, xyz in found:
+            b = a + len(number)
+            content.node_number[a:b] = number
+            content.points[a:b] = xyz[:, :3]
+            part = self._parts.get(entity)
+            content.node_entity[a:b] = part.parent if part and part.parent else entity
+            a = b
+            self._used.add(entity)
+
+    def _read_elements(self, numbers: Numbers) -> None:
+        n_blocks, total, _, _ = numbers.sizes(4).tolist()
+        at = 0
+        for _ in _upto(n_blocks):
+            dim, tag, kind = numbers.ints(3).tolist()
+            n = _count(numbers)
+            entity = _tag(numbers, dim, tag)
+            name = TYPE_NAMES.get(kind)
+            if name is None:
+                raise numbers.error(UNKNOWN_TYPE.format(kind))
+            width = 1 + ALL_CELLS[name].n_nodes
+            rows = numbers.sizes(n * width).reshape(n, width)
+            if n:
+                self.content.pieces.append(Piece(name, rows[:, 0], rows[:, 1:], at, entity))
+            self._used.add(entity)
+            at += n
+        numbers.done()
+        if at != total:
+            raise self.content.source.error(f"$Elements announces {total} elements and holds {at}")
+
+    def _read_periodic(self, numbers: Numbers) -> None:
+        for _ in _upto(_count(numbers)):
+            dim, slave, master = numbers.ints(3).tolist()
+            affine = tuple(numbers.reals(_count(numbers)).tolist())
+            if not np.isfinite(affine).all():
+                raise numbers.error("the map of a periodic link is not finite")
+            n = _count(numbers)
+            pairs = np.array(numbers.sizes(2 * n), np.int64).reshape(n, 2)
+            link = _tag(numbers, dim, slave), _tag(numbers, dim, master), affine, pairs
+            self.content.links.append(link)
+        numbers.done()
+
+
+def _counts(numbers: Numbers, n: int) -> list[int]:
+    counts: list[int] = numbers.sizes(n).tolist()
+    if min(counts) < 0:
+        raise numbers.error("a negative count stands here")
+    return counts
+
+
+def _count(numbers: Numbers) -> int:
+    return _counts(numbers, 1)[0]
+
+
+def _upto(n: int) -> range:
+    """As many turns as a file announces; reading past its end stops them."""
+    return range(max(n, 0))
+
+
+def _tag(numbers: Numbers, dim: int, tag: int) -> Tag:
+    if not 0 <= dim <= 3 or not -_LARGEST <= tag <= _LARGEST:
+        raise _impossible(numbers, dim, tag)
+    return int(dim), int(tag)
+
+
+def _impossible(numbers: Numbers, dim: int, tag: int) -> ReadError:
+    return numbers.error(f"there cannot be an entity {tag} of dimension {dim}")

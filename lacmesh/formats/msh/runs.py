@@ -1,0 +1,144 @@
+"""Where the elements of a msh 2 file stand, among numbers whose rows have many lengths.
+
+In ASCII a record is one element: number, type, how many tags, tags, nodes. In binary it is a header (type, how many
+elements follow, how many tags) and those elements: number, tags, nodes; gmsh writes one element a header. Records alike
+are found by galloping, in steps that double; where they change all the time, one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.errors import ReadError
+from lacmesh.formats.msh.numbers import TYPE_NAMES, UNKNOWN_TYPE
+from lacmesh.mesh import Ints
+
+#: Numbers gone through one record after the other before galloping is tried again, and when that pays.
+_WINDOW, _FEW = 1 << 16, 8
+
+
+class Elements(NamedTuple):
+    """For each element, in the file's order: gmsh's type, number of tags, place of its own number. `end`: after all."""
+
+    kind: Ints
+    n_tags: Ints
+    place: Ints
+    end: int
+
+
+class _Key(NamedTuple):
+    """What a record says of itself, and so its length."""
+
+    kind: int
+    follow: int
+    n_tags: int
+
+
+@dataclass
+class _Found:
+    """Runs of records alike: which key, where the first stands, how many there are."""
+
+    keys: dict[_Key, int] = field(default_factory=dict)
+    key: list[int] = field(default_factory=list)
+    place: list[int] = field(default_factory=list)
+    times: list[int] = field(default_factory=list)
+
+    def add(self, key: _Key, place: int, times: int) -> None:
+        self.key.append(self.keys.setdefault(key, len(self.keys)))
+        self.place.append(place)
+        self.times.append(times)
+
+
+def find(table: Ints, n: int, binary: bool, error: Callable[[str, int], ReadError]) -> Elements:
+    """The places of n elements; `error` makes the error for what stands at a place of the table.
+
+    Raises ReadError for an unknown type, an impossible record, or a table that ends too early.
+    """
+    found = _Found()
+    place, left = 0, n
+    while left > 0:
+        key = _key(table, place, left, binary, error)
+        length = _length(key, binary)
+        times = _alike(table, place, length, min(left // key.follow, (len(table) - place) // length), binary)
+        found.add(key, place, times)
+        place += times * length
+        left -= times * key.follow
+        if times < _FEW:
+            place, left = _walk(table, place, left, binary, found)
+    return _expanded(found, binary, place)
+
+
+def _key(table: Ints, place: int, left: int, binary: bool, error: Callable[[str, int], ReadError]) -> _Key:
+    """What the record at a place says of itself, once it is known to make sense and to be whole."""
+    if place + 3 > len(table):
+        raise error(f"the elements end too early: {left} more were announced", place)
+    first, second, third = table[place : place + 3].tolist()
+    key = _Key(first, second, third) if binary else _Key(second, 1, third)
+    if key.kind not in TYPE_NAMES:
+        raise error(UNKNOWN_TYPE.format(key.kind), place)
+    if not 1 <= key.follow <= left or not 0 <= key.n_tags <= len(table):
+        raise error(f"no element has {key.n_tags} tags, or {key.follow} of them do not follow", place)
+    if place + _length(key, binary) > len(table):
+        raise error(f"the elements end too early: {left} more were announced", place)
+    return key
+
+
+def _size(key: _Key) -> int:
+    """Tags and nodes of one element."""
+    return key.n_tags + ALL_CELLS[TYPE_NAMES[key.kind]].n_nodes
+
+
+def _length(key: _Key, binary: bool) -> int:
+    return 3 + (key.follow * (1 + _size(key)) if binary else _size(key))
+
+
+def _alike(table: Ints, place: int, length: int, most: int, binary: bool) -> int:
+    """How many records from a place on begin as the first does, in at most `most`."""
+    columns = slice(0, 3) if binary else slice(1, 3)
+    begin = table[place : place + 3][columns]
+    times, step = 1, _FEW
+    while times < most:
+        step = min(step, most - times)
+        at = place + times * length
+        same = (table[at : at + step * length].reshape(step, length)[:, columns] == begin).all(axis=1)
+        if not same.all():
+            return times + int(same.argmin())
+        times += step
+        step *= 2
+    return times
+
+
+def _walk(table: Ints, place: int, left: int, binary: bool, found: _Found) -> tuple[int, int]:
+    """Go through the records of a window one after the other; stop at one that is new, or not whole there."""
+    window: list[int] = table[place : place + _WINDOW].tolist()
+    lengths = {key: _length(key, binary) for key in found.keys}
+    at = 0
+    while left > 0 and at + 3 <= len(window):
+        key = _Key(*window[at : at + 3]) if binary else _Key(window[at + 1], 1, window[at + 2])
+        length = lengths.get(key, len(window) + 1)
+        if at + length > len(window) or key.follow > left:
+            break
+        found.add(key, place + at, 1)
+        at += length
+        left -= key.follow
+    return place + at, left
+
+
+def _expanded(found: _Found, binary: bool, end: int) -> Elements:
+    """One row for each element of the runs."""
+    keys = np.array(list(found.keys), np.int64).reshape(-1, 3)
+    inner = np.array([1 + _size(key) for key in found.keys], np.int64)
+    outer = np.array([_length(key, binary) for key in found.keys], np.int64)
+    key, place, times = (np.array(a, np.int64) for a in (found.key, found.place, found.times))
+    count = times * keys[key, 1]
+    which = np.repeat(key, count)
+    within = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
+    follow = keys[which, 1]
+    start = np.repeat(place, count) + (3 if binary else 0)
+    start += within // follow * outer[which] + within % follow * inner[which]
+    return Elements(keys[which, 0], keys[which, 2], start, end)

@@ -1,0 +1,173 @@
+"""Writing msh: what goes into the format, what into our notes, section by section."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.errors import LacmeshWarning, WriteError
+from lacmesh.formats.entities import Assignment, assign
+from lacmesh.formats.msh import writer2 as msh_write2
+from lacmesh.formats.msh import writer4 as msh_write4
+from lacmesh.formats.msh.fields import to_file
+from lacmesh.formats.msh.names import safe_names, unnamed
+from lacmesh.formats.msh.notes import CellsNote, Notes, to_text
+from lacmesh.formats.msh.numbers import repeated
+from lacmesh.formats.msh.output import Output
+from lacmesh.mesh import Ints, Mesh, Tag
+
+_LARGEST = 2**31 - 1
+
+
+def write(path: Path, mesh: Mesh, version: str = "4.1", binary: bool = True) -> None:
+    """Write a mesh as msh `version` ("4.1" or "2.2"), binary or ASCII, over what is there.
+
+    Raises WriteError for numbers that the format cannot hold. Warns of what only lacmesh reads again (TRIA7) or what
+    changes (partitions in 4.1, numbers that are not distinct).
+    """
+    entities = assign(mesh)
+    nodes, cells = _numbers(mesh.node_number, "nodes"), _numbers(mesh.cell_number, "cells")
+    notes = Notes(mesh.n_nodes, mesh.n_cells)
+    partition = _partition(mesh) if version == "2.2" else None
+    cell_data = {k: v for k, v in mesh.cell_data.items() if k != "entity" and (k != "partition" or partition is None)}
+    node_data = {k: v for k, v in mesh.node_data.items() if k != "entity"}
+    _check_limits(path, version, nodes, cells, bool(node_data), bool(cell_data))
+    if version == "4.1" and "partition" in cell_data:
+        _warn("msh 4.1 gets partitions as element data, which only lacmesh reads as partitions")
+    with path.open("wb") as file:
+        out = Output(file, binary)
+        out.text(f"$MeshFormat\n{version} {int(binary)} 8\n")
+        if binary:
+            out.array(np.array([1], "<i4"))
+        out.end("MeshFormat")
+        _write_names(out, names_of(mesh, entities, notes))
+        if version == "4.1":
+            msh_write4.write_sections(out, mesh, entities, nodes, cells)
+        else:
+            msh_write2.write_sections(out, mesh, entities, nodes, cells, partition)
+        for on, numbers, data in (("node", nodes, node_data), ("cell", cells, cell_data)):
+            to_file(out, path, on, numbers, data, mesh.steps, notes.fields)
+        add_numbers(notes, mesh, entities, nodes, cells, version)
+        out.text(to_text(notes))
+
+
+def _warn(message: str) -> None:
+    warnings.warn(LacmeshWarning(message), stacklevel=4)
+
+
+def _numbers(numbers: Ints, what: str) -> Ints:
+    """The mesh's numbers; 1, 2 ... where they are not positive and distinct, as msh wants them."""
+    numbers = np.asarray(numbers, np.int64)
+    if len(numbers) and (numbers.min() < 1 or repeated(numbers) is not None):
+        _warn(f"the numbers of {what} are not positive and distinct: they are 1, 2 ... in the file")
+        return np.arange(1, len(numbers) + 1)
+    return numbers
+
+
+def _check_limits(path: Path, version: str, nodes: Ints, cells: Ints, on_nodes: bool, on_cells: bool) -> None:
+    for what, numbers, data in (("node", nodes, on_nodes), ("cell", cells, on_cells)):
+        if len(numbers) and numbers.max() > _LARGEST and (data or version == "2.2"):
+            where = "msh 2.2 has no numbers" if version == "2.2" else "fields in msh have no numbers"
+            raise WriteError(path, f"{where} above {_LARGEST}, and a {what} has {numbers.max()}")
+
+
+def _partition(mesh: Mesh) -> Ints | None:
+    """The partition of each cell, -1 for none, where msh 2.2 can hold it as a tag."""
+    values = mesh.cell_data.get("partition")
+    if values is None or values.ndim != 1 or values.dtype.kind not in "iu":
+        return None
+    lacking = np.repeat([ALL_CELLS[b.type].msh is None for b in mesh.blocks], np.diff(mesh.offsets))
+    tagged = values > 0
+    if not tagged.any() or (~tagged & (values != -1)).any() or (tagged & lacking).any() or values.max() > _LARGEST:
+        return None
+    return values.astype(np.int64)
+
+
+def names_of(mesh: Mesh, entities: Assignment, notes: Notes) -> list[tuple[Tag, str]]:
+    """Physical groups and their names; what names cannot hold, and groups that nothing else tells of, is noted."""
+    names = []
+    safe = safe_names(mesh.cell_groups)
+    for name, cells in mesh.cell_groups.items():
+        tags = entities.group_tags[name]
+        if not _nameless(name, tags):
+            names += [(tag, safe[name]) for tag in tags]
+        if safe[name] != name or not tags or (_nameless(name, tags) and not len(cells)):
+            notes.groups[name] = tags
+    return names
+
+
+def _write_names(out: Output, names: list[tuple[Tag, str]]) -> None:
+    if names:
+        lines = "".join(f'{dim} {tag} "{name}"\n' for (dim, tag), name in names)
+        out.text(f"$PhysicalNames\n{len(names)}\n{lines}$EndPhysicalNames\n")
+
+
+def _nameless(name: str, tags: tuple[Tag, ...]) -> bool:
+    """Whether a group has no name in msh: its key is only its tag."""
+    return len(tags) == 1 and name == unnamed(tags[0])
+
+
+def add_numbers(notes: Notes, mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints, version: str) -> None:
+    """Note what the sections of a msh file, or a model of gmsh (as 4.1), cannot hold of the mesh itself."""
+    notes.name = None if mesh.name == "mesh" else mesh.name
+    notes.zones = tuple(mesh.zones)
+    if Mesh.create(mesh.points, [(b.type, b.nodes[:1]) for b in mesh.blocks]).space_dim != mesh.space_dim:
+        notes.space_dim = mesh.space_dim
+    notes.node_groups = {name: nodes[members] for name, members in mesh.node_groups.items()}
+    lacking = np.repeat(np.array([ALL_CELLS[b.type].msh is None for b in mesh.blocks], bool), np.diff(mesh.offsets))
+    if lacking.any():
+        notes.extra_cells = _extra_cells(mesh, entities, nodes, cells)
+    if version == "2.2" or lacking.any():
+        notes.cell_groups = _further_members(mesh, entities, cells, lacking, version)
+        for name in notes.cell_groups:
+            if _nameless(name, entities.group_tags[name]):
+                notes.groups[name] = entities.group_tags[name]
+    if version == "2.2":
+        notes.boundary = dict(entities.boundary)
+        if "entity" in mesh.node_data:
+            notes.node_entity = _entity_runs(entities)
+
+
+def _extra_cells(mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints) -> list[CellsNote]:
+    """The cells of types that msh lacks."""
+    place = np.arange(mesh.n_cells)
+    if mesh.file_order is not None:
+        place[mesh.file_order] = np.arange(mesh.n_cells)
+    tags = np.array([(e.dim, e.tag) for e in entities.entities], np.int64)
+    found = []
+    for k, (kind, rows) in enumerate(mesh.blocks):
+        if ALL_CELLS[kind].msh is None and len(rows):
+            here = slice(int(mesh.offsets[k]), int(mesh.offsets[k + 1]))
+            found.append(CellsNote(kind, cells[here], nodes[rows], tags[entities.cell[here]], place[here]))
+            _warn(f"msh has no {kind}: {len(rows)} cells are kept in a section that only lacmesh reads")
+    return found
+
+
+def _further_members(
+    mesh: Mesh, entities: Assignment, cells: Ints, lacking: NDArray[np.bool_], version: str
+) -> dict[str, Ints]:
+    """Members of groups that the elements' tags do not tell: further groups in msh 2.2, cells that msh lacks."""
+    first = msh_write2.first_group(entities)
+    further: dict[str, Ints] = {}
+    for name, members in mesh.cell_groups.items():
+        missing = lacking[members]
+        if version == "2.2":
+            own = np.zeros(4, np.int64)
+            for dim, tag in reversed(entities.group_tags[name]):
+                own[dim] = tag
+            missing = missing | (first[entities.cell[members]] != own[mesh.cell_dim[members]])
+        if missing.any():
+            further[name] = cells[members[missing]]
+    return further
+
+
+def _entity_runs(entities: Assignment) -> Ints:
+    """(r, 3): dimension and tag of the entity of nodes in a row, and how many of them."""
+    row = entities.node
+    begin = np.flatnonzero(np.append(True, row[1:] != row[:-1])) if len(row) else np.empty(0, np.int64)
+    tags = np.array([(e.dim, e.tag) for e in entities.entities], np.int64).reshape(-1, 2)
+    return np.column_stack([tags[row[begin]], np.diff(np.append(begin, len(row)))])

@@ -1,0 +1,183 @@
+"""Reading VTU: pieces, cells of every type that lacmesh has, arrays (`arrays.py` says what they are in a mesh)."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import LacmeshWarning, ReadError, some
+from lacmesh.formats import notes
+from lacmesh.formats.arrays import Parts, assembled, merged
+from lacmesh.formats.vtu.types import LAGRANGE_HEXAHEDRON, NOT_READ, OF_NUMBER, lagrange_8_to_9
+from lacmesh.formats.vtu.writer import NOTES
+from lacmesh.formats.vtu.xml import Document, Element, opened
+from lacmesh.mesh import Floats, Ints, Mesh
+
+
+class Cells(NamedTuple):
+    """Cells as VTK lists them: nodes one cell after the other, where each cell ends, VTK's numbers of the types."""
+
+    connectivity: Ints
+    ends: Ints
+    types: Ints
+
+
+class _Piece(NamedTuple):
+    points: Floats
+    cells: Cells
+    cell: dict[str, NDArray]
+    node: dict[str, NDArray]
+
+
+def read(path: Path) -> Mesh:
+    """The mesh of a VTU file. Raises ReadError; what is left out is named in one LacmeshWarning."""
+    said: list[str] = []
+    document = opened(path)
+    grid = document.root.find("UnstructuredGrid")
+    if grid is None:
+        raise document.error("has no <UnstructuredGrid>")
+    pieces = [_piece(document, element, said) for element in grid.findall("Piece")]
+    if not pieces:
+        raise document.error("has no <Piece>, so it holds no mesh")
+    mesh = _mesh(document, grid, pieces, said)
+    if said:
+        warnings.warn(f"{path}: " + "; ".join(dict.fromkeys(said)), LacmeshWarning, stacklevel=3)
+    return mesh
+
+
+def _piece(document: Document, element: Element, said: list[str]) -> _Piece:
+    n, k = document.count(element, "NumberOfPoints"), document.count(element, "NumberOfCells")
+    place = element.find("Points/DataArray")
+    points = document.array(place, 3 * n) if place is not None else np.empty(0)
+    if len(points) != 3 * n or points.dtype.kind != "f":
+        raise document.error(f"holds {len(points)} coordinates of type {points.dtype} for {n} points", "<Points>")
+    if not np.isfinite(points).all():
+        bad = some(np.flatnonzero(~np.isfinite(points.reshape(n, 3)).all(axis=1)))
+        raise document.error(f"the coordinates of points {bad} (from 0) are not finite numbers", "<Points>")
+    return _Piece(
+        points.reshape(n, 3).astype(np.float64, copy=False),
+        _cells(document, element, n, k),
+        _data(document, element, "CellData", k, said),
+        _data(document, element, "PointData", n, said),
+    )
+
+
+def _cells(document: Document, element: Element, n_points: int, k: int) -> Cells:
+    arrays = {array.get("Name"): array for array in element.findall("Cells/DataArray")}
+    found: dict[str, Ints] = {}
+    for name in ("offsets", "types", "connectivity"):
+        if name in arrays:
+            most = k + 1 if name != "connectivity" else _last(found.get("offsets"))
+            found[name] = document.array(arrays[name], most)
+            if found[name].dtype.kind not in "iu":
+                raise document.error(f"{name} should be integers", "<Cells>")
+    none = np.empty(0, np.int64)
+    cells = Cells(*(found.get(name, none) for name in ("connectivity", "offsets", "types")))
+    if len(cells.ends) == len(cells.types) + 1 and len(cells.ends) and cells.ends[0] == 0:
+        cells = cells._replace(ends=cells.ends[1:])
+    if len(cells.ends) != k or len(cells.types) != k:
+        raise document.error(f"holds {len(cells.types)} types and {len(cells.ends)} offsets for {k} cells", "<Cells>")
+    ends, nodes = cells.ends.astype(np.int64), cells.connectivity
+    if k and ((np.diff(ends) < 0).any() or ends[0] < 0 or ends[-1] != len(nodes)):
+        raise document.error(f"the offsets do not fit the {len(nodes)} nodes of connectivity", "<Cells>")
+    if len(nodes) and (nodes.min() < 0 or nodes.max() >= n_points):
+        raise stray_node(document, cells._replace(ends=ends), n_points, "<Cells>")
+    return cells._replace(ends=ends, connectivity=nodes.astype(np.int64, copy=False))
+
+
+def _last(ends: Ints | None) -> int:
+    """Where the last cell ends; 0 where there is none."""
+    return max(int(ends[-1]), 0) if ends is not None and len(ends) else 0
+
+
+def stray_node(source: Any, cells: Cells, n_points: int, place: str) -> ReadError:
+    """The error for a cell that has a point which is not there; VTK and XDMF count both from 0."""
+    nodes = cells.connectivity
+    at = int(((nodes < 0) | (nodes >= n_points)).argmax())
+    cell = int(np.searchsorted(cells.ends, at, side="right"))
+    error: ReadError = source.error(f"cell {cell} (from 0) has point {nodes[at]}, and there are {n_points}", place)
+    return error
+
+
+def _data(document: Document, element: Element, section: str, size: int, said: list[str]) -> dict[str, NDArray]:
+    arrays: dict[str, NDArray] = {}
+    for array in element.findall(f"{section}/"):
+        name = array.get("Name", "")
+        if array.get("type") == "String":
+            said.append(f"{section} {name!r} are strings, they are left out")
+            continue
+        width = document.count(array, "NumberOfComponents", 1)
+        values = document.array(array, size * width)
+        if width < 1 or len(values) != size * width:
+            raise document.error(f"{name!r} has {len(values)} values for {size} times {width}", f"<{section}>")
+        arrays[name] = values.reshape(size, width) if width > 1 else values
+    return arrays
+
+
+def _mesh(document: Document, grid: Element, pieces: list[_Piece], said: list[str]) -> Mesh:
+    n_nodes = sum(len(p.points) for p in pieces)
+    if sum(len(p.points) > 0 for p in pieces) > 1:
+        said.append(f"{len(pieces)} pieces are put together; nodes that several have stay apart")
+    fields, noted = _notes(document, grid, n_nodes, said)
+    first = np.cumsum([0, *(len(p.points) for p in pieces)])
+    starts = np.cumsum([0, *(len(p.cells.connectivity) for p in pieces)])
+    cells = Cells(
+        np.concatenate([p.cells.connectivity + a for p, a in zip(pieces, first, strict=False)]),
+        np.concatenate([p.cells.ends + a for p, a in zip(pieces, starts, strict=False)]),
+        np.concatenate([p.cells.types for p in pieces]),
+    )
+    blocks, place = blocks_of(document, cells, _is_old(document))
+    cell = merged(((p.cell, len(p.cells.types)) for p in pieces), said, "cell")
+    node = merged(((p.node, len(p.points)) for p in pieces), said, "node")
+    points = np.concatenate([p.points for p in pieces])
+    return assembled(Parts(points, blocks, place, cell, node), fields, noted, said)
+
+
+def _is_old(document: Document) -> bool:
+    """Whether the file numbers Lagrange hexahedra as VTK 8 did."""
+    parts = document.root.get("version", "0.1").split(".")
+    return [int(p) for p in parts if p.isdigit()] < [2, 1]
+
+
+def blocks_of(source: Any, cells: Cells, old: bool) -> tuple[dict[str, Ints], Ints]:
+    """Nodes of the cells by type, in our order, and (n_cells,) where each stood; `source.error` makes the error."""
+    width = np.diff(cells.ends, prepend=0)
+    code = cells.types.astype(np.int64) << 32 | width
+    parts: dict[str, list[tuple[Ints, Ints]]] = {}
+    found_codes, first = np.unique(code, return_index=True)
+    for value in found_codes[np.argsort(first)]:  # types in the order in which they first appear
+        number, n = int(value >> 32), int(value & 0xFFFFFFFF)
+        kind = OF_NUMBER.get((number, n))
+        if kind is None:
+            what = NOT_READ.get(number, "cells that lacmesh does not know")
+            raise source.error(f"{what} (VTK's type {number}, {n} nodes) are not read", "<Cells>")
+        here = np.flatnonzero(code == value)
+        if len(here) == len(code):
+            rows = cells.connectivity.reshape(-1, n)
+        else:
+            rows = cells.connectivity[(cells.ends[here] - n)[:, None] + np.arange(n)]
+        if old and number == LAGRANGE_HEXAHEDRON and n > 8:
+            rows = rows[:, lagrange_8_to_9(n)]
+        nodes = np.empty_like(rows)
+        nodes[:, kind.nodes] = rows
+        parts.setdefault(kind.type, []).append((here, nodes))
+    blocks, places = {}, [np.empty(0, np.int64)]
+    for name, found in parts.items():
+        here = np.concatenate([h for h, _ in found])
+        order = np.argsort(here, kind="stable") if len(found) > 1 else slice(None)
+        blocks[name] = np.concatenate([n for _, n in found])[order]
+        places.append(here[order])
+    return blocks, np.concatenate(places)
+
+
+def _notes(document: Document, grid: Element, n_nodes: int, said: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Fields of the mesh that the notes in FieldData tell, and all that they hold."""
+    arrays = {array.get("Name", ""): array for array in grid.findall("FieldData/")}
+    others = [name for name in arrays if name != NOTES]
+    if others:
+        said.append(f"FieldData {', '.join(map(repr, others[:8]))} are left out")
+    return notes.from_json(document.text(arrays[NOTES]), n_nodes, said) if NOTES in arrays else ({}, {})

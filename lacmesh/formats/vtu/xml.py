@@ -1,0 +1,125 @@
+"""The XML of a VTU file: its elements, and the arrays that they stand for, in whatever encoding.
+
+A file whose arrays stand in one block of raw bytes at its end is no XML from there on: the head is parsed by itself.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import ReadError
+from lacmesh.formats.vtu.codec import DAMAGE, Coding, Order, from_text, numbers
+
+Element = ElementTree.Element
+
+_KINDS = {f"{'U' * u}Int{8 * n}": np.dtype(f"{'u' if u else 'i'}{n}") for u in (0, 1) for n in (1, 2, 4, 8)}
+_KINDS |= {"Float32": np.dtype(np.float32), "Float64": np.dtype(np.float64), "String": np.dtype(np.uint8)}
+_APPENDED = re.compile(rb"<AppendedData\b[^>]*>\s*_")
+_ENCODING = re.compile(rb"encoding\s*=\s*[\"'](\w+)[\"']")
+
+
+def parsed(path: Path, text: bytes) -> Element:
+    """The root of an XML text. Raises ReadError: for damage, and for entities, which no mesh needs."""
+    if b"<!ENTITY" in text:
+        raise ReadError(path, "declares XML entities, which are not read")
+    try:
+        return ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, LookupError, RecursionError) as error:
+        raise ReadError(path, f"is no sound XML ({error})") from None
+
+
+@dataclass(frozen=True)
+class Document:
+    """A VTU file: its root, how its arrays are coded, and the block of arrays behind it (`base64`: as text)."""
+
+    path: Path
+    root: Element
+    coding: Coding
+    appended: memoryview
+    base64: bool
+
+    def error(self, message: str, place: str | None = None) -> ReadError:
+        """A ReadError about the file, at an element."""
+        return ReadError(self.path, message, place)
+
+    def count(self, element: Element, name: str, default: int | None = None) -> int:
+        """An attribute that counts something."""
+        text = element.get(name)
+        if text is None and default is not None:
+            return default
+        if text is None or not re.fullmatch(r"\s*\d{1,18}\s*", text):
+            raise self.error(f"{name} should be a number, not {str(text)[:40]!r}", f"<{element.tag}>")
+        return int(text)
+
+    def array(self, element: Element, most: int | None = None) -> NDArray:
+        """The values of a DataArray, flat; `most`: how many there may be, where that is known, of a compressed one."""
+        kind = _KINDS.get(element.get("type", ""))
+        if kind is None:
+            raise self.error(f"the type {element.get('type')!r} is not known", _place(element))
+        try:
+            if element.get("format", "ascii") == "ascii":
+                return from_text(element.text or "", kind)
+            n_bytes = None if most is None else most * kind.itemsize
+            return numbers(self._bytes(element, n_bytes), kind, self.coding.order)
+        except DAMAGE as error:
+            raise self.error(f"cannot be read ({error})", _place(element)) from None
+
+    def text(self, element: Element) -> str:
+        """The text of an array of bytes, or of strings, of which each ends in a NUL; "" where there is none."""
+        values = self.array(element)
+        return values.tobytes().replace(b"\0", b"").decode("utf-8", "replace") if values.dtype.itemsize == 1 else ""
+
+    def _bytes(self, element: Element, most: int | None) -> bytes:
+        form = element.get("format")
+        if form == "appended":
+            offset = self.count(element, "offset")
+            if offset >= len(self.appended):
+                raise ValueError(f"offset {offset} is past the end")
+            return self.coding.array(self.appended[offset:], self.base64, most)
+        if form == "binary":
+            return self.coding.array("".join((element.text or "").split()).encode("ascii"), True, most)
+        raise ValueError(f"the format {form!r} is not known")
+
+
+def _place(element: Element) -> str:
+    return f"<{element.tag} Name={element.get('Name')!r}>"
+
+
+def opened(path: Path) -> Document:
+    """A VTU file. Raises ReadError."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ReadError(path, f"cannot be read ({error.strerror or error})") from error
+    head, appended, base64 = data, memoryview(b""), False
+    found = _APPENDED.search(data)
+    if found:
+        start = data.index(b"<AppendedData", found.start())
+        encoding = _ENCODING.search(found.group())
+        base64 = bool(encoding) and encoding.group(1).lower() == b"base64" if encoding else False
+        head = data[:start] + b"</VTKFile>"
+        appended = memoryview(data)[found.end() :]
+        if base64:
+            appended = memoryview(b"".join(data[found.end() :].split(b"<", 1)[0].split()))
+    root = parsed(path, head)
+    if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
+        raise ReadError(
+            path, f"holds {root.get('type') or root.tag}; of VTK's files only UnstructuredGrid (.vtu) is read"
+        )
+    return Document(path, root, _coding(path, root.attrib), appended, base64)
+
+
+def _coding(path: Path, attributes: Mapping[str, str]) -> Coding:
+    orders: dict[str, Order] = {"LittleEndian": "<", "BigEndian": ">"}
+    order = orders.get(attributes.get("byte_order", "LittleEndian"))
+    header = {"UInt32": "u4", "UInt64": "u8"}.get(attributes.get("header_type", "UInt32"))
+    if order is None or header is None:
+        raise ReadError(path, "has a byte_order or header_type that VTK does not know")
+    return Coding(order, np.dtype(order + header), attributes.get("compressor", ""))

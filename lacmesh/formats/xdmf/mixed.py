@@ -1,0 +1,25 @@
+"""Where the cells start in a mixture of XDMF, which only a walk from cell to cell tells: a numba kernel."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.kernels import kernel
+
+
+@kernel
+def starts(values: NDArray[np.int64], width: NDArray[np.int64], found: NDArray[np.int64]) -> int:
+    """Fill `found` with the places in `values` where a cell starts; how many, or -1 - place where none can.
+
+    `width[number]`: how many values a cell of that number of XDMF takes with its number, 0 where there is no such cell.
+    """
+    at, n = 0, 0
+    while at < len(values):
+        number = values[at]
+        if number < 0 or number >= len(width) or width[number] == 0 or n == len(found):
+            return -1 - at
+        found[n] = at
+        n += 1
+        at += width[number]
+    return n if at == len(values) else -1 - found[n - 1]

@@ -1,0 +1,254 @@
+"""Writing XDMF 3: a grid for the cells of each dimension, on the same points, so that dolfinx can read each by name.
+
+    mesh       the cells of the highest dimension; `read_mesh(name="mesh")`
+    facets     those of one dimension less; `read_meshtags(mesh, name="facets", attribute_name="group:slave")`
+    edges, vertices     the others
+
+A grid of one type of cells is uniform, which dolfinx asks for; others are a mixture, which ParaView reads too. Its
+first attribute `tags` gives every cell a number by the groups it is in (the Information `tags` says which); then come
+the arrays of `arrays.py`: a group of its own is `group:NAME`, in integers of 32 bits, which dolfinx reads. Values
+on nodes are on the grid `mesh`. The Information `lacmesh` holds the notes, in JSON.
+
+The arrays are in the HDF5 file of the same name (dolfinx looks for no other), or, as text, in the XML. Both carry the
+same `lacmesh_id`, so that a file whose other half was replaced is noticed.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+import zlib
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import NamedTuple, Protocol
+from xml.etree import ElementTree
+from xml.sax.saxutils import escape, quoteattr
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import LacmeshWarning, WriteError
+from lacmesh.formats.arrays import GROUP, to_arrays
+from lacmesh.formats.med.families import derive
+from lacmesh.formats.med.hdf5 import created, set_attributes
+from lacmesh.formats.notes import to_json
+from lacmesh.formats.vtu.types import OF_TYPE as VTK_OF_TYPE
+from lacmesh.formats.vtu.writer import legal
+from lacmesh.formats.xdmf.types import OF_TYPE, XDMF_TYPES
+from lacmesh.mesh import Ints, Mesh
+
+NOTES, ID, TAGS, PLACE = "lacmesh", "lacmesh_id", "tags", "file_place"
+#: Where the two files' common mark goes, once all arrays are written.
+MARK = "<!-- mark -->"
+_KINDS = {1: "Scalar", 3: "Vector", 6: "Tensor6", 9: "Tensor"}
+_NUMBERS = {"i": "Int", "u": "UInt", "f": "Float"}
+
+
+class _Grid(NamedTuple):
+    """The cells of one dimension: the grid's name, and their indices in the order of the file."""
+
+    name: str
+    cells: Ints
+
+
+class _Sink(Protocol):
+    """Where arrays go."""
+
+    def item(self, place: str, values: NDArray, packed: bool) -> str:
+        """Put an array there, and say in XML where it is."""
+
+
+def write(path: Path, mesh: Mesh, *, heavy: Path | None = None, link: str = "", compress: bool = False) -> None:
+    """Write a mesh: XML to `path`, arrays to the HDF5 file `heavy`, which the XML calls `link`; without it, as text.
+
+    `compress`: everything in the HDF5 file, not the groups only. Raises WriteError for a cell that XDMF lacks. What is
+    left out is named in a LacmeshWarning.
+    """
+    _check(path, mesh)
+    said: list[str] = []
+    with ExitStack() as stack:
+        sink: _Sink = _Text()
+        if heavy is not None:
+            sink = _Heavy(stack.enter_context(created(heavy)), link, compress)
+        body = _domain(mesh, sink, said)
+        mark = ""  # told in the body where MARK stands
+        if isinstance(sink, _Heavy):
+            mark = f"{sink.digest:08x}{zlib.crc32(body.encode()):08x}"
+            set_attributes(sink.root, **{ID: mark})  # of fixed length: HDF5 may never end on a damaged one of another
+        body = body.replace(MARK, _information(ID, mark) if mark else "", 1)
+    with path.open("w", encoding="utf-8") as file:
+        file.write('<?xml version="1.0" encoding="utf-8"?>\n<!DOCTYPE Xdmf SYSTEM "Xdmf.dtd" []>\n')
+        file.write('<Xdmf Version="3.0" xmlns:xi="https://www.w3.org/2001/XInclude">\n<Domain>\n')
+        file.write(body + "</Domain>\n</Xdmf>\n")
+    if said:
+        warnings.warn("XDMF: " + "; ".join(said), LacmeshWarning, stacklevel=3)
+
+
+def is_ours(heavy: Path) -> bool:
+    """Whether an HDF5 file is the second half of an XDMF file that lacmesh wrote."""
+    try:
+        with h5py.File(heavy, "r") as file:
+            return ID in file.attrs
+    except (OSError, RuntimeError):
+        return False
+
+
+def _check(path: Path, mesh: Mesh) -> None:
+    for kind, n in mesh.cells_by_type.items():
+        if kind not in OF_TYPE:
+            what = {"PYRAM14": "write them as PYRAM13", "TRIA7": "write a .vtu, .med or .msh file"}.get(kind)
+            message = f"XDMF has no cells of type {kind}, the mesh has {n}; {what or 'write a .vtu or .msh file'}"
+            raise WriteError(path, message)
+
+
+class _Text:
+    """Arrays as text, where they belong in the XML."""
+
+    def item(self, place: str, values: NDArray, packed: bool) -> str:
+        """The array as a DataItem."""
+        rows = values.tolist() if values.ndim == 2 else [[v] for v in values.tolist()]
+        form = repr if values.dtype.kind == "f" and values.dtype.itemsize == 8 else "{:.9g}".format
+        text = "\n".join(" ".join(map(form if values.dtype.kind == "f" else str, row)) for row in rows)
+        return f'<DataItem {_shape(values)} Format="XML">\n{text}\n</DataItem>\n'
+
+
+class _Heavy:
+    """Arrays in an HDF5 file; `digest` runs over all that was put there."""
+
+    def __init__(self, root: h5py.Group, link: str, compress: bool) -> None:
+        self.root, self.link, self.compress, self.digest = root, link, compress, 0
+
+    def item(self, place: str, values: NDArray, packed: bool) -> str:
+        """Write the array as the dataset `place`; a DataItem that names it."""
+        values = np.ascontiguousarray(values)
+        options = {}
+        if (packed or self.compress) and values.size:
+            rows = max(1, 2**18 // max(1, values[0].size))
+            options = {"compression": 1, "shuffle": True, "chunks": (min(len(values), rows), *values.shape[1:])}
+        self.root.create_dataset(place, data=values, **options)
+        if values.size:
+            self.digest = zlib.crc32(values.reshape(-1).view(np.uint8).data, self.digest)
+        return f'<DataItem {_shape(values)} Format="HDF">{escape(self.link)}:/{place}</DataItem>\n'
+
+
+def _shape(values: NDArray) -> str:
+    kind = values.dtype
+    dimensions = " ".join(map(str, values.shape))
+    return f'Dimensions="{dimensions}" NumberType="{_NUMBERS[kind.kind]}" Precision="{kind.itemsize}"'
+
+
+def _information(name: str, value: str) -> str:
+    """A text under a name; as an element of XML in the text of an Information, since meshio wants that there."""
+    return f'<Information Name="{name}" Value="">{escape(f"<told value={quoteattr(value)}/>")}</Information>\n'
+
+
+def told(information: ElementTree.Element) -> str:
+    """The text that an Information holds. Raises ValueError."""
+    try:
+        return ElementTree.fromstring("".join(information.itertext())).get("value", "")
+    except ElementTree.ParseError as error:
+        raise ValueError(str(error)) from None
+
+
+def _domain(mesh: Mesh, sink: _Sink, said: list[str]) -> str:
+    """The grids, and what is told beside them."""
+    arrays = to_arrays(mesh, said, legal)
+    tags, table = _tags(mesh)
+    tags_name = TAGS
+    while tags_name in arrays.cell:
+        tags_name += "_"
+    cell = {tags_name: tags, **{name: _widened(values) for name, values in arrays.cell.items()}}
+    node = {name: _widened(values) for name, values in arrays.node.items()}
+    own = [tags_name]
+    order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
+    if not np.array_equal(np.concatenate([grid.cells for grid in _grids(mesh)]), order):
+        cell[PLACE] = np.argsort(order)
+        own.append(PLACE)
+    groups = [n for n in arrays.cell if n.startswith(GROUP)]
+    information = _information(TAGS, json.dumps(table)) if table else ""
+    information += _information(NOTES, to_json(mesh, **arrays.notes, own=own, groups=groups))
+    parts: list[str] = []
+    geometry = _geometry(mesh, sink)
+    for k, grid in enumerate(_grids(mesh)):
+        here = {name: values[grid.cells] for name, values in cell.items()}
+        here = {name: v for name, v in here.items() if not _says_nothing(name, v, first=k == 0, own=own)}
+        parts.append(f'<Grid Name="{grid.name}" GridType="Uniform">\n')
+        parts.append(_topology(mesh, grid, sink) + geometry)
+        parts += _attributes(grid.name, "Cell", here, sink)
+        parts += _attributes(grid.name, "Node", node if k == 0 else {}, sink)
+        parts.append((information + MARK if k == 0 else "") + "</Grid>\n")
+    return "".join(parts)
+
+
+def _tags(mesh: Mesh) -> tuple[Ints, dict[str, list[str]]]:
+    """(n_cells,): 0, or a number for each set of groups that a cell is in; and the groups of each number."""
+    family, families = derive(mesh.cell_groups, np.zeros(mesh.n_cells, np.int8))
+    used = families[: int(family.max(initial=0)) + 1]
+    return family.astype(np.int32), {str(k): list(groups) for k, groups in enumerate(used) if groups}
+
+
+def _widened(values: NDArray) -> NDArray:
+    """Integers of 32 or 64 bits, which every reader of XDMF takes."""
+    if values.dtype.kind == "f" or values.dtype in (np.int32, np.int64, np.uint64):
+        return values
+    return values.astype(np.int64 if values.dtype == np.uint32 else np.int32)
+
+
+def _says_nothing(name: str, values: NDArray, *, first: bool, own: list[str]) -> bool:
+    """Whether an array can be left out on a grid: no cell in the group, or no value, and not the `first` grid."""
+    if name in own:
+        return False
+    if name.startswith(GROUP):
+        return not values.any()
+    return not first and bool(np.isnan(values).all() if values.dtype.kind == "f" else (values == -1).all())
+
+
+def _grids(mesh: Mesh) -> Iterator[_Grid]:
+    """The cells of each dimension that has any, the highest first."""
+    order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
+    names = {mesh.dim - 1: "facets", mesh.dim: "mesh"}
+    for dim in range(mesh.dim, -1, -1):
+        cells = order[mesh.cell_dim[order] == dim]
+        if len(cells) or dim == mesh.dim:
+            yield _Grid(names.get(dim) or ("vertices", "edges")[dim], cells)
+
+
+def _geometry(mesh: Mesh, sink: _Sink) -> str:
+    flat = mesh.space_dim == 2 and mesh.dim < 3 and not np.any(mesh.points[:, 2])
+    points = mesh.points[:, : 2 if flat else 3].astype(np.float64)
+    item = sink.item("mesh/geometry", points, packed=False)
+    return f'<Geometry GeometryType="{"XY" if flat else "XYZ"}">\n{item}</Geometry>\n'
+
+
+def _topology(mesh: Mesh, grid: _Grid, sink: _Sink) -> str:
+    """The cells of a grid: a table of nodes where they are of one type, else each with the number of its type."""
+    chosen = [(OF_TYPE[name], cells, n[:, VTK_OF_TYPE[name].nodes]) for name, cells, n in mesh.select(grid.cells)]
+    if len(chosen) < 2:
+        kind = chosen[0][0] if chosen else XDMF_TYPES[0]
+        rows = chosen[0][2].astype(np.int64) if chosen else np.empty((0, 1), np.int64)
+        head = f'TopologyType="{kind.name}" NumberOfElements="{len(rows)}" NodesPerElement="{rows.shape[1]}"'
+        return f"<Topology {head}>\n{sink.item(f'{grid.name}/topology', rows, packed=False)}</Topology>\n"
+    at = np.empty(mesh.n_cells, np.int64)
+    at[grid.cells] = np.arange(len(grid.cells))
+    width = np.empty(len(grid.cells), np.int64)
+    rows_of = []
+    for kind, cells, nodes in chosen:
+        mark = [kind.number, *([nodes.shape[1]] if kind.counted else [])]
+        rows_of.append((at[cells], np.hstack([np.tile(mark, (len(nodes), 1)), nodes])))
+        width[at[cells]] = rows_of[-1][1].shape[1]
+    first = np.cumsum(width) - width
+    flat = np.empty(int(width.sum()), np.int64)
+    for place, rows in rows_of:
+        flat[first[place, None] + np.arange(rows.shape[1])] = rows
+    item = sink.item(f"{grid.name}/topology", flat, packed=False)
+    return f'<Topology TopologyType="Mixed" NumberOfElements="{len(grid.cells)}">\n{item}</Topology>\n'
+
+
+def _attributes(grid: str, center: str, arrays: dict[str, NDArray], sink: _Sink) -> Iterator[str]:
+    for k, (name, values) in enumerate(arrays.items()):
+        packed = name.startswith((GROUP, TAGS))
+        item = sink.item(f"{grid}/{center.lower()}/{k}", values, packed)
+        kind = _KINDS.get(values.shape[1] if values.ndim == 2 else 1, "Matrix")
+        yield f'<Attribute Name={quoteattr(name)} AttributeType="{kind}" Center="{center}">\n{item}</Attribute>\n'

@@ -1,0 +1,39 @@
+"""Whether the numbers of a request can be drawn: directions, and the gap between bodies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from lacmesh.errors import RequestError
+
+#: the widest gap, in diagonals of the mesh: beyond it bodies are dots
+WIDEST = 100.0
+
+
+def check_direction(name: str, direction: Sequence[float]) -> None:
+    """Raises RequestError for what is not three finite numbers, one at least not 0."""
+    said = " ".join(f"{v:g}" for v in direction)
+    if len(direction) != 3 or not all(map(math.isfinite, direction)):
+        raise RequestError(f"{name} {said} is no direction; say three finite numbers")
+    if not any(direction):
+        raise RequestError(f"{name} {said} is no direction")
+
+
+def check_gap(name: str, gap: float) -> None:
+    """Raises RequestError for a gap that is not from 0 to WIDEST."""
+    if not 0 <= gap <= WIDEST:
+        raise RequestError(f"{name} {gap:g} is no gap; say a number from 0 to {WIDEST:g}, in sizes of the mesh")
+
+
+def check_placing(
+    camera: Sequence[float] | None, cutaway: Sequence[float] | None, explode: float | None, near: float | None
+) -> None:
+    """Raises RequestError for the first that cannot be drawn; None is left to the drawing."""
+    for name, direction in (("camera", camera), ("cutaway", cutaway)):
+        if direction is not None:
+            check_direction(name, direction)
+    if explode is not None:
+        check_gap("explode", explode)
+    if near is not None and not near >= 0:
+        raise RequestError(f"near {near:g} is no distance; say a part of the mesh's diagonal")

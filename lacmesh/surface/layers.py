@@ -1,0 +1,193 @@
+"""Parts of one slave patch that lie over one another: the nearest keeps the place, compiled."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.kernels import kernel
+from lacmesh.mesh import Floats, Ints
+from lacmesh.surface.polygon import CHORD, ROOM, area_of, centroid, copy, cut_by_line, cut_by_polygon, outside, tidy
+
+#: parts that layers may break the parts of a slave patch into, each: beyond, faces cross one another at random
+_FRAGMENTS = 64
+
+
+class Parts(NamedTuple):
+    """Room for the parts of one slave patch, a row each: polygon `shape` (., ROOM, 2) of `size` vertices and `label`.
+
+    `plane` (., 3): height c0 + c1 p + c2 q of the master over the slave; `who`: the master patch. `low`, `high`
+    (., 2), `order`, `held`: room to sweep over them. `work`, `rest` (ROOM, 2) and their labels: room for
+    polygons on the way.
+    """
+
+    shape: Floats
+    label: NDArray[np.int8]
+    size: Ints
+    plane: Floats
+    who: Ints
+    low: Floats
+    high: Floats
+    order: Ints
+    held: Ints
+    work: Floats
+    work_label: NDArray[np.int8]
+    rest: Floats
+    rest_label: NDArray[np.int8]
+
+
+def make_room(n: int) -> Parts:
+    """Room for n parts."""
+    return Parts(
+        np.empty((n, ROOM, 2)),
+        np.zeros((n, ROOM), np.int8),
+        np.zeros(n, np.int64),
+        np.empty((n, 3)),
+        np.empty(n, np.int64),
+        np.empty((n, 2)),
+        np.empty((n, 2)),
+        np.empty(n, np.int64),
+        np.empty(n, np.int64),
+        np.empty((ROOM, 2)),
+        np.zeros(ROOM, np.int8),
+        np.empty((ROOM, 2)),
+        np.zeros(ROOM, np.int8),
+    )
+
+
+@kernel
+def nearest_only(of: Any, n: int, least: float, overlap: float) -> Any:
+    """Where the n parts lie over one another, keep the nearest. Returns their number (some empty); -1: no room.
+
+    `least`: an area that is rounding; `overlap`: one that neighbours may share.
+    """
+    for a in range(n):
+        _measure(of, a)
+        of.order[a] = a
+    _sort(of.order, of.low[:, 0], n)
+    held = 0  # parts `of.held` lie nowhere over one another, and reach as far as the sweep along the first axis
+    whole, most = n, _FRAGMENTS * n
+    for i in range(whole):
+        a = of.order[i]
+        held = _let_go(of, held, of.low[a, 0])
+        rest = n  # what is broken off from here on is set down in its turn
+        while True:
+            n = _set_down(of, n, a, held, least, overlap)
+            if n < 0 or n >= most:
+                return n
+            if of.size[a]:
+                of.held[held] = a
+                held += 1
+            if rest == n:
+                break
+            a = rest
+            rest += 1
+    return n
+
+
+@kernel
+def _measure(of: Any, a: int) -> None:
+    """Where part a begins and ends along either axis."""
+    for axis in range(2):
+        of.low[a, axis], of.high[a, axis] = np.inf, -np.inf
+        for k in range(of.size[a]):
+            of.low[a, axis] = min(of.low[a, axis], of.shape[a, k, axis])
+            of.high[a, axis] = max(of.high[a, axis], of.shape[a, k, axis])
+
+
+@kernel
+def _let_go(of: Any, held: int, low: float) -> Any:
+    """Of the parts held, keep those that reach beyond `low` and are still there. Returns how many."""
+    kept = 0
+    for k in range(held):
+        b = of.held[k]
+        if of.size[b] and of.high[b, 0] > low:
+            of.held[kept] = b
+            kept += 1
+    return kept
+
+
+@kernel
+def _set_down(of: Any, n: int, a: int, held: int, least: float, overlap: float) -> Any:
+    """Where part a lies over one of those held, the nearer breaks the other. Returns their number; -1: no room."""
+    low, high = of.low, of.high
+    left, right, bottom, top = low[a, 0], high[a, 0], low[a, 1], high[a, 1]
+    for k in range(held):
+        b = of.held[k]
+        if high[b, 1] <= bottom or low[b, 1] >= top or high[b, 0] <= left or low[b, 0] >= right:
+            continue
+        if of.size[b] == 0 or of.who[a] == of.who[b]:
+            continue
+        area, far = _overlap(of, a, b, overlap)
+        if area > overlap:
+            n = _subtract(of, n, far, a + b - far, least)
+            if n < 0 or far == a:
+                break
+    return n
+
+
+@kernel
+def _overlap(of: Any, a: int, b: int, least: float) -> Any:
+    """Area that parts a and b share, and which of them is farther from the slave there."""
+    p, q = of.shape[a], of.shape[b]
+    if outside(p, of.size[a], q, of.size[b]) or outside(q, of.size[b], p, of.size[a]):
+        return 0.0, a
+    copy(p, of.label[a], of.size[a], of.rest, of.rest_label)
+    n = cut_by_polygon(of.rest, of.rest_label, of.size[a], q, of.size[b], CHORD, of.work, of.work_label)
+    if n < 3:
+        return 0.0, a
+    area = area_of(of.rest, n)
+    if not area > least:
+        return 0.0, a
+    x, y = centroid(of.rest, n)
+    ha = abs(of.plane[a, 0] + of.plane[a, 1] * x + of.plane[a, 2] * y)
+    hb = abs(of.plane[b, 0] + of.plane[b, 1] * x + of.plane[b, 2] * y)
+    if abs(ha - hb) <= 1e-9 * (ha + hb):  # as near as each other: the one with the lower number stays
+        return area, max(a, b)
+    return area, a if ha > hb else b
+
+
+@kernel
+def _subtract(of: Any, n: int, far: int, near: int, least: float) -> Any:
+    """Take part `near` out of part `far`: what is left goes on as new parts. Returns their number; -1: no room."""
+    m = of.size[far]
+    copy(of.shape[far], of.label[far], m, of.rest, of.rest_label)
+    of.size[far] = 0
+    by = of.shape[near]
+    for k in range(of.size[near]):
+        j = k + 1 if k + 1 < of.size[near] else 0
+        ax, ay, bx, by1 = by[k, 0], by[k, 1], by[j, 0], by[j, 1]
+        out = cut_by_line(of.rest, of.rest_label, m, ax, ay, bx, by1, CHORD, -1, of.work, of.work_label)
+        if out > 2 and area_of(of.work, out) > least:
+            if n == len(of.size):
+                return -1
+            of.who[n] = of.who[far]
+            of.plane[n] = of.plane[far]
+            copy(of.work, of.work_label, out, of.shape[n], of.label[n])
+            of.size[n] = tidy(of.shape[n], of.label[n], out, least)
+            _measure(of, n)
+            n += 1
+        m = cut_by_line(of.rest, of.rest_label, m, ax, ay, bx, by1, CHORD, 1, of.work, of.work_label)
+        if m < 3:
+            break
+        copy(of.work, of.work_label, m, of.rest, of.rest_label)
+    return n
+
+
+@kernel
+def _sort(order: Any, key: Any, n: int) -> None:
+    """Shell's method: a handful of parts nearly always, and never slow."""
+    step = 1
+    while 3 * step < n:
+        step = 3 * step + 1
+    while step > 0:
+        for i in range(step, n):
+            a = order[i]
+            k = i
+            while k >= step and key[order[k - step]] > key[a]:
+                order[k] = order[k - step]
+                k -= step
+            order[k] = a
+        step //= 3

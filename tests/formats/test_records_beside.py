@@ -1,0 +1,431 @@
+"""The records of a cut in `NAME.SUFFIX.lac.json`: they come back whole with their mesh, and with no other."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lacmesh import CELLS, Cut, Mesh, check, cut_skin, raise_order, read, write
+from lacmesh.cli import main
+from lacmesh.errors import LacmeshWarning, RequestError, WriteError
+from lacmesh.formats import cut_beside
+from lacmesh.formats.fidelity import BESIDE, ROWS
+from lacmesh.formats.table import FORMATS, OF_NAME
+from lacmesh.patterns import RING_PARENTS
+from lacmesh.records import CELL_RECORDS, is_cut
+from lacmesh.skin import FACE_TYPES
+from tests.formats.feature_cases import told
+from tests.meshes import cell_with_faces, random_mesh
+
+SOLIDS = [(name, "pyramid") for name, cell in CELLS.items() if cell.dim > 1]
+SOLIDS += [(name, "hexa") for name in RING_PARENTS if CELLS[name].dim == 3]
+SKINS = [name for name in FACE_TYPES if CELLS[name].dim == 2]
+WAYS = [(row.title, OF_NAME[row.format].suffixes[0], dict(row.options)) for row in ROWS if row.keeps("cut") == BESIDE]
+WAYS += [
+    ("elements", ".inp", {"all_cells": True}),
+    ("Abaqus' elements", ".inp", {"all_cells": True, "target": "abaqus"}),
+]
+#: families whose cut a format cannot take, for want of a type of cell
+LACKS = {".inp for CalculiX": "PENTA", "mdpa": "PENTA", "nastran": "TRIA QUAD HEXA PENTA", "h5m": "QUAD HEXA PENTA"}
+#: formats that may take the cut of skin alone
+SURFACES = [(row.format, OF_NAME[row.format].suffixes[0]) for row in ROWS if OF_NAME[row.format].cut_beside]
+
+
+def one_cell(name, variant):
+    """Every face of one cell that can be slave alone, cut: each type of cell, and of child."""
+    mesh = cell_with_faces(name, facets=[0, len(CELLS[name].facets) - 1])
+    return cut_skin(mesh, "slave", hexa=variant).mesh
+
+
+def flat(name):
+    """One face, cut without a cell behind it."""
+    points = np.array(CELLS[name].reference, float)
+    mesh = Mesh.create(np.pad(points, ((0, 0), (0, 1))), [(name, [range(len(points))])], cell_groups={"slave": [0]})
+    return cut_skin(mesh, "slave", skin_only=True).mesh
+
+
+def quiet(path, mesh, **options):
+    """Write and read; what is said of it."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        write(path, mesh, **options)
+        found = read(path)
+    return found, [str(w.message) for w in said]
+
+
+def same(before, after):
+    """That the records say the same of the same places."""
+    was, now = Cut(before), Cut(after)
+    assert told(was) == told(now)
+    assert was.zones == now.zones and was.n_macros == now.n_macros
+
+    def places(cut):
+        near = np.round(cut.mesh.points, 5) + 0.0
+        return [sorted(map(tuple, near[nodes].tolist())) for nodes in cut.internal_nodes]
+
+    assert places(was) == places(now)
+    assert all(now.mesh.cell_data[n].dtype.kind == "i" for n in CELL_RECORDS)
+
+
+def takes(title, mesh):
+    return all(row.keeps_cells(kind) != "error" for row in ROWS if row.title == title for kind in mesh.cells_by_type)
+
+
+@pytest.mark.parametrize(("title", "suffix", "options"), WAYS, ids=lambda w: w if isinstance(w, str) else "")
+def test_every_family_by_every_format_of_cells_and_skin(title, suffix, options, tmp_path):
+    if OF_NAME[next((r.format for r in ROWS if r.title == title), "inp")].meshio:
+        pytest.importorskip("meshio")
+    row = {"elements": ".inp for CalculiX", "Abaqus' elements": ".inp for Abaqus"}.get(title, title)
+    tried = set()
+    for k, (name, variant) in enumerate(SOLIDS):
+        mesh = one_cell(name, variant)
+        if not takes(row, mesh) or (name == "QUAD9" and suffix == ".inp"):  # which Abaqus has, but not in the plane
+            continue
+        if title == "nastran":  # meshio fails on coordinates of many digits
+            mesh = replace(mesh, points=np.round(mesh.points, 6))
+        path = tmp_path / f"{k}{suffix}"
+        found, said = quiet(path, mesh, **options)
+        assert not any("records" in s or "lac_" in s or "zone" in s for s in said)
+        assert cut_beside.place_of(path).exists()
+        same(mesh, found)
+        tried.add(CELLS[name].family)
+    lacks = LACKS.get(title, LACKS.get(row, ""))
+    assert tried == {"TRIA", "QUAD", "TETRA", "HEXA", "PENTA", "PYRAM"} - set(lacks.split())
+
+
+@pytest.mark.parametrize(("name", "suffix"), SURFACES)
+def test_skin_alone_by_every_format(name, suffix, tmp_path):
+    """Formats of one type of cells take the cut of a skin; those that keep arrays need no second file."""
+    form = OF_NAME[name]
+    if form.meshio:
+        pytest.importorskip("meshio")
+    row = next(row for row in ROWS if row.format == name)
+    tried = 0
+    for k, kind in enumerate(SKINS):
+        mesh = flat(kind)
+        if all(row.keeps_cells(t) != "error" for t in mesh.cells_by_type):
+            path = tmp_path / f"{k}{suffix}"
+            same(mesh, quiet(path, mesh)[0])
+            assert cut_beside.place_of(path).exists() == (name not in ("vtk", "hmf"))
+            tried += 1
+    assert tried or name in ("su2", "flac3d")  # formats of volumes
+
+
+@pytest.mark.filterwarnings("ignore:slave faces stand twice")
+@pytest.mark.parametrize("suffix", [".mail", ".inp"])
+@pytest.mark.parametrize("seed", range(6))
+def test_random_numbers_groups_and_twins(suffix, seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    mesh = random_mesh(
+        rng, dim=3 - seed % 2, order=1 + (seed > 2 and suffix == ".mail"), twins=suffix == ".mail", interior=seed > 3
+    )
+    mesh = replace(cut_skin(mesh, "slave", hexa="hexa").mesh, zones=('été, "links"',))
+    found, _ = quiet(tmp_path / f"a{suffix}", mesh, **({"target": "abaqus"} if suffix == ".inp" else {}))
+    if suffix == ".mail":  # cells and nodes keep their numbers: so every record is under the same one
+        order, back = np.argsort(mesh.cell_number), np.argsort(found.cell_number)
+        for name in CELL_RECORDS:
+            assert np.array_equal(mesh.cell_data[name][order], found.cell_data[name][back])
+        order, back = np.argsort(mesh.node_number), np.argsort(found.node_number)
+        assert np.array_equal(mesh.node_data["lac_internal"][order], found.node_data["lac_internal"][back])
+        assert found.zones == mesh.zones
+    else:
+        same(mesh, found)
+
+
+@pytest.mark.parametrize("suffix", [".mail", ".inp"])
+def test_a_file_that_numbers_anew_has_its_parents_under_the_new_numbers(suffix, tmp_path):
+    mesh = cut_skin(raise_order(cell_with_faces("HEXA8", facets=[0, 3]), "2"), "slave", hexa="hexa").mesh
+    big = np.int64(3_000_000_000)
+    parent = mesh.cell_data["lac_parent"].astype(np.int64)
+    moved = replace(
+        mesh,
+        cell_number=mesh.cell_number + big,
+        node_number=mesh.node_number[::-1] + big,
+        cell_data={**mesh.cell_data, "lac_parent": np.where(parent >= 0, parent + big, -1)},
+    )
+    found, said = quiet(tmp_path / f"a{suffix}", moved)
+    assert "they are 1, 2 ... in the file" in said[0] and found.cell_number.max() < 100
+    same(moved, found)
+    assert set(found.cell_data["lac_parent"].tolist()) <= {-1, *found.cell_number.tolist()}
+    again, _ = quiet(tmp_path / f"b{suffix}", found)
+    for name in CELL_RECORDS:
+        assert np.array_equal(again.cell_data[name], found.cell_data[name])
+
+
+def found_by(mesh):
+    return [(f.rule, f.message) for f in check(Cut(mesh)).findings]
+
+
+@pytest.mark.parametrize("suffix", [".mail", ".inp"])
+def test_commands_and_checks_see_the_cut(suffix, tmp_path, capsys):
+    mesh = one_cell("HEXA8", "hexa")
+    write(tmp_path / "a.med", mesh)
+    found, _ = quiet(tmp_path / f"a{suffix}", mesh)
+    assert found_by(found) and found_by(found) == found_by(read(tmp_path / "a.med"))
+    for name in ("a.med", f"a{suffix}"):
+        assert main(["quality", str(tmp_path / name)]) in (0, 1)
+        assert main(["info", str(tmp_path / name)]) == 0
+        assert "cut: 2 macro-elements in slave" in capsys.readouterr().out
+
+
+def pair(tmp_path):
+    """A .mail file of a cut mesh and its records."""
+    path = tmp_path / "part.mail"
+    write(path, one_cell("HEXA8", "hexa"))
+    return path, cut_beside.place_of(path)
+
+
+def refused(path):
+    """What the one warning says where records are left out; the mesh has none then."""
+    with pytest.warns(LacmeshWarning) as said:
+        found = read(path)
+    assert len(said) == 1 and not is_cut(found) and not found.zones and "lac_internal" not in found.node_data
+    text = str(said[0].message)
+    assert text.startswith(f"{cut_beside.place_of(path)}: the records of a cut are left out: ")
+    assert text.endswith("; write the mesh again, or take this file away")
+    return text
+
+
+def test_records_go_with_their_own_mesh_alone(tmp_path):
+    path, side = pair(tmp_path)
+    text = path.read_text()
+    x = next(line for line in text.splitlines() if line.startswith("N1 "))
+    path.write_text(text.replace(x, "N1 0.125 0.25 0.5"))
+    assert Cut(read(path)).n_macros == 2  # a moved mesh is the same one
+    path.write_text(text.replace("M1\n", "M1000\n").replace("M1 N", "M1000 N").replace("M1 ", "M1000 "))
+    assert "name cells or nodes that the file has not" in refused(path)
+    a, b = text.index("QUAD4"), text.index("GROUP_")
+    begin = text.index("HEXA8")
+    path.write_text(text[:begin] + text[a:b] + text[begin:a] + text[b:])
+    assert Cut(read(path)).n_macros == 2  # nor does the order of its parts matter
+    cells = text.index("QUAD4")
+    first, second = (line.split()[0] for line in text[cells:].splitlines()[1:3])
+    swapped = text[cells:].replace(first + " ", "M\0 ").replace(second + " ", first + " ").replace("M\0 ", second + " ")
+    path.write_text(text[:cells] + swapped)
+    assert "of other cells than those of part.mail, or were changed" in refused(path)
+    write(tmp_path / "b.mail", one_cell("TETRA4", "hexa"))
+    shutil.copy(tmp_path / "b.mail", path)
+    assert "part.mail has 6 and 11" in refused(path)
+    shutil.copy(cut_beside.place_of(tmp_path / "b.mail"), side)
+    assert Cut(read(path)).n_macros == 2
+
+
+def test_the_same_counts_of_other_types_are_refused(tmp_path):
+    path, side = pair(tmp_path)
+    held = json.loads(side.read_text())
+    held["cells"]["HEXA8"] -= 1
+    held["cells"]["PENTA6"] = 1
+    side.write_text(json.dumps(held))
+    assert "of other types" in refused(path)
+
+
+def test_no_damage_is_an_error_or_a_wrong_record(tmp_path):
+    path, side = pair(tmp_path)
+    whole = side.read_bytes()
+    right = read(path)
+    rng = np.random.default_rng(1)
+    for cut in rng.integers(0, len(whole) - 2, 60).tolist():
+        side.write_bytes(whole[:cut])
+        refused(path)
+    n = 0
+    for at in rng.integers(0, len(whole), 300).tolist():
+        damaged = bytearray(whole)
+        damaged[at] = int(rng.integers(256))
+        side.write_bytes(damaged)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            found = read(path)
+        assert len(said) <= 1 and is_cut(found) != bool(said)
+        n += bool(said)
+        for name in CELL_RECORDS if is_cut(found) else ():  # a blank, or the same byte
+            assert np.array_equal(found.cell_data[name], right.cell_data[name])
+    assert n > 200
+
+
+HEAD = '{"lacmesh": "records of a cut", "version": 1, '
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    {
+        "nothing": ("", "lacmesh did not write it"),
+        "another's": ('{"a": 1}', "lacmesh did not write it"),
+        "a list": ("[1, 2]", "lacmesh did not write it"),
+        "half": (HEAD, "damaged"),
+        "nested": (HEAD + '"nodes": ' + "[" * 100_000, "damaged"),
+        "a long number": (HEAD + '"nodes": ' + "9" * 10_000 + "}", "damaged"),
+        "no counts": (HEAD + '"nodes": "many", "cells": 3}', "damaged"),
+        "newer": ('{"lacmesh": "records of a cut", "version": 2}', "a newer lacmesh wrote it"),
+        "no version": ('{"lacmesh": "records of a cut", "version": "x"}', "damaged"),
+        "large": (HEAD + " " * 2_000_000, "larger than the records of this mesh can be"),
+        "not UTF-8": (HEAD + '"nodes": "\udcff"}', "damaged"),
+    }.values(),
+)
+def test_what_is_no_record(text, why, tmp_path):
+    path, side = pair(tmp_path)
+    side.write_bytes(text.encode(errors="surrogateescape"))
+    assert why in refused(path)
+
+
+def test_a_folder_and_a_file_that_cannot_be_opened(tmp_path, monkeypatch):
+    path, side = pair(tmp_path)
+    monkeypatch.setattr(
+        cut_beside, "_loaded", lambda *_: (_ for _ in ()).throw(PermissionError(13, "Permission denied"))
+    )
+    assert "it cannot be read (Permission denied)" in refused(path)
+    monkeypatch.undo()
+    side.unlink()
+    side.mkdir()
+    assert "it is no regular file" in refused(path)
+
+
+WRONG = {
+    "macro beyond": ("children", "macro", 10**15),
+    "macro left out": ("children", "macro", 3),
+    "zone beyond": ("children", "zone", 1),
+    "no zone": ("children", "zone", -1),
+    "a child too many": ("children", "child", 6),
+    "child 0": ("children", "child", 0),
+    "below -1": ("children", "parent", -2),
+    "a text": ("children", "parent", "1"),
+    "a real number": ("children", "parent", 1.5),
+    "too long": ("children", "parent", 2**70),
+    "a list": ("children", "macro", [1]),
+    "nothing": ("children", "macro", None),
+    "no such cell": ("children", "cell", 10**12),
+    "no such node": ("internal", "node", 10**12),
+    "internal to none": ("internal", "macro", 2),
+    "internal to -1": ("internal", "macro", -1),
+}
+
+
+@pytest.mark.parametrize(("part", "column", "value"), WRONG.values(), ids=WRONG)
+def test_absurd_values_under_a_right_digest(part, column, value, tmp_path, monkeypatch):
+    path, side = pair(tmp_path)
+    held = json.loads(side.read_text())
+    held[part][column][-1] = value
+    side.write_text(json.dumps(held))
+    refused(path)
+    monkeypatch.setattr(cut_beside, "_digest", lambda *_: held["digest"])
+    why = refused(path)
+    assert "is damaged" in why or "has not, or twice" in why
+
+
+def test_columns_must_fit_each_other(tmp_path, monkeypatch):
+    path, side = pair(tmp_path)
+    for part, column in (("children", "zone"), ("internal", "node")):
+        held = json.loads(side.read_text())
+        held[part][column].pop()
+        side.write_text(json.dumps(held))
+        monkeypatch.setattr(cut_beside, "_digest", lambda *_, held=held: held["digest"])
+        assert "is damaged" in refused(path)
+
+
+def test_a_mesh_without_a_cut_takes_old_records_away_and_no_other_file(tmp_path):
+    path, side = pair(tmp_path)
+    bare = cell_with_faces("HEXA8")
+    with pytest.raises(RequestError, match=r"exists already"):
+        write(path, bare, force=False)
+    path.unlink()
+    with pytest.raises(RequestError, match=r"part\.mail\.lac\.json exists already; --force"):
+        write(path, bare, force=False)
+    assert side.exists() and not path.exists()
+    write(path, bare)
+    assert not side.exists() and not is_cut(read(path))
+    side.write_text('{"mine": 1}')
+    write(path, bare)
+    assert side.read_text() == '{"mine": 1}'
+    side.unlink()
+    write(path, bare)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["part.mail"]
+
+
+def test_a_damaged_file_of_ours_is_replaced_and_anothers_is_not(tmp_path):
+    path, side = pair(tmp_path)
+    side.write_bytes(side.read_bytes()[:100])
+    write(path, one_cell("HEXA8", "hexa"))
+    assert is_cut(read(path))
+    before = path.read_bytes()
+    side.write_text("precious")
+    with pytest.raises(WriteError, match=r"part\.mail\.lac\.json is there and lacmesh did not write it"):
+        write(path, one_cell("TETRA4", "hexa"))
+    assert side.read_text() == "precious" and path.read_bytes() == before
+
+
+def test_a_failure_leaves_both_files_as_they_were(tmp_path, monkeypatch):
+    path, side = pair(tmp_path)
+    before = path.read_bytes(), side.read_bytes()
+
+    def fails(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(cut_beside, "to_json", fails)
+    with pytest.raises(WriteError, match=r"part\.mail: cannot be written \(No space left on device\)"):
+        write(path, one_cell("TETRA4", "hexa"))
+    assert (path.read_bytes(), side.read_bytes()) == before and len(list(tmp_path.iterdir())) == 2
+
+
+def test_records_go_whole_or_not_at_all(tmp_path):
+    """Slave faces that the file does not hold: nothing is written of the cut, and that is said."""
+    mesh = replace(one_cell("HEXA8", "hexa"), cell_groups={})
+    found, said = quiet(tmp_path / "a.inp", mesh)
+    assert said[1:] == ["the records of the cut are left out: 10 of its slave faces are not in the file"]
+    assert not is_cut(found) and [p.name for p in tmp_path.iterdir()] == ["a.inp"]
+    wrong = one_cell("HEXA8", "hexa")
+    odd = replace(wrong, cell_data={**wrong.cell_data, "lac_child": wrong.cell_data["lac_child"] + 7})
+    with pytest.warns(LacmeshWarning, match="left out: there are records that no cut leaves"):
+        write(tmp_path / "b.mail", odd)
+    assert not cut_beside.place_of(tmp_path / "b.mail").exists()
+
+
+def test_skin_on_skin_becomes_one_face_with_the_slaves_record(tmp_path):
+    """Of two skin cells on one face the .inp file keeps the face, which is a slave's."""
+    one = cell_with_faces("HEXA8")
+    skin = np.vstack([one.block("QUAD4"), one.block("QUAD4")[:, ::-1]])
+    for slave in (1, 2):
+        blocks = [("HEXA8", one.block("HEXA8")), ("QUAD4", skin)]
+        twins = Mesh.create(one.points, blocks, cell_groups={"slave": [slave], "twin": [3 - slave]})
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            mesh = cut_skin(twins, "slave", hexa="hexa").mesh
+        found, said = quiet(tmp_path / f"{slave}.inp", mesh)
+        assert "5 skin cells lie on others" in said[0] and len(said) == 1
+        cut = Cut(found)
+        assert np.bincount(cut.macro_of_face[cut.macro_of_face >= 0]).tolist() == [5]
+        assert sorted(cut.child_kind[cut.macro_of_face >= 0]) == [1, 2, 3, 4, 5]
+        assert np.array_equal(cut.macro_of_node, Cut(mesh).macro_of_node)
+        same_faces = found.cell_groups["slave"]
+        assert np.array_equal(same_faces, np.flatnonzero(cut.macro_of_face >= 0))
+
+
+def test_data_that_are_no_cut_are_fields_like_others(tmp_path):
+    mesh = cell_with_faces("HEXA8")
+    data = np.array([0.5, 1.5])
+    with pytest.warns(LacmeshWarning, match="fields are left out: cell data lac_macro"):
+        write(tmp_path / "a.mail", replace(mesh, cell_data={"lac_macro": data}))
+    assert [p.name for p in tmp_path.iterdir()] == ["a.mail"]
+
+
+def test_the_warning_names_what_a_user_loses(tmp_path, capsys):
+    from pathlib import Path
+
+    source = Path(__file__).parents[2] / "data" / "two_blocks.msh"
+    for suffix in (".inp", ".mail"):
+        args = ["cut", str(source), "--slave", "slave", "--hexa", "hexa", "-o", str(tmp_path / f"a{suffix}")]
+        assert main(args) == 0
+        said = [line for line in capsys.readouterr().err.splitlines() if "warning" in line]
+        assert said == [f"lacmesh: warning: {suffix}: what only gmsh knows is left out: entities, tags of groups"]
+        assert cut_beside.place_of(tmp_path / f"a{suffix}").exists()
+
+
+def test_formats_with_fields_have_no_second_file(tmp_path):
+    mesh = one_cell("HEXA8", "hexa")
+    for form in FORMATS:
+        if not form.cut_beside:
+            write(tmp_path / f"a{form.suffixes[0]}", mesh)
+    assert not list(tmp_path.glob("*.lac.json"))
