@@ -161,7 +161,7 @@ def test_the_check_says_what_the_page_claims(step):
     least, most = map(float, re.findall(r"gap from (\S+) to (\S+),", checked)[0])
     assert abs(least) < 1e-3 and most == pytest.approx(0.4, abs=1e-3)
     assert "; 99.99 % of the slave faces the master" in checked
-    poor = int(re.findall(r"(\d+) cells are poor", checked)[0])
+    poor = int(re.findall(r"(\d+) cells have a scaled Jacobian below 0.1", checked)[0])
     assert 250 < 4996 / poor < 350  # one in three hundred
 
 
