@@ -1,0 +1,193 @@
+"""Equilibrium at one time: which macro-elements are in contact, at what pressure, and the displacement.
+
+    K q = f - B^T p                                                    (26), (35)
+    0 <= p_m, 0 <= G_m(q), p_m G_m = 0                                 (27), (29)
+
+It is a semi-smooth Newton method on p_m - max(0, p_m - c_m G_m / w_m) = 0 (32), (33): some rows are held closed, G_m = 0,
+the others are open, p_m = 0, and one linear system gives the next q and p; closed rows that press stay closed, open ones
+that overlap are closed (which is the sign of p_m - c_m G_m / w_m, whatever c_m). With constant K, B and
+D that is block principal pivoting (Portugal, Judice and Vicente 1994): a set that has been solved exactly and comes back
+is a cycle, which Murty's rule, one change at a time and the first first, breaks; it ends after finitely many. Systems
+are solved loosely until a set comes back, then as exactly as numbers allow. What ends the loop is the defect of the
+conditions and of the balance, not that the set stays.
+
+c_m = w_m (b K b^T) / (b b^T)^2 with b the row of B: the stiffness of the macro-element's own skin, stress per length,
+so that no constant depends on units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from lacmesh.mesh import Floats
+from lacsolver.schur import Goal, Rows, Stiffness, solve_rows
+
+#: what a loose solve leaves of the residual
+_LOOSE = 0.1
+#: gaps are known to this much of the coordinates
+ROUNDING = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """All rows of all zones at some place, a row each (m,): `rows` (B, D, w), `G` there, `paired`, `held` (equalities).
+
+    `c` (m,): stress per length, see above. `turning`: d(B^T p)/dq at pressures p, None where B does not change.
+    """
+
+    rows: Rows
+    G: NDArray[np.floating]
+    paired: NDArray[np.bool_]
+    held: NDArray[np.bool_]
+    c: NDArray[np.floating]
+    turning: Callable[[Floats], csr_array] | None = None
+
+    def next(self, active: NDArray[np.bool_], p: Floats) -> NDArray[np.bool_]:
+        """(m,): the rows to close after a solve with `active` ones closed: those that press, and those that overlap."""
+        return self.paired & (self.held | np.where(active, p > 0, self.G < 0))
+
+    def defect(self, p: Floats) -> float:
+        """How far p and G are from the conditions, as a gap."""
+        gap = np.where(self.paired, self.G / self.rows.w, 0.0)
+        free = np.minimum(np.where(self.paired, p / self.c, 0.0), gap)
+        return float(np.abs(np.where(self.held, gap, free)).max(initial=0.0))
+
+
+class Iterate(NamedTuple):
+    """Unknowns q (n,), pressures p (m,), the set of the last solve (m,)."""
+
+    q: NDArray[np.floating]
+    p: NDArray[np.floating]
+    active: NDArray[np.bool_]
+
+
+class Outcome(NamedTuple):
+    """Where a search for equilibrium ended: `converged`, the iterate, its contact, the defects of each iteration.
+
+    `defects`: (balance, gap) after each linear solve, relative. `products`: with K^-1.
+    """
+
+    converged: bool
+    iterate: Iterate
+    contact: Contact
+    defects: tuple[tuple[float, float], ...]
+    products: int
+
+
+@dataclass(frozen=True)
+class Limits:
+    """`tolerance` of both defects, `max_iterations`; `length`, the model's extent, which rounding goes with.
+
+    `moved`: how far what is prescribed moves, which gaps are compared with beside q.
+    """
+
+    tolerance: float
+    max_iterations: int
+    length: float
+    moved: float = 0.0
+
+
+#: contact at q: again each time where the geometry is current
+At = Callable[[Floats], Contact]
+#: told of each iteration: number, closed rows, balance, gap
+Told = Callable[[int, int, float, float], None]
+
+
+def find_equilibrium(
+    K: Stiffness, f: Floats, at: At, start: Iterate, limits: Limits, *, moving: bool, told: Told | None = None
+) -> Outcome:
+    """Equilibrium under nodal forces f (n,), from a guess. `moving`: B and D change with q, and sets are never loose."""
+    q, p, _ = start
+    contact = at(q)
+    active = start.active & contact.paired | contact.held & contact.paired
+    p = np.where(active, p, 0.0)
+    scale = _Scale(f, limits)
+    solved: dict[bytes, bool] = {}
+    defects: list[tuple[float, float]] = []
+    products = 0
+    for number in range(1, limits.max_iterations + 1):
+        key = active.tobytes()
+        exact = moving or key in solved
+        wanted = contact.G + contact.rows.D @ q
+        goal = scale.goal(0.0 if exact else _LOOSE)
+        turning = None if contact.turning is None else contact.turning(p)
+        made = solve_rows(K, contact.rows, np.flatnonzero(active), f, wanted, q, p, goal, turning)
+        q, p = made.q, made.p
+        solved[key] = exact
+        contact = at(q)
+        balance, gap = scale.balance(K, contact.rows, f, q, p), contact.defect(p) / scale.size(q)
+        defects.append((balance, gap))
+        products += made.products
+        if told is not None:
+            told(number, int(active.sum()), balance, gap)
+        done = balance <= limits.tolerance and contact.defect(p) <= scale.allowed(q)
+        if done and (exact or not active.any()):
+            return Outcome(True, Iterate(q, p, active), contact, tuple(defects), products)
+        active = _next(active, contact.next(active, p), solved, moving or done)
+    return Outcome(False, Iterate(q, p, active), contact, tuple(defects), products)
+
+
+def _next(
+    active: NDArray[np.bool_], wanted: NDArray[np.bool_], solved: dict[bytes, bool], keep: bool
+) -> NDArray[np.bool_]:
+    """The next set: the one wanted; where it was solved exactly before, a cycle, the first change alone."""
+    if keep or not solved.get(wanted.tobytes(), False) or np.array_equal(active, wanted):
+        return wanted
+    out = active.copy()
+    first = np.flatnonzero(active != wanted)[0]
+    out[first] = wanted[first]
+    return out
+
+
+class _Scale:
+    """What defects are compared with."""
+
+    def __init__(self, f: Floats, limits: Limits) -> None:
+        self.f = float(np.abs(f).max(initial=0.0))
+        self.limits = limits
+
+    def force(self, q: Floats, K: Stiffness) -> float:
+        return max(self.f, float(np.abs(K.K @ q).max(initial=0.0)), 1e-300)
+
+    def size(self, q: Floats) -> float:
+        return max(float(np.abs(q).max(initial=0.0)), self.limits.moved, ROUNDING * self.limits.length, 1e-300)
+
+    def allowed(self, q: Floats) -> float:
+        return max(self.limits.tolerance * self.size(q), ROUNDING * self.limits.length)
+
+    def goal(self, reduction: float) -> Goal:
+        limits = self.limits
+        return Goal(reduction, 1e-3 * limits.tolerance, 0.1 * ROUNDING * limits.length, limits.moved)
+
+    def balance(self, K: Stiffness, rows: Rows, f: Floats, q: Floats, p: Floats) -> float:
+        return float(np.abs(f - K.K @ q - rows.B_T @ p).max(initial=0.0)) / max(
+            self.force(q, K), float(np.abs(rows.B_T @ p).max(initial=0.0))
+        )
+
+
+def stiffness_of_rows(K: Stiffness, rows: Rows) -> NDArray[np.floating]:
+    """c (m,): w (b K b^T) / (b b^T)^2, stress per length; 1 where a row is zero or has no stiffness."""
+    touched = rows.touched
+    B = rows.B[:, touched]
+    energy = np.asarray(((B @ K.K[touched][:, touched]).multiply(B)).sum(axis=1)).ravel()
+    size = np.asarray(B.multiply(B).sum(axis=1)).ravel()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        c = rows.w * energy / size**2
+    return np.where(np.isfinite(c) & (c > 0), c, 1.0)
+
+
+def at_start(contact: Contact, closed: NDArray[np.bool_]) -> Iterate:
+    """The iterate of an undeformed body whose rows `closed` (m,) are in contact."""
+    m, n = contact.rows.B.shape
+    return Iterate(np.zeros(n), np.zeros(m), closed & contact.paired | contact.held & contact.paired)
+
+
+def shifted(contact: Contact, G: Floats) -> Contact:
+    """The same rows with other gaps."""
+    return replace(contact, G=G)
