@@ -3,12 +3,12 @@
     K q = f - B^T p                                                    (26), (35)
     0 <= p_m, 0 <= G_m(q), p_m G_m = 0                                 (27), (29)
 
-It is a semi-smooth Newton method on p_m - max(0, p_m - c_m G_m / w_m) = 0 (32), (33): some rows are held closed, G_m = 0,
-the others are open, p_m = 0, and one linear system gives the next q and p; closed rows that press stay closed, open ones
-that overlap are closed (which is the sign of p_m - c_m G_m / w_m, whatever c_m). With constant K, B and
-D that is block principal pivoting (Portugal, Judice and Vicente 1994): a set that has been solved exactly and comes back
-is a cycle, which Murty's rule, one change at a time and the first first, breaks; it ends after finitely many. Systems
-are solved loosely until a set comes back, then as exactly as numbers allow. What ends the loop is the defect of the
+It is a semi-smooth Newton method on p_m - max(0, p_m - c_m G_m / w_m) = 0 (32), (33): some rows are held closed, G_m =
+0, the others are open, p_m = 0, and one linear system gives the next q and p; closed rows that press stay closed, open
+ones that overlap are closed (which is the sign of p_m - c_m G_m / w_m, whatever c_m). With constant K, B and D that is
+block principal pivoting (Portugal, Judice and Vicente 1994): a set that has been solved exactly and comes back is a
+cycle, which Murty's rule, one change at a time and the first first, breaks; it ends after finitely many. Systems are
+solved loosely until a set comes back, then as exactly as numbers allow. What ends the loop is the defect of the
 conditions and of the balance, not that the set stays.
 
 c_m = w_m (b K b^T) / (b b^T)^2 with b the row of B: the stiffness of the macro-element's own skin, stress per length,
@@ -102,7 +102,7 @@ Told = Callable[[int, int, float, float], None]
 def find_equilibrium(
     K: Stiffness, f: Floats, at: At, start: Iterate, limits: Limits, *, moving: bool, told: Told | None = None
 ) -> Outcome:
-    """Equilibrium under nodal forces f (n,), from a guess. `moving`: B and D change with q, and sets are never loose."""
+    """Equilibrium under forces f (n,), from a guess. `moving`: B and D change with q, and no solve is loose."""
     q, p, _ = start
     contact = at(q)
     active = start.active & contact.paired | contact.held & contact.paired

@@ -13,6 +13,6 @@ def law_of(material: Material) -> Law:
     given["reference_temperature"] = material.reference_temperature
     if material.law == "elastic":
         return Elastic(**given)
-    if material.law == "orthotropic":
+    if material.law == "orthotropic" and material.shear is not None:
         return Orthotropic(**given, shear=material.shear, axes=material.axes)
     raise RequestError(f'the law {material.law} belongs to kinematics = "finite"')

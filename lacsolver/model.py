@@ -1,6 +1,6 @@
 """The problem at one time, on the unknowns that are left: forces, and contact wherever the skins are.
 
-    u = T q + u0(t);   K_q = T^T K T,  f_q = T^T (f(t) - K u0(t)) + forces on rigid bodies,  B_q = B T
+u = T q + u0(t);   K_q = T^T K T,  f_q = T^T (f(t) - K u0(t)) + forces on rigid bodies,  B_q = B T
 """
 
 from __future__ import annotations
@@ -10,11 +10,12 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, vstack
+from scipy.sparse import csc_array, csr_array, vstack
 from scipy.sparse.linalg import spsolve
 
+from lacmesh.errors import DataError
 from lacmesh.mesh import Floats
-from lacsolver.bodies import FreeMotion, free_motions
+from lacsolver.bodies import FreeMotion, describe, free_motions, still_free
 from lacsolver.equilibrium import Contact, shifted, stiffness_of_rows
 from lacsolver.interface import Interface, integrate
 from lacsolver.interface.tangent import Motion, gap_derivative, motion_of, tangent
@@ -52,7 +53,7 @@ class Model:
         T, solver = problem.constraints.T, problem.case.solver
         R = np.zeros((T.shape[1], 0))
         if self.motions:
-            R = np.linalg.qr(_least_squares(T, np.stack([m.field for m in self.motions], axis=1)))[0]
+            R = np.linalg.qr(np.stack([self.unknowns(motion.field) for motion in self.motions], axis=1))[0]
         return hold(self.reduced(self.K), R, backend=solver.backend, threads=problem.threads)
 
     @cached_property
@@ -65,6 +66,22 @@ class Model:
     def moving(self) -> bool:
         """Whether some joint is paired again on the deformed skins."""
         return any(joint.moving for joint in self.problem.joints)
+
+    def unknowns(self, u: Floats) -> NDArray[np.floating]:
+        """(n_q,): q with T q = u, (n_dof,), which has one."""
+        T = self.problem.constraints.T
+        return np.asarray(spsolve(csc_array(T.T @ T), T.T @ u))
+
+    def check_held(self, interfaces: list[Interface], paired: NDArray[np.bool_]) -> None:
+        """Raises DataError where a body may move and no contact or tie would stop it: who, and how."""
+        if not self.motions:
+            return
+        n = self.K.shape[0]
+        B = csr_array(vstack([csr_array((0, n)), *(face.B for face in interfaces)]))
+        free = still_free(csr_array(B[np.flatnonzero(paired)]), self.motions)
+        if free:
+            said = "; ".join(describe(motion) for motion in free)
+            raise DataError(f"nothing holds a part of the model: {said}; add a displacement, a spring or a contact")
 
     def reduced(self, K: csr_array) -> csr_array:
         """T^T K T."""
@@ -122,7 +139,11 @@ def _rows(model: Model, interfaces: list[Interface], u: Floats) -> Contact:
     """The rows of all joints on q, and their gaps at u, in which those of still joints are linear."""
     problem = model.problem
     T, d, n = problem.constraints.T, problem.space.dim, problem.constraints.T.shape[1]
-    B, D, G, w, paired, held = [], [], [np.empty(0)], [np.empty(0)], [np.empty(0, bool)], [np.empty(0, bool)]
+    B: list[csr_array] = []
+    D: list[csr_array] = []
+    G: list[Floats] = [np.empty(0)]
+    w: list[Floats] = [np.empty(0)]
+    paired, held = [np.empty(0, bool)], [np.empty(0, bool)]
     motions = [_motion(model, joint, face) for joint, face in zip(problem.joints, interfaces, strict=True)]
     for joint, face, motion in zip(problem.joints, interfaces, motions, strict=True):
         repeat = d if joint.tie else 1
@@ -155,9 +176,3 @@ def _motion(model: Model, joint: Joint, face: Interface) -> Motion | None:
     if not joint.moving or model.problem.case.solver.tangent == "symmetric":
         return None
     return motion_of(face, face.slave, face.master, joint.pairing, model.problem.space.dim)
-
-
-def _least_squares(T: csr_array, u: Floats) -> NDArray[np.floating]:
-    """(n_q, r): q with T q = u, which has one."""
-    q = spsolve((T.T @ T).tocsc(), T.T @ u)
-    return np.asarray(q).reshape(T.shape[1], -1)

@@ -4,10 +4,10 @@ With rows A held, the saddle system
 
     K q + B_A^T p = f,   D_A q = G_A
 
-is solved for p by generalised conjugate residuals, a short loop of products with K^-1, and q follows on the way, without
-a solve of its own. The preconditioner (B B^T)^-1 B K B^T (B B^T)^-1 is the stiffness of the skins themselves, put in
-terms of pressures (Farhat and Roux's lumped preconditioner of 1991, with the scaling of the rows); with it the number of
-products hardly grows with the mesh: 2 to 5 to a tenth of the residual, 20 to 25 to round-off.
+is solved for p by generalised conjugate residuals, a short loop of products with K^-1, and q follows on the way,
+without a solve of its own. The preconditioner (B B^T)^-1 B K B^T (B B^T)^-1 is the stiffness of the skins themselves,
+put in terms of pressures (Farhat and Roux's lumped preconditioner of 1991, with the scaling of the rows); with it the
+number of products hardly grows with the mesh: 2 to 5 to a tenth of the residual, 20 to 25 to round-off.
 
 A body that only contact holds makes K singular. Springs at as many degrees of freedom as there are free motions make it
 regular; pressures stay in balance with the load along each motion (the coarse projection of FETI, Farhat and Roux), so
@@ -132,7 +132,8 @@ def solve_rows(
     """
     loop = _Loop(K, rows, active, turning)
     start = q
-    p, s = loop.balanced(p, f), np.zeros(len(loop.turned))
+    p = loop.balanced(p, f)
+    s: NDArray[np.floating] = np.zeros(len(loop.turned))
     q, products = _in_balance(K, f - rows.B_T @ p, q)
     left = 0.0
     for _ in range(1 + (_REFINEMENTS if goal.reduction == 0 else 0)):
@@ -217,7 +218,7 @@ class _Loop:
     def run(
         self, q: Floats, p: Floats, s: Floats, G: Floats, start: Floats, goal: Goal
     ) -> tuple[Floats, Floats, Floats, int, float]:
-        """Generalised conjugate residuals; gaps are measured as means over the macro-elements, forces as lengths too."""
+        """Generalised conjugate residuals, of lengths: gaps as means over macro-elements, forces over stiffness."""
         unit = self.unit
         r = self.project(self.residual(q, s, G, start)) / unit
         left = best = float(np.abs(r).max(initial=0.0))

@@ -43,7 +43,7 @@ class State:
 
     `reaction` (n_dof,): force that what holds the body gives it. `rigid` (name -> dofs): the motion of rigid bodies,
     displacement of the centre then rotation. `iterations`, `halvings` of the step that led here, `residuals` of its
-    iterations.
+    iterations; `next_step`: the size of step that would come next.
     """
 
     time: float
@@ -54,3 +54,4 @@ class State:
     iterations: int = 0
     halvings: int = 0
     residuals: tuple[float, ...] = ()
+    next_step: float = np.inf

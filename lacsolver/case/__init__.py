@@ -11,6 +11,7 @@ The rows of the table also make the schemas and the page of docs (schema). numpy
 from lacsolver.case.case import Case, Output, Probe, Solver, Steps
 from lacsolver.case.digest import changed, digest, fingerprint
 from lacsolver.case.errors import CaseError, EvaluationError, Problem
+from lacsolver.case.groups import check_groups
 from lacsolver.case.read import parse_case, read_case
 from lacsolver.case.records import (
     BodyForce,
@@ -51,6 +52,7 @@ __all__ = [
     "Traction",
     "Value",
     "changed",
+    "check_groups",
     "digest",
     "fingerprint",
     "parse_case",

@@ -20,6 +20,10 @@ from lacsolver.places import cells_of, nodes_of, wrong
 from lacsolver.space import Space
 
 _AXES = ("ux", "uy", "uz")
+#: x of a node on the axis of symmetry, against the mesh's extent
+_ON_AXIS = 1e-9
+#: what holds the nodes on the axis of symmetry, in the place of a record
+AXIS = Displacement(group="the axis of symmetry", ux=Value(0.0))
 
 
 class Prescribed(NamedTuple):
@@ -62,6 +66,17 @@ def prescribed(space: Space, records: Sequence[Displacement]) -> tuple[Prescribe
             assert value is not None
             made[number].append(Prescribed(records[number], "un", value, found.nodes, found.normals))
     return tuple(part for parts in made for part in parts)
+
+
+def on_axis(space: Space, moved: Ints) -> tuple[Prescribed, ...]:
+    """ux = 0 on the axis of an axisymmetric model, where strain would not be finite; not at nodes `moved` otherwise."""
+    if not space.model.axisymmetric:
+        return ()
+    x = space.mesh.points
+    there = space.attached & (np.abs(x[:, 0]) <= _ON_AXIS * np.ptp(x, axis=0).max())
+    there[moved] = False
+    nodes = np.flatnonzero(there)
+    return (Prescribed(AXIS, "ux", Value(0.0), nodes, np.tile([1.0, 0.0], (len(nodes), 1))),) if len(nodes) else ()
 
 
 def _along_axes(space: Space, record: Displacement) -> list[Prescribed]:

@@ -19,7 +19,7 @@ from scipy.sparse import coo_array, csr_array
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case.case import Case
-from lacsolver.constraints.conditions import prescribed
+from lacsolver.constraints.conditions import AXIS, on_axis, prescribed
 from lacsolver.constraints.local import LocalBases, combine
 from lacsolver.constraints.rigid import RigidBody, check_apart, numbered, rigid_bodies
 from lacsolver.places import name_of
@@ -45,14 +45,18 @@ class Constraints:
     def of(cls, space: Space, case: Case) -> Constraints:
         """The constraints of a case's displacements and rigid bodies.
 
-        Nodes that no cell of the space holds and no rigid body moves have no unknowns: what is not prescribed there is
-        0. Raises CaseError, with the lines of the records concerned, for groups and places that are missing or empty,
-        `un` of what is no skin, conditions that contradict each other at a node (looked for at some of the case's
-        times, and by `u0` at every time that is asked), a node in two rigid bodies, or prescribed beside one.
+        In axisymmetry nodes on the axis have ux = 0, whatever the case says of them. Nodes that no cell of the space
+        holds and no rigid body moves have no unknowns: what is not prescribed there is 0.
+
+        Raises CaseError, with the lines of the records concerned, for groups and places that are missing or empty, `un`
+        of what is no skin, conditions that contradict each other at a node (looked for at some of the case's times, and
+        by `u0` at every time that is asked), a node in two rigid bodies, or prescribed beside one.
         """
-        local = combine(space, prescribed(space, case.displacement))
+        parts = prescribed(space, case.displacement)
         rigid = rigid_bodies(space, case.rigid)
-        check_apart(space, rigid, local.parts)
+        check_apart(space, rigid, parts)
+        moved = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in rigid)])
+        local = combine(space, (*parts, *on_axis(space, moved)))
         own, n = _own_unknowns(space, local, rigid)
         rigid = numbered(rigid, n)
         made = cls(space, _map(space, local, own, n, rigid), local, rigid, _names(local))
@@ -157,7 +161,8 @@ def _names(local: LocalBases) -> Mapping[str, Ints]:
     rows: dict[str, list[Ints]] = {}
     start = 0
     for part in local.parts:
-        rows.setdefault(name_of(part.record), []).append(np.arange(start, start + len(part.nodes)))
+        if part.record is not AXIS:
+            rows.setdefault(name_of(part.record), []).append(np.arange(start, start + len(part.nodes)))
         start += len(part.nodes)
     return MappingProxyType({name: np.concatenate(found) for name, found in rows.items()})
 

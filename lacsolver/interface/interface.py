@@ -9,7 +9,7 @@ turns the slave's normal, the lever across a gap is part of it and a rigid rotat
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.record import mean_normals
 from lacsolver.interface.rows import macro_rows
 from lacsolver.interface.zone import Zone
+from lacsolver.space import Space
 from lacsolver.values import Value, evaluate
 
 #: a gap across a tie below this much of the faces' size is rounding
@@ -47,6 +48,12 @@ class Pairing:
     thickness: float = 1.0
     measure: str = "reference"
     clearance: Value = 0.0
+
+    def within(self, space: Space, search_distance: float | None) -> Pairing:
+        """The same in a model, and to a distance."""
+        return replace(
+            self, search_distance=search_distance, axisymmetric=space.model.axisymmetric, thickness=space.thickness
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,21 +98,16 @@ def integrate(
     n = np.ascontiguousarray(points.normal[:, :dim])
     m = zone.n_macros
     gap = points.gap + _clearance(zone, points, pairing, t)
-    mean, w = np.bincount(points.macro, weight * gap, m), np.bincount(points.macro, weight, m)
-    if tie:
-        B = _jump(slave, master, points, weight, dim, m)
-        G = np.zeros(dim * m)
-    else:
-        B = macro_rows(points, slave, master, weight[:, None] * n, m)
-        G = mean
+    integral = np.bincount(points.macro, weight * gap, m).astype(float)
+    w = np.bincount(points.macro, weight, m).astype(float)
+    B = _jump(slave, master, points, weight, dim, m) if tie else _pressing(slave, master, points, weight, n, m)
     measured = zone.slave if pairing.measure == "reference" else slave
     area = face_measure(measured, pairing.axisymmetric) * pairing.thickness
     with np.errstate(invalid="ignore", divide="ignore"):
-        average = np.where(w > 0, mean / w, np.nan)
+        average = np.where(w > 0, integral / w, np.nan)
+    G = np.zeros(dim * m) if tie else integral
     centre, normal = _places(zone, slave, area, dim)
-    return Interface(
-        zone, slave, master, points, weight, gap, B, G, w, zone.sums(area), average, centre, normal
-    )
+    return Interface(zone, slave, master, points, weight, gap, B, G, w, zone.sums(area), average, centre, normal)
 
 
 def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing) -> ContactPoints:
@@ -164,10 +166,13 @@ def _stretch(zone: Zone, slave: Surface, points: ContactPoints, axisymmetric: bo
         np.linalg.norm(_normals(tangents(s, points.slave, points.xi_slave)), axis=1) for s in (zone.slave, slave)
     )
     if axisymmetric:
-        before, after = (
-            size * positions(s, points)[:, 0] for size, s in ((before, zone.slave), (after, slave))
-        )
+        before, after = (size * positions(s, points)[:, 0] for size, s in ((before, zone.slave), (after, slave)))
     return np.asarray(np.divide(before, after, out=np.ones_like(after), where=after > 0))
+
+
+def _pressing(slave: Surface, master: Surface, points: ContactPoints, weight: Floats, n: Floats, m: int) -> csr_array:
+    """(m, n_dof): rows int (v(x) - v(x_bar)).n."""
+    return macro_rows(points, slave, master, weight[:, None] * n, m)
 
 
 def _jump(slave: Surface, master: Surface, points: ContactPoints, weight: Floats, dim: int, m: int) -> csr_array:

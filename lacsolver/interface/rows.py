@@ -21,14 +21,12 @@ from lacmesh.surface.maps import N_MONOMIALS, basis
 from lacmesh.surface.search import in_parts
 
 
-def macro_rows(
-    points: ContactPoints, slave: Surface, master: Surface, q: Floats, n_macros: int
-) -> csr_array:
+def macro_rows(points: ContactPoints, slave: Surface, master: Surface, q: Floats, n_macros: int) -> csr_array:
     """(n_macros, d n_nodes): row m sums q_p . (v(x_p) - v(x_bar_p)) over the points p of macro-element m.
 
     `q` (points, d): a vector at each point, with its weight. Columns are those of the unknowns d i + k of node i.
     """
-    d = q.shape[1]
+    q, d = np.ascontiguousarray(q), q.shape[1]
     start, order, macro_start = _runs(points, n_macros)
     face_s, face_m = slave.faces, master.faces
     nodes, local_s, local_m = _numbered(face_s.nodes, face_m.nodes)
@@ -41,7 +39,7 @@ def macro_rows(
 
     def run(rows: slice) -> None:
         _sum_rows(
-            rows.start, rows.stop, macro_start, start, order, points.xi_slave, points.xi_master, np.ascontiguousarray(q),
+            rows.start, rows.stop, macro_start, start, order, points.xi_slave, points.xi_master, q,
             run_s, run_m, face_s.type, face_m.type, local_s, local_m, _bases(), N_NODES,
             len(nodes), first, count, column, value,
         )  # fmt: skip
@@ -77,9 +75,7 @@ def _bases() -> NDArray[np.floating]:
     return out
 
 
-def _matrix(
-    nodes: Ints, first: Ints, count: Ints, column: Ints, value: Floats, d: int, n_nodes: int
-) -> csr_array:
+def _matrix(nodes: Ints, first: Ints, count: Ints, column: Ints, value: Floats, d: int, n_nodes: int) -> csr_array:
     """The rows that were summed, from the places they were given to a matrix without gaps, columns ascending."""
     rows = np.repeat(np.arange(len(count)), count)
     at = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first[:-1], count)
@@ -110,8 +106,12 @@ def _sum_rows(
             for p in range(start[order[r]], start[order[r] + 1]):
                 _add_moments(xi_s[p, 0], xi_s[p, 1], q, p, d, sums_s)
                 _add_moments(xi_m[p, 0], xi_m[p, 1], q, p, d, sums_m)
-            n = _scatter(bases, type_s[s], n_nodes[type_s[s]], local_s, s, sums_s, 1.0, d, at, first[m], n, column, value)
-            n = _scatter(bases, type_m[t], n_nodes[type_m[t]], local_m, t, sums_m, -1.0, d, at, first[m], n, column, value)
+            n = _scatter(
+                bases, type_s[s], n_nodes[type_s[s]], local_s, s, sums_s, 1.0, d, at, first[m], n, column, value
+            )
+            n = _scatter(
+                bases, type_m[t], n_nodes[type_m[t]], local_m, t, sums_m, -1.0, d, at, first[m], n, column, value
+            )
         for k in range(n):
             at[column[first[m] + k]] = -1
         count[m] = n

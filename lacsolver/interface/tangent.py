@@ -10,8 +10,8 @@ interpolated nodal ones. With w the weight and dw its change (the current measur
     d(B^T p).v = sum p w [ dn.(v - v_bar) - (n.dv_bar/dxi^b) dxi_bar^b ] + p dw n.(v - v_bar)
     dG = sum w dg + dw g
 
-Pieces move too; what they exchange across an edge of the master is continuous there and cancels, so that nothing is left
-of it but at the rim of a master that does not cover the slave. Rows here are points times components, as sparse
+Pieces move too; what they exchange across an edge of the master is continuous there and cancels, so that nothing is
+left of it but at the rim of a master that does not cover the slave. Rows here are points times components, as sparse
 matrices of the displacement: their products are all there is to do.
 """
 
@@ -29,7 +29,7 @@ from lacmesh.quadrature import rule
 from lacmesh.shapes import gradient, shape
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import crease_pairs
-from lacsolver.interface.interface import Interface, Pairing, by_type, positions, tangents
+from lacsolver.interface.interface import Interface, Pairing, by_type, tangents
 
 
 class Motion(NamedTuple):
@@ -87,7 +87,12 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
     along = _along_master(master, face, dim)
     stretching = _stretching(slave, face, pairing, dim) if pairing.measure == "current" else None
     return Motion(
-        csr_array(here - there), turning, csr_array(solved[slides]), csr_array(solved[dim * at + dim - 1]), along, stretching
+        csr_array(here - there),
+        turning,
+        csr_array(solved[slides]),
+        csr_array(solved[dim * at + dim - 1]),
+        along,
+        stretching,
     )
 
 
@@ -179,7 +184,10 @@ def _nodal_normals(slave: Surface, crease_angle: float, dim: int) -> tuple[NDArr
     share, unit = area[other // 9], own.reshape(-1, dim)[other]
     total = np.zeros((9 * f, dim))
     np.add.at(total, row, share[:, None] * unit)
-    d_total = _scattered(row, other, np.broadcast_to(share[:, None, None] * np.eye(dim), (len(row), dim, dim)), f, dim) @ d_own
+    d_total = (
+        _scattered(row, other, np.broadcast_to(share[:, None, None] * np.eye(dim), (len(row), dim, dim)), f, dim)
+        @ d_own
+    )
     at = (dim * row[:, None] + np.arange(dim)).ravel()
     d_total = d_total + csr_array((unit.ravel(), (at, np.repeat(other // 9, dim))), shape=(9 * f * dim, f)) @ d_area
     size = np.linalg.norm(total, axis=1)
