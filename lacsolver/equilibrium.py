@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
-from lacsolver.schur import Goal, Rows, Stiffness, solve_rows
+from lacsolver.schur import Goal, Rows, solve_rows
+from lacsolver.stiffness import Stiffness
 
 #: what a loose solve leaves of the residual
 _LOOSE = 0.1
@@ -163,7 +164,7 @@ class _Scale:
 
     def goal(self, reduction: float) -> Goal:
         limits = self.limits
-        return Goal(reduction, 1e-3 * limits.tolerance, 0.1 * ROUNDING * limits.length, limits.moved)
+        return Goal(reduction, 1e-3 * limits.tolerance, 1e-4 * ROUNDING * limits.length, limits.moved)
 
     def balance(self, K: Stiffness, rows: Rows, f: Floats, q: Floats, p: Floats) -> float:
         return float(np.abs(f - K.K @ q - rows.B_T @ p).max(initial=0.0)) / max(

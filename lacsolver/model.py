@@ -15,12 +15,13 @@ from scipy.sparse.linalg import spsolve
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats
-from lacsolver.bodies import FreeMotion, describe, free_motions, still_free
+from lacsolver.bodies import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
 from lacsolver.equilibrium import Contact, shifted, stiffness_of_rows
 from lacsolver.interface import Interface, integrate
 from lacsolver.interface.tangent import Motion, gap_derivative, motion_of, tangent
 from lacsolver.problem import Joint, Problem
-from lacsolver.schur import Rows, Stiffness, hold
+from lacsolver.schur import Rows
+from lacsolver.stiffness import Stiffness, Whole, hold
 
 
 @dataclass(eq=False)
@@ -54,7 +55,19 @@ class Model:
         R = np.zeros((T.shape[1], 0))
         if self.motions:
             R = np.linalg.qr(np.stack([self.unknowns(motion.field) for motion in self.motions], axis=1))[0]
-        return hold(self.reduced(self.K), R, backend=solver.backend, threads=problem.threads)
+        return hold(self.reduced(self.K), R, backend=solver.backend, threads=problem.threads, whole=self._whole())
+
+    def _whole(self) -> Whole | None:
+        """Where q stands among the unknowns of all nodes, and every body's rigid motions; None if q are others."""
+        space, c = self.problem.space, self.problem.constraints
+        if not c.is_selection:
+            return None
+        of_node = bodies(space)
+        own = [rigid_modes(space, np.flatnonzero(of_node == k)) for k in range(of_node.max() + 1)]
+        modes = np.sum([m for m in own if m.shape[1] == own[0].shape[1]], axis=0)
+        free = np.zeros(space.n_dof, bool)
+        free[c.free] = True
+        return Whole(c.free, space.n_dof, space.dim, modes * free[:, None])
 
     @cached_property
     def length(self) -> float:

@@ -82,10 +82,25 @@ def plain_motions(space: Space, bodies: Sequence[Body], twists: Floats) -> Itera
     for k in range(len(bodies)):  # those that move body k, as few others as may be; then those that leave it alone
         U, s, Vt = np.linalg.svd(rest[:, 6 * k : 6 * k + 6])
         rank = int((s > _NONE).sum())
+        still = U[:, rank:].T @ rest
         for twist in _plain(Vt[:rank]):
             z = (U[:, :rank] * (Vt[:rank] @ twist / s[:rank])).sum(axis=1) @ rest
-            yield _motion(space, bodies, z.reshape(-1, 6) / scale, k)
-        rest = U[:, rank:].T @ rest
+            yield _motion(space, bodies, _as_one(z.reshape(-1, 6), bodies, k, still) / scale, k)
+        rest = still
+
+
+def _as_one(z: Floats, bodies: Sequence[Body], k: int, still: Floats) -> Floats:
+    """A scaled motion z (b, 6) with the bodies that it moves going along with body k, if `still` allows the difference.
+
+    `still` (n, 6 b): orthonormal motions that leave body k alone, which is why z, the smallest, need not be the plainest.
+    """
+    scale = _scale(bodies)
+    t, theta = z[k, :3], z[k, 3:] / scale[k, 3:]
+    along = [[*(t + np.cross(theta, body.centre - bodies[k].centre)), *theta] for body in bodies]
+    moved = np.abs(z).max(axis=1, keepdims=True) > _NONE
+    change = (np.where(moved, along * scale, 0.0) - z).ravel()
+    allowed = np.abs(change - still.T @ (still @ change)).max() <= _NONE * np.abs(z).max()
+    return z + change.reshape(-1, 6) if allowed else z
 
 
 def _scale(bodies: Sequence[Body]) -> Floats:

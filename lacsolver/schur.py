@@ -9,9 +9,9 @@ without a solve of its own. The preconditioner (B B^T)^-1 B K B^T (B B^T)^-1 is 
 put in terms of pressures (Farhat and Roux's lumped preconditioner of 1991, with the scaling of the rows); with it the
 number of products hardly grows with the mesh: 2 to 5 to a tenth of the residual, 20 to 25 to round-off.
 
-A body that only contact holds makes K singular. Springs at as many degrees of freedom as there are free motions make it
-regular; pressures stay in balance with the load along each motion (the coarse projection of FETI, Farhat and Roux), so
-that the springs carry nothing, and the motions themselves follow from the gaps.
+Where bodies move freely but for contact (`stiffness`), pressures stay in balance with the load along each free motion
+(the coarse projection of FETI, Farhat and Roux), so that the springs which make K definite carry nothing, and the
+motions themselves follow from the gaps.
 """
 
 from __future__ import annotations
@@ -21,13 +21,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array, diags_array, eye_array
+from scipy.sparse import csc_array, csr_array, eye_array
 from scipy.sparse.linalg import splu
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.linear import Analysis, Factor, analyse
+from lacsolver.stiffness import Stiffness
 
 #: residuals that stop falling are what rounding leaves: this many products without a new least
 _PATIENCE = 6
@@ -38,32 +37,6 @@ _BALANCED = 4e-16
 _REFINEMENTS = 2
 #: a motion is held by rows that move with it by at least this much of those that move most
 _HELD = 1e-8
-
-
-class Stiffness(NamedTuple):
-    """K (n, n) of the constrained unknowns, what solves with it, and the motions R (n, r) that it does not resist."""
-
-    K: csr_array
-    factor: Factor
-    R: NDArray[np.floating]
-
-    def solve(self, f: Floats) -> NDArray[np.floating]:
-        """(n,): K^-1 f; f in balance along R, or the springs take what is left."""
-        return self.factor.solve(f)
-
-
-def hold(K: csr_array, R: NDArray[np.floating], *, backend: str = "auto", threads: int = 1) -> Stiffness:
-    """Factorise K, symmetric, with springs at r unknowns along its free motions R (n, r), so that it is definite."""
-    n, r = R.shape
-    if r:
-        *_, order = scipy.linalg.qr(R.T, mode="r", pivoting=True)
-        spring = np.zeros(n)
-        spring[order[:r]] = np.abs(K.diagonal()).mean() or 1.0
-        regular = csr_array(K + diags_array(spring))
-    else:
-        regular = K
-    analysis: Analysis = analyse(regular, backend=backend, threads=threads)
-    return Stiffness(K, analysis.factor(regular), R)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
-from lacsolver.linear.errors import Breakdown
+from lacsolver.linear.errors import Breakdown, SingularError
 from lacsolver.linear.protocol import TOLERANCE, Matrix, Numeric, Symbolic
 from lacsolver.linear.refine import refined
 from lacsolver.linear.regular import check_regular, indefinite, least_motion, positive_diagonal, singular
@@ -55,7 +55,7 @@ class DirectAnalysis:
         csr = by_rows(K)
         self._pattern = csr.indptr, csr.indices
         self._triangle = Triangle.of(csr)
-        self._symbolic = analyse(self._triangle)
+        self._symbolic = analyse(self._triangle) if self._triangle.n else _Nothing()
         self._last: Callable[[], DirectFactor | None] = lambda: None
 
     def factor(self, K: Matrix) -> DirectFactor:
@@ -66,22 +66,36 @@ class DirectAnalysis:
         last = self._last()
         if last is not None:
             last.release()
-        d = positive_diagonal(csr)
-        try:
-            numeric = self._symbolic.factor(self._triangle.values(csr))
-        except Breakdown as breakdown:
-            self._explain(csr, d, breakdown.dof)
-        check_regular(csr, d, numeric.solve)
-        made = DirectFactor(K, d, numeric)
+        made = DirectFactor(K, *self._numbers(csr))
         self._last = weakref.ref(made)
         return made
 
-    def _explain(self, csr: csr_array, d: Floats, dof: int | None) -> None:
-        """Why K has no factor: a free motion if a tiny shift gives it one, else a negative stiffness."""
-        shifted = csr + csr_array((_SHIFT * d, (np.arange(len(d)),) * 2), shape=csr.shape)
+    def _numbers(self, csr: csr_array) -> tuple[Floats, Numeric]:
+        """The diagonal of a matrix, and its factor."""
+        d = positive_diagonal(csr)
+        values = self._triangle.values(csr)
         try:
-            numeric = self._symbolic.factor(self._triangle.values(shifted))
+            numeric = self._symbolic.factor(values)
+        except Breakdown as breakdown:
+            raise self._explained(csr, values, d, breakdown.dof) from None
+        check_regular(csr, d, numeric.solve)
+        return d, numeric
+
+    def _explained(self, csr: csr_array, values: Floats, d: Floats, dof: int | None) -> SingularError:
+        """Why K has no factor: a free motion if a tiny shift gives it one, else a negative stiffness."""
+        values[self._triangle.indptr[:-1]] += _SHIFT * d
+        try:
+            numeric = self._symbolic.factor(values)
         except Breakdown:
-            raise indefinite(dof) from None
-        v = least_motion(csr, d, numeric.solve, clear=np.inf)
-        raise singular(v) from None
+            return indefinite(dof)
+        return singular(least_motion(csr, d, numeric.solve, clear=-np.inf))
+
+
+class _Nothing:
+    """The analysis, and the factor, of a matrix without rows."""
+
+    def factor(self, values: Floats) -> Numeric:
+        return self
+
+    def solve(self, b: Floats) -> Floats:
+        return b

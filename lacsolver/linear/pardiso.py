@@ -28,7 +28,7 @@ class _Pardiso:
         self._n, self._threads = triangle.n, threads
         self._ia = (triangle.indptr + 1).astype(np.int32)
         self._ja = (triangle.indices + 1).astype(np.int32)
-        self._values = np.ones(len(triangle.indices))
+        self._values: Floats = np.ones(len(triangle.indices))
         self._pt = np.zeros(64, np.int64)
         self._iparm = np.zeros(64, np.int32)
         self._iparm[0] = 1  # not the defaults

@@ -6,7 +6,7 @@ The three steps are shared by all backends, direct or not. Inside a direct backe
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from scipy.sparse import bsr_array, csr_array
 
@@ -15,7 +15,7 @@ from lacmesh.mesh import Floats
 #: a residual, relative to the right-hand side, that an iterative backend goes down to
 TOLERANCE = 1e-12
 
-Matrix = csr_array | bsr_array
+Matrix: TypeAlias = csr_array | bsr_array
 
 
 class Factor(Protocol):

@@ -104,10 +104,10 @@ def _raised(mesh, kind):
     return raised(mesh, name)
 
 
-def stack(slave, master, dim, *, slave_below=True, number="", shift=0.0, counts=(3, 2), **moves):
+def stack(slave, master, dim, *, slave_below=True, number="", shift=(0, 0, 0), counts=(3, 2), **moves):
     """Two blocks of kinds `slave` and `master`, the slave with counts[0] cells a side; other arguments: of `block`.
 
-    `number` is added to the names of slave and master, `shift` to x.
+    `number` is added to the names of slave and master.
     """
     up = "xyz"[dim - 1]
     kinds = [(slave, counts[0], "slave"), (master, counts[1], "master")]
@@ -118,7 +118,7 @@ def stack(slave, master, dim, *, slave_below=True, number="", shift=0.0, counts=
         mesh = block(kind, dim, n, meets, **{"seed": k, **own})
         names = {meets: f"{role}{number}", outer: ("bottom", "top")[k], "body": ("lower", "upper")[k]}
         names |= {f"{a}{e}": f"{a}{e}" for a in "xyz"[: dim - 1] for e in "01"}
-        parts.append((mesh, np.eye(3)[0] * shift + np.eye(3)[dim - 1] * k, names))
+        parts.append((mesh, np.eye(3)[dim - 1] * k + shift, names))
     return joined(parts)
 
 
@@ -148,12 +148,28 @@ def joined(parts):
 
 
 def side_by_side(slave, masters, dim, **options):
-    """One stack for each master, two apart along x; the slave is below and above by turns. Groups slave0, master0 ..."""
+    """One stack for each master, on a grid of squares of side 2 about the origin; the slave is below and above by turns.
+
+    Groups slave0, master0, slave1 ...
+    """
+    row = len(masters) if dim == 2 else 5
     stacks = [
-        stack(slave, master, dim, slave_below=k % 2 == 0, number=k, shift=2.0 * k, **options)
-        for k, master in enumerate(masters)
+        stack(slave, master, dim, slave_below=k % 2 == 0, number=k, shift=place, **options)
+        for k, (master, place) in enumerate(zip(masters, _places(len(masters), row), strict=True))
     ]
     return joined([(mesh, np.zeros(3), {name: name for name in mesh.cell_groups}) for mesh in stacks])
+
+
+def _places(count, row):
+    """(count, 3): where stacks stand, `row` of them in a row along x."""
+    k = np.arange(count)
+    return 2.0 * np.column_stack([k % row - row // 2, k // row - count // row // 2, np.zeros(count)])
+
+
+def own_places(points):
+    """(n, 3): places (n, 3) in stacks that are side by side, each from its own corner."""
+    squares = 2 * np.floor(points / 2 + 0.25)
+    return points - squares * [1, 1, 0]
 
 
 def rotation(dim, angle=0.7):

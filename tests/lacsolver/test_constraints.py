@@ -12,7 +12,7 @@ from scipy.sparse.linalg import spsolve
 from lacmesh import Mesh, Surface
 from lacmesh.errors import DataError
 from lacsolver.assemble import assemble_stiffness
-from lacsolver.case import Case, CaseError, Displacement, EvaluationError, Material
+from lacsolver.case import Case, CaseError, Displacement, EvaluationError, Material, Rigid
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.normals import nodal_normals
 from lacsolver.material import Elastic, Materials
@@ -74,6 +74,17 @@ def test_the_normal_of_a_side_along_an_axis_is_the_axis(name, model):
     assert normal.is_selection
     assert normal.free.tolist() == along.free.tolist()
     np.testing.assert_array_equal(normal.u0(1.0), along.u0(1.0))
+
+
+def test_round_off_in_the_coordinates_does_not_tilt_a_normal():
+    mesh = box("HEXA8", "3d")
+    shaken = Mesh.create(
+        mesh.points + 1e-15 * np.random.default_rng(0).uniform(-1, 1, mesh.points.shape),
+        mesh.blocks,
+        cell_groups=mesh.cell_groups,
+    )
+    _, constraints = held(shaken, displacement=[Displacement(group="x1", un=0.2)])
+    assert constraints.is_selection
 
 
 @pytest.mark.parametrize(("name", "model"), [b for b in BOXES if b[1] not in ("axisymmetric", "plane_stress")])
@@ -235,6 +246,21 @@ def test_the_same_condition_twice_is_one():
     np.testing.assert_allclose(u[nodes_in(mesh, "x0"), 0], 0.1, rtol=1e-15)
 
 
+def test_the_axis_of_symmetry_stays_where_it_is():
+    """ux = 0 there, by itself; a rigid body has its own nodes, and the case may say the same."""
+    mesh = moved(box("QUAD8", "axisymmetric"), shift=(-1.0, 0, 0))
+    axis = nodes_in(mesh, "x0")
+    space, alone = held(mesh, "axisymmetric", displacement=[Displacement(group="y0", uy=0)])
+    assert not np.isin(space.dim * axis, alone.free).any()
+    assert np.isin(space.dim * axis[-1] + 1, alone.free)
+    _, told = held(mesh, "axisymmetric", displacement=[Displacement(group="x0", ux=0), Displacement(group="y0", uy=0)])
+    assert told.free.tolist() == alone.free.tolist()
+    assert list(alone.reactions(np.ones(space.n_dof))) == ["y0"]
+    held(mesh, "axisymmetric", rigid=[Rigid(group="y1", fy=1.0)])
+    with pytest.raises(CaseError, match=r"ux = 0\.1 of displacement 'x0', and ux = 0 of displacement 'the axis"):
+        held(mesh, "axisymmetric", displacement=[Displacement(group="x0", ux=lambda x, t: np.full(len(x), 0.1))])
+
+
 # nodes of no body
 
 
@@ -290,6 +316,12 @@ def test_a_contradiction_at_some_other_time_is_found_when_that_time_comes():
         constraints.u0(0.25)
 
 
+def test_a_contradiction_between_the_steps_is_found_at_once():
+    given = [Displacement(group="x0", ux=[[0, 0], [1, 1]]), Displacement(group="y0", ux="t**2")]
+    with pytest.raises(CaseError, match=r"ux = 0\.618 of displacement 'x0', and ux = 0\.381924 of .* at t = 0\.618;"):
+        held(box("QUAD4", "plane_strain"), "plane_strain", displacement=given)
+
+
 @pytest.mark.parametrize(("gap", "fine"), [(1e-11, True), (1e-7, False)])
 def test_values_may_differ_by_round_off(gap, fine):
     given = [Displacement(group="x0", uy=1.0), Displacement(group="y0", uy=1.0 + gap)]
@@ -301,8 +333,9 @@ def test_values_may_differ_by_round_off(gap, fine):
 
 
 def test_a_formula_that_is_nearly_0_by_round_off_does_not_contradict_0():
-    mesh = moved(box("QUAD4", "plane_strain"), shift=(0.1, 0.2, 0))
-    given = [Displacement(group="x1", ux="0.3 * (x - 2.1)"), Displacement(group="x1", kind="cell", un=0)]
+    mesh = moved(box("QUAD4", "plane_strain"), 0.1 * np.eye(3), (0.1, 0, 0))
+    assert mesh.points[:, 0].max() > 0.3  # by a bit
+    given = [Displacement(group="x1", ux="7 * (x - 0.3)"), Displacement(group="x1", kind="cell", un=0)]
     held(mesh, "plane_strain", displacement=given)
 
 
