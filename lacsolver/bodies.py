@@ -96,7 +96,7 @@ def still_free(B: csr_array, motions: Sequence[FreeMotion]) -> tuple[FreeMotion,
     size = np.sqrt(B.power(2).sum(axis=1))
     rows = diags_array(np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)) @ B @ _fields(motions)
     found: list[FreeMotion] = []
-    for _, columns, basis in _null_spaces(rows.tocsr(), np.arange(len(motions)), _STOPPED_BY_CONTACT):
+    for _, columns, basis in _null_spaces(rows.tocsr(), _by_bodies(motions), _STOPPED_BY_CONTACT):
         moved, twists = _together([motions[k] for k in columns])
         found += plain_motions(motions[0].space, moved, np.einsum("zk,kbs->zbs", basis, twists))
     return tuple(found)
@@ -217,7 +217,7 @@ def _amplitudes(block: Ints, body: Ints) -> tuple[Ints, Ints]:
 def _null_spaces(rows: csr_array, block: Ints, least: float) -> Iterator[tuple[Ints, Ints, Floats]]:
     """The null space of rows (m, a), system by system: (blocks, columns (c,), orthonormal basis (k, c)), if k > 0.
 
-    `block` (a,), ascending: columns of one block are of one system, and so are blocks that a row couples.
+    `block` (a,): columns of one block are of one system, and so are blocks that a row couples.
     """
     n = int(block.max(initial=-1)) + 1
     column = coo_array((np.ones(len(block)), (np.arange(len(block)), block)), shape=(len(block), n)).tocsr()
@@ -242,6 +242,16 @@ def _null(rows: Floats, least: float) -> NDArray[np.floating]:
     R = np.linalg.qr(rows, mode="r")
     _, s, Vt = np.linalg.svd(R)
     return Vt[int((s > least * np.sqrt(len(rows))).sum()) :]
+
+
+def _by_bodies(motions: Sequence[FreeMotion]) -> Ints:
+    """(k,): the same number for motions that have a body in common, directly or by way of others."""
+    place: dict[Body, int] = {}
+    pairs = [(k, place.setdefault(body, len(place))) for k, motion in enumerate(motions) for body in motion.bodies]
+    motion, body = np.array(pairs).T
+    n = len(motions)
+    links = coo_array((np.ones(len(pairs), np.int8), (motion, n + body)), shape=(n + len(place), n + len(place)))
+    return connected_components(links, directed=False)[1][:n]
 
 
 def _fields(motions: Sequence[FreeMotion]) -> csr_array:

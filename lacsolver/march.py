@@ -30,6 +30,8 @@ _UNCARRIED = 1e-6
 class NotConvergedError(LacmeshError):
     """No equilibrium was found at some time. `state`: the last one tried."""
 
+    status = 4
+
     def __init__(self, message: str, state: State) -> None:
         super().__init__(message)
         self.state = state

@@ -2,8 +2,9 @@
 
 A twist is the displacement t of a body's centre c and its rotation theta, both as vectors of three: u = t + theta x
 (X - c), of which a model has some: in a plane t_x, t_y and theta_z, in axisymmetry t_y. A motion is a twist of each of
-some bodies. A space of motions has many bases; `plain_motions` picks one whose members a person can name: translations
-before rotations, along the axes where these are among them, and one body at a time where the others may stay.
+some bodies. A space of motions has many bases; `plain_motions` picks one whose members a person can name: one body
+alone, body by body, then all as one, then what is left; of each, translations before rotations, along the axes where
+these are among them.
 """
 
 from __future__ import annotations
@@ -78,29 +79,49 @@ def describe(motion: FreeMotion) -> str:
 def plain_motions(space: Space, bodies: Sequence[Body], twists: Floats) -> Iterator[FreeMotion]:
     """Motions that span those given (k, b, 6), linearly independent, in plain words: see the module."""
     scale = _scale(bodies)
-    rest = _orthonormal((twists * scale).reshape(len(twists), -1))
-    for k in range(len(bodies)):  # those that move body k, as few others as may be; then those that leave it alone
-        U, s, Vt = np.linalg.svd(rest[:, 6 * k : 6 * k + 6])
+    Z = _orthonormal((twists * scale).reshape(len(twists), -1))
+    found = np.empty((0, Z.shape[1]))
+    for z in (*_alone(Z), *_as_one(Z, bodies)):
+        new = z - (found @ z) @ found
+        if np.linalg.norm(new) > _NONE * np.linalg.norm(z):
+            found = np.vstack([found, new / np.linalg.norm(new)])
+            yield _motion(space, bodies, z.reshape(-1, 6) / scale)
+    for z in _others(np.linalg.svd(Z @ found.T)[0][:, len(found) :].T @ Z):
+        yield _motion(space, bodies, z.reshape(-1, 6) / scale)
+
+
+def _alone(Z: Floats) -> Iterator[Floats]:
+    """The motions of one body while all others stay, that rows Z (k, 6 b), orthonormal, span; body by body."""
+    for first in range(0, Z.shape[1], 6):
+        for twist in _plain(_shared(np.eye(6), Z[:, first : first + 6])):
+            yield np.pad(twist, (first, Z.shape[1] - first - 6))
+
+
+def _as_one(Z: Floats, bodies: Sequence[Body]) -> Iterator[Floats]:
+    """The motions of all bodies as one that rows Z (k, 6 b), orthonormal, span."""
+    unit = np.eye(6) / _scale(bodies[:1]).T
+    moved = [unit[:, :3] + np.cross(unit[:, 3:], body.centre - bodies[0].centre) for body in bodies]
+    whole = np.hstack([np.hstack([t, unit[:, 3:]]) * scale for t, scale in zip(moved, _scale(bodies), strict=True)])
+    basis = _orthonormal(whole)
+    inside = _shared(basis, Z @ basis.T)
+    if len(inside):
+        yield from (twist @ whole for twist in _plain(_orthonormal(inside[:, :6])))
+
+
+def _shared(basis: Floats, along: Floats) -> NDArray[np.floating]:
+    """Vectors of an orthonormal basis (r, n) that another space has too, given its own basis along this one (k, r)."""
+    _, s, Vt = np.linalg.svd(along)
+    return Vt[: int((s > 1 - _NONE**2 * 100).sum())] @ basis
+
+
+def _others(rest: Floats) -> Iterator[Floats]:
+    """A basis of what orthonormal rows (k, 6 b) span: those that move the first body, then those that do not, ..."""
+    for first in range(0, rest.shape[1], 6):
+        U, s, Vt = np.linalg.svd(rest[:, first : first + 6])
         rank = int((s > _NONE).sum())
-        still = U[:, rank:].T @ rest
         for twist in _plain(Vt[:rank]):
-            z = (U[:, :rank] * (Vt[:rank] @ twist / s[:rank])).sum(axis=1) @ rest
-            yield _motion(space, bodies, _as_one(z.reshape(-1, 6), bodies, k, still) / scale, k)
-        rest = still
-
-
-def _as_one(z: Floats, bodies: Sequence[Body], k: int, still: Floats) -> Floats:
-    """A scaled motion z (b, 6) with the bodies that it moves going along with body k, if `still` allows the difference.
-
-    `still` (n, 6 b): orthonormal motions that leave body k alone, which is why z, the smallest, need not be the plainest.
-    """
-    scale = _scale(bodies)
-    t, theta = z[k, :3], z[k, 3:] / scale[k, 3:]
-    along = [[*(t + np.cross(theta, body.centre - bodies[k].centre)), *theta] for body in bodies]
-    moved = np.abs(z).max(axis=1, keepdims=True) > _NONE
-    change = (np.where(moved, along * scale, 0.0) - z).ravel()
-    allowed = np.abs(change - still.T @ (still @ change)).max() <= _NONE * np.abs(z).max()
-    return z + change.reshape(-1, 6) if allowed else z
+            yield (U[:, :rank] * (Vt[:rank] @ twist / s[:rank])).sum(axis=1) @ rest
+        rest = U[:, rank:].T @ rest
 
 
 def _scale(bodies: Sequence[Body]) -> Floats:
@@ -108,11 +129,11 @@ def _scale(bodies: Sequence[Body]) -> Floats:
     return np.array([[1.0, 1.0, 1.0, *(3 * [body.radius])] for body in bodies])
 
 
-def _motion(space: Space, bodies: Sequence[Body], twists: Floats, first: int) -> FreeMotion:
-    """The motion of those bodies that it moves, from `first` on."""
+def _motion(space: Space, bodies: Sequence[Body], twists: Floats) -> FreeMotion:
+    """The motion of those bodies that it moves."""
     size = np.abs(twists * _scale(bodies))
     twists = np.where(size > _NONE * 1e-3 * size.max(), twists, 0.0) / size.max()
-    moved = [k for k in range(first, len(bodies)) if size[k].max() > _NONE * size.max()]
+    moved = [k for k in range(len(bodies)) if size[k].max() > _NONE * size.max()]
     return FreeMotion(space, tuple(bodies[k] for k in moved), twists[moved])
 
 

@@ -1,7 +1,7 @@
 """What a case finds in its mesh: everything that a run would be refused for, at once, and what it would solve.
 
-mesh cut -> groups -> space -> laws, places, loads -> zones paired -> what is free to move. A stage is left out where one
-that it needs has failed; the others are gone through, so that one look tells all.
+mesh cut -> groups -> space -> laws, places, loads -> zones paired -> what is free to move. A stage is left out where
+one that it needs has failed; the others are gone through, so that one look tells all.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
@@ -19,7 +20,8 @@ from lacmesh.mesh import Mesh
 from lacmesh.records import is_cut
 from lacsolver import acting
 from lacsolver.bodies import describe, free_motions, still_free
-from lacsolver.case import Case, CaseError, Contact, Problem, Tie, check_groups
+from lacsolver.case import Case, CaseError, Contact, Displacement, Problem, Rigid, Tie, check_groups
+from lacsolver.case.records import Entry
 from lacsolver.constraints import Constraints
 from lacsolver.interface import Interface, integrate
 from lacsolver.laws import law_of
@@ -67,14 +69,13 @@ class Validation:
     problems: list[Problem] = field(default_factory=list)
 
     @contextmanager
-    def looking(self) -> Iterator[None]:
-        """Keep what goes wrong inside."""
+    def looking(self, place: str = "") -> Iterator[None]:
+        """Keep what goes wrong inside; `place`: of the record looked at, for what does not say it itself."""
         try:
             yield
-        except CaseError as error:
-            self.problems += [Problem(line) for line in str(error).splitlines()]
         except LacmeshError as error:
-            self.problems.append(Problem(str(error)))
+            lines = str(error).splitlines() if isinstance(error, CaseError) else [str(error)]
+            self.problems += [Problem(line if place in line else f"{place}: {line}") for line in lines]
 
 
 def validate(case: Case, mesh: Mesh | None = None) -> Validation:
@@ -112,8 +113,9 @@ def _look(case: Case, found: Validation) -> None:
         with found.looking():
             choose(case.solver.backend, constraints.n_q)
     if cut:
+        before_zones = len(found.problems)
         faces = _zones(case, space, found)
-        if constraints is not None:
+        if constraints is not None and len(found.problems) == before_zones:
             _look_at_motions(case, constraints, faces, found)
 
 
@@ -121,20 +123,23 @@ def _look_at_laws_and_loads(case: Case, space: Space, found: Validation) -> None
     materials = None
     with found.looking():
         materials = Materials.of(space, [(law_of(m), m.groups) for m in case.material])
-    bare = replace(case, gravity=None, **dict.fromkeys(_LOADS, ()))
-    parts = [replace(bare, **{name: (record,)}) for name in _LOADS for record in getattr(case, name)]
+    none: dict[str, Any] = {**dict.fromkeys(_LOADS, ()), "gravity": None}
+    bare = replace(case, **none)
+    parts: list[tuple[Entry, dict[str, Any]]]
+    parts = [(record, {name: (record,)}) for name in _LOADS for record in getattr(case, name)]
     if case.gravity is not None:
-        parts.append(replace(bare, gravity=case.gravity))
-    for part in parts if materials is not None else ():
-        with found.looking():
+        parts.append((case.gravity, {"gravity": case.gravity}))
+    for record, only in parts if materials is not None else ():
+        with found.looking(record.place):
             for t in {case.steps.planned[0], case.steps.last}:
-                acting.load(space, materials, part, t)
+                acting.load(space, materials, replace(bare, **only), t)
 
 
 def _constraints(case: Case, space: Space, found: Validation) -> Constraints | None:
     """The constraints, if all that is prescribed has its place."""
     before = len(found.problems)
-    for record in (*case.displacement, *case.rigid):
+    placed: tuple[Displacement | Rigid, ...] = (*case.displacement, *case.rigid)
+    for record in placed:
         with found.looking():
             nodes_of(space, record)
     if len(found.problems) == before:
@@ -148,7 +153,7 @@ def _zones(case: Case, space: Space, found: Validation) -> list[tuple[Joint, Int
     faces: list[tuple[Joint, Interface]] = []
     records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
     for record in records:
-        with found.looking():
+        with found.looking(record.place):
             joint = _joint(space, record)
             face = integrate(joint.zone, space.dim, joint.pairing, t=case.steps.planned[0], tie=joint.tie)
             found.zones.append(_zone_found(record, face))

@@ -62,7 +62,7 @@ def _run(args: argparse.Namespace) -> int:
             return _fail([f"the terminal or file that is printed to fails ({error.strerror or error})"], 3)
         except MemoryError:
             message = "there is not enough memory for this model; a coarser mesh needs less"
-            return _fail([f"{message}, and so does [solver] backend = \"multigrid\""], 1)
+            return _fail([f'{message}, and so does [solver] backend = "multigrid"'], 1)
         except Exception as error:  # a fault of ours: one line, and the traceback on request
             if args.verbose:
                 raise

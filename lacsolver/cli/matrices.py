@@ -13,7 +13,7 @@ from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.cli.options import add_case, add_command
 
 if TYPE_CHECKING:
-    from lacsolver.case import Case
+    from lacsolver.case import Case, Contact, Tie
     from lacsolver.matrices import ContactMatrices
 
 
@@ -60,6 +60,7 @@ def run(args: argparse.Namespace) -> None:
 
 def _made(case: Case) -> dict[str, ContactMatrices]:
     """The matrices of each contact and tie, at the end of the steps (where a clearance changes with time)."""
+    import lacmesh
     from lacsolver.case import check_groups
     from lacsolver.interface import integrate
     from lacsolver.matrices import ContactMatrices
@@ -67,10 +68,12 @@ def _made(case: Case) -> dict[str, ContactMatrices]:
     from lacsolver.skin import prepared
     from lacsolver.space import Space
 
-    mesh = prepared(case)
+    mesh = lacmesh.read(case.mesh)
     check_groups(case, mesh)
+    mesh = prepared(case, mesh)
     space, made = Space.of(mesh, case.model, case.thickness), {}
-    for record in (*case.contact, *case.tie):
+    records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
+    for record in records:
         joint = _joint(space, record)
         face = integrate(joint.zone, space.dim, joint.pairing, t=case.steps.last, tie=joint.tie)
         made[joint.name] = ContactMatrices.of(face, mesh)

@@ -73,7 +73,10 @@ def _figures(case: Case, found: Validation) -> Iterator[tuple[str, str]]:
     yield "model", f"{case.model}, {case.kinematics} strains"
     yield "mesh", f"{case.mesh}: {mesh.n_nodes:,} nodes, {cells}"
     if case.contact or case.tie:
-        yield "cut", "made here, for this run" if found.cut_here else "as the mesh has it" if found.zones else "not made"
+        yield (
+            "cut",
+            "made here, for this run" if found.cut_here else "as the mesh has it" if found.zones else "not made",
+        )
     if found.unknowns:
         yield "unknowns", f"{found.unknowns:,} of {found.dim * mesh.n_nodes:,} displacements"
     steps = case.steps
@@ -107,11 +110,14 @@ def said(record: Entry) -> str:
 
 
 def _value(value: Any) -> str:
+    from lacsolver.case.formula import Formula
     from lacsolver.case.value import Value
 
+    if isinstance(value, Value):
+        ramped = ", ramped" if value.ramp_end and value.source != 0 else ""
+        return f"{_value(value.source)}{ramped}"
     if isinstance(value, tuple):
         return f"[{', '.join(map(_value, value))}]"
-    if not isinstance(value, Value):
-        return f"{value:g}" if isinstance(value, float) else str(value)
-    ramped = ", ramped" if value.ramp_end and value.source != 0 else ""
-    return f"{value.source:g}{ramped}" if isinstance(value.source, float) else str(value.source)
+    if isinstance(value, Formula):
+        return repr(value.text)
+    return f"{value:g}" if isinstance(value, float) else str(value)

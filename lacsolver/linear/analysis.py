@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
+import numpy as np
 from scipy.sparse import issparse
 
 from lacmesh.errors import RequestError
@@ -35,7 +36,6 @@ def analyse(
 
     Raises RequestError for a backend that is wrong or not installed; `factor` raises SingularError.
 
-    >>> import numpy as np
     >>> from scipy.sparse import csr_array
     >>> K = csr_array(np.array([[2.0, -1.0], [-1.0, 2.0]]))
     >>> factor = analyse(K, backend="superlu").factor(K)
@@ -46,7 +46,7 @@ def analyse(
         raise RequestError("a linear solver takes a sparse square matrix")
     if threads < 1:
         raise RequestError(f"threads is 1 or more, not {threads}")
-    name = choose(backend, K.shape[0], 0 if modes is None else modes.shape[1], multigrid_above).name
+    name = choose(backend, K.shape[0], 0 if modes is None else np.shape(modes)[-1], multigrid_above).name
     if name == "multigrid":
         return MultigridAnalysis(K, modes, block)
     method = import_module(f"lacsolver.linear.{name}")

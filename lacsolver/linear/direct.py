@@ -17,8 +17,8 @@ from lacsolver.linear.regular import check_regular, indefinite, least_motion, po
 from lacsolver.linear.sides import by_rows, right_hand_sides
 from lacsolver.linear.triangle import Triangle
 
-#: of the diagonal: what is added to a singular matrix to find out what is free
-_SHIFT = 1e-9
+#: of the diagonal: what is added to a singular matrix to find out what is free; the less, the better it is told apart
+_SHIFTS = (1e-13, 1e-11, 1e-9)
 
 
 class DirectFactor:
@@ -36,7 +36,7 @@ class DirectFactor:
         if self._numeric is None:
             raise RequestError("this factor was replaced by a newer one of the same analysis; solve with that one")
         self.n_solves += b.shape[1] if b.ndim == 2 else 1
-        return refined(self._K, self._scale, self._backend_solve, b) if b.size else b
+        return refined(self._K, self._scale, self._backend_solve, b)
 
     def release(self) -> None:
         """Give the backend's memory back; the factor cannot be used any more."""
@@ -83,12 +83,14 @@ class DirectAnalysis:
 
     def _explained(self, csr: csr_array, values: Floats, d: Floats, dof: int | None) -> SingularError:
         """Why K has no factor: a free motion if a tiny shift gives it one, else a negative stiffness."""
-        values[self._triangle.indptr[:-1]] += _SHIFT * d
-        try:
-            numeric = self._symbolic.factor(values)
-        except Breakdown:
-            return indefinite(dof)
-        return singular(least_motion(csr, d, numeric.solve, clear=-np.inf))
+        for shift in _SHIFTS:
+            values[self._triangle.indptr[:-1]] = (1 + shift) * d
+            try:
+                numeric = self._symbolic.factor(values)
+            except Breakdown:
+                continue
+            return singular(least_motion(csr, d, numeric.solve, clear=np.inf))
+        return indefinite(dof)
 
 
 class _Nothing:

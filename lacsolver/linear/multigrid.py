@@ -27,8 +27,8 @@ from lacsolver.linear.sides import right_hand_sides
 
 #: couplings weaker than this (of the diagonals) do not join nodes; 0.03 took least time on HEXA8 and TETRA10
 _STRENGTH = 0.03
-#: unknowns that are solved for directly
-_COARSEST = 400
+#: nodes (of six unknowns) that are solved for directly, by a dense inverse
+_COARSEST = 60
 #: iterations, and times that the true residual is looked at
 _MOST = 300
 _LOOKS = 4
@@ -82,10 +82,10 @@ class MultigridFactor:
         """The first iterate whose recurred residual meets the goal, or the last one allowed; whether it was met."""
         steps = iterates(self._K, self._precondition, b, x)
         try:
-            for x, r in islice(steps, _MOST + 1 - self.n_iterations):
+            for k, (x, r) in enumerate(islice(steps, _MOST + 1 - self.n_iterations)):
+                self.n_iterations += k > 0
                 if np.linalg.norm(r) <= goal:
                     return x, True
-                self.n_iterations += 1
         except Breakdown as breakdown:
             raise singular(dof=breakdown.dof) from None
         return x, False
@@ -105,7 +105,7 @@ class MultigridAnalysis:
             raise RequestError(f"{message}; keep rows of the identity for the unknowns that are prescribed")
         modes = np.tile(np.eye(self._block), (n // self._block, 1)) if modes is None else np.asarray(modes, float)
         if modes.ndim != 2 or len(modes) != n or not np.isfinite(modes).all():
-            raise RequestError(f"modes are ({n}, r) numbers, not {modes.shape}")
+            raise RequestError(f"modes are ({n}, r) finite numbers, not {modes.shape}")
         self._modes = modes
 
     def factor(self, K: Matrix) -> MultigridFactor:

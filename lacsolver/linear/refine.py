@@ -26,6 +26,8 @@ def refined(K: Matrix, scale: Floats, solve: Callable[[Floats], Floats], b: Floa
 
     Raises LinearError if refinement does not bring the residual down.
     """
+    if not b.size:
+        return b.copy()
     x = solve(b)
     r = b - K @ x
     error = backward_error(scale, x, r, b)

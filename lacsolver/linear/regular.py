@@ -52,6 +52,8 @@ def least_motion(K: Matrix, d: Floats, solve: Callable[[Floats], Floats], clear:
 
 def check_regular(K: Matrix, d: Floats, solve: Callable[[Floats], Floats]) -> None:
     """Raise SingularError if some motion costs no energy to rounding, or a negative one."""
+    if not len(d):
+        return
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         v = least_motion(K, d, solve)
     if not np.isfinite(v).all():

@@ -148,7 +148,7 @@ def joined(parts):
 
 
 def side_by_side(slave, masters, dim, **options):
-    """One stack for each master, on a grid of squares of side 2 about the origin; the slave is below and above by turns.
+    """One stack for each master, on squares of side 2 about the origin; the slave is below and above by turns.
 
     Groups slave0, master0, slave1 ...
     """
@@ -166,10 +166,9 @@ def _places(count, row):
     return 2.0 * np.column_stack([k % row - row // 2, k // row - count // row // 2, np.zeros(count)])
 
 
-def own_places(points):
+def own_places(points, dim):
     """(n, 3): places (n, 3) in stacks that are side by side, each from its own corner."""
-    squares = 2 * np.floor(points / 2 + 0.25)
-    return points - squares * [1, 1, 0]
+    return points - 2 * np.floor(points / 2 + 0.25) * [1, dim == 3, 0]
 
 
 def rotation(dim, angle=0.7):

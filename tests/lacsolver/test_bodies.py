@@ -244,9 +244,9 @@ def test_a_hinge_between_two_bodies():
     ]
     names = check(*held(mesh, rigid=[Rigid(group="edge", fx=1.0)]))
     assert names == [
-        "'a' and 'b' move along x",
         "'a' turns about an axis along y through (0, 0.5, 1)",
         "'b' turns about an axis along y through (0, 0.5, 1)",
+        "'a' and 'b' move along x",
     ]
 
 

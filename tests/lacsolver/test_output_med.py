@@ -114,6 +114,7 @@ def test_times_are_counted_as_libmed_wants_them(run, tmp_path):
 def test_profiles_are_kept_once(run):
     with h5py.File(run.folder / "results.med") as file:
         assert sum(name.startswith("places_") for name in file["PROFILS"]) <= 3  # slave nodes, two types of faces
+        assert all((np.diff(profile["PFL"]) > 0).all() for profile in file["PROFILS"].values())
 
 
 def test_pyram14_are_written_as_pyram13(tmp_path):
@@ -214,6 +215,10 @@ def test_an_error_inside_leaves_the_file(tmp_path):
     assert path.read_bytes()[: len(before)] == before
     with h5py.File(path) as file:
         assert list(file) == ["x"]
+    with changing(path) as root:  # over what is left behind the end
+        root["z"] = np.arange(3000.0)
+    with h5py.File(path) as file:
+        assert file["x"][-1] == 999 and file["z"][-1] == 2999
 
 
 def test_a_file_that_is_no_hdf5_is_told(tmp_path):

@@ -199,6 +199,8 @@ def test_contact_tables_have_a_row_each_macro_element_and_time(tmp_path, model):
         assert [int(r["macro"]) for r in last] == [100 * k + m for m in range(n)]
         assert [float(r["pressure"]) for r in last] == zone.pressure.tolist()
         assert [float(r["pressure_recovered"]) for r in last] == zone.recovered.tolist()
+        assert [float(r["coverage"]) for r in last] == zone.coverage.tolist()
+        assert [float(r["area"]) for r in last] == zone.area.tolist()
         assert [r["gap"] for r in last[:2]] == ["", "0.1"]
         assert [int(r["status"]) for r in last] == zone.status.tolist()
         d = run.space.dim

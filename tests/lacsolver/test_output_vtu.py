@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from lacmesh import CELLS, Mesh, read
+from lacmesh import CELLS, Mesh, Surface, read
 from lacmesh.errors import LacmeshWarning, ReadError
 from lacsolver.output.names import contact_stems
 from lacsolver.output.parts import body
@@ -13,7 +15,7 @@ from lacsolver.output.vtu import VtuSeries, read_pvd
 from lacsolver.results import Fields
 from lacsolver.space import Space
 from tests.lacsolver.bodies import PLANES, SOLIDS, cube, mixture, square
-from tests.lacsolver.written import MODELS, ZONES, displacement, fields, made_up, zone_fields
+from tests.lacsolver.written import MODELS, ZONES, displacement, fields, made_up, two_blocks, zone_fields
 
 TIMES = (0.25, 0.5, 0.75)
 
@@ -103,6 +105,22 @@ def test_lacmesh_reads_what_is_written(run):
     nodes = np.searchsorted(run.space.mesh.node_number, mesh.node_number)
     assert np.array_equal(mesh.node_data["displacement"][:, : run.space.dim], expected.displacement[nodes])
     assert "lac_parent" in mesh.cell_data and set(mesh.node_groups) == {"first"}
+
+
+def test_faces_of_several_types_keep_their_values(tmp_path):
+    mesh = two_blocks(3, ("HEXA8", "HEXA8"), plate=False)
+    space = Space.of(mesh, "3d")
+    cells = np.random.default_rng(3).permutation(np.flatnonzero(mesh.cell_dim == 2))
+    surface = Surface.of(mesh, cells)
+    rows = np.arange(len(surface))
+    zone = zone_fields(space, 1.0)
+    own = {name: rows * 1.0 for name in ("pressure", "gap", "coverage")}
+    zone = replace(zone, surface=surface, macro=rows, number=rows, status=rows, normal=np.eye(3)[rows % 3], **own)
+    VtuSeries(tmp_path, space).write(replace(fields(space, 1.0), zones={"a": zone}), 1)
+    back = read(tmp_path / "fields" / "contact_a_0001.vtu")
+    assert set(back.cells_by_type) == {"TRIA3", "QUAD4"}
+    expected = dict(zip(mesh.cell_number[surface.cell].tolist(), rows, strict=True))
+    assert [expected[n] for n in back.cell_number.tolist()] == back.cell_data["pressure"].tolist()
 
 
 def whole_fields(space):
