@@ -53,7 +53,7 @@ fuzz: $(INSTALLED) ## 10,000 damaged files of each format that is read here (hal
 	$(BIN)/python -m tests.fuzz
 
 bench: $(INSTALLED) ## measure speed and memory
-	$(BIN)/python benchmarks/run.py
+	for name in run check quality surface; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 docs: $(INSTALLED) ## make the figures and tables of docs/ again
 	$(BIN)/python docs/make_figures.py
