@@ -6,10 +6,9 @@
 It is a semi-smooth Newton method on p_m - max(0, p_m - c_m G_m / w_m) = 0 (32), (33): some rows are held closed, G_m =
 0, the others are open, p_m = 0, and one linear system gives the next q and p; closed rows that press stay closed, open
 ones that overlap are closed (which is the sign of p_m - c_m G_m / w_m, whatever c_m). With constant K, B and D that is
-block principal pivoting (Portugal, Judice and Vicente 1994): a set that has been solved exactly and comes back is a
-cycle, which Murty's rule, one change at a time and the first first, breaks; it ends after finitely many. Systems are
-solved loosely until a set comes back, then as exactly as numbers allow. What ends the loop is the defect of the
-conditions and of the balance, not that the set stays.
+block principal pivoting (Portugal, Judice and Vicente 1994), kept finite by Murty's rule, one change at a time and the
+first first, where whole exchanges do not get on. Systems are solved loosely until a set comes back, then as exactly as
+numbers allow. What ends the loop is the defect of the conditions and of the balance, not that the set stays.
 
 c_m = w_m (b K b^T) / (b b^T)^2 with b the row of B: the stiffness of the macro-element's own skin, stress per length,
 so that no constant depends on units.
@@ -29,8 +28,10 @@ from lacmesh.mesh import Floats
 from lacsolver.schur import Goal, Rows, solve_rows
 from lacsolver.stiffness import Stiffness
 
-#: what a loose solve leaves of the residual
-_LOOSE = 0.1
+#: what a loose solve leaves of the residual, and how many there are
+_LOOSE, _LOOSE_SOLVES = 0.1, 12
+#: exchanges of all rows that want it without fewer of them, before one row alone changes
+_BLOCKS = 3
 #: gaps are known to this much of the coordinates
 ROUNDING = 1e-14
 
@@ -109,18 +110,16 @@ def find_equilibrium(
     active = start.active & contact.paired | contact.held & contact.paired
     p = np.where(active, p, 0.0)
     scale = _Scale(f, limits)
-    solved: dict[bytes, bool] = {}
+    pivots = _Pivots()
     defects: list[tuple[float, float]] = []
     products = 0
     for number in range(1, limits.max_iterations + 1):
-        key = active.tobytes()
-        exact = moving or key in solved
+        exact = moving or pivots.exact(active)
         wanted = contact.G + contact.rows.D @ q
         goal = scale.goal(0.0 if exact else _LOOSE)
         turning = None if contact.turning is None else contact.turning(p)
         made = solve_rows(K, contact.rows, np.flatnonzero(active), f, wanted, q, p, goal, turning)
         q, p = made.q, made.p
-        solved[key] = exact
         contact = at(q)
         balance, gap = scale.balance(K, contact.rows, f, q, p), contact.defect(p) / scale.size(q)
         defects.append((balance, gap))
@@ -130,20 +129,45 @@ def find_equilibrium(
         done = balance <= limits.tolerance and contact.defect(p) <= scale.allowed(q)
         if done and (exact or not active.any()):
             return Outcome(True, Iterate(q, p, active), contact, tuple(defects), products)
-        active = _next(active, contact.next(active, p), solved, moving or done)
+        wanted_rows = contact.next(active, p)
+        active = wanted_rows if moving or done else pivots.next(active, wanted_rows, exact)
     return Outcome(False, Iterate(q, p, active), contact, tuple(defects), products)
 
 
-def _next(
-    active: NDArray[np.bool_], wanted: NDArray[np.bool_], solved: dict[bytes, bool], keep: bool
-) -> NDArray[np.bool_]:
-    """The next set: the one wanted; where it was solved exactly before, a cycle, the first change alone."""
-    if keep or not solved.get(wanted.tobytes(), False) or np.array_equal(active, wanted):
-        return wanted
-    out = active.copy()
-    first = np.flatnonzero(active != wanted)[0]
-    out[first] = wanted[first]
-    return out
+class _Pivots:
+    """Which rows change places. Block principal pivoting, kept finite by Murty's rule.
+
+    All rows that want to change do, as long as the number of them falls now and then; else one alone does, the first,
+    until fewer want to than ever before. A set is solved loosely when it is met first, and a few times in all.
+    """
+
+    def __init__(self) -> None:
+        self._seen: set[bytes] = set()
+        self._fewest, self._patience, self._loose = np.inf, _BLOCKS, _LOOSE_SOLVES
+
+    def exact(self, active: NDArray[np.bool_]) -> bool:
+        """Whether a set is to be solved exactly."""
+        key = active.tobytes()
+        loose = key not in self._seen and self._loose > 0
+        self._seen.add(key)
+        self._loose -= loose
+        return not loose
+
+    def next(self, active: NDArray[np.bool_], wanted: NDArray[np.bool_], exact: bool) -> NDArray[np.bool_]:
+        """The next set, after a solve."""
+        changes = np.flatnonzero(active != wanted)
+        if not exact or not len(changes):
+            return wanted
+        self._loose = 0  # from here on numbers of changes are compared
+        if len(changes) < self._fewest:
+            self._fewest, self._patience = len(changes), _BLOCKS
+            return wanted
+        if self._patience > 0:
+            self._patience -= 1
+            return wanted
+        out = active.copy()
+        out[changes[0]] = wanted[changes[0]]
+        return out
 
 
 class _Scale:

@@ -203,7 +203,7 @@ def along(skin: Skin, x: Floats) -> tuple[NDArray[np.floating], NDArray[np.float
     order, first = chains(ends)
     length = np.linalg.norm(x[ends[order, 1]] - x[ends[order, 0]], axis=1)
     stop = np.cumsum(length)
-    s = np.stack([stop - length, stop], axis=1)
+    s = np.stack([np.append(0.0, stop[:-1]), stop], axis=1)
     p = np.repeat(skin.pressure[order], 2).reshape(-1, 2)
     gaps = 2 * first[1:]
     return np.insert(s.ravel(), gaps, np.nan), np.insert(p.ravel(), gaps, np.nan)

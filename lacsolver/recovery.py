@@ -141,10 +141,10 @@ def recover_pressure(
     `status` (n_macros,). `traction` (n_nodes,): the pressure that the slave's stress says (`slave_pressure`); without
     it the edge of contact is less sharp. `unilateral`: no nodal value is below 0.
 
-    Between nodes the faces' own shape functions hold. Nodes of no macro-element in contact have 0, and so have the
-    means of those that are not in contact; nodes off the slave's surface have NaN. The mean is the value at the
-    centroid but for terms of second order, and a better one than the value of the shape functions there. See the module
-    for the method, and for what it is worth.
+    Between nodes the faces' own shape functions hold. Nodes of no macro-element in contact have 0, nodes off the
+    slave's surface NaN; beyond the edge of contact the pressure falls to 0 in the next macro-element. The mean is the
+    value at the centroid but for terms of second order, and a better one than the value of the shape functions there.
+    See the module for the method, and for what it is worth.
     """
     macro, pressure, status = np.asarray(macro), np.asarray(pressure, dtype=float), np.asarray(status)
     if macro.shape != (len(surface),) or macro.max(initial=-1) >= len(pressure):
@@ -158,7 +158,7 @@ def recover_pressure(
         p = np.maximum(p, 0.0)
     nodal = np.full(len(surface.x), np.nan)
     nodal[slave.nodes] = p
-    return nodal, np.where(status == CONTACT, slave.means @ p, 0.0)
+    return nodal, slave.means @ p
 
 
 class _Slave(NamedTuple):
@@ -246,7 +246,7 @@ def _fit(slave: _Slave, used: Bools) -> csr_array:
     keep = diags_array(used.astype(float)).tocsr()
     beside = _ones((slave.touch.T @ slave.touch).tocsr())
     patch = _ones((slave.touch @ keep).tocsr())
-    F, wanted = csr_array(patch.shape), np.ones(len(slave.nodes), bool)
+    F, wanted = csr_array(patch.shape), np.diff(patch.indptr) > 0
     for ring in range(1, _RINGS + 1):
         made, around = _planes(slave, patch)
         enough = around | ((np.diff(patch.indptr) >= _ENOUGH[slave.dim]) & (ring > 1))
@@ -265,7 +265,7 @@ def _planes(slave: _Slave, patch: csr_array) -> tuple[csr_array, Bools]:
     row, m = np.repeat(np.arange(patch.shape[0]), np.diff(patch.indptr)), patch.indices
 
     def total(values: Floats) -> NDArray[np.floating]:
-        return np.bincount(row, values, minlength=patch.shape[0])
+        return np.bincount(row, values, minlength=patch.shape[0]).astype(float)
 
     size = total(slave.area[m])
     w = slave.area[m] / np.where(size > 0, size, 1.0)[row]

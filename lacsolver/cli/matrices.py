@@ -13,6 +13,7 @@ from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.cli.options import add_case, add_command
 
 if TYPE_CHECKING:
+    from lacmesh.mesh import Mesh
     from lacsolver.case import Case, Contact, Tie
     from lacsolver.matrices import ContactMatrices
 
@@ -32,6 +33,8 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Write the matrices of a case."""
+    import lacmesh
+    from lacmesh.records import is_cut
     from lacsolver.case import read_case
     from lacsolver.matrices import write_matrices
 
@@ -45,7 +48,8 @@ def run(args: argparse.Namespace) -> None:
             check_place(path, args)
     stage = Stages(args, ("pair", "write"))
     with stage("pair"):
-        made = _made(case)
+        mesh = lacmesh.read(case.mesh)
+        made = _made(case, mesh)
     with stage("write"):
         for name, matrices in made.items():
             write_matrices(targets[name], matrices, mtx=args.mtx)
@@ -54,13 +58,14 @@ def run(args: argparse.Namespace) -> None:
             rows, columns = matrices.B.shape
             also = f" and {targets[name].with_suffix('.mtx').name}" if args.mtx else ""
             print(f"{name}: B {rows:,} x {columns:,}, {matrices.B.nnz:,} entries: {targets[name]}{also}")
+        if not is_cut(mesh):
+            print("the columns are nodes of the mesh as it was cut for this; lacmesh cut writes that mesh")
         times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
         print(f"{args.case}: {times}{memory()}")
 
 
-def _made(case: Case) -> dict[str, ContactMatrices]:
+def _made(case: Case, mesh: Mesh) -> dict[str, ContactMatrices]:
     """The matrices of each contact and tie, at the end of the steps (where a clearance changes with time)."""
-    import lacmesh
     from lacsolver.case import check_groups
     from lacsolver.interface import integrate
     from lacsolver.matrices import ContactMatrices
@@ -68,7 +73,6 @@ def _made(case: Case) -> dict[str, ContactMatrices]:
     from lacsolver.skin import prepared
     from lacsolver.space import Space
 
-    mesh = lacmesh.read(case.mesh)
     check_groups(case, mesh)
     mesh = prepared(case, mesh)
     space, made = Space.of(mesh, case.model, case.thickness), {}

@@ -41,7 +41,7 @@ def _figures(results: Results) -> Iterator[tuple[str, str]]:
         yield "balance, the worst step's", f"forces {force:.1e}, moments {moment:.1e}"
         yield "strain energy", f"{steps[-1].energy:.6g}"
     if results.sizes:
-        yield "sizes", ", ".join(f"{count:,} {name}" for name, count in results.sizes.items())
+        yield "sizes", ", ".join(f"{count:,} {name.replace('_', '-')}" for name, count in results.sizes.items())
     phases = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in results.timings.items())
     yield "time", phases or "nothing was left to do"
     yield "peak memory", f"{results.memory / 1e6:.0f} MB"

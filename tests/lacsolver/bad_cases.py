@@ -70,14 +70,11 @@ class Bad:
 
 @cache
 def blocks() -> Mesh:
-    """Two blocks of quadrangles on one another: groups slave, master, bottom, top, x0, x1, lower, upper."""
+    """Two blocks of quadrangles on one another: groups slave (and twin), master, bottom, top, x0, x1, lower, upper."""
     mesh = stack("QUAD4", "QUAD4", 2, counts=(3, 2))
-    groups = {name: mesh.cell_groups[name] for name in mesh.cell_groups}
-    twin = {"twin": groups["slave"], "half": groups["slave"][:1], "both": np.concatenate([groups["slave"], groups["x0"]])}
+    groups = {**mesh.cell_groups, "twin": mesh.cell_groups["slave"]}
     corner = {"corner": np.flatnonzero((mesh.points[:, :2] == 0).all(axis=1))}
-    return Mesh.create(
-        mesh.points, mesh.blocks, cell_groups={**groups, **twin}, node_groups=corner, space_dim=2
-    )
+    return Mesh.create(mesh.points, mesh.blocks, cell_groups=groups, node_groups=corner, space_dim=2)
 
 
 def put(mesh: Mesh, folder: Path) -> None:
@@ -91,7 +88,8 @@ def moved(change: Callable[[np.ndarray], object]) -> Callable[[Path], None]:
     def make(folder: Path) -> None:
         points = blocks().points.copy()
         change(points)
-        put(Mesh.create(points, blocks().blocks, cell_groups=blocks().cell_groups, space_dim=2 if not points[:, 2].any() else 3), folder)
+        dim = 3 if points[:, 2].any() else 2
+        put(Mesh.create(points, blocks().blocks, cell_groups=blocks().cell_groups, space_dim=dim), folder)
 
     return make
 
@@ -171,7 +169,10 @@ def _nothing_written(folder: Path) -> None:
 
 
 HINGE = 'mesh = "blocks.msh"\nmodel = "plane_strain"\n[[material]]\nyoung = 1.0\npoisson = 0.3\n[[displacement]]\ngroup = "bottom"\nux = 0.0\nuy = 0.0\n[[pressure]]\ngroup = "top"\nvalue = 1.0\n'
-HARD = changed("uy = 0.0", "uy = 0.0\n[[force]]\nat = [1, 2]\nfy = -5.0") + "[steps]\nmax_halvings = 0\n[solver]\nmax_iterations = 1\n"
+HARD = (
+    changed("uy = 0.0", "uy = 0.0\n[[force]]\nat = [1, 2]\nfy = -5.0")
+    + "[steps]\nmax_halvings = 0\n[solver]\nmax_iterations = 1\n"
+)
 
 CASES: list[Bad] = [
     # the case file
@@ -181,11 +182,11 @@ CASES: list[Bad] = [
     Bad("the case is no text", b"mesh = \"\xff\"\n", r"case\.toml, line 1: is not UTF-8 text", 3),
     Bad("several mistakes, all told with their lines", changed("young = 1000.0", "young = -1.0").replace("uy = 0.0", "uq = 0.0").replace("value", "valu"), ("line 4: material.young is -1", "line 10: .* at least one of ux", "line 12: displacement.uq is no key", r"line 16: \[\[pressure\]\] needs value", "line 18: pressure.valu is no key")),
     # groups
-    Bad("a group of a contact that the mesh lacks", changed('slave = "slave"', 'slave = "slav"'), r"case\.toml, line 6: (contact\.slave: )?no cell group named 'slav'; did you mean slave\?", commands=(*BOTH, *MATRICES)),
+    Bad("a group of a contact that the mesh lacks", changed('slave = "slave"', 'slave = "slav"'), r"case\.toml, line 6: contact\.slave: no cell group named 'slav'; did you mean slave\?", commands=(*BOTH, *MATRICES)),
     Bad("several groups that the mesh lacks, all told", changed('"bottom"', '"botom"').replace('"top"', '"tip"'), (r"line 10: displacement\.group: no group named 'botom'; did you mean bottom", r"line 16: pressure\.group: no cell group named 'tip'; did you mean top")),
     Bad("a group of nodes where faces are meant", changed('"top"', '"corner"'), "pressure.group: no cell group named 'corner'"),
     Bad("a place without a node", changed('group = "x0"', "at = [0.123, 0.456]"), r"line 13: displacement: no node at \[0\.123, 0\.456\]; the nearest is node \d+ at "),
-    Bad("a pressure on cells of the body", changed('group = "top"', 'group = "upper"'), "a load on a surface needs cells of dimension 1, and cells [0-9, ]+ are none; name a group of skin cells"),
+    Bad("a pressure on cells of the body", changed('group = "top"', 'group = "upper"'), "line 16: pressure: a load on a surface needs cells of dimension 1, and cells [0-9, ]+ are none; name a group of skin cells"),
     # material
     Bad("no material", without("material"), r"case\.toml: the top of the file needs a \[\[material\]\]|needs a \[\[material\]\]"),
     Bad("cells without a material", changed("young = 1000.0", 'groups = ["lower"]\nyoung = 1000.0'), r"\d+ cells have no material: .*; name a group that holds them"),
@@ -197,14 +198,14 @@ CASES: list[Bad] = [
     Bad("a stiffness that is no number", changed("1000.0", "nan"), "line 4: material.young is nan"),
     Bad("an incompressible body", changed("0.3", "0.5"), "line 5: material.poisson is 0.5; it must be > -1 and < 0.5"),
     Bad("a spring without stiffness", GOOD + '[[spring]]\ngroup = "top"\nkx = 0.0\n', "spring.kx is 0; it must be > 0"),
-    Bad("a hinge inside a body", HINGE, r"(singular|turns|moves)", make=_hinge, commands=RUN, then=_nothing_written),
+    Bad("a hinge inside a body", HINGE, r"the stiffness is singular: a part of a body can move without any force, most of all node \d+ \(.*\) along [xy]; look", make=_hinge, commands=RUN, then=_nothing_written),
     # what is free to move
     Bad("nothing holds a body sideways", changed('group = "x0"\nux', 'group = "bottom"\nux'), r"nothing holds a part of the model: 'upper' moves along x; add a displacement, a spring or a contact"),
     Bad("nothing holds anything", without("displacement"), r"nothing holds a part of the model: .*'lower'.*"),
     Bad("a body without contact", without("contact"), r"'upper' moves along y"),
     # zones
     Bad("the slave is its own master", changed('"master"\n', '"slave"\n'), "line 9: contact.master is 'slave', the slave itself", commands=(*BOTH, *MATRICES)),
-    Bad("slave and master share faces", changed('master = "master"', 'master = "twin"'), "slave 'slave' and master 'twin' share faces", commands=(*BOTH, *MATRICES)),
+    Bad("slave and master share faces", changed('master = "master"', 'master = "twin"'), "line 6: contact: slave 'slave' and master 'twin' share faces", commands=(*BOTH, *MATRICES)),
     Bad("skins that look away from one another", changed('"slave"', '"bottom"').replace('"master"', '"top"'), r"line 6: contact: no face of slave 'bottom' has master 'top' in front of it; check"),
     Bad("a slave that is a body", changed('"slave"', '"lower"'), "line 6: .*'lower'", commands=(*BOTH, *MATRICES)),
     Bad("a slave without its cut in a mesh that carries one", GOOD, r"line 6: the mesh carries a cut of master, and none of slave 'slave'; cut all slaves at once", make=_cut_elsewhere, commands=(*BOTH, *MATRICES)),
@@ -224,8 +225,8 @@ CASES: list[Bad] = [
     Bad("a radius below 0", changed("plane_strain", "axisymmetric"), r"node \d+ has radius x = -0\.5; an axisymmetric mesh lies at x >= 0", make=moved(lambda x: np.subtract(x[:, 0], 0.5, out=x[:, 0]))),
     Bad("a folded cell", GOOD, r"cells [\d, ]+ are folded, or have no volume", make=moved(_folded)),
     # the solver
-    Bad("no convergence", HARD, r"no equilibrium found at time 1 after 1 iterations.*try .*; no step has converged; the last state tried is in case/unconverged", 4, RUN, then=_failed),
-    Bad("a body that is pulled off", changed("value = 1.0", "value = -1.0"), r"no equilibrium found at time .*: 'upper' moves along y, and no contact holds it against its load.*case/unconverged", 4, RUN, then=_failed),
+    Bad("no convergence", HARD, r"no equilibrium found at time 1 after 1 iterations.*; try .* \(no step has converged; the last state tried is in case/unconverged\)", 4, RUN, then=_failed),
+    Bad("a body that is pulled off", changed("value = 1.0", "value = -1.0"), r"no equilibrium found at time .*: 'upper' moves along y, and no contact .*case/unconverged", 4, RUN, then=_failed),
     Bad("a linear solver that nobody knows", GOOD + '[solver]\nbackend = "umfpack"\n', r'line 20: solver\.backend is "umfpack"'),
     # results
     Bad("the folder holds results", GOOD, "^case holds results already; --force replaces them, or -o names another folder", 2, RUN, make=_results),

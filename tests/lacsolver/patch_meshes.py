@@ -104,10 +104,10 @@ def _raised(mesh, kind):
     return raised(mesh, name)
 
 
-def stack(slave, master, dim, *, slave_below=True, number="", shift=(0, 0, 0), counts=(3, 2), **moves):
+def stack(slave, master, dim, *, slave_below=True, number="", shift=(0, 0, 0), counts=(3, 2), gap=0.0, **moves):
     """Two blocks of kinds `slave` and `master`, the slave with counts[0] cells a side; other arguments: of `block`.
 
-    `number` is added to the names of slave and master.
+    `number` is added to the names of slave and master; `gap`: how far the upper is above the lower.
     """
     up = "xyz"[dim - 1]
     kinds = [(slave, counts[0], "slave"), (master, counts[1], "master")]
@@ -118,7 +118,7 @@ def stack(slave, master, dim, *, slave_below=True, number="", shift=(0, 0, 0), c
         mesh = block(kind, dim, n, meets, **{"seed": k, **own})
         names = {meets: f"{role}{number}", outer: ("bottom", "top")[k], "body": ("lower", "upper")[k]}
         names |= {f"{a}{e}": f"{a}{e}" for a in "xyz"[: dim - 1] for e in "01"}
-        parts.append((mesh, np.eye(3)[dim - 1] * k + shift, names))
+        parts.append((mesh, np.eye(3)[dim - 1] * k * (1 + gap) + shift, names))
     return joined(parts)
 
 
@@ -179,7 +179,7 @@ def rotation(dim, angle=0.7):
 
 
 def placed(mesh, turn=None, size=1.0, shift=(0, 0, 0)):
-    """The mesh scaled, turned and shifted."""
+    """The mesh scaled (by one number, or one for each axis), turned and shifted."""
     turn = np.eye(3) if turn is None else turn
-    points = size * mesh.points @ turn.T + np.asarray(shift)
+    points = (np.asarray(size) * mesh.points) @ turn.T + np.asarray(shift)
     return Mesh.create(points, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=mesh.space_dim)

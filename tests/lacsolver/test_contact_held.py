@@ -1,0 +1,152 @@
+"""Bodies that contact alone holds, and sets of contact that change on the way to the answer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lacmesh.errors import DataError
+from lacsolver.march import NotConvergedError
+from lacsolver.state import CONTACT, OPEN
+from tests.lacsolver.contact_cases import (
+    JOINT,
+    POISSON,
+    YOUNG,
+    by_node,
+    held,
+    only,
+    pressed,
+    resultant,
+    solve,
+)
+from tests.lacsolver.patch_meshes import placed, stack
+
+FIXED = held("bottom", ux=0.0, uy=0.0, uz=0.0)
+INITIAL = ("gap", "all", "none")
+
+
+def at(place, **values):
+    """A [[displacement]] of the node at a place."""
+    return "".join([f"[[displacement]]\nat = {place}\n", *(f"{k} = {v}\n" for k, v in values.items())])
+
+
+#: what keeps the upper block from sliding and turning about the height, and nothing more
+UPRIGHT = at([0.0, 0.0, 2.0], ux=0.0, uy=0.0) + at([1.0, 0.0, 2.0], uy=0.0)
+#: three squares of side 1/4 at heights of their own; the rest is far below
+FEET = {(0.125, 0.125): 0.0, (0.875, 0.375): 1e-3, (0.375, 0.875): 2e-3}
+_WHERE = "where(x < 0.25 and y < 0.25, 0, where(x > 0.75 and 0.25 < y < 0.5, 1e-3, where(0.25 < x < 0.5 and y > 0.75, 2e-3, 0.1)))"
+
+
+def on_three_feet(initial, load):
+    mesh = stack("HEXA8", "TETRA4", 3, counts=(4, 3), even=True)
+    joint = f'{JOINT}initial = "{initial}"\nclearance = "{_WHERE}"\n'
+    return only(mesh, joint + FIXED + UPRIGHT + load)
+
+
+def weight(fz, group="upper"):
+    return f'[[body_force]]\ngroups = ["{group}"]\nfz = {fz}\n'
+
+
+@pytest.mark.parametrize("initial", INITIAL)
+@pytest.mark.parametrize("force", [1e-2, 1e-5])
+def test_a_body_settles_on_three_feet(initial, force):
+    """It falls, tilts, and comes to rest; each foot bears what statics says, and it stands as a rigid body does."""
+    problem, state = on_three_feet(initial, weight(-force))
+    (zone,) = state.zones
+    on = zone.status == CONTACT
+    feet = np.array(list(FEET))
+    found = {
+        tuple(np.round(c[:2], 9)): p for c, p in zip(zone.centre[on], (zone.pressure * zone.area)[on], strict=True)
+    }
+    share = np.linalg.solve(np.vstack([feet.T, np.ones(3)]), [0.5, 0.5, 1.0])
+    assert found == pytest.approx({foot: force * s for foot, s in zip(FEET, share, strict=True)}, rel=1e-9)
+    assert resultant(zone, problem)[2] == pytest.approx(force, rel=1e-10)
+    plane = np.linalg.solve(np.column_stack([feet, np.ones(3)]), [-g for g in FEET.values()])
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    for x, y in corners:
+        node = np.abs(problem.space.mesh.points - [x, y, 2]).max(axis=1).argmin()
+        assert by_node(problem, state)[node, 2] == pytest.approx(plane @ [x, y, 1], abs=1e-3 * force / 1e-2)
+
+
+@pytest.mark.parametrize("initial", INITIAL)
+def test_a_body_that_would_tip_over_is_said_to(initial):
+    """Its load stands outside of its feet: there is no equilibrium, and no wrong answer."""
+    with pytest.raises(NotConvergedError, match="no equilibrium"):
+        on_three_feet(
+            initial, weight(-1e-2) + "[[force]]\nat = [0.0, 1.0, 2.0]\nfz = -0.1\n[steps]\nmax_halvings = 1\n"
+        )
+
+
+def test_a_body_that_is_pulled_away_is_said_to():
+    mesh = stack("HEXA8", "TETRA4", 3)
+    with pytest.raises(NotConvergedError, match="'upper' moves along z, and no contact stops it"):
+        only(mesh, JOINT + FIXED + UPRIGHT + pressed("top", -1.0) + "[steps]\nmax_halvings = 1\n")
+
+
+def test_a_body_that_contact_cannot_hold_is_said_to():
+    mesh = stack("HEXA8", "TETRA4", 3)
+    with pytest.raises(DataError, match="'upper' moves along"):
+        only(mesh, JOINT + FIXED + pressed("top", 1.0))
+
+
+@pytest.mark.parametrize("initial", INITIAL)
+def test_a_body_on_a_plane_with_its_load_off_the_middle(initial):
+    """Free to tilt: the resultant of the pressures stands under the load, and the far edge has little of it."""
+    mesh = stack("HEXA8", "HEXA20", 3, counts=(4, 3))
+    load = pressed("top", "1 + 2 * x")
+    problem, state = only(mesh, f'{JOINT}initial = "{initial}"\n' + FIXED + UPRIGHT + load)
+    (zone,) = state.zones
+    force = zone.pressure * zone.area
+    assert force.sum() == pytest.approx(2.0, rel=1e-10)
+    np.testing.assert_allclose(force @ zone.centre[:, :2] / 2.0, [(1 / 2 + 2 / 3) / 2, 0.5], rtol=1e-9)
+    assert (zone.status == CONTACT).all()
+    assert resultant(zone, problem)[2] == pytest.approx(-2.0, rel=1e-10)
+
+
+@pytest.mark.parametrize("initial", INITIAL)
+def test_three_blocks_stand_on_one_another_by_contact_alone(initial):
+    """Two bodies that nothing else holds along the height, both free to tilt."""
+    from tests.lacsolver.test_contact import three_blocks
+
+    mesh = three_blocks()
+    zones = "".join(
+        f'[[contact]]\nname = "zone{k}"\nslave = "slave{k}"\nmaster = "master{k}"\ninitial = "{initial}"\n'
+        for k in (1, 2)
+    )
+    upright = "".join(at([0.0, 0.0, z], ux=0.0, uy=0.0) + at([1.0, 0.0, z], uy=0.0) for z in (2.0, 3.0)) + held(
+        "bottom", ux=0.0, uy=0.0, uz=0.0
+    )
+    load = pressed("top", "1 + x - y / 2")
+    _, state = only(mesh, zones + upright + load)
+    for zone in state.zones:
+        assert zone.pressure @ zone.area == pytest.approx(1.25, rel=1e-10)
+        middle = (zone.pressure * zone.area) @ zone.centre[:, :2] / 1.25
+        np.testing.assert_allclose(middle, [(1 / 2 + 1 / 3 - 1 / 8) / 1.25, (1 / 2 + 1 / 4 - 1 / 6) / 1.25], rtol=1e-9)
+
+
+def beam(slave="QUAD4", master="QUAD8", counts=(20, 16)):
+    """A beam 10 long and 1/2 high on a foundation as long and as high."""
+    return placed(stack(slave, master, 2, counts=counts, even=True), size=(10.0, 0.5, 1.0))
+
+
+HEAVY = f"[[material]]\nyoung = {YOUNG}\npoisson = {POISSON}\ndensity = 0.002\n"
+LAID = JOINT + held("bottom", ux=0.0, uy=0.0) + "[gravity]\ngy = -9.81\n"
+
+
+@pytest.mark.parametrize("initial", INITIAL)
+@pytest.mark.parametrize("slave, master", [("QUAD4", "QUAD8"), ("TRIA6", "QUAD4")])
+def test_a_beam_on_a_foundation_lifts_its_ends(initial, slave, master):
+    """Pressed in the middle by a hundred times its weight: contact shrinks to the middle, by several sets."""
+    mesh = beam(slave, master)
+    middle = at([5.0, 1.0], ux=0.0)
+    load = "[[force]]\nat = [5.0, 1.0]\nfy = -5.0\n"
+    problem, state = only(mesh, LAID + f'initial = "{initial}"\n'.join(["", ""]) + middle + load, "plane_strain", HEAVY)
+    (zone,) = state.zones
+    on = zone.status == CONTACT
+    assert 2 < on.sum() < len(on) / 2 and (zone.status[~on] == OPEN).all()
+    order = np.argsort(zone.centre[:, 0])
+    assert len(np.unique(np.cumsum(np.diff(on[order].astype(int)) != 0))) <= 3, "one stretch"
+    assert zone.pressure @ zone.area == pytest.approx(5.0 + 10 * 0.5 * 0.002 * 9.81, rel=1e-10)
+    assert zone.gap[order[0]] > 0 and zone.gap[order[-1]] > 0
+    assert state.iterations >= 3
+    assert problem.space.dim == 2
