@@ -14,7 +14,7 @@ from lacsolver.bodies import describe
 from lacsolver.case import Case
 from lacsolver.equilibrium import Iterate, Limits, Outcome, find_equilibrium
 from lacsolver.interface import Interface
-from lacsolver.model import Model, Moment
+from lacsolver.model import Instant, Model
 from lacsolver.problem import Joint, Problem
 from lacsolver.results import Restart
 from lacsolver.state import CONTACT, OPEN, UNPAIRED, State, ZoneState
@@ -78,18 +78,18 @@ def march(
     for target in meeting_times(problem.case):
         while target - time > _SAME * target:
             whole = target - time <= size * (1 + _SAME)
-            moment = Moment(model, target if whole else time + size)
-            outcome = _search(moment, _guess(moment, now, before, time), spent, told)
+            instant = Instant(model, target if whole else time + size)
+            outcome = _search(instant, _guess(instant, now, before, time), spent, told)
             spent.add(outcome)
             if not outcome.converged:
-                size = (moment.t - time) / 2
+                size = (instant.t - time) / 2
                 if spent.halvings > steps.max_halvings:
-                    raise NotConvergedError(_why(moment, outcome), _state(moment, outcome, spent, size))
+                    raise NotConvergedError(_why(instant, outcome), _state(instant, outcome, spent, size))
                 continue
             size *= steps.growth
-            yield _state(moment, outcome, spent, size)
+            yield _state(instant, outcome, spent, size)
             before = None if now is None else (time, now)
-            now, time, spent = outcome.iterate, moment.t, _Step()
+            now, time, spent = outcome.iterate, instant.t, _Step()
 
 
 def meeting_times(case: Case) -> list[float]:
@@ -98,35 +98,35 @@ def meeting_times(case: Case) -> list[float]:
     return sorted({*case.steps.planned, *asked})
 
 
-def _search(moment: Moment, guess: Iterate, spent: _Step, told: Callable[[Told], None] | None) -> Outcome:
-    model, solver = moment.model, moment.model.problem.case.solver
-    moved = float(np.abs(moment.u0).max(initial=0.0))
+def _search(instant: Instant, guess: Iterate, spent: _Step, told: Callable[[Told], None] | None) -> Outcome:
+    model, solver = instant.model, instant.model.problem.case.solver
+    moved = float(np.abs(instant.u0).max(initial=0.0))
     limits = Limits(solver.tolerance, solver.max_iterations, model.length, moved)
 
     def tell(number: int, closed: int, balance: float, gap: float) -> None:
         if told is not None:
-            told(Told(moment.t, spent.halvings, number, closed, balance, gap))
+            told(Told(instant.t, spent.halvings, number, closed, balance, gap))
 
-    return find_equilibrium(model.held, moment.f, moment.contact, guess, limits, moving=model.moving, told=tell)
+    return find_equilibrium(model.held, instant.f, instant.contact, guess, limits, moving=model.moving, told=tell)
 
 
-def _guess(moment: Moment, now: Iterate | None, before: tuple[float, Iterate] | None, time: float) -> Iterate:
+def _guess(instant: Instant, now: Iterate | None, before: tuple[float, Iterate] | None, time: float) -> Iterate:
     """What a step begins with: as things went on so far; at first the undeformed body and the initial status."""
     if now is None:
-        return _first(moment)
+        return _first(instant)
     if before is None:
         return now
     then, last = before
-    part = (moment.t - time) / (time - then)
+    part = (instant.t - time) / (time - then)
     return Iterate(now.q + part * (now.q - last.q), now.p + part * (now.p - last.p), now.active)
 
 
-def _first(moment: Moment) -> Iterate:
+def _first(instant: Instant) -> Iterate:
     """The undeformed body; checks that contact may hold what nothing else does."""
-    q = np.zeros(moment.model.held.K.shape[0])
-    contact = moment.contact(q)
-    moment.model.check_held(moment.interfaces, contact.paired)
-    closed = [np.empty(0, bool), *map(_initial, moment.model.problem.joints, moment.interfaces)]
+    q = np.zeros(instant.model.held.K.shape[0])
+    contact = instant.contact(q)
+    instant.model.check_held(instant.interfaces, contact.paired)
+    closed = [np.empty(0, bool), *map(_initial, instant.model.problem.joints, instant.interfaces)]
     return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.paired)
 
 
@@ -149,23 +149,23 @@ def _kept(model: Model, start: Restart) -> Iterate:
     return Iterate(q, np.concatenate(p), np.concatenate(closed))
 
 
-def _state(moment: Moment, outcome: Outcome, spent: _Step, size: float) -> State:
+def _state(instant: Instant, outcome: Outcome, spent: _Step, size: float) -> State:
     """The state of an outcome."""
-    model, problem = moment.model, moment.model.problem
+    model, problem = instant.model, instant.model.problem
     q, p, contact = outcome.iterate.q, outcome.iterate.p, outcome.contact
-    u, gap = moment.u(q), contact.G / contact.rows.w
+    u, gap = instant.u(q), contact.G / contact.rows.w
     zones, first, force = [], 0, np.zeros(problem.space.n_dof)
-    for joint, face in zip(problem.joints, moment.interfaces, strict=True):
+    for joint, face in zip(problem.joints, instant.interfaces, strict=True):
         rows = slice(first, first + face.B.shape[0])
         own = -(face.B.T @ p[rows])
         force += own
         make = _tied if joint.tie else _pressed
         zones.append(make(joint, face, p[rows], gap[rows], contact.paired[rows], own.reshape(-1, problem.space.dim)))
         first = rows.stop
-    reaction = model.K @ u - moment.load - force
-    rigid = problem.constraints.rigid_motion(q, moment.t)
+    reaction = model.K @ u - instant.load - force
+    rigid = problem.constraints.rigid_motion(q, instant.t)
     return State(
-        moment.t, u, reaction, tuple(zones), rigid, spent.iterations, spent.halvings, tuple(spent.residuals), size
+        instant.t, u, reaction, tuple(zones), rigid, spent.iterations, spent.halvings, tuple(spent.residuals), size
     )
 
 
@@ -193,18 +193,18 @@ def _tied(
     )  # fmt: skip
 
 
-def _why(moment: Moment, outcome: Outcome) -> str:
+def _why(instant: Instant, outcome: Outcome) -> str:
     """What a user is told of a search that failed: what moves away, or where the balance is off, and what to try."""
-    model, problem = moment.model, moment.model.problem
+    model, problem = instant.model, instant.model.problem
     q, p = outcome.iterate.q, outcome.iterate.p
     contact = outcome.contact.rows.B_T @ p
-    said = f"no equilibrium found at time {moment.t:.6g} after {len(outcome.defects)} iterations"
+    said = f"no equilibrium found at time {instant.t:.6g} after {len(outcome.defects)} iterations"
     for motion in model.motions:
         along = model.unknowns(motion.field)
-        left, whole = along @ (moment.f - contact), np.abs(along) @ (np.abs(moment.f) + np.abs(contact))
+        left, whole = along @ (instant.f - contact), np.abs(along) @ (np.abs(instant.f) + np.abs(contact))
         if abs(left) > _UNCARRIED * whole:
             return f"{said}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
-    r = problem.constraints.T @ (moment.f - model.held.K @ q - contact)
+    r = problem.constraints.T @ (instant.f - model.held.K @ q - contact)
     node = int(np.abs(r).argmax()) // problem.space.dim
     place = ", ".join(f"{c:.6g}" for c in problem.space.mesh.points[node])
     balance, gap = outcome.defects[-1]

@@ -116,7 +116,7 @@ class Model:
 
 
 @dataclass(eq=False)
-class Moment:
+class Instant:
     """A time: what acts, what is prescribed, and contact at any q. `f` (n_q,), `load` and `u0` (n_dof,).
 
     `interfaces`: those of the last q that was asked about.

@@ -32,7 +32,7 @@ from lacsolver.stiffness import Stiffness
 _PATIENCE = 6
 _MOST = 400
 #: forces that add up to this much of the largest one are in balance
-_BALANCED = 4e-16
+_BALANCED = 1e-14
 #: what rounding leaves of the balance and of the gaps after a long loop is taken away by so many short ones
 _REFINEMENTS = 2
 #: a motion is held by rows that move with it by at least this much of those that move most

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import textwrap
 from collections.abc import Iterator
 from dataclasses import MISSING
@@ -128,20 +127,6 @@ def page_tables() -> dict[str, str]:
     """The tables of docs/case.md, by the names of their markers."""
     tables = {section_of(r).name or "top": "\n".join(_key_table(r)) for r in records()}
     return {**tables, "formulas": "\n".join(_formula_table())}
-
-
-def with_tables(text: str) -> str:
-    """The page with its tables as they should be, between `<!-- name: begin -->` and `<!-- name: end -->`.
-
-    Raises ValueError for a page that has no place for one of them.
-    """
-    for name, table in page_tables().items():
-        begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-        found = re.search(f"{re.escape(begin)}\n.*?{re.escape(end)}", text, re.DOTALL)
-        if not found:
-            raise ValueError(f"the page has no markers {begin} ... {end}")
-        text = f"{text[: found.start()]}{begin}\n{table}\n{end}{text[found.end() :]}"
-    return text
 
 
 def _key_table(record: type) -> Iterator[str]:

@@ -108,6 +108,11 @@ def held(group, **values):
     return "".join(["[[displacement]]\n", f'group = "{group}"\n', *(f"{k} = {_said(v)}\n" for k, v in values.items())])
 
 
+def at(place, **values):
+    """A [[displacement]] of the node at a place."""
+    return "".join([f"[[displacement]]\nat = {place}\n", *(f"{k} = {v}\n" for k, v in values.items())])
+
+
 def pressed(group, value):
     """A [[pressure]]."""
     return f'[[pressure]]\ngroup = "{group}"\nvalue = {_said(value)}\n'

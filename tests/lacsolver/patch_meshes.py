@@ -122,6 +122,20 @@ def stack(slave, master, dim, *, slave_below=True, number="", shift=(0, 0, 0), c
     return joined(parts)
 
 
+def three_blocks(kinds=("HEXA8", "TETRA4", "PENTA6 quadrangle")):
+    """Three blocks on one another: slave1 on master1, slave2 on master2, each slave the upper."""
+    names = {"x0": "x0", "y0": "y0"}
+    low, middle, high = (block(kind, 3, n, "z1", seed=n) for kind, n in zip(kinds, (2, 3, 2), strict=True))
+    up = np.array([0.0, 0.0, 1.0])
+    return joined(
+        [
+            (low, 0 * up, {**names, "z0": "bottom", "z1": "master1"}),
+            (middle, up, {**names, "z0": "slave1", "z1": "master2"}),
+            (high, 2 * up, {**names, "z0": "slave2", "z1": "top"}),
+        ]
+    )
+
+
 def joined(parts):
     """Meshes as one: (mesh, shift, {name of a group: its name here}); groups of one name are one."""
     kinds = dict.fromkeys(b.type for mesh, _, _ in parts for b in mesh.blocks)

@@ -16,7 +16,7 @@ from lacmesh.surface.points import NORMALS
 from lacsolver.case import Case, Contact, parse_case
 from lacsolver.case.keys import keys_of, section_of, sections_of, told_default
 from lacsolver.case.kinds import Choice
-from lacsolver.case.schema import json_schema, page_tables, records, schema_text, with_tables
+from lacsolver.case.schema import json_schema, page_tables, records, schema_text
 from lacsolver.space import MODELS
 from tests.lacsolver.case_mistakes import MISTAKES
 from tests.lacsolver.case_texts import SMALL, VALID
@@ -111,20 +111,6 @@ def test_text_has_every_section_key_option_and_unit():
             assert not key.unit or f"[{key.unit}]" in re.sub(r"\s+", " ", part), name
             if isinstance(key.kind, Choice):
                 assert all(f"  {option.word}: {option.meaning}" in part for option in key.kind.options)
-
-
-def test_page_is_current():
-    text = PAGE.read_text(encoding="utf-8")
-    assert with_tables(text) == text, "write it again with lacsolver.case.schema.with_tables"
-    assert text.count(": begin -->") == text.count(": end -->") == len(page_tables())
-
-
-def test_a_changed_page_is_seen():
-    text = PAGE.read_text(encoding="utf-8")
-    wrong = text.replace("| `growth` | a number >= 1 |", "| `growth` | a number >= 2 |")
-    assert wrong != text and with_tables(wrong) == text
-    with pytest.raises(ValueError, match="no markers <!-- gravity: begin -->"):
-        with_tables(text.replace("gravity: begin", "weight: begin"))
 
 
 def test_every_row_of_the_page_has_its_columns():

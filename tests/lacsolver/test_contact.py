@@ -21,7 +21,7 @@ from tests.lacsolver.contact_cases import (
     solve,
     stresses,
 )
-from tests.lacsolver.patch_meshes import block, joined, placed, stack
+from tests.lacsolver.patch_meshes import block, joined, placed, stack, three_blocks
 
 #: (slave, master, model): one of each model, and cells that differ
 PAIRS = [
@@ -169,20 +169,6 @@ def test_contact_carries_the_weight(slave, master, model):
     np.testing.assert_allclose(zone.pressure @ zone.area, weight, rtol=1e-12)
     ground = state.reaction.reshape(-1, problem.space.dim)[nodes_of(problem, "bottom")]
     assert ground[:, -1].sum() == pytest.approx(2 * weight, rel=1e-12)
-
-
-def three_blocks(kinds=("HEXA8", "TETRA4", "PENTA6 quadrangle")):
-    """Three blocks on one another: slave1 on master1, slave2 on master2, each slave on top."""
-    names = {"x0": "x0", "y0": "y0"}
-    low, middle, high = (block(kind, 3, n, "z1", seed=n) for kind, n in zip(kinds, (2, 3, 2), strict=True))
-    up = np.array([0.0, 0.0, 1.0])
-    return joined(
-        [
-            (low, 0 * up, {**names, "z0": "bottom", "z1": "master1"}),
-            (middle, up, {**names, "z0": "slave1", "z1": "master2"}),
-            (high, 2 * up, {**names, "z0": "slave2", "z1": "top"}),
-        ]
-    )
 
 
 def zone(number, more=""):

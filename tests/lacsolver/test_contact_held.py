@@ -12,34 +12,32 @@ from tests.lacsolver.contact_cases import (
     JOINT,
     POISSON,
     YOUNG,
+    at,
     by_node,
     held,
     only,
     pressed,
     resultant,
-    solve,
 )
-from tests.lacsolver.patch_meshes import placed, stack
+from tests.lacsolver.patch_meshes import placed, stack, three_blocks
 
 FIXED = held("bottom", ux=0.0, uy=0.0, uz=0.0)
 INITIAL = ("gap", "all", "none")
-
-
-def at(place, **values):
-    """A [[displacement]] of the node at a place."""
-    return "".join([f"[[displacement]]\nat = {place}\n", *(f"{k} = {v}\n" for k, v in values.items())])
 
 
 #: what keeps the upper block from sliding and turning about the height, and nothing more
 UPRIGHT = at([0.0, 0.0, 2.0], ux=0.0, uy=0.0) + at([1.0, 0.0, 2.0], uy=0.0)
 #: three squares of side 1/4 at heights of their own; the rest is far below
 FEET = {(0.125, 0.125): 0.0, (0.875, 0.375): 1e-3, (0.375, 0.875): 2e-3}
-_WHERE = "where(x < 0.25 and y < 0.25, 0, where(x > 0.75 and 0.25 < y < 0.5, 1e-3, where(0.25 < x < 0.5 and y > 0.75, 2e-3, 0.1)))"
+CLEARANCE = (
+    "0 if x < 0.25 and y < 0.25 else 1e-3 if x > 0.75 and 0.25 < y < 0.5 "
+    "else 2e-3 if 0.25 < x < 0.5 and y > 0.75 else 0.1"
+)
 
 
 def on_three_feet(initial, load):
     mesh = stack("HEXA8", "TETRA4", 3, counts=(4, 3), even=True)
-    joint = f'{JOINT}initial = "{initial}"\nclearance = "{_WHERE}"\n'
+    joint = f'{JOINT}initial = "{initial}"\nclearance = "{CLEARANCE}"\n'
     return only(mesh, joint + FIXED + UPRIGHT + load)
 
 
@@ -60,7 +58,7 @@ def test_a_body_settles_on_three_feet(initial, force):
     }
     share = np.linalg.solve(np.vstack([feet.T, np.ones(3)]), [0.5, 0.5, 1.0])
     assert found == pytest.approx({foot: force * s for foot, s in zip(FEET, share, strict=True)}, rel=1e-9)
-    assert resultant(zone, problem)[2] == pytest.approx(force, rel=1e-10)
+    assert resultant(zone, problem)[2] == pytest.approx(-force, rel=1e-10)
     plane = np.linalg.solve(np.column_stack([feet, np.ones(3)]), [-g for g in FEET.values()])
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     for x, y in corners:
@@ -106,8 +104,6 @@ def test_a_body_on_a_plane_with_its_load_off_the_middle(initial):
 @pytest.mark.parametrize("initial", INITIAL)
 def test_three_blocks_stand_on_one_another_by_contact_alone(initial):
     """Two bodies that nothing else holds along the height, both free to tilt."""
-    from tests.lacsolver.test_contact import three_blocks
-
     mesh = three_blocks()
     zones = "".join(
         f'[[contact]]\nname = "zone{k}"\nslave = "slave{k}"\nmaster = "master{k}"\ninitial = "{initial}"\n'
@@ -130,7 +126,7 @@ def beam(slave="QUAD4", master="QUAD8", counts=(20, 16)):
 
 
 HEAVY = f"[[material]]\nyoung = {YOUNG}\npoisson = {POISSON}\ndensity = 0.002\n"
-LAID = JOINT + held("bottom", ux=0.0, uy=0.0) + "[gravity]\ngy = -9.81\n"
+LAID = held("bottom", ux=0.0, uy=0.0) + "[gravity]\ngy = -9.81\n"
 
 
 @pytest.mark.parametrize("initial", INITIAL)
@@ -140,7 +136,8 @@ def test_a_beam_on_a_foundation_lifts_its_ends(initial, slave, master):
     mesh = beam(slave, master)
     middle = at([5.0, 1.0], ux=0.0)
     load = "[[force]]\nat = [5.0, 1.0]\nfy = -5.0\n"
-    problem, state = only(mesh, LAID + f'initial = "{initial}"\n'.join(["", ""]) + middle + load, "plane_strain", HEAVY)
+    joint = f'{JOINT}initial = "{initial}"\n'
+    _, state = only(mesh, joint + LAID + middle + load, "plane_strain", HEAVY)
     (zone,) = state.zones
     on = zone.status == CONTACT
     assert 2 < on.sum() < len(on) / 2 and (zone.status[~on] == OPEN).all()
@@ -149,4 +146,3 @@ def test_a_beam_on_a_foundation_lifts_its_ends(initial, slave, master):
     assert zone.pressure @ zone.area == pytest.approx(5.0 + 10 * 0.5 * 0.002 * 9.81, rel=1e-10)
     assert zone.gap[order[0]] > 0 and zone.gap[order[-1]] > 0
     assert state.iterations >= 3
-    assert problem.space.dim == 2
