@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
 from lacsolver import loads
 from lacsolver.assemble.fields import Temperature
 from lacsolver.case import Case, Traction
 from lacsolver.case import Temperature as Record
+from lacsolver.case.records import Entry
 from lacsolver.case.value import Value
 from lacsolver.material import Materials
-from lacsolver.places import nodes_of
+from lacsolver.places import nodes_of, wrong
 from lacsolver.space import Space
 
 _AXES = "xyz"
@@ -31,19 +34,31 @@ def load(space: Space, materials: Materials, case: Case, t: float, threads: int 
     """f (n_dof,): nodal forces of everything that acts at time t, but for springs and rigid bodies."""
     mesh, f = space.mesh, np.zeros(space.n_dof)
     for pressure in case.pressure:
-        f += loads.pressure(space, mesh.cells_of(pressure.group), at_points(space, pressure.value), t)
+        with _said_of(pressure):
+            f += loads.pressure(space, mesh.cells_of(pressure.group), at_points(space, pressure.value), t)
     for traction in case.traction:
-        f += loads.traction(space, mesh.cells_of(traction.group), _traction(space, traction), t)
+        with _said_of(traction):
+            f += loads.traction(space, mesh.cells_of(traction.group), _traction(space, traction), t)
     for force in case.force:
         f += loads.nodal_force(space, nodes_of(space, force), _vector(space, force, "f"), t)
     for body in case.body_force:
-        f += loads.body_force(space, _vector(space, body, "f"), t, cells=space.cells(body.groups))
+        with _said_of(body):
+            f += loads.body_force(space, _vector(space, body, "f"), t, cells=space.cells(body.groups))
     if case.gravity is not None:
         f += loads.gravity(space, materials, _vector(space, case.gravity, "g"), t)
     warm = temperature(space, materials, case)
     if warm is not None:
         f += loads.thermal_force(space, materials, warm, t, threads=threads)
     return f
+
+
+@contextmanager
+def _said_of(record: Entry) -> Iterator[None]:
+    """Say of what is wrong with a load's cells which record of the case it is, and where."""
+    try:
+        yield
+    except (DataError, RequestError) as error:
+        raise wrong(record, str(error)) from None
 
 
 def springs(space: Space, case: Case) -> csr_array | None:

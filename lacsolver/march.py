@@ -125,6 +125,8 @@ def _first(instant: Instant) -> Iterate:
     """The undeformed body; checks that contact may hold what nothing else does."""
     q = np.zeros(instant.model.held.K.shape[0])
     contact = instant.contact(q)
+    for joint, face in zip(instant.model.problem.joints, instant.interfaces, strict=True):
+        joint.check_facing(face)
     instant.model.check_held(instant.interfaces, contact.paired)
     closed = [np.empty(0, bool), *map(_initial, instant.model.problem.joints, instant.interfaces)]
     return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.paired)

@@ -19,6 +19,7 @@ from lacsolver.bodies import FreeMotion, bodies, describe, free_motions, rigid_m
 from lacsolver.equilibrium import Contact, shifted, stiffness_of_rows
 from lacsolver.interface import Interface, integrate
 from lacsolver.interface.tangent import Motion, gap_derivative, motion_of, tangent
+from lacsolver.linear import SingularError
 from lacsolver.problem import Joint, Problem
 from lacsolver.schur import Rows
 from lacsolver.stiffness import Stiffness, Whole, hold
@@ -55,7 +56,24 @@ class Model:
         R = np.zeros((T.shape[1], 0))
         if self.motions:
             R = np.linalg.qr(np.stack([self.unknowns(motion.field) for motion in self.motions], axis=1))[0]
-        return hold(self.reduced(self.K), R, backend=solver.backend, threads=problem.threads, whole=self._whole())
+        try:
+            return hold(self.reduced(self.K), R, backend=solver.backend, threads=problem.threads, whole=self._whole())
+        except SingularError as error:
+            raise self._singular(error) from error
+
+    def _singular(self, error: SingularError) -> SingularError:
+        """The error of a singular stiffness, in words of the mesh: the node that moves most, and along which axis."""
+        space = self.problem.space
+        if error.dof is None:
+            return error
+        q = np.eye(1, self.problem.constraints.n_q, error.dof)[0] if error.mode is None else error.mode
+        u = self.problem.constraints.T @ q
+        node, axis = divmod(int(np.abs(u).argmax()), space.dim)
+        place = ", ".join(f"{c:.6g}" for c in space.mesh.points[node, : space.dim])
+        who = f"node {space.mesh.node_number[node]} ({place}) along {'xyz'[axis]}"
+        message = f"the stiffness is singular: a part of a body can move without any force, most of all {who}"
+        advice = "look how it hangs on the rest there, or hold it by a displacement or a spring"
+        return SingularError(f"{message}; {advice}", error.dof, error.mode)
 
     def _whole(self) -> Whole | None:
         """Where q stands among the unknowns of all nodes, and every body's rigid motions; None if q are others."""
@@ -164,7 +182,7 @@ def _rows(model: Model, interfaces: list[Interface], u: Floats) -> Contact:
         D.append(B[-1] if motion is None else csr_array(gap_derivative(face, motion) @ T))
         G.append(face.G if joint.moving else face.G - face.B @ u)
         w.append(np.repeat(face.w, repeat))
-        paired.append(np.repeat(face.coverage > joint.record.coverage_threshold, repeat))
+        paired.append(np.repeat(joint.paired(face), repeat))
         held.append(np.full(len(w[-1]), not joint.one_sided))
     left = csr_array(vstack([csr_array((0, n)), *B]))
     right = left if all(a is b for a, b in zip(B, D, strict=True)) else csr_array(vstack(D))

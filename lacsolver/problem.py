@@ -13,15 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+import lacmesh
+from lacmesh.errors import LacmeshError
 from lacmesh.mesh import Mesh
 from lacsolver import acting
 from lacsolver.assemble import assemble_stiffness
 from lacsolver.assemble.fields import Temperature
 from lacsolver.case import Case, Contact, Tie, check_groups
 from lacsolver.constraints import Constraints
-from lacsolver.interface import Pairing, Zone
+from lacsolver.interface import Interface, Pairing, Zone
 from lacsolver.laws import law_of
 from lacsolver.material import Materials
+from lacsolver.places import wrong
 from lacsolver.skin import prepared
 from lacsolver.space import Space
 
@@ -64,6 +67,17 @@ class Joint:
         """Whether the zone is paired again on the deformed skins."""
         return isinstance(self.record, Contact) and self.record.geometry == "current"
 
+    def paired(self, face: Interface) -> NDArray[np.bool_]:
+        """(n_macros,): which macro-elements of an interface of the zone have enough of the master in front of them."""
+        return np.asarray(face.coverage > self.record.coverage_threshold)
+
+    def check_facing(self, face: Interface) -> None:
+        """Raises CaseError where no macro-element has a master and, since the skins stay where they are, none will."""
+        if not self.moving and not self.paired(face).any():
+            message = f"no face of slave {self.record.slave!r} has master {self.record.master!r} in front of it"
+            advice = "check which groups these are and that their faces turn outward, or raise search_distance"
+            raise wrong(self.record, f"{message}; {advice}")
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -81,12 +95,13 @@ class Problem:
 
         Raises CaseError, ReadError, CutError, DataError, RequestError, each with a sentence for the user.
         """
-        mesh = prepared(case, mesh)
+        mesh = lacmesh.read(case.mesh) if mesh is None else mesh
         check_groups(case, mesh)
+        mesh = prepared(case, mesh)
         space = Space.of(mesh, case.model, case.thickness)
         materials = Materials.of(space, [(law_of(m), m.groups) for m in case.material])
         joined: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
-        joints = tuple(_joint(space, record) for record in joined)
+        joints = tuple(joint_of(space, record) for record in joined)
         return cls(case, space, materials, Constraints.of(space, case), joints)
 
     @cached_property
@@ -120,8 +135,12 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _joint(space: Space, record: Contact | Tie) -> Joint:
-    zone = Zone.of(space.mesh, record.slave, record.master, record.name)
+def joint_of(space: Space, record: Contact | Tie) -> Joint:
+    """The joint of a contact or a tie. Raises CaseError, with its line, where the two groups make no zone."""
+    try:
+        zone = Zone.of(space.mesh, record.slave, record.master, record.name)
+    except LacmeshError as error:
+        raise wrong(record, str(error)) from None
     if isinstance(record, Tie):
         pairing = Pairing()
     else:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import resource
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,6 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lacmesh.cli.terminal import peak_memory
+from lacmesh.formats.output import signals_wait
 from lacmesh.mesh import Floats, Mesh
 from lacsolver.assemble import stress
 from lacsolver.assemble.fields import Field
@@ -42,18 +42,25 @@ def run(
     clock = Clock()
     with clock.phase("mesh"):
         problem = Problem.of(case, mesh)
-    writer = Writer(folder, case, problem.space)
-    made = _Run(problem, clock, stepped, Results(_version(), sizes=_sizes(problem)), start.number if start else 0)
+    made = _Run(problem, clock, Results(_version(), sizes=_sizes(problem)), start.number if start else 0)
+    writer: Writer | None = None  # the folder is taken over once there is something to write: nothing is lost before
     try:
         with clock.phase("solve"):
             for state in march(problem, start=start, told=told):
-                with clock.phase("results"):
+                with clock.phase("results"), signals_wait():  # a step is told in all places or in none
+                    writer = writer or Writer(folder, case, problem.space)
                     made.add(state)
                     writer.step(made.results, made.fields_of(state), made.restart(state))
+                    if stepped is not None:
+                        stepped(made.results.steps[-1])
     except BaseException as error:
-        writer.finish(*made.ended(error))
+        if writer is None and isinstance(error, NotConvergedError):
+            writer = Writer(folder, case, problem.space)
+        if writer is not None:
+            writer.finish(*made.ended(error))
         raise
     made.results = replace(made.told(), status="done")
+    writer = writer or Writer(folder, case, problem.space)
     writer.finish(made.results)
     return made.results
 
@@ -90,7 +97,6 @@ class _Run:
 
     problem: Problem
     clock: Clock
-    stepped: Callable[[StepFigures], None] | None
     results: Results
     number: int
 
@@ -120,8 +126,6 @@ class _Run:
         step = self.step(state)
         ranges = stress_ranges(self.problem.space, self.stress(state))
         self.results = replace(self.told(), steps=(*self.results.steps, step), stress=ranges)
-        if self.stepped is not None:
-            self.stepped(step)
 
     def step(self, state: State) -> StepFigures:
         """The figures of a state."""
@@ -170,9 +174,7 @@ class _Run:
 
     def told(self) -> Results:
         """The results with what time and memory came to."""
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        bytes_each = 1 if sys.platform == "darwin" else 1024
-        return replace(self.results, timings=dict(self.clock.seconds), memory=peak * bytes_each)
+        return replace(self.results, timings=dict(self.clock.seconds), memory=peak_memory())
 
     def ended(self, error: BaseException) -> tuple[Results, Callable[[], Fields] | None]:
         """The results of a run that an error or a signal ended, and the fields of the state that it was at."""

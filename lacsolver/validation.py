@@ -28,7 +28,7 @@ from lacsolver.laws import law_of
 from lacsolver.linear import choose
 from lacsolver.material import Materials
 from lacsolver.places import nodes_of
-from lacsolver.problem import Joint, _joint
+from lacsolver.problem import Joint, joint_of
 from lacsolver.skin import prepared
 from lacsolver.space import Space
 
@@ -154,30 +154,21 @@ def _zones(case: Case, space: Space, found: Validation) -> list[tuple[Joint, Int
     records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
     for record in records:
         with found.looking(record.place):
-            joint = _joint(space, record)
+            joint = joint_of(space, record)
             face = integrate(joint.zone, space.dim, joint.pairing, t=case.steps.planned[0], tie=joint.tie)
-            found.zones.append(_zone_found(record, face))
+            found.zones.append(_zone_found(joint, face))
             faces.append((joint, face))
-            if found.zones[-1].unpaired == found.zones[-1].macros and not joint.moving:
-                found.problems.append(Problem(not_facing(record)))
+            joint.check_facing(face)
     return faces
 
 
-def _zone_found(record: Contact | Tie, face: Interface) -> ZoneFound:
-    on = face.coverage > record.coverage_threshold
+def _zone_found(joint: Joint, face: Interface) -> ZoneFound:
+    record, on = joint.record, joint.paired(face)
     gap = face.gap[on] if on.any() else np.array([np.nan])
     return ZoneFound(
-        record.name, isinstance(record, Tie), record.slave, record.master, len(on), int((~on).sum()),
+        record.name, joint.tie, record.slave, record.master, len(on), int((~on).sum()),
         float(face.w.sum() / face.area.sum()), (float(gap.min()), float(gap.max())),
     )  # fmt: skip
-
-
-def not_facing(record: Contact | Tie) -> str:
-    """What is said of two skins none of whose macro-elements were paired."""
-    place = f"{record.place}: " if record.place else ""
-    kind = "tie" if isinstance(record, Tie) else "contact"
-    message = f"{place}{kind}: no face of slave {record.slave!r} has master {record.master!r} in front of it"
-    return f"{message}; check which groups these are and that their faces turn outward, or raise search_distance"
 
 
 def _look_at_motions(
@@ -205,5 +196,5 @@ def _look_at_motions(
 
 
 def _paired_rows(joint: Joint, face: Interface) -> csr_array:
-    on = face.coverage > joint.record.coverage_threshold
+    on = joint.paired(face)
     return csr_array(face.B[np.flatnonzero(np.repeat(on, len(face.G) // len(on)))])

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NoReturn, TextIO
 
 from lacmesh import __version__
-from lacmesh.cli import Terminated, _keep_memory, _on_one_line, _signals
+from lacmesh.cli import Terminated, keep_memory, on_one_line, signals_heard
 from lacmesh.cli.options import written
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacsolver.cli.options import EPILOG
@@ -33,9 +33,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
     elif isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a name may hold what the terminal cannot show
-    _keep_memory()
+    keep_memory()
     args = argparse.Namespace()
-    with _signals():
+    with signals_heard():
         try:
             _parser().parse_args(argv, args)
             return _run(args)
@@ -89,7 +89,7 @@ def _told(error: LacmeshError, args: argparse.Namespace) -> list[str]:
 def _fail(messages: Sequence[str], status: int) -> int:
     with suppress(OSError):  # nobody listens
         for message in messages:
-            print(f"lacsolver: error: {_on_one_line(message)}", file=sys.stderr)
+            print(f"lacsolver: error: {on_one_line(message)}", file=sys.stderr)
     return status
 
 
@@ -109,7 +109,7 @@ def _show_warning(
     line: str | None = None,
 ) -> None:
     if issubclass(category, LacmeshWarning):
-        print(f"lacsolver: warning: {_on_one_line(str(message))}", file=sys.stderr)
+        print(f"lacsolver: warning: {on_one_line(str(message))}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:

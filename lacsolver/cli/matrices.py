@@ -69,7 +69,7 @@ def _made(case: Case, mesh: Mesh) -> dict[str, ContactMatrices]:
     from lacsolver.case import check_groups
     from lacsolver.interface import integrate
     from lacsolver.matrices import ContactMatrices
-    from lacsolver.problem import _joint
+    from lacsolver.problem import joint_of
     from lacsolver.skin import prepared
     from lacsolver.space import Space
 
@@ -78,7 +78,7 @@ def _made(case: Case, mesh: Mesh) -> dict[str, ContactMatrices]:
     space, made = Space.of(mesh, case.model, case.thickness), {}
     records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
     for record in records:
-        joint = _joint(space, record)
+        joint = joint_of(space, record)
         face = integrate(joint.zone, space.dim, joint.pairing, t=case.steps.last, tie=joint.tie)
         made[joint.name] = ContactMatrices.of(face, mesh)
     return made

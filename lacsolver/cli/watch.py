@@ -8,7 +8,7 @@ from collections import deque
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.terminal import _tell
+from lacmesh.cli.terminal import tell
 
 if TYPE_CHECKING:
     from lacsolver.case import Case
@@ -53,7 +53,7 @@ class Watch:
     def __enter__(self) -> Watch:
         if self._live:
             self._live.start()
-            _tell(self._live.console.print)
+            tell(self._live.console.print)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:

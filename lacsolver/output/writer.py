@@ -66,7 +66,7 @@ class Writer:
         with signals_wait():
             self._history.add(results.steps[-1])
             self._summary.write(results)
-        self._unwritten = _Unwritten(fields, state)
+            self._unwritten = _Unwritten(fields, state)  # before a signal that came up meanwhile does
         if not is_due(self._output, state.number, state.time):
             return False
         made = fields()  # it may take its time: a signal that comes up here leaves the rest to `finish`
