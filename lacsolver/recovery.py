@@ -19,11 +19,12 @@ little; measured 10 % of the peak, the sum is right), and the exact pressure has
 the slave is the better witness of the shape, p_m still of the size: p = t + F(p_m - M t), with open neighbours in the
 patches. That is what the nodes of macro-elements in contact get that are an open one's neighbours, or these's.
 
-Measured (regular meshes, L2 norm over the slave): smooth pressure, rate 1.5 to 2 on linear cells, 1.9 to 3 on
-quadratic ones (p_m: 1); Hertz at 5 to 20 macro-elements to the half-width, 2D 0.4 to 0.5 of the error of p_m, 3D 0.35
-to 0.5 on linear cells and 0.45 to 0.6 on quadratic ones (0.7 on the `hexa` cut of HEXA20) at only 3 to 4 to the radius.
-The resultant is that of p_m to 1 % (Hertz, 8 macro-elements to the half-width) and better with the mesh: p_m, which is
-in balance to the last digit, is the one to sum.
+Last, where p >= 0, each connected part of the contact is scaled to the force of its p_m.
+
+Measured (regular meshes, L2 norm over the slave): smooth pressure, rate 1.5 to 2 on linear cells, 1.9 to 3 on quadratic
+ones (p_m: 1); Hertz, of the error of p_m: in the plane 0.35 to 0.5 with 5 to 20 macro-elements to the half-width, in
+space, with only 2 to 4, 0.36 to 0.46 on linear cells and 0.41 to 0.6 on quadratic ones (0.67 on the `hexa` cut of
+HEXA20), where the best that the nodes could hold is near 0.4.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse.csgraph import connected_components
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
@@ -44,7 +46,7 @@ from lacsolver.assemble import weights
 from lacsolver.assemble.fields import Field, scatter
 from lacsolver.rules import cell_rule
 from lacsolver.space import Space
-from lacsolver.state import CONTACT, OPEN
+from lacsolver.state import CONTACT, OPEN, UNPAIRED
 
 Bools = NDArray[np.bool_]
 
@@ -139,7 +141,7 @@ def recover_pressure(
 
     `surface`: the slave's faces; `macro` (faces,): the macro-element of each, negative for none; `pressure` p_m and
     `status` (n_macros,). `traction` (n_nodes,): the pressure that the slave's stress says (`slave_pressure`); without
-    it the edge of contact is less sharp. `unilateral`: no nodal value is below 0.
+    it the edge of contact is less sharp. `unilateral`: no nodal value is below 0, and forces are those of p_m.
 
     Between nodes the faces' own shape functions hold. Nodes of no macro-element in contact have 0, nodes off the
     slave's surface NaN; beyond the edge of contact the pressure falls to 0 in the next macro-element. The mean is the
@@ -153,9 +155,11 @@ def recover_pressure(
         raise ValueError(f"pressure and status must be (n_macros,), not {pressure.shape} and {status.shape}")
     ours = surface if (macro >= 0).all() else surface.take(np.flatnonzero(macro >= 0))
     slave = _slave(ours, macro[macro >= 0], len(pressure), axisymmetric)
-    p = _fitted(slave, pressure, status, traction)
+    contact = (status == CONTACT) & (slave.area > 0)
+    means = np.where(contact, pressure, 0.0)
+    p = _fitted(slave, means, contact, (status == OPEN) & (slave.area > 0), traction)
     if unilateral:
-        p = np.maximum(p, 0.0)
+        p = _balanced(slave, np.maximum(p, 0.0), means, contact, status != UNPAIRED)
     nodal = np.full(len(surface.x), np.nan)
     nodal[slave.nodes] = p
     return nodal, slave.means @ p
@@ -215,23 +219,43 @@ def _ones(matrix: csr_array) -> csr_array:
     return matrix
 
 
-def _fitted(slave: _Slave, pressure: Floats, status: Ints, traction: Floats | None) -> NDArray[np.floating]:
-    """(k,): the recovered pressure at the slave's nodes, not yet cut off at 0."""
+def _only(touch: csr_array, macros: Bools) -> csr_array:
+    """The columns of some macro-elements, the others empty."""
+    return _ones((touch @ diags_array(macros.astype(float)).tocsr()).tocsr())
+
+
+def _fitted(
+    slave: _Slave, means: Floats, contact: Bools, opened: Bools, traction: Floats | None
+) -> NDArray[np.floating]:
+    """(k,): the pressure at the slave's nodes: F p_m, and at the edge of contact t + F(p_m - M t)."""
     M, touch = slave.means, slave.touch
-    contact = (status == CONTACT) & (slave.area > 0)
-    means = np.where(contact, pressure, 0.0)
     held = touch @ contact.astype(float) > 0
     F = _fit(slave, contact)
     p = F @ means
     for _ in range(slave.order - 1):
         p += F @ np.where(contact, means - M @ p, 0.0)
-    edge = _beside(touch, status == OPEN, _EDGE) & contact
+    edge = _beside(touch, opened, _EDGE) & contact
     if traction is not None and edge.any():
         t = np.where(held, np.nan_to_num(traction[slave.nodes]), 0.0)
-        open_too = contact | (_beside(touch, contact, 1) & (status == OPEN) & (slave.area > 0))
-        t += _fit(slave, open_too) @ np.where(open_too, means - M @ t, 0.0)
+        around = contact | (_beside(touch, contact, 1) & opened)
+        t += _fit(slave, around) @ np.where(around, means - M @ t, 0.0)
         p = np.where(touch @ edge.astype(float) > 0, t, p)
     return np.where(held, p, 0.0)
+
+
+def _balanced(slave: _Slave, p: Floats, means: Floats, contact: Bools, paired: Bools) -> NDArray[np.floating]:
+    """(k,): p >= 0 scaled in each connected part of the contact, so that its force over what is paired is p_m's."""
+    touch = _only(slave.touch, contact)
+    _, part = connected_components((touch.T @ touch).tocsr(), directed=False)
+    held = np.flatnonzero(np.diff(touch.indptr))
+    of_node = part[touch.indices[touch.indptr[held]]]
+    integral = slave.means.T @ np.where(paired, slave.area, 0.0)
+    wanted = np.bincount(part, slave.area * means)
+    got = np.bincount(of_node, (integral * p)[held], minlength=len(wanted))
+    factor = np.divide(wanted, got, out=np.ones_like(wanted), where=got > 0)
+    out = p.copy()
+    out[held] *= factor[of_node]
+    return out
 
 
 def _beside(touch: csr_array, macros: Bools, rings: int) -> Bools:
@@ -243,9 +267,8 @@ def _beside(touch: csr_array, macros: Bools, rings: int) -> Bools:
 
 def _fit(slave: _Slave, used: Bools) -> csr_array:
     """F (k, n): takes means over macro-elements to the nodes, by a plane fitted to the `used` ones around each."""
-    keep = diags_array(used.astype(float)).tocsr()
-    beside = _ones((slave.touch.T @ slave.touch).tocsr())
-    patch = _ones((slave.touch @ keep).tocsr())
+    patch = _only(slave.touch, used)
+    beside = _ones((patch.T @ patch).tocsr())
     F, wanted = csr_array(patch.shape), np.diff(patch.indptr) > 0
     for ring in range(1, _RINGS + 1):
         made, around = _planes(slave, patch)
@@ -255,8 +278,7 @@ def _fit(slave: _Slave, used: Bools) -> csr_array:
         wanted &= ~taken
         if not wanted.any():
             break
-        grown = diags_array(wanted.astype(float)).tocsr() @ patch @ beside
-        patch = _ones((grown @ keep).tocsr())
+        patch = _ones((diags_array(wanted.astype(float)).tocsr() @ patch @ beside).tocsr())
     return F.tocsr()
 
 

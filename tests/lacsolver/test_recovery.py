@@ -80,7 +80,7 @@ def test_stress_of_some_cells_does_not_mix_and_is_nan_elsewhere():
     field[left] = 5.0
     x = mesh.points[:, 0]
     apart, mixed = nodal_stress(space, (field,), left), nodal_stress(space, (field,))
-    assert (apart[x <= 1.5] == 5).all()
+    assert apart[x <= 1.5] == pytest.approx(5.0)
     assert np.isnan(apart[x > 1.5]).all()
     assert mixed[x == 1.5] == pytest.approx(3.0)
 
@@ -208,7 +208,7 @@ def test_smooth_pressure_from_exact_means_is_of_second_order(name, hexa):
         return 3 + np.sin(2 * x[..., 0] + 0.5) * np.cos(x[..., 1])
 
     found = []
-    levels = (8, 16, 32) if CELLS[name].dim == 2 else (6, 9, 12)
+    levels = (16, 32, 64) if CELLS[name].dim == 2 else (6, 9, 12)
     for k in levels:
         _, surface, macro, n = slave_of(name, k, hexa)
         p, _ = means_of(surface, macro, n, f)
@@ -253,23 +253,37 @@ def row_of(n):
 def test_open_and_unpaired_macro_elements_have_none():
     status = np.array([CONTACT, CONTACT, OPEN, OPEN, UNPAIRED])
     nodal, mean = recover_pressure(row_of(5), np.arange(5), np.array([2.0, 1.0, 0, 0, 0]), status)
-    assert nodal == pytest.approx([2.5, 1.5, 0.5, 0, 0, 0])
-    assert mean == pytest.approx([2, 1, 0.25, 0, 0])
+    scale = 3 / 3.25  # the fit is scaled to the force
+    assert nodal == pytest.approx(scale * np.array([2.5, 1.5, 0.5, 0, 0, 0]))
+    assert mean == pytest.approx(scale * np.array([2, 1, 0.25, 0, 0]))
 
 
 def test_nothing_is_pulled_unless_it_may_be():
     status, p = np.full(4, CONTACT), np.array([9.0, 5.0, 1.0, 0.0])
     nodal, _ = recover_pressure(row_of(4), np.arange(4), p, status)
     both, _ = recover_pressure(row_of(4), np.arange(4), p, status, unilateral=False)
-    assert nodal == pytest.approx([11, 7, 3, 0.5, 0])
+    assert nodal == pytest.approx(15 / 16 * np.array([11, 7, 3, 0.5, 0]))
     assert both == pytest.approx([11, 7, 3, 0.5, -0.5])
 
 
-def test_one_macro_element_alone_has_its_pressure():
+def test_one_macro_element_alone_keeps_its_force():
     status = np.array([OPEN, CONTACT, OPEN])
     nodal, mean = recover_pressure(row_of(3), np.arange(3), np.array([0, 4.0, 0]), status)
-    assert nodal == pytest.approx([0, 4, 4, 0])
-    assert mean == pytest.approx([2, 4, 2])
+    assert nodal == pytest.approx([0, 2, 2, 0])
+    assert mean == pytest.approx([1, 2, 1])
+
+
+def test_what_the_master_does_not_face_takes_no_force():
+    status = np.array([UNPAIRED, CONTACT, CONTACT, UNPAIRED])
+    nodal, _ = recover_pressure(row_of(4), np.arange(4), np.array([0, 4.0, 4, 0]), status)
+    assert nodal == pytest.approx([0, 4, 4, 4, 0])
+
+
+def test_parts_of_the_contact_keep_their_own_force():
+    status = np.array([CONTACT, CONTACT, OPEN, OPEN, CONTACT])
+    _, mean = recover_pressure(row_of(5), np.arange(5), np.array([5.0, 1, 0, 0, 7]), status)
+    assert mean[:3].sum() == pytest.approx(6)
+    assert mean[3:].sum() == pytest.approx(7)
 
 
 def test_faces_of_no_macro_element_are_left_out():
@@ -281,13 +295,13 @@ def test_faces_of_no_macro_element_are_left_out():
 def test_the_slaves_stress_counts_at_the_edge_only():
     traction = np.array([8.0, 8, 8, 8, 8, 3, 2, 0, 0])
     p, status = np.array([5.0, 5, 5, 5, 5, 1, 0, 0]), np.array([CONTACT] * 6 + [OPEN] * 2)
-    plain, _ = recover_pressure(row_of(8), np.arange(8), p, status)
-    made, _ = recover_pressure(row_of(8), np.arange(8), p, status, traction=traction)
+    plain, _ = recover_pressure(row_of(8), np.arange(8), p, status, unilateral=False)
+    made, _ = recover_pressure(row_of(8), np.arange(8), p, status, traction=traction, unilateral=False)
     assert made[:4] == pytest.approx(plain[:4])
     assert np.abs(made[4:7] - plain[4:7]).min() > 0.1
     whole = np.full(8, CONTACT)
-    one, _ = recover_pressure(row_of(8), np.arange(8), p, whole)
-    two, _ = recover_pressure(row_of(8), np.arange(8), p, whole, traction=traction)
+    one, _ = recover_pressure(row_of(8), np.arange(8), p, whole, unilateral=False)
+    two, _ = recover_pressure(row_of(8), np.arange(8), p, whole, traction=traction, unilateral=False)
     assert two == pytest.approx(one)
 
 
@@ -410,9 +424,9 @@ def hertz(d, a, middle):
         ("TETRA4", "pyramid", 8, 0.5),
         ("HEXA8", "pyramid", 8, 0.5),
         ("HEXA27", "pyramid", 6, 0.5),
-        # three macro-elements to the radius: the shape functions' own limit is near 0.4 here
-        ("TETRA10", "pyramid", 8, 0.65),
-        ("HEXA8", "hexa", 8, 0.55),
+        ("HEXA8", "hexa", 8, 0.5),
+        # 2.4 macro-elements to the radius: the best that the nodes could hold is near 0.4
+        ("TETRA10", "pyramid", 8, 0.62),
     ],
 )
 def test_hertz_is_at_least_twice_as_good_as_the_means(name, hexa, n, part):
