@@ -39,8 +39,13 @@ def box(nx: int, ny: int, nz: int, cell: str = "HEXA8") -> Mesh:
     )
 
 
-def blocks(n: int, m: int, depth: int, lower: str = "HEXA8", upper: str | None = None, hexa: str = "pyramid") -> Mesh:
-    """Two blocks, n and m cells to a side, `depth` in height; cut. Groups slave, master; top, bottom (of nodes)."""
+def blocks(
+    n: int, m: int, depth: int, lower: str = "HEXA8", upper: str | None = None, hexa: str | None = "pyramid"
+) -> Mesh:
+    """Two blocks, n and m cells to a side, `depth` in height; cut, unless `hexa` is None.
+
+    Groups slave, master; top, bottom (of nodes).
+    """
     low, up = (_half(k, depth, kind) for k, kind in ((n, lower), (m, upper or lower)))
     turned = up.points * [1, -1, -1] + [0, 1, 1]  # half a turn about x: its skin looks down
     points = np.concatenate([low.points * [1, 1, 0.5], turned * [1, 1, 0.5] + [0, 0, 0.5]])
@@ -58,7 +63,7 @@ def blocks(n: int, m: int, depth: int, lower: str = "HEXA8", upper: str | None =
         cell_groups={"slave": n_cells + np.arange(slave), "master": n_cells + slave + np.arange(master)},
         node_groups={"bottom": np.flatnonzero(z == 0), "top": np.flatnonzero(z == 1)},
     )
-    return cut_skin(mesh, "slave", hexa=hexa).mesh
+    return mesh if hexa is None else cut_skin(mesh, "slave", hexa=hexa).mesh
 
 
 FACES = ("QUAD4", "QUAD8", "QUAD9", "TRIA3", "TRIA6")

@@ -6,6 +6,8 @@ bilinear quadrangles or trilinear hexahedra, all sides known by name; the slave'
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -123,7 +125,7 @@ def hertz(n: int) -> Pair:
     x, y = upper.points.T
     rise = RADIUS - np.sqrt(RADIUS**2 - x**2)
     upper.points[:, 1] = rise + y * (1 - rise / 50.0)
-    return Pair(lower, upper, "slave", POISSON, (("bottom", 1), ("x0", 0)), h, push=-PUSH)
+    return Pair(lower, upper, "slave", POISSON, (("bottom", 0), ("bottom", 1), ("x0", 0)), h, push=-PUSH)
 
 
 def lines(length: float, h: float, fine: float) -> np.ndarray:
@@ -155,3 +157,30 @@ def hertz_errors(x: np.ndarray, p: np.ndarray, force: float) -> HertzErrors:
     outer = (x > 0.5 * a) & (p > 0.15 * top)
     slope, start = np.polyfit(x[outer] ** 2, p[outer] ** 2, 1)
     return HertzErrors(p.max() / top - 1, float(np.sqrt(np.mean(off**2))) / top, float(np.sqrt(-start / slope)) / a - 1)
+
+
+def lame(young: float, poisson: float) -> tuple[float, float]:
+    """Lame's two moduli."""
+    return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))
+
+
+def save(pair: Pair, path: Path) -> None:
+    """Write a pair for a program of another Python."""
+    arrays: dict[str, np.ndarray] = {}
+    for name, body in zip(("lower", "upper"), pair.bodies, strict=True):
+        arrays |= {f"{name}.points": body.points, f"{name}.cells": body.cells, f"{name}.young": np.array(body.young)}
+        arrays |= {f"{name}.side.{side}": nodes for side, nodes in body.sides.items()}
+    told = {name: getattr(pair, name) for name in ("slave", "poisson", "held", "h", "push", "pressure")}
+    np.savez(path, told=np.array(json.dumps(told)), **arrays)
+
+
+def load(path: str | Path) -> Pair:
+    """Read what `save` wrote."""
+    with np.load(path) as file:
+        told = json.loads(str(file["told"]))
+        bodies = []
+        for name in ("lower", "upper"):
+            start = f"{name}.side."
+            sides = {key.removeprefix(start): file[key] for key in file if key.startswith(start)}
+            bodies.append(Body(file[f"{name}.points"], file[f"{name}.cells"], sides, float(file[f"{name}.young"])))
+    return Pair(*bodies, **told | {"held": tuple((side, axis) for side, axis in told["held"])})

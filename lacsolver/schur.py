@@ -140,7 +140,8 @@ class _Loop:
         if self.n:
             gram = rows.gram[active][:, active]
             self.gram = splu(csc_array(gram + 1e-13 * gram.diagonal().max() * eye_array(self.n)))
-        self.unit = np.concatenate([rows.w[active], np.abs(K.K.diagonal()[self.turned])])  # residuals over it: lengths
+        stiff = np.abs(K.K.diagonal()[self.turned]) if len(self.turned) else np.empty(0)
+        self.unit = np.concatenate([rows.w[active], stiff])  # residuals over it are lengths
         self.QB, self.QD = rows.B[active] @ K.R, np.concatenate([self.D @ K.R, self.turning @ K.R])
         self.inverse = _pseudo_inverse(self.QB.T @ self.QD[: self.n])
 

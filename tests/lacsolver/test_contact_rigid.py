@@ -9,7 +9,7 @@ from lacmesh import Mesh, raise_order
 from lacsolver.state import CONTACT, OPEN
 from tests.lacsolver.bodies import raised, square
 from tests.lacsolver.contact_cases import JOINT, POISSON, SLIDING, YOUNG, held, only, resultant, stresses
-from tests.lacsolver.patch_meshes import block, joined
+from tests.lacsolver.patch_meshes import block, joined, stack
 
 GROUND = held("bottom", uz=0.0)
 FACES = ("TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9")
@@ -58,37 +58,33 @@ def test_a_plate_that_is_moved_presses_evenly(kind, face):
 
 
 @pytest.mark.parametrize("face", FACES)
-@pytest.mark.parametrize("free", [{}, {"moment": [0.0, 0.0, 0.0]}])
-def test_a_plate_that_is_loaded_presses_evenly(face, free):
-    """Its height, or its height and its tilt, are found: only contact holds it. (The turn about z is held elsewhere.)"""
-    if free:
-        face_mesh = under_a_plate("HEXA8", face)
-        springs = '[[spring]]\ngroup = "master"\nkx = 1.0\nky = 1.0\n'
-        sections = JOINT + SLIDING + GROUND + springs + rigid(fz=-7.0, **free)
-    else:
-        face_mesh = under_a_plate("HEXA8", face)
-        sections = JOINT + SLIDING + GROUND + rigid(fz=-7.0)
-    problem, state = only(face_mesh, sections)
+def test_a_plate_that_is_loaded_presses_evenly(face):
+    """Its height is found: only contact holds it."""
+    problem, state = only(under_a_plate("HEXA8", face), JOINT + SLIDING + GROUND + rigid(fz=-7.0))
     (zone,) = state.zones
     np.testing.assert_allclose(zone.pressure, 7.0, rtol=1e-9)
     assert resultant(zone, problem)[2] == pytest.approx(-7.0, rel=1e-10)
-    assert state.rigid["master"][2] == pytest.approx(-7.0 / YOUNG, rel=1e-9)
-    np.testing.assert_allclose(state.rigid["master"][[0, 1, 3, 4, 5]], 0, atol=1e-11)
+    np.testing.assert_allclose(state.rigid["master"], [0, 0, -7.0 / YOUNG, 0, 0, 0], rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.parametrize("moment", [0.2, 0.45])
-def test_a_plate_with_a_moment_stands_under_its_load(moment):
-    """The resultant of the pressures is off the middle by moment / force; with the larger one an edge lifts."""
-    springs = '[[spring]]\ngroup = "master"\nkx = 1e-6\nky = 1e-6\n'
-    mesh = under_a_plate("HEXA8", "QUAD4")
-    problem, state = only(mesh, JOINT + SLIDING + GROUND + springs + rigid(fz=-1.0, moment=[0.0, moment, 0.0]))
+@pytest.mark.parametrize("moment", [0.0, 0.1, 0.3])
+def test_a_rigid_block_with_a_moment_stands_under_its_load(moment):
+    """The resultant of the pressures is off the middle by moment / force; with the largest one an edge lifts.
+
+    Weak springs keep the block from turning about the height.
+    """
+    springs = '[[spring]]\ngroup = "top"\nkx = 1e-7\nky = 1e-7\n'
+    body = f'[[rigid]]\ngroup = "upper"\ncentre = [0.5, 0.5, 1.0]\nfz = -1.0\nmoment = [0.0, {moment}, 0.0]\n'
+    ground = held("bottom", ux=0.0, uy=0.0, uz=0.0)
+    problem, state = only(stack("HEXA8", "TETRA4", 3, counts=(5, 2)), JOINT + ground + springs + body)
     (zone,) = state.zones
     force = zone.pressure * zone.area
     assert force.sum() == pytest.approx(1.0, rel=1e-9)
-    at = force @ zone.centre[:, :2]
-    np.testing.assert_allclose(at, [0.5 + moment, 0.5], atol=1e-6)
-    assert (zone.status == OPEN).any() == (moment > 0.3)
-    assert state.rigid["master"][4] > 0 and resultant(zone, problem)[2] == pytest.approx(-1.0, rel=1e-9)
+    np.testing.assert_allclose(force @ zone.centre[:, :2], [0.5 + moment, 0.5], atol=1e-6)
+    assert (zone.status == OPEN).any() == (moment > 0.2)
+    turn = state.rigid["upper"][4]
+    assert turn > 1e-6 if moment else abs(turn) < 1e-4
+    assert resultant(zone, problem)[2] == pytest.approx(-1.0, rel=1e-9)
 
 
 def test_a_plate_that_is_turned_lifts_on_one_side():
@@ -99,7 +95,7 @@ def test_a_plate_that_is_turned_lifts_on_one_side():
     (zone,) = state.zones
     closed = zone.status == CONTACT
     assert closed.any() and (~closed).any()
-    assert zone.centre[closed, 0].min() > 0.3 and zone.gap[zone.centre[:, 0] < 0.2].min() > 0
+    assert zone.centre[closed, 0].min() > zone.centre[~closed, 0].max()
     (body,) = problem.constraints.rigid
     on_plate = state.reaction[problem.space.dofs(body.nodes).ravel()]
     load = body.resultant(on_plate)
