@@ -6,13 +6,13 @@ about the middle of the contact where its balance is measured.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.assemble import strain, weights
+from lacsolver.assemble import points, strain, weights
 from lacsolver.assemble.fields import Field, temperatures
 from lacsolver.problem import Problem
 from lacsolver.results import ZoneFigures
@@ -21,7 +21,7 @@ from lacsolver.state import CONTACT, OPEN, UNPAIRED, State, ZoneState
 from lacsolver.values import evaluate
 
 
-def zone_figures(space: Space, zone: ZoneState, slave: Ints, x: Floats) -> ZoneFigures:
+def zone_figures(zone: ZoneState, slave: Ints, x: Floats) -> ZoneFigures:
     """The figures of a zone. `slave`: its slave nodes; `x` (n_nodes, dim): where the forces act."""
     paired = zone.status != UNPAIRED
     force = np.zeros_like(zone.force)
@@ -50,24 +50,22 @@ def moment(force: Floats, x: Floats) -> NDArray[np.floating]:
     return np.asarray(np.cross(x, force).sum(axis=0))
 
 
-def balance(space: Space, zones: tuple[ZoneState, ...], x: Floats) -> tuple[float, float]:
-    """Relative errors of the balance of contact forces and of their moments: the worst zone's; 0 where none acts.
+def balance(zones: Iterable[tuple[Floats, Floats]]) -> tuple[float, float]:
+    """Relative errors of the balance of forces and of their moments: the worst zone's; 0 where none acts.
 
-    Forces: their sum over slave and master, against half the sum of their sizes. Moments: about the middle of the
-    forces, against half the sum of size times distance. In axisymmetry only forces along the axis are to balance, and
-    moments say nothing.
+    `zones`: contact forces on all nodes and where they act, (n_nodes, dim) each. Forces: their sum over slave and
+    master, against half the sum of their sizes. Moments: about the middle of the forces, against half the sum of size
+    times distance. In axisymmetry too, in the plane: both skins' forces are those of the slave's circle.
     """
-    found = [_balance(zone.force, x, space.model.axisymmetric) for zone in zones]
+    found = [_balance(force, x) for force, x in zones]
     return max((f for f, _ in found), default=0.0), max((m for _, m in found), default=0.0)
 
 
-def _balance(force: Floats, x: Floats, axisymmetric: bool) -> tuple[float, float]:
+def _balance(force: Floats, x: Floats) -> tuple[float, float]:
     size = np.linalg.norm(force, axis=1)
     total = float(size.sum())
     if not total > 0:
         return 0.0, 0.0
-    if axisymmetric:
-        return abs(float(force[:, 1].sum())) / (total / 2), 0.0
     arm = x - (size @ x) / total
     lever = float(size @ np.linalg.norm(arm, axis=1))
     turned = float(np.linalg.norm(moment(force, arm)))
@@ -110,8 +108,6 @@ def _thermal(problem: Problem, number: int, given: list, t: float, shape: tuple[
     out = np.zeros(shape)
     if not given:
         return out
-    from lacsolver.assemble import points
-
     space, materials = problem.space, problem.materials
     x, cells = points(space)[number], space.blocks[number].cell
     warm = np.full(shape[:2], np.nan)

@@ -125,9 +125,7 @@ class Model:
         """A joint's interface: a moving one's where u (n_dof,) takes the skins, a still one's where they were."""
         space = self.problem.space
         if joint.moving:
-            x = space.mesh.points.copy()
-            x[:, : space.dim] += u.reshape(-1, space.dim)
-            return integrate(joint.zone, space.dim, joint.pairing, x=x, t=t)
+            return integrate(joint.zone, space.dim, joint.pairing, x=joint.places(space, u), t=t)
         if joint.name not in self._kept or joint.timed:
             self._kept[joint.name] = integrate(joint.zone, space.dim, joint.pairing, t=t, tie=joint.tie)
         return self._kept[joint.name]

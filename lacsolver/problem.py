@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 
 import lacmesh
 from lacmesh.errors import LacmeshError
-from lacmesh.mesh import Mesh
+from lacmesh.mesh import Floats, Mesh
 from lacsolver import acting
 from lacsolver.assemble import assemble_stiffness
 from lacsolver.assemble.fields import Temperature
@@ -66,6 +66,13 @@ class Joint:
     def moving(self) -> bool:
         """Whether the zone is paired again on the deformed skins."""
         return isinstance(self.record, Contact) and self.record.geometry == "current"
+
+    def places(self, space: Space, u: Floats) -> NDArray[np.floating]:
+        """(n_nodes, 3): where the skins meet when displaced by u (n_dof,): there if they move, else where they were."""
+        x = space.mesh.points.copy()
+        if self.moving:
+            x[:, : space.dim] += u.reshape(-1, space.dim)
+        return x
 
     def paired(self, face: Interface) -> NDArray[np.bool_]:
         """(n_macros,): which macro-elements of an interface of the zone have enough of the master in front of them."""

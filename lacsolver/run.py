@@ -113,12 +113,10 @@ class _Run:
             self._stress = state.time, made
         return self._stress[1]
 
-    def places(self, state: State) -> Floats:
-        """(n_nodes, dim): where contact forces act: on the skins as they were paired."""
+    def places(self, joint: Joint, state: State) -> Floats:
+        """(n_nodes, dim): where a joint's forces act."""
         space = self.problem.space
-        x = space.mesh.points[:, : space.dim]
-        moving = any(joint.moving for joint in self.problem.joints)
-        return x + state.u.reshape(-1, space.dim) if moving else x
+        return joint.places(space, state.u)[:, : space.dim]
 
     def add(self, state: State) -> None:
         """Take a converged step."""
@@ -130,11 +128,10 @@ class _Run:
     def step(self, state: State) -> StepFigures:
         """The figures of a state."""
         problem, space = self.problem, self.problem.space
-        x = self.places(state)
-        zones = {
-            zone.name: zone_figures(space, zone, _nodes(joint), x)
-            for joint, zone in zip(problem.joints, state.zones, strict=True)
-        }
+        pairs = [
+            (zone, joint, self.places(joint, state)) for joint, zone in zip(problem.joints, state.zones, strict=True)
+        ]
+        zones = {zone.name: zone_figures(zone, _nodes(joint), x) for zone, joint, x in pairs}
         return StepFigures(
             time=state.time,
             iterations=state.iterations,
@@ -143,7 +140,7 @@ class _Run:
             reactions=problem.constraints.reactions(state.reaction),
             probes={name: probe(space, state.u, nodes) for name, nodes in self.probes.items()},
             contact=zones,
-            balance=balance(space, state.zones, x),
+            balance=balance((zone.force, x) for zone, _, x in pairs),
             energy=strain_energy(problem, state, self.stress(state)),
         )
 
@@ -155,17 +152,18 @@ class _Run:
         """The fields of a state."""
         space, joints = self.problem.space, self.problem.joints
         at_nodes = nodal_stress(space, self.stress(state))
-        zones = {zone.name: self._zone(joint, zone, at_nodes) for joint, zone in zip(joints, state.zones, strict=True)}
+        pairs = zip(joints, state.zones, strict=True)
+        zones = {zone.name: self._zone(joint, zone, at_nodes, state.u) for joint, zone in pairs}
         u, reaction = (v.reshape(-1, space.dim) for v in (state.u, state.reaction))
         return Fields(state.time, u, at_nodes, reaction, zones)
 
-    def _zone(self, joint: Joint, zone: ZoneState, stress: Floats) -> ZoneFields:
-        slave = joint.zone.slave
+    def _zone(self, joint: Joint, zone: ZoneState, stress: Floats, u: Floats) -> ZoneFields:
+        slave = joint.zone.slave.at(joint.places(self.problem.space, u))
         nodal, mean = recover_pressure(
             slave, joint.zone.macro, zone.pressure, zone.status, traction=slave_pressure(slave, stress),
             axisymmetric=self.problem.space.model.axisymmetric, unilateral=joint.one_sided,
         )  # fmt: skip
-        return ZoneFields.of(zone, slave, joint.zone.macro, joint.zone.number, mean, nodal)
+        return ZoneFields.of(zone, joint.zone.slave, joint.zone.macro, joint.zone.number, mean, nodal)
 
     def restart(self, state: State) -> Restart:
         """What to go on from."""

@@ -22,6 +22,11 @@ class KeyCase(NamedTuple):
     text: str
 
 
+def nodes_of(mesh, group):
+    """The nodes of a group of cells."""
+    return np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cells_of(group))]))
+
+
 @cache
 def cube():
     """[0, 1]^3 in eight cells, `left` and `right` of x = 1/2. Node groups have the names of cell groups.
@@ -50,10 +55,8 @@ def towers():
     mesh = stack("HEXA8", "TETRA4", 3, counts=(2, 2), gap=1.0, even=True)
     groups = dict(mesh.cell_groups)
     groups["low"], groups["high"] = groups["slave"], groups.pop("master")
-    high = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(groups["high"])]))
-    return Mesh.create(
-        mesh.points, mesh.blocks, cell_groups={**groups, "master": groups.pop("slave")}, node_groups={"master": high}
-    )
+    groups["master"] = groups.pop("slave")
+    return Mesh.create(mesh.points, mesh.blocks, cell_groups=groups, node_groups={"master": nodes_of(mesh, "master")})
 
 
 @cache
@@ -61,7 +64,7 @@ def overhang(gap=0.0):
     """A plane slave on four cells a side, x in [0, 1], below a master on x in [0, 5/8]."""
     mesh = stack("QUAD4", "TRIA3", 2, counts=(4, 3), even=True, gap=gap)
     x = mesh.points.copy()
-    nodes = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cells_of("upper"))]))
+    nodes = nodes_of(mesh, "upper")
     x[nodes, 0] *= 0.625
     return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=2)
 
@@ -74,11 +77,12 @@ def plane(slave="QUAD8", master="TRIA3"):
 
 @cache
 def roof():
-    """A slave of two faces that slope to both sides of x = 1/2, by 1/4; the master above is flat, at y = 1.5."""
+    """A slave of two faces that slope to both sides of x = 1/2, by 1/4; the master above is flat and twice as wide."""
     mesh = stack("QUAD4", "QUAD4", 2, counts=(2, 1), even=True, gap=0.5)
     x = mesh.points.copy()
-    nodes = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cells_of("lower"))]))
-    x[nodes, 1] *= 1 - 0.25 * np.abs(x[nodes, 0] - 0.5)
+    low, high = nodes_of(mesh, "lower"), nodes_of(mesh, "upper")
+    x[low, 1] *= 1 - 0.25 * np.abs(x[low, 0] - 0.5)
+    x[high, 0] += x[high, 0] - 0.5
     return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=2)
 
 
@@ -87,7 +91,7 @@ def punch():
     """A master whose underside is a parabola, on a flat slave."""
     mesh = stack("QUAD4", "QUAD4", 2, counts=(6, 5), even=True)
     x = mesh.points.copy()
-    nodes = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cells_of("upper"))]))
+    nodes = nodes_of(mesh, "upper")
     x[nodes, 1] += 0.1 * (x[nodes, 0] - 0.5) ** 2 * (2 - x[nodes, 1])
     return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=2)
 
@@ -503,11 +507,14 @@ group = "top"
 value = 1.0
 """
 
-SOLVED = TOWER.format(hexa="pyramid") + """
+SOLVED = (
+    TOWER.format(hexa="pyramid")
+    + """
 [solver]
 backend = "{backend}"
 threads = 3
 """
+)
 
 CASES = {
     "loads": KeyCase(cube, LOADS),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lacmesh import Mesh
+from lacsolver.case import CaseError
 from lacsolver.state import CONTACT, OPEN, UNPAIRED
 from tests.lacsolver.contact_cases import (
     JOINT,
@@ -249,12 +250,13 @@ def test_the_coverage_threshold_unpairs_what_is_covered_less():
         assert found.pressure @ (found.area * covered) == pytest.approx(0.625, rel=1e-11)
 
 
-def test_what_is_beyond_the_search_distance_is_unpaired():
+def test_what_is_beyond_the_search_distance_is_not_looked_at():
     mesh, fixed, _ = blocks("HEXA8", "TETRA4", "3d", gap=0.2)
-    for distance, status in ((0.1, UNPAIRED), (0.3, OPEN)):
-        sections = JOINT + f"search_distance = {distance}\n" + fixed + held("top", uz=0.0)
-        _, state = only(mesh, sections)
-        assert (state.zones[0].status == status).all()
+    sections = fixed + held("top", uz=0.0)
+    _, state = only(mesh, JOINT + "search_distance = 0.3\n" + sections)
+    assert (state.zones[0].status == OPEN).all()
+    with pytest.raises(CaseError, match="raise search_distance"):
+        only(mesh, JOINT + "search_distance = 0.1\n" + sections)
 
 
 def test_unloading_goes_back_the_way_it_came():
