@@ -30,12 +30,19 @@ def at_points(space: Space, value: Value) -> At:
     return lambda x, t: value(x[:, : space.dim], t)
 
 
-def load(space: Space, materials: Materials, case: Case, t: float, threads: int = 1) -> NDArray[np.floating]:
-    """f (n_dof,): nodal forces of everything that acts at time t, but for springs and rigid bodies."""
+def load(
+    space: Space, materials: Materials, case: Case, t: float, threads: int = 1, *, u: Floats | None = None
+) -> NDArray[np.floating]:
+    """f (n_dof,): nodal forces of everything that acts at time t, but for springs and rigid bodies.
+
+    `u` (n_dof,): where followers find their faces; None: where the mesh has them. Temperature is a load where
+    kinematics are small; elsewhere it is in the internal forces (`kinematics.Finite`).
+    """
     mesh, f = space.mesh, np.zeros(space.n_dof)
     for pressure in case.pressure:
+        x = _places(space, u) if pressure.follower and u is not None else None
         with _said_of(pressure):
-            f += loads.pressure(space, mesh.cells_of(pressure.group), at_points(space, pressure.value), t)
+            f += loads.pressure(space, mesh.cells_of(pressure.group), at_points(space, pressure.value), t, x=x)
     for traction in case.traction:
         with _said_of(traction):
             f += loads.traction(space, mesh.cells_of(traction.group), _traction(space, traction), t)
@@ -47,9 +54,27 @@ def load(space: Space, materials: Materials, case: Case, t: float, threads: int 
     if case.gravity is not None:
         f += loads.gravity(space, materials, _vector(space, case.gravity, "g"), t)
     warm = temperature(space, materials, case)
-    if warm is not None:
+    if warm is not None and case.kinematics == "small":
         f += loads.thermal_force(space, materials, warm, t, threads=threads)
     return f
+
+
+def load_tangent(space: Space, case: Case, u: Floats, t: float) -> csr_array | None:
+    """df/du (n_dof, n_dof) of `load` at u (n_dof,) and time t, not symmetric; None if nothing follows."""
+    made = None
+    for pressure in case.pressure:
+        if pressure.follower:
+            cells, value = space.mesh.cells_of(pressure.group), at_points(space, pressure.value)
+            own = loads.pressure_tangent(space, cells, value, t, x=_places(space, u))
+            made = own if made is None else csr_array(made + own)
+    return made
+
+
+def _places(space: Space, u: Floats) -> NDArray[np.floating]:
+    """(n_nodes, 3): where u (n_dof,) takes the nodes."""
+    x = space.mesh.points.copy()
+    x[:, : space.dim] += u.reshape(-1, space.dim)
+    return x
 
 
 @contextmanager

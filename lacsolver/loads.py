@@ -48,16 +48,53 @@ def pressure(
     are those of the mesh. Raises DataError for cells that are no faces of the body, or that have not just one cell
     behind them: the side that the pressure comes from would be unknown.
     """
-    surface = _skin(space, faces)
-    unknown = surface.cell[np.isnan(surface.depth)]
-    if len(unknown):
-        message = f"cells {space.mesh.cell_names(unknown)} do not have just one cell of the body behind them"
-        raise DataError(f"{message}; a pressure needs faces of its skin", space.mesh.cell_number[unknown])
 
     def force(at: Floats, normal: Floats) -> NDArray[np.floating]:
         return -evaluate(value, at, t, "pressure")[..., None] * normal[..., : space.dim]
 
-    return _on_faces(space, surface, force, x, degree)
+    return _on_faces(space, _pressed(space, faces), force, x, degree)
+
+
+def pressure_tangent(
+    space: Space, faces: Ints, value: Value, t: float = 1.0, *, x: Floats | None = None, degree: int | None = None
+) -> csr_array:
+    """(n_dof, n_dof): df/du of `pressure` as a follower, its normals and radii those of nodes at x (n_nodes, 3).
+
+    With the tangents a_k of the face, n = a_1 x a_2 and f_as = -int p N_a n_s; n turns with them,
+
+        df_as/du_bt = -int p N_a (N_b,1 e_t x a_2 - N_b,2 e_t x a_1)_s,
+
+    in 2D n = (a_y, -a_x); in axisymmetry the radius in 2 pi r grows by N_b with u_bx. It is symmetric where the
+    pressure is uniform and the faces are closed, or end where they are held; in general it is not.
+    """
+    surface = _pressed(space, faces)
+    rows, columns, values = [np.empty(0, int)], [np.empty(0, int)], [np.empty(0)]
+    for part in _face_points(space, surface, x, degree):
+        p = -evaluate(value, part.at, t, "pressure") * part.w
+        K = np.einsum("fq,qa,fqbst->fasbt", p, part.N, _turning(space, part), optimize=True)
+        dofs = space.dofs(part.nodes.ravel()).reshape(*part.nodes.shape, space.dim)
+        rows.append(np.broadcast_to(dofs[:, :, :, None, None], K.shape).ravel())
+        columns.append(np.broadcast_to(dofs[:, None, None], K.shape).ravel())
+        values.append(K.ravel())
+    made = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return coo_array(made, shape=(space.n_dof, space.n_dof)).tocsr()
+
+
+def _turning(space: Space, part: _FacePoints) -> NDArray[np.floating]:
+    """(f, q, n, s, t): the derivative of normals times Jacobian (and radius, over it) by the nodes' displacements."""
+    J, dN = part.J, part.gradient
+    if space.dim == 3:
+        cross = np.cross(np.eye(3)[:, None], J.swapaxes(2, 3)[:, :, None])  # (f, q, t, k, s): e_t x a_k
+        by_first = np.einsum("qb,fqts->fqbst", dN[..., 0], cross[..., 1, :])
+        return by_first - np.einsum("qb,fqts->fqbst", dN[..., 1], cross[..., 0, :])
+    quarter = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    turned = np.broadcast_to(np.einsum("qb,st->qbst", dN[..., 0], quarter), (*part.w.shape, *dN.shape[1:2], 2, 2))
+    if not space.model.axisymmetric:
+        return turned
+    off_axis = part.radius > 0
+    inverse = np.divide(1.0, part.radius, out=np.zeros_like(part.radius), where=off_axis)
+    grown = np.einsum("fqs,qb,fq->fqbs", part.normal[..., :2], part.N, inverse)
+    return turned + grown[..., None] * np.eye(2)[0]
 
 
 def traction(
@@ -143,10 +180,11 @@ def foundation(space: Space, faces: Ints, stiffness: Vector, t: float = 1.0, *, 
     """(n_dof, n_dof): springs to the ground spread over skin cells `faces`; stress per length along each axis."""
     surface = _skin(space, faces)
     rows, columns, values = [np.empty(0, int)], [np.empty(0, int)], [np.empty(0)]
-    for nodes, N, at, normal, w in _face_points(space, surface, None, degree):
+    for part in _face_points(space, surface, None, degree):
+        nodes, N, at = part.nodes, part.N, part.at
         k = evaluate_vector(stiffness, at, t, space.dim, "foundation")
         _not_negative(k)
-        weight = (np.linalg.norm(normal, axis=-1) * w)[..., None] * k
+        weight = (np.linalg.norm(part.normal, axis=-1) * part.w)[..., None] * k
         K = np.einsum("qa,qb,fqs->fabs", N, N, weight, optimize=True)
         dofs = space.dofs(nodes.ravel()).reshape(*nodes.shape, space.dim)
         rows.append(np.broadcast_to(dofs[:, :, None], K.shape).ravel())
@@ -159,6 +197,16 @@ def foundation(space: Space, faces: Ints, stiffness: Vector, t: float = 1.0, *, 
 def _not_negative(k: Floats) -> None:
     if (k < 0).any():
         raise DataError(f"a spring's stiffness is 0 or more, and is {k.min():.6g} somewhere")
+
+
+def _pressed(space: Space, faces: Ints) -> Surface:
+    """The surface under skin cells that a pressure acts on, each with one cell behind it."""
+    surface = _skin(space, faces)
+    unknown = surface.cell[np.isnan(surface.depth)]
+    if len(unknown):
+        message = f"cells {space.mesh.cell_names(unknown)} do not have just one cell of the body behind them"
+        raise DataError(f"{message}; a pressure needs faces of its skin", space.mesh.cell_number[unknown])
+    return surface
 
 
 def _held(space: Space, nodes: Ints, what: str) -> Ints:
@@ -189,12 +237,19 @@ def _skin(space: Space, faces: Ints) -> Surface:
 
 
 class _FacePoints(NamedTuple):
-    """Faces of one type: nodes (f, n), N (q, n), points (f, q, 3), normals times Jacobian (f, q, 3), weights (f, q)."""
+    """Faces of one type: nodes (f, n), N (q, n) and its gradient (q, n, k), points (f, q, 3).
+
+    `normal` (f, q, 3): times the Jacobian, `J` (f, q, 3, k): the k tangents, `radius` (f, q): x there. `w` (f, q):
+    weights with thickness or 2 pi r.
+    """
 
     nodes: Ints
     N: NDArray[np.floating]
+    gradient: NDArray[np.floating]
     at: NDArray[np.floating]
     normal: NDArray[np.floating]
+    J: NDArray[np.floating]
+    radius: NDArray[np.floating]
     w: NDArray[np.floating]
 
 
@@ -212,7 +267,7 @@ def _face_points(space: Space, surface: Surface, x: Floats | None, degree: int |
             normal = np.cross(J[..., 0], J[..., 1])
         at = np.einsum("qn,fns->fqs", N, space.mesh.points[nodes], optimize=True)
         now = at if x is None else np.einsum("qn,fns->fqs", N, where[nodes], optimize=True)
-        yield _FacePoints(nodes, N, at, normal, w * space.depth(now))
+        yield _FacePoints(nodes, N, gradient(name, X), at, normal, J, now[..., 0], w * space.depth(now))
 
 
 def _on_faces(
@@ -224,9 +279,9 @@ def _on_faces(
 ) -> NDArray[np.floating]:
     """Nodal forces of force(points, normals times Jacobian), per reference area (f, q, dim)."""
     out = np.zeros((space.mesh.n_nodes, space.dim))
-    for nodes, N, at, normal, w in _face_points(space, surface, x, degree):
-        f = np.einsum("qn,fq,fqs->fns", N, w, force(at, normal), optimize=True)
-        scatter(out, nodes, np.ascontiguousarray(f))
+    for part in _face_points(space, surface, x, degree):
+        f = np.einsum("qn,fq,fqs->fns", part.N, part.w, force(part.at, part.normal), optimize=True)
+        scatter(out, part.nodes, np.ascontiguousarray(f))
     return out.ravel()
 
 

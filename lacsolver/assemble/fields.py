@@ -31,23 +31,23 @@ Temperature = Value | Sequence[tuple[Value, Ints | None]]
 
 def points(space: Space, degree: int | None = None) -> Field:
     """(cells, points, 3): where the integration points are."""
-    return _field(space, degree, lambda part: coordinates(space, part))
+    return gathered(space, degree, lambda part: coordinates(space, part))
 
 
 def weights(space: Space, degree: int | None = None) -> Field:
     """(cells, points): weights of the integration points, thickness or 2 pi r in them."""
-    return _field(space, degree, lambda part: part.W)
+    return gathered(space, degree, lambda part: part.W)
 
 
 def displacement(space: Space, u: Floats, degree: int | None = None) -> Field:
     """(cells, points, dim): the displacement u (n_dof,) at the integration points."""
-    u = _checked(space, u)
-    return _field(space, degree, lambda part: part.N @ nodal(u, part, space.dim))
+    u = checked(space, u)
+    return gathered(space, degree, lambda part: part.N @ nodal(u, part, space.dim))
 
 
 def displacement_gradient(space: Space, u: Floats, degree: int | None = None) -> Field:
     """(cells, points, dim, rows): du_s/dX_i at [s, i]; in axisymmetry a third column, whose first entry is u_x / r."""
-    u = _checked(space, u)
+    u = checked(space, u)
 
     def gradient(part: Piece) -> NDArray[np.floating]:
         made = _gradient(part, u, space.dim).swapaxes(2, 3).copy()
@@ -55,13 +55,13 @@ def displacement_gradient(space: Space, u: Floats, degree: int | None = None) ->
             made[:, :, 1, 2] = 0.0
         return made
 
-    return _field(space, degree, gradient)
+    return gathered(space, degree, gradient)
 
 
 def strain(space: Space, u: Floats, degree: int | None = None) -> Field:
     """(cells, points, 4 or 6): strain of u (n_dof,), thermal strain included; in plane stress zz is not known and 0."""
-    u = _checked(space, u)
-    return _field(space, degree, lambda part: _strain(space, part, u))
+    u = checked(space, u)
+    return gathered(space, degree, lambda part: _strain(space, part, u))
 
 
 def stress(
@@ -78,9 +78,9 @@ def stress(
 
     `temperature`: a number or f(points, t), or (value, cells) pairs; None, and cells of no pair: no thermal strain.
     """
-    u = _checked(space, u)
+    u = checked(space, u)
     given = temperatures(space, temperature)
-    return _field(space, degree, lambda part: _stress(space, materials, part, u, given, t), threads)
+    return gathered(space, degree, lambda part: _stress(space, materials, part, u, given, t), threads)
 
 
 def internal_force(
@@ -93,7 +93,7 @@ def internal_force(
     threads: int = 1,
 ) -> NDArray[np.floating]:
     """f_int (n_dof,): nodal forces of the stress of u (n_dof,). The same to the last bit for any number of threads."""
-    u = _checked(space, u)
+    u = checked(space, u)
     given = temperatures(space, temperature)
     return forces(space, lambda part: _stress(space, materials, part, u, given, t), threads)
 
@@ -108,7 +108,7 @@ def forces(space: Space, stress: Callable[[Piece], Floats], threads: int = 1) ->
         return part.nodes, f
 
     out = np.zeros((space.mesh.n_nodes, space.dim))
-    for nodes, f in _mapped(space, None, cell_forces, threads):
+    for nodes, f in mapped(space, None, cell_forces, threads):
         scatter(out, nodes, f)
     return out.ravel()
 
@@ -138,7 +138,7 @@ def temperatures(space: Space, given: Temperature | None) -> list[tuple[Value, N
     return pairs
 
 
-def _temperature(
+def temperature_at(
     space: Space, part: Piece, given: list[tuple[Value, NDArray[np.bool_] | None]], t: float
 ) -> NDArray[np.floating] | None:
     """(c, q) at a piece's points, NaN where there is none; None where there is none anywhere."""
@@ -197,19 +197,21 @@ def _stress(
     given: list[tuple[Value, NDArray[np.bool_] | None]],
     t: float,
 ) -> NDArray[np.floating]:
-    temperature = _temperature(space, part, given, t)
+    temperature = temperature_at(space, part, given, t)
     return materials.stress(part.block, part.cells, _strain(space, part, u), temperature)
 
 
-def _field(space: Space, degree: int | None, make: Callable[[Piece], NDArray[np.floating]], threads: int = 1) -> Field:
+def gathered(
+    space: Space, degree: int | None, make: Callable[[Piece], NDArray[np.floating]], threads: int = 1
+) -> Field:
     """What `make` gives for every piece, block by block."""
     made: list[list[NDArray[np.floating]]] = [[] for _ in space.blocks]
-    for number, values in _mapped(space, degree, lambda part: (part.block, make(part)), threads):
+    for number, values in mapped(space, degree, lambda part: (part.block, make(part)), threads):
         made[number].append(values)
     return tuple(np.concatenate(parts) for parts in made)
 
 
-def _mapped(space: Space, degree: int | None, make: Callable[[Piece], T], threads: int) -> Iterator[T]:
+def mapped(space: Space, degree: int | None, make: Callable[[Piece], T], threads: int) -> Iterator[T]:
     """What `make` gives for every piece of the space, in their order."""
     if threads < 1:
         raise ValueError(f"threads is 1 or more, not {threads}")
@@ -224,7 +226,8 @@ def _mapped(space: Space, degree: int | None, make: Callable[[Piece], T], thread
         yield from pool.map(run, spans(space, degree))
 
 
-def _checked(space: Space, u: Floats) -> NDArray[np.floating]:
+def checked(space: Space, u: Floats) -> NDArray[np.floating]:
+    """U as an array. Raises ValueError if it is not (n_dof,)."""
     u = np.asarray(u, dtype=float)
     if u.shape != (space.n_dof,):
         raise ValueError(f"a displacement must be ({space.n_dof},), not {u.shape}")

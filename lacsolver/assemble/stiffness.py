@@ -63,7 +63,7 @@ def stiffness_values(
     def run(mine: int) -> None:
         for number, (name, nodes, _) in enumerate(space.blocks):
             made = table(name, space.model.axisymmetric)
-            rows = _touching(owner, nodes, mine, threads)
+            rows = touching(owner, nodes, mine, threads)
             law = materials.law[number]
             _add(
                 rows, nodes, space.mesh.points, made, kind(space), law, materials.terms, owner, mine, space.pattern, out
@@ -94,7 +94,7 @@ def owners(space: Space, threads: int) -> Ints:
     return owner
 
 
-def _touching(owner: Ints, nodes: Ints, mine: int, threads: int) -> Ints:
+def touching(owner: Ints, nodes: Ints, mine: int, threads: int) -> Ints:
     """Rows of `nodes` with a node that the thread owns, ascending."""
     if threads == 1:
         return np.arange(len(nodes))
@@ -118,19 +118,19 @@ def _add(
     order = np.empty(n, np.int64)
     for e in rows:
         at_points(nodes, e, x, table, kind, L, W)
-        _product(H, W, WH, M)
+        product(H, W, WH, M)
         if dim == 3 and terms.lame[law[e], 1] > 0:
             _isotropic(M, n, terms.lame[law[e], 0], terms.lame[law[e], 1], K)
         else:
             _combine(M, n, kind.rows, terms, law[e], K)
-        _sort(nodes, e, order)
+        sort_places(nodes, e, order)
         for a in range(n):
             if owner[nodes[e, a]] == mine:
-                _scatter(nodes, e, order, a, K, pattern, out, dim)
+                add_row(nodes, e, order, a, K, pattern, out, dim)
 
 
 @kernel
-def _product(H: Any, W: Any, WH: Any, M: Any) -> None:
+def product(H: Any, W: Any, WH: Any, M: Any) -> None:
     """M = H^T W H. One point is not worth a call of BLAS."""
     m = H.shape[1]
     for q in range(len(W)):
@@ -173,7 +173,7 @@ def _isotropic(M: Any, n: int, lam: float, mu: float, K: Any) -> None:
 
 
 @kernel
-def _sort(nodes: Any, e: int, order: Any) -> None:
+def sort_places(nodes: Any, e: int, order: Any) -> None:
     """Places of a cell's nodes, by number."""
     for a in range(len(order)):
         b = a
@@ -184,7 +184,7 @@ def _sort(nodes: Any, e: int, order: Any) -> None:
 
 
 @kernel
-def _scatter(nodes: Any, e: int, order: Any, a: int, K: Any, pattern: Any, out: Any, dim: int) -> None:
+def add_row(nodes: Any, e: int, order: Any, a: int, K: Any, pattern: Any, out: Any, dim: int) -> None:
     """Add row a of a cell's K to its row of blocks, whose columns go up as the nodes in `order` do."""
     at = pattern.indptr[nodes[e, a]]
     for b in order:

@@ -3,6 +3,10 @@
 T is constant and known once: columns of the nodes' own unknowns, node by node, then those of the rigid bodies' free
 motions. K on q is T^T K T, forces T^T f + force(t), and the reactions r = f_int - f_ext + B^T p satisfy
 T^T r = force(t): on the nodes' own unknowns nothing is left, on a free motion what is prescribed as its load.
+
+Where kinematics are finite and a rigid body turns freely, u(q, t) is not linear: `displacement` is exact, T(q, t) its
+derivative, and equilibrium is r(q) = T(q)^T (f_int - f_ext + B^T p) - force(q, t) = 0, whose tangent is
+T^T K T + turning(q, t, forces). Everywhere else T(q, t) is T, and turning is None.
 """
 
 from __future__ import annotations
@@ -53,7 +57,7 @@ class Constraints:
         by `u0` at every time that is asked), a node in two rigid bodies, or prescribed beside one.
         """
         parts = prescribed(space, case.displacement)
-        rigid = rigid_bodies(space, case.rigid)
+        rigid = rigid_bodies(space, case.rigid, case.kinematics == "finite")
         check_apart(space, rigid, parts)
         moved = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in rigid)])
         local = combine(space, (*parts, *on_axis(space, moved)))
@@ -77,15 +81,57 @@ class Constraints:
         return u
 
     def displacement(self, q: Floats, t: float) -> NDArray[np.floating]:
-        """(n_dof,): the displacement at time t with unknowns q (n_q,)."""
-        return self.T @ q + self.u0(t)
+        """(n_dof,): the displacement at time t with unknowns q (n_q,), exact for finite rotations."""
+        u = self.T @ q + self.u0(t)
+        for body in self._turning:
+            u[self.space.dofs(body.nodes).ravel()] = body.displacement(body.motion(q, t))
+        return u
 
-    def force(self, t: float) -> NDArray[np.floating]:
-        """(n_q,): forces and moments on the free motions of rigid bodies at time t, 0 elsewhere."""
+    def tangent(self, q: Floats, t: float) -> csr_array:
+        """(n_dof, n_q): du/dq at q (n_q,) and time t: T, but for rigid bodies that turn freely and finitely.
+
+        Raises InadmissibleError where a free rotation in space comes to a full turn.
+        """
+        if not self._turning:
+            return self.T
+        own, n = _own_unknowns(self.space, self.local, self.rigid)
+        levers = tuple(body.lever_at(body.motion(q, t)) for body in self.rigid)
+        return _map(self.space, self.local, own, n, self.rigid, levers)
+
+    def force(self, t: float, q: Floats | None = None) -> NDArray[np.floating]:
+        """(n_q,): forces and moments on the free motions of rigid bodies at time t, 0 elsewhere.
+
+        `q` (n_q,): where they act; where finite rotations are free, a moment's work on their vectors depends on it.
+        """
         f = np.zeros(self.n_q)
         for body in self.rigid:
-            f[body.columns[body.free]] = body.force(t)[body.free]
+            f[body.columns[body.free]] = body.force(t, None if q is None else body.motion(q, t))[body.free]
         return f
+
+    def turning(self, q: Floats, t: float, forces: Floats) -> csr_array | None:
+        """(n_q, n_q): the derivative by q of T(q)^T forces - force(t, q), forces (n_dof,) fixed.
+
+        They are f_int - f_ext + B^T p. None where T and force do not depend on q; not symmetric where a moment turns a
+        body in space.
+        """
+        if not self._turning:
+            return None
+        rows, columns, values = [], [], []
+        for body in self._turning:
+            motion, at = body.motion(q, t), body.columns[body.free]
+            bent = body.curvature(motion, forces[self.space.dofs(body.nodes).ravel()]) - body.force_derivative(
+                t, motion
+            )
+            rows.append(np.repeat(at, len(at)))
+            columns.append(np.tile(at, len(at)))
+            values.append(bent[np.ix_(body.free, body.free)].ravel())
+        made = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+        return coo_array(made, shape=(self.n_q, self.n_q)).tocsr()
+
+    @cached_property
+    def _turning(self) -> tuple[RigidBody, ...]:
+        """Rigid bodies whose displacements are not linear in q."""
+        return tuple(body for body in self.rigid if body.turns and body.free[self.space.dim :].any())
 
     def rigid_motion(self, q: Floats, t: float) -> dict[str, NDArray[np.floating]]:
         """Each rigid body's displacement of its centre, then its rotation (3 in 3D, 1 in a plane), by its group."""
@@ -121,10 +167,17 @@ class Constraints:
             raise RequestError(f"no displacement or rigid body named {name!r}{did_you_mean(name, found)}")
         return found[name]
 
-    def rigid_reactions(self, reaction: Floats) -> dict[str, NDArray[np.floating]]:
-        """Each rigid body's force, then its moment about the centre (3 in 3D, 1 in a plane), of reactions (n_dof,)."""
-        at = self.space.dofs
-        return {body.name: body.resultant(reaction[at(body.nodes).ravel()]) for body in self.rigid}
+    def rigid_reactions(
+        self, reaction: Floats, motions: Mapping[str, Floats] | None = None
+    ) -> dict[str, NDArray[np.floating]]:
+        """Each rigid body's force, then its moment about the centre (3 in 3D, 1 in a plane), of reactions (n_dof,).
+
+        `motions`: those of `rigid_motion`, for finite rotations: moments are then about the centre where it is.
+        """
+        at, where = self.space.dofs, motions or {}
+        return {
+            body.name: body.resultant(reaction[at(body.nodes).ravel()], where.get(body.name)) for body in self.rigid
+        }
 
 
 def _own_unknowns(space: Space, local: LocalBases, rigid: tuple[RigidBody, ...]) -> tuple[Ints, int]:
@@ -137,8 +190,15 @@ def _own_unknowns(space: Space, local: LocalBases, rigid: tuple[RigidBody, ...])
     return np.where(count > 0, first, -1), int(count.sum())
 
 
-def _map(space: Space, local: LocalBases, own: Ints, n: int, rigid: tuple[RigidBody, ...]) -> csr_array:
-    """T, from each node's first own unknown, n of these, and the rigid bodies."""
+def _map(
+    space: Space,
+    local: LocalBases,
+    own: Ints,
+    n: int,
+    rigid: tuple[RigidBody, ...],
+    levers: tuple[NDArray[np.floating], ...] | None = None,
+) -> csr_array:
+    """T, from each node's first own unknown, n of these, and the rigid bodies, with other levers if they are given."""
     alone = own >= 0
     alone[local.nodes] = False
     whole = np.flatnonzero(alone)
@@ -146,14 +206,15 @@ def _map(space: Space, local: LocalBases, own: Ints, n: int, rigid: tuple[RigidB
     entries.append((space.dofs(whole), own[whole, None] + np.arange(space.dim), np.ones((len(whole), space.dim))))
     k, j = np.nonzero((own[local.nodes, None] >= 0) & (np.arange(space.dim) < local.n_free[:, None]))
     entries.append((space.dofs(local.nodes[k]), (own[local.nodes[k]] + j)[:, None], local.basis[k, j]))
-    for body in rigid:
+    for body, lever in zip(rigid, levers or [body.lever for body in rigid], strict=True):
         rows = space.dofs(body.nodes).reshape(-1, 1)
-        entries.append((rows, body.columns[body.free], body.lever[:, body.free]))
+        entries.append((rows, body.columns[body.free], lever[:, body.free]))
         n += int(body.free.sum())
     spread = [np.broadcast_arrays(*entry) for entry in entries]
     row, column, value = (np.concatenate([part[a].ravel() for part in spread]) for a in range(3))
     T = coo_array((value, (row, column)), shape=(space.n_dof, n)).tocsr()
-    T.eliminate_zeros()
+    if levers is None:
+        T.eliminate_zeros()
     return T
 
 

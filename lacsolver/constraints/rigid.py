@@ -2,8 +2,11 @@
 
 Motions m: displacement of the centre along x, y (and z), then the rotation: a vector in 3D, a number in a plane, none
 in axisymmetry, where only y is left. With small kinematics u_i = U + theta x (X_i - c), linear in theta also where the
-rotation is prescribed. `RigidBody.displacement` is the one place that says so: with finite kinematics it is
-U + (R(theta) - 1)(X_i - c), and `lever` its derivative at theta.
+rotation is prescribed; with finite ones u_i = U + (R(theta) - 1)(X_i - c), exact for any angle.
+
+A moment that loads a finite body keeps its axes in space and its size, as a force does. What it works on d theta is
+H^T m (`rotation`), not m, and of such a load H^T m and its derivative depend on theta. A free rotation in space must
+stay short of a full turn, where its vector says no more how to go on; a prescribed one need not.
 """
 
 from __future__ import annotations
@@ -21,29 +24,36 @@ from lacsolver.case.errors import CaseError, Problem
 from lacsolver.case.records import Rigid
 from lacsolver.case.value import Value
 from lacsolver.constraints.conditions import Prescribed
+from lacsolver.constraints.rotation import conjugate, conjugate_derivative, turn, turn_curvature, turn_derivative
+from lacsolver.finite.errors import InadmissibleError
 from lacsolver.places import name_of, nodes_of, said, wrong
 from lacsolver.space import Space
 
 _AXES = "xyz"
 #: singular value of the free motions' displacements, of the largest, below which one moves nothing
 _STILL = 1e-9
+#: angle of a free rotation in space beyond which its vector is too near a full turn
+_NEARLY_ALL = 1.9 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
 class RigidBody:
-    """Nodes that move as one. `nodes` (k,), `centre` (3,), `lever` (k dim, m): displacements of the unit motions.
+    """Nodes that move as one. `nodes` (k,), `centre` (3,), `lever` (k dim, m): displacements of small unit motions.
 
-    `moved`: what each of the m motions is prescribed to be, None where it is held or free; `loads`: the force or
-    moment on it, likewise; `free` (m,). `columns` (m,): the unknown of q that each free motion is, -1 for the others.
+    `arm` (k, 3): from the centre to the nodes; `finite`: whether rotations are. `moved`: what each of the m motions is
+    prescribed to be, None where it is held or free; `loads`: the force or moment on it, likewise; `free` (m,).
+    `columns` (m,): the unknown of q that each free motion is, -1 for the others.
     """
 
     record: Rigid
     nodes: Ints
     centre: Floats
     lever: NDArray[np.floating]
+    arm: Floats
     moved: tuple[Value | None, ...]
     loads: tuple[Value | None, ...]
     columns: Ints
+    finite: bool = False
 
     @property
     def name(self) -> str:
@@ -65,21 +75,87 @@ class RigidBody:
         """(m,): the motions at time t, those that are free left at 0."""
         return _values(self.moved, t)
 
-    def force(self, t: float) -> NDArray[np.floating]:
-        """(m,): the forces and moments about the centre at time t."""
-        return _values(self.loads, t)
+    def force(self, t: float, motion: Floats | None = None) -> NDArray[np.floating]:
+        """(m,): the forces and moments about the centre at time t, by what they work on changes of motions (m,)."""
+        f = _values(self.loads, t)
+        if motion is not None and self.turns:
+            f[self._dim :] = conjugate(self._theta(motion), self._in_space(f[self._dim :]))[self._axes]
+        return f
+
+    def force_derivative(self, t: float, motion: Floats) -> NDArray[np.floating]:
+        """(m, m): the derivative of `force` by motions (m,)."""
+        out = np.zeros((len(self.loads), len(self.loads)))
+        if self.turns:
+            m = self._in_space(_values(self.loads, t)[self._dim :])
+            out[self._dim :, self._dim :] = conjugate_derivative(self._theta(motion), m)[np.ix_(self._axes, self._axes)]
+        return out
+
+    @property
+    def turns(self) -> bool:
+        """Whether displacements are other than linear in the motions: finite rotations."""
+        return self.finite and len(self.loads) > self._dim
 
     def displacement(self, motion: Floats) -> NDArray[np.floating]:
         """(k dim,): displacements of the nodes under motions (m,)."""
-        return self.lever @ motion
+        if not self.turns:
+            return self.lever @ motion
+        turned = self.arm @ turn(self._theta(motion)).T
+        return (motion[: self._dim] + turned[:, : self._dim]).ravel()
 
-    def resultant(self, forces: Floats) -> NDArray[np.floating]:
-        """(m,): resultant and moment about the centre of forces (k dim,) at the nodes."""
-        return self.lever.T @ forces
+    def lever_at(self, motion: Floats) -> NDArray[np.floating]:
+        """(k dim, m): the derivative of `displacement` at motions (m,)."""
+        if not self.turns:
+            return self.lever
+        out = self.lever.reshape(-1, self._dim, len(motion)).copy()
+        turned = np.einsum("jsi,ki->ksj", turn_derivative(self._theta(motion)), self.arm)
+        out[:, :, self._dim :] = turned[:, : self._dim, self._axes]
+        return out.reshape(self.lever.shape)
+
+    def curvature(self, motion: Floats, forces: Floats) -> NDArray[np.floating]:
+        """(m, m): the second derivative, by motions (m,), of the work of forces (k dim,) at the nodes."""
+        out = np.zeros((len(motion), len(motion)))
+        if self.turns:
+            M = np.zeros((3, 3))
+            M[: self._dim] = forces.reshape(-1, self._dim).T @ self.arm
+            bent = turn_curvature(self._theta(motion), M)
+            out[self._dim :, self._dim :] = bent[np.ix_(self._axes, self._axes)]
+        return out
+
+    def resultant(self, forces: Floats, motion: Floats | None = None) -> NDArray[np.floating]:
+        """(m,): resultant, and moment about the centre where it is, of forces (k dim,) at the nodes under motions."""
+        if motion is None or not self.turns:
+            return self.lever.T @ forces
+        f = np.zeros((len(self.nodes), 3))
+        f[:, : self._dim] = forces.reshape(-1, self._dim)
+        where = self.arm + self.arm @ turn(self._theta(motion)).T
+        return np.concatenate([f.sum(axis=0)[: self._dim], np.cross(where, f).sum(axis=0)[self._axes]])
+
+    @cached_property
+    def _dim(self) -> int:
+        return len(self.lever) // len(self.nodes)
+
+    @cached_property
+    def _axes(self) -> list[int]:
+        """Axes in space of the rotations."""
+        return [0, 1, 2] if self._dim == 3 else [2]
+
+    def _in_space(self, turns: Floats) -> NDArray[np.floating]:
+        """(3,): rotations or moments (r,) as a vector."""
+        out = np.zeros(3)
+        out[self._axes] = turns
+        return out
+
+    def _theta(self, motion: Floats) -> NDArray[np.floating]:
+        """(3,): the rotation's vector. Raises InadmissibleError for a free one in space that is nearly a full turn."""
+        theta = self._in_space(motion[self._dim :])
+        if self._dim == 3 and self.free[3:].any() and np.linalg.norm(theta) > _NEARLY_ALL:
+            message = f"{said(self.record)} turns freely by nearly a full turn, where its rotation vector cannot follow"
+            raise InadmissibleError(f"{message}; take smaller steps, prescribe the rotation, or end the case before")
+        return theta
 
 
-def rigid_bodies(space: Space, records: Sequence[Rigid]) -> tuple[RigidBody, ...]:
-    """The rigid bodies of a case; their free motions are numbered from 0 on.
+def rigid_bodies(space: Space, records: Sequence[Rigid], finite: bool = False) -> tuple[RigidBody, ...]:
+    """The rigid bodies of a case, under finite kinematics or small ones; their free motions are numbered from 0 on.
 
     Raises CaseError for a group that is missing or empty, a node in two of them, and a loaded motion that moves no node
     (a rotation about the line that all nodes stand on).
@@ -88,7 +164,8 @@ def rigid_bodies(space: Space, records: Sequence[Rigid]) -> tuple[RigidBody, ...
     problems: list[Problem] = []
     for record in records:
         try:
-            made.append(_rigid_body(space, record, sum(int(body.free.sum()) for body in made)))
+            first = sum(int(body.free.sum()) for body in made)
+            made.append(_rigid_body(space, record, first, finite))
         except CaseError as error:
             problems += error.problems
     if problems:
@@ -120,7 +197,7 @@ def moments(dim: int, x: Floats) -> NDArray[np.floating]:
     return np.moveaxis(cross if dim == 3 else cross[:, 2:, :2], 1, 2)
 
 
-def _rigid_body(space: Space, record: Rigid, first: int) -> RigidBody:
+def _rigid_body(space: Space, record: Rigid, first: int, finite: bool) -> RigidBody:
     nodes = nodes_of(space, record)
     x = space.mesh.points[nodes]
     centre = x.mean(axis=0)
@@ -135,7 +212,7 @@ def _rigid_body(space: Space, record: Rigid, first: int) -> RigidBody:
     loads = _components(record, "f", space.dim) + _turns(record.moment, turns)
     free = np.array([load is not None for load in loads])
     columns = np.where(free, first + np.cumsum(free) - 1, -1)
-    body = RigidBody(record, nodes, centre, lever, moved, loads, columns)
+    body = RigidBody(record, nodes, centre, lever, x - centre, moved, loads, columns, finite)
     _check_moves(space, body)
     return body
 
