@@ -34,6 +34,8 @@ _LOOSE, _LOOSE_SOLVES = 0.1, 12
 _BLOCKS = 3
 #: gaps are known to this much of the coordinates
 ROUNDING = 1e-14
+#: a free motion is stopped by rows that move with it by this much of those that move most, and a load carried to it
+_STOPPED = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +111,12 @@ def find_equilibrium(
     contact = at(q)
     active = start.active & contact.paired | contact.held & contact.paired
     p = np.where(active, p, 0.0)
-    scale = _Scale(f, limits)
+    scale = _Scale(K, f, limits)
     pivots = _Pivots()
     defects: list[tuple[float, float]] = []
     products = 0
     for number in range(1, limits.max_iterations + 1):
+        active = stopped(K, contact, active, f)
         exact = moving or pivots.exact(active)
         wanted = contact.G + contact.rows.D @ q
         goal = scale.goal(0.0 if exact else _LOOSE)
@@ -132,6 +135,33 @@ def find_equilibrium(
         wanted_rows = contact.next(active, p)
         active = wanted_rows if moving or done else pivots.next(active, wanted_rows, exact)
     return Outcome(False, Iterate(q, p, active), contact, tuple(defects), products)
+
+
+def stopped(K: Stiffness, contact: Contact, active: NDArray[np.bool_], f: Floats) -> NDArray[np.bool_]:
+    """(m,): a set, with rows added so that no body that is free moves along its load f (n,).
+
+    Each is the row that is reached first as the body goes; a load that no row stops is left to what follows.
+    """
+    if not K.R.shape[1]:
+        return active
+    active, moves, load = active.copy(), contact.rows.D @ K.R, K.R.T @ f
+    for _ in range(K.R.shape[1]):
+        free = _null_space(moves[active])
+        along = free @ (free.T @ load)
+        closing = moves @ along
+        nearing = contact.paired & ~active & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
+        if not nearing.any() or np.linalg.norm(along) <= _STOPPED * np.linalg.norm(load):
+            break
+        active[np.where(nearing, contact.G / np.where(nearing, closing, 1.0), np.inf).argmin()] = True
+    return active
+
+
+def _null_space(A: Floats) -> NDArray[np.floating]:
+    """(r, k): an orthonormal basis of what A (m, r) does not see."""
+    if not len(A):
+        return np.eye(A.shape[1])
+    _, size, V = np.linalg.svd(A)
+    return np.asarray(V[(size > _STOPPED * size.max(initial=0.0)).sum() :].T)
 
 
 class _Pivots:
@@ -173,12 +203,15 @@ class _Pivots:
 class _Scale:
     """What defects are compared with."""
 
-    def __init__(self, f: Floats, limits: Limits) -> None:
+    def __init__(self, K: Stiffness, f: Floats, limits: Limits) -> None:
         self.f = float(np.abs(f).max(initial=0.0))
+        self.rounding = ROUNDING / limits.tolerance * float(np.abs(K.K.diagonal()).max(initial=0.0))
         self.limits = limits
 
     def force(self, q: Floats, K: Stiffness) -> float:
-        return max(self.f, float(np.abs(K.K @ q).max(initial=0.0)), 1e-300)
+        """The largest force; and what rounding leaves of the forces of a body that moves far under a small load."""
+        moved = self.rounding * float(np.abs(q).max(initial=0.0))
+        return max(self.f, float(np.abs(K.K @ q).max(initial=0.0)), moved, 1e-300)
 
     def size(self, q: Floats) -> float:
         return max(float(np.abs(q).max(initial=0.0)), self.limits.moved, ROUNDING * self.limits.length, 1e-300)

@@ -174,6 +174,7 @@ def _state(instant: Instant, outcome: Outcome, spent: _Step, size: float) -> Sta
 def _pressed(
     joint: Joint, face: Interface, p: NDArray, gap: NDArray, paired: NDArray[np.bool_], force: NDArray
 ) -> ZoneState:
+    p = np.maximum(p, 0.0) if joint.one_sided else p  # rounding leaves some an atom below
     closed = (p > 0) | (not joint.one_sided)
     status = np.where(paired, np.where(closed, CONTACT, OPEN), UNPAIRED).astype(np.int8)
     return ZoneState(

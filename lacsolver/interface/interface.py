@@ -27,6 +27,8 @@ from lacsolver.interface.zone import Zone
 from lacsolver.space import Space
 from lacsolver.values import Value, evaluate
 
+#: degree to which a clearance that is a formula is integrated, beside the shape functions
+_CLEARANCE = 4
 #: a gap across a tie below this much of the faces' size is rounding
 _ROUNDING = 1e-13
 
@@ -117,7 +119,7 @@ def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing) -> Co
     return contact_points(
         slave, master, macro=zone.macro, normals=pairing.normals, crease_angle=pairing.crease_angle,
         search_distance=distance, max_penetration=pairing.max_penetration, search=pairing.search,
-        axisymmetric=pairing.axisymmetric,
+        axisymmetric=pairing.axisymmetric, degree=_CLEARANCE if callable(pairing.clearance) else 0,
     )  # fmt: skip
 
 

@@ -1,6 +1,7 @@
 """Small cases that together use every key of a case file; what each must come to is in `test_every_key.py`.
 
-A key a line: the test leaves out one line after the other, and wants the answer to be another one each time.
+A key a line: the test leaves out one line after the other, and wants the answer to be another one each time; but for
+lines that say `# held`, which only keep a body from moving, or are looked at in another case.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ def nodes_of(mesh, group):
 def cube():
     """[0, 1]^3 in eight cells, `left` and `right` of x = 1/2. Node groups have the names of cell groups.
 
-    Nodes `z1`: two corners of that side; `z0`: all of the side z = 1; `y1`: the corner (1, 1, 1).
+    Nodes `z1`: (0, 0, 1) and (0, 1/2, 1); `z0`: all of the side z = 1; `y1`: the corner (1, 1, 1).
     """
     mesh = block("HEXA8", 3, 2, "z1", even=True)
     x = mesh.points
@@ -42,7 +43,7 @@ def cube():
         x,
         mesh.blocks,
         cell_groups={**mesh.cell_groups, "left": body[centre[:, 0] < 0.5], "right": body[centre[:, 0] > 0.5]},
-        node_groups={"z1": top[[0, -1]], "z0": top, "y1": np.flatnonzero((x == 1).all(axis=1))},
+        node_groups={"z1": top[[0, 1]], "z0": top, "y1": np.flatnonzero((x == 1).all(axis=1))},
     )
 
 
@@ -276,13 +277,13 @@ RIGID = """
 mesh = "blocks.msh"
 model = "3d"
 [[material]]
-young = 1000.0
+young = 1000.0  # held
 poisson = 0.3
 [[displacement]]
 group = "bottom"
-ux = 0.0
-uy = 0.0
-uz = 0.0
+ux = 0.0  # held
+uy = 0.0  # held
+uz = 0.0  # held
 [[displacement]]
 group = "top"
 ux = 0.0
@@ -323,7 +324,7 @@ name = "joint"
 slave = "slave"
 master = "master"
 type = "unilateral"
-search_distance = 0.4
+search_distance = 0.7
 coverage_threshold = 0.55
 initial = "all"
 clearance = "0.01 + 0.02 * x"
@@ -333,12 +334,12 @@ measure = "reference"
 normals = "facet"
 [[displacement]]
 group = "bottom"
-ux = 0.0
-uy = 0.0
+ux = 0.0  # held
+uy = 0.0  # held
 [[displacement]]
 group = "top"
-ux = 0.0
-uy = 0.0
+ux = 0.0  # held
+uy = 0.0  # held
 """
 
 GLUED = """
@@ -352,11 +353,10 @@ poisson = 0.0
 name = "glue"
 slave = "slave"
 master = "master"
-search_distance = 0.4
+search_distance = 0.7
 coverage_threshold = 0.55
 [[displacement]]
 group = "bottom"
-ux = 0.0
 uy = 0.0
 [[displacement]]
 group = "x0"
@@ -405,7 +405,6 @@ group = "top"
 fy = -6.0
 [[displacement]]
 group = "bottom"
-ux = 0.0
 uy = 0.0
 [steps]
 times = [0.25, 1.0, 2.0]
@@ -437,6 +436,29 @@ group = "top"
 value = 10.0
 """
 
+SLID = """
+mesh = "blocks.msh"
+model = "plane_strain"
+[[material]]
+young = 100.0
+poisson = 0.3
+[[contact]]
+slave = "slave"
+master = "master"
+geometry = "current"
+clearance = 0.01
+[[displacement]]
+group = "bottom"
+ux = 0.0
+uy = 0.0  # held
+[[displacement]]
+group = "top"
+ux = 0.5
+uy = -0.005
+[steps]
+count = 2
+"""
+
 ROOF = """
 mesh = "blocks.msh"
 model = "plane_strain"
@@ -447,15 +469,14 @@ poisson = 0.3
 slave = "slave"
 master = "master"
 normals = "smoothed"
-search_distance = 2.0
 [[displacement]]
 group = "bottom"
-ux = 0.0
-uy = 0.0
+ux = 0.0  # held
+uy = 0.0  # held
 [[displacement]]
 group = "top"
-ux = 0.0
-uy = 0.0
+ux = 0.0  # held
+uy = 0.0  # held
 """
 
 PUNCH = """
@@ -467,15 +488,15 @@ poisson = 0.3
 [[contact]]
 slave = "slave"
 master = "master"
-geometry = "current"
+geometry = "current"  # held
 [[displacement]]
 group = "bottom"
-ux = 0.0
-uy = 0.0
+ux = 0.0  # held
+uy = 0.0  # held
 [[displacement]]
 group = "top"
-ux = 0.0
-uy = -0.04
+ux = 0.0  # held
+uy = -0.04  # held
 [solver]
 """
 
@@ -521,11 +542,12 @@ CASES = {
     "fields": KeyCase(cube, FIELDS),
     "springs": KeyCase(cube, SPRINGS),
     "rigid": KeyCase(towers, RIGID),
-    "searched": KeyCase(lambda: overhang(0.3), SEARCHED),
-    "glued": KeyCase(lambda: overhang(0.3), GLUED),
+    "searched": KeyCase(lambda: overhang(0.6), SEARCHED),
+    "glued": KeyCase(lambda: overhang(0.6), GLUED),
     "strain": KeyCase(plane, STRAIN),
     "round": KeyCase(plane, ROUND),
     "measured": KeyCase(plane, MEASURED),
+    "slid": KeyCase(plane, SLID),
     "smooth": KeyCase(roof, ROOF),
     "creased": KeyCase(roof, ROOF.replace('"smoothed"\n', '"smoothed"\ncrease_angle = 20.0\n')),
     "tolerant": KeyCase(punch, PUNCH + "tolerance = 1e-3\n"),
@@ -556,6 +578,9 @@ master = "master"
 group = "bottom"
 ux = 0.0
 uy = 0.0
+[[displacement]]
+group = "x0"
+ux = 0.0
 [[pressure]]
 group = "top"
 value = 1.0
