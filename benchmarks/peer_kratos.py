@@ -9,8 +9,8 @@ import json
 import sys
 from pathlib import Path
 
-import KratosMultiphysics as KM
-import KratosMultiphysics.ContactStructuralMechanicsApplication as CSMA
+import KratosMultiphysics as KM  # noqa: N817
+import KratosMultiphysics.ContactStructuralMechanicsApplication as CSMA  # noqa: N817
 import KratosMultiphysics.LinearSolversApplication
 import numpy as np
 from KratosMultiphysics.StructuralMechanicsApplication.structural_mechanics_analysis import StructuralMechanicsAnalysis
@@ -103,13 +103,15 @@ def settings(pair, path):
 def conditions(pair):
     """Processes that hold, push and load."""
     made = []
-    prescribed = [(side, axis, 0.0) for side, axis in pair.held] + ([("top", pair.dim - 1, pair.push)] * bool(pair.push))
+    prescribed = [(side, axis, 0.0) for side, axis in pair.held] + (
+        [("top", pair.dim - 1, pair.push)] * bool(pair.push)
+    )
     for side, axis, value in prescribed:
         for part in named(pair, side):
-            made.append(_process("assign_vector_variable_process", WHERE, {
-                "model_part_name": f"Structure.{part}", "variable_name": "DISPLACEMENT",
-                "constrained": [k == axis for k in range(3)], "value": [value if k == axis else None for k in range(3)],
-            }))  # fmt: skip
+            on, amount = [k == axis for k in range(3)], [value if k == axis else None for k in range(3)]
+            where = {"model_part_name": f"Structure.{part}", "variable_name": "DISPLACEMENT"}
+            parameters = {**where, "constrained": on, "value": amount}
+            made += [_process("assign_vector_variable_process", WHERE, parameters)]
     if pair.pressure:
         made.append(_process("assign_scalar_variable_to_conditions_process", WHERE, {
             "model_part_name": "Structure.upper_top", "variable_name": "POSITIVE_FACE_PRESSURE", "value": pair.pressure,

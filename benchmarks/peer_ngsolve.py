@@ -55,7 +55,7 @@ def stiffness(pair):
 
 
 def forms(pair, mesh, space):
-    """Stress of a displacement; the energy of the bodies and of the load; the contact, whose pairs are yet to be found."""
+    """Stress of a displacement, energy of bodies, of these and the load, and the contact, its pairs yet to be found."""
     moduli = zip(*(lame(body.young, pair.poisson) for body in pair.bodies), strict=True)
     first, second = (mesh.MaterialCF(dict(zip(("lower", "upper"), pair, strict=True))) for pair in moduli)
 
@@ -106,13 +106,15 @@ def solve(pair):
         return out | {"stress": np.abs(stress(gf)[2, 2](made) + pair.pressure).max()}
     elastic.Apply(gf.vec, r)
     u, force = (v.FV().NumPy().reshape(2, -1).T for v in (gf.vec, r))
-    return out | {"force": 2 * abs(force[np.unique(pair.upper.sides["slave"]) + len(pair.lower.points), 1].sum())} | {
-        "faces": pressures(pair, *np.split(u, [len(pair.lower.points)]))
-    }
+    return (
+        out
+        | {"force": 2 * abs(force[np.unique(pair.upper.sides["slave"]) + len(pair.lower.points), 1].sum())}
+        | {"faces": pressures(pair, *np.split(u, [len(pair.lower.points)]))}
+    )
 
 
 def pressures(pair, lower, upper):
-    """(2, faces): x of the middle and mean pressure of the slave's faces: penalty times overlap, by displacements (n, 2).
+    """(2, faces): x of the middle, mean pressure of the slave's faces: penalty times the overlap after displacements.
 
     The mean of what the method integrates; at nodes alone it waves (measured: three to seven times the error).
     """

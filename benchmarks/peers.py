@@ -33,8 +33,11 @@ HERE = Path(__file__).resolve().parent
 PATIENCE = 900.0
 #: what pressures are called in the table, where a code has several
 KINDS = {"p_m": ", p_m", "recovered": ", recovered", "nodes": "", "faces": ""}
-PATCHES = {"3x3x2 under 2x2x2": blocks((3, 3, 2), (2, 2, 2)), "5x5x2 under 4x4x2, skew 0.05": blocks((5, 5, 2), (4, 4, 2), 0.05)}
-#: what others published or measured elsewhere: patch, and peak / rms in % at N = 4, 8, 16, 32
+PATCHES = {
+    "3x3x2 under 2x2x2": blocks((3, 3, 2), (2, 2, 2)),
+    "5x5x2 under 4x4x2, skew 0.05": blocks((5, 5, 2), (4, 4, 2), 0.05),
+}
+#: what others published or measured elsewhere: patch, and of the peak / rms in % by N
 PUBLISHED_PATCH = {
     "code_aster LAC, hexa / pyramid": ("1.2e-13 / 3.5e-13", "1.2e-9 / 2.2e-9", "2"),
     "Kratos, dual mortar, augmented Lagrangian": ("2.4e-13", "3.8e-5", "1"),
@@ -44,17 +47,17 @@ PUBLISHED_PATCH = {
     "GetFEM, integral or ray tracing, default / order 20": ("2.7e-2 / 5.2e-4", "2.7e-2", "2 to 4"),
 }
 PUBLISHED_HERTZ = {
-    "Kratos, dual mortar, augmented Lagrangian": ("-2.1 / 1.7", "-.39 / .59", "+.07 / .32", "+.21 / .37"),
-    "CalculiX LINMORTAR (full width, nu = 0)": ("-.69 / .71", "-.49 / .29", "-.45 / .28", ""),
-    "CalculiX, surface to surface, K = 50 E": ("+16 / 19", "+6.1 / 5.4", "+1.3 / 1.0", ""),
-    "GetFEM, ray tracing, order 25": ("", "+.18 / 2.9", "+.48 / .44", ""),
-    "NGSolve, penalty 10": ("+3.8 / 4.1", "+2.3 / 2.5", "+1.3 / 1.3", ""),
+    "Kratos, dual mortar, augmented Lagrangian": {4: "-2.1 / 1.7", 8: "-.39 / .59", 16: "+.07 / .32", 32: "+.21 / .37"},
+    "CalculiX LINMORTAR (full width, nu = 0)": {4: "-.69 / .71", 8: "-.49 / .29", 16: "-.45 / .28"},
+    "CalculiX, surface to surface, K = 50 E": {4: "+16 / 19", 8: "+6.1 / 5.4", 16: "+1.3 / 1.0"},
+    "GetFEM, ray tracing, order 25": {8: "+.18 / 2.9", 16: "+.48 / .44"},
+    "NGSolve, penalty 10": {4: "+3.8 / 4.1", 8: "+2.3 / 2.5", 16: "+1.3 / 1.3"},
 }
 
 
 @dataclass(frozen=True)
 class Code:
-    """A code: its name and method; why it is absent; how its input is written and run, how its answer is read."""
+    """A code and its method: why it is absent; what writes its input and says how to run it; what reads its answer."""
 
     name: str
     absent: Callable[[], str | None]
@@ -204,22 +207,33 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="N = 4 and 8, one run each")
-    parser.add_argument("--python", nargs="*", default=[], metavar="NAME=PATH", help="which Python has getfem, ngsolve, kratos")
+    parser.add_argument(
+        "--sizes", nargs="+", type=int, default=[4, 8, 16, 32], metavar="N", help="slave faces to a half-width"
+    )
+    parser.add_argument("--repeats", type=int, default=3, help="runs that seconds are the median of, after a first one")
+    parser.add_argument("--only", default="", metavar="WORD", help="codes with this word in their name")
+    parser.add_argument(
+        "--python", nargs="*", default=[], metavar="NAME=PATH", help="which has getfem, ngsolve, kratos"
+    )
     parser.add_argument("-o", metavar="TABLE.md", help="write the tables here too")
     args = parser.parse_args()
-    sizes, repeats = ((4, 8), 1) if args.quick else ((4, 8, 16, 32), 3)
-    patch, cylinder = [], []
+    if args.quick:
+        args.sizes, args.repeats = [4, 8], 1
+    sizes, patch, cylinder = tuple(args.sizes), [], []
     for code in codes(dict(pair.split("=", 1) for pair in args.python)):
+        if args.only.lower() not in code.name.lower():
+            continue
         why = code.absent()
         if why:
             patch.append([code.name, f"absent: {why}", "", "", ""])
             cylinder.append([code.name, f"absent: {why}", *[""] * (len(sizes) + 2)])
             continue
-        patch += patch_rows(code, repeats)
-        cylinder += hertz_rows(code, sizes, repeats)
-        print(line(patch[-1]), *map(line, cylinder[-2:]), sep="\n", file=sys.stderr, flush=True)
+        blocks_rows, cylinder_rows = patch_rows(code, args.repeats), hertz_rows(code, sizes, args.repeats)
+        patch, cylinder = patch + blocks_rows, cylinder + cylinder_rows
+        print(*map(line, (*blocks_rows, *cylinder_rows)), sep="\n", file=sys.stderr, flush=True)
     patch += [[f"*published: {name}*", *cells, ""] for name, cells in PUBLISHED_PATCH.items()]
-    cylinder += [[f"*published: {n}*", *cells[: len(sizes)], "", "", ""] for n, cells in PUBLISHED_HERTZ.items()]
+    for name, cells in PUBLISHED_HERTZ.items():
+        cylinder.append([f"*published: {name}*", *(cells.get(n, "") for n in sizes), "", "", ""])
     seconds = "seconds (processor)"
     lines = table("Patch: worst |sigma_zz + P| / P", ["code, method", *PATCHES, "iterations", seconds], patch)
     heads = ["code, method", *(f"N = {n}" for n in sizes), "half-width, %", "iterations", seconds]
