@@ -13,7 +13,7 @@ QUICK := not slow and not gmsh and not medcoupling and not vtk and not meshio an
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-install: $(INSTALLED) ## .venv with lacmesh and all that developing it takes
+install: $(INSTALLED) ## .venv with lacmesh, lacsolver and all that developing it takes
 
 .venv/.system: tools/system.sh tools/python.sh
 	@bash tools/system.sh
@@ -25,13 +25,15 @@ $(INSTALLED): pyproject.toml .venv/.system
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[dev]'
 	@touch $@
 
-demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, and draw the result
+demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks together, and draw both
 	@mkdir -p build
 	$(BIN)/lacmesh cut data/two_blocks.msh --slave slave -o build/two_blocks.lac.msh --force
 	$(BIN)/lacmesh info build/two_blocks.lac.msh
 	$(BIN)/python data/draw_two_blocks.py build/two_blocks.lac.msh build/two_blocks.lac.png
+	$(BIN)/lacsolver run data/two_blocks.toml -o build/two_blocks --force --plot build/two_blocks_pressure.png
 	@echo
 	@echo "The cut mesh is build/two_blocks.lac.msh (gmsh opens it), its picture build/two_blocks.lac.png."
+	@echo "The results are in build/two_blocks (ParaView opens the .pvd), their picture is build/two_blocks_pressure.png."
 
 .venv/.system-tests: tools/system.sh
 	@bash tools/system.sh tests
@@ -53,7 +55,7 @@ fuzz: $(INSTALLED) ## 10,000 damaged files of each format that is read here (hal
 	$(BIN)/python -m tests.fuzz
 
 bench: $(INSTALLED) ## measure speed and memory
-	for name in run check quality surface; do $(BIN)/python benchmarks/$$name.py || exit 1; done
+	for name in run check quality surface assembly linear contact; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 docs: $(INSTALLED) ## make the figures and tables of docs/ again
 	$(BIN)/python docs/make_figures.py

@@ -19,6 +19,7 @@ from lacmesh.quality import measure_quality
 from lacmesh.report import plot_quality
 from lacmesh.scene.marks import cell_values
 from lacmesh.view import page, picture
+from lacsolver.cli import main as lacsolver
 
 FIGURES = Path(__file__).parent / "figures"
 ROOT = Path(__file__).parents[1]
@@ -78,6 +79,8 @@ def main() -> None:
         sheet = Path(folder) / "two_blocks.html"
         findings = check(blocks, blocks.zones, "master")
         page(blocks, sheet, master="master", findings=findings, values=values, title=title)
+        pressed = ["run", str(ROOT / "data" / "two_blocks.toml"), "-o", f"{folder}/pressed", "--quiet"]
+        assert lacsolver([*pressed, "--plot", str(FIGURES / "two_blocks_pressure.png")]) == 0
         photograph(sheet, FIGURES / "view_page.png", "theme=light&colour=role&pick=330,270")
 
 

@@ -20,6 +20,7 @@ from lacmesh.quality import corner_jacobian
 from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.shapes import shape
 from lacmesh.targets import TARGETS, element
+from lacsolver.case.schema import page_tables
 
 
 def counts_table() -> Iterator[str]:
@@ -163,6 +164,7 @@ def _span(nodes: Any) -> str:
 #: page -> the tables that stand in it, by the name of their markers
 TABLES = {
     "cut.md": {"counts": counts_table, "integrals": integrals_table},
+    "case.md": {name: table.splitlines for name, table in page_tables().items()},
     "conventions.md": {"families": families_table, "types": types_table},
     "formats.md": {
         "suffixes": suffixes_table,
@@ -180,7 +182,7 @@ def with_tables(page: str, text: str) -> str:
     """A page's text with its tables as they should be, between `<!-- name: begin -->` and `<!-- name: end -->`."""
     for name, rows in TABLES[page].items():
         begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-        found = re.search(f"{begin}\n.*?{end}", text, re.DOTALL)
+        found = re.search(f"{re.escape(begin)}\n.*?{re.escape(end)}", text, re.DOTALL)
         if not found:
             raise SystemExit(f"docs/{page} has no markers {begin} ... {end}")
         table = "\n".join(rows())

@@ -21,7 +21,7 @@ from lacmesh.cli import main as lacmesh
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-PAGES = ("gmsh_script.md", "step_to_med.md")
+PAGES = ("gmsh_script.md", "own_solver.md", "p0_mortar.md", "step_to_med.md")
 
 
 class Command(NamedTuple):
@@ -49,7 +49,8 @@ def commands(page: Path) -> list[Command]:
 
 def run_page(page: Path, folder: Path) -> Iterator[tuple[Command, str]]:
     """Run the commands of a page in a folder that has what of the checkout they name; each with what it printed."""
-    for name in ("data/pin_in_lug.step", "docs/tutorials/gmsh_script.py"):
+    scripts = [f"docs/tutorials/{name}.py" for name in ("gmsh_script", "own_solver", "p0_mortar")]
+    for name in ("data/disc_on_block.msh", "data/pin_in_lug.step", *scripts):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, folder / name)
     for command in commands(page):

@@ -49,9 +49,9 @@ def _main(argv: Sequence[str] | None) -> int:
         sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
     elif isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a name may hold what the terminal cannot show
-    _keep_memory()
+    keep_memory()
     args = argparse.Namespace()
-    with _signals():
+    with signals_heard():
         try:
             _parser().parse_args(argv, args)
             return _run(args)
@@ -87,7 +87,7 @@ def _run(args: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _signals() -> Iterator[None]:
+def signals_heard() -> Iterator[None]:
     """Let the first SIGINT or SIGTERM unwind, and those that follow wait for the end of that."""
     if threading.current_thread() is not threading.main_thread():  # only there may handlers be set
         yield
@@ -113,7 +113,7 @@ def _with_file(error: LacmeshError, args: argparse.Namespace) -> str:
     return f"{source}: {message}" if about_mesh and source and source not in message else message
 
 
-def _keep_memory() -> None:
+def keep_memory() -> None:
     """Let glibc keep what is freed for the next array: new pages cost a tenth of the time on a mesh of 1e6 cells."""
     if sys.platform == "linux":
         import ctypes
@@ -127,14 +127,14 @@ def _keep_memory() -> None:
 
 def _fail(message: str, status: int) -> int:
     with suppress(OSError):  # nobody listens
-        print(f"lacmesh: error: {_on_one_line(message)}", file=sys.stderr)
+        print(f"lacmesh: error: {on_one_line(message)}", file=sys.stderr)
     return status
 
 
-def _on_one_line(message: str) -> str:
+def on_one_line(message: str) -> str:
     r"""Names come from files: no line ends, no commands to the terminal.
 
-    >>> _on_one_line("group 'a" + chr(10) + chr(27) + "é'")
+    >>> on_one_line("group 'a" + chr(10) + chr(27) + "é'")
     "group 'a\\n\\x1bé'"
     """
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
@@ -156,7 +156,7 @@ def _show_warning(
     line: str | None = None,
 ) -> None:
     if issubclass(category, LacmeshWarning):
-        print(f"lacmesh: warning: {_on_one_line(str(message))}", file=sys.stderr)
+        print(f"lacmesh: warning: {on_one_line(str(message))}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -30,7 +30,7 @@ class Stages:
                 transient=True,
             )
             self.task = self.bar.add_task("", total=len(self.names))
-            _tell(self.bar.console.print)
+            tell(self.bar.console.print)
 
     @contextmanager
     def __call__(self, name: str) -> Iterator[None]:
@@ -49,7 +49,7 @@ class Stages:
                 self.bar.stop()
 
 
-def _tell(say: Callable[[str], None]) -> None:
+def tell(say: Callable[[str], None]) -> None:
     """Let what the library logs be said too: that kernels are compiled, which takes a while the first time."""
 
     class Telling(logging.Handler):
@@ -80,11 +80,16 @@ def table(*columns: str) -> Any:
     return table
 
 
-def memory() -> str:
-    """End of a sentence: the peak memory of this process, where the system tells."""
+def peak_memory() -> int:
+    """Bytes that this process has had at most; 0 where the system does not tell."""
     try:
         import resource
     except ImportError:  # not on Windows
-        return ""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-    return f"; peak memory {peak / 1e6:.0f} MB"
+        return 0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+
+def memory() -> str:
+    """End of a sentence: the peak memory of this process, where the system tells."""
+    peak = peak_memory()
+    return f"; peak memory {peak / 1e6:.0f} MB" if peak else ""

@@ -6,10 +6,12 @@ manual's 3.3.3.2). Faces that turn from one another by more than the crease angl
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Floats
+from lacmesh.mesh import Floats, Ints
 from lacmesh.quadrature import rule
 from lacmesh.shapes import jacobian
 from lacmesh.surface.record import Surface
@@ -42,21 +44,36 @@ def smoothed(surface: Surface, crease_angle: float) -> Floats:
 
 def _gather(surface: Surface, own: Floats, area: Floats, least: float) -> Floats:
     """Sum, over the faces at each node of each face, of area times normal; only of those within the crease angle."""
+    total = np.zeros_like(own).reshape(-1, own.shape[2])
+    normal = own.reshape(total.shape)
+    for place, other in _meetings(surface, own, least):
+        total[place] += area[other // own.shape[1]][:, None] * normal[other]
+    return total.reshape(own.shape)
+
+
+def crease_pairs(surface: Surface, own: Floats, crease_angle: float) -> tuple[Ints, Ints]:
+    """Whose normals a smoothed one is made of: places 9 f + a of a node on a face, and those of it on others (k,) each.
+
+    `own` (f, 9, k): the faces' true normals at their nodes.
+    """
+    found = list(_meetings(surface, own, np.cos(np.radians(crease_angle))))
+    place, other = (np.concatenate([pair[k] for pair in found]) for k in (0, 1))
+    return place, other
+
+
+def _meetings(surface: Surface, own: Floats, least: float) -> Iterator[tuple[Ints, Ints]]:
+    """Pairs of places whose node is one and whose normals are within the crease angle; each place once in a pass."""
     there = surface.faces.nodes >= 0
-    face, place = np.nonzero(there)
+    face, corner = np.nonzero(there)
     node = surface.faces.nodes[there]
     order = np.argsort(node, kind="stable")
-    face, place, node = face[order], place[order], node[order]
-    normal, weight = own[face, place], area[face]
-    total = np.zeros_like(normal)
+    place = (face * own.shape[1] + corner)[order]
+    node, normal = node[order], own.reshape(-1, own.shape[2])[place]
     start = np.searchsorted(node, node)
     stop = np.searchsorted(node, node, side="right")
     rows, other = np.arange(len(node)), start
     while len(rows):
         close = (normal[rows] * normal[other]).sum(axis=1) >= least - 1e-12
-        total[rows] += np.where(close, weight[other], 0.0)[:, None] * normal[other]
+        yield place[rows[close]], place[other[close]]
         more = other + 1 < stop[rows]  # only those go on: a pole where many faces meet costs no more than its own
         rows, other = rows[more], other[more] + 1
-    out = np.zeros_like(own)
-    out[face, place] = total
-    return out

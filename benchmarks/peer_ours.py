@@ -1,0 +1,72 @@
+"""The peers' problems for lacsolver: mesh and case written here, solved by the command, read from what it writes."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from peer_problems import Pair
+
+import lacmesh
+from lacmesh import Mesh
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+def mesh_of(pair: Pair) -> Mesh:
+    """Both bodies as one mesh; sides of one name are one group, bodies are `lower` and `upper`."""
+    dim, start = pair.dim, len(pair.lower.points)
+    solid, skin = ("QUAD4", "SEG2") if dim == 2 else ("HEXA8", "QUAD4")
+    cells = [body.cells + shift for body, shift in zip(pair.bodies, (0, start), strict=True)]
+    faces, groups = [], {"lower": np.arange(len(cells[0]))}
+    at = sum(map(len, cells))
+    groups["upper"] = np.arange(len(cells[0]), at)
+    for body, shift in zip(pair.bodies, (0, start), strict=True):
+        for name, nodes in body.sides.items():
+            groups[name] = np.concatenate([groups.get(name, np.empty(0, int)), at + np.arange(len(nodes))])
+            faces.append(nodes + shift)
+            at += len(nodes)
+    points = np.concatenate([body.points for body in pair.bodies])
+    return Mesh.create(
+        points, [(solid, np.concatenate(cells)), (skin, np.concatenate(faces))], cell_groups=groups, space_dim=dim
+    )
+
+
+def case_of(pair: Pair, contact: str = "", solver: str = "threads = 1") -> str:
+    """The case's text; `contact`: more lines of [[contact]]."""
+    up = "xyz"[pair.dim - 1]
+    lines = ['mesh = "pair.msh"', f'model = "{"3d" if pair.dim == 3 else "plane_strain"}"']
+    for name, body in zip(("lower", "upper"), pair.bodies, strict=True):
+        lines += ["[[material]]", f'groups = ["{name}"]', f"young = {body.young!r}", f"poisson = {pair.poisson!r}"]
+    lines += ["[[contact]]", 'slave = "slave"', 'master = "master"', contact]
+    for side, axis in pair.held:
+        lines += ["[[displacement]]", f'group = "{side}"', f"u{'xyz'[axis]} = 0.0"]
+    if pair.push:
+        lines += ["[[displacement]]", 'group = "top"', f"u{up} = {pair.push!r}"]
+    else:
+        lines += ["[[pressure]]", 'group = "top"', f"value = {pair.pressure!r}"]
+    return "\n".join([*lines, "[solver]", solver, ""])
+
+
+def write(pair: Pair, folder: Path, **options: str) -> list[str]:
+    """Write mesh and case; the command that solves them."""
+    lacmesh.write(folder / "pair.msh", mesh_of(pair))
+    (folder / "pair.toml").write_text(case_of(pair, **options))
+    return [sys.executable, "-m", "lacsolver", "run", str(folder / "pair.toml"), "--force", "--quiet"]
+
+
+def read(pair: Pair, folder: Path) -> dict[str, object]:
+    """`iterations`, `stress` (worst |sigma_zz + P|), `force` a length, pressures `p_m`, `recovered` as (x, p)."""
+    told = json.loads((folder / "pair" / "results.json").read_text())
+    out: dict[str, object] = {"iterations": sum(step["iterations"] for step in told["steps"]), "told": told}
+    if pair.dim == 3:
+        ends = [end for body in ("lower", "upper") for end in told["stress"][body]["zz"]]
+        return out | {"stress": max(abs(end + pair.pressure) for end in ends)}
+    table = np.genfromtxt(folder / "pair" / "contact_slave.csv", delimiter=",", names=True)
+    (fields,) = (folder / "pair" / "fields").glob("contact_slave*.vtu")
+    skin = lacmesh.read(fields)
+    nodal = skin.node_data["pressure_recovered"]
+    force = 2 * abs(told["contact"]["slave"]["resultant"][1])
+    return out | {"force": force, "p_m": (table["x"], table["pressure"]), "recovered": (skin.points[:, 0], nodal)}

@@ -1,0 +1,121 @@
+"""One stage of lacsolver replaced: a P0 mortar on the uncut mesh, which oscillates, against LAC. See p0_mortar.md."""
+
+import numpy as np
+
+import lacmesh
+from lacmesh import Mesh, Surface
+from lacsolver import Case, Displacement, Material, Pairing, Problem, Zone, integrate
+from lacsolver.equilibrium import Contact, Limits, at_start, find_equilibrium, shifted, stiffness_of_rows
+from lacsolver.interface.interface import positions
+from lacsolver.interface.rows import macro_rows
+from lacsolver.model import Instant, Model
+from lacsolver.schur import Rows
+
+
+def pad(n):
+    """A pad of n x n/2 QUAD4 over -1 <= x <= 1, y <= 0; its upper side is the slave, one rigid segment the master."""
+    x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 0, n // 2 + 1))
+    points = np.concatenate([np.stack([x.ravel(), y.ravel()], axis=1), [[-1, 0], [1, 0]]])
+    number = np.arange(x.size).reshape(x.shape)
+    cells = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=-1).reshape(-1, 4)
+    sides = {"slave": number[-1], "bottom": number[0], "left": number[:, 0], "right": number[:, -1]}
+    segments = [np.stack([line[:-1], line[1:]], axis=1) for line in sides.values()] + [[[x.size, x.size + 1]]]
+    ends = len(cells) + np.cumsum([0, *map(len, segments)])
+    groups = {name: np.arange(a, b) for name, a, b in zip([*sides, "master"], ends[:-1], ends[1:], strict=True)}
+    return Mesh.create(points, [("QUAD4", cells), ("SEG2", np.concatenate(segments))], cell_groups=groups)
+
+
+def crown(x, t):
+    """How far below y = 0 the punch reaches: it is added to the gap. `x` (points, 3), t is time."""
+    return -0.02 * (1 - x[:, 0] ** 2) * (1 + 0.5 * x[:, 0])
+
+
+def held(mesh):
+    """The pad in its frame, without any contact."""
+    case = Case(
+        mesh="pad.msh",
+        model="plane_strain",
+        material=[Material(young=1.0, poisson=0.3)],
+        displacement=[Displacement(group=name, ux=0.0, uy=0.0) for name in ("bottom", "left", "right")],
+    )
+    return Model(Problem.of(case, mesh))
+
+
+def p0_mortar(mesh):
+    """B (faces, n_dof), G, w (faces,): a pressure on each slave face, by the integrals of the method."""
+    slave, master = (Surface.of(mesh, mesh.cells_of(name)) for name in ("slave", "master"))
+    points = lacmesh.contact_points(slave, master)
+    n_faces, n = len(slave), points.normal[:, :2]
+    B = macro_rows(points, slave, master, points.weight[:, None] * n, n_faces)
+    gap = points.gap + crown(positions(slave, points), 1.0)
+    return B, np.bincount(points.macro, points.weight * gap, n_faces), np.bincount(points.macro, points.weight, n_faces)
+
+
+def lac(mesh):
+    """B (macro-elements, n_dof), G, w of lacsolver's own stage, on a cut mesh."""
+    made = integrate(Zone.of(mesh, "slave", "master"), 2, Pairing(clearance=crown))
+    return made.B, made.G, made.w
+
+
+def contact(model, B, G, w):
+    """What `find_equilibrium` asks for: the rows on the unknowns that are left, and the gaps at any of them."""
+    B = (B @ model.problem.constraints.T).tocsr()
+    rows = Rows(B, B, w)
+    every = np.full(len(G), True)
+    whole = Contact(rows, G, paired=every, held=~every, c=stiffness_of_rows(model.held, rows))
+    return whole, lambda q: shifted(whole, G - B @ q)
+
+
+def pressures(mesh, stage):
+    """(faces,): pressures from the left to the right. Raises RuntimeError where no equilibrium is found."""
+    model = held(mesh)
+    whole, at = contact(model, *stage(mesh))
+    start = at_start(whole, whole.G < 0)
+    limits = Limits(tolerance=1e-10, max_iterations=50, length=model.length)
+    found = find_equilibrium(model.held, Instant(model, 1.0).f, at, start, limits, moving=False)
+    if not found.converged:
+        balance, gap = found.defects[-1]
+        raise RuntimeError(f"no equilibrium: forces are off by {balance:.0e}, gaps by {gap:.0e} of the displacement")
+    return found.iterate.p
+
+
+def inf_sup(mesh, stage):
+    """The two least inf-sup constants: of all fields of pressures, those that the pad feels least."""
+    model = held(mesh)
+    B, _, w = stage(mesh)
+    B = (B @ model.problem.constraints.T).toarray()
+    S = B @ model.held.solve(np.ascontiguousarray(B.T))
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(S / np.outer(w, w)), 0))[:2]
+
+
+def draw(name):
+    """Both pressures on two meshes."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(2, 2, figsize=(11, 6.4), sharex=True, sharey=True, layout="constrained")
+    for row, n in zip(axes, (25, 49), strict=True):
+        mesh = pad(n)
+        cases = {"P0 mortar, uncut": (mesh, p0_mortar), "LAC, cut": (lacmesh.cut_skin(mesh, "slave").mesh, lac)}
+        for axis, (title, (at, stage)) in zip(row, cases.items(), strict=True):
+            axis.stairs(pressures(at, stage), np.linspace(-1, 1, n + 1), fill=True, color="#4477aa")
+            axis.set_title(f"{title}: {n} pressures")
+    figure.supxlabel("x")
+    figure.supylabel("pressure / Young's modulus")
+    figure.savefig(name, dpi=100)
+
+
+def main():
+    """Print what the page shows, and draw its picture."""
+    print("faces  method     turns   force  inf-sup constants")
+    for n in (9, 25, 49):
+        mesh = pad(n)
+        for name, stage in (("P0 mortar", p0_mortar), ("LAC", lac)):
+            at = mesh if stage is p0_mortar else lacmesh.cut_skin(mesh, "slave").mesh
+            p, (first, second) = pressures(at, stage), inf_sup(at, stage)
+            turns = int((np.diff(np.sign(np.diff(p))) != 0).sum())
+            print(f"{n:5}  {name:9} {turns:6} {p.sum() * 2 / n:7.4f}     {first:.3f}  {second:.3f}")
+    draw("p0_mortar.png")
+
+
+if __name__ == "__main__":
+    main()

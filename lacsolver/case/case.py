@@ -1,0 +1,231 @@
+# ruff: noqa: RUF009 (key and section make fields)
+"""The rest of the table of keys: the case as a whole, its steps, its solver, what it writes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+from lacsolver.case.draft import Draft
+from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.keys import Section, key, keys_of, section, section_of, sections_of
+from lacsolver.case.kinds import POSITIVE, Bounds, Choice, Count, MeshFile, Number, Option, Text, Times
+from lacsolver.case.records import (
+    NOT_KIND_OF_AT,
+    WHERE,
+    AtNodes,
+    BodyForce,
+    Contact,
+    Displacement,
+    Entry,
+    Force,
+    Gravity,
+    Material,
+    Pressure,
+    Rigid,
+    Spring,
+    Temperature,
+    Tie,
+    Traction,
+)
+from lacsolver.case.rules import check
+from lacsolver.case.value import Value, with_values
+
+
+@dataclass(frozen=True, kw_only=True)
+class Probe(AtNodes):
+    """[[probe]]: a displacement that is kept, step by step."""
+
+    SECTION: ClassVar = Section(
+        "probe", True, "displacement kept step by step: the mean over the nodes of a group, or of one node",
+        one_of=WHERE, not_both=NOT_KIND_OF_AT,
+    )  # fmt: skip
+    name: str = key(Text("a name"), "", "what it is called", default=None, default_words="the group's name")
+
+    def __post_init__(self) -> None:
+        """Read what was given, and name it."""
+        super().__post_init__()
+        if self.name is None:
+            object.__setattr__(self, "name", self.group)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steps(Entry):
+    """[steps]: from time 0 to the end. One that does not converge is halved."""
+
+    SECTION: ClassVar = Section(
+        "steps", False, "times, from 0 on; a step that does not converge is halved",
+        not_both=(("end", "times"), ("count", "times")),
+    )  # fmt: skip
+    end: float = key(
+        Number(POSITIVE), "time", "the last time; numbers under a load reach their value there", default=1.0
+    )
+    count: int = key(Count(1), "", "number of equal steps", default=1)
+    times: tuple[float, ...] | None = key(Times(), "time", "in place of end and count: where steps end", default=None)
+    growth: float = key(
+        Number(Bounds(low=1, open=False)),
+        "",
+        "a halved step that converges is followed by one this much longer",
+        default=2.0,
+    )
+    max_halvings: int = key(Count(0), "", "how often in a row a step is halved before giving up", default=6)
+
+    @property
+    def planned(self) -> tuple[float, ...]:
+        """The times at which steps end, unless they are halved."""
+        return self.times or tuple(self.end * k / self.count for k in range(1, self.count + 1))
+
+    @property
+    def last(self) -> float:
+        """The time at which everything ends."""
+        return self.times[-1] if self.times else self.end
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solver(Entry):
+    """[solver]: how equations are solved."""
+
+    SECTION: ClassVar = Section("solver", False, "how equations are solved")
+    backend: str = key(
+        Choice(
+            (
+                Option("auto", "the best that is installed, by size"),
+                Option("rslab", "direct"),
+                Option("pardiso", "direct"),
+                Option("mumps", "direct"),
+                Option("cholmod", "direct"),
+                Option("superlu", "direct, slow"),
+                Option("multigrid", "iterative, for large models"),
+            )
+        ),
+        "", "the linear solver", default="auto",
+    )  # fmt: skip
+    threads: int | None = key(Count(1), "", "cores to use", default=None, default_words="all that the process may use")
+    tolerance: float = key(
+        Number(Bounds(0, 1)), "", "residual, relative to the forces, and complementarity defect at which a step ends",
+        default=1e-10,
+    )  # fmt: skip
+    max_iterations: int = key(Count(1), "", "of one step, before it is halved", default=50)
+    tangent: str = key(
+        Choice((Option("consistent", "exact"), Option("symmetric", "without the derivatives of normal and measure"))),
+        "", "what Newton's method iterates with", default="consistent",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Output(Entry):
+    """[output]: what is written."""
+
+    SECTION: ClassVar = Section("output", False, "what is written", not_both=(("every", "times"),))
+    format: str = key(
+        Choice((Option("vtu", "for ParaView"), Option("med", "for Salome"))), "", "of the fields", default="vtu"
+    )
+    every: int = key(Count(1), "", "fields of every k-th step, and of the last", default=1)
+    times: tuple[float, ...] | None = key(
+        Times(), "time", "in place of every: fields at these times, which steps then meet", default=None
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case(Entry):
+    """All that is to be solved. Checked as a whole when it is made; raises CaseError with every mistake.
+
+    Numbers under a load are ramped to `steps.last`, and a contact's `geometry` follows the kinematics. `path`: the file
+    it was read from.
+    """
+
+    SECTION: ClassVar = Section("", False, "what is solved")
+    mesh: Path = key(MeshFile(), "", "cut already, or cut when it is read")
+    model: str = key(
+        Choice(
+            (
+                Option("3d", "a body in space"),
+                Option("plane_strain", "no strain across the plane; forces of a unit of thickness"),
+                Option("plane_stress", "no stress across the plane"),
+                Option("axisymmetric", "r = x, axis y; forces and areas are of the full circle"),
+            )
+        ),
+        "", "space, and what is assumed across it",
+    )  # fmt: skip
+    thickness: float | None = key(
+        Number(POSITIVE), "length", "of the plane", default=None, models=("plane_stress",), default_words="1.0"
+    )
+    kinematics: str = key(
+        Choice((Option("small", "small strains and rotations"), Option("finite", "any (total Lagrangian)"))),
+        "", "how far things may move", default="small",
+    )  # fmt: skip
+    material: tuple[Material, ...] = section(Material)
+    contact: tuple[Contact, ...] = section(Contact)
+    tie: tuple[Tie, ...] = section(Tie)
+    rigid: tuple[Rigid, ...] = section(Rigid)
+    displacement: tuple[Displacement, ...] = section(Displacement)
+    spring: tuple[Spring, ...] = section(Spring)
+    pressure: tuple[Pressure, ...] = section(Pressure)
+    traction: tuple[Traction, ...] = section(Traction)
+    force: tuple[Force, ...] = section(Force)
+    body_force: tuple[BodyForce, ...] = section(BodyForce)
+    gravity: Gravity | None = section(Gravity)
+    temperature: tuple[Temperature, ...] = section(Temperature)
+    probe: tuple[Probe, ...] = section(Probe)
+    steps: Steps = section(Steps, Steps())
+    solver: Solver = section(Solver, Solver())
+    output: Output = section(Output, Output())
+    path: Path | None = field(default=None, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check the whole, then say what depends on the whole. Raises CaseError, TypeError."""
+        super().__post_init__()
+        for name, record in sections_of(Case).items():
+            object.__setattr__(self, name, _records(name, record, getattr(self, name)))
+        found = check(drafted(self, ()), (drafted(r, path) for path, r in self.records()))
+        if found:
+            raise CaseError([Problem(f.message) for f in found], self.path)
+        for name in sections_of(Case):
+            held = getattr(self, name)
+            done = tuple(_settled(r, self) for r in held) if isinstance(held, tuple) else held and _settled(held, self)
+            object.__setattr__(self, name, done)
+
+    def records(self) -> Iterator[tuple[tuple[str | int, ...], Entry]]:
+        """Every record of the sections, with its path: `("contact", 0)`, `("steps",)`."""
+        for name in sections_of(Case):
+            held = getattr(self, name)
+            if isinstance(held, tuple):
+                yield from (((name, k), record) for k, record in enumerate(held))
+            elif held is not None:
+                yield (name,), held
+
+
+def drafted(record: Entry, path: tuple[str | int, ...]) -> Draft:
+    """A record as the draft that it was."""
+    values = {name: getattr(record, name) for name in keys_of(type(record))}
+    whole = Draft(type(record), path, values, values)
+    told = whole.told()
+    return Draft(type(record), path, told, told)
+
+
+def _records(name: str, record: type, held: Any) -> Any:
+    several = section_of(record).several
+    items = tuple(held) if several and isinstance(held, (list, tuple)) else (held,)
+    if not several and held is None:
+        return None if name == "gravity" else record()
+    if not all(isinstance(item, record) for item in items):
+        what = f"a list of {record.__name__} records" if several else f"a {record.__name__} record"
+        raise TypeError(f"{name} is {what}, not {held!r}")
+    return items if several else held
+
+
+def _settled(record: Any, case: Case) -> Any:
+    """The record with what follows from the case as a whole: ramps, and the default of a contact's geometry."""
+    changes: dict[str, Any] = {}
+    for name, row in keys_of(type(record)).items():
+        if row.load:
+            changes[name] = with_values(getattr(record, name), lambda v: replace(v, ramp_end=_ramp_end(v, case)))
+    if isinstance(record, Contact) and record.geometry is None:
+        changes["geometry"] = "current" if case.kinematics == "finite" else "reference"
+    return replace(record, **changes) if changes else record
+
+
+def _ramp_end(value: Value, case: Case) -> float | None:
+    return case.steps.last if isinstance(value.source, float) else None

@@ -1,0 +1,47 @@
+"""What can be wrong with a case: every mistake has its line, and all of them are told at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+from lacmesh.errors import LacmeshError, ReadError
+
+__all__ = ["CaseError", "EvaluationError", "Mistake", "Problem", "ReadError"]
+
+
+class Problem(NamedTuple):
+    """One mistake of a case: what is wrong and what to do, and the line of the file (None: from Python, or absent)."""
+
+    message: str
+    line: int | None = None
+
+
+class CaseError(LacmeshError):
+    """A case that cannot be meant so: `problems` has every mistake, in the order of their lines; `path`, the file.
+
+    The message has one line for each: `press.toml, line 12: pressure.value is missing`.
+    """
+
+    def __init__(self, problems: Iterable[Problem], path: Any = None) -> None:
+        self.path = None if path is None else str(path)
+        self.problems = tuple(sorted(problems, key=lambda p: p.line or 0))
+        super().__init__("\n".join(self._told(p) for p in self.problems))
+
+    def _told(self, problem: Problem) -> str:
+        place = [self.path] if self.path else []
+        place += [f"line {problem.line}"] if problem.line else []
+        return ": ".join([*([", ".join(place)] if place else []), problem.message])
+
+
+class EvaluationError(LacmeshError):
+    """A value of a case that is no finite number at some place and time; the message says which, where and when."""
+
+
+class Mistake(Exception):  # noqa: N818 (never leaves this package: it becomes a Problem)
+    """One value that is not what its key takes: the end of a sentence, and where inside the value it stands."""
+
+    def __init__(self, message: str, inside: tuple[int | str, ...] = ()) -> None:
+        super().__init__(message)
+        self.message = message
+        self.inside = inside

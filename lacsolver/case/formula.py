@@ -1,0 +1,222 @@
+"""Formulas of x, y, z, t: read as Python's grammar reads them, but only what is listed here is let through.
+
+A formula becomes a program for a stack: names and numbers push an array, an operation takes its arguments from the top
+and pushes its result. `evaluate.py` runs it; it alone needs numpy. There is no way from a formula to Python: no
+attribute, no index, no string, no assignment, no name beyond the tables below.
+"""
+
+from __future__ import annotations
+
+import ast
+import warnings
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from lacmesh.errors import did_you_mean
+from lacsolver.case.errors import Mistake
+
+
+class Function(NamedTuple):
+    """How many arguments a function takes (None: any number from `least` on), and what it gives."""
+
+    least: int
+    most: int | None
+    meaning: str
+
+
+VARIABLES = {"x": "place (the radius r where axisymmetric)", "y": "place", "z": "place (3d only)", "t": "time"}
+CONSTANTS = {"pi": 3.141592653589793}
+FUNCTIONS = {
+    "sin": Function(1, 1, "sine; angles are in radians"),
+    "cos": Function(1, 1, "cosine"),
+    "tan": Function(1, 1, "tangent"),
+    "asin": Function(1, 1, "inverse sine"),
+    "acos": Function(1, 1, "inverse cosine"),
+    "atan": Function(1, 1, "inverse tangent"),
+    "atan2": Function(2, 2, "angle of the point (b, a): `atan2(y, x)`"),
+    "sinh": Function(1, 1, "hyperbolic sine"),
+    "cosh": Function(1, 1, "hyperbolic cosine"),
+    "tanh": Function(1, 1, "hyperbolic tangent"),
+    "exp": Function(1, 1, "e to the power a"),
+    "log": Function(1, 1, "natural logarithm"),
+    "log10": Function(1, 1, "logarithm to base 10"),
+    "sqrt": Function(1, 1, "square root"),
+    "abs": Function(1, 1, "size without sign"),
+    "min": Function(2, None, "the least of its arguments"),
+    "max": Function(2, None, "the greatest of its arguments"),
+    "pow": Function(2, 2, "a to the power b; also `a ** b`"),
+    "mod": Function(2, 2, "remainder of a / b, of b's sign; also `a % b`"),
+    "hypot": Function(2, 2, "square root of a² + b²"),
+    "floor": Function(1, 1, "the next whole number below"),
+    "ceil": Function(1, 1, "the next whole number above"),
+    "sign": Function(1, 1, "−1, 0 or 1"),
+    "heaviside": Function(1, 1, "0 below 0, 1 from 0 on"),
+    "where": Function(3, 3, "b where a is true, c elsewhere: `where(x < 0.5, 1, 0)`; also `b if a else c`"),
+}
+_BINARY = {
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.Div: "/",
+    ast.Pow: "pow",
+    ast.Mod: "mod",
+    ast.FloorDiv: "//",
+}
+_UNARY = {ast.USub: "neg", ast.UAdd: "pos", ast.Not: "not"}
+_COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+#: operations that have no function's name, and how many arguments each takes
+OPERATORS = {
+    **{name: 2 for name in ("+", "-", "*", "/", "//", *_COMPARE.values(), "and", "or")},
+    **{name: 1 for name in _UNARY.values()},
+}
+LONGEST = 100_000
+
+
+class Step(NamedTuple):
+    """One step of a program: push a number or a variable, or apply an operation, which `takes` some off it."""
+
+    operation: str
+    takes: int = 0
+    number: float = 0.0
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A formula that was read: its text, and the program that computes it."""
+
+    text: str
+    program: tuple[Step, ...]
+
+    @property
+    def variables(self) -> frozenset[str]:
+        """Which of x, y, z, t it uses."""
+        return frozenset(step.operation for step in self.program) & frozenset(VARIABLES)
+
+
+def parse_formula(text: str) -> Formula:
+    """Read a formula. Raises Mistake.
+
+    >>> sorted(parse_formula("25 * sin(pi * x) if t < 1 else 0").variables)
+    ['t', 'x']
+    """
+    return Formula(text, tuple(_program(_tree(text))))
+
+
+def _tree(text: str) -> ast.expr:
+    if len(text) > LONGEST:
+        raise Mistake(f"is a formula of {len(text)} characters; {LONGEST} is the most")
+    if "#" in text:
+        raise Mistake("has # in its formula, which holds no comments; write these outside the text")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return ast.parse(" ".join(text.split()), mode="eval").body
+    except (RecursionError, MemoryError):
+        raise Mistake("is a formula too deeply nested to be read; split it with where() or a shorter form") from None
+    except (SyntaxError, ValueError) as error:
+        said = getattr(error, "msg", None) or str(error)
+        raise Mistake(f"is no formula of x, y, z, t: {_short(text)} ({said})") from None
+
+
+def _program(tree: ast.expr) -> list[Step]:
+    """The steps of a tree, arguments before what takes them; no recursion: a sum of a thousand terms is deep."""
+    steps: list[Step] = []
+    waiting: list[ast.expr | Step] = [tree]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, Step):
+            steps.append(node)
+        else:
+            waiting.extend(reversed(_expand(node)))
+    return steps
+
+
+def _expand(node: ast.expr) -> list[ast.expr | Step]:
+    """What stands for one node: its arguments, then its own step."""
+    match node:
+        case ast.Constant(value=value):
+            return [_number(value)]
+        case ast.Name(id=name):
+            return [_name(name)]
+        case ast.BinOp(left=a, op=op, right=b) if type(op) in _BINARY:
+            return [a, b, Step(_BINARY[type(op)], 2)]
+        case ast.UnaryOp(op=op, operand=a) if type(op) in _UNARY:
+            return [a, Step(_UNARY[type(op)], 1)]
+        case ast.BoolOp(op=op, values=values):
+            word = "and" if isinstance(op, ast.And) else "or"
+            return [*values[:2], Step(word, 2), *(part for v in values[2:] for part in (v, Step(word, 2)))]
+        case ast.Compare():
+            return _comparison(node)
+        case ast.IfExp(test=a, body=b, orelse=c):
+            return [a, b, c, Step("where", 3)]
+        case ast.Call():
+            return _call(node)
+    raise Mistake(_refusal(node))
+
+
+def _number(value: object) -> Step:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        shown = _short(repr(value))
+        raise Mistake(f"has {shown} in its formula, where numbers, x, y, z, t and functions may stand")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = float("inf")
+    if number == float("inf"):
+        raise Mistake("has a number in its formula that is too large")
+    return Step("number", 0, number)
+
+
+def _name(name: str) -> Step:
+    if name in CONSTANTS:
+        return Step("number", 0, CONSTANTS[name])
+    if name in VARIABLES:
+        return Step(name)
+    if name in FUNCTIONS:
+        raise Mistake(f"has {name} without its argument: write {name}(...)")
+    raise Mistake(f"has the unknown name {_short(name)!r} in its formula{_suggest(name)}")
+
+
+def _suggest(name: str) -> str:
+    known = [*VARIABLES, *CONSTANTS, *FUNCTIONS]
+    near = did_you_mean(name, known)
+    return near if "did you mean" in near else "; it may use x, y, z, t, pi and functions as sin, sqrt, where"
+
+
+def _comparison(node: ast.Compare) -> list[ast.expr | Step]:
+    """`a < b < c` takes each argument once: a step named `< <` on three of them."""
+    if any(type(op) not in _COMPARE for op in node.ops):
+        raise Mistake("has a comparison in its formula that is none of < <= > >= == !=")
+    words = " ".join(_COMPARE[type(op)] for op in node.ops)
+    return [node.left, *node.comparators, Step(words, len(node.ops) + 1)]
+
+
+def _call(node: ast.Call) -> list[ast.expr | Step]:
+    if not isinstance(node.func, ast.Name):
+        raise Mistake(_refusal(node.func))
+    name = node.func.id
+    if name not in FUNCTIONS:
+        known = f"; write * to multiply by {name}" if name in {*VARIABLES, *CONSTANTS} else _suggest(name)
+        raise Mistake(f"has the unknown function {_short(name)!r} in its formula{known}")
+    least, most, _ = FUNCTIONS[name]
+    count = len(node.args)
+    if node.keywords or any(isinstance(a, ast.Starred) for a in node.args):
+        raise Mistake(f"names or unpacks an argument of {name} in its formula; write {name}(a, b)")
+    if count < least or (most is not None and count > most):
+        wanted = str(least) if most == least else f"{least} or more"
+        raise Mistake(f"gives {name} {count} arguments in its formula; it takes {wanted}")
+    return [*node.args, Step(name, count)]
+
+
+def _refusal(node: ast.AST) -> str:
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
+        return "has ^ in its formula; write ** for a power"
+    if isinstance(node, ast.Call):
+        return "calls something in its formula that has no name"
+    what = {ast.Attribute: "a dot after a name", ast.Subscript: "an index", ast.Tuple: "a comma outside a function"}
+    kind = what.get(type(node), f"an operator or word ({type(node).__name__})")
+    return f"has {kind} in its formula, where numbers, x, y, z, t, + - * / ** and functions may stand"
+
+
+def _short(text: str, most: int = 60) -> str:
+    return text if len(text) <= most else f"{text[: most - 3]}..."

@@ -1,0 +1,52 @@
+"""The groups that a case names, looked up in a mesh: all that are missing are told at once, each with its line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from lacmesh.errors import RequestError, did_you_mean
+from lacsolver.case.case import Case
+from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.keys import keys_of, section_of
+from lacsolver.case.kinds import Group, Groups
+from lacsolver.case.records import Entry
+
+if TYPE_CHECKING:
+    from lacmesh.mesh import Mesh
+
+
+def check_groups(case: Case, mesh: Mesh) -> None:
+    """Raises CaseError if the mesh lacks a group that the case names, as cells or, where these will do, as nodes."""
+    problems = [problem for _, record in case.records() for problem in _missing(record, mesh)]
+    if problems:
+        raise CaseError(problems, None)
+
+
+def _missing(record: Entry, mesh: Mesh) -> Iterator[Problem]:
+    kind = getattr(record, "kind", None)
+    nodes_too = "kind" in keys_of(type(record))
+    for name, key in keys_of(type(record)).items():
+        if not isinstance(key.kind, (Group, Groups)) or getattr(record, name) is None:
+            continue
+        held = getattr(record, name)
+        for group in [held] if isinstance(held, str) else held:
+            told = _lookup(group, mesh, cells=kind != "node", nodes=nodes_too and kind != "cell")
+            if told:
+                place = f"{record.place}: " if record.place else ""
+                yield Problem(f"{place}{section_of(type(record)).name}.{name}: {told}")
+
+
+def _lookup(group: str, mesh: Mesh, *, cells: bool, nodes: bool) -> str | None:
+    """What is wrong with a group's name, if anything."""
+    if nodes and group in mesh.node_groups:
+        return None
+    if not cells:
+        return f"no node group named {group!r}{did_you_mean(group, mesh.node_groups)}"
+    try:
+        mesh.cells_of(group)
+    except RequestError as error:
+        if not nodes:
+            return str(error)
+        return f"no group named {group!r}{did_you_mean(group, [*mesh.cell_groups, *mesh.node_groups])}"
+    return None

@@ -1,0 +1,131 @@
+"""The line of every key of a TOML text.
+
+`tomllib` judges and reads the text, but keeps no positions. This walks a text that it has accepted, so that nothing has
+to be judged again: enough to tell keys, strings, brackets and comments apart. A path is what leads to a value in the
+document that tomllib returns: `("contact", 0, "slave")` is the slave of the first [[contact]].
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from bisect import bisect_left
+from collections.abc import Iterator
+
+Path = tuple[str | int, ...]
+
+_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_SPACE = re.compile(r"[ \t]*")
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_STRING = re.compile(
+    r'"""(?:\\.|[^\\])*?"""(?:"{1,2}(?!"))?'
+    r"|'''.*?'''(?:'{1,2}(?!'))?"
+    r'|"(?:\\.|[^"\\\n])*"'
+    r"|'[^'\n]*'",
+    re.DOTALL,
+)
+_PLAIN = re.compile(r"[^,\]}#\r\n]+")
+
+
+class Lines:
+    """Where the keys of a text stand."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._breaks = [m.start() for m in re.finditer("\n", text)]
+        self._line: dict[Path, int] = {}
+        self._count: dict[Path, int] = {}
+        self._read()
+
+    def __getitem__(self, path: Path) -> int | None:
+        """The line of a path, counted from 1; of the nearest table around it if it is absent; None outside of all."""
+        for size in range(len(path), 0, -1):
+            if path[:size] in self._line:
+                return self._line[path[:size]]
+        return None
+
+    def __iter__(self) -> Iterator[Path]:
+        return iter(self._line)
+
+    def _mark(self, path: Path, at: int) -> None:
+        line = bisect_left(self._breaks, at) + 1
+        for size in range(1, len(path) + 1):
+            self._line.setdefault(path[:size], line)
+
+    def _read(self) -> None:
+        table: Path = ()
+        at = _end(_BLANK, self._text, 0)
+        while at < len(self._text):
+            if self._text[at] == "[":
+                at, table = self._header(at)
+            else:
+                at = self._pair(at, table)
+            at = _end(_BLANK, self._text, at)
+
+    def _header(self, start: int) -> tuple[int, Path]:
+        """`[a.b]` or `[[a.b]]`: a name that stands for several tables means the last of them."""
+        several = self._text.startswith("[[", start)
+        keys, at = self._key(_end(_SPACE, self._text, start + 1 + several))
+        path: Path = ()
+        for key in keys[:-1]:
+            path = self._last((*path, key))
+        path = (*path, keys[-1])
+        if several:
+            self._count[path] = self._count.get(path, 0) + 1
+        path = self._last(path)
+        self._mark(path, start)
+        return at + 1 + several, path
+
+    def _last(self, path: Path) -> Path:
+        return (*path, self._count[path] - 1) if path in self._count else path
+
+    def _pair(self, start: int, table: Path) -> int:
+        """`a.b = value`; returns where it ends."""
+        keys, at = self._key(start)
+        self._mark((*table, *keys), start)
+        return self._value(_end(_SPACE, self._text, at + 1), (*table, *keys))
+
+    def _key(self, at: int) -> tuple[Path, int]:
+        """The parts of a dotted key, and where the next mark (`=` or `]`) stands."""
+        parts: Path = ()
+        while True:
+            found = _BARE.match(self._text, at) or _STRING.match(self._text, at)
+            assert found, "tomllib accepted this text"
+            word = found.group()
+            parts += (word if word[0] not in "\"'" else tomllib.loads(f"key = {word}")["key"],)
+            at = _end(_SPACE, self._text, found.end())
+            if self._text[at] != ".":
+                return parts, at
+            at = _end(_SPACE, self._text, at + 1)
+
+    def _value(self, at: int, path: Path) -> int:
+        self._mark(path, at)
+        if self._text[at] == "[":
+            return self._items(at, path)
+        if self._text[at] == "{":
+            return self._inline(at, path)
+        return _end(_STRING if self._text[at] in "\"'" else _PLAIN, self._text, at)
+
+    def _items(self, at: int, path: Path) -> int:
+        at, item = _end(_BLANK, self._text, at + 1), 0
+        while self._text[at] != "]":
+            at = self._next(self._value(at, (*path, item)))
+            item += 1
+        return at + 1
+
+    def _inline(self, at: int, path: Path) -> int:
+        at = _end(_BLANK, self._text, at + 1)
+        while self._text[at] != "}":
+            at = self._next(self._pair(at, path))
+        return at + 1
+
+    def _next(self, at: int) -> int:
+        """Past the comma, if there is one, to the next item or the end of the list."""
+        at = _end(_BLANK, self._text, at)
+        return _end(_BLANK, self._text, at + 1) if self._text[at] == "," else at
+
+
+def _end(pattern: re.Pattern[str], text: str, at: int) -> int:
+    found = pattern.match(text, at)
+    assert found, "tomllib accepted this text"
+    return found.end()

@@ -1,0 +1,149 @@
+"""From a TOML file to a Case: every key is read by its row of the table, and every mistake is told with its line."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from lacmesh.errors import ReadError, did_you_mean
+from lacsolver.case.case import Case
+from lacsolver.case.draft import Draft, Found, draft
+from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.keys import keys_of, section_of, sections_of
+from lacsolver.case.lines import Lines
+from lacsolver.case.rules import check
+from lacsolver.case.value import described, with_values
+
+
+def read_case(path: str | Path, *, matrices: bool = False) -> Case:
+    """Read a case file. `matrices`: only contact matrices are wanted, which need no material.
+
+    Raises ReadError where the file is no TOML text (with the line), CaseError with every other mistake.
+    """
+    path = Path(path)
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise ReadError(path, f"cannot be read ({error.strerror or error})") from None
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise ReadError(path, "is not UTF-8 text; save it as such", f"line {line}") from None
+    return parse_case(text, path, matrices=matrices)
+
+
+def parse_case(text: str, path: str | Path = "case.toml", *, matrices: bool = False) -> Case:
+    """The case that a text in TOML is; `path` is where it would stand. Raises as `read_case`."""
+    path = Path(path)
+    document, lines = _document(text, path)
+    top, drafts, found = _drafts(document)
+    found += [*check(top, drafts), *_needed(top, drafts, found, matrices)]
+    if found:
+        raise CaseError(dict.fromkeys(Problem(f.message, lines[f.path]) for f in found), path)
+    return _case(top, drafts, lines, path)
+
+
+def _document(text: str, path: Path) -> tuple[dict[str, Any], Lines]:
+    """What the text holds, and where its keys stand. Raises ReadError."""
+    try:
+        return tomllib.loads(text), Lines(text)
+    except RecursionError:
+        raise ReadError(path, "is nested too deeply to be read") from None
+    except ValueError as error:  # of TOML, or a whole number of thousands of digits, which has no place
+        said = str(error)
+        at = re.search(r" \(at line (\d+), column (\d+)\)$", said)
+        if at:
+            raise ReadError(path, f"{said[: at.start()]} (column {at[2]})", f"line {at[1]}") from None
+        if said.endswith(" (at end of document)"):
+            last = f"line {text.count(chr(10)) + 1}"
+            raise ReadError(path, said.removesuffix(" (at end of document)") + " (the file ends)", last) from None
+        raise ReadError(path, f"is no TOML text ({said})") from None
+
+
+def _drafts(document: Mapping[str, Any]) -> tuple[Draft, list[Draft], list[Found]]:
+    """The top of the file and every section, read; and what is wrong with each by itself."""
+    sections = sections_of(Case)
+    top, found = draft(Case, (), {k: v for k, v in document.items() if k in keys_of(Case)})
+    drafts = []
+    for name, given in document.items():
+        if name in sections:
+            tables, wrong = _tables(name, sections[name], given)
+            found += wrong
+            for path, table in tables:
+                made, mistakes = draft(sections[name], path, table)
+                drafts.append(made)
+                found += _explained(mistakes, made)
+        elif name not in keys_of(Case):
+            known = [*keys_of(Case), *sections]
+            what = "section" if isinstance(given, dict) or _is_tables(given) else "key"
+            found.append(Found((name,), f"{name} is no {what} of a case{did_you_mean(name, known)}"))
+    return top, drafts, found
+
+
+def _tables(name: str, record: type, given: Any) -> tuple[list[tuple[tuple[str | int, ...], Any]], list[Found]]:
+    """The tables of a section with their paths; a mistake if it stands once for several times, or is no table."""
+    section = section_of(record)
+    if section.several and _is_tables(given):
+        return [((name, k), table) for k, table in enumerate(given)], []
+    if not section.several and isinstance(given, dict):
+        return [((name,), given)], []
+    if section.several and isinstance(given, dict):  # its keys are worth reading all the same
+        return [((name,), given)], [Found((name,), f"[{name}] may stand several times; write {section.header}")]
+    if _is_tables(given) and given:
+        message = f"[[{name}]] stands once; write {section.header}"
+        return [((name, 0), given[0])], [Found((name, len(given) - 1), message)]
+    return [], [Found((name,), f"{name} is {described(given)}; write {section.header} and its keys below it")]
+
+
+def _is_tables(given: Any) -> bool:
+    return isinstance(given, list) and all(isinstance(item, dict) for item in given)
+
+
+def _explained(mistakes: list[Found], made: Draft) -> Iterator[Found]:
+    """A key of the top of the file that stands below a header belongs to that section: say so."""
+    elsewhere = {(*made.path, name): name for name in made.given if name in keys_of(Case)}
+    for found in mistakes:
+        name = elsewhere.get(found.path)
+        if name is not None and name not in keys_of(made.record):
+            hint = "; it belongs at the top of the file, before the first section"
+            yield Found(found.path, f"{name} is no key of {section_of(made.record).header}{hint}")
+        else:
+            yield found
+
+
+def _needed(top: Draft, drafts: list[Draft], found: list[Found], matrices: bool) -> Iterator[Found]:
+    """What a case cannot do without, unless what was meant for it is already told to be wrong."""
+    there = {made.section for made in drafts} | {f.path[0] for f in found if f.path}
+    if matrices:
+        if not there & {"contact", "tie"}:
+            yield top.wrong("needs a [[contact]] or a [[tie]], for its matrices are wanted")
+    elif "material" not in there:
+        yield top.wrong("needs a [[material]]")
+
+
+def _case(top: Draft, drafts: list[Draft], lines: Lines, path: Path) -> Case:
+    held: dict[str, Any] = {}
+    for made in drafts:
+        record = made.record(**_placed(made, lines, path))
+        if section_of(made.record).several:
+            held.setdefault(made.section, []).append(record)
+        else:
+            held[made.section] = record
+    mesh = path.parent / top.values["mesh"]
+    return Case(**{**top.values, "mesh": mesh}, **held, path=path, place=str(path))
+
+
+def _placed(made: Draft, lines: Lines, path: Path) -> dict[str, Any]:
+    """The values of a draft, each Value called by its file, line and key; and the place of the whole."""
+
+    def place(*key: str) -> str:
+        line = lines[(*made.path, *key)]
+        return f"{path}, line {line}"
+
+    def named(key: str, stored: Any) -> Any:
+        return with_values(stored, lambda value: replace(value, name=f"{place(key)}: {value.name}"))
+
+    return {**{key: named(key, stored) for key, stored in made.values.items()}, "place": place()}

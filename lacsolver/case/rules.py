@@ -1,0 +1,180 @@
+"""What may not stand together in a case, beyond what the rows of the table say: one rule a function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from math import sqrt
+from typing import Any
+
+from lacsolver.case.draft import Draft, Found, by_section, check_context
+
+#: the drafts of each section; the top of the file is section ""
+Sections = dict[str, list[Draft]]
+
+
+def check(top: Draft, drafts: Iterable[Draft]) -> list[Found]:
+    """Every mistake that shows only when the case is seen as a whole."""
+    drafts = list(drafts)
+    model, kinematics = top.get("model"), top.get("kinematics")
+    found = [f for made in (top, *drafts) for f in check_context(made, model, kinematics)]
+    sections = by_section((top, *drafts))
+    return found + [f for rule in RULES for f in rule(sections)]
+
+
+def _materials(sections: Sections) -> Iterator[Found]:
+    """Each law has its own constants."""
+    for made in sections.get("material", []):
+        law, young, poisson = made.get("law"), made.get("young"), made.get("poisson")
+        if law == "orthotropic":
+            yield from _orthotropic(made, young, poisson)
+        elif law is not None:
+            for name in ("young", "poisson", "expansion"):
+                if isinstance(made.get(name), tuple):
+                    message = f'has three numbers, which only law = "orthotropic" takes; here it is "{law}"'
+                    yield made.wrong(message, name)
+            if isinstance(poisson, float) and not -1 < poisson < 0.5:
+                hint = "; take 0.49 for rubber" if poisson >= 0.5 else ""
+                yield made.wrong(f"is {poisson:g}; it must be > -1 and < 0.5{hint}", "poisson")
+
+
+def _orthotropic(made: Draft, young: Any, poisson: Any) -> Iterator[Found]:
+    if not made.has("shear"):
+        yield made.wrong('needs shear = [G12, G13, G23] with law = "orthotropic"')
+    for name, value in (("young", young), ("poisson", poisson)):
+        if isinstance(value, float):
+            yield made.wrong('is one number; law = "orthotropic" takes three', name)
+    if isinstance(young, tuple) and isinstance(poisson, tuple) and not _stores_energy(young, poisson):
+        yield made.wrong(
+            "makes a law that gives energy when it is strained, with these young; it is [nu12, nu13, nu23], and "
+            "nu_ij² < E_i / E_j must hold",
+            "poisson",
+        )
+
+
+def _stores_energy(young: tuple[float, ...], poisson: tuple[float, ...]) -> bool:
+    """Whether the compliance is positive definite: of S_ij / sqrt(S_ii S_jj), every leading minor is."""
+    (e1, e2, e3), (nu12, nu13, nu23) = young, poisson
+    a, b, c = nu12 * sqrt(e2 / e1), nu13 * sqrt(e3 / e1), nu23 * sqrt(e3 / e2)
+    return abs(a) < 1 and 1 - a * a - b * b - c * c - 2 * a * b * c > 0
+
+
+def _groups_once(sections: Sections) -> Iterator[Found]:
+    """A cell has one law and one temperature."""
+    for name in ("material", "temperature"):
+        all_ = sections.get(name, [])
+        taken: set[str] = set()
+        for made in all_:
+            if not made.has("groups") and len(all_) > 1:
+                yield made.wrong("has no groups and so is for the whole mesh, beside others; give it groups")
+            for group in made.get("groups") or ():
+                if group in taken:
+                    yield made.wrong(f"names {group!r}, which an earlier [[{name}]] has", "groups")
+                taken.add(group)
+
+
+def _pairs(sections: Sections) -> Iterator[Found]:
+    """A slave meets one master, which is another skin, and is not rigid."""
+    slaves: set[str] = set()
+    rigid = {made.get("group") for made in sections.get("rigid", [])}
+    for made in [*sections.get("contact", []), *sections.get("tie", [])]:
+        slave, master = made.get("slave"), made.get("master")
+        if slave is None:
+            continue
+        if slave == master:
+            yield made.wrong(f"is {master!r}, the slave itself; two skins meet, so give each a group", "master")
+        if slave in slaves:
+            yield made.wrong(f"is {slave!r}, the slave of an earlier one; join the masters in one group", "slave")
+        if slave in rigid:
+            yield made.wrong(f"is {slave!r}, which is [[rigid]]; let the rigid skin be the master", "slave")
+        slaves.add(slave)
+
+
+def _contacts(sections: Sections) -> Iterator[Found]:
+    """The deformed area is known where the deformed skins are looked at."""
+    usual = "current" if sections[""][0].get("kinematics") == "finite" else "reference"
+    for made in sections.get("contact", []):
+        if made.get("measure") == "current" and (made.get("geometry") or usual) == "reference":
+            yield made.wrong('is "current", which needs geometry = "current": say that, or leave it out', "measure")
+
+
+def _names(sections: Sections) -> Iterator[Found]:
+    """Results are called by these names."""
+    for kinds, default in ((("contact", "tie"), "slave"), (("probe",), "group")):
+        taken: set[str] = set()
+        for made in [m for kind in kinds for m in sections.get(kind, [])]:
+            source = "name" if made.has("name") else default
+            name = made.get(source)
+            if name in taken:
+                yield made.wrong(f"calls it {name!r}, as an earlier one is; give it a name of its own", source)
+            taken |= {name} - {None}
+    for made in sections.get("probe", []):
+        if made.has("at") and not made.has("name"):
+            yield made.wrong("needs a name, for it has no group to be called by")
+
+
+def _prescribed_once(sections: Sections) -> Iterator[Found]:
+    """A component of a group is prescribed once, and a rigid group by [[rigid]]."""
+    taken: set[tuple[Any, ...]] = set()
+    rigid = {made.get("group") for made in sections.get("rigid", [])}
+    for made in sections.get("displacement", []):
+        where = made.get("group") or made.get("at")
+        if where is None:
+            continue
+        if where in rigid:
+            yield made.wrong(f"is {where!r}, which is [[rigid]]; move it there", "group")
+        if made.has("un") and made.get("kind") == "node":
+            yield made.wrong('is along the normal of faces, which a group of nodes (kind = "node") does not have', "un")
+        for name in [n for n in ("ux", "uy", "uz", "un") if made.has(n)]:
+            if (where, made.get("kind"), name) in taken:
+                yield made.wrong(f"is prescribed at {where!r} by an earlier [[displacement]] too; keep one", name)
+            taken.add((where, made.get("kind"), name))
+
+
+def _rigid_once(sections: Sections) -> Iterator[Found]:
+    taken: set[Any] = set()
+    for made in sections.get("rigid", []):
+        group = made.get("group")
+        if group is not None and group in taken:
+            yield made.wrong(f"is {group!r}, which an earlier [[rigid]] has", "group")
+        taken.add(group)
+
+
+def _fields(sections: Sections) -> Iterator[Found]:
+    """A load that the materials cannot feel was not meant so."""
+    materials = sections.get("material", [])
+    for section, constant, effect in (("gravity", "density", "weighs"), ("temperature", "expansion", "expands")):
+        if materials and not any(constant in made.told() for made in materials):
+            for made in sections.get(section, [])[:1]:
+                yield made.wrong(f"has no effect: no [[material]] has {_article(constant)}, so that nothing {effect}")
+
+
+def _article(noun: str) -> str:
+    """The noun with its article."""
+    return f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
+
+
+def _output(sections: Sections) -> Iterator[Found]:
+    """What is written at some time is a time of the steps."""
+    steps, outputs = sections.get("steps", []), sections.get("output", [])
+    if not outputs or outputs[0].get("times") is None:
+        return
+    end = 1.0
+    if steps:
+        times = steps[0].get("times")
+        end = times[-1] if times else steps[0].get("end")
+    late = [t for t in outputs[0].get("times") if end is not None and t > end]
+    if late:
+        yield outputs[0].wrong(f"has {late[0]:g}, after the end of the steps at {end:g}", "times")
+
+
+RULES: tuple[Callable[[Sections], Iterator[Found]], ...] = (
+    _materials,
+    _groups_once,
+    _pairs,
+    _contacts,
+    _names,
+    _prescribed_once,
+    _rigid_once,
+    _fields,
+    _output,
+)

@@ -1,0 +1,161 @@
+"""The table of keys as people and editors read it: a text, JSON Schema, and the tables of the page of docs."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+from dataclasses import MISSING
+from typing import Any
+
+from lacsolver.case.case import Case
+from lacsolver.case.formula import CONSTANTS, FUNCTIONS, VARIABLES
+from lacsolver.case.keys import (
+    ANY,
+    MODELS,
+    Key,
+    Needs,
+    Section,
+    defaults_of,
+    keys_of,
+    section_of,
+    sections_of,
+    told_default,
+)
+from lacsolver.case.kinds import Choice, Schema
+
+_WIDE = 118
+
+
+def records() -> list[type]:
+    """The records of the table: the top of the file, then every section."""
+    return [Case, *sections_of(Case).values()]
+
+
+def schema_text() -> str:
+    """Every section and key: what it takes, in what unit, what it is without, what it means."""
+    parts = [textwrap.fill(_INTRODUCTION, _WIDE), *("\n".join(_section_text(record)) for record in records())]
+    return "\n\n".join(parts) + "\n"
+
+
+_INTRODUCTION = (
+    "A value is a number, a formula of x, y, z, t, or a table of times [[t, v], ...], linear in between. Marked * it "
+    "is a load: a number is ramped from 0 at the start to itself at the end of the steps (a temperature: from the "
+    "material's reference). Units are your own, consistent ones; units here say what of."
+)
+
+
+def _section_text(record: type) -> Iterator[str]:
+    section = section_of(record)
+    yield f"{section.header}  {section.meaning}" if section.name else "# the top of the file"
+    for name, key in keys_of(record).items():
+        default = told_default(key, defaults_of(record)[name])
+        words = "one of these" if isinstance(key.kind, Choice) else key.kind.words
+        takes = f"{words}{'*' if key.load else ''}{f' [{key.unit}]' if key.unit else ''}"
+        told = "; ".join([key.meaning, *_conditions(key)])
+        without = default if default == "required" else f"default {default}" if default else "optional"
+        yield textwrap.fill(
+            f"{told}. Takes {takes}; {without}.", _WIDE, initial_indent=f"  {name:<22} ", subsequent_indent=" " * 25
+        )
+        if isinstance(key.kind, Choice):
+            for option in key.kind.options:
+                only = "" if option.kinematics == ANY else f" (kinematics: {option.kinematics})"
+                yield f"{'':27}{option.word}: {option.meaning}{only}"
+    yield from (f"  {rule}" for rule in _rules(section))
+
+
+def _conditions(key: Key) -> list[str]:
+    """Where a key may stand, in words."""
+    told = [] if key.models == MODELS else [f"models {', '.join(key.models)}"]
+    told += [] if key.kinematics == ANY else [f"kinematics {key.kinematics}"]
+    return told + ([_needs_words(key.needs)] if key.needs else [])
+
+
+def _needs_words(needs: Needs) -> str:
+    return f"with {needs.key} = {' or '.join(needs.values)}"
+
+
+def _rules(section: Section) -> list[str]:
+    """Which keys go together, in words."""
+    told = [f"exactly one of {', '.join(names)}" for names in section.one_of]
+    told += [f"at least one of {', '.join(names)}" for names in section.some_of]
+    return told + [f"not both {one} and {other}" for one, other in section.not_both]
+
+
+def json_schema() -> Schema:
+    """The table in JSON Schema (draft 7), which editors check and complete TOML by.
+
+    It says what a row of the table says; what depends on the model or on other sections, `validate` alone tells.
+    """
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "A case of lacsolver",
+        **_table_schema(Case),
+    }
+
+
+def _table_schema(record: type) -> Schema:
+    section, defaults = section_of(record), defaults_of(record)
+    properties = {name: _key_schema(key, defaults[name]) for name, key in keys_of(record).items()}
+    if record is Case:
+        properties |= {name: _section_schema(held) for name, held in sections_of(Case).items()}
+    made: Schema = {
+        "type": "object",
+        "description": section.meaning,
+        "properties": properties,
+        "additionalProperties": False,
+        "required": [name for name, default in defaults.items() if default is MISSING],
+    }
+    rules: list[Schema] = [{"oneOf": [{"required": [name]} for name in names]} for names in section.one_of]
+    rules += [{"anyOf": [{"required": [name]} for name in names]} for names in section.some_of]
+    rules += [{"not": {"required": list(pair)}} for pair in section.not_both]
+    return made | ({"allOf": rules} if rules else {})
+
+
+def _section_schema(record: type) -> Schema:
+    made = _table_schema(record)
+    return {"type": "array", "items": made} if section_of(record).several else made
+
+
+def _key_schema(key: Key, default: Any) -> Schema:
+    told = "; ".join([key.meaning, *_conditions(key), *([f"unit: {key.unit}"] if key.unit else [])])
+    made = {**key.kind.schema(), "description": told}
+    plain = isinstance(default, (bool, int, float, str))
+    return made | ({"default": default} if plain and default is not MISSING else {})
+
+
+def page_tables() -> dict[str, str]:
+    """The tables of docs/case.md, by the names of their markers."""
+    tables = {section_of(r).name or "top": "\n".join(_key_table(r)) for r in records()}
+    return {**tables, "formulas": "\n".join(_formula_table())}
+
+
+def _key_table(record: type) -> Iterator[str]:
+    section = section_of(record)
+    if section.name:
+        yield f"### {section.header}\n\n{section.meaning[0].upper()}{section.meaning[1:]}.\n"
+    yield "| key | takes | unit | default | meaning |\n|---|---|---|---|---|"
+    for name, key in keys_of(record).items():
+        default = told_default(key, defaults_of(record)[name])
+        takes = f"{key.kind.words}{', ramped' if key.load else ''}"
+        told = "; ".join([key.meaning, *_conditions(key)])
+        yield f"| `{name}` | {_takes(key, takes)} | {key.unit} | {default} | {told} |"
+    rules = _rules(section)
+    if rules:
+        yield f"\n{'; '.join(rules)[0].upper()}{'; '.join(rules)[1:]}."
+
+
+def _takes(key: Key, words: str) -> str:
+    if not isinstance(key.kind, Choice):
+        return words
+    return "<br>".join(
+        f"`{o.word}`: {o.meaning}" + ("" if o.kinematics == ANY else f" ({o.kinematics})") for o in key.kind.options
+    )
+
+
+def _formula_table() -> Iterator[str]:
+    yield "| in a formula | means |\n|---|---|"
+    yield from (f"| `{name}` | {meaning} |" for name, meaning in VARIABLES.items())
+    yield from (f"| `{name}` | {value} |" for name, value in CONSTANTS.items())
+    for name, (least, most, meaning) in FUNCTIONS.items():
+        arguments = ", ".join("abc"[: most or least]) + ("" if most else ", ...")
+        yield f"| `{name}({arguments})` | {meaning} |"

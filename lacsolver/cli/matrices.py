@@ -1,0 +1,97 @@
+"""`lacsolver matrices`: B, G, w of the zones of a case, for a solver of one's own."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.cli.options import check_place
+from lacmesh.cli.terminal import Stages, memory
+from lacmesh.errors import RequestError, did_you_mean
+from lacsolver.cli.options import add_case, add_command
+
+if TYPE_CHECKING:
+    from lacmesh.mesh import Mesh
+    from lacsolver.case import Case, Contact, Tie
+    from lacsolver.matrices import ContactMatrices
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(
+        commands, "matrices", run, "write the contact matrices of a case; it needs no material and no load"
+    )
+    add_case(parser)
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="FILE.npz", help="of several zones each has a FILE-ZONE.npz"
+    )
+    parser.add_argument("--mtx", action="store_true", help="write B beside it in Matrix Market's format too")
+    parser.add_argument("--force", action="store_true", help="replace existing outputs")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Write the matrices of a case."""
+    import lacmesh
+    from lacmesh.records import is_cut
+    from lacsolver.case import read_case
+    from lacsolver.matrices import write_matrices
+
+    output = Path(args.output)
+    if output.suffix.lower() != ".npz":
+        raise RequestError(f"{output}: matrices are written as .npz{did_you_mean(output.suffix, ['.npz'])}")
+    case = read_case(args.case, matrices=True)
+    targets = places([zone.name for zone in (*case.contact, *case.tie)], output)
+    for target in targets.values():
+        for path in (target, *([target.with_suffix(".mtx")] if args.mtx else [])):
+            check_place(path, args)
+    stage = Stages(args, ("pair", "write"))
+    with stage("pair"):
+        mesh = lacmesh.read(case.mesh)
+        made = _made(case, mesh)
+    with stage("write"):
+        for name, matrices in made.items():
+            write_matrices(targets[name], matrices, mtx=args.mtx)
+    if not args.quiet:
+        for name, matrices in made.items():
+            rows, columns = matrices.B.shape
+            also = f" and {targets[name].with_suffix('.mtx').name}" if args.mtx else ""
+            print(f"{name}: B {rows:,} x {columns:,}, {matrices.B.nnz:,} entries: {targets[name]}{also}")
+        if not is_cut(mesh):
+            print("the columns are nodes of the mesh as it was cut for this; lacmesh cut writes that mesh")
+        times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
+        print(f"{args.case}: {times}{memory()}")
+
+
+def _made(case: Case, mesh: Mesh) -> dict[str, ContactMatrices]:
+    """The matrices of each contact and tie, at the end of the steps (where a clearance changes with time)."""
+    from lacsolver.case import check_groups
+    from lacsolver.interface import integrate
+    from lacsolver.matrices import ContactMatrices
+    from lacsolver.problem import joint_of
+    from lacsolver.skin import prepared
+    from lacsolver.space import Space
+
+    check_groups(case, mesh)
+    mesh = prepared(case, mesh)
+    space, made = Space.of(mesh, case.model, case.thickness), {}
+    records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
+    for record in records:
+        joint = joint_of(space, record)
+        face = integrate(joint.zone, space.dim, joint.pairing, t=case.steps.last, tie=joint.tie)
+        made[joint.name] = ContactMatrices.of(face, mesh)
+    return made
+
+
+def places(zones: Iterable[str], output: Path) -> dict[str, Path]:
+    """The file of each zone: `output`, or FILE-ZONE.npz where there are several."""
+    from lacsolver.output.names import CONTACT, contact_stems
+
+    stems = contact_stems(zones)
+    if len(stems) == 1:
+        return dict.fromkeys(stems, output)
+    return {
+        zone: output.with_name(f"{output.stem}-{stem.removeprefix(CONTACT)}{output.suffix}")
+        for zone, stem in stems.items()
+    }

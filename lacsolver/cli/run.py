@@ -1,0 +1,102 @@
+"""`lacsolver run`: solve a case, and write all that its results are."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.cli.options import check_place
+from lacmesh.errors import RequestError
+from lacsolver.cli.options import add_case, add_command
+
+if TYPE_CHECKING:
+    from lacsolver.case import Case
+    from lacsolver.cli.watch import Watch
+    from lacsolver.output import OutputFolder
+    from lacsolver.results import Restart, Results
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(commands, "run", run, "solve a case, and write fields, tables and figures into a folder")
+    add_case(parser)
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", help="the folder of the results (default: beside the case, without its suffix)"
+    )
+    parser.add_argument("--force", action="store_true", help="replace results that the folder holds")
+    parser.add_argument("--restart", metavar="DIR", help="go on from the last state that an earlier run left in DIR")
+    parser.add_argument(
+        "--from", dest="from_time", type=float, metavar="TIME", help="with --restart: from the state at this time"
+    )
+    parser.add_argument("--plot", metavar="FILE.png", help="draw the contact pressure on the deformed bodies")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Solve a case; raises NotConvergedError once what there is has been written."""
+    from lacsolver.case import read_case
+    from lacsolver.output import create, read_state
+
+    if args.from_time is not None and args.restart is None:
+        raise RequestError("--from says where in the folder of --restart to begin; give both")
+    case = read_case(args.case)
+    start = read_state(args.restart, case, args.from_time) if args.restart is not None else None
+    folder = create(args.output or _beside(Path(args.case)), force=args.force, restart=start)
+    if args.plot is not None:
+        _check_plot(case, args)
+    results = _solve(case, folder, start, args)
+    if not args.quiet:
+        from lacsolver.cli.summary import print_summary
+
+        print_summary(results, folder.path, case.output.format)
+    if args.plot is not None:
+        _plot(case, folder, args)
+
+
+def _beside(case: Path) -> Path:
+    """The folder of results when nothing is said: the case's name without its suffix."""
+    if not case.suffix:
+        raise RequestError(f"{case} has no suffix to leave out for the folder of the results; name one with -o")
+    return case.with_suffix("")
+
+
+def _solve(case: Case, folder: OutputFolder, start: Restart | None, args: argparse.Namespace) -> Results:
+    from lacsolver.cli.watch import Watch
+    from lacsolver.march import NotConvergedError
+    from lacsolver.run import run as solve
+
+    watch = Watch(case, quiet=args.quiet)
+    args.left = lambda: left(watch, folder, start)
+    try:
+        with watch:
+            return solve(case, folder, start=start, told=watch.told, stepped=watch.stepped)
+    except NotConvergedError as error:
+        tried = f"the last state tried is in {folder.path / 'unconverged'}"
+        raise NotConvergedError(f"{error} ({left(watch, folder, start)}; {tried})", error.state) from None
+
+
+def left(watch: Watch, folder: OutputFolder, start: Restart | None) -> str:
+    """What a run that stops leaves behind, and how to go on."""
+    if watch.time is None:
+        again = f"; --restart {start.folder} goes on from t = {start.time:.9g} again" if start else ""
+        return f"no step has converged{again}"
+    return f"what converged up to t = {watch.time:.9g} is in {folder.path}; --restart {folder.path} goes on from there"
+
+
+def _check_plot(case: Case, args: argparse.Namespace) -> None:
+    """Say at once what would stop the drawing at the end."""
+    from lacsolver.plot import check_plot
+
+    target = Path(args.plot)
+    check_plot(case, target)
+    check_place(target, args)
+
+
+def _plot(case: Case, folder: OutputFolder, args: argparse.Namespace) -> None:
+    from lacsolver.output import read_state
+    from lacsolver.plot import plot
+
+    state = read_state(folder.path, case)
+    plot(case, state, Path(args.plot))
+    if not args.quiet:
+        print(f"the pressure at t = {state.time:.9g}: {args.plot}")

@@ -1,0 +1,68 @@
+"""What is said at the end of a run: steps, each zone, balance, time and memory, and where the results are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lacmesh.cli.terminal import console, table
+
+if TYPE_CHECKING:
+    from lacmesh.mesh import Floats
+    from lacsolver.results import Results, ZoneFigures
+
+
+def print_summary(results: Results, folder: Path, fields: str) -> None:
+    """Print the summary of a run that is done; `fields`: the format of its fields."""
+    rows = table("run", "")
+    for name, value in _figures(results):
+        rows.add_row(name, value)
+    last = results.steps[-1] if results.steps else None
+    for zone, figures in last.contact.items() if last else ():
+        rows.add_section()
+        rows.add_row("zone", zone)
+        for name, value in _zone(figures):
+            rows.add_row(name, value)
+    console().print(rows)
+    opened = "results.med for Salome" if fields == "med" else "solid.pvd for ParaView"
+    print(f"results: {folder} (results.json, history.csv, {opened})")
+
+
+def _figures(results: Results) -> Iterator[tuple[str, str]]:
+    steps = results.steps
+    halvings, iterations = (sum(getattr(step, name) for step in steps) for name in ("halvings", "iterations"))
+    yield "steps", f"{len(steps):,}" + (f", {halvings:,} halvings" if halvings else "")
+    yield "iterations", f"{iterations:,}"
+    if steps:
+        force, moment = np.max([step.balance for step in steps], axis=0)
+        yield "balance, the worst step's", f"forces {force:.1e}, moments {moment:.1e}"
+        yield "strain energy", f"{steps[-1].energy:.6g}"
+    if results.sizes:
+        yield "sizes", ", ".join(f"{count:,} {name.replace('_', '-')}" for name, count in results.sizes.items())
+    phases = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in results.timings.items())
+    yield "time", phases or "nothing was left to do"
+    yield "peak memory", f"{results.memory / 1e6:.0f} MB"
+
+
+def _zone(zone: ZoneFigures) -> Iterator[tuple[str, str]]:
+    yield "macro-elements", f"{zone.active:,} in contact, {zone.open:,} open, {zone.unpaired:,} without a master"
+    yield "pressure", _span(zone.pressure_min, zone.pressure_max)
+    yield "mean gaps", _span(zone.gap_min, zone.gap_max)
+    yield "coverage", _span(zone.coverage_min, zone.coverage_max)
+    yield "contact area", f"{zone.contact_area:.6g}"
+    yield "force on the slave", _vector(zone.resultant)
+    yield "its moment", _vector(zone.moment)
+
+
+def _span(low: float, high: float) -> str:
+    return f"{low:.6g} to {high:.6g}"
+
+
+def _vector(values: Floats) -> str:
+    """A vector or a number, what is rounding beside its largest component as 0."""
+    values = np.atleast_1d(values)
+    rounding = 1e-12 * float(np.abs(values).max(initial=0.0))
+    return ", ".join(f"{v if abs(v) > rounding else 0.0:.6g}" for v in values)

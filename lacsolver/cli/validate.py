@@ -1,0 +1,123 @@
+"""`lacsolver validate`: whether a case can be run, and what it would solve."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.cli.terminal import Stages, console, memory, table
+from lacsolver.cli.options import add_case, add_command
+
+if TYPE_CHECKING:
+    from lacsolver.case import Case
+    from lacsolver.case.records import Entry
+    from lacsolver.validation import Validation, ZoneFound
+
+#: sections that are told one by one, in this order
+_ACTING = ("displacement", "rigid", "spring", "pressure", "traction", "force", "body_force", "gravity", "temperature")
+#: keys that say where, not what
+_WHERE = ("group", "groups", "at", "kind", "place", "centre")
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(
+        commands, "validate", run, "read a case and its mesh, and tell every mistake at once, and what would be solved"
+    )
+    add_case(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Look at a case; raises CaseError with all that a run would be refused for."""
+    import lacmesh
+    from lacsolver.case import CaseError, read_case
+    from lacsolver.validation import validate
+
+    stage = Stages(args, ("read", "look"))
+    with stage("read"):
+        case = read_case(args.case)
+        mesh = lacmesh.read(case.mesh)
+    with stage("look"):
+        found = validate(case, mesh)
+    if not args.quiet:
+        _print(case, found)
+        times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
+        print(f"{args.case}: {times}{memory()}")
+    sys.stdout.flush()
+    if found.problems:
+        raise CaseError(found.problems)
+
+
+def _print(case: Case, found: Validation) -> None:
+    rows = table("case", "")
+    for name, value in _figures(case, found):
+        rows.add_row(name, value)
+    for zone in found.zones:
+        rows.add_section()
+        for name, value in _zone(zone):
+            rows.add_row(name, value)
+    rows.add_section()
+    for name in _ACTING:
+        held = getattr(case, name)
+        for record in held if isinstance(held, tuple) else [held] if held else []:
+            rows.add_row(name, said(record))
+    console().print(rows)
+
+
+def _figures(case: Case, found: Validation) -> Iterator[tuple[str, str]]:
+    """What is solved, how large it is, and what is free to move."""
+    mesh = found.mesh
+    cells = ", ".join(f"{count:,} {kind}" for kind, count in mesh.cells_by_type.items())
+    yield "model", f"{case.model}, {case.kinematics} strains"
+    yield "mesh", f"{case.mesh}: {mesh.n_nodes:,} nodes, {cells}"
+    if case.contact or case.tie:
+        yield (
+            "cut",
+            "made here, for this run" if found.cut_here else "as the mesh has it" if found.zones else "not made",
+        )
+    if found.unknowns:
+        yield "unknowns", f"{found.unknowns:,} of {found.dim * mesh.n_nodes:,} displacements"
+    steps = case.steps
+    halved = f"each halved {steps.max_halvings} times at most"
+    yield "steps", f"{len(steps.planned)}, to t = {steps.last:g}, {halved}"
+    for motion in found.held:
+        yield "held by contact alone", motion
+
+
+def _zone(zone: ZoneFound) -> Iterator[tuple[str, str]]:
+    yield "tie" if zone.tie else "contact", f"{zone.name}: slave {zone.slave}, master {zone.master}"
+    paired = f"{zone.macros - zone.unpaired:,} of {zone.macros:,} face the master"
+    yield "macro-elements", f"{paired}; {100 * zone.covered:.4g} % of the slave is covered"
+    if zone.unpaired < zone.macros:
+        yield "mean gaps", f"{zone.gap[0]:.6g} to {zone.gap[1]:.6g}"
+
+
+def said(record: Entry) -> str:
+    """Where a record acts and what it says: `top: value = 25, ramped`."""
+    from lacsolver.case.keys import keys_of
+    from lacsolver.places import name_of
+
+    groups = getattr(record, "groups", None)
+    where = ", ".join(groups) if groups else name_of(record) if hasattr(record, "group") else "everywhere"
+    told = [
+        f"{name} = {_value(getattr(record, name))}"
+        for name in keys_of(type(record))
+        if name not in _WHERE and getattr(record, name) not in (None, False)
+    ]
+    return f"{where}: {', '.join(told)}"
+
+
+def _value(value: Any) -> str:
+    from lacsolver.case.formula import Formula
+    from lacsolver.case.value import Value
+
+    if isinstance(value, Value):
+        ramped = ", ramped" if value.ramp_end and value.source != 0 else ""
+        return f"{_value(value.source)}{ramped}"
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, Formula):
+        return repr(value.text)
+    return f"{value:g}" if isinstance(value, float) else str(value)

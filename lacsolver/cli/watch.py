@@ -1,0 +1,113 @@
+"""What is seen of a run while it goes on: iterations as they come where a person watches, and a line for each step."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import deque
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.cli.terminal import tell
+
+if TYPE_CHECKING:
+    from lacsolver.case import Case
+    from lacsolver.march import Told
+    from lacsolver.results import StepFigures
+
+#: iterations of the step in hand that are shown at a time
+SHOWN = 8
+#: seconds between two pictures of the iterations, at least
+_PAUSE = 0.1
+#: of the table of steps: heading, width
+_COLUMNS = (("step", 5), ("time", 11), ("iterations", 12), ("halvings", 10), ("balance", 9))
+_OF_ZONES = (("in contact", 16), ("max pressure", 14))
+
+
+class Watch:
+    """Shows a run: `told` of its iterations, `stepped` of its steps. `time`: of the last step that converged, or None.
+
+    Iterations are shown on the terminal that errors go to, and leave nothing there; steps are lines of the output.
+    """
+
+    def __init__(self, case: Case, *, quiet: bool) -> None:
+        self.time: float | None = None
+        self._quiet, self._end = quiet, case.steps.last
+        self._zones = bool(case.contact or case.tie)
+        self._steps = 0
+        self._iterations: deque[Told] = deque(maxlen=SHOWN)
+        self._begun, self._shown = time.perf_counter(), 0.0
+        self._live: Any = None
+        if sys.stderr.isatty() and not quiet:
+            from rich.console import Console
+            from rich.live import Live
+
+            self._live = Live(
+                get_renderable=self._now,
+                console=Console(stderr=True, highlight=False),
+                refresh_per_second=8,
+                transient=True,
+                redirect_stdout=sys.stdout.isatty(),
+            )
+
+    def __enter__(self) -> Watch:
+        if self._live:
+            self._live.start()
+            tell(self._live.console.print)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        if self._live:
+            self._live.stop()
+
+    def told(self, told: Told) -> None:
+        """Take an iteration."""
+        if told.number == 1:
+            self._iterations.clear()
+        self._iterations.append(told)
+        now = time.perf_counter()
+        if self._live and now - self._shown > _PAUSE:
+            self._shown = now
+            self._live.refresh()
+
+    def stepped(self, step: StepFigures) -> None:
+        """Take a step that has converged."""
+        self.time = step.time
+        self._steps += 1
+        self._iterations.clear()
+        if not self._quiet:
+            if self._steps == 1:
+                print(self._header())
+            print(self._line(step), flush=True)
+
+    def _header(self) -> str:
+        return "".join(f"{name:>{wide}}" for name, wide in (*_COLUMNS, *(_OF_ZONES if self._zones else ())))
+
+    def _line(self, step: StepFigures) -> str:
+        """A row of the table of steps."""
+        cells = [f"{self._steps:,}", f"{step.time:.6g}", f"{step.iterations:,}", f"{step.halvings:,}"]
+        cells.append(f"{max(step.balance):.1e}")
+        if self._zones:
+            zones = step.contact.values()
+            active, every = sum(z.active for z in zones), sum(z.active + z.open + z.unpaired for z in zones)
+            cells += [f"{active:,} of {every:,}", f"{max(z.pressure_max for z in zones):.6g}"]
+        columns = (*_COLUMNS, *(_OF_ZONES if self._zones else ()))
+        return "".join(f"{cell:>{wide}}" for cell, (_, wide) in zip(cells, columns, strict=True))
+
+    def _now(self) -> Any:
+        """The iterations of the step in hand, and what is being done."""
+        from rich.console import Group
+        from rich.text import Text
+
+        spent = time.perf_counter() - self._begun
+        if not self._iterations:
+            done = "preparing" if self.time is None else f"t = {self.time:.6g} of {self._end:g} is done"
+            return Text(f"{done}, {spent:.0f} s", style="dim")
+        last = self._iterations[-1]
+        halved = f", halved {last.halvings} times" if last.halvings else ""
+        head = Text(f"towards t = {last.time:.6g} of {self._end:g}{halved}, {spent:.0f} s", style="bold")
+        rows = [
+            f"  iteration {told.number:3}  closed {told.closed:8,}  balance {told.balance:8.1e}  gaps {told.gap:8.1e}"
+            for told in self._iterations
+        ]
+        return Group(head, *(Text(row, style="dim", no_wrap=True, overflow="ellipsis") for row in rows))

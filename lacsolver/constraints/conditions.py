@@ -1,0 +1,120 @@
+"""Prescribed displacements as conditions d . u = value at nodes, d a unit vector: an axis, or the outward normal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS
+from lacmesh.errors import DataError
+from lacmesh.mesh import Ints
+from lacmesh.surface import Surface
+from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.records import Displacement
+from lacsolver.case.value import Value
+from lacsolver.constraints.normals import nodal_normals
+from lacsolver.places import cells_of, nodes_of, wrong
+from lacsolver.space import Space
+
+_AXES = ("ux", "uy", "uz")
+#: x of a node on the axis of symmetry, against the mesh's extent
+_ON_AXIS = 1e-9
+#: what holds the nodes on the axis of symmetry, in the place of a record
+AXIS = Displacement(group="the axis of symmetry", ux=Value(0.0))
+
+
+class Prescribed(NamedTuple):
+    """One component of a record: `value` is what direction . u is at each of its nodes.
+
+    `nodes` (k,), `directions` (k, dim) unit vectors; a node stands several times where a skin has an edge.
+    """
+
+    record: Displacement
+    component: str
+    value: Value
+    nodes: Ints
+    directions: NDArray[np.floating]
+
+    def at(self, space: Space, t: float) -> NDArray[np.floating]:
+        """(k,): the value at each node at time t. Raises EvaluationError where it is not finite."""
+        return self.value(space.mesh.points[self.nodes][:, : space.dim], t)
+
+
+def prescribed(space: Space, records: Sequence[Displacement]) -> tuple[Prescribed, ...]:
+    """What the records prescribe, component by component, in their order.
+
+    Raises CaseError for groups and places that are missing, and for `un` of what is no skin: every mistake at once.
+    """
+    problems: list[Problem] = []
+    made: list[list[Prescribed]] = []
+    skins: dict[int, Surface] = {}
+    for number, record in enumerate(records):
+        try:
+            made.append(_along_axes(space, record))
+            if record.un is not None:
+                skins[number] = _skin(space, record)
+        except CaseError as error:
+            problems += error.problems
+    if problems:
+        raise CaseError(problems)
+    if skins:
+        for number, found in zip(skins, nodal_normals(space, list(skins.values())), strict=True):
+            value = records[number].un
+            assert value is not None
+            made[number].append(Prescribed(records[number], "un", value, found.nodes, found.normals))
+    return tuple(part for parts in made for part in parts)
+
+
+def on_axis(space: Space, moved: Ints) -> tuple[Prescribed, ...]:
+    """ux = 0 on the axis of an axisymmetric model, where strain would not be finite; not at nodes `moved` otherwise."""
+    if not space.model.axisymmetric:
+        return ()
+    x = space.mesh.points
+    there = space.attached & (np.abs(x[:, 0]) <= _ON_AXIS * np.ptp(x, axis=0).max())
+    there[moved] = False
+    nodes = np.flatnonzero(there)
+    return (Prescribed(AXIS, "ux", Value(0.0), nodes, np.tile([1.0, 0.0], (len(nodes), 1))),) if len(nodes) else ()
+
+
+def _along_axes(space: Space, record: Displacement) -> list[Prescribed]:
+    values = [(k, name, getattr(record, name)) for k, name in enumerate(_AXES[: space.dim])]
+    nodes = nodes_of(space, record)
+    return [
+        Prescribed(record, name, value, nodes, np.tile(np.eye(space.dim)[k], (len(nodes), 1)))
+        for k, name, value in values
+        if value is not None
+    ]
+
+
+def _skin(space: Space, record: Displacement) -> Surface:
+    """The faces of a record's group, each with one cell of the body behind it."""
+    mesh = space.mesh
+    cells = cells_of(space, record)
+    if cells is None:
+        raise wrong(
+            record, f"un needs a group of skin cells, and {record.group!r} is one of nodes; make it one of cells"
+        )
+    odd = cells[(mesh.cell_dim[cells] != space.dim - 1) | ~_known(space, cells)]
+    if len(odd):
+        what = f"linear or quadratic skin cells of dimension {space.dim - 1}"
+        raise wrong(record, f"un needs {what}, and cells {mesh.cell_names(odd)} are none; make {record.group!r} a skin")
+    try:
+        surface = Surface.of(mesh, cells)
+    except DataError as error:
+        raise wrong(record, str(error)) from None
+    loose = surface.cell[np.isnan(surface.depth)]
+    if len(loose):
+        message = f"cells {mesh.cell_names(loose)} do not have just one cell of the body behind them"
+        raise wrong(record, f"{message}, so that their outward normal is unknown; prescribe ux, uy, uz, or name a skin")
+    return surface
+
+
+def _known(space: Space, cells: Ints) -> NDArray[np.bool_]:
+    """(k,): whether cells are of a type that has shape functions."""
+    known = np.zeros(space.mesh.n_cells, bool)
+    for kind, chosen, _ in space.mesh.select(cells):
+        known[chosen] = kind in CELLS
+    return known[cells]

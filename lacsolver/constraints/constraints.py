@@ -1,0 +1,173 @@
+"""All that holds and moves the bodies of a case, as u = T q + u0(t).
+
+T is constant and known once: columns of the nodes' own unknowns, node by node, then those of the rigid bodies' free
+motions. K on q is T^T K T, forces T^T f + force(t), and the reactions r = f_int - f_ext + B^T p satisfy
+T^T r = force(t): on the nodes' own unknowns nothing is left, on a free motion what is prescribed as its load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+
+from lacmesh.errors import RequestError, did_you_mean
+from lacmesh.mesh import Floats, Ints
+from lacsolver.case.case import Case
+from lacsolver.constraints.conditions import AXIS, on_axis, prescribed
+from lacsolver.constraints.local import LocalBases, combine
+from lacsolver.constraints.rigid import RigidBody, check_apart, numbered, rigid_bodies
+from lacsolver.places import name_of
+from lacsolver.space import Space
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """u = T q + u0(t); built by `Constraints.of`.
+
+    `T` (n_dof, n_q): its columns at the nodes' own unknowns are orthonormal. `local`: the prescribed displacements,
+    `rigid`: the rigid bodies, in the case's order. `names`: each displacement's conditions (rows of `local`), by the
+    name that its reaction has: its group, or `at [x, y, z]`.
+    """
+
+    space: Space
+    T: csr_array
+    local: LocalBases
+    rigid: tuple[RigidBody, ...]
+    names: Mapping[str, Ints]
+
+    @classmethod
+    def of(cls, space: Space, case: Case) -> Constraints:
+        """The constraints of a case's displacements and rigid bodies.
+
+        In axisymmetry nodes on the axis have ux = 0, whatever the case says of them. Nodes that no cell of the space
+        holds and no rigid body moves have no unknowns: what is not prescribed there is 0.
+
+        Raises CaseError, with the lines of the records concerned, for groups and places that are missing or empty, `un`
+        of what is no skin, conditions that contradict each other at a node (looked for at some of the case's times, and
+        by `u0` at every time that is asked), a node in two rigid bodies, or prescribed beside one.
+        """
+        parts = prescribed(space, case.displacement)
+        rigid = rigid_bodies(space, case.rigid)
+        check_apart(space, rigid, parts)
+        moved = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in rigid)])
+        local = combine(space, (*parts, *on_axis(space, moved)))
+        own, n = _own_unknowns(space, local, rigid)
+        rigid = numbered(rigid, n)
+        made = cls(space, _map(space, local, own, n, rigid), local, rigid, _names(local))
+        for t in _probed(case):
+            made.u0(t)
+        return made
+
+    @property
+    def n_q(self) -> int:
+        """Number of unknowns that are left."""
+        return self.T.shape[1]
+
+    def u0(self, t: float) -> NDArray[np.floating]:
+        """(n_dof,): the displacement at time t with q = 0. Raises CaseError where conditions contradict each other."""
+        u = self.local.P @ self.local.values(t)
+        for body in self.rigid:
+            u[self.space.dofs(body.nodes).ravel()] = body.displacement(body.held(t))
+        return u
+
+    def displacement(self, q: Floats, t: float) -> NDArray[np.floating]:
+        """(n_dof,): the displacement at time t with unknowns q (n_q,)."""
+        return self.T @ q + self.u0(t)
+
+    def force(self, t: float) -> NDArray[np.floating]:
+        """(n_q,): forces and moments on the free motions of rigid bodies at time t, 0 elsewhere."""
+        f = np.zeros(self.n_q)
+        for body in self.rigid:
+            f[body.columns[body.free]] = body.force(t)[body.free]
+        return f
+
+    def rigid_motion(self, q: Floats, t: float) -> dict[str, NDArray[np.floating]]:
+        """Each rigid body's displacement of its centre, then its rotation (3 in 3D, 1 in a plane), by its group."""
+        return {body.name: body.motion(q, t) for body in self.rigid}
+
+    @cached_property
+    def is_selection(self) -> bool:
+        """Whether T merely picks unknowns, so that T^T K T is K[free][:, free]."""
+        one_each = np.diff(self.T.tocsc().indptr) == 1
+        return bool(one_each.all() and (self.T.data == 1.0).all() and self.T.has_canonical_format)
+
+    @cached_property
+    def free(self) -> Ints:
+        """(n_q,): the unknown of u that each of q is. Raises ValueError unless `is_selection`."""
+        if not self.is_selection:
+            raise ValueError("q are no unknowns of u: multiply with T")
+        return self.T.tocsc().indices
+
+    def reactions(self, reaction: Floats) -> dict[str, NDArray[np.floating]]:
+        """(dim,) of each displacement and rigid body: its share of reactions (n_dof,) at the nodes.
+
+        Of two conditions that say the same at a node the earlier one carries the force, so that the shares add up to
+        the whole. A rigid body has all forces on its nodes: what holds it, and the loads on its free motions.
+        """
+        own = self.local.forces(reaction)
+        shares = {name: own[rows].sum(axis=0) for name, rows in self.names.items()}
+        return shares | {name: m[: self.space.dim] for name, m in self.rigid_reactions(reaction).items()}
+
+    def reaction(self, name: str, reaction: Floats) -> NDArray[np.floating]:
+        """(dim,): that of one of `reactions`. Raises RequestError for a name that is none."""
+        found = self.reactions(reaction)
+        if name not in found:
+            raise RequestError(f"no displacement or rigid body named {name!r}{did_you_mean(name, found)}")
+        return found[name]
+
+    def rigid_reactions(self, reaction: Floats) -> dict[str, NDArray[np.floating]]:
+        """Each rigid body's force, then its moment about the centre (3 in 3D, 1 in a plane), of reactions (n_dof,)."""
+        at = self.space.dofs
+        return {body.name: body.resultant(reaction[at(body.nodes).ravel()]) for body in self.rigid}
+
+
+def _own_unknowns(space: Space, local: LocalBases, rigid: tuple[RigidBody, ...]) -> tuple[Ints, int]:
+    """(n_nodes,): the first unknown of q that is a node's own, -1 where it has none; and how many there are."""
+    count = np.where(space.attached, space.dim, 0)
+    count[local.nodes] = np.where(space.attached[local.nodes], local.n_free, 0)
+    for body in rigid:
+        count[body.nodes] = 0
+    first = np.cumsum(count) - count
+    return np.where(count > 0, first, -1), int(count.sum())
+
+
+def _map(space: Space, local: LocalBases, own: Ints, n: int, rigid: tuple[RigidBody, ...]) -> csr_array:
+    """T, from each node's first own unknown, n of these, and the rigid bodies."""
+    alone = own >= 0
+    alone[local.nodes] = False
+    whole = np.flatnonzero(alone)
+    entries: list[tuple[Ints, Ints, Floats]] = []
+    entries.append((space.dofs(whole), own[whole, None] + np.arange(space.dim), np.ones((len(whole), space.dim))))
+    k, j = np.nonzero((own[local.nodes, None] >= 0) & (np.arange(space.dim) < local.n_free[:, None]))
+    entries.append((space.dofs(local.nodes[k]), (own[local.nodes[k]] + j)[:, None], local.basis[k, j]))
+    for body in rigid:
+        rows = space.dofs(body.nodes).reshape(-1, 1)
+        entries.append((rows, body.columns[body.free], body.lever[:, body.free]))
+        n += int(body.free.sum())
+    spread = [np.broadcast_arrays(*entry) for entry in entries]
+    row, column, value = (np.concatenate([part[a].ravel() for part in spread]) for a in range(3))
+    T = coo_array((value, (row, column)), shape=(space.n_dof, n)).tocsr()
+    T.eliminate_zeros()
+    return T
+
+
+def _names(local: LocalBases) -> Mapping[str, Ints]:
+    rows: dict[str, list[Ints]] = {}
+    start = 0
+    for part in local.parts:
+        if part.record is not AXIS:
+            rows.setdefault(name_of(part.record), []).append(np.arange(start, start + len(part.nodes)))
+        start += len(part.nodes)
+    return MappingProxyType({name: np.concatenate(found) for name, found in rows.items()})
+
+
+def _probed(case: Case) -> list[float]:
+    """Some times of a case: the first, middle and last of its steps, and one that is none of them."""
+    planned = case.steps.planned
+    return sorted({planned[0], planned[len(planned) // 2], planned[-1], 0.618 * case.steps.last})

@@ -1,0 +1,192 @@
+"""Rigid bodies: nodes whose displacement is that of a few motions, each of them held, prescribed, or loaded and free.
+
+Motions m: displacement of the centre along x, y (and z), then the rotation: a vector in 3D, a number in a plane, none
+in axisymmetry, where only y is left. With small kinematics u_i = U + theta x (X_i - c), linear in theta also where the
+rotation is prescribed. `RigidBody.displacement` is the one place that says so: with finite kinematics it is
+U + (R(theta) - 1)(X_i - c), and `lever` its derivative at theta.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import some
+from lacmesh.mesh import Floats, Ints
+from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.records import Rigid
+from lacsolver.case.value import Value
+from lacsolver.constraints.conditions import Prescribed
+from lacsolver.places import name_of, nodes_of, said, wrong
+from lacsolver.space import Space
+
+_AXES = "xyz"
+#: singular value of the free motions' displacements, of the largest, below which one moves nothing
+_STILL = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBody:
+    """Nodes that move as one. `nodes` (k,), `centre` (3,), `lever` (k dim, m): displacements of the unit motions.
+
+    `moved`: what each of the m motions is prescribed to be, None where it is held or free; `loads`: the force or
+    moment on it, likewise; `free` (m,). `columns` (m,): the unknown of q that each free motion is, -1 for the others.
+    """
+
+    record: Rigid
+    nodes: Ints
+    centre: Floats
+    lever: NDArray[np.floating]
+    moved: tuple[Value | None, ...]
+    loads: tuple[Value | None, ...]
+    columns: Ints
+
+    @property
+    def name(self) -> str:
+        """What results call it: the name of its group."""
+        return name_of(self.record)
+
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """(m,): which motions are free."""
+        return np.array([load is not None for load in self.loads])
+
+    def motion(self, q: Floats, t: float) -> NDArray[np.floating]:
+        """(m,): the motions at time t, with unknowns q (n_q,) of the constraints."""
+        m = _values(self.moved, t)
+        m[self.free] = q[self.columns[self.free]]
+        return m
+
+    def held(self, t: float) -> NDArray[np.floating]:
+        """(m,): the motions at time t, those that are free left at 0."""
+        return _values(self.moved, t)
+
+    def force(self, t: float) -> NDArray[np.floating]:
+        """(m,): the forces and moments about the centre at time t."""
+        return _values(self.loads, t)
+
+    def displacement(self, motion: Floats) -> NDArray[np.floating]:
+        """(k dim,): displacements of the nodes under motions (m,)."""
+        return self.lever @ motion
+
+    def resultant(self, forces: Floats) -> NDArray[np.floating]:
+        """(m,): resultant and moment about the centre of forces (k dim,) at the nodes."""
+        return self.lever.T @ forces
+
+
+def rigid_bodies(space: Space, records: Sequence[Rigid]) -> tuple[RigidBody, ...]:
+    """The rigid bodies of a case; their free motions are numbered from 0 on.
+
+    Raises CaseError for a group that is missing or empty, a node in two of them, and a loaded motion that moves no node
+    (a rotation about the line that all nodes stand on).
+    """
+    made: list[RigidBody] = []
+    problems: list[Problem] = []
+    for record in records:
+        try:
+            made.append(_rigid_body(space, record, sum(int(body.free.sum()) for body in made)))
+        except CaseError as error:
+            problems += error.problems
+    if problems:
+        raise CaseError(problems)
+    _in_one(space, made)
+    return tuple(made)
+
+
+def numbered(bodies: Sequence[RigidBody], first: int) -> tuple[RigidBody, ...]:
+    """The same bodies, their free motions numbered from `first` on."""
+    return tuple(replace(b, columns=np.where(b.free, b.columns + first, -1)) for b in bodies)
+
+
+def check_apart(space: Space, bodies: Sequence[RigidBody], parts: Sequence[Prescribed]) -> None:
+    """Raises CaseError where a node of a rigid body has its displacement prescribed by another record."""
+    owner = _owners(space, bodies)
+    for part in parts:
+        both = part.nodes[owner[part.nodes] >= 0]
+        if len(both):
+            body = bodies[owner[both[0]]]
+            numbers = some(np.unique(space.mesh.node_number[both]))
+            message = f"{said(part.record)} prescribes {part.component} of nodes {numbers}, which {said(body.record)}"
+            raise CaseError([Problem(f"{message} moves; prescribe the motion of the rigid body instead")])
+
+
+def moments(dim: int, x: Floats) -> NDArray[np.floating]:
+    """(k, dim, r): theta x X at places X (k, 3) for unit rotations theta: about x, y, z, or the one about z in 2D."""
+    cross = np.cross(np.eye(3)[None], x[:, None])  # (k, axis, component)
+    return np.moveaxis(cross if dim == 3 else cross[:, 2:, :2], 1, 2)
+
+
+def _rigid_body(space: Space, record: Rigid, first: int) -> RigidBody:
+    nodes = nodes_of(space, record)
+    x = space.mesh.points[nodes]
+    centre = x.mean(axis=0)
+    if record.centre is not None:
+        centre[: space.dim] = record.centre
+    lever = np.tile(np.eye(space.dim), (len(nodes), 1, 1))
+    if not space.model.axisymmetric:
+        lever = np.concatenate([lever, moments(space.dim, x - centre)], axis=2)
+    lever = lever.reshape(-1, lever.shape[-1])
+    turns = lever.shape[1] - space.dim
+    moved = _components(record, "u", space.dim) + _turns(record.rotation, turns)
+    loads = _components(record, "f", space.dim) + _turns(record.moment, turns)
+    free = np.array([load is not None for load in loads])
+    columns = np.where(free, first + np.cumsum(free) - 1, -1)
+    body = RigidBody(record, nodes, centre, lever, moved, loads, columns)
+    _check_moves(space, body)
+    return body
+
+
+def _components(record: Rigid, letter: str, dim: int) -> tuple[Value | None, ...]:
+    return tuple(getattr(record, letter + axis) for axis in _AXES[:dim])
+
+
+def _turns(given: tuple[Value, ...] | None, turns: int) -> tuple[Value | None, ...]:
+    """The values of a rotation or a moment; None for each where there is none."""
+    return (None,) * turns if given is None else given[:turns]
+
+
+def _values(values: Sequence[Value | None], t: float) -> NDArray[np.floating]:
+    return np.array([0.0 if value is None else value.at(t) for value in values])
+
+
+def _check_moves(space: Space, body: RigidBody) -> None:
+    """Every free motion moves nodes, and no combination of them moves none."""
+    lever = body.lever[:, body.free]
+    size = np.linalg.norm(lever, axis=0)
+    reach = np.ptp(space.mesh.points, axis=0).max() * np.sqrt(len(body.nodes))
+    turning = np.flatnonzero(body.free) >= space.dim
+    scaled = lever / np.where(turning, reach, size)
+    rank = int((np.linalg.svd(np.linalg.qr(scaled, mode="r"), compute_uv=False) > _STILL).sum()) if lever.size else 0
+    if rank < lever.shape[1]:
+        one = space.dim == 2 or not np.ptp(space.mesh.points[body.nodes], axis=0).any()
+        message = f"the nodes of {body.name!r} are {'one point' if one else 'on one line'}"
+        raise wrong(
+            body.record, f"{message}, so that a free rotation moves none; leave moment out, and the rotation is held"
+        )
+
+
+def _owners(space: Space, bodies: Sequence[RigidBody]) -> Ints:
+    """(n_nodes,): the rigid body of each node, -1 for none."""
+    owner = np.full(space.mesh.n_nodes, -1)
+    for k, body in enumerate(bodies):
+        owner[body.nodes] = k
+    return owner
+
+
+def _in_one(space: Space, bodies: Sequence[RigidBody]) -> None:
+    """No node is in two rigid bodies."""
+    node = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in bodies)])
+    owner = np.repeat(np.arange(len(bodies)), [len(body.nodes) for body in bodies])
+    order = np.argsort(node, kind="stable")
+    again = np.flatnonzero(node[order[1:]] == node[order[:-1]])
+    if len(again):
+        a, b = order[again[0]], order[again[0] + 1]
+        numbers = some(space.mesh.node_number[np.unique(node[order[again]])])
+        message = f"nodes {numbers} are in {said(bodies[owner[a]].record)} and in {said(bodies[owner[b]].record)}"
+        raise CaseError(
+            [Problem(f"{message}; a node moves with one rigid body, so join the groups or take them apart")]
+        )

@@ -1,0 +1,251 @@
+"""Equilibrium at one time: which macro-elements are in contact, at what pressure, and the displacement.
+
+    K q = f - B^T p                                                    (26), (35)
+    0 <= p_m, 0 <= G_m(q), p_m G_m = 0                                 (27), (29)
+
+It is a semi-smooth Newton method on p_m - max(0, p_m - c_m G_m / w_m) = 0 (32), (33): some rows are held closed, G_m =
+0, the others are open, p_m = 0, and one linear system gives the next q and p; closed rows that press stay closed, open
+ones that overlap are closed (which is the sign of p_m - c_m G_m / w_m, whatever c_m). With constant K, B and D that is
+block principal pivoting (Portugal, Judice and Vicente 1994), kept finite by Murty's rule, one change at a time and the
+first first, where whole exchanges do not get on. Systems are solved loosely until a set comes back, then as exactly as
+numbers allow. What ends the loop is the defect of the conditions and of the balance, not that the set stays.
+
+c_m = w_m (b K b^T) / (b b^T)^2 with b the row of B: the stiffness of the macro-element's own skin, stress per length,
+so that no constant depends on units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from lacmesh.mesh import Floats
+from lacsolver.schur import Goal, Rows, solve_rows
+from lacsolver.stiffness import Stiffness
+
+#: what a loose solve leaves of the residual, and how many there are
+_LOOSE, _LOOSE_SOLVES = 0.1, 12
+#: exchanges of all rows that want it without fewer of them, before one row alone changes
+_BLOCKS = 3
+#: gaps are known to this much of the coordinates
+ROUNDING = 1e-14
+#: a free motion is stopped by rows that move with it by this much of those that move most, and a load carried to it
+_STOPPED = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """All rows of all zones at some place, a row each (m,): `rows` (B, D, w), `G` there, `paired`, `held` (equalities).
+
+    `c` (m,): stress per length, see above. `turning`: d(B^T p)/dq at pressures p, None where B does not change.
+    """
+
+    rows: Rows
+    G: NDArray[np.floating]
+    paired: NDArray[np.bool_]
+    held: NDArray[np.bool_]
+    c: NDArray[np.floating]
+    turning: Callable[[Floats], csr_array] | None = None
+
+    def next(self, active: NDArray[np.bool_], p: Floats) -> NDArray[np.bool_]:
+        """(m,): the rows to close after a solve with `active` ones closed: those that press, and those that overlap."""
+        return self.paired & (self.held | np.where(active, p > 0, self.G < 0))
+
+    def defect(self, p: Floats) -> float:
+        """How far p and G are from the conditions, as a gap."""
+        gap = np.where(self.paired, self.G / self.rows.w, 0.0)
+        free = np.minimum(np.where(self.paired, p / self.c, 0.0), gap)
+        return float(np.abs(np.where(self.held, gap, free)).max(initial=0.0))
+
+
+class Iterate(NamedTuple):
+    """Unknowns q (n,), pressures p (m,), the set of the last solve (m,)."""
+
+    q: NDArray[np.floating]
+    p: NDArray[np.floating]
+    active: NDArray[np.bool_]
+
+
+class Outcome(NamedTuple):
+    """Where a search for equilibrium ended: `converged`, the iterate, its contact, the defects of each iteration.
+
+    `defects`: (balance, gap) after each linear solve, relative. `products`: with K^-1.
+    """
+
+    converged: bool
+    iterate: Iterate
+    contact: Contact
+    defects: tuple[tuple[float, float], ...]
+    products: int
+
+
+@dataclass(frozen=True)
+class Limits:
+    """`tolerance` of both defects, `max_iterations`; `length`, the model's extent, which rounding goes with.
+
+    `moved`: how far what is prescribed moves, which gaps are compared with beside q.
+    """
+
+    tolerance: float
+    max_iterations: int
+    length: float
+    moved: float = 0.0
+
+
+#: contact at q: again each time where the geometry is current
+At = Callable[[Floats], Contact]
+#: told of each iteration: number, closed rows, balance, gap
+Told = Callable[[int, int, float, float], None]
+
+
+def find_equilibrium(
+    K: Stiffness, f: Floats, at: At, start: Iterate, limits: Limits, *, moving: bool, told: Told | None = None
+) -> Outcome:
+    """Equilibrium under forces f (n,), from a guess. `moving`: B and D change with q, and no solve is loose."""
+    q, p, _ = start
+    contact = at(q)
+    active = start.active & contact.paired | contact.held & contact.paired
+    p = np.where(active, p, 0.0)
+    scale = _Scale(K, f, limits)
+    pivots = _Pivots()
+    defects: list[tuple[float, float]] = []
+    products = 0
+    for number in range(1, limits.max_iterations + 1):
+        active = stopped(K, contact, active, f)
+        exact = moving or pivots.exact(active)
+        wanted = contact.G + contact.rows.D @ q
+        goal = scale.goal(0.0 if exact else _LOOSE)
+        turning = None if contact.turning is None else contact.turning(p)
+        made = solve_rows(K, contact.rows, np.flatnonzero(active), f, wanted, q, p, goal, turning)
+        q, p = made.q, made.p
+        contact = at(q)
+        balance, gap = scale.balance(K, contact.rows, f, q, p), contact.defect(p) / scale.size(q)
+        defects.append((balance, gap))
+        products += made.products
+        if told is not None:
+            told(number, int(active.sum()), balance, gap)
+        done = balance <= limits.tolerance and contact.defect(p) <= scale.allowed(q)
+        if done and (exact or not active.any()):
+            return Outcome(True, Iterate(q, p, active), contact, tuple(defects), products)
+        wanted_rows = contact.next(active, p)
+        active = wanted_rows if moving or done else pivots.next(active, wanted_rows, exact)
+    return Outcome(False, Iterate(q, p, active), contact, tuple(defects), products)
+
+
+def stopped(K: Stiffness, contact: Contact, active: NDArray[np.bool_], f: Floats) -> NDArray[np.bool_]:
+    """(m,): a set, with rows added so that no body that is free moves along its load f (n,).
+
+    Each is the row that is reached first as the body goes; a load that no row stops is left to what follows.
+    """
+    if not K.R.shape[1]:
+        return active
+    active, moves, load = active.copy(), contact.rows.D @ K.R, K.R.T @ f
+    for _ in range(K.R.shape[1]):
+        free = _null_space(moves[active])
+        along = free @ (free.T @ load)
+        closing = moves @ along
+        nearing = contact.paired & ~active & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
+        if not nearing.any() or np.linalg.norm(along) <= _STOPPED * np.linalg.norm(load):
+            break
+        active[np.where(nearing, contact.G / np.where(nearing, closing, 1.0), np.inf).argmin()] = True
+    return active
+
+
+def _null_space(A: Floats) -> NDArray[np.floating]:
+    """(r, k): an orthonormal basis of what A (m, r) does not see."""
+    if not len(A):
+        return np.eye(A.shape[1])
+    _, size, V = np.linalg.svd(A)
+    return np.asarray(V[(size > _STOPPED * size.max(initial=0.0)).sum() :].T)
+
+
+class _Pivots:
+    """Which rows change places. Block principal pivoting, kept finite by Murty's rule.
+
+    All rows that want to change do, as long as the number of them falls now and then; else one alone does, the first,
+    until fewer want to than ever before. A set is solved loosely when it is met first, and a few times in all.
+    """
+
+    def __init__(self) -> None:
+        self._seen: set[bytes] = set()
+        self._fewest, self._patience, self._loose = np.inf, _BLOCKS, _LOOSE_SOLVES
+
+    def exact(self, active: NDArray[np.bool_]) -> bool:
+        """Whether a set is to be solved exactly."""
+        key = active.tobytes()
+        loose = key not in self._seen and self._loose > 0
+        self._seen.add(key)
+        self._loose -= loose
+        return not loose
+
+    def next(self, active: NDArray[np.bool_], wanted: NDArray[np.bool_], exact: bool) -> NDArray[np.bool_]:
+        """The next set, after a solve."""
+        changes = np.flatnonzero(active != wanted)
+        if not exact or not len(changes):
+            return wanted
+        self._loose = 0  # from here on numbers of changes are compared
+        if len(changes) < self._fewest:
+            self._fewest, self._patience = len(changes), _BLOCKS
+            return wanted
+        if self._patience > 0:
+            self._patience -= 1
+            return wanted
+        out = active.copy()
+        out[changes[0]] = wanted[changes[0]]
+        return out
+
+
+class _Scale:
+    """What defects are compared with."""
+
+    def __init__(self, K: Stiffness, f: Floats, limits: Limits) -> None:
+        self.f = float(np.abs(f).max(initial=0.0))
+        self.rounding = ROUNDING / limits.tolerance * float(np.abs(K.K.diagonal()).max(initial=0.0))
+        self.limits = limits
+
+    def force(self, q: Floats, K: Stiffness) -> float:
+        """The largest force; and what rounding leaves of the forces of a body that moves far under a small load."""
+        moved = self.rounding * float(np.abs(q).max(initial=0.0))
+        return max(self.f, float(np.abs(K.K @ q).max(initial=0.0)), moved, 1e-300)
+
+    def size(self, q: Floats) -> float:
+        return max(float(np.abs(q).max(initial=0.0)), self.limits.moved, ROUNDING * self.limits.length, 1e-300)
+
+    def allowed(self, q: Floats) -> float:
+        return max(self.limits.tolerance * self.size(q), ROUNDING * self.limits.length)
+
+    def goal(self, reduction: float) -> Goal:
+        limits = self.limits
+        return Goal(reduction, 1e-3 * limits.tolerance, 1e-4 * ROUNDING * limits.length, limits.moved)
+
+    def balance(self, K: Stiffness, rows: Rows, f: Floats, q: Floats, p: Floats) -> float:
+        return float(np.abs(f - K.K @ q - rows.B_T @ p).max(initial=0.0)) / max(
+            self.force(q, K), float(np.abs(rows.B_T @ p).max(initial=0.0))
+        )
+
+
+def stiffness_of_rows(K: Stiffness, rows: Rows) -> NDArray[np.floating]:
+    """c (m,): w (b K b^T) / (b b^T)^2, stress per length; 1 where a row is zero or has no stiffness."""
+    touched = rows.touched
+    B = rows.B[:, touched]
+    energy = np.asarray(((B @ K.K[touched][:, touched]).multiply(B)).sum(axis=1)).ravel()
+    size = np.asarray(B.multiply(B).sum(axis=1)).ravel()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        c = rows.w * energy / size**2
+    return np.where(np.isfinite(c) & (c > 0), c, 1.0)
+
+
+def at_start(contact: Contact, closed: NDArray[np.bool_]) -> Iterate:
+    """The iterate of an undeformed body whose rows `closed` (m,) are in contact."""
+    m, n = contact.rows.B.shape
+    return Iterate(np.zeros(n), np.zeros(m), closed & contact.paired | contact.held & contact.paired)
+
+
+def shifted(contact: Contact, G: Floats) -> Contact:
+    """The same rows with other gaps."""
+    return replace(contact, G=G)

@@ -1,0 +1,67 @@
+"""The way in: a matrix and the name of a backend become an analysis, that a factor, that solutions."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import numpy as np
+from scipy.sparse import issparse
+
+from lacmesh.errors import RequestError
+from lacmesh.mesh import Floats
+from lacsolver.linear.backends import MULTIGRID_ABOVE, choose
+from lacsolver.linear.direct import DirectAnalysis
+from lacsolver.linear.multigrid import MultigridAnalysis
+from lacsolver.linear.protocol import Analysis, Factor, Matrix
+
+
+def analyse(
+    K: Matrix,
+    *,
+    backend: str = "auto",
+    threads: int = 1,
+    modes: Floats | None = None,
+    block: int | None = None,
+    multigrid_above: int = MULTIGRID_ABOVE,
+) -> Analysis:
+    """The analysis of a symmetric positive definite matrix (n, n), sparse, both triangles stored, the diagonal too.
+
+    `.factor(K)` takes values in the same pattern, again and again; `.factor(K).solve(b)` gives K^-1 b for b (n,) or
+    (n, k): columns solved at once cost a direct backend much less than one by one.
+
+    `threads`: cores for rslab, pardiso, mumps and cholmod. `modes` (n, r) and `block` are for multigrid: the rigid
+    motions, at least of every body, and the unknowns a node has (those of a block matrix if None). `auto` takes it
+    above `multigrid_above` unknowns, see `choose`; a direct solution is exact to rounding, one of multigrid to the
+    `tolerance` that `solve` takes.
+
+    Raises RequestError for a backend that is wrong or not installed; `factor` raises SingularError.
+
+    >>> from scipy.sparse import csr_array
+    >>> K = csr_array(np.array([[2.0, -1.0], [-1.0, 2.0]]))
+    >>> factor = analyse(K, backend="superlu").factor(K)
+    >>> factor.solve(np.array([0.0, 3.0])).round(12).tolist(), factor.n_solves
+    ([1.0, 2.0], 1)
+    """
+    if not issparse(K) or K.shape[0] != K.shape[1]:
+        raise RequestError("a linear solver takes a sparse square matrix")
+    if threads < 1:
+        raise RequestError(f"threads is 1 or more, not {threads}")
+    name = choose(backend, K.shape[0], 0 if modes is None else np.shape(modes)[-1], multigrid_above).name
+    if name == "multigrid":
+        return MultigridAnalysis(K, modes, block)
+    method = import_module(f"lacsolver.linear.{name}")
+    return DirectAnalysis(name, K, lambda triangle: method.analyse(triangle, threads))
+
+
+def factorise(
+    K: Matrix,
+    *,
+    backend: str = "auto",
+    threads: int = 1,
+    modes: Floats | None = None,
+    block: int | None = None,
+    multigrid_above: int = MULTIGRID_ABOVE,
+) -> Factor:
+    """The factor of a matrix that is needed once: `analyse` and `factor` in one."""
+    made = analyse(K, backend=backend, threads=threads, modes=modes, block=block, multigrid_above=multigrid_above)
+    return made.factor(K)

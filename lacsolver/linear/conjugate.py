@@ -1,0 +1,42 @@
+"""Conjugate gradients with a preconditioner, down to a residual that is checked, not recurred.
+
+Hestenes, Stiefel (1952), in the usual letters: x, r = b - K x, z = M r, p the direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from lacmesh.mesh import Floats
+from lacsolver.linear.errors import Breakdown
+from lacsolver.linear.protocol import Matrix
+
+Apply = Callable[[Floats], Floats]
+
+
+def iterates(K: Matrix, M: Apply, b: Floats, x: Floats) -> Iterator[tuple[Floats, Floats]]:
+    """Yield (x, r) for ever, r by recurrence; both are written over by the next step. Starts with the given x.
+
+    Raises Breakdown where the energy p.Kp or r.Mr is not positive: K or M is not positive definite.
+    """
+    x = x.copy()
+    r = b - K @ x
+    yield x, r
+    z = M(r)
+    p = z.copy()
+    rz = float(r @ z)
+    while True:
+        Kp = K @ p
+        energy = float(p @ Kp)
+        if not (energy > 0 and rz > 0):
+            raise Breakdown(int(np.abs(p).argmax()))
+        alpha = rz / energy
+        x += alpha * p
+        r -= alpha * Kp
+        yield x, r
+        z = M(r)
+        rz, before = float(r @ z), rz
+        p *= rz / before
+        p += z

@@ -1,0 +1,103 @@
+"""Direct solution: what is the same for every backend that factorises."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from lacmesh.errors import RequestError
+from lacmesh.mesh import Floats
+from lacsolver.linear.errors import Breakdown, SingularError
+from lacsolver.linear.protocol import TOLERANCE, Matrix, Numeric, Symbolic
+from lacsolver.linear.refine import refined
+from lacsolver.linear.regular import check_regular, indefinite, least_motion, positive_diagonal, singular
+from lacsolver.linear.sides import by_rows, right_hand_sides
+from lacsolver.linear.triangle import Triangle
+
+#: of the diagonal: what is added to a singular matrix to find out what is free; the less, the better it is told apart
+_SHIFTS = (1e-13, 1e-11, 1e-9)
+
+
+class DirectFactor:
+    """A factor of K, and K itself for residuals. `n_refined`: solves that took refinement."""
+
+    def __init__(self, K: Matrix, d: Floats, numeric: Numeric) -> None:
+        self.n_solves = 0
+        self._K = K
+        self._scale = 1 / np.sqrt(d)
+        self._numeric: Numeric | None = numeric
+
+    def solve(self, b: Floats, *, tolerance: float = TOLERANCE, x0: Floats | None = None) -> Floats:
+        """K^-1 b to rounding; tolerance and x0 are for iterative solvers."""
+        b = right_hand_sides(b, len(self._scale))
+        if self._numeric is None:
+            raise RequestError("this factor was replaced by a newer one of the same analysis; solve with that one")
+        self.n_solves += b.shape[1] if b.ndim == 2 else 1
+        return refined(self._K, self._scale, self._backend_solve, b)
+
+    def release(self) -> None:
+        """Give the backend's memory back; the factor cannot be used any more."""
+        self._numeric = None
+
+    def _backend_solve(self, b: Floats) -> Floats:
+        assert self._numeric is not None
+        return self._numeric.solve(np.array(b, order="F"))
+
+
+class DirectAnalysis:
+    """The analysis of a pattern by a direct backend; every factor takes the place of the one before."""
+
+    def __init__(self, backend: str, K: Matrix, analyse: Callable[[Triangle], Symbolic]) -> None:
+        self.backend = backend
+        csr = by_rows(K)
+        self._pattern = csr.indptr, csr.indices
+        self._triangle = Triangle.of(csr)
+        self._symbolic = analyse(self._triangle) if self._triangle.n else _Nothing()
+        self._last: Callable[[], DirectFactor | None] = lambda: None
+
+    def factor(self, K: Matrix) -> DirectFactor:
+        """The factor of K. Raises SingularError, and RequestError for another pattern than the one analysed."""
+        csr = by_rows(K)
+        if not all(map(np.array_equal, self._pattern, (csr.indptr, csr.indices))):
+            raise RequestError("the matrix does not have the pattern that was analysed; analyse it again")
+        last = self._last()
+        if last is not None:
+            last.release()
+        made = DirectFactor(K, *self._numbers(csr))
+        self._last = weakref.ref(made)
+        return made
+
+    def _numbers(self, csr: csr_array) -> tuple[Floats, Numeric]:
+        """The diagonal of a matrix, and its factor."""
+        d = positive_diagonal(csr)
+        values = self._triangle.values(csr)
+        try:
+            numeric = self._symbolic.factor(values)
+        except Breakdown as breakdown:
+            raise self._explained(csr, values, d, breakdown.dof) from None
+        check_regular(csr, d, numeric.solve)
+        return d, numeric
+
+    def _explained(self, csr: csr_array, values: Floats, d: Floats, dof: int | None) -> SingularError:
+        """Why K has no factor: a free motion if a tiny shift gives it one, else a negative stiffness."""
+        for shift in _SHIFTS:
+            values[self._triangle.indptr[:-1]] = (1 + shift) * d
+            try:
+                numeric = self._symbolic.factor(values)
+            except Breakdown:
+                continue
+            return singular(least_motion(csr, d, numeric.solve, clear=np.inf))
+        return indefinite(dof)
+
+
+class _Nothing:
+    """The analysis, and the factor, of a matrix without rows."""
+
+    def factor(self, values: Floats) -> Numeric:
+        return self
+
+    def solve(self, b: Floats) -> Floats:
+        return b

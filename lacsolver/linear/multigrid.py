@@ -1,0 +1,165 @@
+"""Smoothed aggregation (PyAMG) on the blocks of the nodes, its near-null space the rigid modes, and CG around it.
+
+Vanek, Mandel, Brezina (1996). The hierarchy is built once for a matrix and serves all its right-hand sides. Rows of the
+identity in place of prescribed displacements keep the blocks whole; they cost no iterations (measured).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import islice
+
+import numpy as np
+from scipy.sparse import bsr_array, csr_array
+from scipy.sparse.csgraph import connected_components
+
+from lacmesh.errors import RequestError
+from lacmesh.mesh import Floats
+from lacsolver.linear.conjugate import Apply, iterates
+from lacsolver.linear.errors import Breakdown, LinearError
+from lacsolver.linear.protocol import TOLERANCE, Matrix
+from lacsolver.linear.refine import backward_error
+from lacsolver.linear.regular import CLEAR, is_free, positive_diagonal, singular
+from lacsolver.linear.sides import right_hand_sides
+
+#: couplings weaker than this (of the diagonals) do not join nodes; 0.03 took least time on HEXA8 and TETRA10
+_STRENGTH = 0.03
+#: nodes (of six unknowns) that are solved for directly, by a dense inverse
+_COARSEST = 60
+#: iterations, and times that the true residual is looked at
+_MOST = 300
+_LOOKS = 4
+#: a backward error below which a residual is rounding
+_ROUNDING = 1e-15
+#: no tolerance is taken to be less
+_LEAST = 1e-16
+_SMOOTHER = ("block_gauss_seidel", {"sweep": "symmetric", "iterations": 1})
+
+
+class MultigridFactor:
+    """A hierarchy for K. `n_iterations`: of the last right-hand side."""
+
+    def __init__(self, K: bsr_array, d: Floats, precondition: Apply) -> None:
+        self.n_solves = 0
+        self.n_iterations = 0
+        self._K, self._scale, self._precondition = K, 1 / np.sqrt(d), precondition
+
+    def solve(self, b: Floats, *, tolerance: float = TOLERANCE, x0: Floats | None = None) -> Floats:
+        """x with |b - K x| <= tolerance |b|, each column from its own x0.
+
+        Raises LinearError if that is not reached, nor a residual of rounding, and SingularError if a direction without
+        energy is met.
+        """
+        b = right_hand_sides(b, len(self._scale))
+        x = np.zeros_like(b) if x0 is None else right_hand_sides(x0, len(b))
+        if x.shape != b.shape:
+            raise RequestError(f"x0 has the shape of b, {b.shape}, not {x.shape}")
+        if b.ndim == 1:
+            return self._one(b, x, tolerance)
+        columns = zip(np.ascontiguousarray(b.T), np.ascontiguousarray(x.T), strict=True)
+        made = [self._one(*column, tolerance) for column in columns]
+        return np.stack(made, axis=1) if made else b
+
+    def _one(self, b: Floats, x: Floats, tolerance: float) -> Floats:
+        self.n_solves += 1
+        self.n_iterations = 0
+        if not b.any():
+            return np.zeros_like(b)
+        goal = max(tolerance, _LEAST) * float(np.linalg.norm(b))
+        for _ in range(_LOOKS):
+            x, met = self._go(b, x, goal)
+            r = b - self._K @ x
+            if np.linalg.norm(r) <= goal or backward_error(self._scale, x, r, b) <= _ROUNDING:
+                return x
+            if not met:
+                break
+        reached = np.linalg.norm(r) / np.linalg.norm(b)
+        message = (
+            f"multigrid stopped at a residual of {reached:.1e} of the forces, after {self.n_iterations} iterations"
+        )
+        raise LinearError(f"{message}; try a direct backend, and look for a part that is hardly held, or thin cells")
+
+    def _go(self, b: Floats, x: Floats, goal: float) -> tuple[Floats, bool]:
+        """The first iterate whose recurred residual meets the goal, or the last one allowed; whether it was met."""
+        steps = iterates(self._K, self._precondition, b, x)
+        try:
+            for k, (x, r) in enumerate(islice(steps, _MOST + 1 - self.n_iterations)):
+                self.n_iterations += k > 0
+                if np.linalg.norm(r) <= goal:
+                    return x, True
+        except Breakdown as breakdown:
+            raise singular(dof=breakdown.dof) from None
+        return x, False
+
+
+class MultigridAnalysis:
+    """The modes and blocks from which hierarchies are built. modes (n, r): motions that cost no energy in a free body,
+    translations if None; block: unknowns of a node, in succession."""
+
+    backend = "multigrid"
+
+    def __init__(self, K: Matrix, modes: Floats | None, block: int | None) -> None:
+        n = K.shape[0]
+        self._block = block or (K.blocksize[0] if isinstance(K, bsr_array) else 1)
+        if n % self._block:
+            message = f"{n} unknowns are not a whole number of blocks of {self._block}"
+            raise RequestError(f"{message}; keep rows of the identity for the unknowns that are prescribed")
+        modes = np.tile(np.eye(self._block), (n // self._block, 1)) if modes is None else np.asarray(modes, float)
+        if modes.ndim != 2 or len(modes) != n or not np.isfinite(modes).all():
+            raise RequestError(f"modes are ({n}, r) finite numbers, not {modes.shape}")
+        self._modes = modes
+
+    def factor(self, K: Matrix) -> MultigridFactor:
+        """A hierarchy for K, of the size that was analysed. Raises SingularError if a body is free to move."""
+        if K.shape != (len(self._modes),) * 2:
+            raise RequestError(f"the matrix is {K.shape}, and {len(self._modes)} unknowns were analysed")
+        d = positive_diagonal(K)
+        blocks = K.tobsr((self._block, self._block))
+        _check_held(blocks, d, self._modes)
+        return MultigridFactor(blocks, d, _hierarchy(blocks, self._modes))
+
+
+def _check_held(K: bsr_array, d: Floats, modes: Floats) -> None:
+    """Raise SingularError if some motion out of the modes costs a body (what is connected in K) no energy."""
+    nodes = csr_array((np.abs(K.data).max(axis=(1, 2)), K.indices, K.indptr), shape=(len(K.indptr) - 1,) * 2)
+    nodes.eliminate_zeros()
+    n_bodies, body = connected_components(nodes, directed=False)
+    body = np.repeat(body, K.blocksize[0])
+    forces = K @ modes
+    order = np.argsort(body, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1) if n_bodies else ():
+        M = modes[rows]
+        size, turn = np.linalg.eigh(M.T @ (d[rows, None] * M))
+        kept = size > 1e-12 * size[-1]
+        if not kept.any():
+            continue
+        turn = turn[:, kept] / np.sqrt(size[kept])
+        energy, way = np.linalg.eigh(turn.T @ (M.T @ forces[rows]) @ turn)
+        v = np.zeros(len(d))
+        v[rows] = M @ turn @ way[:, 0]
+        if energy[0] < CLEAR and is_free(K, v):
+            raise singular(v)
+
+
+def _hierarchy(K: bsr_array, modes: Floats) -> Apply:
+    """One V-cycle for K, as a function of the residual."""
+    import pyamg
+
+    with _reproducible():
+        made = pyamg.smoothed_aggregation_solver(
+            K, B=modes, strength=("symmetric", {"theta": _STRENGTH}), smooth=("jacobi", {"omega": 4 / 3}),
+            improve_candidates=None, presmoother=_SMOOTHER, postsmoother=_SMOOTHER, max_coarse=_COARSEST,
+        )  # fmt: skip
+    return made.aspreconditioner(cycle="V").matvec
+
+
+@contextmanager
+def _reproducible() -> Iterator[None]:
+    """PyAMG estimates spectral radii from numpy's global random numbers: let them be the same every time."""
+    state = np.random.get_state()  # noqa: NPY002
+    np.random.seed(0)  # noqa: NPY002
+    try:
+        yield
+    finally:
+        np.random.set_state(state)  # noqa: NPY002

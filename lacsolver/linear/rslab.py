@@ -1,0 +1,42 @@
+"""rslab: L D L^T in Rust, supernodal, nested dissection; it comes with lacmesh."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from lacmesh.mesh import Floats
+from lacsolver.linear.errors import Breakdown
+from lacsolver.linear.triangle import Triangle
+
+
+class _Numeric:
+    def __init__(self, factor: object) -> None:
+        self._factor = factor
+
+    def solve(self, b: Floats) -> Floats:
+        return self._factor.solve(b) if b.ndim == 1 else self._factor.solve_many(b)  # type: ignore[attr-defined]
+
+
+class _Symbolic:
+    def __init__(self, triangle: Triangle, threads: int) -> None:
+        import rslab
+
+        pattern = csc_array(
+            (np.ones(len(triangle.indices)), triangle.indices, triangle.indptr), shape=(triangle.n,) * 2
+        )
+        self._analysis = rslab.analyze(pattern, path="ldlt", threads=threads)
+
+    def factor(self, values: Floats) -> _Numeric:
+        try:
+            made = self._analysis.factor(values)
+        except RuntimeError:
+            raise Breakdown from None
+        if made.inertia[0] < made.n:
+            raise Breakdown
+        return _Numeric(made)
+
+
+def analyse(triangle: Triangle, threads: int) -> _Symbolic:
+    """Order the elimination of a triangle."""
+    return _Symbolic(triangle, threads)

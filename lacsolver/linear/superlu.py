@@ -1,0 +1,51 @@
+"""SuperLU, which SciPy brings: L U without pivoting, in one column order; for small models, and for want of another."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csc_array, dia_array
+from scipy.sparse.linalg import SuperLU, splu
+
+from lacmesh.mesh import Floats
+from lacsolver.linear.errors import Breakdown
+from lacsolver.linear.triangle import Triangle
+
+
+class _Numeric:
+    def __init__(self, factor: SuperLU) -> None:
+        self._factor = factor
+
+    def solve(self, b: Floats) -> Floats:
+        return self._factor.solve(b)
+
+
+class _Symbolic:
+    """SuperLU cannot be analysed apart from its numbers: only the full pattern is kept."""
+
+    def __init__(self, triangle: Triangle) -> None:
+        self._triangle = triangle
+
+    def factor(self, values: Floats) -> _Numeric:
+        t = self._triangle
+        lower = csc_array((values, t.indices, t.indptr), shape=(t.n, t.n))
+        K = csc_array(lower + lower.T - dia_array((values[t.indptr[:-1]][None], [0]), shape=lower.shape))
+        options = {"SymmetricMode": True}
+        try:
+            made = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        except RuntimeError:  # an exact zero
+            raise Breakdown from None
+        # rows leave their columns only for a zero on the diagonal; the pivots stand on U's
+        pivots = made.U.diagonal()
+        if (made.perm_r != made.perm_c).any() or (pivots <= 0).any():
+            raise Breakdown(_worst(pivots, made.perm_c))
+        return _Numeric(made)
+
+
+def _worst(pivots: Floats, perm_c: Floats) -> int:
+    """The row of the least pivot: column k of the matrix is eliminated at perm_c[k]."""
+    return int(np.flatnonzero(perm_c == pivots.argmin())[0])
+
+
+def analyse(triangle: Triangle, threads: int) -> _Symbolic:
+    """Keep the pattern; SuperLU runs on one core."""
+    return _Symbolic(triangle)

@@ -1,0 +1,217 @@
+"""From step to step: equilibrium at each time; a step that finds none is halved, and grows again once it does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import LacmeshError
+from lacsolver.bodies import describe
+from lacsolver.case import Case
+from lacsolver.equilibrium import Iterate, Limits, Outcome, find_equilibrium
+from lacsolver.interface import Interface
+from lacsolver.model import Instant, Model
+from lacsolver.problem import Joint, Problem
+from lacsolver.results import Restart
+from lacsolver.state import CONTACT, OPEN, UNPAIRED, State, ZoneState
+
+#: times that differ by this much of themselves are one
+_SAME = 1e-9
+#: a gap of this much of the macro-element's size is none, when the initial status is asked for
+_TOUCHING = 1e-6
+#: a load along a free motion that contact leaves, against all of it
+_UNCARRIED = 1e-6
+
+
+class NotConvergedError(LacmeshError):
+    """No equilibrium was found at some time. `state`: the last one tried."""
+
+    status = 4
+
+    def __init__(self, message: str, state: State) -> None:
+        super().__init__(message)
+        self.state = state
+
+
+class Told(NamedTuple):
+    """An iteration: time sought, halvings so far, its number, closed rows, relative defects of balance and gap."""
+
+    time: float
+    halvings: int
+    number: int
+    closed: int
+    balance: float
+    gap: float
+
+
+@dataclass
+class _Step:
+    """What was spent on a step so far."""
+
+    iterations: int = 0
+    halvings: int = 0
+    residuals: list[float] = field(default_factory=list)
+
+    def add(self, outcome: Outcome) -> None:
+        self.iterations += len(outcome.defects)
+        self.residuals += [balance for balance, _ in outcome.defects]
+        self.halvings += not outcome.converged
+
+
+def march(
+    problem: Problem, *, start: Restart | None = None, told: Callable[[Told], None] | None = None
+) -> Iterator[State]:
+    """States that converged, step after step, from the undeformed body or a state that was kept.
+
+    Raises NotConvergedError where a step was halved too often, DataError where something may move freely.
+    """
+    model = Model(problem)
+    steps = problem.case.steps
+    time, size = (start.time, start.step_size) if start else (0.0, np.inf)
+    now = _kept(model, start) if start else None
+    before: tuple[float, Iterate] | None = None
+    spent = _Step()
+    for target in meeting_times(problem.case):
+        while target - time > _SAME * target:
+            whole = target - time <= size * (1 + _SAME)
+            instant = Instant(model, target if whole else time + size)
+            outcome = _search(instant, _guess(instant, now, before, time), spent, told)
+            spent.add(outcome)
+            if not outcome.converged:
+                size = (instant.t - time) / 2
+                if spent.halvings > steps.max_halvings:
+                    raise NotConvergedError(_why(instant, outcome), _state(instant, outcome, spent, size))
+                continue
+            size *= steps.growth
+            yield _state(instant, outcome, spent, size)
+            before = None if now is None else (time, now)
+            now, time, spent = outcome.iterate, instant.t, _Step()
+
+
+def meeting_times(case: Case) -> list[float]:
+    """Times that steps end at: those planned, and those at which fields are asked for."""
+    asked = [t for t in case.output.times or () if 0 < t <= case.steps.last]
+    return sorted({*case.steps.planned, *asked})
+
+
+def _search(instant: Instant, guess: Iterate, spent: _Step, told: Callable[[Told], None] | None) -> Outcome:
+    model, solver = instant.model, instant.model.problem.case.solver
+    moved = float(np.abs(instant.u0).max(initial=0.0))
+    limits = Limits(solver.tolerance, solver.max_iterations, model.length, moved)
+
+    def tell(number: int, closed: int, balance: float, gap: float) -> None:
+        if told is not None:
+            told(Told(instant.t, spent.halvings, number, closed, balance, gap))
+
+    return find_equilibrium(model.held, instant.f, instant.contact, guess, limits, moving=model.moving, told=tell)
+
+
+def _guess(instant: Instant, now: Iterate | None, before: tuple[float, Iterate] | None, time: float) -> Iterate:
+    """What a step begins with: as things went on so far; at first the undeformed body and the initial status."""
+    if now is None:
+        return _first(instant)
+    if before is None:
+        return now
+    then, last = before
+    part = (instant.t - time) / (time - then)
+    return Iterate(now.q + part * (now.q - last.q), now.p + part * (now.p - last.p), now.active)
+
+
+def _first(instant: Instant) -> Iterate:
+    """The undeformed body; checks that contact may hold what nothing else does."""
+    q = np.zeros(instant.model.held.K.shape[0])
+    contact = instant.contact(q)
+    for joint, face in zip(instant.model.problem.joints, instant.interfaces, strict=True):
+        joint.check_facing(face)
+    instant.model.check_held(instant.interfaces, contact.paired)
+    closed = [np.empty(0, bool), *map(_initial, instant.model.problem.joints, instant.interfaces)]
+    return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.paired)
+
+
+def _initial(joint: Joint, face: Interface) -> NDArray[np.bool_]:
+    """(rows,): which rows of a joint are closed at the start."""
+    if joint.initial == "gap":
+        return np.asarray(face.gap <= _TOUCHING * face.area ** (1 / face.slave.dim))
+    return np.full(face.B.shape[0], joint.initial == "all")
+
+
+def _kept(model: Model, start: Restart) -> Iterate:
+    """The iterate of a state that was kept."""
+    joints, d = model.problem.joints, model.problem.space.dim
+    p, closed = [np.empty(0)], [np.empty(0, bool)]
+    for joint in joints:
+        kept, status = start.multipliers[joint.name], start.status[joint.name] == CONTACT
+        p.append(-kept.ravel() if joint.tie else kept)
+        closed.append(np.repeat(status, d) if joint.tie else status)
+    q = model.unknowns(start.u - model.problem.constraints.u0(start.time))
+    return Iterate(q, np.concatenate(p), np.concatenate(closed))
+
+
+def _state(instant: Instant, outcome: Outcome, spent: _Step, size: float) -> State:
+    """The state of an outcome."""
+    model, problem = instant.model, instant.model.problem
+    q, p, contact = outcome.iterate.q, outcome.iterate.p, outcome.contact
+    u, gap = instant.u(q), contact.G / contact.rows.w
+    zones, first, force = [], 0, np.zeros(problem.space.n_dof)
+    for joint, face in zip(problem.joints, instant.interfaces, strict=True):
+        rows = slice(first, first + face.B.shape[0])
+        own = -(face.B.T @ p[rows])
+        force += own
+        make = _tied if joint.tie else _pressed
+        zones.append(make(joint, face, p[rows], gap[rows], contact.paired[rows], own.reshape(-1, problem.space.dim)))
+        first = rows.stop
+    reaction = model.K @ u - instant.load - force
+    rigid = problem.constraints.rigid_motion(q, instant.t)
+    return State(
+        instant.t, u, reaction, tuple(zones), rigid, spent.iterations, spent.halvings, tuple(spent.residuals), size
+    )
+
+
+def _pressed(
+    joint: Joint, face: Interface, p: NDArray, gap: NDArray, paired: NDArray[np.bool_], force: NDArray
+) -> ZoneState:
+    p = np.maximum(p, 0.0) if joint.one_sided else p  # rounding leaves some an atom below
+    closed = (p > 0) | (not joint.one_sided)
+    status = np.where(paired, np.where(closed, CONTACT, OPEN), UNPAIRED).astype(np.int8)
+    return ZoneState(
+        joint.name, False, p, -p[:, None] * face.normal, np.where(paired, gap, np.nan), status, face.coverage,
+        face.area, face.centre, face.normal, force,
+    )  # fmt: skip
+
+
+def _tied(
+    joint: Joint, face: Interface, p: NDArray, gap: NDArray, paired: NDArray[np.bool_], force: NDArray
+) -> ZoneState:
+    d = face.normal.shape[1]
+    traction, on = -p.reshape(-1, d), paired.reshape(-1, d).all(axis=1)
+    status = np.where(on, CONTACT, UNPAIRED).astype(np.int8)
+    jump = np.where(on, np.linalg.norm(gap.reshape(-1, d), axis=1), np.nan)
+    return ZoneState(
+        joint.name, True, -(traction * face.normal).sum(axis=1), traction, jump, status, face.coverage, face.area,
+        face.centre, face.normal, force,
+    )  # fmt: skip
+
+
+def _why(instant: Instant, outcome: Outcome) -> str:
+    """What a user is told of a search that failed: what moves away, or where the balance is off, and what to try."""
+    model, problem = instant.model, instant.model.problem
+    q, p = outcome.iterate.q, outcome.iterate.p
+    contact = outcome.contact.rows.B_T @ p
+    said = f"no equilibrium found at time {instant.t:.6g} after {len(outcome.defects)} iterations"
+    for motion in model.motions:
+        along = model.unknowns(motion.field)
+        left, whole = along @ (instant.f - contact), np.abs(along) @ (np.abs(instant.f) + np.abs(contact))
+        if abs(left) > _UNCARRIED * whole:
+            return f"{said}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
+    r = problem.constraints.T @ (instant.f - model.held.K @ q - contact)
+    node = int(np.abs(r).argmax()) // problem.space.dim
+    place = ", ".join(f"{c:.6g}" for c in problem.space.mesh.points[node])
+    balance, gap = outcome.defects[-1]
+    number = problem.space.mesh.node_number[node]
+    said += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
+    said += f"gaps by {gap:.1e} of the largest displacement"
+    return f"{said}; try more steps ([steps] count) or more iterations ([solver] max_iterations)"

@@ -1,0 +1,102 @@
+"""Contact matrices for those with a solver of their own: B, G, w of one pair of skins, without material or load."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.io import mmwrite
+from scipy.sparse import csr_array
+
+import lacmesh
+from lacmesh.errors import WriteError
+from lacmesh.formats.output import replacing
+from lacmesh.mesh import Floats, Ints, Mesh
+from lacsolver.interface import Interface, Pairing, Zone, integrate
+from lacsolver.values import Value
+
+
+@dataclass(frozen=True, eq=False)
+class ContactMatrices:
+    """Contact of two skins where they stand, a row each macro-element (m,).
+
+    `B` (m, d n_nodes): B v = int (v(x) - v(x_bar)).n; the gap integral at displacement u is `G` - B u. `w`: measure of
+    the covered part, `area`, `coverage` w / area. `normal`, `centre` (m, d). `macro` (m,): the macro-element's number
+    in the cut; `node` (n_nodes,): node numbers of the file: columns d i .. d i + d - 1 are those of node i. `mesh`: the
+    cut one. Areas are of the whole circle in axisymmetry, of a unit thickness in a plane.
+    """
+
+    B: csr_array
+    G: NDArray[np.floating]
+    w: NDArray[np.floating]
+    area: NDArray[np.floating]
+    coverage: NDArray[np.floating]
+    normal: NDArray[np.floating]
+    centre: NDArray[np.floating]
+    macro: Ints
+    node: Ints
+    mesh: Mesh
+
+    @classmethod
+    def of(cls, interface: Interface, mesh: Mesh) -> ContactMatrices:
+        """Those of an interface of a mesh."""
+        i = interface
+        return cls(
+            i.B, i.G, i.w, i.area, i.coverage, i.normal, i.centre, i.zone.number, mesh.node_number, mesh,
+        )  # fmt: skip
+
+
+def contact_matrices(
+    mesh: Mesh,
+    slave: str,
+    master: str,
+    *,
+    hexa: str = "pyramid",
+    normals: str = "facet",
+    crease_angle: float = 40.0,
+    search_distance: float | None = None,
+    axisymmetric: bool = False,
+    clearance: Value = 0.0,
+    x: Floats | None = None,
+) -> ContactMatrices:
+    """The contact matrices of two groups of skin cells; a slave that is not cut is cut first (`hexa`).
+
+    `x` (n_nodes of the cut mesh, 3): where nodes are, if not where the mesh has them. Options as in the case's
+    [[contact]]. Raises GroupNotFoundError, CutError, DataError, RequestError.
+
+    >>> low = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    >>> up = [[0, 1], [1, 1], [1, 2], [0, 2]]
+    >>> cells = [("QUAD4", [[0, 1, 2, 3], [4, 5, 6, 7]]), ("SEG2", [[2, 3], [4, 5]])]
+    >>> groups = {"top": [2], "bottom": [3]}
+    >>> made = contact_matrices(Mesh.create(low + up, cells, cell_groups=groups), "top", "bottom")
+    >>> made.B.shape, made.coverage.tolist(), made.w.tolist()
+    ((1, 24), [1.0], [1.0])
+    """
+    mesh = lacmesh.cut_skin(mesh, slave, hexa=hexa).mesh
+    zone = Zone.of(mesh, slave, master)
+    pairing = Pairing(normals, crease_angle, search_distance, axisymmetric=axisymmetric, clearance=clearance)
+    return ContactMatrices.of(integrate(zone, zone.slave.dim + 1, pairing, x=x), mesh)
+
+
+def write_matrices(path: Path, made: ContactMatrices, *, mtx: bool = False) -> None:
+    """Write matrices to `path` (.npz), B in its parts (`B_data`, `B_indices`, `B_indptr`, `B_shape`).
+
+    `mtx`: B also beside it, in Matrix Market's format. Raises WriteError.
+    """
+    B = made.B
+    arrays = {
+        "B_data": B.data, "B_indices": B.indices, "B_indptr": B.indptr, "B_shape": np.array(B.shape),
+        **{name: getattr(made, name) for name in ("G", "w", "area", "coverage", "normal", "centre", "macro", "node")},
+    }  # fmt: skip
+    paths = [path, *([path.with_suffix(".mtx")] if mtx else [])]
+    try:
+        with replacing(*paths) as beside:
+            with beside[0].open("wb") as file:
+                np.savez_compressed(file, **arrays)
+            if mtx:
+                with beside[1].open("wb") as file:
+                    mmwrite(file, B.tocoo(), comment="contact matrix B: macro-elements x displacement components")
+    except OSError as error:
+        raise WriteError(path, error.strerror or str(error)) from None

@@ -1,0 +1,86 @@
+"""The folder that a run writes into: checked when the run is asked for, taken over when its first step is solved.
+
+Between the two a run may be refused, by its case or its mesh, and then nothing was lost. Files of other names than ours
+stay. A restart into the folder that it came from goes on in its files.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from lacmesh.errors import RequestError, WriteError, some
+from lacsolver.output.names import FIELDS, UNCONVERGED, number_of, results_in, states_in
+from lacsolver.results import Restart
+
+
+@dataclass(frozen=True)
+class OutputFolder:
+    """Where a run writes. `restart`: the state, written there by an earlier run, after which its files go on."""
+
+    path: Path
+    restart: Restart | None = None
+
+    def take(self) -> None:
+        """Make the folder, and remove what an earlier run left in it (beyond the state to go on from).
+
+        Raises WriteError.
+        """
+        try:
+            self.path.mkdir(exist_ok=True)
+            for path in results_in(self.path):
+                if self.restart is None or _later(path, self.restart):
+                    path.unlink()
+            for inside in (UNCONVERGED + "/" + FIELDS, UNCONVERGED, FIELDS):
+                with suppress(OSError):  # it is not there, or something else is in it
+                    (self.path / inside).rmdir()
+        except OSError as error:
+            raise WriteError(self.path, f"cannot be written ({error.strerror or error})") from error
+
+
+def create(path: str | os.PathLike[str], *, force: bool = False, restart: Restart | None = None) -> OutputFolder:
+    """The folder that a run is to write into; nothing is written, nor removed, until `OutputFolder.take`.
+
+    `restart`: what the run goes on from; its own folder is gone on with. Raises RequestError where the folder holds
+    results that would be lost (and no `force`), WriteError where no files can be made there.
+    """
+    path = Path(path)
+    continued = restart is not None and restart.folder is not None and _same(path, restart.folder)
+    try:
+        _check_place(path)
+        there = results_in(path) if path.is_dir() else []
+        if there and not force and not continued:
+            raise RequestError(f"{path} holds results already; --force replaces them, or -o names another folder")
+        if restart is not None and continued and not force:
+            _check_states(path, restart)
+    except OSError as error:
+        raise WriteError(path, f"cannot be used ({error.strerror or error})") from error
+    return OutputFolder(path, restart if continued else None)
+
+
+def _check_place(path: Path) -> None:
+    if path.exists() and not path.is_dir():
+        raise WriteError(path, "is a file, and results are a folder; choose another name")
+    if not path.exists() and not path.parent.is_dir():
+        raise WriteError(path, f"the folder {path.parent} does not exist")
+    folder = path if path.exists() else path.parent
+    if not os.access(folder, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids):
+        raise WriteError(path, f"no file may be made in the folder {folder}; choose another one")
+
+
+def _check_states(path: Path, restart: Restart) -> None:
+    later = [number for state in states_in(path) if (number := number_of(state) or 0) > restart.number]
+    if later:
+        message = f"{path} holds later states (after steps {some(later)}) than t = {restart.time:.9g}"
+        raise RequestError(f"{message}; --force replaces them, or -o names another folder")
+
+
+def _same(one: Path, other: Path) -> bool:
+    return Path(os.path.realpath(one)) == Path(os.path.realpath(other))
+
+
+def _later(path: Path, restart: Restart) -> bool:
+    number = number_of(path)
+    return UNCONVERGED in path.parts[-3:-1] or (number is not None and number > restart.number)

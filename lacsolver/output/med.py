@@ -1,0 +1,197 @@
+"""Fields for Salome: results.med, with the mesh and, for every time that is written, the fields on it.
+
+A time is added to a file that is there: MED keeps fields by name, and below by time. A zone's fields stand on its slave
+faces alone, by a profile. The layout is that of MED 4.1 (`lacmesh.formats.med`), the names are code_aster's where it
+has one: DEPL, SIEF_NOEU, REAC_NODA; those of a zone begin with its name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from functools import reduce
+from operator import or_
+from pathlib import Path
+from typing import NamedTuple
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.formats import write
+from lacmesh.formats.med.fields import NO_PROFILE, title
+from lacmesh.formats.med.hdf5 import add_array, add_group, set_attributes, set_mask
+from lacmesh.formats.med.types import MED_TYPES
+from lacmesh.mesh import Ints
+from lacsolver.output.journal import changing
+from lacsolver.output.names import MED
+from lacsolver.output.parts import Part, on_faces, whole
+from lacsolver.output.tables import until
+from lacsolver.results import Fields, ZoneFields
+from lacsolver.space import COMPONENTS, Space
+
+_AXES = "XYZ"
+#: MED's numbers of the kinds of values; bits of cells and nodes in the mask LEN; bytes of a component's name
+_KINDS = {"float64": 6, "int32": 24}
+_CELLS, _NODES, _SHORT = 1, 8, 16
+#: what is added to the name of a zone, at most
+_LONGEST = "pressure_recovered.nodes"
+_OF_TYPE = {kind.type: kind for kind in MED_TYPES}
+
+
+class _Support(NamedTuple):
+    """Where values stand: MED's name and bit, the rows of the values, and the places (from 0) of them; None: all."""
+
+    name: str
+    bit: int
+    rows: Ints
+    places: Ints | None
+
+
+class _Field(NamedTuple):
+    """A field at a time: name, components, on nodes or cells, values (n, m), and where they stand."""
+
+    name: str
+    components: tuple[str, ...]
+    nodes: bool
+    values: NDArray
+    supports: tuple[_Support, ...]
+
+
+class MedSeries:
+    """results.med of a folder; one that is there is gone on with, without times after `end`. Raises WriteError."""
+
+    def __init__(self, folder: Path, space: Space, zones: Iterable[str], end: float | None = None) -> None:
+        self._path, self._space = folder / MED, space
+        _names(self._path, [f"{zone}.{_LONGEST}" for zone in zones])
+        part = whole(space.mesh)
+        self._name = title(self._path, part.mesh.name or "mesh", "mesh", [])
+        self._part = part._replace(mesh=replace(part.mesh, name=self._name))
+        if end is not None and self._path.exists():
+            _cut_off(self._path, end)
+
+    def write(self, fields: Fields, number: int) -> None:
+        """Add a time: the fields after a number of steps. Raises WriteError."""
+        told = list(_fields(fields, self._part, self._space))
+        names = _names(self._path, [field.name for field in told])
+        if not self._path.exists():
+            write(self._path, self._part.mesh)
+        with changing(self._path) as root:
+            for name, field in zip(names, told, strict=True):
+                home = _home(root, name, self._name, field)
+                _add_time(root, home, field, fields.time, number)
+
+
+def _names(path: Path, names: Iterable[str]) -> list[str]:
+    """What the fields of these names are called in the file. Raises WriteError where one is too long."""
+    made: list[str] = []
+    for name in names:
+        made.append(title(path, name, "field", [], made))
+    return made
+
+
+def _fields(fields: Fields, part: Part, space: Space) -> Iterator[_Field]:
+    everywhere = (_Support("NOE", 1, np.arange(len(part.nodes)), None),)
+    axes = _AXES[: space.dim]
+    stresses = tuple(f"SI{name.upper()}" for name in COMPONENTS[: space.model.n_stress])
+    yield _Field("DEPL", tuple(f"D{a}" for a in axes), True, fields.displacement, everywhere)
+    yield _Field("SIEF_NOEU", stresses, True, fields.stress, everywhere)
+    yield _Field("REAC_NODA", tuple(f"D{a}" for a in axes), True, fields.reaction, everywhere)
+    for name, zone in fields.zones.items():
+        yield from _zone_fields(name, zone, part, everywhere, axes)
+
+
+def _zone_fields(
+    name: str, zone: ZoneFields, part: Part, everywhere: tuple[_Support, ...], axes: str
+) -> Iterator[_Field]:
+    faces = tuple(_face_supports(zone, part))
+    for what, values in (
+        ("pressure", zone.pressure),
+        ("pressure_recovered", zone.recovered),
+        ("gap", zone.gap),
+        ("coverage", zone.coverage),
+    ):
+        yield _Field(f"{name}.{what}", (what,), False, on_faces(np.asarray(values, float), zone.macro, np.nan), faces)
+    status = on_faces(np.asarray(zone.status, np.int32), zone.macro, -1)
+    yield _Field(f"{name}.status", ("status",), False, status, faces)
+    yield _Field(f"{name}.contact_force", tuple(f"D{a}" for a in axes), True, zone.contact_force, everywhere)
+    slave = np.unique(zone.surface.faces.nodes[zone.surface.faces.nodes >= 0])
+    on_slave = (_Support("NOE", 1, slave, slave),)
+    yield _Field(f"{name}.{_LONGEST}", ("pressure",), True, zone.pressure_recovered, on_slave)
+
+
+def _face_supports(zone: ZoneFields, part: Part) -> Iterator[_Support]:
+    """The zone's faces, type by type, in the order of the file."""
+    place = np.full(part.mesh.n_cells, -1)
+    place[part.cells] = np.arange(len(part.cells))
+    where = place[zone.surface.cell]
+    rows = np.argsort(where, kind="stable")
+    for block, lo in zip(part.mesh.blocks, part.mesh.offsets[:-1], strict=True):
+        here = rows[(where[rows] >= lo) & (where[rows] < lo + len(block.nodes))]
+        if len(here):
+            places = where[here] - lo
+            kind = _OF_TYPE[block.type]
+            yield _Support(f"MAI.{kind.name}", 1 << kind.bit, here, None if len(here) == len(block.nodes) else places)
+
+
+def _home(root: h5py.Group, name: str, mesh: str, field: _Field) -> h5py.Group:
+    """The field's group, made where it is not there."""
+    fields = root["CHA"] if "CHA" in root else add_group(root, "CHA")
+    if name in fields:
+        return fields[name]
+    blank = " " * (_SHORT * len(field.components))
+    names = "".join(component[:_SHORT].ljust(_SHORT) for component in field.components)
+    kind = _KINDS[field.values.dtype.name]
+    size = len(field.components)
+    home = add_group(fields, name, MAI=mesh, NCO=size, TYP=kind, NOM=names, UNI=blank, UNT="")
+    _set_masks(home, field)
+    return home
+
+
+def _set_masks(holder: h5py.Group, field: _Field) -> None:
+    """What libmed 4.1 asks first of a field or time: on which entities (LEN), of which types (LGN, LGC)."""
+    set_mask(holder, "LEN", _NODES if field.nodes else _CELLS)
+    set_mask(holder, "LGN" if field.nodes else "LGC", reduce(or_, (s.bit for s in field.supports), 0))
+
+
+def _add_time(root: h5py.Group, home: h5py.Group, field: _Field, time: float, number: int) -> None:
+    step = add_group(home, f"{number:020d}{-1:020d}", NDT=number, NOR=-1, PDT=float(time), RDT=-1, ROR=-1)
+    _set_masks(step, field)
+    for support in field.supports:
+        profile = NO_PROFILE if support.places is None else _profile(root, support.places)
+        inside = add_group(step, support.name, GAU="", PFL=profile)
+        leaf = add_group(inside, profile, GAU="", NBR=len(support.rows), NGA=1)
+        values = field.values[support.rows].reshape(len(support.rows), -1)
+        add_array(leaf, "CO", values.T.reshape(-1))
+    _count_times(home, field.nodes)
+
+
+def _count_times(home: h5py.Group, nodes: bool) -> None:
+    """How many times have all that the field has: here each of them."""
+    set_attributes(home, **{"LAA": len(home), "LNA" if nodes else "LCA": len(home)})
+
+
+def _profile(root: h5py.Group, places: Ints) -> str:
+    """The name of the profile of these places, which is made where it is not there."""
+    numbers = (places + 1).astype(np.int32 if places.max() < 2**31 - 1 else np.int64)
+    name = "places_" + hashlib.sha256(numbers.tobytes()).hexdigest()[:24]
+    profiles = root["PROFILS"] if "PROFILS" in root else add_group(root, "PROFILS")
+    if name not in profiles:
+        add_array(add_group(profiles, name, NBR=len(numbers)), "PFL", numbers)
+    return name
+
+
+def _cut_off(path: Path, end: float) -> None:
+    """Take the times after the end out of a file. Raises WriteError."""
+    with changing(path) as root:
+        for home in _branches(root["CHA"]) if "CHA" in root else ():
+            later = [name for name, step in home.items() if not until(float(step.attrs["PDT"]), end)]
+            for name in later:
+                del home[name]
+            if later:
+                _count_times(home, "LNA" in home.attrs)
+
+
+def _branches(group: Mapping[str, h5py.Group]) -> list[h5py.Group]:
+    return list(group.values())

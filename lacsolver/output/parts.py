@@ -1,0 +1,117 @@
+"""What is shown of a mesh: the body, the slave skin of a zone, the whole; each a mesh of its own, with its numbers.
+
+The body's cells are those that carry displacements, and the bare skins of rigid bodies. Cells and nodes keep the file's
+numbers, groups and the records of a cut; other data of the mesh's file are not repeated. PYRAM14, which neither VTK nor
+MED has, becomes PYRAM13 without the centre of its base, and a warning says so.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import LacmeshWarning
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.records import CELL_RECORDS, NODE_RECORD
+from lacmesh.surface import Surface
+from lacsolver.space import Space
+
+
+class Part(NamedTuple):
+    """Some cells of a mesh as a mesh; `nodes` and `cells`: which of the whole's each of its nodes and cells is."""
+
+    mesh: Mesh
+    nodes: Ints
+    cells: Ints
+
+
+class _Rows(NamedTuple):
+    """Cells of one type: the type, their nodes (k, n) and indices (k,) in the whole mesh."""
+
+    type: str
+    nodes: Ints
+    cells: Ints
+
+
+def body(space: Space) -> Part:
+    """The cells that carry displacements, and skins with a node that no such cell holds."""
+    mesh = space.mesh
+    rows = [_Rows(*block) for block in space.blocks]
+    for k, (kind, nodes) in enumerate(mesh.blocks):
+        index = np.arange(mesh.offsets[k], mesh.offsets[k + 1])
+        bare = (mesh.cell_dim[index] == space.dim - 1) & ~space.attached[nodes].all(axis=1)
+        if bare.any():
+            rows.append(_Rows(kind, nodes[bare], index[bare]))
+    return _part(mesh, rows)
+
+
+def skin(mesh: Mesh, surface: Surface) -> Part:
+    """The faces of a surface, in the order of `Surface.by_type`; `cells` are its rows."""
+    rows = [_Rows(kind, nodes, surface.cell[at]) for kind, at, nodes in surface.by_type()]
+    order = [at for _, at, _ in surface.by_type()]
+    return _part(mesh, rows)._replace(cells=np.concatenate([np.empty(0, np.int64), *order]))
+
+
+def whole(mesh: Mesh) -> Part:
+    """All cells and nodes."""
+    index = [np.arange(lo, lo + len(b.nodes)) for b, lo in zip(mesh.blocks, mesh.offsets[:-1], strict=True)]
+    rows = [_Rows(*block, at) for block, at in zip(mesh.blocks, index, strict=True)]
+    return _part(mesh, rows, all_nodes=True)
+
+
+def _part(mesh: Mesh, rows: Iterable[_Rows], all_nodes: bool = False) -> Part:
+    rows = _storable([r for r in rows if len(r.cells)])
+    used = np.full(mesh.n_nodes, all_nodes)
+    for r in rows:
+        used[r.nodes] = True
+    nodes = np.flatnonzero(used)
+    place = np.cumsum(used) - 1
+    cells = np.concatenate([np.empty(0, np.int64), *(r.cells for r in rows)])
+    made = Mesh.create(
+        mesh.points[nodes],
+        [(r.type, place[r.nodes]) for r in rows],
+        space_dim=mesh.space_dim,
+        node_number=mesh.node_number[nodes],
+        cell_number=mesh.cell_number[cells],
+        cell_groups=_groups(mesh.cell_groups, cells, mesh.n_cells),
+        node_groups=_groups(mesh.node_groups, nodes, mesh.n_nodes),
+        cell_data={name: mesh.cell_data[name][cells] for name in CELL_RECORDS if name in mesh.cell_data},
+        node_data={name: mesh.node_data[name][nodes] for name in (NODE_RECORD,) if name in mesh.node_data},
+        zones=mesh.zones,
+        name=mesh.name,
+    )
+    return Part(made, nodes, cells)
+
+
+def _storable(rows: list[_Rows]) -> list[_Rows]:
+    """One entry a type, PYRAM14 among PYRAM13."""
+    by_type: dict[str, list[_Rows]] = {}
+    for r in rows:
+        if r.type == "PYRAM14":
+            message = f"{len(r.cells)} PYRAM14 are written as PYRAM13, without the centre of their base"
+            warnings.warn(LacmeshWarning(message), stacklevel=5)
+            r = _Rows("PYRAM13", r.nodes[:, :13], r.cells)
+        by_type.setdefault(r.type, []).append(r)
+    return [
+        _Rows(kind, np.concatenate([r.nodes for r in same]), np.concatenate([r.cells for r in same]))
+        for kind, same in by_type.items()
+    ]
+
+
+def _groups(groups: Mapping[str, Ints], members: Ints, size: int) -> dict[str, Ints]:
+    """The groups among some members of the whole, by their place there; groups that have none are left out."""
+    place = np.full(size, -1)
+    place[members] = np.arange(len(members))
+    told = {name: place[ids][place[ids] >= 0] for name, ids in groups.items()}
+    return {name: np.sort(ids) for name, ids in told.items() if len(ids)}
+
+
+def on_faces(values: NDArray, macro: Ints, missing: float) -> NDArray:
+    """Values of macro-elements (n, ...) on their faces (n_faces, ...)."""
+    told = np.full((len(macro), *values.shape[1:]), missing, values.dtype)
+    told[macro >= 0] = values[macro[macro >= 0]]
+    return told

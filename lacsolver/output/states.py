@@ -1,0 +1,135 @@
+"""States that a run can go on from: state_NUMBER.npz, one for every time that is written.
+
+A file holds the arrays of a `Restart`, and, as JSON in the bytes of `about`, its numbers, the names of its zones and
+rigid bodies, and what makes the case (`lacsolver.case.fingerprint`).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import DataError, ReadError, RequestError
+from lacmesh.formats.output import replacing
+from lacsolver.case import Case, changed
+from lacsolver.output.names import state_file, states_in
+from lacsolver.output.tables import same_time
+from lacsolver.results import Restart
+
+VERSION = 1
+_ABOUT = "about"
+#: what numpy raises on a damaged file
+_DAMAGE = (
+    *(OSError, ValueError, KeyError, TypeError, EOFError, IndexError, RuntimeError, MemoryError),
+    *(zipfile.BadZipFile, zlib.error, struct.error),
+)
+
+
+def write_state(folder: Path, state: Restart, prints: Mapping[str, str]) -> None:
+    """Write a state; `prints`: the fingerprint of its case. Raises WriteError; an older file is there until then."""
+    about = {
+        **{"version": VERSION, "time": float(state.time), "step_size": float(state.step_size)},
+        **{"number": state.number, "case": dict(prints)},
+        **{"zones": list(state.multipliers), "rigid": list(state.rigid)},
+    }
+    arrays = {_ABOUT: np.frombuffer(json.dumps(about).encode(), np.uint8), "u": state.u}
+    for k, zone in enumerate(state.multipliers):
+        arrays |= {f"multipliers_{k}": state.multipliers[zone], f"status_{k}": state.status[zone]}
+    arrays |= {f"rigid_{k}": dofs for k, dofs in enumerate(state.rigid.values())}
+    with replacing(folder / state_file(state.number)) as (beside,), beside.open("wb") as file:
+        np.savez(file, **arrays)  # type: ignore[arg-type]
+
+
+def read_state(folder: str | os.PathLike[str], case: Case, from_time: float | None = None) -> Restart:
+    """A state that an earlier run of the same case wrote: the last one, or the one at a time.
+
+    Raises RequestError where there is none (of that time: those there are, are listed), DataError where the case is
+    another one (what changed is named), ReadError for a folder or file that cannot be read.
+    """
+    folder = Path(folder)
+    try:
+        paths = states_in(folder)
+    except OSError as error:
+        raise ReadError(folder, f"cannot be read ({error.strerror or error})") from error
+    if not paths:
+        raise RequestError(f"{folder} holds no state to go on from (state_*.npz); name the folder of an earlier run")
+    path = paths[-1] if from_time is None else _at(folder, paths, from_time)
+    with _damage_in(path, _others(folder, paths, path)), _opened(path) as file:
+        about = _about(path, file)
+        found = _restart(file, about, folder)
+    differs = changed(about["case"], case)
+    if differs:
+        what = ", ".join(differs)
+        raise DataError(f"the states in {folder} are of another case: {what} changed; restore it, or start anew")
+    return found
+
+
+def _restart(file: Mapping[str, NDArray], about: Mapping[str, Any], folder: Path) -> Restart:
+    zones = list(enumerate(about["zones"]))
+    return Restart(
+        time=about["time"],
+        step_size=about["step_size"],
+        number=about["number"],
+        u=file["u"],
+        multipliers={name: file[f"multipliers_{k}"] for k, name in zones},
+        status={name: file[f"status_{k}"] for k, name in zones},
+        rigid={name: file[f"rigid_{k}"] for k, name in enumerate(about["rigid"])},
+        folder=folder,
+    )
+
+
+def _about(path: Path, file: Mapping[str, NDArray]) -> dict[str, Any]:
+    about = json.loads(file[_ABOUT].tobytes())
+    if about["version"] > VERSION:
+        raise ReadError(path, "is of a newer lacsolver; go on with that one")
+    return {**about, "time": float(about["time"]), "number": int(about["number"]), "case": dict(about["case"])}
+
+
+def _at(folder: Path, paths: list[Path], time: float) -> Path:
+    """The state at a time."""
+    times = {path: _time(path) for path in paths}
+    found = [path for path, there in times.items() if there is not None and same_time(there, time)]
+    if not found:
+        known = ", ".join(f"{there:.9g}" for there in times.values() if there is not None) or "none that can be read"
+        raise RequestError(f"{folder} holds no state at t = {time:.9g}; there are: {known}")
+    return found[-1]
+
+
+def _time(path: Path) -> float | None:
+    """When a state was; None where its file is damaged."""
+    try:
+        with _opened(path) as file:
+            return float(json.loads(file[_ABOUT].tobytes())["time"])
+    except _DAMAGE:
+        return None
+
+
+def _others(folder: Path, paths: list[Path], path: Path) -> str:
+    """What to do where one state is damaged."""
+    times = [f"{there:.9g}" for other in paths if other != path and (there := _time(other)) is not None]
+    return f"go on from an earlier time, --from {times[-1]}" if times else f"no other state is in {folder}: start anew"
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Mapping[str, NDArray]]:
+    """The arrays of a file, opened here: numpy leaves open what it cannot read."""
+    with path.open("rb") as raw, np.load(raw) as file:
+        yield file
+
+
+@contextmanager
+def _damage_in(path: Path, advice: str) -> Iterator[None]:
+    try:
+        yield
+    except _DAMAGE as error:
+        raise ReadError(path, f"is damaged or no state ({error}); {advice}") from error

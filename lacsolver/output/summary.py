@@ -1,0 +1,109 @@
+"""results.json: the figures of a run, written anew after every step (a reader finds it whole, whatever happens).
+
+What is not a finite number is null. Each step is told once, and its line kept.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lacmesh.errors import ReadError
+from lacmesh.formats.output import replace_file
+from lacsolver.output.names import RESULTS
+from lacsolver.output.tables import until
+from lacsolver.results import Results, StepFigures, ZoneFigures
+
+#: what results.json tells of a step
+STEP_KEYS = ("time", "iterations", "halvings", "residuals", "reactions", "probes")
+_BALANCE = ("force", "moment")
+
+
+class Summary:
+    """results.json of a folder. `end`: go on after this time, with the steps that are there up to it."""
+
+    def __init__(self, folder: Path, end: float | None = None) -> None:
+        self._path = folder / RESULTS
+        before = {} if end is None else _read(self._path)
+        self._before = [_line(step) for step in before.get("steps", []) if until(step["time"], end or 0.0)]
+        self._worst = before.get("balance", {}) if self._before else {}
+        self._told: list[str] = []
+
+    def write(self, results: Results) -> None:
+        """Tell the results up to now. Raises WriteError."""
+        self._told += [_line(_step(step)) for step in results.steps[len(self._told) :]]
+        parts = {name: _line(value) for name, value in _whole(results, self._worst).items()}
+        parts["steps"] = "[" + ",".join(f"\n  {line}" for line in (*self._before, *self._told)) + "\n ]"
+        text = "{" + ",".join(f"\n {_line(name)}: {part}" for name, part in parts.items()) + "\n}\n"
+        replace_file(self._path, text.encode())
+
+
+def _whole(results: Results, worst: Mapping[str, Any]) -> dict[str, Any]:
+    """What the file holds, in its order; `message` only where there is one."""
+    last = results.steps[-1] if results.steps else None
+    return {
+        "version": results.version,
+        "status": results.status,
+        **({"message": results.message} if results.message else {}),
+        "steps": [],
+        "contact": {} if last is None else {name: _zone(zone) for name, zone in last.contact.items()},
+        "balance": _balance(results, worst),
+        "stress": results.stress,
+        "energy": None if last is None else last.energy,
+        "sizes": results.sizes,
+        "timings": results.timings,
+        "memory": results.memory,
+    }
+
+
+def _step(step: StepFigures) -> dict[str, Any]:
+    return {name: getattr(step, name) for name in STEP_KEYS}
+
+
+def _zone(zone: ZoneFigures) -> dict[str, Any]:
+    return {f.name: getattr(zone, f.name) for f in fields(ZoneFigures)}
+
+
+def _balance(results: Results, worst: Mapping[str, Any]) -> dict[str, float | None]:
+    """The worst step's; one that is not a number is the worst of all."""
+    told = {}
+    for k, name in enumerate(_BALANCE):
+        before = [float("nan") if worst[name] is None else worst[name]] if name in worst else []
+        values = np.array([*before, *(step.balance[k] for step in results.steps)], float)
+        told[name] = float(values.max()) if len(values) else None
+    return told
+
+
+def _line(value: Any) -> str:
+    return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False).encode("utf-8", "replace").decode()
+
+
+def _plain(value: Any) -> Any:
+    """A value in what JSON has: None for NaN and infinity, lists for arrays."""
+    if isinstance(value, Mapping):
+        return {str(name): _plain(part) for name, part in value.items()}
+    if isinstance(value, (np.ndarray, np.generic)):
+        return _plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """What an earlier run told; nothing where it did not come so far. Raises ReadError."""
+    if not path.exists():
+        return {}
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(told, dict) and all(isinstance(step["time"], (int, float)) for step in told["steps"]):
+            return told
+        reason = "it holds something else"
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+    raise ReadError(path, f"cannot be gone on with ({reason}); write into another folder")

@@ -1,0 +1,149 @@
+"""The tables: history.csv, a row a step; contact_NAME.csv, a row each macro-element at each step that is written.
+
+Reals have the fewest digits that read back the same; what is not there is an empty field.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import repeat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import ReadError
+from lacmesh.formats.output import replace_file
+from lacmesh.mesh import Floats
+from lacsolver.output.files import append
+from lacsolver.output.names import HISTORY
+from lacsolver.results import StepFigures, ZoneFields
+
+#: two times are one if they differ by less than this part of the later
+SAME_TIME = 1e-9
+#: columns of contact_NAME.csv
+CONTACT_COLUMNS = (
+    *("time", "macro", "x", "y", "z", "nx", "ny", "nz", "area"),
+    *("pressure", "pressure_recovered", "gap", "status", "coverage"),
+)
+_AXES = "xyz"
+
+
+def same_time(one: float, other: float) -> bool:
+    """Whether two times are one but for round-off."""
+    return abs(one - other) <= SAME_TIME * max(abs(one), abs(other))
+
+
+def until(time: float, end: float) -> bool:
+    """Whether a time is not after the end."""
+    return time <= end or same_time(time, end)
+
+
+class History:
+    """history.csv of a folder. `end`: go on after this time, with the rows that are there up to it.
+
+    Where the conditions or probes are not those of the rows before, columns are added, empty where nothing was known.
+    """
+
+    def __init__(self, folder: Path, end: float | None = None) -> None:
+        self._path = folder / HISTORY
+        self._columns: list[str] = []
+        self._before = [] if end is None else list(_rows_until(self._path, end))
+
+    def add(self, step: StepFigures) -> None:
+        """Add a step, on the disk when this returns. Raises WriteError, ValueError where other columns were begun."""
+        row = history_row(step)
+        if not self._columns:
+            self._begin(row)
+        if set(row) - set(self._columns):
+            raise ValueError(f"the step at t = {step.time} has columns {sorted(set(row) - set(self._columns))} more")
+        append(self._path, _lines([[_plain(row.get(name)) for name in self._columns]]))
+
+    def _begin(self, row: Mapping[str, Any]) -> None:
+        self._columns = list(row) + [name for name in (self._before or [{}])[0] if name not in row]
+        rows = [[old.get(name, "") for name in self._columns] for old in self._before]
+        replace_file(self._path, _lines([self._columns, *rows]))
+
+
+def history_row(step: StepFigures) -> dict[str, float]:
+    """A step's row, by column."""
+    row = {"time": step.time, "iterations": step.iterations}
+    for name, force in step.reactions.items():
+        row |= {f"reaction.{name}.{axis}": value for axis, value in zip(_AXES, _list(force), strict=False)}
+    for name, move in step.probes.items():
+        row |= {f"probe.{name}.u{axis}": value for axis, value in zip(_AXES, _list(move), strict=False)}
+    for name, zone in step.contact.items():
+        row |= {f"contact.{name}.f{axis}": f for axis, f in zip(_AXES, _list(zone.resultant), strict=False)}
+        row |= {f"contact.{name}.area": zone.contact_area, f"contact.{name}.pressure_max": zone.pressure_max}
+    return row
+
+
+def add_contact(path: Path, time: float, zone: ZoneFields) -> None:
+    """Add a zone's macro-elements to its table. Raises WriteError."""
+    if not path.exists():
+        replace_file(path, _lines([CONTACT_COLUMNS]))
+    append(path, _lines(_contact_rows(time, zone)))
+
+
+def cut_off(path: Path, end: float) -> None:
+    """Keep of a table the rows up to a time. Raises ReadError, WriteError."""
+    rows = list(_rows_until(path, end))
+    replace_file(path, _lines([CONTACT_COLUMNS, *(list(row.values()) for row in rows)]))
+
+
+def _contact_rows(time: float, zone: ZoneFields) -> Iterator[Sequence[Any]]:
+    plane = zone.surface.x[zone.surface.faces.nodes[0, 0], 2] if len(zone.surface) else 0.0
+    places = [*_columns(zone.centre, plane), *_columns(zone.normal, 0.0)]
+    reals = [_blank(values) for values in (*places, zone.area, zone.pressure, zone.recovered, zone.gap)]
+    return zip(repeat(time), zone.number.tolist(), *reals, zone.status.tolist(), _blank(zone.coverage), strict=False)
+
+
+def _columns(vectors: Floats, z: float) -> list[NDArray]:
+    """x, y and z of vectors (n, d); in a plane the third is `z`."""
+    return [*vectors.T] if vectors.shape[1] == 3 else [*vectors.T, np.full(len(vectors), z)]
+
+
+def _blank(values: NDArray) -> list[Any]:
+    """Values for csv, None where they are not finite numbers."""
+    told: list[Any] = values.tolist()
+    for k in np.flatnonzero(~np.isfinite(values)):
+        told[k] = None
+    return told
+
+
+def _plain(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _list(vector: Floats) -> list[float]:
+    values: list[float] = np.asarray(vector, float).tolist()
+    return values
+
+
+def _lines(rows: Iterable[Sequence[Any]]) -> bytes:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode("utf-8", "surrogateescape")
+
+
+def _rows_until(path: Path, end: float) -> Iterator[dict[str, str]]:
+    """The rows of a table up to a time; none where there is no table. Raises ReadError."""
+    if not path.exists():
+        return
+    try:
+        with path.open(encoding="utf-8", errors="surrogateescape", newline="") as file:
+            rows = csv.DictReader(file)
+            if not rows.fieldnames or rows.fieldnames[0] != "time":
+                raise ReadError(path, "is no table of lacsolver; move it away, or write into another folder")
+            for row in rows:
+                if None in row or None in row.values():
+                    raise ReadError(path, "has a row that is not whole; remove it", f"line {rows.line_num}")
+                if until(float(row["time"]), end):
+                    yield row
+    except (OSError, ValueError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ReadError(path, f"cannot be read ({reason})") from error

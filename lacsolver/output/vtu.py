@@ -1,0 +1,134 @@
+"""Fields for ParaView: solid.pvd, contact_NAME.pvd on the slave skins, and a VTU file for each time of each.
+
+A displacement, force or normal has three components and a stress six (xx yy zz xy yz xz, VTK's order), also in a plane:
+so ParaView takes them for vectors and tensors. Points stand where the mesh has them, undeformed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import ReadError, WriteError
+from lacmesh.formats import write
+from lacmesh.formats.output import replace_file
+from lacmesh.mesh import Floats
+from lacsolver.output.names import FIELDS, SOLID, contact_stems, vtu_file
+from lacsolver.output.parts import Part, body, on_faces, skin
+from lacsolver.results import Fields, ZoneFields
+from lacsolver.space import Space
+
+
+class _Entry(NamedTuple):
+    """A time of a PVD, and its file."""
+
+    time: float
+    file: str
+
+
+class VtuSeries:
+    """The PVD and VTU files of a folder; those that are there are gone on with. Raises ReadError, WriteError."""
+
+    def __init__(self, folder: Path, space: Space) -> None:
+        self._folder, self._space = folder, space
+        self._parts: dict[str, Part] = {}
+        self._told = {path.stem: read_pvd(path) for path in sorted(folder.glob("*.pvd"))}
+        for stem, entries in self._told.items():
+            _write_pvd(folder / f"{stem}.pvd", entries)
+
+    def write(self, fields: Fields, number: int) -> None:
+        """Add a time: the fields after a number of steps. Raises WriteError."""
+        self._add(SOLID, self._part(SOLID, None), _solid(fields), {}, fields.time, number)
+        for zone, stem in contact_stems(fields.zones).items():
+            told = fields.zones[zone]
+            self._add(stem, self._part(stem, told), _nodal(told, fields), _by_face(told), fields.time, number)
+
+    def _part(self, stem: str, zone: ZoneFields | None) -> Part:
+        if stem not in self._parts:
+            self._parts[stem] = body(self._space) if zone is None else skin(self._space.mesh, zone.surface)
+        return self._parts[stem]
+
+    def _add(
+        self,
+        stem: str,
+        part: Part,
+        nodal: Mapping[str, NDArray],
+        by_cell: Mapping[str, NDArray],
+        time: float,
+        number: int,
+    ) -> None:
+        """Write the VTU of a time, and then the PVD that names it."""
+        mesh = replace(
+            part.mesh,
+            node_data={**part.mesh.node_data, **{name: values[part.nodes] for name, values in nodal.items()}},
+            cell_data={**part.mesh.cell_data, **{name: values[part.cells] for name, values in by_cell.items()}},
+        )
+        file = vtu_file(stem, number)
+        _make(self._folder / FIELDS)
+        write(self._folder / file, mesh, compress=True)
+        self._told[stem] = [*self._told.get(stem, []), _Entry(float(time), file)]
+        _write_pvd(self._folder / f"{stem}.pvd", self._told[stem])
+
+
+def _solid(fields: Fields) -> dict[str, NDArray]:
+    return {
+        "displacement": wide(fields.displacement, 3),
+        "stress": wide(fields.stress, 6),
+        "reaction": wide(fields.reaction, 3),
+    }
+
+
+def _nodal(zone: ZoneFields, fields: Fields) -> dict[str, NDArray]:
+    return {
+        "displacement": wide(fields.displacement, 3),
+        "contact_force": wide(zone.contact_force, 3),
+        "pressure_recovered": zone.pressure_recovered,
+    }
+
+
+def _by_face(zone: ZoneFields) -> dict[str, NDArray]:
+    reals = {"pressure": zone.pressure, "gap": zone.gap, "coverage": zone.coverage, "normal": wide(zone.normal, 3)}
+    told = {name: on_faces(np.asarray(values, float), zone.macro, np.nan) for name, values in reals.items()}
+    whole = {"status": zone.status, "macro": zone.number}
+    return told | {name: on_faces(np.asarray(values, np.int32), zone.macro, -1) for name, values in whole.items()}
+
+
+def wide(values: Floats, width: int) -> Floats:
+    """Vectors (n, d) with `width` components, those that are added zero.
+
+    >>> wide(np.array([[1.0, 2.0]]), 3)
+    array([[1., 2., 0.]])
+    """
+    return np.pad(np.asarray(values, float), ((0, 0), (0, width - values.shape[1])))
+
+
+def read_pvd(path: Path) -> list[_Entry]:
+    """The times of a PVD whose files are there; none where there is no PVD. Raises ReadError."""
+    if not path.exists():
+        return []
+    try:
+        sets = ElementTree.parse(path).getroot().iter("DataSet")
+        entries = [_Entry(float(s.attrib["timestep"]), s.attrib["file"]) for s in sets]
+    except (OSError, ValueError, KeyError, ElementTree.ParseError) as error:
+        raise ReadError(path, f"cannot be gone on with ({error}); write into another folder") from error
+    return [entry for entry in entries if (path.parent / entry.file).is_file()]
+
+
+def _write_pvd(path: Path, entries: list[_Entry]) -> None:
+    sets = [f'<DataSet timestep="{e.time!r}" group="" part="0" file={quoteattr(e.file)}/>\n' for e in entries]
+    head = '<?xml version="1.0" encoding="utf-8"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
+    replace_file(path, (head + "".join(sets) + "</Collection>\n</VTKFile>\n").encode())
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(exist_ok=True, parents=True)
+    except OSError as error:
+        raise WriteError(folder, f"cannot be made ({error.strerror or error})") from error

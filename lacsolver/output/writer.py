@@ -1,0 +1,127 @@
+"""What is written when: figures after every converged step; fields, contact tables and states as [output] says.
+
+The last converged step of a run has its fields and state whatever [output] says, so that one can look and go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from lacmesh.errors import WriteError
+from lacmesh.formats.output import signals_wait
+from lacsolver.case import Case, Output, fingerprint
+from lacsolver.output.folder import OutputFolder
+from lacsolver.output.med import MedSeries
+from lacsolver.output.names import UNCONVERGED, contact_stems
+from lacsolver.output.states import write_state
+from lacsolver.output.summary import Summary
+from lacsolver.output.tables import History, add_contact, cut_off, same_time
+from lacsolver.output.vtu import VtuSeries
+from lacsolver.results import Fields, Restart, Results
+from lacsolver.space import Space
+
+
+class Series(Protocol):
+    """Fields in files of some format, one time after the other."""
+
+    def write(self, fields: Fields, number: int) -> None:
+        """Add a time: the fields after a number of steps. Raises WriteError."""
+
+
+class _Unwritten(NamedTuple):
+    """The last converged step, where its fields are not written: what would make them, and its state."""
+
+    fields: Callable[[], Fields]
+    state: Restart
+
+
+class Writer:
+    """Writes a run into its folder, which is taken over here: what an earlier run left is removed, or gone on with.
+
+    Raises WriteError, and ReadError where what is to be gone on with is damaged. A signal waits until what is being
+    written is whole.
+    """
+
+    def __init__(self, folder: OutputFolder, case: Case, space: Space) -> None:
+        self._path, self._output, self._space = folder.path, case.output, space
+        self._prints = fingerprint(case)
+        end = folder.restart.time if folder.restart else None
+        with signals_wait():
+            self._history, self._summary = History(folder.path, end), Summary(folder.path, end)
+            folder.take()
+            self._zones = tuple(zone.name for zone in (*case.contact, *case.tie))
+            self._series = self._fields_to(folder.path, end)
+            if end is not None:
+                for table in folder.path.glob("contact_*.csv"):
+                    cut_off(table, end)
+        self._unwritten: _Unwritten | None = None
+
+    def step(self, results: Results, fields: Callable[[], Fields], state: Restart) -> bool:
+        """Write a converged step, the last of `results.steps`; whether its fields and state were due, and written.
+
+        `fields` is called where they are due, or later, by `finish`, if this is the last step.
+        """
+        with signals_wait():
+            self._history.add(results.steps[-1])
+            self._summary.write(results)
+            self._unwritten = _Unwritten(fields, state)  # before a signal that came up meanwhile does
+        if not is_due(self._output, state.number, state.time):
+            return False
+        made = fields()  # it may take its time: a signal that comes up here leaves the rest to `finish`
+        with signals_wait():
+            self._unwritten = None
+            self._write(made, state)
+        return True
+
+    def finish(self, results: Results, tried: Callable[[], Fields] | None = None) -> None:
+        """Write how it ended, and fields and state of the last converged step where they are not there yet.
+
+        Where [output] lists times, a run that is done adds the state alone. `tried`: fields of the last state tried, of
+        a run that failed; they go to a folder inside, `unconverged`.
+        """
+        last, self._unwritten = self._unwritten, None
+        made = last.fields() if last and not (results.status == "done" and self._output.times) else None
+        failed = tried() if tried else None
+        with signals_wait():
+            self._summary.write(results)
+            if last and made:
+                self._write(made, last.state)
+            elif last:
+                write_state(self._path, last.state, self._prints)
+            if failed:
+                self._fields_to(_made(self._path / UNCONVERGED)).write(failed, 1)
+
+    def _fields_to(self, folder: Path, end: float | None = None) -> Series:
+        """The files of fields in a folder; `end`: those that are there are gone on with after this time."""
+        if self._output.format == "med":
+            return MedSeries(folder, self._space, self._zones, end)
+        return VtuSeries(folder, self._space)
+
+    def _write(self, fields: Fields, state: Restart) -> None:
+        self._series.write(fields, state.number)
+        for zone, stem in contact_stems(fields.zones).items():
+            add_contact(self._path / f"{stem}.csv", fields.time, fields.zones[zone])
+        write_state(self._path, state, self._prints)
+
+
+def is_due(output: Output, number: int, time: float) -> bool:
+    """Whether the fields and state after a number of steps, at a time, are to be written.
+
+    >>> [is_due(Output(every=2), k, 0.25 * k) for k in (1, 2, 3)]
+    [False, True, False]
+    >>> [is_due(Output(times=(0.3,)), k, 0.1 * k) for k in (1, 2, 3)]
+    [False, False, True]
+    """
+    if output.times is not None:
+        return any(same_time(time, t) for t in output.times)
+    return number % output.every == 0
+
+
+def _made(folder: Path) -> Path:
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise WriteError(folder, f"cannot be made ({error.strerror or error})") from error
+    return folder

@@ -1,0 +1,159 @@
+"""The problem of a case: its mesh, cut where it has to be, and all that stays the same from step to step.
+
+mesh -> space, materials -> K; constraints; joints; f(t). What changes is found by `march`.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+import lacmesh
+from lacmesh.errors import LacmeshError
+from lacmesh.mesh import Floats, Mesh
+from lacsolver import acting
+from lacsolver.assemble import assemble_stiffness
+from lacsolver.assemble.fields import Temperature
+from lacsolver.case import Case, Contact, Tie, check_groups
+from lacsolver.constraints import Constraints
+from lacsolver.interface import Interface, Pairing, Zone
+from lacsolver.laws import check_kinematics, law_of
+from lacsolver.material import Materials
+from lacsolver.places import wrong
+from lacsolver.skin import prepared
+from lacsolver.space import Space
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A zone of the problem and how it is treated. `record`: the case's contact or tie."""
+
+    record: Contact | Tie
+    zone: Zone
+    pairing: Pairing
+
+    @property
+    def name(self) -> str:
+        """What results are called by."""
+        return self.record.name
+
+    @property
+    def tie(self) -> bool:
+        """Whether all components are joined."""
+        return isinstance(self.record, Tie)
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether the pressure is >= 0 and the gap may open."""
+        return isinstance(self.record, Contact) and self.record.type == "unilateral"
+
+    @property
+    def initial(self) -> str:
+        """Which of its rows are closed at the start: `all`, `none`, or those without a gap (`gap`)."""
+        return self.record.initial if isinstance(self.record, Contact) and self.one_sided else "all"
+
+    @property
+    def timed(self) -> bool:
+        """Whether the clearance changes with time."""
+        return isinstance(self.record, Contact) and self.record.clearance.depends_on_time
+
+    @property
+    def moving(self) -> bool:
+        """Whether the zone is paired again on the deformed skins."""
+        return isinstance(self.record, Contact) and self.record.geometry == "current"
+
+    def places(self, space: Space, u: Floats) -> NDArray[np.floating]:
+        """(n_nodes, 3): where the skins meet when displaced by u (n_dof,): there if they move, else where they were."""
+        x = space.mesh.points.copy()
+        if self.moving:
+            x[:, : space.dim] += u.reshape(-1, space.dim)
+        return x
+
+    def paired(self, face: Interface) -> NDArray[np.bool_]:
+        """(n_macros,): which macro-elements of an interface of the zone have enough of the master in front of them."""
+        return np.asarray(face.coverage > self.record.coverage_threshold)
+
+    def check_facing(self, face: Interface) -> None:
+        """Raises CaseError where no macro-element has a master and, since the skins stay where they are, none will."""
+        if not self.moving and not self.paired(face).any():
+            message = f"no face of slave {self.record.slave!r} has master {self.record.master!r} in front of it"
+            advice = "check which groups these are and that their faces turn outward, or raise search_distance"
+            raise wrong(self.record, f"{message}; {advice}")
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What a case asks, on its mesh; built by `Problem.of`. `joints`: contacts, then ties, in the case's order."""
+
+    case: Case
+    space: Space
+    materials: Materials
+    constraints: Constraints
+    joints: tuple[Joint, ...]
+
+    @classmethod
+    def of(cls, case: Case, mesh: Mesh | None = None) -> Problem:
+        """Read the mesh of a case (or take `mesh`), cut what slaves are whole, and check that all of it fits.
+
+        Raises CaseError, ReadError, CutError, DataError, RequestError, each with a sentence for the user.
+        """
+        check_kinematics(case)
+        mesh = lacmesh.read(case.mesh) if mesh is None else mesh
+        check_groups(case, mesh)
+        mesh = prepared(case, mesh)
+        space = Space.of(mesh, case.model, case.thickness)
+        materials = Materials.of(space, [(law_of(m), m.groups) for m in case.material])
+        joined: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
+        joints = tuple(joint_of(space, record) for record in joined)
+        return cls(case, space, materials, Constraints.of(space, case), joints)
+
+    @cached_property
+    def K(self) -> csr_array:
+        """(n_dof, n_dof): stiffness of the bodies and of springs to the ground."""
+        K = csr_array(assemble_stiffness(self.space, self.materials, self.threads).tocsr())
+        return K if self.springs is None else csr_array(K + self.springs)
+
+    @cached_property
+    def springs(self) -> csr_array | None:
+        """(n_dof, n_dof): springs to the ground; None if there are none."""
+        return acting.springs(self.space, self.case)
+
+    @cached_property
+    def temperature(self) -> Temperature | None:
+        """What `assemble.stress` takes."""
+        return acting.temperature(self.space, self.materials, self.case)
+
+    @property
+    def threads(self) -> int:
+        """Cores to use: those asked for, or all that the process may use."""
+        return self.case.solver.threads or available_cores()
+
+    def load(self, t: float) -> NDArray[np.floating]:
+        """f (n_dof,): nodal forces of everything that acts at time t."""
+        return acting.load(self.space, self.materials, self.case, t, self.threads)
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def joint_of(space: Space, record: Contact | Tie) -> Joint:
+    """The joint of a contact or a tie. Raises CaseError, with its line, where the two groups make no zone."""
+    try:
+        zone = Zone.of(space.mesh, record.slave, record.master, record.name)
+    except LacmeshError as error:
+        raise wrong(record, str(error)) from None
+    if isinstance(record, Tie):
+        pairing = Pairing()
+    else:
+        value = record.clearance
+        fixed = not (value.depends_on_place or value.depends_on_time)
+        clearance = value.at(0.0) if fixed else acting.at_points(space, value)
+        pairing = Pairing(record.normals, record.crease_angle, measure=record.measure, clearance=clearance)
+    return Joint(record, zone, pairing.within(space, record.search_distance))

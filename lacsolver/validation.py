@@ -1,0 +1,201 @@
+"""What a case finds in its mesh: everything that a run would be refused for, at once, and what it would solve.
+
+mesh cut -> groups -> space -> laws, places, loads -> zones paired -> what is free to move. A stage is left out where
+one that it needs has failed; the others are gone through, so that one look tells all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array, vstack
+
+import lacmesh
+from lacmesh.errors import LacmeshError
+from lacmesh.mesh import Mesh
+from lacmesh.records import is_cut
+from lacsolver import acting
+from lacsolver.bodies import describe, free_motions, still_free
+from lacsolver.case import Case, CaseError, Contact, Displacement, Problem, Rigid, Tie, check_groups
+from lacsolver.case.records import Entry
+from lacsolver.constraints import Constraints
+from lacsolver.interface import Interface, integrate
+from lacsolver.laws import check_kinematics, law_of
+from lacsolver.linear import choose
+from lacsolver.material import Materials
+from lacsolver.places import nodes_of
+from lacsolver.problem import Joint, joint_of
+from lacsolver.skin import prepared
+from lacsolver.space import Space
+
+#: sections whose records are forces, each evaluated by itself
+_LOADS = ("pressure", "traction", "force", "body_force", "temperature")
+
+
+@dataclass(frozen=True)
+class ZoneFound:
+    """A zone where the skins stand: names, `macros` and how many are `unpaired`, `covered` part of the slave's area.
+
+    `gap`: least and largest mean gap of paired macro-elements, the clearance in it; NaN where there are none.
+    """
+
+    name: str
+    tie: bool
+    slave: str
+    master: str
+    macros: int
+    unpaired: int
+    covered: float
+    gap: tuple[float, float]
+
+
+@dataclass
+class Validation:
+    """What was found. `mesh`: cut, `cut_here` if not in the file; `unknowns`: those left by what is prescribed.
+
+    `held`: motions of bodies that contact alone stops, in words. `problems`: what a run would be refused for.
+    """
+
+    mesh: Mesh
+    cut_here: bool = False
+    dim: int = 0
+    unknowns: int = 0
+    zones: list[ZoneFound] = field(default_factory=list)
+    held: list[str] = field(default_factory=list)
+    problems: list[Problem] = field(default_factory=list)
+
+    @contextmanager
+    def looking(self, place: str = "") -> Iterator[None]:
+        """Keep what goes wrong inside; `place`: of the record looked at, for what does not say it itself."""
+        try:
+            yield
+        except LacmeshError as error:
+            lines = str(error).splitlines() if isinstance(error, CaseError) else [str(error)]
+            self.problems += [Problem(line if place in line else f"{place}: {line}") for line in lines]
+
+
+def validate(case: Case, mesh: Mesh | None = None) -> Validation:
+    """Look at everything that a run of a case needs, short of solving it. Raises ReadError for the mesh's file.
+
+    What is wrong is in `problems`, and nothing is raised for it.
+    """
+    mesh = lacmesh.read(case.mesh) if mesh is None else mesh
+    found = Validation(mesh)
+    with found.looking():
+        check_groups(case, mesh)
+    if not found.problems:
+        _look(case, found)
+    found.problems = list(dict.fromkeys(found.problems))
+    return found
+
+
+def _look(case: Case, found: Validation) -> None:
+    """Everything beyond the names of groups."""
+    before = found.mesh
+    with found.looking():
+        found.mesh = prepared(case, before)
+    cut = not found.problems
+    found.cut_here = is_cut(found.mesh) and not is_cut(before)
+    space = None
+    with found.looking():
+        space = Space.of(found.mesh, case.model, case.thickness)
+    if space is None:
+        return
+    found.dim = space.dim
+    _look_at_laws_and_loads(case, space, found)
+    constraints = _constraints(case, space, found)
+    if constraints is not None:
+        found.unknowns = constraints.n_q
+        with found.looking():
+            choose(case.solver.backend, constraints.n_q)
+    if cut:
+        before_zones = len(found.problems)
+        faces = _zones(case, space, found)
+        if constraints is not None and len(found.problems) == before_zones:
+            _look_at_motions(case, constraints, faces, found)
+
+
+def _look_at_laws_and_loads(case: Case, space: Space, found: Validation) -> None:
+    materials = None
+    with found.looking():
+        check_kinematics(case)
+        materials = Materials.of(space, [(law_of(m), m.groups) for m in case.material])
+    none: dict[str, Any] = {**dict.fromkeys(_LOADS, ()), "gravity": None}
+    bare = replace(case, **none)
+    parts: list[tuple[Entry, dict[str, Any]]]
+    parts = [(record, {name: (record,)}) for name in _LOADS for record in getattr(case, name)]
+    if case.gravity is not None:
+        parts.append((case.gravity, {"gravity": case.gravity}))
+    for record, only in parts if materials is not None else ():
+        with found.looking(record.place):
+            for t in {case.steps.planned[0], case.steps.last}:
+                acting.load(space, materials, replace(bare, **only), t)
+
+
+def _constraints(case: Case, space: Space, found: Validation) -> Constraints | None:
+    """The constraints, if all that is prescribed has its place."""
+    before = len(found.problems)
+    placed: tuple[Displacement | Rigid, ...] = (*case.displacement, *case.rigid)
+    for record in placed:
+        with found.looking():
+            nodes_of(space, record)
+    if len(found.problems) == before:
+        with found.looking():
+            return Constraints.of(space, case)
+    return None
+
+
+def _zones(case: Case, space: Space, found: Validation) -> list[tuple[Joint, Interface]]:
+    """The zones as they are paired at the start."""
+    faces: list[tuple[Joint, Interface]] = []
+    records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
+    for record in records:
+        with found.looking(record.place):
+            joint = joint_of(space, record)
+            face = integrate(joint.zone, space.dim, joint.pairing, t=case.steps.planned[0], tie=joint.tie)
+            found.zones.append(_zone_found(joint, face))
+            faces.append((joint, face))
+            joint.check_facing(face)
+    return faces
+
+
+def _zone_found(joint: Joint, face: Interface) -> ZoneFound:
+    record, on = joint.record, joint.paired(face)
+    gap = face.gap[on] if on.any() else np.array([np.nan])
+    return ZoneFound(
+        record.name, joint.tie, record.slave, record.master, len(on), int((~on).sum()),
+        float(face.w.sum() / face.area.sum()), (float(gap.min()), float(gap.max())),
+    )  # fmt: skip
+
+
+def _look_at_motions(
+    case: Case, constraints: Constraints, faces: list[tuple[Joint, Interface]], found: Validation
+) -> None:
+    """Motions of bodies that nothing but contact stops, and those that nothing stops at all."""
+    space = constraints.space
+    springs = None
+    for probe in case.probe:
+        with found.looking():
+            nodes_of(space, probe)
+    with found.looking():
+        springs = acting.springs(space, case)
+    motions = free_motions(space, constraints, springs)
+    if not motions:
+        return
+    B = csr_array(vstack([csr_array((0, space.n_dof)), *(_paired_rows(joint, face) for joint, face in faces)]))
+    free = still_free(B, motions)
+    if free:
+        said = "; ".join(describe(motion) for motion in free)
+        message = f"nothing holds a part of the model: {said}; add a displacement, a spring or a contact"
+        found.problems.append(Problem(message))
+    else:
+        found.held = [describe(motion) for motion in motions]
+
+
+def _paired_rows(joint: Joint, face: Interface) -> csr_array:
+    on = joint.paired(face)
+    return csr_array(face.B[np.flatnonzero(np.repeat(on, len(face.G) // len(on)))])

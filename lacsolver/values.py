@@ -1,0 +1,41 @@
+"""Values that loads and temperatures are given as: a number, or a function of position and time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import DataError
+from lacmesh.mesh import Floats
+
+#: a number, or f(points (n, 3), t) -> (n,)
+Value = float | Callable[[Floats, float], Floats]
+
+
+def evaluate(value: Value, points: Floats, t: float, what: str) -> NDArray[np.floating]:
+    """(...): a value at points (..., 3) and time t. `what` names it in errors.
+
+    Raises DataError for a value that is not finite (the first place is named) or has the wrong shape.
+
+    >>> evaluate(lambda x, t: t * x[:, 0], np.array([[1.0, 0, 0], [2.0, 0, 0]]), 0.5, "pressure")
+    array([0.5, 1. ])
+    """
+    flat = points.reshape(-1, 3)
+    got = np.asarray(value(flat, t) if callable(value) else value, dtype=float)
+    if got.shape not in ((), (len(flat),)):
+        raise DataError(f"{what}: the function returned {got.shape} for {len(flat)} points; return ({len(flat)},)")
+    out = np.broadcast_to(got, len(flat))
+    bad = np.flatnonzero(~np.isfinite(out))
+    if len(bad):
+        place = ", ".join(f"{c:.6g}" for c in flat[bad[0]])
+        raise DataError(f"{what} is {out[bad[0]]} at ({place}), t = {t:.6g}; give a formula that is finite there")
+    return out.reshape(points.shape[:-1])
+
+
+def evaluate_vector(value: Sequence[Value], points: Floats, t: float, dim: int, what: str) -> NDArray[np.floating]:
+    """(..., dim): a value for each component, at points (..., 3) and time t."""
+    if len(value) != dim:
+        raise ValueError(f"{what} has {len(value)} components; the model has {dim}")
+    return np.stack([evaluate(v, points, t, f"{what}, component {k}") for k, v in enumerate(value)], axis=-1)

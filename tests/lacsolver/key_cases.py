@@ -1,0 +1,590 @@
+"""Small cases that together use every key of a case file; what each must come to is in `test_every_key.py`.
+
+A key a line: the test leaves out one line after the other, and wants the answer to be another one each time; but for
+lines that say `# held`, which only keep a body from moving, or are looked at in another case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from lacmesh import Mesh
+from tests.lacsolver.patch_meshes import block, placed, stack, three_blocks
+
+
+class KeyCase(NamedTuple):
+    """A mesh, and the text of a case on it."""
+
+    mesh: Callable[[], Mesh]
+    text: str
+
+
+def nodes_of(mesh, group):
+    """The nodes of a group of cells."""
+    return np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cells_of(group))]))
+
+
+@cache
+def cube():
+    """[0, 1]^3 in eight cells, `left` and `right` of x = 1/2. Node groups have the names of cell groups.
+
+    Nodes `z1`: (0, 0, 1) and (0, 1/2, 1); `z0`: all of the side z = 1; `y1`: the corner (1, 1, 1).
+    """
+    mesh = block("HEXA8", 3, 2, "z1", even=True)
+    x = mesh.points
+    body = mesh.cell_groups["body"]
+    centre = np.array([x[nodes].mean(axis=0) for nodes in mesh.block("HEXA8")])
+    top = np.flatnonzero(x[:, 2] == 1)
+    return Mesh.create(
+        x,
+        mesh.blocks,
+        cell_groups={**mesh.cell_groups, "left": body[centre[:, 0] < 0.5], "right": body[centre[:, 0] > 0.5]},
+        node_groups={"z1": top[[0, 1]], "z0": top, "y1": np.flatnonzero((x == 1).all(axis=1))},
+    )
+
+
+@cache
+def towers():
+    """Two blocks apart, one over the other, their sides `low` (z = 1) and `high` (z = 2).
+
+    Nodes `master`: those of `high`, the cells of that name those of `low`.
+    """
+    mesh = stack("HEXA8", "TETRA4", 3, counts=(2, 2), gap=1.0, even=True)
+    groups = dict(mesh.cell_groups)
+    groups["low"], groups["high"] = groups["slave"], groups.pop("master")
+    groups["master"] = groups.pop("slave")
+    return Mesh.create(mesh.points, mesh.blocks, cell_groups=groups, node_groups={"master": nodes_of(mesh, "master")})
+
+
+@cache
+def overhang(gap=0.0):
+    """A plane slave on four cells a side, x in [0, 1], below a master on x in [0, 5/8]."""
+    mesh = stack("QUAD4", "TRIA3", 2, counts=(4, 3), even=True, gap=gap)
+    x = mesh.points.copy()
+    nodes = nodes_of(mesh, "upper")
+    x[nodes, 0] *= 0.625
+    return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=2)
+
+
+@cache
+def plane(slave="QUAD8", master="TRIA3"):
+    """Two blocks on one another in a plane."""
+    return stack(slave, master, 2, counts=(3, 2))
+
+
+@cache
+def roof():
+    """A slave of two faces that slope to both sides of x = 1/2, by 1/4; the master above is flat and twice as wide."""
+    mesh = stack("QUAD4", "QUAD4", 2, counts=(2, 1), even=True, gap=0.5)
+    x = mesh.points.copy()
+    low, high = nodes_of(mesh, "lower"), nodes_of(mesh, "upper")
+    x[low, 1] *= 1 - 0.25 * np.abs(x[low, 0] - 0.5)
+    x[high, 0] += x[high, 0] - 0.5
+    return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=2)
+
+
+@cache
+def punch():
+    """A master whose underside is a parabola, on a flat slave."""
+    mesh = stack("QUAD4", "QUAD4", 2, counts=(6, 5), even=True)
+    x = mesh.points.copy()
+    nodes = nodes_of(mesh, "upper")
+    x[nodes, 1] += 0.1 * (x[nodes, 0] - 0.5) ** 2 * (2 - x[nodes, 1])
+    return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=2)
+
+
+@cache
+def tower(height):
+    """Three blocks on one another, all of hexahedra; tall ones are cut best into hexahedra."""
+    return placed(three_blocks(("HEXA8", "HEXA8", "HEXA8")), size=(1, 1, height))
+
+
+LOADS = """
+mesh = "blocks.msh"
+model = "3d"
+kinematics = "small"
+[[material]]
+groups = ["left"]
+law = "elastic"
+young = 1000.0
+poisson = 0.3
+density = 2.0
+[[material]]
+groups = ["right"]
+young = 500.0
+poisson = 0.25
+density = 1.0
+[[displacement]]
+group = "z0"
+kind = "cell"
+ux = 0.0
+uy = 0.0
+uz = 0.0
+[[traction]]
+group = "z1"
+tx = 1.0
+ty = "2 + x"
+tz = [[0, 0], [1, 3]]
+[[pressure]]
+group = "x1"
+value = "1 + y * t"
+[[force]]
+group = "z1"
+kind = "node"
+fx = 0.1
+fy = 0.2
+fz = 0.3
+[[force]]
+group = "y1"
+kind = "cell"
+fy = 0.01
+[[force]]
+at = [1.0, 1.0, 1.0]
+fx = 0.07
+[[body_force]]
+groups = ["right"]
+fx = 0.5
+fy = "x"
+fz = [[0, 0], [2, 0.8]]
+[gravity]
+gx = 0.05
+gy = -0.03
+gz = -9.81
+[steps]
+end = 2.0
+count = 4
+[output]
+format = "vtu"
+every = 2
+"""
+
+FIELDS = """
+mesh = "blocks.msh"
+model = "3d"
+[[material]]
+groups = ["left"]
+law = "orthotropic"
+young = [1000.0, 2000.0, 500.0]
+poisson = [0.2, 0.3, 0.25]
+shear = [400.0, 300.0, 200.0]
+axes = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]
+expansion = [1e-4, 2e-4, 3e-4]
+reference_temperature = 20.0
+[[material]]
+groups = ["right"]
+young = 1500.0
+poisson = 0.1
+expansion = 5e-5
+[[temperature]]
+groups = ["left"]
+value = 50.0
+[[temperature]]
+groups = ["right"]
+value = "10 * t"
+[[displacement]]
+group = "x0"
+ux = "1e-3 * (y + z) * t"
+uy = "1e-3 * (2 * y - z) * t"
+uz = "1e-3 * (y - 2 * z) * t"
+[[displacement]]
+group = "x1"
+ux = "1e-3 * (3 + y + z) * t"
+uy = "1e-3 * (4 + 2 * y - z) * t"
+uz = "1e-3 * (5 + y - 2 * z) * t"
+[[displacement]]
+group = "y0"
+ux = "1e-3 * (3 * x + z) * t"
+uy = "1e-3 * (4 * x - z) * t"
+uz = "1e-3 * (5 * x - 2 * z) * t"
+[[displacement]]
+group = "y1"
+un = "1e-3 * (4 * x + 2 - z) * t"
+[[displacement]]
+at = [0.5, 1.0, 0.5]
+ux = 3e-3
+uz = 2.5e-3
+[[displacement]]
+at = [0.5, 1.0, 0.0]
+ux = 2.5e-3
+uz = 3.5e-3
+[[displacement]]
+group = "z0"
+kind = "node"
+ux = "1e-3 * (3 * x + y + 1) * t"
+uy = "1e-3 * (4 * x + 2 * y - 1) * t"
+uz = "1e-3 * (5 * x + y - 2) * t"
+[[displacement]]
+at = [0.5, 0.5, 0.0]
+ux = 2e-3
+uy = 3e-3
+uz = 3e-3
+[[displacement]]
+at = [0.5, 0.5, 0.5]
+ux = 2.5e-3
+uy = 2.5e-3
+uz = 2e-3
+[[probe]]
+group = "z1"
+kind = "node"
+name = "corners"
+[[probe]]
+group = "y1"
+kind = "cell"
+[[probe]]
+at = [0.5, 1.0, 0.5]
+name = "middle"
+"""
+
+SPRINGS = """
+mesh = "blocks.msh"
+model = "3d"
+[[material]]
+young = 1e7
+poisson = 0.0
+[[spring]]
+group = "z0"
+kind = "cell"
+kx = 1.0
+ky = 2.0
+kz = 3.0
+[[spring]]
+group = "z1"
+kind = "node"
+kx = 4.0
+ky = 5.0
+kz = 6.0
+[[spring]]
+at = [1.0, 0.5, 0.5]
+ky = 7.0
+[[force]]
+at = [1.0, 1.0, 1.0]
+fx = 0.5
+fy = -0.25
+fz = 1.0
+[[probe]]
+at = [1.0, 1.0, 1.0]
+name = "corner"
+[[probe]]
+at = [0.0, 1.0, 0.0]
+name = "other"
+"""
+
+RIGID = """
+mesh = "blocks.msh"
+model = "3d"
+[[material]]
+young = 1000.0  # held
+poisson = 0.3
+[[displacement]]
+group = "bottom"
+ux = 0.0  # held
+uy = 0.0  # held
+uz = 0.0  # held
+[[displacement]]
+group = "top"
+ux = 0.0
+uy = 0.0
+uz = 0.0
+[[rigid]]
+group = "low"
+kind = "cell"
+centre = [0.25, 0.0, 1.0]
+ux = 1e-3
+uy = "2e-3 * t"
+uz = [[0, 0], [1, 3e-3]]
+rotation = [1e-3, "-2e-3 * t", [[0, 0], [1, 4e-3]]]
+[[rigid]]
+group = "master"
+kind = "node"
+centre = [0.5, 0.25, 2.5]
+fx = 1.0
+fy = "2 * t"
+fz = [[0, 0], [1, 3]]
+moment = [0.25, "0.5 * t", -1.0]
+[[probe]]
+at = [1.0, 1.0, 1.0]
+name = "corner"
+[steps]
+count = 2
+"""
+
+SEARCHED = """
+mesh = "blocks.msh"
+model = "plane_stress"
+thickness = 2.5
+[[material]]
+young = 1000.0
+poisson = 0.3
+[[contact]]
+name = "joint"
+slave = "slave"
+master = "master"
+type = "unilateral"
+search_distance = 0.7
+coverage_threshold = 0.55
+initial = "all"
+clearance = "0.01 + 0.02 * x"
+friction = 0.0
+geometry = "reference"
+measure = "reference"
+normals = "facet"
+[[displacement]]
+group = "bottom"
+ux = 0.0  # held
+uy = 0.0  # held
+[[displacement]]
+group = "top"
+ux = 0.0  # held
+uy = 0.0  # held
+"""
+
+GLUED = """
+mesh = "blocks.msh"
+model = "plane_stress"
+thickness = 2.5
+[[material]]
+young = 1000.0
+poisson = 0.0
+[[tie]]
+name = "glue"
+slave = "slave"
+master = "master"
+search_distance = 0.7
+coverage_threshold = 0.55
+[[displacement]]
+group = "bottom"
+uy = 0.0
+[[displacement]]
+group = "x0"
+ux = 0.0
+[[pressure]]
+group = "top"
+value = -2.0
+"""
+
+STRAIN = """
+mesh = "blocks.msh"
+model = "plane_strain"
+[[material]]
+young = 1000.0
+poisson = 0.3
+[[contact]]
+slave = "slave"
+master = "master"
+type = "bilateral"
+[[displacement]]
+group = "bottom"
+uy = 0.0
+[[displacement]]
+group = "x0"
+ux = 0.0
+[[pressure]]
+group = "top"
+value = -2.0
+[[probe]]
+group = "top"
+"""
+
+ROUND = """
+mesh = "blocks.msh"
+model = "axisymmetric"
+[[material]]
+young = 1000.0
+poisson = 0.0
+[[contact]]
+slave = "slave"
+master = "master"
+initial = "none"
+clearance = -0.004
+[[rigid]]
+group = "top"
+fy = -6.0
+[[displacement]]
+group = "bottom"
+uy = 0.0
+[steps]
+times = [0.25, 1.0, 2.0]
+[output]
+format = "med"
+times = [0.5, 2.0]
+"""
+
+MEASURED = """
+mesh = "blocks.msh"
+model = "plane_strain"
+[[material]]
+young = 100.0
+poisson = 0.3
+[[contact]]
+slave = "slave"
+master = "master"
+geometry = "current"
+measure = "current"
+initial = "gap"
+[[displacement]]
+group = "bottom"
+uy = 0.0
+[[displacement]]
+group = "x0"
+ux = 0.0
+[[pressure]]
+group = "top"
+value = 10.0
+"""
+
+SLID = """
+mesh = "blocks.msh"
+model = "plane_strain"
+[[material]]
+young = 100.0
+poisson = 0.3
+[[contact]]
+slave = "slave"
+master = "master"
+geometry = "current"
+clearance = 0.01
+[[displacement]]
+group = "bottom"
+ux = 0.0
+uy = 0.0  # held
+[[displacement]]
+group = "top"
+ux = 0.5
+uy = -0.005
+[steps]
+count = 2
+"""
+
+ROOF = """
+mesh = "blocks.msh"
+model = "plane_strain"
+[[material]]
+young = 100.0
+poisson = 0.3
+[[contact]]
+slave = "slave"
+master = "master"
+normals = "smoothed"
+[[displacement]]
+group = "bottom"
+ux = 0.0  # held
+uy = 0.0  # held
+[[displacement]]
+group = "top"
+ux = 0.0  # held
+uy = 0.0  # held
+"""
+
+PUNCH = """
+mesh = "blocks.msh"
+model = "plane_strain"
+[[material]]
+young = 1000.0
+poisson = 0.3
+[[contact]]
+slave = "slave"
+master = "master"
+geometry = "current"  # held
+[[displacement]]
+group = "bottom"
+ux = 0.0  # held
+uy = 0.0  # held
+[[displacement]]
+group = "top"
+ux = 0.0  # held
+uy = -0.04  # held
+[solver]
+"""
+
+TOWER = """
+mesh = "blocks.msh"
+model = "3d"
+[[material]]
+young = 1000.0
+poisson = 0.3
+[[contact]]
+slave = "slave1"
+master = "master1"
+hexa = "{hexa}"
+[[tie]]
+slave = "slave2"
+master = "master2"
+hexa = "{hexa}"
+[[displacement]]
+group = "bottom"
+uz = 0.0
+[[displacement]]
+group = "x0"
+ux = 0.0
+[[displacement]]
+group = "y0"
+uy = 0.0
+[[pressure]]
+group = "top"
+value = 1.0
+"""
+
+SOLVED = (
+    TOWER.format(hexa="pyramid")
+    + """
+[solver]
+backend = "{backend}"
+threads = 3
+"""
+)
+
+CASES = {
+    "loads": KeyCase(cube, LOADS),
+    "fields": KeyCase(cube, FIELDS),
+    "springs": KeyCase(cube, SPRINGS),
+    "rigid": KeyCase(towers, RIGID),
+    "searched": KeyCase(lambda: overhang(0.6), SEARCHED),
+    "glued": KeyCase(lambda: overhang(0.6), GLUED),
+    "strain": KeyCase(plane, STRAIN),
+    "round": KeyCase(plane, ROUND),
+    "measured": KeyCase(plane, MEASURED),
+    "slid": KeyCase(plane, SLID),
+    "smooth": KeyCase(roof, ROOF),
+    "creased": KeyCase(roof, ROOF.replace('"smoothed"\n', '"smoothed"\ncrease_angle = 20.0\n')),
+    "tolerant": KeyCase(punch, PUNCH + "tolerance = 1e-3\n"),
+    "symmetric": KeyCase(punch, PUNCH + 'tangent = "symmetric"\n'),
+    "consistent": KeyCase(punch, PUNCH + 'tangent = "consistent"\n'),
+    "halved": KeyCase(punch, PUNCH + "max_iterations = 4\n[steps]\ngrowth = 1.0\n"),
+    "given up": KeyCase(punch, PUNCH + "max_iterations = 4\n[steps]\nmax_halvings = 1\n"),
+    "pyramid": KeyCase(lambda: tower(4.0), TOWER.format(hexa="pyramid")),
+    "hexa": KeyCase(lambda: tower(1.0), TOWER.format(hexa="hexa")),
+    "auto": KeyCase(lambda: tower(4.0), TOWER.format(hexa="auto")),
+}
+#: one for each backend
+BACKENDS = ("auto", "rslab", "pardiso", "mumps", "cholmod", "superlu", "multigrid")
+SOLVERS = {word: KeyCase(lambda: tower(1.0), SOLVED.format(backend=word)) for word in BACKENDS}
+
+FINITE = """
+mesh = "blocks.msh"
+model = "plane_strain"
+kinematics = "finite"
+[[material]]
+law = "{law}"
+young = 1000.0
+poisson = 0.3
+[[contact]]
+slave = "slave"
+master = "master"
+[[displacement]]
+group = "bottom"
+ux = 0.0
+uy = 0.0
+[[displacement]]
+group = "x0"
+ux = 0.0
+[[pressure]]
+group = "top"
+value = 1.0
+follower = true
+"""
+#: what is for finite kinematics alone
+LATER = [KeyCase(plane, FINITE.format(law=law)) for law in ("saint_venant_kirchhoff", "neo_hookean")]

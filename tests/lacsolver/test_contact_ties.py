@@ -1,0 +1,116 @@
+"""Ties: blocks glued together carry any stress, and turn as one even across a gap."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lacsolver.state import CONTACT
+from tests.lacsolver.contact_cases import JOINT, MATERIAL, YOUNG, by_node, held, nodes_of, only, pressed, stresses
+from tests.lacsolver.patch_cases import unbalanced, ways
+from tests.lacsolver.patch_meshes import PLANE_KINDS, SOLID_KINDS, stack, three_blocks
+
+TIE = '[[tie]]\nslave = "slave"\nmaster = "master"\n'
+#: a displacement with every strain and a rotation in it
+GRADIENT = 1e-3 * np.array([[1.0, 2.0, -1.0], [0.5, -2.0, 1.5], [-0.5, 1.0, 3.0]])
+TURN = 1e-3 * np.array([[0.0, -3.0, 2.0], [3.0, 0.0, -1.0], [-2.0, 1.0, 0.0]])
+LAME = YOUNG * 0.3 / (1.3 * 0.4), YOUNG / 2.6
+_PAIRS = [(kind, "TRIA6" if kind != "TRIA6" else "QUAD9", 2, "pyramid") for kind in PLANE_KINDS]
+_PAIRS += [(kind, SOLID_KINDS[k - 4], 3, way) for k, kind in enumerate(SOLID_KINDS) for way in ways(kind)]
+
+
+def linear(gradient, dim):
+    """Components of the displacement A x, as formulas."""
+    return {
+        f"u{a}": " + ".join(f"{gradient[s, k]!r} * {b}" for k, b in enumerate("xyz"[:dim])).replace("np.float64", "")
+        for s, a in enumerate("xyz"[:dim])
+    }
+
+
+@pytest.mark.parametrize("slave, master, dim, way", _PAIRS)
+def test_a_tie_carries_any_uniform_stress(slave, master, dim, way):
+    """The patch test of ties: A x on the whole outside, the uniform stress of A inside, its traction on the slave."""
+    mesh = stack(slave, master, dim)
+    A = GRADIENT.copy()
+    if dim == 2:
+        A[2], A[:, 2] = 0.0, 0.0
+    sides = ("x0", "x1", "bottom", "top") + (("y0", "y1") if dim == 3 else ())
+    fixed = "".join(held(side, **linear(A, dim)) for side in sides)
+    model = "3d" if dim == 3 else "plane_strain"
+    hexa = f'hexa = "{way}"\n' if way != "pyramid" else ""
+    problem, state = only(mesh, TIE + hexa + fixed, model)
+    strain = (A + A.T) / 2
+    sigma = LAME[0] * np.trace(strain) * np.eye(3) + 2 * LAME[1] * strain
+    want = sigma[[0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
+    found = stresses(problem, state)
+    np.testing.assert_allclose(found, np.tile(want[: found.shape[1]], (len(found), 1)), atol=1e-10 * np.abs(want).max())
+    np.testing.assert_allclose(by_node(problem, state), problem.space.mesh.points @ A.T[:, :dim], atol=1e-13)
+    (zone,) = state.zones
+    traction = np.tile(sigma[:dim, dim - 1], (len(zone.area), 1))
+    np.testing.assert_allclose(zone.traction, traction, atol=1e-9 * np.abs(sigma).max())
+    np.testing.assert_allclose(zone.pressure, -sigma[dim - 1, dim - 1], rtol=1e-9)
+    assert zone.tie and (zone.status == CONTACT).all()
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.07])
+@pytest.mark.parametrize(
+    "slave, master, dim", [("QUAD8", "TRIA3", 2), ("HEXA8", "TETRA10", 3), ("mixed 2", "HEXA8", 3)]
+)
+def test_a_body_that_only_a_tie_holds_turns_with_the_other(slave, master, dim, gap):
+    """A rigid rotation costs nothing, also across a gap: the lever of the rotation is part of the jump."""
+    mesh = stack(slave, master, dim, gap=gap)
+    A = TURN if dim == 3 else TURN * [[1, 1, 0], [1, 1, 0], [0, 0, 0]]
+    fixed = held("bottom", **linear(A, dim))
+    problem, state = only(mesh, TIE + fixed, "3d" if dim == 3 else "plane_strain")
+    np.testing.assert_allclose(by_node(problem, state), problem.space.mesh.points @ A.T[:, :dim], atol=1e-13)
+    energy = state.u @ (problem.K @ state.u) / 2
+    assert abs(energy) <= 1e-13 * YOUNG * np.abs(A).max() ** 2
+    assert np.abs(state.zones[0].traction).max() <= 1e-11 * YOUNG * np.abs(A).max()
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.07])
+@pytest.mark.parametrize(
+    "slave, master", [("HEXA8", "TETRA10"), ("TETRA4", "HEXA20"), ("PENTA15 quadrangle", "mixed 1")]
+)
+def test_forces_and_moments_of_a_tie_are_in_balance(slave, master, gap):
+    """Loaded askew on the side; across a gap, too, and the foot bears all of it."""
+    mesh = stack(slave, master, 3, gap=gap)
+    load = '[[traction]]\ngroup = "x1"\ntx = "1 + y"\nty = 0.5\ntz = "z - x"\n' + pressed("top", "x")
+    problem, state = only(mesh, TIE + held("bottom", ux=0.0, uy=0.0, uz=0.0) + load)
+    (zone,) = state.zones
+    force, moment = unbalanced(problem.space.mesh.points, zone.force)
+    assert max(force, moment) <= 1e-12 and np.abs(zone.force).max() > 1e-3
+    bottom = nodes_of(problem, "bottom")
+    given = problem.load(1.0).reshape(-1, 3)
+    x = problem.space.mesh.points
+    reaction = state.reaction.reshape(-1, 3)
+    np.testing.assert_allclose(reaction[bottom].sum(axis=0), -given.sum(axis=0), atol=1e-11)
+    np.testing.assert_allclose(
+        np.cross(x[bottom], reaction[bottom]).sum(axis=0), -np.cross(x, given).sum(axis=0), atol=1e-11
+    )
+
+
+def test_what_a_tie_says_of_a_bent_joint_is_what_the_slave_gives():
+    """Sum of traction x area on the slave, without a gap, against the load on the upper block."""
+    mesh = stack("HEXA8", "HEXA20", 3, slave_below=False)
+    _, state = only(mesh, TIE + held("bottom", ux=0.0, uy=0.0, uz=0.0) + pressed("top", "1 + x"))
+    (zone,) = state.zones
+    np.testing.assert_allclose(zone.traction.T @ zone.area, [0, 0, 1.5], atol=1e-11)
+
+
+def test_a_tie_beside_a_contact():
+    """Three blocks: the lower two are glued, the third lies on them and is lifted off."""
+    mesh = three_blocks()
+    tie = '[[tie]]\nname = "glue"\nslave = "slave1"\nmaster = "master1"\n'
+    joint = JOINT.replace('"slave"', '"slave2"').replace('"master"', '"master2"')
+    sections = joint + tie + held("x0", ux=0.0) + held("y0", uy=0.0) + held("bottom", uz=0.0)
+    problem, state = only(mesh, sections + pressed("top", 2.0), material=MATERIAL)
+    contact, glue = state.zones
+    assert [contact.name, glue.name] == ["slave2", "glue"]
+    np.testing.assert_allclose(contact.pressure, 2.0, rtol=1e-10)
+    np.testing.assert_allclose(glue.pressure, 2.0, rtol=1e-10)
+    np.testing.assert_allclose(stresses(problem, state)[:, 2], -2.0, rtol=1e-10)
+    _, state = only(mesh, sections + held("top", uz=0.1))
+    contact, glue = state.zones
+    np.testing.assert_allclose(contact.gap, 0.1, rtol=1e-11)
+    assert np.abs(glue.traction).max() <= 1e-12 * YOUNG

@@ -1,0 +1,131 @@
+"""Multigrid: tolerances met, starts used, prescribed unknowns kept as rows of the identity, iterations few."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array, diags_array
+
+from lacmesh.errors import RequestError
+from lacsolver.linear import LinearError, SingularError, analyse, factorise
+from lacsolver.linear.conjugate import iterates
+from lacsolver.linear.errors import Breakdown
+from tests.lacsolver.bodies import cube
+from tests.lacsolver.stiffnesses import above, free, held, rigid_modes, stiffness
+
+
+def multigrid(K, modes, block=3):
+    return analyse(K, backend="multigrid", modes=modes, block=block).factor(K)
+
+
+@pytest.fixture(scope="module")
+def brick():
+    """A cube of 12^3 cells, held below: several levels."""
+    space, K = stiffness(cube("HEXA8", 12), "3d")
+    kept = above(space)
+    K = csr_array(K.tocsr()[kept][:, kept])
+    return K, rigid_modes(space)[kept], multigrid(K, rigid_modes(space)[kept])
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-8, 1e-12])
+def test_the_tolerance_is_met_and_not_overdone(brick, tolerance):
+    K, _, factor = brick
+    b = np.random.default_rng(0).normal(size=K.shape[0])
+    x = factor.solve(b, tolerance=tolerance)
+    reached = np.linalg.norm(b - K @ x) / np.linalg.norm(b)
+    assert 1e-2 * tolerance < reached <= tolerance
+    assert 1 <= factor.n_iterations <= 25
+
+
+def test_a_good_start_saves_iterations(brick):
+    K, _, factor = brick
+    b = np.random.default_rng(0).normal(size=K.shape[0])
+    x = factor.solve(b)
+    from_nothing = factor.n_iterations
+    near = factor.solve(b, x0=x * (1 + 1e-8))
+    assert factor.n_iterations < 0.6 * from_nothing
+    assert np.abs(near - x).max() < 1e-9 * np.abs(x).max()
+    assert (factor.solve(b, x0=x) == x).all() and factor.n_iterations == 0
+    assert not factor.solve(0 * b).any() and not factor.solve(0 * b, x0=x).any()
+    with pytest.raises(RequestError, match="x0"):
+        factor.solve(b, x0=np.zeros((len(b), 2)))
+
+
+def test_more_than_rounding_allows_ends_at_rounding(brick):
+    """A tolerance of nothing cannot be met; the answer is as good as a direct one."""
+    K, _, factor = brick
+    b = np.random.default_rng(0).normal(size=K.shape[0])
+    x, direct = factor.solve(b, tolerance=0.0), factorise(K).solve(b)
+    assert np.abs(x - direct).max() < 1e-11 * np.abs(direct).max()
+
+
+def test_few_iterations_whatever_the_size():
+    counts = []
+    for n in (6, 12, 18):
+        space, K = stiffness(cube("HEXA8", n), "3d")
+        kept = above(space)
+        factor = multigrid(csr_array(K.tocsr()[kept][:, kept]), rigid_modes(space)[kept])
+        factor.solve(np.ones(np.count_nonzero(kept)), tolerance=1e-8)
+        counts.append(factor.n_iterations)
+    assert max(counts) <= 16, counts
+
+
+def test_prescribed_components_stay_as_rows_of_the_identity():
+    """Rollers on three faces hold single components; their rows and columns become the diagonal's."""
+    space, K = free("hexahedra")
+    x = space.mesh.points
+    rolls = (np.abs(x) < 1e-9).ravel()
+    d = np.where(rolls, 0.0, 1.0)
+    K = csr_array(diags_array(d) @ K.tocsr() @ diags_array(d) + diags_array(np.where(rolls, K.diagonal(), 0.0)))
+    b = np.where(rolls, 0.0, 1.0)
+    u = multigrid(K, rigid_modes(space)).solve(b, tolerance=1e-13)
+    exact = factorise(K).solve(b)
+    assert np.abs(u - exact).max() < 1e-10 * np.abs(exact).max() and np.abs(u[rolls]).max() < 1e-13 * np.abs(u).max()
+    kept = np.arange(K.shape[0]) != 0
+    with pytest.raises(RequestError, match="rows of the identity"):
+        multigrid(K[kept][:, kept], rigid_modes(space)[kept])
+
+
+def test_without_modes_translations_serve():
+    K, _ = held("hexahedra")
+    b = np.ones(K.shape[0])
+    x = factorise(K.tobsr((3, 3)), backend="multigrid").solve(b)
+    assert np.linalg.norm(b - K @ x) <= 1e-12 * np.linalg.norm(b)
+    _, K = free("hexahedra")
+    with pytest.raises(SingularError):
+        factorise(K, backend="multigrid")
+
+
+def test_the_same_every_time_and_numpys_random_numbers_are_left_alone(brick):
+    K, modes, factor = brick
+    b = np.ones(K.shape[0])
+    np.random.seed(5)  # noqa: NPY002
+    drawn = np.random.random()  # noqa: NPY002
+    np.random.seed(5)  # noqa: NPY002
+    again = multigrid(K, modes)
+    assert np.random.random() == drawn  # noqa: NPY002
+    assert (again.solve(b) == factor.solve(b)).all()
+
+
+def test_what_does_not_converge_is_an_error(brick, monkeypatch):
+    K, _, factor = brick
+    monkeypatch.setattr("lacsolver.linear.multigrid._MOST", 3)
+    with pytest.raises(LinearError, match=r"residual of .* after 3 iterations") as caught:
+        factor.solve(np.ones(K.shape[0]))
+    assert caught.value.status == 4
+
+
+@pytest.mark.parametrize("modes", [np.ones((4, 1)), np.full((375, 6), np.nan), np.ones(375)])
+def test_wrong_modes(modes):
+    K, _ = held("hexahedra")
+    with pytest.raises(RequestError, match="modes are"):
+        analyse(K, backend="multigrid", modes=modes, block=3)
+
+
+def test_conjugate_gradients_end_after_as_many_steps_as_eigenvalues():
+    K = csr_array(np.diag([1.0, 1.0, 4.0, 4.0, 9.0]))
+    b = np.arange(1.0, 6.0)
+    steps = [np.linalg.norm(r) for _, (_, r) in zip(range(4), iterates(K, lambda r: r, b, 0 * b), strict=False)]
+    assert steps[2] > 1e-3 and steps[3] < 1e-12
+    with pytest.raises(Breakdown):
+        list(zip(range(9), iterates(-K, lambda r: r, b, 0 * b), strict=False))

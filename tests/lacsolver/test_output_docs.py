@@ -1,0 +1,72 @@
+"""docs/output.md names every key, column, array and field that a run writes, and no others of its tables."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import fields as record_fields
+from pathlib import Path
+
+import pytest
+
+from lacmesh import read
+from lacsolver.output.summary import STEP_KEYS
+from lacsolver.output.tables import CONTACT_COLUMNS
+from lacsolver.results import STATUSES, ZoneFigures
+from tests.lacsolver.written import ZONES, made_up
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "output.md").read_text(encoding="utf-8")
+
+
+def part(title):
+    return re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", PAGE, re.DOTALL | re.MULTILINE)[1]
+
+
+def first_cells(text):
+    """The names in the first column of a part's tables."""
+    rows = re.findall(r"^\| (`[^|]*) \|", text, re.MULTILINE)
+    return [name for row in rows for name in re.findall(r"`([^`]+)`", row)]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    made = made_up(tmp_path_factory.mktemp("docs"))
+    made.steps(made.writer(), 1)
+    return made
+
+
+def test_keys_of_results(run):
+    told = json.loads((run.folder / "results.json").read_text())
+    zone = [f.name for f in record_fields(ZoneFigures)]
+    assert first_cells(part(r"results\.json")) == [*list(told)[:2], "message", *list(told)[2:], *zone]
+    assert all(f"`{word}`" in part(r"results\.json") for word in (*STEP_KEYS, *STATUSES))
+
+
+def test_columns_of_the_contact_table():
+    assert tuple(first_cells(part(r"contact_NAME\.csv"))) == CONTACT_COLUMNS
+
+
+def test_arrays_of_vtu(run):
+    text = part("Fields for ParaView")
+    listed = set(re.findall(r"`([^`]+)`", "".join(re.findall(r"^\|[^|]*\| (`[^|]*)\|", text, re.MULTILINE))))
+    there = set()
+    for stem in ("solid", f"contact_{ZONES[0]}"):
+        mesh = read(run.folder / "fields" / f"{stem}_0001.vtu")
+        there |= {*mesh.cell_data, *mesh.node_data}
+    assert listed == there | {"cell_number", "node_number", "group:NAME"}
+
+
+def test_fields_of_med(tmp_path):
+    run = made_up(tmp_path, output='[output]\nformat = "med"')
+    run.steps(run.writer(), 1)
+    mesh = read(run.folder / "results.med")
+    ours = {n for n in (*mesh.cell_data, *mesh.node_data) if not n.startswith(("lac_", ZONES[1].replace("/", "_")))}
+    assert {n.replace("NAME", ZONES[0]) for n in first_cells(part("Fields for Salome"))} == ours
+
+
+def test_files_of_a_folder(run):
+    table = PAGE.split("\n## ", 1)[0]
+    listed = {name.rstrip("/") for name in first_cells(table)}
+    there = {re.sub(r"(?<=contact_).*(?=\.)", "NAME", p.name) for p in run.folder.iterdir()}
+    there = {re.sub(r"(?<=state_)\d+", "NUMBER", name) for name in there}
+    assert listed == there | {"results.med", "unconverged"}
