@@ -106,7 +106,10 @@ Told = Callable[[int, int, float, float], None]
 def find_equilibrium(
     K: Stiffness, f: Floats, at: At, start: Iterate, limits: Limits, *, moving: bool, told: Told | None = None
 ) -> Outcome:
-    """Equilibrium under forces f (n,), from a guess. `moving`: B and D change with q, and no solve is loose."""
+    """Equilibrium under forces f (n,), from a guess. `moving`: B and D change with q, and no solve is loose.
+
+    A set that stays after a loose solve is solved exactly in the same iteration: it goes on with the same system.
+    """
     q, p, _ = start
     contact = at(q)
     active = start.active & contact.paired | contact.held & contact.paired
@@ -117,23 +120,24 @@ def find_equilibrium(
     products = 0
     for number in range(1, limits.max_iterations + 1):
         active = stopped(K, contact, active, f)
-        exact = moving or pivots.exact(active)
-        wanted = contact.G + contact.rows.D @ q
-        goal = scale.goal(0.0 if exact else _LOOSE)
-        turning = None if contact.turning is None else contact.turning(p)
-        made = solve_rows(K, contact.rows, np.flatnonzero(active), f, wanted, q, p, goal, turning)
-        q, p = made.q, made.p
-        contact = at(q)
-        balance, gap = scale.balance(K, contact.rows, f, q, p), contact.defect(p) / scale.size(q)
+        here, turning = contact, None if contact.turning is None else contact.turning(p)
+        wanted = here.G + here.rows.D @ q
+        loose = 0.0 if moving or pivots.exact(active) else _LOOSE
+        for reduction in (loose, 0.0):
+            made = solve_rows(K, here.rows, np.flatnonzero(active), f, wanted, q, p, scale.goal(reduction), turning)
+            q, p, products = made.q, made.p, products + made.products
+            contact = at(q)
+            closed, defect = contact.next(active, p), contact.defect(p)
+            if reduction == 0 or not np.array_equal(closed, active):
+                break
+        balance, gap = scale.balance(K, contact.rows, f, q, p), defect / scale.size(q)
         defects.append((balance, gap))
-        products += made.products
         if told is not None:
             told(number, int(active.sum()), balance, gap)
-        done = balance <= limits.tolerance and contact.defect(p) <= scale.allowed(q)
-        if done and (exact or not active.any()):
+        done = balance <= limits.tolerance and defect <= scale.allowed(q)
+        if done and reduction == 0:
             return Outcome(True, Iterate(q, p, active), contact, tuple(defects), products)
-        wanted_rows = contact.next(active, p)
-        active = wanted_rows if moving or done else pivots.next(active, wanted_rows, exact)
+        active = closed if moving or done else pivots.next(active, closed, reduction == 0)
     return Outcome(False, Iterate(q, p, active), contact, tuple(defects), products)
 
 

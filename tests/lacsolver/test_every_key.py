@@ -26,11 +26,11 @@ from lacsolver.case.keys import ANY, keys_of, sections_of
 from lacsolver.case.kinds import Choice
 from lacsolver.cli import main
 from lacsolver.linear import analyse, backends
-from lacsolver.march import NotConvergedError, Told
 from lacsolver.output import create
 from lacsolver.output.states import read_state
 from lacsolver.problem import Problem
-from lacsolver.run import run
+from lacsolver.running import run
+from lacsolver.stepping import NotConvergedError, Told
 from lacsolver.validation import validate
 from tests.lacsolver.key_cases import CASES, LATER, SOLVERS
 

@@ -20,7 +20,7 @@ from lacsolver.case import read_case
 from lacsolver.cli import main
 from lacsolver.output import create
 from lacsolver.output.states import read_state
-from lacsolver.run import run
+from lacsolver.running import run
 from tests.lacsolver.key_cases import punch
 from tests.lacsolver.patch_meshes import three_blocks
 
