@@ -43,6 +43,7 @@ class Contact:
     """All rows of all zones at some place, a row each (m,): `rows` (B, D, w), `G` there, `paired`, `held` (equalities).
 
     `c` (m,): stress per length, see above. `turning`: d(B^T p)/dq at pressures p, None where B does not change.
+    `stuck` (m,): rows that would be paired, and that no unknown moves: their gaps are what is prescribed.
     """
 
     rows: Rows
@@ -51,6 +52,12 @@ class Contact:
     held: NDArray[np.bool_]
     c: NDArray[np.floating]
     turning: Callable[[Floats], csr_array] | None = None
+    stuck: NDArray[np.bool_] | None = None
+
+    @property
+    def covered(self) -> NDArray[np.bool_]:
+        """(m,): rows that face their master."""
+        return self.paired if self.stuck is None else self.paired | self.stuck
 
     def next(self, active: NDArray[np.bool_], p: Floats) -> NDArray[np.bool_]:
         """(m,): the rows to close after a solve with `active` ones closed: those that press, and those that overlap."""

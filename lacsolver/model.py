@@ -188,8 +188,8 @@ def _rows(model: Model, interfaces: list[Interface], u: Floats) -> Contact:
         held.append(np.full(len(w[-1]), not joint.one_sided))
     left = csr_array(vstack([csr_array((0, n)), *B]))
     right = left if all(a is b for a, b in zip(B, D, strict=True)) else csr_array(vstack(D))
-    on = np.concatenate(paired) & (np.diff(left.indptr) > 0)
-    rows = Rows(left, right, np.where(on, np.concatenate(w), 1.0))
+    covered, moved = np.concatenate(paired), np.diff(left.indptr) > 0
+    rows = Rows(left, right, np.where(covered, np.concatenate(w), 1.0))
 
     def turning(p: Floats) -> csr_array:
         total, first = csr_array(model.K.shape), 0
@@ -201,7 +201,8 @@ def _rows(model: Model, interfaces: list[Interface], u: Floats) -> Contact:
         return model.reduced(total)
 
     turns = turning if any(motion is not None for motion in motions) else None
-    return Contact(rows, np.concatenate(G), on, np.concatenate(held), stiffness_of_rows(model.held, rows), turns)
+    c = stiffness_of_rows(model.held, rows)
+    return Contact(rows, np.concatenate(G), covered & moved, np.concatenate(held), c, turns, covered & ~moved)
 
 
 def _motion(model: Model, joint: Joint, face: Interface) -> Motion | None:

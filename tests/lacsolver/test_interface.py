@@ -17,7 +17,7 @@ from lacmesh.skin import FACE_TYPES, N_NODES
 from lacsolver.interface import Pairing, Zone, integrate
 from lacsolver.interface.interface import positions
 from lacsolver.interface.rows import macro_rows
-from tests.lacsolver.key_cases import nodes_of, overhang
+from tests.lacsolver.key_meshes import nodes_of, overhang
 from tests.lacsolver.patch_meshes import placed, rotation, stack, three_blocks
 
 #: (slave, master, dimension): every family of faces, linear and quadratic

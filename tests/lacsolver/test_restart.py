@@ -18,10 +18,13 @@ import lacmesh
 from lacmesh.errors import DataError
 from lacsolver.case import read_case
 from lacsolver.cli import main
+from lacsolver.model import Instant, Model
 from lacsolver.output import create
 from lacsolver.output.states import read_state
+from lacsolver.problem import Problem
 from lacsolver.running import run
-from tests.lacsolver.key_cases import punch
+from lacsolver.stepping import _kept
+from tests.lacsolver.key_meshes import punch
 from tests.lacsolver.patch_meshes import three_blocks
 
 HEAD = """mesh = "blocks.msh"
@@ -218,6 +221,22 @@ def test_a_state_keeps_all_that_a_run_goes_on_from(folder, name):
         assert states[1].rigid["bottom"][2] == pytest.approx(9e-4, rel=1e-12)
     done = run(case, create("nothing"), start=states[1])
     assert done.status == "done" and done.steps == ()
+
+
+@for_all
+def test_what_is_kept_is_in_equilibrium(folder, name):
+    """Displacements and pressures as they were, ties' too: there is nothing left for a solve to do."""
+    put(name, END + EXACT)
+    solve("case.toml", "-o", "whole")
+    case = read_case("case.toml")
+    model = Model(Problem.of(case))
+    now = Instant(model, 3.0)
+    q, p, active = _kept(model, read_state("whole", case))
+    contact = now.contact(q)
+    forces = contact.rows.B_T @ p
+    np.testing.assert_allclose(model.held.K @ q + forces, now.f, atol=1e-11 * np.abs(forces).max())
+    assert (p[~active] == 0).all() and contact.defect(p) <= 1e-12 and active.any()
+    np.testing.assert_array_equal(contact.next(active, p), active)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from lacsolver.running import Clock, run
 from lacsolver.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.stepping import NotConvergedError, march
 from tests.lacsolver.contact_cases import JOINT, MATERIAL, SLIDING, held, nodes_of, pressed
-from tests.lacsolver.key_cases import overhang, punch
+from tests.lacsolver.key_meshes import overhang, punch
 from tests.lacsolver.patch_meshes import stack, three_blocks
 
 #: a contact that opens in part, a tie, springs, two conditions and three probes
