@@ -55,7 +55,7 @@ fuzz: $(INSTALLED) ## 10,000 damaged files of each format that is read here (hal
 	$(BIN)/python -m tests.fuzz
 
 bench: $(INSTALLED) ## measure speed and memory
-	for name in run check quality surface assembly linear contact; do $(BIN)/python benchmarks/$$name.py || exit 1; done
+	for name in run check quality surface assembly linear contact peers; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 docs: $(INSTALLED) ## make the figures and tables of docs/ again
 	$(BIN)/python docs/make_figures.py

@@ -22,9 +22,9 @@ from lacmesh import Surface
 from lacsolver.case import Case, Contact, Displacement, Material, Solver
 from lacsolver.interface import Zone, integrate
 from lacsolver.linear import analyse
-from lacsolver.march import march
 from lacsolver.model import Model
 from lacsolver.problem import Problem
+from lacsolver.stepping import march
 
 
 def pressed(mesh, backend: str) -> Problem:

@@ -24,7 +24,7 @@ def absent() -> str | None:
 def write(pair: Pair, folder: Path, stiffness: float = 50.0) -> list[str]:
     """Write the input; the command that solves it."""
     lacmesh.write(folder / "pair.inp", mesh_of(pair), target="calculix", plane="CPE")
-    with open(folder / "pair.inp", "a", encoding="ascii") as file:
+    with (folder / "pair.inp").open("a", encoding="ascii") as file:
         file.write(_cards(pair, stiffness))
     return ["ccx", "-i", "pair"]
 

@@ -9,11 +9,11 @@ import sys
 
 import getfem as gf
 import numpy as np
-from peer_problems import lame, load
+from peer_problems import FORCE, lame, load
 
 #: order of the integration in the bodies, on the skin
 BODY, SKIN = 3, 25
-#: residual at which the search ends
+#: residual at which the search ends, of the load
 TOLERANCE = 1e-9
 SLAVE, MASTER, TOP = 1, 2, 3
 
@@ -90,7 +90,11 @@ def solve(pair):
         start = md.variable("force").reshape(-1, pair.dim)
         start[:, -1] = -0.1 * pair.pressure
         md.set_variable("force", start.ravel())
-    count, converged = md.solve("max_res", TOLERANCE, "max_iter", 100, "noisy", "lsolver", "mumps")[:2]
+    tolerance = TOLERANCE * (pair.pressure or FORCE)
+    search = ("lsolver", "mumps", "lsearch", "simplest", "alpha min", 0.3)
+    count, converged = md.solve("max_res", tolerance, "max_iter", 100, *search)[:2]
+    if not converged:
+        raise RuntimeError(f"no equilibrium found in {count} iterations")
     out = {"iterations": count}
     if pair.dim == 3:
         worst = []
@@ -100,7 +104,7 @@ def solve(pair):
             worst.append(np.abs(md.interpolation(stress, data) + pair.pressure).max())
         return out | {"stress": max(worst)}
     mf = md.mesh_fem_of_variable("force")
-    x = mf.dof_nodes()[0, ::2] if hasattr(mf, "dof_nodes") else mf.basic_dof_nodes(mf.dof_on_region(SLAVE))[0, ::2]
+    x = mf.basic_dof_nodes(mf.basic_dof_on_region(SLAVE))[0, ::2]
     p = np.linalg.norm(md.variable("force").reshape(-1, 2), axis=1)
     force = gf.asm_generic(slave.skin, 0, "force(2)", SLAVE, md)
     return out | {"force": 2 * abs(force), "nodes": np.stack([x, p])}

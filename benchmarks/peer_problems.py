@@ -116,7 +116,7 @@ def modulus() -> float:
 
 
 def hertz(n: int) -> Pair:
-    """Half a cylinder's segment (the slave) on half a block, n slave faces to the half-width, the master's 2/3 so large."""
+    """Half a cylinder (the slave) on half a block; n slave faces to the half-width, the master's 2/3 as large."""
     a = half_width(FORCE)
     h, fine = a / n, a / n / 1.5
     low_axes = [lines(100.0, fine, 1.5 * a), -lines(200.0, fine, a)[::-1]]
@@ -129,7 +129,7 @@ def hertz(n: int) -> Pair:
 
 
 def lines(length: float, h: float, fine: float) -> np.ndarray:
-    """Grid lines from 0 to a length: steps of about h up to `fine`, then growing ones, scaled to end where they must."""
+    """Grid lines from 0 to a length: steps of about h up to `fine`, then growing ones, scaled to end there."""
     near = np.linspace(0, fine, max(1, round(fine / h)) + 1)
     left = length - fine
     count = int(np.ceil(np.log1p(left * (GROWTH - 1) / (h * GROWTH)) / np.log(GROWTH)))

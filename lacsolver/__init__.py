@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from lacmesh import __version__
@@ -36,10 +34,10 @@ _PUBLIC = {
     "Problem": "lacsolver.problem",
     "State": "lacsolver.state",
     "ZoneState": "lacsolver.state",
-    "NotConvergedError": "lacsolver.march",
-    "march": "lacsolver.march",
+    "NotConvergedError": "lacsolver.stepping",
+    "march": "lacsolver.stepping",
     "validate": "lacsolver.validation",
-    "run": "lacsolver.run",
+    "run": "lacsolver.running",
     "OutputFolder": "lacsolver.output",
     "create": "lacsolver.output",
     "read_state": "lacsolver.output",
@@ -47,7 +45,7 @@ _PUBLIC = {
     "Results": "lacsolver.results",
     "StepFigures": "lacsolver.results",
     "ZoneFigures": "lacsolver.results",
-    "plot": "lacsolver.plot",
+    "plot": "lacsolver.drawing",
 }
 
 __all__ = [
@@ -130,34 +128,25 @@ if TYPE_CHECKING:
         read_case,
     )
     from lacsolver.constraints import Constraints
+    from lacsolver.drawing import plot
     from lacsolver.interface import Interface, Pairing, Zone, integrate
-    from lacsolver.march import NotConvergedError, march
     from lacsolver.material import Elastic, Materials, Orthotropic
     from lacsolver.matrices import ContactMatrices, contact_matrices, write_matrices
     from lacsolver.output import OutputFolder, create, read_state
-    from lacsolver.plot import plot
     from lacsolver.problem import Problem
     from lacsolver.results import Restart, Results, StepFigures, ZoneFigures
-    from lacsolver.run import run
+    from lacsolver.running import run
     from lacsolver.space import Space
     from lacsolver.state import State, ZoneState
+    from lacsolver.stepping import NotConvergedError, march
     from lacsolver.validation import validate
 
 
-class _Package(ModuleType):
-    """Some functions are called as the module that holds them (`run`): here the function has the name."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if not (name in _PUBLIC and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-    def __getattr__(self, name: str) -> Any:
-        if name in _PUBLIC:
-            return getattr(import_module(_PUBLIC[name]), name)
-        raise AttributeError(f"module 'lacsolver' has no attribute {name!r}")
-
-    def __dir__(self) -> list[str]:
-        return sorted({*self.__dict__, *_PUBLIC})
+def __getattr__(name: str) -> Any:
+    if name in _PUBLIC:
+        return getattr(import_module(_PUBLIC[name]), name)
+    raise AttributeError(f"module 'lacsolver' has no attribute {name!r}")
 
 
-sys.modules[__name__].__class__ = _Package
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_PUBLIC})

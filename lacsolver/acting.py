@@ -89,9 +89,10 @@ def _said_of(record: Entry) -> Iterator[None]:
 def springs(space: Space, case: Case) -> csr_array | None:
     """(n_dof, n_dof): springs to the ground; None if there are none."""
     made = None
+    moved = np.concatenate([np.empty(0, np.int64), *(nodes_of(space, body) for body in case.rigid)])
     for spring in case.spring:
         stiffness = [getattr(spring, f"k{a}") or 0.0 for a in _AXES[: space.dim]]
-        own = loads.springs(space, nodes_of(space, spring), stiffness)
+        own = loads.springs(space, nodes_of(space, spring), stiffness, moved=moved)
         made = own if made is None else csr_array(made + own)
     return made
 

@@ -34,6 +34,8 @@ _LOOSE, _LOOSE_SOLVES = 0.1, 12
 _BLOCKS = 3
 #: gaps are known to this much of the coordinates
 ROUNDING = 1e-14
+#: a free motion is stopped by rows that move with it by this much of those that move most, and a load carried to it
+_STOPPED = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,7 @@ class Contact:
     """All rows of all zones at some place, a row each (m,): `rows` (B, D, w), `G` there, `paired`, `held` (equalities).
 
     `c` (m,): stress per length, see above. `turning`: d(B^T p)/dq at pressures p, None where B does not change.
+    `stuck` (m,): rows that would be paired, and that no unknown moves: their gaps are what is prescribed.
     """
 
     rows: Rows
@@ -49,6 +52,12 @@ class Contact:
     held: NDArray[np.bool_]
     c: NDArray[np.floating]
     turning: Callable[[Floats], csr_array] | None = None
+    stuck: NDArray[np.bool_] | None = None
+
+    @property
+    def covered(self) -> NDArray[np.bool_]:
+        """(m,): rows that face their master."""
+        return self.paired if self.stuck is None else self.paired | self.stuck
 
     def next(self, active: NDArray[np.bool_], p: Floats) -> NDArray[np.bool_]:
         """(m,): the rows to close after a solve with `active` ones closed: those that press, and those that overlap."""
@@ -104,34 +113,66 @@ Told = Callable[[int, int, float, float], None]
 def find_equilibrium(
     K: Stiffness, f: Floats, at: At, start: Iterate, limits: Limits, *, moving: bool, told: Told | None = None
 ) -> Outcome:
-    """Equilibrium under forces f (n,), from a guess. `moving`: B and D change with q, and no solve is loose."""
+    """Equilibrium under forces f (n,), from a guess. `moving`: B and D change with q, and no solve is loose.
+
+    A set that stays after a loose solve is solved exactly in the same iteration: it goes on with the same system.
+    """
     q, p, _ = start
     contact = at(q)
     active = start.active & contact.paired | contact.held & contact.paired
     p = np.where(active, p, 0.0)
-    scale = _Scale(f, limits)
+    scale = _Scale(K, f, limits)
     pivots = _Pivots()
     defects: list[tuple[float, float]] = []
     products = 0
     for number in range(1, limits.max_iterations + 1):
-        exact = moving or pivots.exact(active)
-        wanted = contact.G + contact.rows.D @ q
-        goal = scale.goal(0.0 if exact else _LOOSE)
-        turning = None if contact.turning is None else contact.turning(p)
-        made = solve_rows(K, contact.rows, np.flatnonzero(active), f, wanted, q, p, goal, turning)
-        q, p = made.q, made.p
-        contact = at(q)
-        balance, gap = scale.balance(K, contact.rows, f, q, p), contact.defect(p) / scale.size(q)
+        active = stopped(K, contact, active, f)
+        here, turning = contact, None if contact.turning is None else contact.turning(p)
+        wanted = here.G + here.rows.D @ q
+        loose = 0.0 if moving or pivots.exact(active) else _LOOSE
+        for reduction in (loose, 0.0):
+            made = solve_rows(K, here.rows, np.flatnonzero(active), f, wanted, q, p, scale.goal(reduction), turning)
+            q, p, products = made.q, made.p, products + made.products
+            contact = at(q)
+            closed, defect = contact.next(active, p), contact.defect(p)
+            if reduction == 0 or not np.array_equal(closed, active):
+                break
+        balance, gap = scale.balance(K, contact.rows, f, q, p), defect / scale.size(q)
         defects.append((balance, gap))
-        products += made.products
         if told is not None:
             told(number, int(active.sum()), balance, gap)
-        done = balance <= limits.tolerance and contact.defect(p) <= scale.allowed(q)
-        if done and (exact or not active.any()):
+        done = balance <= limits.tolerance and defect <= scale.allowed(q)
+        if done and reduction == 0:
             return Outcome(True, Iterate(q, p, active), contact, tuple(defects), products)
-        wanted_rows = contact.next(active, p)
-        active = wanted_rows if moving or done else pivots.next(active, wanted_rows, exact)
+        active = closed if moving or done else pivots.next(active, closed, reduction == 0)
     return Outcome(False, Iterate(q, p, active), contact, tuple(defects), products)
+
+
+def stopped(K: Stiffness, contact: Contact, active: NDArray[np.bool_], f: Floats) -> NDArray[np.bool_]:
+    """(m,): a set, with rows added so that no body that is free moves along its load f (n,).
+
+    Each is the row that is reached first as the body goes; a load that no row stops is left to what follows.
+    """
+    if not K.R.shape[1]:
+        return active
+    active, moves, load = active.copy(), contact.rows.D @ K.R, K.R.T @ f
+    for _ in range(K.R.shape[1]):
+        free = _null_space(moves[active])
+        along = free @ (free.T @ load)
+        closing = moves @ along
+        nearing = contact.paired & ~active & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
+        if not nearing.any() or np.linalg.norm(along) <= _STOPPED * np.linalg.norm(load):
+            break
+        active[np.where(nearing, contact.G / np.where(nearing, closing, 1.0), np.inf).argmin()] = True
+    return active
+
+
+def _null_space(A: Floats) -> NDArray[np.floating]:
+    """(r, k): an orthonormal basis of what A (m, r) does not see."""
+    if not len(A):
+        return np.eye(A.shape[1])
+    _, size, V = np.linalg.svd(A)
+    return np.asarray(V[(size > _STOPPED * size.max(initial=0.0)).sum() :].T)
 
 
 class _Pivots:
@@ -173,12 +214,15 @@ class _Pivots:
 class _Scale:
     """What defects are compared with."""
 
-    def __init__(self, f: Floats, limits: Limits) -> None:
+    def __init__(self, K: Stiffness, f: Floats, limits: Limits) -> None:
         self.f = float(np.abs(f).max(initial=0.0))
+        self.rounding = ROUNDING / limits.tolerance * float(np.abs(K.K.diagonal()).max(initial=0.0))
         self.limits = limits
 
     def force(self, q: Floats, K: Stiffness) -> float:
-        return max(self.f, float(np.abs(K.K @ q).max(initial=0.0)), 1e-300)
+        """The largest force; and what rounding leaves of the forces of a body that moves far under a small load."""
+        moved = self.rounding * float(np.abs(q).max(initial=0.0))
+        return max(self.f, float(np.abs(K.K @ q).max(initial=0.0)), moved, 1e-300)
 
     def size(self, q: Floats) -> float:
         return max(float(np.abs(q).max(initial=0.0)), self.limits.moved, ROUNDING * self.limits.length, 1e-300)

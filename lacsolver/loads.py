@@ -164,12 +164,13 @@ def thermal_force(
     return -internal_force(space, materials, still, temperature=temperature, t=t, threads=threads)
 
 
-def springs(space: Space, nodes: Ints, stiffness: Vector, t: float = 1.0) -> csr_array:
+def springs(space: Space, nodes: Ints, stiffness: Vector, t: float = 1.0, *, moved: Ints | None = None) -> csr_array:
     """(n_dof, n_dof), diagonal: a spring to the ground at each of some nodes; force per length along each axis.
 
-    Raises DataError for a negative stiffness.
+    `moved`: nodes of rigid bodies, which need no cell. Raises DataError for a negative stiffness, and for other nodes
+    that no cell holds.
     """
-    nodes = _held(space, nodes, "spring")
+    nodes = _held(space, nodes, "spring", moved)
     k = evaluate_vector(stiffness, space.mesh.points[nodes], t, space.dim, "spring")
     _not_negative(k)
     dofs = space.dofs(nodes).ravel()
@@ -209,10 +210,11 @@ def _pressed(space: Space, faces: Ints) -> Surface:
     return surface
 
 
-def _held(space: Space, nodes: Ints, what: str) -> Ints:
-    """Distinct nodes, all of them on cells of the space."""
+def _held(space: Space, nodes: Ints, what: str, moved: Ints | None = None) -> Ints:
+    """Distinct nodes, all of them on cells of the space, or among those that are moved."""
     nodes = np.unique(np.asarray(nodes, dtype=np.int64))
     loose = nodes[~space.attached[nodes]]
+    loose = loose if moved is None else np.setdiff1d(loose, moved)
     if len(loose):
         numbers = ", ".join(str(n) for n in space.mesh.node_number[loose[:10]])
         raise DataError(f"{what} at nodes {numbers}, which no cell of the body holds; name nodes of the body")

@@ -147,6 +147,7 @@ class Instant:
         self.f = c.T.T @ (self.load - self.model.K @ self.u0) + c.force(self.t)
         self.interfaces: list[Interface] = []
         self._fixed: Contact | None = None
+        self._last: tuple[Floats, Contact] | None = None
 
     def u(self, q: Floats) -> NDArray[np.floating]:
         """(n_dof,)."""
@@ -156,11 +157,14 @@ class Instant:
         """The rows of all joints, and their gaps at q."""
         if self._fixed is not None:
             return shifted(self._fixed, self._fixed.G - self._fixed.rows.D @ q)
+        if self._last is not None and np.array_equal(self._last[0], q):
+            return self._last[1]
         u = self.u(q)
         self.interfaces = [self.model.interface(joint, u, self.t) for joint in self.model.problem.joints]
         made = _rows(self.model, self.interfaces, u)
         if not self.model.moving:
             self._fixed = replace(made, G=made.G + made.rows.D @ q)
+        self._last = q.copy(), made
         return made
 
 
@@ -184,8 +188,8 @@ def _rows(model: Model, interfaces: list[Interface], u: Floats) -> Contact:
         held.append(np.full(len(w[-1]), not joint.one_sided))
     left = csr_array(vstack([csr_array((0, n)), *B]))
     right = left if all(a is b for a, b in zip(B, D, strict=True)) else csr_array(vstack(D))
-    on = np.concatenate(paired) & (np.diff(left.indptr) > 0)
-    rows = Rows(left, right, np.where(on, np.concatenate(w), 1.0))
+    covered, moved = np.concatenate(paired), np.diff(left.indptr) > 0
+    rows = Rows(left, right, np.where(covered, np.concatenate(w), 1.0))
 
     def turning(p: Floats) -> csr_array:
         total, first = csr_array(model.K.shape), 0
@@ -197,7 +201,8 @@ def _rows(model: Model, interfaces: list[Interface], u: Floats) -> Contact:
         return model.reduced(total)
 
     turns = turning if any(motion is not None for motion in motions) else None
-    return Contact(rows, np.concatenate(G), on, np.concatenate(held), stiffness_of_rows(model.held, rows), turns)
+    c = stiffness_of_rows(model.held, rows)
+    return Contact(rows, np.concatenate(G), covered & moved, np.concatenate(held), c, turns, covered & ~moved)
 
 
 def _motion(model: Model, joint: Joint, face: Interface) -> Motion | None:

@@ -22,7 +22,7 @@ from lacsolver.assemble.fields import Temperature
 from lacsolver.case import Case, Contact, Tie, check_groups
 from lacsolver.constraints import Constraints
 from lacsolver.interface import Interface, Pairing, Zone
-from lacsolver.laws import law_of
+from lacsolver.laws import check_kinematics, law_of
 from lacsolver.material import Materials
 from lacsolver.places import wrong
 from lacsolver.skin import prepared
@@ -102,6 +102,7 @@ class Problem:
 
         Raises CaseError, ReadError, CutError, DataError, RequestError, each with a sentence for the user.
         """
+        check_kinematics(case)
         mesh = lacmesh.read(case.mesh) if mesh is None else mesh
         check_groups(case, mesh)
         mesh = prepared(case, mesh)

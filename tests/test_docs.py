@@ -18,7 +18,7 @@ from lacmesh.patterns import RING_PARENTS, WHOLE_FACES, parent_pattern
 from lacmesh.shapes import shape
 from lacsolver.case import errors as case_errors
 from lacsolver.linear import errors as linear_errors
-from lacsolver.march import NotConvergedError
+from lacsolver.stepping import NotConvergedError
 from tests.meshes import cell_with_faces
 from tests.properties import volumes
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.fit import correct
 from lacmesh.surface.maps import AFFINE
-from lacmesh.surface.patches import Patches
+from lacmesh.surface.patches import Bools, Patches
 from lacmesh.surface.rules import FITTED
 from lacmesh.surface.search import Pairs, Reach
 
@@ -120,17 +120,18 @@ def _in_face(slave: Patches, s: Ints, t: Floats) -> Floats:
     return np.where(t <= 0, a, np.where(t >= 1, b, u))
 
 
-def gauss_points(slave: Patches, master: Patches, parts: Intervals, degree: Ints, radius: bool, smooth: bool) -> Ints:
+def gauss_points(slave: Patches, master: Patches, parts: Intervals, degree: Ints, radius: bool, smooth: Bools) -> Ints:
     """(k,): Gauss points that each part takes, for shape functions of so high a degree on either face.
 
-    Exact where both faces are evenly divided. Where the middle node of one stands off, on straight lines, their weights
-    are fitted (FITTED added): as many as functions, and a few more. On curved lines 4.
+    `smooth` (k,): whether normals are other than the slave face's own. Exact where both faces are evenly divided. Where
+    the middle node of one stands off, on straight lines, their weights are fitted (FITTED added): as many as functions,
+    and a few more. On curved lines 4.
     """
     fs, fm = slave.face[parts.slave], master.face[parts.master]
     even = (slave.kind[fs] == AFFINE) & (master.kind[fm] == AFFINE)
-    straight = slave.plane[fs] & master.plane[fm] & (not smooth)
+    straight = slave.plane[fs] & master.plane[fm] & ~smooth
     exact = (degree + radius) // 2 + 1
-    return np.where(even & (not smooth), exact, np.where(straight, _FIT_POINTS + FITTED, 4))
+    return np.where(even & ~smooth, exact, np.where(straight, _FIT_POINTS + FITTED, 4))
 
 
 class PlacedOnLines(NamedTuple):

@@ -17,12 +17,14 @@ from lacmesh.surface.maps import coefficients
 from lacmesh.surface.normals import smoothed
 from lacmesh.surface.patches import Patches, norm, patches
 from lacmesh.surface.place import place
-from lacmesh.surface.record import Surface
+from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Sides, pair_rule
 from lacmesh.surface.search import Pairs, Reach, candidates, side_by_side
 
 NORMALS = ("facet", "smoothed")
 SEARCHES = ("tree", "front")
+#: normals that differ by no more are one
+_SAME = 1e-10
 #: how far nodes of an axisymmetric surface may lie beyond the axis, against their largest coordinate
 _BEYOND = 1e-9
 
@@ -64,6 +66,7 @@ def contact_points(
     max_penetration: float | None = None,
     search: str = "tree",
     axisymmetric: bool = False,
+    degree: int = 0,
 ) -> ContactPoints:
     """Contact points of a slave surface against a master.
 
@@ -71,6 +74,7 @@ def contact_points(
     negative one are left out. `normals`: `facet`, the slave's true normal, or `smoothed`, nodal normals over edges
     that turn by less than `crease_angle` degrees. `search`: `tree`, or `front` (advancing front, repaired from the
     tree); they give the same points. `axisymmetric`: about the y axis, x >= 0 the radius; weights hold 2 pi x.
+    `degree` (4 at most): of polynomials on plane faces that are to be integrated exactly beside the shape functions.
 
     A slave face looks for master faces that face it (normals opposed) up to `search_distance` ahead along its normal,
     by default as far as `default_distance` says; and behind itself, where bodies overlap, up to `max_penetration`, by
@@ -94,7 +98,7 @@ def contact_points(
     if search == "front":
         pairs = advance(s, m, pairs, slave.neighbours, master.neighbours)
     make = _on_lines if slave.dim == 1 else _on_faces
-    points = make(slave, master, s, m, pairs, reach, H, axisymmetric)
+    points = make(slave, master, s, m, pairs, reach, H, axisymmetric, degree)
     return replace(points, macro=macro[points.slave])
 
 
@@ -185,6 +189,7 @@ def _on_faces(
     reach: Reach,
     H: Floats | None,
     axisymmetric: bool,
+    degree: int,
 ) -> ContactPoints:
     pieces = clip(pairs, s, m, reach)
     fs, fm = s.face[pieces.slave], m.face[pieces.master]
@@ -193,7 +198,8 @@ def _on_faces(
         _side(master, m, pieces.master),
         np.diff(pieces.start),
         pieces.largest_share(),
-        H is not None,
+        np.zeros(len(fs), bool) if H is None else _turned(slave, H)[fs],
+        degree,
     )
     order, groups = _groups(slave, master, fs, fm, code)
     functions = N_FUNCTIONS[slave.faces.type[fs]], N_FUNCTIONS[master.faces.type[fm]]
@@ -204,6 +210,12 @@ def _on_faces(
         rows, rows, fm[made.piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap, groups
     )
     return points if made.met.all() else _only(points, made.met)
+
+
+def _turned(slave: Surface, H: Floats) -> NDArray[np.bool_]:
+    """(f,): whether the interpolated normals of a face, of maps H (f, 9, 3), are other than its own."""
+    normal, _ = mean_normals(slave)
+    return np.asarray((np.abs(H[:, 1:]).max(axis=(1, 2)) > _SAME) | (np.abs(H[:, 0] - normal).max(axis=1) > _SAME))
 
 
 def _side(surface: Surface, p: Patches, rows: Ints) -> Sides:
@@ -221,11 +233,13 @@ def _on_lines(
     reach: Reach,
     H: Floats | None,
     axisymmetric: bool,
+    degree: int,
 ) -> ContactPoints:
     parts = clip_lines(pairs, s, m, reach)
     fs, fm = s.face[parts.slave], m.face[parts.master]
-    degree = np.maximum(FUNCTION_DEGREE[slave.faces.type[fs]], FUNCTION_DEGREE[master.faces.type[fm]])
-    count = gauss_points(s, m, parts, degree, axisymmetric, H is not None)
+    of_faces = np.maximum(FUNCTION_DEGREE[slave.faces.type[fs]], FUNCTION_DEGREE[master.faces.type[fm]])
+    smooth = np.zeros(len(fs), bool) if H is None else _turned(slave, H)[fs]
+    count = gauss_points(s, m, parts, np.maximum(of_faces, degree), axisymmetric, smooth)
     order, groups = _groups(slave, master, fs, fm, count)
     parts = Intervals(parts.slave[order], parts.master[order], parts.ends[order])
     made = place_lines(parts, count[order], s, m, H, axisymmetric)

@@ -75,13 +75,13 @@ class Sides(NamedTuple):
     whole: Bools
 
 
-def pair_rule(slave: Sides, master: Sides, vertices: Ints, share: Floats, smooth: bool) -> Ints:
+def pair_rule(slave: Sides, master: Sides, vertices: Ints, share: Floats, smooth: Bools, least: int = 0) -> Ints:
     """Codes of the rules of pieces of so many vertices.
 
     `share`: of the largest triangle in each piece's fan (where it is all, points of the others count for nothing);
-    `smooth`: whether normals are smoothed, and so vary over plane faces.
+    `smooth`: whether normals are other than the slave face's own; `least`: a degree that is integrated anyway.
     """
-    degree = np.maximum(FUNCTION_DEGREE[slave.type], FUNCTION_DEGREE[master.type])
+    degree = np.maximum(np.maximum(FUNCTION_DEGREE[slave.type], FUNCTION_DEGREE[master.type]), least)
     code = np.where(degree <= 1, CENTROID, np.where(degree <= 2, ELLIPSE, FAN6))
     bent = ~slave.plane | smooth | ((master.kind == CURVED) & ~master.plane)
     code = np.where(bent, np.where(degree <= 2, FAN6, FAN12), code)

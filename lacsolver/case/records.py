@@ -133,7 +133,7 @@ class Joint(Entry):
     hexa: str = key(_HEXA, "", "how HEXA8 and HEXA20 are cut, unless the mesh carries a cut", default="pyramid")
     search_distance: float | None = key(
         Number(POSITIVE), "length", "how far from the slave a master is looked for", default=None,
-        default_words="a quarter of the smaller skin's box",
+        default_words="a quarter of the smaller skin's diagonal, or twice a macro-element's if more",
     )  # fmt: skip
     coverage_threshold: float = key(
         Number(Bounds(0, 1, open=False)), "", "a macro-element with less coverage is unpaired", default=1e-6

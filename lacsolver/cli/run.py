@@ -62,8 +62,8 @@ def _beside(case: Path) -> Path:
 
 def _solve(case: Case, folder: OutputFolder, start: Restart | None, args: argparse.Namespace) -> Results:
     from lacsolver.cli.watch import Watch
-    from lacsolver.march import NotConvergedError
-    from lacsolver.run import run as solve
+    from lacsolver.running import run as solve
+    from lacsolver.stepping import NotConvergedError
 
     watch = Watch(case, quiet=args.quiet)
     args.left = lambda: left(watch, folder, start)
@@ -85,7 +85,7 @@ def left(watch: Watch, folder: OutputFolder, start: Restart | None) -> str:
 
 def _check_plot(case: Case, args: argparse.Namespace) -> None:
     """Say at once what would stop the drawing at the end."""
-    from lacsolver.plot import check_plot
+    from lacsolver.drawing import check_plot
 
     target = Path(args.plot)
     check_plot(case, target)
@@ -93,8 +93,8 @@ def _check_plot(case: Case, args: argparse.Namespace) -> None:
 
 
 def _plot(case: Case, folder: OutputFolder, args: argparse.Namespace) -> None:
+    from lacsolver.drawing import plot
     from lacsolver.output import read_state
-    from lacsolver.plot import plot
 
     state = read_state(folder.path, case)
     plot(case, state, Path(args.plot))

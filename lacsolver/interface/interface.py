@@ -27,6 +27,8 @@ from lacsolver.interface.zone import Zone
 from lacsolver.space import Space
 from lacsolver.values import Value, evaluate
 
+#: degree to which a clearance that is a formula is integrated, beside the shape functions
+_CLEARANCE = 4
 #: a gap across a tie below this much of the faces' size is rounding
 _ROUNDING = 1e-13
 
@@ -91,7 +93,7 @@ def integrate(
 ) -> Interface:
     """The interface of a zone whose nodes are at x (n_nodes, 3), or where the mesh has them, at time t."""
     slave, master = (zone.slave, zone.master) if x is None else (zone.slave.at(x), zone.master.at(x))
-    points = _points(zone, slave, master, pairing)
+    points = _points(zone, slave, master, pairing, moved=x is not None)
     weight = points.weight * pairing.thickness
     if x is not None and pairing.measure == "reference":
         weight = weight * _stretch(zone, slave, points, pairing.axisymmetric)
@@ -110,14 +112,17 @@ def integrate(
     return Interface(zone, slave, master, points, weight, gap, B, G, w, zone.sums(area), average, centre, normal)
 
 
-def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing) -> ContactPoints:
+def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool) -> ContactPoints:
     distance = pairing.search_distance
     if distance is None:  # of the undeformed skins: it does not change as they move
         distance = default_distance(zone.slave, zone.master, zone.macro)
+    deepest = pairing.max_penetration
+    if deepest is None and moved:  # on the way to equilibrium skins overlap by more than cells are deep
+        deepest = distance
     return contact_points(
         slave, master, macro=zone.macro, normals=pairing.normals, crease_angle=pairing.crease_angle,
-        search_distance=distance, max_penetration=pairing.max_penetration, search=pairing.search,
-        axisymmetric=pairing.axisymmetric,
+        search_distance=distance, max_penetration=deepest, search=pairing.search,
+        axisymmetric=pairing.axisymmetric, degree=_CLEARANCE if callable(pairing.clearance) else 0,
     )  # fmt: skip
 
 

@@ -170,7 +170,9 @@ def _nothing_written(folder: Path) -> None:
 
 HINGE = 'mesh = "blocks.msh"\nmodel = "plane_strain"\n[[material]]\nyoung = 1.0\npoisson = 0.3\n[[displacement]]\ngroup = "bottom"\nux = 0.0\nuy = 0.0\n[[pressure]]\ngroup = "top"\nvalue = 1.0\n'
 HARD = (
-    changed("uy = 0.0", "uy = 0.0\n[[force]]\nat = [1, 2]\nfy = -5.0")
+    changed("uy = 0.0", "uy = 0.0\n[[force]]\nat = [1, 2]\nfy = -5.0").replace(
+        'slave = "slave"', 'slave = "slave"\ngeometry = "current"'
+    )
     + "[steps]\nmax_halvings = 0\n[solver]\nmax_iterations = 1\n"
 )
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from lacsolver.assemble import stress
 from lacsolver.case import parse_case
-from lacsolver.march import march
 from lacsolver.problem import Problem
 from lacsolver.state import CONTACT, OPEN, UNPAIRED
+from lacsolver.stepping import march
 from tests.lacsolver.patch_cases import unbalanced
 
 YOUNG, POISSON = 1000.0, 0.3

@@ -1,18 +1,16 @@
 """Small cases that together use every key of a case file; what each must come to is in `test_every_key.py`.
 
-A key a line: the test leaves out one line after the other, and wants the answer to be another one each time.
+A key a line: the test leaves out one line after the other, and wants the answer to be another one each time; but for
+lines that say `# held`, which only keep a body from moving, or are looked at in another case.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import NamedTuple
 
-import numpy as np
-
 from lacmesh import Mesh
-from tests.lacsolver.patch_meshes import block, placed, stack, three_blocks
+from tests.lacsolver.key_meshes import cube, overhang, plane, punch, roof, tower, towers
 
 
 class KeyCase(NamedTuple):
@@ -20,86 +18,6 @@ class KeyCase(NamedTuple):
 
     mesh: Callable[[], Mesh]
     text: str
-
-
-def nodes_of(mesh, group):
-    """The nodes of a group of cells."""
-    return np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cells_of(group))]))
-
-
-@cache
-def cube():
-    """[0, 1]^3 in eight cells, `left` and `right` of x = 1/2. Node groups have the names of cell groups.
-
-    Nodes `z1`: two corners of that side; `z0`: all of the side z = 1; `y1`: the corner (1, 1, 1).
-    """
-    mesh = block("HEXA8", 3, 2, "z1", even=True)
-    x = mesh.points
-    body = mesh.cell_groups["body"]
-    centre = np.array([x[nodes].mean(axis=0) for nodes in mesh.block("HEXA8")])
-    top = np.flatnonzero(x[:, 2] == 1)
-    return Mesh.create(
-        x,
-        mesh.blocks,
-        cell_groups={**mesh.cell_groups, "left": body[centre[:, 0] < 0.5], "right": body[centre[:, 0] > 0.5]},
-        node_groups={"z1": top[[0, -1]], "z0": top, "y1": np.flatnonzero((x == 1).all(axis=1))},
-    )
-
-
-@cache
-def towers():
-    """Two blocks apart, one over the other, their sides `low` (z = 1) and `high` (z = 2).
-
-    Nodes `master`: those of `high`, the cells of that name those of `low`.
-    """
-    mesh = stack("HEXA8", "TETRA4", 3, counts=(2, 2), gap=1.0, even=True)
-    groups = dict(mesh.cell_groups)
-    groups["low"], groups["high"] = groups["slave"], groups.pop("master")
-    groups["master"] = groups.pop("slave")
-    return Mesh.create(mesh.points, mesh.blocks, cell_groups=groups, node_groups={"master": nodes_of(mesh, "master")})
-
-
-@cache
-def overhang(gap=0.0):
-    """A plane slave on four cells a side, x in [0, 1], below a master on x in [0, 5/8]."""
-    mesh = stack("QUAD4", "TRIA3", 2, counts=(4, 3), even=True, gap=gap)
-    x = mesh.points.copy()
-    nodes = nodes_of(mesh, "upper")
-    x[nodes, 0] *= 0.625
-    return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=2)
-
-
-@cache
-def plane(slave="QUAD8", master="TRIA3"):
-    """Two blocks on one another in a plane."""
-    return stack(slave, master, 2, counts=(3, 2))
-
-
-@cache
-def roof():
-    """A slave of two faces that slope to both sides of x = 1/2, by 1/4; the master above is flat and twice as wide."""
-    mesh = stack("QUAD4", "QUAD4", 2, counts=(2, 1), even=True, gap=0.5)
-    x = mesh.points.copy()
-    low, high = nodes_of(mesh, "lower"), nodes_of(mesh, "upper")
-    x[low, 1] *= 1 - 0.25 * np.abs(x[low, 0] - 0.5)
-    x[high, 0] += x[high, 0] - 0.5
-    return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=2)
-
-
-@cache
-def punch():
-    """A master whose underside is a parabola, on a flat slave."""
-    mesh = stack("QUAD4", "QUAD4", 2, counts=(6, 5), even=True)
-    x = mesh.points.copy()
-    nodes = nodes_of(mesh, "upper")
-    x[nodes, 1] += 0.1 * (x[nodes, 0] - 0.5) ** 2 * (2 - x[nodes, 1])
-    return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=2)
-
-
-@cache
-def tower(height):
-    """Three blocks on one another, all of hexahedra; tall ones are cut best into hexahedra."""
-    return placed(three_blocks(("HEXA8", "HEXA8", "HEXA8")), size=(1, 1, height))
 
 
 LOADS = """
@@ -276,13 +194,13 @@ RIGID = """
 mesh = "blocks.msh"
 model = "3d"
 [[material]]
-young = 1000.0
+young = 1000.0  # held
 poisson = 0.3
 [[displacement]]
 group = "bottom"
-ux = 0.0
-uy = 0.0
-uz = 0.0
+ux = 0.0  # held
+uy = 0.0  # held
+uz = 0.0  # held
 [[displacement]]
 group = "top"
 ux = 0.0
@@ -323,7 +241,7 @@ name = "joint"
 slave = "slave"
 master = "master"
 type = "unilateral"
-search_distance = 0.4
+search_distance = 0.7
 coverage_threshold = 0.55
 initial = "all"
 clearance = "0.01 + 0.02 * x"
@@ -333,12 +251,12 @@ measure = "reference"
 normals = "facet"
 [[displacement]]
 group = "bottom"
-ux = 0.0
-uy = 0.0
+ux = 0.0  # held
+uy = 0.0  # held
 [[displacement]]
 group = "top"
-ux = 0.0
-uy = 0.0
+ux = 0.0  # held
+uy = 0.0  # held
 """
 
 GLUED = """
@@ -352,11 +270,10 @@ poisson = 0.0
 name = "glue"
 slave = "slave"
 master = "master"
-search_distance = 0.4
+search_distance = 0.7
 coverage_threshold = 0.55
 [[displacement]]
 group = "bottom"
-ux = 0.0
 uy = 0.0
 [[displacement]]
 group = "x0"
@@ -405,7 +322,6 @@ group = "top"
 fy = -6.0
 [[displacement]]
 group = "bottom"
-ux = 0.0
 uy = 0.0
 [steps]
 times = [0.25, 1.0, 2.0]
@@ -437,6 +353,29 @@ group = "top"
 value = 10.0
 """
 
+SLID = """
+mesh = "blocks.msh"
+model = "plane_strain"
+[[material]]
+young = 100.0
+poisson = 0.3
+[[contact]]
+slave = "slave"
+master = "master"
+geometry = "current"
+clearance = 0.01
+[[displacement]]
+group = "bottom"
+ux = 0.0
+uy = 0.0  # held
+[[displacement]]
+group = "top"
+ux = 0.5
+uy = -0.005
+[steps]
+count = 2
+"""
+
 ROOF = """
 mesh = "blocks.msh"
 model = "plane_strain"
@@ -447,15 +386,14 @@ poisson = 0.3
 slave = "slave"
 master = "master"
 normals = "smoothed"
-search_distance = 2.0
 [[displacement]]
 group = "bottom"
-ux = 0.0
-uy = 0.0
+ux = 0.0  # held
+uy = 0.0  # held
 [[displacement]]
 group = "top"
-ux = 0.0
-uy = 0.0
+ux = 0.0  # held
+uy = 0.0  # held
 """
 
 PUNCH = """
@@ -467,15 +405,15 @@ poisson = 0.3
 [[contact]]
 slave = "slave"
 master = "master"
-geometry = "current"
+geometry = "current"  # held
 [[displacement]]
 group = "bottom"
-ux = 0.0
-uy = 0.0
+ux = 0.0  # held
+uy = 0.0  # held
 [[displacement]]
 group = "top"
-ux = 0.0
-uy = -0.04
+ux = 0.0  # held
+uy = -0.04  # held
 [solver]
 """
 
@@ -521,11 +459,12 @@ CASES = {
     "fields": KeyCase(cube, FIELDS),
     "springs": KeyCase(cube, SPRINGS),
     "rigid": KeyCase(towers, RIGID),
-    "searched": KeyCase(lambda: overhang(0.3), SEARCHED),
-    "glued": KeyCase(lambda: overhang(0.3), GLUED),
+    "searched": KeyCase(lambda: overhang(0.6), SEARCHED),
+    "glued": KeyCase(lambda: overhang(0.6), GLUED),
     "strain": KeyCase(plane, STRAIN),
     "round": KeyCase(plane, ROUND),
     "measured": KeyCase(plane, MEASURED),
+    "slid": KeyCase(plane, SLID),
     "smooth": KeyCase(roof, ROOF),
     "creased": KeyCase(roof, ROOF.replace('"smoothed"\n', '"smoothed"\ncrease_angle = 20.0\n')),
     "tolerant": KeyCase(punch, PUNCH + "tolerance = 1e-3\n"),
@@ -556,6 +495,9 @@ master = "master"
 group = "bottom"
 ux = 0.0
 uy = 0.0
+[[displacement]]
+group = "x0"
+ux = 0.0
 [[pressure]]
 group = "top"
 value = 1.0

@@ -17,8 +17,8 @@ import lacmesh
 from lacmesh import Mesh
 from lacsolver.assemble import stress
 from lacsolver.case import parse_case
-from lacsolver.march import march
 from lacsolver.problem import Problem
+from lacsolver.stepping import march
 from tests.lacsolver.patch_meshes import (
     PLANE_KINDS,
     SOLID_KINDS,

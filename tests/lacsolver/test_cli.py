@@ -71,12 +71,12 @@ def test_importing_the_package_imports_nothing():
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
-@pytest.mark.parametrize("first", ["lacsolver", "lacsolver.run", "lacsolver.march", "lacsolver.plot"])
+@pytest.mark.parametrize("first", ["lacsolver", "lacsolver.running", "lacsolver.stepping", "lacsolver.drawing"])
 def test_public_names_are_what_they_say_whatever_was_imported_before(first):
     code = (
         f"import importlib, sys\nimportlib.import_module({first!r})\nimport lacsolver\n"
         "assert callable(lacsolver.run) and callable(lacsolver.march) and callable(lacsolver.plot)\n"
-        "assert lacsolver.run is sys.modules['lacsolver.run'].run\n"
+        "assert lacsolver.run is sys.modules['lacsolver.running'].run\n"
         "from lacsolver import *\nassert run is lacsolver.run and read_case is lacsolver.read_case\n"
         "assert all(getattr(lacsolver, name) is not None for name in lacsolver.__all__)"
     )
@@ -225,7 +225,7 @@ def test_stopped_before_the_first_step(folder, capsys, monkeypatch):
     def stopped(*args, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys.modules["lacsolver.run"], "run", stopped)
+    monkeypatch.setattr(sys.modules["lacsolver.running"], "run", stopped)
     assert main(["run", "case.toml"]) == 130
     assert capsys.readouterr().err == "lacsolver: error: interrupted; no step has converged\n"
     assert not (folder / "case").exists()

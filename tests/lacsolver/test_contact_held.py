@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from lacmesh.errors import DataError
-from lacsolver.march import NotConvergedError
 from lacsolver.state import CONTACT, OPEN
+from lacsolver.stepping import NotConvergedError
 from tests.lacsolver.contact_cases import (
     JOINT,
     POISSON,

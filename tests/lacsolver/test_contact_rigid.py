@@ -125,3 +125,15 @@ def test_a_line_presses_evenly(face, model, how):
     np.testing.assert_allclose(zone.pressure, 0.01 * E, rtol=1e-10)
     np.testing.assert_allclose(stresses(problem, state)[:, 1], -0.01 * E, rtol=1e-10)
     assert state.rigid["master"][1] == pytest.approx(-0.01, rel=1e-9)
+
+
+@pytest.mark.parametrize("face", ["TRIA3", "QUAD4"])
+def test_springs_hold_the_spin_of_a_bare_plate(face):
+    """Free to tilt, which contact stops, and to spin about its normal, which springs on its nodes do."""
+    springs = '[[spring]]\ngroup = "master"\nkx = 1.0\nky = 1.0\n'
+    sections = JOINT + SLIDING + GROUND + rigid(fz=-0.01 * YOUNG, moment=[0.0, 0.0, 0.0]) + springs
+    problem, state = only(under_a_plate("HEXA8", face), sections)
+    (zone,) = state.zones
+    np.testing.assert_allclose(zone.pressure, 0.01 * YOUNG, rtol=1e-9)
+    np.testing.assert_allclose(state.rigid["master"], [0, 0, -0.01, 0, 0, 0], atol=1e-11)
+    assert resultant(zone, problem)[2] == pytest.approx(-0.01 * YOUNG, rel=1e-9)

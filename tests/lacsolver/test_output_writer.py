@@ -109,7 +109,15 @@ def test_the_last_state_tried_goes_to_a_folder_of_its_own(tmp_path, kind):
     assert not tried.exists()
 
 
-def test_a_signal_waits_until_a_step_is_whole(tmp_path, monkeypatch):
+@pytest.fixture
+def heard():
+    """SIGINT raises KeyboardInterrupt, whatever a gmsh of another test has set."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+
+
+def test_a_signal_waits_until_a_step_is_whole(heard, tmp_path, monkeypatch):
     run = made_up(tmp_path)
     writer = run.writer()
     add = writers.add_contact

@@ -149,3 +149,11 @@ def inner_nodes(mesh, group):
     nodes = np.unique(nodes_of(mesh, group))
     x = mesh.points[nodes][:, : mesh.space_dim - 1]
     return nodes[((x > 1e-9) & (x < 1 - 1e-9)).all(axis=1)]
+
+
+@pytest.mark.parametrize("way", ["pyramid", "hexa"])
+@pytest.mark.parametrize("geometry", ["reference", "current"])
+def test_smoothed_normals_of_a_plane_skin_are_its_own(way, geometry):
+    """On distorted quadrangles too: what is smoothed is not integrated less exactly."""
+    options = f'geometry = "{geometry}"\nnormals = "smoothed"'
+    check(figures(pair("HEXA8", "HEXA8", way=way, options=options, skew=0.2)))

@@ -14,8 +14,8 @@ from lacmesh import Mesh
 from lacmesh.errors import RequestError, WriteError
 from lacsolver import plot, read_case, read_state
 from lacsolver.cli import main
+from lacsolver.drawing import Skin, along, chains, magnification
 from lacsolver.interface import Zone
-from lacsolver.plot import Skin, along, chains, magnification
 from lacsolver.skin import prepared
 from tests.lacsolver.bad_cases import GOOD, blocks, put
 from tests.lacsolver.patch_meshes import stack
@@ -26,7 +26,7 @@ DISC = GOOD.replace("blocks.msh", "disc_on_block.msh").replace('"x0"', '"symmetr
 
 def module():
     """The module, whose name the function has."""
-    return sys.modules["lacsolver.plot"]
+    return sys.modules["lacsolver.drawing"]
 
 
 def solved(folder, text=GOOD, mesh=None):

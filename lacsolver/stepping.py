@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from lacmesh.errors import LacmeshError
 from lacsolver.bodies import describe
 from lacsolver.case import Case
-from lacsolver.equilibrium import Iterate, Limits, Outcome, find_equilibrium
+from lacsolver.equilibrium import Contact, Iterate, Limits, Outcome, find_equilibrium
 from lacsolver.interface import Interface
 from lacsolver.model import Instant, Model
+from lacsolver.places import wrong
 from lacsolver.problem import Joint, Problem
 from lacsolver.results import Restart
 from lacsolver.state import CONTACT, OPEN, UNPAIRED, State, ZoneState
@@ -67,7 +68,8 @@ def march(
 ) -> Iterator[State]:
     """States that converged, step after step, from the undeformed body or a state that was kept.
 
-    Raises NotConvergedError where a step was halved too often, DataError where something may move freely.
+    Raises NotConvergedError where a step was halved too often, DataError where something may move freely, CaseError
+    where skins overlap, or are held apart, by what is prescribed alone.
     """
     model = Model(problem)
     steps = problem.case.steps
@@ -86,10 +88,27 @@ def march(
                 if spent.halvings > steps.max_halvings:
                     raise NotConvergedError(_why(instant, outcome), _state(instant, outcome, spent, size))
                 continue
+            _check_stuck(instant, outcome.contact)
             size *= steps.growth
             yield _state(instant, outcome, spent, size)
             before = None if now is None else (time, now)
             now, time, spent = outcome.iterate, instant.t, _Step()
+
+
+def _check_stuck(instant: Instant, contact: Contact) -> None:
+    """Raises CaseError where what is prescribed on both sides decides on a gap, and not as contact or tie has it."""
+    gap, first = contact.G / contact.rows.w, 0
+    wrong_way = np.where(contact.held, np.abs(gap), -gap) * (contact.covered & ~contact.paired)
+    for joint, face in zip(instant.model.problem.joints, instant.interfaces, strict=True):
+        by = wrong_way[first : first + face.B.shape[0]].reshape(len(face.area), -1).max(axis=1)
+        first += face.B.shape[0]
+        bad = np.flatnonzero(by > _TOUCHING * face.area ** (1 / face.slave.dim))
+        if len(bad):
+            place = ", ".join(f"{c:.6g}" for c in face.centre[by.argmax()])
+            what = "overlap" if joint.one_sided else "are apart"
+            message = f"{len(bad)} macro-elements {what} by up to {by.max():.6g} at time {instant.t:.6g}"
+            message += f", most near ({place}), and all nodes of both skins are prescribed there"
+            raise wrong(joint.record, f"{message}; leave some of them free, or prescribe what fits")
 
 
 def meeting_times(case: Case) -> list[float]:
@@ -162,7 +181,7 @@ def _state(instant: Instant, outcome: Outcome, spent: _Step, size: float) -> Sta
         own = -(face.B.T @ p[rows])
         force += own
         make = _tied if joint.tie else _pressed
-        zones.append(make(joint, face, p[rows], gap[rows], contact.paired[rows], own.reshape(-1, problem.space.dim)))
+        zones.append(make(joint, face, p[rows], gap[rows], contact.covered[rows], own.reshape(-1, problem.space.dim)))
         first = rows.stop
     reaction = model.K @ u - instant.load - force
     rigid = problem.constraints.rigid_motion(q, instant.t)
@@ -174,6 +193,7 @@ def _state(instant: Instant, outcome: Outcome, spent: _Step, size: float) -> Sta
 def _pressed(
     joint: Joint, face: Interface, p: NDArray, gap: NDArray, paired: NDArray[np.bool_], force: NDArray
 ) -> ZoneState:
+    p = np.maximum(p, 0.0) if joint.one_sided else p  # rounding leaves some an atom below
     closed = (p > 0) | (not joint.one_sided)
     status = np.where(paired, np.where(closed, CONTACT, OPEN), UNPAIRED).astype(np.int8)
     return ZoneState(
@@ -199,12 +219,12 @@ def _why(instant: Instant, outcome: Outcome) -> str:
     """What a user is told of a search that failed: what moves away, or where the balance is off, and what to try."""
     model, problem = instant.model, instant.model.problem
     q, p = outcome.iterate.q, outcome.iterate.p
-    contact = outcome.contact.rows.B_T @ p
+    contact, closed = outcome.contact.rows.B_T @ p, outcome.contact.rows.B[np.flatnonzero(outcome.iterate.active)]
     said = f"no equilibrium found at time {instant.t:.6g} after {len(outcome.defects)} iterations"
     for motion in model.motions:
         along = model.unknowns(motion.field)
         left, whole = along @ (instant.f - contact), np.abs(along) @ (np.abs(instant.f) + np.abs(contact))
-        if abs(left) > _UNCARRIED * whole:
+        if abs(left) > _UNCARRIED * whole and not np.abs(closed @ along).any():
             return f"{said}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
     r = problem.constraints.T @ (instant.f - model.held.K @ q - contact)
     node = int(np.abs(r).argmax()) // problem.space.dim

@@ -16,13 +16,13 @@ from lacsolver.assemble import stress
 from lacsolver.assemble.fields import Field
 from lacsolver.case import Case
 from lacsolver.figures import balance, probe, strain_energy, stress_ranges, zone_figures
-from lacsolver.march import NotConvergedError, Told, march
 from lacsolver.output import OutputFolder, Writer
 from lacsolver.places import nodes_of
 from lacsolver.problem import Joint, Problem
 from lacsolver.recovery import nodal_stress, recover_pressure, slave_pressure
 from lacsolver.results import Fields, Restart, Results, StepFigures, ZoneFields
 from lacsolver.state import State, ZoneState
+from lacsolver.stepping import NotConvergedError, Told, march
 
 
 def run(

@@ -1,0 +1,183 @@
+"""A command of the project (`lacmesh`, `lacsolver`): its signals, errors and exit statuses.
+
+A program has a module for each of its commands, with `add(commands)`, which declares its arguments, and `run(args)`; it
+imports what it needs when it runs, so that `--help` loads no numpy.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from importlib import import_module
+from io import TextIOWrapper
+from pathlib import Path
+from typing import NoReturn, TextIO
+
+from lacmesh import __version__
+from lacmesh.errors import LacmeshError, LacmeshWarning
+
+
+class Terminated(BaseException):
+    """SIGTERM arrived: unwind, so that nothing half-written stays."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """`name`; `commands`, in the order of the help, each a module of `package`.
+
+    `told`: the lines that an error is told in; `left`: what a command that is stopped leaves of its output;
+    `too_large`: what is said where memory does not suffice. `collects`: whether the collector of cycles runs.
+    """
+
+    name: str
+    package: str
+    description: str
+    epilog: str
+    commands: tuple[str, ...]
+    told: Callable[[LacmeshError, argparse.Namespace], Sequence[str]]
+    left: Callable[[argparse.Namespace], str]
+    too_large: str
+    collects: bool = True
+
+    def main(self, argv: Sequence[str] | None = None) -> int:
+        """Run the program; the exit status. Nothing that happens leaves it without a word and a status."""
+        collects = gc.isenabled()
+        if not self.collects:
+            gc.disable()
+        try:
+            return self._main(argv)
+        finally:
+            if collects:
+                gc.enable()
+
+    def parser(self) -> argparse.ArgumentParser:
+        """The arguments of all commands."""
+        parser = _Parser(
+            prog=self.name,
+            description=self.description,
+            epilog=self.epilog,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        parser.add_argument("--version", action="version", version=f"{self.name} {__version__}")
+        commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+        for name in self.commands:
+            import_module(f"{self.package}.{name}").add(commands)
+        return parser
+
+    def _main(self, argv: Sequence[str] | None) -> int:
+        if sys.stdout is None:  # closed by who called us
+            sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
+        elif isinstance(sys.stdout, TextIOWrapper):
+            sys.stdout.reconfigure(errors="backslashreplace")  # a name may hold what the terminal cannot show
+        _keep_memory()
+        args = argparse.Namespace()
+        with _signals():
+            try:
+                self.parser().parse_args(argv, args)
+                return self._run(args)
+            except KeyboardInterrupt:
+                return self._fail([f"interrupted; {self.left(args)}"], 130)
+            except Terminated:
+                return self._fail([f"terminated; {self.left(args)}"], 143)
+
+    def _run(self, args: argparse.Namespace) -> int:
+        """Run what was asked for, whatever becomes of it."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", LacmeshWarning)
+            warnings.showwarning = self._show_warning
+            try:
+                args.run(args)
+                sys.stdout.flush()
+            except LacmeshError as error:
+                return self._fail(self.told(error, args), error.status)
+            except BrokenPipeError:  # the reader of our output went away, as `head` does
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+                return 0
+            except OSError as error:  # files of ours say so themselves: this is what we print to
+                return self._fail([f"the terminal or file that is printed to fails ({error.strerror or error})"], 3)
+            except MemoryError:
+                return self._fail([self.too_large], 1)
+            except Exception as error:  # a fault of ours: one line, and the traceback on request
+                if args.verbose:
+                    raise
+                message = f"internal error ({type(error).__name__}: {error}); --verbose shows where; please report it"
+                return self._fail([message], 1)
+        return 0
+
+    def _fail(self, messages: Sequence[str], status: int) -> int:
+        return _fail(self.name, messages, status)
+
+    def _show_warning(
+        self,
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        if issubclass(category, LacmeshWarning):
+            print(f"{self.name}: warning: {on_one_line(str(message))}", file=sys.stderr)
+
+
+def on_one_line(message: str) -> str:
+    r"""Names come from files: no line ends, no commands to the terminal.
+
+    >>> on_one_line("group 'a" + chr(10) + chr(27) + "é'")
+    "group 'a\\n\\x1bé'"
+    """
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line, as all errors are."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(_fail(self.prog.split()[0], [f"{message}; see {self.prog} --help"], 2))
+
+
+def _fail(program: str, messages: Sequence[str], status: int) -> int:
+    with suppress(OSError):  # nobody listens
+        for message in messages:
+            print(f"{program}: error: {on_one_line(message)}", file=sys.stderr)
+    return status
+
+
+@contextmanager
+def _signals() -> Iterator[None]:
+    """Let the first SIGINT or SIGTERM unwind, and those that follow wait for the end of that."""
+    if threading.current_thread() is not threading.main_thread():  # only there may handlers be set
+        yield
+        return
+    before = {number: signal.signal(number, _stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)  # None: set by something that is not Python
+
+
+def _stop(signum: int, frame: object) -> NoReturn:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    raise KeyboardInterrupt if signum == signal.SIGINT else Terminated
+
+
+def _keep_memory() -> None:
+    """Let glibc keep what is freed for the next array: new pages cost a tenth of the time on a mesh of 1e6 cells."""
+    if sys.platform == "linux":
+        import ctypes
+
+        mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # musl has none
+        if mallopt is not None:
+            mallopt(-3, 1 << 30)  # M_MMAP_THRESHOLD
+            mallopt(-1, (1 << 31) - 1)  # M_TRIM_THRESHOLD
+            mallopt(-2, 1 << 26)  # M_TOP_PAD

@@ -1,0 +1,290 @@
+"""What each case of `key_cases` comes to, in closed form; a run of it, as its results tell it."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+import lacmesh
+from lacmesh.errors import LacmeshError
+from lacsolver.case import Case
+from lacsolver.output.states import read_state
+from lacsolver.stepping import NotConvergedError, Told
+
+CONTACT, OPEN, UNPAIRED = 1, 0, -1
+
+
+@dataclass
+class Ran:
+    """A case that was run: what it wrote, the iterations that it told of, backends and threads that it asked for."""
+
+    case: Case
+    folder: Path
+    error: LacmeshError | None = None
+    told: list[Told] = field(default_factory=list)
+    asked: list[tuple[str, int]] = field(default_factory=list)
+
+    @property
+    def results(self) -> dict[str, Any]:
+        return json.loads((self.folder / "results.json").read_text())
+
+    @property
+    def steps(self) -> list[dict[str, Any]]:
+        return self.results["steps"]
+
+    @property
+    def times(self) -> list[float]:
+        return [step["time"] for step in self.steps]
+
+    @property
+    def stored(self) -> list[int]:
+        """The numbers of steps after which a state was kept."""
+        return sorted(int(path.stem.removeprefix("state_")) for path in self.folder.glob("state_*.npz"))
+
+    def table(self, zone):
+        """The last time's rows of a zone, column by column, ordered by x."""
+        with (self.folder / f"contact_{zone}.csv").open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        rows = [row for row in rows if row["time"] == rows[-1]["time"]]
+        columns = {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
+        order = np.argsort(columns["x"], kind="stable")
+        return {name: values[order] for name, values in columns.items()}
+
+    def solid(self):
+        """The last fields of the body."""
+        return lacmesh.read(sorted((self.folder / "fields").glob("solid_*.vtu"))[-1])
+
+
+def check_loads(ran):
+    """Reactions are the sums of all that acts: numbers ramped to the end, formulas and tables as they are."""
+    assert ran.times == [0.5, 1.0, 1.5, 2.0] and ran.stored == [2, 4]
+    assert len(list((ran.folder / "fields").glob("solid_*.vtu"))) == 2
+    for step in ran.steps:
+        t = step["time"]
+        part, table = t / 2, np.interp(t, [0, 1], [0, 3])
+        mass = 0.5 * 2.0 + 0.5 * 1.0
+        load = [
+            part * (1.0 + 2 * 0.1 + 0.07 + 0.5 * 0.5 + 0.05 * mass) - (1 + 0.5 * t),
+            2.5 + part * (2 * 0.2 + 9 * 0.01 - 0.03 * mass) + 0.375,
+            table + part * (2 * 0.3 - 9.81 * mass) + np.interp(t, [0, 2], [0, 0.8]) * 0.5,
+        ]
+        np.testing.assert_allclose(step["reactions"]["z0"], -np.array(load), rtol=1e-9)
+
+
+def check_fields(ran):
+    """Stress is the law's of the strain that is prescribed everywhere, less the thermal one; and so is the energy."""
+    H = 1e-3 * np.array([[3, 1, 1], [4, 2, -1], [5, 1, -2]])
+    e = (H + H.T) / 2
+    strain = np.array([*np.diag(e), 2 * e[0, 1], 2 * e[1, 2], 2 * e[0, 2]])
+    # axis 1 is y, 2 is x, 3 is -z: components xx yy zz xy yz xz are those of 22 11 33 12 13 23
+    S = np.zeros((6, 6))
+    nu12, nu13, nu23 = 0.2 / 1000, 0.3 / 1000, 0.25 / 2000
+    S[:3, :3] = [[1 / 2000, -nu12, -nu23], [-nu12, 1 / 1000, -nu13], [-nu23, -nu13, 1 / 500]]
+    S[3:, 3:] = np.diag([1 / 400, 1 / 300, 1 / 200])
+    wood = strain - 30.0 * np.array([2e-4, 1e-4, 3e-4, 0, 0, 0])
+    mu, lam = 1500 / 2.2, 1500 * 0.1 / (1.1 * 0.8)
+    metal = strain - 10 * 5e-5 * np.array([1, 1, 1, 0, 0, 0])
+    want = {
+        "left": np.linalg.solve(S, wood),
+        "right": lam * metal[:3].sum() * np.array([1, 1, 1, 0, 0, 0]) + mu * np.array([2, 2, 2, 1, 1, 1]) * metal,
+    }
+    for group, sigma in want.items():
+        found = ran.results["stress"][group]
+        assert list(found) == ["xx", "yy", "zz", "xy", "yz", "xz"]
+        np.testing.assert_allclose(list(found.values()), np.tile(sigma, (2, 1)).T, rtol=1e-10, atol=1e-14)
+    energy = 0.25 * (want["left"] @ wood + want["right"] @ metal)
+    assert ran.results["energy"] == pytest.approx(energy, rel=1e-10)
+    probes = ran.steps[-1]["probes"]
+    assert list(probes) == ["corners", "y1", "middle"]
+    for name, place in (("corners", [0.0, 0.25, 1.0]), ("y1", [0.5, 1.0, 0.5]), ("middle", [0.5, 1.0, 0.5])):
+        np.testing.assert_allclose(probes[name], H @ place, rtol=1e-12)
+
+
+def check_springs(ran):
+    """A body that is as good as rigid stands on its springs as statics says."""
+    low = np.array([[x, y, 0] for x in (0, 0.5, 1) for y in (0, 0.5, 1)])
+    corners = np.array([[0, 0, 1], [0, 0.5, 1]])
+    places = [*((x, (1, 2, 3)) for x in low), *((x, (4, 5, 6)) for x in corners), ([1, 0.5, 0.5], (0, 7, 0))]
+    K = sum(motions(x).T @ np.diag(k) @ motions(x) for x, k in places)
+    at, f = [1, 1, 1], [0.5, -0.25, 1.0]
+    moved = np.linalg.solve(K, motions(at).T @ f)
+    probes = ran.steps[-1]["probes"]
+    np.testing.assert_allclose(probes["corner"], motions(at) @ moved, rtol=1e-4)
+    np.testing.assert_allclose(probes["other"], motions([0, 1, 0]) @ moved, rtol=1e-4)
+    assert ran.results["energy"] == pytest.approx(0.5 * np.dot(f, motions(at) @ moved), rel=1e-4)
+
+
+def motions(x):
+    """(3, 6): displacements at x of unit translations and rotations."""
+    return np.hstack([np.eye(3), np.cross(np.eye(3), x).T])
+
+
+def check_rigid(ran):
+    """One side is moved: every node as the motion says. The other is loaded: what holds its block bears the load."""
+    assert ran.times == [0.5, 1.0]
+    theta = np.array([1e-3, -2e-3, 4e-3])
+    x = np.array([1.0, 1, 1])
+    for step, t in zip(ran.steps, (0.5, 1.0), strict=True):
+        u = t * np.array([1e-3, 2e-3, 3e-3]) + np.cross(t * theta, x - [0.25, 0, 1])
+        np.testing.assert_allclose(step["probes"]["corner"], u, rtol=1e-12)
+        np.testing.assert_allclose(step["reactions"]["top"], -t * np.array([1.0, 2, 3]), rtol=1e-9)
+    mesh = ran.solid()
+    top = mesh.points[:, 2] == 3.0
+    R, X = mesh.node_data["reaction"][top], mesh.points[top]
+    moment = np.array([0.25, 0.5, -1.0]) + np.cross([0.5, 0.25, 2.5], [1, 2, 3])
+    np.testing.assert_allclose(np.cross(X, R).sum(axis=0), -moment, rtol=1e-9)
+
+
+def check_searched(ran):
+    """Two faces see the master, one half of it, one nothing; the clearance is a mean over each."""
+    assert ran.told[0].closed == 2
+    table = ran.table("joint")
+    np.testing.assert_allclose(table["x"], [0.125, 0.375, 0.625, 0.875])
+    assert table["status"].tolist() == [OPEN, OPEN, UNPAIRED, UNPAIRED]
+    np.testing.assert_allclose(table["gap"][:2], 0.6 + 0.01 + 0.02 * table["x"][:2], rtol=1e-12)
+    np.testing.assert_allclose(table["area"], 0.25 * 2.5, rtol=1e-12)
+
+
+def check_glued(ran):
+    """Two faces alone carry the pull, though the third is half in front of the master."""
+    table = ran.table("glue")
+    assert table["status"].tolist() == [CONTACT, CONTACT, UNPAIRED, UNPAIRED]
+    pull = 2.0 * 0.625 * 2.5
+    assert table["pressure"] @ table["area"] == pytest.approx(-pull, rel=1e-10)
+    assert ran.results["contact"]["glue"]["resultant"][1] == pytest.approx(pull, rel=1e-10)
+    np.testing.assert_allclose(ran.steps[-1]["reactions"]["bottom"][1], -pull, rtol=1e-10)
+
+
+def check_strain(ran):
+    """Held together by a bilateral contact, without any strain along z."""
+    p, modulus = -2.0, 1000 / (1 - 0.09)
+    np.testing.assert_allclose(ran.table("slave")["pressure"], p, rtol=1e-10)
+    np.testing.assert_allclose(ran.results["stress"][""]["zz"], [-0.3 * p] * 2, rtol=1e-9)
+    np.testing.assert_allclose(ran.steps[-1]["probes"]["top"][1], -p * 2 / modulus, rtol=1e-10)
+
+
+def check_round(ran):
+    """The full circle bears the force; an overlap lifts the plate. Steps also end where fields are asked for."""
+    assert ran.told[0].closed < 3
+    assert ran.times == [0.25, 0.5, 1.0, 2.0] and ran.stored == [2, 4]
+    assert not list(ran.folder.glob("*.pvd"))
+    with h5py.File(ran.folder / "results.med") as med:
+        assert [float(step.attrs["PDT"]) for step in med["CHA/DEPL"].values()] == [0.5, 2.0]
+    for step in ran.steps:
+        p = 6.0 * step["time"] / 2 / np.pi
+        assert step["reactions"]["bottom"][1] == pytest.approx(np.pi * p, rel=1e-10)
+    state = read_state(ran.folder, ran.case)
+    assert state.rigid["top"][1] == pytest.approx(0.004 - 2 * p / 1000, rel=1e-9)
+    np.testing.assert_allclose(ran.table("slave")["pressure"], p, rtol=1e-9)
+    assert ran.table("slave")["area"].sum() == pytest.approx(np.pi, rel=1e-12)
+
+
+def check_measured(ran):
+    """The pressure is the force over the area as it has grown."""
+    stretch = 1 + 0.3 * 1.3 * 10.0 / 100.0
+    table = ran.table("slave")
+    np.testing.assert_allclose(table["pressure"], 10.0 / stretch, rtol=1e-10)
+    assert table["area"].sum() == pytest.approx(stretch, rel=1e-10)
+
+
+def check_slid(ran):
+    """Half of the slave is left behind; a clearance stays, above the gap of the skins."""
+    assert ran.results["contact"]["slave"]["coverage_min"] == 0
+    table = ran.table("slave")
+    assert table["coverage"] @ table["area"] == pytest.approx(0.5, rel=1e-12)
+    assert set(table["status"]) == {OPEN, UNPAIRED}
+    np.testing.assert_allclose(table["gap"][table["status"] == OPEN], 0.01 - 0.005, rtol=1e-9)
+    assert ran.steps[0]["time"] == 0.5
+
+
+def check_smooth(ran):
+    """The normal turns from that of a face to the vertical one of the ridge, over the third of the face beside it."""
+    np.testing.assert_allclose(ran.table("slave")["gap"], [gap_below(smooth=True)] * 2, rtol=1e-6)
+
+
+def check_creased(ran):
+    """An edge that turns by 28 degrees stays sharp."""
+    np.testing.assert_allclose(ran.table("slave")["gap"], [gap_below(smooth=False)] * 2, rtol=1e-12)
+
+
+def gap_below(smooth):
+    """The mean gap between a side of the roof and the plane above, by a Gauss rule on each third of the cut face."""
+    s, w = np.polynomial.legendre.leggauss(20)
+    s, w = (s + 1) / 2, w / 2
+    face = np.array([0.25, 1.0]) / np.hypot(0.25, 1.0)
+    total = 0.0
+    for k in range(3):
+        x = (k + s) / 6  # from the eave to the ridge
+        turned = np.outer(1 - s, face) + np.outer(s, [0, 1])
+        n = turned / np.linalg.norm(turned, axis=1)[:, None] if smooth and k == 2 else face[None]
+        total += w @ ((0.5 + 0.25 * (0.5 - x)) / n[:, 1]) / 3
+    return total
+
+
+def check_tolerant(ran):
+    assert ran.error is None and 1e-10 < ran.steps[-1]["residuals"][-1] <= 1e-3
+
+
+def check_symmetric(ran):
+    """Without the derivative of the normals it converges as slowly as they turn."""
+    assert ran.error is None and ran.steps[-1]["residuals"][-1] <= 1e-10
+    assert ran.steps[-1]["iterations"] >= 7
+
+
+def check_consistent(ran):
+    assert ran.error is None and ran.steps[-1]["residuals"][-1] <= 1e-10
+    assert ran.steps[-1]["iterations"] <= 5
+
+
+def check_halved(ran):
+    """A quarter of the step converges; the steps after it stay as long as that."""
+    assert ran.times == [0.25, 0.5, 0.75, 1.0]
+    assert [step["halvings"] for step in ran.steps] == [2, 0, 0, 0]
+    assert ran.steps[0]["iterations"] == 4 + 4 + len([told for told in ran.told if told.time == 0.25])
+    assert max(told.number for told in ran.told) == 4
+
+
+def check_given_up(ran):
+    assert isinstance(ran.error, NotConvergedError) and ran.error.state.halvings == 2
+    assert ran.results["status"] == "failed" and ran.steps == [] and (ran.folder / "unconverged").is_dir()
+    assert [told.time for told in ran.told if told.number == 1] == [1.0, 0.5]
+
+
+def check_tower(ran, cells):
+    assert ran.results["sizes"]["cells"] == cells
+    assert ran.steps[-1]["reactions"]["bottom"][2] == pytest.approx(1.0, rel=1e-10)
+    for zone in ("slave1", "slave2"):
+        np.testing.assert_allclose(ran.table(zone)["pressure"], 1.0, rtol=1e-9)
+
+
+CHECKS: dict[str, Callable[[Ran], None]] = {
+    "loads": check_loads,
+    "fields": check_fields,
+    "springs": check_springs,
+    "rigid": check_rigid,
+    "searched": check_searched,
+    "glued": check_glued,
+    "strain": check_strain,
+    "round": check_round,
+    "measured": check_measured,
+    "slid": check_slid,
+    "smooth": check_smooth,
+    "creased": check_creased,
+    "tolerant": check_tolerant,
+    "symmetric": check_symmetric,
+    "consistent": check_consistent,
+    "halved": check_halved,
+    "given up": check_given_up,
+    # 34 hexahedra, of which 13 are behind slaves: 4 pyramids are cut off, or 5 hexahedra, and what is left stays one
+    "pyramid": lambda ran: check_tower(ran, 34 + 13 * 4),
+    "hexa": lambda ran: check_tower(ran, 34 + 13 * 5),
+    "auto": lambda ran: check_tower(ran, 34 + 13 * 5),
+}

@@ -1,0 +1,90 @@
+"""Meshes of the cases of `key_cases`: small blocks with the groups that those name."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from lacmesh import Mesh
+from tests.lacsolver.patch_meshes import block, placed, stack, three_blocks
+
+
+def nodes_of(mesh, group):
+    """The nodes of a group of cells."""
+    return np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cells_of(group))]))
+
+
+@cache
+def cube():
+    """[0, 1]^3 in eight cells, `left` and `right` of x = 1/2. Node groups have the names of cell groups.
+
+    Nodes `z1`: (0, 0, 1) and (0, 1/2, 1); `z0`: all of the side z = 1; `y1`: the corner (1, 1, 1).
+    """
+    mesh = block("HEXA8", 3, 2, "z1", even=True)
+    x = mesh.points
+    body = mesh.cell_groups["body"]
+    centre = np.array([x[nodes].mean(axis=0) for nodes in mesh.block("HEXA8")])
+    top = np.flatnonzero(x[:, 2] == 1)
+    return Mesh.create(
+        x,
+        mesh.blocks,
+        cell_groups={**mesh.cell_groups, "left": body[centre[:, 0] < 0.5], "right": body[centre[:, 0] > 0.5]},
+        node_groups={"z1": top[[0, 1]], "z0": top, "y1": np.flatnonzero((x == 1).all(axis=1))},
+    )
+
+
+@cache
+def towers():
+    """Two blocks apart, one over the other, their sides `low` (z = 1) and `high` (z = 2).
+
+    Nodes `master`: those of `high`, the cells of that name those of `low`.
+    """
+    mesh = stack("HEXA8", "TETRA4", 3, counts=(2, 2), gap=1.0, even=True)
+    groups = dict(mesh.cell_groups)
+    groups["low"], groups["high"] = groups["slave"], groups.pop("master")
+    groups["master"] = groups.pop("slave")
+    return Mesh.create(mesh.points, mesh.blocks, cell_groups=groups, node_groups={"master": nodes_of(mesh, "master")})
+
+
+@cache
+def overhang(gap=0.0):
+    """A plane slave on four cells a side, x in [0, 1], below a master on x in [0, 5/8]."""
+    mesh = stack("QUAD4", "TRIA3", 2, counts=(4, 3), even=True, gap=gap)
+    x = mesh.points.copy()
+    nodes = nodes_of(mesh, "upper")
+    x[nodes, 0] *= 0.625
+    return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=2)
+
+
+@cache
+def plane(slave="QUAD8", master="TRIA3"):
+    """Two blocks on one another in a plane."""
+    return stack(slave, master, 2, counts=(3, 2))
+
+
+@cache
+def roof():
+    """A slave of two faces that slope to both sides of x = 1/2, by 1/4; the master above is flat and twice as wide."""
+    mesh = stack("QUAD4", "QUAD4", 2, counts=(2, 1), even=True, gap=0.5)
+    x = mesh.points.copy()
+    low, high = nodes_of(mesh, "lower"), nodes_of(mesh, "upper")
+    x[low, 1] *= 1 - 0.25 * np.abs(x[low, 0] - 0.5)
+    x[high, 0] += x[high, 0] - 0.5
+    return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=2)
+
+
+@cache
+def punch():
+    """A master whose underside is a parabola, on a flat slave."""
+    mesh = stack("QUAD4", "QUAD4", 2, counts=(6, 5), even=True)
+    x = mesh.points.copy()
+    nodes = nodes_of(mesh, "upper")
+    x[nodes, 1] += 0.1 * (x[nodes, 0] - 0.5) ** 2 * (2 - x[nodes, 1])
+    return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=2)
+
+
+@cache
+def tower(height):
+    """Three blocks on one another, all of hexahedra; tall ones are cut best into hexahedra."""
+    return placed(three_blocks(("HEXA8", "HEXA8", "HEXA8")), size=(1, 1, height))

@@ -1,0 +1,221 @@
+"""Which rows are closed, against all sets there are; that the search ends, on what, and what it costs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import lacsolver.equilibrium
+from lacsolver.equilibrium import ROUNDING, Iterate, Limits, find_equilibrium, stiffness_of_rows
+from lacsolver.schur import solve_rows
+from tests.lacsolver.systems import complementarity, contact, enumerated, saddle, system
+
+LIMITS = Limits(1e-10, 50, 1.0)
+STARTS = ("none", "all", "random")
+
+
+def start(s, kind, seed=0):
+    n, m = len(s.K), len(s.B)
+    rng = np.random.default_rng(seed)
+    if kind == "random":
+        return Iterate(rng.normal(size=n), rng.normal(size=m), rng.uniform(size=m) < 0.5)
+    return Iterate(np.zeros(n), np.zeros(m), np.full(m, kind == "all"))
+
+
+def found(s, begin, limits=LIMITS, **rest):
+    at = contact(s, **rest)
+    return find_equilibrium(s.held, s.f, at, begin, limits, moving=False)
+
+
+def check(s, outcome, paired=None, held=None):
+    """Converged, to the one answer there is."""
+    m = len(s.B)
+    paired = np.ones(m, bool) if paired is None else paired
+    held = np.zeros(m, bool) if held is None else held
+    q, p = enumerated(s, paired, held)
+    assert outcome.converged
+    np.testing.assert_allclose(outcome.iterate.q, q, atol=1e-9 * max(np.abs(q).max(), 1e-3))
+    np.testing.assert_allclose(outcome.iterate.p, p, atol=1e-9 * max(np.abs(p).max(), 1e-3))
+    np.testing.assert_allclose(outcome.contact.G, s.G - s.B @ q, atol=1e-9 * max(np.abs(q).max(), 1e-3))
+
+
+@pytest.mark.parametrize("kind", STARTS)
+def test_random_problems_from_any_start(kind):
+    for seed in range(40):
+        s = system(seed, n=12, m=6)
+        outcome = found(s, start(s, kind, seed))
+        check(s, outcome)
+        assert len(outcome.defects) <= 12
+
+
+@pytest.mark.parametrize("kind", STARTS)
+def test_rows_that_are_held_and_rows_that_are_not_paired(kind):
+    for seed in range(20):
+        s, rng = system(seed, n=12, m=7), np.random.default_rng(seed)
+        paired, held = rng.uniform(size=7) < 0.7, rng.uniform(size=7) < 0.3
+        outcome = found(s, start(s, kind, seed), paired=paired, held=held)
+        check(s, outcome, paired, held)
+        assert (outcome.iterate.p[~paired] == 0).all()
+
+
+@pytest.mark.parametrize("kind", STARTS)
+def test_a_body_that_contact_alone_holds(kind):
+    """Pressed along its free motion, it is stopped; nothing else is asked of what stops it."""
+    count = 0
+    for seed in range(40):
+        s = system(seed, n=10, m=6, free=1)
+        if not (s.B @ s.R[:, 0] * np.sign(s.R[:, 0] @ s.f) > 0).any() or enumerated(s, *masks(6)) is None:
+            continue  # nothing is in the way
+        count += 1
+        check(s, found(s, start(s, kind, seed)))
+    assert count >= 20
+
+
+def masks(m):
+    return np.ones(m, bool), np.zeros(m, bool)
+
+
+def test_a_body_that_nothing_stops():
+    """The search says that it found none."""
+    s = system(0, n=10, m=3, free=1)
+    away = np.abs(s.B @ s.R[:, :1])
+    s = s._replace(B=s.B - 2 * away * s.R.T, D=s.B - 2 * away * s.R.T, f=s.f + 5 * s.R[:, 0])
+    assert (s.B @ s.R[:, 0] <= 0).all() and enumerated(s, *masks(3)) is None
+    assert not found(s, start(s, "none")).converged
+
+
+# ---- cycles
+
+
+def exchanged(M, r, most=200):
+    """Whether changing all rows that want to ends, from no row closed."""
+    active = np.zeros(len(r), bool)
+    for _ in range(most):
+        p = np.zeros(len(r))
+        p[active] = np.linalg.solve(M[np.ix_(active, active)], -r[active])
+        wanted = np.where(active, p > 0, M @ p + r < 0)
+        if (wanted == active).all():
+            return True
+        active = wanted
+    return False
+
+
+def cycling(count, m=6):
+    """Symmetric, positive matrices and right-hand sides on which plain exchange goes round for ever."""
+    made, rng = [], np.random.default_rng(1)
+    while len(made) < count:
+        root = rng.normal(size=(m, m))
+        M, r = root @ root.T + 0.02 * np.eye(m), rng.normal(size=m)
+        if not exchanged(M, r):
+            made.append((M, r))
+    return made
+
+
+def test_where_plain_exchange_goes_round_the_search_ends():
+    for M, r in cycling(10):
+        s = complementarity(M, r)
+        for kind in STARTS:
+            outcome = found(s, start(s, kind), Limits(1e-10, 200, 1.0))
+            check(s, outcome)
+            assert len(outcome.defects) <= 40
+
+
+def test_matrices_with_positive_minors_that_are_not_symmetric():
+    """Rows of gaps that are others than those of forces: M = 1 + 4 P, P a cycle of five, has minors 1 and 1 + 4^5."""
+    rng, count = np.random.default_rng(2), 0
+    M = np.eye(5) + 4 * np.roll(np.eye(5), 1, axis=1)
+    while count < 5:
+        r = rng.normal(size=5)
+        if exchanged(M, r):
+            continue
+        count += 1
+        s = complementarity(np.eye(5), r)._replace(D=M)  # q = -p, G = r - M q
+        for kind in STARTS:
+            outcome = find_equilibrium(s.held, s.f, contact(s), start(s, kind), Limits(1e-10, 200, 1.0), moving=False)
+            p = outcome.iterate.p
+            assert outcome.converged and (p >= 0).all() and np.abs(np.minimum(p, M @ p + r)).max() <= 1e-9
+
+
+# ---- where it ends, and what it costs
+
+
+def test_it_says_so_if_it_was_not_let_go_on():
+    s = system(1, n=12, m=6)
+    outcome = found(s, start(s, "random"), Limits(1e-10, 1, 1.0))
+    assert not outcome.converged and len(outcome.defects) == 1
+
+
+def test_every_iteration_is_told():
+    s, told = system(1, n=12, m=6), []
+    outcome = find_equilibrium(
+        s.held, s.f, contact(s), start(s, "all"), LIMITS, moving=False, told=lambda *figures: told.append(figures)
+    )
+    assert [number for number, *_ in told] == list(range(1, len(outcome.defects) + 1))
+    assert [(balance, gap) for *_, balance, gap in told] == list(outcome.defects)
+    assert told[0][1] == 6 and told[-1][1] == (outcome.iterate.p > 0).sum()
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_sets_are_tried_loosely_and_the_last_one_is_exact(monkeypatch, moving):
+    goals = []
+
+    def spied(K, rows, active, f, G, q, p, goal, turning=None):
+        goals.append((tuple(active), goal.reduction))
+        return solve_rows(K, rows, active, f, G, q, p, goal, turning)
+
+    monkeypatch.setattr(lacsolver.equilibrium, "solve_rows", spied)
+    s = system(3, n=60, m=30)
+    outcome = find_equilibrium(s.held, s.f, contact(s), start(s, "none"), LIMITS, moving=moving)
+    assert outcome.converged and goals[-1][1] == 0
+    q, p = saddle(s, np.flatnonzero(outcome.iterate.active), np.zeros(60))
+    np.testing.assert_allclose(outcome.iterate.q, q, atol=1e-12 * np.abs(q).max())
+    np.testing.assert_allclose(outcome.iterate.p, p, atol=1e-12 * np.abs(p).max())
+    loose = [active for active, reduction in goals if reduction > 0]
+    assert len(set(loose)) == len(loose), "a set that comes back is solved exactly"
+    assert not loose if moving else len(loose) >= 2
+
+
+def test_gaps_of_rounding_end_it():
+    """A load of nothing leaves gaps that are known to rounding of the coordinates; less is not asked."""
+    s = system(0, n=12, m=6)
+    length = 100.0
+    s = s._replace(f=np.zeros(12), G=0.5 * ROUNDING * length * np.array([1, -1, 1, -1, 1, -1]))
+    outcome = found(s, start(s, "none"), Limits(1e-10, 5, length))
+    assert outcome.converged
+    beyond = found(s._replace(G=1e6 * s.G), start(s, "none"), Limits(1e-10, 1, length))
+    assert not beyond.converged or beyond.iterate.p.any()
+
+
+def test_a_step_that_is_as_the_one_before_takes_one_solve():
+    """From the answer itself, whatever it weighs."""
+    s = system(2, n=12, m=6)
+    first = found(s, start(s, "none"))
+    again = found(s, first.iterate)
+    assert len(again.defects) == 1 and again.products <= 2
+
+
+def test_scaling_changes_nothing():
+    """Other units of force and of length: as many solves, the same set."""
+    s = system(4, n=30, m=12)
+    first = found(s, start(s, "none"))
+    for force, length in ((1e9, 1e-3), (1e-6, 1e3)):
+        other = s._replace(K=force / length * s.K, f=force * s.f, G=length * s.G, R=s.R)
+        made = find_equilibrium(
+            other.held, other.f, contact(other), start(other, "none"), Limits(1e-10, 50, length), moving=False
+        )
+        assert made.converged and len(made.defects) == len(first.defects)
+        np.testing.assert_array_equal(made.iterate.active, first.iterate.active)
+        np.testing.assert_allclose(made.iterate.q, length * first.iterate.q, rtol=1e-6, atol=1e-9 * length)
+
+
+def test_the_stiffness_of_a_row_is_that_of_its_own_skin():
+    """c = w (b K b) / (b b)^2: stress over length; 1 where there is nothing to say."""
+    s = system(5)
+    B = s.B.copy()
+    B[3] = 0.0
+    s = s._replace(B=B, D=B)
+    c = stiffness_of_rows(s.held, s.rows)
+    for m in range(len(B)):
+        b = B[m]
+        want = s.w[m] * (b @ s.K @ b) / (b @ b) ** 2 if b.any() else 1.0
+        assert c[m] == pytest.approx(want, rel=1e-12)

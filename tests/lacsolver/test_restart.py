@@ -1,0 +1,305 @@
+"""A run that is broken off and gone on with comes to the same figures as one that is not."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lacmesh
+from lacmesh.errors import DataError
+from lacsolver.case import read_case
+from lacsolver.cli import main
+from lacsolver.model import Instant, Model
+from lacsolver.output import create
+from lacsolver.output.states import read_state
+from lacsolver.problem import Problem
+from lacsolver.running import run
+from lacsolver.stepping import _kept
+from tests.lacsolver.key_meshes import punch
+from tests.lacsolver.patch_meshes import three_blocks
+
+HEAD = """mesh = "blocks.msh"
+model = "{model}"
+[[material]]
+young = 1000.0
+poisson = 0.3
+"""
+#: a contact that opens and closes, a tie, a rigid body that is loaded and one that is moved
+SEVERAL = (
+    HEAD.format(model="3d")
+    + """[[contact]]
+name = "foot"
+slave = "slave1"
+master = "master1"
+clearance = "0.002 * x - 0.001"
+[[tie]]
+name = "glue"
+slave = "slave2"
+master = "master2"
+[[rigid]]
+group = "top"
+fz = "-3 * sin(t)"
+fx = "0.1 * t"
+moment = [0.0, "0.2 * t", 0.0]
+[[rigid]]
+group = "bottom"
+uz = "1e-4 * t * t"
+[[displacement]]
+group = "y0"
+uy = 0.0
+[[spring]]
+group = "master2"
+kx = 50.0
+kz = 2.0
+"""
+)
+#: two skins that are paired again and again, over a slave that slides
+SLIDING = (
+    HEAD.format(model="plane_strain")
+    + """[[contact]]
+slave = "slave"
+master = "master"
+geometry = "current"
+normals = "smoothed"
+[[displacement]]
+group = "bottom"
+ux = 0.0
+uy = 0.0
+[[rigid]]
+group = "top"
+ux = "0.05 * t"
+uy = "-0.04 * sin(t)"
+"""
+)
+STILL = SLIDING.replace('geometry = "current"', 'geometry = "reference"')
+
+
+@cache
+def blocks():
+    """Three blocks on one another, y0 without what the rigid bodies hold."""
+    return held_between(three_blocks(("HEXA8", "TETRA4", "PENTA6 quadrangle")))
+
+
+def held_between(mesh):
+    """The mesh, its side y0 without faces that touch the bottom or the top."""
+    ends = {n for g in ("bottom", "top") for _, _, nodes in mesh.select(mesh.cells_of(g)) for n in nodes.ravel()}
+    kept = [c for _, cells, rows in mesh.select(mesh.cells_of("y0")) for c, r in zip(cells, rows, strict=True)
+            if not ends & set(r.tolist())]  # fmt: skip
+    groups = {**mesh.cell_groups, "y0": np.array(sorted(kept))}
+    return lacmesh.Mesh.create(mesh.points, mesh.blocks, cell_groups=groups)
+
+
+CASES = {"several": (blocks, SEVERAL), "current": (punch, SLIDING), "reference": (punch, STILL)}
+PUNCHED = SLIDING.replace('"-0.04 * sin(t)"', '"-0.04 * t"').replace('"0.05 * t"', "0.0")
+
+
+#: what a column's figures are compared with the largest of: forces with forces, places with the body
+KINDS = {
+    "force": ("reaction.", ".fx", ".fy", ".fz"),
+    "pressure": ("pressure", "pressure_recovered"),
+    "length": ("probe.", "x", "y", "z", "gap"),
+}
+END = "[steps]\nend = 3.0\ncount = 6\n"
+EXACT = "[solver]\ntolerance = 1e-13\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))  # for commands in their own processes
+    return tmp_path
+
+
+def put(name, more, file="case.toml"):
+    """A case and its mesh, in the folder that is worked in."""
+    mesh, text = CASES[name]
+    if not Path("blocks.msh").exists():
+        lacmesh.write("blocks.msh", mesh())
+    Path(file).write_text(text + more)
+
+
+def solve(*words):
+    assert main(["run", *words, "-q"]) == 0
+
+
+def table(path):
+    """The columns of a table."""
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
+
+
+def kind_of(column):
+    for kind, parts in KINDS.items():
+        if any(column == part or ("." in part and part in column) for part in parts):
+            return kind
+    return column
+
+
+def assert_same(found, wanted, times):
+    """Every table of `found` has these times, with the figures of `wanted` to 1e-12.
+
+    Iterations are left out: a first step after a restart has no step before it to go on from.
+    """
+    for name in sorted(path.name for path in wanted.glob("*.csv")):
+        one, other = table(found / name), table(wanted / name)
+        assert list(one) == list(other)
+        rows = np.isin(other["time"].round(9), np.round(times, 9))
+        assert sorted({*one["time"].round(9)}) == pytest.approx(times)
+        size = {"length": 1.0}
+        for column, values in other.items():
+            known = np.abs(values[np.isfinite(values)]).max(initial=0.0)
+            size[kind_of(column)] = max(size.get(kind_of(column), 0.0), known)
+        for column in [c for c in one if c != "iterations"]:
+            a, b = one[column], other[column][rows]
+            np.testing.assert_allclose(a, b, rtol=0, atol=1e-12 * size[kind_of(column)], err_msg=f"{name}: {column}")
+
+
+for_all = pytest.mark.parametrize("name", CASES)
+
+
+@for_all
+def test_three_steps_and_three_more_are_six(folder, name):
+    put(name, END + EXACT)
+    put(name, "[steps]\nend = 1.5\ncount = 3\n" + EXACT, "first.toml")
+    solve("case.toml", "-o", "whole")
+    solve("first.toml", "-o", "first")
+    solve("case.toml", "--restart", "first", "-o", "then")
+    assert_same(folder / "then", folder / "whole", [2.0, 2.5, 3.0])
+    whole, then = (json.loads((folder / d / "results.json").read_text()) for d in ("whole", "then"))
+    assert then["status"] == "done" and [s["time"] for s in then["steps"]] == [2.0, 2.5, 3.0]
+    assert then["energy"] == pytest.approx(whole["energy"], rel=1e-12)
+    for group, ranges in whole["stress"].items():
+        big = np.abs(list(ranges.values())).max()
+        for component, ends in ranges.items():
+            np.testing.assert_allclose(then["stress"][group][component], ends, atol=1e-12 * big)
+    assert sorted(p.name for p in (folder / "then").glob("state_*")) == [f"state_000{k}.npz" for k in (4, 5, 6)]
+
+
+def test_the_cases_open_and_close(folder):
+    """What is gone on with has contact that changes on the way, before the restart and after it."""
+    for name, zone in (("several", "foot"), ("current", "slave"), ("reference", "slave")):
+        Path("blocks.msh").unlink(missing_ok=True)
+        put(name, END)
+        solve("case.toml", "-o", name)
+        rows = table(folder / name / f"contact_{zone}.csv")
+        closed = [(rows["status"][rows["time"] == t] == 1).sum() for t in np.unique(rows["time"])]
+        assert 0 < min(closed) < max(closed) and len(set(closed[2:])) > 1, (name, closed)
+
+
+@for_all
+def test_an_earlier_time_is_gone_on_from_in_the_same_folder(folder, name):
+    put(name, END + EXACT)
+    solve("case.toml", "-o", "whole")
+    solve("case.toml", "-o", "again")
+    solve("case.toml", "--restart", "again", "--from", "1", "-o", "again", "--force")
+    assert_same(folder / "again", folder / "whole", [0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
+    solve("case.toml", "--restart", "whole", "--from", "2.5", "-o", "last")
+    assert_same(folder / "last", folder / "whole", [3.0])
+
+
+@for_all
+def test_a_state_keeps_all_that_a_run_goes_on_from(folder, name):
+    """A restart that has nothing left to solve knows it; the state is the one that was written."""
+    put(name, END)
+    solve("case.toml", "-o", "whole")
+    case = read_case("case.toml")
+    states = [read_state("whole", case, t) for t in (1.0, 3.0)]
+    assert [(s.time, s.number) for s in states] == [(1.0, 2), (3.0, 6)]
+    assert not np.allclose(states[0].u, states[1].u)
+    if name == "several":
+        assert list(states[1].multipliers) == ["foot", "glue"] and states[1].multipliers["glue"].shape[1] == 3
+        assert states[1].rigid["bottom"][2] == pytest.approx(9e-4, rel=1e-12)
+    done = run(case, create("nothing"), start=states[1])
+    assert done.status == "done" and done.steps == ()
+
+
+@for_all
+def test_what_is_kept_is_in_equilibrium(folder, name):
+    """Displacements and pressures as they were, ties' too: there is nothing left for a solve to do."""
+    put(name, END + EXACT)
+    solve("case.toml", "-o", "whole")
+    case = read_case("case.toml")
+    model = Model(Problem.of(case))
+    now = Instant(model, 3.0)
+    q, p, active = _kept(model, read_state("whole", case))
+    contact = now.contact(q)
+    forces = contact.rows.B_T @ p
+    np.testing.assert_allclose(model.held.K @ q + forces, now.f, atol=1e-11 * np.abs(forces).max())
+    assert (p[~active] == 0).all() and contact.defect(p) <= 1e-12 and active.any()
+    np.testing.assert_array_equal(contact.next(active, p), active)
+
+
+@pytest.mark.parametrize(
+    "old, new, part",
+    [
+        ("young = 1000.0", "young = 1001.0", "material"),
+        ("kz = 2.0", "kz = 2.5", "spring"),
+        ('fx = "0.1 * t"', 'fx = "0.2 * t"', "rigid"),
+        ('clearance = "0.002 * x - 0.001"', "", "contact"),
+        ('name = "glue"', "coverage_threshold = 0.1", "tie"),
+    ],
+)
+def test_a_case_that_changed_is_refused(folder, capsys, old, new, part):
+    put("several", "[steps]\nend = 0.5\n")
+    solve("case.toml", "-o", "out")
+    text = SEVERAL.replace(old, new)
+    assert text != SEVERAL
+    Path("case.toml").write_text(text + END)
+    assert main(["run", "case.toml", "--restart", "out", "-o", "then", "-q"]) == 1
+    assert f"are of another case: {part} changed" in capsys.readouterr().err
+    assert not (folder / "then").exists()
+
+
+def test_a_mesh_that_changed_is_refused(folder):
+    put("several", "[steps]\nend = 0.5\n")
+    solve("case.toml", "-o", "out")
+    mesh = lacmesh.read("blocks.msh")
+    moved = lacmesh.Mesh.create(mesh.points * 1.001, mesh.blocks, cell_groups=mesh.cell_groups)
+    lacmesh.write("blocks.msh", moved, force=True)
+    with pytest.raises(DataError, match="another case: mesh changed"):
+        read_state("out", read_case("case.toml"))
+
+
+@pytest.mark.parametrize("name", ["several", "current"])
+def test_a_run_that_is_interrupted_goes_on(folder, name):
+    """SIGINT in the middle: what had converged is kept, and the rest comes to what it would have."""
+    steps = "[steps]\nend = 3.0\ncount = 12\n" + EXACT
+    put(name, steps)
+    solve("case.toml", "-o", "whole")
+    words = [sys.executable, "-m", "lacsolver", "run", "case.toml", "-o", "out"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        for line in process.stdout:
+            if line.split()[:1] == ["3"]:
+                process.send_signal(signal.SIGINT)
+                break
+        error = process.communicate(timeout=120)[1]
+    assert process.returncode == 130 and "goes on from there" in error
+    told = json.loads((folder / "out" / "results.json").read_text())
+    assert told["status"] == "interrupted" and 3 <= len(told["steps"]) < 12
+    solve("case.toml", "--restart", "out", "-o", "out")
+    assert_same(folder / "out", folder / "whole", [0.25 * k for k in range(1, 13)])
+    told = json.loads((folder / "out" / "results.json").read_text())
+    assert told["status"] == "done" and len(told["steps"]) == 12
+
+
+def test_a_step_that_was_halved_goes_on_as_long_as_it_was(folder):
+    """The length of the step that comes next is kept with the state."""
+    steps = "[steps]\nend = 1.0\ngrowth = 1.0\n[solver]\nmax_iterations = 4\n"
+    put("current", steps)
+    Path("case.toml").write_text(PUNCHED + steps)
+    solve("case.toml", "-o", "whole")
+    times = [s["time"] for s in json.loads((folder / "whole" / "results.json").read_text())["steps"]]
+    assert len(times) > 2 and times[0] < 0.5
+    solve("case.toml", "--restart", "whole", "--from", str(times[0]), "-o", "then")
+    told = json.loads((folder / "then" / "results.json").read_text())
+    assert told["steps"][0]["time"] == pytest.approx(times[1], rel=1e-12)

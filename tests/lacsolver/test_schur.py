@@ -1,0 +1,131 @@
+"""Solutions of the saddle system on one factor of K, against dense elimination; and how many products they take."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+from lacsolver.case import parse_case
+from lacsolver.model import Model
+from lacsolver.problem import Problem
+from lacsolver.schur import Goal, solve_rows
+from lacsolver.stepping import Instant
+from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, at, held, pressed
+from tests.lacsolver.patch_meshes import stack
+from tests.lacsolver.systems import saddle, system
+
+EXACT = Goal(0.0, 1e-14, 1e-18, 0.0)
+KINDS = {
+    "held": {},
+    "one set of rows for forces, another for gaps": {"same": False},
+    "free to move": {"free": 3},
+    "free to move, two sets": {"free": 3, "same": False},
+    "turning": {"turning": 0.3, "same": False},
+    "turning and free": {"turning": 0.1, "same": False, "free": 2},
+}
+for_kinds = pytest.mark.parametrize("kind", KINDS)
+
+
+def solved(s, active, goal=EXACT, q0=None, p0=None):
+    n, m = len(s.K), len(s.B)
+    q0, p0 = np.zeros(n) if q0 is None else q0, np.zeros(m) if p0 is None else p0
+    turning = csr_array(s.C) if s.C.any() else None
+    return solve_rows(s.held, s.rows, np.asarray(active), s.f, s.G, q0, p0, goal, turning)
+
+
+@for_kinds
+@pytest.mark.parametrize("seed", range(5))
+def test_the_saddle_system(kind, seed):
+    s = system(seed, **KINDS[kind])
+    rng = np.random.default_rng(seed)
+    for size in (4, 9, 12):
+        active = np.sort(rng.permutation(12)[:size])
+        q0, p0 = rng.normal(size=30), rng.normal(size=12)
+        made = solved(s, active, q0=q0, p0=p0)
+        q, p = saddle(s, active, q0)
+        np.testing.assert_allclose(made.q, q, atol=1e-10 * np.abs(q).max())
+        np.testing.assert_allclose(made.p, p, atol=1e-10 * np.abs(p).max())
+        left = np.abs(s.G - s.D @ q)[active] / s.w[active]
+        assert made.left <= 1e-12 * np.abs(q).max() and left.max() <= 1e-12 * np.abs(q).max()
+        assert (made.p[np.setdiff1d(np.arange(12), active)] == 0).all()
+
+
+@pytest.mark.parametrize("kind", ["held", "one set of rows for forces, another for gaps"])
+def test_no_row_at_all(kind):
+    s = system(0, **KINDS[kind])
+    made = solved(s, np.empty(0, int))
+    np.testing.assert_allclose(made.q, np.linalg.solve(s.K, s.f), rtol=1e-10)
+    assert (made.p == 0).all() and made.products == 1
+
+
+def test_what_is_known_costs_nothing():
+    s = system(0)
+    active = np.arange(8)
+    once = solved(s, active)
+    again = solved(s, active, goal=Goal(0.0, 1e-10, 1e-18, 0.0), q0=once.q, p0=once.p)
+    assert again.products <= 1
+    np.testing.assert_allclose(again.q, once.q, atol=1e-12)
+
+
+def test_rows_that_say_the_same_carry_it_together():
+    s = system(0)
+    B, G = s.B.copy(), s.G.copy()
+    B[1], G[1] = B[0], G[0]
+    s = s._replace(B=B, D=B, G=G)
+    made = solved(s, np.arange(6))
+    q, p = saddle(s, np.array([0, 2, 3, 4, 5]), np.zeros(30))
+    np.testing.assert_allclose(made.q, q, atol=1e-9 * np.abs(q).max())
+    assert made.p[0] + made.p[1] == pytest.approx(p[0], rel=1e-8)
+
+
+def test_a_loose_goal_is_met_and_costs_less():
+    s = system(3, n=60, m=30)
+    active = np.arange(30)
+    q0 = np.linalg.solve(s.K, s.f)
+    start = np.abs((s.D @ q0 - s.G) / s.w).max()
+    loose = solved(s, active, goal=Goal(0.1, 1e-14, 1e-18, 0.0), q0=q0)
+    exact = solved(s, active, q0=q0)
+    assert 1e-6 * start < np.abs((s.D @ loose.q - s.G) / s.w).max() <= 0.1 * start
+    assert loose.left == pytest.approx(np.abs((s.D @ loose.q - s.G) / s.w).max(), rel=1e-6)
+    assert loose.products < exact.products / 2
+    np.testing.assert_allclose(s.K @ loose.q + s.B.T @ loose.p, s.f, atol=1e-12 * np.abs(s.f).max())
+
+
+@pytest.mark.parametrize(
+    "goal, stops", [(Goal(0, 1e-3, 0, 0), 1e-3), (Goal(0, 1e-3, 0, 5), 5e-3), (Goal(0, 0, 0.01, 0), 0.01)]
+)
+def test_the_gap_that_need_not_be_closed(goal, stops):
+    q = np.array([0.5, -1.0])
+    assert goal.least(q) == pytest.approx(stops)
+
+
+# ---- on a mesh
+
+
+def moment(count, free=False):
+    """Two blocks pressed together by a load that is not uniform: the instant at the end of the step."""
+    mesh = stack("HEXA8", "TETRA4", 3, counts=(count, count))
+    fixed = held("bottom", ux=0.0, uy=0.0, uz=0.0)
+    upright = at([0.0, 0.0, 2.0], ux=0.0, uy=0.0) + at([1.0, 0.0, 2.0], uy=0.0) if free else SLIDING
+    text = HEAD.format(model="3d") + MATERIAL + JOINT + fixed + upright + pressed("top", "1 + x * y")
+    return Instant(Model(Problem.of(parse_case(text), mesh)), 1.0)
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_products_hardly_grow_with_the_mesh(free):
+    """A few to a tenth of the residual, some twenty to rounding, of pressures by the dozen and by the hundred."""
+    counts = []
+    for count in (5, 10):
+        now = moment(count, free)
+        K = now.model.held
+        found = now.contact(np.zeros(len(now.f)))
+        m = len(found.G)
+        loose, exact = (
+            solve_rows(K, found.rows, np.arange(m), now.f, found.G, np.zeros(len(now.f)), np.zeros(m), goal)
+            for goal in (Goal(0.1, 1e-13, 1e-18, 0.0), Goal(0.0, 1e-13, 1e-18, 0.0))
+        )
+        assert m == count * count and loose.products <= 12 and exact.products <= 40
+        np.testing.assert_allclose(K.K @ exact.q + found.rows.B_T @ exact.p, now.f, atol=1e-12 * np.abs(now.f).max())
+        counts.append(exact.products)
+    assert counts[1] <= 1.5 * counts[0]

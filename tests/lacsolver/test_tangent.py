@@ -1,0 +1,127 @@
+"""The derivatives of contact forces and gaps, against central differences of the interface as it is paired anew.
+
+Where slave faces are straight and have their own normals the integrals are exact, and so are their derivatives: 1e-8,
+which is what the differences are good for. So they are, whatever the faces and normals, in front of one master face. In
+front of several, on curved faces or with smoothed normals, pieces end where master nodes stand along the mean normal of
+the slave face, not along the ray: there the two master faces, each prolonged, are apart by as much as the gap, and so
+is the tangent off. In contact nothing of it is left.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from lacsolver.interface import Pairing, integrate
+from lacsolver.interface.tangent import gap_derivative, motion_of, tangent
+from tests.lacsolver.patch_meshes import stack
+from tests.lacsolver.test_interface import rigid_motions, wavy, zone_of
+
+#: of a central difference
+STEP, EXACT = 1e-6, 1e-8
+MEASURES, NORMALS = ("reference", "current"), ("facet", "smoothed")
+#: (slave, master, dimension): straight faces
+STRAIGHT = [("QUAD4", "TRIA3", 2), ("TRIA3", "QUAD4", 2), ("TETRA4", "TETRA4", 3), ("HEXA8", "PENTA6 triangle", 3)]
+#: faces of any shape
+ANY = [("QUAD4", "QUAD4", 2), ("QUAD8", "TRIA6", 2), ("TETRA4", "HEXA8", 3), ("TETRA10", "HEXA20", 3)]
+
+
+def every(pairs, normals=NORMALS):
+    """Each pair with each measure and normal, in a plane about an axis too."""
+    return pytest.mark.parametrize(
+        "pair, options",
+        [
+            (pair, {"measure": m, "normals": n, "axisymmetric": a})
+            for pair, m, n, a in itertools.product(pairs, MEASURES, normals, (False, True))
+            if not (a and pair[2] == 3)
+        ],
+        ids=str,
+    )
+
+
+class Deformed:
+    """A zone whose skins are moved at random, and what it is there."""
+
+    def __init__(self, slave, master, dim, options, *, gap=0.1, counts=(3, 4), size=4e-3):
+        mesh, zone = wavy(slave, master, dim, gap=gap, counts=counts, margin=0.15)
+        self.zone, self.dim, self.pairing = zone, dim, Pairing(search_distance=0.6, **options)
+        faces = [surface.faces.nodes for surface in (zone.slave, zone.master)]
+        self.nodes = np.unique(np.concatenate([nodes[nodes >= 0] for nodes in faces]))
+        self.rng = np.random.default_rng(0)
+        self.shape = mesh.points.shape
+        self.x = mesh.points + size * self.direction()
+        self.face = self.at(0)
+        assert self.face.coverage.min() > 1 - 1e-9, "nothing at the rim"
+        self.p = self.rng.uniform(0.5, 1.5, zone.n_macros)
+        face = self.face
+        motion = motion_of(face, face.slave, face.master, self.pairing, dim)
+        self.K, self.D = tangent(face, motion, self.p), gap_derivative(face, motion)
+
+    def direction(self):
+        """(n_nodes, 3): each node of the skins moves by up to 1 each way."""
+        v = np.zeros(self.shape)
+        v[self.nodes, : self.dim] = self.rng.uniform(-1, 1, (len(self.nodes), self.dim))
+        return v
+
+    def at(self, v):
+        return integrate(self.zone, self.dim, self.pairing, x=self.x + v)
+
+    def errors(self, count=3):
+        """Worst of some directions: of the derivative of the forces, and of that of the gaps, each of its largest."""
+        worst = np.zeros(2)
+        for _ in range(count):
+            v = self.direction()
+            a, b = self.at(STEP * v), self.at(-STEP * v)
+            u = v[:, : self.dim].ravel()
+            pairs = [((a.B - b.B).T @ self.p, self.K @ u), (b.G - a.G, self.D @ u)]
+            found = [np.abs(d / (2 * STEP) - made).max() / np.abs(made).max() for d, made in pairs]
+            worst = np.maximum(worst, found)
+        return worst
+
+
+@every(STRAIGHT, normals=("facet",))
+def test_straight_faces_with_their_own_normals(pair, options):
+    assert Deformed(*pair, options).errors().max() <= EXACT
+
+
+@every(ANY)
+def test_any_faces_in_front_of_one(pair, options):
+    assert Deformed(*pair, options, counts=(2, 1)).errors().max() <= EXACT
+
+
+@every(ANY[:2], normals=("smoothed",))
+def test_what_pieces_leave_out_goes_with_the_gap(pair, options):
+    """A tenth of the gap, and at most a fifth of the error."""
+    far, near = (Deformed(*pair, options, gap=gap, counts=(6, 7), size=0.02 * gap).errors() for gap in (0.1, 0.01))
+    assert (near <= far / 5).all() and near[0] <= 0.1 and near[1] <= 0.01
+
+
+@every(ANY)
+def test_moving_both_skins_changes_no_gap_and_turns_forces(pair, options):
+    """Whatever the faces: a rotation by theta turns forces by it, a translation lets them be."""
+    made = Deformed(*pair, options, counts=(2, 3))
+    dim, x = pair[2], made.x
+    forces = (made.face.B.T @ made.p).reshape(-1, dim)
+    size = np.abs(made.K).sum(axis=1).max(), np.abs(made.D).sum(axis=1).max()
+    spin = [np.zeros(3)] * dim + ([np.array([0, 0, 1.0])] if dim == 2 else list(np.eye(3)))
+    for k, (motion, theta) in enumerate(zip(rigid_motions(x, dim), spin, strict=True)):
+        if options["axisymmetric"] and k != 1:
+            continue  # about an axis, only a translation along it is a rigid motion
+        turned = np.cross(theta, np.pad(forces, ((0, 0), (0, 3 - dim))))[:, :dim]
+        np.testing.assert_allclose((made.K @ motion.ravel()).reshape(-1, dim), turned, atol=1e-12 * size[0])
+        np.testing.assert_allclose(made.D @ motion.ravel(), 0, atol=1e-12 * size[1])
+
+
+@pytest.mark.parametrize("slave, master, dim", ANY)
+@pytest.mark.parametrize("normals", NORMALS)
+def test_b_is_the_derivative_of_the_gap_of_flat_skins_that_touch(slave, master, dim, normals):
+    """And the forces' derivative is all that is left of it beside: how they turn."""
+    _, zone = zone_of(stack(slave, master, dim, skew=0.1))
+    pairing = Pairing(normals=normals)
+    face = integrate(zone, dim, pairing)
+    motion = motion_of(face, face.slave, face.master, pairing, dim)
+    B = face.B.toarray()
+    np.testing.assert_allclose(gap_derivative(face, motion).toarray(), B, atol=1e-13 * np.abs(B).max())
+    assert motion.stretching is None and np.abs(tangent(face, motion, np.ones(zone.n_macros))).max() > 0
