@@ -40,8 +40,9 @@ from scipy.sparse.csgraph import connected_components
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
 from lacmesh.quadrature import rule
-from lacmesh.shapes import jacobian, shape
+from lacmesh.shapes import shape
 from lacmesh.surface import Surface
+from lacmesh.surface.normals import weighted
 from lacsolver.assemble import weights
 from lacsolver.assemble.fields import Field, scatter
 from lacsolver.rules import cell_rule
@@ -114,7 +115,7 @@ def slave_pressure(surface: Surface, stress: Floats) -> NDArray[np.floating]:
     total, weight = np.zeros((len(surface.x), 1)), np.zeros((len(surface.x), 1))
     xx, yy, zz, xy, *shear = (stress[:, k] for k in range(stress.shape[1]))
     for name, _, nodes in surface.by_type():
-        n = _normals(surface, name, nodes, np.array(CELLS[name].reference))
+        n = weighted(name, surface.x[nodes], np.array(CELLS[name].reference))
         size = np.linalg.norm(n, axis=2)
         n = np.divide(n, size[..., None], out=np.zeros_like(n), where=size[..., None] > 0)
         p = -(xx[nodes] * n[..., 0] ** 2 + yy[nodes] * n[..., 1] ** 2 + 2 * xy[nodes] * n[..., 0] * n[..., 1])
@@ -181,14 +182,6 @@ class _Slave(NamedTuple):
     order: int
 
 
-def _normals(surface: Surface, name: str, nodes: Ints, X: Floats) -> NDArray[np.floating]:
-    """(f, p, 3): normals of faces of a type, times the Jacobian, at reference points."""
-    J = jacobian(name, surface.x[nodes], X)
-    if surface.dim == 1:
-        return np.stack([J[..., 1, 0], -J[..., 0, 0], np.zeros(J.shape[:2])], axis=-1)
-    return np.cross(J[..., 0], J[..., 1])
-
-
 def _slave(surface: Surface, macro: Ints, n: int, axisymmetric: bool) -> _Slave:
     """What the fits need of a surface. A macro-element without extent has an area of 0, and says nothing."""
     rows, columns, values = [], [], []
@@ -197,7 +190,7 @@ def _slave(surface: Surface, macro: Ints, n: int, axisymmetric: bool) -> _Slave:
         X, w = rule(CELLS[name].family, _DEGREE[CELLS[name].order])
         N = shape(name, X)
         at = np.einsum("qa,fas->fqs", N, surface.x[nodes])
-        W = np.linalg.norm(_normals(surface, name, nodes, X), axis=2) * w
+        W = np.linalg.norm(weighted(name, surface.x[nodes], X), axis=2) * w
         W = W * (2 * np.pi * at[..., 0] if axisymmetric else 1.0)
         scatter(area, macro[faces, None], W.sum(axis=1)[:, None, None])
         scatter(moment, macro[faces, None], np.einsum("fq,fqs->fs", W, at)[:, None])

@@ -17,7 +17,7 @@ from lacmesh.mesh import Ints, Mesh, Model, Periodic, Step, Tag
 
 VERSION = 1
 #: What a damaged text may raise while it is read.
-_DAMAGE = (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError, OverflowError)
+DAMAGE = (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError, OverflowError)
 
 
 def to_json(mesh: Mesh, **rest: Any) -> str:
@@ -30,7 +30,7 @@ def to_json(mesh: Mesh, **rest: Any) -> str:
     if mesh.steps:
         notes["steps"] = {key: [s.field, s.number, s.order, s.time] for key, s in mesh.steps.items()}
     if mesh.model is not None:
-        notes["model"] = _plain(mesh.model)
+        notes["model"] = plain_model(mesh.model)
     notes |= {key: value for key, value in rest.items() if value}
     return json.dumps(notes, ensure_ascii=True)
 
@@ -43,7 +43,7 @@ def from_json(text: str, n_nodes: int, said: list[str]) -> tuple[dict[str, Any],
             said.append("the notes of a newer lacmesh are left out")
             return {}, {}
         return _fields(notes, n_nodes), notes
-    except _DAMAGE:
+    except DAMAGE:
         said.append("lacmesh's own notes are damaged and left out")
         return {}, {}
 
@@ -73,7 +73,8 @@ def fitting(mesh: Mesh) -> Mesh:
     return replace(mesh, group_tags={name: t for name, t in mesh.group_tags.items() if name in mesh.cell_groups})
 
 
-def _plain(model: Model) -> dict[str, Any]:
+def plain_model(model: Model) -> dict[str, Any]:
+    """msh's model in what JSON has."""
     return {
         "boundary": [[*map(int, tag), *map(int, entities)] for tag, entities in model.boundary.items()],
         "periodic": [
@@ -92,15 +93,22 @@ def _fields(notes: dict[str, Any], n_nodes: int) -> dict[str, Any]:
     fields: dict[str, Any] = {"name": str(notes.get("name", "mesh"))}
     if notes.get("space_dim") in (1, 2, 3):
         fields["space_dim"] = int(notes["space_dim"])
-    if "zones" in notes:
-        fields["zones"] = tuple(str(zone) for zone in notes["zones"])
-    if "group_tags" in notes:
-        fields["group_tags"] = {str(g): tuple(_tag(t) for t in tags) for g, tags in notes["group_tags"].items()}
+    fields |= common_fields(notes, n_nodes)
     if "steps" in notes:
         fields["steps"] = {
             str(key): Step(str(name), int(number), int(order), float(time))
             for key, (name, number, order, time) in notes["steps"].items()
         }
+    return fields
+
+
+def common_fields(notes: Mapping[str, Any], n_nodes: int) -> dict[str, Any]:
+    """The fields `zones`, `group_tags` and `model` of a mesh, as far as notes have them. Raises one of DAMAGE."""
+    fields: dict[str, Any] = {}
+    if "zones" in notes:
+        fields["zones"] = tuple(str(zone) for zone in notes["zones"])
+    if "group_tags" in notes:
+        fields["group_tags"] = {str(g): tuple(_tag(t) for t in tags) for g, tags in notes["group_tags"].items()}
     if "model" in notes:
         boundary = {_tag(b[:2]): tuple(int(e) for e in b[2:]) for b in notes["model"]["boundary"]}
         fields["model"] = Model(boundary, tuple(_periodic(p, n_nodes) for p in notes["model"]["periodic"]))

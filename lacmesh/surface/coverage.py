@@ -71,7 +71,7 @@ def face_measure(surface: Surface, axisymmetric: bool = False) -> Floats:
         X, w = rule(CELLS[name].family, _DEGREE[CELLS[name].order])
         x = surface.x[nodes]
         with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates: infinite, and covered by nothing
-            size = np.linalg.norm(weighted(name, x, X, surface.dim), axis=2)
+            size = np.linalg.norm(weighted(name, x, X), axis=2)
         if axisymmetric:
             size = size * 2 * np.pi * (x[..., 0] @ shape(name, X).T)
         out[rows] = size @ w

@@ -17,11 +17,15 @@ from lacmesh.shapes import jacobian
 from lacmesh.surface.record import Surface
 
 
-def weighted(name: str, x: Floats, X: Floats, dim: int) -> Floats:
+def weighted(name: str, x: Floats, X: Floats) -> Floats:
     """(k, p, 3): normals of faces with nodes at x (k, n, 3), times the Jacobian, at reference points X."""
-    J = jacobian(name, x, X[:, : CELLS[name].dim])
-    if dim == 1:
-        return np.stack([J[..., 1, 0], -J[..., 0, 0], np.zeros(J.shape[:2])], axis=-1)
+    return normals_of(jacobian(name, x, X[:, : CELLS[name].dim]))
+
+
+def normals_of(J: Floats) -> Floats:
+    """(..., 3): normals of tangents J (..., 3, 1 or 2), their length the Jacobian."""
+    if J.shape[-1] == 1:
+        return np.stack([J[..., 1, 0], -J[..., 0, 0], np.zeros(J.shape[:-2])], axis=-1)
     return np.cross(J[..., 0], J[..., 1])
 
 
@@ -32,8 +36,8 @@ def smoothed(surface: Surface, crease_angle: float) -> Floats:
     for name, rows, nodes in surface.by_type():
         x = surface.x[nodes]
         X, w = rule(CELLS[name].family, 4)
-        area[rows] = np.einsum("fps,p->fs", weighted(name, x, X, surface.dim), w)
-        there = weighted(name, x, np.array(CELLS[name].reference), surface.dim)
+        area[rows] = np.einsum("fps,p->fs", weighted(name, x, X), w)
+        there = weighted(name, x, np.array(CELLS[name].reference))
         own[rows, : nodes.shape[1]] = there
     size = np.linalg.norm(own, axis=2, keepdims=True)
     own = np.divide(own, size, out=np.zeros_like(own), where=size > 0)

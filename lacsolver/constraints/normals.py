@@ -103,9 +103,9 @@ def _at_nodes(skin: Surface, name: str, nodes: Ints) -> tuple[Floats, Floats]:
     """(k, n, 3) unit normals of faces of one type at their nodes, the mean one where that is 0; (k,) areas."""
     x = skin.x[nodes]
     X, w = rule(CELLS[name].family, 4)
-    mean = np.einsum("fps,p->fs", weighted(name, x, X, skin.dim), w)
+    mean = np.einsum("fps,p->fs", weighted(name, x, X), w)
     area = np.linalg.norm(mean, axis=1)
-    there = weighted(name, x, np.array(CELLS[name].reference), skin.dim)
+    there = weighted(name, x, np.array(CELLS[name].reference))
     size = np.linalg.norm(there, axis=2, keepdims=True)
     there = np.where(size > 1e-9 * area[:, None, None], there, mean[:, None])
     size = np.linalg.norm(there, axis=2, keepdims=True)

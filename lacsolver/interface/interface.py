@@ -21,6 +21,7 @@ from lacmesh.shapes import gradient, shape
 from lacmesh.skin import FACE_TYPES, N_NODES
 from lacmesh.surface import ContactPoints, Surface, contact_points, default_distance
 from lacmesh.surface.coverage import face_measure
+from lacmesh.surface.normals import normals_of
 from lacmesh.surface.record import mean_normals
 from lacsolver.interface.rows import macro_rows
 from lacsolver.interface.zone import Zone
@@ -158,17 +159,10 @@ def tangents(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
     return out
 
 
-def _normals(J: Floats) -> NDArray[np.floating]:
-    """(points, 3): normals of tangents (points, 3, dim), their length the Jacobian."""
-    if J.shape[2] == 1:
-        return np.stack([J[:, 1, 0], -J[:, 0, 0], np.zeros(len(J))], axis=1)
-    return np.cross(J[..., 0], J[..., 1])
-
-
 def _stretch(zone: Zone, slave: Surface, points: ContactPoints, axisymmetric: bool) -> NDArray[np.floating]:
     """(points,): the slave's undeformed measure over its deformed one."""
     before, after = (
-        np.linalg.norm(_normals(tangents(s, points.slave, points.xi_slave)), axis=1) for s in (zone.slave, slave)
+        np.linalg.norm(normals_of(tangents(s, points.slave, points.xi_slave)), axis=1) for s in (zone.slave, slave)
     )
     if axisymmetric:
         before, after = (size * positions(s, points)[:, 0] for size, s in ((before, zone.slave), (after, slave)))

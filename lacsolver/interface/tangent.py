@@ -28,7 +28,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.quadrature import rule
 from lacmesh.shapes import gradient, shape
 from lacmesh.surface import Surface
-from lacmesh.surface.normals import crease_pairs
+from lacmesh.surface.normals import crease_pairs, normals_of
 from lacsolver.interface.interface import Interface, Pairing, by_type, tangents
 
 
@@ -200,7 +200,7 @@ def _mean_area(name: str, x: Floats, X: Floats, w: Floats, of: int, dim: int) ->
     """(f,) size of the mean normal of each face (its vector area), and its derivative (f, nodes, dim)."""
     dN = gradient(name, X[:, :of])
     J = np.einsum("qad,fas->fqsd", dN, x)
-    vector = np.einsum("q,fqs->fs", w, _raw_normals(J))
+    vector = np.einsum("q,fqs->fs", w, normals_of(J))
     size = np.linalg.norm(vector, axis=1)
     unit = vector / size[:, None]
     if of == 1:
@@ -212,15 +212,8 @@ def _mean_area(name: str, x: Floats, X: Floats, w: Floats, of: int, dim: int) ->
     return size, change
 
 
-def _raw_normals(J: Floats) -> NDArray[np.floating]:
-    """(..., 3): normals of tangents (..., 3, d), their length the Jacobian."""
-    if J.shape[-1] == 1:
-        return np.stack([J[..., 1, 0], -J[..., 0, 0], np.zeros(J.shape[:-2])], axis=-1)
-    return np.cross(J[..., 0], J[..., 1])
-
-
 def _unit_normals(J: Floats) -> NDArray[np.floating]:
-    n = _raw_normals(J)
+    n = normals_of(J)
     size = np.linalg.norm(n, axis=-1, keepdims=True)
     return np.divide(n, size, out=np.zeros_like(n), where=size > 0)
 
