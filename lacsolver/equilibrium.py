@@ -3,12 +3,13 @@
     K q = f - B^T p                                                    (26), (35)
     0 <= p_m, 0 <= G_m(q), p_m G_m = 0                                 (27), (29)
 
-It is a semi-smooth Newton method on p_m - max(0, p_m - c_m G_m / w_m) = 0 (32), (33): some rows are held closed, G_m =
-0, the others are open, p_m = 0, and one linear system gives the next q and p; closed rows that press stay closed, open
-ones that overlap are closed (which is the sign of p_m - c_m G_m / w_m, whatever c_m). With constant K, B and D that is
-block principal pivoting (Portugal, Judice and Vicente 1994), kept finite by Murty's rule, one change at a time and the
-first first, where whole exchanges do not get on. Systems are solved loosely until a set comes back, then as exactly as
-numbers allow. What ends the loop is the defect of the conditions and of the balance, not that the set stays.
+K, B and D do not change here; `newton` is for those that do. It is a semi-smooth Newton method on p_m - max(0, p_m -
+c_m G_m / w_m) = 0 (32), (33): some rows are held closed, G_m = 0, the others are open, p_m = 0, and one linear system
+gives the next q and p; closed rows that press stay closed, open ones that overlap are closed (which is the sign of
+p_m - c_m G_m / w_m, whatever c_m). That is block principal pivoting (Portugal, Judice and Vicente 1994), kept finite by
+Murty's rule, one change at a time and the first first, where whole exchanges do not get on. Systems are solved loosely
+until a set comes back, then as exactly as numbers allow. What ends the loop is the defect of the conditions and of the
+balance, not that the set stays.
 
 c_m = w_m (b K b^T) / (b b^T)^2 with b the row of B: the stiffness of the macro-element's own skin, stress per length,
 so that no constant depends on units.
@@ -22,10 +23,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.schur import Goal, Rows, solve_rows
+from lacsolver.state import Iterate
 from lacsolver.stiffness import Stiffness
 
 #: what a loose solve leaves of the residual, and how many there are
@@ -42,8 +43,8 @@ _STOPPED = 1e-8
 class Contact:
     """All rows of all zones at some place, a row each (m,): `rows` (B, D, w), `G` there, `paired`, `held` (equalities).
 
-    `c` (m,): stress per length, see above. `turning`: d(B^T p)/dq at pressures p, None where B does not change.
-    `stuck` (m,): rows that would be paired, and that no unknown moves: their gaps are what is prescribed.
+    `c` (m,): stress per length, see above. `stuck` (m,): rows that would be paired, and that no unknown moves: their
+    gaps are what is prescribed.
     """
 
     rows: Rows
@@ -51,7 +52,6 @@ class Contact:
     paired: NDArray[np.bool_]
     held: NDArray[np.bool_]
     c: NDArray[np.floating]
-    turning: Callable[[Floats], csr_array] | None = None
     stuck: NDArray[np.bool_] | None = None
 
     @property
@@ -63,19 +63,15 @@ class Contact:
         """(m,): the rows to close after a solve with `active` ones closed: those that press, and those that overlap."""
         return self.paired & (self.held | np.where(active, p > 0, self.G < 0))
 
+    def at(self, G: Floats) -> Contact:
+        """The same rows with other gaps."""
+        return replace(self, G=G)
+
     def defect(self, p: Floats) -> float:
         """How far p and G are from the conditions, as a gap."""
         gap = np.where(self.paired, self.G / self.rows.w, 0.0)
         free = np.minimum(np.where(self.paired, p / self.c, 0.0), gap)
         return float(np.abs(np.where(self.held, gap, free)).max(initial=0.0))
-
-
-class Iterate(NamedTuple):
-    """Unknowns q (n,), pressures p (m,), the set of the last solve (m,)."""
-
-    q: NDArray[np.floating]
-    p: NDArray[np.floating]
-    active: NDArray[np.bool_]
 
 
 class Outcome(NamedTuple):
@@ -104,16 +100,16 @@ class Limits:
     moved: float = 0.0
 
 
-#: contact at q: again each time where the geometry is current
+#: contact at q
 At = Callable[[Floats], Contact]
 #: told of each iteration: number, closed rows, balance, gap
 Told = Callable[[int, int, float, float], None]
 
 
 def find_equilibrium(
-    K: Stiffness, f: Floats, at: At, start: Iterate, limits: Limits, *, moving: bool, told: Told | None = None
+    K: Stiffness, f: Floats, at: At, start: Iterate, limits: Limits, *, told: Told | None = None
 ) -> Outcome:
-    """Equilibrium under forces f (n,), from a guess. `moving`: B and D change with q, and no solve is loose.
+    """Equilibrium under forces f (n,), from a guess, where rows are the same for all q and gaps linear.
 
     A set that stays after a loose solve is solved exactly in the same iteration: it goes on with the same system.
     """
@@ -122,16 +118,16 @@ def find_equilibrium(
     active = start.active & contact.paired | contact.held & contact.paired
     p = np.where(active, p, 0.0)
     scale = _Scale(K, f, limits)
-    pivots = _Pivots()
+    pivots = Pivots()
     defects: list[tuple[float, float]] = []
     products = 0
     for number in range(1, limits.max_iterations + 1):
         active = stopped(K, contact, active, f)
-        here, turning = contact, None if contact.turning is None else contact.turning(p)
+        here = contact
         wanted = here.G + here.rows.D @ q
-        loose = 0.0 if moving or pivots.exact(active) else _LOOSE
+        loose = 0.0 if pivots.exact(active) else _LOOSE
         for reduction in (loose, 0.0):
-            made = solve_rows(K, here.rows, np.flatnonzero(active), f, wanted, q, p, scale.goal(reduction), turning)
+            made = solve_rows(K, here.rows, np.flatnonzero(active), f, wanted, q, p, scale.goal(reduction))
             q, p, products = made.q, made.p, products + made.products
             contact = at(q)
             closed, defect = contact.next(active, p), contact.defect(p)
@@ -144,7 +140,7 @@ def find_equilibrium(
         done = balance <= limits.tolerance and defect <= scale.allowed(q)
         if done and reduction == 0:
             return Outcome(True, Iterate(q, p, active), contact, tuple(defects), products)
-        active = closed if moving or done else pivots.next(active, closed, reduction == 0)
+        active = closed if done else pivots.next(active, closed, reduction == 0)
     return Outcome(False, Iterate(q, p, active), contact, tuple(defects), products)
 
 
@@ -175,7 +171,7 @@ def _null_space(A: Floats) -> NDArray[np.floating]:
     return np.asarray(V[(size > _STOPPED * size.max(initial=0.0)).sum() :].T)
 
 
-class _Pivots:
+class Pivots:
     """Which rows change places. Block principal pivoting, kept finite by Murty's rule.
 
     All rows that want to change do, as long as the number of them falls now and then; else one alone does, the first,
@@ -255,8 +251,3 @@ def at_start(contact: Contact, closed: NDArray[np.bool_]) -> Iterate:
     """The iterate of an undeformed body whose rows `closed` (m,) are in contact."""
     m, n = contact.rows.B.shape
     return Iterate(np.zeros(n), np.zeros(m), closed & contact.paired | contact.held & contact.paired)
-
-
-def shifted(contact: Contact, G: Floats) -> Contact:
-    """The same rows with other gaps."""
-    return replace(contact, G=G)

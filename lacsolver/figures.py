@@ -1,4 +1,4 @@
-"""Figures of a converged state: zones, balance, stress ranges, energy, probes. Numbers of a step, for `results`.
+"""Figures of a converged state: zones, balance, stress ranges, probes. Numbers of a step, for `results`.
 
 Forces and areas are those of the whole thickness or circle. Moments are about the origin where a zone's are told, and
 about the middle of the contact where its balance is measured.
@@ -12,13 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.assemble import points, strain, weights
-from lacsolver.assemble.fields import Field, temperatures
-from lacsolver.problem import Problem
+from lacsolver.assemble.fields import Field
 from lacsolver.results import ZoneFigures
 from lacsolver.space import COMPONENTS, Space
-from lacsolver.state import CONTACT, OPEN, UNPAIRED, State, ZoneState
-from lacsolver.values import evaluate
+from lacsolver.state import CONTACT, OPEN, UNPAIRED, ZoneState
 
 
 def zone_figures(zone: ZoneState, slave: Ints, x: Floats) -> ZoneFigures:
@@ -86,39 +83,6 @@ def stress_ranges(space: Space, stress: Field) -> Mapping[str, Mapping[str, tupl
         for name, cells in groups.items()
         if len(cells)
     }
-
-
-def strain_energy(problem: Problem, state: State, stress: Field) -> float:
-    """Energy that the bodies store: half of stress times the strain that causes it, and what springs hold."""
-    space = problem.space
-    total = 0.0
-    given = temperatures(space, problem.temperature)
-    for number, (values, e, w) in enumerate(zip(stress, strain(space, state.u), weights(space), strict=True)):
-        elastic = e - _thermal(problem, number, given, state.time, e.shape)
-        if space.model.plane_stress:
-            elastic[..., 2] = 0.0  # stress along z is 0: whatever the strain is there
-        total += 0.5 * float(np.einsum("cqk,cqk,cq->", values, elastic, w))
-    if problem.springs is not None:
-        total += 0.5 * float(state.u @ (problem.springs @ state.u))
-    return total
-
-
-def _thermal(problem: Problem, number: int, given: list, t: float, shape: tuple[int, ...]) -> NDArray[np.floating]:
-    """(cells, points, n_stress): thermal strain of a block."""
-    out = np.zeros(shape)
-    if not given:
-        return out
-    space, materials = problem.space, problem.materials
-    x, cells = points(space)[number], space.blocks[number].cell
-    warm = np.full(shape[:2], np.nan)
-    for value, mask in given:
-        rows = slice(None) if mask is None else np.flatnonzero(mask[cells])
-        warm[rows] = evaluate(value, x[rows], t, "temperature")
-    _, alpha = materials.tables
-    for k, law in enumerate(materials.laws):
-        rows = np.flatnonzero(materials.law[number] == k)
-        out[rows] = np.nan_to_num(warm[rows] - law.reference_temperature, nan=0.0)[..., None] * alpha[k]
-    return out
 
 
 def probe(space: Space, u: Floats, nodes: Ints) -> NDArray[np.floating]:

@@ -1,8 +1,8 @@
-"""The law of a [[material]] of the case, and which kinematics are solved."""
+"""The law of a [[material]] of the case."""
 
 from __future__ import annotations
 
-from lacsolver.case import Case, CaseError, Material, Problem
+from lacsolver.case import Material
 from lacsolver.finite.laws import LOCKING, NeoHookean, SaintVenantKirchhoff
 from lacsolver.material import Elastic, Law, Orthotropic
 
@@ -22,10 +22,3 @@ def law_of(material: Material) -> Law:
         return _ISOTROPIC[material.law](**given)
     assert material.shear is not None  # the record says so
     return Orthotropic(**given, shear=material.shear, axes=material.axes)
-
-
-def check_kinematics(case: Case) -> None:
-    """Raises CaseError for kinematics that are not solved."""
-    if case.kinematics != "small":
-        message = f'kinematics = "{case.kinematics}" is not solved yet'
-        raise CaseError([Problem(f'{message}; where displacements are small, take "small" and the law "elastic"')])

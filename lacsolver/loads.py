@@ -19,9 +19,9 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
 from lacmesh.quadrature import rule
-from lacmesh.shapes import gradient, shape
+from lacmesh.shapes import gradient, jacobian, shape
 from lacmesh.surface import Surface
-from lacmesh.surface.normals import weighted
+from lacmesh.surface.normals import normals_of
 from lacsolver.assemble import internal_force
 from lacsolver.assemble.fields import Temperature, scatter
 from lacsolver.determinant import determinant
@@ -263,7 +263,8 @@ def _face_points(space: Space, surface: Surface, x: Floats | None, degree: int |
         cell = CELLS[name]
         X, w = rule(cell.family, _FACE_DEGREE[cell.order] if degree is None else degree)
         N = shape(name, X)
-        normal = weighted(name, where[nodes], X)
+        J = jacobian(name, where[nodes], X[:, : cell.dim])
+        normal = normals_of(J)
         at = np.einsum("qn,fns->fqs", N, space.mesh.points[nodes], optimize=True)
         now = at if x is None else np.einsum("qn,fns->fqs", N, where[nodes], optimize=True)
         yield _FacePoints(nodes, N, gradient(name, X), at, normal, J, now[..., 0], w * space.depth(now))

@@ -1,11 +1,16 @@
-"""The problem at one time, on the unknowns that are left: forces, and contact wherever the skins are.
+"""The problem at one time, on the unknowns that are left: forces, tangent and contact wherever the bodies are.
 
-u = T q + u0(t);   K_q = T^T K T,  f_q = T^T (f(t) - K u0(t)) + forces on rigid bodies,  B_q = B T
+u = u(q, t), which is T q + u0(t) but for finite rotations of rigid bodies; T = du/dq:
+
+    r(q) = T^T (f(u, t) - f_int(u)) + forces on rigid bodies,   K_q = T^T K T,   B_q = B T,   D_q = D T
+
+Equilibrium is r = B_q^T p. Where the kinematics are small and the skins stay where they were, all of it is linear in q.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,11 +20,13 @@ from scipy.sparse.linalg import spsolve
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats
+from lacsolver import acting
 from lacsolver.bodies import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
-from lacsolver.equilibrium import Contact, shifted, stiffness_of_rows
+from lacsolver.equilibrium import Contact, stiffness_of_rows
 from lacsolver.interface import Interface, integrate
-from lacsolver.interface.tangent import Motion, gap_derivative, motion_of, tangent
 from lacsolver.linear import SingularError
+from lacsolver.meeting import Meeting, meeting
+from lacsolver.newton import Place
 from lacsolver.problem import Joint, Problem
 from lacsolver.schur import Rows
 from lacsolver.stiffness import Stiffness, Whole, hold
@@ -27,10 +34,10 @@ from lacsolver.stiffness import Stiffness, Whole, hold
 
 @dataclass(eq=False)
 class Model:
-    """A problem on its constrained unknowns, K factorised once.
+    """A problem on its constrained unknowns.
 
-    `held`: K_q and what solves with it; `motions`: those of whole bodies that nothing but contact stops; `length`: the
-    extent of the bodies.
+    `held`: K_q of the undeformed bodies and what solves with it; `motions`: those of whole bodies that nothing but
+    contact stops; `length`: the extent of the bodies.
     """
 
     problem: Problem
@@ -40,8 +47,8 @@ class Model:
 
     @cached_property
     def K(self) -> csr_array:
-        """(n_dof, n_dof)."""
-        return self.problem.K
+        """(n_dof, n_dof): of the undeformed bodies."""
+        return self.problem.kinematics.tangent(np.zeros(self.problem.space.n_dof), 0.0)
 
     @cached_property
     def motions(self) -> tuple[FreeMotion, ...]:
@@ -51,15 +58,18 @@ class Model:
     @cached_property
     def held(self) -> Stiffness:
         """K_q (n_q, n_q), factorised."""
-        problem = self.problem
-        T, solver = problem.constraints.T, problem.case.solver
-        R = np.zeros((T.shape[1], 0))
+        R = np.zeros((self.problem.constraints.n_q, 0))
         if self.motions:
             R = np.linalg.qr(np.stack([self.unknowns(motion.field) for motion in self.motions], axis=1))[0]
         try:
-            return hold(self.reduced(self.K), R, backend=solver.backend, threads=problem.threads, whole=self._whole())
+            return self.hold(self.reduced(self.K, self.problem.constraints.T), R)
         except SingularError as error:
             raise self._singular(error) from error
+
+    def hold(self, K: csr_array, R: NDArray[np.floating]) -> Stiffness:
+        """K (n_q, n_q) with free motions R, factorised by the case's backend."""
+        problem = self.problem
+        return hold(K, R, backend=problem.case.solver.backend, threads=problem.threads, whole=self._whole())
 
     def _singular(self, error: SingularError) -> SingularError:
         """The error of a singular stiffness, in words of the mesh: the node that moves most, and along which axis."""
@@ -94,16 +104,16 @@ class Model:
         return float(np.ptp(space.mesh.points[space.attached], axis=0).max())
 
     @cached_property
-    def moving(self) -> bool:
-        """Whether some joint is paired again on the deformed skins."""
-        return any(joint.moving for joint in self.problem.joints)
+    def linear(self) -> bool:
+        """Whether forces and gaps are linear in q: small kinematics, and skins that are paired once."""
+        return self.problem.kinematics.constant and not any(joint.moving for joint in self.problem.joints)
 
     def unknowns(self, u: Floats) -> NDArray[np.floating]:
         """(n_q,): q with T q = u, (n_dof,), which has one."""
         T = self.problem.constraints.T
         return np.asarray(spsolve(csc_array(T.T @ T), T.T @ u))
 
-    def check_held(self, interfaces: list[Interface], paired: NDArray[np.bool_]) -> None:
+    def check_held(self, interfaces: Sequence[Interface], paired: NDArray[np.bool_]) -> None:
         """Raises DataError where a body may move and no contact or tie would stop it: who, and how."""
         if not self.motions:
             return
@@ -114,12 +124,12 @@ class Model:
             said = "; ".join(describe(motion) for motion in free)
             raise DataError(f"nothing holds a part of the model: {said}; add a displacement, a spring or a contact")
 
-    def reduced(self, K: csr_array) -> csr_array:
+    def reduced(self, K: csr_array, T: csr_array) -> csr_array:
         """T^T K T."""
         c = self.problem.constraints
         if c.is_selection:
             return csr_array(K[c.free][:, c.free])
-        return csr_array((c.T.T @ K @ c.T).tocsr())
+        return csr_array((T.T @ K @ T).tocsr())
 
     def interface(self, joint: Joint, u: Floats, t: float) -> Interface:
         """A joint's interface: a moving one's where u (n_dof,) takes the skins, a still one's where they were."""
@@ -133,80 +143,105 @@ class Model:
 
 @dataclass(eq=False)
 class Instant:
-    """A time: what acts, what is prescribed, and contact at any q. `f` (n_q,), `load` and `u0` (n_dof,).
-
-    `interfaces`: those of the last q that was asked about.
-    """
+    """A time: what acts, what is prescribed, and the bodies and their contact at any q."""
 
     model: Model
     t: float
 
     def __post_init__(self) -> None:
-        c = self.model.problem.constraints
-        self.load, self.u0 = self.model.problem.load(self.t), c.u0(self.t)
-        self.f = c.T.T @ (self.load - self.model.K @ self.u0) + c.force(self.t)
-        self.interfaces: list[Interface] = []
+        self._last: tuple[Floats, Meeting] | None = None
         self._fixed: Contact | None = None
-        self._last: tuple[Floats, Contact] | None = None
+
+    @cached_property
+    def u0(self) -> NDArray[np.floating]:
+        """(n_dof,): what is prescribed."""
+        return self.model.problem.constraints.u0(self.t)
+
+    @cached_property
+    def f(self) -> NDArray[np.floating]:
+        """(n_q,): forces of a linear problem, K_q q = f without contact."""
+        c = self.model.problem.constraints
+        return np.asarray(c.T.T @ (self.model.problem.load(self.t) - self.model.K @ self.u0) + c.force(self.t))
 
     def u(self, q: Floats) -> NDArray[np.floating]:
         """(n_dof,)."""
-        return np.asarray(self.model.problem.constraints.T @ q + self.u0)
+        return self.model.problem.constraints.displacement(q, self.t)
+
+    def interfaces(self, q: Floats) -> tuple[Interface, ...]:
+        """Those of all joints at q."""
+        return self._meeting(q).interfaces
 
     def contact(self, q: Floats) -> Contact:
         """The rows of all joints, and their gaps at q."""
         if self._fixed is not None:
-            return shifted(self._fixed, self._fixed.G - self._fixed.rows.D @ q)
-        if self._last is not None and np.array_equal(self._last[0], q):
-            return self._last[1]
-        u = self.u(q)
-        self.interfaces = [self.model.interface(joint, u, self.t) for joint in self.model.problem.joints]
-        made = _rows(self.model, self.interfaces, u)
-        if not self.model.moving:
-            self._fixed = replace(made, G=made.G + made.rows.D @ q)
-        self._last = q.copy(), made
+            return self._fixed.at(self._fixed.G - self._fixed.rows.D @ q)
+        made = self._contact(self._meeting(q), self.model.problem.constraints.tangent(q, self.t))
+        if self.model.linear:
+            self._fixed = made.at(made.G + made.rows.D @ q)
         return made
 
+    def reaction(self, q: Floats, p: Floats) -> NDArray[np.floating]:
+        """(n_dof,): forces that what holds the bodies gives them: f_int - f + B^T p."""
+        u, problem = self.u(q), self.model.problem
+        return problem.kinematics.internal_force(u, self.t) - problem.load(self.t, u) + self._meeting(q).B.T @ p
 
-def _rows(model: Model, interfaces: list[Interface], u: Floats) -> Contact:
-    """The rows of all joints on q, and their gaps at u, in which those of still joints are linear."""
-    problem = model.problem
-    T, d, n = problem.constraints.T, problem.space.dim, problem.constraints.T.shape[1]
-    B: list[csr_array] = []
-    D: list[csr_array] = []
-    G: list[Floats] = [np.empty(0)]
-    w: list[Floats] = [np.empty(0)]
-    paired, held = [np.empty(0, bool)], [np.empty(0, bool)]
-    motions = [_motion(model, joint, face) for joint, face in zip(problem.joints, interfaces, strict=True)]
-    for joint, face, motion in zip(problem.joints, interfaces, motions, strict=True):
-        repeat = d if joint.tie else 1
-        B.append(csr_array(face.B @ T))
-        D.append(B[-1] if motion is None else csr_array(gap_derivative(face, motion) @ T))
-        G.append(face.G if joint.moving else face.G - face.B @ u)
-        w.append(np.repeat(face.w, repeat))
-        paired.append(np.repeat(joint.paired(face), repeat))
-        held.append(np.full(len(w[-1]), not joint.one_sided))
-    left = csr_array(vstack([csr_array((0, n)), *B]))
-    right = left if all(a is b for a, b in zip(B, D, strict=True)) else csr_array(vstack(D))
-    covered, moved = np.concatenate(paired), np.diff(left.indptr) > 0
-    rows = Rows(left, right, np.where(covered, np.concatenate(w), 1.0))
+    def place(self, q: Floats) -> Place:
+        """Forces, tangent and contact at q. Raises InadmissibleError where cells are turned inside out."""
+        return self._place(q, self.u(q), self._meeting(q))
 
-    def turning(p: Floats) -> csr_array:
-        total, first = csr_array(model.K.shape), 0
-        for face, motion in zip(interfaces, motions, strict=True):
-            last = first + face.B.shape[0]
-            if motion is not None:
-                total = csr_array(total + tangent(face, motion, p[first:last]))
-            first = last
-        return model.reduced(total)
+    def foreseen(self, q: Floats, u: Floats, p: Floats) -> Place:
+        """What `place` comes to, linearised about u (n_dof,) where what is prescribed was as it is no more.
 
-    turns = turning if any(motion is not None for motion in motions) else None
-    c = stiffness_of_rows(model.held, rows)
-    return Contact(rows, np.concatenate(G), covered & moved, np.concatenate(held), c, turns, covered & ~moved)
+        Forces and gaps are those at u, and what the rest of the way to u(q, t) adds to them at pressures p (m,).
+        """
+        met = meeting(self.model.problem, self._paired(u), u)
+        return self._place(q, u, met, self.u(q) - u, p)
 
+    def _place(self, q: Floats, u: Floats, met: Meeting, rest: Floats | None = None, p: Floats | None = None) -> Place:
+        problem, c = self.model.problem, self.model.problem.constraints
+        T, load = c.tangent(q, self.t), problem.load(self.t, u)
+        if problem.kinematics.constant:
+            inner, K, following = problem.kinematics.internal_force(u, self.t), self.model.K, None
+        else:
+            inner, K = problem.kinematics.force_and_tangent(u, self.t)
+            following = acting.load_tangent(problem.space, problem.case, u, self.t)
+        contact, out = self._contact(met, T), inner - load
+        if rest is not None and p is not None:
+            out = out + K @ rest + (met.turning(p) @ rest if met.turns else 0.0)
+            contact = contact.at(contact.G - met.D @ rest)
+        K_q = self.model.held.K if problem.kinematics.constant else self.model.reduced(K, T)
+        motion = c.force(self.t, q)
 
-def _motion(model: Model, joint: Joint, face: Interface) -> Motion | None:
-    """How a joint's interface moves; None where it does not, or where the tangent asked for leaves that out."""
-    if not joint.moving or model.problem.case.solver.tangent == "symmetric":
-        return None
-    return motion_of(face, face.slave, face.master, joint.pairing, model.problem.space.dim)
+        def turning(pressure: Floats) -> csr_array | None:
+            bent = c.turning(q, self.t, out + met.B.T @ pressure)
+            parts = [met.turning(pressure)] if met.turns else []
+            parts += [] if following is None else [-following]
+            total = [self.model.reduced(csr_array(part), T) for part in parts] + ([] if bent is None else [bent])
+            return csr_array(sum(total[1:], total[0])) if total else None
+
+        size = max(float(np.abs(v).max(initial=0.0)) for v in (inner, load, motion))
+        return Place(motion - T.T @ out, size, contact, lambda: self._held(K_q), turning)
+
+    def _held(self, K_q: csr_array) -> Stiffness:
+        """K_q factorised: that of the undeformed bodies where it is constant."""
+        if self.model.problem.kinematics.constant:
+            return self.model.held
+        return self.model.hold(K_q, self.model.held.R)
+
+    def _contact(self, met: Meeting, T: csr_array) -> Contact:
+        """Rows on q."""
+        left = csr_array(met.B @ T)
+        rows = Rows(left, left if met.D is met.B else csr_array(met.D @ T), met.w)
+        moved = np.diff(left.indptr) > 0
+        c = stiffness_of_rows(self.model.held, rows)
+        return Contact(rows, met.G, met.covered & moved, met.held, c, met.covered & ~moved)
+
+    def _meeting(self, q: Floats) -> Meeting:
+        """The joints at q; that of the last q that was asked about is kept, and any will do where they stay."""
+        if self._last is None or not (self.model.linear or np.array_equal(self._last[0], q)):
+            u = self.u(q)
+            self._last = q.copy(), meeting(self.model.problem, self._paired(u), u)
+        return self._last[1]
+
+    def _paired(self, u: Floats) -> tuple[Interface, ...]:
+        return tuple(self.model.interface(joint, u, self.t) for joint in self.model.problem.joints)

@@ -1,6 +1,6 @@
 """The problem of a case: its mesh, cut where it has to be, and all that stays the same from step to step.
 
-mesh -> space, materials -> K; constraints; joints; f(t). What changes is found by `march`.
+mesh -> space, materials -> kinematics; constraints; joints; loads. What changes is found by `march`.
 """
 
 from __future__ import annotations
@@ -17,12 +17,11 @@ import lacmesh
 from lacmesh.errors import LacmeshError
 from lacmesh.mesh import Floats, Mesh
 from lacsolver import acting
-from lacsolver.assemble import assemble_stiffness
-from lacsolver.assemble.fields import Temperature
 from lacsolver.case import Case, Contact, Tie, check_groups
 from lacsolver.constraints import Constraints
 from lacsolver.interface import Interface, Pairing, Zone
-from lacsolver.laws import check_kinematics, law_of
+from lacsolver.kinematics import Kinematics, kinematics_of
+from lacsolver.laws import law_of
 from lacsolver.material import Materials
 from lacsolver.places import wrong
 from lacsolver.skin import prepared
@@ -102,7 +101,6 @@ class Problem:
 
         Raises CaseError, ReadError, CutError, DataError, RequestError, each with a sentence for the user.
         """
-        check_kinematics(case)
         mesh = lacmesh.read(case.mesh) if mesh is None else mesh
         check_groups(case, mesh)
         mesh = prepared(case, mesh)
@@ -113,29 +111,27 @@ class Problem:
         return cls(case, space, materials, Constraints.of(space, case), joints)
 
     @cached_property
-    def K(self) -> csr_array:
-        """(n_dof, n_dof): stiffness of the bodies and of springs to the ground."""
-        K = csr_array(assemble_stiffness(self.space, self.materials, self.threads).tocsr())
-        return K if self.springs is None else csr_array(K + self.springs)
+    def kinematics(self) -> Kinematics:
+        """How the bodies, and springs to the ground, answer a displacement."""
+        temperature = acting.temperature(self.space, self.materials, self.case)
+        return kinematics_of(
+            self.case.kinematics, self.space, self.materials,
+            springs=self.springs, temperature=temperature, threads=self.threads,
+        )  # fmt: skip
 
     @cached_property
     def springs(self) -> csr_array | None:
         """(n_dof, n_dof): springs to the ground; None if there are none."""
         return acting.springs(self.space, self.case)
 
-    @cached_property
-    def temperature(self) -> Temperature | None:
-        """What `assemble.stress` takes."""
-        return acting.temperature(self.space, self.materials, self.case)
-
     @property
     def threads(self) -> int:
         """Cores to use: those asked for, or all that the process may use."""
         return self.case.solver.threads or available_cores()
 
-    def load(self, t: float) -> NDArray[np.floating]:
-        """f (n_dof,): nodal forces of everything that acts at time t."""
-        return acting.load(self.space, self.materials, self.case, t, self.threads)
+    def load(self, t: float, u: Floats | None = None) -> NDArray[np.floating]:
+        """f (n_dof,): nodal forces of everything that acts at time t; followers find their faces at u (n_dof,)."""
+        return acting.load(self.space, self.materials, self.case, t, self.threads, u=u)
 
 
 def available_cores() -> int:

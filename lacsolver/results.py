@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
-from lacsolver.state import State, ZoneState
+from lacsolver.state import Iterate, State, ZoneState
 
 #: what `Results.status` may be: a run that was killed stays at the first
 STATUSES = ("running", "done", "interrupted", "failed")
@@ -141,7 +141,8 @@ class Restart:
     """What a run goes on from. `number`: converged steps up to here; `step_size`: of the step that would come next.
 
     `u` (n_dof,). By zone, `multipliers`: pressures (n,) of a contact, tractions (n, d) of a tie; and `status` (n,).
-    `rigid`: by body, its dofs. `folder`: where it was read from, None for one of this run.
+    `rigid`: by body, its dofs. `iterate`, `earlier`: as in `State`. `folder`: where it was read from, None for one of
+    this run.
     """
 
     time: float
@@ -151,6 +152,8 @@ class Restart:
     multipliers: Mapping[str, NDArray]
     status: Mapping[str, Ints]
     rigid: Mapping[str, NDArray]
+    iterate: Iterate
+    earlier: tuple[float, Iterate] | None = None
     folder: Path | None = None
 
     @classmethod
@@ -158,4 +161,7 @@ class Restart:
         """What to keep of a converged state, the `number`-th; `step_size`: of the next step."""
         multipliers = {zone.name: zone.traction if zone.tie else zone.pressure for zone in state.zones}
         status = {zone.name: zone.status for zone in state.zones}
-        return cls(state.time, step_size, number, state.u, multipliers, status, state.rigid)
+        assert state.iterate is not None
+        return cls(
+            state.time, step_size, number, state.u, multipliers, status, state.rigid, state.iterate, state.earlier
+        )

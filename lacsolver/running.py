@@ -12,10 +12,9 @@ import numpy as np
 from lacmesh.cli.terminal import peak_memory
 from lacmesh.formats.output import signals_wait
 from lacmesh.mesh import Floats, Mesh
-from lacsolver.assemble import stress
 from lacsolver.assemble.fields import Field
 from lacsolver.case import Case
-from lacsolver.figures import balance, probe, strain_energy, stress_ranges, zone_figures
+from lacsolver.figures import balance, probe, stress_ranges, zone_figures
 from lacsolver.output import OutputFolder, Writer
 from lacsolver.places import nodes_of
 from lacsolver.problem import Joint, Problem
@@ -108,9 +107,7 @@ class _Run:
     def stress(self, state: State) -> Field:
         """Stress at integration points; that of the last state asked about is kept."""
         if self._stress is None or self._stress[0] != state.time:
-            p = self.problem
-            made = stress(p.space, p.materials, state.u, temperature=p.temperature, t=state.time, threads=p.threads)
-            self._stress = state.time, made
+            self._stress = state.time, self.problem.kinematics.stress(state.u, state.time)
         return self._stress[1]
 
     def places(self, joint: Joint, state: State) -> Floats:
@@ -141,7 +138,7 @@ class _Run:
             probes={name: probe(space, state.u, nodes) for name, nodes in self.probes.items()},
             contact=zones,
             balance=balance((zone.force, x) for zone, _, x in pairs),
-            energy=strain_energy(problem, state, self.stress(state)),
+            energy=problem.kinematics.energy(state.u, state.time),
         )
 
     def fields_of(self, state: State) -> Callable[[], Fields]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,14 @@ from lacmesh.mesh import Floats, Ints
 
 #: status of a macro-element
 UNPAIRED, OPEN, CONTACT = -1, 0, 1
+
+
+class Iterate(NamedTuple):
+    """Unknowns q (n,), pressures p (m,), the set of the last solve (m,)."""
+
+    q: NDArray[np.floating]
+    p: NDArray[np.floating]
+    active: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +52,8 @@ class State:
 
     `reaction` (n_dof,): force that what holds the body gives it. `rigid` (name -> dofs): the motion of rigid bodies,
     displacement of the centre then rotation. `iterations`, `halvings` of the step that led here, `residuals` of its
-    iterations; `next_step`: the size of step that would come next.
+    iterations; `next_step`: the size of step that would come next. `iterate`, `earlier`: unknowns, pressures and set
+    here and, with its time, a step before: what to go on from.
     """
 
     time: float
@@ -55,3 +65,5 @@ class State:
     halvings: int = 0
     residuals: tuple[float, ...] = ()
     next_step: float = np.inf
+    iterate: Iterate | None = None
+    earlier: tuple[float, Iterate] | None = None

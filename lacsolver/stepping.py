@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -10,15 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshError
+from lacmesh.mesh import Floats
 from lacsolver.bodies import describe
 from lacsolver.case import Case
-from lacsolver.equilibrium import Contact, Iterate, Limits, Outcome, find_equilibrium
+from lacsolver.equilibrium import Contact, Limits, Outcome, find_equilibrium
+from lacsolver.finite import InadmissibleError
 from lacsolver.interface import Interface
 from lacsolver.model import Instant, Model
+from lacsolver.newton import follow
 from lacsolver.places import wrong
 from lacsolver.problem import Joint, Problem
 from lacsolver.results import Restart
-from lacsolver.state import CONTACT, OPEN, UNPAIRED, State, ZoneState
+from lacsolver.state import CONTACT, OPEN, UNPAIRED, Iterate, State, ZoneState
 
 #: times that differ by this much of themselves are one
 _SAME = 1e-9
@@ -74,32 +78,52 @@ def march(
     model = Model(problem)
     steps = problem.case.steps
     time, size = (start.time, start.step_size) if start else (0.0, np.inf)
-    now = _kept(model, start) if start else None
-    before: tuple[float, Iterate] | None = None
+    path = _Path(time, start.iterate, start.earlier) if start else _Path()
     spent = _Step()
     for target in meeting_times(problem.case):
         while target - time > _SAME * target:
             whole = target - time <= size * (1 + _SAME)
             instant = Instant(model, target if whole else time + size)
-            outcome = _search(instant, _guess(instant, now, before, time), spent, told)
+            outcome = _search(instant, path, spent, told)
             spent.add(outcome)
             if not outcome.converged:
                 size = (instant.t - time) / 2
                 if spent.halvings > steps.max_halvings:
                     raise NotConvergedError(_why(instant, outcome), _state(instant, outcome, spent, size))
                 continue
-            _check_stuck(instant, outcome.contact)
+            _check_stuck(instant, outcome.iterate.q, outcome.contact)
             size *= steps.growth
-            yield _state(instant, outcome, spent, size)
-            before = None if now is None else (time, now)
-            now, time, spent = outcome.iterate, instant.t, _Step()
+            path, time = path.then(instant.t, outcome.iterate), instant.t
+            yield _state(instant, outcome, spent, size, path.earlier)
+            spent = _Step()
 
 
-def _check_stuck(instant: Instant, contact: Contact) -> None:
+@dataclass(frozen=True)
+class _Path:
+    """The way so far: what was found at a time, and `earlier` (None if there is none); at first the undeformed body."""
+
+    time: float = 0.0
+    iterate: Iterate | None = None
+    earlier: tuple[float, Iterate] | None = None
+
+    def then(self, time: float, iterate: Iterate) -> _Path:
+        """One step on."""
+        return _Path(time, iterate, None if self.iterate is None else (self.time, self.iterate))
+
+    def guess(self, t: float) -> Iterate | None:
+        """What comes at time t if things go on as they went; None before the second step."""
+        if self.iterate is None or self.earlier is None:
+            return None
+        now, (then, last) = self.iterate, self.earlier
+        part = (t - self.time) / (self.time - then)
+        return Iterate(now.q + part * (now.q - last.q), now.p + part * (now.p - last.p), now.active)
+
+
+def _check_stuck(instant: Instant, q: Floats, contact: Contact) -> None:
     """Raises CaseError where what is prescribed on both sides decides on a gap, and not as contact or tie has it."""
     gap, first = contact.G / contact.rows.w, 0
     wrong_way = np.where(contact.held, np.abs(gap), -gap) * (contact.covered & ~contact.paired)
-    for joint, face in zip(instant.model.problem.joints, instant.interfaces, strict=True):
+    for joint, face in zip(instant.model.problem.joints, instant.interfaces(q), strict=True):
         by = wrong_way[first : first + face.B.shape[0]].reshape(len(face.area), -1).max(axis=1)
         first += face.B.shape[0]
         bad = np.flatnonzero(by > _TOUCHING * face.area ** (1 / face.slave.dim))
@@ -117,7 +141,7 @@ def meeting_times(case: Case) -> list[float]:
     return sorted({*case.steps.planned, *asked})
 
 
-def _search(instant: Instant, guess: Iterate, spent: _Step, told: Callable[[Told], None] | None) -> Outcome:
+def _search(instant: Instant, path: _Path, spent: _Step, told: Callable[[Told], None] | None) -> Outcome:
     model, solver = instant.model, instant.model.problem.case.solver
     moved = float(np.abs(instant.u0).max(initial=0.0))
     limits = Limits(solver.tolerance, solver.max_iterations, model.length, moved)
@@ -126,28 +150,24 @@ def _search(instant: Instant, guess: Iterate, spent: _Step, told: Callable[[Told
         if told is not None:
             told(Told(instant.t, spent.halvings, number, closed, balance, gap))
 
-    return find_equilibrium(model.held, instant.f, instant.contact, guess, limits, moving=model.moving, told=tell)
-
-
-def _guess(instant: Instant, now: Iterate | None, before: tuple[float, Iterate] | None, time: float) -> Iterate:
-    """What a step begins with: as things went on so far; at first the undeformed body and the initial status."""
-    if now is None:
-        return _first(instant)
-    if before is None:
-        return now
-    then, last = before
-    part = (instant.t - time) / (time - then)
-    return Iterate(now.q + part * (now.q - last.q), now.p + part * (now.p - last.p), now.active)
+    now, guess = path.iterate or _first(instant), path.guess(instant.t)
+    if model.linear:
+        return find_equilibrium(model.held, instant.f, instant.contact, guess or now, limits, told=tell)
+    if guess is not None:
+        with suppress(InadmissibleError):
+            return follow(instant.place, guess, limits, told=tell)
+    u = Instant(model, path.time).u(now.q) if path.iterate else np.zeros(model.problem.space.n_dof)
+    return follow(instant.place, now, limits, first=instant.foreseen(now.q, u, now.p), told=tell)
 
 
 def _first(instant: Instant) -> Iterate:
     """The undeformed body; checks that contact may hold what nothing else does."""
-    q = np.zeros(instant.model.held.K.shape[0])
-    contact = instant.contact(q)
-    for joint, face in zip(instant.model.problem.joints, instant.interfaces, strict=True):
+    problem, q = instant.model.problem, np.zeros(instant.model.problem.constraints.n_q)
+    contact, interfaces = instant.contact(q), instant.interfaces(q)
+    for joint, face in zip(problem.joints, interfaces, strict=True):
         joint.check_facing(face)
-    instant.model.check_held(instant.interfaces, contact.paired)
-    closed = [np.empty(0, bool), *map(_initial, instant.model.problem.joints, instant.interfaces)]
+    instant.model.check_held(interfaces, contact.paired)
+    closed = [np.empty(0, bool), *map(_initial, problem.joints, interfaces)]
     return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.paired)
 
 
@@ -158,36 +178,24 @@ def _initial(joint: Joint, face: Interface) -> NDArray[np.bool_]:
     return np.full(face.B.shape[0], joint.initial == "all")
 
 
-def _kept(model: Model, start: Restart) -> Iterate:
-    """The iterate of a state that was kept."""
-    joints, d = model.problem.joints, model.problem.space.dim
-    p, closed = [np.empty(0)], [np.empty(0, bool)]
-    for joint in joints:
-        kept, status = start.multipliers[joint.name], start.status[joint.name] == CONTACT
-        p.append(-kept.ravel() if joint.tie else kept)
-        closed.append(np.repeat(status, d) if joint.tie else status)
-    q = model.unknowns(start.u - model.problem.constraints.u0(start.time))
-    return Iterate(q, np.concatenate(p), np.concatenate(closed))
-
-
-def _state(instant: Instant, outcome: Outcome, spent: _Step, size: float) -> State:
-    """The state of an outcome."""
-    model, problem = instant.model, instant.model.problem
+def _state(
+    instant: Instant, outcome: Outcome, spent: _Step, size: float, earlier: tuple[float, Iterate] | None = None
+) -> State:
+    """The state of an outcome, and what a restart needs of the one before."""
+    problem = instant.model.problem
     q, p, contact = outcome.iterate.q, outcome.iterate.p, outcome.contact
-    u, gap = instant.u(q), contact.G / contact.rows.w
-    zones, first, force = [], 0, np.zeros(problem.space.n_dof)
-    for joint, face in zip(problem.joints, instant.interfaces, strict=True):
+    gap = contact.G / contact.rows.w
+    zones, first = [], 0
+    for joint, face in zip(problem.joints, instant.interfaces(q), strict=True):
         rows = slice(first, first + face.B.shape[0])
         own = -(face.B.T @ p[rows])
-        force += own
         make = _tied if joint.tie else _pressed
         zones.append(make(joint, face, p[rows], gap[rows], contact.covered[rows], own.reshape(-1, problem.space.dim)))
         first = rows.stop
-    reaction = model.K @ u - instant.load - force
-    rigid = problem.constraints.rigid_motion(q, instant.t)
     return State(
-        instant.t, u, reaction, tuple(zones), rigid, spent.iterations, spent.halvings, tuple(spent.residuals), size
-    )
+        instant.t, instant.u(q), instant.reaction(q, p), tuple(zones), problem.constraints.rigid_motion(q, instant.t),
+        spent.iterations, spent.halvings, tuple(spent.residuals), size, outcome.iterate, earlier,
+    )  # fmt: skip
 
 
 def _pressed(
@@ -218,15 +226,17 @@ def _tied(
 def _why(instant: Instant, outcome: Outcome) -> str:
     """What a user is told of a search that failed: what moves away, or where the balance is off, and what to try."""
     model, problem = instant.model, instant.model.problem
-    q, p = outcome.iterate.q, outcome.iterate.p
-    contact, closed = outcome.contact.rows.B_T @ p, outcome.contact.rows.B[np.flatnonzero(outcome.iterate.active)]
+    q, p, rows = outcome.iterate.q, outcome.iterate.p, outcome.contact.rows
+    contact, closed = rows.B_T @ p, rows.B[np.flatnonzero(outcome.iterate.active)]
     said = f"no equilibrium found at time {instant.t:.6g} after {len(outcome.defects)} iterations"
+    off = instant.reaction(q, p)
+    pushed = problem.constraints.T.T @ off - problem.constraints.force(instant.t)
     for motion in model.motions:
         along = model.unknowns(motion.field)
-        left, whole = along @ (instant.f - contact), np.abs(along) @ (np.abs(instant.f) + np.abs(contact))
+        left, whole = along @ pushed, np.abs(along) @ (np.abs(pushed + contact) + np.abs(contact))
         if abs(left) > _UNCARRIED * whole and not np.abs(closed @ along).any():
             return f"{said}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
-    r = problem.constraints.T @ (instant.f - model.held.K @ q - contact)
+    r = problem.constraints.T @ pushed
     node = int(np.abs(r).argmax()) // problem.space.dim
     place = ", ".join(f"{c:.6g}" for c in problem.space.mesh.points[node])
     balance, gap = outcome.defects[-1]

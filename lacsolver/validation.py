@@ -24,7 +24,7 @@ from lacsolver.case import Case, CaseError, Contact, Displacement, Problem, Rigi
 from lacsolver.case.records import Entry
 from lacsolver.constraints import Constraints
 from lacsolver.interface import Interface, integrate
-from lacsolver.laws import check_kinematics, law_of
+from lacsolver.laws import law_of
 from lacsolver.linear import choose
 from lacsolver.material import Materials
 from lacsolver.places import nodes_of
@@ -122,7 +122,6 @@ def _look(case: Case, found: Validation) -> None:
 def _look_at_laws_and_loads(case: Case, space: Space, found: Validation) -> None:
     materials = None
     with found.looking():
-        check_kinematics(case)
         materials = Materials.of(space, [(law_of(m), m.groups) for m in case.material])
     none: dict[str, Any] = {**dict.fromkeys(_LOADS, ()), "gravity": None}
     bare = replace(case, **none)

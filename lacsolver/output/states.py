@@ -25,8 +25,9 @@ from lacsolver.case import Case, changed
 from lacsolver.output.names import state_file, states_in
 from lacsolver.output.tables import same_time
 from lacsolver.results import Restart
+from lacsolver.state import Iterate
 
-VERSION = 1
+VERSION = 2
 _ABOUT = "about"
 #: what numpy raises on a damaged file
 _DAMAGE = (
@@ -41,11 +42,15 @@ def write_state(folder: Path, state: Restart, prints: Mapping[str, str]) -> None
         **{"version": VERSION, "time": float(state.time), "step_size": float(state.step_size)},
         **{"number": state.number, "case": dict(prints)},
         **{"zones": list(state.multipliers), "rigid": list(state.rigid)},
+        **{"earlier": None if state.earlier is None else float(state.earlier[0])},
     }
     arrays = {_ABOUT: np.frombuffer(json.dumps(about).encode(), np.uint8), "u": state.u}
     for k, zone in enumerate(state.multipliers):
         arrays |= {f"multipliers_{k}": state.multipliers[zone], f"status_{k}": state.status[zone]}
     arrays |= {f"rigid_{k}": dofs for k, dofs in enumerate(state.rigid.values())}
+    arrays |= {f"now_{name}": values for name, values in state.iterate._asdict().items()}
+    if state.earlier is not None:
+        arrays |= {f"earlier_{name}": values for name, values in state.earlier[1]._asdict().items()}
     with replacing(folder / state_file(state.number)) as (beside,), beside.open("wb") as file:
         np.savez(file, **arrays)  # type: ignore[arg-type]
 
@@ -84,14 +89,22 @@ def _restart(file: Mapping[str, NDArray], about: Mapping[str, Any], folder: Path
         multipliers={name: file[f"multipliers_{k}"] for k, name in zones},
         status={name: file[f"status_{k}"] for k, name in zones},
         rigid={name: file[f"rigid_{k}"] for k, name in enumerate(about["rigid"])},
+        iterate=_iterate(file, "now"),
+        earlier=None if about["earlier"] is None else (about["earlier"], _iterate(file, "earlier")),
         folder=folder,
     )
+
+
+def _iterate(file: Mapping[str, NDArray], when: str) -> Iterate:
+    return Iterate(*(file[f"{when}_{name}"] for name in Iterate._fields))
 
 
 def _about(path: Path, file: Mapping[str, NDArray]) -> dict[str, Any]:
     about = json.loads(file[_ABOUT].tobytes())
     if about["version"] > VERSION:
         raise ReadError(path, "is of a newer lacsolver; go on with that one")
+    if about["version"] < VERSION:
+        raise ReadError(path, "is of an older lacsolver, whose states keep less; run the case again from its start")
     return {**about, "time": float(about["time"]), "number": int(about["number"]), "case": dict(about["case"])}
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from lacsolver.equilibrium import Contact, Iterate, Limits, find_equilibrium, stiffness_of_rows
+from lacsolver.equilibrium import Contact, Limits, find_equilibrium, stiffness_of_rows
 from lacsolver.schur import Rows
 from lacsolver.stiffness import hold
 
@@ -57,7 +57,7 @@ def search(system, *, R=None, held=None, paired=None, iterations=100):
         return Contact(rows, system.G0 - system.B @ q, paired, held, c)
 
     start = Iterate(np.zeros(n), np.zeros(m), system.start)
-    return find_equilibrium(K, system.f, contact, start, Limits(1e-10, iterations, 1.0), moving=False)
+    return find_equilibrium(K, system.f, contact, start, Limits(1e-10, iterations, 1.0))
 
 
 def by_trying_every_set(system, held=None, paired=None):

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import lacsolver.equilibrium
-from lacsolver.equilibrium import ROUNDING, Iterate, Limits, find_equilibrium, stiffness_of_rows
+from lacsolver.equilibrium import ROUNDING, Limits, find_equilibrium, stiffness_of_rows
 from lacsolver.schur import solve_rows
+from lacsolver.state import Iterate
 from tests.lacsolver.systems import complementarity, contact, enumerated, saddle, system
 
 LIMITS = Limits(1e-10, 50, 1.0)
@@ -24,7 +25,7 @@ def start(s, kind, seed=0):
 
 def found(s, begin, limits=LIMITS, **rest):
     at = contact(s, **rest)
-    return find_equilibrium(s.held, s.f, at, begin, limits, moving=False)
+    return find_equilibrium(s.held, s.f, at, begin, limits)
 
 
 def check(s, outcome, paired=None, held=None):
@@ -131,7 +132,7 @@ def test_matrices_with_positive_minors_that_are_not_symmetric():
         count += 1
         s = complementarity(np.eye(5), r)._replace(D=M)  # q = -p, G = r - M q
         for kind in STARTS:
-            outcome = find_equilibrium(s.held, s.f, contact(s), start(s, kind), Limits(1e-10, 200, 1.0), moving=False)
+            outcome = find_equilibrium(s.held, s.f, contact(s), start(s, kind), Limits(1e-10, 200, 1.0))
             p = outcome.iterate.p
             assert outcome.converged and (p >= 0).all() and np.abs(np.minimum(p, M @ p + r)).max() <= 1e-9
 
@@ -148,7 +149,7 @@ def test_it_says_so_if_it_was_not_let_go_on():
 def test_every_iteration_is_told():
     s, told = system(1, n=12, m=6), []
     outcome = find_equilibrium(
-        s.held, s.f, contact(s), start(s, "all"), LIMITS, moving=False, told=lambda *figures: told.append(figures)
+        s.held, s.f, contact(s), start(s, "all"), LIMITS, told=lambda *figures: told.append(figures)
     )
     assert [number for number, *_ in told] == list(range(1, len(outcome.defects) + 1))
     assert [(balance, gap) for *_, balance, gap in told] == list(outcome.defects)
@@ -165,7 +166,7 @@ def test_sets_are_tried_loosely_and_the_last_one_is_exact(monkeypatch, moving):
 
     monkeypatch.setattr(lacsolver.equilibrium, "solve_rows", spied)
     s = system(3, n=60, m=30)
-    outcome = find_equilibrium(s.held, s.f, contact(s), start(s, "none"), LIMITS, moving=moving)
+    outcome = find_equilibrium(s.held, s.f, contact(s), start(s, "none"), LIMITS)
     assert outcome.converged and goals[-1][1] == 0
     q, p = saddle(s, np.flatnonzero(outcome.iterate.active), np.zeros(60))
     np.testing.assert_allclose(outcome.iterate.q, q, atol=1e-12 * np.abs(q).max())
@@ -201,7 +202,7 @@ def test_scaling_changes_nothing():
     for force, length in ((1e9, 1e-3), (1e-6, 1e3)):
         other = s._replace(K=force / length * s.K, f=force * s.f, G=length * s.G, R=s.R)
         made = find_equilibrium(
-            other.held, other.f, contact(other), start(other, "none"), Limits(1e-10, 50, length), moving=False
+            other.held, other.f, contact(other), start(other, "none"), Limits(1e-10, 50, length)
         )
         assert made.converged and len(made.defects) == len(first.defects)
         np.testing.assert_array_equal(made.iterate.active, first.iterate.active)

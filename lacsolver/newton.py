@@ -1,0 +1,199 @@
+"""Equilibrium where stiffness or contact change with the displacement: Newton's method on forces, gaps and set at once.
+
+At q, with forces r that nothing but contact balances, one linear system gives the next displacement and pressures:
+
+    K dq + C(p) dq + B_A^T p = r,   D_A dq = G_A              C: how contact, followers, rigid bodies turn forces
+
+and the set of closed rows follows its signs, as in `equilibrium`. A step that leaves forces and gaps much worse than
+the last few were, or turns cells inside out, is taken in part: forces over the largest force, and gaps over the
+displacement, make one number. Sets that come back without that number having fallen are a cycle: then the linear
+problem is held, and its set found by block pivoting, which ends, before anything is linearised again.
+
+Systems are solved as exactly as the state is worth: to the same part that forces and gaps are off, so that the last
+iterations converge quadratically.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from lacmesh.mesh import Floats
+from lacsolver.equilibrium import ROUNDING, Contact, Limits, Outcome, Pivots, Told, stopped
+from lacsolver.finite import InadmissibleError
+from lacsolver.schur import Goal, Solved, solve_rows
+from lacsolver.state import Iterate
+from lacsolver.stiffness import Stiffness
+
+#: parts of a step that are tried, one after the other
+_PARTS = (1.0, 0.5, 0.25, 0.125, 0.0625)
+#: a step may leave things worse than the worst of the last few by this
+_WORSE, _REMEMBERED = 2.0, 4
+#: of the residual: the most that a solve leaves
+_LOOSE = 1e-2
+#: a held linear problem is given up after so many sets
+_SETS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Bodies and contact at some q. `r` (n,): forces that nothing balances but contact; `size`: the largest there is.
+
+    `stiffness`: makes K there, factorised; `turning`: makes C (n, n) at pressures p (m,), None where there is none.
+    """
+
+    r: NDArray[np.floating]
+    size: float
+    contact: Contact
+    stiffness: Callable[[], Stiffness]
+    turning: Callable[[Floats], csr_array | None]
+
+
+#: the place at q; raises InadmissibleError
+At = Callable[[Floats], Place]
+
+
+class _Defect(NamedTuple):
+    """How far a state is from equilibrium: forces and gaps, relative; `whole`: both in one number."""
+
+    balance: float
+    gap: float
+    whole: float
+
+
+class _State(NamedTuple):
+    q: NDArray[np.floating]
+    p: NDArray[np.floating]
+    place: Place
+    defect: _Defect
+
+
+def follow(at: At, start: Iterate, limits: Limits, *, first: Place | None = None, told: Told | None = None) -> Outcome:
+    """Equilibrium from a guess. `first`: what to take for the place there, for instance foreseen from another one.
+
+    Raises InadmissibleError where the guess itself turns cells inside out.
+    """
+    place = at(start.q) if first is None else first
+    contact = place.contact
+    active = contact.paired & (start.active | contact.held)
+    scale = _Scale(place, limits)
+    p = np.where(active, start.p, 0.0)
+    now = _State(start.q, p, place, scale.defect(place, start.q, p))
+    sets, history, products = _Sets(), [now.defect.whole], 0
+    defects: list[tuple[float, float]] = []
+    while len(defects) < limits.max_iterations:
+        K = now.place.stiffness()
+        scale.know(K)
+        active = stopped(K, now.place.contact, active, now.place.r)
+        solves = 1 if not sets.cycle(active, now.defect.whole) else min(_SETS, limits.max_iterations - len(defects))
+        made, active, count, spent = _solved(K, now, active, scale, solves)
+        products += spent
+        then = _best(at, now, made, scale, max(history[-_REMEMBERED:]) * _WORSE)
+        defects += [(now.defect.balance, now.defect.gap)] * (count - 1)
+        if then is None:
+            break
+        now = then
+        history.append(now.defect.whole)
+        defects.append((now.defect.balance, now.defect.gap))
+        if told is not None:
+            told(len(defects), int(active.sum()), *defects[-1])
+        if scale.met(now):
+            return Outcome(True, Iterate(now.q, now.p, active), now.place.contact, tuple(defects), products)
+        active = now.place.contact.next(active, now.p)
+    return Outcome(False, Iterate(now.q, now.p, active), now.place.contact, tuple(defects), products)
+
+
+def _solved(
+    K: Stiffness, now: _State, active: NDArray[np.bool_], scale: _Scale, most: int
+) -> tuple[Solved, NDArray[np.bool_], int, int]:
+    """The step of the linear problem at a state, its set, how many sets were solved, and products with K^-1.
+
+    One solve with `active`, or as many as it takes to find the set that goes with it.
+    """
+    place, contact = now.place, now.place.contact
+    turning, goal = place.turning(now.p), scale.goal(now)
+    pivots, products, dq, p = Pivots(), 0, np.zeros_like(now.q), now.p
+    for count in range(1, most + 1):
+        made = solve_rows(K, contact.rows, np.flatnonzero(active), place.r, contact.G, dq, p, goal, turning)
+        dq, p, products = made.q, made.p, products + made.products
+        closed = contact.at(contact.G - contact.rows.D @ dq).next(active, p)
+        if count == most or np.array_equal(closed, active):
+            break
+        active = pivots.next(active, closed, exact=True)
+    return made, active, count, products
+
+
+def _best(at: At, now: _State, made: Solved, scale: _Scale, worst: float) -> _State | None:
+    """The first part of a step that leaves things no worse than `worst`, else the best; None if none is admissible."""
+    best = None
+    for part in _PARTS:
+        q, p = now.q + part * made.q, now.p + part * (made.p - now.p)
+        try:
+            place = at(q)
+        except InadmissibleError:
+            continue
+        then = _State(q, p, place, scale.defect(place, q, p))
+        if best is None or then.defect.whole < best.defect.whole:
+            best = then
+        if then.defect.whole <= worst:
+            break
+    return best
+
+
+class _Sets:
+    """The sets that were solved, and how far off things were then."""
+
+    def __init__(self) -> None:
+        self._met: dict[bytes, float] = {}
+        self._last = b""
+
+    def cycle(self, active: NDArray[np.bool_], defect: float) -> bool:
+        """Whether a set comes back, after another one, though nothing has become better since."""
+        key = active.tobytes()
+        again = key != self._last and self._met.get(key, np.inf) <= defect
+        self._met[key], self._last = defect, key
+        return again
+
+
+class _Scale:
+    """What forces and gaps are compared with."""
+
+    def __init__(self, place: Place, limits: Limits) -> None:
+        self.limits, self._stiffest = limits, 0.0
+
+    def know(self, K: Stiffness) -> None:
+        """Take the largest stiffness there is into account."""
+        self._stiffest = max(self._stiffest, float(np.abs(K.K.diagonal()).max(initial=0.0)))
+
+    def defect(self, place: Place, q: Floats, p: Floats) -> _Defect:
+        """How far forces and gaps are off."""
+        pressing = place.contact.rows.B_T @ p
+        force = max(place.size, float(np.abs(pressing).max(initial=0.0)), self._rounding(q), 1e-300)
+        off = np.abs(place.r - pressing)
+        balance = float(off.max(initial=0.0)) / force
+        gap = place.contact.defect(p) / self.size(q)
+        return _Defect(balance, gap, float(np.hypot(balance, gap)))
+
+    def _rounding(self, q: Floats) -> float:
+        """What rounding leaves of forces where bodies move far, over the tolerance."""
+        far = max(float(np.abs(q).max(initial=0.0)), self.limits.length)
+        return ROUNDING / self.limits.tolerance * self._stiffest * far
+
+    def size(self, q: Floats) -> float:
+        return max(float(np.abs(q).max(initial=0.0)), self.limits.moved, ROUNDING * self.limits.length, 1e-300)
+
+    def met(self, now: _State) -> bool:
+        """Whether a state is an equilibrium, to the tolerance or to rounding of coordinates."""
+        tolerance, size = self.limits.tolerance, self.size(now.q)
+        allowed = max(tolerance, ROUNDING * self.limits.length / size)
+        return now.defect.balance <= tolerance and now.defect.gap <= allowed
+
+    def goal(self, now: _State) -> Goal:
+        """How exactly to solve at a state."""
+        limits, reduction = self.limits, min(_LOOSE, now.defect.whole)
+        return Goal(reduction, 1e-3 * limits.tolerance, 1e-4 * ROUNDING * limits.length, self.size(now.q))
