@@ -10,6 +10,7 @@ Equilibrium is r = B_q^T p. Where the kinematics are small and the skins stay wh
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,11 +19,12 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, vstack
 from scipy.sparse.linalg import spsolve
 
-from lacmesh.errors import DataError
+from lacmesh.errors import DataError, some
 from lacmesh.mesh import Floats
 from lacsolver import acting
 from lacsolver.bodies import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
 from lacsolver.equilibrium import Contact, stiffness_of_rows
+from lacsolver.finite import InadmissibleError
 from lacsolver.interface import Interface, integrate
 from lacsolver.linear import SingularError
 from lacsolver.meeting import Meeting, meeting
@@ -30,6 +32,9 @@ from lacsolver.newton import Place
 from lacsolver.problem import Joint, Problem
 from lacsolver.schur import Rows
 from lacsolver.stiffness import Stiffness, Whole, hold
+
+#: of the bodies' extent: how far a node may be across the axis
+_AXIS = 1e-9
 
 
 @dataclass(eq=False)
@@ -66,10 +71,10 @@ class Model:
         except SingularError as error:
             raise self._singular(error) from error
 
-    def hold(self, K: csr_array, R: NDArray[np.floating]) -> Stiffness:
+    def hold(self, K: csr_array, R: NDArray[np.floating], definite: bool = True) -> Stiffness:
         """K (n_q, n_q) with free motions R, factorised by the case's backend."""
-        problem = self.problem
-        return hold(K, R, backend=problem.case.solver.backend, threads=problem.threads, whole=self._whole())
+        backend, threads = self.problem.case.solver.backend, self.problem.threads
+        return hold(K, R, backend=backend, threads=threads, whole=self._whole(), definite=definite)
 
     def _singular(self, error: SingularError) -> SingularError:
         """The error of a singular stiffness, in words of the mesh: the node that moves most, and along which axis."""
@@ -107,6 +112,19 @@ class Model:
     def linear(self) -> bool:
         """Whether forces and gaps are linear in q: small kinematics, and skins that are paired once."""
         return self.problem.kinematics.constant and not any(joint.moving for joint in self.problem.joints)
+
+    def check_beside_axis(self, u: Floats) -> None:
+        """Raises InadmissibleError where u (n_dof,) takes nodes of an axisymmetric model to the other side of the axis.
+
+        Those that are within rounding of it stay there.
+        """
+        space = self.problem.space
+        if space.model.axisymmetric:
+            x = space.mesh.points[:, 0] + u[:: space.dim]
+            beyond = np.flatnonzero((x < -_AXIS * self.length) & (space.mesh.points[:, 0] >= 0))
+            if len(beyond):
+                numbers = some(space.mesh.node_number[beyond])
+                raise InadmissibleError(f"nodes {numbers} are taken across the axis; take smaller steps")
 
     def unknowns(self, u: Floats) -> NDArray[np.floating]:
         """(n_q,): q with T q = u, (n_dof,), which has one."""
@@ -151,6 +169,7 @@ class Instant:
     def __post_init__(self) -> None:
         self._last: tuple[Floats, Meeting] | None = None
         self._fixed: Contact | None = None
+        self._definite = True
 
     @cached_property
     def u0(self) -> NDArray[np.floating]:
@@ -187,17 +206,18 @@ class Instant:
 
     def place(self, q: Floats) -> Place:
         """Forces, tangent and contact at q. Raises InadmissibleError where cells are turned inside out."""
-        return self._place(q, self.u(q), self._meeting(q))
+        u = self.u(q)
+        self.model.check_beside_axis(u)
+        return self._place(q, u)
 
     def foreseen(self, q: Floats, u: Floats, p: Floats) -> Place:
         """What `place` comes to, linearised about u (n_dof,) where what is prescribed was as it is no more.
 
         Forces and gaps are those at u, and what the rest of the way to u(q, t) adds to them at pressures p (m,).
         """
-        met = meeting(self.model.problem, self._paired(u), u)
-        return self._place(q, u, met, self.u(q) - u, p)
+        return self._place(q, u, self.u(q) - u, p)
 
-    def _place(self, q: Floats, u: Floats, met: Meeting, rest: Floats | None = None, p: Floats | None = None) -> Place:
+    def _place(self, q: Floats, u: Floats, rest: Floats | None = None, p: Floats | None = None) -> Place:
         problem, c = self.model.problem, self.model.problem.constraints
         T, load = c.tangent(q, self.t), problem.load(self.t, u)
         if problem.kinematics.constant:
@@ -205,6 +225,7 @@ class Instant:
         else:
             inner, K = problem.kinematics.force_and_tangent(u, self.t)
             following = acting.load_tangent(problem.space, problem.case, u, self.t)
+        met = self._meeting(q) if rest is None else meeting(problem, self._paired(u), u)
         contact, out = self._contact(met, T), inner - load
         if rest is not None and p is not None:
             out = out + K @ rest + (met.turning(p) @ rest if met.turns else 0.0)
@@ -226,7 +247,11 @@ class Instant:
         """K_q factorised: that of the undeformed bodies where it is constant."""
         if self.model.problem.kinematics.constant:
             return self.model.held
-        return self.model.hold(K_q, self.model.held.R)
+        if self._definite:
+            with suppress(SingularError):
+                return self.model.hold(K_q, self.model.held.R)
+            self._definite = False  # bodies that buckle: it is not worth trying again before the next step
+        return self.model.hold(K_q, self.model.held.R, definite=False)
 
     def _contact(self, met: Meeting, T: csr_array) -> Contact:
         """Rows on q."""

@@ -48,11 +48,19 @@ class Stiffness(NamedTuple):
 
 
 def hold(
-    K: csr_array, R: NDArray[np.floating], *, backend: str = "auto", threads: int = 1, whole: Whole | None = None
+    K: csr_array,
+    R: NDArray[np.floating],
+    *,
+    backend: str = "auto",
+    threads: int = 1,
+    whole: Whole | None = None,
+    definite: bool = True,
 ) -> Stiffness:
     """Factorise K, symmetric, with springs at r unknowns along its free motions R (n, r), so that it is definite.
 
-    `whole` lets multigrid see whole nodes. Raises SingularError where K has more free motions than R.
+    `whole` lets multigrid see whole nodes. Where `definite` is false, K may be indefinite, see `analyse`.
+
+    Raises SingularError where K has more free motions than R.
     """
     regular = K
     if R.shape[1]:
@@ -60,6 +68,8 @@ def hold(
         spring[_leading(R)] = np.abs(K.diagonal()).mean() or 1.0
         regular = csr_array(K + diags_array(spring))
     n_modes = 0 if whole is None else whole.modes.shape[1]
+    if not definite:
+        return Stiffness(K, analyse(regular, threads=threads, definite=False).factor(regular), R)
     if choose(backend, K.shape[0], n_modes).name == "multigrid" and whole is not None:
         on_nodes = _put_back(regular, whole)
         made = analyse(on_nodes, backend="multigrid", threads=threads, modes=whole.modes, block=whole.block)

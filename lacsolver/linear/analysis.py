@@ -9,6 +9,7 @@ from scipy.sparse import issparse
 
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
+from lacsolver.linear import rslab
 from lacsolver.linear.backends import MULTIGRID_ABOVE, choose
 from lacsolver.linear.direct import DirectAnalysis
 from lacsolver.linear.multigrid import MultigridAnalysis
@@ -23,8 +24,12 @@ def analyse(
     modes: Floats | None = None,
     block: int | None = None,
     multigrid_above: int = MULTIGRID_ABOVE,
+    definite: bool = True,
 ) -> Analysis:
     """The analysis of a symmetric positive definite matrix (n, n), sparse, both triangles stored, the diagonal too.
+
+    Where `definite` is false, it may have negative eigenvalues, as the tangent of a structure that buckles: then rslab
+    factorises it, whose L D L^T pivots, whatever the backend.
 
     `.factor(K)` takes values in the same pattern, again and again; `.factor(K).solve(b)` gives K^-1 b for b (n,) or
     (n, k): columns solved at once cost a direct backend much less than one by one.
@@ -46,6 +51,8 @@ def analyse(
         raise RequestError("a linear solver takes a sparse square matrix")
     if threads < 1:
         raise RequestError(f"threads is 1 or more, not {threads}")
+    if not definite:
+        return DirectAnalysis("rslab", K, lambda triangle: rslab.analyse(triangle, threads, definite=False), False)
     name = choose(backend, K.shape[0], 0 if modes is None else np.shape(modes)[-1], multigrid_above).name
     if name == "multigrid":
         return MultigridAnalysis(K, modes, block)

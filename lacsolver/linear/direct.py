@@ -6,6 +6,7 @@ import weakref
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.errors import RequestError
@@ -48,10 +49,13 @@ class DirectFactor:
 
 
 class DirectAnalysis:
-    """The analysis of a pattern by a direct backend; every factor takes the place of the one before."""
+    """The analysis of a pattern by a direct backend; every factor takes the place of the one before.
 
-    def __init__(self, backend: str, K: Matrix, analyse: Callable[[Triangle], Symbolic]) -> None:
-        self.backend = backend
+    `definite`: whether a matrix that is not positive definite is an error.
+    """
+
+    def __init__(self, backend: str, K: Matrix, analyse: Callable[[Triangle], Symbolic], definite: bool = True) -> None:
+        self.backend, self._definite = backend, definite
         csr = by_rows(K)
         self._pattern = csr.indptr, csr.indices
         self._triangle = Triangle.of(csr)
@@ -72,13 +76,14 @@ class DirectAnalysis:
 
     def _numbers(self, csr: csr_array) -> tuple[Floats, Numeric]:
         """The diagonal of a matrix, and its factor."""
-        d = positive_diagonal(csr)
+        d = positive_diagonal(csr) if self._definite else _size(csr)
         values = self._triangle.values(csr)
         try:
             numeric = self._symbolic.factor(values)
         except Breakdown as breakdown:
-            raise self._explained(csr, values, d, breakdown.dof) from None
-        check_regular(csr, d, numeric.solve)
+            raise (self._explained(csr, values, d, breakdown.dof) if self._definite else singular()) from None
+        if self._definite:
+            check_regular(csr, d, numeric.solve)
         return d, numeric
 
     def _explained(self, csr: csr_array, values: Floats, d: Floats, dof: int | None) -> SingularError:
@@ -91,6 +96,12 @@ class DirectAnalysis:
                 continue
             return singular(least_motion(csr, d, numeric.solve, clear=np.inf))
         return indefinite(dof)
+
+
+def _size(K: csr_array) -> NDArray[np.floating]:
+    """(n,): a positive diagonal to scale K with."""
+    d = np.abs(K.diagonal())
+    return np.where(d > 0, d, d.mean() or 1.0)
 
 
 class _Nothing:

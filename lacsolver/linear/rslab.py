@@ -19,9 +19,10 @@ class _Numeric:
 
 
 class _Symbolic:
-    def __init__(self, triangle: Triangle, threads: int) -> None:
+    def __init__(self, triangle: Triangle, threads: int, definite: bool) -> None:
         import rslab
 
+        self._definite = definite
         pattern = csc_array(
             (np.ones(len(triangle.indices)), triangle.indices, triangle.indptr), shape=(triangle.n,) * 2
         )
@@ -32,11 +33,12 @@ class _Symbolic:
             made = self._analysis.factor(values)
         except RuntimeError:
             raise Breakdown from None
-        if made.inertia[0] < made.n:
+        positive, negative, _ = made.inertia
+        if positive + (0 if self._definite else negative) < made.n:
             raise Breakdown
         return _Numeric(made)
 
 
-def analyse(triangle: Triangle, threads: int) -> _Symbolic:
-    """Order the elimination of a triangle."""
-    return _Symbolic(triangle, threads)
+def analyse(triangle: Triangle, threads: int, definite: bool = True) -> _Symbolic:
+    """Order the elimination of a triangle; where it need not be `definite`, negative pivots are as good as others."""
+    return _Symbolic(triangle, threads, definite)

@@ -48,8 +48,10 @@ def check(problem, state, moved):
 
     `moved`: the largest displacement up to now, which round-off goes with.
     """
-    K, c = problem.K, problem.constraints
-    forces = [np.abs(v).max(initial=0.0) for v in (K @ state.u, problem.load(state.time), state.reaction)]
+    c, u = problem.constraints, state.u
+    K = problem.kinematics.tangent(u, state.time)
+    acting = problem.kinematics.internal_force(u, state.time), problem.load(state.time, u), state.reaction
+    forces = [np.abs(v).max(initial=0.0) for v in acting]
     forces.append(1e-4 * abs(K).max() * moved)  # what round-off is measured with where nothing acts
     left = c.T.T @ state.reaction - c.force(state.time)
     assert np.abs(left).max(initial=0.0) <= 1e-10 * max(forces), "balance of what is free"
@@ -81,7 +83,7 @@ def check_conditions(joint, zone, moved):
 
 def stresses(problem, state):
     """(points, components) of the whole body."""
-    found = stress(problem.space, problem.materials, state.u, temperature=problem.temperature, t=state.time)
+    found = problem.kinematics.stress(state.u, state.time)
     return np.concatenate([s.reshape(-1, s.shape[-1]) for s in found])
 
 

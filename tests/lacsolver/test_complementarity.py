@@ -14,6 +14,7 @@ from scipy.sparse import csr_array
 
 from lacsolver.equilibrium import Contact, Limits, find_equilibrium, stiffness_of_rows
 from lacsolver.schur import Rows
+from lacsolver.state import Iterate
 from lacsolver.stiffness import hold
 
 #: of `random_system`, those on which exchanging all rows that want it goes round in a circle

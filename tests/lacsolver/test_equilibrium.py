@@ -201,9 +201,7 @@ def test_scaling_changes_nothing():
     first = found(s, start(s, "none"))
     for force, length in ((1e9, 1e-3), (1e-6, 1e3)):
         other = s._replace(K=force / length * s.K, f=force * s.f, G=length * s.G, R=s.R)
-        made = find_equilibrium(
-            other.held, other.f, contact(other), start(other, "none"), Limits(1e-10, 50, length)
-        )
+        made = find_equilibrium(other.held, other.f, contact(other), start(other, "none"), Limits(1e-10, 50, length))
         assert made.converged and len(made.defects) == len(first.defects)
         np.testing.assert_array_equal(made.iterate.active, first.iterate.active)
         np.testing.assert_allclose(made.iterate.q, length * first.iterate.q, rtol=1e-6, atol=1e-9 * length)

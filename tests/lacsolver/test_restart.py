@@ -23,7 +23,6 @@ from lacsolver.output import create
 from lacsolver.output.states import read_state
 from lacsolver.problem import Problem
 from lacsolver.running import run
-from lacsolver.stepping import _kept
 from tests.lacsolver.key_meshes import punch
 from tests.lacsolver.patch_meshes import three_blocks
 
@@ -231,7 +230,7 @@ def test_what_is_kept_is_in_equilibrium(folder, name):
     case = read_case("case.toml")
     model = Model(Problem.of(case))
     now = Instant(model, 3.0)
-    q, p, active = _kept(model, read_state("whole", case))
+    q, p, active = read_state("whole", case).iterate
     contact = now.contact(q)
     forces = contact.rows.B_T @ p
     np.testing.assert_allclose(model.held.K @ q + forces, now.f, atol=1e-11 * np.abs(forces).max())
