@@ -34,6 +34,8 @@ from lacsolver.stiffness import Stiffness
 _PARTS = (1.0, 0.5, 0.25, 0.125, 0.0625)
 #: a step may leave things worse than the worst of the last few by this
 _WORSE, _REMEMBERED = 2.0, 4
+#: steps without a new least defect after which a search is given up: a smaller step in time does better
+_PATIENCE = 10
 #: of the residual: the most that a solve leaves
 _LOOSE = 1e-2
 #: a held linear problem is given up after so many sets
@@ -45,6 +47,7 @@ class Place:
     """Bodies and contact at some q. `r` (n,): forces that nothing balances but contact; `size`: the largest there is.
 
     `stiffness`: makes K there, factorised; `turning`: makes C (n, n) at pressures p (m,), None where there is none.
+    `foreseen`: whether it is linearised from another place.
     """
 
     r: NDArray[np.floating]
@@ -52,6 +55,7 @@ class Place:
     contact: Contact
     stiffness: Callable[[], Stiffness]
     turning: Callable[[Floats], csr_array | None]
+    foreseen: bool = False
 
 
 #: the place at q; raises InadmissibleError
@@ -84,7 +88,8 @@ def follow(at: At, start: Iterate, limits: Limits, *, first: Place | None = None
     scale = _Scale(place, limits)
     p = np.where(active, start.p, 0.0)
     now = _State(start.q, p, place, scale.defect(place, start.q, p))
-    sets, history, products = _Sets(), [now.defect.whole], 0
+    sets, products = _Sets(), 0
+    history = [np.inf if first is not None else now.defect.whole]  # what is foreseen has defects of its own
     defects: list[tuple[float, float]] = []
     while len(defects) < limits.max_iterations:
         K = now.place.stiffness()
@@ -99,6 +104,8 @@ def follow(at: At, start: Iterate, limits: Limits, *, first: Place | None = None
             break
         now = then
         history.append(now.defect.whole)
+        if min(history[-_PATIENCE:]) > min(history[:-_PATIENCE], default=np.inf):
+            break
         defects.append((now.defect.balance, now.defect.gap))
         if told is not None:
             told(len(defects), int(active.sum()), *defects[-1])
@@ -164,7 +171,7 @@ class _Scale:
     """What forces and gaps are compared with."""
 
     def __init__(self, place: Place, limits: Limits) -> None:
-        self.limits, self._stiffest = limits, 0.0
+        self.limits, self._stiffest, self._least = limits, 0.0, np.inf
 
     def know(self, K: Stiffness) -> None:
         """Take the largest stiffness there is into account."""
@@ -175,9 +182,11 @@ class _Scale:
         pressing = place.contact.rows.B_T @ p
         force = max(place.size, float(np.abs(pressing).max(initial=0.0)), self._rounding(q), 1e-300)
         off = np.abs(place.r - pressing)
-        balance = float(off.max(initial=0.0)) / force
-        gap = place.contact.defect(p) / self.size(q)
-        return _Defect(balance, gap, float(np.hypot(balance, gap)))
+        largest = float(off.max(initial=0.0))
+        balance, gap = largest / force, place.contact.defect(p) / self.size(q)
+        if not place.foreseen:
+            self._least = min(self._least, force)
+        return _Defect(balance, gap, float(np.hypot(largest / self._least, gap)))
 
     def _rounding(self, q: Floats) -> float:
         """What rounding leaves of forces where bodies move far, over the tolerance."""
