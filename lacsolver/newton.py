@@ -9,7 +9,7 @@ the last few were, or turns cells inside out, is taken in part: forces over the 
 displacement, make one number. Sets that come back without that number having fallen are a cycle: then the linear
 problem is held, and its set found by block pivoting, which ends, before anything is linearised again.
 
-Systems are solved as exactly as the state is worth: to the same part that forces and gaps are off, so that the last
+Systems are solved as exactly as the state is worth: to a part of what forces and gaps are off, so that the last
 iterations converge quadratically.
 """
 
@@ -33,11 +33,11 @@ from lacsolver.stiffness import Stiffness
 #: parts of a step that are tried, one after the other
 _PARTS = (1.0, 0.5, 0.25, 0.125, 0.0625)
 #: a step may leave things worse than the worst of the last few by this
-_WORSE, _REMEMBERED = 2.0, 4
+_WORSE, _REMEMBERED = 1.0, 4
 #: steps without a new least defect after which a search is given up: a smaller step in time does better
 _PATIENCE = 10
-#: of the residual: the most that a solve leaves
-_LOOSE = 1e-2
+#: what a solve leaves of the residual: at most, and of the defect
+_LOOSE, _PART = 1e-4, 0.1
 #: a held linear problem is given up after so many sets
 _SETS = 20
 
@@ -204,5 +204,5 @@ class _Scale:
 
     def goal(self, now: _State) -> Goal:
         """How exactly to solve at a state."""
-        limits, reduction = self.limits, min(_LOOSE, now.defect.whole)
+        limits, reduction = self.limits, min(_LOOSE, _PART * now.defect.whole)
         return Goal(reduction, 1e-3 * limits.tolerance, 1e-4 * ROUNDING * limits.length, self.size(now.q))

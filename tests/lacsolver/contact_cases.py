@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from lacsolver.assemble import stress
 from lacsolver.case import parse_case
 from lacsolver.problem import Problem
 from lacsolver.state import CONTACT, OPEN, UNPAIRED

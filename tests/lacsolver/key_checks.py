@@ -12,6 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from scipy.optimize import fsolve
 
 import lacmesh
 from lacmesh.errors import LacmeshError
@@ -245,11 +246,11 @@ def check_consistent(ran):
 
 
 def check_halved(ran):
-    """A quarter of the step converges; the steps after it stay as long as that."""
-    assert ran.times == [0.25, 0.5, 0.75, 1.0]
-    assert [step["halvings"] for step in ran.steps] == [2, 0, 0, 0]
-    assert ran.steps[0]["iterations"] == 4 + 4 + len([told for told in ran.told if told.time == 0.25])
-    assert max(told.number for told in ran.told) == 4
+    """A sixteenth of the step converges; the steps after it stay as long as that."""
+    assert ran.times == [k / 16 for k in range(1, 17)]
+    assert [step["halvings"] for step in ran.steps] == [4] + 15 * [0]
+    assert ran.steps[0]["iterations"] == 4 * 3 + len([told for told in ran.told if told.time == 1 / 16])
+    assert max(told.number for told in ran.told) == 3
 
 
 def check_given_up(ran):
@@ -265,8 +266,39 @@ def check_tower(ran, cells):
         np.testing.assert_allclose(ran.table(zone)["pressure"], 1.0, rtol=1e-9)
 
 
+def check_saint_venant(ran):
+    """A uniform strip: no stress along x, the pressure on its deformed top."""
+    lam, mu = 1000 * 0.3 / (1.3 * 0.4), 1000 / 2.6
+
+    def cauchy(x, y):
+        E = (np.array([x, y]) ** 2 - 1) / 2
+        return (lam * E.sum() + 2 * mu * E) * np.array([x, y]) / np.array([y, x])
+
+    check_strip(ran, cauchy)
+
+
+def check_neo_hookean(ran):
+    lam, mu = 1000 * 0.3 / (1.3 * 0.4), 1000 / 2.6
+
+    def cauchy(x, y):
+        return (mu * (np.array([x, y]) ** 2 - 1) + lam * np.log(x * y)) / (x * y)
+
+    check_strip(ran, cauchy)
+
+
+def check_strip(ran, cauchy):
+    x, y = fsolve(lambda s: cauchy(*s) - [0.0, -200.0], [1.05, 0.85], xtol=1e-13)
+    assert ran.steps[-1]["reactions"]["bottom"][1] == pytest.approx(200.0 * x, rel=1e-9)
+    body = ran.solid()
+    u = body.node_data["displacement"]
+    np.testing.assert_allclose(u[:, :2], body.points[:, :2] * (np.array([x, y]) - 1), atol=1e-9)
+    np.testing.assert_allclose(ran.table("slave")["pressure"], 200.0 * x, rtol=1e-9)
+
+
 CHECKS: dict[str, Callable[[Ran], None]] = {
     "loads": check_loads,
+    "saint venant": check_saint_venant,
+    "neo-hookean": check_neo_hookean,
     "fields": check_fields,
     "springs": check_springs,
     "rigid": check_rigid,

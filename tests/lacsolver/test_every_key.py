@@ -14,17 +14,14 @@ import lacmesh
 import lacsolver.problem
 import lacsolver.stiffness
 from lacmesh.errors import LacmeshError
-from lacsolver.case import Case, CaseError, read_case
-from lacsolver.case.keys import ANY, keys_of, sections_of
+from lacsolver.case import Case, read_case
+from lacsolver.case.keys import keys_of, sections_of
 from lacsolver.case.kinds import Choice
-from lacsolver.cli import main
 from lacsolver.linear import analyse, backends
 from lacsolver.output import create
-from lacsolver.problem import Problem
 from lacsolver.running import run
 from lacsolver.stepping import NotConvergedError
-from lacsolver.validation import validate
-from tests.lacsolver.key_cases import CASES, LATER, SOLVERS
+from tests.lacsolver.key_cases import CASES, SOLVERS
 from tests.lacsolver.key_checks import CHECKS, Ran, check_tower
 
 #: cores that the process has, here
@@ -130,14 +127,13 @@ def test_every_backend_is_asked_or_said_to_be_missing(shop, backend):
 
 
 def used():
-    """(section, key) and (section, key, option) that the cases have, and those of cases to come."""
-    for texts in ((*CASES.values(), *SOLVERS.values()), LATER):
-        found = set()
-        for case in texts:
-            for section, keys in sections(tomllib.loads(looked_at(case.text))):
-                for name, value in keys.items():
-                    found |= {(section, name), (section, name, str(value))}
-        yield found
+    """(section, key) and (section, key, option) that the cases have."""
+    found = set()
+    for case in (*CASES.values(), *SOLVERS.values()):
+        for section, keys in sections(tomllib.loads(looked_at(case.text))):
+            for name, value in keys.items():
+                found |= {(section, name), (section, name, str(value))}
+    return found
 
 
 def looked_at(text):
@@ -154,34 +150,15 @@ def sections(document):
 
 
 def table():
-    """(place, kinematics) of every key of the schema, and of every option of every choice."""
+    """The place of every key of the schema, and of every option of every choice."""
     for section, record in {"": Case, **sections_of(Case)}.items():
         for name, key in keys_of(record).items():
-            yield (section, name), key.kinematics
+            yield section, name
             for option in key.kind.options if isinstance(key.kind, Choice) else ():
-                yield (section, name, option.word), option.kinematics
+                yield section, name, option.word
 
 
 def test_every_key_and_every_option_is_in_some_case():
-    now, later = used()
-    for place, kinematics in table():
-        if kinematics == "finite" or place == ("", "kinematics", "finite"):
-            assert place in later and place not in now, place
-        else:
-            assert kinematics in (ANY, "small")
-            assert place in now, place
-
-
-@pytest.mark.parametrize("case", LATER)
-def test_finite_kinematics_is_refused_in_a_sentence(shop, case, capsys):
-    made, mesh = shop.read(case, case.text)
-    said = 'kinematics = "finite" is not solved yet'
-    with pytest.raises(CaseError, match=said) as error:
-        Problem.of(made, mesh)
-    assert error.value.status == 1 and len(str(error.value).splitlines()) == 1
-    (problem,) = validate(made, mesh).problems
-    assert said in problem.message
-    assert main(["run", str(made.path), "-o", str(shop.folder / "out")]) == 1
-    told = capsys.readouterr()
-    assert told.out == "" and told.err.startswith(f"lacsolver: error: {made.path}: ") and said in told.err
-    assert told.err.count("\n") == 1 and not (shop.folder / "out").exists()
+    found = used()
+    for place in table():
+        assert place in found, place

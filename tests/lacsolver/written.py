@@ -12,7 +12,7 @@ from lacsolver.case import Case, read_case
 from lacsolver.output import Writer, create
 from lacsolver.results import Fields, Restart, Results, StepFigures, ZoneFields, ZoneFigures
 from lacsolver.space import Space
-from lacsolver.state import State, ZoneState
+from lacsolver.state import Iterate, State, ZoneState
 from tests.lacsolver.bodies import cube, square
 
 MODELS = ("3d", "plane_strain", "axisymmetric")
@@ -202,5 +202,7 @@ def figures(space, time):
 def restart(space, number, time):
     x = displacement(space.mesh.points, time)[:, : space.dim].ravel()
     zones = tuple(zone_state(space, time, k) for k in (0, 1))
-    state = State(time, x, -2 * x, zones, {"ball": np.array([time, 0.0, 1.0])}, 5, 1)
+    now = Iterate(3 * x, np.arange(4.0), np.arange(4) > 1)
+    earlier = None if number == 1 else (time / 2, Iterate(2 * x, -np.arange(4.0), np.arange(4) > 2))
+    state = State(time, x, -2 * x, zones, {"ball": np.array([time, 0.0, 1.0])}, 5, 1, (), 0.125, now, earlier)
     return Restart.of(state, 0.125, number)
