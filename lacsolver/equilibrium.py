@@ -67,11 +67,15 @@ class Contact:
         """The same rows with other gaps."""
         return replace(self, G=G)
 
-    def defect(self, p: Floats) -> float:
-        """How far p and G are from the conditions, as a gap."""
+    def defects(self, p: Floats) -> NDArray[np.floating]:
+        """(m,): how far p and G of each row are from the conditions, as a gap."""
         gap = np.where(self.paired, self.G / self.rows.w, 0.0)
         free = np.minimum(np.where(self.paired, p / self.c, 0.0), gap)
-        return float(np.abs(np.where(self.held, gap, free)).max(initial=0.0))
+        return np.where(self.held, gap, free)
+
+    def defect(self, p: Floats) -> float:
+        """The largest of them, in size."""
+        return float(np.abs(self.defects(p)).max(initial=0.0))
 
 
 class Outcome(NamedTuple):

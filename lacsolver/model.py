@@ -241,7 +241,7 @@ class Instant:
             return csr_array(sum(total[1:], total[0])) if total else None
 
         size = max(float(np.abs(v).max(initial=0.0)) for v in (inner, load, motion, out))
-        return Place(motion - T.T @ out, size, contact, lambda: self._held(K_q), turning, rest is not None)
+        return Place(motion - T.T @ out, size, contact, lambda: self._held(K_q), turning)
 
     def _held(self, K_q: csr_array) -> Stiffness:
         """K_q factorised: that of the undeformed bodies where it is constant."""

@@ -4,10 +4,11 @@ At q, with forces r that nothing but contact balances, one linear system gives t
 
     K dq + C(p) dq + B_A^T p = r,   D_A dq = G_A              C: how contact, followers, rigid bodies turn forces
 
-and the set of closed rows follows its signs, as in `equilibrium`. A step that leaves forces and gaps much worse than
-the last few were, or turns cells inside out, is taken in part: forces over the largest force, and gaps over the
-displacement, make one number. Sets that come back without that number having fallen are a cycle: then the linear
-problem is held, and its set found by block pivoting, which ends, before anything is linearised again.
+and the set of closed rows follows its signs, as in `equilibrium`. A step that leaves forces and gaps worse than they
+were in the last few, or turns cells inside out, is taken in part: the largest force out of balance, and a part of the
+largest that it takes to close the gaps that should be, by c_m of each, make one number without a unit to choose. Sets
+that come back without that number having fallen are a cycle: then the linear problem is held, and its set found by
+block pivoting, which ends, before anything is linearised again.
 
 Systems are solved as exactly as the state is worth: to a part of what forces and gaps are off, so that the last
 iterations converge quadratically.
@@ -34,6 +35,8 @@ from lacsolver.stiffness import Stiffness
 _PARTS = (1.0, 0.5, 0.25, 0.125, 0.0625)
 #: a step may leave things worse than the worst of the last few by this
 _WORSE, _REMEMBERED = 1.0, 4
+#: stiffness of what is behind a macro-element's own skin, of that skin's: what a gap counts for among forces
+_BEHIND = 0.1
 #: steps without a new least defect after which a search is given up: a smaller step in time does better
 _PATIENCE = 10
 #: what a solve leaves of the residual: at most, and of the defect
@@ -47,7 +50,6 @@ class Place:
     """Bodies and contact at some q. `r` (n,): forces that nothing balances but contact; `size`: the largest there is.
 
     `stiffness`: makes K there, factorised; `turning`: makes C (n, n) at pressures p (m,), None where there is none.
-    `foreseen`: whether it is linearised from another place.
     """
 
     r: NDArray[np.floating]
@@ -55,7 +57,6 @@ class Place:
     contact: Contact
     stiffness: Callable[[], Stiffness]
     turning: Callable[[Floats], csr_array | None]
-    foreseen: bool = False
 
 
 #: the place at q; raises InadmissibleError
@@ -63,7 +64,7 @@ At = Callable[[Floats], Place]
 
 
 class _Defect(NamedTuple):
-    """How far a state is from equilibrium: forces and gaps, relative; `whole`: both in one number."""
+    """How far a state is from equilibrium: forces and gaps, relative; `whole`: both as one force."""
 
     balance: float
     gap: float
@@ -171,7 +172,7 @@ class _Scale:
     """What forces and gaps are compared with."""
 
     def __init__(self, place: Place, limits: Limits) -> None:
-        self.limits, self._stiffest, self._least = limits, 0.0, np.inf
+        self.limits, self._stiffest = limits, 0.0
 
     def know(self, K: Stiffness) -> None:
         """Take the largest stiffness there is into account."""
@@ -182,11 +183,10 @@ class _Scale:
         pressing = place.contact.rows.B_T @ p
         force = max(place.size, float(np.abs(pressing).max(initial=0.0)), self._rounding(q), 1e-300)
         off = np.abs(place.r - pressing)
-        largest = float(off.max(initial=0.0))
-        balance, gap = largest / force, place.contact.defect(p) / self.size(q)
-        if not place.foreseen:
-            self._least = min(self._least, force)
-        return _Defect(balance, gap, float(np.hypot(largest / self._least, gap)))
+        largest, off_by = float(off.max(initial=0.0)), place.contact.defects(p)
+        closing = place.contact.rows.B_T @ (place.contact.c * off_by)
+        gap = float(np.abs(off_by).max(initial=0.0)) / self.size(q)
+        return _Defect(largest / force, gap, largest + _BEHIND * float(np.abs(closing).max(initial=0.0)))
 
     def _rounding(self, q: Floats) -> float:
         """What rounding leaves of forces where bodies move far, over the tolerance."""
@@ -204,5 +204,5 @@ class _Scale:
 
     def goal(self, now: _State) -> Goal:
         """How exactly to solve at a state."""
-        limits, reduction = self.limits, min(_LOOSE, _PART * now.defect.whole)
+        limits, reduction = self.limits, min(_LOOSE, _PART * max(now.defect.balance, now.defect.gap))
         return Goal(reduction, 1e-3 * limits.tolerance, 1e-4 * ROUNDING * limits.length, self.size(now.q))

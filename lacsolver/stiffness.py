@@ -69,7 +69,7 @@ def hold(
         regular = csr_array(K + diags_array(spring))
     n_modes = 0 if whole is None else whole.modes.shape[1]
     if not definite:
-        return Stiffness(K, analyse(regular, threads=threads, definite=False).factor(regular), R)
+        return Stiffness(K, analyse(regular, backend=backend, threads=threads, definite=False).factor(regular), R)
     if choose(backend, K.shape[0], n_modes).name == "multigrid" and whole is not None:
         on_nodes = _put_back(regular, whole)
         made = analyse(on_nodes, backend="multigrid", threads=threads, modes=whole.modes, block=whole.block)
