@@ -126,7 +126,7 @@ def find_equilibrium(
     defects: list[tuple[float, float]] = []
     products = 0
     for number in range(1, limits.max_iterations + 1):
-        active = stopped(K, contact, active, f)
+        active = stopped(K.R, contact, active, f)
         here = contact
         wanted = here.G + here.rows.D @ q
         loose = 0.0 if pivots.exact(active) else _LOOSE
@@ -148,15 +148,15 @@ def find_equilibrium(
     return Outcome(False, Iterate(q, p, active), contact, tuple(defects), products)
 
 
-def stopped(K: Stiffness, contact: Contact, active: NDArray[np.bool_], f: Floats) -> NDArray[np.bool_]:
-    """(m,): a set, with rows added so that no body that is free moves along its load f (n,).
+def stopped(R: Floats, contact: Contact, active: NDArray[np.bool_], f: Floats) -> NDArray[np.bool_]:
+    """(m,): a set, with rows added so that no body that is free, by motions R (n, r), moves along its load f (n,).
 
     Each is the row that is reached first as the body goes; a load that no row stops is left to what follows.
     """
-    if not K.R.shape[1]:
+    if not R.shape[1]:
         return active
-    active, moves, load = active.copy(), contact.rows.D @ K.R, K.R.T @ f
-    for _ in range(K.R.shape[1]):
+    active, moves, load = active.copy(), contact.rows.D @ R, R.T @ f
+    for _ in range(R.shape[1]):
         free = _null_space(moves[active])
         along = free @ (free.T @ load)
         closing = moves @ along

@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array, vstack
+from scipy.sparse import coo_array, csc_array, csr_array, vstack
 from scipy.sparse.linalg import spsolve
 
 from lacmesh.errors import DataError, some
@@ -31,7 +31,7 @@ from lacsolver.meeting import Meeting, meeting
 from lacsolver.newton import Place
 from lacsolver.problem import Joint, Problem
 from lacsolver.schur import Rows
-from lacsolver.stiffness import Stiffness, Whole, hold
+from lacsolver.stiffness import Stiffness, Whole, hold, leading_unknowns
 
 #: of the bodies' extent: how far a node may be across the axis
 _AXIS = 1e-9
@@ -62,19 +62,56 @@ class Model:
 
     @cached_property
     def held(self) -> Stiffness:
-        """K_q (n_q, n_q), factorised."""
-        R = np.zeros((self.problem.constraints.n_q, 0))
-        if self.motions:
-            R = np.linalg.qr(np.stack([self.unknowns(motion.field) for motion in self.motions], axis=1))[0]
+        """K_q (n_q, n_q), with what makes it `steady`, factorised."""
+        K = self.reduced(self.K, self.problem.constraints.T)
         try:
-            return self.hold(self.reduced(self.K, self.problem.constraints.T), R)
+            return self.hold(K if self.steady is None else csr_array(K + self.steady))
         except SingularError as error:
             raise self._singular(error) from error
 
-    def hold(self, K: csr_array, R: NDArray[np.floating], definite: bool = True) -> Stiffness:
-        """K (n_q, n_q) with free motions R, factorised by the case's backend."""
+    @cached_property
+    def free(self) -> NDArray[np.floating]:
+        """(n_q, r): `motions`, orthonormal; first those that never cost energy."""
+        always = [m for m in self.motions if self._always_free(m)]
+        return self._orthonormal([*always, *(m for m in self.motions if not self._always_free(m))])
+
+    @cached_property
+    def R(self) -> NDArray[np.floating]:
+        """(n_q, k): the columns of `free` that K_q takes to 0 wherever the bodies are."""
+        return self.free[:, : sum(map(self._always_free, self.motions))]
+
+    @cached_property
+    def steady(self) -> csr_array | None:
+        """(n_q, n_q): springs against rotations of whole bodies, which finite kinematics make K_q resist or further.
+
+        They act on differences of unknowns, so that translations do not feel them; Newton's method takes them off again
+        as a part of its turning forces. None where there are none.
+        """
+        soft = self.free[:, self.R.shape[1] :]
+        if not soft.shape[1]:
+            return None
+        leading, other = leading_unknowns(self.R), leading_unknowns(soft)
+        w = coo_array((np.ones(len(other)), (other, np.arange(len(other)))), shape=soft.shape).tocsr()
+        if len(leading):
+            part = np.linalg.solve(self.R[leading].T, self.R[other].T)
+            rows, columns = np.meshgrid(leading, np.arange(len(other)), indexing="ij")
+            w = csr_array(w - coo_array((part.ravel(), (rows.ravel(), columns.ravel())), shape=soft.shape))
+        size = float(np.abs(self.K.diagonal()).mean()) or 1.0
+        return csr_array(size * (w @ w.T))
+
+    def _always_free(self, motion: FreeMotion) -> bool:
+        """Whether a motion costs no energy wherever the bodies are: any in small kinematics, else a translation."""
+        return self.problem.kinematics.constant or not motion.twists[:, 3:].any()
+
+    def _orthonormal(self, motions: Sequence[FreeMotion]) -> NDArray[np.floating]:
+        if not motions:
+            return np.zeros((self.problem.constraints.n_q, 0))
+        return np.linalg.qr(np.stack([self.unknowns(motion.field) for motion in motions], axis=1))[0]
+
+    def hold(self, K: csr_array, definite: bool = True) -> Stiffness:
+        """K (n_q, n_q), factorised by the case's backend."""
         backend, threads = self.problem.case.solver.backend, self.problem.threads
-        return hold(K, R, backend=backend, threads=threads, whole=self._whole(), definite=definite)
+        return hold(K, self.R, backend=backend, threads=threads, whole=self._whole(), definite=definite)
 
     def _singular(self, error: SingularError) -> SingularError:
         """The error of a singular stiffness, in words of the mesh: the node that moves most, and along which axis."""
@@ -230,7 +267,7 @@ class Instant:
         if rest is not None and p is not None:
             out = out + K @ rest + (met.turning(p) @ rest if met.turns else 0.0)
             contact = contact.at(contact.G - met.D @ rest)
-        K_q = self.model.held.K if problem.kinematics.constant else self.model.reduced(K, T)
+        K_q = self.model.held.K if problem.kinematics.constant else self._steadied(self.model.reduced(K, T))
         motion = c.force(self.t, q)
 
         def turning(pressure: Floats) -> csr_array | None:
@@ -238,10 +275,14 @@ class Instant:
             parts = [met.turning(pressure)] if met.turns else []
             parts += [] if following is None else [-following]
             total = [self.model.reduced(csr_array(part), T) for part in parts] + ([] if bent is None else [bent])
+            total += [] if self.model.steady is None else [-self.model.steady]
             return csr_array(sum(total[1:], total[0])) if total else None
 
         size = max(float(np.abs(v).max(initial=0.0)) for v in (inner, load, motion, out))
-        return Place(motion - T.T @ out, size, contact, lambda: self._held(K_q), turning)
+        return Place(motion - T.T @ out, size, contact, lambda: self._held(K_q), turning, self.model.free)
+
+    def _steadied(self, K_q: csr_array) -> csr_array:
+        return K_q if self.model.steady is None else csr_array(K_q + self.model.steady)
 
     def _held(self, K_q: csr_array) -> Stiffness:
         """K_q factorised: that of the undeformed bodies where it is constant."""
@@ -249,9 +290,9 @@ class Instant:
             return self.model.held
         if self._definite:
             with suppress(SingularError):
-                return self.model.hold(K_q, self.model.held.R)
+                return self.model.hold(K_q)
             self._definite = False  # bodies that buckle: it is not worth trying again before the next step
-        return self.model.hold(K_q, self.model.held.R, definite=False)
+        return self.model.hold(K_q, definite=False)
 
     def _contact(self, met: Meeting, T: csr_array) -> Contact:
         """Rows on q."""

@@ -50,6 +50,7 @@ class Place:
     """Bodies and contact at some q. `r` (n,): forces that nothing balances but contact; `size`: the largest there is.
 
     `stiffness`: makes K there, factorised; `turning`: makes C (n, n) at pressures p (m,), None where there is none.
+    `free` (n, k): motions of whole bodies that nothing but contact stops.
     """
 
     r: NDArray[np.floating]
@@ -57,6 +58,7 @@ class Place:
     contact: Contact
     stiffness: Callable[[], Stiffness]
     turning: Callable[[Floats], csr_array | None]
+    free: NDArray[np.floating]
 
 
 #: the place at q; raises InadmissibleError
@@ -95,7 +97,7 @@ def follow(at: At, start: Iterate, limits: Limits, *, first: Place | None = None
     while len(defects) < limits.max_iterations:
         K = now.place.stiffness()
         scale.know(K)
-        active = stopped(K, now.place.contact, active, now.place.r)
+        active = stopped(now.place.free, now.place.contact, active, now.place.r)
         solves = 1 if not sets.cycle(active, now.defect.whole) else min(_SETS, limits.max_iterations - len(defects))
         made, active, count, spent = _solved(K, now, active, scale, solves)
         products += spent

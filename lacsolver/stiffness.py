@@ -65,7 +65,7 @@ def hold(
     regular = K
     if R.shape[1]:
         spring = np.zeros(K.shape[0])
-        spring[_leading(R)] = np.abs(K.diagonal()).mean() or 1.0
+        spring[leading_unknowns(R)] = np.abs(K.diagonal()).mean() or 1.0
         regular = csr_array(K + diags_array(spring))
     n_modes = 0 if whole is None else whole.modes.shape[1]
     if not definite:
@@ -77,8 +77,10 @@ def hold(
     return Stiffness(K, analyse(regular, backend=backend, threads=threads).factor(regular), R)
 
 
-def _leading(R: Floats) -> Ints:
+def leading_unknowns(R: Floats) -> Ints:
     """(r,): unknowns that tell the motions R (n, r) apart best."""
+    if not R.shape[1]:
+        return np.empty(0, np.int64)
     *_, order = scipy.linalg.qr(R.T, mode="r", pivoting=True)
     return np.asarray(order[: R.shape[1]])
 

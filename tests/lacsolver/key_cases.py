@@ -473,7 +473,7 @@ group = "x0"
 ux = 0.0
 [[pressure]]
 group = "top"
-value = 200.0
+value = 100.0
 follower = true
 """
 
