@@ -80,15 +80,19 @@ class _State(NamedTuple):
     defect: _Defect
 
 
-def follow(at: At, start: Iterate, limits: Limits, *, first: Place | None = None, told: Told | None = None) -> Outcome:
+def follow(
+    at: At, start: Iterate, limits: Limits, *, first: Place | None = None, exact: bool = False, told: Told | None = None
+) -> Outcome:
     """Equilibrium from a guess. `first`: what to take for the place there, for instance foreseen from another one.
+
+    `exact`: solve each system as exactly as numbers allow, which is worth it where one factor of K serves them all.
 
     Raises InadmissibleError where the guess itself turns cells inside out.
     """
     place = at(start.q) if first is None else first
     contact = place.contact
     active = contact.paired & (start.active | contact.held)
-    scale = _Scale(place, limits)
+    scale = _Scale(limits, exact)
     p = np.where(active, start.p, 0.0)
     now = _State(start.q, p, place, scale.defect(place, start.q, p))
     sets, products = _Sets(), 0
@@ -173,8 +177,8 @@ class _Sets:
 class _Scale:
     """What forces and gaps are compared with."""
 
-    def __init__(self, place: Place, limits: Limits) -> None:
-        self.limits, self._stiffest = limits, 0.0
+    def __init__(self, limits: Limits, exact: bool) -> None:
+        self.limits, self._exact, self._stiffest = limits, exact, 0.0
 
     def know(self, K: Stiffness) -> None:
         """Take the largest stiffness there is into account."""
@@ -206,5 +210,6 @@ class _Scale:
 
     def goal(self, now: _State) -> Goal:
         """How exactly to solve at a state."""
-        limits, reduction = self.limits, min(_LOOSE, _PART * max(now.defect.balance, now.defect.gap))
+        limits = self.limits
+        reduction = 0.0 if self._exact else min(_LOOSE, _PART * max(now.defect.balance, now.defect.gap))
         return Goal(reduction, 1e-3 * limits.tolerance, 1e-4 * ROUNDING * limits.length, self.size(now.q))

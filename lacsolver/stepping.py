@@ -153,11 +153,12 @@ def _search(instant: Instant, path: _Path, spent: _Step, told: Callable[[Told], 
     now, guess = path.iterate or _first(instant), path.guess(instant.t)
     if model.linear:
         return find_equilibrium(model.held, instant.f, instant.contact, guess or now, limits, told=tell)
+    exact = model.problem.kinematics.constant
     if guess is not None:
         with suppress(InadmissibleError):
-            return follow(instant.place, guess, limits, told=tell)
+            return follow(instant.place, guess, limits, exact=exact, told=tell)
     u = Instant(model, path.time).u(now.q) if path.iterate else np.zeros(model.problem.space.n_dof)
-    return follow(instant.place, now, limits, first=instant.foreseen(now.q, u, now.p), told=tell)
+    return follow(instant.place, now, limits, first=instant.foreseen(now.q, u, now.p), exact=exact, told=tell)
 
 
 def _first(instant: Instant) -> Iterate:

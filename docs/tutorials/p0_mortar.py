@@ -5,7 +5,7 @@ import numpy as np
 import lacmesh
 from lacmesh import Mesh, Surface
 from lacsolver import Case, Displacement, Material, Pairing, Problem, Zone, integrate
-from lacsolver.equilibrium import Contact, Limits, at_start, find_equilibrium, shifted, stiffness_of_rows
+from lacsolver.equilibrium import Contact, Limits, at_start, find_equilibrium, stiffness_of_rows
 from lacsolver.interface.interface import positions
 from lacsolver.interface.rows import macro_rows
 from lacsolver.model import Instant, Model
@@ -63,7 +63,7 @@ def contact(model, B, G, w):
     rows = Rows(B, B, w)
     every = np.full(len(G), True)
     whole = Contact(rows, G, paired=every, held=~every, c=stiffness_of_rows(model.held, rows))
-    return whole, lambda q: shifted(whole, G - B @ q)
+    return whole, lambda q: whole.at(G - B @ q)
 
 
 def pressures(mesh, stage):
