@@ -34,10 +34,10 @@ def analyse(
     `.factor(K)` takes values in the same pattern, again and again; `.factor(K).solve(b)` gives K^-1 b for b (n,) or
     (n, k): columns solved at once cost a direct backend much less than one by one.
 
-    `threads`: cores for rslab, pardiso, mumps and cholmod. `modes` (n, r) and `block` are for multigrid: the rigid
-    motions, at least of every body, and the unknowns a node has (those of a block matrix if None). `auto` takes it
-    above `multigrid_above` unknowns, see `choose`; a direct solution is exact to rounding, one of multigrid to the
-    `tolerance` that `solve` takes.
+    `threads`: cores for all but superlu. `modes` (n, r) and `block` are for multigrid: the rigid motions, at least of
+    every body, and the unknowns a node has (those of a block matrix if None). `auto` takes it above `multigrid_above`
+    unknowns, see `choose`; a direct solution is exact to rounding, one of multigrid to the `tolerance` that `solve`
+    takes.
 
     Raises RequestError for a backend that is wrong or not installed; `factor` raises SingularError.
 
@@ -55,7 +55,7 @@ def analyse(
         return DirectAnalysis("rslab", K, lambda triangle: rslab.analyse(triangle, threads, definite=False), False)
     name = choose(backend, K.shape[0], 0 if modes is None else np.shape(modes)[-1], multigrid_above).name
     if name == "multigrid":
-        return MultigridAnalysis(K, modes, block)
+        return MultigridAnalysis(K, modes, block, threads)
     method = import_module(f"lacsolver.linear.{name}")
     return DirectAnalysis(name, K, lambda triangle: method.analyse(triangle, threads))
 

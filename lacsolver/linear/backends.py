@@ -10,8 +10,8 @@ from types import MappingProxyType
 from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.linear.mkl import library
 
-#: above so many unknowns in 3D, one multigrid solve costs less than a factorisation (docs/solver_backends.md)
-MULTIGRID_ABOVE = 150_000
+#: above so many unknowns in 3D, contact costs less with multigrid than with a factorisation (docs/solver_backends.md)
+MULTIGRID_ABOVE = 80_000
 #: rigid modes of a body in 3D: fewer, and the problem is plane, where a factorisation stays cheap
 _MODES_3D = 6
 

@@ -6,17 +6,24 @@ Hestenes, Stiefel (1952), in the usual letters: x, r = b - K x, z = M r, p the d
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Protocol
 
 import numpy as np
 
 from lacmesh.mesh import Floats
 from lacsolver.linear.errors import Breakdown
-from lacsolver.linear.protocol import Matrix
 
 Apply = Callable[[Floats], Floats]
 
 
-def iterates(K: Matrix, M: Apply, b: Floats, x: Floats) -> Iterator[tuple[Floats, Floats]]:
+class Operator(Protocol):
+    """A matrix, or what multiplies as one."""
+
+    def __matmul__(self, x: Floats, /) -> Floats:
+        """K x."""
+
+
+def iterates(K: Operator, M: Apply, b: Floats, x: Floats) -> Iterator[tuple[Floats, Floats]]:
     """Yield (x, r) for ever, r by recurrence; both are written over by the next step. Starts with the given x.
 
     Raises Breakdown where the energy p.Kp or r.Mr is not positive: K or M is not positive definite.

@@ -51,11 +51,12 @@ class DirectFactor:
 class DirectAnalysis:
     """The analysis of a pattern by a direct backend; every factor takes the place of the one before.
 
-    `definite`: whether a matrix that is not positive definite is an error.
+    `definite`: whether a matrix that is not positive definite is an error. `asked`: the backend's name and that.
     """
 
     def __init__(self, backend: str, K: Matrix, analyse: Callable[[Triangle], Symbolic], definite: bool = True) -> None:
         self.backend, self._definite = backend, definite
+        self.asked = backend, definite
         csr = by_rows(K)
         self._pattern = csr.indptr, csr.indices
         self._triangle = Triangle.of(csr)

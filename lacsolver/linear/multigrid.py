@@ -1,13 +1,12 @@
 """Smoothed aggregation (PyAMG) on the blocks of the nodes, its near-null space the rigid modes, and CG around it.
 
-Vanek, Mandel, Brezina (1996). The hierarchy is built once for a matrix and serves all its right-hand sides. Rows of the
-identity in place of prescribed displacements keep the blocks whole; they cost no iterations (measured).
+Vanek, Mandel, Brezina (1996). The hierarchy is built once for a matrix and serves all its right-hand sides, and
+matrices that are like it, until it has worn: until these take half as many iterations again as it took at first. Rows
+of the identity in place of prescribed displacements keep the blocks whole; they cost no iterations (measured).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from itertools import islice
 
 import numpy as np
@@ -16,7 +15,8 @@ from scipy.sparse.csgraph import connected_components
 
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
-from lacsolver.linear.conjugate import Apply, iterates
+from lacsolver.linear.conjugate import iterates
+from lacsolver.linear.cycle import Blocks, Cycle, Level, Team, jacobi
 from lacsolver.linear.errors import Breakdown, LinearError
 from lacsolver.linear.protocol import TOLERANCE, Matrix
 from lacsolver.linear.refine import backward_error
@@ -27,6 +27,9 @@ from lacsolver.linear.sides import right_hand_sides
 _STRENGTH = 0.03
 #: nodes (of six unknowns) that are solved for directly, by a dense inverse
 _COARSEST = 60
+_LEVELS = 12
+#: how far prolongations are smoothed, over the largest eigenvalue of D^-1 K
+_SMOOTHING = 4 / 3
 #: iterations, and times that the true residual is looked at
 _MOST = 300
 _LOOKS = 4
@@ -34,16 +37,45 @@ _LOOKS = 4
 _ROUNDING = 1e-15
 #: no tolerance is taken to be less
 _LEAST = 1e-16
-_SMOOTHER = ("block_gauss_seidel", {"sweep": "symmetric", "iterations": 1})
+_TINY = 1e-300
+#: a hierarchy has worn where iterations for a tenth of the residual are so many times those of its first use
+_WORN = 1.5
+#: tenths by which a residual has to fall for its iterations to count in that
+_TELLING = 3.0
+
+
+class Hierarchy:
+    """A V-cycle, and how well it did for the matrices that it was used with."""
+
+    def __init__(self, cycle: Cycle) -> None:
+        self.cycle = cycle
+        self._rates: dict[str, tuple[float, float]] = {}
+
+    def note(self, use: str, iterations: int, tenths: float) -> None:
+        """That a kind of use took so many iterations to bring a residual down by powers of ten."""
+        if tenths >= _TELLING:
+            rate = iterations / tenths
+            self._rates[use] = self._rates.get(use, (rate, rate))[0], rate
+
+    @property
+    def worn(self) -> bool:
+        """Whether another one would pay."""
+        return any(last > _WORN * first for first, last in self._rates.values())
 
 
 class MultigridFactor:
-    """A hierarchy for K. `n_iterations`: of the last right-hand side."""
+    """A matrix and a hierarchy for it, or for one like it. `n_iterations`: of the last right-hand side."""
 
-    def __init__(self, K: bsr_array, d: Floats, precondition: Apply) -> None:
+    def __init__(self, K: bsr_array, d: Floats, hierarchy: Hierarchy, team: Team) -> None:
         self.n_solves = 0
         self.n_iterations = 0
-        self._K, self._scale, self._precondition = K, 1 / np.sqrt(d), precondition
+        self.shape = K.shape
+        self.hierarchy = hierarchy
+        self._scale, self._blocks, self.team = 1 / np.sqrt(d), Blocks.of(K), team
+
+    def __matmul__(self, x: Floats) -> Floats:
+        """K x, on all threads."""
+        return self.team.product(self._blocks, x)
 
     def solve(self, b: Floats, *, tolerance: float = TOLERANCE, x0: Floats | None = None) -> Floats:
         """x with |b - K x| <= tolerance |b|, each column from its own x0.
@@ -69,7 +101,7 @@ class MultigridFactor:
         goal = max(tolerance, _LEAST) * float(np.linalg.norm(b))
         for _ in range(_LOOKS):
             x, met = self._go(b, x, goal)
-            r = b - self._K @ x
+            r = b - self @ x
             if np.linalg.norm(r) <= goal or backward_error(self._scale, x, r, b) <= _ROUNDING:
                 return x
             if not met:
@@ -82,11 +114,14 @@ class MultigridFactor:
 
     def _go(self, b: Floats, x: Floats, goal: float) -> tuple[Floats, bool]:
         """The first iterate whose recurred residual meets the goal, or the last one allowed; whether it was met."""
-        steps = iterates(self._K, self._precondition, b, x)
+        steps, start = iterates(self, self.hierarchy.cycle, b, x), 0.0
         try:
             for k, (x, r) in enumerate(islice(steps, _MOST + 1 - self.n_iterations)):
                 self.n_iterations += k > 0
-                if np.linalg.norm(r) <= goal:
+                left = float(np.linalg.norm(r))
+                start = start or left
+                if left <= goal:
+                    self.hierarchy.note("alone", k, float(np.log10(start / max(left, _TINY))))
                     return x, True
         except Breakdown as breakdown:
             raise singular(dof=breakdown.dof) from None
@@ -99,7 +134,7 @@ class MultigridAnalysis:
 
     backend = "multigrid"
 
-    def __init__(self, K: Matrix, modes: Floats | None, block: int | None) -> None:
+    def __init__(self, K: Matrix, modes: Floats | None, block: int | None, threads: int = 1) -> None:
         n = K.shape[0]
         self._block = block or (K.blocksize[0] if isinstance(K, bsr_array) else 1)
         if n % self._block:
@@ -108,16 +143,21 @@ class MultigridAnalysis:
         modes = np.tile(np.eye(self._block), (n // self._block, 1)) if modes is None else np.asarray(modes, float)
         if modes.ndim != 2 or len(modes) != n or not np.isfinite(modes).all():
             raise RequestError(f"modes are ({n}, r) finite numbers, not {modes.shape}")
-        self._modes = modes
+        self._modes, self._team = modes, Team(threads)
 
-    def factor(self, K: Matrix) -> MultigridFactor:
-        """A hierarchy for K, of the size that was analysed. Raises SingularError if a body is free to move."""
+    def factor(self, K: Matrix, like: MultigridFactor | None = None) -> MultigridFactor:
+        """A hierarchy for K, of the size that was analysed, or that of a factor of a matrix `like` it while it serves.
+
+        Raises SingularError if a body is free to move.
+        """
         if K.shape != (len(self._modes),) * 2:
             raise RequestError(f"the matrix is {K.shape}, and {len(self._modes)} unknowns were analysed")
         d = positive_diagonal(K)
         blocks = K.tobsr((self._block, self._block))
+        if like is not None and like.shape == K.shape and not like.hierarchy.worn:
+            return MultigridFactor(blocks, d, like.hierarchy, self._team)
         _check_held(blocks, d, self._modes)
-        return MultigridFactor(blocks, d, _hierarchy(blocks, self._modes))
+        return MultigridFactor(blocks, d, _hierarchy(blocks, self._modes, self._team), self._team)
 
 
 def _check_held(K: bsr_array, d: Floats, modes: Floats) -> None:
@@ -127,7 +167,8 @@ def _check_held(K: bsr_array, d: Floats, modes: Floats) -> None:
     n_bodies, body = connected_components(nodes, directed=False)
     body = np.repeat(body, K.blocksize[0])
     forces = K @ modes
-    order = np.argsort(body, kind="stable")
+    moving = np.isin(body, np.unique(body[modes.any(axis=1)]))  # not nodes that are held altogether
+    order = np.flatnonzero(moving)[np.argsort(body[moving], kind="stable")]
     for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1) if n_bodies else ():
         M = modes[rows]
         size, turn = np.linalg.eigh(M.T @ (d[rows, None] * M))
@@ -142,24 +183,34 @@ def _check_held(K: bsr_array, d: Floats, modes: Floats) -> None:
             raise singular(v)
 
 
-def _hierarchy(K: bsr_array, modes: Floats) -> Apply:
-    """One V-cycle for K, as a function of the residual."""
-    import pyamg
+def _hierarchy(K: bsr_array, modes: Floats, team: Team) -> Hierarchy:
+    """The hierarchy of K: aggregates of nodes, the modes on each orthonormal, smoothed by a step of block Jacobi."""
+    levels: list[Level] = []
+    unit = 1 / float(K.diagonal().mean()) if K.shape[0] else 1.0
+    while len(levels) < _LEVELS and K.shape[0] // K.blocksize[0] > _COARSEST:
+        inverse, largest = jacobi(K, team)
+        tentative, coarse_modes = _tentative(K, modes)
+        if tentative.shape[1] >= K.shape[0]:
+            break
+        P = _smoothed(K, tentative, inverse, _SMOOTHING / largest)
+        levels.append(Level.of(K, P, inverse / largest, unit))
+        K, modes = bsr_array(P.T.tobsr() @ (K @ P)), coarse_modes
+    return Hierarchy(Cycle(levels, K.toarray() * unit, unit, team))
 
-    with _reproducible():
-        made = pyamg.smoothed_aggregation_solver(
-            K, B=modes, strength=("symmetric", {"theta": _STRENGTH}), smooth=("jacobi", {"omega": 4 / 3}),
-            improve_candidates=None, presmoother=_SMOOTHER, postsmoother=_SMOOTHER, max_coarse=_COARSEST,
-        )  # fmt: skip
-    return made.aspreconditioner(cycle="V").matvec
+
+def _tentative(K: bsr_array, modes: Floats) -> tuple[bsr_array, Floats]:
+    """Aggregates of nodes that are coupled, by PyAMG: (P, coarse modes) with P (coarse modes) = modes."""
+    from pyamg.aggregation import fit_candidates, standard_aggregation
+    from pyamg.strength import symmetric_strength_of_connection
+
+    aggregates, _ = standard_aggregation(symmetric_strength_of_connection(K, theta=_STRENGTH))
+    P, coarse = fit_candidates(aggregates, modes)
+    return bsr_array(P), coarse
 
 
-@contextmanager
-def _reproducible() -> Iterator[None]:
-    """PyAMG estimates spectral radii from numpy's global random numbers: let them be the same every time."""
-    state = np.random.get_state()  # noqa: NPY002
-    np.random.seed(0)  # noqa: NPY002
-    try:
-        yield
-    finally:
-        np.random.set_state(state)  # noqa: NPY002
+def _smoothed(K: bsr_array, P: bsr_array, inverse: Floats, factor: float) -> bsr_array:
+    """P - factor D^-1 K P."""
+    step = K @ P
+    row = np.repeat(np.arange(len(inverse)), np.diff(step.indptr))
+    step = bsr_array((-factor * (inverse[row] @ step.data), step.indices, step.indptr), shape=step.shape)
+    return bsr_array(P + step)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import block_diag, csr_array, diags_array, random_array
+from scipy.sparse.linalg import eigsh
 
 from lacmesh.errors import RequestError
 from lacsolver.linear import LinearError, SingularError, analyse, factorise
 from lacsolver.linear.conjugate import iterates
+from lacsolver.linear.cycle import Blocks, Team, jacobi
 from lacsolver.linear.errors import Breakdown
 from tests.lacsolver.bodies import cube
 from tests.lacsolver.stiffnesses import above, free, held, rigid_modes, stiffness
@@ -129,3 +131,66 @@ def test_conjugate_gradients_end_after_as_many_steps_as_eigenvalues():
     assert steps[2] > 1e-3 and steps[3] < 1e-12
     with pytest.raises(Breakdown):
         list(zip(range(9), iterates(-K, lambda r: r, b, 0 * b), strict=False))
+
+
+# ---- the V-cycle
+
+
+def test_a_cycle_is_symmetric_and_positive_and_near_the_inverse(brick):
+    K, _, factor = brick
+    cycle, rng = factor.hierarchy.cycle, np.random.default_rng(2)
+    x, y = rng.normal(size=(2, K.shape[0]))
+    assert x @ cycle(y) == pytest.approx(y @ cycle(x), rel=1e-5)
+    assert x @ cycle(x) > 0
+    error = x - cycle(K @ x)
+    assert error @ (K @ error) < 0.25 * (x @ (K @ x))
+
+
+@pytest.mark.parametrize("unit", [1e-25, 1e25])
+def test_units_do_not_matter_to_a_cycle(brick, unit):
+    K, modes, factor = brick
+    b = np.random.default_rng(0).normal(size=K.shape[0])
+    other = multigrid(csr_array(unit * K), modes)
+    np.testing.assert_allclose(other.hierarchy.cycle(1e20 * b) * unit / 1e20, factor.hierarchy.cycle(b), rtol=1e-3)
+    assert not factor.hierarchy.cycle(0 * b).any()
+
+
+@pytest.mark.parametrize("block", [(3, 3), (3, 6), (6, 3), (2, 2)])
+@pytest.mark.parametrize("threads", [1, 3])
+def test_products_of_blocks(block, threads, monkeypatch):
+    monkeypatch.setattr("lacsolver.linear.cycle._WORTH", 5)
+    rng = np.random.default_rng(0)
+    A = random_array((block[0] * 20, block[1] * 30), density=0.1, rng=rng, format="bsr").tobsr(block)
+    x = rng.normal(size=A.shape[1])
+    np.testing.assert_allclose(Team(threads).product(Blocks.of(A), x), A @ x, atol=1e-13)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_sums_over_long_rows(threads, monkeypatch):
+    monkeypatch.setattr("lacsolver.linear.cycle._WORTH_PARTS", 1)
+    rng, team = np.random.default_rng(0), Team(threads)
+    A, x, c = rng.normal(size=(3, 10_000)), rng.normal(size=10_000), rng.normal(size=3)
+    np.testing.assert_allclose(team.dots(A, x), A @ x, atol=1e-10)
+    assert (team.dots(A, x) == Team(1).dots(A, x)).all()
+    left = x.copy()
+    team.subtract(c, A, left)
+    np.testing.assert_allclose(left, x - c @ A, atol=1e-13)
+
+
+def test_the_largest_eigenvalue_is_bounded_closely(brick):
+    K, _, _ = brick
+    blocks = K.tobsr((3, 3))
+    inverse, largest = jacobi(blocks, Team(1))
+    D = block_diag(list(np.linalg.inv(inverse)), format="csc")
+    full = eigsh(K, k=1, M=D, which="LA", return_eigenvectors=False)[0]
+    assert full <= largest <= 1.1 * full
+
+
+def test_many_nodes_that_are_held_cost_nothing_to_look_at():
+    """Each is a body of its own, which no mode moves."""
+    n = 3 * 4000
+    K = csr_array(diags_array(np.full(n, 2.0)))
+    modes = np.zeros((n, 6))
+    modes[:3, :3] = np.eye(3)
+    x = analyse(K, backend="multigrid", modes=modes, block=3).factor(K).solve(np.ones(n))
+    np.testing.assert_allclose(x, 0.5, rtol=1e-12)

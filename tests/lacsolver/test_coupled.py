@@ -1,0 +1,221 @@
+"""Displacements and pressures in one loop: against dense elimination, against a factor, and what it takes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array, diags_array
+
+import lacsolver.linear.cycle
+from lacsolver.case import parse_case
+from lacsolver.linear import LinearError
+from lacsolver.model import Instant, Model
+from lacsolver.problem import Problem
+from lacsolver.schur import Goal, solve_rows
+from lacsolver.stepping import march
+from lacsolver.stiffness import hold
+from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, at, held, pressed
+from tests.lacsolver.patch_cases import figures, pair
+from tests.lacsolver.patch_meshes import stack
+from tests.lacsolver.systems import saddle, system
+from tests.lacsolver.test_schur import KINDS
+
+EXACT = Goal(0.0, 1e-14, 1e-18, 0.0)
+MULTIGRID = 'backend = "multigrid"'
+
+
+def held_by_cycles(s):
+    """K of a small system with a hierarchy, which is the coarsest level alone."""
+    return hold(csr_array(s.K), s.R, backend="multigrid")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(5))
+def test_the_saddle_system(kind, seed):
+    s = system(seed, **KINDS[kind])
+    rng, K = np.random.default_rng(seed), held_by_cycles(s)
+    turning = csr_array(s.C) if s.C.any() else None
+    for size in (4, 9, 12):
+        active = np.sort(rng.permutation(12)[:size])
+        q0, p0 = rng.normal(size=30), rng.normal(size=12)
+        made = solve_rows(K, s.rows, active, s.f, s.G, q0, p0, EXACT, turning)
+        q, p = saddle(s, active, q0)
+        np.testing.assert_allclose(made.q, q, atol=1e-10 * np.abs(q).max())
+        np.testing.assert_allclose(made.p, p, atol=1e-10 * np.abs(p).max())
+        assert made.left <= 1e-12 * np.abs(q).max()
+        assert (made.p[np.setdiff1d(np.arange(12), active)] == 0).all()
+
+
+def test_a_motion_that_no_row_stops_takes_no_part():
+    """Its load is the springs', and all the rest is in balance; one row stops one of three."""
+    s = system(0, free=3)
+    made = solve_rows(held_by_cycles(s), s.rows, np.array([2]), s.f, s.G, np.zeros(30), np.zeros(12), EXACT)
+    off = s.f - s.K @ made.q - s.B.T @ made.p
+    np.testing.assert_allclose(off, s.R @ (s.R.T @ off), atol=1e-12)
+    assert np.abs(s.R.T @ off).max() > 1e-3 and made.left <= 1e-12
+    assert np.abs(s.B[2] @ s.R @ (s.R.T @ off)) < 1e-12
+
+
+def test_nothing_to_do_is_nothing_done():
+    s = system(0)
+    K, active = held_by_cycles(s), np.arange(8)
+    once = solve_rows(K, s.rows, active, s.f, s.G, np.zeros(30), np.zeros(12), EXACT)
+    loose = Goal(0.0, 1e-10, 1e-18, 0.0)
+    again = solve_rows(K, s.rows, active, s.f, s.G, once.q, once.p, loose)
+    assert again.products <= 6 and np.abs(again.q - once.q).max() <= 1e-13 * np.abs(once.q).max()
+    nothing = solve_rows(K, s.rows, active, 0 * s.f, 0 * s.G, once.q, once.p, EXACT)
+    assert not nothing.q.any() and not nothing.p.any() and nothing.products == 0
+
+
+# ---- on meshes of several levels
+
+
+def moment(count, backend, free=False, threads=1):
+    """Two blocks pressed together by a load that is not uniform: the instant at the end of the step."""
+    mesh = stack("HEXA8", "TETRA4", 3, counts=(count, count))
+    fixed = held("bottom", ux=0.0, uy=0.0, uz=0.0)
+    upright = at([0.0, 0.0, 2.0], ux=0.0, uy=0.0) + at([1.0, 0.0, 2.0], uy=0.0) if free else SLIDING
+    head = HEAD.format(model="3d").replace("threads = 1", f'threads = {threads}\nbackend = "{backend}"')
+    text = head + MATERIAL + JOINT + fixed + upright + pressed("top", "1 + x * y")
+    return Instant(Model(Problem.of(parse_case(text), mesh)), 1.0)
+
+
+def solution(now, reduction=0.0, active=None):
+    K, found = now.model.held, now.contact(np.zeros(len(now.f)))
+    m = len(found.G)
+    active = np.arange(m) if active is None else active
+    goal = Goal(reduction, 1e-13, 1e-18, 0.0)
+    return found, solve_rows(K, found.rows, active, now.f, found.G, np.zeros(len(now.f)), np.zeros(m), goal)
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_as_with_a_factor_and_with_few_cycles(free):
+    """No more than some times those of K alone."""
+    for count in (6, 12):
+        _, exact = solution(moment(count, "rslab", free))
+        now = moment(count, "multigrid", free)
+        found, made = solution(now)
+        np.testing.assert_allclose(made.q, exact.q, atol=1e-10 * np.abs(exact.q).max())
+        np.testing.assert_allclose(made.p, exact.p, atol=1e-10 * np.abs(exact.p).max())
+        left = now.f - now.model.held.K @ made.q - found.rows.B_T @ made.p
+        assert np.abs(left).max() <= 1e-12 * np.abs(now.f).max()
+        now.model.held.solve(now.f - found.rows.B_T @ made.p)
+        assert made.products <= 2.5 * now.model.held.factor.n_iterations
+
+
+def test_a_loose_solve_costs_less():
+    now = moment(8, "multigrid")
+    _, exact = solution(now)
+    _, loose = solution(now, 0.1)
+    assert 1 <= loose.products < exact.products / 3
+    assert 1e-6 < np.abs(loose.p - exact.p).max() / np.abs(exact.p).max() < 0.5
+
+
+def test_the_number_of_threads_does_not_matter(monkeypatch):
+    monkeypatch.setattr(lacsolver.linear.cycle, "_WORTH", 40)
+    monkeypatch.setattr(lacsolver.linear.cycle, "_WORTH_PARTS", 1)
+    results = [solution(moment(10, "multigrid", threads=threads))[1] for threads in (1, 2, 3)]
+    for one in results[1:]:
+        assert (one.q == results[0].q).all() and (one.p == results[0].p).all()
+        assert one.products == results[0].products
+
+
+def test_hertz_is_as_with_a_factor():
+    """A clearance of r^2 / 2R, all steps of the active set."""
+    mesh = stack("HEXA8", "HEXA8", 3, counts=(9, 8))
+    joint = JOINT + 'clearance = "0.05 * (x**2 + y**2)"\n'
+    sections = joint + held("bottom", ux=0.0, uy=0.0, uz=0.0) + held("top", ux=0.0, uy=0.0, uz=-0.02)
+    states = []
+    for backend in ("rslab", "multigrid"):
+        head = HEAD.format(model="3d") + f'backend = "{backend}"\n'
+        (state,) = march(Problem.of(parse_case(head + MATERIAL + sections), mesh))
+        states.append(state)
+    exact, made = states
+    assert 10 < (exact.zones[0].status == 1).sum() < len(exact.zones[0].status) - 10
+    np.testing.assert_array_equal(made.zones[0].status, exact.zones[0].status)
+    np.testing.assert_allclose(made.u, exact.u, atol=1e-9 * np.abs(exact.u).max())
+    peak = exact.zones[0].pressure.max()
+    np.testing.assert_allclose(made.zones[0].pressure, exact.zones[0].pressure, atol=1e-9 * peak)
+
+
+@pytest.mark.parametrize(
+    "slave, master, tilted, options",
+    [
+        ("HEXA8", "TETRA4", False, ""),
+        ("TETRA10", "HEXA20", True, ""),
+        ("PENTA6 quadrangle", "HEXA27", False, 'geometry = "current"'),
+        ("HEXA8", "HEXA8", True, 'type = "bilateral"'),
+    ],
+)
+def test_uniform_pressure_goes_through(slave, master, tilted, options):
+    found = figures(pair(slave, master, tilted=tilted, options=options, counts=(4, 3))._replace(solver=MULTIGRID))
+    assert max(found[:5]) <= 1e-10 and max(found.force, found.moment) <= 1e-12, found
+
+
+# ---- a stiffness like the one before
+
+
+def changed(K, part):
+    """K with springs of a part of its diagonal, on every third unknown: no motion is free any more."""
+    return csr_array(K + diags_array(part * K.diagonal() * (np.arange(K.shape[0]) % 3 == 0)))
+
+
+def test_a_hierarchy_serves_a_stiffness_that_is_like_its_own():
+    now = moment(8, "multigrid")
+    first, whole = now.model.held, now.model._whole()
+    other = changed(first.K, 0.05)
+    made = hold(other, first.R[:, :0], backend="multigrid", whole=whole, like=first)
+    assert made.factor.hierarchy is first.factor.hierarchy
+    f = now.f
+    q = made.solve(f)
+    assert np.linalg.norm(other @ q - f) <= 1e-11 * np.linalg.norm(f)
+    found = now.contact(np.zeros(len(f)))
+    m = len(found.G)
+    exact = hold(other, first.R[:, :0], backend="rslab")
+    one, two = (solve_rows(K, found.rows, np.arange(m), f, found.G, 0 * f, np.zeros(m), EXACT) for K in (made, exact))
+    np.testing.assert_allclose(one.q, two.q, atol=1e-9 * np.abs(two.q).max())
+    np.testing.assert_allclose(one.p, two.p, atol=1e-9 * np.abs(two.p).max())
+
+
+def test_a_hierarchy_that_has_worn_is_made_anew():
+    now = moment(8, "multigrid")
+    first, whole = now.model.held, now.model._whole()
+    first.solve(now.f)
+    at_first = first.factor.n_iterations
+    other = changed(first.K, 1.0)
+    worn = hold(other, first.R[:, :0], backend="multigrid", whole=whole, like=first)
+    worn.solve(now.f)
+    assert worn.factor.hierarchy is first.factor.hierarchy and worn.factor.n_iterations > 1.5 * at_first
+    fresh = hold(other, first.R[:, :0], backend="multigrid", whole=whole, like=worn)
+    assert fresh.factor.hierarchy is not worn.factor.hierarchy
+    fresh.solve(now.f)
+    assert fresh.factor.n_iterations < worn.factor.n_iterations
+
+
+def test_a_stiffness_that_is_not_definite_is_an_error():
+    """With an older hierarchy too, in a solve and in the loop with rows."""
+    now = moment(8, "multigrid")
+    first, whole = now.model.held, now.model._whole()
+    n = first.K.shape[0]
+    other = csr_array(first.K - diags_array(0.05 * first.K.diagonal()))
+    made = hold(other, first.R[:, :0], backend="multigrid", whole=whole, like=first)
+    with pytest.raises(LinearError):
+        made.solve(now.f)
+    found = now.contact(np.zeros(n))
+    m = len(found.G)
+    with pytest.raises(LinearError):
+        solve_rows(made, found.rows, np.arange(m), now.f, found.G, np.zeros(n), np.zeros(m), EXACT)
+
+
+@pytest.mark.parametrize("backend", ["rslab", "superlu"])
+def test_an_analysis_serves_again(backend):
+    now = moment(3, backend)
+    first, f = now.model.held, now.f
+    other = changed(first.K, 0.5)
+    again = hold(other, first.R[:, :0], backend=backend, like=first)
+    assert again.analysis is first.analysis
+    np.testing.assert_allclose(other @ again.solve(f), f, atol=1e-11 * np.abs(f).max())
+    wider = csr_array(other + csr_array(([1.0, 1.0], ([0, len(f) - 1], [len(f) - 1, 0])), shape=other.shape))
+    anew = hold(wider, first.R[:, :0], backend=backend, like=again)
+    assert anew.analysis is not again.analysis
+    np.testing.assert_allclose(wider @ anew.solve(f), f, atol=1e-11 * np.abs(f).max())

@@ -1,0 +1,54 @@
+"""The benchmark of large models, at a small size: it runs, and its figures are what they are said to be."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from tests.skips import REPOSITORY
+
+sys.path.append(str(REPOSITORY / "benchmarks"))
+
+import large
+
+
+@pytest.fixture(scope="module")
+def found():
+    return large.measured(5000, "multigrid")
+
+
+def test_the_figures_of_a_size(found):
+    assert 4500 < found["unknowns"] < 9000
+    assert 0 < found["closed"] < found["macros"]
+    assert found["cycles"] <= 10 * found["alone"] and found["balance"] <= 1e-12
+    phases = found["wall"]
+    parts = phases["search and integration"] + phases["set-up"] + phases["loops"]
+    assert 0.3 * phases["contact"] < parts <= phases["contact"]
+    assert 0.05 < found["memory"] < 2.0
+    row = large.line(found)
+    assert row.count("|") == 11 and f"{found['cycles']} V-cycles" in row
+
+
+def test_sizes_are_those_asked_for():
+    for wanted in large.SIZES + large.QUICK:
+        n = large.side(wanted)
+        assert 0.95 * wanted < 3 * (n * n + (n - 3) ** 2) * (n // 2) < 1.35 * wanted
+
+
+def test_an_exponent_is_a_slope():
+    n = [10.0, 100.0, 1000.0]
+    assert large.exponent(n, [3 * k**1.5 for k in n]) == pytest.approx(1.5)
+    grown = [{"unknowns": k, "cpu": dict.fromkeys(("assembly", "set-up", "loops", "contact"), k**1.1)} for k in n]
+    for one in grown:
+        one["cpu"] |= {"set-up of K alone": one["unknowns"], "solution of K alone": one["unknowns"]}
+    said = large.growth(grown)
+    assert "contact 1.10" in said and "K alone 1.00" in said
+
+
+def test_the_clock_counts_what_it_is_put_around():
+    clock, kept = large.Clock(), []
+    work = clock.around("sum", np.sum, kept)
+    assert work([1, 2]) == 3 and work([3, 4]) == 7 and kept == [3, 7]
+    assert set(clock.wall) == set(clock.cpu) == {"sum"} and clock.wall["sum"] > 0
