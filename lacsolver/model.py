@@ -49,6 +49,7 @@ class Model:
 
     def __post_init__(self) -> None:
         self._kept: dict[str, Interface] = {}
+        self.last: Stiffness | None = None
 
     @cached_property
     def K(self) -> csr_array:
@@ -108,10 +109,10 @@ class Model:
             return np.zeros((self.problem.constraints.n_q, 0))
         return np.linalg.qr(np.stack([self.unknowns(motion.field) for motion in motions], axis=1))[0]
 
-    def hold(self, K: csr_array, definite: bool = True) -> Stiffness:
-        """K (n_q, n_q), factorised by the case's backend."""
+    def hold(self, K: csr_array, definite: bool = True, like: Stiffness | None = None) -> Stiffness:
+        """K (n_q, n_q), factorised by the case's backend, with what serves again of an earlier one."""
         backend, threads = self.problem.case.solver.backend, self.problem.threads
-        return hold(K, self.R, backend=backend, threads=threads, whole=self._whole(), definite=definite)
+        return hold(K, self.R, backend=backend, threads=threads, whole=self._whole, definite=definite, like=like)
 
     def _singular(self, error: SingularError) -> SingularError:
         """The error of a singular stiffness, in words of the mesh: the node that moves most, and along which axis."""
@@ -127,6 +128,7 @@ class Model:
         advice = "look how it hangs on the rest there, or hold it by a displacement or a spring"
         return SingularError(f"{message}; {advice}", error.dof, error.mode)
 
+    @cached_property
     def _whole(self) -> Whole | None:
         """Where q stands among the unknowns of all nodes, and every body's rigid motions; None if q are others."""
         space, c = self.problem.space, self.problem.constraints
@@ -279,20 +281,24 @@ class Instant:
             return csr_array(sum(total[1:], total[0])) if total else None
 
         size = max(float(np.abs(v).max(initial=0.0)) for v in (inner, load, motion, out))
-        return Place(motion - T.T @ out, size, contact, lambda: self._held(K_q), turning, self.model.free)
+        return Place(motion - T.T @ out, size, contact, lambda drag: self._held(K_q, drag), turning, self.model.free)
 
     def _steadied(self, K_q: csr_array) -> csr_array:
         return K_q if self.model.steady is None else csr_array(K_q + self.model.steady)
 
-    def _held(self, K_q: csr_array) -> Stiffness:
-        """K_q factorised: that of the undeformed bodies where it is constant."""
-        if self.model.problem.kinematics.constant:
-            return self.model.held
+    def _held(self, K_q: csr_array, drag: float) -> Stiffness:
+        """K_q with a part of that of the undeformed bodies, factorised: theirs where it is constant."""
+        model = self.model
+        if model.problem.kinematics.constant:
+            return model.held
+        K = csr_array(K_q + drag * model.held.K) if drag else K_q
         if self._definite:
             with suppress(SingularError):
-                return self.model.hold(K_q)
-            self._definite = False  # bodies that buckle: it is not worth trying again before the next step
-        return self.model.hold(K_q, definite=False)
+                model.last = model.hold(K, like=model.last)
+                return model.last
+            self._definite = bool(drag)  # bodies that buckle: it is not worth trying again before the next step
+        model.last = model.hold(K, definite=False, like=model.last)
+        return model.last
 
     def _contact(self, met: Meeting, T: csr_array) -> Contact:
         """Rows on q."""

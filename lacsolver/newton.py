@@ -49,14 +49,15 @@ _SETS = 20
 class Place:
     """Bodies and contact at some q. `r` (n,): forces that nothing balances but contact; `size`: the largest there is.
 
-    `stiffness`: makes K there, factorised; `turning`: makes C (n, n) at pressures p (m,), None where there is none.
+    `stiffness`: makes K there, and a part of the
+    undeformed bodies' added, factorised; `turning`: makes C (n, n) at pressures p (m,), None where there is none.
     `free` (n, k): motions of whole bodies that nothing but contact stops.
     """
 
     r: NDArray[np.floating]
     size: float
     contact: Contact
-    stiffness: Callable[[], Stiffness]
+    stiffness: Callable[[float], Stiffness]
     turning: Callable[[Floats], csr_array | None]
     free: NDArray[np.floating]
 
@@ -81,11 +82,21 @@ class _State(NamedTuple):
 
 
 def follow(
-    at: At, start: Iterate, limits: Limits, *, first: Place | None = None, exact: bool = False, told: Told | None = None
+    at: At,
+    start: Iterate,
+    limits: Limits,
+    *,
+    first: Place | None = None,
+    exact: bool = False,
+    drag: float = 0.0,
+    told: Told | None = None,
 ) -> Outcome:
     """Equilibrium from a guess. `first`: what to take for the place there, for instance foreseen from another one.
 
     `exact`: solve each system as exactly as numbers allow, which is worth it where one factor of K serves them all.
+    `drag`: of the undeformed bodies' stiffness, added to K at first, and less as the defect falls: pseudo-transient
+    continuation (Kelley and Keyes 1998), the way of a body in a viscous medium, which goes on to another equilibrium
+    where there is none near by, and takes no notice of forces that grow on the way.
 
     Raises InadmissibleError where the guess itself turns cells inside out.
     """
@@ -99,25 +110,25 @@ def follow(
     history = [np.inf if first is not None else now.defect.whole]  # what is foreseen has defects of its own
     defects: list[tuple[float, float]] = []
     while len(defects) < limits.max_iterations:
-        K = now.place.stiffness()
+        K = now.place.stiffness(drag * min(1.0, now.defect.whole / max(history[1:2], default=now.defect.whole)))
         scale.know(K)
         active = stopped(now.place.free, now.place.contact, active, now.place.r)
         solves = 1 if not sets.cycle(active, now.defect.whole) else min(_SETS, limits.max_iterations - len(defects))
         made, active, count, spent = _solved(K, now, active, scale, solves)
         products += spent
-        then = _best(at, now, made, scale, max(history[-_REMEMBERED:]) * _WORSE)
-        defects += [(now.defect.balance, now.defect.gap)] * (count - 1)
+        then = _best(at, now, made, scale, np.inf if drag else max(history[-_REMEMBERED:]) * _WORSE)
+        defects += [(now.defect.balance, now.defect.gap)] * (count if then is None else count - 1)
         if then is None:
             break
         now = then
         history.append(now.defect.whole)
-        if min(history[-_PATIENCE:]) > min(history[:-_PATIENCE], default=np.inf):
-            break
         defects.append((now.defect.balance, now.defect.gap))
         if told is not None:
             told(len(defects), int(active.sum()), *defects[-1])
         if scale.met(now):
             return Outcome(True, Iterate(now.q, now.p, active), now.place.contact, tuple(defects), products)
+        if not drag and min(history[-_PATIENCE:]) > min(history[:-_PATIENCE], default=np.inf):
+            break
         active = now.place.contact.next(active, now.p)
     return Outcome(False, Iterate(now.q, now.p, active), now.place.contact, tuple(defects), products)
 

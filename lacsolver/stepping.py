@@ -15,10 +15,11 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies import describe
 from lacsolver.case import Case
 from lacsolver.equilibrium import Contact, Limits, Outcome, find_equilibrium
+from lacsolver.equilibrium import Told as Tell
 from lacsolver.finite import InadmissibleError
 from lacsolver.interface import Interface
 from lacsolver.model import Instant, Model
-from lacsolver.newton import follow
+from lacsolver.newton import Place, follow
 from lacsolver.places import wrong
 from lacsolver.problem import Joint, Problem
 from lacsolver.results import Restart
@@ -28,6 +29,8 @@ from lacsolver.state import CONTACT, OPEN, UNPAIRED, Iterate, State, ZoneState
 _SAME = 1e-9
 #: a gap of this much of the macro-element's size is none, when the initial status is asked for
 _TOUCHING = 1e-6
+#: part of the undeformed bodies' stiffness that the second search for an equilibrium begins with
+_DRAG = 1.0
 #: a load along a free motion that contact leaves, against all of it
 _UNCARRIED = 1e-6
 
@@ -153,12 +156,33 @@ def _search(instant: Instant, path: _Path, spent: _Step, told: Callable[[Told], 
     now, guess = path.iterate or _first(instant), path.guess(instant.t)
     if model.linear:
         return find_equilibrium(model.held, instant.f, instant.contact, guess or now, limits, told=tell)
-    exact = model.problem.kinematics.constant
     if guess is not None:
         with suppress(InadmissibleError):
-            return follow(instant.place, guess, limits, exact=exact, told=tell)
-    u = Instant(model, path.time).u(now.q) if path.iterate else np.zeros(model.problem.space.n_dof)
-    return follow(instant.place, now, limits, first=instant.foreseen(now.q, u, now.p), exact=exact, told=tell)
+            outcome = follow(instant.place, guess, limits, exact=model.problem.kinematics.constant, told=tell)
+            return outcome if outcome.converged else _dragged(instant, now, path.time, limits, outcome, tell)
+    first = _foreseen(instant, now, path.time)
+    outcome = follow(instant.place, now, limits, first=first, exact=model.problem.kinematics.constant, told=tell)
+    return outcome if outcome.converged else _dragged(instant, now, path.time, limits, outcome, tell)
+
+
+def _foreseen(instant: Instant, now: Iterate, time: float) -> Place:
+    """The place to come as it looks from what was found at an earlier time, or from the undeformed body."""
+    return instant.foreseen(now.q, Instant(instant.model, time).u(now.q) if time else 0 * instant.u0, now.p)
+
+
+def _dragged(
+    instant: Instant,
+    now: Iterate,
+    time: float,
+    limits: Limits,
+    before: Outcome,
+    told: Callable[[int, int, float, float], None],
+) -> Outcome:
+    """A second search, dragged, where the kinematics are finite; the iterations of the first one count too."""
+    if instant.model.problem.kinematics.constant:
+        return before
+    made = follow(instant.place, now, limits, first=_foreseen(instant, now, time), drag=_DRAG, told=told)
+    return made._replace(defects=before.defects + made.defects, products=before.products + made.products)
 
 
 def _first(instant: Instant) -> Iterate:
