@@ -1,0 +1,65 @@
+"""`lacsolver film`: a film, or a sheet of pictures, of what a run wrote."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from lacmesh.cli.options import check_place
+from lacsolver.cli.options import add_command
+
+#: what bodies may be coloured by: the keys of lacsolver.shots.COLOURS
+COLOURS = ("stress", "pressure")
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(commands, "film", run, "make a film of a run, or a sheet of its pictures, with its curves")
+    parser.add_argument("folder", metavar="DIR", help="the folder of a run; or its CASE.toml, for the folder beside it")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", required=True, help="a film, .gif, or a sheet of its pictures, .png"
+    )
+    parser.add_argument(
+        "--colour", choices=COLOURS, default="stress", help="von Mises' (default), or the contact pressure on slaves"
+    )
+    parser.add_argument(
+        "--curve",
+        action="append",
+        default=[],
+        metavar="X:Y",
+        help="columns of history.csv, each with - before it to turn its sign; may be repeated (default: the reaction "
+        "that varies most, against the motion of the probe with its name, or time)",
+    )
+    parser.add_argument("--frames", type=int, metavar="N", help="how many times are shown, at most (60; 6 of a sheet)")
+    parser.add_argument("--scale", nargs=2, type=float, metavar=("LOW", "HIGH"), help="ends of the scale of colours")
+    parser.add_argument("--log", action="store_true", help="a logarithmic scale of colours")
+    parser.add_argument("--camera", nargs=3, type=float, metavar=("X", "Y", "Z"), help="in space: direction to the eye")
+    parser.add_argument("--rate", type=float, default=12.0, metavar="N", help="frames a second (default: 12)")
+    parser.add_argument("--title", help="a line above (default: the folder's name)")
+    parser.add_argument("--force", action="store_true", help="replace an existing output")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Make a film."""
+    from lacsolver.filming import check_film, film
+    from lacsolver.stage import CAMERA
+
+    folder, target = Path(args.folder), Path(args.output)
+    folder = folder.with_suffix("") if folder.suffix == ".toml" else folder
+    check_film(target, folder)
+    check_place(target, args)
+    film(
+        folder,
+        target,
+        colour=args.colour,
+        curves=args.curve,
+        frames=args.frames,
+        scale=args.scale and tuple(args.scale),
+        log=args.log,
+        camera=tuple(args.camera or CAMERA),
+        rate=args.rate,
+        title=args.title,
+    )
+    if not args.quiet:
+        print(f"{target}: {target.stat().st_size / 1e6:.2f} MB")

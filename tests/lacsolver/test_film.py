@@ -1,0 +1,270 @@
+"""Films of a run: what is in sight, its colours, the curves, and the pictures themselves."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
+from lacmesh.errors import LacmeshError, ReadError, RequestError
+from lacsolver.cli import main
+from lacsolver.filming import SHEET, default_curve, film, read_history
+from lacsolver.shots import Sight, read_shots
+from tests.lacsolver.bad_cases import GOOD, blocks, put
+from tests.lacsolver.patch_meshes import stack
+
+STEPS = '[[probe]]\ngroup = "{}"\n[steps]\ncount = 8\n'
+
+
+def run(folder, text, mesh):
+    put(mesh, folder)
+    (folder / "case.toml").write_text(text)
+    assert main(["run", str(folder / "case.toml"), "-q"]) == 0
+    return folder / "case"
+
+
+@pytest.fixture(scope="module")
+def plane(tmp_path_factory):
+    """Two blocks in the plane, pressed in eight steps: the folder of their results."""
+    return run(tmp_path_factory.mktemp("plane"), GOOD + STEPS.format("top"), blocks())
+
+
+@pytest.fixture(scope="module")
+def space(tmp_path_factory):
+    """Two blocks in space."""
+    text = (
+        GOOD.replace("plane_strain", "3d")
+        .replace("uy = 0.0", "uz = 0.0")
+        .replace("value = 1.0", 'value = "t * (1 + x)"')
+    )
+    text += '[[displacement]]\ngroup = "y0"\nuy = 0.0\n[steps]\ncount = 4\n'
+    return run(tmp_path_factory.mktemp("space"), text, stack("HEXA8", "TETRA4", 3, counts=(3, 2)))
+
+
+def pictures(path):
+    """The pictures of a file, (height, width, 3) each, and for how long each stays."""
+    from PIL import Image, ImageSequence
+
+    with Image.open(path) as image:
+        found = [(np.asarray(f.convert("RGB")), f.info.get("duration", 0)) for f in ImageSequence.Iterator(image)]
+    return [picture for picture, _ in found], [stays for _, stays in found]
+
+
+# ---- what is in sight
+
+
+def area(sight, x):
+    corner = x[sight.triangles]
+    return np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1).sum() / 2
+
+
+@pytest.mark.parametrize("kind", ["TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9"])
+def test_a_plane_cell_is_covered(kind):
+    cell = CELLS[kind]
+    mesh = Mesh.create(np.array(cell.reference), [(kind, [list(range(cell.n_nodes))])])
+    sight = Sight.of(mesh)
+    assert math.isclose(area(sight, sight.points(mesh.points)), 0.5 if cell.family == "TRIA" else 4.0)
+    assert len(sight.edges) == len(sight.rims) == len(sight.triangles)
+
+
+@pytest.mark.parametrize(
+    "kind, expected", [("TETRA4", 1.5 + math.sqrt(3) / 2), ("HEXA8", 24.0), ("HEXA20", 24.0), ("HEXA27", 24.0)]
+)
+def test_the_skin_of_a_solid_is_covered(kind, expected):
+    cell = CELLS[kind]
+    mesh = Mesh.create(np.array(cell.reference), [(kind, [list(range(cell.n_nodes))])])
+    sight = Sight.of(mesh)
+    assert math.isclose(area(sight, sight.points(mesh.points)), expected)
+
+
+def test_faces_between_solids_are_not_in_sight():
+    points = np.stack(np.meshgrid([0.0, 1], [0.0, 1], [0.0, 1, 2], indexing="ij"), axis=-1).reshape(-1, 3)
+    lower = [0, 6, 9, 3, 1, 7, 10, 4]
+    sight = Sight.of(Mesh.create(points, [("HEXA8", [lower, [n + 1 for n in lower]])]))
+    assert math.isclose(area(sight, sight.points(points)), 10.0)
+    assert len(sight.edges) == 20 and not len(sight.rims)
+
+
+def test_children_of_a_cell_have_no_edges_between_them():
+    points = [[0.0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]]
+    children = [("TRIA3", [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])]
+    assert len(Sight.of(Mesh.create(points, children)).edges) == 8
+    assert len(Sight.of(Mesh.create(points, children, cell_data={"lac_parent": [7, 7, 7, 7]})).edges) == 4
+    assert len(Sight.of(Mesh.create(points, children, cell_data={"lac_parent": [7, 7, 8, 8]})).edges) == 6
+
+
+def test_a_bare_skin_is_seen_beside_the_body():
+    points = [[0.0, 0], [1, 0], [1, 1], [0, 1], [0, 2], [1, 2], [0.5, 2]]
+    mesh = Mesh.create(points, [("QUAD4", [[0, 1, 2, 3]]), ("SEG3", [[4, 5, 6]])])
+    assert Sight.of(mesh).bare.tolist() == [[4, 6], [6, 5]]
+
+
+# ---- values and places
+
+
+def test_bodies_are_where_the_displacement_takes_them(plane):
+    shots = read_shots(plane, "stress")
+    assert [round(shot.time, 9) for shot in shots.shots] == [k / 8 for k in range(1, 9)]
+    first, last = shots.shots[0], shots.shots[-1]
+    table = read_history(plane / "history.csv")
+    top = first.x[: shots.sight.n_nodes, 1].max() - last.x[: shots.sight.n_nodes, 1].max()
+    assert top == pytest.approx(table["probe.top.uy"][0] - table["probe.top.uy"][-1])
+
+
+def test_the_stress_is_von_mises(plane):
+    """Uniform uniaxial pressure in plane strain: s = p sqrt(1 - nu + nu^2), with sigma_zz = -nu p."""
+    shots = read_shots(plane, "stress")
+    expected = math.sqrt(1 - 0.3 + 0.3**2)
+    assert np.nanmax(np.abs(shots.shots[-1].value - expected)) < 1e-9
+    assert shots.span == (pytest.approx(expected / 8), pytest.approx(expected))
+
+
+def test_pressure_is_on_the_slave_skin_alone(plane):
+    shots = read_shots(plane, "pressure", 8)
+    shot, sight = shots.shots[0], shots.sight
+    valued = np.isfinite(shot.value)
+    assert 0 < valued.sum() < len(valued) / 2
+    assert shot.value[valued] == pytest.approx(1 / 8)
+    assert np.ptp(shot.x[valued, 1]) < 1e-9 and not valued[sight.n_nodes :].any()
+
+
+def test_times_are_chosen_evenly_with_both_ends(plane):
+    assert [shot.time for shot in read_shots(plane, "stress", 3).shots] == [
+        1 / 8,
+        1 / 2,
+        1.0,
+    ]  # of two as near the first
+    assert [shot.time for shot in read_shots(plane, "stress", 1).shots] == [1.0]
+    assert len(read_shots(plane, "stress", 99).shots) == 8
+
+
+# ---- curves
+
+
+def test_the_default_curve():
+    still, moved, pushed = np.zeros(2), np.r_[0.0, -1], np.r_[0.0, 9]
+    table = {"time": np.r_[0.5, 1], "reaction.a.x": still, "reaction.b.x": pushed, "probe.b.ux": moved}
+    assert default_curve(table) == "probe.b.ux:reaction.b.x"
+    assert default_curve({**table, "probe.b.ux": still}) == "time:reaction.b.x"
+    assert default_curve({"time": np.r_[0.5, 1]}) == ""
+
+
+@pytest.mark.parametrize(
+    "request_, said",
+    [
+        ({"path": "f.avi"}, "f.avi: a film is written as .gif, a sheet of its pictures as .png"),
+        ({"folder": "nowhere"}, "nowhere is no folder; name the one that lacsolver run wrote"),
+        ({"curves": ["time"]}, "'time' is no curve; write two columns of history.csv as time:reaction.GROUP.y"),
+        ({"curves": ["time:reaction.top"]}, "history.csv has no column 'reaction.top'"),
+        ({"colour": "red"}, "bodies are coloured by stress or pressure, not by 'red'"),
+        ({"frames": 0}, "a film has at least one frame, not 0"),
+        ({"rate": 0.0}, "a film shows more than 0 and at most 100 pictures a second, not 0"),
+        ({"scale": (2.0, 1.0)}, "a scale of colours from 2 to 1 is none; it needs low < high"),
+        ({"scale": (0.0, 1.0), "log": True}, "a scale of colours from 0 to 1 is none; it needs 0 < low < high"),
+    ],
+)
+def test_what_makes_no_sense_is_one_sentence(plane, tmp_path, request_, said):
+    given = {"folder": plane, "path": tmp_path / "f.gif", **request_}
+    with pytest.raises(RequestError) as error:
+        film(**given)
+    assert str(error.value).startswith(said) and "\n" not in str(error.value)
+    assert not (tmp_path / "f.gif").exists()
+
+
+def test_a_folder_without_fields_or_contact(plane, tmp_path):
+    (tmp_path / "history.csv").write_text("time,iterations\n1.0,2\n")
+    with pytest.raises(RequestError, match="holds no fields to film"):
+        film(tmp_path, tmp_path / "f.gif")
+    (tmp_path / "fields").symlink_to(plane / "fields")
+    (tmp_path / "solid.pvd").write_bytes((plane / "solid.pvd").read_bytes())
+    with pytest.raises(RequestError, match="holds no contact to colour by"):
+        film(tmp_path, tmp_path / "f.gif", colour="pressure")
+    film(tmp_path, tmp_path / "f.png")  # without reactions there is no curve, and the bodies are drawn
+
+
+@pytest.mark.parametrize("text", ["", "time,a\n1.0\n", "time\nx\n"])
+def test_a_damaged_history(plane, tmp_path, text):
+    (tmp_path / "history.csv").write_text(text)
+    with pytest.raises(ReadError, match=r"history\.csv: is damaged"):
+        film(tmp_path, tmp_path / "f.gif")
+
+
+def test_a_missing_package_is_said(plane, tmp_path, monkeypatch):
+    monkeypatch.setattr("lacsolver.filming.find_spec", lambda name: None)
+    with pytest.raises(RequestError, match="a film needs matplotlib; pip install"):
+        film(plane, tmp_path / "f.gif")
+
+
+# ---- pictures
+
+
+def test_a_film_has_a_picture_each_time_and_stays_at_the_end(plane, tmp_path):
+    film(plane, tmp_path / "f.gif", rate=10.0)
+    frames, stays = pictures(tmp_path / "f.gif")
+    assert len(frames) == 8 and stays == [100] * 7 + [1500]
+    assert all((a != b).any(axis=2).sum() > 500 for a, b in pairwise(frames))
+
+
+def test_one_scale_of_colours_for_all_times(plane, tmp_path):
+    """The middle of a body, whose stress grows from an eighth to all: from light to the darkest."""
+    film(plane, tmp_path / "f.gif")
+    frames, _ = pictures(tmp_path / "f.gif")
+    high, wide, _ = frames[0].shape
+    middle = [np.median(frame[high // 3 : high // 2, wide // 5 : 2 * wide // 5].sum(axis=2)) for frame in frames]
+    assert all(np.diff(middle) < 0) and middle[0] > 450 and middle[-1] < 150
+
+
+def test_a_sheet_has_so_many_pictures(plane, tmp_path, monkeypatch):
+    from lacsolver import filming
+
+    drawn = []
+    once = filming._draw_plane
+    monkeypatch.setattr(
+        filming, "_draw_plane", lambda axes, sight, shot, look: (drawn.append(shot.time), once(axes, sight, shot, look))
+    )
+    film(plane, tmp_path / "f.png")
+    assert len(drawn) == SHEET and drawn[-1] == 1.0 and len(pictures(tmp_path / "f.png")[0]) == 1
+    film(
+        plane, tmp_path / "g.png", frames=2, colour="pressure", log=True, curves=["time:-contact.joint.fy", "time:time"]
+    )
+    assert len(drawn) == SHEET + 2
+
+
+@pytest.mark.vtk
+def test_bodies_in_space_are_drawn_anew_each_time(space, tmp_path):
+    film(space, tmp_path / "f.gif")
+    frames, _ = pictures(tmp_path / "f.gif")
+    left = [frame[:, : frame.shape[1] // 2].astype(int) for frame in frames]
+    assert len(frames) == 4
+    assert all((np.abs(a - b).sum(axis=2) > 30).sum() > 2000 for a, b in pairwise(left))
+    film(space, tmp_path / "f.png", colour="pressure", camera=(0.0, 0.0, 1.0))
+    assert len(pictures(tmp_path / "f.png")[0]) == 1
+
+
+@pytest.mark.vtk
+def test_where_nothing_can_be_drawn(space, tmp_path, monkeypatch):
+    monkeypatch.setattr("lacsolver.stage._windows", lambda: iter(()))
+    with pytest.raises(LacmeshError, match="nothing can be drawn here"):
+        film(space, tmp_path / "f.gif")
+    assert not (tmp_path / "f.gif").exists()
+
+
+# ---- the command
+
+
+def test_the_command(plane, tmp_path, capsys):
+    target = tmp_path / "f.png"
+    case = str(plane.with_suffix(".toml"))
+    assert main(["film", case, "-o", str(target), "--curve=-probe.top.uy:-contact.joint.fy", "--scale", "0", "2"]) == 0
+    assert capsys.readouterr().out.startswith(f"{target}: 0.0")
+    before = target.read_bytes()
+    assert main(["film", case, "-o", str(target)]) == 2
+    assert "exists already; --force replaces it" in capsys.readouterr().err and target.read_bytes() == before
+    assert main(["film", str(plane), "-o", str(target), "--force", "-q", "--title", "pressed"]) == 0
+    assert capsys.readouterr().out == "" and target.read_bytes() != before
+    assert main(["film", str(tmp_path / "none.toml"), "-o", str(target), "--force"]) == 2
+    assert "is no folder; name the one that lacsolver run wrote" in capsys.readouterr().err

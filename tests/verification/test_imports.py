@@ -1,0 +1,31 @@
+"""The harness is a user: it sees of lacmesh and lacsolver what these export."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import lacmesh
+import lacsolver
+
+MODULES = sorted((Path(__file__).resolve().parents[2] / "verification").rglob("*.py"))
+#: whole modules that are for users
+EXPORTED = {"lacmesh": lacmesh, "lacsolver": lacsolver, "lacmesh.quadrature": None, "lacmesh.shapes": None}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.stem)
+def test_only_what_is_exported_is_used(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            assert {a.name for a in node.names if a.name.startswith("lac")} <= set(EXPORTED)
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("lac"):
+            package = EXPORTED[node.module]
+            assert package is None or {a.name for a in node.names} <= set(package.__all__)
+        elif isinstance(node, ast.Attribute) and ast.unparse(node.value) in ("lacmesh", "lacsolver"):
+            assert node.attr in EXPORTED[ast.unparse(node.value)].__all__
+
+
+def test_there_are_modules_to_look_at():
+    assert {"exact", "blocks", "norms", "manufactured"} <= {path.stem for path in MODULES}
