@@ -36,7 +36,7 @@ _PUBLIC = {
     "LacmeshWarning": "lacmesh.errors",
 }
 #: packages that are imported when they are named
-_PACKAGES = ("gmsh", "surface", "view")
+_PACKAGES = ("gmsh", "quadrature", "shapes", "surface", "view")
 
 __all__ = [
     "CELLS",

@@ -46,6 +46,7 @@ _PUBLIC = {
     "StepFigures": "lacsolver.results",
     "ZoneFigures": "lacsolver.results",
     "plot": "lacsolver.drawing",
+    "film": "lacsolver.filming",
 }
 
 __all__ = [
@@ -90,6 +91,7 @@ __all__ = [
     "assemble_stiffness",
     "contact_matrices",
     "create",
+    "film",
     "integrate",
     "march",
     "parse_case",
@@ -129,6 +131,7 @@ if TYPE_CHECKING:
     )
     from lacsolver.constraints import Constraints
     from lacsolver.drawing import plot
+    from lacsolver.filming import film
     from lacsolver.interface import Interface, Pairing, Zone, integrate
     from lacsolver.material import Elastic, Materials, Orthotropic
     from lacsolver.matrices import ContactMatrices, contact_matrices, write_matrices

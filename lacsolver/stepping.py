@@ -15,7 +15,6 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies import describe
 from lacsolver.case import Case
 from lacsolver.equilibrium import Contact, Limits, Outcome, find_equilibrium
-from lacsolver.equilibrium import Told as Tell
 from lacsolver.finite import InadmissibleError
 from lacsolver.interface import Interface
 from lacsolver.model import Instant, Model
