@@ -60,6 +60,7 @@ bench: $(INSTALLED) ## measure speed and memory
 docs: $(INSTALLED) ## make the figures and tables of docs/ again
 	$(BIN)/python docs/make_figures.py
 	$(BIN)/python docs/make_pictures.py
+	$(BIN)/python docs/make_sliding.py
 	$(BIN)/python docs/tutorials/run.py
 
 clean: ## remove .venv, build and every cache
