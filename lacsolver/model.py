@@ -294,7 +294,7 @@ class Instant:
         K = csr_array(K_q + drag * model.held.K) if drag else K_q
         if self._definite:
             with suppress(SingularError):
-                model.last = model.hold(K, like=model.last)
+                model.last = model.hold(K, like=model.last or model.held)
                 return model.last
             self._definite = bool(drag)  # bodies that buckle: it is not worth trying again before the next step
         model.last = model.hold(K, definite=False, like=model.last)

@@ -27,7 +27,8 @@ from scipy.sparse import csr_array
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium import ROUNDING, Contact, Limits, Outcome, Pivots, Told, stopped
 from lacsolver.finite import InadmissibleError
-from lacsolver.schur import Goal, Solved, solve_rows
+from lacsolver.linear import LinearError
+from lacsolver.schur import Goal, solve_rows
 from lacsolver.state import Iterate
 from lacsolver.stiffness import Stiffness
 
@@ -101,63 +102,73 @@ def follow(
     Raises InadmissibleError where the guess itself turns cells inside out.
     """
     place = at(start.q) if first is None else first
-    contact = place.contact
-    active = contact.paired & (start.active | contact.held)
-    scale = _Scale(limits, exact)
-    p = np.where(active, start.p, 0.0)
+    active = place.contact.paired & (start.active | place.contact.held)
+    scale, p = _Scale(limits, exact), np.where(active, start.p, 0.0)
     now = _State(start.q, p, place, scale.defect(place, start.q, p))
-    sets, products = _Sets(), 0
+    sets, products, met = _Sets(), 0, False
     history = [np.inf if first is not None else now.defect.whole]  # what is foreseen has defects of its own
     defects: list[tuple[float, float]] = []
-    while len(defects) < limits.max_iterations:
-        K = now.place.stiffness(drag * min(1.0, now.defect.whole / max(history[1:2], default=now.defect.whole)))
-        scale.know(K)
-        active = stopped(now.place.free, now.place.contact, active, now.place.r)
-        solves = 1 if not sets.cycle(active, now.defect.whole) else min(_SETS, limits.max_iterations - len(defects))
-        made, active, count, spent = _solved(K, now, active, scale, solves)
-        products += spent
-        then = _best(at, now, made, scale, np.inf if drag else max(history[-_REMEMBERED:]) * _WORSE)
-        defects += [(now.defect.balance, now.defect.gap)] * (count if then is None else count - 1)
-        if then is None:
+    while not met and len(defects) < limits.max_iterations:
+        most = 1 if not sets.cycle(active, now.defect.whole) else min(_SETS, limits.max_iterations - len(defects))
+        part = drag * min(1.0, now.defect.whole / max(history[1:2], default=now.defect.whole))
+        worst = np.inf if drag else max(history[-_REMEMBERED:]) * _WORSE
+        made = _solved(now, active, scale, part, most)
+        then = None if made is None else _best(at, now, made, scale, worst)
+        if made is None or then is None:
+            defects.append((now.defect.balance, now.defect.gap))
             break
-        now = then
-        history.append(now.defect.whole)
-        defects.append((now.defect.balance, now.defect.gap))
+        defects += [(now.defect.balance, now.defect.gap)] * (made.solves - 1)
+        defects.append((then.defect.balance, then.defect.gap))
+        now, active, products, met = then, made.active, products + made.products, scale.met(then)
         if told is not None:
             told(len(defects), int(active.sum()), *defects[-1])
-        if scale.met(now):
-            return Outcome(True, Iterate(now.q, now.p, active), now.place.contact, tuple(defects), products)
+        history.append(now.defect.whole)
         if not drag and min(history[-_PATIENCE:]) > min(history[:-_PATIENCE], default=np.inf):
             break
-        active = now.place.contact.next(active, now.p)
-    return Outcome(False, Iterate(now.q, now.p, active), now.place.contact, tuple(defects), products)
+        active = active if met else now.place.contact.next(active, now.p)
+    return Outcome(met, Iterate(now.q, now.p, active), now.place.contact, tuple(defects), products)
 
 
-def _solved(
-    K: Stiffness, now: _State, active: NDArray[np.bool_], scale: _Scale, most: int
-) -> tuple[Solved, NDArray[np.bool_], int, int]:
-    """The step of the linear problem at a state, its set, how many sets were solved, and products with K^-1.
+class _Made(NamedTuple):
+    """The step of a linear problem: dq, pressures, its set, how many sets were solved, and products with K^-1."""
 
-    One solve with `active`, or as many as it takes to find the set that goes with it.
+    dq: NDArray[np.floating]
+    p: NDArray[np.floating]
+    active: NDArray[np.bool_]
+    solves: int
+    products: int
+
+
+def _solved(now: _State, active: NDArray[np.bool_], scale: _Scale, drag: float, most: int) -> _Made | None:
+    """The step from a state: one solve with `active`, or as many as it takes to find the set that goes with it.
+
+    None where the tangent is singular, or the system cannot be solved.
     """
     place, contact = now.place, now.place.contact
-    turning, goal = place.turning(now.p), scale.goal(now)
-    pivots, products, dq, p = Pivots(), 0, np.zeros_like(now.q), now.p
-    for count in range(1, most + 1):
-        made = solve_rows(K, contact.rows, np.flatnonzero(active), place.r, contact.G, dq, p, goal, turning)
-        dq, p, products = made.q, made.p, products + made.products
-        closed = contact.at(contact.G - contact.rows.D @ dq).next(active, p)
-        if count == most or np.array_equal(closed, active):
-            break
-        active = pivots.next(active, closed, exact=True)
-    return made, active, count, products
+    turning, goal, pivots, products, p = place.turning(now.p), scale.goal(now), Pivots(), 0, now.p
+    try:
+        K = place.stiffness(drag)
+        scale.know(K)
+        active = stopped(place.free, contact, active, place.r)
+        for count in range(1, most + 1):
+            made = solve_rows(
+                K, contact.rows, np.flatnonzero(active), place.r, contact.G, np.zeros_like(now.q), p, goal, turning
+            )
+            p, products = made.p, products + made.products
+            closed = contact.at(contact.G - contact.rows.D @ made.q).next(active, p)
+            if count == most or np.array_equal(closed, active):
+                break
+            active = pivots.next(active, closed, exact=True)
+    except LinearError:
+        return None
+    return _Made(made.q, p, active, count, products)
 
 
-def _best(at: At, now: _State, made: Solved, scale: _Scale, worst: float) -> _State | None:
+def _best(at: At, now: _State, made: _Made, scale: _Scale, worst: float) -> _State | None:
     """The first part of a step that leaves things no worse than `worst`, else the best; None if none is admissible."""
     best = None
     for part in _PARTS:
-        q, p = now.q + part * made.q, now.p + part * (made.p - now.p)
+        q, p = now.q + part * made.dq, now.p + part * (made.p - now.p)
         try:
             place = at(q)
         except InadmissibleError:
