@@ -26,14 +26,18 @@ from lacsolver.model import Model
 from lacsolver.problem import Problem
 from lacsolver.stepping import march
 
+_ROUND = "0.03*((x-0.5)**2+(y-0.5)**2)"
 
-def pressed(mesh, backend: str) -> Problem:
-    """The upper block pushed into the lower one by a hundredth of its height."""
+
+def pressed(mesh, backend: str, kinematics: str = "small") -> Problem:
+    """The upper block pushed into the lower one by a hundredth of its height; a finite one's skin is round itself."""
+    law = "elastic" if kinematics == "small" else "neo_hookean"
     case = Case(
         mesh=Path("blocks.msh"),
         model="3d",
-        material=(Material(young=1000.0, poisson=0.3),),
-        contact=(Contact(slave="slave", master="master", clearance="0.03*((x-0.5)**2+(y-0.5)**2)"),),
+        kinematics=kinematics,
+        material=(Material(law=law, young=1000.0, poisson=0.3),),
+        contact=(Contact(slave="slave", master="master", clearance=_ROUND if kinematics == "small" else 0.0),),
         displacement=(
             Displacement(group="bottom", ux=0.0, uy=0.0, uz=0.0),
             Displacement(group="top", ux=0.0, uy=0.0, uz=-0.01),

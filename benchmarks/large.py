@@ -1,13 +1,15 @@
 """Measure large contact models: time by phase, V-cycles, memory, growth, against multigrid solves of K alone.
 
-    python benchmarks/large.py [--quick] [--backend multigrid] [--sizes 50000 100000 ...] [-o TABLE.md]
+    python benchmarks/large.py [--quick] [--finite] [--backend multigrid] [--sizes 50000 100000 ...] [-o TABLE.md]
 
 3D Hertz: a block with a clearance of r^2 / 2R over an elastic block whose faces do not match, HEXA8 cut `pyramid`,
 small kinematics, `geometry = "reference"`, one step from no contact at all, all steps of the active set included. Each
 size runs in a process of its own, whose largest resident memory is told. 'K alone' is a multigrid solve of the elastic
 problem without contact, set-up included, to residuals of 1e-12 of the forces, before contact in the same process (that
 of contact is told beside it). 'Contact' is all from K to the state, its own set-up, search and integration included.
-Seconds are of the wall, with those of the processors in brackets.
+Seconds are of the wall, with those of the processors in brackets. `--finite`: the same under finite kinematics
+(neo-Hookean, `geometry = "current"`, the upper skin round without a clearance), whose ratio is that of a Newton
+iteration.
 """
 
 from __future__ import annotations
@@ -34,6 +36,8 @@ from meshes import blocks
 import lacsolver.equilibrium
 import lacsolver.interface.interface
 import lacsolver.model
+import lacsolver.newton
+from lacmesh import Mesh
 from lacsolver.interface import integrate
 from lacsolver.linear import TOLERANCE
 from lacsolver.model import Instant, Model
@@ -79,6 +83,7 @@ def watched(clock: Clock, solved: list[Solved]) -> ExitStack:
         (lacsolver.model, "integrate", "search and integration", None),
         (lacsolver.model, "hold", "set-up", None),
         (lacsolver.equilibrium, "solve_rows", "loops", solved),
+        (lacsolver.newton, "solve_rows", "loops", solved),
     ]
     stack = ExitStack()
     for module, name, phase, kept in places:
@@ -91,17 +96,27 @@ def side(unknowns: int) -> int:
     return next(n for n in range(4, 200) if 3 * (n * n + (n - 3) ** 2) * (n // 2) > 0.98 * unknowns)
 
 
-def measured(unknowns: int, backend: str) -> dict[str, Any]:
+def rounded(n: int) -> Mesh:
+    """The blocks with the upper one's skin rounded, as the clearance of the others has it."""
+    mesh = blocks(n, n - 3, n // 2, hexa=None)
+    x, first = mesh.points.copy(), (n + 1) ** 2 * (n // 2 + 1)
+    x[first:, 2] += 0.06 * (np.square(x[first:, :2] - 0.5).sum(axis=1)) * (1 - x[first:, 2])
+    return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, node_groups=mesh.node_groups)
+
+
+def measured(unknowns: int, backend: str, kinematics: str) -> dict[str, Any]:
     """The figures of one size."""
-    _ = list(march(pressed(blocks(9, 7, 4), backend)))  # kernels are compiled, or loaded
+    _ = list(
+        march(pressed(blocks(9, 7, 4) if kinematics == "small" else rounded(9), backend, kinematics))
+    )  # kernels are compiled, or loaded
     n, clock, solved = side(unknowns), Clock(), []
     with clock("mesh and cut"):
-        mesh = blocks(n, n - 3, n // 2)
+        mesh = blocks(n, n - 3, n // 2) if small else rounded(n)
     with clock("problem"):
-        problem = pressed(mesh, backend)
+        problem = pressed(mesh, backend, kinematics)
     _ = problem.space.pattern
     with clock("assembly"):
-        _ = problem.K
+        _ = Model(problem).K
     alone = elastic(problem, clock)
     gc.collect()
     with watched(clock, solved), clock("contact"):
@@ -111,6 +126,7 @@ def measured(unknowns: int, backend: str) -> dict[str, Any]:
         "macros": problem.joints[0].zone.n_macros,
         "closed": int((state.zones[0].status == 1).sum()),
         "iterations": state.iterations,
+        "finite": kinematics == "finite",
         "cycles": sum(one.products for one in solved),
         "balance": state.residuals[-1],
         "alone": alone,
@@ -132,9 +148,10 @@ def elastic(problem: Problem, clock: Clock) -> int:
     return int(getattr(held.factor, "n_iterations", 1))
 
 
-def apart(unknowns: int, backend: str) -> dict[str, Any]:
+def apart(unknowns: int, backend: str, kinematics: str) -> dict[str, Any]:
     """The figures of one size, from a process of its own."""
     command = [sys.executable, __file__, "--one", str(unknowns), "--backend", backend]
+    command += ["--finite"] if kinematics == "finite" else []
     run = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ)
     if run.returncode:
         raise SystemExit(f"{unknowns} unknowns: {run.stderr.strip().splitlines()[-1]}")
@@ -148,7 +165,8 @@ def line(found: dict[str, Any]) -> str:
     def spent(*phases: str) -> str:
         return f"{sum(wall[p] for p in phases):.2f} s ({sum(cpu[p] for p in phases):.2f})"
 
-    ratio, own = (t["contact"] / (t["set-up of K alone"] + t["solution of K alone"]) for t in (wall, cpu))
+    count = found["iterations"] if found["finite"] else 1
+    ratio, own = (t["contact"] / count / (t["set-up of K alone"] + t["solution of K alone"]) for t in (wall, cpu))
     return (
         f"| {found['unknowns']:,}, {found['macros']:,} macro-elements, {found['closed']} closed | {spent('assembly')} "
         f"| {spent('search and integration')} | {spent('set-up')} "
@@ -195,13 +213,15 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="small sizes")
+    parser.add_argument("--finite", action="store_true", help="finite kinematics: the ratio of a Newton iteration")
     parser.add_argument("--sizes", nargs="+", type=int, help=f"unknowns (default: {' '.join(map(str, SIZES))})")
     parser.add_argument("--backend", default="multigrid", help="linear solver (default: multigrid)")
     parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
     parser.add_argument("-o", metavar="TABLE.md", help="write the table here too")
     args = parser.parse_args()
+    kinematics = "finite" if args.finite else "small"
     if args.one:
-        print(json.dumps(measured(args.one, args.backend)))
+        print(json.dumps(measured(args.one, args.backend, kinematics)))
         return
     heads = ["unknowns", "assembly", "search and integration", "set-up", "loops", "contact", "K alone", "ratio"]
     heads += ["with problem and assembly", "memory"]
@@ -209,7 +229,7 @@ def main() -> None:
     print("\n".join(lines), flush=True)
     found = []
     for size in args.sizes or (QUICK if args.quick else SIZES):
-        found.append(apart(size, args.backend))
+        found.append(apart(size, args.backend, kinematics))
         lines.append(line(found[-1]))
         print(lines[-1], flush=True)
     lines += ["", *([growth(found)] if len(found) > 1 else []), surfaces((20, 40) if args.quick else (40, 80, 160))]
