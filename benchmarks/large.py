@@ -104,11 +104,10 @@ def rounded(n: int) -> Mesh:
     return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, node_groups=mesh.node_groups)
 
 
-def measured(unknowns: int, backend: str, kinematics: str) -> dict[str, Any]:
+def measured(unknowns: int, backend: str, kinematics: str = "small") -> dict[str, Any]:
     """The figures of one size."""
-    _ = list(
-        march(pressed(blocks(9, 7, 4) if kinematics == "small" else rounded(9), backend, kinematics))
-    )  # kernels are compiled, or loaded
+    small = kinematics == "small"
+    _ = list(march(pressed(blocks(9, 6, 4) if small else rounded(9), backend, kinematics)))  # kernels are compiled
     n, clock, solved = side(unknowns), Clock(), []
     with clock("mesh and cut"):
         mesh = blocks(n, n - 3, n // 2) if small else rounded(n)

@@ -50,8 +50,8 @@ _SETS = 20
 class Place:
     """Bodies and contact at some q. `r` (n,): forces that nothing balances but contact; `size`: the largest there is.
 
-    `stiffness`: makes K there, and a part of the
-    undeformed bodies' added, factorised; `turning`: makes C (n, n) at pressures p (m,), None where there is none.
+    `stiffness`: makes K there, with a part of the undeformed bodies' added, factorised; `turning`: makes C (n, n) at
+    pressures p (m,), None where there is none.
     `free` (n, k): motions of whole bodies that nothing but contact stops.
     """
 
@@ -110,7 +110,7 @@ def follow(
     defects: list[tuple[float, float]] = []
     while not met and len(defects) < limits.max_iterations:
         most = 1 if not sets.cycle(active, now.defect.whole) else min(_SETS, limits.max_iterations - len(defects))
-        part = drag * min(1.0, now.defect.whole / max(history[1:2], default=now.defect.whole))
+        part = drag * min(1.0, now.defect.whole / history[1]) if drag and len(history) > 1 else drag
         worst = np.inf if drag else max(history[-_REMEMBERED:]) * _WORSE
         made = _solved(now, active, scale, part, most)
         then = None if made is None else _best(at, now, made, scale, worst)

@@ -72,7 +72,7 @@ def pressures(mesh, stage):
     whole, at = contact(model, *stage(mesh))
     start = at_start(whole, whole.G < 0)
     limits = Limits(tolerance=1e-10, max_iterations=50, length=model.length)
-    found = find_equilibrium(model.held, Instant(model, 1.0).f, at, start, limits, moving=False)
+    found = find_equilibrium(model.held, Instant(model, 1.0).f, at, start, limits)
     if not found.converged:
         balance, gap = found.defects[-1]
         raise RuntimeError(f"no equilibrium: forces are off by {balance:.0e}, gaps by {gap:.0e} of the displacement")

@@ -246,10 +246,10 @@ def check_consistent(ran):
 
 
 def check_halved(ran):
-    """A sixteenth of the step converges; the steps after it stay as long as that."""
-    assert ran.times == [k / 16 for k in range(1, 17)]
-    assert [step["halvings"] for step in ran.steps] == [4] + 15 * [0]
-    assert ran.steps[0]["iterations"] == 4 * 3 + len([told for told in ran.told if told.time == 1 / 16])
+    """An eighth of the step converges; the steps after it stay as long as that."""
+    assert ran.times == [k / 8 for k in range(1, 9)]
+    assert [step["halvings"] for step in ran.steps] == [3] + 7 * [0]
+    assert ran.steps[0]["iterations"] == 3 * 3 + len([told for told in ran.told if told.time == 1 / 8])
     assert max(told.number for told in ran.told) == 3
 
 

@@ -162,7 +162,7 @@ def changed(K, part):
 
 def test_a_hierarchy_serves_a_stiffness_that_is_like_its_own():
     now = moment(8, "multigrid")
-    first, whole = now.model.held, now.model._whole()
+    first, whole = now.model.held, now.model._whole
     other = changed(first.K, 0.05)
     made = hold(other, first.R[:, :0], backend="multigrid", whole=whole, like=first)
     assert made.factor.hierarchy is first.factor.hierarchy
@@ -179,7 +179,7 @@ def test_a_hierarchy_serves_a_stiffness_that_is_like_its_own():
 
 def test_a_hierarchy_that_has_worn_is_made_anew():
     now = moment(8, "multigrid")
-    first, whole = now.model.held, now.model._whole()
+    first, whole = now.model.held, now.model._whole
     first.solve(now.f)
     at_first = first.factor.n_iterations
     other = changed(first.K, 1.0)
@@ -195,7 +195,7 @@ def test_a_hierarchy_that_has_worn_is_made_anew():
 def test_a_stiffness_that_is_not_definite_is_an_error():
     """With an older hierarchy too, in a solve and in the loop with rows."""
     now = moment(8, "multigrid")
-    first, whole = now.model.held, now.model._whole()
+    first, whole = now.model.held, now.model._whole
     n = first.K.shape[0]
     other = csr_array(first.K - diags_array(0.05 * first.K.diagonal()))
     made = hold(other, first.R[:, :0], backend="multigrid", whole=whole, like=first)
