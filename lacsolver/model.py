@@ -281,22 +281,29 @@ class Instant:
             return csr_array(sum(total[1:], total[0])) if total else None
 
         size = max(float(np.abs(v).max(initial=0.0)) for v in (inner, load, motion, out))
-        return Place(motion - T.T @ out, size, contact, lambda drag: self._held(K_q, drag), turning, self.model.free)
+        return Place(
+            motion - T.T @ out,
+            size,
+            contact,
+            lambda drag, definite=True: self._held(K_q, drag, definite),
+            turning,
+            self.model.free,
+        )
 
     def _steadied(self, K_q: csr_array) -> csr_array:
         return K_q if self.model.steady is None else csr_array(K_q + self.model.steady)
 
-    def _held(self, K_q: csr_array, drag: float) -> Stiffness:
+    def _held(self, K_q: csr_array, drag: float, definite: bool) -> Stiffness:
         """K_q with a part of that of the undeformed bodies, factorised: theirs where it is constant."""
         model = self.model
         if model.problem.kinematics.constant:
             return model.held
         K = csr_array(K_q + drag * model.held.K) if drag else K_q
-        if self._definite:
+        if self._definite and definite:
             with suppress(SingularError):
                 model.last = model.hold(K, like=model.last or model.held)
                 return model.last
-            self._definite = bool(drag)  # bodies that buckle: it is not worth trying again before the next step
+        self._definite = bool(drag)  # bodies that buckle: it is not worth trying again before the next step
         model.last = model.hold(K, definite=False, like=model.last)
         return model.last
 

@@ -17,6 +17,7 @@ iterations converge quadratically.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -50,15 +51,15 @@ _SETS = 20
 class Place:
     """Bodies and contact at some q. `r` (n,): forces that nothing balances but contact; `size`: the largest there is.
 
-    `stiffness`: makes K there, with a part of the undeformed bodies' added, factorised; `turning`: makes C (n, n) at
-    pressures p (m,), None where there is none.
-    `free` (n, k): motions of whole bodies that nothing but contact stops.
+    `stiffness(drag, definite)`: makes K there, with a part of the undeformed bodies' added, factorised; where it need not
+    be `definite`, with no notice of negative energies. `turning`: makes C (n, n) at pressures p (m,), None where there
+    is none. `free` (n, k): motions of whole bodies that nothing but contact stops.
     """
 
     r: NDArray[np.floating]
     size: float
     contact: Contact
-    stiffness: Callable[[float], Stiffness]
+    stiffness: Callable[..., Stiffness]
     turning: Callable[[Floats], csr_array | None]
     free: NDArray[np.floating]
 
@@ -140,27 +141,27 @@ class _Made(NamedTuple):
 
 
 def _solved(now: _State, active: NDArray[np.bool_], scale: _Scale, drag: float, most: int) -> _Made | None:
-    """The step from a state: one solve with `active`, or as many as it takes to find the set that goes with it.
+    """The step from a state; None where the tangent is singular, or the system cannot be solved."""
+    for definite in (True, False):  # an iterative backend finds out late that the tangent is not positive definite
+        with suppress(LinearError):
+            K = now.place.stiffness(drag, definite)
+            scale.know(K)
+            return _settled(K, now, stopped(now.place.free, now.place.contact, active, now.place.r), scale, most)
+    return None
 
-    None where the tangent is singular, or the system cannot be solved.
-    """
+
+def _settled(K: Stiffness, now: _State, active: NDArray[np.bool_], scale: _Scale, most: int) -> _Made:
+    """One solve with `active`, or as many as it takes, up to `most`, to find the set that goes with the step."""
     place, contact = now.place, now.place.contact
     turning, goal, pivots, products, p = place.turning(now.p), scale.goal(now), Pivots(), 0, now.p
-    try:
-        K = place.stiffness(drag)
-        scale.know(K)
-        active = stopped(place.free, contact, active, place.r)
-        for count in range(1, most + 1):
-            made = solve_rows(
-                K, contact.rows, np.flatnonzero(active), place.r, contact.G, np.zeros_like(now.q), p, goal, turning
-            )
-            p, products = made.p, products + made.products
-            closed = contact.at(contact.G - contact.rows.D @ made.q).next(active, p)
-            if count == most or np.array_equal(closed, active):
-                break
-            active = pivots.next(active, closed, exact=True)
-    except LinearError:
-        return None
+    for count in range(1, most + 1):
+        start = np.zeros_like(now.q)
+        made = solve_rows(K, contact.rows, np.flatnonzero(active), place.r, contact.G, start, p, goal, turning)
+        p, products = made.p, products + made.products
+        closed = contact.at(contact.G - contact.rows.D @ made.q).next(active, p)
+        if count == most or np.array_equal(closed, active):
+            break
+        active = pivots.next(active, closed, exact=True)
     return _Made(made.q, p, active, count, products)
 
 

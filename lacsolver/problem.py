@@ -6,6 +6,7 @@ mesh -> space, materials -> kinematics; constraints; joints; loads. What changes
 from __future__ import annotations
 
 import os
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,11 +15,12 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 import lacmesh
-from lacmesh.errors import LacmeshError
+from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.mesh import Floats, Mesh
 from lacsolver import acting
 from lacsolver.case import Case, Contact, Tie, check_groups
 from lacsolver.constraints import Constraints
+from lacsolver.finite import locking
 from lacsolver.interface import Interface, Pairing, Zone
 from lacsolver.kinematics import Kinematics, kinematics_of
 from lacsolver.laws import law_of
@@ -105,7 +107,7 @@ class Problem:
         check_groups(case, mesh)
         mesh = prepared(case, mesh)
         space = Space.of(mesh, case.model, case.thickness)
-        materials = Materials.of(space, [(law_of(m), m.groups) for m in case.material])
+        materials = materials_of(case, space)
         joined: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
         joints = tuple(joint_of(space, record) for record in joined)
         return cls(case, space, materials, Constraints.of(space, case), joints)
@@ -132,6 +134,18 @@ class Problem:
     def load(self, t: float, u: Floats | None = None) -> NDArray[np.floating]:
         """f (n_dof,): nodal forces of everything that acts at time t; followers find their faces at u (n_dof,)."""
         return acting.load(self.space, self.materials, self.case, t, self.threads, u=u)
+
+
+def materials_of(case: Case, space: Space) -> Materials:
+    """The laws of a case on its cells; warns of those that lock under finite kinematics.
+
+    Raises CaseError, DataError and RequestError as `Materials.of` and the laws do.
+    """
+    materials = Materials.of(space, [(law_of(m), m.groups) for m in case.material])
+    if case.kinematics == "finite":
+        for told in locking(space, materials):
+            warnings.warn(LacmeshWarning(told), stacklevel=3)
+    return materials
 
 
 def available_cores() -> int:

@@ -24,11 +24,9 @@ from lacsolver.case import Case, CaseError, Contact, Displacement, Problem, Rigi
 from lacsolver.case.records import Entry
 from lacsolver.constraints import Constraints
 from lacsolver.interface import Interface, integrate
-from lacsolver.laws import law_of
 from lacsolver.linear import choose
-from lacsolver.material import Materials
 from lacsolver.places import nodes_of
-from lacsolver.problem import Joint, joint_of
+from lacsolver.problem import Joint, joint_of, materials_of
 from lacsolver.skin import prepared
 from lacsolver.space import Space
 
@@ -122,7 +120,7 @@ def _look(case: Case, found: Validation) -> None:
 def _look_at_laws_and_loads(case: Case, space: Space, found: Validation) -> None:
     materials = None
     with found.looking():
-        materials = Materials.of(space, [(law_of(m), m.groups) for m in case.material])
+        materials = materials_of(case, space)
     none: dict[str, Any] = {**dict.fromkeys(_LOADS, ()), "gravity": None}
     bare = replace(case, **none)
     parts: list[tuple[Entry, dict[str, Any]]]
