@@ -51,9 +51,9 @@ _SETS = 20
 class Place:
     """Bodies and contact at some q. `r` (n,): forces that nothing balances but contact; `size`: the largest there is.
 
-    `stiffness(drag, definite)`: makes K there, with a part of the undeformed bodies' added, factorised; where it need not
-    be `definite`, with no notice of negative energies. `turning`: makes C (n, n) at pressures p (m,), None where there
-    is none. `free` (n, k): motions of whole bodies that nothing but contact stops.
+    `stiffness(drag, definite)`: makes K there, with a part of the undeformed bodies' added, factorised; where it need
+    not be `definite`, with no notice of negative energies. `turning`: makes C (n, n) at pressures p (m,), None where
+    there is none. `free` (n, k): motions of whole bodies that nothing but contact stops.
     """
 
     r: NDArray[np.floating]

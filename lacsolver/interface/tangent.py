@@ -98,11 +98,12 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
 
 def _interpolation(surface: Surface, face: Ints, xi: Floats, dim: int) -> csr_array:
     """(points dim, n_dof): displacement at points of faces."""
-    parts = [
-        (rows, nodes, shape(name, xi[rows, : surface.dim])[:, None, :, None] * np.eye(dim)[None, :, None, :])
-        for rows, name, nodes in by_type(surface, face)
-    ]
-    return _gathered(parts, len(face), dim, dim, len(surface.x))
+    parts = []
+    for rows, name, nodes in by_type(surface, face):
+        N = shape(name, xi[rows, : surface.dim])
+        column = dim * nodes[:, None, :] + np.arange(dim)[:, None]
+        parts.append((rows, column, np.broadcast_to(N[:, None, :], column.shape)))
+    return _rows(parts, len(face), dim, dim * len(surface.x))
 
 
 def _along_master(master: Surface, face: Interface, dim: int) -> csr_array:
@@ -238,13 +239,25 @@ def _blocks(A: Floats) -> csr_array:
 
 def _gathered(parts: list, count: int, rows: int, dim: int, n_nodes: int) -> csr_array:
     """(count rows, dim n_nodes) of entries (points, nodes (p, k), values (p, rows, k, dim))."""
-    out = csr_array((count * rows, dim * n_nodes))
+    flat = []
     for points, nodes, value in parts:
-        row = rows * points[:, None, None, None] + np.arange(rows)[:, None, None]
-        column = dim * nodes[:, None, :, None] + np.arange(dim)
-        at = np.broadcast_to(row, value.shape).ravel(), np.broadcast_to(column, value.shape).ravel()
-        out = csr_array(out + coo_array((value.ravel(), at), shape=out.shape).tocsr())
-    return out
+        column = (dim * nodes[:, :, None] + np.arange(dim)).reshape(len(nodes), 1, -1)
+        flat.append((points, np.broadcast_to(column, (len(nodes), rows, column.shape[2])), value))
+    return _rows(flat, count, rows, dim * n_nodes)
+
+
+def _rows(parts: list, count: int, rows: int, n: int) -> csr_array:
+    """(count rows, n) of entries (points, columns (p, rows, k), values (p, rows, ..)); a point is in one part."""
+    width = np.zeros(count, np.int64)
+    for points, column, _ in parts:
+        width[points] = column.shape[2]
+    indptr = np.concatenate([[0], np.cumsum(np.repeat(width, rows))])
+    indices, data = np.empty(indptr[-1], np.int32), np.empty(indptr[-1])
+    for points, column, value in parts:
+        first = indptr[rows * points[:, None] + np.arange(rows)]
+        at = first[:, :, None] + np.arange(column.shape[2])
+        indices[at], data[at] = column, value.reshape(column.shape)
+    return csr_array((data, indices, indptr), shape=(count * rows, n))
 
 
 def _scattered(row: Ints, column: Ints, value: Floats, f: int, dim: int) -> csr_array:
