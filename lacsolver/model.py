@@ -91,7 +91,10 @@ class Model:
         soft = self.free[:, self.R.shape[1] :]
         if not soft.shape[1]:
             return None
-        leading, other = leading_unknowns(self.R), leading_unknowns(soft)
+        leading = leading_unknowns(self.R)
+        if len(leading):
+            soft = soft - self.R @ np.linalg.solve(self.R[leading], soft[leading])
+        other = leading_unknowns(soft)
         w = coo_array((np.ones(len(other)), (other, np.arange(len(other)))), shape=soft.shape).tocsr()
         if len(leading):
             part = np.linalg.solve(self.R[leading].T, self.R[other].T)
@@ -268,6 +271,7 @@ class Instant:
         contact, out = self._contact(met, T), inner - load
         if rest is not None and p is not None:
             out = out + K @ rest + (met.turning(p) @ rest if met.turns else 0.0)
+            out = out if following is None else out - following @ rest
             contact = contact.at(contact.G - met.D @ rest)
         K_q = self.model.held.K if problem.kinematics.constant else self._steadied(self.model.reduced(K, T))
         motion = c.force(self.t, q)

@@ -83,7 +83,7 @@ class _Loop:
         self.turned = np.empty(0, np.int64) if turning is None else np.flatnonzero(np.diff(turning.indptr))
         self.turning = csr_array((0, K.K.shape[0])) if turning is None else turning[self.turned]
         self.skins = Skins(K, rows, active)
-        stiff = np.abs(K.K.diagonal()[self.turned]) if len(self.turned) else np.empty(0)
+        stiff = np.abs(K.diagonal[self.turned]) if len(self.turned) else np.empty(0)
         self.unit = np.concatenate([rows.w[active], stiff])  # residuals over it are lengths
         self.QB, self.QD = self.skins.QB, np.concatenate([self.skins.QD, self.turning @ K.R])
 

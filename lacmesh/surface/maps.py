@@ -22,6 +22,9 @@ from lacmesh.surface.record import Surface
 AFFINE, BILINEAR, CURVED = range(3)
 #: what is left of a coefficient that rounding alone made: of the face's size, and of its coordinates
 _ROUNDING = (1e-13, 1e-15)
+#: out of its plane by this much of its size a face is integrated as a plane one: on the way to an equilibrium on flat
+#: skins faces are bent by what iterations leave, and forces must not jump with the rule
+_NEARLY_PLANE = 1e-5
 N_MONOMIALS = 9
 
 
@@ -79,7 +82,7 @@ def kinds(G: Floats, corners: Ints) -> tuple[Ints, NDArray[np.bool_], Floats]:
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     out_of_plane = np.abs(np.einsum("fks,fs->fk", G[:, 3:], normal)).max(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return kind, out_of_plane <= least, np.where(curved, bent.sum(axis=1) / size, 0.0)
+        return kind, out_of_plane <= np.maximum(least, _NEARLY_PLANE * size), np.where(curved, bent.sum(axis=1) / size, 0.0)
 
 
 @kernel
