@@ -46,6 +46,7 @@ SHEET, FILM = (".png", 6, 250_000), (".gif", 30, 1_500_000)
 
 def main(folder: Path) -> None:
     """Run what is not done yet, draw all, and write the table."""
+    folder.mkdir(parents=True, exist_ok=True)
     rows = []
     for name, look in SHOWN.items():
         results = solved(name, folder / name)
