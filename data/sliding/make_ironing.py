@@ -54,8 +54,8 @@ def make_space(path: Path) -> None:
         path,
         {"block": block, "die": die},
         {
-            "slave": ("block", skin(block, lambda x, y, z: np.isclose(z, 0))),
-            "master": ("die", skin(die, lambda x, y, z: np.isclose(np.hypot(x - START_3D, z - flat), shrunk(y)))),
+            "master": ("block", skin(block, lambda x, y, z: np.isclose(z, 0))),
+            "slave": ("die", skin(die, lambda x, y, z: np.isclose(np.hypot(x - START_3D, z - flat), shrunk(y)))),
             "top": ("die", skin(die, lambda x, y, z: np.isclose(z, flat))),
             "bottom": ("block", skin(block, lambda x, y, z: np.isclose(z, -HIGH_3D))),
             "symmetry_block": ("block", skin(block, lambda x, y, z: np.isclose(y, 0))),

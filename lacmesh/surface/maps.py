@@ -81,8 +81,9 @@ def kinds(G: Floats, corners: Ints) -> tuple[Ints, NDArray[np.bool_], Floats]:
     normal = np.where((corners == 2)[:, None], across, np.cross(G[:, 1], G[:, 2]))
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     out_of_plane = np.abs(np.einsum("fks,fs->fk", G[:, 3:], normal)).max(axis=1)
+    plane = out_of_plane <= np.maximum(least, _NEARLY_PLANE * size)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return kind, out_of_plane <= np.maximum(least, _NEARLY_PLANE * size), np.where(curved, bent.sum(axis=1) / size, 0.0)
+        return kind, plane, np.where(curved, bent.sum(axis=1) / size, 0.0)
 
 
 @kernel

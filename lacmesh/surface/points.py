@@ -23,8 +23,8 @@ from lacmesh.surface.search import Pairs, Reach, candidates, side_by_side
 
 NORMALS = ("facet", "smoothed")
 SEARCHES = ("tree", "front")
-#: normals that differ by no more are one
-_SAME = 1e-10
+#: normals that differ by no more are integrated as one: as much as a face that counts as plane may be bent (`maps`)
+_SAME = 1e-5
 #: how far nodes of an axisymmetric surface may lie beyond the axis, against their largest coordinate
 _BEYOND = 1e-9
 
