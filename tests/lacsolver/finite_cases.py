@@ -6,6 +6,7 @@ import numpy as np
 
 from lacmesh import Mesh
 from lacsolver.case import parse_case
+from lacsolver.equilibrium import ROUNDING
 from lacsolver.problem import Problem
 from lacsolver.state import CONTACT, UNPAIRED
 from lacsolver.stepping import march
@@ -52,7 +53,9 @@ def check(problem, state):
     K = problem.kinematics.tangent(u, state.time)
     moved = max(float(np.abs(u).max()), 1e-3)
     acting = problem.kinematics.internal_force(u, state.time), problem.load(state.time, u), state.reaction
-    size = max(*(np.abs(v).max(initial=0.0) for v in acting), 1e-5 * np.abs(K.data).max(initial=0.0) * moved)
+    far = max(moved, float(np.ptp(problem.space.mesh.points, axis=0).max()))  # rounding of coordinates makes forces
+    rounding = ROUNDING / TOLERANCE * np.abs(K.data).max(initial=0.0) * far
+    size = max(*(np.abs(v).max(initial=0.0) for v in acting), rounding)
     left = c.tangent(q, state.time).T @ state.reaction - c.force(state.time, q)
     assert np.abs(left).max(initial=0.0) <= 10 * TOLERANCE * size, "balance of what is free"
     for joint, zone in zip(problem.joints, state.zones, strict=True):

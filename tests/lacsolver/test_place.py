@@ -94,6 +94,15 @@ def test_every_model_and_law(model, law, measure):
     assert made.errors().max() <= EXACT
 
 
+@pytest.mark.parametrize("model", MODELS)
+def test_a_body_that_only_contact_holds(model):
+    """What keeps the factor of K steady is no part of the tangent."""
+    dim = dimension(model)
+    made = Moved(waves(*PAIRS[dim], dim, gap=0.1), joint() + ground(dim) + FOLLOWER, model=model)
+    assert made.place.free.shape[1] == {"3d": 6, "axisymmetric": 1}.get(model, 3)
+    assert (made.model.steady is None) == (model == "axisymmetric") and made.errors().max() <= EXACT
+
+
 @pytest.mark.parametrize("model", MODELS[:1] + MODELS[2:])
 def test_mean_dilatation(model):
     """Nearly incompressible, where linear cells take the volume's mean."""
@@ -178,6 +187,7 @@ FORESEEN = {
     "prescribed rotation": (2, '[[rigid]]\ngroup = "upper"\nrotation = "0.1 * t"\nuy = "-0.1 * t"\n'),
     "free and prescribed": (3, '[[rigid]]\ngroup = "upper"\nmoment = [1.0, 0, 2.0]\nuz = "-0.1 * t"\n'),
     "dead load": (3, held("top", ux="0.3 * t", uy=0.0) + '[[traction]]\ngroup = "top"\ntz = "-5 * t"\n'),
+    "follower": (2, held("top", ux="0.3 * t", uy="-0.2 * t") + FOLLOWER),
     "temperature": (2, held("top", ux="0.3 * t") + '[[temperature]]\nvalue = "40 * t"\n'),
 }
 

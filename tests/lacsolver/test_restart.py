@@ -82,6 +82,28 @@ uy = "-0.04 * sin(t)"
 STILL = SLIDING.replace('geometry = "current"', 'geometry = "reference"')
 
 
+#: a body that goes over its master's faces, finite: pressed down, then along
+FAR = (
+    HEAD.format(model="plane_strain").replace(
+        "[[material]]", 'kinematics = "finite"\n[[material]]\nlaw = "neo_hookean"'
+    )
+    + """[[contact]]
+slave = "slave"
+master = "master"
+normals = "smoothed"
+[[displacement]]
+group = "bottom"
+ux = 0.0
+uy = 0.0
+[[rigid]]
+group = "top"
+ux = [[1.0, 0.0], [3.0, 0.4]]
+uy = [[0.0, 0.0], [1.0, -0.08]]
+rotation = "0.02 * t"
+"""
+)
+
+
 @cache
 def blocks():
     """Three blocks on one another, y0 without what the rigid bodies hold."""
@@ -302,3 +324,30 @@ def test_a_step_that_was_halved_goes_on_as_long_as_it_was(folder):
     solve("case.toml", "--restart", "whole", "--from", str(times[0]), "-o", "then")
     told = json.loads((folder / "then" / "results.json").read_text())
     assert told["steps"][0]["time"] == pytest.approx(times[1], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [END, "[steps]\nend = 3.0\ncount = 2\ngrowth = 1.0\n[solver]\nmax_iterations = 7\n"],
+    ids=["whole", "halved"],
+)
+def test_bodies_that_go_far_go_on_to_the_last_bit(folder, monkeypatch, steps):
+    """Finite kinematics: a run goes on from its states with the same iterations, to the same figures, bit by bit."""
+    monkeypatch.setitem(CASES, "far", (punch, FAR))
+    put("far", steps)
+    solve("case.toml", "-o", "whole")
+    told = json.loads((folder / "whole" / "results.json").read_text())["steps"]
+    assert any(step["halvings"] for step in told) == ("max_iterations" in steps)
+    for first in (1, len(told) - 1):
+        since = told[first - 1]["time"]
+        solve("case.toml", "--restart", "whole", "--from", str(since), "-o", f"from{first}")
+        case = read_case("case.toml")
+        for step in told[first:]:
+            one, other = (read_state(d, case, step["time"]) for d in (f"from{first}", "whole"))
+            np.testing.assert_array_equal(one.u, other.u)
+            np.testing.assert_array_equal(one.iterate.p, other.iterate.p)
+            np.testing.assert_array_equal(one.iterate.active, other.iterate.active)
+        for name in ("history.csv", "contact_slave.csv"):
+            head, *rows = (folder / "whole" / name).read_text().splitlines()
+            after = [row for row in rows if float(row.split(",")[0]) > since]
+            assert after and (folder / f"from{first}" / name).read_text().splitlines() == [head, *after]

@@ -1,0 +1,105 @@
+"""Large sliding over masters of many faces: the last iterations are quadratic, and a flat master has no drag."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from lacmesh import Mesh
+from lacsolver.state import CONTACT
+from tests.lacsolver.contact_cases import JOINT, held, resultant
+from tests.lacsolver.finite_cases import solve
+from tests.lacsolver.patch_meshes import block, joined
+
+MODEL = {2: "plane_strain", 3: "3d"}
+#: of residuals: where Newton's method has come near, and what rounding leaves of sliding bodies
+NEAR, ROUND = 1e-2, 3e-12
+
+
+def plate(dim, wave, count):
+    """A bare skin, rigid, at height 0 under the slider, x in [-0.5, 3.5]: faces up, a wave of this height."""
+    x = np.linspace(-0.5, 3.5, count + 1)
+    if dim == 2:
+        points = np.stack([x, wave * (np.cos(2 * np.pi * x / 1.6) - 1)], axis=1)
+        nodes = np.stack([np.arange(1, count + 1), np.arange(count)], axis=1)
+        return Mesh.create(points, [("SEG2", nodes)], cell_groups={"plate": np.arange(count)}, space_dim=2)
+    z = np.linspace(-0.4, 1.4, 4)
+    X, Y = np.meshgrid(x, z, indexing="ij")
+    g = np.arange(X.size).reshape(X.shape)
+    cells = np.stack([g[:-1, :-1], g[1:, :-1], g[1:, 1:], g[:-1, 1:]], axis=-1).reshape(-1, 4)
+    height = wave * (np.cos(2 * np.pi * X / 1.6) - 1)
+    points = np.stack([X.ravel(), Y.ravel(), height.ravel()], axis=1)
+    return Mesh.create(points, [("QUAD4", cells)], cell_groups={"plate": np.arange(len(cells))}, space_dim=3)
+
+
+def slider(dim, kind, wave, n=3, count=17):
+    """A unit block, its underside the slave, on a rigid plate that is longer."""
+    up = "xyz"[dim - 1]
+    names = {f"{up}0": "slave", f"{up}1": "top"} | {f"{a}{e}": f"{a}{e}" for a in "xy"[: dim - 1] for e in "01"}
+    return joined(
+        [
+            (block(kind, dim, n, f"{up}0"), np.zeros(3), names),
+            (plate(dim, wave, count), np.zeros(3), {"plate": "master"}),
+        ]
+    )
+
+
+def dragged(dim, kind, wave, normals, way=1.5, count=6, walls=False):
+    """(problem, states): pressed down in the first step, then dragged; `walls`: its sides keep straight."""
+    up, aside = "xyz"[dim - 1], {"uy": 0.0} if dim == 3 else {}
+    path = {"ux": [[1.0, 0.0], [float(1 + count), way]], f"u{up}": [[0.0, 0.0], [1.0, -0.05]]}
+    sections = JOINT + f'normals = "{normals}"\nmeasure = "current"\n' + held("top", **path, **aside)
+    if walls:
+        sections += "".join(held(side, ux=path["ux"]) for side in ("x0", "x1"))
+        sections += "".join(held(side, uy=0.0) for side in ("y0", "y1")[: 2 * (dim - 2)])
+    sections += f'[[rigid]]\ngroup = "master"\n[steps]\nend = {float(1 + count)}\ncount = {1 + count}\n'
+    return solve(slider(dim, kind, wave), sections, model=MODEL[dim])
+
+
+def ends(residuals):
+    """The last two (residual, next residual) among those that are near and above rounding."""
+    return [(e, then) for e, then in pairwise(residuals) if ROUND < e < NEAR][-2:]
+
+
+CASES = [(2, "QUAD4"), (2, "QUAD8"), (3, "HEXA8")]
+
+
+@pytest.mark.parametrize("dim, kind", CASES)
+@pytest.mark.parametrize("normals", ["facet", "smoothed"])
+def test_on_a_flat_master_nothing_drags(dim, kind, normals):
+    """A slider that keeps straight: from face to face the push stays what it was, and there is no force along."""
+    problem, states = dragged(dim, kind, 0.0, normals, walls=True)
+    forces = np.array([resultant(state.zones[0], problem) for state in states])
+    push = forces[0, dim - 1]
+    assert push > 10 and all((state.zones[0].status == CONTACT).all() for state in states)
+    assert len({tuple(state.u[:2]) for state in states}) == len(states) == 7
+    np.testing.assert_allclose(forces[:, dim - 1], push, rtol=1e-10)
+    assert np.abs(forces[:, : dim - 1]).max() <= 1e-12 * push
+
+
+@pytest.mark.parametrize("dim, kind", CASES)
+@pytest.mark.parametrize("normals", ["facet", "smoothed"])
+def test_a_slider_that_bulges_keeps_its_forces(dim, kind, normals):
+    """Its underside bulges between the nodes, and pressures along its own normals add up to 3e-4 of the push; that goes
+    with it over the faces and does not change."""
+    problem, states = dragged(dim, kind, 0.0, normals)
+    forces = np.array([resultant(state.zones[0], problem) for state in states])
+    push = forces[0, dim - 1]
+    assert push > 10
+    np.testing.assert_allclose(forces, np.tile(forces[0], (len(forces), 1)), atol=1e-9 * push)
+    assert np.abs(forces[:, : dim - 1]).max() <= 3e-4 * push
+
+
+@pytest.mark.parametrize("dim, kind", CASES)
+@pytest.mark.parametrize("normals", ["facet", "smoothed"])
+def test_the_last_iterations_are_quadratic(dim, kind, normals):
+    """Over a wave, 0.25 of a block each step: each of the last residuals is at most the one before to the power of 1.8,
+    from 1e-2 on down to what rounding leaves."""
+    _, states = dragged(dim, kind, 0.02, normals)
+    pairs = [pair for state in states for pair in ends(state.residuals)]
+    told = [" ".join(f"{e:.1e}" for e in state.residuals) for state in states]
+    assert len(pairs) >= len(states) and not any(state.halvings for state in states), told
+    assert all(then <= max(e**1.8, ROUND) for e, then in pairs), told
+    assert any(not (state.zones[0].status == CONTACT).all() for state in states), "nothing opens"
