@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -10,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lacmesh.cli.terminal import peak_memory
+from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.output import signals_wait
 from lacmesh.mesh import Floats, Mesh
 from lacsolver.assemble.fields import Field
@@ -59,6 +61,7 @@ def run(
             writer.finish(*made.ended(error))
         raise
     made.results = replace(made.told(), status="done")
+    _warn_of_strangers(problem, made.results)
     writer = writer or Writer(folder, case, problem.space)
     writer.finish(made.results)
     return made.results
@@ -178,6 +181,16 @@ class _Run:
         if isinstance(error, NotConvergedError):
             return results, self.fields_of(error.state)
         return results, None
+
+
+def _warn_of_strangers(problem: Problem, results: Results) -> None:
+    """Warn of zones that moved and at no time had a face of the master in front of one of the slave."""
+    for joint in problem.joints:
+        seen = [step.contact[joint.name] for step in results.steps]
+        if seen and not any(zone.active + zone.open for zone in seen):
+            message = f"slave {joint.record.slave!r} never had master {joint.record.master!r} in front of it"
+            advice = "check which groups these are and that their faces turn outward, or raise search_distance"
+            warnings.warn(LacmeshWarning(f"{message}; {advice}"), stacklevel=3)
 
 
 def _nodes(joint: Joint) -> np.ndarray:

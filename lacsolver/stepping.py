@@ -113,7 +113,7 @@ class _Path:
         return _Path(time, iterate, None if self.iterate is None else (self.time, self.iterate))
 
     def guess(self, t: float) -> Iterate | None:
-        """What comes at time t if things go on as they went; None before the second step."""
+        """What comes at time t if things go on as they went; None before two steps are done."""
         if self.iterate is None or self.earlier is None:
             return None
         now, (then, last) = self.iterate, self.earlier

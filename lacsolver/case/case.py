@@ -107,7 +107,7 @@ class Solver(Entry):
         Number(Bounds(0, 1)), "", "residual, relative to the forces, and complementarity defect at which a step ends",
         default=1e-10,
     )  # fmt: skip
-    max_iterations: int = key(Count(1), "", "of one step, before it is halved", default=50)
+    max_iterations: int = key(Count(1), "", "of one search; a step may take two before it is halved", default=50)
     tangent: str = key(
         Choice((Option("consistent", "exact"), Option("symmetric", "without the derivatives of normal and measure"))),
         "", "what Newton's method iterates with", default="consistent",
