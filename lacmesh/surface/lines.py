@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.fit import correct
-from lacmesh.surface.maps import AFFINE
+from lacmesh.surface.maps import AFFINE, BENT
 from lacmesh.surface.patches import Bools, Patches
 from lacmesh.surface.rules import FITTED
 from lacmesh.surface.search import Pairs, Reach
@@ -129,7 +129,7 @@ def gauss_points(slave: Patches, master: Patches, parts: Intervals, degree: Ints
     """
     fs, fm = slave.face[parts.slave], master.face[parts.master]
     even = (slave.kind[fs] == AFFINE) & (master.kind[fm] == AFFINE)
-    straight = slave.plane[fs] & master.plane[fm] & ~smooth
+    straight = (slave.plane[fs] > BENT) & (master.plane[fm] > BENT) & ~smooth
     exact = (degree + radius) // 2 + 1
     return np.where(even & ~smooth, exact, np.where(straight, _FIT_POINTS + FITTED, 4))
 

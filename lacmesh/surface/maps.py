@@ -22,9 +22,11 @@ from lacmesh.surface.record import Surface
 AFFINE, BILINEAR, CURVED = range(3)
 #: what is left of a coefficient that rounding alone made: of the face's size, and of its coordinates
 _ROUNDING = (1e-13, 1e-15)
-#: out of its plane by this much of its size a face is integrated as a plane one: on the way to an equilibrium on flat
-#: skins faces are bent by what iterations leave, and forces must not jump with the rule
-_NEARLY_PLANE = 1e-5
+#: a face that is out of its plane by no more of its size has the rule of a plane one: on the way to an equilibrium on
+#: flat skins faces are bent by what iterations leave, and forces must not jump with the rule
+_NEARLY = 1e-5
+#: whether a face is plane: not at all, nearly, to rounding
+BENT, NEARLY_PLANE, PLANE = range(3)
 N_MONOMIALS = 9
 
 
@@ -65,8 +67,8 @@ def coefficients(surface: Surface, values: Floats | None = None) -> Floats:
     return G
 
 
-def kinds(G: Floats, corners: Ints) -> tuple[Ints, NDArray[np.bool_], Floats]:
-    """For maps G of faces with so many corners: their kind, whether they are plane, and how far they are curved (f,).
+def kinds(G: Floats, corners: Ints) -> tuple[Ints, Ints, Floats]:
+    """For maps G of faces with so many corners: their kind, how plane they are, and how far they are curved (f,).
 
     The last is the part of the map that is neither affine nor bilinear, against the size of the face.
     """
@@ -81,7 +83,7 @@ def kinds(G: Floats, corners: Ints) -> tuple[Ints, NDArray[np.bool_], Floats]:
     normal = np.where((corners == 2)[:, None], across, np.cross(G[:, 1], G[:, 2]))
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     out_of_plane = np.abs(np.einsum("fks,fs->fk", G[:, 3:], normal)).max(axis=1)
-    plane = out_of_plane <= np.maximum(least, _NEARLY_PLANE * size)
+    plane = np.where(out_of_plane <= least, PLANE, np.where(out_of_plane <= _NEARLY * size, NEARLY_PLANE, BENT))
     with np.errstate(invalid="ignore", divide="ignore"):
         return kind, plane, np.where(curved, bent.sum(axis=1) / size, 0.0)
 

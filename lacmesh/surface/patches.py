@@ -44,7 +44,7 @@ class Patches(NamedTuple):
     area: Floats
     G: Floats
     kind: Ints
-    plane: Bools
+    plane: Ints
 
     def take(self, rows: Ints) -> Patches:
         """Some of the patches."""
@@ -106,7 +106,7 @@ def reference_grid(family: str, n: int) -> Floats:
     return np.concatenate([made, np.repeat(made[:, :1], MAX_CORNERS - made.shape[1], axis=1)], axis=1)
 
 
-def _with_frames(face: Ints, n: Ints, xi: Floats, G: Floats, kind: Ints, plane: Bools) -> Patches:
+def _with_frames(face: Ints, n: Ints, xi: Floats, G: Floats, kind: Ints, plane: Ints) -> Patches:
     line = len(n) > 0 and n[0] == 2
     x = _joined(np.matmul(monomials(xi), G[face]) if len(face) else np.zeros((0, 4, 3)))
     normal, area, longest = _normals(x, n, line)

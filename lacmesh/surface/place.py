@@ -12,7 +12,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.clip import Pieces, mean_plane, project
 from lacmesh.surface.curved import Side
 from lacmesh.surface.fit import fit
-from lacmesh.surface.maps import AFFINE, CURVED, at
+from lacmesh.surface.maps import AFFINE, CURVED, PLANE, at
 from lacmesh.surface.moments import gauss_rules
 from lacmesh.surface.patches import Patches
 from lacmesh.surface.polygon import ROOM, centroid
@@ -136,7 +136,7 @@ def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
 @kernel
 def _is_flat(patch: int, face: int, of: Any) -> Any:
     """Whether the patch lies in its plane as `in_face` has it: a plane face with straight sides, not half of one."""
-    return of.plane[face] and (of.kind[face] == AFFINE or (of.kind[face] < CURVED and of.n[patch] == 4))
+    return of.plane[face] == PLANE and (of.kind[face] == AFFINE or (of.kind[face] < CURVED and of.n[patch] == 4))
 
 
 @kernel

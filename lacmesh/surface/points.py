@@ -13,7 +13,7 @@ from lacmesh.skin import MAX_CORNERS
 from lacmesh.surface.clip import clip
 from lacmesh.surface.front import advance
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
-from lacmesh.surface.maps import coefficients
+from lacmesh.surface.maps import BENT, coefficients
 from lacmesh.surface.normals import smoothed
 from lacmesh.surface.patches import Patches, norm, patches
 from lacmesh.surface.place import place
@@ -221,7 +221,7 @@ def _turned(slave: Surface, H: Floats) -> NDArray[np.bool_]:
 def _side(surface: Surface, p: Patches, rows: Ints) -> Sides:
     """What decides the rules of pieces on some patches."""
     f = p.face[rows]
-    return Sides(surface.faces.type[f], p.kind[f], p.plane[f], p.n[rows] == surface.n_corners[f])
+    return Sides(surface.faces.type[f], p.kind[f], p.plane[f] > BENT, p.n[rows] == surface.n_corners[f])
 
 
 def _on_lines(
