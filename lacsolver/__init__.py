@@ -38,18 +38,22 @@ _PUBLIC = {
     "march": "lacsolver.stepping",
     "validate": "lacsolver.validation",
     "run": "lacsolver.running",
+    "Answer": "lacsolver.answer",
     "OutputFolder": "lacsolver.output",
     "create": "lacsolver.output",
     "read_state": "lacsolver.output",
+    "Fields": "lacsolver.results",
     "Restart": "lacsolver.results",
     "Results": "lacsolver.results",
     "StepFigures": "lacsolver.results",
+    "ZoneFields": "lacsolver.results",
     "ZoneFigures": "lacsolver.results",
     "plot": "lacsolver.drawing",
     "film": "lacsolver.filming",
 }
 
 __all__ = [
+    "Answer",
     "BodyForce",
     "Case",
     "CaseError",
@@ -58,6 +62,7 @@ __all__ = [
     "ContactMatrices",
     "Displacement",
     "Elastic",
+    "Fields",
     "Force",
     "Gravity",
     "Interface",
@@ -85,6 +90,7 @@ __all__ = [
     "Traction",
     "Value",
     "Zone",
+    "ZoneFields",
     "ZoneFigures",
     "ZoneState",
     "__version__",
@@ -105,6 +111,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from lacsolver.answer import Answer
     from lacsolver.assemble import assemble_stiffness, stress
     from lacsolver.case import (
         BodyForce,
@@ -137,7 +144,7 @@ if TYPE_CHECKING:
     from lacsolver.matrices import ContactMatrices, contact_matrices, write_matrices
     from lacsolver.output import OutputFolder, create, read_state
     from lacsolver.problem import Problem
-    from lacsolver.results import Restart, Results, StepFigures, ZoneFigures
+    from lacsolver.results import Fields, Restart, Results, StepFigures, ZoneFields, ZoneFigures
     from lacsolver.running import run
     from lacsolver.space import Space
     from lacsolver.state import State, ZoneState

@@ -13,16 +13,14 @@ import numpy as np
 from lacmesh.cli.terminal import peak_memory
 from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.output import signals_wait
-from lacmesh.mesh import Floats, Mesh
-from lacsolver.assemble.fields import Field
+from lacmesh.mesh import Mesh
+from lacsolver.answer import Answer
 from lacsolver.case import Case
-from lacsolver.figures import balance, probe, stress_ranges, zone_figures
+from lacsolver.figures import stress_ranges
 from lacsolver.output import OutputFolder, Writer
-from lacsolver.places import nodes_of
-from lacsolver.problem import Joint, Problem
-from lacsolver.recovery import nodal_stress, recover_pressure, slave_pressure
-from lacsolver.results import Fields, Restart, Results, StepFigures, ZoneFields
-from lacsolver.state import State, ZoneState
+from lacsolver.problem import Problem
+from lacsolver.results import Fields, Restart, Results, StepFigures
+from lacsolver.state import State
 from lacsolver.stepping import NotConvergedError, Told, march
 
 
@@ -43,7 +41,7 @@ def run(
     clock = Clock()
     with clock.phase("mesh"):
         problem = Problem.of(case, mesh)
-    made = _Run(problem, clock, Results(_version(), sizes=_sizes(problem)), start.number if start else 0)
+    made = _Run(Answer(problem), clock, Results(_version(), sizes=_sizes(problem)), start.number if start else 0)
     writer: Writer | None = None  # the folder is taken over once there is something to write: nothing is lost before
     try:
         with clock.phase("solve"):
@@ -97,73 +95,26 @@ class Clock:
 class _Run:
     """What is known of a run so far."""
 
-    problem: Problem
+    answer: Answer
     clock: Clock
     results: Results
     number: int
 
-    def __post_init__(self) -> None:
-        space = self.problem.space
-        self.probes = {p.name: nodes_of(space, p) for p in self.problem.case.probe}
-        self._stress: tuple[float, Field] | None = None
-
-    def stress(self, state: State) -> Field:
-        """Stress at integration points; that of the last state asked about is kept."""
-        if self._stress is None or self._stress[0] != state.time:
-            self._stress = state.time, self.problem.kinematics.stress(state.u, state.time)
-        return self._stress[1]
-
-    def places(self, joint: Joint, state: State) -> Floats:
-        """(n_nodes, dim): where a joint's forces act."""
-        space = self.problem.space
-        return joint.places(space, state.u)[:, : space.dim]
+    @property
+    def problem(self) -> Problem:
+        """What is solved."""
+        return self.answer.problem
 
     def add(self, state: State) -> None:
         """Take a converged step."""
         self.number += 1
-        step = self.step(state)
-        ranges = stress_ranges(self.problem.space, self.stress(state))
+        step = self.answer.figures(state)
+        ranges = stress_ranges(self.problem.space, self.answer.stress(state))
         self.results = replace(self.told(), steps=(*self.results.steps, step), stress=ranges)
-
-    def step(self, state: State) -> StepFigures:
-        """The figures of a state."""
-        problem, space = self.problem, self.problem.space
-        pairs = [
-            (zone, joint, self.places(joint, state)) for joint, zone in zip(problem.joints, state.zones, strict=True)
-        ]
-        zones = {zone.name: zone_figures(zone, _nodes(joint), x) for zone, joint, x in pairs}
-        return StepFigures(
-            time=state.time,
-            iterations=state.iterations,
-            halvings=state.halvings,
-            residuals=state.residuals,
-            reactions=problem.constraints.reactions(state.reaction),
-            probes={name: probe(space, state.u, nodes) for name, nodes in self.probes.items()},
-            contact=zones,
-            balance=balance((zone.force, x) for zone, _, x in pairs),
-            energy=problem.kinematics.energy(state.u, state.time),
-        )
 
     def fields_of(self, state: State) -> Callable[[], Fields]:
         """What makes the fields of a state, when they are asked for."""
-        return lambda: self.fields(state)
-
-    def fields(self, state: State) -> Fields:
-        """The fields of a state."""
-        space, joints = self.problem.space, self.problem.joints
-        at_nodes = nodal_stress(space, self.stress(state))
-        pairs = zip(joints, state.zones, strict=True)
-        zones = {zone.name: self._zone(joint, zone, at_nodes, state.u) for joint, zone in pairs}
-        u, reaction = (v.reshape(-1, space.dim) for v in (state.u, state.reaction))
-        return Fields(state.time, u, at_nodes, reaction, zones)
-
-    def _zone(self, joint: Joint, zone: ZoneState, stress: Floats, u: Floats) -> ZoneFields:
-        slave = joint.zone.slave.at(joint.places(self.problem.space, u))
-        nodal, mean = recover_pressure(
-            slave, joint.zone.macro, zone.pressure, zone.status, traction=slave_pressure(slave, stress),
-            axisymmetric=self.problem.space.model.axisymmetric, unilateral=joint.one_sided,
-        )  # fmt: skip
-        return ZoneFields.of(zone, joint.zone.slave, joint.zone.macro, joint.zone.number, mean, nodal)
+        return lambda: self.answer.fields(state)
 
     def restart(self, state: State) -> Restart:
         """What to go on from."""
@@ -191,11 +142,6 @@ def _warn_of_strangers(problem: Problem, results: Results) -> None:
             message = f"slave {joint.record.slave!r} never had master {joint.record.master!r} in front of it"
             advice = "check which groups these are and that their faces turn outward, or raise search_distance"
             warnings.warn(LacmeshWarning(f"{message}; {advice}"), stacklevel=3)
-
-
-def _nodes(joint: Joint) -> np.ndarray:
-    nodes = joint.zone.slave.faces.nodes
-    return np.unique(nodes[nodes >= 0])
 
 
 def _sizes(problem: Problem) -> dict[str, int]:

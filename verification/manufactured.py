@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacmesh import CELLS, Mesh
-from verification.blocks import block, with_master
-from verification.exact import compiled, derive
+from verification.exact.sources import compiled, derive
 from verification.manufactured_rows import LAW, ROWS, Row
-from verification.norms import displacement_error, pressure_errors
-from verification.rates import fitted, pairwise
+from verification.measures.norms import displacement_error, pressure_errors
+from verification.measures.rates import fitted, pairwise
+from verification.meshes.blocks import block, with_master
 
 #: cells a side on level 0
 _COARSEST = {2: 4, 3: 2}

@@ -11,9 +11,9 @@ import lacmesh
 from lacmesh import CELLS
 from lacmesh.quadrature import measure
 from lacmesh.shapes import shape
-from verification.blocks import BLOCK_TYPES, block
 from verification.manufactured import cells_a_side, mesh_of
 from verification.manufactured_rows import ROWS
+from verification.meshes.blocks import BLOCK_TYPES, block
 
 LOW, HIGH = (-0.5, 1.0, 0.0), (0.5, 3.0, 3.0)
 

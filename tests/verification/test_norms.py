@@ -7,10 +7,10 @@ import pytest
 
 import lacmesh
 from lacmesh import CELLS
-from verification.blocks import BLOCK_TYPES, block
-from verification.exact import compiled
-from verification.norms import displacement_error, pressure_errors
-from verification.rates import fitted, pairwise
+from verification.exact.sources import compiled
+from verification.measures.norms import displacement_error, pressure_errors
+from verification.measures.rates import fitted, pairwise
+from verification.meshes.blocks import BLOCK_TYPES, block
 
 TEXTS = {2: ("x + 2 * y", "1 - x"), 3: ("x + 2 * y", "1 - x + z", "z - 3 * y")}
 

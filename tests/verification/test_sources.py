@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lacsolver import Value, parse_case
-from verification.exact import Law, compiled, derive
+from verification.exact.sources import Law, compiled, derive
 from verification.manufactured import case_text
 from verification.manufactured_rows import LAW, PLANE, ROWS, SOLID
 

@@ -1,0 +1,1 @@
+"""Errors against exact fields, and how fast they fall."""

@@ -1,0 +1,38 @@
+"""Whether contact forces on slave and master are in balance."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.floating]
+
+
+class Balance(NamedTuple):
+    """What is left of the sums of forces and of moments, relative to the sums of their own sizes."""
+
+    force: float
+    moment: float
+
+
+def unbalanced(x: Floats, force: Floats, *, axisymmetric: bool = False) -> Balance:
+    """The balance of forces (n, d) that act at x (n, 3), moments about the middle of the nodes that have any.
+
+    Radial forces are in balance all round an axis, and so are moments: there only forces along it are left.
+
+    >>> unbalanced(np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([[0.0, 1], [0, -1]]))
+    Balance(force=0.0, moment=1.0)
+    """
+    f = np.zeros((len(force), 3))
+    f[:, : force.shape[1]] = force
+    pushed = np.abs(f).sum(axis=1) > 0
+    if not pushed.any():
+        return Balance(0.0, 0.0)
+    if axisymmetric:
+        return Balance(float(abs(f[:, 1].sum()) / np.abs(f[:, 1]).sum()), 0.0)
+    arm = x - x[pushed].mean(axis=0)
+    lever = (np.linalg.norm(arm, axis=1) * np.linalg.norm(f, axis=1)).sum()
+    moments = np.cross(arm, f).sum(axis=0)
+    return Balance(float(np.abs(f.sum(axis=0)).max() / np.abs(f).sum()), float(np.abs(moments).max() / lever))

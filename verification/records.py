@@ -1,0 +1,186 @@
+"""What flows through the harness: a case is data, its outcome figures that are held against what must come out.
+
+    family (its cases, how one is solved) -> outcome (results, plots, pictures) -> folder of a run -> report
+
+A result is kept as `results.json` has it, with `bound`, which says how value, expected and tolerance are compared, and
+`published`, what others obtained; `plots` and `pictures` are the report's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from verification.measures.rates import fitted, pairwise
+
+#: each has the cases of those before it
+SUITES = ("quick", "full", "all")
+Suite = Literal["quick", "full", "all"]
+#: how a value is held against `expected`: within `tolerance` of it, at least or at most that, or only told
+Bound = Literal["equal", "at least", "at most", "reported"]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One problem of a family, as data. `given`: a frozen dataclass of the family's, all that the problem is made of.
+
+    `about`: what it is, in a line. `levels`: suite -> how many meshes, from the coarsest on; a suite that is not named
+    does without the case. `seconds`: what it takes in `full` (or the first suite that has it), roughly. `alone`: it
+    measures time, so that nothing else may run beside it.
+    """
+
+    family: str
+    name: str
+    about: str
+    given: Any
+    levels: Mapping[str, int]
+    seconds: float = 5.0
+    alone: bool = False
+
+    @property
+    def id(self) -> str:
+        """What the case is called: `family/name`."""
+        return f"{self.family}/{self.name}"
+
+
+@dataclass(frozen=True)
+class Family:
+    """Cases of one kind. `text`: what is solved and why, paragraphs of Markdown; `solve`: a case on so many levels."""
+
+    name: str
+    title: str
+    text: str
+    cases: tuple[Case, ...]
+    solve: Callable[[Case, int], Outcome]
+
+
+@dataclass(frozen=True)
+class Level:
+    """One mesh: `h` its size, `unknowns`, `error`, `rate` from the level before (None on the first)."""
+
+    h: float
+    unknowns: int
+    error: float
+    rate: float | None = None
+
+
+@dataclass(frozen=True)
+class Published:
+    """What someone else obtained: `who` (code and method), `value`, `source` (where it was published)."""
+
+    who: str
+    value: float
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Result:
+    """A figure of a case, and what must come out. Made by `equal`, `at_least`, `at_most`, `reported`, `rate`.
+
+    `source`: where `expected` comes from; `reason`: why the tolerance is what it is, or why there is no figure.
+    """
+
+    quantity: str
+    value: float
+    expected: float | None
+    tolerance: float | None
+    passed: bool
+    source: str
+    reason: str
+    bound: Bound
+    levels: tuple[Level, ...] = ()
+    published: tuple[Published, ...] = ()
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a plot. `style`: `line` (an exact solution), `points`, `both`, `steps` (constant between its x)."""
+
+    label: str
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    style: Literal["line", "points", "both", "steps"] = "both"
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Lines to draw. `kind`: what the report groups plots by, such as `pressure`, `Newton`, `inf-sup`."""
+
+    kind: str
+    title: str
+    x_label: str
+    y_label: str
+    lines: tuple[Line, ...]
+    log_x: bool = False
+    log_y: bool = False
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture. `png`: its bytes; `alt`: what is seen, in words."""
+
+    title: str
+    alt: str
+    png: bytes
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """All that a case yields."""
+
+    results: tuple[Result, ...]
+    plots: tuple[Plot, ...] = ()
+    pictures: tuple[Picture, ...] = field(default=(), repr=False)
+
+
+def equal(
+    quantity: str, value: float, expected: float, tolerance: float, *, source: str, reason: str, **more: Any
+) -> Result:
+    """A value that must be within a tolerance of a figure."""
+    passed = abs(value - expected) <= tolerance
+    return Result(quantity, float(value), expected, tolerance, passed, source, reason, "equal", **more)
+
+
+def at_most(quantity: str, value: float, expected: float, *, source: str, reason: str = "", **more: Any) -> Result:
+    """A value that must not exceed a figure; NaN does."""
+    return Result(quantity, float(value), expected, 0.0, bool(value <= expected), source, reason, "at most", **more)
+
+
+def at_least(quantity: str, value: float, expected: float, *, source: str, reason: str = "", **more: Any) -> Result:
+    """A value that must reach a figure; NaN does not."""
+    return Result(quantity, float(value), expected, 0.0, bool(value >= expected), source, reason, "at least", **more)
+
+
+def reported(quantity: str, value: float, *, reason: str, source: str = "", **more: Any) -> Result:
+    """A value that is told and held against nothing; `reason` says why."""
+    return Result(quantity, float(value), None, None, not math.isnan(value), source, reason, "reported", **more)
+
+
+def levels_of(h: Sequence[float], unknowns: Sequence[int], error: Sequence[float]) -> tuple[Level, ...]:
+    """The rows of a table of convergence, with the rate from each level to the next.
+
+    >>> [level.rate for level in levels_of([1, 0.5], [10, 40], [4.0, 1.0])]
+    [None, 2.0]
+    """
+    rates = [None, *(float(r) for r in pairwise(h, error))] if len(h) > 1 else [None]
+    return tuple(Level(float(a), int(n), float(e), r) for a, n, e, r in zip(h, unknowns, error, rates, strict=True))
+
+
+def rate(
+    quantity: str, levels: Sequence[Level], wanted: float | None, *, source: str, reason: str = "",
+    last: int | None = None, published: Sequence[Published] = (),
+) -> Result:  # fmt: skip
+    """The fitted rate of an error, over the `last` few levels or all; it falls short below the figure that is wanted,
+    and where a pairwise rate is below half of it. With one or two levels, or no figure, it is told and not judged.
+    """
+    value = fitted([v.h for v in levels], [v.error for v in levels], last) if len(levels) > 1 else math.nan
+    more: dict[str, Any] = {"levels": tuple(levels), "published": tuple(published)}
+    if wanted is None or len(levels) < 3:
+        why = reason if wanted is None else f"a rate is judged on three levels or more; {reason}"
+        passed = all(math.isfinite(v.error) for v in levels)
+        return Result(quantity, value, wanted, None, passed, source, why, "reported", **more)
+    steps = [v.rate for v in levels[-last if last else None :] if v.rate is not None]
+    passed = value >= wanted and all(step >= wanted / 2 for step in steps)
+    return Result(quantity, value, wanted, 0.0, bool(passed), source, reason, "at least", **more)

@@ -1,0 +1,127 @@
+"""A case solved, and what the harness asks of every solution: the last state, its fields, whether forces balance."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lacsolver
+from lacmesh import Mesh
+from lacsolver import Answer, Fields, Problem, Restart, State, StepFigures
+from verification.measures.balance import Balance, unbalanced
+from verification.records import Picture, Result, at_most
+
+#: what is left of forces and moments, of their own size (design: rounding of some thousand terms)
+BALANCED = 1e-12
+_SOURCE = "action and reaction; one quadrature and one normal for both sides"
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """A problem and the states that it went through, the last at the end of its steps."""
+
+    problem: Problem
+    states: tuple[State, ...]
+
+    @property
+    def state(self) -> State:
+        """The last state."""
+        return self.states[-1]
+
+    @property
+    def mesh(self) -> Mesh:
+        """The cut mesh that was solved on."""
+        return self.problem.space.mesh
+
+    @property
+    def unknowns(self) -> int:
+        """How many displacements are sought."""
+        return int(self.problem.constraints.n_q)
+
+    @cached_property
+    def u(self) -> NDArray[np.floating]:
+        """(n_nodes, dim): displacement at the end."""
+        return self.state.u.reshape(-1, self.problem.space.dim)
+
+    @cached_property
+    def answer(self) -> Answer:
+        """What figures and fields are asked of."""
+        return Answer(self.problem)
+
+    @cached_property
+    def figures(self) -> StepFigures:
+        """The last step's figures."""
+        return self.answer.figures(self.state)
+
+    @cached_property
+    def fields(self) -> Fields:
+        """The last state's fields: nodal stress, recovered pressures."""
+        return self.answer.fields(self.state)
+
+    @cached_property
+    def balance(self) -> Balance:
+        """The worst of all states and zones, computed here from the nodal forces."""
+        found = [self._balance(state) for state in self.states]
+        return Balance(max(b.force for b in found), max(b.moment for b in found))
+
+    def _balance(self, state: State) -> Balance:
+        space = self.problem.space
+        u = np.zeros_like(space.mesh.points)
+        u[:, : space.dim] = state.u.reshape(-1, space.dim)
+        found = [
+            unbalanced(space.mesh.points + joint.moving * u, zone.force, axisymmetric=space.model.axisymmetric)
+            for joint, zone in zip(self.problem.joints, state.zones, strict=True)
+        ]
+        return Balance(max(b.force for b in found), max(b.moment for b in found))
+
+    def picture(self, title: str) -> Picture:
+        """The deformed bodies with the contact pressure, drawn by lacsolver."""
+        case, state = self.problem.case, self.state
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "picture.png"
+            lacsolver.plot(case, Restart.of(state, 1.0, len(self.states)), path, self.mesh)
+            return Picture(title, f"{title}: deformed bodies, coloured by contact pressure", path.read_bytes())
+
+
+def solve(case: lacsolver.Case | str, mesh: Mesh) -> Solved:
+    """Solve a case, or its text, on a mesh. Raises what `Problem.of` and `march` raise."""
+    problem = Problem.of(lacsolver.parse_case(case) if isinstance(case, str) else case, mesh)
+    return Solved(problem, tuple(lacsolver.march(problem)))
+
+
+def balanced(solutions: Sequence[Solved], *, moments: bool = True) -> tuple[Result, ...]:
+    """The results that every case with contact has: the worst balance of its solutions."""
+    force = max(solved.balance.force for solved in solutions)
+    reason = "rounding of sums of nodal forces"
+    results = [at_most("balance of forces", force, BALANCED, source=_SOURCE, reason=reason)]
+    if moments:
+        moment = max(solved.balance.moment for solved in solutions)
+        results.append(at_most("balance of moments", moment, BALANCED, source=_SOURCE, reason=reason))
+    return tuple(results)
+
+
+def entry(table: str, **keys: object) -> str:
+    """A table of a case file.
+
+    >>> print(entry("displacement", group="x0", ux=0.0))
+    [[displacement]]
+    group = "x0"
+    ux = 0.0
+    """
+    return "\n".join([f"[[{table}]]", *(f"{key} = {_toml(value)}" for key, value in keys.items() if value is not None)])
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_toml, value))}]"
+    return repr(value)
