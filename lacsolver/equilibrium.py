@@ -103,6 +103,18 @@ class Limits:
     length: float
     moved: float = 0.0
 
+    def size(self, q: Floats) -> float:
+        """The length that gaps are compared with at q (n,)."""
+        return max(float(np.abs(q).max(initial=0.0)), self.moved, ROUNDING * self.length, 1e-300)
+
+    def allowed(self, q: Floats) -> float:
+        """The gap that may be left at q (n,): the tolerance of that length, or rounding of coordinates."""
+        return max(self.tolerance * self.size(q), ROUNDING * self.length)
+
+    def goal(self, reduction: float, moved: float) -> Goal:
+        """How exactly to solve for gaps."""
+        return Goal(reduction, 1e-3 * self.tolerance, 1e-4 * ROUNDING * self.length, moved)
+
 
 #: contact at q
 At = Callable[[Floats], Contact]
@@ -131,17 +143,19 @@ def find_equilibrium(
         wanted = here.G + here.rows.D @ q
         loose = 0.0 if pivots.exact(active) else _LOOSE
         for reduction in (loose, 0.0):
-            made = solve_rows(K, here.rows, np.flatnonzero(active), f, wanted, q, p, scale.goal(reduction))
+            made = solve_rows(
+                K, here.rows, np.flatnonzero(active), f, wanted, q, p, limits.goal(reduction, limits.moved)
+            )
             q, p, products = made.q, made.p, products + made.products
             contact = at(q)
             closed, defect = contact.next(active, p), contact.defect(p)
             if reduction == 0 or not np.array_equal(closed, active):
                 break
-        balance, gap = scale.balance(K, contact.rows, f, q, p), defect / scale.size(q)
+        balance, gap = scale.balance(K, contact.rows, f, q, p), defect / limits.size(q)
         defects.append((balance, gap))
         if told is not None:
             told(number, int(active.sum()), balance, gap)
-        done = balance <= limits.tolerance and defect <= scale.allowed(q)
+        done = balance <= limits.tolerance and defect <= limits.allowed(q)
         if done and reduction == 0:
             return Outcome(True, Iterate(q, p, active), contact, tuple(defects), products)
         active = closed if done else pivots.next(active, closed, reduction == 0)
@@ -217,22 +231,11 @@ class _Scale:
     def __init__(self, K: Stiffness, f: Floats, limits: Limits) -> None:
         self.f = float(np.abs(f).max(initial=0.0))
         self.rounding = ROUNDING / limits.tolerance * float(np.abs(K.K.diagonal()).max(initial=0.0))
-        self.limits = limits
 
     def force(self, q: Floats, K: Stiffness) -> float:
         """The largest force; and what rounding leaves of the forces of a body that moves far under a small load."""
         moved = self.rounding * float(np.abs(q).max(initial=0.0))
         return max(self.f, float(np.abs(K.K @ q).max(initial=0.0)), moved, 1e-300)
-
-    def size(self, q: Floats) -> float:
-        return max(float(np.abs(q).max(initial=0.0)), self.limits.moved, ROUNDING * self.limits.length, 1e-300)
-
-    def allowed(self, q: Floats) -> float:
-        return max(self.limits.tolerance * self.size(q), ROUNDING * self.limits.length)
-
-    def goal(self, reduction: float) -> Goal:
-        limits = self.limits
-        return Goal(reduction, 1e-3 * limits.tolerance, 1e-4 * ROUNDING * limits.length, limits.moved)
 
     def balance(self, K: Stiffness, rows: Rows, f: Floats, q: Floats, p: Floats) -> float:
         return float(np.abs(f - K.K @ q - rows.B_T @ p).max(initial=0.0)) / max(

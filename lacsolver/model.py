@@ -64,9 +64,8 @@ class Model:
     @cached_property
     def held(self) -> Stiffness:
         """K_q (n_q, n_q), with what makes it `steady`, factorised."""
-        K = self.reduced(self.K, self.problem.constraints.T)
         try:
-            return self.hold(K if self.steady is None else csr_array(K + self.steady))
+            return self.hold(self.steadied(self.reduced(self.K, self.problem.constraints.T)))
         except SingularError as error:
             raise self._singular(error) from error
 
@@ -102,6 +101,10 @@ class Model:
             w = csr_array(w - coo_array((part.ravel(), (rows.ravel(), columns.ravel())), shape=soft.shape))
         size = float(np.abs(self.K.diagonal()).mean()) or 1.0
         return csr_array(size * (w @ w.T))
+
+    def steadied(self, K_q: csr_array) -> csr_array:
+        """K_q with `steady`."""
+        return K_q if self.steady is None else csr_array(K_q + self.steady)
 
     def _always_free(self, motion: FreeMotion) -> bool:
         """Whether a motion costs no energy wherever the bodies are: any in small kinematics, else a translation."""
@@ -219,10 +222,20 @@ class Instant:
         return self.model.problem.constraints.u0(self.t)
 
     @cached_property
+    def dead(self) -> NDArray[np.floating]:
+        """(n_dof,): nodal forces of what acts, followers where the mesh has their faces."""
+        return self.model.problem.load(self.t)
+
+    def load(self, u: Floats) -> NDArray[np.floating]:
+        """(n_dof,): the same with followers at u (n_dof,)."""
+        follows = any(pressure.follower for pressure in self.model.problem.case.pressure)
+        return self.model.problem.load(self.t, u) if follows else self.dead
+
+    @cached_property
     def f(self) -> NDArray[np.floating]:
         """(n_q,): forces of a linear problem, K_q q = f without contact."""
         c = self.model.problem.constraints
-        return np.asarray(c.T.T @ (self.model.problem.load(self.t) - self.model.K @ self.u0) + c.force(self.t))
+        return np.asarray(c.T.T @ (self.dead - self.model.K @ self.u0) + c.force(self.t))
 
     def u(self, q: Floats) -> NDArray[np.floating]:
         """(n_dof,)."""
@@ -244,7 +257,7 @@ class Instant:
     def reaction(self, q: Floats, p: Floats) -> NDArray[np.floating]:
         """(n_dof,): forces that what holds the bodies gives them: f_int - f + B^T p."""
         u, problem = self.u(q), self.model.problem
-        return problem.kinematics.internal_force(u, self.t) - problem.load(self.t, u) + self._meeting(q).B.T @ p
+        return problem.kinematics.internal_force(u, self.t) - self.load(u) + self._meeting(q).B.T @ p
 
     def place(self, q: Floats) -> Place:
         """Forces, tangent and contact at q. Raises InadmissibleError where cells are turned inside out."""
@@ -261,7 +274,7 @@ class Instant:
 
     def _place(self, q: Floats, u: Floats, rest: Floats | None = None, p: Floats | None = None) -> Place:
         problem, c = self.model.problem, self.model.problem.constraints
-        T, load = c.tangent(q, self.t), problem.load(self.t, u)
+        T, load = c.tangent(q, self.t), self.load(u)
         if problem.kinematics.constant:
             inner, K, following = problem.kinematics.internal_force(u, self.t), self.model.K, None
         else:
@@ -273,7 +286,7 @@ class Instant:
             out = out + K @ rest + (met.turning(p) @ rest if met.turns else 0.0)
             out = out if following is None else out - following @ rest
             contact = contact.at(contact.G - met.D @ rest)
-        K_q = self.model.held.K if problem.kinematics.constant else self._steadied(self.model.reduced(K, T))
+        K_q = self.model.held.K if problem.kinematics.constant else self.model.steadied(self.model.reduced(K, T))
         motion = c.force(self.t, q)
 
         def turning(pressure: Floats) -> csr_array | None:
@@ -289,13 +302,10 @@ class Instant:
             motion - T.T @ out,
             size,
             contact,
-            lambda drag, definite=True: self._held(K_q, drag, definite),
+            lambda drag, definite: self._held(K_q, drag, definite),
             turning,
             self.model.free,
         )
-
-    def _steadied(self, K_q: csr_array) -> csr_array:
-        return K_q if self.model.steady is None else csr_array(K_q + self.model.steady)
 
     def _held(self, K_q: csr_array, drag: float, definite: bool) -> Stiffness:
         """K_q with a part of that of the undeformed bodies, factorised: theirs where it is constant."""

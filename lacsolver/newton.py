@@ -35,8 +35,8 @@ from lacsolver.stiffness import Stiffness
 
 #: parts of a step that are tried, one after the other
 _PARTS = (1.0, 0.5, 0.25, 0.125, 0.0625)
-#: a step may leave things worse than the worst of the last few by this
-_WORSE, _REMEMBERED = 1.0, 4
+#: a step may leave things no worse than they were in the worst of so many
+_REMEMBERED = 4
 #: stiffness of what is behind a macro-element's own skin, of that skin's: what a gap counts for among forces
 _BEHIND = 0.1
 #: steps without a new least defect after which a search is given up: a smaller step in time does better
@@ -59,7 +59,7 @@ class Place:
     r: NDArray[np.floating]
     size: float
     contact: Contact
-    stiffness: Callable[..., Stiffness]
+    stiffness: Callable[[float, bool], Stiffness]
     turning: Callable[[Floats], csr_array | None]
     free: NDArray[np.floating]
 
@@ -112,7 +112,7 @@ def follow(
     while not met and len(defects) < limits.max_iterations:
         most = 1 if not sets.cycle(active, now.defect.whole) else min(_SETS, limits.max_iterations - len(defects))
         part = drag * min(1.0, now.defect.whole / history[1]) if drag and len(history) > 1 else drag
-        worst = np.inf if drag else max(history[-_REMEMBERED:]) * _WORSE
+        worst = np.inf if drag else max(history[-_REMEMBERED:])
         made = _solved(now, active, scale, part, most)
         then = None if made is None else _best(at, now, made, scale, worst)
         if made is None or then is None:
@@ -214,7 +214,7 @@ class _Scale:
         off = np.abs(place.r - pressing)
         largest, off_by = float(off.max(initial=0.0)), place.contact.defects(p)
         closing = place.contact.rows.B_T @ (place.contact.c * off_by)
-        gap = float(np.abs(off_by).max(initial=0.0)) / self.size(q)
+        gap = float(np.abs(off_by).max(initial=0.0)) / self.limits.size(q)
         return _Defect(largest / force, gap, largest + _BEHIND * float(np.abs(closing).max(initial=0.0)))
 
     def _rounding(self, q: Floats) -> float:
@@ -222,17 +222,12 @@ class _Scale:
         far = max(float(np.abs(q).max(initial=0.0)), self.limits.length)
         return ROUNDING / self.limits.tolerance * self._stiffest * far
 
-    def size(self, q: Floats) -> float:
-        return max(float(np.abs(q).max(initial=0.0)), self.limits.moved, ROUNDING * self.limits.length, 1e-300)
-
     def met(self, now: _State) -> bool:
         """Whether a state is an equilibrium, to the tolerance or to rounding of coordinates."""
-        tolerance, size = self.limits.tolerance, self.size(now.q)
-        allowed = max(tolerance, ROUNDING * self.limits.length / size)
-        return now.defect.balance <= tolerance and now.defect.gap <= allowed
+        limits = self.limits
+        return now.defect.balance <= limits.tolerance and now.defect.gap <= limits.allowed(now.q) / limits.size(now.q)
 
     def goal(self, now: _State) -> Goal:
         """How exactly to solve at a state."""
-        limits = self.limits
         reduction = 0.0 if self._exact else min(_LOOSE, _PART * max(now.defect.balance, now.defect.gap))
-        return Goal(reduction, 1e-3 * limits.tolerance, 1e-4 * ROUNDING * limits.length, self.size(now.q))
+        return self.limits.goal(reduction, self.limits.size(now.q))

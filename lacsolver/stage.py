@@ -5,10 +5,7 @@ VTK ends the process where it finds no renderer, so that it is given one of its 
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
-from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +17,7 @@ from lacmesh.errors import WriteError
 from lacmesh.formats.output import temporary_folder
 from lacmesh.mesh import Floats, Ints
 from lacmesh.view.draw import LIGHTS
-from lacmesh.view.png import ADVICE, WINDOWS
+from lacmesh.view.png import ADVICE, draw_apart, windows
 
 #: seconds that all pictures together may take
 _TIMEOUT = 1800.0
@@ -45,8 +42,11 @@ def photographs(scene: Scene, place: Path) -> list[NDArray[np.uint8]]:
     said = ""
     with temporary_folder() as folder:
         np.savez(folder / "scene.npz", **scene._asdict())
-        for window in _windows():
-            child = _draw_apart(folder, window, place)
+        for window in windows():
+            try:
+                child = draw_apart("lacsolver.stage", folder, window, _TIMEOUT)
+            except subprocess.TimeoutExpired as error:
+                raise WriteError(place, f"was not drawn within {_TIMEOUT:g} s; fewer frames are quicker") from error
             made = [folder / f"{k}.png" for k in range(len(scene.x))]
             if child.returncode == 0 and all(path.exists() for path in made):
                 return [(255 * image.imread(path)[..., :3]).round().astype(np.uint8) for path in made]
@@ -95,26 +95,3 @@ def _look(plotter: Any, scene: Any) -> None:
     plotter.camera_position = [middle + to_eye * 10 * half.max(), middle, axes[1]]
     plotter.camera.parallel_scale = 1.03 * max(half[1], half[0] * height / width)
     plotter.enable_anti_aliasing("ssaa")
-
-
-def _windows() -> Iterator[str | None]:
-    """Kinds of window for VTK to try: the user's choice or VTK's own where there is a screen, else those without."""
-    if sys.platform != "linux" or os.environ.get("DISPLAY") or "VTK_DEFAULT_OPENGL_WINDOW" in os.environ:
-        yield None
-    if sys.platform == "linux":
-        yield from WINDOWS
-
-
-def _draw_apart(folder: Path, window: str | None, place: Path) -> subprocess.CompletedProcess[str]:
-    env = dict(os.environ, PYTHONPATH=os.pathsep.join(p for p in sys.path if p))
-    if window:
-        env["VTK_DEFAULT_OPENGL_WINDOW"] = window
-    code = "import sys; from lacsolver.stage import draw; draw(sys.argv[1])"
-    try:
-        return subprocess.run(
-            [sys.executable, "-c", code, str(folder)],
-            env=env, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", check=False,
-            timeout=_TIMEOUT,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired as error:
-        raise WriteError(place, f"was not drawn within {_TIMEOUT:g} s; fewer frames are quicker") from error

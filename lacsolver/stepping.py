@@ -144,6 +144,10 @@ def meeting_times(case: Case) -> list[float]:
 
 
 def _search(instant: Instant, path: _Path, spent: _Step, told: Callable[[Told], None] | None) -> Outcome:
+    """Equilibrium at a time; where kinematics are finite and none is found, a second search is dragged.
+
+    The iterations of the first one count too.
+    """
     model, solver = instant.model, instant.model.problem.case.solver
     moved = float(np.abs(instant.u0).max(initial=0.0))
     limits = Limits(solver.tolerance, solver.max_iterations, model.length, moved)
@@ -155,33 +159,25 @@ def _search(instant: Instant, path: _Path, spent: _Step, told: Callable[[Told], 
     now, guess = path.iterate or _first(instant), path.guess(instant.t)
     if model.linear:
         return find_equilibrium(model.held, instant.f, instant.contact, guess or now, limits, told=tell)
+    constant, outcome = model.problem.kinematics.constant, None
     if guess is not None:
         with suppress(InadmissibleError):
-            outcome = follow(instant.place, guess, limits, exact=model.problem.kinematics.constant, told=tell)
-            return outcome if outcome.converged else _dragged(instant, now, path.time, limits, outcome, tell)
+            outcome = follow(instant.place, guess, limits, exact=constant, told=tell)
+    if outcome is not None and (outcome.converged or constant):
+        return outcome
     first = _foreseen(instant, now, path.time)
-    outcome = follow(instant.place, now, limits, first=first, exact=model.problem.kinematics.constant, told=tell)
-    return outcome if outcome.converged else _dragged(instant, now, path.time, limits, outcome, tell)
+    if outcome is None:
+        outcome = follow(instant.place, now, limits, first=first, exact=constant, told=tell)
+    if outcome.converged or constant:
+        return outcome
+    again = follow(instant.place, now, limits, first=first, drag=_DRAG, told=tell)
+    return again._replace(defects=outcome.defects + again.defects, products=outcome.products + again.products)
 
 
 def _foreseen(instant: Instant, now: Iterate, time: float) -> Place:
     """The place to come as it looks from what was found at an earlier time, or from the undeformed body."""
-    return instant.foreseen(now.q, Instant(instant.model, time).u(now.q) if time else 0 * instant.u0, now.p)
-
-
-def _dragged(
-    instant: Instant,
-    now: Iterate,
-    time: float,
-    limits: Limits,
-    before: Outcome,
-    told: Callable[[int, int, float, float], None],
-) -> Outcome:
-    """A second search, dragged, where the kinematics are finite; the iterations of the first one count too."""
-    if instant.model.problem.kinematics.constant:
-        return before
-    made = follow(instant.place, now, limits, first=_foreseen(instant, now, time), drag=_DRAG, told=told)
-    return made._replace(defects=before.defects + made.defects, products=before.products + made.products)
+    u = Instant(instant.model, time).u(now.q) if time else np.zeros_like(instant.u0)
+    return instant.foreseen(now.q, u, now.p)
 
 
 def _first(instant: Instant) -> Iterate:

@@ -80,9 +80,9 @@ def picture(
 def _drawn(path: Path, folder: Path, timeout: float) -> bytes:
     """The picture of the scene saved in a folder, from a child process with the first kind of window that works."""
     said = ""
-    for window in _windows():
+    for window in windows():
         try:
-            child = _draw_apart(folder, window, timeout)
+            child = draw_apart("lacmesh.view.draw", folder, window, timeout)
         except subprocess.TimeoutExpired as error:
             message = f"was not drawn within {timeout:g} s; a smaller size, near or a page (.html) is quicker"
             raise WriteError(path, message) from error
@@ -94,7 +94,7 @@ def _drawn(path: Path, folder: Path, timeout: float) -> bytes:
     raise WriteError(path, f"nothing can be drawn here{said}; {ADVICE}")
 
 
-def _windows() -> Iterator[str | None]:
+def windows() -> Iterator[str | None]:
     """Kinds of window for VTK to try: the user's choice or VTK's own where there is a screen, else those without."""
     if sys.platform != "linux" or os.environ.get("DISPLAY") or "VTK_DEFAULT_OPENGL_WINDOW" in os.environ:
         yield None
@@ -102,12 +102,15 @@ def _windows() -> Iterator[str | None]:
         yield from WINDOWS
 
 
-def _draw_apart(folder: Path, window: str | None, timeout: float) -> subprocess.CompletedProcess[str]:
-    """Draw in a child process, which dies with us where we are interrupted or it takes too long."""
+def draw_apart(module: str, folder: Path, window: str | None, timeout: float) -> subprocess.CompletedProcess[str]:
+    """Run a module's `draw` on a folder in a child process, which dies with us, interrupted or too slow.
+
+    Raises subprocess.TimeoutExpired after so many seconds.
+    """
     env = dict(os.environ, PYTHONPATH=os.pathsep.join(p for p in sys.path if p))
     if window:
         env["VTK_DEFAULT_OPENGL_WINDOW"] = window
-    code = "import sys; from lacmesh.view.draw import draw; draw(sys.argv[1])"
+    code = f"import sys; from {module} import draw; draw(sys.argv[1])"
     return subprocess.run(
         [sys.executable, "-c", code, str(folder)],
         env=env,

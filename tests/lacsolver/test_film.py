@@ -247,7 +247,7 @@ def test_bodies_in_space_are_drawn_anew_each_time(space, tmp_path):
 
 @pytest.mark.vtk
 def test_where_nothing_can_be_drawn(space, tmp_path, monkeypatch):
-    monkeypatch.setattr("lacsolver.stage._windows", lambda: iter(()))
+    monkeypatch.setattr("lacsolver.stage.windows", lambda: iter(()))
     with pytest.raises(LacmeshError, match="nothing can be drawn here"):
         film(space, tmp_path / "f.gif")
     assert not (tmp_path / "f.gif").exists()

@@ -43,7 +43,7 @@ class Moved:
     def tangent(self):
         """K + C(p)."""
         turning = self.place.turning(self.p)
-        K = self.place.stiffness(0.0).K
+        K = self.place.stiffness(0.0, True).K
         return K if turning is None else K + turning
 
     def errors(self, count=3):

@@ -149,7 +149,7 @@ def test_where_nothing_can_be_drawn(pressed, tmp_path, monkeypatch):
     monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "nothing")
     monkeypatch.setattr("lacmesh.view.png.WINDOWS", ())
     monkeypatch.setattr(
-        "lacmesh.view.png._draw_apart", lambda *a: __import__("subprocess").CompletedProcess([], 1, "", "")
+        "lacmesh.view.png.draw_apart", lambda *a: __import__("subprocess").CompletedProcess([], 1, "", "")
     )
     with pytest.raises(WriteError, match="nothing can be drawn here"):
         plot(case, state, tmp_path / "p.png")
