@@ -8,7 +8,7 @@ QUICK := not slow and not gmsh and not medcoupling and not vtk and not meshio an
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test lint quick fuzz bench docs clean
+.PHONY: help install demo test lint quick fuzz bench verify docs clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -56,6 +56,9 @@ fuzz: $(INSTALLED) ## 10,000 damaged files of each format that is read here (hal
 
 bench: $(INSTALLED) ## measure speed and memory
 	for name in run check quality surface assembly linear contact peers; do $(BIN)/python benchmarks/$$name.py || exit 1; done
+
+verify: $(INSTALLED) ## cases with known solutions, what comes out, and a report (90 minutes on two cores; goes on if stopped)
+	$(BIN)/python -m verification run --suite full --resume -o build/verification-full
 
 docs: $(INSTALLED) ## make the figures and tables of docs/ again
 	$(BIN)/python docs/make_figures.py

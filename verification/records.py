@@ -139,7 +139,7 @@ def equal(
     quantity: str, value: float, expected: float, tolerance: float, *, source: str, reason: str, **more: Any
 ) -> Result:
     """A value that must be within a tolerance of a figure."""
-    passed = abs(value - expected) <= tolerance
+    passed = bool(abs(value - expected) <= tolerance)
     return Result(quantity, float(value), expected, tolerance, passed, source, reason, "equal", **more)
 
 

@@ -12,7 +12,12 @@ import lacsolver
 
 MODULES = sorted((Path(__file__).resolve().parents[2] / "verification").rglob("*.py"))
 #: whole modules that are for users
-EXPORTED = {"lacmesh": lacmesh, "lacsolver": lacsolver, "lacmesh.quadrature": None, "lacmesh.shapes": None}
+FOR_USERS = dict.fromkeys(("lacmesh.quadrature", "lacmesh.shapes"))
+#: what commands of the project are made of: how they read arguments, print, fail, and write files
+COMMANDS = dict.fromkeys(
+    ("lacmesh.cli.program", "lacmesh.cli.options", "lacmesh.cli.terminal", "lacmesh.errors", "lacmesh.formats.output")
+)
+EXPORTED = {"lacmesh": lacmesh, "lacsolver": lacsolver, **FOR_USERS, **COMMANDS}
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: path.stem)

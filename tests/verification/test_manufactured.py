@@ -1,80 +1,108 @@
-"""The manufactured rows: what they say, that they converge, that their cases can be written and run again."""
+"""The manufactured rows: what they say, that they converge, that a case of theirs is one that a user could run."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import lacmesh
 import lacsolver
-from verification.manufactured import Rates, case_text, main, mesh_of, rates, solve, write_case
-from verification.manufactured_rows import LAW, ROWS
+from verification.families import levels_in, manufactured
+from verification.families.manufactured import FAMILY, WANTED, case_text, mesh_of, solution
+from verification.families.manufactured_rows import LAW, ROWS
 
-#: two further levels than these are asked for
-COARSEST = {"ssnp150c": 1, "ssnv219e": 1}
+CASES = {case.name: case for case in FAMILY.cases}
+#: levels that are solved here
+CONVERGING = {"QUAD4": 3, "HEXA8-pyramid": 3}
 
 
 @pytest.mark.shared
 def test_rows_are_those_of_the_reference(shared):
     listed = json.loads((shared / "reference" / "cases.json").read_text())["cases"]
     asked = {case["id"]: case for case in listed if case["kind"] == "manufactured_rates"}
-    assert set(asked) <= set(ROWS)
+    rows = {row.test: row for row in ROWS.values() if row.test}
+    assert set(asked) == set(rows)
     for name, case in asked.items():
-        row, theirs = ROWS[name], case["code_aster"]
+        row, theirs = rows[name], case["code_aster"]
         assert (row.cell, row.levels, row.solution.model) == (case["cell"], case["levels"], case["model"])
         assert (row.displacement_rate, row.pressure_rate) == tuple(
             theirs[f"rate_L2_{what}"] for what in ("displacement", "pressure")
         )
-        assert case["hexa"] in (None, row.hexa)
+        assert case["hexa"] == row.hexa
         assert case["material"] == {"young": LAW.young, "poisson": LAW.poisson}
         points = dict(zip("xyz", np.random.default_rng(0).random((3, 9)), strict=True))
         for own, given in zip(row.solution.displacement, case["displacement"], strict=True):
             np.testing.assert_allclose(eval(own, {}, points), eval(given, {}, points), rtol=1e-14)
 
 
-@pytest.mark.parametrize("name", ["ssnp150c", pytest.param("ssnv219e", marks=pytest.mark.slow)])
-def test_a_row_converges(name):
-    row = ROWS[name]
-    made = rates(row, range(COARSEST[name], COARSEST[name] + 3))
-    assert made.displacement >= row.wanted
-    assert made.pressure >= 0.95
-    assert all(made.pairwise("error_u") > row.wanted / 2)
-    assert all(level.halvings == 0 for level in made.levels)
+@pytest.mark.parametrize("name", ["QUAD4", pytest.param("HEXA8-pyramid", marks=pytest.mark.slow)])
+def test_a_row_has_the_rates_asked_for(name):
+    outcome = FAMILY.solve(CASES[name], CONVERGING[name])
+    assert all(result.passed for result in outcome.results)
+    held = [result for result in outcome.results if result.bound == "at least"]
+    assert tuple(result.expected for result in held) == WANTED[1]
+    assert [len(result.levels) for result in held] == [CONVERGING[name]] * 3
+    assert held[0].published[0].value == ROWS[name].displacement_rate
+    assert {plot.kind for plot in outcome.plots} >= {"Newton"}
+
+
+def test_a_rate_that_falls_short_does_not_pass(monkeypatch):
+    """Errors of u that fall by a half and a little."""
+    slow = iter([0.1, 0.04, 0.02])
+    monkeypatch.setattr(
+        manufactured, "solution", lambda row, level: replace(solution(row, 0), h=0.5**level, displacement=next(slow))
+    )
+    results = FAMILY.solve(CASES["QUAD4"], 3).results
+    assert not results[0].passed
+    assert results[0].value == pytest.approx(np.log2(5) / 2)
+
+
+def test_the_plots_of_a_plane_row_show_the_pressure_and_the_residuals():
+    outcome = FAMILY.solve(CASES["QUAD8"], 1)
+    pressure, newton = outcome.plots
+    exact, means, recovered = pressure.lines
+    assert (pressure.kind, newton.kind, newton.log_y) == ("pressure", "Newton", True)
+    assert (means.x[0], means.x[-1]) == (0, 1)
+    for told in (means, recovered):
+        off = np.interp(told.x, exact.x, exact.y) - told.y
+        assert np.linalg.norm(off) < 0.25 * np.linalg.norm(told.y)
+    (history,) = newton.lines
+    assert history.y[-1] < 1e-10 < history.y[0]
+    assert len(outcome.pictures) == 1
+
+
+def test_the_rim_is_left_out_of_what_is_away_from_it():
+    """One macro-element in four at each end of QUAD8, whose faces are whole."""
+    mesh = lacmesh.cut_skin(mesh_of(ROWS["QUAD8"], 0), ["y0"]).mesh
+    faces = manufactured._away(ROWS["QUAD8"], mesh)
+    (found,) = mesh.select(faces)
+    assert sorted(mesh.points[found[2]].mean(axis=1)[:, 0]) == [0.375, 0.625]
 
 
 def test_the_error_is_that_of_the_state_at_the_end(tmp_path):
-    """The same row as a file, through `lacsolver run`'s own functions: same unknowns, same pressure resultant."""
-    row = ROWS["ssnp150c"]
-    case = lacsolver.read_case(write_case(row, 0, tmp_path))
-    results = lacsolver.run(case, lacsolver.create(tmp_path / "out"))
-    assert results.sizes["unknowns"] == solve(row, 0).unknowns
+    """The same row as a file, through `lacsolver run`'s own functions: same unknowns, in balance at t = 1."""
+    row = ROWS["TRIA3"]
+    lacmesh.write(tmp_path / "block.msh", mesh_of(row, 0))
+    (tmp_path / "case.toml").write_text(case_text(row), encoding="utf-8")
+    results = lacsolver.run(lacsolver.read_case(tmp_path / "case.toml"), lacsolver.create(tmp_path / "out"))
+    assert results.sizes["unknowns"] == solution(row, 0).solved.unknowns
     assert results.steps[-1].time == 1.0
     assert max(results.steps[-1].balance) < 1e-12
 
 
 def test_the_case_says_what_it_is():
-    case = lacsolver.parse_case(case_text(ROWS["ssnv219j"]))
+    case = lacsolver.parse_case(case_text(ROWS["HEXA8-hexa"]))
     assert (case.kinematics, case.model) == ("finite", "3d")
     (contact,) = case.contact
-    assert (contact.measure, contact.geometry, contact.hexa) == ("reference", "current", "pyramid")
+    assert (contact.measure, contact.geometry, contact.hexa) == ("reference", "current", "hexa")
     assert {load.group for load in case.traction} == {"z0", "x0", "x1", "y0", "y1"}
 
 
-def test_the_command_prints_a_table_and_says_if_a_rate_falls_short(capsys, monkeypatch):
-    assert main(["ssnp150e", "--levels", "2"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "ssnp150e: QUAD4"
-    assert lines[1].split()[:3] == ["level", "h", "unknowns"]
-    assert lines[-1].split() == ["code_aster", "2.002", "1.013"]
-    monkeypatch.setattr(Rates, "displacement", 1.9)
-    assert main(["ssnp150e", "--levels", "2"]) == 1
-
-
-def test_the_command_writes_a_case_and_its_mesh(tmp_path, capsys):
-    assert main(["ssnv219g", "--levels", "2", "--write", str(tmp_path)]) == 0
-    written = capsys.readouterr().out.strip()
-    case = lacsolver.read_case(written)
-    assert case.contact[0].hexa == "hexa"
-    assert lacmesh.read(case.mesh).cells_by_type == mesh_of(ROWS["ssnv219g"], 1).cells_by_type
+def test_suites_have_the_levels_asked_for():
+    full = {name: levels_in(case, "full") for name, case in CASES.items()}
+    plane = {name for name, row in ROWS.items() if row.solution.dim == 2}
+    assert all(found == (5 if name in plane else 4) for name, found in full.items())
+    assert all(levels_in(case, "all") >= (6 if name in plane else 4) for name, case in CASES.items())

@@ -8,7 +8,7 @@ import pytest
 import lacmesh
 from lacmesh import CELLS
 from verification.exact.sources import compiled
-from verification.measures.norms import displacement_error, pressure_errors
+from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors
 from verification.measures.rates import fitted, pairwise
 from verification.meshes.blocks import BLOCK_TYPES, block
 
@@ -50,6 +50,22 @@ def test_the_mean_of_a_linear_pressure_is_off_by_its_slope(kind):
     assert errors.mean < 1e-14
     assert errors.exact == pytest.approx(0.5 / n, rel=1e-13)
     assert pressure_errors(cut, p + 0.1, compiled(["x"])).mean == pytest.approx(0.1 * np.sqrt(3), rel=1e-13)
+
+
+@pytest.mark.parametrize("kind", ["TRIA6", "QUAD4", "TETRA10", "HEXA8"])
+def test_a_nodal_pressure_that_the_faces_hold_has_no_error(kind):
+    """p = 1 + x at the nodes, and 1.5 times that on half of the faces alone."""
+    dim = CELLS[kind].dim
+    cut = lacmesh.cut_skin(block(kind, 4, (0,) * dim, (1,) * dim), [f"{'xyz'[dim - 1]}0"]).mesh
+    p, exact = 1 + cut.points[:, 0], compiled(["1 + x"])
+    assert nodal_pressure_error(cut, p, exact) < 1e-14
+    faces = np.flatnonzero(cut.cell_data["lac_macro"] >= 0)
+    left = np.concatenate([
+        chosen[(cut.points[nodes, 0] < 0.5 + 1e-9).all(axis=1)] for _, chosen, nodes in cut.select(faces)
+    ])  # fmt: skip
+    p[cut.points[:, 0] > 0.5 + 1e-9] *= 1.5
+    assert nodal_pressure_error(cut, p, exact, faces=np.sort(left)) < 1e-14
+    assert nodal_pressure_error(cut, p, exact) > 0.2
 
 
 def test_rates_of_a_power_are_its_exponent():

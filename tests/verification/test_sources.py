@@ -7,8 +7,8 @@ import pytest
 
 from lacsolver import Value, parse_case
 from verification.exact.sources import Law, compiled, derive
-from verification.manufactured import case_text
-from verification.manufactured_rows import LAW, PLANE, ROWS, SOLID
+from verification.families.manufactured import case_text
+from verification.families.manufactured_rows import LAW, PLANE, ROWS, SOLID
 
 PROBLEMS = {"plane": PLANE, "solid": SOLID}
 #: of a pair of opposite differences of a polynomial of degree 10 with an exact gradient inside

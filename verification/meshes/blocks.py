@@ -1,7 +1,8 @@
 """Structured blocks of every cell type, their sides as groups, and a master skin beside them.
 
 A block is n cells a side of a box: quadrangles or hexahedra, each split into the cells asked for, order raised by
-lacmesh. Sides are groups x0, x1, y0, ...: the axis, and 0 for its lower end, 1 for its upper.
+lacmesh. Sides are groups x0, x1, y0, ...: the axis, and 0 for its lower end, 1 for its upper. `grid`, `divided`,
+`with_sides`, `rows_of` and `assembled` are the steps of it, for other meshes.
 """
 
 from __future__ import annotations
@@ -18,26 +19,26 @@ from lacmesh import CELLS, Mesh
 Ints = NDArray[np.integer]
 Floats = NDArray[np.floating]
 
-#: type -> the linear type that it is raised from, and `raise_order`'s order (None: as it is)
-_RAISED: dict[str, tuple[str, str | None]] = {
-    "TRIA3": ("TRIA3", None), "TRIA6": ("TRIA3", "2"),
-    "QUAD4": ("QUAD4", None), "QUAD8": ("QUAD4", "2"), "QUAD9": ("QUAD4", "2-full"),
-    "TETRA4": ("TETRA4", None), "TETRA10": ("TETRA4", "2"),
-    "HEXA8": ("HEXA8", None), "HEXA20": ("HEXA8", "2"), "HEXA27": ("HEXA8", "2-full"),
-    "PENTA6": ("PENTA6", None), "PENTA15": ("PENTA6", "2"), "PENTA18": ("PENTA6", "2-full"),
-    "PYRAM5": ("PYRAM5", None), "PYRAM13": ("PYRAM5", "2"), "PYRAM14": ("PYRAM5", "2-full"),
-}  # fmt: skip
+#: type -> `raise_order`'s order that leads to it from the linear type (None: that type itself)
+_ORDERS: dict[str, str | None] = {
+    **dict.fromkeys(("TRIA3", "QUAD4", "TETRA4", "HEXA8", "PENTA6", "PYRAM5")),
+    **dict.fromkeys(("TRIA6", "TRIA7", "QUAD8", "TETRA10", "HEXA20", "PENTA15", "PYRAM13"), "2"),
+    **dict.fromkeys(("QUAD9", "HEXA27", "PENTA18", "PYRAM14"), "2-full"),
+}
 #: the cells that a block can be made of
-BLOCK_TYPES = tuple(_RAISED)
+BLOCK_TYPES = tuple(_ORDERS)
 
-#: linear type -> its cells by the corners of a quadrangle or hexahedron; 8 is the hexahedron's centre
-_SPLITS: dict[str, tuple[tuple[int, ...], ...]] = {
-    "TRIA3": ((0, 1, 2), (0, 2, 3)),
-    "QUAD4": ((0, 1, 2, 3),),
-    "TETRA4": ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)),  # Kuhn, 1960
-    "HEXA8": (tuple(range(8)),),
-    "PENTA6": ((0, 1, 2, 4, 5, 6), (0, 2, 3, 4, 6, 7)),
-    "PYRAM5": tuple((*facet.nodes[::-1], 8) for facet in CELLS["HEXA8"].facets),
+#: how a quadrangle or hexahedron is split: cells by their type and its corners; the corner 8 is its centre
+Pattern = tuple[tuple[str, tuple[int, ...]], ...]
+_KUHN = ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6))  # Kuhn, 1960
+#: linear type -> the pattern of cells of that type alone
+SPLITS: dict[str, Pattern] = {
+    "TRIA3": (("TRIA3", (0, 1, 2)), ("TRIA3", (0, 2, 3))),
+    "QUAD4": (("QUAD4", (0, 1, 2, 3)),),
+    "TETRA4": tuple(("TETRA4", corners) for corners in _KUHN),
+    "HEXA8": (("HEXA8", tuple(range(8))),),
+    "PENTA6": (("PENTA6", (0, 1, 2, 4, 5, 6)), ("PENTA6", (0, 2, 3, 4, 6, 7))),
+    "PYRAM5": tuple(("PYRAM5", (*facet.nodes[::-1], 8)) for facet in CELLS["HEXA8"].facets),
 }
 
 
@@ -49,29 +50,46 @@ def block(kind: str, n: int, low: Sequence[float], high: Sequence[float]) -> Mes
     >>> block("TETRA10", 2, (0, 0, 0), (1, 1, 1)).cells_by_type
     {'TETRA10': 48, 'TRIA6': 48}
     """
-    if kind not in _RAISED:
+    if kind not in _ORDERS:
         raise ValueError(f"blocks are made of {', '.join(BLOCK_TYPES)}, not of {kind}")
-    linear, order = _RAISED[kind]
     dim = CELLS[kind].dim
-    points, cells = _grid(n, np.asarray(low, dtype=float), np.asarray(high, dtype=float))
-    if any(8 in nodes for nodes in _SPLITS[linear]):
-        cells = np.column_stack([cells, len(points) + np.arange(len(cells))])
-        points = np.concatenate([points, points[cells[:, :8]].mean(axis=1)])
-    made = np.concatenate([cells[:, list(nodes)] for nodes in _SPLITS[linear]])
-    mesh = Mesh.create(points, [(linear, made)], space_dim=dim)
-    mesh = mesh if order is None else lacmesh.raise_order(mesh, order)
-    return assembled(mesh.points, {(mesh.blocks[0].type, ""): mesh.blocks[0].nodes, **_sides(mesh, low, high)}, dim)
+    points, boxes = grid((n,) * dim, low, high)
+    points, cells = divided(points, boxes, [SPLITS[CELLS[kind].linear]], np.zeros(len(boxes), int))
+    return with_sides(raised(Mesh.create(points, cells.items(), space_dim=dim), kind), low, high)
+
+
+def raised(mesh: Mesh, kind: str) -> Mesh:
+    """A mesh of linear cells with cells of the order of `kind`, one of `BLOCK_TYPES`, in place of them."""
+    order = _ORDERS[kind]
+    made = mesh if order is None else lacmesh.raise_order(mesh, order)
+    return _centred(made) if kind == "TRIA7" else made
+
+
+def _centred(mesh: Mesh) -> Mesh:
+    """TRIA6 as TRIA7."""
+    nodes = np.concatenate([b.nodes for b in mesh.blocks if b.type == "TRIA6"])
+    seven = np.column_stack([nodes, mesh.n_nodes + np.arange(len(nodes))])
+    others = [(b.type, b.nodes) for b in mesh.blocks if b.type != "TRIA6"]
+    points = np.concatenate([mesh.points, mesh.points[nodes[:, :3]].mean(axis=1)])
+    return Mesh.create(points, [("TRIA7", seven), *others], space_dim=mesh.space_dim)
 
 
 def with_master(mesh: Mesh, kind: str, points: Floats) -> Mesh:
     """The mesh and one cell more, of type `kind` with its nodes at `points` (n_nodes, dim): the group `master`."""
     own = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
-    rows: dict[tuple[str, str], Ints] = {}
-    for name, cells in mesh.cell_groups.items():
-        rows |= {(type_, name): nodes for type_, _, nodes in mesh.select(cells)}
-    rows |= {(b.type, ""): b.nodes for b in mesh.blocks if CELLS[b.type].dim == mesh.space_dim}
+    rows = rows_of(mesh)
     rows[kind, "master"] = mesh.n_nodes + np.arange(len(own))[None]
     return assembled(np.concatenate([mesh.points, own]), rows, mesh.space_dim)
+
+
+def rows_of(mesh: Mesh) -> dict[tuple[str, str], Ints]:
+    """What a mesh is assembled from: (type, group) -> cells; those in no group under "". A cell is in one at most."""
+    left = np.ones(mesh.n_cells, bool)
+    rows: dict[tuple[str, str], Ints] = {}
+    for name, cells in mesh.cell_groups.items():
+        rows |= {(kind, name): nodes for kind, _, nodes in mesh.select(cells)}
+        left[cells] = False
+    return rows | {(kind, ""): nodes for kind, _, nodes in mesh.select(np.flatnonzero(left))}
 
 
 def assembled(points: Floats, rows: Mapping[tuple[str, str], Ints], dim: int) -> Mesh:
@@ -90,26 +108,54 @@ def assembled(points: Floats, rows: Mapping[tuple[str, str], Ints], dim: int) ->
     return Mesh.create(points, cells, space_dim=dim, cell_groups=joined)
 
 
-def _grid(n: int, low: Floats, high: Floats) -> tuple[Floats, Ints]:
-    """Points (., dim) and the corners of the n^dim quadrangles or hexahedra of a box, in the order of `CELLS`."""
-    dim = len(low)
-    unit = np.stack(np.meshgrid(*[np.arange(n + 1) / n] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
-    number = np.arange((n + 1) ** dim).reshape((n + 1,) * dim)
+def grid(counts: Sequence[int], low: Sequence[float], high: Sequence[float]) -> tuple[Floats, Ints]:
+    """Points (., dim) and the corners of the quadrangles or hexahedra of a box, in the order of `CELLS`.
+
+    `counts` (dim,): how many along each axis; the last axis goes fastest, of points and of cells.
+    """
+    dim, first = len(counts), np.asarray(low, dtype=float)
+    axes = [np.arange(n + 1) / n for n in counts]
+    unit = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dim)
+    number = np.arange(len(unit)).reshape([n + 1 for n in counts])
     corners = (np.array(CELLS["QUAD4" if dim == 2 else "HEXA8"].reference) > 0).astype(int)
-    cells = [number[tuple(slice(c, c + n) for c in corner)].ravel() for corner in corners]
-    return low + unit * (high - low), np.stack(cells, axis=1)
+    cells = [number[tuple(slice(c, c + n) for c, n in zip(corner, counts, strict=True))].ravel() for corner in corners]
+    return first + unit * (np.asarray(high, dtype=float) - first), np.stack(cells, axis=1)
+
+
+def divided(points: Floats, boxes: Ints, patterns: Sequence[Pattern], which: Ints) -> tuple[Floats, dict[str, Ints]]:
+    """Boxes (k, corners) split into cells: points, centres added where a pattern has them, and type -> nodes.
+
+    `which` (k,): the place in `patterns` of the pattern of each box.
+    """
+    centred = np.array([any(8 in corners for _, corners in pattern) for pattern in patterns])[which]
+    centre = np.zeros((len(boxes), 1), boxes.dtype)
+    centre[centred, 0] = len(points) + np.arange(centred.sum())
+    corners_of = np.concatenate([boxes, centre], axis=1)
+    rows: dict[str, list[Ints]] = defaultdict(list)
+    for k, pattern in enumerate(patterns):
+        for kind, corners in pattern:
+            rows[kind].append(corners_of[which == k][:, list(corners)])
+    found = {kind: np.concatenate(parts) for kind, parts in rows.items()}
+    cells = {kind: nodes for kind, nodes in found.items() if len(nodes)}
+    return np.concatenate([points, points[boxes[centred]].mean(axis=1)]), cells
+
+
+def with_sides(mesh: Mesh, low: Sequence[float], high: Sequence[float]) -> Mesh:
+    """The mesh of a box, with the facets of its cells that lie in a side of it as that side's group."""
+    body = {(b.type, ""): b.nodes for b in mesh.blocks}
+    return assembled(mesh.points, {**body, **_sides(mesh, low, high)}, mesh.space_dim)
 
 
 def _sides(mesh: Mesh, low: Sequence[float], high: Sequence[float]) -> dict[tuple[str, str], Ints]:
     """(type, side) -> the facets (k, n_nodes) that lie in each side of the box."""
-    (cells,) = mesh.blocks
     found: dict[tuple[str, str], list[Ints]] = defaultdict(list)
     for axis, ends in enumerate(zip(low, high, strict=True)):
         for end, value in enumerate(ends):
             there = np.abs(mesh.points[:, axis] - value) < 1e-9 * (ends[1] - ends[0])
-            for facet in CELLS[cells.type].facets:
-                nodes = cells.nodes[:, list(facet.nodes)]
-                inside = there[nodes].all(axis=1)
-                if inside.any():
-                    found[facet.type, f"{'xyz'[axis]}{end}"].append(nodes[inside])
+            for cells in mesh.blocks:
+                for facet in CELLS[cells.type].facets:
+                    nodes = cells.nodes[:, list(facet.nodes)]
+                    inside = there[nodes].all(axis=1)
+                    if inside.any():
+                        found[facet.type, f"{'xyz'[axis]}{end}"].append(nodes[inside])
     return {key: np.concatenate(parts) for key, parts in found.items()}

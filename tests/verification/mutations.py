@@ -1,0 +1,95 @@
+"""Solvers that are broken on purpose: each takes pytest's monkeypatch, which puts things right again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import csr_array
+
+import lacsolver.interface.interface as interface
+import lacsolver.interface.tangent as tangent
+import lacsolver.problem
+from lacmesh.records import Cut
+from lacmesh.surface.normals import normals_of
+from lacmesh.surface.rules import CENTROID
+from lacsolver.equilibrium import Contact
+from verification.families.inf_sup import uncut
+
+
+def tilted_normal(patch, angle=0.01):
+    """The contact normal is turned by an angle."""
+
+    def turned(slave, master, points):
+        across = points.normal[:, [1, 0, 2]] * [-1.0, 1.0, 0.0] if slave.dim == 1 else _across(points.normal)
+        return np.cos(angle) * points.normal + np.sin(angle) * across
+
+    _with_normals(patch, turned)
+
+
+def masters_normal(patch):
+    """The normal is the master's, while gaps and places are along the slave's."""
+
+    def of_master(slave, master, points):
+        n = normals_of(interface.tangents(master, points.master, points.xi_master))
+        return -n / np.linalg.norm(n, axis=1, keepdims=True)
+
+    _with_normals(patch, of_master)
+
+
+def few_points(patch):
+    """One point a piece, wherever two skins meet: right for functions that are linear, and plane faces."""
+    patch.setattr("lacmesh.surface.points.pair_rule", lambda slave, *_: np.full(len(slave.type), CENTROID))
+    patch.setattr("lacmesh.surface.points.gauss_points", lambda s, m, parts, *_: np.ones(len(parts.slave), np.int64))
+
+
+def dropped_macro(patch):
+    """The first macro-element of each zone never meets its master."""
+    right = lacsolver.problem.Joint.paired
+
+    def paired(joint, face):
+        found = right(joint, face)
+        found[0] = False
+        return found
+
+    patch.setattr(lacsolver.problem.Joint, "paired", paired)
+
+
+def frozen_set(patch, blind=True):
+    """Rows stay as they are, open or closed; `blind`: and the solver does not look at the conditions of contact."""
+    patch.setattr(Contact, "next", lambda self, active, p: active)
+    if blind:
+        patch.setattr(Contact, "defects", lambda self, p: np.zeros(len(self.G)))
+
+
+def not_cut(patch):
+    """The cut leaves all faces as they are, each a macro-element."""
+    patch.setattr("lacmesh.cut.cut_skin", lambda mesh, slave, **_: Cut(mesh if mesh.zones else uncut(mesh, slave)))
+
+
+def stiff_normal(patch):
+    """The tangent takes normals for fixed: their derivative is left out."""
+    for name in ("_facet_turning", "_smooth_turning"):
+        right = getattr(tangent, name)
+        patch.setattr(tangent, name, _nothing(right))
+
+
+def _nothing(right):
+    return lambda *given: csr_array(right(*given).shape)
+
+
+def _across(normal):
+    """(n, 3): unit vectors at a right angle to unit vectors (n, 3)."""
+    other = np.eye(3)[np.abs(normal).argmin(axis=1)]
+    found = np.cross(normal, other)
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+def _with_normals(patch, normals):
+    right = interface.contact_points
+
+    def points(slave, master, **options):
+        found = right(slave, master, **options)
+        return replace(found, normal=normals(slave, master, found))
+
+    patch.setattr(interface, "contact_points", points)

@@ -1,0 +1,48 @@
+"""`python -m verification list`: the cases of a suite, and what they are made of."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.cli.terminal import console, table
+from verification.cli.options import add_choice, add_command
+
+if TYPE_CHECKING:
+    from verification.running.plan import Planned
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(commands, "list", run, "list the cases of a suite")
+    add_choice(parser, "all")
+    parser.add_argument("--json", action="store_true", help="as JSON, with all that each case is made of")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Print the cases."""
+    from verification.running.plan import plan
+
+    planned = plan(args.suite, args.family, args.case)
+    if args.json:
+        print(json.dumps([_record(p) for p in planned], indent=1))
+        return
+    rows = table("case", "levels", "what")
+    for p in planned:
+        rows.add_row(p.case.id, str(p.levels), p.case.about)
+    console().print(rows)
+    print(f"{len(planned)} cases, about {_minutes(planned)} minutes of one core")
+
+
+def _record(planned: Planned) -> dict[str, Any]:
+    from verification.running.folder import given_of
+
+    case = planned.case
+    about = {"family": case.family, "case": case.name, "about": case.about, "levels": dict(case.levels)}
+    return {**about, "seconds": case.seconds, "alone": case.alone, "given": given_of(case)}
+
+
+def _minutes(planned: Sequence[Planned]) -> str:
+    return f"{sum(p.case.seconds for p in planned) / 60:.0f}"

@@ -1,0 +1,104 @@
+"""`python -m verification run`: a suite, a family or a case, each case in a process of its own."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from textwrap import shorten
+from typing import TYPE_CHECKING, Any
+
+from lacmesh.cli.program import on_one_line
+from lacmesh.errors import LacmeshError
+from verification.cli.options import add_choice, add_command
+
+if TYPE_CHECKING:
+    from verification.running.folder import Done, Run
+    from verification.running.suite import Progress
+
+
+class FallsShortError(LacmeshError):
+    """Figures are not met."""
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(commands, "run", run, "run the cases of a suite, and write what comes out")
+    add_choice(parser, "quick")
+    parser.add_argument(
+        "-j", "--jobs", type=_jobs, metavar="N", help="processes at once (default: the cores there are)"
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="default: build/verification-SUITE")
+    parser.add_argument("--resume", action="store_true", help="go on with the run that is in DIR: what is done stays")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Run, and write results and report. Raises FallsShortError where a figure is not met."""
+    from verification import report
+    from verification.running.plan import plan
+    from verification.running.suite import opened, run_suite
+
+    planned = plan(args.suite, args.family, args.case)
+    folder = args.output or Path("build") / f"verification-{args.suite}"
+    jobs = args.jobs or _cores()
+    with opened(folder, resume=args.resume):
+        args.held = folder
+        made = run_suite(planned, args.suite, folder, jobs, *((_quiet, _quiet) if args.quiet else (_begun, _said)))
+        report.write(made, folder / "report.html")
+    _end(made, quiet=args.quiet)
+
+
+def _begun(progress: Progress) -> None:
+    """A line before the first case."""
+    kept = f", {progress.kept} are done already" if progress.kept else ""
+    print(f"{progress.count} cases to run{kept}; {_left(progress)}", flush=True)
+
+
+def _said(done: Done, progress: Progress) -> None:
+    """A line for a case that has ended."""
+    print(f"[{progress.ended}/{progress.count}] {done.id}: {_verdict(done)}, {done.seconds:.1f} s; {_left(progress)}")
+    sys.stdout.flush()
+
+
+def _verdict(done: Done) -> str:
+    if done.failure:
+        return f"FAILED: {on_one_line(shorten(done.failure, 200))}"
+    short = sum(not result.passed for result in done.results)
+    return f"{f'MISSED {short}' if short else 'met'} of {len(done.results)} figures"
+
+
+def _left(progress: Progress) -> str:
+    minutes = progress.left > 90
+    return f"about {progress.left / 60:.0f} min left" if minutes else f"about {progress.left:.0f} s left"
+
+
+def _quiet(*told: object) -> None:
+    """Nothing."""
+
+
+def _end(made: Run, *, quiet: bool) -> None:
+    """The last line; FallsShortError where a figure is not met."""
+    results = [result for done in made.done for result in done.results]
+    if not quiet:
+        page = made.path / "report.html"
+        print(f"{len(made.done)} cases, {len(results)} figures, {made.seconds / 60:.1f} min; {page}", flush=True)
+    failed = [f"{done.id} has no outcome" for done in made.done if done.failure]
+    short = [*failed, *(f"{done.id}: {r.quantity}" for done in made.done for r in done.results if not r.passed)]
+    if short:
+        told = "; ".join(short[:8]) + ("; ..." if len(short) > 8 else "")
+        raise FallsShortError(f"{len(short)} of the figures fall short ({told}); see the report")
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _jobs(text: str) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is no number of processes")
+    return value

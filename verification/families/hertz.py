@@ -1,0 +1,383 @@
+"""Hertz's contact against its own solution: half-spaces, of which the mesh is a piece that is held as they are.
+
+Flat bodies with the clearance r^2 / 2R, which is Hertz's own problem, small strains, geometry of the undeformed
+surfaces; on the outer sides the displacements of the half-spaces in closed form (`verification.exact.half_space`), so
+that the mesh is the only error. Lengths are in contact half-widths a = 1, stresses in the slave's modulus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lacsolver
+from lacmesh import CELLS
+from lacsolver import Displacement, Value
+from verification.exact import half_space
+from verification.exact.half_space import Strains, contact_modulus, peak_pressure
+from verification.measures import norms
+from verification.measures.norms import nodal_pressure_error, pressure_errors
+from verification.meshes.half_spaces import half_spaces
+from verification.profiles import line
+from verification.records import (
+    Case,
+    Family,
+    Level,
+    Line,
+    Outcome,
+    Picture,
+    Plot,
+    Result,
+    at_most,
+    levels_of,
+    rate,
+    reported,
+)
+from verification.solving import Solved, balanced, entry, solve
+
+Floats = NDArray[np.floating]
+
+THEOREM = (
+    "Abbas, Drouet and Hild 2018, Theorem 1: h for linear cells, h^(3/2) for quadratic ones as u is of H^s, s < 5/2"
+)
+EDGE = "the square-root edge of p: means over macro-elements come to no more than h sqrt(log 1/h)"
+RECOVERED = "a recovered pressure is worth its name where it halves the error"
+#: of the rules that errors of u are integrated with, by the order of the cells
+DEGREE = {1: 4, 2: 6}
+
+
+@dataclass(frozen=True)
+class Given:
+    """A slave on a master, elastic or rigid. `models`: `plane_strain`, `axisymmetric`, `3d`; `cell`: of both bodies.
+
+    `fraction`: where the edge of contact lies inside its macro-element (along the axes, in space) on every level;
+    `coarsest`: slave cells to the half-width on level 0, twice as many on each that follows. `radius`: R / a.
+    """
+
+    model: str
+    cell: str
+    hexa: str
+    rigid: bool
+    coarsest: int
+    fraction: float = 0.6
+    radius: float = 5.0
+    young: tuple[float, float] = (1.0, 3.0)
+    poisson: tuple[float, float] = (0.3, 0.2)
+
+    @property
+    def dim(self) -> int:
+        """Of the space."""
+        return 3 if self.model == "3d" else 2
+
+    @property
+    def order(self) -> int:
+        """Of the cells."""
+        return int(CELLS[self.cell].order)
+
+    @property
+    def bodies(self) -> list[tuple[float, float]]:
+        """(E, nu) of the slave, and of the master where it is elastic."""
+        return list(zip(self.young, self.poisson, strict=True))[: 1 if self.rigid else 2]
+
+    @property
+    def p0(self) -> float:
+        """The peak of the pressure."""
+        return peak_pressure(1.0, self.radius, contact_modulus(self.bodies), plane=self.model == "plane_strain")
+
+
+@dataclass(frozen=True)
+class Body:
+    """A half-space: `side` is 1 above the contact, -1 below; `lift`: what it is moved up by as a whole."""
+
+    given: Given
+    side: int
+    young: float
+    poisson: float
+    lift: float = 0.0
+
+    def at(self, x: Floats) -> tuple[Strains, Floats, Floats]:
+        """The solution at x (n, dim) in the body's own frame, and cosine and sine (n,) of the angle about the axis."""
+        depth = np.maximum(self.side * x[:, -1], 0.0)
+        r = np.hypot(x[:, 0], x[:, 1]) if self.given.dim == 3 else x[:, 0]
+        potential = half_space.plane if self.given.model == "plane_strain" else half_space.about_axis
+        found = half_space.strains(potential(r, depth, 1.0, self.given.p0), depth, self.young, self.poisson)
+        if self.given.dim == 2:
+            return found, np.ones_like(r), np.zeros_like(r)
+        safe = np.where(r > 0, r, 1.0)
+        return found, np.where(r > 0, x[:, 0] / safe, 1.0), x[:, 1] / safe
+
+    def displacement(self, at: tuple[Strains, Floats, Floats]) -> Floats:
+        """(n, dim): of what `at` gives."""
+        found, c, s = at
+        up = self.side * found.u_z + self.lift
+        columns = [found.u_r * c, found.u_r * s, up] if self.given.dim == 3 else [found.u_r, up]
+        return np.stack(columns, axis=1)
+
+    def strain(self, at: tuple[Strains, Floats, Floats]) -> Floats:
+        """(n, 6): xx, yy, zz, xy, yz, xz, of what `at` gives."""
+        found, c, s = at
+        rz, zero = self.side * found.rz, np.zeros_like(found.rr)
+        if self.given.dim == 3:
+            xx, yy = found.rr * c**2 + found.tt * s**2, found.rr * s**2 + found.tt * c**2
+            columns = [xx, yy, found.zz, (found.rr - found.tt) * c * s, rz * s, rz * c]
+        else:
+            hoop = found.tt if self.given.model == "axisymmetric" else zero
+            columns = [found.rr, found.zz, hoop, rz, zero, zero]
+        return np.stack(columns, axis=1)
+
+
+def bodies(given: Given) -> dict[str, Body]:
+    """The bodies by their group, the slave `upper`, moved as a whole so that the surfaces meet at the pole."""
+    found = [Body(given, side, *own) for side, own in zip((1, -1), given.bodies, strict=False)]
+    pole = np.zeros((1, given.dim))
+    closed = sum(float(body.at(pole)[0].u_z[0]) for body in found)
+    return {"upper": replace(found[0], lift=-closed), **({} if given.rigid else {"lower": found[1]})}
+
+
+def pressure(given: Given, x: Floats) -> Floats:
+    """(n, 1): Hertz's pressure at points of the surface (n, dim)."""
+    square = (x[:, :-1] ** 2).sum(axis=1)
+    return given.p0 * np.sqrt(np.maximum(1 - square, 0.0))[:, None]
+
+
+def case_of(given: Given) -> lacsolver.Case:
+    """The case; the displacements of the outer sides are functions."""
+    axes = "xyz"[: given.dim - 1]
+    squares = " + ".join(f"{axis}^2" for axis in (axes if given.model != "axisymmetric" else "x")).replace("^", "**")
+    lines = ['mesh = "half_spaces.msh"', f'model = "{given.model}"']
+    for group, (young, poisson) in zip(("upper", "lower"), given.bodies, strict=False):
+        lines.append(entry("material", groups=[group], young=young, poisson=poisson))
+    clearance = f"({squares}) / {2 * given.radius!r}"
+    lines.append(entry("contact", slave="slave", master="master", hexa=given.hexa, clearance=clearance))
+    lines += [entry("displacement", group=f"axis_{axis}", **{f"u{axis}": 0.0}) for axis in axes]
+    if given.rigid:
+        still = {f"u{axis}": 0.0 for axis in ("y" if given.model == "axisymmetric" else "xyz"[: given.dim])}
+        lines.append(entry("rigid", group="master", **still))
+    if given.dim == 3:
+        lines.append('[solver]\nbackend = "multigrid"')
+    case = lacsolver.parse_case("\n".join(lines))
+    held = tuple(_held(f"far_{group}", body) for group, body in bodies(given).items())
+    return replace(case, displacement=(*case.displacement, *held))
+
+
+def _held(group: str, body: Body) -> Displacement:
+    def component(k: int) -> Value:
+        return Value.of(lambda x, t: body.displacement(body.at(x[:, : body.given.dim]))[:, k])
+
+    u = [component(k) for k in range(body.given.dim)]
+    return Displacement(group=group, ux=u[0], uy=u[1], uz=u[2] if len(u) == 3 else None)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A level and its errors, each relative to the exact value."""
+
+    solved: Solved
+    h: float
+    u: Errors
+    p: float
+    recovered: float
+    peak: float
+    width: float
+    approach: float
+
+
+def solve_level(given: Given, level: int) -> Solution:
+    """Solve on one level."""
+    k = given.coarsest << level
+    solved = solve(case_of(given), half_spaces(given.cell, k, given.fraction, rigid=given.rigid))
+    mesh, zone = solved.mesh, solved.fields.zones["slave"]
+    exact = partial(pressure, given)
+    round_ = given.model == "axisymmetric"
+    nodal = zone.pressure_recovered
+    pole = np.flatnonzero(np.isfinite(nodal) & (np.abs(mesh.points).max(axis=1) < 1e-12))
+    return Solution(
+        solved,
+        h=1 / (k + given.fraction),
+        u=displacement_errors(given, solved),
+        p=pressure_errors(mesh, zone.pressure, exact, axisymmetric=round_).exact,
+        recovered=nodal_pressure_error(mesh, nodal, exact, axisymmetric=round_),
+        peak=abs(float(nodal[pole].max()) / given.p0 - 1),
+        width=abs(half_width(zone.centre, zone.pressure, given.p0) - 1),
+        approach=abs(approach(solved) / exact_approach(given) - 1),
+    )
+
+
+class Errors(NamedTuple):
+    """Of u, relative: in the energy norm (sqrt of the integral of sigma : epsilon) and in L2, over both bodies."""
+
+    energy: float
+    u: float
+
+
+def displacement_errors(given: Given, solved: Solved) -> Errors:
+    """The errors of u, by rules of degree `DEGREE` of the cells' order."""
+    mesh, round_ = solved.mesh, given.model == "axisymmetric"
+    off, whole = np.zeros(2), np.zeros(2)
+    for group, body in bodies(given).items():
+        for at in norms.points_of(
+            mesh, np.sort(mesh.cell_groups[group]), degree=DEGREE[given.order], axisymmetric=round_
+        ):
+            x = at.x.reshape(-1, 3)[:, : given.dim]
+            found = body.at(x)
+            strain, u = body.strain(found).reshape(*at.x.shape[:2], 6), body.displacement(found)
+            u = u.reshape(*at.x.shape[:2], given.dim)
+            more = (
+                norms.strains(solved.u, at, axisymmetric=round_) - strain,
+                np.einsum("pn,kns->kps", at.N, solved.u[at.nodes]) - u,
+            )
+            for total, (e, v) in ((off, more), (whole, (strain, u))):
+                total += norms.energy(e, at.w, body.young, body.poisson), norms.squared(v, at.w)
+    return Errors(*map(float, np.sqrt(off / whole)))
+
+
+def half_width(centre: Floats, p: Floats, p0: float) -> float:
+    """Where the straight line through p_m^2 against r^2, over the outer half of contact, comes to 0."""
+    r = np.linalg.norm(centre[:, :-1], axis=1)
+    outer = (r > 0.5) & (p > 0.15 * p0)
+    if outer.sum() < 2:
+        return float("nan")
+    slope, start = np.polyfit(r[outer] ** 2, p[outer] ** 2, 1)
+    return float(np.sqrt(max(-start / slope, 0.0)))
+
+
+def approach(solved: Solved) -> float:
+    """How far the points on the axis at depth a of the slave and of the master (or the rigid plane) come together."""
+    x, u = solved.mesh.points, solved.u
+    dim = u.shape[1]
+    found = []
+    for height in (1.0, -1.0):
+        at = np.flatnonzero(np.abs(x[:, :dim] - [*[0.0] * (dim - 1), height]).max(axis=1) < 1e-9)
+        found.append(float(u[at[0], -1]) if len(at) else 0.0)
+    return found[1] - found[0]
+
+
+def exact_approach(given: Given) -> float:
+    """The same of the half-spaces."""
+    found = {
+        group: float(body.displacement(body.at(np.array([[*[0.0] * (given.dim - 1), float(body.side)]])))[0, -1])
+        for group, body in bodies(given).items()
+    }
+    return found.get("lower", 0.0) - found["upper"]
+
+
+#: figures that are told, by what they are called
+_FIGURES: dict[str, Callable[[Solution], float]] = {
+    "p0 (recovered, at the pole)": lambda s: s.peak,
+    "half-width a": lambda s: s.width,
+    "approach of the points at depth a": lambda s: s.approach,
+}
+
+
+def outcome(case: Case, levels: int) -> Outcome:
+    """Solve a case on its levels, and hold its errors against the figures."""
+    given: Given = case.given
+    found = [solve_level(given, level) for level in range(levels)]
+    return Outcome(results(given, found), (profile(given, found[min(2, levels - 1)]),), _pictures(case, found))
+
+
+def results(given: Given, found: list[Solution]) -> tuple[Result, ...]:
+    """Rates and figures of a case."""
+
+    def table(error: Callable[[Solution], float]) -> tuple[Level, ...]:
+        return levels_of([s.h for s in found], [s.solved.unknowns for s in found], [error(s) for s in found])
+
+    told = "told beside the rates that theory gives: none is asked of it"
+    finest = found[-1]
+    return (
+        rate("u, energy norm", table(lambda s: s.u.energy), (0.95, 1.4)[given.order - 1], source=THEOREM),
+        rate("u, L2", table(lambda s: s.u.u), None, source="", reason=told),
+        rate("p_m, L2", table(lambda s: s.p), 0.9, source=EDGE),
+        rate("recovered pressure, L2", table(lambda s: s.recovered), None, source="", reason=told),
+        at_most(
+            "error of the recovered pressure over that of p_m", finest.recovered / finest.p, 0.5, source=RECOVERED,
+            reason="L2 over the slave, finest level; at the edge the slave's stress says the shape, and that of TRIA3 is "
+            "constant on each cell",
+        ),
+        *(
+            reported(f"{name}, relative error", error(finest), reason="on the finest level", levels=table(error))
+            for name, error in _FIGURES.items()
+        ),
+        *balanced([s.solved for s in found]),
+    )  # fmt: skip
+
+
+def profile(given: Given, at: Solution) -> Plot:
+    """The pressure along the surface: exact, p_m, recovered."""
+    mesh, zone = at.solved.mesh, at.solved.fields.zones["slave"]
+    along = np.linspace(0, 1.3, 131)
+    exact = pressure(given, np.column_stack([along, *[np.zeros_like(along)] * (given.dim - 1)]))[:, 0]
+    r = np.linalg.norm(zone.centre[:, :-1], axis=1)
+    near = r <= 1.3
+    on_axis = np.isfinite(zone.pressure_recovered) & (mesh.points[:, 0] <= 1.3)
+    if given.dim == 3:
+        on_axis &= np.abs(mesh.points[:, 1]) < 1e-9
+    lines = (
+        line("exact", along, exact),
+        _sorted("p_m", r[near], zone.pressure[near], "points"),
+        _sorted("recovered", mesh.points[on_axis, 0], zone.pressure_recovered[on_axis], "both"),
+    )
+    return Plot("pressure", f"pressure, h = {at.h:.3g} a", "r / a", "p / E", lines)
+
+
+def _sorted(label: str, x: Floats, y: Floats, style: Literal["points", "both"]) -> Line:
+    order = np.argsort(x, kind="stable")
+    return line(label, x[order], y[order], style)
+
+
+def _pictures(case: Case, found: list[Solution]) -> tuple[Picture, ...]:
+    """In space, of a level that is coarse enough to see the cells."""
+    return (found[min(1, len(found) - 1)].solved.picture(case.about),) if case.given.dim == 3 else ()
+
+
+PLANE_CELLS = ("TRIA3", "TRIA6", "QUAD4", "QUAD8", "QUAD9")
+#: cells in space, and how they are cut; those on four levels first
+MAIN_CELLS = (
+    ("TETRA4", "pyramid"), ("TETRA10", "pyramid"), ("HEXA8", "pyramid"), ("HEXA8", "hexa"),
+    ("HEXA20", "pyramid"), ("HEXA20", "hexa"), ("HEXA27", "pyramid"), ("PENTA15", "pyramid"),
+)  # fmt: skip
+OTHER_CELLS = tuple((name, "pyramid") for name in ("PENTA6", "PENTA18", "PYRAM5", "PYRAM13", "PYRAM14"))
+_QUICK = {
+    ("plane_strain", "TRIA3", False), ("plane_strain", "QUAD8", False), ("plane_strain", "TRIA6", True),
+    ("axisymmetric", "QUAD4", False), ("axisymmetric", "TRIA6", True), ("3d", "HEXA8 pyramid", False),
+}  # fmt: skip
+
+
+def _cases() -> tuple[Case, ...]:
+    made = []
+    for rigid in (False, True):
+        for model in ("plane_strain", "axisymmetric"):
+            made += [_case(Given(model, cell, "pyramid", rigid, 8), cell, 5, 5, 6.0) for cell in PLANE_CELLS]
+        for cell, hexa in (*MAIN_CELLS, *OTHER_CELLS):
+            many = (cell, hexa) in MAIN_CELLS
+            label = f"{cell} {hexa}" if cell in ("HEXA8", "HEXA20") else cell
+            made.append(_case(Given("3d", cell, hexa, rigid, 2), label, 4 if many else 3, 4, 60.0 if many else 20.0))
+    return tuple(made)
+
+
+def _case(given: Given, label: str, full: int, everything: int, seconds: float) -> Case:
+    shape = {"plane_strain": "cylinder", "axisymmetric": "sphere, axisymmetric", "3d": "sphere"}[given.model]
+    start = {"plane_strain": "2d"}.get(given.model, given.model)
+    name = f"{start}-{label}-{'rigid' if given.rigid else 'elastic'}".replace(" ", "-")
+    quick = {"quick": 3} if (given.model, label, given.rigid) in _QUICK else {}
+    about = f"{shape} on {'a rigid plane' if given.rigid else 'an elastic half-space'}, {label}"
+    return Case("hertz", name, about, given, {**quick, "full": full, "all": everything}, seconds)
+
+
+TEXT = """\
+Two elastic half-spaces, or one on a rigid plane, whose clearance is `r^2 / 2R`: Hertz's own problem, of which the mesh
+is a piece. On its outer sides the displacements of the half-spaces are imposed, in closed form (Muskhelishvili's
+solution in the plane, Green and Collins' potential about an axis), so that the mesh is the only error and rates are
+clean. The edge of contact lies at the same fraction of its macro-element on every level; slave and master lines do not
+match.
+
+In the plane the displacement of half-planes is known up to a constant; the datum is that both surfaces' points on the
+axis stand still. The approach is that of the two points on the axis at depth a.
+"""
+
+FAMILY = Family("hertz", "Hertz, half-spaces", TEXT, _cases(), outcome)

@@ -1,0 +1,389 @@
+"""Whether pressures and displacements fit together: the inf-sup constant against h, and what pressures do without it.
+
+A block whose slave side is cut, and the same block with each slave face a macro-element as it is. The constant that
+the theory promises for cut skins is that of the internal dofs alone (Abbas, Drouet, Hild, CMAME 339, 2018: the
+hypothesis of the internal dof); it is the same for all h and needs no solution. The exact pressure of the loaded blocks
+is that of a band pressed on both sides by 1 + q cos kx (Timoshenko and Goodier, Theory of Elasticity, art. 24).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lacmesh
+import lacsolver
+from lacmesh import CELLS, Mesh
+from verification.measures.inf_sup import constant, held
+from verification.measures.norms import pressure_errors
+from verification.measures.rates import fitted
+from verification.meshes import blocks, stacks
+from verification.records import (
+    Case,
+    Family,
+    Level,
+    Line,
+    Outcome,
+    Plot,
+    Result,
+    at_least,
+    at_most,
+    levels_of,
+    reported,
+)
+from verification.solving import Solved, balanced, entry
+from verification.solving import solve as solved
+
+Floats = NDArray[np.floating]
+
+#: kinds (of `stacks`) whose faces are left whole by the cut: SEG3 and QUAD9 own an internal dof
+WHOLE = ("TRIA6", "TRIA7", "QUAD8", "QUAD9", "HEXA27", "PENTA18 quadrangle", "PYRAM14 quadrangle")
+#: kinds whose faces, left uncut, make the constant zero: SEG2, TRIA3, QUAD4 and QUAD8 faces
+ZERO = (
+    *("TRIA3", "QUAD4", "TETRA4", "HEXA8", "HEXA20", "PENTA6 triangle", "PENTA6 quadrangle", "PENTA15 quadrangle"),
+    *("PYRAM5 triangle", "PYRAM5 quadrangle", "PYRAM13 quadrangle"),
+)
+#: cells a side, level by level: even, for pyramids with their apex in a corner
+SIDES = {2: (4, 8, 16, 32, 64), 3: (2, 4, 6, 8, 12)}
+#: in a pressed block
+PRESSED = {2: (8, 16, 32), 3: (4, 8, 12)}
+#: a constant below this is zero: beta^2 is an eigenvalue beside others of size 1, known to rounding
+NOTHING = 1e-6
+#: exponents of h: of a constant that stays, of one that falls
+STAYS, FALLS = 0.1, 0.5
+#: error of p_m over that of the best constants, and how much larger it is on the uncut skin
+QUASI_OPTIMAL, OSCILLATES = 2.0, 4.0
+LOAD, YOUNG, POISSON = 0.5, 100.0, 0.3
+#: where plots, which are logarithmic, show zero
+ZERO_DRAWN = 1e-3
+_THEORY = "Abbas, Drouet, Hild, CMAME 339, 2018, 488-513: hypothesis of the internal dof"
+
+
+@dataclass(frozen=True)
+class Skin:
+    """A block [0, 1]^dim of `kind` (of `stacks`), its slave at height 0, on a fixed plane or on a block of `master`.
+
+    All sides but the slave are fixed, its rim with them. `master_ratio`: its cells a side, over the slave's.
+    """
+
+    kind: str
+    dim: int
+    hexa: str = "pyramid"
+    master: str = ""
+    master_ratio: float = 1.5
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """A block [0, 1]^dim on a rigid plane, pressed on top by 1 + LOAD cos(pi x), its sides held along their normal.
+
+    Nodes are moved at random, but stay in the sides that they are in, by up to `jitter` of a cell; the slave's rim is
+    held down.
+    """
+
+    kind: str
+    dim: int
+    hexa: str = "pyramid"
+    jitter: float = 0.2
+    seed: int = 1
+
+
+class Constants(NamedTuple):
+    """beta of one mesh: cut with its rim fixed and free, of its internal dofs alone; the same of the uncut skin."""
+
+    cut: float
+    cut_free: float
+    internal: float
+    uncut: float
+    uncut_free: float
+    unknowns: int
+
+
+def run(case: Case, levels: int) -> Outcome:
+    """Solve a case."""
+    if isinstance(case.given, Pressed):
+        return _pressed(case, levels)
+    return _constants(case, levels)
+
+
+# ---- constants
+
+
+def constants(given: Skin, n: int) -> Constants:
+    """Those of the block with n cells a side."""
+    mesh = block_of(given, n)
+    slave = f"{'xyz'[given.dim - 1]}0"
+    made = lacsolver.contact_matrices(mesh, slave, "master", hexa=given.hexa)
+    rim, free = _moving(made.mesh)
+    internal = lacmesh.Cut(made.mesh).macro_of_node >= 0
+    cut = constant(made, rim), constant(made, free), constant(made, internal & rim)
+    unknowns = given.dim * int((rim & held(made.mesh)).sum())
+    if given.kind in WHOLE:
+        return Constants(*cut, cut[0], cut[1], unknowns)
+    made = lacsolver.contact_matrices(uncut(mesh, slave), slave, "master")
+    rim, free = _moving(made.mesh)
+    return Constants(*cut, constant(made, rim), constant(made, free), unknowns)
+
+
+def block_of(given: Skin | Pressed, n: int) -> Mesh:
+    """The block, n cells a side, not cut, and what it stands on: the groups `y0` or `z0`, and `master`."""
+    dim = given.dim
+    mesh = stacks.block(given.kind, (n,) * dim)
+    if isinstance(given, Pressed):
+        mesh = _jittered(mesh, given, n)
+    elif given.master:
+        lower = stacks.block(given.master, (round(given.master_ratio * n),) * dim)
+        down = stacks.moved(lower, shift=-np.eye(3)[dim - 1])
+        up = "xyz"[dim - 1]
+        return stacks.joined([(mesh, {f"{up}0": f"{up}0"}), (down, {f"{up}1": "master"})])
+    plane = "SEG2" if dim == 2 else "QUAD4"
+    turn = -1 if dim == 2 else 1  # the skin's normal, (t_y, -t_x) of a segment along t, faces the block
+    points = 0.5 + 0.6 * turn * np.array(CELLS[plane].reference, dtype=float)
+    return blocks.with_master(mesh, plane, np.column_stack([points, np.zeros(len(points))]))
+
+
+def uncut(mesh: Mesh, slave: str) -> Mesh:
+    """The mesh with the records of a cut (`docs/conventions.md`) that makes each slave face a macro-element."""
+    faces = mesh.cells_of(slave)
+    macro, first, zone = (np.full(mesh.n_cells, -1, np.int32) for _ in range(3))
+    macro[faces], first[faces], zone[faces] = np.arange(len(faces)), 1, 0
+    return replace(mesh, cell_data={"lac_macro": macro, "lac_child": first, "lac_zone": zone}, zones=(slave,))
+
+
+def _moving(mesh: Mesh) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(n_nodes,) twice: nodes that are in no side but the slave; the same, but free in sides that the slave meets."""
+    x, d = mesh.points, mesh.space_dim
+    far = np.abs(x[:, d - 1]) > 1 - 1e-9
+    sides = (np.abs(x[:, : d - 1] - 0.5) > 0.5 - 1e-9).any(axis=1)
+    return ~(far | sides), ~far
+
+
+def _constants(case: Case, levels: int) -> Outcome:
+    given: Skin = case.given
+    sides = SIDES[given.dim][:levels]
+    found = [constants(given, n) for n in sides]
+    h = [1 / n for n in sides]
+    results = [*_bounded(h, found), *([] if given.kind in WHOLE else _unbounded(given, h, found))]
+    return Outcome(tuple(results), (_plot(case, h, found),))
+
+
+def _bounded(h: Sequence[float], found: Sequence[Constants]) -> list[Result]:
+    """The constant of the cut skin stays above that of its internal dofs."""
+    beta = [v.cut for v in found]
+    floor = max(found[0].internal * (1 - NOTHING), NOTHING)
+    reason = "what internal dofs alone give on the coarsest mesh, on finer ones they give more; less rounding"
+    least = at_least("least beta, cut, rim fixed", min(beta), floor, source=_THEORY, reason=reason)
+    return [least, _stays("beta, cut, rim fixed: exponent of h", h, found, beta)]
+
+
+def _stays(quantity: str, h: Sequence[float], found: Sequence[Constants], beta: Sequence[float]) -> Result:
+    levels = _levels(h, found, beta)
+    value = fitted(h, beta) if len(h) > 1 and min(beta) > NOTHING else math.nan
+    if len(h) < 3:
+        reason = "an exponent is judged on three meshes or more"
+        return replace(reported(quantity, value, reason=reason, source=_THEORY, levels=levels), passed=True)
+    reason = "0 is the theory's; a skin that is not stable loses an order of h or more"
+    return at_most(quantity, value, STAYS, source=_THEORY, reason=reason, levels=levels)
+
+
+def _levels(h: Sequence[float], found: Sequence[Constants], beta: Sequence[float]) -> tuple[Level, ...]:
+    """The table of constants; zeros, whose rates are none, as the least number."""
+    return levels_of(h, [v.unknowns for v in found], np.maximum(beta, np.finfo(float).tiny).tolist())
+
+
+def _unbounded(given: Skin, h: Sequence[float], found: Sequence[Constants]) -> list[Result]:
+    """The uncut skin's is zero with its rim fixed, and falls with it free, or is told only."""
+    fixed, free = [v.uncut for v in found], [v.uncut_free for v in found]
+    if given.kind not in ZERO or given.master:
+        reason = "the hypothesis is sufficient, not necessary: it fails here, and this is what becomes of the constant"
+        return [
+            reported("beta, uncut, rim fixed, finest", fixed[-1], reason=reason),
+            reported("beta, uncut, rim free, finest", free[-1], reason=reason),
+        ]
+    source = "more faces than nodes that move, or a checkerboard that every node averages to zero"
+    zero = "beta, uncut, rim {}: largest"
+    out = [at_most(zero.format("fixed"), max(fixed), NOTHING, source=source, reason="the root of rounding")]
+    if max(free) < NOTHING:
+        return [*out, at_most(zero.format("free"), max(free), NOTHING, source=source, reason="the root of rounding")]
+    if len(h) < 3:
+        return [*out, reported("beta, uncut, rim free, finest", free[-1], reason="judged on three meshes or more")]
+    levels = _levels(h, found, free)
+    reason = "only the rim tells a checkerboard from zero: the constant falls by an order of h or more"
+    quantity = "beta, uncut, rim free: exponent of h"
+    return [*out, at_least(quantity, fitted(h, free), FALLS, source=source, reason=reason, levels=levels)]
+
+
+def _plot(case: Case, h: Sequence[float], found: Sequence[Constants]) -> Plot:
+    names = {"cut": "cut, rim fixed", "cut_free": "cut, rim free", "internal": "cut, internal dofs alone"}
+    if case.given.kind not in WHOLE:
+        names |= {"uncut": f"uncut, rim fixed (zero is drawn at {ZERO_DRAWN:g})", "uncut_free": "uncut, rim free"}
+    lines = [
+        Line(label, tuple(h), tuple(max(float(getattr(v, name)), ZERO_DRAWN) for v in found))
+        for name, label in names.items()
+    ]
+    return Plot("inf-sup", f"{case.name}: inf-sup constant", "h", "beta", tuple(lines), log_x=True, log_y=True)
+
+
+# ---- pressures
+
+
+def exact_pressure(x: Floats) -> NDArray[np.floating]:
+    """(n, 1) at points (n, dim): pressure in the middle of a band of half-height 1 under 1 + LOAD cos(pi x)."""
+    a = np.pi
+    amplitude = LOAD * (np.sinh(a) + a * np.cosh(a)) / (a + np.sinh(a) * np.cosh(a))
+    return np.asarray(1 + amplitude * np.cos(np.pi * x[:, :1]))
+
+
+def pressed(given: Pressed, n: int, *, cut: bool = True) -> Solved:
+    """The block solved, n cells a side, its slave cut or each face a macro-element."""
+    mesh = block_of(given, n)
+    up = "xyz"[given.dim - 1]
+    mesh = lacmesh.cut_skin(mesh, f"{up}0", hexa=given.hexa).mesh if cut else uncut(mesh, f"{up}0")
+    down = np.abs(mesh.points[:, given.dim - 1]) < 1e-9
+    rim = np.flatnonzero(~_moving(mesh)[0] & down & held(mesh))
+    return solved(case_text(given), replace(mesh, node_groups={"rim": rim}))
+
+
+def case_text(given: Pressed) -> str:
+    """The pressed block's case."""
+    axes = "xyz"[: given.dim]
+    up = axes[-1]
+    tables = [
+        f'mesh = "block.msh"\nmodel = "{"plane_strain" if given.dim == 2 else "3d"}"',
+        entry("material", young=YOUNG, poisson=POISSON),
+        entry("contact", name="foot", slave=f"{up}0", master="master"),
+        entry("rigid", group="master"),
+        *(entry("displacement", group=f"{a}{end}", **{f"u{a}": 0.0}) for a in axes[:-1] for end in "01"),
+        entry("displacement", group="rim", **{f"u{up}": 0.0}),
+        entry("pressure", group=f"{up}1", value=f"1 + {LOAD} * cos(pi * x)"),
+        "[solver]\nthreads = 1",
+    ]
+    return "\n\n".join(tables) + "\n"
+
+
+def over_best(got: Solved) -> float:
+    """The error of p_m in L2, over that of the best constants: the means of the exact pressure."""
+    errors = pressure_errors(got.mesh, got.state.zones[0].pressure, exact_pressure)
+    return errors.exact / math.sqrt(errors.exact**2 - errors.mean**2)
+
+
+def _pressed(case: Case, levels: int) -> Outcome:
+    given: Pressed = case.given
+    both = [(pressed(given, n), pressed(given, n, cut=False)) for n in PRESSED[given.dim][:levels]]
+    with_, without = ([over_best(pair[k]) for pair in both] for k in (0, 1))
+    worst = int(np.argmax(without))
+    reason = "a stable pair is quasi-optimal (Cea's lemma); the constant is taken as 2"
+    results = (
+        at_most("error of p_m over that of the best, cut", max(with_), QUASI_OPTIMAL, source=_THEORY, reason=reason),
+        at_least(
+            "error of p_m over that of the best, uncut over cut", without[worst] / with_[worst], OSCILLATES,
+            source=_THEORY, reason="the worst of the meshes: how much there is to oscillate is chance on each of them",
+        ),
+        reported("error of p_m over that of the best, uncut", without[worst], reason="how far p_m oscillates"),
+        *balanced([got for pair in both for got in pair]),
+    )  # fmt: skip
+    names = ("cut", "uncut") if given.dim == 3 else ()
+    pictures = tuple(pair.picture(f"{case.name}, {name}") for pair, name in zip(both[worst], names, strict=False))
+    return Outcome(results, (_profile(case, *both[worst]),), pictures)
+
+
+def _profile(case: Case, cut: Solved, without: Solved) -> Plot:
+    """Pressures along x: of all macro-elements in a plane, of those that a line at y = 0.4 meets in space."""
+    x = np.linspace(0, 1, 101)
+    exact = Line("exact", tuple(x.tolist()), tuple(exact_pressure(x[:, None])[:, 0].tolist()), "line")
+    lines = [_steps(got, name) for got, name in ((without, "uncut"), (cut, "cut"))]
+    where = "" if case.given.dim == 2 else " along y = 0.4"
+    return Plot("pressure", f"{case.name}: contact pressure{where}", "x", "p_m", (exact, *lines))
+
+
+def _steps(got: Solved, label: str) -> Line:
+    """p_m along x, constant over the extent of each macro-element's faces on the line."""
+    macro, mesh = got.mesh.cell_data["lac_macro"], got.mesh
+    faces = np.flatnonzero(macro >= 0)
+    ends: dict[int, list[float]] = {}
+    for _, cells, nodes in mesh.select(faces):
+        for own, x in zip(macro[cells], mesh.points[nodes[:, : 2 if mesh.space_dim == 2 else None]], strict=True):
+            ends.setdefault(int(own), []).extend(_met(x, mesh.space_dim))
+    spans = sorted((min(at), max(at), own) for own, at in ends.items() if at)
+    p = got.state.zones[0].pressure
+    xs = [v for low, high, _ in spans for v in (low, high)]
+    return Line(label, tuple(xs), tuple(float(p[own]) for _, _, own in spans for _ in range(2)), "line")
+
+
+def _met(x: Floats, dim: int) -> list[float]:
+    """Where the outline of a face, corners x (n, 3), meets the line; both ends of a segment in a plane."""
+    if dim == 2:
+        return [float(v) for v in x[:, 0]]
+    y = x[:, 1] - 0.4
+    out = []
+    for k in range(len(x)):
+        a, b = k, (k + 1) % len(x)
+        if (y[a] > 0) != (y[b] > 0):
+            out.append(float(x[a, 0] + (x[b, 0] - x[a, 0]) * y[a] / (y[a] - y[b])))
+    return out
+
+
+def _jittered(mesh: Mesh, given: Pressed, n: int) -> Mesh:
+    rng = np.random.default_rng(given.seed)
+    x = mesh.points.copy()
+    for axis in range(given.dim):
+        inner = np.abs(x[:, axis] - 0.5) < 0.5 - 1e-9
+        x[inner, axis] += rng.uniform(-given.jitter, given.jitter, int(inner.sum())) / n
+    return replace(mesh, points=x)
+
+
+# ---- cases
+
+#: those that `quick` has too
+_QUICK = ("TRIA3", "QUAD4", "TETRA4", "HEXA8", "HEXA8-hexa", "HEXA20")
+
+
+def _skin(name: str, given: Skin) -> Case:
+    levels = {"full": 5} if given.dim == 2 else {"full": 4, "all": 5}
+    if name in _QUICK:
+        levels["quick"] = 3
+    cut = f", cut {given.hexa}" if given.kind in stacks.TWO_WAYS else ""
+    on = f" on a block of {given.master}" if given.master else ""
+    about = f"{given.kind}{cut}{on}: beta against h, cut and uncut"
+    return Case("inf-sup", name, about, given, levels, 3.0 if given.dim == 2 else 5.0)
+
+
+def _skins() -> Iterator[Case]:
+    for dim, kinds in ((2, stacks.PLANE_KINDS), (3, stacks.SOLID_KINDS)):
+        for kind in kinds:
+            name = kind.replace("mixed", f"mixed {dim}D").replace(" ", "-")
+            yield _skin(name, Skin(kind, dim))
+            if kind in stacks.TWO_WAYS:
+                yield _skin(f"{name}-hexa", Skin(kind, dim, "hexa"))
+    yield _skin("TRIA3-on-QUAD4", Skin("TRIA3", 2, master="QUAD4"))
+    yield _skin("HEXA8-on-TETRA4", Skin("HEXA8", 3, master="TETRA4"))
+
+
+def _pressures() -> Iterator[Case]:
+    for kind, dim in (("TRIA3", 2), ("QUAD4", 2), ("TETRA4", 3), ("HEXA8", 3)):
+        levels = {"quick": 2, "full": 3} if kind == "TRIA3" else {"full": 3}
+        about = f"{kind} pressed on a rigid plane, nodes moved at random: p_m, cut and uncut"
+        yield Case("inf-sup", f"pressed-{kind}", about, Pressed(kind, dim), levels, 3.0 if dim == 2 else 8.0)
+
+
+_TEXT = """
+Pressures that are constant on macro-elements and displacements go together if the inf-sup constant beta of the two
+stays above zero as h falls: then p_m converges and cannot oscillate. The hypothesis of the internal dof is enough for
+it, and `lacmesh cut` is there to make it true.
+
+**Constants.** Blocks of every type, their slave's rim fixed, which leaves displacements the least room. On the cut skin
+beta stays, above what the internal dofs alone give. Where each face is a macro-element as it is, beta is zero: on
+segments and triangles of linear cells since faces are as many as the nodes that move, or more; on quadrangles, QUAD4
+and QUAD8, since all nodes average a checkerboard to zero. With the rim free, beta falls with h. Elsewhere it is
+reported: the hypothesis is sufficient, not necessary.
+
+**Pressures.** Blocks under a smooth load, nodes moved at random, with an exact pressure. On the cut skin p_m is about
+as good as the best constants are; on the uncut skin it oscillates from face to face.
+"""
+
+FAMILY = Family("inf-sup", "Inf-sup condition", _TEXT.strip(), (*_skins(), *_pressures()), run)

@@ -1,0 +1,274 @@
+"""Manufactured finite-deformation contact: exact displacement and pressure, error by error, level by level.
+
+A block comes down on a curved rigid master. The exact displacement u is given (code_aster's validation suite, ssnp150
+and ssnv219); body force -Div P, dead tractions P N on the free sides and, on the slave, P N less its part along the
+exact deformed normal are derived from it (`exact.sources`) and applied, u is imposed on the side opposite the slave;
+the pressure is what contact must find. One step leads from the flat slave to t = 1; loads and displacements grow with
+t, so that it can be halved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh import CELLS, Mesh
+from verification.exact.sources import Function, compiled, derive
+from verification.families.manufactured_rows import ROWS, Row
+from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors
+from verification.meshes.blocks import block, with_master
+from verification.profiles import line, means, nodal, residuals
+from verification.records import (
+    Case,
+    Family,
+    Level,
+    Outcome,
+    Picture,
+    Plot,
+    Published,
+    Result,
+    levels_of,
+    rate,
+    reported,
+)
+from verification.solving import Solved, balanced, entry, solve
+
+#: cells a side on level 0
+_COARSEST = {2: 4, 3: 2}
+#: rates that must come out, by the order of the cells: of u, p_m, the recovered pressure
+WANTED = {1: (1.92, 0.95, 1.5), 2: (2.45, 0.95, 1.8)}
+#: levels that fitted rates are of: two cells a side, in space, are no field of pressures yet
+LAST = 3
+#: of the width of the slave: how far from its rim is away from it
+RIM = 0.2
+#: levels of the rows that are solved in `quick`
+_QUICK = {**dict.fromkeys(("TRIA3", "TRIA6", "QUAD4", "QUAD8", "QUAD9", "HEXA8-hexa", "HEXA8-pyramid"), 3), "TETRA4": 4}
+#: what rows take in `full`, in seconds
+_SECONDS = {
+    "TRIA3": 5.0, "TRIA6": 7.0, "TRIA7": 8.0, "QUAD4": 5.0, "QUAD8": 8.0, "QUAD9": 8.0,
+    "TETRA4": 18.0, "TETRA10": 75.0, "HEXA8-hexa": 20.0, "HEXA20-hexa": 125.0, "HEXA27": 50.0, "HEXA8-pyramid": 15.0,
+    "HEXA20-pyramid": 85.0, "PENTA6": 20.0, "PENTA15": 120.0, "PENTA18": 120.0, "PYRAM5": 25.0, "PYRAM13": 110.0,
+    "PYRAM14": 120.0,
+}  # fmt: skip
+_PAPER = "Abbas, Drouet and Hild 2018"
+_DISPLACEMENT = {
+    1: f"order h^2 of linear cells ({_PAPER}), less what is not yet asymptotic",
+    2: f"order h^2.5 of quadratic cells ({_PAPER}, Theorem 1), less what is not yet asymptotic",
+}
+#: why u of quadratic cells may converge more slowly than h^3, and ever more so
+_RIM = (
+    "forces act along the slave's normal, which is not the derivative of the gap where the normals are not parallel; "
+    "the rim of the slave stands off its master by h^2, so that they push along it: in the plane the rate falls from 3 "
+    "towards 2 as meshes get finer, soonest on quadrangles, which have 2.5 up to 64 cells a side and 2.2 up to 128"
+)
+_CONSTANT = "constant on a macro-element: order 1 is the end, and figures above it are not asymptotic"
+_LAYER = (
+    "p_m is constant where p is not, and what it lacks bends the slave by h^2 between the ends of a macro-element; in "
+    "the middle of the skin neighbours cancel that out, at its rim p_m has to, by a part of order h of the slope of p. "
+    "So it is on plane skins and at small strains too. In L2 such a layer is h^1.5, whatever the cells"
+)
+_MEANS = f"told: p_m as what it stands for, a mean; {_LAYER}"
+_AWAY = "told: without the layer along the rim"
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A row solved on one level: `h` of the mesh, errors in L2, relative; `means`: of p_m against the exact means,
+    `recovered`: of the nodal pressure, `away`: of that, away from the rim of the slave.
+    """
+
+    solved: Solved
+    h: float
+    displacement: float
+    pressure: float
+    means: float
+    recovered: float
+    away: float
+
+
+def solve_case(case: Case, levels: int) -> Outcome:
+    """A row on so many meshes, each of twice as many cells a side."""
+    row: Row = case.given
+    found = [solution(row, level) for level in range(levels)]
+    results = (*_rates(row, found), _iterations(found), *balanced([one.solved for one in found]))
+    plots = [_pressures(row, found[min(2, levels - 1)])] if row.solution.dim == 2 else []
+    return Outcome(results, (*plots, _newton(row, found)), _pictures(row, found))
+
+
+def solution(row: Row, level: int) -> Solution:
+    """Solve a row on one level. Raises what `solve` raises."""
+    given = row.solution
+    solved = solve(case_text(row), mesh_of(row, level))
+    (zone,), mesh = solved.state.zones, solved.mesh
+    exact, recovered = exact_pressure(row), solved.fields.zones[zone.name].pressure_recovered
+    p = pressure_errors(mesh, zone.pressure, exact)
+    return Solution(
+        solved=solved,
+        h=1 / cells_a_side(row, level),
+        displacement=displacement_error(mesh, solved.u, compiled(given.displacement)),
+        pressure=p.exact,
+        means=p.mean,
+        recovered=nodal_pressure_error(mesh, recovered, exact),
+        away=nodal_pressure_error(mesh, recovered, exact, faces=_away(row, mesh)),
+    )
+
+
+def _away(row: Row, mesh: Mesh) -> NDArray[np.integer]:
+    """The faces of the slave whose middle is `RIM` and more away from its rim."""
+    faces = np.flatnonzero(mesh.cell_data["lac_macro"] >= 0)
+    low, high = (np.array(end)[:-1] for end in (row.solution.low, row.solution.high))
+    kept = []
+    for _, chosen, nodes in mesh.select(faces):
+        middle = mesh.points[nodes].mean(axis=1)[:, : len(low)]
+        kept.append(chosen[(np.minimum(middle - low, high - middle) >= RIM * (high - low)).all(axis=1)])
+    return np.sort(np.concatenate(kept))
+
+
+def exact_pressure(row: Row) -> Function:
+    """Nominal pressure (n, 1) at points of the undeformed slave."""
+    return compiled([derive(row.solution.displacement, row.solution.law).pressure])
+
+
+def cells_a_side(row: Row, level: int) -> int:
+    """How many cells, or pairs of triangles and so on, a block has along each axis."""
+    return _COARSEST[row.solution.dim] << level
+
+
+def mesh_of(row: Row, level: int) -> Mesh:
+    """The block of a row's cells and its master, not cut."""
+    given = row.solution
+    turn = -1 if given.dim == 2 else 1  # the skin's normal, (t_y, -t_x) of a segment along t, faces the block
+    plane = turn * np.array(CELLS[given.master].reference) + given.master_centre
+    points = np.column_stack([plane, compiled([given.master_height])(plane)])
+    return with_master(block(row.cell, cells_a_side(row, level), given.low, given.high), given.master, points)
+
+
+def case_text(row: Row) -> str:
+    """The case of a row, as TOML."""
+    given = row.solution
+    axes = "xyz"[: given.dim]
+    sources = derive(given.displacement, given.law)
+    head = f'mesh = "block.msh"\nmodel = "{given.model}"\nkinematics = "finite"'
+    sides = [
+        _vector("traction", "t", sources.traction(axis, 2 * end - 1), f"{axes[axis]}{end}")
+        for axis in range(given.dim - 1)
+        for end in range(2)
+    ]
+    tables = [
+        entry("material", law="saint_venant_kirchhoff", young=given.law.young, poisson=given.law.poisson),
+        entry(
+            "contact", slave=given.slave, master="master", measure="reference", geometry="current",
+            search_distance=1.0, hexa=row.hexa,
+        ),
+        entry("rigid", group="master"),
+        _vector("displacement", "u", given.displacement, f"{axes[-1]}1"),
+        _vector("body_force", "f", sources.body_force),
+        _vector("traction", "t", sources.tangential, given.slave),
+    ]  # fmt: skip
+    return "\n\n".join([head, *tables, *sides]) + "\n"
+
+
+def _vector(table: str, letter: str, texts: Iterable[str], group: str | None = None) -> str:
+    """A table of the case whose components are texts, growing with t."""
+    components = {f"{letter}{axis}": f"t * ({text})" for axis, text in zip("xyz", texts, strict=False)}
+    return entry(table, group=group, **components)
+
+
+def _rates(row: Row, found: Sequence[Solution]) -> Iterator[Result]:
+    """The rates of u, p_m, the recovered pressure, and of p_m against the exact means."""
+    u, p, recovered = WANTED[row.order]
+    yield rate(
+        "displacement in L2, rate", _levels(found, "displacement"), u, last=LAST,
+        source=_DISPLACEMENT[row.order], reason=_RIM if row.order == 2 else "",
+        published=_theirs(row, row.displacement_rate),
+    )  # fmt: skip
+    yield rate(
+        "p_m in L2, rate", _levels(found, "pressure"), p, last=LAST, source=f"order h of constants ({_PAPER})",
+        reason=_CONSTANT, published=_theirs(row, row.pressure_rate),
+    )  # fmt: skip
+    source = "approximation by the slave's own shape functions"
+    yield rate(
+        "recovered pressure in L2, rate", _levels(found, "recovered"), recovered, last=LAST, source=source,
+        reason=_LAYER,
+    )  # fmt: skip
+    away = f"recovered pressure in L2, {RIM:g} of the width away from the rim, rate"
+    yield rate(away, _levels(found, "away"), None, last=LAST, source="", reason=_AWAY)
+    yield rate("p_m against the exact means, rate", _levels(found, "means"), None, last=LAST, source="", reason=_MEANS)
+
+
+def _levels(found: Sequence[Solution], error: str) -> tuple[Level, ...]:
+    return levels_of([s.h for s in found], [s.solved.unknowns for s in found], [getattr(s, error) for s in found])
+
+
+def _theirs(row: Row, value: float | None) -> tuple[Published, ...]:
+    """code_aster's rate; it stands beside ours and is not what ours is held against."""
+    source = f"{row.test} of its validation suite: the last two of {row.levels} levels"
+    return () if value is None else (Published("code_aster, LAC", value, source),)
+
+
+def _iterations(found: Sequence[Solution]) -> Result:
+    states = found[-1].solved.states
+    reason = "told: one step, and none that is halved, is what to hope for"
+    halved = sum(state.halvings for state in states)
+    total = sum(state.iterations for state in states)
+    return reported(f"Newton iterations on the finest mesh ({halved} halved steps)", total, reason=reason)
+
+
+def _newton(row: Row, found: Sequence[Solution]) -> Plot:
+    """The residuals of every mesh, iteration by iteration."""
+    lines = tuple(residuals(f"h = {one.h:.4g}", one.solved.states) for one in found)
+    title = f"{row.name}: residual of each Newton iteration"
+    return Plot("Newton", title, "iteration", "relative residual", lines, log_y=True)
+
+
+def _pressures(row: Row, one: Solution) -> Plot:
+    """Exact, p_m and recovered pressure along the slave of a plane problem."""
+    mesh, (zone,) = one.solved.mesh, one.solved.state.zones
+    x = np.linspace(row.solution.low[0], row.solution.high[0], 101)
+    lines = (
+        line("exact", x, exact_pressure(row)(np.column_stack([x, np.zeros_like(x)]))[:, 0]),
+        means(mesh, zone.pressure, _along),
+        nodal(mesh, one.solved.fields.zones[zone.name].pressure_recovered, _along),
+    )
+    return Plot("pressure", f"{row.name}: nominal pressure, h = {one.h:.4g}", "x", "pressure", lines)
+
+
+def _along(x: NDArray[np.floating]) -> NDArray[np.floating]:
+    return x[..., 0]
+
+
+def _pictures(row: Row, found: Sequence[Solution]) -> tuple[Picture, ...]:
+    one = found[min(len(found) - 1, 2 if row.solution.dim == 2 else 1)]
+    return (one.solved.picture(f"{row.name}, {round(1 / one.h)} cells a side"),) if row.pictured else ()
+
+
+def _case(row: Row) -> Case:
+    theirs = f", code_aster's {row.test}" if row.test else ""
+    return Case(
+        family="manufactured",
+        name=row.name,
+        about=f"A block of {row.cell} comes down on a curved rigid master{theirs}",
+        given=row,
+        levels=_suites(row),
+        seconds=_SECONDS[row.name],
+    )
+
+
+def _suites(row: Row) -> dict[str, int]:
+    """How many levels in each suite."""
+    quick = {"quick": _QUICK[row.name]} if row.name in _QUICK else {}
+    if row.solution.dim == 2:
+        return {**quick, "full": 5, "all": 6}
+    return {**quick, "full": 4, "all": max(4, row.levels)}
+
+
+FAMILY = Family(
+    name="manufactured",
+    title="Manufactured contact at finite deformation",
+    text=__doc__.partition("\n\n")[2],
+    cases=tuple(_case(row) for row in ROWS.values()),
+    solve=solve_case,
+)

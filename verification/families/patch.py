@@ -1,0 +1,302 @@
+"""The patch test of contact: a uniform pressure goes through an interface whose faces do not match.
+
+Taylor, Papadopoulos, On a patch test for contact problems in two dimensions, in: Wriggers, Wagner (eds.), Nonlinear
+Computational Mechanics, Springer, 1991. Exact: the stress is uniform, uniaxial (in plane strain with the stress that
+holds the plane), the displacement linear by Hooke's law, every p_m the pressure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh import Mesh
+from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, moved, stack, tilt
+from verification.records import Case, Family, Line, Outcome, Plot, Published, Result, at_most
+from verification.solving import Solved, balanced, entry, solve
+
+#: of every error, relative
+EXACT = 1e-10
+YOUNG, POISSON, PRESSURE = 1e3, 0.3, 1.0
+
+_SOURCE = "uniform stress, linear displacement; Taylor, Papadopoulos, 1991"
+#: components of a stress, as pairs of axes
+_AXES = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+#: sides that slide, by model: symmetry planes, or the axis; a ring has none
+_SLIDING = {"3d": ("x0", "y0"), "ring": ()}
+_PEERS = "measured on the same meshes, frictionless, small strain"
+
+
+@dataclass(frozen=True)
+class Press:
+    """Stacks of two blocks, the slave below and above, each under a pressure on its top.
+
+    `pairs`: kinds of slave and master; `model`: a model of a case, or `ring`, axisymmetric without its axis;
+    `contact`: keys of [[contact]]; `tilted`: in a frame that is turned; others: as `stack` takes them.
+    """
+
+    pairs: tuple[tuple[str, str], ...]
+    model: str = "3d"
+    tilted: bool = False
+    contact: tuple[tuple[str, str], ...] = ()
+    counts: tuple[int, int] = (3, 2)
+    bend: float = 0.3
+    skew: float = 0.0
+
+    @property
+    def dim(self) -> int:
+        """Of the space."""
+        return 3 if self.model == "3d" else 2
+
+    @property
+    def turn(self) -> NDArray[np.floating]:
+        """(3, 3): the rotation of the frame."""
+        return tilt(self.dim) if self.tilted else np.eye(3)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Of one stack, relative: stress at integration points, every p_m, displacement at nodes; the worst of each."""
+
+    label: str
+    stress: float
+    pressure: float
+    displacement: float
+    solved: Solved = field(repr=False)
+
+
+class _Figure(NamedTuple):
+    quantity: str
+    attribute: str
+    published: tuple[Published, ...] = ()
+
+
+def errors(given: Press, slave: str, master: str, slave_below: bool) -> Errors:
+    """Solve one stack. Raises what `verification.solving.solve` raises."""
+    solved = solve(text(given), mesh_of(given, slave, master, slave_below))
+    sigma = np.concatenate([s.reshape(-1, s.shape[-1]) for s in solved.answer.stress(solved.state)])
+    exact = exact_displacement(given, solved.mesh.points)
+    (zone,) = solved.state.zones
+    return Errors(
+        f"{slave} {'under' if slave_below else 'on'} {master}",
+        float(np.abs(sigma - exact_stress(given)[: sigma.shape[1]]).max() / PRESSURE),
+        float(np.abs(zone.pressure / PRESSURE - 1).max()),
+        float(np.abs(solved.u - exact).max() / np.abs(exact).max()),
+        solved,
+    )
+
+
+def mesh_of(given: Press, slave: str, master: str, slave_below: bool) -> Mesh:
+    """A stack of blocks, not cut."""
+    made = stack(
+        slave, master, given.dim, slave_below=slave_below, counts=given.counts, bend=given.bend, skew=given.skew
+    )
+    return moved(made, given.turn, np.array([1.0, 0, 0]) if given.model == "ring" else None)
+
+
+def text(given: Press) -> str:
+    """The case of every stack, as TOML. In a tilted frame symmetry planes hold the normal displacement."""
+    up = "xyz"[given.dim - 1]
+    model = "axisymmetric" if given.model == "ring" else given.model
+    held = [(side, side[0]) for side in _SLIDING.get(given.model, ("x0",))] + [("bottom", up)]
+    tables = [
+        f'mesh = "stack.msh"\nmodel = "{model}"\n[solver]\nthreads = 1',
+        entry("material", young=YOUNG, poisson=POISSON),
+        entry("contact", slave="slave", master="master", **dict(given.contact)),
+        *(entry("displacement", group=name, **{"un" if given.tilted else f"u{a}": 0.0}) for name, a in held),
+        entry("pressure", group="top", value=PRESSURE),
+    ]
+    return "\n".join(tables) + "\n"
+
+
+def exact_displacement(given: Press, points: NDArray[np.floating]) -> NDArray[np.floating]:
+    """(n, dim) at points (n, 3): linear from the corner, or axis, that does not move."""
+    e = PRESSURE / YOUNG
+    across, down = POISSON * e, -e
+    if given.model == "plane_strain":
+        across, down = POISSON * (1 + POISSON) * e, -(1 - POISSON**2) * e
+    strains = np.array([across, across, down] if given.dim == 3 else [across, down, 0.0])
+    return np.asarray((points @ given.turn * strains) @ given.turn.T[:, : given.dim])
+
+
+def exact_stress(given: Press) -> NDArray[np.floating]:
+    """(6,): xx, yy, zz, xy, yz, xz."""
+    sigma = np.zeros((3, 3))
+    sigma[given.dim - 1, given.dim - 1] = -PRESSURE
+    if given.model == "plane_strain":
+        sigma[2, 2] = -POISSON * PRESSURE
+    sigma = given.turn @ sigma @ given.turn.T
+    return np.array([sigma[a, b] for a, b in _AXES])
+
+
+def run(case: Case, levels: int) -> Outcome:
+    """Every pair, with the slave below and above."""
+    given: Press = case.given
+    made = [errors(given, *pair, below) for pair in given.pairs for below in (True, False)]
+    results = [_worst(figure, made) for figure in _figures(given)]
+    return Outcome((*results, *balanced([one.solved for one in made])), (_matrix(made),))
+
+
+def _worst(figure: _Figure, made: Sequence[Errors]) -> Result:
+    """The largest error of all stacks; NaN above all."""
+    found = np.array([getattr(one, figure.attribute) for one in made])
+    worst = int(np.where(np.isnan(found), np.inf, found).argmax())
+    reason = f"rounding, times the condition of the stiffness; worst of {len(made)}: {made[worst].label}"
+    return at_most(
+        figure.quantity, found[worst], EXACT, source=_SOURCE, reason=reason, published=figure.published
+    )  # fmt: skip
+
+
+def _matrix(made: Sequence[Errors]) -> Plot:
+    """The errors, stack by stack."""
+    place = tuple(float(k) for k in range(1, len(made) + 1))
+    lines = tuple(
+        Line(figure.quantity, place, tuple(max(getattr(one, figure.attribute), 1e-17) for one in made), "points")
+        for figure in _figures(None)
+    )
+    title = f"patch test: {made[0].label} to {made[-1].label}"
+    label = "stack: the pairs of the case in their order, slave below then above"
+    return Plot("patch", title, label, "relative error", lines, log_y=True)
+
+
+def _figures(given: Press | None) -> tuple[_Figure, ...]:
+    """What is measured, with what peers obtained where they ran the same problem."""
+    known = _published(given) if given is not None else ((), ())
+    return (
+        _Figure("stress at integration points", "stress", known[0]),
+        _Figure("contact pressure p_m", "pressure", known[1]),
+        _Figure("displacement", "displacement"),
+    )
+
+
+def _published(given: Press) -> tuple[tuple[Published, ...], tuple[Published, ...]]:
+    """What others obtained, of stress and of pressure, on hexahedra: the meshes are theirs without a bend."""
+    if given.bend or given.model != "3d" or given.pairs[0] != ("HEXA8", "HEXA8"):
+        return (), ()
+    hexa = dict(given.contact)["hexa"]
+    stress = tuple(Published(who, value, _PEERS) for who, value in _STRESS.get(given.skew, {}).items())
+    who = f"code_aster LAC, {hexa}"
+    return stress, (Published(who, _ASTER[hexa, given.skew], "code_aster 2020, measured on the same meshes"),)
+
+
+#: skew -> largest error of the axial stress at integration points; 3x3x2 under 2x2x2, and 5x5x2 under 4x4x2
+_STRESS: dict[float, dict[str, float]] = {
+    0.0: {
+        "Kratos 10.4, dual mortar": 2.4e-13,
+        "CalculiX 2.20, surface to surface": 1.5e-10,
+        "CalculiX 2.20, mortar (printed digits)": 1e-7,
+        "NGSolve, contact energy": 1.5e-4,
+        "GetFEM 5.4, integral": 2.7e-2,
+        "Kratos 10.4, penalty mortar": 8.1e-3,
+        "CalculiX 2.20, node to surface": 0.41,
+        "GetFEM 5.4, node to surface": 0.57,
+    },
+    0.05: {
+        "Kratos 10.4, dual mortar": 3.8e-5,
+        "CalculiX 2.20, surface to surface": 3.4e-6,
+        "CalculiX 2.20, mortar": 3.4e-6,
+        "NGSolve, contact energy": 6.8e-5,
+        "GetFEM 5.4, integral": 2.7e-2,
+        "Kratos 10.4, penalty mortar": 2.1e-2,
+        "CalculiX 2.20, node to surface": 0.17,
+        "GetFEM 5.4, node to surface": 0.20,
+    },
+}
+#: (cut, skew) -> largest error of the contact pressure
+_ASTER = {
+    ("hexa", 0.0): 1.2e-13, ("pyramid", 0.0): 3.5e-13, ("hexa", 0.05): 1.2e-9, ("pyramid", 0.05): 2.2e-9,
+    ("hexa", 0.2): 5.5e-3, ("pyramid", 0.2): 1.1e-8,
+}  # fmt: skip
+
+#: pairs that stand for all, where something else than the cells varies
+_FEW: dict[int, tuple[tuple[str, str], ...]] = {
+    2: (("TRIA3", "QUAD8"), ("QUAD4", "TRIA7"), ("QUAD9", "mixed 1"), ("TRIA6", "TRIA3"), ("mixed 2", "QUAD9")),
+    3: (("HEXA8", "TETRA4"), ("TETRA10", "HEXA20"), ("PENTA15 quadrangle", "HEXA27"), ("mixed 2", "mixed 1")),
+}
+#: keys of [[contact]] that must not change anything between plane faces
+_KEYS: dict[str, tuple[tuple[str, str], ...]] = {
+    "smoothed": (("normals", "smoothed"),),
+    "bilateral": (("type", "bilateral"),),
+    "open-at-first": (("initial", "none"),),
+    "current": (("geometry", "current"),),
+    "current-smoothed": (("geometry", "current"), ("normals", "smoothed")),
+}
+#: slaves in the quick suite, in 3D; those that are tilted there
+_QUICK, _QUICK_TILTED = (("TETRA10", ()), ("HEXA8", (("hexa", "hexa"),))), (("mixed 2", ()),)
+#: slaves whose faces are quadrangles: words of the case's name, kinds, keys of [[contact]]
+_QUADRANGLES: tuple[tuple[tuple[str, ...], tuple[str, ...], tuple[tuple[str, str], ...]], ...] = (
+    (("HEXA20", "pyramid"), ("HEXA20",), (("hexa", "pyramid"),)),
+    (("HEXA20", "hexa"), ("HEXA20",), (("hexa", "hexa"),)),
+    (("others",), ("HEXA27", *(f"{name} quadrangle" for name in ("PENTA6", "PENTA15", "PYRAM5", "PYRAM14"))), ()),
+)
+
+
+def _ways(kind: str) -> tuple[tuple[tuple[str, str], ...], ...]:
+    """Keys for the ways in which the slave faces of a kind are cut."""
+    return tuple((("hexa", way),) for way in ("pyramid", "hexa")) if kind in TWO_WAYS else ((),)
+
+
+def _case(words: Sequence[str], about: str, given: Press, quick: bool, seconds: float) -> Case:
+    name = "-".join(word.replace(" ", "-") for word in words)
+    return Case("patch", name, about, given, {"quick" if quick else "full": 1}, seconds)
+
+
+def _plane() -> Iterator[Case]:
+    for slave in PLANE_KINDS:
+        given = Press(tuple((slave, master) for master in PLANE_KINDS), "plane_strain")
+        yield _case(["2d", slave], f"plane strain, slave {slave} against every kind", given, True, 3.0)
+    given = Press(tuple((slave, master) for slave in PLANE_KINDS for master in PLANE_KINDS), "plane_strain", True)
+    yield _case(["2d", "tilted"], "plane strain, every kind against every kind, tilted", given, False, 10.0)
+
+
+def _solid() -> Iterator[Case]:
+    for tilted in (False, True):
+        for slave in SOLID_KINDS:
+            for way in _ways(slave):
+                given = Press(tuple((slave, master) for master in SOLID_KINDS), "3d", tilted, way)
+                words = ["3d", *(["tilted"] if tilted else []), slave, *dict(way).values()]
+                quick = (slave, way) in (_QUICK_TILTED if tilted else _QUICK)
+                yield _case(words, f"slave {slave} against every kind", given, quick, 7.0)
+
+
+def _distorted() -> Iterator[Case]:
+    for skew in (0.0, 0.05, 0.2):
+        counts = (5, 4) if skew else (3, 2)
+        for (way,) in _ways("HEXA8"):
+            given = Press((("HEXA8", "HEXA8"),), "3d", contact=(way,), counts=counts, bend=0.0, skew=skew)
+            about = f"hexahedra on hexahedra, cut {way[1]}, skew {skew}: the peers' problem"
+            yield _case(["peers", way[1], f"skew-{skew}"], about, given, skew == 0.2, 4.0)
+        for words, slaves, keys in _QUADRANGLES if skew else ():
+            pairs = tuple((slave, master) for slave in slaves for master in ("HEXA8", "HEXA20"))
+            given = Press(pairs, "3d", True, keys, counts, skew=skew)
+            about = f"distorted quadrangles, slaves {', '.join(slaves)}, skew {skew}"
+            yield _case(["distorted", *words, f"skew-{skew}"], about, given, False, 5.0)
+
+
+def _others() -> Iterator[Case]:
+    for model in ("plane_stress", "axisymmetric", "ring"):
+        quick = model != "ring"
+        yield _case([model], f"a few pairs, {model.replace('_', ' ')}", Press(_FEW[2], model), quick, 3.0)
+    for name, keys in _KEYS.items():
+        for dim, model in ((2, "plane_strain"), (3, "3d")):
+            about = f"a few pairs in {dim}D, {', '.join(f'{key} = {value}' for key, value in keys)}"
+            yield _case([name, f"{dim}d"], about, Press(_FEW[dim], model, dim == 3, keys), False, 4.0)
+
+
+FAMILY = Family(
+    "patch",
+    "Patch test",
+    "Two unit blocks on one another, whose faces do not match, under a uniform pressure: stress and displacement are "
+    "known to the last digit, and a method passes only if it integrates the contact terms over the true intersections "
+    "of the two skins. Every type of cell is the slave and the master of every other, below and above, along the axes "
+    "and in a tilted frame; the grids are uneven, and in some cases the faces are distorted quadrangles.\n\n"
+    "Errors are the largest anywhere: of the stress at integration points, of the pressure of each macro-element, of "
+    "the displacement of each node, relative to the largest value of each. What others obtained is told where they ran "
+    "the same problem.",
+    (*_plane(), *_solid(), *_distorted(), *_others()),
+    run,
+)

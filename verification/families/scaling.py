@@ -1,0 +1,205 @@
+"""How time grows with size: cut, search, assembly, and the solve.
+
+Expected: each stage but the solve visits every cell or face a bounded number of times (trees of boxes add a logarithm),
+so its time goes with the size to the power 1. Seconds are those of the process, the least of some repetitions, after
+a small problem that compiles and loads all that is used.
+"""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lacmesh
+import lacsolver
+from lacmesh import Mesh
+from lacsolver import Problem, Space
+from verification.measures.rates import fitted
+from verification.meshes.stacks import stack
+from verification.records import Case, Family, Line, Outcome, Plot, Result, at_most, levels_of, reported
+from verification.solving import entry
+
+#: of the exponents; the five hundredths are for the logarithm of a search, and caches
+LINEAR = 1.05
+#: every stage is timed on every mesh in so many rounds, so that what else a machine does is the same for all
+ROUNDS = 4
+#: seconds that a stage is repeated for in a round
+LONG_ENOUGH = 0.15
+#: cells along the slave's side where the problem is solved
+_SOLVED = (17, 24, 34)
+_SOURCE = "every cell and face is visited a bounded number of times"
+
+
+@dataclass(frozen=True)
+class Plates:
+    """A plate on another, each two cells thick, of cells of one kind; the master has 3 where the slave has 4.
+
+    `sides`: cells along the slave's side, level by level. The coarsest matrix is larger than a processor's cache: what
+    fits takes less time a cell, which is not growth. `hexa`: how the slave is cut.
+    """
+
+    kind: str
+    sides: tuple[int, ...]
+    hexa: str = "pyramid"
+
+
+@dataclass(frozen=True, eq=False)
+class Stages:
+    """A problem on plates whose stages can be run again and again; `mesh`: as it is before the cut."""
+
+    given: Plates
+    mesh: Mesh
+    problem: Problem
+
+    @classmethod
+    def of(cls, given: Plates, n: int) -> Stages:
+        """Plates of n cells a side."""
+        mesh = stack(given.kind, given.kind, 3, counts=(n, 3 * n // 4), bend=0.2)
+        cut = lacmesh.cut_skin(mesh, "slave", hexa=given.hexa).mesh
+        return cls(given, mesh, Problem.of(lacsolver.parse_case(text()), cut))
+
+    @property
+    def cells(self) -> int:
+        """Of the mesh that is cut, skins included."""
+        return self.mesh.n_cells
+
+    @property
+    def faces(self) -> int:
+        """Of slave and master, cut."""
+        zone = self.problem.joints[0].zone
+        return len(zone.slave) + len(zone.master)
+
+    @property
+    def unknowns(self) -> int:
+        """Displacements that are sought."""
+        return int(self.problem.constraints.n_q)
+
+    def cut(self) -> None:
+        """Cut the slave."""
+        lacmesh.cut_skin(self.mesh, "slave", hexa=self.given.hexa)
+
+    def search(self) -> None:
+        """Find the master in front of the slave, and the points at which contact is integrated."""
+        zone = self.problem.joints[0].zone
+        lacmesh.contact_points(zone.slave, zone.master)
+
+    def integrate(self) -> None:
+        """Search, and the contact matrices."""
+        lacsolver.integrate(self.problem.joints[0].zone, 3)
+
+    def assemble(self) -> None:
+        """The stiffness, with the pattern of its entries, which a space would keep."""
+        space = Space.of(self.problem.space.mesh, "3d")
+        lacsolver.assemble_stiffness(space, self.problem.materials, 1)
+
+    def solve(self) -> None:
+        """All from the stiffness to the state."""
+        list(lacsolver.march(self.problem))
+
+
+#: name of a stage -> the method of `Stages` that runs it, the property that it is compared with, and that in words
+_STAGES: dict[str, tuple[str, str, str]] = {
+    "cut": ("cut", "cells", "cells of the mesh"),
+    "search": ("search", "faces", "faces of slave and master"),
+    "search and integration": ("integrate", "faces", "faces of slave and master"),
+    "assembly": ("assemble", "unknowns", "unknowns"),
+}
+
+
+def run(case: Case, levels: int) -> Outcome:
+    """All stages on plates of some sizes; smaller ones are solved."""
+    given: Plates = case.given
+    small = Stages.of(given, 6)
+    _ = timed([small]), seconds_of(small.solve, 0.0)  # compiled and loaded, all that is used
+    problems = [Stages.of(given, n) for n in given.sides[:levels]]
+    seconds = timed(problems)
+    results = [_linear(stage, problems, row) for stage, row in zip(_STAGES, seconds, strict=True)]
+    answers = [Stages.of(given, n) for n in _SOLVED]
+    spent = [seconds_of(one.solve, 0.0) for one in answers]
+    return Outcome((*results, _told(answers, spent)), (_plot(given, problems, seconds, answers, spent),))
+
+
+def timed(problems: Sequence[Stages]) -> NDArray[np.floating]:
+    """(stages, problems): seconds of the process, the least of all rounds."""
+    rounds = [
+        [[seconds_of(getattr(one, name)) for one in problems] for name, _, _ in _STAGES.values()] for _ in range(ROUNDS)
+    ]
+    return np.asarray(np.min(rounds, axis=0))
+
+
+def seconds_of(work: Callable[[], None], long_enough: float = LONG_ENOUGH) -> float:
+    """Seconds of the process that a piece of work takes, the least of some repetitions."""
+    seconds: list[float] = []
+    gc.collect()
+    while not seconds or sum(seconds) < long_enough:
+        start = time.process_time()
+        work()
+        seconds.append(time.process_time() - start)
+    return min(seconds)
+
+
+def text() -> str:
+    """The upper plate pressed on the lower one, which has to find where they touch."""
+    tables = [
+        'mesh = "plates.msh"\nmodel = "3d"\n[solver]\nthreads = 1',
+        entry("material", young=1e3, poisson=0.3),
+        entry("contact", slave="slave", master="master", clearance="0.01 * ((x - 0.5)**2 + (y - 0.5)**2)"),
+        entry("displacement", group="bottom", ux=0.0, uy=0.0, uz=0.0),
+        entry("displacement", group="top", ux=0.0, uy=0.0, uz=-0.002),
+    ]
+    return "\n".join(tables) + "\n"
+
+
+def _linear(stage: str, problems: Sequence[Stages], seconds: Sequence[float]) -> Result:
+    _, size, words = _STAGES[stage]
+    sizes = [getattr(one, size) for one in problems]
+    reason = f"the slope of the logarithms of seconds and {words}; h of the levels is {words}, the error seconds"
+    levels = levels_of(sizes, [one.unknowns for one in problems], seconds)
+    slope = fitted(sizes, seconds)
+    return at_most(f"exponent of {stage}", slope, LINEAR, source=_SOURCE, reason=reason, levels=levels)
+
+
+def _told(answers: Sequence[Stages], seconds: Sequence[float]) -> Result:
+    unknowns = [one.unknowns for one in answers]
+    reason = "of seconds against unknowns (h of the levels); the work of a direct solver grows faster than they do"
+    levels = levels_of(unknowns, unknowns, seconds)
+    return reported("exponent of the solve", fitted(unknowns, seconds), reason=reason, levels=levels)
+
+
+def _plot(
+    given: Plates, problems: Sequence[Stages], seconds: NDArray[np.floating], answers: Sequence[Stages],
+    spent: Sequence[float],
+) -> Plot:  # fmt: skip
+    cells = tuple(float(one.cells) for one in problems)
+    lines = [Line(stage, cells, tuple(row.tolist())) for stage, row in zip(_STAGES, seconds, strict=True)]
+    lines.append(Line("solve", tuple(float(one.cells) for one in answers), tuple(spent)))
+    title = f"seconds of each stage, {given.kind}"
+    return Plot("scaling", title, "cells of the mesh", "seconds", tuple(lines), log_x=True, log_y=True)
+
+
+def _cases() -> Iterator[Case]:
+    hexahedra, tetrahedra = (34, 68, 136, 204), (56, 80, 112, 160, 224)
+    for name, given, levels in (
+        ("HEXA8", Plates("HEXA8", hexahedra), {"quick": 3, "full": 4}),
+        ("TETRA4", Plates("TETRA4", tetrahedra), {"full": 5}),
+        ("HEXA8-hexa", Plates("HEXA8", hexahedra, "hexa"), {"all": 3}),
+    ):
+        about = f"plates of {given.kind}, the slave cut {given.hexa}"
+        yield Case("scaling", name, about, given, levels, 90.0, alone=True)
+
+
+FAMILY = Family(
+    "scaling",
+    "Scaling",
+    "The time of each stage against the size of the problem, on two plates whose faces do not match, each two cells "
+    "thick, so that skins grow as bodies do. The exponent is the slope of the logarithms by least squares; 1 is "
+    "proportional. The solve is told and not judged.\n\n"
+    "Seconds are those of the process, without compilation. They are measured with nothing else running beside.",
+    tuple(_cases()),
+    run,
+)

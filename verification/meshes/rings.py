@@ -1,0 +1,118 @@
+"""Quarters of thick rings and octants of thick spheres, one around another, that do not match where they meet.
+
+A ring is a structured block in radius and angle, whose nodes, those between corners too, are then put where these say:
+quadratic cells lie on their circles, the nodes of linear ones do. An octant is made of three such blocks, one to each
+face of a cube that is blown up to a sphere.
+
+Groups of a pair: `within`, `around` (the bodies), `inner` (the pressed face), `slave`, `master`, and x0, y0(, z0), the
+planes of symmetry.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from lacmesh import CELLS, Mesh
+from verification.meshes.blocks import SPLITS, Pattern, assembled, divided, grid, raised, rows_of, with_sides
+
+Floats = NDArray[np.floating]
+Ints = NDArray[np.integer]
+#: sides of the block of a ring in its plane: radius, then angle from the axis x
+_RING = {"x0": "low", "x1": "high", "y1": "x0"}
+#: sides of a block of an octant: two angles, then radius
+_FACES = {"z0": "low", "z1": "high"}
+#: a quadrangle split along its other diagonal
+_OTHER: Pattern = (("TRIA3", (0, 1, 3)), ("TRIA3", (1, 2, 3)))
+
+
+def ring(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: float = 0.0, seed: int = 0) -> Mesh:
+    """A quarter of a ring of cells of a plane type, `counts` of quadrangles: along the radius and around.
+
+    `jitter`: how far corners are moved at random, in cells; those on a side stay on it. Groups: low, high (the faces),
+    x0, y0.
+    """
+    low, high = (radii[0], 0.0), (radii[1], np.pi / 2)
+    made = _patch(kind, counts, low, high, jitter=jitter, seed=seed)
+    r, angle = made.points[:, 0], made.points[:, 1]
+    rows = {(cell, _RING.get(name, name)): nodes for (cell, name), nodes in rows_of(made).items()}
+    points = np.column_stack([r * np.cos(angle), r * np.sin(angle)])
+    points[np.abs(points) < 1e-12 * radii[1]] = 0.0
+    return assembled(points, rows, 2)
+
+
+def octant(kind: str, counts: Sequence[int], radii: Sequence[float]) -> Mesh:
+    """An eighth of a thick sphere of cells of a type in space, `counts` of hexahedra: along the radius, and along each
+    of the two sides of its three parts. Groups: low, high (the faces), x0, y0, z0.
+    """
+    radial, n = counts
+    made = _patch(kind, (n, n, radial), (0.0, 0.0, radii[0]), (np.pi / 4, np.pi / 4, radii[1]))
+    a, b, r = made.points.T
+    way = np.column_stack([np.ones_like(a), np.tan(a), np.tan(b)])
+    points = way * (r / np.linalg.norm(way, axis=1))[:, None]
+    rows = rows_of(made)
+    parts = [(np.roll(points, turn, axis=1), turn) for turn in range(3)]
+    place, number = _merged(np.concatenate([x for x, _ in parts]))
+    joined: dict[tuple[str, str], list[Ints]] = defaultdict(list)
+    for (_, turn), own in zip(parts, number.reshape(3, -1), strict=True):
+        for (cell, name), nodes in rows.items():
+            if name not in ("x1", "y1"):  # the seams
+                joined[cell, _turned(name, turn)].append(own[nodes])
+    return assembled(place, {key: np.concatenate(found) for key, found in joined.items()}, 3)
+
+
+def pair(within: Mesh, around: Mesh, *, slave: str = "within") -> Mesh:
+    """Two rings or octants, one around the other. `slave`: the body whose face is the slave."""
+    shift = within.n_nodes
+    outer, inner = ("slave", "master") if slave == "within" else ("master", "slave")
+    names = ({"": "within", "low": "inner", "high": outer}, {"": "around", "low": inner, "high": "outer"})
+    joined: dict[tuple[str, str], list[Ints]] = defaultdict(list)
+    for mesh, first, called in zip((within, around), (0, shift), names, strict=True):
+        for (cell, name), nodes in rows_of(mesh).items():
+            joined[cell, called.get(name, name)].append(nodes + first)
+    points = np.concatenate([within.points, around.points])
+    return assembled(points, {key: np.concatenate(found) for key, found in joined.items()}, within.space_dim)
+
+
+def _patch(
+    kind: str, counts: Sequence[int], low: Sequence[float], high: Sequence[float], *, jitter: float = 0.0, seed: int = 0
+) -> Mesh:
+    """A box of cells of a type, its corners moved; with `jitter` triangles are split along either diagonal."""
+    random = np.random.default_rng(seed)
+    points, boxes = grid(counts, low, high)
+    if jitter:
+        points = points + _moves(points, counts, low, high, random) * jitter
+    patterns = [SPLITS[CELLS[kind].linear]]
+    if jitter and CELLS[kind].linear == "TRIA3":
+        patterns.append(_OTHER)
+    points, cells = divided(points, boxes, patterns, random.integers(len(patterns), size=len(boxes)))
+    return with_sides(raised(Mesh.create(points, cells.items(), space_dim=len(low)), kind), low, high)
+
+
+def _moves(
+    points: Floats, counts: Sequence[int], low: Sequence[float], high: Sequence[float], random: np.random.Generator
+) -> Floats:
+    """(n, dim): how far points may be moved, between -1 and 1 cell; 0 across the sides that they are on."""
+    inside = (points != low) & (points != high)
+    return random.uniform(-1, 1, points.shape) * np.subtract(high, low) / counts * inside
+
+
+def _turned(name: str, turn: int) -> str:
+    """The side of a block of an octant as a side of the octant, axes turned so many times x to y to z."""
+    if name in ("x0", "y0"):
+        return f"{'xyz'[(1 + 'xy'.index(name[0]) + turn) % 3]}0"
+    return _FACES.get(name, name)
+
+
+def _merged(points: Floats) -> tuple[Floats, Ints]:
+    """Points without repetition, and where each (n,) is among them."""
+    near = cKDTree(points).query_pairs(1e-9 * np.abs(points).max(), output_type="ndarray")
+    graph = coo_array((np.ones(len(near)), near.T), shape=(len(points),) * 2)
+    number = connected_components(graph, directed=False)[1]
+    return points[np.unique(number, return_index=True)[1]], number

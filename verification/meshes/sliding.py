@@ -1,0 +1,128 @@
+"""Bodies that slide far: a block on a longer one, a ring on a block, a half-cylinder dragged over a block (lengths in
+mm). No two skins that meet have nodes in the same places.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh import CELLS, Mesh
+from verification.grids import box, half_disc, quadrangles
+from verification.meshes.blocks import assembled, block, rows_of
+from verification.meshes.bodies import Body, Where, body, joined
+
+Floats = NDArray[np.floating]
+
+#: the ring: radii, of the middle between its layers too, its height above the block; the block
+INNER, MIDDLE, OUTER, ABOVE = 90.0, 95.0, 100.0, 20.0
+WIDE, HIGH = 250.0, 50.0
+#: the die in the plane: radius, where it starts, its height above the block; the block
+DIE, START, GAP = 1.5, -2.25, 0.05
+IRONED = (9.0, 3.0)
+#: in space: radius, half length, what is less at its ends; where it starts; half of the block
+DIE_3D, HALF, CROWN, START_3D = 1.0, 0.9, 0.06, -1.5
+IRONED_3D = (6.0, 1.5, 1.5)
+
+
+def plate_lines(faces: int) -> tuple[Floats, Floats]:
+    """Along x and y, of the skin that the slider of side 1 slides over."""
+    return np.linspace(-0.5, 3.5, faces + 1), np.linspace(-0.4, 1.4, 4)
+
+
+def slider(kind: str, n: int, faces: int, wave: float = 0.0) -> Mesh:
+    """A unit block of cells of type `kind`, n a side, above a bare skin that is longer, of so many faces along x.
+
+    The skin is flat, or has waves along x that go down by twice `wave`. Groups: slave, top, plate, and the block's
+    other sides x0, x1, (y0, y1).
+    """
+    dim = CELLS[kind].dim
+    above = block(kind, n, (0.0,) * dim, (1.0,) * dim)
+    names = {f"{'xyz'[dim - 1]}0": "slave", f"{'xyz'[dim - 1]}1": "top"}
+    rows = {(type_, names.get(name, name)): nodes for (type_, name), nodes in rows_of(above).items()}
+    points = box(*plate_lines(faces)[: dim - 1], np.zeros(1))
+    points[..., -1] = wave * (np.cos(2 * np.pi * points[..., 0] / 1.6) - 1)
+    number = above.n_nodes + np.arange(points[..., 0].size).reshape(points.shape[:-1])
+    if dim == 2:
+        rows["SEG2", "plate"] = np.stack([number[1:, 0], number[:-1, 0]], axis=1)
+    else:
+        rows["QUAD4", "plate"] = quadrangles(number[..., 0])
+    points = np.pad(points.reshape(-1, dim), ((0, 0), (0, 3 - dim)))
+    return assembled(np.concatenate([above.points, points]), rows, dim)
+
+
+def ring(segments: int = 30) -> Mesh:
+    """Half a ring of two layers over a block, so many segments on either side of the contact. Groups: inner, outer
+    (cells), block, slave (of the block), master, ends, bottom.
+    """
+    angle = np.linspace(-np.pi, 0, segments + 1)[:, None]
+    radius = np.linspace(OUTER, INNER, 5)
+    centre = ABOVE + OUTER
+    grid = np.stack([radius * np.cos(angle), centre + radius * np.sin(angle)], axis=-1)
+    made = body(grid, skins={"ends": _at(1, centre), "master": _around(0.0, centre, OUTER)})
+    middle = np.hypot(*(made.points[made.cells].mean(axis=1) - [0.0, centre]).T)
+    parts = {"inner": np.flatnonzero(middle < MIDDLE), "outer": np.flatnonzero(middle > MIDDLE)}
+    low = box(np.linspace(-WIDE / 2, WIDE / 2, segments + 1), np.linspace(-HIGH, 0, segments // 5 + 1))
+    block = body(low, skins={"slave": _at(1, 0.0), "bottom": _at(1, -HIGH)})
+    return joined({"block": block, "ring": made._replace(parts=parts)})
+
+
+def ironing_2d(across: int = 60) -> Mesh:
+    """A half-cylinder on a block of so many segments. Groups: block, die, slave (of the block), master, top, bottom."""
+    long, high = IRONED
+    flat = DIE + GAP
+    block = box(np.linspace(-long / 2, long / 2, across + 1), np.linspace(-high, 0, across // 4))
+    grids = (grid + np.array([START, flat]) for grid in half_disc(DIE, across // 8, across // 20))
+    return joined(
+        {
+            "block": body(block, skins={"slave": _at(1, 0.0), "bottom": _at(1, -high)}),
+            "die": body(*grids, skins={"top": _at(1, flat), "master": _around(START, flat, DIE)}),
+        }
+    )
+
+
+def ironing_3d(across: int = 24) -> Mesh:
+    """One half of a crowned half-cylinder over one half of a block of so many cells; the die is always the same, its
+    faces 0.2 wide. Groups: block, die, slave (of the die), master, top, bottom, symmetry.
+    """
+    long, deep, high = IRONED_3D
+    counts = across, across // 4, 5 * across // 24
+    ends = (-long / 2, long / 2), (0.0, deep), (-high, 0.0)
+    block = box(*(np.linspace(*end, n + 1) for end, n in zip(ends, counts, strict=True)))
+    symmetry = {"symmetry": _at(1, 0.0)}
+    return joined(
+        {
+            "block": body(block, skins={"master": _at(2, 0.0), "bottom": _at(2, -high), **symmetry}),
+            "die": _die(4, skins={"slave": _crowned, "top": _at(2, DIE_3D + GAP), **symmetry}),
+        }
+    )
+
+
+def _die(n: int, skins: dict[str, Where]) -> Body:
+    """Half a disc swept along y, smaller and smaller; x, z turn left as they are seen along y, from far to near."""
+    flat, stations = DIE_3D + GAP, np.linspace(HALF, 0.0, n + 1)
+    grids = []
+    for grid in half_disc(1.0, n, n // 2):
+        x, z = np.moveaxis(grid, -1, 0)
+        swept = [np.stack([START_3D + _shrunk(y) * x, np.full_like(x, y), flat + _shrunk(y) * z], -1) for y in stations]
+        grids.append(np.stack(swept, axis=2))
+    return body(*grids, skins=skins)
+
+
+def _shrunk(y: Floats | float) -> Floats | float:
+    """The radius of the die along its axis."""
+    return DIE_3D * (1 - CROWN * (y / HALF) ** 2)
+
+
+def _crowned(x: Floats, y: Floats, z: Floats) -> NDArray[np.bool_]:
+    return np.isclose(np.hypot(x - START_3D, z - DIE_3D - GAP), _shrunk(y))
+
+
+def _around(x0: float, y0: float, radius: float) -> Where:
+    """True on a circle."""
+    return lambda x, y: np.isclose(np.hypot(x - x0, y - y0), radius)
+
+
+def _at(axis: int, *values: float) -> Where:
+    """True where a coordinate has one of some values."""
+    return lambda *x: np.isclose(x[axis][:, None], values, atol=1e-9).any(axis=1)

@@ -1,0 +1,146 @@
+"""What changed from one run to another, figure by figure."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from verification.records import Result
+from verification.report import words
+from verification.report.blocks import Cell, Column, Row, Simple, Table, Title
+from verification.report.judging import SAID, verdict
+from verification.report.markdown import blocks
+from verification.running.folder import Done, Run
+
+#: a value that differs by more, of itself, has changed; an error that is greater by more has grown
+CHANGED, GROWN = 0.05, 0.01
+#: of what is allowed: a change that is smaller is rounding
+ROUNDING = 0.01
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A figure of two runs; None where one of them is without it."""
+
+    case: str
+    quantity: str
+    before: Result | None
+    after: Result | None
+
+
+def compare(before: Run, after: Run) -> str:
+    """What differs, as Markdown; its first line says how much."""
+    pairs = paired(before, after)
+    found = [(name, [p for p in pairs if holds(p)]) for name, holds in _KINDS]
+    different = {id(p) for _, group in found for p in group}
+    told = ", ".join(f"{len(group)} {name}" for name, group in found if group)
+    first = f"{len(different):,} of {words.count(len(pairs), 'figure')} differ{'' if len(different) != 1 else 's'}"
+    lines = [f"{first}: {told}." if different else f"No figure differs, of {len(pairs):,}.", _versions(before, after)]
+    shown: list[Simple] = []
+    for name, group in found:
+        shown += [Title(name.capitalize(), 3), _table(group)] if group else []
+    return "\n\n".join([*lines, *blocks(shown)])
+
+
+def paired(before: Run, after: Run) -> list[Pair]:
+    """All figures of both, in the order of the second, then those that it lacks."""
+    old, new = _figures(before.done), _figures(after.done)
+    keys = dict.fromkeys([*new, *old])
+    return [Pair(case, quantity, old.get((case, quantity)), new.get((case, quantity))) for case, quantity in keys]
+
+
+def _figures(cases: Iterable[Done]) -> Mapping[tuple[str, str], Result]:
+    """By case and quantity; of a quantity that a case has twice, the second is told so. No outcome is a figure."""
+    found: dict[tuple[str, str], Result] = {}
+    seen: Counter[tuple[str, str]] = Counter()
+    for done in cases:
+        for result in (*done.results, *_outcome(done)):
+            seen[done.id, result.quantity] += 1
+            again = seen[done.id, result.quantity]
+            found[done.id, f"{result.quantity} ({again})" if again > 1 else result.quantity] = result
+    return found
+
+
+def _outcome(done: Done) -> tuple[Result, ...]:
+    if not done.failure:
+        return ()
+    return (Result("outcome", math.nan, None, None, False, "", done.failure, "reported"),)
+
+
+def _appeared(p: Pair) -> bool:
+    return p.before is None
+
+
+def _vanished(p: Pair) -> bool:
+    return p.after is None
+
+
+def _falls_short(p: Pair) -> bool:
+    return p.before is not None and p.after is not None and p.before.passed and not p.after.passed
+
+
+def _met_now(p: Pair) -> bool:
+    return p.before is not None and p.after is not None and not p.before.passed and p.after.passed
+
+
+def _changed(p: Pair) -> bool:
+    """By more than 5 % of the value, and by more than rounding of what is allowed."""
+    if p.before is None or p.after is None:
+        return False
+    old, new = p.before.value, p.after.value
+    if math.isnan(old) or math.isnan(new):
+        return math.isnan(old) != math.isnan(new)
+    allowed = {"equal": p.after.tolerance, "at most": p.after.expected}.get(p.after.bound) or 0.0
+    return abs(new - old) > max(CHANGED * abs(old), ROUNDING * abs(allowed))
+
+
+def _grown(p: Pair) -> bool:
+    """On the finest mesh that both have."""
+    ends = finest(p)
+    return ends is not None and ends[1] > ends[0] * (1 + GROWN)
+
+
+def finest(p: Pair) -> tuple[float, float] | None:
+    """The errors of both on the finest mesh that both have."""
+    if p.before is None or p.after is None:
+        return None
+    old = {(level.h, level.unknowns): level.error for level in p.before.levels}
+    both = [(level.h, old[level.h, level.unknowns], level.error) for level in p.after.levels
+            if (level.h, level.unknowns) in old]  # fmt: skip
+    return min(both)[1:] if both else None
+
+
+_KINDS: tuple[tuple[str, Callable[[Pair], bool]], ...] = (
+    ("fall short now", _falls_short),
+    ("met now", _met_now),
+    ("appeared", _appeared),
+    ("vanished", _vanished),
+    ("values changed", _changed),
+    ("errors grown", _grown),
+)
+
+
+def _versions(before: Run, after: Run) -> str:
+    told = [
+        f"{run.version} ({run.environment.get('commit', 'commit unknown')}, suite {run.suite})"
+        for run in (before, after)
+    ]
+    return f"Before: {told[0]}; after: {told[1]}."
+
+
+def _table(pairs: Iterable[Pair]) -> Table:
+    columns = (
+        Column("case"), Column("quantity"), Column("before", number=True), Column("after", number=True),
+        Column("error before", number=True), Column("error after", number=True), Column("verdict"),
+    )  # fmt: skip
+    return Table(columns, tuple(_row(p) for p in pairs))
+
+
+def _row(p: Pair) -> Row:
+    ends = finest(p)
+    errors = [words.error(e) for e in ends] if ends else ["", ""]
+    said = [SAID[verdict(r)] for r in (p.before, p.after) if r is not None]
+    values = [words.value_of(r) if r is not None else "" for r in (p.before, p.after)]
+    return Row(tuple(map(Cell, (p.case, p.quantity, *values, *errors, " → ".join(dict.fromkeys(said))))))

@@ -1,0 +1,89 @@
+"""Errors against the size of the mesh: tables of a case, charts of a case and of a family."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+
+from verification.records import Level, Line, Plot, Result
+from verification.report import words
+from verification.report.blocks import Cell, Chart, Column, Row, Table
+from verification.report.charts import COLOURS
+from verification.running.folder import Done
+
+Sizes = tuple[tuple[float, int], ...]
+
+
+def tables(results: Iterable[Result]) -> Iterator[Table]:
+    """Sizes, errors and pairwise rates; below them the fitted rates, and what is wanted. One for each row of meshes."""
+    groups: dict[Sizes, list[Result]] = {}
+    for result in results:
+        if result.levels:
+            groups.setdefault(tuple((v.h, v.unknowns) for v in result.levels), []).append(result)
+    for sizes, group in groups.items():
+        yield _table(sizes, group)
+
+
+def _table(sizes: Sizes, results: Sequence[Result]) -> Table:
+    columns = [Column("level", number=True), Column("h", number=True), Column("unknowns", number=True)]
+    for result in results:
+        columns += [Column(result.quantity, number=True), Column("rate", number=True)]
+    rows = [_row(k, size, [r.levels[k] for r in results]) for k, size in enumerate(sizes)]
+    fitted = [Cell(text) for r in results for text in ("", words.rate(r.value) if words.is_rate(r) else "")]
+    wanted = [Cell(text) for r in results for text in ("", _wanted(r))]
+    blank = Cell("")
+    foot = (Row((Cell("fitted"), blank, blank, *fitted)), Row((Cell("expected"), blank, blank, *wanted)))
+    return Table(tuple(columns), tuple(rows), foot)
+
+
+def _row(k: int, size: tuple[float, int], levels: Sequence[Level]) -> Row:
+    h, unknowns = size
+    found: list[Cell] = []
+    for level in levels:
+        found += [Cell(words.error(level.error), level.error), Cell(words.rate(level.rate), _known(level.rate))]
+    return Row((Cell(str(k + 1), k + 1), Cell(f"{h:.3g}", h), Cell(f"{unknowns:,}", unknowns), *found))
+
+
+def _wanted(r: Result) -> str:
+    return "" if r.expected is None or not words.is_rate(r) else f"≥ {words.rate(r.expected)}"
+
+
+def _known(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def chart_of(done: Done) -> Chart | None:
+    """All errors of a case in one chart, beside the rates that are wanted; None where there are none."""
+    lines = [_line(r.quantity, r) for r in done.results if len(r.levels) > 1]
+    wanted = {r.expected for r in done.results if words.is_rate(r) and r.expected}
+    ends = tuple(sorted({min(wanted), max(wanted)})) if wanted else ()
+    return Chart(_plot(f"{done.case}: errors", lines), ends) if lines else None
+
+
+def charts_of(cases: Iterable[Done]) -> Iterator[Chart]:
+    """A chart for each quantity and rate that is wanted, with the cases as its lines."""
+    groups: dict[tuple[str, float | None], list[tuple[Done, Result]]] = {}
+    for done in cases:
+        for r in done.results:
+            if len(r.levels) > 1:
+                groups.setdefault((r.quantity, r.expected), []).append((done, r))
+    for (quantity, wanted), group in groups.items():
+        for k in range(0, len(group), COLOURS):
+            part = group[k : k + COLOURS]
+            lines = [_line(done.case, r) for done, r in part]
+            count = f" ({k // COLOURS + 1} of {math.ceil(len(group) / COLOURS)})" if len(group) > COLOURS else ""
+            title = (
+                quantity
+                if wanted is None or not words.is_rate(group[0][1])
+                else f"{quantity}, rate wanted {wanted:.4g}"
+            )
+            slopes = (wanted,) if wanted and words.is_rate(part[0][1]) else ()
+            yield Chart(_plot(f"{title}{count}", lines), slopes, tuple(d.id for d, _ in part))
+
+
+def _line(label: str, r: Result) -> Line:
+    return Line(label, tuple(v.h for v in r.levels), tuple(v.error for v in r.levels))
+
+
+def _plot(title: str, lines: Sequence[Line]) -> Plot:
+    return Plot("convergence", title, "h", "error", tuple(lines), log_x=True, log_y=True)

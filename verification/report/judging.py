@@ -1,0 +1,90 @@
+"""How figures stand: met, missed or only told; how near to their bound; beside what others published."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from verification.records import Published, Result
+from verification.report.blocks import Verdict
+from verification.running.folder import Done
+
+#: what stands for a verdict in words
+SAID: dict[Verdict, str] = {"met": "met", "missed": "missed", "told": "told", "none": "no outcome", "": ""}
+
+
+@dataclass(frozen=True)
+class Count:
+    """How many figures are met, missed, only told; `cases`, and how many of them have no outcome (`failed`)."""
+
+    met: int = 0
+    missed: int = 0
+    told: int = 0
+    cases: int = 0
+    failed: int = 0
+
+    @property
+    def judged(self) -> int:
+        """Figures that are held against something."""
+        return self.met + self.missed
+
+    @property
+    def verdict(self) -> Verdict:
+        """How all of them stand together."""
+        return "none" if self.failed else "missed" if self.missed else "met" if self.met else "told"
+
+
+def verdict(result: Result) -> Verdict:
+    """How a figure stands."""
+    return "missed" if not result.passed else "told" if result.bound == "reported" else "met"
+
+
+def counted(done: Iterable[Done]) -> Count:
+    """The figures of some cases."""
+    cases = tuple(done)
+    found = [verdict(result) for case in cases for result in case.results]
+    failed = sum(bool(case.failure) for case in cases)
+    return Count(found.count("met"), found.count("missed"), found.count("told"), len(cases), failed)
+
+
+def used(result: Result) -> float:
+    """The share of what is allowed that a figure uses up: 1 at its bound, above where it is missed; NaN is infinite.
+
+    >>> from verification.records import at_least, at_most, equal
+    >>> used(at_most("a", 1.0, 4.0, source="")), used(equal("b", 3.5, 3.0, 1.0, source="", reason=""))
+    (0.25, 0.5)
+    >>> used(at_least("rate", 3.0, 1.5, source=""))
+    0.5
+    """
+    if result.expected is None:
+        return math.nan
+    off = abs(result.value - result.expected)
+    parts = {
+        "equal": (off, result.tolerance or 0.0),
+        "at most": (result.value, result.expected),
+        "at least": (result.expected, result.value),
+    }
+    share = _share(*parts[result.bound]) if result.bound in parts else math.nan
+    return math.inf if math.isnan(share) and result.bound in parts else share
+
+
+def _share(part: float, whole: float) -> float:
+    if math.isnan(part) or math.isnan(whole):
+        return math.inf
+    if whole == 0:
+        return 0.0 if part == 0 else math.inf
+    return part / whole
+
+
+def as_good(result: Result, published: Published) -> bool | None:
+    """Whether a figure is at least as good as what was published; None where it is only told.
+
+    A rate and what must be reached: the greater is better; what must stay below a figure: the smaller; what must be
+    equal: the nearer.
+    """
+    if result.bound == "reported" or result.expected is None or not math.isfinite(result.value):
+        return None
+    if result.bound == "equal":
+        return abs(result.value - result.expected) <= abs(published.value - result.expected)
+    return result.value >= published.value if result.bound == "at least" else result.value <= published.value

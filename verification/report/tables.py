@@ -1,0 +1,207 @@
+"""Results as tables: the figures of a case, the worst of a family, what others published."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+
+from verification.records import Published, Result
+from verification.report import words
+from verification.report.blocks import Cell, Column, Row, Table, Verdict
+from verification.report.judging import SAID, as_good, counted, used, verdict
+from verification.running.folder import Done
+
+_BOUNDS = {"equal": "equal", "at most": "at most", "at least": "at least", "reported": "told only"}
+
+
+def place(done: Done) -> Cell:
+    """A case, with the way to it."""
+    return Cell(done.id, link=done.id)
+
+
+def judged(said: Verdict) -> Cell:
+    """A verdict."""
+    return Cell(SAID[said], verdict=said)
+
+
+def figures(results: Sequence[Result]) -> Table:
+    """All that a case found, and what must come out."""
+    columns = (
+        Column("quantity", wide=True), Column("value", number=True), Column("must be"), Column("expected", number=True),
+        Column("tolerance", number=True), Column("verdict"), Column("source", wide=True), Column("reason", wide=True),
+    )  # fmt: skip
+    return Table(columns, tuple(_figure(result) for result in results))
+
+
+def _figure(r: Result) -> Row:
+    tolerance = words.bound(r.tolerance or None)
+    cells = (
+        Cell(r.quantity), Cell(words.value_of(r), r.value), Cell(_BOUNDS[r.bound]),
+        Cell(words.expected_of(r), _sort(r.expected)), Cell(tolerance, _sort(r.tolerance)), judged(verdict(r)),
+        Cell(r.source), Cell(r.reason),
+    )  # fmt: skip
+    return Row(cells, verdict(r))
+
+
+def _sort(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def missed(cases: Iterable[Done]) -> Table:
+    """What fell short: cases without an outcome, then figures."""
+    columns = (
+        Column("case"), Column("quantity", wide=True), Column("value", number=True), Column("must be", number=True),
+        Column("reason", wide=True),
+    )  # fmt: skip
+    cases = tuple(cases)
+    rows = [
+        Row((place(d), Cell("no outcome", verdict="none"), Cell(""), Cell(""), Cell(d.failure)), "none")
+        for d in cases
+        if d.failure
+    ]
+    short = ((done, result) for done in cases for result in done.results if not result.passed)
+    rows += [Row((place(d), *_short(r)), "missed") for d, r in short]
+    return Table(columns, tuple(rows))
+
+
+def _short(r: Result) -> tuple[Cell, ...]:
+    return Cell(r.quantity), Cell(words.value_of(r), r.value), Cell(words.must_be(r)), Cell(r.reason)
+
+
+def worst(cases: Iterable[Done], most: int = 0) -> Table:
+    """Of each quantity the figure that is nearest to its bound, or furthest beyond; of those only told the range."""
+    columns = (
+        Column("quantity", wide=True), Column("figures", number=True), Column("met", number=True),
+        Column("worst", number=True), Column("must be", number=True), Column("case"),
+    )  # fmt: skip
+    groups: dict[tuple[str, str, float | None], list[tuple[Done, Result]]] = {}
+    for done in cases:
+        for r in done.results:
+            groups.setdefault((r.quantity, r.bound, None if r.bound == "equal" else r.expected), []).append((done, r))
+    order = list(dict.fromkeys(quantity for quantity, *_ in groups))
+    sets = sorted(groups.values(), key=lambda g: order.index(g[0][1].quantity))
+    held = [g for g in sets if g[0][1].bound != "reported"]
+    if not most:
+        held += [g for g in sets if g[0][1].bound == "reported"]
+    return Table(columns, tuple(_worst(group) for group in held[: most or None]))
+
+
+def _worst(group: list[tuple[Done, Result]]) -> Row:
+    results = [r for _, r in group]
+    if results[0].bound == "reported":
+        span = words.span([r.value for r in results], words.rate if words.is_rate(results[0]) else words.number)
+        blank = Cell("")
+        return Row((Cell(results[0].quantity), _whole(len(group)), blank, Cell(span), Cell("told only"), blank), "told")
+    done, r = max(group, key=lambda pair: used(pair[1]))
+    met = sum(own.passed for own in results)
+    cells = (
+        Cell(r.quantity), _whole(len(group)), _whole(met), Cell(words.value_of(r), r.value), Cell(words.must_be(r)),
+        Cell(done.case, link=done.id),
+    )  # fmt: skip
+    return Row(cells, "met" if met == len(group) else "missed")
+
+
+def _whole(value: int) -> Cell:
+    return Cell(f"{value:,}", value)
+
+
+def index(cases: Iterable[Done]) -> Table:
+    """The cases of a family, in a line each."""
+    columns = (
+        Column("case"), Column("what", wide=True), Column("met", number=True), Column("missed", number=True),
+        Column("told", number=True), Column("levels", number=True), Column("time", number=True), Column("verdict"),
+    )  # fmt: skip
+    return Table(columns, tuple(_index(done) for done in cases))
+
+
+def _index(done: Done) -> Row:
+    n = counted([done])
+    cells = (
+        Cell(done.case, link=done.id), Cell(done.about), _whole(n.met), _whole(n.missed), _whole(n.told),
+        _whole(done.levels), Cell(words.seconds(done.seconds), done.seconds), judged(n.verdict),
+    )  # fmt: skip
+    return Row(cells, n.verdict)
+
+
+def sources(cases: Iterable[Done]) -> Table:
+    """What the figures are held against, and how many are met."""
+    columns = (
+        Column("held against", wide=True), Column("families"), Column("figures", number=True),
+        Column("met", number=True), Column("missed", number=True),
+    )  # fmt: skip
+    held: dict[str, list[tuple[str, bool]]] = {}
+    for done in cases:
+        for r in done.results:
+            if r.bound != "reported":
+                held.setdefault(r.source, []).append((done.family, r.passed))
+    rows = []
+    for source, found in sorted(held.items(), key=lambda item: -len(item[1])):
+        met = sum(passed for _, passed in found)
+        names = ", ".join(dict.fromkeys(name for name, _ in found))
+        cells = (Cell(source), Cell(names), _whole(len(found)), _whole(met), _whole(len(found) - met))
+        rows.append(Row(cells, "met" if met == len(found) else "missed"))
+    return Table(columns, tuple(rows))
+
+
+def beside(cases: Iterable[Done]) -> Iterator[tuple[Done, Result, Published]]:
+    """Each published figure with the one of the run."""
+    for done in cases:
+        for result in done.results:
+            for published in result.published:
+                yield done, result, published
+
+
+def published(cases: Iterable[Done], *, with_case: bool = True) -> Table:
+    """Figures of the run beside those that others published."""
+    columns = (
+        Column("case"), Column("quantity", wide=True), Column("here", number=True), Column("published", number=True),
+        Column("by", wide=True), Column("better"), Column("where", wide=True),
+    )  # fmt: skip
+    start = 0 if with_case else 1
+    return Table(columns[start:], tuple(Row(_published(*row)[start:]) for row in beside(cases)))
+
+
+def _published(done: Done, r: Result, p: Published) -> tuple[Cell, ...]:
+    theirs = words.rate(p.value) if words.is_rate(r) else words.number(p.value)
+    good = as_good(r, p)
+    better = "" if good is None else "same" if r.value == p.value else "here" if good else "theirs"
+    return (
+        place(done), Cell(r.quantity), Cell(words.value_of(r), r.value), Cell(theirs, p.value), Cell(p.who),
+        Cell(better), Cell(p.source),
+    )  # fmt: skip
+
+
+def ranges(cases: Iterable[Done]) -> Table:
+    """Figures of the run beside published ones: a line for each quantity and who published it."""
+    columns = (
+        Column("family"), Column("quantity", wide=True), Column("figures", number=True), Column("here", number=True),
+        Column("published", number=True), Column("by", wide=True), Column("as good here", number=True),
+    )  # fmt: skip
+    groups: dict[tuple[str, str, str], list[tuple[Result, Published]]] = {}
+    for done, r, p in beside(cases):
+        groups.setdefault((done.family, r.quantity, p.who), []).append((r, p))
+    return Table(columns, tuple(_range(*key, group) for key, group in groups.items()))
+
+
+def _range(family: str, quantity: str, who: str, group: Sequence[tuple[Result, Published]]) -> Row:
+    told = words.rate if words.is_rate(group[0][0]) else words.number
+    said = [good for r, p in group if (good := as_good(r, p)) is not None]
+    here, theirs = (words.span(values, told) for values in ([r.value for r, _ in group], [p.value for _, p in group]))
+    cells = (Cell(family), Cell(quantity), _whole(len(group)), Cell(here), Cell(theirs), Cell(who))
+    return Row((*cells, Cell(f"{sum(said)} of {len(said)}" if said else "")))
+
+
+def peers(cases: Iterable[Done]) -> Table:
+    """Who published figures, of what family, and whose are better."""
+    columns = (
+        Column("family"), Column("who", wide=True), Column("figures", number=True), Column("as good here", number=True),
+        Column("better there", number=True), Column("only beside", number=True),
+    )  # fmt: skip
+    groups: dict[tuple[str, str], list[bool | None]] = {}
+    for done, result, theirs in beside(cases):
+        groups.setdefault((done.family, theirs.who), []).append(as_good(result, theirs))
+    rows = []
+    for (family, who), said in groups.items():
+        counts = (len(said), said.count(True), said.count(False), said.count(None))
+        rows.append(Row((Cell(family, link=family), Cell(who), *map(_whole, counts))))
+    return Table(columns, tuple(rows))

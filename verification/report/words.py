@@ -1,0 +1,134 @@
+"""Numbers as they are read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+from verification.records import Result
+
+
+def number(value: float | None) -> str:
+    """A number of any size, to four digits.
+
+    >>> number(12), number(0.25), number(1.2345e-11), number(1234567.0), number(float("nan"))
+    ('12', '0.25', '1.23e-11', '1,234,567', 'none')
+    """
+    if value is None or math.isnan(value):
+        return "none"
+    if value == round(value) and abs(value) < 1e9:
+        return f"{value:,.0f}"
+    return f"{value:.4g}" if 1e-2 <= abs(value) < 1e5 else f"{value:.2e}"
+
+
+def bound(value: float | None) -> str:
+    """What a figure is held against, as it was set.
+
+    >>> bound(1e-10), bound(0.0004), bound(None)
+    ('1e-10', '0.0004', '')
+    """
+    return "" if value is None else f"{value:,.0f}" if value == round(value) and abs(value) < 1e9 else f"{value:.6g}"
+
+
+def error(value: float) -> str:
+    """An error, to three digits.
+
+    >>> error(0.0012345)
+    '1.23e-03'
+    """
+    return "none" if math.isnan(value) else f"{value:.2e}"
+
+
+def rate(value: float | None) -> str:
+    """A rate; nothing where there is none.
+
+    >>> rate(1.98765), rate(None)
+    ('1.988', '')
+    """
+    return "" if value is None else "none" if math.isnan(value) else f"{value:.3f}"
+
+
+def span(values: Sequence[float], told: Callable[[float], str]) -> str:
+    """From the least to the greatest.
+
+    >>> span([2.0, 1.0, math.nan], number), span([], number)
+    ('1 to 2', 'none')
+    """
+    found = [told(v) for v in sorted(v for v in values if not math.isnan(v))]
+    return "none" if not found else found[0] if found[0] == found[-1] else f"{found[0]} to {found[-1]}"
+
+
+def seconds(value: float) -> str:
+    """A time.
+
+    >>> [seconds(s) for s in (0.123, 12.34, 90, 754, 4000)]
+    ['0.12 s', '12.3 s', '90 s', '13 min', '1 h 07 min']
+    """
+    if value < 10:
+        return f"{value:.2f} s"
+    if value < 100:
+        return f"{value:.3g} s"
+    minutes = round(value / 60)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02} min"
+
+
+def memory(count: int) -> str:
+    """So many bytes.
+
+    >>> memory(213_000_000)
+    '213 MB'
+    """
+    return f"{count / 1e6:,.0f} MB"
+
+
+def count(many: int, word: str) -> str:
+    """So many of something.
+
+    >>> count(1, "case"), count(1200, "case"), count(2, "family")
+    ('1 case', '1,200 cases', '2 families')
+    """
+    plural = f"{word[:-1]}ies" if word.endswith("y") else f"{word}s"
+    return f"{many:,} {word if many == 1 else plural}"
+
+
+def is_rate(result: Result) -> bool:
+    """Whether a figure is the slope of the errors that stand with it."""
+    return len(result.levels) > 1 and result.bound in ("at least", "reported")
+
+
+def value_of(result: Result) -> str:
+    """The value of a figure, with the digits that its tolerance is seen by."""
+    if is_rate(result):
+        return rate(result.value)
+    return _beside(result, result.value)
+
+
+def expected_of(result: Result) -> str:
+    """What must come out."""
+    if is_rate(result) and result.expected is not None:
+        return rate(result.expected)
+    return bound(result.expected) if result.bound != "equal" else _beside(result, result.expected)
+
+
+def must_be(result: Result) -> str:
+    """What must come out, as a sentence has it."""
+    expected = expected_of(result)
+    if result.bound == "equal":
+        return f"{expected} ± {bound(result.tolerance)}" if result.tolerance else expected
+    if result.bound == "reported":
+        return "told only" if result.passed else "a number"
+    return f"{'≤' if result.bound == 'at most' else '≥'} {expected}"
+
+
+def _beside(result: Result, value: float | None) -> str:
+    """A value, written so that it is told from another that is out of tolerance."""
+    if (
+        value is None
+        or result.bound != "equal"
+        or not result.tolerance
+        or not math.isfinite(value)
+        or abs(value) >= 1e5
+    ):
+        return number(value)
+    digits = math.ceil(-math.log10(result.tolerance)) + 1
+    return f"{value:.{digits}f}" if 0 < digits <= 8 else number(value)

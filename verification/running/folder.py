@@ -1,0 +1,227 @@
+"""The folder of a run: a file for each case, as soon as it is done, and all results in one.
+
+    results.json                version, suite, environment, results: the figures of every case
+    junit.xml                   the same for programs that watch tests
+    cases/FAMILY/NAME.json      a case: what it is, its results, plots, names of its pictures
+    cases/FAMILY/NAME-K.png     its pictures
+    cases/FAMILY/NAME.log       what a case said that has no outcome
+    report.html, report.md      made from these by `verification.report`
+
+Numbers that are not finite are null in JSON. Every file is written beside and renamed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import types
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, fields, is_dataclass
+from itertools import count, takewhile
+from pathlib import Path
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from lacmesh import LacmeshError
+from lacmesh.formats.output import replace_file
+from verification.records import Case, Outcome, Plot, Result
+
+#: of the files of a folder; a folder of another format is not resumed
+FORMAT = 1
+
+
+class FolderError(LacmeshError):
+    """A folder that is not one of a run, or cannot be gone on with."""
+
+    status = 3
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A picture in the folder: `file` is its name beside the case's file."""
+
+    title: str
+    alt: str
+    file: str
+
+
+@dataclass(frozen=True)
+class Done:
+    """A case that was run. `given`: what the problem is made of; `levels`: on how many meshes; `memory`: bytes.
+
+    `failure`: why there is no outcome, in a sentence; it is empty where there is one. `sources`: a digest of the code.
+    """
+
+    family: str
+    case: str
+    about: str
+    given: Mapping[str, Any]
+    levels: int
+    seconds: float
+    memory: int
+    results: tuple[Result, ...] = ()
+    plots: tuple[Plot, ...] = ()
+    pictures: tuple[Kept, ...] = ()
+    failure: str = ""
+    sources: str = ""
+    format: int = FORMAT
+
+    @property
+    def id(self) -> str:
+        """`family/case`."""
+        return f"{self.family}/{self.case}"
+
+    @property
+    def passed(self) -> bool:
+        """Whether there is an outcome and every figure is met."""
+        return not self.failure and all(result.passed for result in self.results)
+
+
+@dataclass(frozen=True)
+class Run:
+    """All that a folder holds. `environment`: versions and the machine; `done`: by family, in the order of the cases.
+
+    `seconds`: of the clock, all sessions together.
+    """
+
+    path: Path
+    version: str
+    suite: str
+    environment: Mapping[str, str]
+    seconds: float
+    done: tuple[Done, ...]
+
+
+def done_with(
+    case: Case, levels: int, seconds: float, memory: int, outcome: Outcome | str, path: Path, sources: str
+) -> Done:
+    """Write a case's outcome (or why there is none) into the folder of a run, and what is known of it."""
+    found = outcome if isinstance(outcome, Outcome) else Outcome(())
+    failure = "" if isinstance(outcome, Outcome) else outcome
+    place = _place(path, case.family, case.name)
+    place.parent.mkdir(parents=True, exist_ok=True)
+    kept = []
+    for k, picture in enumerate(found.pictures):
+        kept.append(Kept(picture.title, picture.alt, _picture(place, k).name))
+        replace_file(_picture(place, k), picture.png)
+    done = Done(
+        case.family, case.name, case.about, given_of(case), levels, seconds, memory,
+        found.results, found.plots, tuple(kept), failure, sources,
+    )  # fmt: skip
+    replace_file(place, _json(plain(done)))
+    return done
+
+
+def read_done(path: Path, family: str, name: str) -> Done | None:
+    """What a folder has of a case; None where it has nothing that can be read."""
+    try:
+        made = json.loads(_place(path, family, name).read_text(encoding="utf-8"))
+        return None if made.get("format") != FORMAT else made_of(Done, made)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return None
+
+
+def forget(path: Path, family: str, name: str) -> None:
+    """Remove what a folder has of a case."""
+    place = _place(path, family, name)
+    place.unlink(missing_ok=True)
+    for picture in takewhile(Path.exists, (_picture(place, k) for k in count())):
+        picture.unlink()
+
+
+def sweep(path: Path) -> None:
+    """Remove files that were being written when their process was killed; nothing else may be at work in the folder."""
+    written = [path.glob(f".{name}-*") for name in ("results", "junit", "report")]
+    for left in (*path.glob("cases/*/.*"), *(file for found in written for file in found)):
+        with suppress(OSError):
+            left.unlink()
+
+
+def write_results(path: Path, run: Run) -> None:
+    """Write `results.json`."""
+    listed = [row for done in run.done for row in rows(done)]
+    told = {
+        "version": run.version,
+        "environment": dict(run.environment),
+        "suite": run.suite,
+        "seconds": run.seconds,
+        "results": listed,
+    }
+    replace_file(path / "results.json", _json(told))
+
+
+def rows(done: Done) -> Iterator[dict[str, Any]]:
+    """The figures of a case as `results.json` has them; a case without an outcome is a figure that fell short."""
+    about = {"family": done.family, "case": done.case}
+    results = done.results
+    if done.failure:
+        results = (Result("outcome", math.nan, None, None, False, "", done.failure, "reported"),)
+    for result in results:
+        yield {**about, **plain(result), "seconds": done.seconds}
+
+
+def read_run(path: Path) -> Run:
+    """Read the folder of a run. Raises FolderError, with what is wrong."""
+    try:
+        told = json.loads((path / "results.json").read_text(encoding="utf-8"))
+        names = dict.fromkeys((row["family"], row["case"]) for row in told["results"])
+        found = [read_done(path, *name) for name in names]
+        missing = [f"{f}/{c}" for (f, c), done in zip(names, found, strict=True) if done is None]
+        if missing:
+            raise FolderError(
+                f"{path}: the file of case {missing[0]} is missing or damaged; run it again with --resume"
+            )
+        kept = tuple(done for done in found if done is not None)
+        return Run(path, told["version"], told["suite"], told["environment"], told["seconds"], kept)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise FolderError(f"{path} is not the folder of a run ({error}); name one that `run -o` made") from error
+
+
+def given_of(case: Case) -> dict[str, Any]:
+    """What a case is made of, as JSON has it."""
+    made = plain(case.given)
+    return made if isinstance(made, dict) else {} if made is None else {"rows": made}
+
+
+def plain(value: Any) -> Any:
+    """A record as JSON has it. Raises TypeError for what JSON cannot have: what a case is made of must be data."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return plain(value.tolist())
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain(own) for key, own in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(own) for own in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, (str, int)):
+        return value
+    raise TypeError(f"{type(value).__name__} is no data: {value!r}")
+
+
+def made_of(kind: Any, value: Any) -> Any:
+    """A record of a kind from what JSON has: the inverse of `plain`."""
+    if is_dataclass(kind):
+        hints = get_type_hints(kind)
+        return kind(**{name: made_of(hints[name], own) for name, own in value.items()})  # type: ignore[operator]
+    if get_origin(kind) is tuple:
+        return tuple(made_of(get_args(kind)[0], own) for own in value)
+    if get_origin(kind) in (Union, types.UnionType):
+        (own,) = (a for a in get_args(kind) if a is not type(None))
+        return None if value is None else made_of(own, value)
+    return math.nan if kind is float and value is None else float(value) if kind is float else value
+
+
+def _json(value: Any) -> bytes:
+    return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
+
+
+def _picture(place: Path, k: int) -> Path:
+    return place.with_name(f"{place.stem}-{k}.png")
+
+
+def _place(path: Path, family: str, name: str) -> Path:
+    return path / "cases" / family / f"{name}.json"

@@ -1,0 +1,113 @@
+"""Which cases a suite has to run, on what code, and in what order they are told."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from lacmesh.errors import GroupNotFoundError, RequestError
+from verification import families
+from verification.records import SUITES, Case
+from verification.running.folder import Done, given_of
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A case to run on so many levels. `sources`: a digest of the code that it depends on."""
+
+    case: Case
+    levels: int
+    sources: str
+
+    def is_done(self, done: Done | None) -> bool:
+        """Whether an outcome is that of this very case: same problem, same levels, same code."""
+        if done is None or done.failure:
+            return False
+        return (done.levels, done.given, done.sources) == (self.levels, given_of(self.case), self.sources)
+
+
+def plan(suite: str, family: str | None = None, name: str | None = None) -> list[Planned]:
+    """The cases of a suite, of one family, or one case; a case that is named is run though its suite has it not.
+
+    `name`: of a case, or `family/name`. Raises GroupNotFoundError for names that there are not, and RequestError where
+    the suite has no case of the family.
+    """
+    of, _, own = (name or "").rpartition("/")
+    if family is not None and of not in ("", family):
+        raise RequestError(f"case {name} is not of family {family}; leave --family out")
+    names = _known(family or of)
+    found = _named(own, names) if name is not None else list(families.cases(suite, names))
+    if not found:
+        raise RequestError(f"suite {suite} has no case of family {family}; try --suite {_first_suite(names)}")
+    return [Planned(case, _levels(case, suite), sources(case.family)) for case in found]
+
+
+def in_order(found: Iterable[Done]) -> tuple[Done, ...]:
+    """By family, each in the order of its cases."""
+    outcomes = list(found)
+    names = {done.family for done in outcomes}
+    order = [case.id for case in families.cases(names=tuple(name for name in families.MODULES if name in names))]
+    place = {name: k for k, name in enumerate(order)}
+    return tuple(sorted(outcomes, key=lambda done: place.get(done.id, len(place))))
+
+
+def _known(family: str) -> tuple[str, ...]:
+    """The family that is meant; all where none is named."""
+    if family and family not in families.MODULES:
+        raise GroupNotFoundError(family, families.MODULES, "family")
+    return (family,) if family else tuple(families.MODULES)
+
+
+def _named(name: str, names: tuple[str, ...]) -> list[Case]:
+    everything = list(families.cases(names=names))
+    found = [case for case in everything if name == case.name]
+    if not found:
+        raise GroupNotFoundError(name, [case.name for case in everything], "case")
+    return found
+
+
+def _levels(case: Case, suite: str) -> int:
+    """How many levels a case has in a suite, or in the first suite that has it."""
+    return next(filter(None, (families.levels_in(case, name) for name in SUITES[SUITES.index(suite) :])))
+
+
+def _first_suite(names: tuple[str, ...]) -> str:
+    return next(suite for suite in SUITES if any(families.cases(suite, names)))
+
+
+@cache
+def sources(family: str) -> str:
+    """A digest of lacmesh, lacsolver and the modules of the harness that a family is made of."""
+    digest = hashlib.sha256()
+    start = f"verification.families.{families.MODULES[family]}"
+    ours = sorted(_imported(start, set()))
+    paths = [*sorted((ROOT / "lacmesh").rglob("*.py")), *sorted((ROOT / "lacsolver").rglob("*.py"))]
+    for path in (*paths, *map(_path, ours)):
+        digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _imported(module: str, known: set[str]) -> set[str]:
+    """A module of the harness, and those that it imports, and these."""
+    known.add(module)
+    for name in set(_names(ast.parse(_path(module).read_text(encoding="utf-8")))) - known:
+        _imported(name, known)
+    return known
+
+
+def _names(tree: ast.AST) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "verification":
+            inside = [f"{node.module}.{a.name}" for a in node.names]
+            yield from (name for name in (node.module, *inside) if _path(name).is_file())
+
+
+def _path(module: str) -> Path:
+    place = ROOT.joinpath(*module.split("."))
+    return place / "__init__.py" if place.is_dir() else place.with_suffix(".py")

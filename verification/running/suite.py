@@ -1,0 +1,141 @@
+"""A suite from its plan to the files that all results are in."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lacmesh import __version__
+from lacmesh.errors import RequestError, WriteError
+from lacmesh.formats.output import replace_file
+from verification.families import MODULES
+from verification.running.environment import environment
+from verification.running.folder import Done, Run, read_done, sweep, write_results
+from verification.running.junit import junit
+from verification.running.plan import Planned, in_order, sources
+from verification.running.pool import solve_all
+
+
+@dataclass
+class Progress:
+    """How far a run is. `ended`, of `count` cases; `kept`: done before; `left`: seconds until the end, roughly."""
+
+    count: int
+    kept: int
+    left: float
+    ended: int = 0
+    expected: float = 0.0
+    began: float = field(default_factory=time.monotonic)
+
+
+@contextmanager
+def opened(folder: Path, *, resume: bool) -> Iterator[None]:
+    """Hold the folder of a run, which is made where it is missing.
+
+    Raises RequestError where it has a run already (and no `resume`) or another process is at work there, WriteError.
+    """
+    cases = folder / "cases"
+    try:
+        if cases.exists() and not resume:
+            raise RequestError(f"{folder} holds a run already; --resume goes on with it, or -o names another folder")
+        cases.mkdir(parents=True, exist_ok=True)
+        held = os.open(cases, os.O_RDONLY)
+    except OSError as error:
+        raise WriteError(folder, f"cannot be used ({error.strerror or error})") from error
+    try:
+        _lock(held, folder)
+        sweep(folder)
+        yield
+    finally:
+        os.close(held)
+
+
+def _lock(held: int, folder: Path) -> None:
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise RequestError(
+            f"another process runs cases in {folder}; wait for its end, or name another folder"
+        ) from error
+    except OSError:  # a file system without locks
+        return
+
+
+def run_suite(
+    planned: Sequence[Planned],
+    suite: str,
+    folder: Path,
+    jobs: int,
+    begun: Callable[[Progress], None],
+    told: Callable[[Done, Progress], None],
+) -> Run:
+    """Run what the folder lacks; `begun` hears how much that is, `told` of each case as it ends.
+
+    `results.json` and `junit.xml` are always whole: they have what is known so far, with the folder's other cases.
+    """
+    known = _kept(planned, folder)
+    todo = [p for p in planned if p.case.id not in known]
+    before, around = _seconds(folder), environment()
+    progress = Progress(len(todo), len(planned) - len(todo), _seconds_of(todo) / jobs)
+
+    def gathered() -> Run:
+        seconds = before + time.monotonic() - progress.began
+        return _written(Run(folder, __version__, suite, around, seconds, in_order(known.values())))
+
+    made = gathered()
+    begun(progress)
+    with closing(solve_all(todo, folder, jobs)) as outcomes:
+        for done in outcomes:
+            known[done.id] = done
+            _count(progress, todo, done, jobs)
+            made = gathered()
+            told(done, progress)
+    return made
+
+
+def _kept(planned: Sequence[Planned], folder: Path) -> dict[str, Done]:
+    """What a folder has of these cases and of others, as the code is now: planned ones that failed are left out."""
+    mine = {p.case.id: p for p in planned}
+    places = sorted((folder / "cases").glob("*/*.json"))
+    found = [done for place in places if (done := read_done(folder, place.parent.name, place.stem))]
+    return {done.id: done for done in found if _stays(done, mine)}
+
+
+def _stays(done: Done, planned: Mapping[str, Planned]) -> bool:
+    if done.id in planned:
+        return planned[done.id].is_done(done)
+    return done.family in MODULES and done.sources == sources(done.family)
+
+
+def _written(run: Run) -> Run:
+    """Put what is known into files."""
+    write_results(run.path, run)
+    replace_file(run.path / "junit.xml", junit(run))
+    return run
+
+
+def _count(progress: Progress, todo: Sequence[Planned], done: Done, jobs: int) -> None:
+    """Learn from what a case took how long the others may."""
+    progress.ended += 1
+    progress.expected += next(p.case.seconds for p in todo if p.case.id == done.id)
+    spent = time.monotonic() - progress.began
+    slower = spent * jobs / max(progress.expected, 1e-9)
+    progress.left = (_seconds_of(todo) - progress.expected) * slower / jobs
+
+
+def _seconds_of(planned: Sequence[Planned]) -> float:
+    return sum(p.case.seconds for p in planned)
+
+
+def _seconds(folder: Path) -> float:
+    """What earlier sessions of this run took."""
+    try:
+        return float(json.loads((folder / "results.json").read_text(encoding="utf-8"))["seconds"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0.0
