@@ -20,7 +20,8 @@ from verification.records import Case, Family, Outcome, at_least
 from verification.solving import Solved, balanced, entry, solve
 
 Floats = NDArray[np.floating]
-Pairs = Keys = tuple[tuple[str, str], ...]
+Pairs = tuple[tuple[str, str], ...]
+Keys = tuple[tuple[str, str], ...]
 
 YOUNG, POISSON = 1e3, 0.3
 #: how far the top comes down, and goes aside

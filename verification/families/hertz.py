@@ -296,8 +296,8 @@ def results(given: Given, found: list[Solution]) -> tuple[Result, ...]:
         rate("recovered pressure, L2", table(lambda s: s.recovered), None, source="", reason=told),
         at_most(
             "error of the recovered pressure over that of p_m", finest.recovered / finest.p, 0.5, source=RECOVERED,
-            reason="L2 over the slave, finest level; at the edge the slave's stress says the shape, and that of TRIA3 is "
-            "constant on each cell",
+            reason="L2 over the slave, finest level; at the edge the slave's stress says the shape, and that of TRIA3 "
+            "is constant on each cell",
         ),
         *(
             reported(f"{name}, relative error", error(finest), reason="on the finest level", levels=table(error))
