@@ -60,7 +60,8 @@ def run(cases, folder, jobs=2):
     said = []
     made = run_suite(
         cases, "quick", folder, jobs,
-        lambda progress: said.append(replace(progress)), lambda done, progress: said.append((done.case, replace(progress))),
+        lambda progress: said.append(replace(progress)),
+        lambda done, progress: said.append((done.case, replace(progress))),
     )  # fmt: skip
     return made, said
 
@@ -155,6 +156,25 @@ def test_a_run_that_is_stopped_leaves_no_process_and_no_half(prepared, folder):
         "good.json", "junit.xml", "missed.json", "results.json",
     ]  # fmt: skip
     assert [done.case for done in read_run(folder).done] == ["good", "missed"]
+
+
+def test_a_signal_that_meets_a_start_leaves_no_process(prepared, folder, monkeypatch):
+    """Between the process and its being known."""
+    start, began = pool._start, []
+
+    def met(*words):
+        began.append(start(*words))
+        signal.raise_signal(signal.SIGINT)
+        return began[-1]
+
+    monkeypatch.setattr(pool, "_start", met)
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run(planned(prepared, ["slow"]), folder)
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    assert began[0].process.returncode == -signal.SIGKILL and not list((folder / "cases" / "cut").iterdir())
 
 
 def wait_for(path):

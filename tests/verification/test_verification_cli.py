@@ -80,6 +80,13 @@ def test_a_figure_that_falls_short_is_the_exit_status(fakes, tmp_path, capsys):
     assert (tmp_path / "run" / "report.html").exists()
 
 
+@pytest.mark.parametrize(("name", "short"), [("missed", "cut/missed: error"), ("exits", "cut/exits has no outcome")])
+def test_one_that_falls_short_is_enough(fakes, tmp_path, capsys, name, short):
+    fakes("good", name)
+    assert main(["run", "-q", "-j", "1", "-o", str(tmp_path / "run")]) == 1
+    assert f"1 of the figures fall short ({short})" in capsys.readouterr().err
+
+
 def test_a_quiet_run_says_nothing(fakes, tmp_path, capsys):
     fakes("good")
     assert main(["run", "-q", "-j", "2", "-o", str(tmp_path / "run")]) == 0

@@ -179,6 +179,33 @@ def read_run(path: Path) -> Run:
         raise FolderError(f"{path} is not the folder of a run ({error}); name one that `run -o` made") from error
 
 
+def read_results(path: Path) -> Run:
+    """What `results.json` says without the files of the cases: figures, but no plots and not what cases are made of.
+
+    Raises FolderError.
+    """
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        found: dict[tuple[str, str], list[dict[str, Any]]] = {}
+        for row in told["results"]:
+            found.setdefault((row["family"], row["case"]), []).append(row)
+        done = tuple(_told(*name, own) for name, own in found.items())
+        return Run(path.parent, told["version"], told["suite"], told["environment"], told["seconds"], done)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise FolderError(f"{path} does not hold the results of a run ({error})") from error
+
+
+def _told(family: str, case: str, listed: list[dict[str, Any]]) -> Done:
+    """A case from its rows: the inverse of `rows`."""
+    own = ("family", "case", "seconds")
+    results = tuple(made_of(Result, {k: v for k, v in row.items() if k not in own}) for row in listed)
+    levels = max(len(result.levels) for result in results)
+    failure = results[0].reason if results[0].quantity == "outcome" else ""
+    return Done(
+        family, case, "", {}, max(levels, 1), listed[0]["seconds"], 0, () if failure else results, failure=failure
+    )
+
+
 def given_of(case: Case) -> dict[str, Any]:
     """What a case is made of, as JSON has it."""
     made = plain(case.given)
