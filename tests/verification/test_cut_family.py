@@ -102,7 +102,7 @@ def children(cut, dim):
 
 
 def turned_about(cut):
-    return with_nodes(cut, children(cut, cut.mesh.space_dim), lambda row: row[::-1])
+    return with_nodes(cut, children(cut, cut.mesh.space_dim), lambda row: row[[1, 0, *range(2, len(row))]])
 
 
 def skin_turned(cut):

@@ -18,7 +18,8 @@ from verification.records import Case
 
 KINDS = [(2, kind) for kind in PLANE_KINDS] + [(3, kind) for kind in SOLID_KINDS]
 CASES = {case.name: case for case in FAMILY.cases}
-MODELS = ("3d", "plane_strain", "plane_stress", "axisymmetric", "ring")
+FRAMES = [*((model, False) for model in ("3d", "plane_strain", "plane_stress", "axisymmetric", "ring")),
+          *((model, True) for model in ("3d", "plane_strain", "plane_stress"))]  # fmt: skip
 
 
 def solids(mesh):
@@ -76,14 +77,11 @@ def test_distorted_stacks_are_the_peers(skew):
         x, y = (v.ravel() for v in np.meshgrid(line, line, indexing="ij"))
         bubble = way * skew * 16 * x * (1 - x) * y * (1 - y)
         wanted = np.stack([x + bubble, y - 0.7 * bubble, np.ones(len(x))], axis=1)
-        np.testing.assert_allclose(sorted(inner(mesh, group).tolist()), sorted(wanted.tolist()), atol=1e-14)
+        np.testing.assert_allclose(*(sorted(v.round(12).tolist()) for v in (inner(mesh, group), wanted)), atol=2e-12)
 
 
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("tilted", [False, True])
+@pytest.mark.parametrize("model, tilted", FRAMES)
 def test_the_exact_solution_obeys_hooke_and_bears_the_pressure(model, tilted):
-    if tilted and model in ("axisymmetric", "ring"):
-        pytest.skip("an axis is not tilted")
     given = Press((), model, tilted)
     dim = given.dim
     places = np.eye(3)[:dim]

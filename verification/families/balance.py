@@ -161,7 +161,7 @@ def _cases() -> Iterator[Case]:
             finite = Touch(few, model, "waves", keys, "finite", steps=2)
             yield _case(f"waves-{name}-finite", f"{about}, finite kinematics", finite, 12.0)
         for shape, about in (("overhang", "the slave reaches over the master's rim"), ("tucked", "a wider master")):
-            yield _case(shape, about, Touch(few, model, shape), 2.0, solid)
+            yield _case(shape, about, Touch(few, model, shape), 2.0, solid and shape == "overhang")
             yield _case(f"{shape}-finite", f"{about}, finite", Touch(few, model, shape, (), "finite", steps=2), 8.0)
         yield _case("bilateral", "pressure of either sign", Touch(few, model, "waves", _BOTH), 2.0)
         for gap in (0.0, 0.07):
@@ -176,10 +176,10 @@ def _cases() -> Iterator[Case]:
         for kinematics in ("small", "finite"):
             about = f"a rigid skin that comes down and turns, {kinematics} kinematics"
             given = Touch(on, model, "rigid", (), kinematics, steps=2 if kinematics == "finite" else 1)
-            yield _case(f"rigid-{kinematics}", about, given, 4.0, kinematics == "small")
+            yield _case(f"rigid-{kinematics}", about, given, 4.0, kinematics == "small" and model == "3d")
     for keys, name in (((), "pyramid"), (_HEXA, "hexa")):
         warped = Touch((("HEXA8", "HEXA8"), ("HEXA20", "HEXA8"), ("HEXA8", "HEXA27")), "3d", "saddle", keys)
-        yield _case(f"warped-{name}", f"quadrangles that are not plane, cut {name}", warped, 3.0, True)
+        yield _case(f"warped-{name}", f"quadrangles that are not plane, cut {name}", warped, 3.0, name == "hexa")
     for kinematics in ("small", "finite"):
         three = Touch((("HEXA8", "TETRA4"), ("PENTA6 quadrangle", "HEXA20")), "3d", "tower", (), kinematics)
         yield _case(f"tower-{kinematics}", f"three blocks, two zones, {kinematics} kinematics", three, 5.0)

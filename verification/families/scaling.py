@@ -140,15 +140,16 @@ def timed(problems: Sequence[Stages]) -> NDArray[np.floating]:
 
 
 def seconds_of(work: Callable[[], None], long_enough: float = LONG_ENOUGH) -> tuple[float, float]:
-    """Seconds of the process, and of the program alone, that a piece of work takes; the least of some repetitions."""
-    seconds: list[tuple[float, float]] = []
+    """Seconds of the process that a piece of work takes, the least of some repetitions; of it, the program's share."""
+    seconds: list[float] = []
     gc.collect()
-    while not seconds or sum(whole for whole, _ in seconds) < long_enough:
-        user, kernel = _clock()
+    first, kernel = _clock()
+    while sum(seconds) <= long_enough:
+        start = sum(_clock())
         work()
-        later, more = _clock()
-        seconds.append((later - user + more - kernel, later - user))
-    return min(whole for whole, _ in seconds), min(own for _, own in seconds)
+        seconds.append(sum(_clock()) - start)
+    last, later = _clock()
+    return min(seconds), min(seconds) * (last - first) / (last - first + later - kernel)
 
 
 def _clock() -> tuple[float, float]:
@@ -175,7 +176,10 @@ def text() -> str:
 
 def _judged(stage: str, problems: Sequence[Stages], seconds: Sequence[float]) -> Result:
     sizes, words = _sizes(stage, problems)
-    reason = f"the slope of the logarithms of seconds and {words}; h of the levels is {words}, the error seconds"
+    reason = (
+        f"the slope of the logarithms of seconds and {words} (h of the levels; the error is seconds); the kernel's "
+        "seconds for new memory, which only large arrays take, are in it: see the program alone"
+    )
     levels = levels_of(sizes, [one.unknowns for one in problems], seconds)
     slope = fitted(sizes, seconds)
     return at_most(f"exponent of {stage}", slope, LINEAR, source=_SOURCE, reason=reason, levels=levels)

@@ -86,4 +86,4 @@ def _line(label: str, r: Result) -> Line:
 
 
 def _plot(title: str, lines: Sequence[Line]) -> Plot:
-    return Plot("convergence", title, "h", "error", tuple(lines), log_x=True, log_y=True)
+    return Plot("convergence", title, "h", "", tuple(lines), log_x=True, log_y=True)

@@ -5,7 +5,6 @@ Without its script, and on paper, everything is seen, one family below the other
 
 from __future__ import annotations
 
-import base64
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -36,10 +35,11 @@ from verification.report.blocks import (
     Title,
 )
 from verification.report.drawings import drawing
+from verification.report.pictures import address
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 _CODE = re.compile(r"`([^`]+)`")
-_BOLD = re.compile(r"\*\*([^*]+)\*\*")
+_BOLD, _EMPHASIS = re.compile(r"\*\*([^*]+)\*\*"), re.compile(r"\*(\w[^*]*)\*")
 
 
 def html(pages: Sequence[Page], footer: str) -> str:
@@ -146,13 +146,14 @@ def _joined(lines: Sequence[str]) -> list[str]:
 
 
 def inline(text: str) -> str:
-    """Words in `code` and in **bold**.
+    """Words in `code`, in **bold** and in *italics*.
 
-    >>> inline("`a<b` is **not** c")
-    '<code>a&lt;b</code> is <strong>not</strong> c'
+    >>> inline("`a<b` is **not** *c*")
+    '<code>a&lt;b</code> is <strong>not</strong> <em>c</em>'
     """
     parts = _CODE.split(text)
     told = [_BOLD.sub(r"<strong>\1</strong>", escape(part, quote=False)) for part in parts[::2]]
+    told = [_EMPHASIS.sub(r"<em>\1</em>", part) for part in told]
     code = [f"<code>{escape(part, quote=False)}</code>" for part in parts[1::2]] + [""]
     return "".join(a + b for a, b in zip(told, code, strict=True))
 
@@ -203,12 +204,12 @@ def _figure(figure: Figure) -> str:
 
 def _image(image: Image) -> str:
     try:
-        kept = base64.b64encode(image.path.read_bytes()).decode()
+        kept = address(image.path)
     except OSError:
         return f'<p class="none">The picture {escape(image.path.name)} is not in the folder of the run.</p>'
     return (
         '<button class="enlarge" title="larger, smaller">'
-        f'<img src="data:image/png;base64,{kept}" alt="{escape(image.alt, quote=True)}"></button>'
+        f'<img src="{kept}" alt="{escape(image.alt, quote=True)}"></button>'
     )
 
 

@@ -189,7 +189,7 @@ def _graphs(run: Run, name: str, cases: Sequence[Done]) -> Iterator[Simple]:
     """Convergence of all cases, pictures, and some plots of each kind."""
     charts = list(convergence.charts_of(cases))
     if charts:
-        yield Title("Errors against the size of the mesh")
+        yield Title("Against the size of the mesh")
         yield Figures(tuple(_common(run, name, f"errors-{k}", chart) for k, chart in enumerate(charts)))
     pictures = tuple(_picture(run, done, k) for done in cases for k in range(len(done.pictures)))
     if pictures:

@@ -38,7 +38,7 @@ def _figure(r: Result) -> Row:
     cells = (
         Cell(r.quantity), Cell(words.value_of(r), r.value), Cell(_BOUNDS[r.bound]),
         Cell(words.expected_of(r), _sort(r.expected)), Cell(tolerance, _sort(r.tolerance)), judged(verdict(r)),
-        Cell(r.source), Cell(r.reason),
+        Cell(r.source), Cell(words.reason_of(r)),
     )  # fmt: skip
     return Row(cells, verdict(r))
 
@@ -65,7 +65,7 @@ def missed(cases: Iterable[Done]) -> Table:
 
 
 def _short(r: Result) -> tuple[Cell, ...]:
-    return Cell(r.quantity), Cell(words.value_of(r), r.value), Cell(words.must_be(r)), Cell(r.reason)
+    return Cell(r.quantity), Cell(words.value_of(r), r.value), Cell(words.must_be(r)), Cell(words.reason_of(r))
 
 
 def worst(cases: Iterable[Done], most: int = 0) -> Table:

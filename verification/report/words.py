@@ -93,7 +93,8 @@ def count(many: int, word: str) -> str:
 
 def is_rate(result: Result) -> bool:
     """Whether a figure is the slope of the errors that stand with it."""
-    return len(result.levels) > 1 and result.bound in ("at least", "reported")
+    fits = len(result.levels) > 1 and result.bound in ("at least", "reported")
+    return fits and result.value != result.levels[-1].error
 
 
 def value_of(result: Result) -> str:
@@ -101,6 +102,14 @@ def value_of(result: Result) -> str:
     if is_rate(result):
         return rate(result.value)
     return _beside(result, result.value)
+
+
+def reason_of(result: Result) -> str:
+    """Why a figure is what it is; first of all which rate from one level to the next made it fall short."""
+    if result.passed or not is_rate(result) or result.expected is None or result.value < result.expected:
+        return result.reason
+    least = min(level.rate for level in result.levels if level.rate is not None)
+    return f"from one level to the next the rate is {rate(least)}, below half the figure; {result.reason}"
 
 
 def expected_of(result: Result) -> str:
