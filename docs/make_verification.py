@@ -4,7 +4,7 @@
     python docs/make_verification.py         the summary again, from the results that are kept
     python docs/make_verification.py --check say what is out of date, and exit with 1 if anything is
 
-The summary is made from docs/verification/results.json alone. It is current where the page holds what these results
+The summary is made from docs/verification/report.json alone. It is current where the page holds what these results
 say, and the results are of the cases that the harness has now.
 """
 
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import re
-import shutil
 import sys
 from pathlib import Path
 
@@ -43,9 +42,8 @@ def main(arguments: list[str]) -> int:
 
 
 def keep(folder: Path) -> None:
-    """Copy a run's results into docs/verification, and write its report there."""
+    """Write a run's report, and its results beside it, into docs/verification."""
     KEPT.mkdir(exist_ok=True)
-    shutil.copyfile(folder / "results.json", KEPT / "results.json")
     report.write(read_run(folder), KEPT / "report.html")
 
 
@@ -64,7 +62,7 @@ def out_of_date() -> list[str]:
     """What is not current."""
     found = []
     if PAGE.read_text(encoding="utf-8") != page():
-        found.append("docs/verification.md is not what docs/verification/results.json says: make it again")
+        found.append("docs/verification.md is not what docs/verification/report.json says: make it again")
     run = kept()
     ours, theirs = {case.id for case in families.cases(run.suite)}, {done.id for done in run.done}
     found += [f"{name} is new, and was not run: run the suite {run.suite} again" for name in sorted(ours - theirs)]
@@ -74,7 +72,7 @@ def out_of_date() -> list[str]:
 
 def kept() -> Run:
     """The run whose results are kept."""
-    return read_results(KEPT / "results.json")
+    return read_results(KEPT / "report.json")
 
 
 if __name__ == "__main__":
