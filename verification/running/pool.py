@@ -25,6 +25,12 @@ PATIENCE = 3600.0
 _PAUSE = 0.05
 #: what libraries read the number of threads from
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+#: glibc keeps what is freed for the next array, as it does for the commands (`lacmesh.cli.program`)
+_MEMORY = {
+    "MALLOC_MMAP_THRESHOLD_": str(1 << 30),
+    "MALLOC_TRIM_THRESHOLD_": str((1 << 31) - 1),
+    "MALLOC_TOP_PAD_": str(1 << 26),
+}
 
 
 @dataclass
@@ -76,7 +82,7 @@ def _start(planned: Planned, folder: Path, cores: frozenset[int]) -> _Running:
     case = planned.case
     log = folder / "cases" / case.family / f"{case.name}.log"
     command = [*COMMAND, case.family, case.name, str(planned.levels), str(folder.resolve())]
-    env = {**os.environ, **dict.fromkeys(_THREADS, str(len(cores) or 1))}
+    env = {**os.environ, **_MEMORY, **dict.fromkeys(_THREADS, str(len(cores) or 1))}
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
         forget(folder, case.family, case.name)
