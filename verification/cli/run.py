@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 from textwrap import shorten
@@ -36,12 +35,13 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> None:
     """Run, and write results and report. Raises FallsShortError where a figure is not met."""
     from verification import report
+    from verification.running.environment import cores
     from verification.running.plan import plan
     from verification.running.suite import opened, run_suite
 
     planned = plan(args.suite, args.family, args.case)
     folder = args.output or Path("build") / f"verification-{args.suite}"
-    jobs = args.jobs or _cores()
+    jobs = args.jobs or cores()
     with opened(folder, resume=args.resume):
         args.held = folder
         made = run_suite(planned, args.suite, folder, jobs, *((_quiet, _quiet) if args.quiet else (_begun, _said)))
@@ -88,10 +88,6 @@ def _end(made: Run, *, quiet: bool) -> None:
     if short:
         told = "; ".join(short[:8]) + ("; ..." if len(short) > 8 else "")
         raise FallsShortError(f"{len(short)} of the figures fall short ({told}); see the report")
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _jobs(text: str) -> int:
