@@ -14,17 +14,36 @@ c_m the centroid of T_m (weighted with 2 pi r in axisymmetry), so that a linear 
 The patch of a node is its own macro-elements in contact, grown by their neighbours where these do not go round the
 node. On quadratic faces what the means of the fit, M p, lack is fitted and added once: p + F(p_m - M p).
 
-At the edge of contact the active set lets the last macro-elements share their force wrongly (one too much, the next too
-little; measured 10 % of the peak, the sum is right), and the exact pressure has a square-root there. The stress t of
-the slave is the better witness of the shape, p_m still of the size: p = t + F(p_m - M t), with open neighbours in the
-patches. That is what the nodes of macro-elements in contact get that are an open one's neighbours, or these's.
+In the plane, where there are three merged macro-elements, it is a parabola instead, fitted to five of them and more. At
+the rim of the slave p_m is off by a part of order h of the slope of p, alternately and less from one macro-element to
+the next: the last one is merged with the one beside it, and most of that is gone.
 
-Last, where p >= 0, each connected part of the contact is scaled to the force of its p_m.
+At the edge of contact the active set lets the last macro-elements share their force wrongly (one too much, the next too
+little; measured 10 % of the peak, the sum is right), and the exact pressure has a square-root there.
+
+In the plane, where p >= 0, p is the root of a parabola: the square of Hertz's pressure is one. The last macro-element
+in contact is merged with the one beside it, as their sum is right, and around each node a parabola q is fitted so that
+the means of its root are those of p_m,
+
+    p(x_i) = sqrt(q(x_i)),   sum over the patch of A_g (mean_g(q) - p_g^2 - var_g(sqrt(q)))^2 least     (sqrt(q < 0): 0)
+
+var_g of the last fit, as the mean of a square is that of the mean and the variance. The slave's stress is no help: it
+follows p_m in its wrong shares. In space, where a patch is as wide as the contact, and with fewer than three
+merged macro-elements, it is the better witness of the shape, p_m still of the size: p = t + F(p_m - M t), t the slave's
+stress, with open neighbours in the patches. Nodes of macro-elements in contact at most some steps from an open one get
+these.
+
+Last, where p >= 0, each connected part of the contact gets the force of its p_m. Where roots are taken, the difference
+is near the edge: what straight lines between nodes hold less than the root goes to the nodes that open macro-elements
+share, what they hold more is taken from the last macro-elements; else all nodes are scaled.
 
 Measured (regular meshes, L2 norm over the slave): smooth pressure, rate 1.5 to 2 on linear cells, 1.9 to 3 on quadratic
-ones (p_m: 1); Hertz, of the error of p_m: in the plane 0.35 to 0.5 with 5 to 20 macro-elements to the half-width, in
-space, with only 2 to 4, 0.36 to 0.46 on linear cells and 0.41 to 0.6 on quadratic ones (0.67 on the `hexa` cut of
-HEXA20), where the best that the nodes could hold is near 0.4.
+ones (p_m: 1), but 1.5 where the slave has a rim that p has a slope at; there parabolas through merged macro-elements
+are off by 0.4 (quadratic cells) to 0.8 of what planes are, from 8 macro-elements on (TRIA3: from 16 on).
+Hertz, of the error of p_m: in the plane and about an axis 0.1 to 0.5 with 5 to 30 macro-elements to the
+half-width, wherever the edge falls in its macro-element (by the stress alone, as in space, 0.3 to 0.65); in space, with
+only 2 to 4, 0.36 to 0.46 on linear cells and 0.41 to 0.6 on quadratic ones (0.67 on the `hexa` cut of HEXA20), where
+the best that the nodes could hold is near 0.4. Roots, or merging before t + F(p_m - M t), were no better there.
 """
 
 from __future__ import annotations
@@ -66,8 +85,12 @@ _DEGREE = {1: 5, 2: 8}
 _RINGS, _ENOUGH = 3, {1: 2, 2: 5}
 #: a patch has no slope along a direction in which its variance is less than this part of the largest
 _THIN = 1e-2
-#: rings of macro-elements along the edge of contact where the slave's stress says the shape
-_EDGE = 2
+#: rings of macro-elements along the edge of contact where the slave's stress says the shape; a parabola
+_EDGE, _NEAR = 2, 7
+#: merged macro-elements that a patch for a parabola grows to, in at most so many rings, and that it must have
+_MANY, _WIDE, _LEAST = 5, 4, 3
+#: how often the parabolas are fitted; the most that the last nodes in contact are scaled by
+_TIMES, _MOST = 20, 2.0
 
 
 def nodal_stress(space: Space, field: Field, cells: Ints | None = None) -> NDArray[np.floating]:
@@ -142,7 +165,7 @@ def recover_pressure(
 
     `surface`: the slave's faces; `macro` (faces,): the macro-element of each, negative for none; `pressure` p_m and
     `status` (n_macros,). `traction` (n_nodes,): the pressure that the slave's stress says (`slave_pressure`); without
-    it the edge of contact is less sharp. `unilateral`: no nodal value is below 0, and forces are those of p_m.
+    it the edge of contact in space is less sharp. `unilateral`: no nodal value is below 0, and forces are those of p_m.
 
     Between nodes the faces' own shape functions hold. Nodes of no macro-element in contact have 0, nodes off the
     slave's surface NaN; beyond the edge of contact the pressure falls to 0 in the next macro-element. The mean is the
@@ -158,9 +181,15 @@ def recover_pressure(
     slave = _slave(ours, macro[macro >= 0], len(pressure), axisymmetric)
     contact = (status == CONTACT) & (slave.area > 0)
     means = np.where(contact, pressure, 0.0)
-    p = _fitted(slave, means, contact, (status == OPEN) & (slave.area > 0), traction)
+    opened = (status == OPEN) & (slave.area > 0)
+    p = _fitted(slave, means, contact, opened, traction)
     if unilateral:
-        p = _balanced(slave, np.maximum(p, 0.0), means, contact, status != UNPAIRED)
+        edge = _beside(slave.touch, opened, 1) & contact
+        root, taken = _parabolas(slave, means, contact, edge, root=True)
+        last = taken & (slave.touch @ edge.astype(float) > 0)
+        outer = last & (slave.touch @ opened.astype(float) > 0)
+        p = np.where(taken, root, np.maximum(p, 0.0))
+        p = _balanced(slave, p, means, contact, status != UNPAIRED, last, outer)
     nodal = np.full(len(surface.x), np.nan)
     nodal[slave.nodes] = p
     return nodal, slave.means @ p
@@ -170,12 +199,14 @@ class _Slave(NamedTuple):
     """A slave surface's nodes (k,) at x (k, 3) and macro-elements: area (n,), centroid (n, 3), means M (n, k).
 
     `touch` (k, n): 1 where a face of the macro-element holds the node. `dim` of the surface, `order` of its faces.
+    `spread` (n,): the mean square of the distance from the centroid.
     """
 
     nodes: Ints
     x: Floats
     area: Floats
     centroid: Floats
+    spread: Floats
     means: csr_array
     touch: csr_array
     dim: int
@@ -185,7 +216,7 @@ class _Slave(NamedTuple):
 def _slave(surface: Surface, macro: Ints, n: int, axisymmetric: bool) -> _Slave:
     """What the fits need of a surface. A macro-element without extent has an area of 0, and says nothing."""
     rows, columns, values = [], [], []
-    area, moment, order = np.zeros((n, 1)), np.zeros((n, 3)), 1
+    area, moment, square, order = np.zeros((n, 1)), np.zeros((n, 3)), np.zeros((n, 1)), 1
     for name, faces, nodes in surface.by_type():
         X, w = rule(CELLS[name].family, _DEGREE[CELLS[name].order])
         N = shape(name, X)
@@ -194,6 +225,7 @@ def _slave(surface: Surface, macro: Ints, n: int, axisymmetric: bool) -> _Slave:
         W = W * (2 * np.pi * at[..., 0] if axisymmetric else 1.0)
         scatter(area, macro[faces, None], W.sum(axis=1)[:, None, None])
         scatter(moment, macro[faces, None], np.einsum("fq,fqs->fs", W, at)[:, None])
+        scatter(square, macro[faces, None], np.einsum("fq,fqs,fqs->f", W, at, at)[:, None, None])
         rows.append(np.repeat(macro[faces], nodes.shape[1]))
         columns.append(nodes.ravel())
         values.append((W @ N).ravel())
@@ -202,7 +234,9 @@ def _slave(surface: Surface, macro: Ints, n: int, axisymmetric: bool) -> _Slave:
     size = np.where(area > 0, area, 1.0)
     means = coo_array((np.concatenate(values) / size[m, 0], (m, k)), shape=(n, len(nodes))).tocsr()
     touch = _ones(coo_array((np.ones(len(m)), (k, m)), shape=(len(nodes), n)).tocsr())
-    return _Slave(nodes, surface.x[nodes], area[:, 0], moment / size, means, touch, surface.dim, order)
+    centroid = moment / size
+    spread = np.maximum(square[:, 0] / size[:, 0] - (centroid**2).sum(axis=1), 0.0)
+    return _Slave(nodes, surface.x[nodes], area[:, 0], centroid, spread, means, touch, surface.dim, order)
 
 
 def _ones(matrix: csr_array) -> csr_array:
@@ -227,6 +261,9 @@ def _fitted(
     p = F @ means
     for _ in range(slave.order - 1):
         p += F @ np.where(contact, means - M @ p, 0.0)
+    rim = (np.diff((touch.T @ touch).tocsr().indptr) <= 2) & contact
+    smooth, taken = _parabolas(slave, means, contact, rim, root=False)
+    p = np.where(taken, smooth, p)
     edge = _beside(touch, opened, _EDGE) & contact
     if traction is not None and edge.any():
         t = np.where(held, np.nan_to_num(traction[slave.nodes]), 0.0)
@@ -236,19 +273,138 @@ def _fitted(
     return np.where(held, p, 0.0)
 
 
-def _balanced(slave: _Slave, p: Floats, means: Floats, contact: Bools, paired: Bools) -> NDArray[np.floating]:
-    """(k,): p >= 0 scaled in each connected part of the contact, so that its force over what is paired is p_m's."""
+def _parabolas(
+    slave: _Slave, means: Floats, contact: Bools, last: Bools, *, root: bool
+) -> tuple[NDArray[np.floating], Bools]:
+    """(k,): parabolas fitted to means, or roots of such fitted to squared means, 0 where these are below 0; where they
+    are to be taken, roots only near the `last` macro-elements, which are merged with those beside them.
+
+    Only in the plane.
+    """
+    if slave.dim != 1 or not (contact.any() and (last.any() or not root)):
+        return np.zeros(len(slave.x)), np.zeros(len(slave.x), dtype=bool)
+    merged, W = _merged(slave, contact, last)
+    patch = _wide(merged.touch)
+    local = _patches(merged, patch)
+    given = (W @ means)[patch.indices]
+    q = _squares(local, given**2) if root else local.fit(given)
+    at = (local.node * q).sum(axis=1)
+    near = _beside(slave.touch, last, _NEAR) & contact if root else contact
+    taken = (slave.touch @ near.astype(float) > 0) & (np.diff(patch.indptr) >= _LEAST)
+    return np.sqrt(np.maximum(at, 0.0)) if root else at, taken
+
+
+class _Patches(NamedTuple):
+    """The patches of nodes (k,), a row for each of their macro-elements (r,); each patch has a coordinate of its own.
+
+    `weight` (r, 1): share of the patch. Powers 2, 1, 0 of the coordinate at Gauss' two points, which say a mean: `low`,
+    `high` (r, 3), and at the node (k, 3). `inverse` (k, 3, 3): of the normal equations.
+    """
+
+    row: Ints
+    weight: Floats
+    low: Floats
+    high: Floats
+    node: Floats
+    inverse: Floats
+
+    def fit(self, means: Floats) -> NDArray[np.floating]:
+        """(k, 3): the parabolas whose means are nearest to those given (r,)."""
+        right = _summed(self.row, self.weight * (self.low + self.high) / 2 * means[:, None], len(self.node))
+        return np.asarray(np.einsum("kij,kj->ki", self.inverse, right))
+
+
+def _patches(slave: _Slave, patch: csr_array) -> _Patches:
+    """What parabolas along a line are fitted by, around each row of `patch` (k, n)."""
+    k = patch.shape[0]
+    row, g = np.repeat(np.arange(k), np.diff(patch.indptr)), patch.indices
+    weight = (slave.area[g] / _summed(row, slave.area[g], k)[row])[:, None]
+    x_bar = _summed(row, weight * slave.centroid[g], k)
+    d = slave.centroid[g] - x_bar[row]
+    variance, axes = np.linalg.eigh(_summed(row, weight[..., None] * d[:, :, None] * d[:, None, :], k))
+    length = np.sqrt(np.where(variance[:, -1] > 0, variance[:, -1], 1.0))
+    axis = axes[:, :, -1] / length[:, None]
+    middle, off = (d * axis[row]).sum(axis=1), np.sqrt(slave.spread[g]) / length[row]
+    low, high = np.vander(middle - off, 3), np.vander(middle + off, 3)
+    mean = (low + high) / 2
+    normal = _summed(row, weight[..., None] * mean[:, :, None] * mean[:, None, :], k)
+    node = np.vander(((slave.x - x_bar) * axis).sum(axis=1), 3)
+    return _Patches(row, weight, low, high, node, np.linalg.pinv(normal, rcond=1e-9, hermitian=True))
+
+
+def _squares(patches: _Patches, squares: Floats) -> NDArray[np.floating]:
+    """(k, 3): parabolas whose roots have means with these squares (r,)."""
+    wanted = squares
+    for _ in range(_TIMES):
+        q = patches.fit(wanted)[patches.row]
+        low, high = (np.sqrt(np.maximum((end * q).sum(axis=1), 0.0)) for end in (patches.low, patches.high))
+        # a third of a step: longer ones may turn about the answer
+        wanted = (2 * wanted + squares + (low - high) ** 2 / 4) / 3
+    return patches.fit(wanted)
+
+
+def _summed(row: Ints, values: Floats, k: int) -> NDArray[np.floating]:
+    """(k, ...): values (r, ...) summed over their rows."""
+    out = np.zeros((k, *values.shape[1:]))
+    np.add.at(out, row, values)
+    return out
+
+
+def _merged(slave: _Slave, contact: Bools, last: Bools) -> tuple[_Slave, csr_array]:
+    """The macro-elements in contact, the `last` of them shared by those beside them; and W, which takes means."""
+    inner = diags_array((contact & ~last).astype(float)).tocsr()
+    shares = (inner @ _ones((slave.touch.T @ slave.touch).tocsr()) @ diags_array(last.astype(float))).tocsr()
+    count = shares.sum(axis=0)
+    kept = contact & (~last | (count == 0))
+    shares = shares @ diags_array(np.divide(1.0, count, out=np.zeros_like(count), where=count > 0))
+    shares = (shares + diags_array(kept.astype(float))).tocsr()[np.flatnonzero(kept)]
+    area = shares @ slave.area
+    W = (diags_array(1 / area) @ shares @ diags_array(slave.area)).tocsr()
+    centroid = W @ slave.centroid
+    spread = np.maximum(W @ (slave.spread + (slave.centroid**2).sum(axis=1)) - (centroid**2).sum(axis=1), 0.0)
+    touch = _ones((slave.touch @ shares.T).tocsr())
+    return slave._replace(area=area, centroid=centroid, spread=spread, means=W @ slave.means, touch=touch), W
+
+
+def _wide(touch: csr_array) -> csr_array:
+    """(k, n): the patches for parabolas, grown by rings where they are small."""
+    beside = _ones((touch.T @ touch).tocsr())
+    for _ in range(_WIDE):
+        small = np.diff(touch.indptr) < _MANY
+        grown = diags_array(small.astype(float)) @ touch @ beside
+        touch = _ones((grown + diags_array((~small).astype(float)) @ touch).tocsr())
+    return touch
+
+
+def _balanced(
+    slave: _Slave, p: Floats, means: Floats, contact: Bools, paired: Bools, last: Bools, outer: Bools
+) -> NDArray[np.floating]:
+    """(k,): p >= 0, so that in each connected part of the contact its force over what is paired is that of p_m.
+
+    Force that lacks is given to the `outer` nodes (k,), up to the p_m beside them; then the `last` nodes are scaled,
+    within bounds; then all.
+    """
     touch = _only(slave.touch, contact)
     _, part = connected_components((touch.T @ touch).tocsr(), directed=False)
     held = np.flatnonzero(np.diff(touch.indptr))
     of_node = part[touch.indices[touch.indptr[held]]]
-    integral = slave.means.T @ np.where(paired, slave.area, 0.0)
-    wanted = np.bincount(part, slave.area * means)
-    got = np.bincount(of_node, (integral * p)[held], minlength=len(wanted))
-    factor = np.divide(wanted, got, out=np.ones_like(wanted), where=got > 0)
-    out = p.copy()
-    out[held] *= factor[of_node]
-    return out
+    integral = (slave.means.T @ np.where(paired, slave.area, 0.0))[held]
+    wanted, out = np.bincount(part, slave.area * means), p[held]
+
+    def lacking(share: Floats) -> NDArray[np.floating]:
+        """(parts,): the force that lacks, over that of a share of the pressures."""
+        lack = wanted - np.bincount(of_node, integral * out, minlength=len(wanted))
+        theirs = np.bincount(of_node, integral * share, minlength=len(wanted))
+        return np.divide(lack, theirs, out=np.zeros_like(wanted), where=theirs > 0)
+
+    more = np.maximum(lacking(outer[held].astype(float)), 0.0)[of_node]
+    out = out + np.where(outer[held], np.minimum(more, (touch @ means)[held]), 0.0)
+    for some, most in ((last[held], _MOST), (np.ones(len(held), dtype=bool), np.inf)):
+        factor = np.clip(1 + lacking(np.where(some, out, 0.0)), 1 / most, most)[of_node]
+        out = np.where(some, out * factor, out)
+    balanced = p.copy()
+    balanced[held] = out
+    return balanced
 
 
 def _beside(touch: csr_array, macros: Bools, rings: int) -> Bools:

@@ -305,12 +305,45 @@ def test_the_slaves_stress_counts_at_the_edge_only():
     assert two == pytest.approx(one)
 
 
-def test_a_stress_in_tune_with_the_means_is_taken_as_it_is():
+def strip_of(n):
+    """n squares in space in a row along x, each a macro-element of its own, faces up; nodes of y = 0 first."""
+    x = np.array([[i, j, 0.0] for j in range(2) for i in range(n + 1)])
+    i = np.arange(n)
+    nodes = np.stack([i, i + 1, i + n + 2, i + n + 1], axis=1)
+    return Surface.of(Mesh.create(x, [("QUAD4", nodes)], space_dim=3), i)
+
+
+def test_a_stress_in_tune_with_the_means_is_taken_as_it_is_in_space():
     traction = np.array([6.0, 5, 4, 3, 1, 0, 0])
     p = (traction[1:] + traction[:-1]) / 2
     status = np.where(p > 0, CONTACT, OPEN)
-    made, _ = recover_pressure(row_of(6), np.arange(6), p, status, traction=traction)
-    assert made[3:] == pytest.approx(traction[3:])
+    stress = np.tile(traction, 2)
+    made, _ = recover_pressure(strip_of(6), np.arange(6), p, status, traction=stress, unilateral=False)
+    assert made.reshape(2, 7)[:, 3:] == pytest.approx(np.tile(traction[3:], (2, 1)))
+
+
+def hertz_means(edge, n):
+    """Means of sqrt(1 - (x / edge)^2) over n segments of length 1 from x = 0."""
+    x = np.minimum(np.arange(n + 1) / edge, 1)
+    return np.diff(edge * (x * np.sqrt(1 - x**2) + np.arcsin(x)) / 2)
+
+
+@pytest.mark.parametrize(("edge", "off"), [(8.0, 0.007), (8.3, 0.02), (8.6, 0.02), (8.9, 0.007)])
+@pytest.mark.parametrize("shift", [0.0, 0.1])
+def test_wrong_shares_at_the_edge_in_the_plane_do_not_matter(edge, off, shift):
+    n = 12
+    p = hertz_means(edge, n)
+    status = np.where(p > 0, CONTACT, OPEN)
+    last = np.flatnonzero(p)[-1]
+    shift = min(shift, p[last] / 2)
+    p[last - 1 : last + 1] += shift, -shift
+    made, mean = recover_pressure(row_of(n), np.arange(n), p, status)
+    x = np.arange(n + 1.0)
+    exact = np.sqrt(np.maximum(1 - (x / edge) ** 2, 0))
+    assert made[:last] == pytest.approx(exact[:last], abs=off)
+    assert mean.sum() == pytest.approx(p.sum())
+    right, _ = recover_pressure(row_of(n), np.arange(n), hertz_means(edge, n), status)
+    assert made == pytest.approx(right, abs=1e-12)
 
 
 def test_wrong_shapes_are_refused():
@@ -417,10 +450,10 @@ def hertz(d, a, middle):
 @pytest.mark.parametrize(
     ("name", "hexa", "n", "part"),
     [
-        ("TRIA3", "pyramid", 32, 0.5),
-        ("QUAD4", "pyramid", 32, 0.5),
-        ("TRIA6", "pyramid", 32, 0.5),
-        ("QUAD8", "pyramid", 32, 0.5),
+        ("TRIA3", "pyramid", 32, 0.32),
+        ("QUAD4", "pyramid", 32, 0.2),
+        ("TRIA6", "pyramid", 32, 0.3),
+        ("QUAD8", "pyramid", 32, 0.3),
         ("TETRA4", "pyramid", 8, 0.5),
         ("HEXA8", "pyramid", 8, 0.5),
         ("HEXA27", "pyramid", 6, 0.5),
@@ -436,12 +469,10 @@ def test_hertz_is_at_least_twice_as_good_as_the_means(name, hexa, n, part):
     for a in (0.30, 0.32, 0.34):  # the edge falls at different places of its macro-element
         u, f, clearance = hertz(d, a, middle)
         _, surface, macro, p, status, own = pressed(name, n, hexa, u=u, f=f, clearance=clearance)
-        nodal, mean = recover_pressure(surface, macro, p, status, traction=own)
+        nodal, _ = recover_pressure(surface, macro, p, status, traction=own)
         degree = 40 if d == 2 else 16
         of_means, of_nodal = errors(surface, macro, f, p, nodal, degree)
         ratios.append(of_nodal / of_means)
-        _, area = means_of(surface, macro, len(p), f)
-        print("FORCE", name, hexa, (mean - p) @ area / (p @ area), of_nodal / of_means)
         if d == 3:
             break  # one is enough to solve
     assert np.mean(ratios) < part

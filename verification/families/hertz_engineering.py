@@ -55,9 +55,7 @@ _PEAK = {
 _WIDTH = {"CalculiX LINMORTAR": {16: 0.08}, "NGSolve": {16: -0.09}, "Kratos": {16: -0.5}, "GetFEM": {16: 0.77}}
 _WHY = (
     "the least error of a peer on this mesh, at the same nodes, against the solution of the same bodies with skins "
-    "that are followed, as all of them do. Where ours is above it (N = 4, 8 and, little, 16): the active set lets the "
-    "last two macro-elements in contact share their force wrongly, 4 to 7 % of the peak, and the recovery keeps a part "
-    "of that; on the axis its patches are one-sided"
+    "that are followed, as all of them do"
 )
 #: what is drawn of a pressure
 _ASKED: tuple[tuple[str, Literal["given", "means"]], ...] = (("recovered", "given"), ("p_m", "means"))
