@@ -22,7 +22,7 @@ MODELS = (("plane_strain", "QUAD8"), ("axisymmetric", "TRIA3"), ("3d", "HEXA8"))
 
 
 def given(model, cell, *, rigid=False):
-    return Given(model, cell, "pyramid", rigid, 2)
+    return Given(model, cell, "pyramid", rigid, (2, 4))
 
 
 @pytest.mark.parametrize("k", [2, 4, 16])
