@@ -14,9 +14,9 @@ c_m the centroid of T_m (weighted with 2 pi r in axisymmetry), so that a linear 
 The patch of a node is its own macro-elements in contact, grown by their neighbours where these do not go round the
 node. On quadratic faces what the means of the fit, M p, lack is fitted and added once: p + F(p_m - M p).
 
-In the plane, where there are three merged macro-elements, it is a parabola instead, fitted to five of them and more. At
+In the plane, where three macro-elements are left for it, it is a parabola instead, fitted to six of them and more. At
 the rim of the slave p_m is off by a part of order h of the slope of p, alternately and less from one macro-element to
-the next: the last one is merged with the one beside it, and most of that is gone.
+the next: the last two are left out.
 
 At the edge of contact the active set lets the last macro-elements share their force wrongly (one too much, the next too
 little; measured 10 % of the peak, the sum is right), and the exact pressure has a square-root there.
@@ -38,8 +38,8 @@ is near the edge: what straight lines between nodes hold less than the root goes
 share, what they hold more is taken from the last macro-elements; else all nodes are scaled.
 
 Measured (regular meshes, L2 norm over the slave): smooth pressure, rate 1.5 to 2 on linear cells, 1.9 to 3 on quadratic
-ones (p_m: 1), but 1.5 where the slave has a rim that p has a slope at; there parabolas through merged macro-elements
-are off by 0.4 (quadratic cells) to 0.8 of what planes are, from 8 macro-elements on (TRIA3: from 16 on).
+ones (p_m: 1), in space 1.5 to 1.7 where the slave has a rim that p has a slope at; in the plane errors are 0.2
+(quadratic cells) to 0.7 of what planes through all means make there, with 32 macro-elements from rim to rim.
 Hertz, of the error of p_m: in the plane and about an axis 0.1 to 0.5 with 5 to 30 macro-elements to the
 half-width, wherever the edge falls in its macro-element (by the stress alone, as in space, 0.3 to 0.65); in space, with
 only 2 to 4, 0.36 to 0.46 on linear cells and 0.41 to 0.6 on quadratic ones (0.67 on the `hexa` cut of HEXA20), where
@@ -86,9 +86,9 @@ _RINGS, _ENOUGH = 3, {1: 2, 2: 5}
 #: a patch has no slope along a direction in which its variance is less than this part of the largest
 _THIN = 1e-2
 #: rings of macro-elements along the edge of contact where the slave's stress says the shape; a parabola
-_EDGE, _NEAR = 2, 7
-#: merged macro-elements that a patch for a parabola grows to, in at most so many rings, and that it must have
-_MANY, _WIDE, _LEAST = 5, 4, 3
+_EDGE, _NEAR = 2, 9
+#: macro-elements that a patch for a parabola grows to, in at most so many rings, and that it must have
+_MANY, _WIDE, _LEAST = 6, 8, 3
 #: how often the parabolas are fitted; the most that the last nodes in contact are scaled by
 _TIMES, _MOST = 20, 2.0
 
@@ -185,7 +185,7 @@ def recover_pressure(
     p = _fitted(slave, means, contact, opened, traction)
     if unilateral:
         edge = _beside(slave.touch, opened, 1) & contact
-        root, taken = _parabolas(slave, means, contact, edge, root=True)
+        root, taken = _roots(slave, means, contact, edge)
         last = taken & (slave.touch @ edge.astype(float) > 0)
         outer = last & (slave.touch @ opened.astype(float) > 0)
         p = np.where(taken, root, np.maximum(p, 0.0))
@@ -261,8 +261,7 @@ def _fitted(
     p = F @ means
     for _ in range(slave.order - 1):
         p += F @ np.where(contact, means - M @ p, 0.0)
-    rim = (np.diff((touch.T @ touch).tocsr().indptr) <= 2) & contact
-    smooth, taken = _parabolas(slave, means, contact, rim, root=False)
+    smooth, taken = _smooth(slave, means, contact)
     p = np.where(taken, smooth, p)
     edge = _beside(touch, opened, _EDGE) & contact
     if traction is not None and edge.any():
@@ -273,25 +272,34 @@ def _fitted(
     return np.where(held, p, 0.0)
 
 
-def _parabolas(
-    slave: _Slave, means: Floats, contact: Bools, last: Bools, *, root: bool
-) -> tuple[NDArray[np.floating], Bools]:
-    """(k,): parabolas fitted to means, or roots of such fitted to squared means, 0 where these are below 0; where they
-    are to be taken, roots only near the `last` macro-elements, which are merged with those beside them.
+def _smooth(slave: _Slave, means: Floats, contact: Bools) -> tuple[NDArray[np.floating], Bools]:
+    """(k,): parabolas fitted to the means in contact, but for the last two at a rim; and where they may be taken.
 
     Only in the plane.
     """
-    if slave.dim != 1 or not (contact.any() and (last.any() or not root)):
+    if slave.dim != 1:
         return np.zeros(len(slave.x)), np.zeros(len(slave.x), dtype=bool)
-    merged, W = _merged(slave, contact, last)
-    patch = _wide(merged.touch)
+    rim = np.diff((slave.touch.T @ slave.touch).tocsr().indptr) <= 2
+    patch = _wide(_only(slave.touch, contact), contact & ~_beside(slave.touch, rim, 1))
+    local = _patches(slave, patch)
+    held = slave.touch @ contact.astype(float) > 0
+    return local.value(local.fit(means[patch.indices])), held & (np.diff(patch.indptr) >= _LEAST)
+
+
+def _roots(slave: _Slave, means: Floats, contact: Bools, edge: Bools) -> tuple[NDArray[np.floating], Bools]:
+    """(k,): roots of parabolas, 0 where these are below 0, whose means are those of p_m; and where they may be taken:
+    near the macro-elements at the `edge` of contact, which are merged with those beside them.
+
+    Only in the plane.
+    """
+    if slave.dim != 1 or not edge.any():
+        return np.zeros(len(slave.x)), np.zeros(len(slave.x), dtype=bool)
+    merged, W = _merged(slave, contact, edge)
+    patch = _wide(merged.touch, np.ones(len(merged.area), dtype=bool))
     local = _patches(merged, patch)
-    given = (W @ means)[patch.indices]
-    q = _squares(local, given**2) if root else local.fit(given)
-    at = (local.node * q).sum(axis=1)
-    near = _beside(slave.touch, last, _NEAR) & contact if root else contact
-    taken = (slave.touch @ near.astype(float) > 0) & (np.diff(patch.indptr) >= _LEAST)
-    return np.sqrt(np.maximum(at, 0.0)) if root else at, taken
+    q = _squares(local, (W @ means)[patch.indices] ** 2)
+    near = slave.touch @ (_beside(slave.touch, edge, _NEAR) & contact).astype(float) > 0
+    return np.sqrt(np.maximum(local.value(q), 0.0)), near & (np.diff(patch.indptr) >= _LEAST)
 
 
 class _Patches(NamedTuple):
@@ -312,6 +320,10 @@ class _Patches(NamedTuple):
         """(k, 3): the parabolas whose means are nearest to those given (r,)."""
         right = _summed(self.row, self.weight * (self.low + self.high) / 2 * means[:, None], len(self.node))
         return np.asarray(np.einsum("kij,kj->ki", self.inverse, right))
+
+    def value(self, q: Floats) -> NDArray[np.floating]:
+        """(k,): of parabolas (k, 3), at the nodes."""
+        return np.asarray((self.node * q).sum(axis=1))
 
 
 def _patches(slave: _Slave, patch: csr_array) -> _Patches:
@@ -366,14 +378,14 @@ def _merged(slave: _Slave, contact: Bools, last: Bools) -> tuple[_Slave, csr_arr
     return slave._replace(area=area, centroid=centroid, spread=spread, means=W @ slave.means, touch=touch), W
 
 
-def _wide(touch: csr_array) -> csr_array:
-    """(k, n): the patches for parabolas, grown by rings where they are small."""
+def _wide(touch: csr_array, used: Bools) -> csr_array:
+    """(k, n): the `used` macro-elements around each node, so many rings of all that a parabola has enough of them."""
     beside = _ones((touch.T @ touch).tocsr())
     for _ in range(_WIDE):
-        small = np.diff(touch.indptr) < _MANY
+        small = np.diff(_only(touch, used).indptr) < _MANY
         grown = diags_array(small.astype(float)) @ touch @ beside
         touch = _ones((grown + diags_array((~small).astype(float)) @ touch).tocsr())
-    return touch
+    return _only(touch, used)
 
 
 def _balanced(
