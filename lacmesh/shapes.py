@@ -84,7 +84,9 @@ def _padded(X: Any, dim: int) -> NDArray[np.floating]:
     X = np.atleast_2d(np.asarray(X, dtype=float))
     if dim and X.shape[1] != dim:
         raise ValueError(f"reference points must be (p, {dim}), not {X.shape}")
-    return np.pad(X[:, :dim], ((0, 0), (0, 3 - dim)))
+    out = np.zeros((len(X), 3))
+    out[:, :dim] = X[:, :dim]
+    return out
 
 
 def _terms(basis: Basis, X: NDArray, derivative: int | None = None) -> NDArray:
@@ -95,9 +97,12 @@ def _terms(basis: Basis, X: NDArray, derivative: int | None = None) -> NDArray:
         for i, j, k, m in terms:
             for factor, powers in _derivatives((i, j, k, m), derivative):
                 value = np.full(len(X), float(factor))
-                for axis in range(3):
-                    value *= X[:, axis] ** powers[axis]
-                out[:, column] += np.divide(value, w ** powers[3], out=np.zeros_like(value), where=value != 0)
+                for x, power in zip(X.T, powers, strict=False):
+                    if power:
+                        value *= x**power
+                if powers[3]:
+                    value = np.divide(value, w ** powers[3], out=np.zeros_like(value), where=value != 0)
+                out[:, column] += value
     return out
 
 

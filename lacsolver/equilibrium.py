@@ -81,7 +81,8 @@ class Contact:
 class Outcome(NamedTuple):
     """Where a search for equilibrium ended: `converged`, the iterate, its contact, the defects of each iteration.
 
-    `defects`: (balance, gap) after each linear solve, relative. `products`: with K^-1.
+    `defects`: (balance, gap) after each linear solve, relative. `products`: with K^-1. `settled`: the last so many
+    solves were with one set.
     """
 
     converged: bool
@@ -89,6 +90,7 @@ class Outcome(NamedTuple):
     contact: Contact
     defects: tuple[tuple[float, float], ...]
     products: int
+    settled: int = 0
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,7 @@ def find_equilibrium(
     scale = _Scale(K, f, limits)
     pivots = Pivots()
     defects: list[tuple[float, float]] = []
-    products = 0
+    products, last, settled = 0, None, 0
     for number in range(1, limits.max_iterations + 1):
         active = stopped(K.R, contact, active, f)
         here = contact
@@ -151,15 +153,16 @@ def find_equilibrium(
             closed, defect = contact.next(active, p), contact.defect(p)
             if reduction == 0 or not np.array_equal(closed, active):
                 break
-        balance, gap = scale.balance(K, contact.rows, f, q, p), defect / limits.size(q)
+        settled = settled + 1 if last is not None and np.array_equal(last, active) else 1
+        last, balance, gap = active, scale.balance(K, contact.rows, f, q, p), defect / limits.size(q)
         defects.append((balance, gap))
         if told is not None:
             told(number, int(active.sum()), balance, gap)
         done = balance <= limits.tolerance and defect <= limits.allowed(q)
         if done and reduction == 0:
-            return Outcome(True, Iterate(q, p, active), contact, tuple(defects), products)
+            return Outcome(True, Iterate(q, p, active), contact, tuple(defects), products, settled)
         active = closed if done else pivots.next(active, closed, reduction == 0)
-    return Outcome(False, Iterate(q, p, active), contact, tuple(defects), products)
+    return Outcome(False, Iterate(q, p, active), contact, tuple(defects), products, settled)
 
 
 def stopped(R: Floats, contact: Contact, active: NDArray[np.bool_], f: Floats) -> NDArray[np.bool_]:

@@ -106,7 +106,7 @@ def follow(
     active = place.contact.paired & (start.active | place.contact.held)
     scale, p = _Scale(limits, exact), np.where(active, start.p, 0.0)
     now = _State(start.q, p, place, scale.defect(place, start.q, p))
-    sets, products, met = _Sets(), 0, False
+    sets, products, met, last, settled = _Sets(), 0, False, None, 0
     history = [np.inf if first is not None else now.defect.whole]  # what is foreseen has defects of its own
     defects: list[tuple[float, float]] = []
     while not met and len(defects) < limits.max_iterations:
@@ -121,13 +121,15 @@ def follow(
         defects += [(now.defect.balance, now.defect.gap)] * (made.solves - 1)
         defects.append((then.defect.balance, then.defect.gap))
         now, active, products, met = then, made.active, products + made.products, scale.met(then)
+        same = made.solves == 1 and last is not None and np.array_equal(last, active)
+        last, settled = active, settled + 1 if same else 1
         if told is not None:
             told(len(defects), int(active.sum()), *defects[-1])
         history.append(now.defect.whole)
         if not drag and min(history[-_PATIENCE:]) > min(history[:-_PATIENCE], default=np.inf):
             break
         active = active if met else now.place.contact.next(active, now.p)
-    return Outcome(met, Iterate(now.q, now.p, active), now.place.contact, tuple(defects), products)
+    return Outcome(met, Iterate(now.q, now.p, active), now.place.contact, tuple(defects), products, settled)
 
 
 class _Made(NamedTuple):

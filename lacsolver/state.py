@@ -52,8 +52,9 @@ class State:
 
     `reaction` (n_dof,): force that what holds the body gives it. `rigid` (name -> dofs): the motion of rigid bodies,
     displacement of the centre then rotation. `iterations`, `halvings` of the step that led here, `residuals` of its
-    iterations; `next_step`: the size of step that would come next. `iterate`, `earlier`: unknowns, pressures and set
-    here and, with its time, a step before: what to go on from.
+    iterations, the last `settled` of which solved with one set of closed rows; `next_step`: the size of step that would
+    come next. `iterate`, `earlier`: unknowns, pressures and set here and, with its time, a step before: what to go on
+    from.
     """
 
     time: float
@@ -67,3 +68,4 @@ class State:
     next_step: float = np.inf
     iterate: Iterate | None = None
     earlier: tuple[float, Iterate] | None = None
+    settled: int = 0

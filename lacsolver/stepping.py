@@ -214,7 +214,7 @@ def _state(
         first = rows.stop
     return State(
         instant.t, instant.u(q), instant.reaction(q, p), tuple(zones), problem.constraints.rigid_motion(q, instant.t),
-        spent.iterations, spent.halvings, tuple(spent.residuals), size, outcome.iterate, earlier,
+        spent.iterations, spent.halvings, tuple(spent.residuals), size, outcome.iterate, earlier, outcome.settled,
     )  # fmt: skip
 
 

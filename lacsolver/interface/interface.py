@@ -97,7 +97,7 @@ def integrate(
     points = _points(zone, slave, master, pairing, moved=x is not None)
     weight = points.weight * pairing.thickness
     if x is not None and pairing.measure == "reference":
-        weight = weight * _stretch(zone, slave, points, pairing.axisymmetric)
+        weight = weight * stretch(zone, slave, points, pairing.axisymmetric)
     n = np.ascontiguousarray(points.normal[:, :dim])
     m = zone.n_macros
     gap = points.gap + _clearance(zone, points, pairing, t)
@@ -159,7 +159,7 @@ def tangents(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
     return out
 
 
-def _stretch(zone: Zone, slave: Surface, points: ContactPoints, axisymmetric: bool) -> NDArray[np.floating]:
+def stretch(zone: Zone, slave: Surface, points: ContactPoints, axisymmetric: bool) -> NDArray[np.floating]:
     """(points,): the slave's undeformed measure over its deformed one."""
     before, after = (
         np.linalg.norm(normals_of(tangents(s, points.slave, points.xi_slave)), axis=1) for s in (zone.slave, slave)

@@ -10,9 +10,11 @@ interpolated nodal ones. With w the weight and dw its change (the current measur
     d(B^T p).v = sum p w [ dn.(v - v_bar) - (n.dv_bar/dxi^b) dxi_bar^b ] + p dw n.(v - v_bar)
     dG = sum w dg + dw g
 
-Pieces move too; what they exchange across an edge of the master is continuous there and cancels, so that nothing is
-left of it but at the rim of a master that does not cover the slave. Rows here are points times components, as sparse
-matrices of the displacement: their products are all there is to do.
+Pieces move too, by V across their edges (`edges`), which adds what is integrated, times V, along those:
+
+    d(B^T p).v += sum_edges p w V n.(v - v_bar),     dG += sum_edges w V g
+
+Rows here are points times components, as sparse matrices of the displacement: their products are all there is to do.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ from lacmesh.quadrature import rule
 from lacmesh.shapes import gradient, shape
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import crease_pairs, normals_of
-from lacsolver.interface.interface import Interface, Pairing, by_type, tangents
+from lacsolver.interface.edges import edges_of
+from lacsolver.interface.interface import Interface, Pairing, by_type, stretch, tangents
 
 
 class Motion(NamedTuple):
@@ -45,6 +48,19 @@ class Motion(NamedTuple):
     closing: csr_array
     along: csr_array
     stretching: csr_array | None
+    exchange: Exchange
+
+
+class Exchange(NamedTuple):
+    """What pieces gain at their edges, a row each point of these: `macro`, `weight`, `distance` (the gap with the mean
+    clearance of the macro-element); `across`: n.(v - v_bar) there, and `moving`: V, as matrices of u.
+    """
+
+    macro: Ints
+    weight: Floats
+    distance: Floats
+    across: csr_array
+    moving: csr_array
 
 
 def tangent(face: Interface, motion: Motion, p: Floats) -> csr_array:
@@ -57,7 +73,8 @@ def tangent(face: Interface, motion: Motion, p: Floats) -> csr_array:
     if motion.stretching is not None:
         n = face.points.normal[:, :d]
         K = K + (_along(n) @ motion.between).T @ diags_array(load) @ motion.stretching
-    return csr_array(K)
+    gained = motion.exchange
+    return csr_array(K + gained.across.T @ diags_array(p[gained.macro] * gained.weight) @ gained.moving)
 
 
 def gap_derivative(face: Interface, motion: Motion) -> csr_array:
@@ -68,7 +85,9 @@ def gap_derivative(face: Interface, motion: Motion) -> csr_array:
     if motion.stretching is not None:
         lever = csr_array((face.weight * face.distance, (points.macro, np.arange(len(points)))), shape=(m, len(points)))
         out = out + lever @ motion.stretching
-    return csr_array(-out)
+    gained = motion.exchange
+    at, lever = np.arange(len(gained.macro)), gained.weight * gained.distance
+    return csr_array(-out - csr_array((lever, (gained.macro, at)), shape=(m, len(at))) @ gained.moving)
 
 
 def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int) -> Motion:
@@ -77,8 +96,11 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
     n = points.normal[:, :dim]
     here = _interpolation(slave, points.slave, points.xi_slave, dim)
     there = _interpolation(master, points.master, points.xi_master, dim)
-    smooth = pairing.normals == "smoothed"
-    turning = _smooth_turning(slave, face, pairing, dim) if smooth else _facet_turning(slave, face, dim)
+    if pairing.normals == "smoothed":
+        nodal, turned = _nodal_normals(slave, pairing.crease_angle, dim)
+        turning = _smooth_turning(slave, face, nodal, turned, dim)
+    else:
+        nodal, turning = None, _facet_turning(slave, face, dim)
     tau = tangents(master, points.master, points.xi_master)[:, :dim]
     moved = csr_array(here + diags_array(np.repeat(points.gap, dim)) @ turning - there)
     solved = _blocks(np.linalg.inv(np.concatenate([tau, -n[:, :, None]], axis=2))) @ moved
@@ -93,7 +115,24 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
         csr_array(solved[dim * at + dim - 1]),
         along,
         stretching,
+        _exchange(face, slave, master, pairing, dim, nodal),
     )
+
+
+def _exchange(
+    face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int, nodal: Floats | None
+) -> Exchange:
+    """What pieces gain at their edges."""
+    edges = edges_of(face.points.slave, face.points.master, slave, master, dim, nodal, pairing.axisymmetric)
+    at = edges.points
+    between = _interpolation(slave, at.slave, at.xi_slave, dim) - _interpolation(master, at.master, at.xi_master, dim)
+    weight = at.weight * pairing.thickness
+    if pairing.measure == "reference":
+        weight = weight * stretch(face.zone, slave, at, pairing.axisymmetric)
+    n, macro = np.ascontiguousarray(at.normal[:, :dim]), face.zone.macro[at.macro]
+    extra = np.bincount(face.points.macro, face.weight * (face.distance - face.points.gap), len(face.w))
+    clearance = np.divide(extra, face.w, out=np.zeros_like(face.w), where=face.w > 0)
+    return Exchange(macro, weight, at.gap + clearance[macro], csr_array(_along(n) @ between), edges.moving)
 
 
 def _interpolation(surface: Surface, face: Ints, xi: Floats, dim: int) -> csr_array:
@@ -142,10 +181,9 @@ def _stretching(slave: Surface, face: Interface, pairing: Pairing, dim: int) -> 
     return _gathered(parts, len(points), 1, dim, len(slave.x))
 
 
-def _smooth_turning(slave: Surface, face: Interface, pairing: Pairing, dim: int) -> csr_array:
+def _smooth_turning(slave: Surface, face: Interface, nodal: Floats, turned: csr_array, dim: int) -> csr_array:
     """(points dim, n_dof): the turning of interpolated nodal normals n = H / |H|, H = sum_a N_a n_a."""
     points, parts = face.points, []
-    nodal, turned = _nodal_normals(slave, pairing.crease_angle, dim)
     for rows, name, nodes in by_type(slave, points.slave):
         k = nodes.shape[1]
         N = shape(name, points.xi_slave[rows, : slave.dim])

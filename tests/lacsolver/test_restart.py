@@ -328,7 +328,7 @@ def test_a_step_that_was_halved_goes_on_as_long_as_it_was(folder):
 
 @pytest.mark.parametrize(
     "steps",
-    [END, "[steps]\nend = 3.0\ncount = 2\ngrowth = 1.0\n[solver]\nmax_iterations = 7\n"],
+    [END, "[steps]\nend = 3.0\ncount = 2\ngrowth = 1.0\n[solver]\nmax_iterations = 6\n"],
     ids=["whole", "halved"],
 )
 def test_bodies_that_go_far_go_on_to_the_last_bit(folder, monkeypatch, steps):

@@ -2,9 +2,8 @@
 
 Where slave faces are straight and have their own normals the integrals are exact, and so are their derivatives: 1e-8,
 which is what the differences are good for. So they are, whatever the faces and normals, in front of one master face. In
-front of several, on curved faces or with smoothed normals, pieces end where master nodes stand along the mean normal of
-the slave face, not along the ray: there the two master faces, each prolonged, are apart by as much as the gap, and so
-is the tangent off. In contact nothing of it is left.
+front of several pieces move, and rules with a few points leave their derivatives off by what they are themselves: 1e-4,
+and 1e-2 on lines that curve, whose 4 points feel it most.
 """
 
 from __future__ import annotations
@@ -44,8 +43,8 @@ def every(pairs, normals=NORMALS):
 class Deformed:
     """A zone whose skins are moved at random, and what it is there."""
 
-    def __init__(self, slave, master, dim, options, *, gap=0.1, counts=(3, 4), size=4e-3):
-        mesh, zone = wavy(slave, master, dim, gap=gap, counts=counts, margin=0.15)
+    def __init__(self, slave, master, dim, options, *, gap=0.1, counts=(3, 4), size=4e-3, margin=0.15):
+        mesh, zone = wavy(slave, master, dim, gap=gap, counts=counts, margin=margin)
         self.zone, self.dim, self.pairing = zone, dim, Pairing(search_distance=0.6, **options)
         faces = [surface.faces.nodes for surface in (zone.slave, zone.master)]
         self.nodes = np.unique(np.concatenate([nodes[nodes >= 0] for nodes in faces]))
@@ -53,7 +52,7 @@ class Deformed:
         self.shape = mesh.points.shape
         self.x = mesh.points + size * self.direction()
         self.face = self.at(0)
-        assert self.face.coverage.min() > 1 - 1e-9, "nothing at the rim"
+        assert (self.face.coverage.min() > 1 - 1e-9) == (margin > 0)
         self.p = self.rng.uniform(0.5, 1.5, zone.n_macros)
         face = self.face
         motion = motion_of(face, face.slave, face.master, self.pairing, dim)
@@ -91,11 +90,25 @@ def test_any_faces_in_front_of_one(pair, options):
     assert Deformed(*pair, options, counts=(2, 1)).errors().max() <= EXACT
 
 
-@every(ANY[:2], normals=("smoothed",))
-def test_what_pieces_leave_out_goes_with_the_gap(pair, options):
-    """A tenth of the gap, and at most a fifth of the error."""
-    far, near = (Deformed(*pair, options, gap=gap, counts=(6, 7), size=0.02 * gap).errors() for gap in (0.1, 0.01))
-    assert (near <= far / 5).all() and near[0] <= 0.1 and near[1] <= 0.01
+@every(ANY)
+def test_any_faces_in_front_of_several(pair, options):
+    curved = pair[:2] == ("QUAD8", "TRIA6")
+    counts = (6, 7) if pair[2] == 2 else (3, 4)
+    errors = Deformed(*pair, options, counts=counts).errors()
+    assert errors.max() <= (1e-2 if curved else 1e-4)
+
+
+@every([ANY[0], STRAIGHT[1], STRAIGHT[2], STRAIGHT[3]])
+def test_a_master_that_ends_under_its_slave(pair, options):
+    """Faces of the slave that the rim crosses gain and lose what is there, with its clearance."""
+    options = {**options, "clearance": 0.02}
+    assert Deformed(*pair, options, margin=-0.05).errors().max() <= (EXACT if pair[2] == 2 else 1e-5)
+
+
+def test_the_rim_is_what_is_missed(monkeypatch):
+    monkeypatch.setattr("lacsolver.interface.edges._counting", lambda s, m, a, *_: np.zeros((len(a), 4), bool))
+    errors = Deformed(*STRAIGHT[3], {"measure": "reference", "normals": "facet"}, margin=-0.05).errors()
+    assert (errors > 0.01).all()
 
 
 @every(ANY)

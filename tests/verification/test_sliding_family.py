@@ -112,12 +112,24 @@ def test_newton_is_judged_by_its_last_iterations():
     class State:
         halvings = 0
 
-        def __init__(self, *residuals):
+        def __init__(self, *residuals, settled=None):
             self.residuals = residuals
+            self.settled = len(residuals) if settled is None else settled
 
     good, slow = State(1.0, 1e-3, 2e-6, 3e-11), State(1.0, 1e-3, 2e-4, 5e-5, 1e-5, 1e-11)
     assert last_pairs(good.residuals, 1e-10) == [(1e-3, 2e-6), (2e-6, 3e-11)]
     assert quadratic(last_pairs(good.residuals, 1e-10), 1e-10) and not quadratic([(5e-5, 1e-5)], 1e-10)
-    halved, share, *_ = newton([good, slow], 1e-10)
-    assert halved.passed and share.value == 0.5 and not share.passed
-    assert newton([good], 1e-10)[1].passed
+    halved, told, share, *_ = newton([good, slow], 1e-10)
+    assert halved.passed and told.value == 2 and share.value == 0.5 and not share.passed
+    assert newton([good], 1e-10)[2].passed
+
+
+def test_newton_is_not_judged_while_the_set_changes():
+    class State:
+        halvings, residuals = 0, (1e-3, 5e-4, 1e-13)
+
+        def __init__(self, settled):
+            self.settled = settled
+
+    assert not newton([State(3)], 1e-10)[2].passed and newton([State(2)], 1e-10)[2].passed
+    assert len(newton([State(1)], 1e-10)) == 1

@@ -82,8 +82,11 @@ def ironing_2d(across: int = 60) -> Mesh:
 
 
 def ironing_3d(across: int = 24) -> Mesh:
-    """One half of a crowned half-cylinder over one half of a block of so many cells; the die is always the same, its
-    faces 0.2 wide. Groups: block, die, slave (of the die), master, top, bottom, symmetry.
+    """One half of a crowned half-cylinder over one half of a block of so many cells. Groups: block, die, slave (of the
+    die), master, top, bottom, symmetry.
+
+    The die is the slave, as all of its skin finds the block, and the stiff one: its faces are the larger ones (0.27 at
+    24 cells of 0.25, 0.2 at 40 of 0.15), so that there are no more pressures than the soft block can tell apart.
     """
     long, deep, high = IRONED_3D
     counts = across, across // 4, 5 * across // 24
@@ -93,7 +96,7 @@ def ironing_3d(across: int = 24) -> Mesh:
     return joined(
         {
             "block": body(block, skins={"master": _at(2, 0.0), "bottom": _at(2, -high), **symmetry}),
-            "die": _die(4, skins={"slave": _crowned, "top": _at(2, DIE_3D + GAP), **symmetry}),
+            "die": _die(round(across / 9), skins={"slave": _crowned, "top": _at(2, DIE_3D + GAP), **symmetry}),
         }
     )
 
