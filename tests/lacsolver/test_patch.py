@@ -1,4 +1,7 @@
-"""The patch test: contact passes a uniform pressure on exactly, whatever the cells on either side."""
+"""The patch test: contact passes a uniform pressure on exactly, whatever the cells on either side.
+
+In space pairs are tilted here; along the axes every pair is a case of the verification's family `patch`.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +28,8 @@ from tests.lacsolver.patch_meshes import PLANE_KINDS, SOLID_KINDS, rotation, sid
 #: of the stress, of every p_m, of the displacement, of the gap against the macro-element's size, of the coverage
 EXACT = 1e-10
 BALANCED = 1e-12
+#: a family of cases that is left to the verification
+_STRAIGHT = "3D, every pair"
 _MARKS = {False: (), True: (pytest.mark.slow,)}
 
 
@@ -34,7 +39,8 @@ def check(found):
 
 
 @pytest.mark.parametrize(
-    "make", [pytest.param(c.make, id=f"{c.family}: {c.label}", marks=_MARKS[c.slow]) for c in cases()]
+    "make",
+    [pytest.param(c.make, id=f"{c.family}: {c.label}", marks=_MARKS[c.slow]) for c in cases() if c.family != _STRAIGHT],
 )
 def test_uniform_pressure_goes_through(make):
     check(figures(make()))
