@@ -357,9 +357,9 @@ def _squares(patches: _Patches, squares: Floats) -> NDArray[np.floating]:
 
 def _summed(row: Ints, values: Floats, k: int) -> NDArray[np.floating]:
     """(k, ...): values (r, ...) summed over their rows."""
-    out = np.zeros((k, *values.shape[1:]))
-    np.add.at(out, row, values)
-    return out
+    out = np.zeros((k, int(np.prod(values.shape[1:]))))
+    scatter(out, row[:, None], np.ascontiguousarray(values).reshape(len(row), 1, out.shape[1]))
+    return out.reshape(k, *values.shape[1:])
 
 
 def _merged(slave: _Slave, contact: Bools, last: Bools) -> tuple[_Slave, csr_array]:
@@ -445,16 +445,13 @@ def _fit(slave: _Slave, used: Bools) -> csr_array:
 
 def _planes(slave: _Slave, patch: csr_array) -> tuple[csr_array, Bools]:
     """The plane through the means of each patch (a row of k), and whether the patch goes round its node."""
-    row, m = np.repeat(np.arange(patch.shape[0]), np.diff(patch.indptr)), patch.indices
-
-    def total(values: Floats) -> NDArray[np.floating]:
-        return np.bincount(row, values, minlength=patch.shape[0]).astype(float)
-
-    size = total(slave.area[m])
+    k = patch.shape[0]
+    row, m = np.repeat(np.arange(k), np.diff(patch.indptr)), patch.indices
+    size = _summed(row, slave.area[m], k)
     w = slave.area[m] / np.where(size > 0, size, 1.0)[row]
-    x_bar = np.stack([total(w * slave.centroid[m, s]) for s in range(3)], axis=1)
+    x_bar = _summed(row, w[:, None] * slave.centroid[m], k)
     d = slave.centroid[m] - x_bar[row]
-    spread = np.stack([total(w * d[:, i] * d[:, j]) for i in range(3) for j in range(3)], axis=1).reshape(-1, 3, 3)
+    spread = _summed(row, w[:, None, None] * d[:, :, None] * d[:, None, :], k)
     variance, axes = np.linalg.eigh(spread)
     there = (variance > _THIN * variance[:, -1:]) & (np.arange(3) >= 3 - slave.dim)
     inverse = np.divide(1.0, variance, out=np.zeros_like(variance), where=there)

@@ -22,8 +22,9 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.shapes import gradient, shape
 from lacmesh.surface import ContactPoints, Surface
 from lacmesh.surface.maps import BENT
+from lacmesh.surface.normals import normals_of
 from lacmesh.surface.patches import Patches, patches
-from lacsolver.interface.interface import by_type, tangents
+from lacsolver.interface.interface import by_type, places, tangents
 
 #: steps of Newton's method for places in faces; after one so small there is no other: it converges quadratically
 _STEPS, _DONE = 12, 1e-7
@@ -171,12 +172,13 @@ def _placed(
     if dim == 2:
         _over(s, ends, slave, xi)
     xi_m = np.einsum("kc,kcx->kx", ends.share, m.xi[ends.master])
-    J = np.cross(*np.moveaxis(tangents(slave, face, xi), 2, 0)) if dim == 3 else tangents(slave, face, xi)[:, :, 0]
-    normal = _normal(slave, face, xi, J, dim, nodal)
-    x = _at(slave, face, xi)
+    tau = tangents(slave, face, xi)
+    true = normals_of(tau)
+    normal = _normal(slave, face, xi, true, dim, nodal)
+    x = places(slave, face, xi)
     xi_m, gap, met = _meet(master, other, x, normal, xi_m, dim)
-    ratio = 1 / np.abs((J * s.e[ends.slave, 0]).sum(axis=1)) if dim == 2 else _ratio(s, ends)
-    weight = ends.size * np.linalg.norm(J, axis=1) * ratio
+    ratio = 1 / np.abs((tau[:, :, 0] * s.e[ends.slave, 0]).sum(axis=1)) if dim == 2 else _ratio(s, ends)
+    weight = ends.size * np.linalg.norm(true, axis=1) * ratio
     if axisymmetric:
         weight = weight * 2 * np.pi * x[:, 0]
     keep = np.flatnonzero(met)
@@ -194,7 +196,7 @@ def _over(s: Patches, ends: _Ends, slave: Surface, xi: Floats) -> None:
     a, face = ends.slave, s.face[ends.slave]
     want = s.x[a, 0] + ((1 + ends.s[:, 0]) / 2 * s.area[a])[:, None] * s.e[a, 0]
     for _ in range(_STEPS if len(a) else 0):
-        off = ((want - _at(slave, face, xi)) * s.e[a, 0]).sum(axis=1)
+        off = ((want - places(slave, face, xi)) * s.e[a, 0]).sum(axis=1)
         step = off / (tangents(slave, face, xi)[:, :, 0] * s.e[a, 0]).sum(axis=1)
         xi[:, 0] += np.clip(step, -_BEYOND, _BEYOND)
         if np.abs(step).max() < _DONE:
@@ -224,9 +226,11 @@ def _ratio(s: Patches, ends: _Ends) -> NDArray[np.floating]:
     return out
 
 
-def _normal(slave: Surface, face: Ints, xi: Floats, J: Floats, dim: int, nodal: Floats | None) -> NDArray[np.floating]:
-    """(n, 3): unit normals at points of the slave."""
-    n = np.stack([J[:, 1], -J[:, 0], np.zeros(len(J))], axis=1) if dim == 2 else J
+def _normal(
+    slave: Surface, face: Ints, xi: Floats, true: Floats, dim: int, nodal: Floats | None
+) -> NDArray[np.floating]:
+    """(n, 3): unit normals at points of the slave; `true` (n, 3): those of the faces, of any size."""
+    n = true
     if nodal is not None:
         n = np.zeros((len(face), 3))
         for rows, name, nodes in by_type(slave, face):
@@ -234,14 +238,6 @@ def _normal(slave: Surface, face: Ints, xi: Floats, J: Floats, dim: int, nodal: 
                 "pa,pas->ps", shape(name, xi[rows, : slave.dim]), nodal[face[rows], : nodes.shape[1]]
             )
     return n / np.linalg.norm(n, axis=1, keepdims=True)
-
-
-def _at(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
-    """(n, 3): places of points of faces."""
-    out = np.empty((len(face), 3))
-    for rows, name, nodes in by_type(surface, face):
-        out[rows] = np.einsum("pa,pas->ps", shape(name, xi[rows, : surface.dim]), surface.x[nodes])
-    return out
 
 
 def _meet(
@@ -252,7 +248,7 @@ def _meet(
     step = np.zeros((len(x), dim))
     for _ in range(_STEPS if len(x) else 0):
         tau = tangents(master, face, xi)
-        off = x + gap[:, None] * n - _at(master, face, xi)
+        off = x + gap[:, None] * n - places(master, face, xi)
         A = np.concatenate([tau, -n[:, :, None]], axis=2)[:, :dim]
         good = np.abs(np.linalg.det(A)) > 1e-300
         step = np.zeros((len(x), dim))
@@ -272,7 +268,7 @@ def _moving(
     a, b, nu, e = ends.slave, ends.master, ends.nu, s.e[ends.slave, 2]
     y = np.einsum("kc,kcs->ks", ends.share, m.x[b])
     k = own[1].shape[1]
-    x = _at(slave, np.repeat(s.face[a], k), own[0].reshape(-1, 2)).reshape(len(a), k, 3)
+    x = places(slave, np.repeat(s.face[a], k), own[0].reshape(-1, 2)).reshape(len(a), k, 3)
     h = ((y - np.einsum("kc,kcs->ks", own[1], x)) * e).sum(axis=1)
     chords = _chords(s.n[a], dim)
     t = np.einsum("kac,kcs->kas", chords, s.x[a])

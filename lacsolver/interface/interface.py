@@ -136,11 +136,15 @@ def _clearance(zone: Zone, points: ContactPoints, pairing: Pairing, t: float) ->
 
 def positions(slave: Surface, points: ContactPoints) -> NDArray[np.floating]:
     """(points, 3): where the points of the slave are."""
-    X = np.empty((len(points), 3))
-    for rows, name, nodes in by_type(slave, points.slave):
-        N = shape(name, points.xi_slave[rows, : slave.dim])
-        X[rows] = np.einsum("pn,pns->ps", N, slave.x[nodes])
-    return X
+    return places(slave, points.slave, points.xi_slave)
+
+
+def places(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
+    """(points, 3): where reference points xi (points, 2) of faces are."""
+    out = np.empty((len(face), 3))
+    for rows, name, nodes in by_type(surface, face):
+        out[rows] = np.einsum("pn,pns->ps", shape(name, xi[rows, : surface.dim]), surface.x[nodes])
+    return out
 
 
 def by_type(surface: Surface, face: Ints) -> Iterator[tuple[Any, str, Ints]]:
