@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.mesh import Ints, Mesh, codes
+from lacmesh.quadrature import measure, signed_area
 from lacmesh.skin import Faces, Match, label_rows
 
 
@@ -57,3 +59,19 @@ def facets_of(mesh: Mesh, owners: Match) -> Faces:
     place = np.empty(len(order), np.int64)
     place[np.concatenate(rows)] = np.arange(len(order))
     return Faces.join(parts).take(place)
+
+
+def inside_out(mesh: Mesh, cells: Ints, plane: bool) -> NDArray[np.bool_]:
+    """(k,): which cells list their nodes the wrong way (real meshes have some): their facets point inward.
+
+    Solids by the volume of their corners; surface cells by their area where they lie in a `plane` z = constant, and
+    never in space, where they have no wrong way.
+    """
+    wrong = np.zeros(mesh.n_cells, bool)
+    for kind, chosen, nodes in mesh.select(cells):
+        flat = CELLS[CELLS[kind].linear]
+        if flat.dim == 3:
+            wrong[chosen] = measure(flat.name, mesh.points[nodes[:, : flat.n_corners]]) < 0
+        elif plane:
+            wrong[chosen] = signed_area(kind, mesh.points[nodes]) < 0
+    return wrong[cells]

@@ -1,5 +1,8 @@
 """The mesh: points, blocks of cells, groups and data. Frozen; arrays are indices from 0, `*_number` are the file's.
 
+Frozen holds for arrays and mappings too: nothing of a mesh can be written into; `dataclasses.replace` makes another.
+Arrays are not copied for that, so that whoever keeps the array that a mesh was made of can still write into that.
+
 A cell's index counts through the blocks in their order; `file_order` lists the indices in the order of the file.
 Node order inside a cell is gmsh's (`cells.py`). Missing values in data are NaN, or -1 in integer data.
 """
@@ -7,9 +10,10 @@ Node order inside a cell is gmsh's (`cells.py`). Missing values in data are NaN,
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any, NamedTuple
+from numbers import Integral
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +24,37 @@ from lacmesh.errors import GroupNotFoundError, RequestError, some
 Ints = NDArray[np.integer]
 Floats = NDArray[np.floating]
 Tag = tuple[int, int]  # (dimension, tag), gmsh's way to name a physical group or an entity
+Spec = str | int | Tag  # what names a group of cells
 #: makes one number of a dimension and a tag (of 32 bits), in the order of both
 ENTITY_CODE = np.array([1 << 32, 1])
+_MAPPINGS = ("cell_groups", "node_groups", "cell_data", "node_data", "group_tags", "steps")
+
+
+class Fixed(dict):
+    """A dictionary that cannot be changed."""
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError("groups and data of a mesh are not changed; dataclasses.replace makes another mesh")
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    update = setdefault = pop = popitem = clear = _refuse
+
+    def __reduce__(self) -> tuple[type, tuple[dict]]:
+        return type(self), (dict(self),)
+
+
+def fixed(array: Any) -> NDArray:
+    """An array as it is, in a view that cannot be written into."""
+    array = np.asarray(array)
+    if array.flags.writeable:
+        array = array.view()
+        array.flags.writeable = False
+    return array
+
+
+def _fixed_mapping(mapping: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A mapping that cannot be changed, nor any array in it."""
+    return Fixed({name: fixed(v) if isinstance(v, np.ndarray) else v for name, v in mapping.items()})
 
 
 class Block(NamedTuple):
@@ -49,6 +82,9 @@ class Periodic:
     master: Tag
     affine: tuple[float, ...]
     nodes: Ints
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "nodes", fixed(self.nodes))
 
 
 @dataclass(frozen=True)
@@ -90,6 +126,19 @@ class Mesh:
     model: Model | None = None
     name: str = "mesh"
     plane: str = ""
+
+    def __post_init__(self) -> None:
+        made: dict[str, Any] = {"blocks": tuple(Block(kind, fixed(nodes)) for kind, nodes in self.blocks)}
+        made |= {name: fixed(getattr(self, name)) for name in ("points", "node_number", "cell_number")}
+        made |= {name: _fixed_mapping(getattr(self, name)) for name in _MAPPINGS}
+        if self.file_order is not None:
+            made["file_order"] = fixed(self.file_order)
+        for name, value in made.items():
+            object.__setattr__(self, name, value)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies and what is unpickled cannot be written into either."""
+        return _remade, ({f.name: getattr(self, f.name) for f in fields(self)},)
 
     @classmethod
     def create(cls, points: Any, blocks: Iterable[tuple[str, Any]], **rest: Any) -> Mesh:
@@ -154,13 +203,13 @@ class Mesh:
     @cached_property
     def offsets(self) -> Ints:
         """(n_blocks + 1,): the index of each block's first cell, then the number of cells."""
-        return np.cumsum([0, *(len(b.nodes) for b in self.blocks)])
+        return fixed(np.cumsum([0, *(len(b.nodes) for b in self.blocks)]))
 
     @cached_property
     def cell_dim(self) -> Ints:
         """(n_cells,): dimension of each cell."""
         dims = np.array([ALL_CELLS[b.type].dim for b in self.blocks], np.int8)
-        return np.repeat(dims, np.diff(self.offsets))
+        return fixed(np.repeat(dims, np.diff(self.offsets)))
 
     @property
     def dim(self) -> int:
@@ -195,11 +244,13 @@ class Mesh:
             return int(self.cell_dim[cells].max())
         return max((dim for dim, _ in self.group_tags.get(name, ())), default=-1)
 
-    def group(self, spec: str) -> str:
+    def group(self, spec: Spec) -> str:
         """The name of the cell group that `spec` means: a name, a tag `5`, or `2:5` (dimension and tag).
 
-        Raises GroupNotFoundError, with near matches, and RequestError where a tag means several groups.
+        A tag may be an integer, a dimension and a tag the pair (2, 5). Raises GroupNotFoundError, with near matches,
+        and RequestError where a tag means several groups.
         """
+        spec = spec_text(spec)
         if spec in self.cell_groups:
             return spec
         parts = spec.split(":")
@@ -215,13 +266,13 @@ class Mesh:
     @property
     def entities(self) -> list[Tag]:
         """Dimension and tag of the elementary entities of msh that have cells, ascending."""
-        entity = self._entity_of_cell
+        entity = self.entity_of_cell
         code = np.unique(entity[entity[:, 0] >= 0].astype(np.int64) @ ENTITY_CODE)
         dim = (code + ENTITY_CODE[0] // 2) // ENTITY_CODE[0]
         return list(zip(dim.tolist(), (code - dim * ENTITY_CODE[0]).tolist(), strict=True))
 
     @property
-    def _entity_of_cell(self) -> Ints:
+    def entity_of_cell(self) -> Ints:
         """(k, 2): dimension and tag of each cell's entity; no rows in a mesh that knows none."""
         entity = self.cell_data.get("entity")
         if entity is None or entity.shape != (self.n_cells, 2) or entity.dtype.kind not in "iu":  # of that name only
@@ -236,8 +287,9 @@ class Mesh:
         dim, tag = min(known, key=lambda entity: (entity[0] != self.dim - 1, entity))
         return f", but entity:DIM:TAG names an entity, as entity:{dim}:{tag} (lacmesh info lists them)"
 
-    def cells_of(self, spec: str) -> Ints:
+    def cells_of(self, spec: Spec) -> Ints:
         """Sorted indices of the cells that `spec` names: a group (as `group`), or `entity:2:17`, an entity of msh."""
+        spec = spec_text(spec)
         if spec.startswith("entity:") and spec not in self.cell_groups:
             return self._cells_of_entity(spec)
         return self.cell_groups[self.group(spec)]
@@ -246,7 +298,7 @@ class Mesh:
         parts = spec.split(":")[1:]
         if len(parts) != 2 or not all(p.isdigit() for p in parts):
             raise RequestError(f"{spec!r} is no entity; write entity:DIM:TAG, as entity:2:17")
-        found = np.flatnonzero((self._entity_of_cell == [int(p) for p in parts]).all(axis=1))
+        found = np.flatnonzero((self.entity_of_cell == [int(p) for p in parts]).all(axis=1))
         if not len(found):
             known = [f"entity:{dim}:{tag}" for dim, tag in self.entities]
             raise GroupNotFoundError(spec, known, "entity")
@@ -255,6 +307,28 @@ class Mesh:
     def cell_names(self, cells: Iterable[int]) -> str:
         """The file's numbers of some cells, for a message."""
         return some(self.cell_number[np.asarray(list(cells), dtype=int)])
+
+
+def _remade(values: dict[str, Any]) -> Mesh:
+    return Mesh(**values)
+
+
+def spec_text(spec: Spec) -> str:
+    """What names a group of cells, as text.
+
+    >>> spec_text("slave"), spec_text(5), spec_text((2, 5))
+    ('slave', '5', '2:5')
+    """
+    return ":".join(str(part) for part in spec) if isinstance(spec, tuple) else str(spec)
+
+
+def spec_list(specs: str | int | Iterable[str | int]) -> list[str]:
+    """What names one group of cells or several, as text.
+
+    >>> spec_list("slave"), spec_list(5), spec_list(["slave", 5])
+    (['slave'], ['5'], ['slave', '5'])
+    """
+    return [str(s) for s in ([specs] if isinstance(specs, (str, Integral)) else specs)]  # type: ignore[union-attr]
 
 
 def codes(values: Ints) -> Ints:
@@ -267,8 +341,20 @@ def codes(values: Ints) -> Ints:
 
 
 def distinct(numbers: Ints) -> bool:
-    """Whether no number stands twice."""
-    return bool((numbers[1:] > numbers[:-1]).all()) or len(np.unique(numbers)) == len(numbers)
+    """Whether no number stands twice. Numbers as files have them, a few millions in any order, are ticked off.
+
+    >>> distinct(np.array([7, 5, 6])), distinct(np.array([7, 5, 7])), distinct(np.array([10**18, 0, 10**18]))
+    (True, False, False)
+    """
+    if (numbers[1:] > numbers[:-1]).all():
+        return True
+    low, high = int(numbers.min()), int(numbers.max())
+    if high - low >= 4 * len(numbers):
+        ascending = np.sort(numbers)  # np.unique hashes, at a tenth of the speed
+        return bool((ascending[1:] > ascending[:-1]).all())
+    seen = np.zeros(high - low + 1, bool)
+    seen[numbers - low if low else numbers] = True
+    return int(np.count_nonzero(seen)) == len(numbers)
 
 
 def _block(kind: str, nodes: Any, n_nodes: int) -> Block:

@@ -125,7 +125,8 @@ def _place(mesh: Mesh, wanted: list[_Wanted], raised: list[Ints], targets: list[
             next_id += len(rows)
             if len(rows):
                 births.append(_birth(mesh.blocks[w.block], CELLS[targets[w.block]], w.column, rows, ids))
-            raised[w.block][:, w.column] = np.where(w.known >= 0, w.known, node[mine])
+            if targets[w.block] != mesh.blocks[w.block].type:
+                raised[w.block][:, w.column] = np.where(w.known >= 0, w.known, node[mine])
     return births
 
 

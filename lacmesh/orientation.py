@@ -15,12 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cells import CELLS
+from lacmesh.components import label_components
 from lacmesh.errors import DataError
-from lacmesh.faces import cells_of_dim, distinct_faces, faces_of, facets_of
-from lacmesh.mesh import Ints, Mesh
-from lacmesh.quadrature import measure
-from lacmesh.quality import corner_jacobian
+from lacmesh.faces import cells_of_dim, distinct_faces, faces_of, facets_of, inside_out
+from lacmesh.mesh import Ints, Mesh, Spec, spec_text
 from lacmesh.skin import N_CORNERS, REVERSED, Faces, Match, find_owners, find_repeats, label_rows, turn
 
 Bools = NDArray[np.bool_]
@@ -52,8 +50,10 @@ class Turning:
     one_sided: Ints
 
 
-def orient(mesh: Mesh, group: str) -> Mesh:
+def orient(mesh: Mesh, group: Spec) -> Mesh:
     """The mesh with the skin faces of a cell group turned outward; numbers, groups and data are kept.
+
+    `group`: named as `Mesh.group` takes it.
 
     Raises GroupNotFoundError, and DataError where the group holds no skin face that can be turned.
 
@@ -65,7 +65,7 @@ def orient(mesh: Mesh, group: str) -> Mesh:
     return reverse(mesh, turning(mesh, skin_cells(mesh, group)).turned)
 
 
-def skin_cells(mesh: Mesh, group: str) -> Ints:
+def skin_cells(mesh: Mesh, group: Spec) -> Ints:
     """The skin faces of a cell group: its cells of dimension d - 1, or of its own highest one where it has no such."""
     cells = mesh.cells_of(group)
     dims = mesh.cell_dim[cells]
@@ -75,7 +75,8 @@ def skin_cells(mesh: Mesh, group: str) -> Ints:
     if want not in (1, 2) or odd:
         what = f"cells of dimension {want}" if not odd else f"cells that are not turned ({mesh.cell_names(odd[0])})"
         raise DataError(
-            f"the group {group!r} holds no skin of lines or of linear or quadratic surface cells, but {what}",
+            f"the group {spec_text(group)!r} holds no skin of lines or of linear or quadratic surface cells, but "
+            f"{what}",
             mesh.cell_number[odd[0] if odd else faces],
         )
     return faces
@@ -123,21 +124,8 @@ def inward(mesh: Mesh, cells: Ints, faces: Faces, parents: Match) -> Ints:
     owner[parents.face] = np.arange(len(parents.face))
     outward = facets_of(mesh, parents).take(owner[own.face])
     back = turn(outward, faces_of(mesh, own.cell)) % 2 == 1
-    back ^= inside_out(mesh, parents.cell)[owner[own.face]]
+    back ^= inside_out(mesh, parents.cell, mesh.space_dim == 2)[owner[own.face]]
     return np.sort(own.cell[back])
-
-
-def inside_out(mesh: Mesh, cells: Ints) -> Bools:
-    """(k,): which cells list their nodes the wrong way (real meshes have some): their facets point inward."""
-    wrong = np.zeros(mesh.n_cells, bool)
-    for kind, chosen, nodes in mesh.select(cells):
-        flat = CELLS[CELLS[kind].linear]
-        x = mesh.points[nodes[:, : flat.n_corners]]
-        if flat.dim == 3:
-            wrong[chosen] = measure(flat.name, x) < 0
-        elif mesh.space_dim == 2:
-            wrong[chosen] = corner_jacobian(flat.name, x, plane=True) < 0
-    return wrong[cells]
 
 
 def turn_outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: Match) -> tuple[Mesh, Faces]:
@@ -238,9 +226,6 @@ def edge_uses(faces: Faces) -> EdgeUses:
 
 def _agree(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints]:
     """(over (f,), state (f,)): which faces to turn over so that all agree, outward where closed; closed, open ..."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     size = len(faces)
     if not size:
         return np.zeros(0, bool), np.zeros(0, int)
@@ -252,8 +237,7 @@ def _agree(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints]:
     same = forward[pairs[:, 0]] == forward[pairs[:, 1]]  # they disagree: as it is goes with turned over
     rows = np.concatenate([f, f + size])
     columns = np.concatenate([g + size * same, g + size * ~same])
-    graph = coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(2 * size, 2 * size))
-    sheet = connected_components(graph, directed=False)[1].reshape(2, size)
+    sheet = label_components(rows, columns, 2 * size).reshape(2, size)
     piece = np.unique(sheet.min(axis=0), return_inverse=True)[1]
     n_pieces = int(piece.max()) + 1
     over = sheet[0] != sheet.min(axis=0)

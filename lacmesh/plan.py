@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from lacmesh.cells import CARRIED, CELLS
+from lacmesh.components import label_components
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.faces import cells_of_dim, distinct_faces
 from lacmesh.mesh import Ints, Mesh, codes, distinct
@@ -221,14 +222,10 @@ def _ring_able(mesh: Mesh, cells: Ints, hexa: str) -> Ints:
 
 def _components(n_faces: int, parents: Match, able: Ints) -> Ints:
     """(n_faces,): faces that must be cut alike, because parents that can take the ring share them, get one label."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     _, cell = np.unique(parents.cell[able], return_inverse=True)
     face = parents.face[able]
     size = n_faces + (int(cell.max()) + 1 if len(cell) else 0)
-    graph = coo_matrix((np.ones(len(face), bool), (face, n_faces + cell)), shape=(size, size))
-    labels = connected_components(graph, directed=False)[1][:n_faces]
+    labels = label_components(face, n_faces + cell, size)[:n_faces]
     return np.unique(labels, return_inverse=True)[1]
 
 

@@ -154,3 +154,27 @@ def measure(name: str, x: Any, degree: int | None = None) -> NDArray[np.floating
     if cell.dim == 2:
         return np.linalg.norm(np.cross(J[..., 0], J[..., 1]), axis=-1) @ w
     return np.linalg.norm(J[..., 0], axis=-1) @ w
+
+
+def signed_area(name: str, x: Any) -> NDArray[np.floating]:
+    """(cells,): area of plane cells with nodes at x (cells, n_nodes, 3), positive where they go round as x turns to y.
+
+    By their rims, which are parabolas where the cells are quadratic, so that it is exact for concave and curved ones.
+
+    >>> dart = [[0, 0, 0], [4, 0, 0], [1, 1, 0], [0, 4, 0]]
+    >>> signed_area("QUAD4", [dart, dart[::-1]]).tolist()
+    [4.0, -4.0]
+    """
+    cell = CELLS[name]
+    x = np.asarray(x, dtype=float)
+    x = x[..., :2] - x[:, :1, :2]  # wherever they lie
+    area = np.zeros(len(x))
+    for k, (a, b) in enumerate(cell.edges):
+        area += _turn(x[:, a], x[:, b]) / 2
+        if cell.order == 2:
+            area += 2 / 3 * _turn(x[:, cell.n_corners + k] - (x[:, a] + x[:, b]) / 2, x[:, b] - x[:, a])
+    return area
+
+
+def _turn(a: NDArray, b: NDArray) -> NDArray:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

@@ -10,8 +10,11 @@ from lacmesh import CELLS, Mesh, cut_skin
 from lacmesh.cli import main
 from lacmesh.errors import DataError, GroupNotFoundError
 from lacmesh.orientation import orient, reverse, skin_cells, turning
-from lacmesh.quadrature import measure
+from lacmesh.quadrature import measure, rule, signed_area
 from lacmesh.recognition import recognise
+from lacmesh.shapes import jacobian
+from lacmesh.skin import REVERSED
+from lacmesh.surface import Surface
 from tests import properties
 from tests.checks.blocks import SOLIDS, block, join, skin, two_blocks
 from tests.checks.corpus import reversed_group, without_records
@@ -51,6 +54,53 @@ def test_the_top_of_a_block_looks_up(name):
     assert all(n[up] > 0 for n in normals(after, cells).values())
     assert set(turning(mesh, cells).turned.tolist()) == set(turned.tolist())
     assert all(n[up] < 0 for n in normals(orient(mesh, "master"), mesh.cell_groups["master"]).values())
+
+
+#: plane cells whose least corner turns the other way: a dart, and quadratic cells with a side bent far inward
+_DART = [[0, 0], [4, 0], [1, 1], [0, 4]]
+_CONCAVE = {
+    "QUAD4": _DART,
+    "QUAD8": [*_DART, [2, 0], [2.5, 0.5], [0.5, 2.5], [0, 2]],
+    "TRIA6": [[0, 0], [1, 0], [0, 1], [0.5, 0.45], [0.5, 0.5], [0, 0.5]],
+    "TRIA7": [[0, 0], [1, 0], [0, 1], [0.5, 0.45], [0.5, 0.5], [0, 0.5], [0.33, 0.35]],
+    "QUAD9": [[0, 0], [2, 0], [2, 1], [0, 1], [1, 0.8], [2, 0.5], [1, 1], [0, 0.5], [1, 0.9]],
+    "bulge": [[0, 0], [1, -0.1], [2, 0], [1, -0.15], [0.5, -0.05], [1.5, -0.05], [1.5, 1], [0.5, 1]],
+}
+
+
+@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize("name", _CONCAVE)
+def test_a_concave_plane_cell(name, back):
+    """A cell is inverted where its area is negative, whatever its corners do: right faces stay, wrong ones turn."""
+    kind = "QUAD8" if name == "bulge" else name
+    points = np.add(_CONCAVE[name], [1e3, -2e3])
+    cell = np.array(REVERSED[kind] if back else range(CELLS[kind].n_nodes))
+    facets = CELLS[kind].facets
+    right = [np.array(f.nodes) if not back else cell[list(f.nodes)][list(REVERSED[f.type])] for f in facets]
+    for listed, wrong in ((right, 0), ([face[list(REVERSED[facets[0].type])] for face in right], len(facets))):
+        mesh = Mesh.create(
+            points, [(kind, [cell]), (facets[0].type, listed)], cell_groups={"s": 1 + np.arange(len(facets))}
+        )
+        assert len(turning(mesh, mesh.cell_groups["s"]).turned) == wrong
+        assert orient(mesh, "s").block(facets[0].type).tolist() == np.array(right).tolist()
+        assert Surface.of(mesh, mesh.cell_groups["s"]).faces.nodes[:, :2].tolist() == np.array(right)[:, :2].tolist()
+        found = lacmesh.check(mesh, "s")
+        assert ("orientation" in {f.rule for f in found}) == bool(wrong)
+        if facets[0].type == "SEG2":
+            made, as_oriented = cut_skin(mesh, "s", orient="outward"), cut_skin(orient(mesh, "s"), "s")
+            assert made.mesh.block("SEG2").tolist() == as_oriented.mesh.block("SEG2").tolist()
+
+
+@pytest.mark.parametrize("name", ["TRIA3", "QUAD4", "TRIA6", "TRIA7", "QUAD8", "QUAD9"])
+def test_the_signed_area_is_the_integral_of_the_determinant(name):
+    rng = np.random.default_rng(8)
+    x = np.zeros((20, CELLS[name].n_nodes, 3))
+    x[..., :2] = np.array(CELLS[name].reference) + rng.normal(0, 0.4, (20, CELLS[name].n_nodes, 2))
+    x[::2] = x[::2, REVERSED[name]]
+    X, w = rule(CELLS[name].family, 6)
+    expected = np.linalg.det(jacobian(name, x, X)[..., :2, :]) @ w
+    assert (expected < 0).any() and (expected > 0).any()
+    np.testing.assert_allclose(signed_area(name, x), expected, atol=1e-12)
 
 
 def test_everything_else_is_kept():

@@ -11,6 +11,7 @@ import pytest
 
 from lacmesh import Mesh
 from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.checks import check
 from lacmesh.errors import GroupNotFoundError, RequestError
 from lacmesh.quality import (
     corner_jacobian,
@@ -429,11 +430,29 @@ def test_a_mesh_by_type_and_by_group(mixed):
     value = measure_cells("HEXA8", mixed.points, mixed.block("HEXA8"), ["scaled_jacobian"])["scaled_jacobian"]
     valid = validity_of(mixed)
     assert hexa.invalid == (valid[:8] <= 0).sum()
-    assert hexa.poor == ((valid[:8] > 0) & (value < 0.5)).sum()
+    assert hexa.poor == ((valid[:8] > 0) & (value < 0.1)).sum()
     assert hexa.measures["scaled_jacobian"].least == value.min()
     worst = hexa.worst[0]
     assert worst.number == 100 + valid[:8].argmin() and "body" in worst.groups and set(worst.invalid_at) <= set(PLACES)
     assert worst.centroid == pytest.approx(mixed.points[mixed.block("HEXA8")[valid[:8].argmin()]].mean(axis=0))
+
+
+@pytest.mark.parametrize("kind", [n for n in CELLS if CELLS[n].dim > 1])
+def test_poor_means_what_it_means_to_the_check(kind):
+    """Cells that lean and are ever flatter, the last one turned over: the rule poor-cell names as many."""
+    cell, heights = CELLS[kind], [1.0, 0.4, 0.2, 0.1, 0.05, 0.01, -0.01]
+    x = np.array(cell.reference, float)
+    points = np.tile(np.pad(x, ((0, 0), (0, 3 - cell.dim))), (len(heights), 1, 1))
+    points[..., 0] += 0.9 * x[:, -1] + 6 * np.arange(len(heights))[:, None]
+    points[..., cell.dim - 1] = np.outer(heights, x[:, -1])
+    nodes = np.arange(len(heights) * len(x)).reshape(len(heights), -1)
+    face = cell.facets[0]
+    blocks = [(kind, nodes), (face.type, [face.nodes])]
+    groups = {"body": np.arange(len(heights)), "slave": [len(heights)]}
+    mesh = Mesh.create(points.reshape(-1, 3), blocks, space_dim=cell.dim, cell_groups=groups)
+    (found,) = measure_quality(mesh, "body").types
+    (named,) = (f for f in check(mesh, "slave").findings if f.rule == "poor-cell")
+    assert found.poor == int(named.message.split()[0]) in (2, 3)
 
 
 def test_one_group(mixed):
@@ -479,7 +498,7 @@ def test_nodes_without_a_place(mixed):
 
 def test_json_has_its_schema(mixed):
     q = measure_quality(mixed, measures="all").as_json()
-    assert q["schema"] == "lacmesh.quality/1" and set(q) == {
+    assert q["schema"] == "lacmesh.quality/2" and set(q) == {
         *("schema", "group", "cells", "invalid", "types", "groups", "not_measured")
     }
     for t in [*q["types"], *(t for types in q["groups"].values() for t in types)]:

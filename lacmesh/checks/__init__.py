@@ -21,7 +21,8 @@ from lacmesh.checks.findings import Finding, Findings, Where, collect
 from lacmesh.checks.rules import RULES, Rule
 from lacmesh.checks.subject import Part, Subject, make_subject
 from lacmesh.errors import RequestError
-from lacmesh.mesh import Mesh
+from lacmesh.mesh import Mesh, spec_list
+from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.records import Cut
 
 __all__ = ["RULES", "Finding", "Findings", "Rule", "Where", "check"]
@@ -38,13 +39,15 @@ def check(
     search_distance: float | None = None,
     max_penetration: float | None = None,
     axisymmetric: bool = False,
+    recognise: bool | None = None,
 ) -> Findings:
     """Everything that the mesh, its slave and its master skin say about the method, as findings.
 
     `slave`: one group or several (a zone each), named as in `cut_skin`; a `Cut` knows its own. `master`: the groups
     that it faces; what compares both is left out without. `dirichlet`: cell or node groups whose displacement is held.
     `search_distance`, `max_penetration`, `axisymmetric`: as in `surface.contact_points`, with macro-elements for faces
-    where the distance is not given. Lengths are the mesh's.
+    where the distance is not given. Lengths are the mesh's. `recognise`: as in `cut_skin`, for a skin that looks cut
+    and has no records.
 
     Raises GroupNotFoundError and RequestError for what was asked; whatever is wrong with the mesh is a finding.
 
@@ -65,7 +68,9 @@ def check(
         "max_penetration": max_penetration,
         "axisymmetric": axisymmetric,
     }
-    subject = make_subject(mesh, _listed(slave), _listed(master), _listed(dirichlet), options)
+    origin = origin_of_mesh(mesh) * [not axisymmetric, 1.0, 1.0]
+    local = from_origin(mesh, origin)
+    subject = make_subject(local, _listed(slave), _listed(master), _listed(dirichlet), options, origin, recognise)
     found: list[Finding] = []
     figures: dict[str, Any] = {"slave": list(subject.slave.names), "slave_faces": len(subject.slave)}
     if subject.master is not None:
@@ -78,9 +83,7 @@ def check(
 
 
 def _listed(specs: Specs | None) -> tuple[str, ...]:
-    if specs is None:
-        return ()
-    return (str(specs),) if isinstance(specs, (str, int, Integral)) else tuple(str(s) for s in specs)
+    return () if specs is None else tuple(spec_list(specs))
 
 
 def _parts(mesh: Mesh) -> list[Part]:

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from lacmesh.checks.boxes import meeting
 from lacmesh.checks.crossing import crossing
 from lacmesh.checks.findings import Finding, counted
-from lacmesh.checks.subject import Side, Subject
+from lacmesh.checks.subject import PLACE, Side, Subject
+from lacmesh.components import label_components
 from lacmesh.mesh import Floats, Ints
 from lacmesh.orientation import edge_uses
 from lacmesh.skin import N_CORNERS
 
-#: nodes nearer than this part of the length of edges (the median of what the nodes have as shortest) are at one place
-PLACE = 1e-8
 #: a node is inside an edge when its distance to it is below this part of the edge's length
 ON_EDGE = 1e-6
 #: a direction that few nodes of a regular mesh share
@@ -115,9 +114,6 @@ def same_place(x: Floats, room: float) -> Ints:
 
     Sorted along a line, each point looks for the next one near it, and no farther: places of many points cost no more.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     along = x @ _OBLIQUE
     order = np.argsort(along, kind="stable")
     along = along[order]
@@ -134,10 +130,7 @@ def same_place(x: Floats, room: float) -> Ints:
         right.append(j[near])
         alive = alive[~near]
         step += 1
-    i, j = np.concatenate(left), np.concatenate(right)
-    graph = coo_matrix((np.ones(len(i), bool), (i, j)), shape=(len(x), len(x)))
-    labels: Ints = connected_components(graph, directed=False)[1] if len(x) else np.empty(0, np.int64)
-    return labels
+    return label_components(np.concatenate(left), np.concatenate(right), len(x))
 
 
 def _torn(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:

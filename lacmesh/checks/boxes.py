@@ -129,7 +129,8 @@ def _query(
                 if _meet(low, high, i, other_low, other_high, j):
                     if count == len(found):
                         more = np.empty((2 * count, 2), np.int64)
-                        more[:count] = found
+                        for pair in range(count):
+                            more[pair, 0], more[pair, 1] = found[pair, 0], found[pair, 1]
                         found = more
                     found[count, 0], found[count, 1] = i, j
                     count += 1

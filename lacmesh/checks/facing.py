@@ -132,7 +132,7 @@ def _behind(subject: Subject, facing: _Facing) -> Iterator[Finding]:
         points = contact_points(facing.slave, facing.master, macro=facing.macro, **options)
         covered = coverage(points, facing.slave, facing.macro)
     unseen = covered.ratio > facing.covered.ratio + 0.5
-    deep = unseen | ((covered.ratio > NONE) & (covered.mean_gap < -_size(covered.area, facing.slave.dim)))
+    deep = unseen | ((covered.ratio > NONE) & (covered.mean_gap < -_macro_sizes(facing)))
     if deep.any():
         cells = subject.slave.cells[deep[facing.macro]]
         message = (
@@ -164,7 +164,7 @@ def _gap(subject: Subject, facing: _Facing) -> tuple[Finding, dict[str, Any]]:
 def _sizes(subject: Subject, facing: _Facing) -> Iterator[Finding]:
     """Sizes of macro-elements and master faces where they meet."""
     points, group = facing.points, subject.slave.group
-    own = _size(np.bincount(facing.macro, _measures(facing.slave)).astype(float), facing.slave.dim)[points.macro]
+    own = _macro_sizes(facing)[points.macro]
     other = _size(_measures(facing.master), facing.master.dim)[points.master]
     good = (own > 0) & (other > 0)
     if not good.any():
@@ -178,6 +178,11 @@ def _sizes(subject: Subject, facing: _Facing) -> Iterator[Finding]:
     if ratio > HINT and not rigid:
         message = f"a hint: {text}, and the rule of thumb takes the coarser and stiffer side as master; "
         yield subject.found("better-slave", f"{message}think of exchanging them", group=group)
+
+
+def _macro_sizes(facing: _Facing) -> Floats:
+    """(m,): how large each macro-element is, a true length."""
+    return _size(np.bincount(facing.macro, _measures(facing.slave)).astype(float), facing.slave.dim)
 
 
 def _measures(surface: Surface) -> Floats:

@@ -46,15 +46,17 @@ class Macros:
         return some[self.of_face]
 
 
-def macros_of(mesh: Mesh, side: Side) -> Macros:
-    """From the records, or found again, or each face its own."""
+def macros_of(mesh: Mesh, side: Side, recognise: bool | None = None) -> Macros:
+    """From the records, or found again (`recognise`: as in `cut_skin`), or each face its own."""
     own, recognised = np.full(len(side), -1, np.int64), False
     faults = _faults(mesh) if is_cut(mesh) else []
-    if is_cut(mesh) and not faults:
+    if recognise is False:
+        faults = []
+    elif is_cut(mesh) and not faults:
         own = Cut(mesh).macro_of_face[side.cells].astype(np.int64)
     elif len(side):
         found = find_macros(mesh, list(side.names))
-        if found.n_cut:
+        if found.n_cut and (recognise or not found.doubt):
             recognised = True
             own = with_records(mesh, found).cell_data["lac_macro"][side.cells].astype(np.int64)
     made = own >= 0

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.components import label_components
 from lacmesh.errors import some
 from lacmesh.mesh import Ints
 from lacmesh.orientation import edge_uses
@@ -61,15 +62,11 @@ def _unranked(child: Ints, macro: Ints) -> NDArray[np.bool_]:
 
 def _apart(cut: Cut, cells: Ints, macro: Ints) -> NDArray[np.bool_]:
     """(f,): faces of macro-elements that are in several pieces, joined by their edges (segments: by their ends)."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     faces = Faces.join((kind, nodes) for kind, _, nodes in cut.mesh.select(cells))
     uses = edge_uses(faces)
     edge = np.unique(uses.edge.astype(np.int64) * (int(macro.max()) + 1) + macro[uses.face], return_inverse=True)[1]
     size = len(cells) + int(edge.max()) + 1
-    graph = coo_matrix((np.ones(len(edge), bool), (uses.face, len(cells) + edge)), shape=(size, size))
-    return _mixed(connected_components(graph, directed=False)[1][: len(cells)], macro)
+    return _mixed(label_components(uses.face, len(cells) + edge, size)[: len(cells)], macro)
 
 
 def internal_faults(cut: Cut, number: Ints, owner: Ints, internal: NDArray[np.bool_], rim: Ints) -> list[Fault]:

@@ -13,12 +13,8 @@ from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import Subject
 from lacmesh.errors import some
 from lacmesh.mesh import Block, Ints, Mesh
-from lacmesh.quality import corner_jacobian, validity
-from lacmesh.quality.determinant import validity_among
-from lacmesh.quality.measures import measure_cells
+from lacmesh.quadrature import signed_area
 
-#: scaled Jacobian (1: ideal) below which the rule poor-cell names a cell, of any type; `lacmesh quality` asks for more
-POOR = 0.1
 _WORST = 5
 _NEITHER = -1
 _PIECE = 1 << 14
@@ -55,6 +51,9 @@ def check_numbers(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
 
 def check_validity(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Repeated nodes in a cell, and the Jacobian determinant where solvers evaluate it."""
+    from lacmesh.quality.determinant import validity_among  # not for those who ask how cells fit together alone
+    from lacmesh.quality.measures import POOR
+
     mesh = subject.mesh
     repeated = _with_repeated_nodes(mesh)
     value, poor = np.ones(mesh.n_cells), np.ones(mesh.n_cells)
@@ -68,7 +67,7 @@ def check_validity(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
             if CELLS[block.type].dim == mesh.dim:
                 poor[cells] = _quality(mesh, block)
             if CELLS[block.type].dim == 2 == mesh.dim and mesh.space_dim == 2:
-                turned[cells] = _clockwise(block.type, mesh.points[block.nodes])
+                turned[cells] = signed_area(block.type, mesh.points[block.nodes]) < 0
     known = np.ones(mesh.n_cells, bool)
     for k, block in enumerate(mesh.blocks):
         if not subject.finite.all():
@@ -87,6 +86,9 @@ def check_validity(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
 
 def _quality(mesh: Mesh, block: Block) -> NDArray:
     """The scaled Jacobian, as `lacmesh quality` reports it; that of the corners for quadratic cells."""
+    from lacmesh.quality import corner_jacobian
+    from lacmesh.quality.measures import measure_cells
+
     if CELLS[block.type].order == 1:
         return measure_cells(block.type, mesh.points, block.nodes, ["scaled_jacobian"])["scaled_jacobian"]
     starts = range(0, len(block.nodes), _PIECE)
@@ -113,6 +115,8 @@ def _invalid(subject: Subject, repeated: Ints, invalid: Ints, inverted: Ints) ->
 
 
 def _doubtful(subject: Subject, clockwise: Ints, bad: Ints, quality: NDArray) -> list[Finding]:
+    from lacmesh.quality.measures import POOR
+
     found = []
     if len(clockwise):
         message = counted(len(clockwise), "plane cell is", "plane cells are")
@@ -151,13 +155,6 @@ def _with_repeated_nodes(mesh: Mesh) -> NDArray[np.bool_]:
             for b in range(a):
                 twice |= columns[a] == columns[b]
     return out
-
-
-def _clockwise(kind: str, x: NDArray) -> NDArray[np.bool_]:
-    """Plane cells whose corners go round clockwise."""
-    c = x[:, : CELLS[kind].n_corners]
-    area = (c[..., 0] * (np.roll(c[..., 1], -1, axis=1) - np.roll(c[..., 1], 1, axis=1))).sum(axis=1)
-    return area < 0
 
 
 def check_facets(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
@@ -202,6 +199,8 @@ def _overlapping(subject: Subject, solid: Solid, twin: Ints, same: NDArray[np.bo
 
 def _inside_out(subject: Subject, cells: Ints) -> Ints:
     """(k,): 1 for cells wholly inside out (clockwise in the plane), 0 for valid ones, _NEITHER for others."""
+    from lacmesh.quality import validity
+
     mesh = subject.mesh
     out = np.full(len(cells), _NEITHER)
     order = np.argsort(cells, kind="stable")
@@ -218,7 +217,7 @@ def _inside_out(subject: Subject, cells: Ints) -> Ints:
                 back = validity(kind, x * [-1, 1, 1]) > 0
                 out[rows[valid]], out[rows[back]] = 0, 1
             elif CELLS[kind].dim == 2:
-                out[rows[valid]] = _clockwise(kind, x[valid])
+                out[rows[valid]] = signed_area(kind, x[valid]) < 0
     return out
 
 

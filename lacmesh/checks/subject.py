@@ -22,6 +22,8 @@ from lacmesh.skin import TYPE_CODE, Faces, Match, find_owners
 
 #: at most so many numbers in a sentence
 SHOWN = 8
+#: nodes nearer than this part of the length of edges (the median of what the nodes have as shortest) are at one place
+PLACE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,11 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """The mesh and what was asked about it. `dim`: of the skins. `fixed`: nodes of the Dirichlet groups."""
+    """The mesh and what was asked about it. `dim`: of the skins. `fixed`: nodes of the Dirichlet groups.
+
+    `recognise`: whether a slave skin without records that looks cut is taken so (`lacmesh.cut_skin`). Points are
+    counted from `origin` (3,); places are told as they stand in the file.
+    """
 
     mesh: Mesh
     dim: int
@@ -69,6 +75,8 @@ class Subject:
     fixed: Ints
     dirichlet: tuple[str, ...]
     options: dict[str, Any] = field(default_factory=dict)
+    origin: NDArray[np.floating] = field(default_factory=lambda: np.zeros(3))
+    recognise: bool | None = None
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -99,7 +107,7 @@ class Subject:
     @cached_property
     def macros(self) -> Macros:
         """The macro-elements of the slave faces."""
-        return macros_of(self.mesh, self.slave)
+        return macros_of(self.mesh, self.slave, self.recognise)
 
     def behind(self, side: Side) -> Ints:
         """(f,): how many cells each face of a side has behind it."""
@@ -136,7 +144,7 @@ class Subject:
         nodes = nodes[self.finite[nodes]]
         if not len(nodes):
             return None
-        x = self.mesh.points[nodes]
+        x = self.mesh.points[nodes] + self.origin
         return tuple(x.min(axis=0).tolist()), tuple(x.max(axis=0).tolist())
 
 
@@ -145,7 +153,13 @@ Part = Callable[[Subject], tuple[list[Finding], dict[str, Any]]]
 
 
 def make_subject(
-    mesh: Mesh, slave: tuple[str, ...], master: tuple[str, ...], dirichlet: tuple[str, ...], options: dict[str, Any]
+    mesh: Mesh,
+    slave: tuple[str, ...],
+    master: tuple[str, ...],
+    dirichlet: tuple[str, ...],
+    options: dict[str, Any],
+    origin: NDArray[np.floating],
+    recognise: bool | None = None,
 ) -> Subject:
     """The subject; raises GroupNotFoundError and RequestError for groups that the mesh lacks."""
     groups = {what: tuple(np.asarray(mesh.cells_of(s)) for s in specs) for what, specs in _both(slave, master)}
@@ -153,7 +167,7 @@ def make_subject(
     dim = _skin_dim(mesh, np.concatenate([np.empty(0, np.int64), *groups["slave"]]))
     sides = {what: _side(mesh, what, specs, groups[what], dim) for what, specs in _both(slave, master)}
     held = np.unique(np.concatenate([np.empty(0, np.int64), *fixed]))
-    return Subject(mesh, dim, sides["slave"], sides.get("master"), held, dirichlet, options)
+    return Subject(mesh, dim, sides["slave"], sides.get("master"), held, dirichlet, options, origin, recognise)
 
 
 def _both(slave: tuple[str, ...], master: tuple[str, ...]) -> list[tuple[str, tuple[str, ...]]]:

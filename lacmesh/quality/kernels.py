@@ -35,9 +35,14 @@ _THREADS = 8
 _LARGEST, _ROUND_OFF = float(LARGEST), float(ROUND_OFF)
 
 
+def available_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def in_threads(run: Callable[[slice], None], count: int) -> None:
-    """Let `run` fill the cells 0 to `count`, a part in each of the machine's threads."""
-    threads = min(os.cpu_count() or 1, _THREADS)
+    """Let `run` fill the cells 0 to `count`, a part in each thread, of which there are as many as cores to use."""
+    threads = min(available_cores(), _THREADS)
     ends = np.linspace(0, count, threads + 1).astype(int).tolist()
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(run, (slice(a, b) for a, b in pairwise(ends))))

@@ -104,6 +104,10 @@ def headline(name: str) -> str | None:
     return None
 
 
+#: a face or a solid is poor whose scaled Jacobian (of a quadratic one: that of the corners; 1: ideal) is below it
+POOR = 0.1
+
+
 def chosen_measures(names: str | Iterable[str] | None) -> Callable[[str], tuple[str, ...]]:
     """Which measures of a type are meant by None (the default ones), "all", or a list of names.
 

@@ -1,8 +1,8 @@
 """The quality of a mesh: for each cell type, and each group, how every measure is spread and which cells are worst.
 
 Invalid is apart from poor. A cell is *invalid* where its Jacobian determinant is not positive at a corner, another node
-or an integration point (`determinant`); *poor* where it is valid and the measure that ranks its type is outside the
-range that Verdict accepts. Verdict names no range on prisms, pyramids and quadratic cells: none of these is poor.
+or an integration point (`determinant`); *poor*, as `lacmesh check` has it, where it is valid and the measure that ranks
+its type is below POOR. Verdict's own ranges, which ask for more and are named for some types only, are apart from both.
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, Spec, spec_text
+from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.quality.determinant import validity_among
-from lacmesh.quality.measures import RELATIVE, chosen_measures, headline, mean_size_of, measure_cells
+from lacmesh.quality.measures import POOR, RELATIVE, chosen_measures, headline, mean_size_of, measure_cells
 from lacmesh.quality.spread import Spread, spread
 from lacmesh.quality.verdict import ACCEPTED
 
 #: of the JSON that `as_json` gives; raised when a name changes its meaning or goes
-SCHEMA = 1
+SCHEMA = 2
 #: cells named for each type
 WORST = 10
 #: where a cell may be invalid
@@ -60,7 +61,7 @@ class BadCell:
 
 @dataclass(frozen=True)
 class TypeQuality:
-    """The cells of one type: how many, invalid, poor (None: no range is named), the spread of every measure, the worst.
+    """The cells of one type: how many, invalid, poor (None: of lines), the spread of every measure, the worst.
 
     `invalid_at`: how many are invalid at a corner, at another node, at an integration point; one cell may be all.
     """
@@ -143,7 +144,7 @@ class _Measured:
         return _Measured(self.type, self.cells[at], values, self.validity[:, at])
 
 
-def measure_quality(mesh: Mesh, group: str | None = None, measures: str | Iterable[str] | None = None) -> Quality:
+def measure_quality(mesh: Mesh, group: Spec | None = None, measures: str | Iterable[str] | None = None) -> Quality:
     """The quality of a mesh, or of one `group` (named as `Mesh.cells_of` takes it).
 
     `measures`: names, "all", or None for the default ones. Surface cells count against their own normal.
@@ -156,7 +157,7 @@ def measure_quality(mesh: Mesh, group: str | None = None, measures: str | Iterab
     """
     cells = np.arange(mesh.n_cells) if group is None else mesh.cells_of(group)
     names = list(mesh.cell_groups) if group is None else []
-    return quality_of(mesh, cells, measures, group=group, by_group=names)
+    return quality_of(mesh, cells, measures, group=None if group is None else spec_text(group), by_group=names)
 
 
 def quality_of(
@@ -169,7 +170,8 @@ def quality_of(
 ) -> Quality:
     """The quality of some cells of a mesh (sorted indices), and of the part of them in each group of `by_group`."""
     chosen = chosen_measures(measures)
-    found = [_measured(mesh, *part, chosen(part[0])) for part in mesh.select(cells) if _measurable(part[0])]
+    local = from_origin(mesh, origin_of_mesh(mesh))
+    found = [_measured(local, *part, chosen(part[0])) for part in mesh.select(cells) if _measurable(part[0])]
     grouped = {name: _types(mesh, [part.take(mesh.cell_groups[name]) for part in found]) for name in by_group}
     left = {kind: len(which) for kind, which, _ in mesh.select(cells) if not _measurable(kind)}
     return Quality(group, _types(mesh, found), {name: types for name, types in grouped.items() if types}, left)
@@ -198,11 +200,7 @@ def _type(mesh: Mesh, part: _Measured) -> TypeQuality:
     assert rank is not None  # only types that have one are measured
     bad = ~(part.validity > 0)
     invalid = bad.any(axis=0)
-    limits = accepted.get(rank)
-    poor = None
-    if limits is not None:
-        values = part.values[rank]
-        poor = int(np.count_nonzero(~invalid & ~((values >= limits[0] - 1e-9) & (values <= limits[1] + 1e-9))))
+    poor = None if CELLS[part.type].dim == 1 else int(np.count_nonzero(~invalid & (part.values[rank] < POOR)))
     places = PLACES if CELLS[part.type].order == 2 else (PLACES[0], PLACES[2])
     return TypeQuality(
         type=part.type,

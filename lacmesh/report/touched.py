@@ -82,7 +82,7 @@ def variants(before: Mesh, cut: Cut, cells: Touched, ring: float = 1 / 3, depth:
     for hexa in ("pyramid", "hexa"):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LacmeshWarning)  # the cut itself gave them
-            other = cut_skin(before, cut.zones, hexa=hexa, ring=ring, depth=depth)
+            other = cut_skin(before, cut.zones, hexa=hexa, ring=ring, depth=depth, recognise=False)
         found[hexa] = touched(before, other).least
     return found
 

@@ -6,8 +6,11 @@ master face in its own; in the plane neither are. Their integrals follow from th
 
     w_q (1 + c_q),  sum_q w_q c_q^2 least,  sum_q w_q (1 + c_q) f(q) = int_P f  for every function f of either face,
 
-by orthogonalising the functions (modified Gram-Schmidt); a function that depends on those before it, as where both
-faces are the same, is left out.
+by orthogonalising the functions (modified Gram-Schmidt, the most independent first); a function that depends on those
+before it, as where both faces are the same, is left out. One that nearly does tells its integral to rounding over what
+is left of it. On faces in one plane that is of no account: whatever the weights are, every integral is exact. Where
+faces are warped, or normals turn, by `bend`, products with the normal are integrated too, and weights that hang on
+rounding would be felt: there a function counts as far as more of it is left than a part of the bend.
 """
 
 from __future__ import annotations
@@ -24,14 +27,14 @@ from lacmesh.surface.polygon import MASTER
 
 #: what is left of a function, against itself, for it to count as one more
 _INDEPENDENT = 3e-11
-#: what is left of its square where orthogonalising it once is enough
-_MUCH = 0.25
+#: what is left of it where orthogonalising it once is enough, and where subtracting squares says how much that is
+_MUCH = 0.1
 
 
 @kernel
 def fit(
     polygon: Any, edges: Any, slave: Any, master: Any, centre: Any, e: Any, rules: Any, xi_s: Any, xi_m: Any,
-    weight: Any, room: Any,
+    weight: Any, least: float, room: Any,
 ) -> None:  # fmt: skip
     """Correct the weights of the points xi_s, xi_m (q, 2) of a piece, so that the functions of both sides are exact.
 
@@ -55,7 +58,7 @@ def fit(
     _values(xi_s, at_slave, slave.k, phi, 1, work)
     _values(xi_m, at_master, master.k, phi, 1 + slave.k, work)
     phi[0, : len(weight)] = 1.0
-    correct(weight, len(weight), phi, count, target)
+    correct(weight, len(weight), phi, count, target, least)
 
 
 @kernel
@@ -81,42 +84,31 @@ def _local(corner: Any, n: int, first: int) -> Any:
 
 
 @kernel
-def correct(weight: Any, n: int, phi: Any, k: int, target: Any) -> Any:
-    """Multiply n weights so that functions phi (k, n) have the integrals `target`; phi is used up.
+def correct(weight: Any, n: int, phi: Any, k: int, target: Any, least: float) -> Any:
+    """Multiply n weights so that functions phi (k, n) have the integrals `target`; both are used up.
 
-    Returns the largest relative change.
+    The most independent function comes first. One of which no more than `least` of its size is left after those before
+    it is corrected by a part only, as much as its integral tells more than rounding. Returns the largest relative
+    change.
     """
+    left = np.empty(k)
+    _scale(weight, n, phi, k, target, left)
     kept = 0
-    for j in range(k):
-        size = 0.0
-        for q in range(n):
-            size += weight[q] * phi[j, q] * phi[j, q]
-        t, before, left = target[j], size, size
-        for _ in range(2):
+    while kept < min(k, n):
+        _bring_forward(phi, target, left, n, kept, k)
+        if left[kept] < _MUCH:
             for i in range(kept):
-                c = 0.0
-                for q in range(n):
-                    c += weight[q] * phi[j, q] * phi[i, q]
-                for q in range(n):
-                    phi[j, q] -= c * phi[i, q]
-                t -= c * target[i]
-            left = 0.0
-            for q in range(n):
-                left += weight[q] * phi[j, q] * phi[j, q]
-            if left > _MUCH * before:
-                break
-            before = left
-        if left > _INDEPENDENT * _INDEPENDENT * size and kept < n:
-            left = np.sqrt(left)
-            for q in range(n):
-                phi[kept, q] = phi[j, q] / left
-            target[kept] = t / left
-            kept += 1
-    for i in range(kept):
-        c = target[i]
+                _take_off(weight, n, phi, target, i, kept, kept + 1, left)
+        if not left[kept] > _INDEPENDENT:
+            break
+        scale = 1 / left[kept]
         for q in range(n):
-            c -= weight[q] * phi[i, q]
-        target[i] = c
+            phi[kept, q] *= scale
+        target[kept] *= scale
+        _take_off(weight, n, phi, target, kept, kept + 1, k, left)
+        kept += 1
+    for i in range(kept):
+        target[i] *= left[i] * left[i] / (left[i] * left[i] + least * least)
     most = 0.0
     for q in range(n):
         c = 0.0
@@ -124,8 +116,62 @@ def correct(weight: Any, n: int, phi: Any, k: int, target: Any) -> Any:
             c += target[i] * phi[i, q]
         most = max(most, abs(c))
         phi[0, q] = c
-    if not most < np.inf:
-        return most
-    for q in range(n):
-        weight[q] *= 1 + phi[0, q]
+    if most < np.inf:
+        for q in range(n):
+            weight[q] *= 1 + phi[0, q]
     return most
+
+
+@kernel
+def _scale(weight: Any, n: int, phi: Any, k: int, target: Any, left: Any) -> None:
+    """Scale k functions to size 1, and make their integrals what the weights leave of them.
+
+    `left` (k,) is 1 then, or 0 where the function is 0.
+    """
+    for j in range(k):
+        total, square = 0.0, 0.0
+        for q in range(n):
+            f = weight[q] * phi[j, q]
+            total += f
+            square += f * phi[j, q]
+        left[j] = 1.0 if square > 0 else 0.0
+        scale = 1 / np.sqrt(square) if square > 0 else 1.0
+        for q in range(n):
+            phi[j, q] *= scale
+        target[j] = (target[j] - total) * scale
+
+
+@kernel
+def _bring_forward(phi: Any, target: Any, left: Any, n: int, kept: int, k: int) -> None:
+    """Exchange function `kept` with the one of those after it, up to k, of which most is left."""
+    j = kept
+    for i in range(kept + 1, k):
+        if left[i] > left[j]:
+            j = i
+    if j == kept:
+        return
+    target[kept], target[j] = target[j], target[kept]
+    left[kept], left[j] = left[j], left[kept]
+    for q in range(n):
+        phi[kept, q], phi[j, q] = phi[j, q], phi[kept, q]
+
+
+@kernel
+def _take_off(weight: Any, n: int, phi: Any, target: Any, i: int, first: int, last: int, left: Any) -> None:
+    """Make functions first to last - 1 orthogonal to function i, which has size 1. `left`: what is left of their sizes.
+
+    Many at a time: a call for each costs as much as the sums. By Pythagoras, where rounding leaves that its digits.
+    """
+    for j in range(first, last):
+        c = 0.0
+        for q in range(n):
+            c += weight[q] * phi[j, q] * phi[i, q]
+        for q in range(n):
+            phi[j, q] -= c * phi[i, q]
+        target[j] -= c * target[i]
+        square = left[j] * left[j] - c * c
+        if not square > _MUCH * _MUCH:
+            square = 0.0
+            for q in range(n):
+                square += weight[q] * phi[j, q] * phi[j, q]
+        left[j] = np.sqrt(square)

@@ -164,7 +164,8 @@ def _subtract(of: Any, n: int, far: int, near: int, least: float) -> Any:
             if n == len(of.size):
                 return -1
             of.who[n] = of.who[far]
-            of.plane[n] = of.plane[far]
+            for c in range(3):  # one by one: quicker to compile
+                of.plane[n, c] = of.plane[far, c]
             copy(of.work, of.work_label, out, of.shape[n], of.label[n])
             of.size[n] = tidy(of.shape[n], of.label[n], out, least)
             _measure(of, n)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.fit import correct
-from lacmesh.surface.maps import AFFINE, BENT
+from lacmesh.surface.maps import AFFINE, NEARLY_FLAT
 from lacmesh.surface.patches import Bools, Patches
 from lacmesh.surface.rules import FITTED
 from lacmesh.surface.search import Pairs, Reach
@@ -129,7 +129,7 @@ def gauss_points(slave: Patches, master: Patches, parts: Intervals, degree: Ints
     """
     fs, fm = slave.face[parts.slave], master.face[parts.master]
     even = (slave.kind[fs] == AFFINE) & (master.kind[fm] == AFFINE)
-    straight = (slave.plane[fs] > BENT) & (master.plane[fm] > BENT) & ~smooth
+    straight = (slave.warp[fs] <= NEARLY_FLAT) & (master.warp[fm] <= NEARLY_FLAT) & ~smooth
     exact = (degree + radius) // 2 + 1
     return np.where(even & ~smooth, exact, np.where(straight, _FIT_POINTS + FITTED, 4))
 
@@ -151,9 +151,9 @@ class PlacedOnLines(NamedTuple):
 
 
 def place_lines(
-    parts: Intervals, code: Ints, slave: Patches, master: Patches, normals: Floats | None, axisymmetric: bool
+    parts: Intervals, code: Ints, slave: Patches, master: Patches, normals: Floats | None, radius: float | None
 ) -> PlacedOnLines:
-    """Points on parts by rules `code` (gauss_points); weights hold 2 pi x where `axisymmetric`."""
+    """Points on parts by rules `code` (gauss_points); weights hold 2 pi r, r = `radius` + x, if it is not None."""
     first, piece, X, w = _rows(code % FITTED)
     s, m = parts.slave[piece], parts.master[piece]
     fs, fm = slave.face[s], master.face[m]
@@ -165,13 +165,13 @@ def place_lines(
         n = n / np.linalg.norm(n, axis=1, keepdims=True)
     um, gap, met = meet(master.G[fm], x, n, master.xi[m, :2, 0].mean(axis=1))
     weight = w * (high - low) * np.linalg.norm(d, axis=1)
-    if axisymmetric:
-        weight = weight * 2 * np.pi * x[:, 0]
+    if radius is not None:
+        weight = weight * 2 * np.pi * (radius + x[:, 0])
     for k in np.flatnonzero(code >= FITTED):
         rows = slice(first[k], first[k + 1])
         if met[rows].all():
             maps = slave.G[slave.face[parts.slave[k]]], master.G[master.face[parts.master[k]]]
-            _fit(*maps, parts.ends[k], n[first[k]], axisymmetric, u[rows], um[rows], weight[rows])
+            _fit(*maps, parts.ends[k], n[first[k]], radius, u[rows], um[rows], weight[rows])
     xi_s, xi_m = (np.stack([v, np.zeros_like(v)], axis=1) for v in (u, um))
     return PlacedOnLines(first, piece, xi_s, xi_m, weight, n, gap, met)
 
@@ -181,7 +181,7 @@ def _normals(d: Floats) -> Floats:
 
 
 def _fit(
-    G: Floats, H: Floats, ends: Floats, n: Floats, axisymmetric: bool, u: Floats, um: Floats, weight: Floats
+    G: Floats, H: Floats, ends: Floats, n: Floats, radius: float | None, u: Floats, um: Floats, weight: Floats
 ) -> None:
     """Correct the weights of the points u of a straight part, um in the master, so that u, u^2, um, um^2 are exact.
 
@@ -198,14 +198,14 @@ def _fit(
         middle, half = (a + b) / 2, (b - a) / 2
         at, d = _at(np.broadcast_to(K, (len(place), 9, 3)), middle + half * place)
         size = (d @ along) * half * w
-        if axisymmetric:  # the radius of the slave's point, which lies across from the master's
-            size = size * 2 * np.pi * (x[0, 0] + ((at - x[0]) @ along) * along[0])
+        if radius is not None:  # that of the slave's point, which lies across from the master's
+            size = size * 2 * np.pi * (radius + x[0, 0] + ((at - x[0]) @ along) * along[0])
         size *= np.sign(size.sum())
         targets += [size.sum(), place @ size, place**2 @ size]
         local = (v - middle) / half
         functions += [np.ones_like(local), local, local**2]
     phi = np.array([*functions[:3], *functions[4:]])
-    correct(weight, len(weight), phi, len(phi), np.array([*targets[:3], *targets[4:]]))
+    correct(weight, len(weight), phi, len(phi), np.array([*targets[:3], *targets[4:]]), 0.0)
 
 
 def _rows(count: Ints) -> tuple[Ints, Ints, Floats, Floats]:

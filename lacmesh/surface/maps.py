@@ -22,11 +22,12 @@ from lacmesh.surface.record import Surface
 AFFINE, BILINEAR, CURVED = range(3)
 #: what is left of a coefficient that rounding alone made: of the face's size, and of its coordinates
 _ROUNDING = (1e-13, 1e-15)
-#: a face that is out of its plane by no more of its size has the rule of a plane one: on the way to an equilibrium on
-#: flat skins faces are bent by what iterations leave, and forces must not jump with the rule
-_NEARLY = 1e-5
-#: whether a face is plane: not at all, nearly, to rounding
-BENT, NEARLY_PLANE, PLANE = range(3)
+#: a face with straight sides that is out of its plane by no more of its size has the rule of a plane one; beyond, the
+#: rule of a warped one gives the same to rounding, so that forces do not jump where bodies bend
+FLAT = 1e-10
+#: the same of a face with curved sides, whose rules differ: on the way to an equilibrium on flat skins faces are bent
+#: by what iterations leave
+NEARLY_FLAT = 1e-5
 N_MONOMIALS = 9
 
 
@@ -67,10 +68,11 @@ def coefficients(surface: Surface, values: Floats | None = None) -> Floats:
     return G
 
 
-def kinds(G: Floats, corners: Ints) -> tuple[Ints, Ints, Floats]:
-    """For maps G of faces with so many corners: their kind, how plane they are, and how far they are curved (f,).
+def kinds(G: Floats, corners: Ints) -> tuple[Ints, Floats, Floats]:
+    """For maps G of faces with so many corners: their kind, how far they are out of a plane, and how far curved (f,).
 
-    The last is the part of the map that is neither affine nor bilinear, against the size of the face.
+    The last two against the size of the face; 0 where rounding alone did it. Curved is what of the map is neither
+    affine nor bilinear.
     """
     size = np.linalg.norm(G[:, 1], axis=1) + np.linalg.norm(G[:, 2], axis=1)
     part = np.linalg.norm(G, axis=2)
@@ -83,9 +85,9 @@ def kinds(G: Floats, corners: Ints) -> tuple[Ints, Ints, Floats]:
     normal = np.where((corners == 2)[:, None], across, np.cross(G[:, 1], G[:, 2]))
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     out_of_plane = np.abs(np.einsum("fks,fs->fk", G[:, 3:], normal)).max(axis=1)
-    plane = np.where(out_of_plane <= least, PLANE, np.where(out_of_plane <= _NEARLY * size, NEARLY_PLANE, BENT))
     with np.errstate(invalid="ignore", divide="ignore"):
-        return kind, plane, np.where(curved, bent.sum(axis=1) / size, 0.0)
+        warp = np.where(out_of_plane <= least, 0.0, out_of_plane / size)
+        return kind, warp, np.where(curved, bent.sum(axis=1) / size, 0.0)
 
 
 @kernel

@@ -31,7 +31,7 @@ class Patches(NamedTuple):
 
     `x` (p, 4, 3): corners; frame: `centre` (p, 3), `e` (p, 3, 3): two tangents and the unit normal of the mean plane;
     `y` (p, 4, 3): corners in that frame. `area` (p,) in the mean plane: length of segments. `G` (f, 9, 3), `kind` (f,),
-    `plane` (f,): the maps of the whole faces. Patches without area, or with NaN, are left out.
+    `warp` (f,): the maps of the whole faces (maps.kinds). Patches without area, or with NaN, are left out.
     """
 
     face: Ints
@@ -44,7 +44,7 @@ class Patches(NamedTuple):
     area: Floats
     G: Floats
     kind: Ints
-    plane: Ints
+    warp: Floats
 
     def take(self, rows: Ints) -> Patches:
         """Some of the patches."""
@@ -56,11 +56,11 @@ def patches(surface: Surface) -> Patches:
     """The patches of a surface, by face."""
     with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates: such faces have no patch
         G = coefficients(surface)
-        kind, plane, curved = kinds(G, surface.n_corners)
+        kind, warp, curved = kinds(G, surface.n_corners)
         most = curved[np.isfinite(curved)].max(initial=0.0)
         level = np.where(curved > 0, 1 + np.searchsorted(_STEPS, most), 0)
         face, n, xi = _grids(surface, level)
-        out = _with_frames(face, n, xi, G, kind, plane)
+        out = _with_frames(face, n, xi, G, kind, warp)
         return out if surface.dim == 1 else _split_concave(out)
 
 
@@ -106,7 +106,7 @@ def reference_grid(family: str, n: int) -> Floats:
     return np.concatenate([made, np.repeat(made[:, :1], MAX_CORNERS - made.shape[1], axis=1)], axis=1)
 
 
-def _with_frames(face: Ints, n: Ints, xi: Floats, G: Floats, kind: Ints, plane: Ints) -> Patches:
+def _with_frames(face: Ints, n: Ints, xi: Floats, G: Floats, kind: Ints, warp: Floats) -> Patches:
     line = len(n) > 0 and n[0] == 2
     x = _joined(np.matmul(monomials(xi), G[face]) if len(face) else np.zeros((0, 4, 3)))
     normal, area, longest = _normals(x, n, line)
@@ -123,7 +123,7 @@ def _with_frames(face: Ints, n: Ints, xi: Floats, G: Floats, kind: Ints, plane: 
     along /= norm(along)[:, None]
     e = np.stack([along, cross(normal, along), normal], axis=1)
     y = _joined(np.matmul(x - centre[:, None], np.swapaxes(e, 1, 2)))
-    return Patches(face, n, xi, x, centre, e, y, area, G, kind, plane)
+    return Patches(face, n, xi, x, centre, e, y, area, G, kind, warp)
 
 
 def _normals(x: Floats, n: Ints, line: bool) -> tuple[Floats, Floats, Floats]:
@@ -184,4 +184,4 @@ def _split_concave(p: Patches) -> Patches:
     n = np.concatenate([p.n[~concave], np.full(2 * len(rows), 3)])
     xi = np.concatenate([p.xi[~concave], *made])
     order = np.argsort(face, kind="stable")
-    return _with_frames(face[order], n[order], xi[order], p.G, p.kind, p.plane)
+    return _with_frames(face[order], n[order], xi[order], p.G, p.kind, p.warp)

@@ -10,17 +10,19 @@ from numpy.typing import NDArray
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.clip import Pieces, mean_plane, project
-from lacmesh.surface.curved import Side
+from lacmesh.surface.curved import Side, in_plane
 from lacmesh.surface.fit import fit
-from lacmesh.surface.maps import AFFINE, CURVED, PLANE, at
+from lacmesh.surface.maps import AFFINE, CURVED, at
 from lacmesh.surface.moments import gauss_rules
 from lacmesh.surface.patches import Patches
 from lacmesh.surface.polygon import ROOM, centroid
 from lacmesh.surface.project import in_face, inverse, ray
-from lacmesh.surface.rules import CENTROID, ELLIPSE, FITTED, fan_rules, points_of
+from lacmesh.surface.rules import AROUND, CENTROID, ELLIPSE, FITTED, fan_rules, points_of
 from lacmesh.surface.search import in_parts
 
 _MOST_FUNCTIONS = 20
+#: what must be left of a function that a fit takes, against the bend (`fit`)
+_COUNTS = 0.1
 
 
 class Placed(NamedTuple):
@@ -40,12 +42,19 @@ class Placed(NamedTuple):
 
 
 def place(
-    pieces: Pieces, order: Ints, code: Ints, slave: Patches, master: Patches, k: tuple[Ints, Ints], H: Floats
+    pieces: Pieces,
+    order: Ints,
+    code: Ints,
+    slave: Patches,
+    master: Patches,
+    k: tuple[Ints, Ints],
+    bend: Floats,
+    H: Floats,
 ) -> Placed:
     """Points of pieces, in some order, by rules `code`.
 
-    `k`: how many functions of the slave face and of the master's are fitted, (pieces,) each. `H` (f, 9, 3): maps of
-    smoothed normals; (0, 9, 3) for true ones.
+    `k`: how many functions of the slave face and of the master's are fitted, (pieces,) each. `bend` (pieces,): how far
+    the slave face is warped, or its normals turned. `H` (f, 9, 3): maps of smoothed normals; (0, 9, 3) for true ones.
     """
     count = points_of(code, np.diff(pieces.start))[order]
     first = np.concatenate([[0], np.cumsum(count)])
@@ -64,7 +73,7 @@ def place(
     most = int(count.max(initial=1))
 
     def run(rows: slice) -> None:
-        _place_all(rows.start, rows.stop, pieces, order, code, most, slave, master, H, *k, *tables, out)
+        _place_all(rows.start, rows.stop, pieces, order, code, most, slave, master, bend, H, *k, *tables, out)
 
     in_parts(run, len(order))
     return out
@@ -73,16 +82,20 @@ def place(
 @kernel
 def plane_rule(p: Any, n: int, code: int, fans: Any, out: Any, weight: Any) -> Any:
     """Points (., 2) and weights of a rule on a convex polygon of n vertices, into `out` and `weight`; their number."""
-    if code <= ELLIPSE:
-        return _ellipse_rule(p, n, code, out, weight)
+    base = code % FITTED
+    if base <= ELLIPSE:
+        return _ellipse_rule(p, n, base, out, weight)
+    around = code >= AROUND
+    x, y = centroid(p, n) if around else (p[0, 0], p[0, 1])
     m = 0
-    for k in range(1, n - 1):
-        ax, ay = p[k, 0] - p[0, 0], p[k, 1] - p[0, 1]
-        bx, by = p[k + 1, 0] - p[0, 0], p[k + 1, 1] - p[0, 1]
+    for k in range(0 if around else 1, n if around else n - 1):
+        after = k + 1 if k + 1 < n else 0
+        ax, ay = p[k, 0] - x, p[k, 1] - y
+        bx, by = p[after, 0] - x, p[after, 1] - y
         t = (ax * by - ay * bx) / 2
-        for j in range(fans.start[code], fans.start[code + 1]):
-            out[m, 0] = p[0, 0] + fans.X[j, 0] * ax + fans.X[j, 1] * bx
-            out[m, 1] = p[0, 1] + fans.X[j, 0] * ay + fans.X[j, 1] * by
+        for j in range(fans.start[base], fans.start[base + 1]):
+            out[m, 0] = x + fans.X[j, 0] * ax + fans.X[j, 1] * bx
+            out[m, 1] = y + fans.X[j, 0] * ay + fans.X[j, 1] * by
             weight[m] = t * fans.w[j]
             m += 1
     return m
@@ -134,20 +147,42 @@ def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
 
 
 @kernel
-def _is_flat(patch: int, face: int, of: Any) -> Any:
-    """Whether the patch lies in its plane as `in_face` has it: a plane face with straight sides, not half of one."""
-    return of.plane[face] == PLANE and (of.kind[face] == AFFINE or (of.kind[face] < CURVED and of.n[patch] == 4))
+def _is_straight(patch: Any) -> Any:
+    """Whether a side's patch lies as its face does, seen along a normal: straight sides, not half of a quadrangle."""
+    return patch.kind == AFFINE or (patch.kind < CURVED and patch.n == 4)
 
 
 @kernel
-def _point(p: float, q: float, area: float, slave: Any, master: Any, H: Any, face: int) -> Any:
-    """The point of the slave over (p, q) of its patch's plane: places in both faces, weight, normal, gap, met."""
-    u, v, ratio = in_face(slave.patch, p, q)
+def _in_plane(
+    u: float, v: float, um: float, vm: float, area: float, slave: Any, master: Any, e: Any, fitted: bool
+) -> Any:
+    """Place in the master, and weight in the plane, of the point (u, v) of the slave, seen along the plane's normal.
+
+    Faces are as they are: `in_face` has them with straight sides. (um, vm): a first guess; it stays where not `fitted`.
+    """
     x, du, dv = at(slave.G, slave.kind, u, v)
-    unit, jacobian = normal_at(H, face, du, dv, u, v)
-    um, vm, _ = in_face(master.patch, p, q)
+    if fitted:
+        _, um, vm, _ = ray(master.G, master.kind, x, (e[2, 0], e[2, 1], e[2, 2]), um, vm)
+    return um, vm, area * _across(du, dv, e)
+
+
+@kernel
+def _across(du: Any, dv: Any, e: Any) -> Any:
+    """The area that du and dv span, seen along the normal of a frame."""
+    au, bu = in_plane(du, e)
+    av, bv = in_plane(dv, e)
+    return abs(au * bv - av * bu)
+
+
+@kernel
+def _raised(
+    u: float, v: float, um: float, vm: float, weight: float, slave: Any, master: Any, e: Any, H: Any, f: int
+) -> Any:
+    """A point of the slave as it is: weight, normal, place in the master and gap along that, met; from the plane's."""
+    x, du, dv = at(slave.G, slave.kind, u, v)
+    unit, jacobian = normal_at(H, f, du, dv, u, v)
     hit, um, vm, gap = ray(master.G, master.kind, x, unit, um, vm)
-    return u, v, um, vm, area * abs(ratio) * jacobian, unit, gap, hit
+    return um, vm, weight * jacobian / _across(du, dv, e), unit, gap, hit
 
 
 @kernel
@@ -159,7 +194,7 @@ def _side(patch: int, of: Any, y: Any, k: int) -> Any:
 
 @kernel
 def _place_all(
-    begin: int, end: int, pieces: Any, order: Any, code: Any, most: int, slaves: Any, masters: Any, H: Any,
+    begin: int, end: int, pieces: Any, order: Any, code: Any, most: int, slaves: Any, masters: Any, bend: Any, H: Any,
     k_s: Any, k_m: Any, fans: Any, gauss: Any, out: Any,
 ) -> None:  # fmt: skip
     """Fill `out` for the pieces order[begin:end]. `most`: points of a piece."""
@@ -179,29 +214,49 @@ def _place_all(
         s, m = pieces.slave[k], pieces.master[k]
         fs = slaves.face[s]
         polygon = pieces.vertices[pieces.start[k] : pieces.start[k + 1]]
-        n = plane_rule(polygon, len(polygon), code[k] % FITTED, fans, p, area)
+        n = plane_rule(polygon, len(polygon), code[k], fans, p, area)
         centre, e = slaves.centre[s], slaves.e[s]
         project(masters.x[m], masters.n[m], centre, e, False, y_m)
         slave, master = _side(s, slaves, slaves.y[s], k_s[k]), _side(m, masters, y_m, k_m[k])
-        first = out.first[row]
-        flat = len(H) == 0 and _is_flat(s, fs, slaves) and _is_flat(m, masters.face[m], masters)
+        first, fitted = out.first[row], code[k] % AROUND >= FITTED
+        straight = _is_straight(slave) and _is_straight(master)
+        flat = straight and len(H) == 0 and slaves.warp[fs] == 0 and masters.warp[masters.face[m]] == 0
         patch_s, patch_m = slave.patch, master.patch
         unit = (e[2, 0], e[2, 1], e[2, 2])
         _, c0, c1, c2 = mean_plane(y_m, masters.n[m])
         for j in range(n):
-            if flat:
-                u, v, _ = in_face(patch_s, p[j, 0], p[j, 1])
-                um, vm, _ = in_face(patch_m, p[j, 0], p[j, 1])
-                w, g, hit = area[j], c0 + c1 * p[j, 0] + c2 * p[j, 1], True
-            else:
-                u, v, um, vm, w, unit, g, hit = _point(p[j, 0], p[j, 1], area[j], slave, master, H, fs)
             i = first + j
-            xi_slave[i, 0], xi_slave[i, 1], xi_master[i, 0], xi_master[i, 1] = u, v, um, vm
-            weight[i], gap[i], met[i] = w, g, hit and w < np.inf and abs(g) < np.inf
-            normal[i, 0], normal[i, 1], normal[i, 2] = unit
-        if code[k] >= FITTED:
+            u, v, ratio = in_face(patch_s, p[j, 0], p[j, 1])
+            um, vm, _ = in_face(patch_m, p[j, 0], p[j, 1])
+            w = area[j]
+            if not straight:
+                um, vm, w = _in_plane(u, v, um, vm, w * abs(ratio), slave, master, e, fitted)
+            xi_slave[i, 0], xi_slave[i, 1], xi_master[i, 0], xi_master[i, 1], weight[i] = u, v, um, vm, w
+        if fitted:
             rows = slice(first, first + n)
             edges = pieces.edges[pieces.start[k] : pieces.start[k + 1]]
-            fit(polygon, edges, slave, master, centre, e, gauss, xi_slave[rows], xi_master[rows], weight[rows], room)
-            for i in range(first, first + n):
-                met[i] = met[i] and abs(weight[i]) < np.inf  # a face that is folded has no fit
+            fit(
+                polygon,
+                edges,
+                slave,
+                master,
+                centre,
+                e,
+                gauss,
+                xi_slave[rows],
+                xi_master[rows],
+                weight[rows],
+                _COUNTS * bend[k],
+                room,
+            )
+        for j in range(n):
+            i = first + j
+            if flat:
+                g, hit = c0 + c1 * p[j, 0] + c2 * p[j, 1], True
+            else:
+                um, vm, w, unit, g, hit = _raised(
+                    xi_slave[i, 0], xi_slave[i, 1], xi_master[i, 0], xi_master[i, 1], weight[i], slave, master, e, H, fs
+                )
+                xi_master[i, 0], xi_master[i, 1], weight[i] = um, vm, w
+            gap[i], met[i] = g, hit and abs(weight[i]) < np.inf and abs(g) < np.inf  # a folded face has no fit
+            normal[i, 0], normal[i, 1], normal[i, 2] = unit

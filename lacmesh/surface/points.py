@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
+from lacmesh.origin import origin_of
 from lacmesh.skin import MAX_CORNERS
 from lacmesh.surface.clip import clip
 from lacmesh.surface.front import advance
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
-from lacmesh.surface.maps import BENT, coefficients
+from lacmesh.surface.maps import FLAT, coefficients
 from lacmesh.surface.normals import smoothed
 from lacmesh.surface.patches import Patches, norm, patches
 from lacmesh.surface.place import place
@@ -23,9 +24,7 @@ from lacmesh.surface.search import Pairs, Reach, candidates, side_by_side
 
 NORMALS = ("facet", "smoothed")
 SEARCHES = ("tree", "front")
-#: normals that differ by no more are integrated as one: as much as a face that counts as plane may be bent (`maps`)
-_SAME = 1e-5
-#: how far nodes of an axisymmetric surface may lie beyond the axis, against their largest coordinate
+#: how far nodes of an axisymmetric surface may lie beyond the axis, against the extent of what is there
 _BEYOND = 1e-9
 
 
@@ -87,6 +86,8 @@ def contact_points(
     macro = np.arange(len(slave)) if macro is None else np.asarray(macro)
     if macro.shape != (len(slave),):
         raise ValueError(f"macro must be ({len(slave)},), not {macro.shape}")
+    origin = origin_of(np.concatenate([_corners(slave), _corners(master)]))
+    slave, master = _from(slave, origin), _from(master, origin)
     s, m = side_by_side(lambda: patches(slave), lambda: patches(master))
     with np.errstate(over="ignore", invalid="ignore"):
         H = coefficients(slave, smoothed(slave, crease_angle)) if normals == "smoothed" else None
@@ -97,9 +98,22 @@ def contact_points(
     pairs = candidates(s, m, reach)
     if search == "front":
         pairs = advance(s, m, pairs, slave.neighbours, master.neighbours)
-    make = _on_lines if slave.dim == 1 else _on_faces
-    points = make(slave, master, s, m, pairs, reach, H, axisymmetric, degree)
+    if slave.dim == 1:
+        points = _on_lines(slave, master, s, m, pairs, reach, H, float(origin[0]) if axisymmetric else None, degree)
+    else:
+        points = _on_faces(slave, master, s, m, pairs, reach, H, degree)
     return replace(points, macro=macro[points.slave])
+
+
+def _corners(surface: Surface) -> NDArray[np.floating]:
+    """(k, 3): the corners of a surface's faces, again and again."""
+    nodes = surface.faces.nodes[:, :MAX_CORNERS]
+    return surface.x[nodes[nodes >= 0]]
+
+
+def _from(surface: Surface, origin: Floats) -> Surface:
+    """The surface in coordinates from an origin."""
+    return surface.at(surface.x - origin) if origin.any() else surface
 
 
 def _check(
@@ -129,7 +143,8 @@ def _check_radii(*surfaces: Surface) -> None:
     """Raises DataError where nodes lie beyond the axis, by more than rounding."""
     for surface, what in zip(surfaces, ("slave", "master"), strict=True):
         x = surface.x[np.unique(surface.faces.nodes[surface.faces.nodes >= 0]), :2]
-        size = np.abs(x).max(initial=0.0, where=np.isfinite(x))
+        fine = x[np.isfinite(x).all(axis=1)]
+        size = np.ptp(fine, axis=0).max() if len(fine) else 0.0
         beyond = int((x[:, 0] < -_BEYOND * size).sum())
         if beyond:
             raise DataError(
@@ -188,22 +203,23 @@ def _on_faces(
     pairs: Pairs,
     reach: Reach,
     H: Floats | None,
-    axisymmetric: bool,
     degree: int,
 ) -> ContactPoints:
     pieces = clip(pairs, s, m, reach)
     fs, fm = s.face[pieces.slave], m.face[pieces.master]
+    turned = np.zeros(len(slave)) if H is None else _turned(slave, H)
     code = pair_rule(
         _side(slave, s, pieces.slave),
         _side(master, m, pieces.master),
         np.diff(pieces.start),
         pieces.largest_share(),
-        np.zeros(len(fs), bool) if H is None else _turned(slave, H)[fs],
+        turned[fs],
         degree,
     )
     order, groups = _groups(slave, master, fs, fm, code)
     functions = N_FUNCTIONS[slave.faces.type[fs]], N_FUNCTIONS[master.faces.type[fm]]
-    made = place(pieces, order, code, s, m, functions, np.empty((0, 9, 3)) if H is None else H)
+    bend = np.maximum(s.warp, turned)[fs]
+    made = place(pieces, order, code, s, m, functions, bend, np.empty((0, 9, 3)) if H is None else H)
     groups[:, 3:] = made.first[groups[:, 3:]]
     rows = fs[made.piece]
     points = ContactPoints(
@@ -212,16 +228,16 @@ def _on_faces(
     return points if made.met.all() else _only(points, made.met)
 
 
-def _turned(slave: Surface, H: Floats) -> NDArray[np.bool_]:
-    """(f,): whether the interpolated normals of a face, of maps H (f, 9, 3), are other than its own."""
+def _turned(slave: Surface, H: Floats) -> NDArray[np.floating]:
+    """(f,): how far the interpolated normals of a face, of maps H (f, 9, 3), are from its own."""
     normal, _ = mean_normals(slave)
-    return np.asarray((np.abs(H[:, 1:]).max(axis=(1, 2)) > _SAME) | (np.abs(H[:, 0] - normal).max(axis=1) > _SAME))
+    return np.asarray(np.maximum(np.abs(H[:, 1:]).max(axis=(1, 2)), np.abs(H[:, 0] - normal).max(axis=1)))
 
 
 def _side(surface: Surface, p: Patches, rows: Ints) -> Sides:
     """What decides the rules of pieces on some patches."""
     f = p.face[rows]
-    return Sides(surface.faces.type[f], p.kind[f], p.plane[f] > BENT, p.n[rows] == surface.n_corners[f])
+    return Sides(surface.faces.type[f], p.kind[f], p.warp[f], p.n[rows] == surface.n_corners[f])
 
 
 def _on_lines(
@@ -232,22 +248,23 @@ def _on_lines(
     pairs: Pairs,
     reach: Reach,
     H: Floats | None,
-    axisymmetric: bool,
+    radius: float | None,
     degree: int,
 ) -> ContactPoints:
+    """`radius`: that of the origin, in an axisymmetric model; else None."""
     parts = clip_lines(pairs, s, m, reach)
     fs, fm = s.face[parts.slave], m.face[parts.master]
     of_faces = np.maximum(FUNCTION_DEGREE[slave.faces.type[fs]], FUNCTION_DEGREE[master.faces.type[fm]])
-    smooth = np.zeros(len(fs), bool) if H is None else _turned(slave, H)[fs]
-    count = gauss_points(s, m, parts, np.maximum(of_faces, degree), axisymmetric, smooth)
+    smooth = np.zeros(len(fs), bool) if H is None else _turned(slave, H)[fs] > FLAT
+    count = gauss_points(s, m, parts, np.maximum(of_faces, degree), radius is not None, smooth)
     order, groups = _groups(slave, master, fs, fm, count)
     parts = Intervals(parts.slave[order], parts.master[order], parts.ends[order])
-    made = place_lines(parts, count[order], s, m, H, axisymmetric)
+    made = place_lines(parts, count[order], s, m, H, radius)
     groups[:, 3:] = made.first[groups[:, 3:]]
     rows = fs[order][made.piece]
     points = ContactPoints(
         rows, rows, fm[order][made.piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap, groups,
-        axisymmetric,
+        radius is not None,
     )  # fmt: skip
     return points if made.met.all() else _only(points, made.met)
 

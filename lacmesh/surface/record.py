@@ -10,9 +10,8 @@ import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
-from lacmesh.faces import cells_of_dim, distinct_faces, facets_of
+from lacmesh.faces import cells_of_dim, distinct_faces, facets_of, inside_out
 from lacmesh.mesh import Floats, Ints, Mesh, codes
-from lacmesh.quadrature import measure
 from lacmesh.skin import (
     FACE_TYPES,
     MAX_CORNERS,
@@ -155,25 +154,12 @@ def _outward(mesh: Mesh, faces: Faces, parents: Match) -> Faces:
     """The faces, those turned over whose nodes turn inward, seen from the one cell behind them."""
     nodes = faces.nodes.copy()
     back = turn(facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
-    back ^= _inside_out(mesh, parents.cell)
+    back ^= inside_out(mesh, parents.cell, plane=True)
     for code in codes(faces.type[parents.face[back]]):
         rows = parents.face[back][faces.type[parents.face[back]] == code]
         order = REVERSED[FACE_TYPES[code]]
         nodes[rows[:, None], np.arange(len(order))] = faces.nodes[rows[:, None], order]
     return Faces(faces.type, nodes)
-
-
-def _inside_out(mesh: Mesh, cells: Ints) -> Ints:
-    """(k,): cells whose nodes turn the wrong way: their facets point inward."""
-    wrong = np.zeros(mesh.n_cells, bool)
-    for kind, which, nodes in mesh.select(cells):
-        flat = CELLS[CELLS[kind].linear]
-        x = mesh.points[nodes[:, : flat.n_corners]]
-        if flat.dim == 3:
-            wrong[which] = measure(flat.name, x) < 0
-        else:
-            wrong[which] = (x[..., 0] * (np.roll(x[..., 1], -1, 1) - np.roll(x[..., 1], 1, 1))).sum(axis=1) < 0
-    return wrong[cells]
 
 
 def _depth(mesh: Mesh, surface: Surface, parents: Match) -> Floats:

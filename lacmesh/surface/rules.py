@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats, Ints
 from lacmesh.quadrature import rule
 from lacmesh.skin import FACE_TYPES
-from lacmesh.surface.maps import AFFINE, CURVED
+from lacmesh.surface.maps import AFFINE, CURVED, FLAT, NEARLY_FLAT
 
 Bools = NDArray[np.bool_]
 
 CENTROID, ELLIPSE, FAN3, FAN6, FAN7, FAN12, FAN16, FAN30 = range(8)
-#: added to the code of a rule whose weights are fitted
-FITTED = 8
+#: added to the code of a rule whose weights are fitted, and of one on the fan around the centroid, which has no first
+#: vertex: what it leaves of products with normals that turn is the same for a model and its mirror image
+FITTED, AROUND = 8, 16
 #: degree that each rule is exact to
 DEGREE = (1, 2, 2, 4, 5, 6, 8, 9)
 #: degree of the shape functions of each type of face in its reference coordinates
@@ -64,29 +65,32 @@ def fan_rules() -> Fans:
 
 
 class Sides(NamedTuple):
-    """What decides the rules of pieces on one side, a row each: the face's type and kind, and whether it is plane.
+    """What decides the rules of pieces on one side, a row each: the face's type, and kind and warp (maps.kinds).
 
-    `kind`: of its map (maps.kinds). `whole`: the patch is not half of a quadrangle that goes in at a corner.
+    `whole`: the patch is not half of a quadrangle that goes in at a corner.
     """
 
     type: Ints
     kind: Ints
-    plane: Bools
+    warp: Floats
     whole: Bools
 
 
-def pair_rule(slave: Sides, master: Sides, vertices: Ints, share: Floats, smooth: Bools, least: int = 0) -> Ints:
+def pair_rule(slave: Sides, master: Sides, vertices: Ints, share: Floats, turned: Floats, least: int = 0) -> Ints:
     """Codes of the rules of pieces of so many vertices.
 
     `share`: of the largest triangle in each piece's fan (where it is all, points of the others count for nothing);
-    `smooth`: whether normals are other than the slave face's own; `least`: a degree that is integrated anyway.
+    `turned`: how far normals are from the slave face's own; `least`: a degree that is integrated anyway.
     """
     degree = np.maximum(np.maximum(FUNCTION_DEGREE[slave.type], FUNCTION_DEGREE[master.type]), least)
     code = np.where(degree <= 1, CENTROID, np.where(degree <= 2, ELLIPSE, FAN6))
-    bent = ~slave.plane | smooth | ((master.kind == CURVED) & ~master.plane)
+    curved = (slave.kind == CURVED) | (master.kind == CURVED)
+    bend = np.maximum(np.maximum(slave.warp, turned), np.where(master.kind == CURVED, master.warp, 0.0))
+    bent = bend > np.where(curved, NEARLY_FLAT, FLAT)
     code = np.where(bent, np.where(degree <= 2, FAN6, FAN12), code)
-    fit = ~bent & slave.whole & master.whole & ((slave.kind > AFFINE) | (master.kind > AFFINE))
-    return np.where(fit, _fitted(1 + N_FUNCTIONS[slave.type] + N_FUNCTIONS[master.type], vertices, share), code)
+    fit = slave.whole & master.whole & ((slave.kind > AFFINE) | (master.kind > AFFINE))
+    fitted = _fitted(1 + N_FUNCTIONS[slave.type] + N_FUNCTIONS[master.type], vertices, share)
+    return np.where(fit & ~bent, fitted, np.where(fit & ~curved, code + FITTED + AROUND, code))
 
 
 def _fitted(functions: Ints, vertices: Ints, share: Floats) -> Ints:
@@ -102,4 +106,5 @@ def points_of(code: Ints, vertices: Ints) -> Ints:
     each = np.diff(fan_rules().start)
     each[CENTROID], each[ELLIPSE] = 1, 3
     base = code % FITTED
-    return np.where(base <= ELLIPSE, each[base], each[base] * (vertices - 2))
+    triangles = np.where(code >= AROUND, vertices, vertices - 2)
+    return np.where(base <= ELLIPSE, each[base], each[base] * triangles)

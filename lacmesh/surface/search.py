@@ -123,7 +123,7 @@ def candidates(slave: Patches, master: Patches, reach: Reach) -> Pairs:
 
 
 def in_parts(run: Callable[[slice], T], count: int) -> list[T]:
-    """What `run` makes of the rows 0 to `count`, a part in each of the machine's threads, in order."""
+    """What `run` makes of the rows 0 to `count`, a part in each thread, in order."""
     parts: dict[tuple[int, int], T] = {}
 
     def keep(rows: slice) -> None:

@@ -166,21 +166,25 @@ def test_a_slave_face_under_ten_thousand_master_faces():
 
 
 def test_long_lists_of_candidates_are_sorted_without_comparing_all():
-    for n in (0, 1, 2, 9, 10, 63, 1000, 300_000):
+    def seconds(n):
         values = np.arange(n + 2)[::-1].copy()
-        begin = time.perf_counter()
+        begin = time.process_time()
         _sort(values, 1, n + 1)
-        spent = time.perf_counter() - begin
+        spent = time.process_time() - begin
         assert values[0] == n + 1 and values[-1] == 0 and np.array_equal(values[1:-1], np.arange(1, n + 1))
-    assert spent < 3  # insertion alone: 4.5e10 moves
+        return spent
+
+    for n in (0, 1, 2, 9, 10, 63, 1000):
+        seconds(n)
+    assert min(seconds(300_000) for _ in range(3)) < 60 * min(seconds(15_000) for _ in range(9))  # insertion alone: 400
 
 
 def test_two_layers_of_many_faces_over_one_cost_no_more_than_a_few_times_one():
     def seconds(master):
         clip(candidates(s, master, reach), s, master, reach)  # compiled
-        begin = time.perf_counter()
+        begin = time.process_time()
         pieces = clip(candidates(s, master, reach), s, master, reach)
-        return time.perf_counter() - begin, pieces
+        return time.process_time() - begin, pieces
 
     near, far = sheet(70, 0.05, down=True, skew=0.1), sheet(71, 0.1, down=True, skew=0.1)
     nodes = np.concatenate([far.block("QUAD4"), near.block("QUAD4") + far.n_nodes])
