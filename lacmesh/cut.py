@@ -18,11 +18,11 @@ from dataclasses import replace
 import numpy as np
 
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh, codes
+from lacmesh.mesh import Ints, Mesh, codes, spec_list
 from lacmesh.patterns import WHOLE_FACES, internal_points
 from lacmesh.plan import HEXA, Plan, make_plan
 from lacmesh.rebuild import Origin, rebuild
-from lacmesh.recognition import Found, find_macros, with_records
+from lacmesh.recognition import NOT_LAST, Found, find_macros, with_records
 from lacmesh.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
 from lacmesh.skin import FACE_TYPES, Faces, find_repeats
 from lacmesh.subdivide import KINDS, WHOLE_CODE, subdivide
@@ -41,6 +41,7 @@ def cut_skin(
     node_groups: str = "extend",
     ring: float = 1 / 3,
     depth: float = 1 / 2,
+    recognise: bool | None = None,
 ) -> Cut:
     """Cut the skin faces of the slave groups, and the cells behind them, into macro-elements.
 
@@ -53,21 +54,23 @@ def cut_skin(
     in (0, 1).
 
     Faces that own an internal dof already (SEG3, QUAD9, TRIA7) become macro-elements as they are. A mesh whose slave
-    faces are all covered by a cut is returned unchanged, with its records where these were gone (`recognise`).
+    faces are all covered by a cut is returned unchanged, with its records where these were gone: then a LacmeshWarning
+    says what was taken for what, and `recognise` decides where you know better. None: faces with all that only a cut
+    has are taken for one (`lacmesh.recognise`). True: their pattern is enough, and a CutError where it is not there.
+    False: all are cut, whatever they look like, and records that are there are replaced.
     Raises CutError, GroupNotFoundError, RequestError.
     """
     _check_options(hexa=(hexa, HEXA), interface=(interface, ("both", "refuse")))
     _check_options(orient=(orient, ("keep", "outward")), node_groups=(node_groups, ("extend", "keep")))
     if not (0 < ring < 1 and 0 < depth < 1):
         raise RequestError(f"ring ({ring}) and depth ({depth}) must lie between 0 and 1")
-    specs = [str(s) for s in ([slave] if isinstance(slave, (str, int)) else slave)]
-    if is_cut(mesh):
+    specs = spec_list(slave)
+    if is_cut(mesh) and recognise is not False:
         return _already_cut(mesh, specs)
-    found = find_macros(mesh, specs) if specs else None
-    if found is not None and found.n_cut:
-        if found.complete:
-            return Cut(with_records(mesh, found))
-        _refuse_half_cut(mesh, found)
+    found = _taken_for_cut(mesh, specs, recognise)
+    if found is not None:
+        return Cut(with_records(mesh, found))
+    mesh = _without_records(mesh)
     mesh, plan = make_plan(mesh, specs, hexa, interface, orient, skin_only, (ring, depth))
     made = subdivide(mesh, plan.faces, plan.kinds, plan.skin, plan.parents, ring, depth)
     _warn_of_periodic(mesh, plan)
@@ -100,16 +103,61 @@ def _already_cut(mesh: Mesh, specs: list[str]) -> Cut:
     return cut
 
 
+def _taken_for_cut(mesh: Mesh, specs: list[str], recognise: bool | None) -> Found | None:
+    """The macro-elements that the slave faces are taken for, though they have no records; None where they are cut."""
+    if not specs or recognise is False:
+        return None
+    found = find_macros(mesh, specs)
+    if recognise and not found.complete:
+        left = found.cells[found.left]
+        message = f"no earlier cut is recognised on {', '.join(specs)} (cells {mesh.cell_names(left)} are in none)"
+        raise CutError(message, mesh.cell_number[left])
+    if recognise:
+        return found
+    if found.mostly_cut and found.doubt == NOT_LAST:
+        _say(found, f"look like {_macros(found)} of an earlier cut, but {NOT_LAST}: they are cut; --recognise "
+             "(recognise=True) takes them for these")  # fmt: skip
+    if not found.n_cut or found.doubt:
+        return None
+    if not found.complete:
+        _refuse_half_cut(mesh, found)
+        return None
+    _say(found, f"are taken for {_macros(found)} of an earlier cut, whose records are gone, and left as they are; "
+         "--recut (recognise=False) cuts them")  # fmt: skip
+    return found
+
+
+def _say(found: Found, what: str) -> None:
+    faces = f"the {len(found.cells):,} face{'' if len(found.cells) == 1 else 's'} of {', '.join(found.names)}"
+    warnings.warn(f"{faces} {what}", LacmeshWarning, stacklevel=4)
+
+
+def _macros(found: Found) -> str:
+    return f"{found.n_macros:,} macro-element{'' if found.n_macros == 1 else 's'}"
+
+
 def _refuse_half_cut(mesh: Mesh, found: Found) -> None:
-    """Faces of an earlier cut beside others: cutting them again would be no use. A few may be there by chance."""
-    if 2 * found.n_cut < len(found.cells):
+    """Faces of an earlier cut beside others: cutting them again would be no use."""
+    if not found.mostly_cut:
         return
     left = found.cells[found.left]
     raise CutError(
         f"this mesh was cut before (its records are gone), but not everywhere on {', '.join(found.names)} "
-        f"(cells {mesh.cell_names(left)}); cut the mesh it came from, with every --slave at once",
+        f"(cells {mesh.cell_names(left)}); cut the mesh it came from, with every --slave at once, or --recut "
+        "(recognise=False) cuts this one",
         mesh.cell_number[left],
     )
+
+
+def _without_records(mesh: Mesh) -> Mesh:
+    """The mesh without the records of an earlier cut, which is said."""
+    if not is_cut(mesh):
+        return mesh
+    message = f"the mesh is cut already: its records (zones {', '.join(mesh.zones)}) are replaced"
+    warnings.warn(message, LacmeshWarning, stacklevel=3)
+    cells = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
+    nodes = {name: values for name, values in mesh.node_data.items() if name != NODE_RECORD}
+    return replace(mesh, cell_data=cells, node_data=nodes, zones=())
 
 
 def _uncovered(mesh: Mesh, faces: Ints) -> Ints:

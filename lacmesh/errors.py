@@ -6,7 +6,7 @@ The exit status of the command stands with the class (docs/conventions.md lists 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 
@@ -101,3 +101,12 @@ def some(numbers: Iterable[int], limit: int = 10) -> str:
     listed = [str(int(n)) for n in numbers]
     more = f" and {len(listed) - limit} more" if len(listed) > limit else ""
     return ", ".join(listed[:limit]) + more
+
+
+def listed(names: Sequence[str], last: str) -> str:
+    """Names as a sentence lists them; `last`: the word before the last.
+
+    >>> listed(["msh", "VTU", "XDMF"], "and"), listed(["msh"], "or")
+    ('msh, VTU and XDMF', 'msh')
+    """
+    return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

@@ -7,7 +7,10 @@ quadrangle that a mesher crossed with its diagonals: there a pyramid behind it, 
 numbers them, must say so. Segments need the cells behind them (`regroup.py`). Faces that a cut leaves whole (SEG3,
 TRIA7, QUAD9) are macro-elements as they stand.
 
-A mesh is taken for cut when every slave face is part of a macro-element; nodes must not have been moved since.
+A mesh is taken for cut when every slave face is part of a macro-element; nodes must not have been moved since. Faces
+that a mesher made may look alike (an O-grid, triangles split at their centroids), so that more is asked for, which only
+a cut has: rings of half-width 1/3, and as the last nodes of the mesh those that the cut made. Where that fails, `doubt`
+says so, and only who knows better takes the faces for cut.
 """
 
 from __future__ import annotations
@@ -15,23 +18,26 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning, RequestError
-from lacmesh.faces import distinct_faces
-from lacmesh.mesh import Ints, Mesh
-from lacmesh.patterns import CONE, RING, WHOLE, WHOLE_FACES, face_pattern, internal_points
+from lacmesh.faces import cells_of_dim, distinct_faces
+from lacmesh.mesh import Ints, Mesh, spec_list
+from lacmesh.patterns import CONE, RING, RING_PARENTS, WHOLE, WHOLE_FACES, face_pattern, internal_points, parent_pattern
 from lacmesh.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
 from lacmesh.regroup import regroup_segments
 from lacmesh.shapes import shape
-from lacmesh.skin import N_CORNERS, TYPE_CODE, Faces
+from lacmesh.skin import FACE_TYPES, N_CORNERS, TYPE_CODE, Faces, find_owners
 
 #: how far a node may stand from its place, as a part of the outline's size: files keep as few as seven digits
 PLACE = 1e-5
 _THIRD = 1 / 3
+#: what is in doubt where the places are those of a cut and the numbers are not
+NOT_LAST = "the last nodes of the mesh are not those that a cut would have made"
 
 
 @dataclass(frozen=True)
@@ -44,12 +50,23 @@ class Family:
     frame: Ints
     ring: float = _THIRD
 
+    @property
+    def outline(self) -> Ints:
+        """(m, n): the nodes of the faces that were cut."""
+        return self.frame[:, : CELLS[self.face].n_nodes]
+
+    @property
+    def new(self) -> Ints:
+        """(m, p): the nodes that the cut put on them."""
+        return self.frame[:, CELLS[self.face].n_nodes :]
+
 
 @dataclass(frozen=True)
 class Found:
     """What was found in a slave skin: `cells` (f,) of its faces, each once, the `zone` (f,) of each, the `families`.
 
-    `left`: the rows of `cells` that are part of no macro-element.
+    `left`: the rows of `cells` that are part of no macro-element. `doubt`: what no cut would have, in words;
+    empty where everything is as a cut leaves it.
     """
 
     names: tuple[str, ...]
@@ -57,6 +74,7 @@ class Found:
     zone: Ints
     families: tuple[Family, ...]
     left: Ints
+    doubt: str = ""
 
     @property
     def n_cut(self) -> int:
@@ -68,21 +86,33 @@ class Found:
         """Whether the skin is cut, and everywhere."""
         return self.n_cut > 0 and not len(self.left)
 
+    @property
+    def mostly_cut(self) -> bool:
+        """Whether half of the faces or more were cut: a few may look so by chance."""
+        return self.n_cut > 0 and 2 * self.n_cut >= len(self.cells)
 
-def recognise(mesh: Mesh, slave: str | int | Sequence[str | int]) -> Cut | None:
+    @property
+    def n_macros(self) -> int:
+        """Number of macro-elements."""
+        return sum(len(family.parts) for family in self.families)
+
+
+def recognise(mesh: Mesh, slave: str | int | Sequence[str | int], *, certain: bool = True) -> Cut | None:
     """The cut that a mesh carries on its slave groups, with its records, or None where these are not cut.
 
     Records that are there are taken as they are; else the macro-elements are found from the faces, and numbered zone by
     zone, in the order of their first faces. What the children replaced is not known any more: `lac_parent` is left out.
-    A skin that is cut in part only gives None, and a LacmeshWarning with the faces left over. Raises
-    GroupNotFoundError and RequestError.
+    `certain`: only what has all that a cut has, half-widths of 1/3 and the new nodes last, is taken for one; else the
+    pattern of the faces is enough, for a cut with another `ring` or numbered again since.
+    A skin that is cut in part only gives None, and a LacmeshWarning with the faces left over. Raises GroupNotFoundError
+    and RequestError.
     """
     if is_cut(mesh):
         return Cut(mesh)
     found = find_macros(mesh, group_names(mesh, slave))
-    if found.complete or (found.families and not len(found.left)):
+    if found.families and not len(found.left) and not (certain and found.doubt):
         return Cut(with_records(mesh, found))
-    if found.n_cut:
+    if found.n_cut and len(found.left) and not (certain and found.doubt):
         left = mesh.cell_names(found.cells[found.left])
         message = f"the slave skin is cut in part: cells {left} belong to no macro-element of it"
         warnings.warn(message, LacmeshWarning, stacklevel=2)
@@ -91,7 +121,7 @@ def recognise(mesh: Mesh, slave: str | int | Sequence[str | int]) -> Cut | None:
 
 def group_names(mesh: Mesh, slave: str | int | Sequence[str | int]) -> list[str]:
     """The slave groups asked for, as a list of specifications; each must be in the mesh."""
-    specs = [str(s) for s in ([slave] if isinstance(slave, (str, int)) else slave)]
+    specs = spec_list(slave)
     if not specs:
         raise RequestError("no slave group was given")
     for spec in specs:
@@ -107,6 +137,16 @@ def find_macros(mesh: Mesh, specs: list[str]) -> Found:
     faces, first = distinct_faces(mesh, cells)
     cells, zone = cells[first], zone[first]
     place = _places_in_file(mesh, cells)
+    families = _families(mesh, faces, place)
+    covered = np.zeros(len(faces), bool)
+    for family in families:
+        covered[family.parts] = True
+    doubt = _doubt(mesh, families, faces, cells)
+    return Found(tuple(specs), cells, zone, families, np.flatnonzero(~covered), doubt)
+
+
+def _families(mesh: Mesh, faces: Faces, place: Ints) -> tuple[Family, ...]:
+    """The macro-elements among some faces, each once; `place` (f,): where each stands in the file."""
     families = _whole(faces)
     if (N_CORNERS[faces.type] == 2).any():
         families += [
@@ -115,11 +155,7 @@ def find_macros(mesh: Mesh, specs: list[str]) -> Found:
         ]
     else:
         families += _cones(mesh, faces, place) + _rings(mesh, faces, place)
-    families = _without_conflicts([f for f in families if len(f.parts)], len(faces))
-    covered = np.zeros(len(faces), bool)
-    for family in families:
-        covered[family.parts] = True
-    return Found(tuple(specs), cells, zone, tuple(families), np.flatnonzero(~covered))
+    return tuple(_without_conflicts([f for f in families if len(f.parts)], len(faces)))
 
 
 def with_records(mesh: Mesh, found: Found) -> Mesh:
@@ -196,6 +232,98 @@ def _without_conflicts(families: list[Family], n_faces: int) -> list[Family]:
         np.add.at(count, family.parts.ravel(), 1)
     kept = [(f, (count[f.parts] == 1).all(axis=1)) for f in families]
     return [replace(f, parts=f.parts[ok], frame=f.frame[ok]) for f, ok in kept if ok.any()]
+
+
+# ---- what only a cut has
+
+
+def _doubt(mesh: Mesh, families: tuple[Family, ...], faces: Faces, cells: Ints) -> str:
+    """What no cut would have, in words, or nothing; `faces`: those that the families are of, from `cells`."""
+    made = [family for family in families if family.kind != WHOLE]
+    if not made:
+        return ""
+    odd = [family.ring for family in made if family.kind == RING and family.ring != _THIRD]
+    if odd:
+        return f"their inner faces have a half-width of {odd[0]:.4g}, and those of a cut have 1/3"
+    if _new_nodes_last(mesh, made, faces, cells) or _new_nodes_last(mesh, *_all_made(mesh, faces)):
+        return ""
+    return NOT_LAST
+
+
+def _all_made(mesh: Mesh, faces: Faces) -> tuple[list[Family], Faces, Ints]:
+    """What was cut of the whole skin: the nodes of other groups' cuts may stand among those of the cut of `faces`."""
+    dim = CELLS[FACE_TYPES[faces.type[0]]].dim
+    cells = np.sort(np.concatenate([cells for kind, _, cells in cells_of_dim(mesh, dim) if kind in TYPE_CODE]))
+    skin, first = distinct_faces(mesh, cells)
+    found = _families(mesh, skin, _places_in_file(mesh, cells[first]))
+    return [family for family in found if family.kind != WHOLE], skin, cells[first]
+
+
+def _new_nodes_last(mesh: Mesh, made: list[Family], faces: Faces, cells: Ints) -> bool:
+    """Whether the new nodes are the last, of the mesh or, as gmsh numbers nodes again, of each entity of the skin."""
+    return bool(made) and (_last_of_mesh(mesh, made, faces) or _last_of_entities(mesh, made, cells))
+
+
+def _last_of_mesh(mesh: Mesh, made: list[Family], faces: Faces) -> bool:
+    """Whether the last nodes, of those that cells use, are the ones that the cut made on its faces and behind them.
+
+    They are as many as the cut makes, and the cells on them are as many as the children that it makes.
+    """
+    dim = CELLS[made[0].face].dim
+    used = np.zeros(mesh.n_nodes, bool)
+    for _, nodes, _ in (*cells_of_dim(mesh, dim), *cells_of_dim(mesh, dim + 1)):
+        used[nodes] = True
+    least, most = _n_made(mesh, made, faces)
+    number = mesh.node_number
+    first_new = min(number[f.new].min() for f in made)
+    last_old = max(number[f.outline].max() for f in made)
+    first_made = min(first_new, np.sort(number[used])[-least[0] :][0])
+    young = used & (number >= first_made)
+    n_cells = sum(np.count_nonzero(young[nodes].any(axis=1)) for _, nodes, _ in cells_of_dim(mesh, dim + 1))
+    return bool(first_made > last_old and np.count_nonzero(young) <= most[0] and least[1] <= n_cells <= most[1])
+
+
+def _last_of_entities(mesh: Mesh, made: list[Family], cells: Ints) -> bool:
+    """Whether each macro-element lies in one of msh's entities, in which the new nodes come after all others."""
+    entity = mesh.entity_of_cell
+    if not len(entity) or any((np.ptp(entity[cells[f.parts], 1], axis=1) > 0).any() for f in made):
+        return False
+    new = np.zeros(mesh.n_nodes, bool)
+    for family in made:
+        new[family.new] = True
+    skin = [(entity[cells, 1], nodes) for _, nodes, cells in cells_of_dim(mesh, CELLS[made[0].face].dim)]
+    tag = np.concatenate([np.repeat(tags, nodes.shape[1]) for tags, nodes in skin])
+    node = np.concatenate([nodes.ravel() for _, nodes in skin])
+    order = np.lexsort((mesh.node_number[node], tag))
+    tag, late = tag[order], new[node[order]]
+    return not (late[:-1] & ~late[1:] & (tag[:-1] == tag[1:])).any()
+
+
+def _n_made(mesh: Mesh, made: list[Family], faces: Faces) -> tuple[Ints, Ints]:
+    """How many nodes, and how many cells behind the faces, a cut made, (2,) at least and (2,) at most.
+
+    Each face has one of the cells behind it replaced by its children: the first of a parent's faces the parent itself,
+    the next ones one of these children.
+    """
+    least, most = np.zeros(2, np.int64), np.zeros(2, np.int64)
+    for f in made:
+        first = faces.take(f.parts[:, 0])
+        behind = len(find_owners(first, cells_of_dim(mesh, CELLS[f.face].dim + 1), mesh.n_nodes).face)
+        counts = _n_behind(f.face, f.kind)
+        least += [f.new.size, min(behind, 1 - int(least[1] > 0))]
+        most += [f.new.size, 0]
+        least += behind * (counts.min(axis=0) - [0, 1])
+        most += behind * counts.max(axis=0)
+    return least, most
+
+
+@cache
+def _n_behind(face: str, kind: str) -> Ints:
+    """(p, 2): the new nodes inside and the children of each type of cell behind a face, by its cut."""
+    parents = [name for name in CELLS if kind != RING or name in RING_PARENTS]
+    facets = [(name, j) for name in parents for j, f in enumerate(CELLS[name].facets) if f.type == face]
+    patterns = [parent_pattern(name, j, kind) for name, j in facets]
+    return np.array([(len(p.inside), p.n_children) for p in patterns])
 
 
 # ---- cones: triangles around a node

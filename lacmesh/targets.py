@@ -5,6 +5,7 @@
     calculix    CalculiX, by .inp
     abaqus      Abaqus, by .inp
     fenics      dolfinx, by XDMF: one type of cells in a mesh, as its `read_mesh` asks
+    lacsolver   lacsolver, by any format: all cells of order 1 and 2, mixed
 
 The names of the cells come from the tables of the formats; dolfinx's types are those that its reader of XDMF knows
 (`xdmf_utils.cpp`), and it takes no mixture of types.
@@ -33,6 +34,7 @@ TARGETS: Mapping[str, str] = {
     "calculix": "CalculiX",
     "abaqus": "Abaqus",
     "fenics": "dolfinx",
+    "lacsolver": "lacsolver",
 }
 _MED_NAMES = {kind.type: kind.name for kind in MED_TYPES}
 #: Cells that dolfinx reads as cells of a mesh.
@@ -54,6 +56,8 @@ def element(kind: str, target: str, plane: bool = False) -> str | None:
         return XDMF_OF_TYPE[kind].name if kind in _FENICS else None
     if kind not in CELLS:
         return None
+    if target == "lacsolver":
+        return kind if CELLS[kind].dim else None
     return card(kind, target, "CPS" if plane else None, skin=False)
 
 
@@ -91,22 +95,25 @@ def check_target_cells(
     hexa: str = "pyramid",
     interface: str = "both",
     skin_only: bool = False,
+    recognise: bool | None = None,
 ) -> None:
     """Raise CutError where a mesh, cut so, would have cells that a target cannot take; the error says what to try.
 
     The options are those of `cut_skin`, whose errors come first (GroupNotFoundError, CutError). Costs a cut of the mesh
     without its data. Raises RequestError for a target that is none.
     """
-    there = refused(mesh, target)
+    there, done = refused(mesh, target), is_cut(mesh) and recognise is not False
 
     def cut(variant: str) -> Mesh:
-        return _cut(mesh, slave, hexa=variant, interface=interface, skin_only=skin_only)
+        if done:
+            return mesh
+        return _cut(mesh, slave, hexa=variant, interface=interface, skin_only=skin_only, recognise=recognise)
 
     after = cut(hexa)
     wrong = refused(after, target)
     if not wrong:
         return
-    if is_cut(mesh):
+    if done:
         said = f"the mesh is cut already, has {_listed(wrong)}, and {_reason(after, wrong, target)}"
         advice = f"cut the mesh that it came from with --for {target}, which says what to try"
     else:
@@ -129,9 +136,7 @@ def _reason(mesh: Mesh, wrong: Mapping[str, int], target: str) -> str:
 
 
 def _cut(mesh: Mesh, slave: str | int | Sequence[str | int], **options: Any) -> Mesh:
-    """The mesh cut, without what does not matter to its types; a mesh that is cut already, as it is."""
-    if is_cut(mesh):
-        return mesh
+    """The mesh cut, without what does not matter to its types."""
     data = {"entity": mesh.cell_data["entity"]} if "entity" in mesh.cell_data else {}
     bare = replace(mesh, cell_data=data, node_data={}, node_groups={}, steps={}, model=None)
     with warnings.catch_warnings():

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -434,14 +435,14 @@ def test_a_signal_stops_it_with_nothing_left(msh, sent, status):
     """The writing is slowed, so that the signal arrives while the file beside is there."""
     code = (
         "import sys, time\nimport lacmesh.formats.output as f\nsettle = f._finish\n"
-        "def slow(*a):\n    print('now', flush=True)\n    time.sleep(30)\n    settle(*a)\n"
+        "def slow(*a):\n    print('now', flush=True)\n    time.sleep(120)\n    settle(*a)\n"
         f"f._finish = slow\nfrom lacmesh.cli import main\nsys.exit(main(['cut', {str(msh)!r}, '--slave', 'slave']))"
     )
     before = sorted(msh.parent.iterdir())
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert child.stdout.readline() == "now\n"
     child.send_signal(sent)
-    _, err = child.communicate(timeout=20)
+    _, err = child.communicate(timeout=100)
     assert child.returncode == status and "Traceback" not in err and "nothing was written" in err
     assert sorted(msh.parent.iterdir()) == before
 
@@ -462,7 +463,7 @@ def test_progress_is_shown_on_a_terminal_only(msh):
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=slave, env=env) as child:
         os.close(slave)
         shown = b""
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + 300
         while time.monotonic() < deadline:
             try:
                 piece = os.read(master, 4096)
@@ -496,6 +497,48 @@ def test_a_full_or_closed_output_is_no_internal_error(msh):
     assert done.returncode == 3 and b"No space left" in done.stderr and b"internal" not in done.stderr
     closed = subprocess.run(f"{sys.executable} -m lacmesh info {msh} >&-", shell=True, capture_output=True, text=True)
     assert closed.returncode == 0 and not closed.stderr
+
+
+def test_a_closed_error_stream_is_no_internal_error(msh):
+    """`2>&-`: what is opened next must not become stream 2 either, which libraries write to."""
+    words = f"{sys.executable} -m lacmesh cut {msh} --slave slave -o {msh.with_name('out.med')} 2>&-"
+    done = subprocess.run(words, shell=True, capture_output=True, text=True)
+    assert done.returncode == 0 and "worst quality" in done.stdout
+    assert Cut(lacmesh.read(msh.with_name("out.med"))).zones == ("slave",)
+
+
+ODD = os.fsdecode(b"bad\xff")
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".med", ".mail", ".inp", ".vtu"])
+@pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
+def test_a_name_that_is_no_utf8_is_a_name(tmp_path, suffix):
+    mesh = cell_with_faces("TETRA4")
+    lacmesh.write(tmp_path / f"{ODD}{suffix}", mesh)
+    assert lacmesh.read(tmp_path / f"{ODD}{suffix}").n_nodes == mesh.n_nodes
+
+
+def test_xml_cannot_name_a_second_file_that_is_no_utf8(msh, capsys):
+    before = sorted(msh.parent.iterdir())
+    assert main(["cut", str(msh), "--slave", "slave", "-o", str(msh.with_name(f"{ODD}.xdmf"))]) == 3
+    assert "its name is no UTF-8; choose another name" in capsys.readouterr().err
+    assert sorted(msh.parent.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(("cut", "--slave", "slave", "-o", "x.msh", "--report", f"r.{kind}") for kind in ("html", "md", "json")),
+        ("view", "-o", "v.html"),
+        ("view", "-o", "v.html", "--title", ODD),
+        ("quality", "--plot", "q.png"),
+    ],
+    ids=" ".join,
+)
+def test_reports_and_pages_of_a_file_whose_name_is_no_utf8(words, msh, monkeypatch, capsys):
+    monkeypatch.chdir(msh.parent)
+    source = msh.rename(f"{ODD}.msh")
+    assert main([words[0], str(source), *words[1:]]) == 0, capsys.readouterr().err
 
 
 def test_summary_says_the_worst_quality_before_and_after(tmp_path, capsys):
@@ -534,3 +577,84 @@ def test_info_says_the_tags_that_groups_go_by(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "2:5" in out and "3:5" in out
     assert main(["info", str(tmp_path / "t.msh"), "--mesh", "other"]) == 2
+
+
+@pytest.mark.parametrize("command", [["convert"], ["orient", "--group", "slave"], ["cut", "--slave", "slave"]])
+@pytest.mark.parametrize(
+    ("target", "option", "told"),
+    [
+        ("b.med", ["--msh", "2.2"], "--msh is for a .msh output, and "),
+        ("b.vtu", ["--msh", "2.2"], "--msh is for a .msh output, and "),
+        ("b.med", ["--ascii"], "--ascii is for a .msh, .vtu or .xdmf output, and "),
+        ("b.inp", ["--ascii"], "--ascii is for a .msh, .vtu or .xdmf output, and "),
+        ("b.msh", ["--all-cells"], "--all-cells is for an .inp output, and "),
+    ],
+)
+def test_an_option_that_the_format_does_not_take(command, target, option, told, msh, tmp_path, capsys):
+    """It was ignored: `convert x.msh b.med --msh 2.2 --ascii` wrote what it could."""
+    place = [str(tmp_path / target)] if command == ["convert"] else ["-o", str(tmp_path / target)]
+    assert main([command[0], str(msh), *command[1:], *place, *option]) == 2
+    assert told in capsys.readouterr().err
+    assert not (tmp_path / target).exists()
+
+
+#: clears the screen, sets the title, rings; C1's own escape; turns what follows round
+_SPELL = "\x1b[2J\x1b]0;pwn\x07x\x9b31m\u202e"
+
+
+def _raw(text):
+    return [c for c in text if not c.isprintable() and c != "\n"]
+
+
+@pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["info"],
+        ["info", "--json"],
+        ["check", "--slave", _SPELL],
+        ["check", "--slave", _SPELL, "--json"],
+        ["check", "--slave", "nobody"],
+        ["quality"],
+        ["quality", "--json"],
+        ["quality", "--group", _SPELL],
+        ["cut", "--slave", _SPELL, "-o", "cut.vtu"],
+        ["cut", "--slave", _SPELL, "--slave", "nobody", "-o", "cut.vtu"],
+        ["orient", "--group", _SPELL, "-o", "out.vtu"],
+        ["view", "-o", "a.html", "--slave", _SPELL],
+    ],
+    ids=lambda c: " ".join(c[:1] + c[2:]).replace(_SPELL, "SPELL"),
+)
+def test_names_from_files_are_no_commands_to_the_terminal(command, mesh, tmp_path, capsys, monkeypatch):
+    """`lacmesh info` printed a group's name raw, which cleared the screen of who looked at the file."""
+    monkeypatch.chdir(tmp_path)
+    names = {_SPELL if name == "slave" else name: cells for name, cells in mesh.cell_groups.items()}
+    lacmesh.write("a.vtu", replace(mesh, cell_groups=names, node_groups={"n" + _SPELL: np.arange(3)}))
+    main([command[0], "a.vtu", *command[1:]])
+    said = capsys.readouterr()
+    assert not _raw(said.out) and not _raw(said.err)
+    if "--json" in command:
+        assert json.dumps(_SPELL)[1:-1] in json.dumps(json.loads(said.out))
+    elif command == ["info"]:
+        assert r"\x1b[2J\x1b]0;pwn\x07x\x9b31m\u202e" in said.out
+    for page in tmp_path.glob("*.html"):
+        assert "\x1b" not in page.read_text(encoding="utf-8")
+
+
+def test_a_terminal_has_its_colours_and_no_others(mesh, tmp_path):
+    """Tables are coloured where somebody looks, and names are escaped there too."""
+    groups = {_SPELL if name == "slave" else name: cells for name, cells in mesh.cell_groups.items()}
+    lacmesh.write(tmp_path / "a.vtu", replace(mesh, cell_groups=groups))
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "lacmesh", "check", str(tmp_path / "a.vtu"), "--slave", _SPELL]
+    with subprocess.Popen(command, stdout=theirs, stderr=subprocess.DEVNULL, env=os.environ | {"TERM": "xterm"}) as run:
+        os.close(theirs)
+        text = b""
+        with suppress(OSError):  # the other end is closed
+            while piece := os.read(ours, 4096):
+                text += piece
+        run.wait()
+    os.close(ours)
+    text = text.decode()
+    assert "\x1b[" in text, "colours"
+    assert not _raw(re.sub(r"\x1b\[[\d;]*m", "", text).replace("\r\n", "\n"))

@@ -48,7 +48,7 @@ print(json.dumps({"groups": groups, "views": views, "nodes": len(gmsh.model.mesh
 
 
 def gmsh_says(path):
-    done = subprocess.run([sys.executable, "-c", GMSH, path], capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run([sys.executable, "-c", GMSH, path], capture_output=True, text=True, timeout=600, check=True)
     return json.loads(done.stdout.splitlines()[-1])
 
 

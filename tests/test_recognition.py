@@ -82,8 +82,12 @@ def test_random_meshes(seed, dim, order):
 @pytest.mark.parametrize("name", ["QUAD4", "HEXA8", "HEXA20"])
 @pytest.mark.parametrize("ring", [0.2, 0.5])
 def test_another_ring(name, ring):
+    """A cut of ours can have one, code_aster's cannot: only who knows takes it for a cut."""
     cut = cut_skin(two_blocks(name), "slave", hexa="hexa", ring=ring, depth=0.3)
-    same(cut, recognise(without_records(cut.mesh), "slave"))
+    mesh = without_records(cut.mesh)
+    assert recognise(mesh, "slave") is None
+    same(cut, recognise(mesh, "slave", certain=False))
+    same(cut, cut_skin(mesh, "slave", recognise=True))
 
 
 def test_a_skin_without_cells_behind():
@@ -122,7 +126,7 @@ def test_records_that_are_there_are_taken():
 
 
 def test_numbers_and_places_of_another_program():
-    """Other numbers, another order of cells, coordinates with seven digits: certain patterns are found all the same."""
+    """Other numbers, another order of cells, coordinates with seven digits: found all the same by who knows."""
     rng = np.random.default_rng(3)
     for name, hexa in (("HEXA8", "pyramid"), ("HEXA8", "hexa"), ("TETRA10", "pyramid"), ("PENTA6", "pyramid")):
         cut = cut_skin(two_blocks(name), "slave", hexa=hexa)
@@ -137,7 +141,11 @@ def test_numbers_and_places_of_another_program():
         new = np.argsort(np.concatenate(old))
         groups = {g: new[members] for g, members in mesh.cell_groups.items()}
         points = mesh.points[order].astype(np.float32).astype(float)
-        found = recognise(Mesh.create(points, blocks, cell_groups=groups), "slave")
+        mesh = Mesh.create(points, blocks, cell_groups=groups)
+        assert recognise(mesh, "slave") is None
+        with pytest.warns(LacmeshWarning, match="macro-elements of an earlier cut, but .* --recognise"):
+            assert cut_skin(mesh, "slave").n_macros > cut.n_macros
+        found = recognise(mesh, "slave", certain=False)
         wanted = {frozenset(new[faces].tolist()) for faces in cut.faces_of_macro}
         assert {frozenset(faces.tolist()) for faces in found.faces_of_macro} == wanted
 
@@ -248,6 +256,126 @@ def test_a_tetrahedron_at_the_centre_of_a_triangle_but_not_quite():
     assert recognise(replace(without_records(cut.mesh), points=points), "slave") is None
 
 
+def o_grid(half, layers, way, upper_first=False):
+    """Columns of five hexahedra around a square of some half-width, the slave skin at one end: a mesher's, not a cut's.
+
+    `way`: "rings", each layer's outline before its inside, or "inside last", all the inner nodes after all others.
+    """
+    ring = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+    heights = range(layers, -1, -1) if upper_first else range(layers + 1)
+    keys = [(z, s) for z in heights for s in (1.0, half)]
+    if way == "inside last":
+        keys.sort(key=lambda key: key[1] != 1.0)
+    points = np.concatenate([np.column_stack([s * ring, np.full(4, z)]) for z, s in keys])
+    at = {key: 4 * k + np.arange(4) for k, key in enumerate(keys)}
+
+    def faces(z):
+        out, inn = at[z, 1.0], at[z, half]
+        return np.array([[out[k], out[(k + 1) % 4], inn[(k + 1) % 4], inn[k]] for k in range(4)] + [inn])
+
+    cells = np.concatenate([np.hstack([faces(z), faces(z + 1)]) for z in range(layers)])
+    top = len(cells) + np.arange(5)
+    return Mesh.create(points, [("HEXA8", cells), ("QUAD4", faces(layers))], cell_groups={"slave": top})
+
+
+@pytest.mark.parametrize("upper_first", [False, True])
+@pytest.mark.parametrize("way", ["rings", "inside last"])
+@pytest.mark.parametrize("layers", [1, 3])
+@pytest.mark.parametrize("half", [0.5, 0.2, 1 / 3])
+def test_an_o_grid_is_no_cut(half, layers, way, upper_first):
+    """Not even with the half-width of a cut: the nodes that come last are not those that a cut would have made."""
+    mesh = o_grid(half, layers, way, upper_first)
+    assert recognise(mesh, "slave") is None
+    with warnings.catch_warnings():
+        if half == 1 / 3:
+            warnings.filterwarnings("ignore", ".*look like 1 macro-element of an earlier cut", LacmeshWarning)
+        cut = cut_skin(mesh, "slave")
+    assert cut.n_macros == 5
+    same(cut, cut_skin(mesh, "slave", recognise=False))
+    assert cut_skin(mesh, "slave", recognise=True).n_macros == 1
+
+
+def test_an_o_grid_beside_more_faces_is_cut():
+    """It was refused, as cut before."""
+    grid = o_grid(0.5, 1, "rings")
+    points = np.vstack([grid.points, np.add(grid.points, [2, 0, 0])])
+    more = [np.vstack([grid.block(kind), grid.block(kind) + 16]) for kind in ("HEXA8", "QUAD4")]
+    mesh = Mesh.create(points, [("HEXA8", more[0]), ("QUAD4", more[1][:9])], cell_groups={"slave": 10 + np.arange(9)})
+    assert cut_skin(mesh, "slave").n_macros == 9
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_triangles_split_at_an_inner_node_are_no_cut(late):
+    """A skin and its tetrahedra as a mesher splits them, whose new nodes are not the last ones of the mesh."""
+    cut = cut_skin(two_blocks("TETRA4"), "slave")
+    mesh = without_records(cut.mesh)
+    new = np.flatnonzero(cut.macro_of_node >= 0)
+    old = np.setdiff1d(np.arange(mesh.n_nodes), new)
+    order = np.concatenate([old[:-1], new, old[-1:]]) if late else np.concatenate([new, old])
+    mesh = renumbered(mesh, order)
+    assert recognise(mesh, "slave") is None
+    with pytest.warns(LacmeshWarning, match="the 24 faces of slave look like 8 macro-elements"):
+        assert cut_skin(mesh, "slave").n_macros == 24
+
+
+@pytest.mark.parametrize("zone", ["slave", "loaded"])
+@pytest.mark.parametrize("name", ["HEXA8", "TETRA4"])
+def test_one_of_two_zones(name, zone):
+    """The nodes of the other zone's cut come after those of this one's, or before, or among them."""
+    cut = cut_skin(two_blocks(name), ["slave", "loaded"], hexa="hexa")
+    twice = cut_skin(without_records(cut_skin(two_blocks(name), "slave", hexa="hexa").mesh), "loaded", hexa="hexa")
+    for mesh in (cut.mesh, twice.mesh):
+        macros = np.count_nonzero(cut.zone_of_face[[f[0] for f in cut.faces_of_macro]] == cut.zones.index(zone))
+        assert recognise(without_records(mesh), zone).n_macros == macros
+
+
+def test_what_is_taken_for_a_cut_is_said():
+    mesh = without_records(cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa").mesh)
+    with pytest.warns(LacmeshWarning, match="the 20 faces of slave are taken for 4 macro-elements of .*--recut"):
+        assert cut_skin(mesh, "slave").mesh.n_cells == mesh.n_cells
+    assert cut_skin(mesh, "slave", recognise=False).n_macros == 20
+    assert cut_skin(mesh, "slave", recognise=True).n_macros == 4
+
+
+def test_who_knows_that_it_is_cut_is_told_where_it_is_not():
+    with pytest.raises(CutError, match="no earlier cut is recognised on slave"):
+        cut_skin(two_blocks("HEXA8"), "slave", recognise=True)
+
+
+def test_a_cut_with_records_is_cut_again_on_request():
+    cut = cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa")
+    with pytest.warns(LacmeshWarning, match=r"cut already: its records \(zones slave\) are replaced"):
+        again = cut_skin(cut.mesh, "slave", hexa="hexa", recognise=False)
+    assert again.n_macros == 20
+    same(again, cut_skin(without_records(cut.mesh), "slave", hexa="hexa", recognise=False))
+
+
+def test_the_command_decides(tmp_path, capsys):
+    from lacmesh.cli import main
+
+    lacmesh.write(tmp_path / "o.vtu", o_grid(0.5, 1, "rings"))
+    for option, macros in (("--recut", 5), ("--recognise", 1)):
+        assert (
+            main(["cut", str(tmp_path / "o.vtu"), "--slave", "slave", option, "-o", str(tmp_path / "a.vtu"), "--force"])
+            == 0
+        )
+        assert Cut(lacmesh.read(tmp_path / "a.vtu")).n_macros == macros
+    with pytest.raises(SystemExit, match="2"):
+        main(["cut", str(tmp_path / "o.vtu"), "--slave", "slave", "--recut", "--recognise"])
+    cut = without_records(cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa").mesh)
+    lacmesh.write(tmp_path / "cut.vtu", cut)
+    capsys.readouterr()
+    assert main(["cut", str(tmp_path / "cut.vtu"), "--slave", "slave", "-o", str(tmp_path / "b.vtu")]) == 0
+    assert "the 20 faces of slave are taken for 4 macro-elements" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("option", "macros"), [(None, 5), (False, 5), (True, 1)])
+def test_the_check_takes_it_as_the_cut_does(option, macros):
+    found = lacmesh.check(o_grid(0.5, 1, "rings"), "slave", recognise=option)
+    assert found.summary["macro_elements"] == macros
+    assert ("recognised" in {f.rule for f in found}) == (macros == 1)
+
+
 # ---- partly cut
 
 
@@ -260,7 +388,8 @@ def test_a_skin_cut_in_part_is_said():
 
 def test_cutting_twice_does_nothing():
     cut = cut_skin(two_blocks("TETRA4"), "slave")
-    again = cut_skin(without_records(cut.mesh), "slave")
+    with pytest.warns(LacmeshWarning, match="taken for 8 macro-elements of an earlier cut"):
+        again = cut_skin(without_records(cut.mesh), "slave")
     assert again.mesh.n_cells == cut.mesh.n_cells
     same(cut, again)
 
@@ -269,6 +398,8 @@ def test_cutting_a_skin_that_is_half_cut_is_refused():
     cut = cut_skin(two_blocks("TETRA4", n=2, m=2), "slave")
     with pytest.raises(CutError, match="was cut before") as caught:
         cut_skin(without_records(cut.mesh), ["slave", "loaded"])
+    assert "--recut" in str(caught.value)
+    assert cut_skin(without_records(cut.mesh), ["slave", "loaded"], recognise=False).n_macros == 32
     loaded = cut.mesh.cell_groups["loaded"]
     assert set(caught.value.cells) == set(cut.mesh.cell_number[loaded].tolist())
 
@@ -320,7 +451,8 @@ def test_through_gmsh(name, hexa, tmp_path):
     cut = cut_skin(two_blocks(name), "slave", hexa=hexa)
     ours, theirs = tmp_path / "cut.msh", tmp_path / "gmsh.msh"
     lacmesh.write(ours, without_records(cut.mesh))
-    subprocess.run([sys.executable, "-c", REWRITE, str(ours), str(theirs)], check=True, timeout=60, capture_output=True)
+    words = [sys.executable, "-c", REWRITE, str(ours), str(theirs)]
+    subprocess.run(words, check=True, timeout=600, capture_output=True)
     mesh = lacmesh.read(theirs)
     found = recognise(mesh, "slave")
     assert found is not None and found.n_macros == cut.n_macros
@@ -393,3 +525,12 @@ def test_real_meshes(shared, name):
         for hexa in ("pyramid", "hexa"):
             cut = cut_skin(base, specs, hexa=hexa)
             same(cut, recognise(without_records(cut.mesh), specs))
+
+
+@pytest.mark.parametrize(("option", "macros"), [(None, 4), (True, 4), (False, 20)])
+def test_the_check_of_a_cut_with_records(option, macros):
+    cut = cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa")
+    for mesh in (cut.mesh, without_records(cut.mesh)):
+        found = lacmesh.check(mesh, "slave", recognise=option)
+        assert found.summary["macro_elements"] == macros
+        assert ("no-internal-dof" in {f.rule for f in found}) == (macros == 20)

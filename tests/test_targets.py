@@ -16,10 +16,11 @@ from lacmesh.formats.inp.writer_types import card
 from lacmesh.mesh import Mesh
 from lacmesh.order import raise_order
 from lacmesh.targets import TARGETS, check_cells, check_target_cells, element, refused
+from lacsolver.rules import SOLID_CELLS
 from tests.formats.feature_cases import one_cell
 from tests.meshes import box, cell_with_faces
 
-SUFFIX = {"gmsh": ".msh", "aster": ".med", "calculix": ".inp", "abaqus": ".inp", "fenics": ".xdmf"}
+SUFFIX = {"gmsh": ".msh", "aster": ".med", "calculix": ".inp", "abaqus": ".inp", "fenics": ".xdmf", "lacsolver": ".msh"}
 
 
 def slave_box(**rest):
@@ -197,4 +198,12 @@ def test_elements_are_those_of_the_formats():
     assert element("PYRAM14", "aster") is None and element("PENTA18", "aster") == "P18"
     assert element("QUAD9", "fenics") == "Quadrilateral_9" and element("PENTA6", "fenics") is None
     assert element("TRIA6", "abaqus", plane=True) == card("TRIA6", "abaqus", "CPS", False)
-    assert np.array_equal([element("SEG4", t) is not None for t in TARGETS], [True, True, False, False, False])
+    assert np.array_equal([element("SEG4", t) is not None for t in TARGETS], [True, True, False, False, False, False])
+
+
+def test_lacsolver_takes_the_cells_that_it_has_rules_for():
+    """In a body those of SOLID_CELLS, and as a slave skin their faces: the page's column says the same."""
+    assert {kind for kind in CELLS if CELLS[kind].dim > 1 and element(kind, "lacsolver")} == set(SOLID_CELLS)
+    assert all(element(face.type, "lacsolver") for kind in SOLID_CELLS for face in CELLS[kind].facets)
+    assert element("SEG4", "lacsolver") is None and element("POI1", "lacsolver") is None
+    assert {told["lacsolver"] for *_, told in rows_of_the_page()} == {"yes"}

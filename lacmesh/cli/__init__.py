@@ -10,7 +10,7 @@ from lacmesh.cli.program import Program
 from lacmesh.errors import GroupNotFoundError, LacmeshError
 
 #: in the order of the help
-COMMANDS = ("cut", "check", "quality", "orient", "view", "mesh", "info", "convert", "types")
+COMMANDS = ("cut", "check", "quality", "orient", "view", "mesh", "info", "convert", "types", "compile")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

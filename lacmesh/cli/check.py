@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import warnings
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_facing_options, add_mesh_option, facing_options
-from lacmesh.cli.terminal import Stages, console, memory, table
+from lacmesh.cli.options import (
+    add_command,
+    add_facing_options,
+    add_mesh_option,
+    add_recognition_options,
+    facing_options,
+)
+from lacmesh.cli.terminal import Stages, as_json, console, memory, table
 from lacmesh.errors import DataError, LacmeshWarning
 
 if TYPE_CHECKING:
@@ -30,6 +35,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--slave", action="append", required=True, metavar="GROUP", help="slave skin; may be repeated")
     parser.add_argument("--master", action="append", default=[], metavar="GROUP", help="master skin; may be repeated")
     add_facing_options(parser)
+    add_recognition_options(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object: {findings, summary}")
     add_mesh_option(parser)
 
@@ -37,6 +43,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> None:
     """Check a file; raises DataError (status 1) where a finding is an error."""
     from lacmesh.formats import read
+    from lacmesh.origin import size_of
 
     stage = Stages(args, ("read", "check"))
     with stage("read"):
@@ -44,11 +51,11 @@ def run(args: argparse.Namespace) -> None:
     with stage("check"):
         from lacmesh.checks import check
 
-        found = check(mesh, args.slave, args.master, **facing_options(args))
+        found = check(mesh, args.slave, args.master, recognise=args.recognise, **facing_options(args))
     if args.json:
-        print(json.dumps(found.as_dict(), ensure_ascii=False, indent=2, allow_nan=False))
+        print(as_json(found.as_dict()))
     elif not args.quiet:
-        _print_findings(found)
+        _print_findings(found, size_of(mesh))
         times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
         print(f"{args.input}: {times}{memory()}")
     else:
@@ -70,7 +77,7 @@ def _count(found: Findings, severity: str) -> str:
     return f"{n} {severity}{'' if n == 1 else 's'}"
 
 
-def _print_findings(found: Findings) -> None:
+def _print_findings(found: Findings, size: float) -> None:
     from rich.text import Text
 
     out = console()
@@ -79,7 +86,7 @@ def _print_findings(found: Findings) -> None:
         for column in rows.columns[:2]:
             column.no_wrap = True
         for f in found:
-            rows.add_row(Text(f.severity, _STYLE[f.severity]), f.rule, _sentence(f))
+            rows.add_row(Text(f.severity, _STYLE[f.severity]), f.rule, _sentence(f, size))
         out.print(rows)
     rows = table("summary", "")
     for name, value in _figures(found.summary):
@@ -89,14 +96,14 @@ def _print_findings(found: Findings) -> None:
     print(f"{verdict}, {_count(found, 'warning')}")
 
 
-def _sentence(f: Finding) -> str:
-    """The message, and where it is."""
+def _sentence(f: Finding, size: float) -> str:
+    """The message, and where it is in a mesh of some size."""
+    from lacmesh.origin import told
+
     places = [f"in {f.where.group}"] if f.where.group else []
     if f.where.box and f.severity != "info":
-        scale = 1e-9 * max(abs(v) for corner in f.where.box for v in corner)
-        low, high = ([v if abs(v) > scale else 0.0 for v in corner] for corner in f.where.box)
-        axes = zip("xyz", low, high, strict=True)
-        places.append(", ".join(f"{a} {lo:.5g}" if lo == hi else f"{a} {lo:.5g} to {hi:.5g}" for a, lo, hi in axes))
+        axes = zip("xyz", *(told(corner, size) for corner in f.where.box), strict=True)
+        places.append(", ".join(f"{a} {lo}" if lo == hi else f"{a} {lo} to {hi}" for a, lo, hi in axes))
     return f"{f.message} [{'; '.join(places)}]" if places else f.message
 
 

@@ -14,6 +14,7 @@ from lacmesh.cli.options import (
     add_facing_options,
     add_output_options,
     add_program_option,
+    add_recognition_options,
     check_output,
     facing_options,
     write_mesh,
@@ -74,6 +75,7 @@ def add(commands: Any) -> None:
         metavar="X",
         help="write nothing where the least corner Jacobian of a touched cell would be below X (1: ideal, 0: flat)",
     )
+    add_recognition_options(parser)
     add_program_option(parser, "refuse, before cutting, what would give cells that this program cannot take")
     parser.add_argument(
         "--report", metavar="FILE", help="what the cut does to the cells: .html (opens offline), .md, .json"
@@ -97,7 +99,7 @@ def run(args: argparse.Namespace) -> None:
         _check_report(target, args)
     with stage("read"):
         mesh = read(source, mesh=args.mesh)
-    done = is_cut(mesh)
+    done = is_cut(mesh) and args.recognise is not False
     with stage("cut"):
         cut = _cut(mesh, args)
         if args.min_quality is not None:
@@ -127,6 +129,7 @@ def _cut(mesh: Mesh, args: argparse.Namespace) -> Cut:
     from lacmesh.cut import cut_skin
 
     choices = {"hexa": args.hexa, "interface": args.interface, "skin_only": args.skin_only}
+    choices |= {"recognise": args.recognise}
     if args.program:
         from lacmesh.targets import check_target_cells
 
@@ -191,12 +194,12 @@ def _beside_report(args: argparse.Namespace, report: CutReport | None) -> Iterat
     if report is None:
         yield
         return
-    from lacmesh.formats.output import replacing
+    from lacmesh.formats.output import readable, replacing
     from lacmesh.report.writing import report_bytes
 
     path = Path(args.report)
     with replacing(path) as (beside,):
-        beside.write_bytes(report_bytes(path.suffix.lower(), report, Path(args.input).name))
+        beside.write_bytes(report_bytes(path.suffix.lower(), report, readable(Path(args.input).name)))
         yield
 
 

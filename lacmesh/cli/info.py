@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Mapping
 from typing import Any
 
 from lacmesh.cli.options import add_command, add_mesh_option
-from lacmesh.cli.terminal import console, table
+from lacmesh.cli.terminal import as_json, console, table
 
 #: entities that the table lists at most
 LISTED = 60
@@ -30,18 +29,22 @@ def run(args: argparse.Namespace) -> None:
     mesh = read(args.input, mesh=args.mesh)
     found = describe(mesh)
     if args.json:
-        print(json.dumps(found, ensure_ascii=False, indent=2))
+        print(as_json(found))
         return
     if not args.quiet:
         _print_info(args.input, title_of(args.input), found, mesh.group_tags)
 
 
 def _print_info(path: str, kind: str, found: dict[str, Any], tags: Mapping[str, tuple[tuple[int, int], ...]]) -> None:
+    from lacmesh.origin import told
+
     out = console()
     print(f"{path}: {kind}, {found['nodes']:,} nodes, {found['cells']:,} cells")
     if found["bounding_box"]:
         low, high = found["bounding_box"]
-        print("box: " + ", ".join(f"{a} in [{lo:.6g}, {hi:.6g}]" for a, lo, hi in zip("xyz", low, high, strict=True)))
+        size = max(b - a for a, b in zip(low, high, strict=True))
+        ends = (told(corner, size, 6) for corner in (low, high))
+        print("box: " + ", ".join(f"{a} in [{lo}, {hi}]" for a, lo, hi in zip("xyz", *ends, strict=True)))
     rows = table("type", "cells")
     for name, count in found["cells_by_type"].items():
         rows.add_row(name, f"{count:,}")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, check_output
-from lacmesh.cli.terminal import Stages, console, table
+from lacmesh.cli.options import add_command, add_msh_options, check_output
+from lacmesh.cli.terminal import Stages, as_json, console, table
 from lacmesh.errors import RequestError
 
 if TYPE_CHECKING:
@@ -55,8 +54,7 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--dim", type=int, choices=(2, 3), help="2: mesh surfaces only (default: 3, if there are volumes)"
     )
-    parser.add_argument("--msh", choices=("4.1", "2.2"), default="4.1", help="version of a .msh output (default: 4.1)")
-    parser.add_argument("--ascii", action="store_true", help="write .msh as text")
+    add_msh_options(parser, "4.1", "binary")
     parser.add_argument("--force", action="store_true", help="replace an existing output")
 
 
@@ -79,7 +77,7 @@ def _list(args: argparse.Namespace) -> None:
 
     shapes = list_cad(args.cad, dim=args.dim)
     if args.json:
-        print(json.dumps({"file": args.cad, "shapes": [asdict(s) for s in shapes]}, ensure_ascii=False, indent=2))
+        print(as_json({"file": args.cad, "shapes": [asdict(s) for s in shapes]}))
         return
     dim = max(shape.dim for shape in shapes)
     bodies, skin = ([s for s in shapes if s.dim == d] for d in (dim, dim - 1))
@@ -101,9 +99,9 @@ def _table(shapes: Sequence[Shape], dim: int, of_bodies: bool) -> Any:
         ("", "curve", "surface", "volume")[dim]: [str(s.tag) for s in shapes],
         "type": [s.type for s in shapes],
         ("", "length", "area", "volume ")[dim]: [f"{s.measure:.5g}" for s in shapes],
-        "centre": [_vector(s.centre) for s in shapes],
+        "centre": [_vector(s.centre, _largest(s.box)) for s in shapes],
         "normal, or radius": [_facing(s) for s in shapes],
-        "box": [f"{_vector(s.box[0])} .. {_vector(s.box[1])}" for s in shapes],
+        "box": [_box(*s.box) for s in shapes],
         "of body": [", ".join(map(str, s.bodies)) if of_bodies else "" for s in shapes],
         "group": [", ".join(s.groups) for s in shapes],
     }
@@ -122,8 +120,18 @@ def _facing(shape: Shape) -> str:
     return f"{'round' if shape.radius > 0 else 'hollow'}, r = {abs(shape.radius):.5g}"
 
 
-def _vector(values: Sequence[float]) -> str:
-    return f"({', '.join(f'{0.0 if abs(v) < 1e-7 else v:.4g}' for v in values)})"
+def _box(low: Sequence[float], high: Sequence[float]) -> str:
+    largest = _largest((low, high))
+    return f"{_vector(low, largest)} .. {_vector(high, largest)}"
+
+
+def _largest(box: Sequence[Sequence[float]]) -> float:
+    return max(abs(v) for corner in box for v in corner)
+
+
+def _vector(values: Sequence[float], largest: float = 1.0) -> str:
+    """Numbers in brackets; what is nothing beside the largest is 0."""
+    return f"({', '.join(f'{0.0 if abs(v) < 1e-7 * largest else v:.4g}' for v in values)})"
 
 
 def _mesh(args: argparse.Namespace) -> None:
@@ -149,7 +157,7 @@ def _mesh(args: argparse.Namespace) -> None:
             dim=args.dim,
         )
     with stage("write"):
-        write(target, mesh, msh=args.msh, binary=not args.ascii, force=args.force)
+        write(target, mesh, msh=args.msh, binary=False if args.ascii else None, force=args.force)
     if not args.quiet:
         types = ", ".join(f"{n:,} {kind}" for kind, n in mesh.cells_by_type.items())
         print(f"{target}: {mesh.n_nodes:,} nodes, {mesh.n_cells:,} cells ({types})")

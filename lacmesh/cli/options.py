@@ -7,13 +7,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.errors import RequestError
+from lacmesh.errors import RequestError, listed
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
 
 #: whom a mesh may be for: the keys of lacmesh.targets.TARGETS
-PROGRAMS = ("gmsh", "aster", "calculix", "abaqus", "fenics")
+PROGRAMS = ("gmsh", "aster", "calculix", "abaqus", "fenics", "lacsolver")
+
+#: options of a command -> those of lacmesh.write that they become
+_OPTIONS = {"msh": "msh", "ascii": "binary", "plane": "plane", "all_cells": "all_cells"}
 
 EPILOG = """\
 A group is named as in the file, or by its tag (5), or dimension and tag (2:5); an elementary entity is entity:2:17.
@@ -38,8 +41,7 @@ def add_command(commands: Any, name: str, run: Callable[..., None], text: str) -
 
 def add_output_options(parser: argparse.ArgumentParser) -> None:
     """Declare what every command that writes a mesh takes."""
-    parser.add_argument("--msh", choices=("4.1", "2.2"), help="version of a .msh output (default: the input's, or 4.1)")
-    parser.add_argument("--ascii", action="store_true", help="write .msh as text (default: as the input, or binary)")
+    add_msh_options(parser, "the input's, or 4.1", "as the input, or binary")
     parser.add_argument(
         "--plane",
         choices=("CPS", "CPE", "CAX"),
@@ -55,10 +57,34 @@ def add_output_options(parser: argparse.ArgumentParser) -> None:
     add_mesh_option(parser)
 
 
+def add_msh_options(parser: argparse.ArgumentParser, version: str, form: str) -> None:
+    """Declare `--msh` and `--ascii`; `version` and `form` say what they are by default."""
+    parser.add_argument("--msh", choices=("4.1", "2.2"), help=f"version of a .msh output (default: {version})")
+    parser.add_argument("--ascii", action="store_true", help=f"write .msh, .vtu or .xdmf as text (default: {form})")
+
+
 def add_program_option(parser: argparse.ArgumentParser, text: str) -> None:
     """Declare `--for`, which goes to `args.program`."""
     parser.add_argument(
         "--for", dest="program", choices=PROGRAMS, help=f"{text}; also whose .inp to write (default: calculix)"
+    )
+
+
+def add_recognition_options(parser: argparse.ArgumentParser) -> None:
+    """Declare what says whether slave faces that look like those of an earlier cut are taken for it (`recognise`)."""
+    either = parser.add_mutually_exclusive_group()
+    either.add_argument(
+        "--recut",
+        dest="recognise",
+        action="store_false",
+        default=None,
+        help="the slave faces are not yet cut, whatever they look like",
+    )
+    either.add_argument(
+        "--recognise",
+        action="store_true",
+        default=None,
+        help="the slave faces are those of an earlier cut, as their pattern says, however its nodes are numbered now",
     )
 
 
@@ -109,11 +135,14 @@ def add_mesh_option(parser: argparse.ArgumentParser) -> None:
 def check_output(target: Path, args: argparse.Namespace) -> None:
     """Say at once what would stop the writing of a mesh at the end."""
     from lacmesh.formats import check_target
+    from lacmesh.formats.table import takers
 
-    if check_target(target) != "inp":
-        for option in ("plane", "all_cells"):
-            if getattr(args, option, None):
-                raise RequestError(f"--{option.replace('_', '-')} is for an .inp output, and {target} is none")
+    taken = check_target(target).options
+    for option, name in _OPTIONS.items():
+        if getattr(args, option, None) and name not in taken:
+            suffixes = listed([taker.suffixes[0] for taker in takers(name)], "or")
+            article = "an" if suffixes.startswith(".i") else "a"
+            raise RequestError(f"--{option.replace('_', '-')} is for {article} {suffixes} output, and {target} is none")
     check_place(target, args)
 
 
@@ -146,13 +175,13 @@ def write_mesh(target: Path, mesh: Mesh, source: Path, args: argparse.Namespace)
     """Write as the options say; what they leave open is as in the input."""
     from lacmesh.formats import check_target, kind_of, write
 
-    kind, program = kind_of(source), getattr(args, "program", None)
+    kind, program, taken = kind_of(source), getattr(args, "program", None), check_target(target).options
     write(
         target,
         mesh,
-        msh=args.msh or kind.version,
-        binary=kind.binary and not args.ascii,
-        target=program if check_target(target) == "inp" and program in ("calculix", "abaqus") else None,
+        msh=(args.msh or kind.version) if "msh" in taken else None,
+        binary=(kind.binary and not args.ascii) if "binary" in taken else None,
+        target=program if "target" in taken and program in ("calculix", "abaqus") else None,
         plane=args.plane,
         all_cells=args.all_cells,
         force=args.force,

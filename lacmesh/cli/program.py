@@ -14,12 +14,12 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 from lacmesh import __version__
 from lacmesh.errors import LacmeshError, LacmeshWarning
@@ -27,6 +27,10 @@ from lacmesh.errors import LacmeshError, LacmeshWarning
 
 class Terminated(BaseException):
     """SIGTERM arrived: unwind, so that nothing half-written stays."""
+
+
+#: objects made and not yet freed, beyond which the collector of cycles looks at them
+_SELDOM = 50_000
 
 
 @dataclass(frozen=True)
@@ -49,12 +53,14 @@ class Program:
 
     def main(self, argv: Sequence[str] | None = None) -> int:
         """Run the program; the exit status. Nothing that happens leaves it without a word and a status."""
-        collects = gc.isenabled()
+        collects, often = gc.isenabled(), gc.get_threshold()
+        gc.set_threshold(_SELDOM)  # what is imported is never garbage: to look for it takes a tenth of a start
         if not self.collects:
             gc.disable()
         try:
             return self._main(argv)
         finally:
+            gc.set_threshold(*often)
             if collects:
                 gc.enable()
 
@@ -73,10 +79,7 @@ class Program:
         return parser
 
     def _main(self, argv: Sequence[str] | None) -> int:
-        if sys.stdout is None:  # closed by who called us
-            sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
-        elif isinstance(sys.stdout, TextIOWrapper):
-            sys.stdout.reconfigure(errors="backslashreplace")  # a name may hold what the terminal cannot show
+        _open_streams()
         _keep_memory()
         args = argparse.Namespace()
         with _signals():
@@ -94,7 +97,8 @@ class Program:
             warnings.simplefilter("always", LacmeshWarning)
             warnings.showwarning = self._show_warning
             try:
-                args.run(args)
+                with redirect_stdout(_Shown(sys.stdout)):
+                    args.run(args)
                 sys.stdout.flush()
             except LacmeshError as error:
                 return self._fail(self.told(error, args), error.status)
@@ -137,6 +141,21 @@ def on_one_line(message: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
 
 
+class _Shown:
+    """The output stream `out`, on which names from files are no commands to the terminal."""
+
+    def __init__(self, out: TextIO) -> None:
+        self.out = out
+
+    def write(self, text: str) -> int:
+        """Write a text, its lines as they are."""
+        self.out.write("\n".join(map(on_one_line, text.split("\n"))))
+        return len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.out, name)
+
+
 class _Parser(argparse.ArgumentParser):
     """A parser whose errors are one line, as all errors are."""
 
@@ -169,6 +188,15 @@ def _stop(signum: int, frame: object) -> NoReturn:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt if signum == signal.SIGINT else Terminated
+
+
+def _open_streams() -> None:
+    """Have an output and an error stream, whatever who called us closed (`2>&-`): else a file of ours is number 2."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a name may hold what the terminal cannot show
 
 
 def _keep_memory() -> None:

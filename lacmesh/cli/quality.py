@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.options import add_command, add_mesh_option
-from lacmesh.cli.terminal import Stages, console, memory, table
+from lacmesh.cli.terminal import Stages, as_json, console, memory, table
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
@@ -57,13 +56,14 @@ def run(args: argparse.Namespace) -> None:
         children = _children(mesh) if args.group is None else None
     if args.plot:
         with stage("draw"):
+            from lacmesh.formats.output import readable
             from lacmesh.report import plot_quality
 
-            name = Path(args.input).name + (f", group {args.group}" if args.group else "")
+            name = readable(Path(args.input).name + (f", group {args.group}" if args.group else ""))
             plot_quality(found, args.plot, title=f"Quality of {name}", force=args.force)
     if args.json:
         told = {"file": str(args.input), **found.as_json(), "cut": children and children.as_json()}
-        print(json.dumps(told, ensure_ascii=False, indent=2, allow_nan=False))
+        print(as_json(told))
     elif not args.quiet:
         _print(args, found, children)
         times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
@@ -135,17 +135,15 @@ def _count(n: int, noun: str) -> str:
 
 
 def _title(kind: TypeQuality, rank: str) -> str:
-    from lacmesh.quality.verdict import ACCEPTED
-    from lacmesh.report.outline import number
+    from lacmesh.quality.measures import POOR
 
     told = f"{kind.type}: {_count(kind.count, 'cell')}, {kind.invalid:,} invalid"
     if kind.invalid:
         told += (
             f" ({', '.join(f'{n:,} at {_ARTICLES[where[0]]} {where}' for where, n in kind.invalid_at.items() if n)})"
         )
-    limits = ACCEPTED.get(kind.type, {}).get(rank)
-    if kind.poor is not None and limits is not None:
-        told += f", {kind.poor:,} poor ({rank} below {number(limits[0])})"
+    if kind.poor is not None:
+        told += f", {kind.poor:,} poor ({rank} below {POOR})"
     return told
 
 

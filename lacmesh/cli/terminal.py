@@ -1,14 +1,21 @@
-"""What people see on a terminal: progress, tables, time and memory."""
+"""What people see on a terminal: progress, tables, JSON, time and memory.
+
+Names come from files: what is printed as a line is escaped by the program (`program.py`), cells of tables here, because
+tables have colours, and JSON in its own way.
+"""
 
 from __future__ import annotations
 
 import argparse
+import json
 import logging
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
+
+from lacmesh.cli.program import on_one_line
 
 
 class Stages:
@@ -65,7 +72,8 @@ def console() -> Any:
     """Where tables are printed: as wide as the terminal, or 160 columns in a file."""
     from rich.console import Console
 
-    return Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False, emoji=False)
+    file = getattr(sys.stdout, "out", sys.stdout)  # past what escapes lines: tables are escaped cell by cell
+    return Console(file=file, width=None if file.isatty() else 160, highlight=False, markup=False, emoji=False)
 
 
 def table(*columns: str) -> Any:
@@ -73,11 +81,27 @@ def table(*columns: str) -> Any:
     from rich import box
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    class Shown(Table):
+        def add_row(self, *cells: Any, **style: Any) -> None:
+            super().add_row(*(on_one_line(c) if isinstance(c, str) else c for c in cells), **style)
+
+    table = Shown(box=box.SIMPLE_HEAD, pad_edge=False)
     for name in columns:
         number = name.startswith("+") or name in ("before", "after", "added", "cells", "number", "nodes")
-        table.add_column(name, justify="right" if number else "left", no_wrap=number)
+        table.add_column(on_one_line(name), justify="right" if number else "left", no_wrap=number)
     return table
+
+
+def as_json(data: Any) -> str:
+    r"""Data as JSON for people and programs: letters as they are, what is not printed as JSON escapes it.
+
+    >>> print(as_json(["é" + chr(27) + chr(155)]))
+    [
+      "é\u001b\u009b"
+    ]
+    """
+    text = json.dumps(data, ensure_ascii=False, indent=2, allow_nan=False)
+    return "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] for c in text)
 
 
 def peak_memory() -> int:

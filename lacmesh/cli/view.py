@@ -42,7 +42,7 @@ def add(commands: Any) -> None:
         metavar="GAP",
         help="gap between bodies, in sizes of the mesh, 0 to 100; 0: as they are",
     )
-    parser.add_argument("--size", type=_size, default=(1600, 1000), metavar="WxH", help="pixels (default: 1600x1000)")
+    parser.add_argument("--size", type=_size, metavar="WxH", help="pixels of a picture (default: 1600x1000)")
     parser.add_argument("--title", help="a line above (default: the file's name, or what the mesh holds)")
     parser.add_argument("--force", action="store_true", help="replace an existing output")
     add_mesh_option(parser)
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> None:
             from lacmesh.view import picture
 
             tilt = 0.0 if args.explode == 0 else None
-            picture(mesh, target, size=args.size, tilt=tilt, title=args.title, **shown)
+            picture(mesh, target, size=args.size or (1600, 1000), tilt=tilt, title=args.title, **shown)
         else:
             from lacmesh.view import page
 
@@ -101,6 +101,8 @@ def _check_request(target: Path, args: argparse.Namespace) -> None:
     suffix = target.suffix.lower()
     if suffix not in (*PICTURES, *PAGES):
         raise RequestError(f"{target}: nothing is drawn as {suffix!r}{did_you_mean(suffix, (*PICTURES, *PAGES))}")
+    if args.size and suffix not in PICTURES:
+        raise RequestError(f"--size is for a picture (.png), and {target} is a page, which fills its window")
     for name in ("camera", "cutaway"):
         if getattr(args, name) is not None:
             check_direction(f"--{name}", getattr(args, name))

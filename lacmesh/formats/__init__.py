@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError, some
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError, listed, some
 from lacmesh.formats.output import check_place, replacing
 from lacmesh.formats.sniff import HEAD, sniff
-from lacmesh.formats.table import OF_NAME, OWN, SUFFIXES, Format, format_of
+from lacmesh.formats.table import OF_NAME, SUFFIXES, Format, format_of, takers
 from lacmesh.mesh import Mesh
 
 __all__ = ["SUFFIXES", "Kind", "check_target", "kind_of", "read", "title_of", "write"]
@@ -107,8 +107,8 @@ def write(
     path: str | os.PathLike[str],
     mesh: Mesh,
     *,
-    msh: str = "4.1",
-    binary: bool = True,
+    msh: str | None = None,
+    binary: bool | None = None,
     compress: bool = False,
     target: str | None = None,
     plane: str | None = None,
@@ -117,18 +117,21 @@ def write(
 ) -> None:
     """Write a mesh; the suffix says the format (`lacmesh.formats.SUFFIXES`).
 
-    `msh`: the version of a msh file; `binary`: or ASCII, for msh, VTU and XDMF; `compress`: for VTU and XDMF. XDMF has
-    a second file beside it, .h5. For .inp: `target`, the program it is for, calculix (as by default) or abaqus;
-    `plane`: its elements in the plane, CPS, CPE or CAX (by default `mesh.plane`, else CPS, with a warning);
-    `all_cells`: cells below the mesh's dimension are elements too, not surfaces and sets of nodes alone. Where a format
-    has no place for the records of a cut, they go to a file beside, NAME.SUFFIX.lac.json; writing a mesh without a cut
-    takes such a file away.
-    An existing file is replaced, at the end and whole, unless `force` is False. Raises WriteError, RequestError.
+    `msh`: the version of a msh file, 4.1 (as by default) or 2.2; `binary`: or ASCII, for msh, VTU and XDMF (True by
+    default); `compress`: for VTU and XDMF. XDMF has a second file beside it, .h5. For .inp: `target`, the program it is
+    for, calculix (as by default) or abaqus; `plane`: its elements in the plane, CPS, CPE or CAX (by default
+    `mesh.plane`, else CPS, with a warning); `all_cells`: cells below the mesh's dimension are elements too, not
+    surfaces and sets of nodes alone. Where a format has no place for the records of a cut, they go to a file beside,
+    NAME.SUFFIX.lac.json; writing a mesh without a cut takes such a file away.
+    An existing file is replaced, at the end and whole, unless `force` is False. Raises WriteError, and RequestError,
+    as for an option that the format does not take.
     """
     path = Path(path)
     form = format_of(path)
-    options = {"compress": compress, "target": target, "plane": plane, "all_cells": all_cells}
-    fill = _writer(form, msh, binary, {name: value for name, value in options.items() if value})
+    options = {"compress": compress or None, "target": target, "plane": plane, "all_cells": all_cells or None}
+    _check_options(form, {"msh": msh, "binary": binary, **options})
+    binary = binary is None or binary
+    fill = _writer(form, msh or "4.1", binary, {name: value for name, value in options.items() if value})
     if not np.isfinite(mesh.points).all():
         nodes = some(mesh.node_number[~np.isfinite(mesh.points).all(axis=1)])
         raise WriteError(path, f"the coordinates of nodes {nodes} are not finite numbers")
@@ -144,18 +147,23 @@ def write(
             fill(mesh, *made, *(place.name for place in places[1:]))
 
 
-def check_target(path: str | os.PathLike[str]) -> str:
+def check_target(path: str | os.PathLike[str]) -> Format:
     """The format that the suffix of `path` means. Raises RequestError."""
-    return format_of(Path(path)).name
+    return format_of(Path(path))
+
+
+def _check_options(form: Format, options: dict[str, Any]) -> None:
+    """Raise RequestError for an option that is given (not None) and that the format does not take."""
+    for name, value in options.items():
+        if value is not None and name not in form.options:
+            titles = listed([taker.title for taker in takers(name)], "and")
+            raise RequestError(f"the option {name!r} is for {titles}, not for {form.title}")
 
 
 def _writer(form: Format, version: str, binary: bool, options: dict[str, Any]) -> Callable[..., Any]:
     """What writes a mesh of that format: called with the mesh, the file, and the second file where there is one."""
     from importlib import import_module
 
-    for name in options.keys() - set(form.options):
-        titles = " and ".join(f.title for f in OWN if name in f.options)
-        raise RequestError(f"the option {name!r} is for {titles}, not for {form.title}")
     if form.meshio:
         from lacmesh.formats.by_meshio import write as write_by_meshio
         from lacmesh.formats.meshio_mesh import needed

@@ -13,7 +13,7 @@ import io
 import re
 import string
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from lacmesh.formats.cut_beside import without_records
 from lacmesh.formats.kept import losses, match, unbent
 from lacmesh.formats.meshio_mesh import from_meshio, needed, to_meshio
 from lacmesh.formats.vtu.types import NOT_READ
+from lacmesh.formats.whole import check_counts, check_whole, read_watched
 from lacmesh.mesh import Mesh
 
 #: Formats of meshio that are not taken, and why.
@@ -63,13 +64,15 @@ def read(path: Path, name: str) -> Mesh:
     meshio = needed()
     if not path.is_file():
         raise ReadError(path, "cannot be read (No such file or directory)")
+    check_whole(path, name)
     heard: list[str] = []
-    given = _guarded(lambda: meshio.read(path, file_format=name), lambda why: ReadError(path, why), heard)
+    given = _guarded(lambda: read_watched(meshio.read, path, name), lambda why: ReadError(path, why), heard)
     if name == "vtk":
         heard = [*map(_of_vtk, heard), *_colours(path)]
     said = "; ".join(heard)
     if said and not any(len(block.data) for block in given.cells):
         raise ReadError(path, f"has no cells as meshio reads it ({said}); use another format{_hint(name)}")
+    check_counts(path, name, len(given.points), sum(len(block.data) for block in given.cells))
     _as_ours(given, name)
     try:
         found = from_meshio(given)
@@ -93,7 +96,8 @@ def write(path: Path, mesh: Mesh, name: str) -> None:
     # writers fail on blocks of no cells, which a cut leaves of a type that it replaced
     given = _given(replace(mesh, blocks=tuple(b for b in mesh.blocks if len(b.nodes))), name)
     _turn_wedges(given, name)
-    _guarded(lambda: meshio.write(path, given, file_format=name), lambda why: WriteError(path, why))
+    with _told_by_the_disk(path):
+        _guarded(lambda: meshio.write(path, given, file_format=name), lambda why: WriteError(path, why))
     back = _guarded(lambda: meshio.read(path, file_format=name), lambda why: WriteError(path, why))
     _as_ours(back, name)
     found = _guarded(lambda: from_meshio(back), lambda why: WriteError(path, why))
@@ -178,6 +182,18 @@ def _turn_wedges(given: Any, name: str) -> None:
     for block in given.cells if name == "vtk" else ():
         if block.type == "wedge":
             block.data = block.data[:, [0, 2, 1, 3, 5, 4]]
+
+
+@contextlib.contextmanager
+def _told_by_the_disk(path: Path) -> Iterator[None]:
+    """A file that the disk did not take is that, whatever else meshio had to say."""
+    try:
+        yield
+    except WriteError as error:
+        if not isinstance(error.__cause__, OSError):
+            raise
+        why = error.__cause__.strerror or "not all of it was taken; is the disk full?"
+        raise WriteError(path, f"cannot be written ({why})") from error.__cause__
 
 
 def _guarded(call: Callable[[], Any], failed: Callable[[str], LacmeshError], words: list[str] | None = None) -> Any:

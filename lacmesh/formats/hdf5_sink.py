@@ -7,6 +7,7 @@ not keep it.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -81,7 +82,7 @@ def written(path: Path, access: h5py.h5p.PropFAID, make: h5py.h5p.PropFCID) -> I
     access.set_fileobj_driver(h5py.h5fd.fileobj_driver, sink)
     # an exception must not come up inside a write that HDF5 asked for
     with sink.file, signals_wait():
-        made = h5py.h5f.create(str(path).encode(), h5py.h5f.ACC_TRUNC, make, access)
+        made = h5py.h5f.create(os.fsencode(path), h5py.h5f.ACC_TRUNC, make, access)
         access.set_fapl_sec2()  # a list that outlives Python must not name an object of Python
         with h5py.File(made) as file:
             yield file

@@ -6,10 +6,13 @@ Meshes, reports, plots, pictures and pages all go this way.
 from __future__ import annotations
 
 import os
+import platform
+import re
 import secrets
 import signal
 import tempfile
 import threading
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import compress
@@ -21,10 +24,12 @@ from lacmesh.formats.table import suffix_of
 #: which permissions new files do without. It can only be asked for by setting it: once, before there are threads
 _UMASK = os.umask(0)
 os.umask(_UMASK)
+#: this machine, in the names of new files
+_HOST = f"{zlib.crc32(platform.node().encode(errors='replace')):08x}"
 
 
 def check_place(path: Path, *, force: bool) -> None:
-    """Say at once what would stop the writing at the end.
+    """Say at once what would stop the writing at the end; what killed processes left of the same file is cleared.
 
     Raises RequestError where the file exists (and no `force`), WriteError where no file can be made there.
     """
@@ -38,6 +43,7 @@ def check_place(path: Path, *, force: bool) -> None:
         folder = Path(os.path.realpath(path)).parent
         if not os.access(folder, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids):
             raise WriteError(path, f"no file may be made in the folder {path.parent}; choose another one")
+        clear_abandoned(path)
     except OSError as error:
         raise WriteError(path, f"cannot be written ({error.strerror or error})") from error
 
@@ -52,8 +58,8 @@ def replacing(*places: Path) -> Iterator[list[Path]]:
     """
     real = [Path(os.path.realpath(place)) for place in places]  # a link stays one, what it points to is replaced
     # the names are known before the files are there: whenever a signal arrives, what is there can be removed
-    token = secrets.token_hex(8)
-    beside = [place.with_name(f".{place.stem[:40]}-{token}{suffix_of(place)}") for place in real]
+    token = f"{_HOST}{os.getpid():08x}{secrets.token_hex(4)}"
+    beside = [place.with_name(f"{_hidden(place)}{token}{suffix_of(place)}") for place in real]
     try:
         for name in beside:
             os.close(os.open(name, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
@@ -79,10 +85,55 @@ def replacing(*places: Path) -> Iterator[list[Path]]:
                 name.unlink()
 
 
+def is_abandoned(beside: Path, *, held: bool = False) -> bool:
+    """Whether the process that was filling a new file beside its place is there no more, by the file's name.
+
+    Of a process on another machine that is not known, nor of an older lacmesh: such a file is abandoned where the
+    folder is `held`, so that nobody else writes into it.
+    """
+    found = re.search(r"-([0-9a-f]{8})([0-9a-f]{8})[0-9a-f]{8}\.[^-]*$", beside.name)
+    if found is None or found[1] != _HOST or os.name != "posix":
+        return held
+    number = int(found[2], 16)
+    if number == os.getpid():
+        return held
+    try:
+        os.kill(number, 0)
+    except (ProcessLookupError, OverflowError):
+        return True
+    except OSError:  # it is another user's
+        return False
+    return False
+
+
+def clear_abandoned(path: Path) -> None:
+    """Remove new files that were to take the place of `path` when their process was killed."""
+    place = Path(os.path.realpath(path))
+    name = re.compile(re.escape(_hidden(place)) + "[0-9a-f]{24}" + re.escape(suffix_of(place)))
+    with suppress(OSError):
+        for beside in [there for there in place.parent.iterdir() if name.fullmatch(there.name)]:
+            if is_abandoned(beside):
+                beside.unlink()
+
+
+def _hidden(place: Path) -> str:
+    """How the name of the new file beside a place begins; its token tells the machine and the process."""
+    return f".{place.stem[:40]}-"
+
+
 def replace_file(path: Path, content: bytes) -> None:
     """Put some content into a file: what was there stays whole until the new is. Raises WriteError."""
     with replacing(path) as (beside,):
         beside.write_bytes(content)
+
+
+def readable(name: str) -> str:
+    r"""A file's name as text, which pages and pictures can hold: bytes that are no UTF-8 become escapes.
+
+    >>> readable("bad\udcff.msh")
+    'bad\\udcff.msh'
+    """
+    return name.encode(errors="backslashreplace").decode()
 
 
 @contextmanager

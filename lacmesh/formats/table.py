@@ -59,7 +59,7 @@ class Format(NamedTuple):
 
 
 OWN = (
-    Format("msh", "msh", (".msh",), ("binary",)),
+    Format("msh", "msh", (".msh",), ("msh", "binary")),
     Format("med", "MED", (".med", ".rmed", ".mmed")),
     Format("mail", "code_aster .mail", (".mail",), cut_beside=True),
     Format("inp", ".inp of CalculiX and Abaqus", (".inp",), ("target", "plane", "all_cells"), cut_beside=True),
@@ -76,6 +76,15 @@ def _of_meshio() -> tuple[Format, ...]:
         Format(name, f"{name}, by meshio", tuple(found), meshio=True, cut_beside=True)
         for name, found in suffixes.items()
     )
+
+
+def takers(option: str) -> list[Format]:
+    """The formats that take an option.
+
+    >>> [form.title for form in takers("compress")]
+    ['VTU', 'XDMF']
+    """
+    return [found for found in OWN if option in found.options]
 
 
 FORMATS = (*OWN, *_of_meshio())

@@ -43,6 +43,7 @@ def cut_model(
     node_groups: str = "extend",
     ring: float = 1 / 3,
     depth: float = 1 / 2,
+    recognise: bool | None = None,
     views: bool = True,
 ) -> Cut:
     """Cut the mesh of gmsh's current model in place; options as `lacmesh.cut_skin`.
@@ -68,6 +69,7 @@ def cut_model(
         node_groups=node_groups,
         ring=ring,
         depth=depth,
+        recognise=recognise,
     )
     if cut.mesh is not before.mesh:
         apply_cut(before, cut.mesh, views)

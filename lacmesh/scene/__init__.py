@@ -21,6 +21,7 @@ import numpy as np
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.scene.colours import BODIES, DOT, INK, INVALID, MASTER, PALETTE, SEVERITIES, pale, rgb
 from lacmesh.scene.layers import Layer, make_layers
 from lacmesh.scene.marks import Finding, Marks, Values, find_marks
@@ -86,6 +87,7 @@ def make_scene(
 ) -> Scene:
     """What `view.picture` draws; the options are explained there. Raises RequestError, GroupNotFoundError."""
     check_placing(camera, cutaway, explode, near)
+    mesh = from_origin(mesh, origin_of_mesh(mesh))  # a graphics card counts with seven digits
     seen = find_seen(mesh, slave, master, near=near, cutaway=cutaway)
     eye = find_eye(mesh, seen, camera)
     points = opened(mesh, seen, find_opening(mesh, seen, eye, explode, tilt))

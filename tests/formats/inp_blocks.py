@@ -111,7 +111,7 @@ def _tetrahedra(hexa):
 def run(folder, program, job):
     """Run a job in a folder that holds mesh.inp: CalculiX's words, and tables of its results by what they are."""
     (folder / "job.inp").write_text(job)
-    done = subprocess.run([program, "job"], cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run([program, "job"], cwd=folder, capture_output=True, text=True, timeout=1500, check=False)
     results = (folder / "job.dat").read_text() if (folder / "job.dat").exists() else ""
     parts = [part for part in re.split(r"\n\s*\n", results) if part.strip()]
     tables = {}

@@ -17,7 +17,7 @@ NORM = {
 }
 
 
-def ask(command, *arguments, timeout=120):
+def ask(command, *arguments, timeout=600):
     """The JSON that a child process prints last; fails with its last words where it dies."""
     words = [sys.executable, __file__, command, *map(str, arguments)]
     done = subprocess.run(words, capture_output=True, text=True, timeout=timeout, check=False)

@@ -122,9 +122,18 @@ def _without(mesh, key):
 
 def test_options_reach_the_format_they_are_for(tmp_path):
     mesh = cases.plane(2)
-    for option, value, title in (("compress", True, "VTU and XDMF"), ("plane", "CAX", ".inp of CalculiX and Abaqus")):
+    for option, value, title in (
+        ("compress", True, "VTU and XDMF"),
+        ("plane", "CAX", ".inp of CalculiX and Abaqus"),
+        ("msh", "banana", "msh"),
+        ("msh", "2.2", "msh"),
+        ("binary", False, "msh, VTU and XDMF"),
+        ("binary", True, "msh, VTU and XDMF"),
+    ):
         with pytest.raises(RequestError, match=f"the option '{option}' is for {title}, not for MED"):
             write(tmp_path / "a.med", mesh, **{option: value})
+    with pytest.raises(RequestError, match="the option 'msh' is for msh, not for vtk, by meshio"):
+        write(tmp_path / "a.vtk", mesh, msh="2.2")
     write(tmp_path / "a.inp", mesh, target="abaqus", plane="CAX")
     assert "CAX3" in (tmp_path / "a.inp").read_text()
     for wrong in ({"plane": "S"}, {"target": "ansys"}):

@@ -317,6 +317,41 @@ def test_what_is_left_out_is_said(tmp_path):
     assert mesh.block("SEG2").tolist() == [[0, 1]]
 
 
+_LONG = "".join(f"{k}, {k}.\n" for k in range(1, 12))
+
+
+@pytest.mark.parametrize("end", ["", ",", ", "])
+def test_further_numbers_on_a_line_are_left_out(tmp_path, end):
+    """CalculiX takes the nodes that an element has from its line and goes on at the next; some of its tests do so."""
+    text = f"*NODE\n{_LONG}*ELEMENT, TYPE=C3D8\n"
+    text += f"1, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10{end}\n2, 8, 7, 6, 5, 4, 3, 2, 1, 9, 9{end}\n"
+    with pytest.warns(LacmeshWarning, match="2 elements of type C3D8 list more nodes than these have"):
+        mesh = read_text(tmp_path, text)
+    assert mesh.block("HEXA8").tolist() == [list(range(8)), list(range(7, -1, -1))]
+    with pytest.raises(ReadError, match="should have 8 nodes"):  # one long line: an end of line is missing
+        read_text(tmp_path, text + "3, 1, 2, 3, 4, 5, 6, 7, 8\n")
+
+
+def test_an_instance_in_a_file_without_parts(tmp_path):
+    """Abaqus' own sets in a file that was made flat."""
+    flat = "*NODE\n1, 0.\n2, 1.\n*NSET, NSET=A, INSTANCE=Part-1-1\n1\n*NSET, NSET=B\n2\n"
+    with pytest.warns(LacmeshWarning, match="sets name an instance, and this file has no parts"):
+        mesh = read_text(tmp_path, flat)
+    assert {name: nodes.tolist() for name, nodes in mesh.node_groups.items()} == {"A": [0], "B": [1]}
+    with pytest.raises(ReadError, match="there is no instance named Part-1-2"):
+        read_text(tmp_path, PARTS.replace("*End Assembly", "*NSET, NSET=C, INSTANCE=Part-1-2\n1\n*End Assembly"))
+
+
+@pytest.mark.shared
+@pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
+def test_decks_of_calculix(shared):
+    """Every one there is, of the tests of CalculiX, is read."""
+    decks = sorted((shared / "reference" / "decks").glob("*.inp"))
+    assert len(decks) > 20
+    for deck in decks:
+        assert inp.read(deck).n_nodes > 0
+
+
 _SQUARE = "*NODE\n1, 1, 0\n2, 2, 0\n3, 2, 1\n4, 1, 1\n5, 3, 0\n6, 3, 1\n"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from dataclasses import replace
 
@@ -34,6 +35,23 @@ def test_vtk_takes_cells_for_what_they_are(kind, tmp_path):
     assert list(grid.get_cell(0).point_ids) == list(OF_TYPE[kind].nodes)
     grid.save(tmp_path / "b.vtk")
     assert read(tmp_path / "b.vtk").block(kind).tolist() == mesh.block(kind).tolist()
+
+
+@pytest.mark.parametrize("name", ["a.vtk", "a.mesh", "a.off", "a.ply"])
+@pytest.mark.parametrize("size", [0, 20])
+def test_a_full_disk_is_told_as_one_whatever_meshio_warns_of(name, size, tmp_path):
+    resource = pytest.importorskip("resource")
+    mesh = Mesh.create([[0, 0], [1, 0], [0, 1], [1, 1]], [("TRIA3", [[0, 1, 2], [1, 3, 2]])])
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        with pytest.raises(WriteError, match=r"cannot be written \((File too large|not all of it was taken)"):
+            write(tmp_path / name, mesh)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, before)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.vtk
@@ -100,7 +118,9 @@ def test_cells_that_meshio_drops_are_named(tmp_path):
 
 
 def test_colours_that_meshio_skips_are_named(tmp_path):
-    path = of_vtk(tmp_path / "a.vtk", [(10, (0, 1, 2, 4))], "POINT_DATA 8\nCOLOR_SCALARS the%20tint 1\n" + "0.5 " * 8)
+    path = of_vtk(
+        tmp_path / "a.vtk", [(10, (0, 1, 2, 4))], "POINT_DATA 8\nCOLOR_SCALARS the%20tint 1\n" + "0.5 " * 8 + "\n"
+    )
     with pytest.warns(LacmeshWarning, match=r"^a\.vtk as meshio reads it: the colours 'the tint' are left out$"):
         assert read(path).node_data == {}
 
@@ -117,7 +137,7 @@ def test_what_meshio_warns_of_is_one_warning(tmp_path, monkeypatch, capfd):
 
     monkeypatch.setattr(meshio, "read", speak)
     monkeypatch.setenv("FORCE_COLOR", "1")
-    (tmp_path / "a.stl").write_text("solid\n")
+    (tmp_path / "a.stl").write_text("solid\nendsolid\n")
     with pytest.warns(LacmeshWarning) as said:
         read(tmp_path / "a.stl")
     long = "that is " + "rather long, " * 12 + "for one line"
@@ -223,7 +243,7 @@ def test_whatever_meshio_raises_is_one_error(error, tmp_path, monkeypatch, capfd
         print("Error: meshio says a word", file=sys.stderr)
         raise error
 
-    (tmp_path / "a.stl").write_text("solid\n")
+    (tmp_path / "a.stl").write_text("solid\nendsolid\n")
     monkeypatch.setattr(meshio, "read", fail)
     with pytest.raises(ReadError, match=rf"meshio fails \({type(error).__name__}: Error: meshio says a word\)"):
         read(tmp_path / "a.stl")
@@ -246,7 +266,7 @@ def test_files_that_are_not_what_their_suffix_says(tmp_path):
 
 
 def test_without_meshio_the_line_that_installs_it(tmp_path, monkeypatch):
-    (tmp_path / "a.stl").write_text("solid\n")
+    (tmp_path / "a.stl").write_text("solid\nendsolid\n")
     monkeypatch.setattr("lacmesh.formats.meshio_mesh.find_spec", lambda name: None)
     for call in (lambda: read(tmp_path / "a.stl"), lambda: write(tmp_path / "b.stl", bare())):
         with pytest.raises(RequestError, match=r"this needs meshio; pip install 'lacmesh\[io\]' brings it"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import time
 import warnings
 from contextlib import contextmanager
 
@@ -18,6 +17,7 @@ from lacmesh.formats import msh
 from lacmesh.formats.msh import reader2 as msh_read2
 from lacmesh.formats.msh.numbers import Index
 from lacmesh.mesh import Mesh, Model, Periodic, Step
+from tests.bad_input.case import SECONDS, alarm
 from tests.formats.msh_gmsh import as_seen, by_place, places, seen_by, two_boxes
 from tests.formats.msh_meshes import decided, entities, meshes, plain
 from tests.formats.msh_meshes import order as order_of
@@ -547,7 +547,6 @@ def test_changed_bytes(tmp_path, version, binary):
         again(tmp_path, rich(), version, binary)
     content = np.frombuffer((tmp_path / "again.msh").read_bytes(), np.uint8)
     rng = np.random.default_rng(4)
-    start = time.perf_counter()
     errors = 0
     for k in range(300):
         damaged = content.copy()
@@ -556,9 +555,9 @@ def test_changed_bytes(tmp_path, version, binary):
         if k % 3 == 0:
             a, b = np.sort(rng.integers(0, len(content), 2))
             damaged = np.delete(damaged, slice(a, min(b, a + 9)))
-        errors += isinstance(tried(tmp_path / "changed.msh", damaged.tobytes()), str)
+        with alarm(SECONDS):
+            errors += isinstance(tried(tmp_path / "changed.msh", damaged.tobytes()), str)
     assert errors > 100
-    assert time.perf_counter() - start < 20
 
 
 @pytest.mark.parametrize(("old", "new", "says"), DAMAGES)

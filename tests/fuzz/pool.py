@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from tests.bad_input.case import BYTES, SECONDS, compiled, room
+from tests.bad_input.case import BYTES, SECONDS, WAITS, compiled, room
 from tests.fuzz.trial import FAILED, READ, REFUSED, Outcome, tried
 
 
@@ -96,7 +96,7 @@ def _looked_at(worker: _Worker, tally: Tally) -> _Worker | None:
     if worker.at >= worker.stop:
         worker.process.join()
         return None
-    hangs = time.perf_counter() - worker.since > 3 * SECONDS
+    hangs = time.perf_counter() - worker.since > (WAITS + 1) * SECONDS
     if not hangs and not worker.silent:
         return worker
     worker.process.kill()

@@ -88,6 +88,7 @@ def test_what_kills_a_worker_or_hangs_is_a_failure(monkeypatch):
 
     monkeypatch.setattr(pool, "tried", strange)
     monkeypatch.setattr(pool, "SECONDS", 1)
+    monkeypatch.setattr(pool, "WAITS", 4)
     tally = pool.fuzz("mail", range(20))
     assert set(tally.failed) == {3, 11, 12}
     assert "kills the process" in tally.failed[3] and "does not end" in tally.failed[11]

@@ -74,6 +74,8 @@ class _Reader:
         self.instance: Card | None = None
         self.second_part: Card | None = None
         self.spare = 0
+        self.too_long: dict[str, int] = {}
+        self.elsewhere = False  # a file without parts that names instances
         self.n_no_cell: dict[str, int] = {}
 
     def take(self, card: Card) -> None:
@@ -108,6 +110,10 @@ class _Reader:
             self.model.scope.add(next(iter(self.parts.values())), "", 0, 0)
         if self.spare:
             self.model.said.append(f"the orientation nodes of {self.spare} beams are left out")
+        for name, n in self.too_long.items():
+            self.model.said.append(f"{n} elements of type {name} list more nodes than these have: the first are taken")
+        if self.elsewhere:
+            self.model.said.append("sets name an instance, and this file has no parts: they are read without it")
         for name, n in self.n_no_cell.items():
             self.model.said.append(f"{n} elements of type {name} are no cells, and left out")
         return self.model
@@ -146,8 +152,8 @@ class _Reader:
             if card.parameters.get("ELSET"):
                 self.here.add_to("element", card.parameters["ELSET"], card)
             return
-        rows, lost = inp_data.elements(card, len(found.nodes), int(found.kind == LINE))
-        self.spare += lost
+        rows, lost = inp_data.elements(card, len(found.nodes))
+        self._count_lost(name, found.kind == LINE, lost)
         if len(rows) and (rows.min() < 1 or rows.max() >= _LARGEST):
             wrong = rows[(rows < 1) | (rows >= _LARGEST)][0]
             raise card.error(f"numbers of elements and nodes run from 1 to {_LARGEST - 1}, and one here is {wrong}")
@@ -156,6 +162,14 @@ class _Reader:
         self.here.elements.append(Elements(card, found, number, nodes))
         if card.parameters.get("ELSET"):
             self.here.add_to("element", card.parameters["ELSET"], card, Members(number, (), ()))
+
+    def _count_lost(self, name: str, is_line: bool, lost: Ints) -> None:
+        """Count the elements that list more nodes than they have: a line's first is a beam's for its orientation."""
+        beams = int(np.count_nonzero(lost == 1)) if is_line else 0
+        self.spare += beams
+        others = int(np.count_nonzero(lost)) - beams
+        if others:
+            self.too_long[name] = self.too_long.get(name, 0) + others
 
     def _set(self, card: Card) -> None:
         of = "node" if card.name == "NSET" else "element"
@@ -174,6 +188,8 @@ class _Reader:
     def _of(self, card: Card) -> _Instance | None:
         """The instance whose numbers a card of the assembly speaks of; the assembly's own where it names none."""
         name = card.parameters.get("INSTANCE", "")
+        if name and not self.parts and not self.n_instances:
+            self.elsewhere, name = True, ""
         if name:
             if key(name) not in self.instances:
                 raise card.error(f"there is no instance named {name}")

@@ -156,17 +156,17 @@ def values_in_lines_by_arrays(text: bytes) -> Ints:
     return np.where(filled, count + 1 - trailing, 0)
 
 
-def elements(card: Card, n_nodes: int, spare: int) -> tuple[Ints, int]:
+def elements(card: Card, n_nodes: int) -> tuple[Ints, Ints]:
     """Rows (k, 1 + n_nodes) of numbers: the elements of a card, each on a line of its own or going on over several.
 
-    Lines may have `spare` further numbers, all or none of them, which are left out (a beam's orientation node); how
-    many rows had them comes second. Raises ReadError.
+    Where all lines have equally many numbers and more than an element needs, the further ones are left out, as by
+    CalculiX (a beam's orientation node): how many of each row, (k,), comes second. Raises ReadError.
     """
     text = card.text()
     width = 1 + n_nodes
     tables: list[Ints] = [np.empty((0, width), np.int64)]
     left: Ints = np.empty(0, np.int64)
-    lost = 0
+    lost: list[Ints] = [np.empty(0, np.int64)]
     for at, piece in chunks(text):
         values = integers(piece)
         if values is None:
@@ -174,18 +174,20 @@ def elements(card: Card, n_nodes: int, spare: int) -> tuple[Ints, int]:
             shown = decoded(piece[place:].split(b"\n", 1)[0]).strip()[:60]
             raise card.error(f"{shown!r} should be an element's number and its nodes'", at + place)
         counts = values_in_lines(piece)
-        if spare and len(values) == counts.sum() and set(counts.tolist()) <= {0, width + spare}:
-            tables.append(values.reshape(-1, width + spare)[:, :width])
-            lost += len(tables[-1])
+        listed = int(counts.max(initial=0))
+        if listed > width and not len(left) and len(values) == counts.sum() and set(counts.tolist()) <= {0, listed}:
+            tables.append(values.reshape(-1, listed)[:, :width])
+            lost.append(np.full(len(tables[-1]), listed - width))
             continue
         _check_rows(card, piece, at, counts, len(values), len(left), width)
         values = np.concatenate([left, values])
         whole = len(values) // width * width
         tables.append(values[:whole].reshape(-1, width))
+        lost.append(np.zeros(len(tables[-1]), np.int64))
         left = values[whole:]
     if len(left):
         raise card.error(f"element {left[0]} has {len(left) - 1} nodes, and should have {n_nodes}", len(text) - 1)
-    return np.concatenate(tables), lost
+    return np.concatenate(tables), np.concatenate(lost)
 
 
 def _check_rows(card: Card, text: bytes, at: int, counts: Ints, n_values: int, before: int, width: int) -> None:

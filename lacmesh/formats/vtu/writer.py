@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +30,17 @@ BLOCK = 2**15
 _CHUNK = 2**17
 
 
+#: what an attribute of XML may not hold as it is
+_ESCAPED = str.maketrans(
+    {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
+)
+
+
+def quoted(text: str) -> str:
+    """A text as an attribute of XML, in quotes. (`xml.sax.saxutils` has it too, and brings all of urllib.)"""
+    return f'"{text.translate(_ESCAPED)}"'
+
+
 class _Array(NamedTuple):
     """An array as it stands in the file: its name, values (n,) or (n, m); `field`: it is on no cell or node."""
 
@@ -45,7 +55,7 @@ class _Array(NamedTuple):
         width = self.values.shape[1] if self.values.ndim == 2 else 1
         components = f' NumberOfComponents="{width}"' if width > 1 else ""
         tuples = f' NumberOfTuples="{len(self.values)}"' if self.field else ""
-        name = quoteattr(self.name)
+        name = quoted(self.name)
         return f'type="{_NAMES[kind.kind]}{8 * kind.itemsize}" Name={name}{components}{tuples}'
 
 

@@ -34,6 +34,7 @@ from lacmesh.formats.arrays import GROUP, to_arrays
 from lacmesh.formats.med.families import derive
 from lacmesh.formats.med.hdf5 import created, set_attributes
 from lacmesh.formats.notes import to_json
+from lacmesh.formats.output import readable
 from lacmesh.formats.vtu.types import OF_TYPE as VTK_OF_TYPE
 from lacmesh.formats.vtu.writer import legal
 from lacmesh.formats.xdmf.types import OF_TYPE, XDMF_TYPES
@@ -67,6 +68,8 @@ def write(path: Path, mesh: Mesh, *, heavy: Path | None = None, link: str = "", 
     left out is named in a LacmeshWarning.
     """
     _check(path, mesh)
+    if readable(link) != link:
+        raise WriteError(path, f"XML cannot name the second file, {link}, as its name is no UTF-8; choose another name")
     said: list[str] = []
     with ExitStack() as stack:
         sink: _Sink = _Text()
