@@ -35,9 +35,6 @@ _PUBLIC = {
     "LacmeshError": "lacmesh.errors",
     "LacmeshWarning": "lacmesh.errors",
 }
-#: packages that are imported when they are named
-_PACKAGES = ("gmsh", "quadrature", "shapes", "surface", "view")
-
 __all__ = [
     "CELLS",
     "Block",
@@ -81,16 +78,24 @@ if TYPE_CHECKING:
     from lacmesh.quality import Quality, measure_quality
     from lacmesh.recognition import recognise
     from lacmesh.records import Cut
-    from lacmesh.surface import Surface, contact_points, coverage
+    from lacmesh.surface import Surface, contact_points
+    from lacmesh.surface.coverage import coverage
 
 
 def __getattr__(name: str) -> Any:
     if name in _PUBLIC:
         return getattr(import_module(_PUBLIC[name]), name)
-    if name in _PACKAGES:
+    if name in _modules():
         return import_module(f"lacmesh.{name}")
     raise AttributeError(f"module 'lacmesh' has no attribute {name!r}")
 
 
+def _modules() -> set[str]:
+    """The modules beside this one: each is there when it is named, whatever was imported before."""
+    from pkgutil import iter_modules
+
+    return {module.name for module in iter_modules(__path__) if not module.name.startswith("_")}
+
+
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_PUBLIC, *_PACKAGES})
+    return sorted({*globals(), *_PUBLIC, *_modules()})

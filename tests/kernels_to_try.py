@@ -1,8 +1,151 @@
-"""A kernel, for tests of how kernels are kept."""
+"""Kernels, for tests of how they are kept; and small pieces of work that between them call every kernel there is."""
 
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import csr_array
+
+import lacmesh
+from lacmesh.checks.facets import Solid, find_twins
+from lacmesh.formats.inp.kernel import count_fields, scan_integers
+from lacmesh.formats.mail.names import scanned
+from lacmesh.formats.vtu.lz4 import expand
+from lacmesh.formats.xdmf.mixed import starts
 from lacmesh.kernels import kernel
+from lacmesh.quality import determinant, measures
+from lacmesh.surface import contact_points
+from lacsolver.answer import Answer
+from lacsolver.case import parse_case
+from lacsolver.cli import main
+from lacsolver.linear import analyse
+from lacsolver.linear.cycle import Team
+from lacsolver.problem import Problem
+from lacsolver.stepping import march
+from tests.lacsolver.bodies import cube
+from tests.lacsolver.contact_cases import held
+from tests.lacsolver.patch_meshes import stack
+from tests.lacsolver.stiffnesses import above, rigid_modes, stiffness
+from tests.quality_cells import distorted
+from tests.surface.surfaces import sheet, whole
+
+DATA = Path(__file__).parent.parent / "data"
+CONTACT = '[[contact]]\nslave = "slave"\nmaster = "master"\n'
 
 
 @kernel
 def double(x):
     return 2 * x
+
+
+@kernel
+def fractions(a, b):
+    """What Python does otherwise: dividing a number, or what is in an array, by zero; a root of what is negative."""
+    return 1.0 / b, a[0] / b, a[0] / a[1], math.sqrt(a[2])
+
+
+def work(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
+    """Work by its name, with a folder for its files. Each takes seconds where kernels run as they stand."""
+    yield "formats", _formats
+    yield "quality", _quality
+    yield "check in space", partial(_check, "two_blocks.msh")
+    yield "check in a plane", partial(_check, "sliding/ironing_2d.msh")
+    yield "facets", _facets
+    yield "surfaces", _surfaces
+    yield "multigrid", _multigrid
+    yield "two blocks", lambda: main(["run", str(DATA / "two_blocks.toml"), "-q", "-o", str(folder / "run")])
+    for model, law, cells in _FINITE:
+        yield f"{model}, {law}, {cells}", partial(_finite, model, law, cells)
+    for model, cells in _SMALL:
+        yield f"{model}, {cells}", partial(_small, model, cells)
+
+
+_FINITE = (
+    ("3d", "neo_hookean", "HEXA8"),
+    ("3d", "saint_venant_kirchhoff", "TETRA4"),
+    ("plane_strain", "neo_hookean", "QUAD4"),
+    ("plane_strain", "saint_venant_kirchhoff", "QUAD8"),
+    ("axisymmetric", "neo_hookean", "QUAD4"),
+)
+_SMALL = (("3d", "HEXA20"), ("plane_stress", "QUAD8"), ("axisymmetric", "TRIA3"))
+
+
+_WARM = "expansion = 1e-5\n[[temperature]]\nvalue = 20.0\n"
+
+
+def _formats() -> None:
+    scanned(b"N1 N2\nM12 N3\n")
+    counts, text = np.empty(1, np.int64), np.frombuffer(b"1, 23,\n", np.uint8)
+    count_fields(text, counts)
+    scan_integers(text, np.empty(4, np.int64))
+    for data in (b"\x40abcd", b"\x44abcd\x02\x00\x00"):
+        expand(np.frombuffer(data, np.uint8), np.empty(12, np.uint8))
+    starts(np.array([4, 0, 1, 2, 4, 1, 2, 3]), np.array([0, 0, 0, 0, 4]), np.empty(2, np.int64))
+
+
+def _facets() -> None:
+    find_twins(Solid.of(lacmesh.read(DATA / "two_blocks.msh")))
+
+
+def _quality() -> None:
+    for name, cell in lacmesh.CELLS.items():
+        if cell.dim > 1 and cell.order < 3:
+            x = distorted(name, k=5)
+            points, nodes = x.reshape(-1, 3), np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])
+            measures._compiled(name, points, nodes, list(measures.measures_of(name)))
+            determinant._compiled(*determinant._samples(name), points, nodes, False)
+
+
+def _check(name: str) -> None:
+    lacmesh.check(lacmesh.read(DATA / name), ["slave"], ["master"])
+
+
+def _surfaces() -> None:
+    below, above = whole(sheet(3, kind="QUAD8")), whole(sheet(4, 0.01, kind="TRIA6", skew=0.3, down=True))
+    for search in ("tree", "front"):
+        contact_points(below, above, search=search, max_penetration=1.0)
+
+
+def _multigrid() -> None:
+    space, K = stiffness(cube("HEXA8", 6), "3d")
+    kept = above(space)
+    K = csr_array(K.tocsr()[kept][:, kept])
+    factor = analyse(K, backend="multigrid", modes=rigid_modes(space)[kept], block=3).factor(K)
+    factor.solve(np.ones(K.shape[0]))
+    A, x = np.ones((2, 9)), np.arange(9.0)
+    Team(1).subtract(Team(1).dots(A, x), A, x)
+
+
+def _finite(model: str, law: str, cells: str) -> None:
+    head = f'mesh = "blocks.msh"\nmodel = "{model}"\nkinematics = "finite"\n'
+    _march(
+        model, cells, f'{head}[[material]]\nlaw = "{law}"\nyoung = 1000.0\npoisson = 0.3\n', 'normals = "smoothed"\n'
+    )
+
+
+def _small(model: str, cells: str) -> None:
+    _march(
+        model,
+        cells,
+        f'mesh = "blocks.msh"\nmodel = "{model}"\n[[material]]\nyoung = 1000.0\npoisson = 0.3\n{_WARM}',
+        "",
+    )
+
+
+def _march(model: str, cells: str, head: str, more: str) -> None:
+    dim = 3 if model == "3d" else 2
+    mesh = stack(cells, cells, dim, counts=(2, 1))
+    if dim == 2:
+        mesh = replace(mesh, points=mesh.points + np.array([1.0, 0.0, 0.0]))
+    up = "xyz"[dim - 1]
+    sides = "".join(held(f"{a}0", **{f"u{a}": 0.0}) for a in "xyz"[: dim - 1] if model != "axisymmetric")
+    pressing = held("bottom", **{f"u{up}": 0.0}) + held("top", **{f"u{up}": -0.01})
+    case = parse_case(head + CONTACT + more + sides + pressing)
+    answer = Answer(Problem.of(case, mesh))
+    for state in march(answer.problem):
+        answer.fields(state)

@@ -1,13 +1,25 @@
-"""Kernels: what is said of compiling, and what happens where nothing can be kept."""
+"""Kernels: when they are compiled, that both forms give the same, where they are kept, and what is said of it."""
 
 from __future__ import annotations
 
+import copy
+import json
+import math
 import os
 import subprocess
 import sys
 from pathlib import Path
+from threading import Lock
 
+import numpy as np
 import pytest
+
+from lacmesh import kept, kernels
+from lacmesh.kernels import Kernel
+from lacmesh.quality.kernels import in_threads
+from lacmesh.signatures import FILE, compile_signature, declared
+from tests.kernels_to_try import DATA, double, fractions, work
+from tools.record_kernels import recorded
 
 ROOT = Path(__file__).parent.parent
 CODE = """
@@ -15,7 +27,7 @@ import logging, resource
 logging.basicConfig(level=logging.INFO)
 {limit}
 from tests.kernels_to_try import double
-print(double(2.0), double.stats.cache_misses)
+print(double.compile()(2.0), double.compiled.stats.cache_misses)
 """
 
 
@@ -31,9 +43,210 @@ def test_a_kernel_is_kept_and_the_first_says_that_it_is_compiled(tmp_path):
     assert ran(tmp_path) == (["4.0", "Counter()"], False)
 
 
+def test_what_is_damaged_is_compiled_again(tmp_path):
+    assert ran(tmp_path)[1]
+    for path in tmp_path.rglob("*.nbc"):
+        path.write_bytes(path.read_bytes()[:100])
+    assert ran(tmp_path)[0][0] == "4.0"
+    assert not ran(tmp_path)[1]
+
+
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits of files as Linux has them")
 def test_a_full_disk_keeps_nothing_and_stops_nothing(tmp_path):
     limit = "import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
     limit += "resource.setrlimit(resource.RLIMIT_FSIZE, (16, resource.RLIM_INFINITY))"
     assert ran(tmp_path, limit)[0][0] == "4.0"
     assert ran(tmp_path)[1]
+
+
+@pytest.mark.parametrize("cores", [1, 3])
+def test_there_are_as_many_threads_as_cores_that_may_be_used(monkeypatch, cores):
+    """Not as the machine has: a process may be held to some, as by taskset or in a container."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cores)), raising=False)
+    parts = []
+    in_threads(parts.append, 12)
+    assert sorted((part.start, part.stop) for part in parts) == [
+        (k, k + 12 // cores) for k in range(0, 12, 12 // cores)
+    ]
+
+
+# ---- the two forms
+
+
+def same(a, b):
+    """Whether two results, or arguments that were written into, are the same to rounding."""
+    if isinstance(a, tuple):
+        return len(a) == len(b) and all(same(*pair) for pair in zip(a, b, strict=True))
+    a, b = np.asarray(a), np.asarray(b)
+    if a.dtype.kind not in "fc":
+        return np.array_equal(a, b)
+    scale = np.abs(a[np.isfinite(a)]).max(initial=0.0)
+    room = 1e-4 if a.dtype == np.float32 else 1e-9
+    return a.shape == b.shape and np.allclose(a, b, rtol=room, atol=room * scale, equal_nan=True)
+
+
+@pytest.mark.slow
+def test_every_kernel_gives_the_same_compiled_and_as_it_stands(tmp_path, monkeypatch):
+    compared, alone = set(), Lock()
+
+    def both(self, *arguments):
+        with alone:  # other threads write into the same arrays
+            mine = copy.deepcopy(arguments)
+            plain = self.py_func(*mine)
+            made = self.compile()(*arguments)
+            assert same(made, plain) and same(arguments, mine), self.__name__
+        name = f"{self.__module__}.{self.__qualname__}"
+        compared.add(name)
+        return made
+
+    monkeypatch.setattr(Kernel, "__call__", both)
+    for _, run in work(tmp_path):
+        run()
+    inside = {value for one in Kernel.known for _, value in one.named() if isinstance(value, Kernel)}
+    own = {f"{k.__module__}.{k.__qualname__}" for k in Kernel.known if k not in inside}
+    assert {name for name in own if not name.startswith(("tests.", "test_", "benchmarks."))} <= compared
+
+
+@pytest.mark.parametrize("by", [2.0, 0.0, np.float64(0.0)])
+def test_numbers_are_divided_by_zero_as_numpy_does_it(by):
+    a = np.array([1.0, 0.0, -1.0])
+    plain, made = fractions.py_func(a, by), fractions.compile()(a, by)
+    assert np.array_equal(plain, made, equal_nan=True)
+    assert math.isnan(plain[3]) and plain[2] == np.inf
+
+
+@pytest.fixture
+def fresh(monkeypatch):
+    """Two kernels that nothing was asked of yet; the second is kept."""
+    monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
+    monkeypatch.setattr(kernels, "has", lambda key: "is_kept" in key)
+
+    def twice(x):
+        return 2 * x
+
+    def is_kept(x):
+        return 2 * x
+
+    monkeypatch.setattr(Kernel, "known", [])
+    return Kernel(twice), Kernel(is_kept)
+
+
+def test_small_work_is_done_as_it_stands_and_large_work_compiled(fresh):
+    x = np.ones(kernels.LOADED_FROM)
+    for one in fresh:
+        assert (one(x) == 2).all() and one.compiled is None
+    assert (fresh[1](x) == 2).all() and fresh[1].compiled is not None  # in all it was asked more, and is kept
+    assert (fresh[0](x) == 2).all() and fresh[0].compiled is None
+    assert (fresh[0](np.ones(kernels.COMPILED_FROM)) == 2).all() and fresh[0].compiled is not None
+
+
+def test_a_kernel_that_is_kept_is_loaded_sooner_where_another_is_in_use(fresh):
+    x = np.ones(kernels.ADDED_FROM + 1)
+    assert (fresh[1](x) == 2).all() and fresh[1].compiled is None
+    fresh[0].compile()
+    assert (fresh[1](x) == 2).all() and fresh[1].compiled is not None
+
+
+def test_nothing_is_compiled_where_people_debug(fresh, monkeypatch):
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    assert len(fresh[0](np.ones(2 * kernels.COMPILED_FROM))) and fresh[0].compiled is None
+
+
+COMMANDS = {
+    "check": ["lacmesh", "check", str(DATA / "two_blocks.msh"), "--slave", "slave", "--master", "master"],
+    "quality": ["lacmesh", "quality", str(DATA / "two_blocks.msh")],
+    "view": ["lacmesh", "view", str(DATA / "two_blocks.msh"), "-o", "page.html"],
+    "run": ["lacsolver", "run", str(DATA / "two_blocks.toml"), "-o", "results"],
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("debug", ["0", "1"])
+def test_a_first_command_on_a_small_model_compiles_nothing(name, debug, tmp_path):
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept"), "NUMBA_DISABLE_JIT": debug, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-m", *COMMANDS[name]], cwd=tmp_path, env=env, capture_output=True, text=True
+    )
+    assert done.returncode == (1 if name == "check" else 0), done.stderr  # the mesh is not cut
+    assert "internal error" not in done.stderr and "compiling" not in done.stderr
+    assert not list(tmp_path.rglob("*.nbc"))
+
+
+def test_kernels_of_a_check_load_nothing_of_scipy():
+    load = """
+import sys
+from lacmesh.signatures import compile_signature, declared
+for signature in declared():
+    if signature.module.startswith(("lacmesh.surface", "lacmesh.checks")):
+        compile_signature(signature)
+sys.exit("scipy.linalg" in sys.modules)
+"""
+    for _ in range(2):  # the first may have to compile some
+        done = subprocess.run([sys.executable, "-c", load], cwd=ROOT)
+    assert done.returncode == 0
+
+
+# ---- what is kept, and where
+
+
+def test_a_kernel_s_key_changes_with_the_kernels_it_calls_and_what_they_name():
+    def key(code):
+        names = {"kernel": kernels.kernel, "np": np, "__name__": "some"}
+        exec(code, names)
+        del Kernel.known[-2:]
+        return names["outer"].key
+
+    text = "LEAST = {least}\n@kernel\ndef inner(x):\n    return x + {more} * LEAST\n"
+    text += "@kernel\ndef outer(x):\n    return inner(x)\n"
+    keys = {key(text.format(least=a, more=b)) for a, b in ((1, 1), (1, 1), (2, 1), (1, 2), ("np.ones(2)", 1))}
+    assert len(keys) == 4
+
+
+def test_what_cannot_be_kept_beside_the_package_is_kept_for_the_user(tmp_path, monkeypatch):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "mine"))
+    monkeypatch.setattr(kept, "_PACKAGE", tmp_path / "package")
+    (tmp_path / "package").mkdir()
+    (tmp_path / "package" / "__pycache__").write_text("not a folder: nobody can write into it")
+    monkeypatch.setattr(kept, "folders", kept.folders.__wrapped__)
+    kept.save("some.kernel.py.old", "some.kernel.py.old.types", b"older")
+    kept.save("some.kernel.py.new", "some.kernel.py.new.types", b"newer")
+    assert kept.read("some.kernel.py.new.types") == b"newer"
+    assert kept.read("some.kernel.py.old.types") is None  # of sources that are gone
+    assert kept.writable() in list((tmp_path / "mine").iterdir())
+    (tmp_path / "package" / "__pycache__").unlink()
+    assert kept.writable() == tmp_path / "package" / "__pycache__"
+    assert kept.read("some.kernel.py.new.types") == b"newer"  # read from both
+
+
+# ---- compiling beforehand
+
+
+@pytest.mark.slow
+def test_what_is_listed_is_what_kernels_are_called_with(tmp_path):
+    """After a change: `python -m tools.record_kernels`."""
+    listed = json.loads(FILE.read_text())
+    assert recorded(tmp_path) == listed
+
+
+@pytest.mark.slow
+def test_compile_compiles_all_that_is_listed(tmp_path):
+    env = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-m", "lacmesh", "compile"], cwd=tmp_path, env=env, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    count = len(declared())
+    assert f"compiling: {count} of {count}\ncompiled {count} kernels in " in done.stdout
+    kept._names.cache_clear()
+    for one in declared():
+        compile_signature(one)
+    assert double.compiled is None or not double.compiled.stats.cache_misses
+
+
+def test_a_folder_that_cannot_be_written_is_told(tmp_path):
+    (tmp_path / "file").write_text("")
+    env = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "file")}
+    done = subprocess.run([sys.executable, "-m", "lacmesh", "compile"], env=env, capture_output=True, text=True)
+    assert done.returncode == 3
+    assert "cannot be written; name another folder by NUMBA_CACHE_DIR" in done.stderr

@@ -1,0 +1,84 @@
+"""Measure how long small work takes: commands on data/two_blocks, against importing what they build on, in one run.
+
+    python benchmarks/start.py [--repeats N] [-o TABLE.md]
+
+Warm: all that is compiled is kept; `check`, `quality`, `view` and `lacsolver run` against the imports of numpy,
+scipy.sparse.linalg and numba (asked: at most 1.5 times as long); `info`, `convert` and `cut`, which import no numba.
+First: nothing compiled before (asked: at most 4 s each). Processor time of user and system, so that others who use the
+machine count less; Python keeps its bytecode, as installed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from statistics import median
+
+DATA = Path(__file__).parent.parent / "data"
+IMPORTS = "import numpy, scipy.sparse.linalg, numba"
+MESH = str(DATA / "two_blocks.msh")
+
+
+def commands(folder):
+    """The commands, by their names."""
+    lacmesh, out = [sys.executable, "-m", "lacmesh"], str(folder / "out")
+    lacsolver = [sys.executable, "-m", "lacsolver"]
+    return {
+        "imports": [sys.executable, "-c", IMPORTS],
+        "check": [*lacmesh, "check", MESH, "--slave", "slave", "--master", "master"],
+        "quality": [*lacmesh, "quality", MESH],
+        "view": [*lacmesh, "view", MESH, "-o", out + ".html", "--force"],
+        "run": [*lacsolver, "run", str(DATA / "two_blocks.toml"), "-o", out, "--force"],
+        "info": [*lacmesh, "info", MESH],
+        "convert": [*lacmesh, "convert", MESH, out + ".vtu", "--force"],
+        "cut": [*lacmesh, "cut", MESH, "--slave", "slave", "-o", out + ".msh", "--force"],
+    }
+
+
+def seconds(command, kept):
+    """Processor time of a command; `kept`: the folder of what is compiled."""
+    env = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"} | {"NUMBA_CACHE_DIR": str(kept)}
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(command, capture_output=True, text=True, env=env)
+    if done.returncode not in (0, 1):  # `check` finds fault with a mesh that is not cut
+        raise SystemExit(done.stderr)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def rows(folder, repeats):
+    every = commands(folder)
+    for name in ("check", "quality", "view", "run"):
+        empty = Path(tempfile.mkdtemp(dir=folder))
+        yield f"{name}, nothing compiled before", f"{seconds(every[name], empty):.2f} s", "asked: 4 s"
+    kept = folder / "kept"
+    seconds([sys.executable, "-m", "lacmesh", "compile"], kept)
+    measured = {name: [] for name in every}
+    for _ in range(repeats):  # in turn, so that a slow moment falls on all
+        for name, command in every.items():
+            measured[name].append(seconds(command, kept))
+    for name, values in measured.items():
+        ratio = median(a / b for a, b in zip(values, measured["imports"], strict=True))
+        yield name, f"{median(values):.2f} s", f"this / imports: {ratio:.2f}"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument("-o", "--output", type=Path, help="write the table here as well")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        made = list(rows(Path(folder), args.repeats))
+    text = "| what | processor time | against |\n|---|---|---|\n" + "".join(f"| {' | '.join(row)} |\n" for row in made)
+    print(text)
+    if args.output:
+        args.output.write_text(text)
+
+
+if __name__ == "__main__":
+    main()

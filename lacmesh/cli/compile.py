@@ -1,0 +1,67 @@
+"""`lacmesh compile`: compile all that runs compiled, once after installing."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import time
+from typing import Any
+
+from lacmesh.cli.options import add_command
+
+#: processes at most; each takes some 300 MB
+_MOST = 4
+
+
+def add(commands: Any) -> None:
+    """Declare the command."""
+    parser = add_command(commands, "compile", run, "compile all that runs compiled, once, for all that follows")
+    parser.epilog = (
+        "Nothing has to be compiled: small work runs without, and larger work compiles what it needs, once.\n"
+        "This does it beforehand, for lacmesh and lacsolver. Where it is kept: beside the package, or where that\n"
+        "cannot be written, in the user's cache folder; NUMBA_CACHE_DIR names another."
+    )
+
+
+def run(args: argparse.Namespace) -> None:
+    """Compile, and tell how far it is."""
+    from concurrent.futures import ProcessPoolExecutor, as_completed
+    from multiprocessing import get_context
+
+    from lacmesh.errors import WriteError
+    from lacmesh.kept import folders, writable
+    from lacmesh.signatures import compile_signature, declared
+
+    start, signatures = time.perf_counter(), declared()
+    folder = writable()
+    if folder is None:
+        raise WriteError(folders()[-1], "cannot be written; name another folder by NUMBA_CACHE_DIR")
+    workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, _MOST)
+    with ProcessPoolExecutor(workers, get_context("spawn"), _ignore_interrupts) as pool:
+        under_way = [pool.submit(compile_signature, one) for one in signatures]
+        try:
+            for count, done in enumerate(as_completed(under_way), 1):
+                done.result()
+                _tell(args, count, len(signatures))
+        except BaseException:  # interrupted: what is compiled is kept
+            pool.shutdown(cancel_futures=True)
+            raise
+    if not args.quiet:
+        print(f"compiled {len(signatures)} kernels in {time.perf_counter() - start:.0f} s; kept in {folder}")
+
+
+def _ignore_interrupts() -> None:
+    """An interrupt from the terminal goes to all processes: the first one ends the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _tell(args: argparse.Namespace, count: int, total: int) -> None:
+    """How far it is: in one line of a terminal, and in a file at every tenth."""
+    if args.quiet:
+        return
+    if sys.stdout.isatty():
+        print(f"\rcompiling: {count} of {total}", end="\n" if count == total else "", flush=True)
+    elif count * 10 // total > (count - 1) * 10 // total:
+        print(f"compiling: {count} of {total}", flush=True)

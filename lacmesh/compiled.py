@@ -1,0 +1,86 @@
+"""The compiled form of kernels, by numba, which takes long to import: `kernels` imports this only where it pays.
+
+What a kernel is compiled to is kept by `kept`, under a name made of its `key`, the types of what it is called with, the
+processor, and the version of numba.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import logging
+import pickle
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import numba
+from numba.core.caching import _Cache
+from numba.core.compiler import CompileResult
+from numba.core.runtime import rtsys  # type: ignore[attr-defined]
+from numba.core.serialize import dumps
+
+from lacmesh.kept import folders, read, save
+
+#: numba's types say less than it takes
+_NJIT: Any = numba.njit
+_UNLITERAL: Any = numba.types.unliteral
+_RESULT: Any = CompileResult
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+
+
+def outer(function: Callable[..., Any], key: str) -> Any:
+    """What Python calls: compiled for the types that it is called with, or found on the disk."""
+    made = _NJIT(function, **_OPTIONS)
+    made._cache = _Kept(key)
+    return made
+
+
+def inner(function: Callable[..., Any]) -> Any:
+    """What other kernels call: nothing that Python could call is made of it, which takes a third of the time."""
+    made = _NJIT(function, no_cpython_wrapper=True, **_OPTIONS)
+    template = made.get_call_template
+    # one form for all integers, not another for each that a caller writes as a number
+    made.get_call_template = lambda types, keywords: template([_UNLITERAL(t) for t in types], keywords)
+    return made
+
+
+class _Kept(_Cache):
+    """The compiled forms of one kernel on the disk, as numba asks for them."""
+
+    def __init__(self, key: str) -> None:
+        self._key = key
+
+    @property
+    def cache_path(self) -> str:
+        return str(folders()[0])
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled form for a signature; None where there is none, or none that can be read."""
+        data = read(self._name(sig, target_context.codegen()))
+        if data is not None:
+            rtsys.initialize(target_context)  # what hands out memory: all of numba's compiler that loading needs
+            with suppress(Exception):  # what a broken disk left may be anything: it is compiled again
+                return _RESULT._rebuild(target_context, *pickle.loads(data))
+        _say_that_it_takes_time()
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the compiled form for a signature."""
+        if not data.library.has_dynamic_globals:
+            save(self._key, self._name(sig, data.codegen), dumps(data._reduce()))  # type: ignore[no-untyped-call]
+
+    def _name(self, sig: Any, codegen: Any) -> str:
+        every = repr((sig, codegen.magic_tuple(), numba.__version__))
+        return f"{self._key}.{hashlib.sha256(every.encode()).hexdigest()[:16]}"
+
+    def enable(self) -> None: ...
+
+    def disable(self) -> None: ...
+
+    def flush(self) -> None: ...
+
+
+@functools.cache
+def _say_that_it_takes_time() -> None:
+    logging.getLogger("lacmesh").info("compiling what this needs: some seconds, the first time")
