@@ -30,6 +30,11 @@ def at_points(space: Space, value: Value) -> At:
     return lambda x, t: value(x[:, : space.dim], t)
 
 
+def at_local_points(space: Space, value: Value) -> At:
+    """The same as a function of points that are counted from the space's origin."""
+    return lambda x, t: value((x + space.origin)[:, : space.dim], t)
+
+
 def load(
     space: Space, materials: Materials, case: Case, t: float, threads: int = 1, *, u: Floats | None = None
 ) -> NDArray[np.floating]:
@@ -40,7 +45,7 @@ def load(
     """
     mesh, f = space.mesh, np.zeros(space.n_dof)
     for pressure in case.pressure:
-        x = _places(space, u) if pressure.follower and u is not None else None
+        x = space.places(u) if pressure.follower and u is not None else None
         with _said_of(pressure):
             f += loads.pressure(space, mesh.cells_of(pressure.group), at_points(space, pressure.value), t, x=x)
     for traction in case.traction:
@@ -65,16 +70,9 @@ def load_tangent(space: Space, case: Case, u: Floats, t: float) -> csr_array | N
     for pressure in case.pressure:
         if pressure.follower:
             cells, value = space.mesh.cells_of(pressure.group), at_points(space, pressure.value)
-            own = loads.pressure_tangent(space, cells, value, t, x=_places(space, u))
+            own = loads.pressure_tangent(space, cells, value, t, x=space.places(u))
             made = own if made is None else csr_array(made + own)
     return made
-
-
-def _places(space: Space, u: Floats) -> NDArray[np.floating]:
-    """(n_nodes, 3): where u (n_dof,) takes the nodes."""
-    x = space.mesh.points.copy()
-    x[:, : space.dim] += u.reshape(-1, space.dim)
-    return x
 
 
 @contextmanager

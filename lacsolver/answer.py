@@ -51,9 +51,12 @@ class Answer:
             residuals=state.residuals,
             reactions=problem.constraints.reactions(state.reaction),
             probes={name: probe(space, state.u, nodes) for name, nodes in self._probes.items()},
-            contact={zone.name: zone_figures(zone, _nodes(joint), x) for zone, joint, x in pairs},
+            contact={
+                zone.name: zone_figures(zone, _nodes(joint), x + space.origin[: space.dim]) for zone, joint, x in pairs
+            },
             balance=balance((zone.force, x) for zone, _, x in pairs),
             energy=problem.kinematics.energy(state.u, state.time),
+            displacement=float(np.linalg.norm(state.u.reshape(-1, space.dim), axis=1).max()),
         )
 
     def fields(self, state: State) -> Fields:
@@ -66,7 +69,7 @@ class Answer:
         return Fields(state.time, u, at_nodes, reaction, zones)
 
     def _places(self, joint: Joint, state: State) -> Floats:
-        """(n_nodes, dim): where a joint's forces act."""
+        """(n_nodes, dim): where a joint's forces act, counted from the space's origin."""
         space = self.problem.space
         return joint.places(space, state.u)[:, : space.dim]
 
@@ -76,7 +79,8 @@ class Answer:
             slave, joint.zone.macro, zone.pressure, zone.status, traction=slave_pressure(slave, stress),
             axisymmetric=self.problem.space.model.axisymmetric, unilateral=joint.one_sided,
         )  # fmt: skip
-        return ZoneFields.of(zone, joint.zone.slave, joint.zone.macro, joint.zone.number, mean, nodal)
+        told = joint.zone.slave.at(self.problem.space.mesh.points)
+        return ZoneFields.of(zone, told, joint.zone.macro, joint.zone.number, mean, nodal)
 
 
 def _nodes(joint: Joint) -> np.ndarray:

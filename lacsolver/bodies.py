@@ -28,7 +28,7 @@ __all__ = ["Body", "FreeMotion", "bodies", "describe", "free_motions", "rigid_mo
 #: displacement, of a unit motion, in the mean of a system's rows, below which nothing is stopped
 _STOPPED = 1e-9
 #: the same for contact, whose directions come out of an integration
-_STOPPED_BY_CONTACT = 1e-8
+STOPPED_BY_CONTACT = 1e-8
 
 
 def bodies(space: Space) -> Ints:
@@ -47,23 +47,40 @@ def bodies(space: Space) -> Ints:
     return out
 
 
-def rigid_modes(space: Space, nodes: Ints) -> NDArray[np.floating]:
-    """(n_dof, r): orthonormal rigid motions of some nodes, 0 elsewhere: 6 in 3D, 3 in a plane, along y in axisymmetry.
+def rigid_modes(space: Space, of_node: Ints) -> NDArray[np.floating]:
+    """(n_dof, r): rigid motions of all bodies: 6 in 3D, 3 in a plane, along y in axisymmetry.
 
-    The translations, then rotations about the principal axes through the mean of the nodes; one that moves none of
-    them, about the line that all of them stand on, is left out.
+    `of_node` (n_nodes,): as `bodies` tells it. Each body has its own, orthonormal, in the same columns, and other nodes
+    have 0: memory goes with the nodes, however many bodies there are. The translations come first, then rotations about
+    the principal axes through the mean of a body's nodes; one that moves none of them, about the line that all of them
+    stand on, is left out.
     """
-    x = space.mesh.points[nodes] - space.mesh.points[nodes].mean(axis=0)
+    nodes, start = _body_by_body(of_node)
+    blocks = [_rigid_block(space, own) for own in np.split(nodes, start[1:])]
+    out = np.zeros((space.mesh.n_nodes, space.dim, max(block.shape[2] for block in blocks)))
+    for own, block in zip(np.split(nodes, start[1:]), blocks, strict=True):
+        out[own, :, : block.shape[2]] = block
+    return out.reshape(space.n_dof, -1)
+
+
+def _rigid_block(space: Space, nodes: Ints) -> NDArray[np.floating]:
+    """(k, dim, r): orthonormal rigid motions of some nodes."""
+    x = space.local.points[nodes] - space.local.points[nodes].mean(axis=0)
     turns = moments(space.dim, x)
     gram = np.einsum("ksa,ksb->ab", turns, turns)
     size, axes = np.linalg.eigh(gram)
     fine = size > 1e-18 * max(size.max(), np.abs(x).max() ** 2)
     turns = turns @ (axes[:, fine] / np.sqrt(size[fine]))
     straight = np.tile(np.eye(space.dim), (len(nodes), 1, 1)) / np.sqrt(len(nodes))
-    block = straight[:, :, 1:] if space.model.axisymmetric else np.concatenate([straight, turns], axis=2)
-    out = np.zeros((space.n_dof, block.shape[2]))
-    out[space.dofs(nodes).ravel()] = block.reshape(-1, block.shape[2])
-    return out
+    return straight[:, :, 1:] if space.model.axisymmetric else np.concatenate([straight, turns], axis=2)
+
+
+def _body_by_body(of_node: Ints) -> tuple[Ints, Ints]:
+    """The nodes of bodies, one body after the other, and where each begins."""
+    nodes = np.flatnonzero(of_node >= 0)
+    nodes = nodes[np.argsort(of_node[nodes], kind="stable")]
+    count = np.bincount(of_node[nodes])
+    return nodes, np.cumsum(count) - count
 
 
 def free_motions(space: Space, constraints: Constraints, springs: csr_array | None = None) -> tuple[FreeMotion, ...]:
@@ -85,21 +102,58 @@ def free_motions(space: Space, constraints: Constraints, springs: csr_array | No
     return tuple(found)
 
 
-def still_free(B: csr_array, motions: Sequence[FreeMotion]) -> tuple[FreeMotion, ...]:
+def still_free(
+    B: csr_array, motions: Sequence[FreeMotion], *, least: float = STOPPED_BY_CONTACT, x: Floats | None = None
+) -> tuple[FreeMotion, ...]:
     """Those motions, alone or of several bodies together, that no row of B (m, n_dof) stops, in plain words.
 
-    B's rows are contacts and ties; a row is taken to stop a motion both ways.
+    B's rows are contacts and ties; a row is taken to stop a motion both ways, and all rows of a motion's bodies to stop
+    none that they feel, in the mean, by less than `least` (`felt`). `x` (n_nodes, 3): where nodes are, the mesh's if
+    None.
     """
     if not motions:
         return ()
+    rows, seen = _rates(B, motions, x)
+    found: list[FreeMotion] = []
+    weight = 1 / np.sqrt(np.maximum(seen, 1))
+    for _, columns, basis in _null_spaces(
+        csr_array(rows @ diags_array(weight)), _by_bodies(motions), least, total=True
+    ):
+        moved, twists = _together([motions[k] for k in columns])
+        found += plain_motions(motions[0].space, moved, np.einsum("zk,kbs->zbs", basis * weight[columns], twists))
+    return tuple(found)
+
+
+def felt(B: csr_array, motions: Sequence[FreeMotion], x: Floats | None = None) -> NDArray[np.floating]:
+    """(k,): how far each motion, of size 1, moves along the rows of its bodies: the root of the mean square over them.
+
+    Rows (m, n_dof) have size 1 here, whatever they integrate over. 0 for bodies without any.
+    """
+    rows, seen = _rates(B, motions, x)
+    return np.sqrt(np.asarray(rows.power(2).sum(axis=0)).ravel() / np.maximum(seen, 1))
+
+
+def displaced_by(motions: Sequence[FreeMotion], u: Floats, x: Floats | None = None) -> NDArray[np.floating]:
+    """(k,): how far the part that each of some motions has in u (n_dof,), by least squares, takes a node at most."""
+    if not motions:
+        return np.empty(0)
+    F = _fields(motions, x)
+    part = np.linalg.solve((F.T @ F).toarray(), F.T @ u)
+    farthest = [np.linalg.norm(m.at_nodes if x is None else m.at(x), axis=1).max() for m in motions]
+    return np.abs(part) * farthest
+
+
+def _rates(B: csr_array, motions: Sequence[FreeMotion], x: Floats | None) -> tuple[csr_array, Ints]:
+    """What unit motions do along rows, themselves of size 1 (m, k), and how many rows the bodies of each have (k,)."""
     B = csr_array(B)
     size = np.sqrt(B.power(2).sum(axis=1))
-    rows = diags_array(np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)) @ B @ _fields(motions)
-    found: list[FreeMotion] = []
-    for _, columns, basis in _null_spaces(rows.tocsr(), _by_bodies(motions), _STOPPED_BY_CONTACT):
-        moved, twists = _together([motions[k] for k in columns])
-        found += plain_motions(motions[0].space, moved, np.einsum("zk,kbs->zbs", basis, twists))
-    return tuple(found)
+    unit = diags_array(np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)) @ B
+    fields = _fields(motions, x)
+    dim, there = motions[0].space.dim, np.concatenate([motion.nodes for motion in motions])
+    own = np.repeat(np.arange(len(motions)), [len(motion.nodes) for motion in motions])
+    of = coo_array((np.ones(len(own)), (there, own)), shape=(B.shape[1] // dim, len(motions))).tocsr()
+    nodes = csr_array((np.ones(B.nnz), B.indices // dim, B.indptr), shape=(B.shape[0], B.shape[1] // dim))
+    return csr_array(unit @ fields), np.diff((nodes @ of).tocsc().indptr)
 
 
 class _Frame(NamedTuple):
@@ -124,19 +178,17 @@ def _frame(space: Space, constraints: Constraints) -> _Frame:
     made, twists = list(connected), [model / _lengths(body) for body in connected]
     for rigid in constraints.rigid:
         bare = rigid.nodes[~space.attached[rigid.nodes]]
-        x = space.mesh.points[rigid.nodes] - rigid.centre
-        made.append(Body(f"rigid {rigid.name!r}", bare, rigid.centre, _radius(np.square(x).sum(axis=1).mean())))
+        radius = _radius(np.square(rigid.arm).sum(axis=1).mean())
+        made.append(Body(f"rigid {rigid.name!r}", bare, rigid.centre - space.origin, radius))
         twists.append(_unit_twists(space)[: len(rigid.free)][rigid.free] / _lengths(made[-1]))
     block = np.repeat(np.arange(len(made)), [len(unit) for unit in twists])
     return _Frame(tuple(made), of_node, block, np.concatenate(twists))
 
 
 def _connected(space: Space, of_node: Ints) -> list[Body]:
-    nodes = np.flatnonzero(of_node >= 0)
-    nodes = nodes[np.argsort(of_node[nodes], kind="stable")]
-    count = np.bincount(of_node[nodes])
-    start = np.cumsum(count) - count
-    x = space.mesh.points[nodes]
+    nodes, start = _body_by_body(of_node)
+    count = np.diff([*start, len(nodes)])
+    x = space.local.points[nodes]
     centre = np.add.reduceat(x, start) / count[:, None]
     square = np.add.reduceat(np.square(x - centre[of_node[nodes]]).sum(axis=1), start) / count
     names = _names(space, of_node, nodes[start])
@@ -200,7 +252,7 @@ def _modes(space: Space, frame: _Frame, nodes: Ints, body: Ints) -> csr_array:
     node, amplitude = _amplitudes(frame.block, body)
     centre = np.array([b.centre for b in frame.bodies]).reshape(-1, 3)
     unit = frame.twists[amplitude]
-    u = unit[:, :3] + np.cross(unit[:, 3:], space.mesh.points[nodes[node]] - centre[body[node]])
+    u = unit[:, :3] + np.cross(unit[:, 3:], space.local.points[nodes[node]] - centre[body[node]])
     columns = np.repeat(amplitude, space.dim)
     entries = u[:, : space.dim].ravel(), (space.dofs(nodes[node]).ravel(), columns)
     return coo_array(entries, shape=(space.n_dof, len(frame.block))).tocsr()
@@ -214,10 +266,13 @@ def _amplitudes(block: Ints, body: Ints) -> tuple[Ints, Ints]:
     return place, start[place] + np.arange(len(place)) - before[place]
 
 
-def _null_spaces(rows: csr_array, block: Ints, least: float) -> Iterator[tuple[Ints, Ints, Floats]]:
+def _null_spaces(
+    rows: csr_array, block: Ints, least: float, *, total: bool = False
+) -> Iterator[tuple[Ints, Ints, Floats]]:
     """The null space of rows (m, a), system by system: (blocks, columns (c,), orthonormal basis (k, c)), if k > 0.
 
-    `block` (a,): columns of one block are of one system, and so are blocks that a row couples.
+    `block` (a,): columns of one block are of one system, and so are blocks that a row couples. `least`: of the mean of
+    a system's rows, or of their `total`.
     """
     n = int(block.max(initial=-1)) + 1
     column = coo_array((np.ones(len(block)), (np.arange(len(block)), block)), shape=(len(block), n)).tocsr()
@@ -230,18 +285,18 @@ def _null_spaces(rows: csr_array, block: Ints, least: float) -> Iterator[tuple[I
     for k in range(len(edges) - 1):
         columns = np.flatnonzero(system[block] == k)
         mine = rows[filled[order[edges[k] : edges[k + 1]]]][:, columns].toarray()
-        basis = _null(mine, least)
+        basis = _null(mine, least if total else least * np.sqrt(len(mine)))
         if len(basis):
             yield np.flatnonzero(system == k), columns, basis
 
 
 def _null(rows: Floats, least: float) -> NDArray[np.floating]:
-    """(k, c): an orthonormal basis of what rows (m, c), of entries about 1, take to 0."""
+    """(k, c): an orthonormal basis of what rows (m, c) take to less than `least`."""
     if not len(rows):
         return np.eye(rows.shape[1])
     R = np.linalg.qr(rows, mode="r")
     _, s, Vt = np.linalg.svd(R)
-    return Vt[int((s > least * np.sqrt(len(rows))).sum()) :]
+    return Vt[int((s > least).sum()) :]
 
 
 def _by_bodies(motions: Sequence[FreeMotion]) -> Ints:
@@ -254,12 +309,12 @@ def _by_bodies(motions: Sequence[FreeMotion]) -> Ints:
     return connected_components(links, directed=False)[1][:n]
 
 
-def _fields(motions: Sequence[FreeMotion]) -> csr_array:
-    """(n_dof, k): the displacements of motions."""
+def _fields(motions: Sequence[FreeMotion], x: Floats | None = None) -> csr_array:
+    """(n_dof, k): the displacements of motions, where nodes are at x (n_nodes, 3)."""
     space = motions[0].space
     rows = [space.dofs(motion.nodes).ravel() for motion in motions]
     columns = np.repeat(np.arange(len(rows)), [len(r) for r in rows])
-    values = np.concatenate([motion.at_nodes.ravel() for motion in motions])
+    values = np.concatenate([(motion.at_nodes if x is None else motion.at(x)).ravel() for motion in motions])
     return coo_array((values, (np.concatenate(rows), columns)), shape=(space.n_dof, len(rows))).tocsr()
 
 

@@ -41,8 +41,8 @@ _BALANCED = 3e-14
 _SLOW = 0.5
 #: forces further than this from balance are no rounding
 _FAILED = 1e-6
-#: an image that keeps less than this of its length when the others are taken out is not orthogonal to them yet
-_LOST = 0.1
+#: an image that keeps less than this of its length when the others are taken out is not orthogonal yet; is noise
+_LOST, _NOISE = 0.1, 1e-12
 #: energies below this, relative to the diagonal's, are negative
 _NEGATIVE = -1e-12
 
@@ -176,7 +176,10 @@ class _System:
 
     def largest_force(self, x: Floats) -> float:
         """What forces are compared with."""
-        return max(float(np.abs(v).max(initial=0.0)) for v in (self.f, self.K.times(x[: self.n])))
+        q, forces = x[: self.n], [self.f, self.K.times(x[: self.n])]
+        if self.turning is not None:
+            forces = [self.f + self.turning @ self.start, forces[1] + self.turning @ q]
+        return max(float(np.abs(v).max(initial=0.0)) for v in forces)
 
     def check(self, x: Floats, r: Floats, count: int, goal: Goal) -> None:
         """Raises LinearError where forces stayed off balance."""
@@ -202,8 +205,9 @@ def _round(system: _System, r: Floats, ends: _Ends, most: int) -> tuple[NDArray[
     while k < known + most and (k < known or not ends.met(system, r)) and norm(r) > end:
         Z[k] = free[k] if k < known else system.precondition(r)
         image = system.image(Z[k])
+        whole = norm(image)
         T[k, :k], T[k, k] = _orthogonal(image, images[:k], system.team)
-        if not T[k, k] > 0:
+        if not T[k, k] > _NOISE * whole:
             break
         images[k] = image / T[k, k]
         along[k] = dots(images[k : k + 1], r)[0]

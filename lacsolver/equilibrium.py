@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.schur import Goal, Rows, solve_rows
@@ -33,7 +34,7 @@ from lacsolver.stiffness import Stiffness
 _LOOSE, _LOOSE_SOLVES = 0.1, 12
 #: exchanges of all rows that want it without fewer of them, before one row alone changes
 _BLOCKS = 3
-#: gaps are known to this much of the coordinates
+#: gaps are known to this much of the coordinates, and a row of forces to this much of what it sums
 ROUNDING = 1e-14
 #: a free motion is stopped by rows that move with it by this much of those that move most, and a load carried to it
 _STOPPED = 1e-8
@@ -95,9 +96,10 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class Limits:
-    """`tolerance` of both defects, `max_iterations`; `length`, the model's extent, which rounding goes with.
+    """`tolerance` of both defects, `max_iterations`; `length`, of the coordinates that gaps are found from anew.
 
-    `moved`: how far what is prescribed moves, which gaps are compared with beside q.
+    It is 0 where gaps are linear: then they are known to rounding of the displacements alone. `moved`: how far what is
+    prescribed moves, which gaps are compared with beside q.
     """
 
     tolerance: float
@@ -110,12 +112,36 @@ class Limits:
         return max(float(np.abs(q).max(initial=0.0)), self.moved, ROUNDING * self.length, 1e-300)
 
     def allowed(self, q: Floats) -> float:
-        """The gap that may be left at q (n,): the tolerance of that length, or rounding of coordinates."""
-        return max(self.tolerance * self.size(q), ROUNDING * self.length)
+        """The gap that may be left at q (n,): the tolerance of that length, or rounding."""
+        return max(self.tolerance * self.size(q), ROUNDING * max(self.size(q), self.length))
 
     def goal(self, reduction: float, moved: float) -> Goal:
         """How exactly to solve for gaps."""
         return Goal(reduction, 1e-3 * self.tolerance, 1e-4 * ROUNDING * self.length, moved)
+
+
+class Terms(NamedTuple):
+    """The sizes (n,) of what each force is summed from, and the diagonal K (n,), in whose scaling solves are exact."""
+
+    size: Floats
+    K: Floats
+
+    def rounding(self) -> NDArray[np.floating]:
+        """(n,): the force that rounding leaves of each sum, D^1/2 max |D^-1/2 size|."""
+        scale = np.sqrt(np.where(self.K > 0, self.K, 1.0))
+        return ROUNDING * float((self.size / scale).max(initial=0.0)) * scale
+
+
+def balance(r: Floats, force: float, terms: Callable[[], Terms] | None, tolerance: float) -> float:
+    """How far forces are off, relative to the largest `force`, or to what rounding leaves of the sums.
+
+    r (n,): what is left of each sum of forces. `terms()`, None if sums are exact: what is summed, which is asked for
+    only where the tolerance is not met.
+    """
+    off = np.abs(r) / max(force, 1e-300)
+    if terms is not None and off.max(initial=0.0) > tolerance:
+        off = np.abs(r) / np.maximum(force, terms().rounding() / tolerance)
+    return float(off.max(initial=0.0))
 
 
 #: contact at q
@@ -125,62 +151,84 @@ Told = Callable[[int, int, float, float], None]
 
 
 def find_equilibrium(
-    K: Stiffness, f: Floats, at: At, start: Iterate, limits: Limits, *, told: Told | None = None
+    K: Stiffness,
+    f: Floats,
+    at: At,
+    start: Iterate,
+    limits: Limits,
+    *,
+    free: Floats | None = None,
+    turning: csr_array | None = None,
+    told: Told | None = None,
 ) -> Outcome:
     """Equilibrium under forces f (n,), from a guess, where rows are the same for all q and gaps linear.
 
+    The stiffness is that of `K`, and `turning` (n, n) if there is some, on a few unknowns: what was added to K for
+    motions of bodies that cost little energy. `free` (n, r): these and those that cost none, which `K` has as well.
+
     A set that stays after a loose solve is solved exactly in the same iteration: it goes on with the same system.
     """
+    stiffness = K.K if turning is None else csr_array(K.K + turning)
+    free = K.R if free is None else free
+    resistance = free.T @ (stiffness @ free)
     q, p, _ = start
     contact = at(q)
     active = start.active & contact.paired | contact.held & contact.paired
     p = np.where(active, p, 0.0)
-    scale = _Scale(K, f, limits)
     pivots = Pivots()
     defects: list[tuple[float, float]] = []
     products, last, settled = 0, None, 0
     for number in range(1, limits.max_iterations + 1):
-        active = stopped(K.R, contact, active, f)
+        if free.shape[1]:
+            active = stopped(free, contact, active, f - stiffness @ q, resistance)
         here = contact
         wanted = here.G + here.rows.D @ q
         loose = 0.0 if pivots.exact(active) else _LOOSE
         for reduction in (loose, 0.0):
-            made = solve_rows(
-                K, here.rows, np.flatnonzero(active), f, wanted, q, p, limits.goal(reduction, limits.moved)
-            )
+            goal, acting = limits.goal(reduction, limits.moved), f if turning is None else f - turning @ q
+            made = solve_rows(K, here.rows, np.flatnonzero(active), acting, wanted, q, p, goal, turning)
             q, p, products = made.q, made.p, products + made.products
             contact = at(q)
             closed, defect = contact.next(active, p), contact.defect(p)
             if reduction == 0 or not np.array_equal(closed, active):
                 break
         settled = settled + 1 if last is not None and np.array_equal(last, active) else 1
-        last, balance, gap = active, scale.balance(K, contact.rows, f, q, p), defect / limits.size(q)
-        defects.append((balance, gap))
+        off = _balance(K.K, turning, contact.rows, f, q, p, limits.tolerance)
+        last, gap = active, defect / limits.size(q)
+        defects.append((off, gap))
         if told is not None:
-            told(number, int(active.sum()), balance, gap)
-        done = balance <= limits.tolerance and defect <= limits.allowed(q)
+            told(number, int(active.sum()), off, gap)
+        done = off <= limits.tolerance and defect <= limits.allowed(q)
         if done and reduction == 0:
             return Outcome(True, Iterate(q, p, active), contact, tuple(defects), products, settled)
         active = closed if done else pivots.next(active, closed, reduction == 0)
     return Outcome(False, Iterate(q, p, active), contact, tuple(defects), products, settled)
 
 
-def stopped(R: Floats, contact: Contact, active: NDArray[np.bool_], f: Floats) -> NDArray[np.bool_]:
+def stopped(
+    R: Floats, contact: Contact, active: NDArray[np.bool_], f: Floats, resistance: Floats | None = None
+) -> NDArray[np.bool_]:
     """(m,): a set, with rows added so that no body that is free, by motions R (n, r), moves along its load f (n,).
 
-    Each is the row that is reached first as the body goes; a load that no row stops is left to what follows.
+    Each is the row that is reached first as the body goes, if it is reached before the body comes to rest by itself:
+    `resistance` (r, r), none by default, is the stiffness that turning forces give to the motions. A load that no row
+    stops is left to what follows.
     """
     if not R.shape[1]:
         return active
-    active, moves, load = active.copy(), contact.rows.D @ R, R.T @ f
+    active, moves, carried, load = active.copy(), contact.rows.D @ R, contact.rows.B @ R, R.T @ f
     for _ in range(R.shape[1]):
-        free = _null_space(moves[active])
-        along = free @ (free.T @ load)
+        free, loaded = _null_space(moves[active]), _null_space(carried[active])
+        along = free @ (free.T @ (loaded @ (loaded.T @ load)))
         closing = moves @ along
         nearing = contact.paired & ~active & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
         if not nearing.any() or np.linalg.norm(along) <= _STOPPED * np.linalg.norm(load):
             break
-        active[np.where(nearing, contact.G / np.where(nearing, closing, 1.0), np.inf).argmin()] = True
+        way = np.where(nearing, contact.G / np.where(nearing, closing, 1.0), np.inf)
+        resisted = 0.0 if resistance is None else along @ resistance @ along
+        if resisted > 0 and along @ load < resisted * way.min():
+            break
+        active[way.argmin()] = True
     return active
 
 
@@ -228,22 +276,18 @@ class Pivots:
         return out
 
 
-class _Scale:
-    """What defects are compared with."""
+def _balance(
+    K: csr_array, turning: csr_array | None, rows: Rows, f: Floats, q: Floats, p: Floats, tolerance: float
+) -> float:
+    """How far the forces f - (K + turning) q - B^T p are from 0, see `balance`."""
+    inner, pressing = K @ q + (0.0 if turning is None else turning @ q), rows.B_T @ p
+    force = max(float(np.abs(v).max(initial=0.0)) for v in (f, inner, pressing))
 
-    def __init__(self, K: Stiffness, f: Floats, limits: Limits) -> None:
-        self.f = float(np.abs(f).max(initial=0.0))
-        self.rounding = ROUNDING / limits.tolerance * float(np.abs(K.K.diagonal()).max(initial=0.0))
+    def terms() -> Terms:
+        size = abs(K) @ np.abs(q) + (0.0 if turning is None else abs(turning) @ np.abs(q))
+        return Terms(np.abs(f) + size + abs(rows.B_T) @ np.abs(p), K.diagonal())
 
-    def force(self, q: Floats, K: Stiffness) -> float:
-        """The largest force; and what rounding leaves of the forces of a body that moves far under a small load."""
-        moved = self.rounding * float(np.abs(q).max(initial=0.0))
-        return max(self.f, float(np.abs(K.K @ q).max(initial=0.0)), moved, 1e-300)
-
-    def balance(self, K: Stiffness, rows: Rows, f: Floats, q: Floats, p: Floats) -> float:
-        return float(np.abs(f - K.K @ q - rows.B_T @ p).max(initial=0.0)) / max(
-            self.force(q, K), float(np.abs(rows.B_T @ p).max(initial=0.0))
-        )
+    return balance(f - inner - pressing, force, terms, tolerance)
 
 
 def stiffness_of_rows(K: Stiffness, rows: Rows) -> NDArray[np.floating]:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError, RequestError, did_you_mean
-from lacmesh.formats.output import replace_file
+from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats
 from lacmesh.scene.colours import RAMP
 from lacsolver.output.names import HISTORY
@@ -122,7 +122,7 @@ def film(
     shots = read_shots(folder, colour, frames or (FILM if moving else SHEET))
     if shots.sight.dim == 3 and find_spec("pyvista") is None:
         raise RequestError("a film in space needs pyvista; pip install 'lacmesh[view]' brings it")
-    sheet = _Sheet(shots, _look(shots, colour, scale, log), drawn, title or folder.name, camera, path)
+    sheet = _Sheet(shots, _look(shots, colour, scale, log), drawn, readable(title or folder.name), camera, path)
     replace_file(path, _moving(sheet, rate) if moving else _still(sheet))
 
 

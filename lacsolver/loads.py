@@ -258,7 +258,7 @@ class _FacePoints(NamedTuple):
 
 def _face_points(space: Space, surface: Surface, x: Floats | None, degree: int | None) -> Iterator[_FacePoints]:
     """The faces of a surface, type by type; their normals and radii are those of `x`, the points those of the mesh."""
-    where = space.mesh.points if x is None else np.asarray(x, dtype=float)
+    where = space.local.points if x is None else np.asarray(x, dtype=float)
     for name, _, nodes in surface.by_type():
         cell = CELLS[name]
         X, w = rule(cell.family, _FACE_DEGREE[cell.order] if degree is None else degree)
@@ -266,7 +266,7 @@ def _face_points(space: Space, surface: Surface, x: Floats | None, degree: int |
         J = jacobian(name, where[nodes], X[:, : cell.dim])
         normal = normals_of(J)
         at = np.einsum("qn,fns->fqs", N, space.mesh.points[nodes], optimize=True)
-        now = at if x is None else np.einsum("qn,fns->fqs", N, where[nodes], optimize=True)
+        now = np.einsum("qn,fns->fqs", N, where[nodes], optimize=True)
         yield _FacePoints(nodes, N, gradient(name, X), at, normal, J, now[..., 0], w * space.depth(now))
 
 
@@ -301,7 +301,7 @@ def _on_cells(
         size = max(1, _PIECE // N.size)
         for rows in (chosen[k : k + size] for k in range(0, len(chosen), size)):
             at = np.einsum("qn,cns->cqs", N, space.mesh.points[nodes[rows]], optimize=True)
-            W = np.abs(determinant(nodes[rows], space.mesh.points, dN)) * w * space.depth(at)
+            W = np.abs(determinant(nodes[rows], space.local.points, dN)) * w * space.depth(at)
             f = np.einsum("qn,cq,cqs->cns", N, W, force(at, number, rows), optimize=True)
             scatter(out, nodes[rows], np.ascontiguousarray(f))
     return out.ravel()

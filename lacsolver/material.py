@@ -15,12 +15,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import DataError
+from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.space import Model, Space
 
@@ -61,6 +61,8 @@ class Elastic:
     density: float = 0.0
     expansion: float = 0.0
     reference_temperature: float = 0.0
+
+    finite: ClassVar[bool] = False  # whether strains may be
 
     def __post_init__(self) -> None:
         _check_common(self.density, (self.expansion,), self.reference_temperature)
@@ -272,6 +274,13 @@ class Materials:
         start = np.searchsorted(law, np.arange(len(self.laws) + 1))
         lame = np.array([law.lame if isinstance(law, Elastic) else (0.0, 0.0) for law in self.laws])
         return Terms(start, np.stack([d * s + t, rows * i + j], axis=1), A[used], lame)
+
+    def check_small(self, instead: str) -> None:
+        """Raises RequestError where a law is one of finite strains; `instead`: the function that takes it."""
+        for law in self.laws:
+            if getattr(law, "finite", False):
+                message = f"the law {type(law).__name__} is for finite strains, and this is linear elasticity"
+                raise RequestError(f"{message}; call {instead}, or take the law Elastic")
 
     def densities(self, block: int) -> NDArray[np.floating]:
         """(k,): mass per volume of each cell of a block."""

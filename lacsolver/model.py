@@ -23,7 +23,7 @@ from lacmesh.errors import DataError, some
 from lacmesh.mesh import Floats
 from lacsolver import acting
 from lacsolver.bodies import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
-from lacsolver.equilibrium import Contact, stiffness_of_rows
+from lacsolver.equilibrium import Contact, Terms, stiffness_of_rows
 from lacsolver.finite import InadmissibleError
 from lacsolver.interface import Interface, integrate
 from lacsolver.linear import SingularError
@@ -35,6 +35,12 @@ from lacsolver.stiffness import Stiffness, Whole, hold, leading_unknowns
 
 #: of the bodies' extent: how far a node may be across the axis
 _AXIS = 1e-9
+#: springs are soft that resist a rigid motion by less than this of the bodies' own stiffness
+_SOFT = 1e-4
+#: more motions than these are not looked at for what soft springs hold: they are dense, and iterations do without
+_MANY = 300
+#: a unit motion with more than this beside some others is another one
+_ANOTHER = 1e-8
 
 
 @dataclass(eq=False)
@@ -42,7 +48,7 @@ class Model:
     """A problem on its constrained unknowns.
 
     `held`: K_q of the undeformed bodies and what solves with it; `motions`: those of whole bodies that nothing but
-    contact stops; `length`: the extent of the bodies.
+    contact stops; `length`: the size of coordinates, whose rounding limits what gaps are known to.
     """
 
     problem: Problem
@@ -71,9 +77,29 @@ class Model:
 
     @cached_property
     def free(self) -> NDArray[np.floating]:
-        """(n_q, r): `motions`, orthonormal; first those that never cost energy."""
+        """(n_q, r): motions of bodies that hardly cost energy, orthonormal; first those that never cost any.
+
+        Those are `motions`, and what only springs hold that are soft beside the bodies.
+        """
         always = [m for m in self.motions if self._always_free(m)]
-        return self._orthonormal([*always, *(m for m in self.motions if not self._always_free(m))])
+        found = self._orthonormal([*always, *(m for m in self.motions if not self._always_free(m))])
+        return np.concatenate([found, self._soft(found)], axis=1)
+
+    def _soft(self, free: Floats) -> NDArray[np.floating]:
+        """(n_q, k): orthonormal motions of bodies beside the `free` ones (n_q, r) that soft springs alone hold."""
+        problem = self.problem
+        motions = () if problem.springs is None else free_motions(problem.space, problem.constraints)
+        if not 0 < len(motions) <= _MANY:
+            return free[:, :0]
+        held = self._orthonormal(motions)
+        held = held - free @ (free.T @ held)
+        sides, size, _ = np.linalg.svd(held, full_matrices=False)
+        held = sides[:, size > _ANOTHER]
+        moved = problem.constraints.T @ held
+        energy, axes = np.linalg.eigh(moved.T @ (problem.springs @ moved))
+        stiff = self.K.diagonal()
+        stiff = np.where(stiff > 0, stiff, stiff.mean())  # of a rigid body that no cell holds, as of the others
+        return (held @ axes)[:, energy < _SOFT * (stiff @ np.square(moved @ axes))]
 
     @cached_property
     def R(self) -> NDArray[np.floating]:
@@ -82,10 +108,11 @@ class Model:
 
     @cached_property
     def steady(self) -> csr_array | None:
-        """(n_q, n_q): springs against rotations of whole bodies, which finite kinematics make K_q resist or further.
+        """(n_q, n_q): springs against motions of whole bodies that cost a little energy, or may gain some.
 
-        They act on differences of unknowns, so that translations do not feel them; Newton's method takes them off again
-        as a part of its turning forces. None where there are none.
+        Those are rotations, where forces turn with the bodies, and what soft springs hold. They act on differences of
+        unknowns, so that motions which cost none do not feel them; they are taken off again as a part of the turning
+        forces. None where there are none.
         """
         soft = self.free[:, self.R.shape[1] :]
         if not soft.shape[1]:
@@ -107,8 +134,8 @@ class Model:
         return K_q if self.steady is None else csr_array(K_q + self.steady)
 
     def _always_free(self, motion: FreeMotion) -> bool:
-        """Whether a motion costs no energy wherever the bodies are: any in small kinematics, else a translation."""
-        return self.problem.kinematics.constant or not motion.twists[:, 3:].any()
+        """Whether a motion costs no energy wherever the bodies are: any where all is linear, else a translation."""
+        return self.linear or not motion.twists[:, 3:].any()
 
     def _orthonormal(self, motions: Sequence[FreeMotion]) -> NDArray[np.floating]:
         if not motions:
@@ -128,7 +155,7 @@ class Model:
         q = np.eye(1, self.problem.constraints.n_q, error.dof)[0] if error.mode is None else error.mode
         u = self.problem.constraints.T @ q
         node, axis = divmod(int(np.abs(u).argmax()), space.dim)
-        place = ", ".join(f"{c:.6g}" for c in space.mesh.points[node, : space.dim])
+        place = ", ".join(space.told(space.mesh.points[node]))
         who = f"node {space.mesh.node_number[node]} ({place}) along {'xyz'[axis]}"
         message = f"the stiffness is singular: a part of a body can move without any force, most of all {who}"
         advice = "look how it hangs on the rest there, or hold it by a displacement or a spring"
@@ -140,18 +167,22 @@ class Model:
         space, c = self.problem.space, self.problem.constraints
         if not c.is_selection:
             return None
-        of_node = bodies(space)
-        own = [rigid_modes(space, np.flatnonzero(of_node == k)) for k in range(of_node.max() + 1)]
-        modes = np.sum([m for m in own if m.shape[1] == own[0].shape[1]], axis=0)
-        free = np.zeros(space.n_dof, bool)
-        free[c.free] = True
-        return Whole(c.free, space.n_dof, space.dim, modes * free[:, None])
+        modes = rigid_modes(space, bodies(space))
+        modes[np.setdiff1d(np.arange(space.n_dof), c.free, assume_unique=True)] = 0.0
+        return Whole(c.free, space.n_dof, space.dim, modes)
 
     @cached_property
     def length(self) -> float:
-        """The bodies' extent."""
+        """The bodies' extent; about an axis the largest radius, if it is more: radii are counted from the axis."""
         space = self.problem.space
-        return float(np.ptp(space.mesh.points[space.attached], axis=0).max())
+        radius = space.mesh.points[space.attached, 0].max() if space.model.axisymmetric else 0.0
+        return max(space.extent, float(radius))
+
+    @cached_property
+    def longest(self) -> float:
+        """The longest cell's extent."""
+        space = self.problem.space
+        return max(float(np.ptp(space.local.points[b.nodes], axis=1).max(initial=0.0)) for b in space.blocks)
 
     @cached_property
     def linear(self) -> bool:
@@ -166,14 +197,16 @@ class Model:
         space = self.problem.space
         if space.model.axisymmetric:
             x = space.mesh.points[:, 0] + u[:: space.dim]
-            beyond = np.flatnonzero((x < -_AXIS * self.length) & (space.mesh.points[:, 0] >= 0))
+            beyond = np.flatnonzero((x < -_AXIS * space.extent) & (space.mesh.points[:, 0] >= 0))
             if len(beyond):
                 numbers = some(space.mesh.node_number[beyond])
                 raise InadmissibleError(f"nodes {numbers} are taken across the axis; take smaller steps")
 
     def unknowns(self, u: Floats) -> NDArray[np.floating]:
         """(n_q,): q with T q = u, (n_dof,), which has one."""
-        T = self.problem.constraints.T
+        c, T = self.problem.constraints, self.problem.constraints.T
+        if c.is_selection:
+            return u[c.free]
         return np.asarray(spsolve(csc_array(T.T @ T), T.T @ u))
 
     def check_held(self, interfaces: Sequence[Interface], paired: NDArray[np.bool_]) -> None:
@@ -254,6 +287,10 @@ class Instant:
             self._fixed = made.at(made.G + made.rows.D @ q)
         return made
 
+    def closed_rows(self, q: Floats, active: NDArray[np.bool_]) -> csr_array:
+        """(k, n_dof): B of the rows that are closed at q."""
+        return csr_array(self._meeting(q).B[np.flatnonzero(active)])
+
     def reaction(self, q: Floats, p: Floats) -> NDArray[np.floating]:
         """(n_dof,): forces that what holds the bodies gives them: f_int - f + B^T p."""
         u, problem = self.u(q), self.model.problem
@@ -297,6 +334,12 @@ class Instant:
             total += [] if self.model.steady is None else [-self.model.steady]
             return csr_array(sum(total[1:], total[0])) if total else None
 
+        def terms() -> Terms:
+            stiff = np.abs(K_q.diagonal())
+            if problem.kinematics.constant:
+                return Terms(abs(K_q) @ np.abs(q) + np.abs(motion) + abs(T).T @ (np.abs(inner) + np.abs(load)), stiff)
+            return Terms(stiff * (float(np.abs(q).max(initial=0.0)) + self.model.longest), stiff)  # strains are of 1
+
         size = max(float(np.abs(v).max(initial=0.0)) for v in (inner, load, motion, out))
         return Place(
             motion - T.T @ out,
@@ -305,6 +348,7 @@ class Instant:
             lambda drag, definite: self._held(K_q, drag, definite),
             turning,
             self.model.free,
+            terms,
         )
 
     def _held(self, K_q: csr_array, drag: float, definite: bool) -> Stiffness:

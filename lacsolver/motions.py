@@ -49,7 +49,10 @@ class FreeMotion:
     @cached_property
     def at_nodes(self) -> NDArray[np.floating]:
         """(k, dim): the displacement of `nodes`."""
-        x = self.space.mesh.points
+        return self.at(self.space.local.points)
+
+    def at(self, x: Floats) -> NDArray[np.floating]:
+        """(k, dim): the same where the mesh's nodes are at x (n_nodes, 3)."""
         moved = [
             twist[:3] + np.cross(twist[3:], x[body.nodes] - body.centre)
             for body, twist in zip(self.bodies, self.twists, strict=True)
@@ -174,8 +177,7 @@ def _words(motion: FreeMotion, body: Body, twist: Floats) -> tuple[str, str]:
         return "moves", f"along {_direction(t, dim)}"
     where = body.centre + np.cross(theta, t) / angle**2
     where = where + ((motion.bodies[0].centre - where) @ theta) / angle**2 * theta
-    where = np.where(np.abs(where) > 1e-9 * max(body.radius, float(np.abs(where).max())), where, 0.0)
-    place = f"({', '.join(f'{c:.4g}' for c in where[:dim])})"
+    place = f"({', '.join(motion.space.told(where + motion.space.origin, 4))})"
     if dim == 2:
         return "turns", f"about the point {place}"
     axis = f"an axis along {_direction(theta, dim)} through {place}"

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
-from lacsolver.equilibrium import ROUNDING, Contact, Limits, Outcome, Pivots, Told, stopped
+from lacsolver.equilibrium import Contact, Limits, Outcome, Pivots, Terms, Told, balance, stopped
 from lacsolver.finite import InadmissibleError
 from lacsolver.linear import LinearError
 from lacsolver.schur import Goal, solve_rows
@@ -51,6 +51,7 @@ _SETS = 20
 class Place:
     """Bodies and contact at some q. `r` (n,): forces that nothing balances but contact; `size`: the largest there is.
 
+    `terms()`, None if forces are exact: what they are summed from, which rounding goes with.
     `stiffness(drag, definite)`: makes K there, with a part of the undeformed bodies' added, factorised; where it need
     not be `definite`, with no notice of negative energies. `turning`: makes C (n, n) at pressures p (m,), None where
     there is none. `free` (n, k): motions of whole bodies that nothing but contact stops.
@@ -62,6 +63,7 @@ class Place:
     stiffness: Callable[[float, bool], Stiffness]
     turning: Callable[[Floats], csr_array | None]
     free: NDArray[np.floating]
+    terms: Callable[[], Terms] | None = None
 
 
 #: the place at q; raises InadmissibleError
@@ -147,15 +149,23 @@ def _solved(now: _State, active: NDArray[np.bool_], scale: _Scale, drag: float, 
     for definite in (True, False):  # an iterative backend finds out late that the tangent is not positive definite
         with suppress(LinearError):
             K = now.place.stiffness(drag, definite)
-            scale.know(K)
-            return _settled(K, now, stopped(now.place.free, now.place.contact, active, now.place.r), scale, most)
+            turning = now.place.turning(now.p)
+            return _settled(K, now, turning, _stopped(K, now, turning, active), scale, most)
     return None
 
 
-def _settled(K: Stiffness, now: _State, active: NDArray[np.bool_], scale: _Scale, most: int) -> _Made:
+def _stopped(K: Stiffness, now: _State, turning: csr_array | None, active: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A set, with rows added so that no free body moves along its load farther than to where it comes to rest."""
+    R = now.place.free
+    resistance = R.T @ (K.K @ R if turning is None else K.K @ R + turning @ R)
+    return stopped(R, now.place.contact, active, now.place.r, resistance)
+
+
+def _settled(
+    K: Stiffness, now: _State, turning: csr_array | None, active: NDArray[np.bool_], scale: _Scale, most: int
+) -> _Made:
     """One solve with `active`, or as many as it takes, up to `most`, to find the set that goes with the step."""
-    place, contact = now.place, now.place.contact
-    turning, goal, pivots, products, p = place.turning(now.p), scale.goal(now), Pivots(), 0, now.p
+    place, contact, goal, pivots, products, p = now.place, now.place.contact, scale.goal(now), Pivots(), 0, now.p
     for count in range(1, most + 1):
         start = np.zeros_like(now.q)
         made = solve_rows(K, contact.rows, np.flatnonzero(active), place.r, contact.G, start, p, goal, turning)
@@ -203,26 +213,17 @@ class _Scale:
     """What forces and gaps are compared with."""
 
     def __init__(self, limits: Limits, exact: bool) -> None:
-        self.limits, self._exact, self._stiffest = limits, exact, 0.0
-
-    def know(self, K: Stiffness) -> None:
-        """Take the largest stiffness there is into account."""
-        self._stiffest = max(self._stiffest, float(np.abs(K.K.diagonal()).max(initial=0.0)))
+        self.limits, self._exact = limits, exact
 
     def defect(self, place: Place, q: Floats, p: Floats) -> _Defect:
         """How far forces and gaps are off."""
         pressing = place.contact.rows.B_T @ p
-        force = max(place.size, float(np.abs(pressing).max(initial=0.0)), self._rounding(q), 1e-300)
-        off = np.abs(place.r - pressing)
-        largest, off_by = float(off.max(initial=0.0)), place.contact.defects(p)
+        force = max(place.size, float(np.abs(pressing).max(initial=0.0)))
+        off, off_by = place.r - pressing, place.contact.defects(p)
         closing = place.contact.rows.B_T @ (place.contact.c * off_by)
         gap = float(np.abs(off_by).max(initial=0.0)) / self.limits.size(q)
-        return _Defect(largest / force, gap, largest + _BEHIND * float(np.abs(closing).max(initial=0.0)))
-
-    def _rounding(self, q: Floats) -> float:
-        """What rounding leaves of forces where bodies move far, over the tolerance."""
-        far = max(float(np.abs(q).max(initial=0.0)), self.limits.length)
-        return ROUNDING / self.limits.tolerance * self._stiffest * far
+        whole = float(np.abs(off).max(initial=0.0)) + _BEHIND * float(np.abs(closing).max(initial=0.0))
+        return _Defect(balance(off, force, place.terms, self.limits.tolerance), gap, whole)
 
     def met(self, now: _State) -> bool:
         """Whether a state is an equilibrium, to the tolerance or to rounding of coordinates."""

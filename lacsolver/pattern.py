@@ -73,15 +73,15 @@ def symbolic(first: Any, nodes: Any, n_nodes: int) -> Any:
                     count += 1
         indptr[i + 1] = indptr[i] + count
     indices = np.empty(indptr[-1], np.int32)
+    end = indptr.copy()
     seen[:] = -1
-    for i in range(n_nodes):
-        at = indptr[i]
+    for i in range(n_nodes):  # the pattern is symmetric: every row gets its columns in ascending order
         for c in range(start[i], start[i + 1]):
             e = cells[c]
             for k in range(first[e], first[e + 1]):
-                if seen[nodes[k]] != i:
-                    seen[nodes[k]] = i
-                    indices[at] = nodes[k]
-                    at += 1
-        indices[indptr[i] : at].sort()
+                j = nodes[k]
+                if seen[j] != i:
+                    seen[j] = i
+                    indices[end[j]] = i
+                    end[j] += 1
     return indptr, indices

@@ -5,6 +5,8 @@ Displacements, rigid bodies, forces, springs and probes all read their nodes her
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from lacmesh.errors import GroupNotFoundError, RequestError, did_you_mean, some
@@ -14,7 +16,7 @@ from lacsolver.case.keys import section_of
 from lacsolver.case.records import AtNodes, Entry, Rigid
 from lacsolver.space import Space
 
-#: a place may be this much of the mesh's extent away from its node
+#: a place may be this much of the bodies' extent away from its node
 _NEAR = 1e-6
 
 
@@ -67,7 +69,7 @@ def nodes_on(space: Space, cells: Ints) -> Ints:
 def name_of(record: Entry) -> str:
     """What a record's results are called by: its name, its group, or `at [x, y, z]`."""
     name = getattr(record, "name", None) or getattr(record, "group", None)
-    return str(name) if name else f"at [{', '.join(f'{c:g}' for c in getattr(record, 'at', ()))}]"
+    return str(name) if name else f"at [{_written(getattr(record, 'at', ()))}]"
 
 
 def said(record: Entry) -> str:
@@ -83,16 +85,21 @@ def wrong(record: Entry, message: str) -> CaseError:
     return CaseError([Problem(f"{place}{section_of(type(record)).name}: {message}")])
 
 
+def _written(at: Iterable[float]) -> str:
+    """A place as it was written: with all its digits, which may tell it from another."""
+    return ", ".join(repr(float(c)).removesuffix(".0") for c in at)
+
+
 def _node_at(space: Space, record: Entry, at: Floats) -> int:
     points = space.mesh.points[:, : space.dim]
     held = np.zeros(len(points), bool)
     held[nodes_on(space, np.flatnonzero(space.mesh.cell_dim > 0))] = True
     away = np.linalg.norm(points - at, axis=1)
-    near = away <= _NEAR * np.ptp(points, axis=0).max()
-    place = ", ".join(f"{c:g}" for c in at)
+    near = away <= _NEAR * space.extent
+    place = _written(at)
     if not near.any():
         k = int(np.where(held, away, np.inf).argmin() if held.any() else away.argmin())
-        there = ", ".join(f"{c:.8g}" for c in points[k])
+        there = ", ".join(space.told(points[k], 8))
         number = space.mesh.node_number[k]
         raise wrong(record, f"no node at [{place}]; the nearest is node {number} at [{there}], {away[k]:.6g} away")
     found = np.flatnonzero(near & held if (near & held).any() else near)

@@ -5,7 +5,6 @@ mesh -> space, materials -> kinematics; constraints; joints; loads. What changes
 
 from __future__ import annotations
 
-import os
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +16,7 @@ from scipy.sparse import csr_array
 import lacmesh
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.mesh import Floats, Mesh
+from lacmesh.quality.kernels import available_cores
 from lacsolver import acting
 from lacsolver.case import Case, Contact, Tie, check_groups
 from lacsolver.constraints import Constraints
@@ -26,8 +26,11 @@ from lacsolver.kinematics import Kinematics, kinematics_of
 from lacsolver.laws import law_of
 from lacsolver.material import Materials
 from lacsolver.places import wrong
-from lacsolver.skin import prepared
+from lacsolver.skin import check_mesh, prepared
 from lacsolver.space import Space
+
+#: what rounding leaves of a coverage
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,15 +72,19 @@ class Joint:
         return isinstance(self.record, Contact) and self.record.geometry == "current"
 
     def places(self, space: Space, u: Floats) -> NDArray[np.floating]:
-        """(n_nodes, 3): where the skins meet when displaced by u (n_dof,): there if they move, else where they were."""
-        x = space.mesh.points.copy()
-        if self.moving:
-            x[:, : space.dim] += u.reshape(-1, space.dim)
-        return x
+        """(n_nodes, 3): where the skins meet when displaced by u (n_dof,): there if they move, else where they were.
+
+        Counted from the space's origin.
+        """
+        return space.places(u) if self.moving else space.local.points
 
     def paired(self, face: Interface) -> NDArray[np.bool_]:
-        """(n_macros,): which macro-elements of an interface of the zone have enough of the master in front of them."""
-        return np.asarray(face.coverage > self.record.coverage_threshold)
+        """(n_macros,): which macro-elements of an interface of the zone have enough of the master in front of them.
+
+        Those without any never do. What rounding leaves of a coverage is not asked for: all of it is 1.
+        """
+        coverage = face.coverage
+        return np.asarray((coverage >= self.record.coverage_threshold - _ROUNDING) & (coverage > 0))
 
     def check_facing(self, face: Interface) -> None:
         """Raises CaseError where no macro-element has a master and, since the skins stay where they are, none will."""
@@ -105,6 +112,7 @@ class Problem:
         """
         mesh = lacmesh.read(case.mesh) if mesh is None else mesh
         check_groups(case, mesh)
+        check_mesh(case, mesh)
         mesh = prepared(case, mesh)
         space = Space.of(mesh, case.model, case.thickness)
         materials = materials_of(case, space)
@@ -128,8 +136,8 @@ class Problem:
 
     @property
     def threads(self) -> int:
-        """Cores to use: those asked for, or all that the process may use."""
-        return self.case.solver.threads or available_cores()
+        """Cores to use: those asked for, as far as the process may use them, or all of these."""
+        return min(self.case.solver.threads or available_cores(), available_cores())
 
     def load(self, t: float, u: Floats | None = None) -> NDArray[np.floating]:
         """f (n_dof,): nodal forces of everything that acts at time t; followers find their faces at u (n_dof,)."""
@@ -148,15 +156,10 @@ def materials_of(case: Case, space: Space) -> Materials:
     return materials
 
 
-def available_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def joint_of(space: Space, record: Contact | Tie) -> Joint:
     """The joint of a contact or a tie. Raises CaseError, with its line, where the two groups make no zone."""
     try:
-        zone = Zone.of(space.mesh, record.slave, record.master, record.name)
+        zone = Zone.of(space.local, record.slave, record.master, record.name)
     except LacmeshError as error:
         raise wrong(record, str(error)) from None
     if isinstance(record, Tie):
@@ -164,6 +167,9 @@ def joint_of(space: Space, record: Contact | Tie) -> Joint:
     else:
         value = record.clearance
         fixed = not (value.depends_on_place or value.depends_on_time)
-        clearance = value.at(0.0) if fixed else acting.at_points(space, value)
-        pairing = Pairing(record.normals, record.crease_angle, measure=record.measure, clearance=clearance)
+        clearance = value.at(0.0) if fixed else acting.at_local_points(space, value)
+        pairing = Pairing(
+            record.normals, record.crease_angle, max_penetration=record.max_penetration, measure=record.measure,
+            clearance=clearance,
+        )  # fmt: skip
     return Joint(record, zone, pairing.within(space, record.search_distance))

@@ -49,7 +49,7 @@ class StepFigures:
 
     `reactions`: what each displacement condition gives the body (d,); `probes`: their displacements (d,); `contact`:
     each zone's figures; always the same names. `balance`: relative error of the balance of forces and of moments.
-    `energy`: strain energy.
+    `energy`: strain energy. `displacement`: the largest of a node, its size.
     """
 
     time: float
@@ -61,15 +61,18 @@ class StepFigures:
     contact: Mapping[str, ZoneFigures]
     balance: tuple[float, float]
     energy: float
+    displacement: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """All figures of a run up to now. `version`: lacsolver's; `status`: one of STATUSES, `message` why it is not done.
+    """All figures of a run up to now. `version`: lacsolver's; `status`: one of STATUSES, `message` why it is not done,
+    or what looks wrong in the answer, a line each.
 
     `steps`: those of this run (a restart's first is the one after the state that it goes on from). `stress`: group ->
     component -> least and largest at integration points, of the last step. `sizes`: how many nodes, cells, unknowns ...
-    `timings`: seconds by phase. `memory`: bytes at the peak.
+    `timings`: seconds by phase. `memory`: bytes at the peak. `held`: of a run that is done, motions of bodies that
+    nothing but contact stops, in words.
     """
 
     version: str
@@ -80,6 +83,7 @@ class Results:
     sizes: Mapping[str, int] = field(default_factory=dict)
     timings: Mapping[str, float] = field(default_factory=dict)
     memory: int = 0
+    held: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
@@ -142,7 +146,7 @@ class Restart:
 
     `u` (n_dof,). By zone, `multipliers`: pressures (n,) of a contact, tractions (n, d) of a tie; and `status` (n,).
     `rigid`: by body, its dofs. `iterate`, `earlier`: as in `State`. `folder`: where it was read from, None for one of
-    this run.
+    this run. `case`: the fingerprint of its case and mesh, None where nobody took it.
     """
 
     time: float
@@ -155,6 +159,7 @@ class Restart:
     iterate: Iterate
     earlier: tuple[float, Iterate] | None = None
     folder: Path | None = None
+    case: Mapping[str, str] | None = None
 
     @classmethod
     def of(cls, state: State, step_size: float, number: int) -> Restart:

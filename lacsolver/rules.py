@@ -33,7 +33,6 @@ from functools import cache
 from itertools import permutations
 
 import numpy as np
-from scipy.special import roots_jacobi
 
 from lacmesh.cells import CELLS
 from lacmesh.quadrature import Rule, rule
@@ -56,6 +55,12 @@ _DEGREE = {
 }
 #: Gauss points along u and v, Gauss-Jacobi points along z
 _PYRAMID = {"PYRAM5": (2, 1), "PYRAM13": (3, 2), "PYRAM14": (3, 2)}
+#: points z on [0, 1] and weights of the Gauss-Jacobi rule with weight (1 - z)^2: roots of z - 1/4, z^2 - 2/3 z + 1/15
+_ROOT = 2 / 45
+_JACOBI = {
+    1: ((1 / 4,), (1 / 3,)),
+    2: ((1 / 3 - _ROOT**0.5, 1 / 3 + _ROOT**0.5), (1 / 6 + 1 / (72 * _ROOT**0.5), 1 / 6 - 1 / (72 * _ROOT**0.5))),
+}
 #: degree 3: orbits (coordinate, weight of a point). Walkington, Quadrature on simplices of arbitrary dimension, 2000
 _TETRA10 = ((0.328163302516381705, 0.136217842537087417), (0.108047249898428621, 0.113782157462912583))
 
@@ -80,8 +85,7 @@ def cell_rule(name: str, axisymmetric: bool = False) -> Rule:
 def _pyramid(across: int, up: int) -> Rule:
     """A product rule in (u, v, z), whose weight along z is (1 - z)^2."""
     u, wu = np.polynomial.legendre.leggauss(across)
-    t, wt = roots_jacobi(up, 2, 0)
-    z, wz = (1 + t) / 2, wt / 8
+    z, wz = (np.array(values) for values in _JACOBI[up])
     Z, U, V = (axis.ravel() for axis in np.meshgrid(z, u, u, indexing="ij"))
     w = (wz[:, None, None] * wu[:, None] * wu).ravel()
     return np.stack([U * (1 - Z), V * (1 - Z), Z], axis=1), w

@@ -10,14 +10,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+import lacmesh
 from lacmesh.cli.terminal import peak_memory
 from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.output import signals_wait
 from lacmesh.mesh import Mesh
 from lacsolver.answer import Answer
-from lacsolver.case import Case
+from lacsolver.case import Case, fingerprint
 from lacsolver.figures import stress_ranges
-from lacsolver.output import OutputFolder, Writer
+from lacsolver.holding import beyond_a_cell, warnings_of
+from lacsolver.output import OutputFolder, Writer, check_same
 from lacsolver.problem import Problem
 from lacsolver.results import Fields, Restart, Results, StepFigures
 from lacsolver.state import State
@@ -36,31 +38,38 @@ def run(
     """Solve a case and write it into a folder; `start`: a state to go on from.
 
     `told` hears of every iteration, `stepped` of every converged step. Raises NotConvergedError after the last state
-    tried is written, and what `Problem.of` and `Writer` raise; an interrupted run leaves what had converged.
+    tried is written, what `Problem.of` and `Writer` raise, and DataError for a state of another case or mesh; an
+    interrupted run leaves what had converged.
     """
     clock = Clock()
     with clock.phase("mesh"):
-        problem = Problem.of(case, mesh)
+        mesh = lacmesh.read(case.mesh) if mesh is None else mesh
+        problem, prints = Problem.of(case, mesh), fingerprint(case, mesh)
+        if start is not None:
+            check_same(start, prints)
     made = _Run(Answer(problem), clock, Results(_version(), sizes=_sizes(problem)), start.number if start else 0)
     writer: Writer | None = None  # the folder is taken over once there is something to write: nothing is lost before
     try:
         with clock.phase("solve"):
             for state in march(problem, start=start, told=told):
                 with clock.phase("results"), signals_wait():  # a step is told in all places or in none
-                    writer = writer or Writer(folder, case, problem.space)
+                    writer = writer or Writer(folder, case, problem.space, prints)
                     made.add(state)
                     writer.step(made.results, made.fields_of(state), made.restart(state))
                     if stepped is not None:
                         stepped(made.results.steps[-1])
     except BaseException as error:
         if writer is None and isinstance(error, NotConvergedError):
-            writer = Writer(folder, case, problem.space)
+            writer = Writer(folder, case, problem.space, prints)
         if writer is not None:
             writer.finish(*made.ended(error))
         raise
-    made.results = replace(made.told(), status="done")
-    _warn_of_strangers(problem, made.results)
-    writer = writer or Writer(folder, case, problem.space)
+    held = tuple(one.words for one in made.last.held if np.isnan(one.part)) if made.last else ()
+    doubts = _doubts(problem, made)
+    made.results = replace(made.told(), status="done", held=held, message="\n".join(doubts))
+    for doubt in doubts:
+        warnings.warn(LacmeshWarning(doubt), stacklevel=2)
+    writer = writer or Writer(folder, case, problem.space, prints)
     writer.finish(made.results)
     return made.results
 
@@ -99,6 +108,7 @@ class _Run:
     clock: Clock
     results: Results
     number: int
+    last: State | None = None
 
     @property
     def problem(self) -> Problem:
@@ -108,6 +118,7 @@ class _Run:
     def add(self, state: State) -> None:
         """Take a converged step."""
         self.number += 1
+        self.last = state
         step = self.answer.figures(state)
         ranges = stress_ranges(self.problem.space, self.answer.stress(state))
         self.results = replace(self.told(), steps=(*self.results.steps, step), stress=ranges)
@@ -134,14 +145,23 @@ class _Run:
         return results, None
 
 
-def _warn_of_strangers(problem: Problem, results: Results) -> None:
-    """Warn of zones that moved and at no time had a face of the master in front of one of the slave."""
+def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
+    """What looks wrong in the answer of a run that is done."""
+    told = list(_strangers(problem, made.results))
+    if made.last is not None:
+        told += warnings_of(made.last.held, made.last.prescribed)
+        if problem.kinematics.constant:
+            told += filter(None, [beyond_a_cell(problem.space, made.last.u)])
+    return tuple(told)
+
+
+def _strangers(problem: Problem, results: Results) -> Iterator[str]:
+    """Zones that moved and at no time had a face of the master in front of one of the slave."""
     for joint in problem.joints:
         seen = [step.contact[joint.name] for step in results.steps]
         if seen and not any(zone.active + zone.open for zone in seen):
             message = f"slave {joint.record.slave!r} never had master {joint.record.master!r} in front of it"
-            advice = "check which groups these are and that their faces turn outward, or raise search_distance"
-            warnings.warn(LacmeshWarning(f"{message}; {advice}"), stacklevel=3)
+            yield f"{message}; check which groups these are and that their faces turn outward, or raise search_distance"
 
 
 def _sizes(problem: Problem) -> dict[str, int]:

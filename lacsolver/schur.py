@@ -12,24 +12,30 @@ motions themselves follow from the gaps.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.coupled import solve_coupled
+from lacsolver.linear.refine import backward_error
 from lacsolver.saddle import Goal, Rows, Skins, Solved
 from lacsolver.stiffness import Stiffness
 
 __all__ = ["Goal", "Rows", "Solved", "solve_rows"]
 
-#: residuals that stop falling are what rounding leaves: this many products without a new least
-_PATIENCE = 6
+#: products without a new least: residuals stay where they are while the motions that hardly anything resists are found
+_PATIENCE = 40
+#: products in all
 _MOST = 400
-#: forces that add up to this much of the largest one are in balance
-_BALANCED = 1e-14
-#: what rounding leaves of the balance and of the gaps after a long loop is taken away by so many short ones
-_REFINEMENTS = 2
+#: the backward error (`linear.refine`) of forces in balance, some units of rounding, and corrections until they are
+_BALANCED, _CORRECTIONS = 2e-15, 3
+#: a round that leaves more than this of the residual has met rounding
+_SLOW = 0.5
+#: an image that keeps less than this of its length when the others are taken out is not orthogonal yet; is noise
+_LOST, _NOISE = 0.1, 1e-12
 
 
 def solve_rows(
@@ -49,36 +55,66 @@ def solve_rows(
     """
     if K.cycles:
         return solve_coupled(K, rows, active, f, G, q, p, goal, turning)
-    loop = _Loop(K, rows, active, turning)
-    start = q
-    p = loop.balanced(p, f)
-    s: NDArray[np.floating] = np.zeros(len(loop.turned))
-    q, products = _in_balance(K, f - rows.B_T @ p, q)
-    left = 0.0
-    for _ in range(1 + (_REFINEMENTS if goal.reduction == 0 else 0)):
-        q, p, s, count, left = loop.run(q, p, s, G, start, goal)
-        q, more = _in_balance(K, f - rows.B_T @ p - loop.spread(s), q)
-        products += count + more
-        if count <= 1:
+    loop = _Loop(K, rows, active, turning, q, G[active])
+    now = loop.settled(f, q, p, np.zeros(len(loop.turned)))
+    loosely, products = goal.reduction * _over(now.r, loop.unit) * loop.unit, now.products
+    while products < _MOST:
+        allowed = np.maximum(loosely, loop.allowed(now, goal))
+        left = _over(now.r, allowed)
+        if left <= 1:
             break
-    return Solved(q, p, products, left)
+        dq, dp, ds, count = loop.run(now, allowed, _MOST - products)
+        then = loop.settled(f, now.q + dq, now.p + dp, now.s + ds)
+        products += count + then.products
+        less = _over(then.r, allowed)
+        now = then if less < left else now
+        if not less < _SLOW * left:
+            break
+    return Solved(now.q, now.p, products, _over(now.r[: loop.n], loop.unit[: loop.n]))
 
 
-def _in_balance(K: Stiffness, f: Floats, q: Floats) -> tuple[NDArray[np.floating], int]:
-    """q such that K q = f, by one more solve where it does not hold."""
-    inner = K.K @ q
-    r = f - inner
-    size = max(float(np.abs(v).max(initial=0.0)) for v in (f, inner))
-    if np.abs(r).max(initial=0.0) <= _BALANCED * size:
-        return q, 0
-    return q + K.solve(r), 1
+class _Found(NamedTuple):
+    """Unknowns q (n,), pressures p (m,) and forces of `turned` s in balance; the residual r of gaps, and of s.
+
+    `force`: the largest of loads and of contact; `products`: solves with K that the balance took.
+    """
+
+    q: NDArray[np.floating]
+    p: NDArray[np.floating]
+    s: NDArray[np.floating]
+    r: NDArray[np.floating]
+    force: float
+    products: int
+
+
+def _over(r: Floats, allowed: Floats) -> float:
+    """The largest residual, over what is allowed of it; over its unit, a length."""
+    return float((np.abs(r) / allowed).max(initial=0.0))
+
+
+def _in_balance(K: Stiffness, f: Floats, terms: Floats, q: Floats) -> tuple[NDArray[np.floating], int]:
+    """q such that K q = f to rounding, and how many solves it took. terms (n,): the sizes of what f is summed from.
+
+    What is in balance is left as it is: another solve would bring noise, which soft bodies turn into gaps.
+    """
+    if not f.any():  # what is left of earlier loads is noise, and nothing that it could be compared with
+        return K.R @ (K.R.T @ q), 0
+    scale = 1 / np.sqrt(np.abs(K.diagonal))
+    for count in range(_CORRECTIONS):
+        r = f - K.K @ q
+        if backward_error(scale, q, r, terms) <= _BALANCED:
+            return q, count
+        q = q + K.solve(r)
+    return q, _CORRECTIONS
 
 
 class _Loop:
     """What the products of one active set share. Residuals are gaps of the active rows, then forces of `turned`."""
 
-    def __init__(self, K: Stiffness, rows: Rows, active: Ints, turning: csr_array | None) -> None:
-        self.K, self.rows, self.active = K, rows, active
+    def __init__(
+        self, K: Stiffness, rows: Rows, active: Ints, turning: csr_array | None, start: Floats, G: Floats
+    ) -> None:
+        self.K, self.rows, self.active, self.start, self.G = K, rows, active, start, G
         self.D, self.n = rows.D[active], len(active)
         self.turned = np.empty(0, np.int64) if turning is None else np.flatnonzero(np.diff(turning.indptr))
         self.turning = csr_array((0, K.K.shape[0])) if turning is None else turning[self.turned]
@@ -121,40 +157,60 @@ class _Loop:
         full[self.active] = z[: self.n]
         return self.K.solve(self.rows.B_T @ full + self.spread(z[self.n :]))
 
-    def residual(self, q: Floats, s: Floats, G: Floats, start: Floats) -> NDArray[np.floating]:
+    def residual(self, q: Floats, s: Floats) -> NDArray[np.floating]:
         """How far gaps are open, and how far the forces s are from those that the turning makes."""
-        return np.concatenate([self.D @ q - G[self.active], self.turning @ (q - start) - s])
+        return np.concatenate([self.D @ q - self.G, self.turning @ (q - self.start) - s])
 
-    def run(
-        self, q: Floats, p: Floats, s: Floats, G: Floats, start: Floats, goal: Goal
-    ) -> tuple[Floats, Floats, Floats, int, float]:
-        """Generalised conjugate residuals, of lengths: gaps as means over macro-elements, forces over stiffness."""
-        unit = self.unit
-        r = self.project(self.residual(q, s, G, start)) / unit
-        left = best = float(np.abs(r).max(initial=0.0))
-        least = max(goal.least(q), goal.reduction * left)
-        z, y_all, since = np.zeros(len(unit)), np.zeros_like(q), 0
+    def settled(self, f: Floats, q: Floats, p: Floats, s: Floats) -> _Found:
+        """Unknowns near q in balance with p and s, moved freely so that gaps are closed best, and what is left."""
+        p = self.balanced(p, f - self.spread(s))
+        pressing, turned = self.rows.B_T @ p, self.spread(s)
+        terms = np.abs(f) + abs(self.rows.B_T) @ np.abs(p) + np.abs(turned)
+        q, products = _in_balance(self.K, f - pressing - turned, terms, q)
+        if self.K.R.shape[1]:
+            q = q - self.K.R @ self.motion(self.residual(q, s))
+        acting = f + self.spread(self.turning @ self.start)
+        force = max(float(np.abs(v).max(initial=0.0)) for v in (acting, pressing))
+        return _Found(q, p, s, self.residual(q, s), force, products)
+
+    def allowed(self, now: _Found, goal: Goal) -> NDArray[np.floating]:
+        """What may be left of each residual: of gaps the least of the goal, of forces as much of the largest one."""
+        forces = np.full(len(self.turned), max(goal.relative * now.force, 1e-300))
+        return np.concatenate([max(goal.least(now.q), 1e-300) * self.unit[: self.n], forces])
+
+    def run(self, now: _Found, allowed: Floats, most: int) -> tuple[Floats, Floats, Floats, int]:
+        """Generalised conjugate residuals, of lengths: gaps as means over macro-elements, forces over stiffness.
+
+        Returns steps of q, p and s, and how many directions there were. The loop ends where what is left of a residual
+        is `allowed`, or no longer falls, or where a direction is one of those before but for rounding.
+        """
+        unit, ends = self.unit, allowed / self.unit
+        r = self.project(now.r) / unit
+        left = best = _over(r, ends)
+        z, y_all, since = np.zeros(len(unit)), np.zeros_like(now.q), 0
         directions: list[tuple[Floats, Floats, Floats]] = []
-        while left > least and since < _PATIENCE and len(directions) < _MOST:
+        while left > 1 and since < _PATIENCE and len(directions) < most:
             d = self.precondition(r * unit)
             y = self.moved(d)
             image = self.project(np.concatenate([self.D @ y, self.turning @ y + d[self.n :]])) / unit
-            for d0, y0, image0 in directions:
-                a = image @ image0
-                d, y, image = d - a * d0, y - a * y0, image - a * image0
-            size = float(np.linalg.norm(image))
-            if not size > 0:
+            whole = size = float(np.linalg.norm(image))
+            for _ in range(2):
+                before = size
+                for d0, y0, image0 in directions:
+                    a = image @ image0
+                    d, y, image = d - a * d0, y - a * y0, image - a * image0
+                size = float(np.linalg.norm(image))
+                if size >= _LOST * before:
+                    break
+            if not size > _NOISE * whole:
                 break
             d, y, image = d / size, y / size, image / size
             directions.append((d, y, image))
             a = r @ image
             z, y_all, r = z + a * d, y_all + a * y, r - a * image
-            left = float(np.abs(r).max(initial=0.0))
+            left = _over(r, ends)
             since = 0 if left < 0.9 * best else since + 1
             best = min(best, left)
-        p, q, s = p.copy(), q - y_all, s + z[self.n :]
-        p[self.active] += z[: self.n]
-        if self.K.R.shape[1]:
-            q = q - self.K.R @ self.motion(self.residual(q, s, G, start))
-        left = float(np.abs(self.residual(q, s, G, start) / unit).max(initial=0.0))
-        return q, p, s, len(directions), left
+        dp = np.zeros_like(now.p)
+        dp[self.active] = z[: self.n]
+        return -y_all, dp, z[self.n :], len(directions)

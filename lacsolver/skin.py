@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import defaultdict
+from collections.abc import Mapping
 
 import lacmesh
-from lacmesh.errors import LacmeshError, RequestError
+from lacmesh.checks.spoiling import Spoilt, find_spoiling
+from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
 from lacmesh.mesh import Mesh
 from lacmesh.records import Cut, is_cut
-from lacsolver.case import Case, CaseError, Problem
+from lacsolver.case import Case, CaseError, Contact, Problem
 
 
 def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
@@ -34,6 +37,27 @@ def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
         except LacmeshError as error:
             raise CaseError([Problem(f"{_place(slaves[names[0]])}{error}")]) from None
     return mesh
+
+
+def check_mesh(case: Case, mesh: Mesh) -> None:
+    """Look for what would make the answer of a case on its mesh wrong, and not show: see `find_spoiling`.
+
+    Raises CaseError where no answer can be right, and warns where it may not be.
+    """
+    records = {(record.slave, record.master): record for record in reversed(case.contact)}
+    spoilt = find_spoiling(mesh, [(record.slave, record.master) for record in case.contact])
+    wrong = [Problem(_said(one, records)) for one in spoilt if one.surely]
+    for one in spoilt:
+        if not one.surely:
+            warnings.warn(LacmeshWarning(_said(one, records)), stacklevel=3)
+    if wrong:
+        raise CaseError(wrong)
+
+
+def _said(spoilt: Spoilt, records: Mapping[tuple[str, str], Contact]) -> str:
+    """A finding as the check words it, with the line of the contact that it is about, and the rule."""
+    place = "" if spoilt.pair is None else _place(records[spoilt.pair])
+    return f"{place}{spoilt.finding.message} (lacmesh check: {spoilt.finding.rule})"
 
 
 def _carried(mesh: Mesh, name: str) -> bool:

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import DataError, RequestError, did_you_mean
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, fixed
+from lacmesh.origin import from_origin, origin_of_mesh, told
 from lacmesh.shapes import gradient
 from lacsolver.determinant import determinant
 from lacsolver.pattern import Pattern, node_pattern
@@ -94,6 +95,8 @@ class Space:
     """Displacements on the cells of a mesh that have the model's dimension; built by `Space.of`.
 
     `blocks`: those cells, one block a type, in the mesh's order. `thickness`: of plane stress; 1 elsewhere.
+
+    What is computed reads the points of `local`; formulas, places and whatever a user is told, those of `mesh`.
     """
 
     mesh: Mesh
@@ -121,6 +124,32 @@ class Space:
         _check_plane(made)
         _check_volume(made)
         return made
+
+    @cached_property
+    def origin(self) -> NDArray[np.floating]:
+        """(3,): the point of the mesh that `local` counts from; radii are counted from the axis."""
+        origin = origin_of_mesh(self.mesh)
+        return origin * [0.0, 1.0, 1.0] if self.model.axisymmetric else origin
+
+    @cached_property
+    def local(self) -> Mesh:
+        """The mesh with its points counted from `origin`, so that they keep their digits wherever the model lies."""
+        return from_origin(self.mesh, self.origin)
+
+    def places(self, u: Floats) -> NDArray[np.floating]:
+        """(n_nodes, 3): where u (n_dof,) takes the nodes, counted from `origin`."""
+        x = self.local.points.copy()
+        x[:, : self.dim] += u.reshape(-1, self.dim)
+        return x
+
+    @cached_property
+    def extent(self) -> float:
+        """The largest side of the box around the nodes that cells hold."""
+        return float(np.ptp(self.local.points[self.attached], axis=0).max())
+
+    def told(self, x: Floats, digits: int = 6) -> list[str]:
+        """A place x (3,) or (dim,) in words, in the model's coordinates."""
+        return told(x[: self.dim], self.extent, digits)
 
     @property
     def dim(self) -> int:
@@ -182,7 +211,7 @@ def _solid_blocks(mesh: Mesh, model: Model) -> tuple[Cells, ...]:
         if kind not in CELLS:
             message = f"cells {mesh.cell_names(index[:10])} are of type {kind}, of order 3 or more"
             raise DataError(f"{message}; mesh the body with linear or quadratic cells", mesh.cell_number[index])
-        blocks.append(Cells(kind, np.ascontiguousarray(nodes, np.int32), index))
+        blocks.append(Cells(kind, fixed(np.ascontiguousarray(nodes, np.int32)), index))
     if not blocks:
         there = ", ".join(mesh.cells_by_type) or "no cells"
         raise DataError(f"the model {model.name} needs cells of dimension {model.dim}, and the mesh has {there}")
@@ -221,7 +250,7 @@ def _check_volume(space: Space) -> None:
         dN = gradient(block.type, cell_rule(block.type, space.model.axisymmetric)[0])
         size = max(1, _PIECE // dN[..., 0].size)
         for start in range(0, len(block.nodes), size):
-            det = determinant(block.nodes[start : start + size], space.mesh.points, dN)
+            det = determinant(block.nodes[start : start + size], space.local.points, dN)
             folded = ~((det > 0).all(axis=1) | (det < 0).all(axis=1))
             wrong.append(block.cell[start + np.flatnonzero(folded)])
     cells = np.concatenate(wrong)

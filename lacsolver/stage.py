@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import WriteError
 from lacmesh.formats.output import temporary_folder
 from lacmesh.mesh import Floats, Ints
+from lacmesh.origin import origin_of
 from lacmesh.view.draw import LIGHTS
 from lacmesh.view.png import ADVICE, draw_apart, windows
 
@@ -58,7 +59,8 @@ def photographs(scene: Scene, place: Path) -> list[NDArray[np.uint8]]:
 def draw(folder: str) -> None:
     """Draw the scene in a folder into its 0.png, 1.png, ..."""
     pyvista: Any = import_module("pyvista")
-    scene = np.load(Path(folder) / "scene.npz")
+    scene = dict(np.load(Path(folder) / "scene.npz"))
+    scene["x"] = scene["x"] - origin_of(scene["x"].reshape(-1, 3))  # a graphics card counts with seven digits
     plotter = pyvista.Plotter(off_screen=True, window_size=scene["size"].tolist())
     plotter.set_background("white")
     plotter.remove_all_lights()

@@ -46,6 +46,19 @@ class ZoneState:
     force: Floats
 
 
+class Held(NamedTuple):
+    """A motion of bodies that nothing but contact stops, in `words`; `part`: what of contact's stiffness resists it.
+
+    `moved`: how far it displaced a node of its bodies at most; `size`: the least extent of one of them. `part` is NaN
+    where it was not asked for, because it is enough.
+    """
+
+    words: str
+    moved: float
+    size: float
+    part: float = float("nan")
+
+
 @dataclass(frozen=True, eq=False)
 class State:
     """A converged state (or the last one tried). `u` (n_dof,): displacement; `zones`: in the case's order, ties last.
@@ -54,7 +67,8 @@ class State:
     displacement of the centre then rotation. `iterations`, `halvings` of the step that led here, `residuals` of its
     iterations, the last `settled` of which solved with one set of closed rows; `next_step`: the size of step that would
     come next. `iterate`, `earlier`: unknowns, pressures and set here and, with its time, a step before: what to go on
-    from.
+    from. Of the last time of a case, `held`: what came of motions that nothing but contact stops, and `prescribed`: how
+    far what is prescribed moves, at most.
     """
 
     time: float
@@ -69,3 +83,5 @@ class State:
     iterate: Iterate | None = None
     earlier: tuple[float, Iterate] | None = None
     settled: int = 0
+    held: tuple[Held, ...] = ()
+    prescribed: float = 0.0

@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import LacmeshError
+from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.mesh import Floats
 from lacsolver.bodies import describe
 from lacsolver.case import Case
-from lacsolver.equilibrium import Contact, Limits, Outcome, find_equilibrium
+from lacsolver.equilibrium import ROUNDING, Contact, Limits, Outcome, find_equilibrium
 from lacsolver.finite import InadmissibleError
+from lacsolver.holding import holdings
 from lacsolver.interface import Interface
 from lacsolver.model import Instant, Model
 from lacsolver.newton import Place, follow
+from lacsolver.overlap import check_overlap
 from lacsolver.places import wrong
 from lacsolver.problem import Joint, Problem
 from lacsolver.results import Restart
-from lacsolver.state import CONTACT, OPEN, UNPAIRED, Iterate, State, ZoneState
+from lacsolver.state import CONTACT, OPEN, UNPAIRED, Held, Iterate, State, ZoneState
 
 #: times that differ by this much of themselves are one
 _SAME = 1e-9
@@ -30,6 +33,9 @@ _SAME = 1e-9
 _TOUCHING = 1e-6
 #: part of the undeformed bodies' stiffness that the second search for an equilibrium begins with
 _DRAG = 1.0
+#: displacements below this much of what gaps are known to are too small for pressures that one can trust
+_CLEAR = 100
+_EPSILON = float(np.finfo(float).eps)
 #: a load along a free motion that contact leaves, against all of it
 _UNCARRIED = 1e-6
 
@@ -81,7 +87,7 @@ def march(
     steps = problem.case.steps
     time, size = (start.time, start.step_size) if start else (0.0, np.inf)
     path = _Path(time, start.iterate, start.earlier) if start else _Path()
-    spent = _Step()
+    spent, warned = _Step(), False
     for target in meeting_times(problem.case):
         while target - time > _SAME * target:
             whole = target - time <= size * (1 + _SAME)
@@ -94,9 +100,11 @@ def march(
                     raise NotConvergedError(_why(instant, outcome), _state(instant, outcome, spent, size))
                 continue
             _check_stuck(instant, outcome.iterate.q, outcome.contact)
+            warned = warned or _warn_of_rounding(instant, outcome.iterate)
             size *= steps.growth
             path, time = path.then(instant.t, outcome.iterate), instant.t
-            yield _state(instant, outcome, spent, size, path.earlier)
+            last = steps.last - time <= _SAME * steps.last
+            yield _state(instant, outcome, spent, size, path.earlier, _held(instant, outcome) if last else ())
             spent = _Step()
 
 
@@ -121,16 +129,33 @@ class _Path:
         return Iterate(now.q + part * (now.q - last.q), now.p + part * (now.p - last.p), now.active)
 
 
+def _warn_of_rounding(instant: Instant, now: Iterate) -> bool:
+    """Warn where bodies move by hardly more than the gaps between their skins are known to, and say if it did."""
+    model = instant.model
+    moved = float(np.abs(instant.u(now.q)).max(initial=0.0))
+    if model.linear:
+        known = _EPSILON * model.length * any(face.G.any() for face in instant.interfaces(now.q))
+    else:
+        known = ROUNDING * model.length
+    if not now.p.any() or moved > _CLEAR * known:
+        return False
+    message = f"at time {instant.t:.6g} nothing moves by more than {moved:.1e}, and coordinates of this size give gaps "
+    message += f"to {known:.1e} only: pressures may be wrong by {min(known / moved, 1.0):.0%}"
+    advice = "load the bodies more" + ("" if model.linear else ', or ask for geometry = "reference"')
+    warnings.warn(LacmeshWarning(f"{message}; {advice}"), stacklevel=3)
+    return True
+
+
 def _check_stuck(instant: Instant, q: Floats, contact: Contact) -> None:
     """Raises CaseError where what is prescribed on both sides decides on a gap, and not as contact or tie has it."""
-    gap, first = contact.G / contact.rows.w, 0
+    space, gap, first = instant.model.problem.space, contact.G / contact.rows.w, 0
     wrong_way = np.where(contact.held, np.abs(gap), -gap) * (contact.covered & ~contact.paired)
     for joint, face in zip(instant.model.problem.joints, instant.interfaces(q), strict=True):
         by = wrong_way[first : first + face.B.shape[0]].reshape(len(face.area), -1).max(axis=1)
         first += face.B.shape[0]
-        bad = np.flatnonzero(by > _TOUCHING * face.area ** (1 / face.slave.dim))
+        bad = np.flatnonzero(by > _TOUCHING * face.length)
         if len(bad):
-            place = ", ".join(f"{c:.6g}" for c in face.centre[by.argmax()])
+            place = ", ".join(space.told(face.centre[by.argmax()] + space.origin[: space.dim]))
             what = "overlap" if joint.one_sided else "are apart"
             message = f"{len(bad)} macro-elements {what} by up to {by.max():.6g} at time {instant.t:.6g}"
             message += f", most near ({place}), and all nodes of both skins are prescribed there"
@@ -150,7 +175,7 @@ def _search(instant: Instant, path: _Path, spent: _Step, told: Callable[[Told], 
     """
     model, solver = instant.model, instant.model.problem.case.solver
     moved = float(np.abs(instant.u0).max(initial=0.0))
-    limits = Limits(solver.tolerance, solver.max_iterations, model.length, moved)
+    limits = Limits(solver.tolerance, solver.max_iterations, 0.0 if model.linear else model.length, moved)
 
     def tell(number: int, closed: int, balance: float, gap: float) -> None:
         if told is not None:
@@ -158,7 +183,10 @@ def _search(instant: Instant, path: _Path, spent: _Step, told: Callable[[Told], 
 
     now, guess = path.iterate or _first(instant), path.guess(instant.t)
     if model.linear:
-        return find_equilibrium(model.held, instant.f, instant.contact, guess or now, limits, told=tell)
+        turning, start = None if model.steady is None else -model.steady, guess or now
+        return find_equilibrium(
+            model.held, instant.f, instant.contact, start, limits, free=model.free, turning=turning, told=tell
+        )
     constant, outcome = model.problem.kinematics.constant, None
     if guess is not None:
         with suppress(InadmissibleError):
@@ -185,6 +213,7 @@ def _first(instant: Instant) -> Iterate:
     problem, q = instant.model.problem, np.zeros(instant.model.problem.constraints.n_q)
     contact, interfaces = instant.contact(q), instant.interfaces(q)
     for joint, face in zip(problem.joints, interfaces, strict=True):
+        check_overlap(joint, face, problem.space)
         joint.check_facing(face)
     instant.model.check_held(interfaces, contact.paired)
     closed = [np.empty(0, bool), *map(_initial, problem.joints, interfaces)]
@@ -194,12 +223,17 @@ def _first(instant: Instant) -> Iterate:
 def _initial(joint: Joint, face: Interface) -> NDArray[np.bool_]:
     """(rows,): which rows of a joint are closed at the start."""
     if joint.initial == "gap":
-        return np.asarray(face.gap <= _TOUCHING * face.area ** (1 / face.slave.dim))
+        return np.asarray(face.gap <= _TOUCHING * face.length)
     return np.full(face.B.shape[0], joint.initial == "all")
 
 
 def _state(
-    instant: Instant, outcome: Outcome, spent: _Step, size: float, earlier: tuple[float, Iterate] | None = None
+    instant: Instant,
+    outcome: Outcome,
+    spent: _Step,
+    size: float,
+    earlier: tuple[float, Iterate] | None = None,
+    held: tuple[Held, ...] = (),
 ) -> State:
     """The state of an outcome, and what a restart needs of the one before."""
     problem = instant.model.problem
@@ -210,12 +244,27 @@ def _state(
         rows = slice(first, first + face.B.shape[0])
         own = -(face.B.T @ p[rows])
         make = _tied if joint.tie else _pressed
-        zones.append(make(joint, face, p[rows], gap[rows], contact.covered[rows], own.reshape(-1, problem.space.dim)))
+        made = make(joint, face, p[rows], gap[rows], contact.covered[rows], own.reshape(-1, problem.space.dim))
+        zones.append(replace(made, centre=made.centre + problem.space.origin[: problem.space.dim]))
         first = rows.stop
     return State(
         instant.t, instant.u(q), instant.reaction(q, p), tuple(zones), problem.constraints.rigid_motion(q, instant.t),
         spent.iterations, spent.halvings, tuple(spent.residuals), size, outcome.iterate, earlier, outcome.settled,
+        held, float(np.abs(instant.u0).max(initial=0.0)),
     )  # fmt: skip
+
+
+def _held(instant: Instant, outcome: Outcome) -> tuple[Held, ...]:
+    """What came of motions that nothing but contact stops; where kinematics are finite, of those from there on."""
+    model, (q, _, active) = instant.model, outcome.iterate
+    if not model.motions:
+        return ()
+    space, u = model.problem.space, instant.u(q)
+    x = None
+    if not model.problem.kinematics.constant:
+        x = space.local.points.copy()
+        x[:, : space.dim] += u.reshape(-1, space.dim)
+    return holdings(model.motions, instant.closed_rows(q, active), u, x=x)
 
 
 def _pressed(
@@ -258,9 +307,9 @@ def _why(instant: Instant, outcome: Outcome) -> str:
             return f"{said}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
     r = problem.constraints.T @ pushed
     node = int(np.abs(r).argmax()) // problem.space.dim
-    place = ", ".join(f"{c:.6g}" for c in problem.space.mesh.points[node])
+    place = ", ".join(problem.space.told(problem.space.mesh.points[node]))
     balance, gap = outcome.defects[-1]
     number = problem.space.mesh.node_number[node]
     said += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
-    said += f"gaps by {gap:.1e} of the largest displacement"
+    said += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
     return f"{said}; try more steps ([steps] count) or more iterations ([solver] max_iterations)"

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array, vstack
 import lacmesh
 from lacmesh.errors import LacmeshError
 from lacmesh.mesh import Mesh
-from lacmesh.records import is_cut
+from lacmesh.records import Cut, is_cut
 from lacsolver import acting
 from lacsolver.bodies import describe, free_motions, still_free
 from lacsolver.case import Case, CaseError, Contact, Displacement, Problem, Rigid, Tie, check_groups
@@ -25,9 +25,10 @@ from lacsolver.case.records import Entry
 from lacsolver.constraints import Constraints
 from lacsolver.interface import Interface, integrate
 from lacsolver.linear import choose
+from lacsolver.overlap import check_overlap, deepest
 from lacsolver.places import nodes_of
 from lacsolver.problem import Joint, joint_of, materials_of
-from lacsolver.skin import prepared
+from lacsolver.skin import check_mesh, prepared
 from lacsolver.space import Space
 
 #: sections whose records are forces, each evaluated by itself
@@ -39,6 +40,7 @@ class ZoneFound:
     """A zone where the skins stand: names, `macros` and how many are `unpaired`, `covered` part of the slave's area.
 
     `gap`: least and largest mean gap of paired macro-elements, the clearance in it; NaN where there are none.
+    `overlap`: how far the slave lies behind the master where it is deepest, 0 where it does not.
     """
 
     name: str
@@ -49,17 +51,21 @@ class ZoneFound:
     unpaired: int
     covered: float
     gap: tuple[float, float]
+    overlap: float = 0.0
 
 
 @dataclass
 class Validation:
     """What was found. `mesh`: cut, `cut_here` if not in the file; `unknowns`: those left by what is prescribed.
 
+    `whole`: each slave face is a macro-element as it is, and there is nothing to cut.
+
     `held`: motions of bodies that contact alone stops, in words. `problems`: what a run would be refused for.
     """
 
     mesh: Mesh
     cut_here: bool = False
+    whole: bool = False
     dim: int = 0
     unknowns: int = 0
     zones: list[ZoneFound] = field(default_factory=list)
@@ -95,9 +101,12 @@ def _look(case: Case, found: Validation) -> None:
     """Everything beyond the names of groups."""
     before = found.mesh
     with found.looking():
+        check_mesh(case, before)
+    with found.looking():
         found.mesh = prepared(case, before)
     cut = not found.problems
-    found.cut_here = is_cut(found.mesh) and not is_cut(before)
+    found.cut_here = found.mesh.n_cells > before.n_cells
+    found.whole = cut and _whole(found.mesh)
     space = None
     with found.looking():
         space = Space.of(found.mesh, case.model, case.thickness)
@@ -115,6 +124,11 @@ def _look(case: Case, found: Validation) -> None:
         faces = _zones(case, space, found)
         if constraints is not None and len(found.problems) == before_zones:
             _look_at_motions(case, constraints, faces, found)
+
+
+def _whole(mesh: Mesh) -> bool:
+    """Whether there are macro-elements, each of one face."""
+    return is_cut(mesh) and Cut(mesh).n_macros == np.count_nonzero(Cut(mesh).macro_of_face >= 0)
 
 
 def _look_at_laws_and_loads(case: Case, space: Space, found: Validation) -> None:
@@ -153,9 +167,11 @@ def _zones(case: Case, space: Space, found: Validation) -> list[tuple[Joint, Int
     for record in records:
         with found.looking(record.place):
             joint = joint_of(space, record)
-            face = integrate(joint.zone, space.dim, joint.pairing, t=case.steps.planned[0], tie=joint.tie)
+            x = joint.places(space, np.zeros(space.n_dof)) if joint.moving else None
+            face = integrate(joint.zone, space.dim, joint.pairing, x=x, t=case.steps.planned[0], tie=joint.tie)
             found.zones.append(_zone_found(joint, face))
             faces.append((joint, face))
+            check_overlap(joint, face, space)
             joint.check_facing(face)
     return faces
 
@@ -165,7 +181,7 @@ def _zone_found(joint: Joint, face: Interface) -> ZoneFound:
     gap = face.gap[on] if on.any() else np.array([np.nan])
     return ZoneFound(
         record.name, joint.tie, record.slave, record.master, len(on), int((~on).sum()),
-        float(face.w.sum() / face.area.sum()), (float(gap.min()), float(gap.max())),
+        float(face.w.sum() / face.area.sum()), (float(gap.min()), float(gap.max())), deepest(face),
     )  # fmt: skip
 
 

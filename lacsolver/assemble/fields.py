@@ -77,7 +77,9 @@ def stress(
     """(cells, points, 4 or 6): stress C (strain(u) - (T - T0) alpha) of u (n_dof,) at integration points and time t.
 
     `temperature`: a number or f(points, t), or (value, cells) pairs; None, and cells of no pair: no thermal strain.
+    Raises RequestError for a law of finite strains.
     """
+    materials.check_small("lacsolver.finite.cauchy_stress")
     u = checked(space, u)
     given = temperatures(space, temperature)
     return gathered(space, degree, lambda part: _stress(space, materials, part, u, given, t), threads)
@@ -92,7 +94,11 @@ def internal_force(
     t: float = 1.0,
     threads: int = 1,
 ) -> NDArray[np.floating]:
-    """f_int (n_dof,): nodal forces of the stress of u (n_dof,). The same to the last bit for any number of threads."""
+    """f_int (n_dof,): nodal forces of the stress of u (n_dof,). The same to the last bit for any number of threads.
+
+    Raises RequestError for a law of finite strains.
+    """
+    materials.check_small("lacsolver.finite.internal_force")
     u = checked(space, u)
     given = temperatures(space, temperature)
     return forces(space, lambda part: _stress(space, materials, part, u, given, t), threads)

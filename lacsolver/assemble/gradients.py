@@ -84,7 +84,7 @@ def piece(space: Space, block: int, cells: slice, degree: int | None = None) -> 
     made = table(name, space.model.axisymmetric, degree)
     L = np.empty((cells.stop - cells.start, len(made.w), space.model.rows, made.N.shape[1]))
     W = np.empty(L.shape[:2])
-    gradients(nodes[cells], space.mesh.points, made, kind(space), L, W)
+    gradients(nodes[cells], space.local.points, made, kind(space), L, W)
     return Piece(block, cells, nodes[cells], made.N, L, W)
 
 

@@ -26,7 +26,8 @@ from lacsolver.space import Space
 def assemble_stiffness(space: Space, materials: Materials, threads: int = 1) -> bsr_array:
     """K (n_dof, n_dof): symmetric, blocks of dim x dim, its structure that of `space.pattern` (shared, not copied).
 
-    The same to the last bit for any number of threads. `K.tocsr()` and `K.tocsc()` convert it for a solver.
+    The same to the last bit for any number of threads. `K.tocsr()` and `K.tocsc()` convert it for a solver. Raises
+    RequestError for a law of finite strains.
 
     >>> from lacmesh import Mesh
     >>> from lacsolver.material import Elastic
@@ -49,6 +50,7 @@ def stiffness_values(
     space: Space, materials: Materials, threads: int = 1, *, out: NDArray[np.floating] | None = None
 ) -> NDArray[np.floating]:
     """(n_blocks, dim, dim): the blocks of K in the order of `space.pattern`; written over `out` if there is one."""
+    materials.check_small("lacsolver.finite.force_and_tangent")
     if threads < 1:
         raise ValueError(f"threads is 1 or more, not {threads}")
     shape = (len(space.pattern.indices), space.dim, space.dim)
@@ -64,10 +66,8 @@ def stiffness_values(
         for number, (name, nodes, _) in enumerate(space.blocks):
             made = table(name, space.model.axisymmetric)
             rows = touching(owner, nodes, mine, threads)
-            law = materials.law[number]
-            _add(
-                rows, nodes, space.mesh.points, made, kind(space), law, materials.terms, owner, mine, space.pattern, out
-            )
+            law, x = materials.law[number], space.local.points
+            _add(rows, nodes, x, made, kind(space), law, materials.terms, owner, mine, space.pattern, out)
 
     if threads == 1:
         run(0)
@@ -85,7 +85,7 @@ def owners(space: Space, threads: int) -> Ints:
         nodes, first, count = parts.pop()
         owner[nodes] = first
         if count > 1:
-            x = space.mesh.points[nodes]
+            x = space.local.points[nodes]
             axis = int(np.argmax(np.ptp(x, axis=0))) if len(nodes) else 0
             low = count // 2
             order = np.argsort(x[:, axis], kind="stable")

@@ -102,7 +102,9 @@ class Solver(Entry):
         ),
         "", "the linear solver", default="auto",
     )  # fmt: skip
-    threads: int | None = key(Count(1), "", "cores to use", default=None, default_words="all that the process may use")
+    threads: int | None = key(
+        Count(1), "", "cores to use, at most", default=None, default_words="all that the process may use"
+    )
     tolerance: float = key(
         Number(Bounds(0, 1)), "", "residual, relative to the forces, and complementarity defect at which a step ends",
         default=1e-10,

@@ -23,18 +23,22 @@ def check_groups(case: Case, mesh: Mesh) -> None:
         raise CaseError(problems, None)
 
 
+def named_groups(record: Entry) -> Iterator[tuple[str, str]]:
+    """The groups of the mesh that a record names, each with its key: `("slave", "top")`."""
+    for name, key in keys_of(type(record)).items():
+        held = getattr(record, name)
+        if isinstance(key.kind, (Group, Groups)) and held is not None:
+            yield from ((name, group) for group in ([held] if isinstance(held, str) else held))
+
+
 def _missing(record: Entry, mesh: Mesh) -> Iterator[Problem]:
     kind = getattr(record, "kind", None)
     nodes_too = "kind" in keys_of(type(record))
-    for name, key in keys_of(type(record)).items():
-        if not isinstance(key.kind, (Group, Groups)) or getattr(record, name) is None:
-            continue
-        held = getattr(record, name)
-        for group in [held] if isinstance(held, str) else held:
-            told = _lookup(group, mesh, cells=kind != "node", nodes=nodes_too and kind != "cell")
-            if told:
-                place = f"{record.place}: " if record.place else ""
-                yield Problem(f"{place}{section_of(type(record)).name}.{name}: {told}")
+    for key, group in named_groups(record):
+        told = _lookup(group, mesh, cells=kind != "node", nodes=nodes_too and kind != "cell")
+        if told:
+            place = f"{record.place}: " if record.place else ""
+            yield Problem(f"{place}{section_of(type(record)).name}.{key}: {told}")
 
 
 def _lookup(group: str, mesh: Mesh, *, cells: bool, nodes: bool) -> str | None:

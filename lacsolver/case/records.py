@@ -177,6 +177,11 @@ class Contact(Joint):
         Choice((Option("gap", "by the sign of the gap"), Option("all", "in contact"), Option("none", "open"))),
         "", "the status at the start", default="gap", needs=Needs("type", ("unilateral",)),
     )  # fmt: skip
+    max_penetration: float | None = key(
+        Number(POSITIVE), "length", "how far behind the slave, where bodies overlap, a master is looked for",
+        default=None,
+        default_words="half the cells behind slave and master; as far as search_distance if geometry = current",
+    )  # fmt: skip
     clearance: Value = key(
         Varying(), "length", "added to the gap; negative: interference", default=Value(0.0), default_words="0.0"
     )

@@ -8,6 +8,7 @@ from typing import Any
 
 from lacmesh.cli.options import check_place
 from lacsolver.cli.options import add_command
+from lacsolver.cli.ranks import check_alone
 
 #: what bodies may be coloured by: the keys of lacsolver.shots.COLOURS
 COLOURS = ("stress", "pressure")
@@ -45,6 +46,7 @@ def run(args: argparse.Namespace) -> None:
     from lacsolver.filming import check_film, film
     from lacsolver.stage import CAMERA
 
+    check_alone()
     folder, target = Path(args.folder), Path(args.output)
     folder = folder.with_suffix("") if folder.suffix == ".toml" else folder
     check_film(target, folder)

@@ -11,6 +11,7 @@ from lacmesh.cli.options import check_place
 from lacmesh.cli.terminal import Stages, memory
 from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.cli.options import add_case, add_command
+from lacsolver.cli.ranks import check_alone
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
@@ -38,6 +39,7 @@ def run(args: argparse.Namespace) -> None:
     from lacsolver.case import read_case
     from lacsolver.matrices import write_matrices
 
+    check_alone()
     output = Path(args.output)
     if output.suffix.lower() != ".npz":
         raise RequestError(f"{output}: matrices are written as .npz{did_you_mean(output.suffix, ['.npz'])}")

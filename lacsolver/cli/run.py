@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 from lacmesh.cli.options import check_place
 from lacmesh.errors import RequestError
 from lacsolver.cli.options import add_case, add_command
+from lacsolver.cli.ranks import check_alone
 
 if TYPE_CHECKING:
+    from lacmesh.mesh import Mesh
     from lacsolver.case import Case
     from lacsolver.cli.watch import Watch
     from lacsolver.output import OutputFolder
@@ -34,17 +36,20 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Solve a case; raises NotConvergedError once what there is has been written."""
+    import lacmesh
     from lacsolver.case import read_case
     from lacsolver.output import create, read_state
 
+    check_alone()
     if args.from_time is not None and args.restart is None:
         raise RequestError("--from says where in the folder of --restart to begin; give both")
     case = read_case(args.case)
-    start = read_state(args.restart, case, args.from_time) if args.restart is not None else None
+    mesh = lacmesh.read(case.mesh) if args.restart is not None else None
+    start = read_state(args.restart, case, args.from_time, mesh=mesh) if args.restart is not None else None
     folder = create(args.output or _beside(Path(args.case)), force=args.force, restart=start)
     if args.plot is not None:
         _check_plot(case, args)
-    results = _solve(case, folder, start, args)
+    results = _solve(case, mesh, folder, start, args)
     if not args.quiet:
         from lacsolver.cli.summary import print_summary
 
@@ -60,7 +65,9 @@ def _beside(case: Path) -> Path:
     return case.with_suffix("")
 
 
-def _solve(case: Case, folder: OutputFolder, start: Restart | None, args: argparse.Namespace) -> Results:
+def _solve(
+    case: Case, mesh: Mesh | None, folder: OutputFolder, start: Restart | None, args: argparse.Namespace
+) -> Results:
     from lacsolver.cli.watch import Watch
     from lacsolver.running import run as solve
     from lacsolver.stepping import NotConvergedError
@@ -69,7 +76,7 @@ def _solve(case: Case, folder: OutputFolder, start: Restart | None, args: argpar
     args.left = lambda: left(watch, folder, start)
     try:
         with watch:
-            return solve(case, folder, start=start, told=watch.told, stepped=watch.stepped)
+            return solve(case, folder, mesh=mesh, start=start, told=watch.told, stepped=watch.stepped)
     except NotConvergedError as error:
         tried = f"the last state tried is in {folder.path / 'unconverged'}"
         raise NotConvergedError(f"{error} ({left(watch, folder, start)}; {tried})", error.state) from None
@@ -93,10 +100,12 @@ def _check_plot(case: Case, args: argparse.Namespace) -> None:
 
 
 def _plot(case: Case, folder: OutputFolder, args: argparse.Namespace) -> None:
+    import lacmesh
     from lacsolver.drawing import plot
     from lacsolver.output import read_state
 
-    state = read_state(folder.path, case)
-    plot(case, state, Path(args.plot))
+    mesh = lacmesh.read(case.mesh)
+    state = read_state(folder.path, case, mesh=mesh)
+    plot(case, state, Path(args.plot), mesh)
     if not args.quiet:
         print(f"the pressure at t = {state.time:.9g}: {args.plot}")

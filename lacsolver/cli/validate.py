@@ -73,10 +73,7 @@ def _figures(case: Case, found: Validation) -> Iterator[tuple[str, str]]:
     yield "model", f"{case.model}, {case.kinematics} strains"
     yield "mesh", f"{case.mesh}: {mesh.n_nodes:,} nodes, {cells}"
     if case.contact or case.tie:
-        yield (
-            "cut",
-            "made here, for this run" if found.cut_here else "as the mesh has it" if found.zones else "not made",
-        )
+        yield "cut", _cut(found)
     if found.unknowns:
         yield "unknowns", f"{found.unknowns:,} of {found.dim * mesh.n_nodes:,} displacements"
     steps = case.steps
@@ -86,12 +83,23 @@ def _figures(case: Case, found: Validation) -> Iterator[tuple[str, str]]:
         yield "held by contact alone", motion
 
 
+def _cut(found: Validation) -> str:
+    """Whether a cut is made; what `recognition` finds to be cut is as the mesh has it."""
+    if not found.zones:
+        return "not made"
+    if found.whole:
+        return "none is needed: every slave face is a macro-element as it is"
+    return "made here, for this run" if found.cut_here else "as the mesh has it"
+
+
 def _zone(zone: ZoneFound) -> Iterator[tuple[str, str]]:
     yield "tie" if zone.tie else "contact", f"{zone.name}: slave {zone.slave}, master {zone.master}"
     paired = f"{zone.macros - zone.unpaired:,} of {zone.macros:,} face the master"
     yield "macro-elements", f"{paired}; {100 * zone.covered:.4g} % of the slave is covered"
     if zone.unpaired < zone.macros:
         yield "mean gaps", f"{zone.gap[0]:.6g} to {zone.gap[1]:.6g}"
+    if zone.overlap > 0:
+        yield "deepest overlap", f"{zone.overlap:.6g}"
 
 
 def said(record: Entry) -> str:

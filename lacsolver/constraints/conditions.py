@@ -20,7 +20,7 @@ from lacsolver.places import cells_of, nodes_of, wrong
 from lacsolver.space import Space
 
 _AXES = ("ux", "uy", "uz")
-#: x of a node on the axis of symmetry, against the mesh's extent
+#: x of a node on the axis of symmetry, against the bodies' extent
 _ON_AXIS = 1e-9
 #: what holds the nodes on the axis of symmetry, in the place of a record
 AXIS = Displacement(group="the axis of symmetry", ux=Value(0.0))
@@ -73,7 +73,7 @@ def on_axis(space: Space, moved: Ints) -> tuple[Prescribed, ...]:
     if not space.model.axisymmetric:
         return ()
     x = space.mesh.points
-    there = space.attached & (np.abs(x[:, 0]) <= _ON_AXIS * np.ptp(x, axis=0).max())
+    there = space.attached & (np.abs(x[:, 0]) <= _ON_AXIS * space.extent)
     there[moved] = False
     nodes = np.flatnonzero(there)
     return (Prescribed(AXIS, "ux", Value(0.0), nodes, np.tile([1.0, 0.0], (len(nodes), 1))),) if len(nodes) else ()
@@ -102,7 +102,7 @@ def _skin(space: Space, record: Displacement) -> Surface:
         what = f"linear or quadratic skin cells of dimension {space.dim - 1}"
         raise wrong(record, f"un needs {what}, and cells {mesh.cell_names(odd)} are none; make {record.group!r} a skin")
     try:
-        surface = Surface.of(mesh, cells)
+        surface = Surface.of(space.local, cells)
     except DataError as error:
         raise wrong(record, str(error)) from None
     loose = surface.cell[np.isnan(surface.depth)]

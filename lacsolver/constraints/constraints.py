@@ -106,6 +106,7 @@ class Constraints:
         f = np.zeros(self.n_q)
         for body in self.rigid:
             f[body.columns[body.free]] = body.force(t, None if q is None else body.motion(q, t))[body.free]
+            f[body.columns[body.free]] *= body.unit[body.free]
         return f
 
     def turning(self, q: Floats, t: float, forces: Floats) -> csr_array | None:
@@ -124,6 +125,7 @@ class Constraints:
             )
             rows.append(np.repeat(at, len(at)))
             columns.append(np.tile(at, len(at)))
+            bent = bent * body.unit * body.unit[:, None]
             values.append(bent[np.ix_(body.free, body.free)].ravel())
         made = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
         return coo_array(made, shape=(self.n_q, self.n_q)).tocsr()
@@ -208,7 +210,7 @@ def _map(
     entries.append((space.dofs(local.nodes[k]), (own[local.nodes[k]] + j)[:, None], local.basis[k, j]))
     for body, lever in zip(rigid, levers or [body.lever for body in rigid], strict=True):
         rows = space.dofs(body.nodes).reshape(-1, 1)
-        entries.append((rows, body.columns[body.free], lever[:, body.free]))
+        entries.append((rows, body.columns[body.free], (lever * body.unit)[:, body.free]))
         n += int(body.free.sum())
     spread = [np.broadcast_arrays(*entry) for entry in entries]
     row, column, value = (np.concatenate([part[a].ravel() for part in spread]) for a in range(3))

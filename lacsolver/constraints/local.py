@@ -24,7 +24,7 @@ from lacsolver.space import Space
 
 #: sine of the angle below which two directions are one
 _ONE_DIRECTION = 1e-6
-#: values at a node may differ by this much of the largest prescribed one, and of the mesh's extent (round-off)
+#: values at a node may differ by this much of the largest prescribed one, and of the bodies' extent (round-off)
 _SAME_VALUE, _SAME_PLACE = 1e-9, 1e-14
 
 
@@ -55,8 +55,7 @@ class LocalBases:
         """(i,): what D u is at time t. Raises CaseError where two conditions at a node contradict each other."""
         c = np.concatenate([np.empty(0), *(part.at(self.space, t) for part in self.parts)])
         missed = np.abs(self.D @ (self.P @ c) - c)
-        extent = np.ptp(self.space.mesh.points, axis=0).max()
-        if missed.max(initial=0.0) > _SAME_VALUE * np.abs(c).max(initial=0.0) + _SAME_PLACE * extent:
+        if missed.max(initial=0.0) > _SAME_VALUE * np.abs(c).max(initial=0.0) + _SAME_PLACE * self.space.extent:
             self._contradiction(int(missed.argmax()), c, t)
         return c
 

@@ -42,7 +42,8 @@ class RigidBody:
 
     `arm` (k, 3): from the centre to the nodes; `finite`: whether rotations are. `moved`: what each of the m motions is
     prescribed to be, None where it is held or free; `loads`: the force or moment on it, likewise; `free` (m,).
-    `columns` (m,): the unknown of q that each free motion is, -1 for the others.
+    `columns` (m,): the unknown of q that each free motion is, -1 for the others; `unit` (m,): the motion that a unit of
+    it is. Unknowns are lengths: a rotation's is that of the node that is farthest from the centre.
     """
 
     record: Rigid
@@ -53,6 +54,7 @@ class RigidBody:
     moved: tuple[Value | None, ...]
     loads: tuple[Value | None, ...]
     columns: Ints
+    unit: NDArray[np.floating]
     finite: bool = False
 
     @property
@@ -68,7 +70,7 @@ class RigidBody:
     def motion(self, q: Floats, t: float) -> NDArray[np.floating]:
         """(m,): the motions at time t, with unknowns q (n_q,) of the constraints."""
         m = _values(self.moved, t)
-        m[self.free] = q[self.columns[self.free]]
+        m[self.free] = q[self.columns[self.free]] * self.unit[self.free]
         return m
 
     def held(self, t: float) -> NDArray[np.floating]:
@@ -199,10 +201,10 @@ def moments(dim: int, x: Floats) -> NDArray[np.floating]:
 
 def _rigid_body(space: Space, record: Rigid, first: int, finite: bool) -> RigidBody:
     nodes = nodes_of(space, record)
-    x = space.mesh.points[nodes]
+    x = space.local.points[nodes]
     centre = x.mean(axis=0)
     if record.centre is not None:
-        centre[: space.dim] = record.centre
+        centre[: space.dim] = np.array(record.centre) - space.origin[: space.dim]
     lever = np.tile(np.eye(space.dim), (len(nodes), 1, 1))
     if not space.model.axisymmetric:
         lever = np.concatenate([lever, moments(space.dim, x - centre)], axis=2)
@@ -212,7 +214,9 @@ def _rigid_body(space: Space, record: Rigid, first: int, finite: bool) -> RigidB
     loads = _components(record, "f", space.dim) + _turns(record.moment, turns)
     free = np.array([load is not None for load in loads])
     columns = np.where(free, first + np.cumsum(free) - 1, -1)
-    body = RigidBody(record, nodes, centre, lever, x - centre, moved, loads, columns, finite)
+    far = float(np.linalg.norm(x - centre, axis=1).max())
+    unit = np.repeat([1.0, 1.0 / far if far > 0 else 1.0], [space.dim, turns])
+    body = RigidBody(record, nodes, centre + space.origin, lever, x - centre, moved, loads, columns, unit, finite)
     _check_moves(space, body)
     return body
 
@@ -234,7 +238,7 @@ def _check_moves(space: Space, body: RigidBody) -> None:
     """Every free motion moves nodes, and no combination of them moves none."""
     lever = body.lever[:, body.free]
     size = np.linalg.norm(lever, axis=0)
-    reach = np.ptp(space.mesh.points, axis=0).max() * np.sqrt(len(body.nodes))
+    reach = space.extent * np.sqrt(len(body.nodes))
     turning = np.flatnonzero(body.free) >= space.dim
     scaled = lever / np.where(turning, reach, size)
     rank = int((np.linalg.svd(np.linalg.qr(scaled, mode="r"), compute_uv=False) > _STILL).sum()) if lever.size else 0

@@ -87,8 +87,9 @@ def _change(H: Any) -> float:
 def respond_mean(q: int, p: float, mu: float, mean: Any, work: Any) -> Any:
     """Fill `work` at point q of a cell with pressure p; (m, the factor of g in z)."""
     F, E, P, Y, X, Z = work
-    F[:] = mean.F[q]
-    E[:] = mean.E[q]
+    for s in range(3):
+        for i in range(3):
+            F[s, i], E[s, i] = mean.F[q, s, i], mean.E[q, s, i]
     J, soft = 1.0 + mean.change[q], mu * mean.beta[q]
     third = np.trace(E) / 3.0
     det = cofactors(F, Y)

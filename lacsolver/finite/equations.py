@@ -98,7 +98,7 @@ def _assembled(
         for number, (name, nodes, _) in enumerate(space.blocks):
             theta = np.empty((0, 0)) if stretches is None else stretches[number]
             _add(
-                touching(owner, nodes, mine, threads), nodes, space.mesh.points, moved,
+                touching(owner, nodes, mine, threads), nodes, space.local.points, moved,
                 table(name, space.model.axisymmetric), kind(space), space.model.plane_stress, materials.law[number],
                 laws, may_take_the_mean(space, number), theta, owner, mine, space.pattern, f, out, folded[number],
             )  # fmt: skip
@@ -246,7 +246,9 @@ def _first_term(stack: Any, mean: bool, b: float, v: float, n_points: int, m: in
         product(stack.v.reshape(n_points, m), stack.lam, stack.weighted, M)
         return
     np.dot(stack.z.reshape(n_points, m).T, stack.v.reshape(n_points, m), N)
-    r, gm = stack.r.reshape(m), stack.gm.reshape(m) / v
+    r, gm = stack.r.reshape(m), stack.gm.reshape(m)
+    for i in range(m):
+        gm[i] /= v
     for i in range(m):
         for j in range(m):
             M[i, j] = N[i, j] + N[j, i] + r[i] * gm[j] + gm[i] * r[j] + b * gm[i] * gm[j]

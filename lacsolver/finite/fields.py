@@ -150,9 +150,14 @@ def _fill(
                 _, _, energy, good = respond(laws.kind[k], lam, mu, plane_stress, place)
                 w[e, q] = W[e, q] * energy
                 folded[e] |= not good
-            P[e, q] = stretch**2 * place.P
-            F[e, q] = stretch * place.F
+            for s in range(3):  # one by one: quicker to compile
+                for i in range(3):
+                    P[e, q, s, i] = stretch**2 * place.P[s, i]
+                    F[e, q, s, i] = stretch * place.F[s, i]
             if plane_stress:
                 P[e, q, 2, 2] = 0.0
         if folded[e]:
-            F[e] = np.eye(3)
+            for q in range(L.shape[1]):
+                for s in range(3):
+                    for i in range(3):
+                        F[e, q, s, i] = 1.0 if s == i else 0.0

@@ -44,6 +44,8 @@ LOCKING = 0.45
 class SaintVenantKirchhoff(Elastic):
     """Linear in the Green-Lagrange strain: S = lambda tr E I + 2 mu E. Raises DataError as `Elastic` does."""
 
+    finite = True
+
 
 @dataclass(frozen=True)
 class NeoHookean(Elastic):
@@ -53,6 +55,8 @@ class NeoHookean(Elastic):
     """
 
     mean_dilatation: bool = False
+
+    finite = True
 
 
 class Constants(NamedTuple):

@@ -54,7 +54,9 @@ def work() -> Any:
 def warm(theta: Any, L: Any, W: Any) -> None:
     """Take L (q, rows, n) and W (q) of a cell to its volume warm and free of stress, theta (q,) longer each way."""
     for q in range(len(W)):
-        L[q] /= theta[q]
+        for i in range(L.shape[1]):
+            for a in range(L.shape[2]):
+                L[q, i, a] /= theta[q]
         W[q] *= theta[q] ** 3
 
 

@@ -21,7 +21,7 @@ from scipy.sparse import csr_array
 from lacmesh.mesh import Floats, Ints
 from lacmesh.shapes import gradient, shape
 from lacmesh.surface import ContactPoints, Surface
-from lacmesh.surface.maps import BENT
+from lacmesh.surface.maps import NEARLY_FLAT
 from lacmesh.surface.normals import normals_of
 from lacmesh.surface.patches import Patches, patches
 from lacsolver.interface.interface import by_type, places, tangents
@@ -90,7 +90,7 @@ def _counting(s: Patches, m: Patches, a: Ints, b: Ints, master: Surface, smooth:
     The rim does; all do in front of slave faces whose normals are not those of their plane, and on curved masters.
     """
     several = np.bincount(m.face, minlength=len(master)) > 1
-    bent = smooth | (s.plane[s.face[a]] <= BENT) | several[m.face[b]]
+    bent = smooth | (s.warp[s.face[a]] > NEARLY_FLAT) | several[m.face[b]]
     there = np.arange(4) < m.n[b][:, None]
     return there & (bent[:, None] | (master.neighbours[m.face[b]] < 0))
 

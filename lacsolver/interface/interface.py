@@ -65,8 +65,9 @@ class Interface:
 
     `B` (m, n_dof), or (d m, n_dof) for a tie, row d m + k the jump along axis k; `G` (m,) gap integral, the
     clearance in it ((d m,) zeros for a tie); `w` covered measure; `area`; `gap` G / w, NaN where nothing is covered;
-    `centre`, `normal` (m, d). `points`: where it was integrated, `weight` (points,) what they count for, `distance`
-    (points,) their gap with the clearance. `slave`, `master`: the skins where they stand.
+    `centre`, `normal` (m, d); `length` (m,): how large each macro-element is. `points`: where it was integrated,
+    `weight` (points,) what they count for, `distance` (points,) their gap with the clearance. `slave`, `master`: the
+    skins where they stand.
     """
 
     zone: Zone
@@ -82,6 +83,7 @@ class Interface:
     gap: Floats
     centre: Floats
     normal: Floats
+    length: Floats
 
     @property
     def coverage(self) -> NDArray[np.floating]:
@@ -109,8 +111,9 @@ def integrate(
     with np.errstate(invalid="ignore", divide="ignore"):
         average = np.where(w > 0, integral / w, np.nan)
     G = np.zeros(dim * m) if tie else integral
-    centre, normal = _places(zone, slave, area, dim)
-    return Interface(zone, slave, master, points, weight, gap, B, G, w, zone.sums(area), average, centre, normal)
+    centre, normal, length = _places(zone, slave, dim)
+    total = zone.sums(area)
+    return Interface(zone, slave, master, points, weight, gap, B, G, w, total, average, centre, normal, length)
 
 
 def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool) -> ContactPoints:
@@ -204,12 +207,14 @@ def _turning(slave: Surface, points: ContactPoints, lever: Floats, dim: int, m: 
     return csr_array(sum(parts[1:], parts[0]))
 
 
-def _places(zone: Zone, slave: Surface, area: Floats, dim: int) -> tuple[Floats, Floats]:
-    """(m, d): centre and unit normal of each macro-element, means over its faces by area."""
+def _places(zone: Zone, slave: Surface, dim: int) -> tuple[Floats, Floats, Floats]:
+    """(m, d): centre and unit normal of each macro-element, means over its faces by area; (m,): their lengths."""
     normal, centre = mean_normals(slave)
     size = face_measure(slave)
-    total = zone.sums(size)[:, None]
+    whole = zone.sums(size)
+    total = whole[:, None]
     out = zone.sums(normal * size[:, None])
     length = np.linalg.norm(out, axis=1, keepdims=True)
     middle = zone.sums(centre * size[:, None]) / np.where(total > 0, total, 1.0)
-    return middle[:, :dim], np.divide(out, length, out=np.zeros_like(out), where=length > 0)[:, :dim]
+    unit = np.divide(out, length, out=np.zeros_like(out), where=length > 0)
+    return middle[:, :dim], unit[:, :dim], whole ** (1 / slave.dim)

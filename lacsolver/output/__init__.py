@@ -12,7 +12,7 @@ The writers know records (`lacsolver.results`), and nothing of how they were fou
 """
 
 from lacsolver.output.folder import OutputFolder, create
-from lacsolver.output.states import read_state
+from lacsolver.output.states import check_same, read_state
 from lacsolver.output.writer import Writer
 
-__all__ = ["OutputFolder", "Writer", "create", "read_state"]
+__all__ = ["OutputFolder", "Writer", "check_same", "create", "read_state"]

@@ -7,29 +7,63 @@ stay. A restart into the folder that it came from goes on in its files.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from lacmesh.errors import RequestError, WriteError, some
-from lacsolver.output.names import FIELDS, UNCONVERGED, number_of, results_in, states_in
+from lacmesh.formats.output import is_abandoned
+from lacsolver.output.lock import check_free, hold
+from lacsolver.output.names import FIELDS, UNCONVERGED, leftovers_in, number_of, results_in, states_in
 from lacsolver.results import Restart
 
 
 @dataclass(frozen=True)
 class OutputFolder:
-    """Where a run writes. `restart`: the state, written there by an earlier run, after which its files go on."""
+    """Where a run writes. `restart`: the state, written there by an earlier run, after which its files go on.
+
+    `force`: results that are there may be lost.
+    """
 
     path: Path
     restart: Restart | None = None
+    force: bool = False
+
+    def hold(self) -> Callable[[], None]:
+        """Make the folder, and keep other runs out of it until what is returned is called.
+
+        Raises RequestError where another run writes into it, or has done so since this one was asked for; WriteError.
+        """
+        try:
+            self.path.mkdir(exist_ok=True)
+            let_go = hold(self.path)
+            try:
+                self.check()
+            except BaseException:
+                let_go()
+                raise
+            return let_go
+        except OSError as error:
+            raise WriteError(self.path, f"cannot be written ({error.strerror or error})") from error
+
+    def check(self) -> None:
+        """Raise RequestError where the folder holds results that would be lost (and no `force`), OSError."""
+        there = results_in(self.path) if self.path.is_dir() and not self.force else []
+        if there and self.restart is None:
+            raise RequestError(f"{self.path} holds results already; --force replaces them, or -o names another folder")
+        if there and self.restart is not None:
+            _check_states(self.path, self.restart)
 
     def take(self) -> None:
-        """Make the folder, and remove what an earlier run left in it (beyond the state to go on from).
+        """Remove what an earlier run left in the folder (beyond the state to go on from).
 
         Raises WriteError.
         """
         try:
-            self.path.mkdir(exist_ok=True)
+            for path in leftovers_in(self.path):
+                if is_abandoned(path, held=True):
+                    path.unlink()
             for path in results_in(self.path):
                 if self.restart is None or _later(path, self.restart):
                     path.unlink()
@@ -44,20 +78,18 @@ def create(path: str | os.PathLike[str], *, force: bool = False, restart: Restar
     """The folder that a run is to write into; nothing is written, nor removed, until `OutputFolder.take`.
 
     `restart`: what the run goes on from; its own folder is gone on with. Raises RequestError where the folder holds
-    results that would be lost (and no `force`), WriteError where no files can be made there.
+    results that would be lost (and no `force`) or another run writes into it, WriteError where no files can be made.
     """
     path = Path(path)
     continued = restart is not None and restart.folder is not None and _same(path, restart.folder)
     try:
         _check_place(path)
-        there = results_in(path) if path.is_dir() else []
-        if there and not force and not continued:
-            raise RequestError(f"{path} holds results already; --force replaces them, or -o names another folder")
-        if restart is not None and continued and not force:
-            _check_states(path, restart)
+        check_free(path)
+        folder = OutputFolder(path, restart if continued else None, force)
+        folder.check()
     except OSError as error:
         raise WriteError(path, f"cannot be used ({error.strerror or error})") from error
-    return OutputFolder(path, restart if continued else None)
+    return folder
 
 
 def _check_place(path: Path) -> None:

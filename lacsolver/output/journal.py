@@ -124,7 +124,7 @@ def changing(path: Path) -> Iterator[h5py.File]:
         with path.open("r+b", buffering=0) as file, signals_wait():
             journal = Journal(file)
             access.set_fileobj_driver(h5py.h5fd.fileobj_driver, journal)
-            opened = h5py.h5f.open(str(path).encode(), h5py.h5f.ACC_RDWR, access)
+            opened = h5py.h5f.open(os.fsencode(path), h5py.h5f.ACC_RDWR, access)
             access.set_fapl_sec2()  # a list that outlives Python must not name an object of Python
             with h5py.File(opened) as root:
                 yield root

@@ -14,6 +14,10 @@ FIELDS, UNCONVERGED = "fields", "unconverged"
 _STATE = re.compile(r"state_(\d{4,})\.npz")
 _VTU = re.compile(r"(?:solid|contact_.+)_(\d{4,})\.vtu")
 _OURS = re.compile(r"results\.json|history\.csv|results\.med|solid\.pvd|contact_.+\.(?:csv|pvd)|state_\d{4,}\.npz")
+#: what is ours, hidden while it is written: a stem that may be shortened, a token, a suffix
+_HIDDEN = re.compile(
+    r"\.(?:results|history|solid.*|contact_.+|state_\d{4,})-(?:[0-9a-f]{16}|[0-9a-f]{24})\.(?:json|csv|med|pvd|npz|vtu)"
+)
 #: a zone's part of a file's name, at most
 _LENGTH = 80
 
@@ -43,10 +47,25 @@ def states_in(folder: Path) -> list[Path]:
 def results_in(folder: Path) -> list[Path]:
     """The files in a folder that a run would write, by their names. Raises OSError."""
     found = [path for path in folder.iterdir() if _OURS.fullmatch(path.name)]
-    for inside in (folder / FIELDS, folder / UNCONVERGED, folder / UNCONVERGED / FIELDS):
-        if inside.is_dir():
-            found += [path for path in inside.iterdir() if _OURS.fullmatch(path.name) or _VTU.fullmatch(path.name)]
+    for inside in _inside(folder):
+        found += [path for path in inside.iterdir() if _OURS.fullmatch(path.name) or _VTU.fullmatch(path.name)]
     return sorted(found)
+
+
+def collections_in(folder: Path) -> list[Path]:
+    """The PVD files of a run in a folder. Raises OSError."""
+    return [path for path in sorted(folder.glob("*.pvd")) if _OURS.fullmatch(path.name)]
+
+
+def leftovers_in(folder: Path) -> list[Path]:
+    """Hidden files in a folder that a run was writing when it was killed, or is. Raises OSError."""
+    return [path for place in (folder, *_inside(folder)) for path in place.iterdir() if _HIDDEN.fullmatch(path.name)]
+
+
+def _inside(folder: Path) -> list[Path]:
+    """The folders inside that a run made."""
+    inside = (folder / FIELDS, folder / UNCONVERGED, folder / UNCONVERGED / FIELDS)
+    return [path for path in inside if path.is_dir()]
 
 
 def contact_stems(zones: Iterable[str]) -> dict[str, str]:

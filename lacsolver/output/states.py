@@ -19,15 +19,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import lacmesh
 from lacmesh.errors import DataError, ReadError, RequestError
 from lacmesh.formats.output import replacing
-from lacsolver.case import Case, changed
+from lacmesh.mesh import Mesh
+from lacsolver.case import Case, changed, fingerprint
 from lacsolver.output.names import state_file, states_in
 from lacsolver.output.tables import same_time
 from lacsolver.results import Restart
 from lacsolver.state import Iterate
 
-VERSION = 2
+#: raised when what a state keeps changes its meaning; 3: the mesh in memory, rotations of rigid bodies in lengths
+VERSION = 3
 _ABOUT = "about"
 #: what numpy raises on a damaged file
 _DAMAGE = (
@@ -55,11 +58,14 @@ def write_state(folder: Path, state: Restart, prints: Mapping[str, str]) -> None
         np.savez(file, **arrays)  # type: ignore[arg-type]
 
 
-def read_state(folder: str | os.PathLike[str], case: Case, from_time: float | None = None) -> Restart:
+def read_state(
+    folder: str | os.PathLike[str], case: Case, from_time: float | None = None, *, mesh: Mesh | None = None
+) -> Restart:
     """A state that an earlier run of the same case wrote: the last one, or the one at a time.
 
-    Raises RequestError where there is none (of that time: those there are, are listed), DataError where the case is
-    another one (what changed is named), ReadError for a folder or file that cannot be read.
+    `mesh`: the one that the case is run on, as for `run`; its file is read if None. Raises RequestError where there is
+    no state (of that time: those there are, are listed), DataError where the case or the mesh is another one (what
+    changed is named), ReadError for a folder or file that cannot be read.
     """
     folder = Path(folder)
     try:
@@ -72,11 +78,16 @@ def read_state(folder: str | os.PathLike[str], case: Case, from_time: float | No
     with _damage_in(path, _others(folder, paths, path)), _opened(path) as file:
         about = _about(path, file)
         found = _restart(file, about, folder)
-    differs = changed(about["case"], case)
-    if differs:
-        what = ", ".join(differs)
-        raise DataError(f"the states in {folder} are of another case: {what} changed; restore it, or start anew")
+    check_same(found, fingerprint(case, lacmesh.read(case.mesh) if mesh is None else mesh))
     return found
+
+
+def check_same(state: Restart, prints: Mapping[str, str]) -> None:
+    """Raises DataError where a state is of another case, or of another mesh, than `prints` are the fingerprint of."""
+    differs = changed(state.case, prints) if state.case is not None else ()
+    if differs:
+        whose = "the state to go on from is" if state.folder is None else f"the states in {state.folder} are"
+        raise DataError(f"{whose} of another case: {', '.join(differs)} changed; restore it, or start anew")
 
 
 def _restart(file: Mapping[str, NDArray], about: Mapping[str, Any], folder: Path) -> Restart:
@@ -92,6 +103,7 @@ def _restart(file: Mapping[str, NDArray], about: Mapping[str, Any], folder: Path
         iterate=_iterate(file, "now"),
         earlier=None if about["earlier"] is None else (about["earlier"], _iterate(file, "earlier")),
         folder=folder,
+        case=about["case"],
     )
 
 
@@ -104,7 +116,8 @@ def _about(path: Path, file: Mapping[str, NDArray]) -> dict[str, Any]:
     if about["version"] > VERSION:
         raise ReadError(path, "is of a newer lacsolver; go on with that one")
     if about["version"] < VERSION:
-        raise ReadError(path, "is of an older lacsolver, whose states keep less; run the case again from its start")
+        message = "is of an older lacsolver, whose states keep other things and do not tell which mesh they are of"
+        raise ReadError(path, f"{message}; run the case again from its start")
     return {**about, "time": float(about["time"]), "number": int(about["number"]), "case": dict(about["case"])}
 
 

@@ -11,7 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +18,9 @@ from numpy.typing import NDArray
 from lacmesh.errors import ReadError, WriteError
 from lacmesh.formats import write
 from lacmesh.formats.output import replace_file
+from lacmesh.formats.vtu.writer import quoted
 from lacmesh.mesh import Floats
-from lacsolver.output.names import FIELDS, SOLID, contact_stems, vtu_file
+from lacsolver.output.names import FIELDS, SOLID, collections_in, contact_stems, vtu_file
 from lacsolver.output.parts import Part, body, on_faces, skin
 from lacsolver.results import Fields, ZoneFields
 from lacsolver.space import Space
@@ -39,7 +39,7 @@ class VtuSeries:
     def __init__(self, folder: Path, space: Space) -> None:
         self._folder, self._space = folder, space
         self._parts: dict[str, Part] = {}
-        self._told = {path.stem: read_pvd(path) for path in sorted(folder.glob("*.pvd"))}
+        self._told = {path.stem: read_pvd(path) for path in collections_in(folder)}
         for stem, entries in self._told.items():
             _write_pvd(folder / f"{stem}.pvd", entries)
 
@@ -122,7 +122,7 @@ def read_pvd(path: Path) -> list[_Entry]:
 
 
 def _write_pvd(path: Path, entries: list[_Entry]) -> None:
-    sets = [f'<DataSet timestep="{e.time!r}" group="" part="0" file={quoteattr(e.file)}/>\n' for e in entries]
+    sets = [f'<DataSet timestep="{e.time!r}" group="" part="0" file={quoted(e.file)}/>\n' for e in entries]
     head = '<?xml version="1.0" encoding="utf-8"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
     replace_file(path, (head + "".join(sets) + "</Collection>\n</VTKFile>\n").encode())
 

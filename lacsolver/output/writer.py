@@ -5,15 +5,16 @@ The last converged step of a run has its fields and state whatever [output] says
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import weakref
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from lacmesh.errors import WriteError
 from lacmesh.formats.output import signals_wait
-from lacsolver.case import Case, Output, fingerprint
+from lacsolver.case import Case, Output
 from lacsolver.output.folder import OutputFolder
-from lacsolver.output.med import MedSeries
 from lacsolver.output.names import UNCONVERGED, contact_stems
 from lacsolver.output.states import write_state
 from lacsolver.output.summary import Summary
@@ -40,15 +41,16 @@ class _Unwritten(NamedTuple):
 class Writer:
     """Writes a run into its folder, which is taken over here: what an earlier run left is removed, or gone on with.
 
-    Raises WriteError, and ReadError where what is to be gone on with is damaged. A signal waits until what is being
-    written is whole.
+    `prints`: the fingerprint of the case and the mesh it is run on, which states keep. The folder is held against other
+    runs until `finish`. Raises WriteError, RequestError where another run writes there, and ReadError where what is to
+    be gone on with is damaged. A signal waits until what is being written is whole.
     """
 
-    def __init__(self, folder: OutputFolder, case: Case, space: Space) -> None:
-        self._path, self._output, self._space = folder.path, case.output, space
-        self._prints = fingerprint(case)
+    def __init__(self, folder: OutputFolder, case: Case, space: Space, prints: Mapping[str, str]) -> None:
+        self._path, self._output, self._space, self._prints = folder.path, case.output, space, prints
         end = folder.restart.time if folder.restart else None
         with signals_wait():
+            self._let_go = weakref.finalize(self, folder.hold())  # by `finish`, or with this writer
             self._history, self._summary = History(folder.path, end), Summary(folder.path, end)
             folder.take()
             self._zones = tuple(zone.name for zone in (*case.contact, *case.tie))
@@ -84,7 +86,8 @@ class Writer:
         last, self._unwritten = self._unwritten, None
         made = last.fields() if last and not (results.status == "done" and self._output.times) else None
         failed = tried() if tried else None
-        with signals_wait():
+        with signals_wait(), ExitStack() as ending:
+            ending.callback(self._let_go)
             self._summary.write(results)
             if last and made:
                 self._write(made, last.state)
@@ -96,6 +99,8 @@ class Writer:
     def _fields_to(self, folder: Path, end: float | None = None) -> Series:
         """The files of fields in a folder; `end`: those that are there are gone on with after this time."""
         if self._output.format == "med":
+            from lacsolver.output.med import MedSeries  # with h5py, which few runs need
+
             return MedSeries(folder, self._space, self._zones, end)
         return VtuSeries(folder, self._space)
 
