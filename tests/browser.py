@@ -97,14 +97,14 @@ class Browser:
         elif event.get("method") == "Log.entryAdded":
             self.said.append(event["params"]["entry"]["text"])
 
-    def open(self, path, anchor="", seconds=60):
+    def open(self, path, anchor="", seconds=300):
         """Open a page of a file and wait until it says that it is done, or has failed."""
         self.said.clear()
         self.ask("Page.navigate", url="about:blank")
         self.ask("Page.navigate", url=f"{path.as_uri()}#{anchor}")
         self.wait("location.protocol == 'file:' && document.documentElement?.dataset.state", seconds)
 
-    def wait(self, expression, seconds=60):
+    def wait(self, expression, seconds=300):
         """The value of an expression of JavaScript, once it is true."""
         until = time.monotonic() + seconds
         while not (value := self.value(expression)):

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import signal
+
 import pytest
+from hypothesis import settings
 
 from tests import skips
 
+settings.register_profile("any machine", deadline=None)  # no example is too slow by the clock
+settings.load_profile("any machine")
+
 
 def pytest_configure(config):
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # `nohup make test &`: commands that tests start, and
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # interrupt, would inherit that they do not listen
     config.pluginmanager.register(skips.Tally(config), "lacmesh-skips")
 
 

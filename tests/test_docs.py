@@ -131,8 +131,11 @@ def test_every_page_is_in_the_index():
     assert {p.name for p in PAGES} - {"README.md"} <= set(re.findall(r"\]\(([^)#]+\.md)\)", index))
 
 
-#: run with its commands, which make the files that its examples read
-RUN_ELSEWHERE = {"solver.md": "tests/lacsolver/test_solver_docs.py"}
+#: run with the commands that make the files which the examples read
+RUN_ELSEWHERE = {
+    "solver.md": "tests/lacsolver/test_solver_docs.py",
+    "output.md": "tests/lacsolver/test_output_docs.py",
+}
 
 
 def examples():

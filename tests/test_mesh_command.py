@@ -550,14 +550,14 @@ def test_an_interrupt_stops_gmsh_too(tmp_path, number, status):
     process = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True)
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
     child = ""
-    for _ in range(300):
+    for _ in range(6000):
         child = child or children.read_text().strip() if children.exists() else ""
         if child and any(tmp_path.glob("lacmesh-*/printed")):
             break
         time.sleep(0.05)
     time.sleep(1.0)  # gmsh is at work
     process.send_signal(number)
-    _, said = process.communicate(timeout=20)
+    _, said = process.communicate(timeout=300)
     assert process.returncode == status and "nothing was written" in said
     assert child and not Path(f"/proc/{child}").exists()
     assert not list(tmp_path.iterdir())

@@ -52,6 +52,23 @@ def test_make_targets_exist():
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
 
 
+def test_contributing_tells_every_target():
+    told = re.findall(r"^\| `make (\w+)` \|", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
+    makefile = (ROOT / "Makefile").read_text()
+    helped = re.findall(r"^(\w+):.* ## ", makefile, re.MULTILINE)
+    phony = re.search(r"^\.PHONY: (.+)$", makefile, re.MULTILINE)[1].split()
+    assert sorted([*told, "help", "install"]) == sorted(helped) == sorted(phony)
+
+
+def test_quick_runs_tests_of_every_package():
+    """Some that are there, of each folder of tests but those that hold nothing but long ones."""
+    made = subprocess.run(["make", "--dry-run", "quick"], cwd=ROOT, capture_output=True, text=True, check=True)
+    quick = [Path(word) for word in made.stdout.splitlines()[-1].split() if word.startswith("tests/")]
+    assert quick and all((ROOT / path).is_file() for path in quick)
+    folders = {path.parent.relative_to(ROOT) for path in (ROOT / "tests").rglob("test_*.py")}
+    assert folders - {path.parent for path in quick} == {Path("tests/bad_input"), Path("tests/fuzz")}
+
+
 def test_links_resolve():
     for link in re.findall(r"\]\(([^)#]+)\)", README):
         assert (ROOT / link).exists(), link

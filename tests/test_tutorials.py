@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import re
 import shutil
 import signal
@@ -11,6 +12,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import lacmesh
@@ -140,7 +142,8 @@ def test_the_rest_of_the_scripts_page_runs(tutorials, script, monkeypatch, capsy
 def test_the_commands_print_what_the_page_shows(step):
     folder, done = step
     said = [command.words[1] for command, _ in done]
-    assert said == ["mesh", "mesh", "view", "cut", "view", "check", "view", "convert", "info", "view", "view"]
+    made = ["mesh", "mesh", "view", "cut", "view", "check", "view", "convert", "info", "view", "view"]
+    assert said == [*made, "validate", "run"]
     assert shows_what_the_page_shows(done)
     assert len(done[0][0].shown) == 10  # the list, whose surfaces the next command names
     cut = lacmesh.Cut(lacmesh.read(folder / "lug.lac.med"))
@@ -168,11 +171,28 @@ def test_the_check_says_what_the_page_claims(step):
 @pytest.mark.slow
 @pytest.mark.gmsh
 @pytest.mark.vtk
+def test_the_pressures_are_as_the_page_says(step):
+    folder, done = step
+    (told,) = [" ".join(printed.split()) for command, printed in done if command.words[1] == "validate"]
+    assert "'shaft' moves along z" in told and "along y" not in told  # nothing but contact, and not along its axis
+    results = json.loads((folder / "lug" / "results.json").read_text(encoding="utf-8"))
+    zone, force = results["contact"]["eye"], 2 * 183.22 * 100  # of both ends: the list of surfaces has their area
+    assert zone["resultant"][2] == pytest.approx(-force, rel=1e-3) and 36.6e3 < force < 36.7e3
+    assert 1 / 8 < zone["active"] / (zone["active"] + zone["open"]) < 1 / 5 and zone["unpaired"] == 0
+    table = np.genfromtxt(folder / "lug" / "contact_eye.csv", delimiter=",", names=True)
+    last = table[table["time"] == 1]
+    assert abs(abs(last["y"][last["pressure"].argmax()]) - 10) < 3.5 / 2  # of a bore from -10 to 10
+    assert np.abs(last["x"][last["status"] == 1]).max() < 6
+
+
+@pytest.mark.slow
+@pytest.mark.gmsh
+@pytest.mark.vtk
 def test_the_pictures_are_made_again(step):
     folder, _ = step
     names = pictures_of(TUTORIALS / "step_to_med.md")
     assert sorted(names) == sorted(p.name for p in folder.glob("*.png"))
-    for name in set(names) - {"lug_med.png", "lug_check.png"}:
+    for name in set(names) - {"lug_med.png", "lug_check.png", "lug_pressure.png"}:
         assert is_like(folder / name, TUTORIALS / name), name
     for name, wanted in (("lug_med.png", colours.RAMP[2:4]), ("lug_check.png", [colours.SEVERITIES["warning"]])):
         assert size_of(folder / name) == size_of(TUTORIALS / name)

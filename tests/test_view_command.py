@@ -99,6 +99,7 @@ def test_small_and_strange_pictures(mesh, tmp_path):
         (["-o", "a.html", "--quality", "corner_jacobia"], 2, "did you mean corner_jacobian"),
         (["-o", "a.html", "--mesh", "other"], 2, "other"),
         (["-o", "a.png", "--size", "99999x3"], 2, "each side is 1 to"),
+        (["-o", "a.html", "--size", "300x200"], 2, "--size is for a picture (.png), and a.html is a page"),
         (["-o", "nowhere/a.html"], 3, "nowhere does not exist"),
         (["-o", "there.html"], 2, "--force replaces it"),
     ],
@@ -191,7 +192,7 @@ def test_a_renderer_that_dies_is_one_sentence(code, words, blocks, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["blocks.msh", "fake"]
 
 
-SLEEP = "import os, pathlib, sys, time; pathlib.Path({!r}).write_text(str(os.getpid())); time.sleep(60)"
+SLEEP = "import os, pathlib, sys, time; pathlib.Path({!r}).write_text(str(os.getpid())); time.sleep(600)"
 
 
 def alive(pid):
@@ -203,11 +204,14 @@ def alive(pid):
 
 
 def test_a_drawing_that_takes_too_long(tmp_path, monkeypatch):
+    begin = time.perf_counter()
+    subprocess.run([sys.executable, "-c", "import numpy"], check=True)
+    enough = 4 + 10 * (time.perf_counter() - begin)  # for a child to begin to draw, as busy as the machine is
     pid = tmp_path / "pid"
     fake_pyvista(tmp_path, SLEEP.format(str(pid)))
     monkeypatch.syspath_prepend(str(tmp_path / "fake"))
-    with pytest.raises(WriteError, match="was not drawn within 4 s"):
-        picture(cube(), tmp_path / "a.png", timeout=4)
+    with pytest.raises(WriteError, match=f"was not drawn within {enough:g} s"):
+        picture(cube(), tmp_path / "a.png", timeout=enough)
     assert not alive(pid.read_text())
     assert not (tmp_path / "a.png").exists()
 
@@ -219,7 +223,7 @@ def test_an_interruption_ends_the_drawing_too(number, code, blocks, tmp_path):
     env = {**fake_pyvista(tmp_path, SLEEP.format(str(pid))), "TMPDIR": str(scratch)}
     command = [sys.executable, "-m", "lacmesh", "view", str(blocks), "-o", str(tmp_path / "a.png")]
     with subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True, start_new_session=True) as running:
-        for _ in range(600):
+        for _ in range(6000):
             if pid.exists() and pid.read_text():
                 break
             time.sleep(0.05)

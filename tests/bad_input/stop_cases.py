@@ -18,7 +18,7 @@ _CUT = ("cut", "in.msh", "--slave", "SLAVE", "--force", "-o")
 _RUN = """
 import sys, time
 sys.argv = ["lacmesh", *sys.argv[1:]]
-def wait(seconds=30):
+def wait(seconds=120):
     print("now", flush=True)
     time.sleep(seconds)
 {}
@@ -39,7 +39,7 @@ class Stage:
     at: str
     command: tuple[str, ...] = (*_CUT, "out.msh")
     first: str = "pass"
-    lasts: float = 30
+    lasts: float = 120
     written: bool = False
     when: str = "True"
 
@@ -154,7 +154,7 @@ def run(stop: Stop, folder: Path) -> Outcome:
             if child.stdout.readline() != "now\n":
                 raise AssertionError(child.communicate())
             child.send_signal(stop.number)
-            _, said = child.communicate(timeout=20)
+            _, said = child.communicate(timeout=100)
         assert not listing(Path(other)), "the command left temporary files"
     after = listing(folder)
     if stage.written:

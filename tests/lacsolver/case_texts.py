@@ -37,6 +37,7 @@ geometry = "current"
 measure = "current"
 clearance = -0.01
 search_distance = 5.0
+max_penetration = 0.5
 coverage_threshold = 0.01
 [[contact]]
 slave = "Group_3"

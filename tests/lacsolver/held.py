@@ -50,12 +50,12 @@ def with_sides(solid, sides=None, node_groups=None):
 
 
 def joined(*meshes):
-    """Several meshes as one, each a body in the group `a`, `b`, ..."""
+    """Several meshes as one, each a body in the group `a`, `b`, ... or, beyond six, of no group."""
     kinds = dict.fromkeys(b.type for m in meshes for b in m.blocks)
     start = np.cumsum([0, *(m.n_nodes for m in meshes)])
     blocks = {t: np.concatenate([m.block(t) + s for m, s in zip(meshes, start, strict=False)]) for t in kinds}
     owner = np.concatenate([np.repeat(k, len(m.block(t))) for t in kinds for k, m in enumerate(meshes)])
-    groups = {"abcdef"[k]: np.flatnonzero(owner == k) for k in range(len(meshes))}
+    groups = {name: np.flatnonzero(owner == k) for k, name in enumerate("abcdef"[: len(meshes)])}
     return Mesh.create(
         np.concatenate([m.points for m in meshes]), blocks.items(), cell_groups=groups, space_dim=meshes[0].space_dim
     )

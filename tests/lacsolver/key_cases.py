@@ -259,6 +259,26 @@ ux = 0.0  # held
 uy = 0.0  # held
 """
 
+SUNK = """
+mesh = "blocks.msh"
+model = "plane_stress"
+[[material]]
+young = 1000.0
+poisson = 0.0
+[[contact]]
+slave = "slave"
+master = "master"
+max_penetration = 0.9
+[[displacement]]
+group = "bottom"
+ux = 0.0  # held
+uy = 0.0  # held
+[[displacement]]
+group = "top"
+ux = 0.0  # held
+uy = 0.0  # held
+"""
+
 GLUED = """
 mesh = "blocks.msh"
 model = "plane_stress"
@@ -483,6 +503,7 @@ CASES = {
     "springs": KeyCase(cube, SPRINGS),
     "rigid": KeyCase(towers, RIGID),
     "searched": KeyCase(lambda: overhang(0.6), SEARCHED),
+    "sunk": KeyCase(lambda: overhang(-0.8), SUNK),
     "glued": KeyCase(lambda: overhang(0.6), GLUED),
     "strain": KeyCase(plane, STRAIN),
     "round": KeyCase(plane, ROUND),
@@ -493,7 +514,7 @@ CASES = {
     "tolerant": KeyCase(punch, PUNCH + "tolerance = 1e-3\n"),
     "symmetric": KeyCase(punch, PUNCH + 'tangent = "symmetric"\n'),
     "consistent": KeyCase(punch, PUNCH + 'tangent = "consistent"\n'),
-    "halved": KeyCase(punch, PUNCH + "max_iterations = 3\n[steps]\ngrowth = 1.0\n"),
+    "halved": KeyCase(punch, PUNCH + "max_iterations = 4\n[steps]\ngrowth = 1.0\n"),
     "given up": KeyCase(punch, PUNCH + "max_iterations = 3\n[steps]\nmax_halvings = 1\n"),
     "pyramid": KeyCase(lambda: tower(4.0), TOWER.format(hexa="pyramid")),
     "hexa": KeyCase(lambda: tower(1.0), TOWER.format(hexa="hexa")),

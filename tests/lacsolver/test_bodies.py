@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from lacsolver.bodies import bodies, describe, free_motions, rigid_modes
 from lacsolver.case import Displacement, Rigid
 from lacsolver.constraints.local import combine
 from lacsolver.material import Elastic, Materials
+from lacsolver.model import Model
 from lacsolver.space import Space
 from tests.lacsolver.bodies import PLANE_MODELS, cube, distorted, mixture, plane_mixture, square
 from tests.lacsolver.held import held, joined, moved, ring, turn, two, with_sides
@@ -72,7 +75,7 @@ def test_bodies_are_counted_by_their_first_nodes():
 def test_rigid_modes_cost_no_energy(model):
     mesh = distorted(mixture("2"), 0.05) if model == "3d" else distorted(plane_mixture("2"), 0.05)
     space = Space.of(mesh, model)
-    R = rigid_modes(space, np.flatnonzero(space.attached))
+    R = rigid_modes(space, bodies(space))
     assert R.shape == (space.n_dof, {"3d": 6, "axisymmetric": 1}.get(model, 3))
     np.testing.assert_allclose(R.T @ R, np.eye(R.shape[1]), atol=1e-13)
     np.testing.assert_allclose(stiffness(space) @ R, 0, atol=1e-12)
@@ -81,10 +84,26 @@ def test_rigid_modes_cost_no_energy(model):
 def test_rigid_modes_of_few_nodes():
     space = Space.of(cube("HEXA8", 2), "3d")
     for nodes, n in (([4], 3), ([0, 1, 2], 5), ([0, 26], 5), ([0, 1, 3], 6)):
-        R = rigid_modes(space, np.array(nodes))
+        of_node = np.full(27, -1)
+        of_node[nodes] = 0
+        R = rigid_modes(space, of_node)
         assert R.shape[1] == n
         np.testing.assert_allclose(R.T @ R, np.eye(n), atol=1e-13)
         assert not np.delete(R, space.dofs(np.array(nodes)).ravel(), axis=0).any()
+
+
+def test_modes_of_many_bodies_take_memory_for_their_nodes():
+    """What multigrid asks for: each body's modes are those it has alone, and memory does not grow with their number."""
+    spaces = [held(joined(*[cube("HEXA8", 1)] * n), "3d") for n in (1, 4, 200)]
+    models = [Model(SimpleNamespace(space=space, constraints=constraints)) for space, constraints in spaces]
+    one, four = (model._whole.modes for model in models[:2])
+    np.testing.assert_allclose(four.reshape(4, *one.shape), np.tile(one, (4, 1, 1)), atol=1e-13)
+    _ = models[2].problem.constraints.free
+    tracemalloc.start()
+    made = models[2]._whole
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 10 * made.modes.nbytes
 
 
 # what nothing holds

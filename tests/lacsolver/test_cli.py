@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,8 +20,10 @@ from scipy.sparse import csr_array
 import lacmesh
 from lacsolver.case import read_case
 from lacsolver.cli import main
+from lacsolver.cli.ranks import check_alone
 from lacsolver.matrices import contact_matrices
 from tests.lacsolver.bad_cases import GOOD, blocks, put
+from tests.lacsolver.patch_meshes import stack
 
 #: a run that takes many steps, so that it can be stopped on its way
 LONG = GOOD + "[steps]\ncount = 100000\n"
@@ -115,6 +118,7 @@ def test_run_writes_the_results_beside_the_case_and_says_so(folder, capsys):
         assert part in text, part
     assert re.search(r"peak memory \d+ MB", text) and re.search(r"time .*\d s", text)
     assert f"iterations {step['iterations']} " in text
+    assert re.search(r"largest displacement 0\.00\d+ held by contact alone 'upper' moves along y", text)
 
 
 def test_every_step_has_a_line(folder, capsys):
@@ -184,6 +188,68 @@ def test_a_restart_of_another_case_is_refused(folder, capsys):
     assert not (folder / "again").exists()
 
 
+def test_a_closed_error_stream_is_no_internal_error(folder):
+    done = subprocess.run(f"{sys.executable} -m lacsolver run case.toml 2>&-", shell=True, capture_output=True)
+    assert done.returncode == 0 and results(folder / "case")["status"] == "done"
+
+
+def test_more_threads_than_cores_are_as_many_as_there_are(folder, capsys):
+    assert main(["run", "case.toml", "-q"]) == 0
+    (folder / "many.toml").write_text(GOOD + "[solver]\nthreads = 1000000\n")
+    assert main(["run", "many.toml", "-q"]) == 0, capsys.readouterr().err
+    assert results(folder / "many")["contact"] == results(folder / "case")["contact"]
+
+
+def test_a_folder_whose_name_is_no_utf8_is_written_and_gone_on_with(folder, capsys):
+    name = os.fsdecode(b"out\xff")
+    (folder / "case.toml").write_text(GOOD + '[output]\nformat = "med"\n[steps]\ncount = 2\n')
+    assert main(["run", "case.toml", "-q", "-o", name]) == 0, capsys.readouterr().err
+    (folder / name / "state_0002.npz").unlink()
+    assert main(["run", "case.toml", "-q", "-o", name, "--restart", name]) == 0, capsys.readouterr().err
+    assert results(folder / name)["status"] == "done"
+
+
+# ---- one of several processes
+
+SRUN = {"SLURM_PROCID": "0", "SLURM_NTASKS": "4", "SLURM_STEP_NUM_TASKS": "4"}
+
+
+@pytest.mark.parametrize(
+    "told, name",
+    [
+        ({"OMPI_COMM_WORLD_SIZE": "4"}, "OMPI_COMM_WORLD_SIZE"),
+        ({"PMI_SIZE": "4", "PMI_RANK": "3"}, "PMI_SIZE"),
+        (SRUN, "SLURM_STEP_NUM_TASKS"),
+        ({**SRUN, "ENVIRONMENT": "BATCH"}, "SLURM_STEP_NUM_TASKS"),  # srun in a script of sbatch
+        ({"SLURM_PROCID": "0", "SLURM_NTASKS": "4"}, "SLURM_NTASKS"),
+        ({"SLURM_PROCID": "1", "SLURM_NTASKS": "4", "ENVIRONMENT": "BATCH"}, "SLURM_NTASKS"),
+    ],
+)
+@pytest.mark.parametrize("words", ["run case.toml", "matrices case.toml -o m.npz", "film case.toml -o f.png"])
+def test_one_of_several_processes_is_refused(folder, monkeypatch, capsys, told, name, words):
+    for key, value in told.items():
+        monkeypatch.setenv(key, value)
+    before = sorted(folder.iterdir())
+    assert main(words.split()) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"lacsolver: error: 4 processes were started ({name}), and each ")
+    assert len(said.splitlines()) == 1 and sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        {"OMPI_COMM_WORLD_SIZE": "1"},
+        {"SLURM_NTASKS": "4"},  # salloc
+        {"SLURM_NTASKS": "4", "SLURM_PROCID": "0", "ENVIRONMENT": "BATCH"},  # a script of sbatch
+        {"SLURM_NTASKS": "4", "SLURM_PROCID": "0", "SLURM_STEP_NUM_TASKS": "1"},  # srun -n 1
+        {"PMI_SIZE": ""},
+    ],
+)
+def test_one_process_of_a_job_of_many_is_alone(monkeypatch, told):
+    check_alone(told)
+
+
 # ---- stopped
 
 
@@ -191,7 +257,7 @@ def started(folder, words=("run", "case.toml"), steps=3, **options):
     """A run in a process of its own, once it has made some steps."""
     (folder / "case.toml").write_text(LONG)
     process = command(*words, cwd=folder, **options)
-    give_up = time.monotonic() + 120
+    give_up = time.monotonic() + 600
     history = folder / "case" / "history.csv"
     while time.monotonic() < give_up and process.poll() is None:
         if history.exists() and len(history.read_bytes().splitlines()) > steps:
@@ -206,7 +272,7 @@ def started(folder, words=("run", "case.toml"), steps=3, **options):
 def test_a_run_that_is_stopped_leaves_what_converged(folder, number, status, word):
     process = started(folder)
     process.send_signal(number)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=300)
     assert process.returncode == status
     told = results(folder / "case")
     last = told["steps"][-1]["time"]
@@ -218,6 +284,21 @@ def test_a_run_that_is_stopped_leaves_what_converged(folder, number, status, wor
     assert float(re.search(r"t = (\S+) is", err)[1]) == pytest.approx(last, rel=1e-8)
     state = sorted((folder / "case").glob("state_*.npz"))[-1]
     assert json.loads(np.load(state)["about"].tobytes())["time"] == pytest.approx(last)
+    assert not [path for path in (folder / "case").rglob("*") if path.name.startswith(".")]
+
+
+def test_a_run_into_the_folder_of_another_is_refused(folder, capsys):
+    process = started(folder)
+    try:
+        for more in ([], ["--force"], ["--restart", "case"]):
+            assert main(["run", "case.toml", "-q", *more]) == 2
+            assert "another run is writing into case; wait for its end" in capsys.readouterr().err
+    finally:
+        process.kill()
+        process.communicate()
+    (folder / "case.toml").write_text(GOOD)  # of the same name: it takes over what the killed run left
+    assert main(["run", "case.toml", "-q", "--force"]) == 0, capsys.readouterr().err
+    assert results(folder / "case")["status"] == "done"
     assert not [path for path in (folder / "case").rglob("*") if path.name.startswith(".")]
 
 
@@ -234,7 +315,7 @@ def test_stopped_before_the_first_step(folder, capsys, monkeypatch):
 def test_a_reader_that_goes_away_ends_the_command_quietly(folder):
     process = command("schema", cwd=folder)
     process.stdout.close()
-    assert process.wait(60) in (0, 120)
+    assert process.wait(300) in (0, 120)
     assert "Traceback" not in process.stderr.read()
     process.stderr.close()
 
@@ -336,6 +417,21 @@ def test_validate_says_of_a_cut_that_the_mesh_has_it(folder, capsys):
     assert "as the mesh has it" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("kind", ["TRIA6", "QUAD8"])
+def test_validate_says_where_nothing_is_cut(folder, capsys, kind):
+    """An edge of three nodes owns its middle node: the mesh stays as it is."""
+    put(stack(kind, "QUAD4", 2, counts=(3, 2)), folder)
+    assert main(["validate", "case.toml"]) == 0
+    assert "none is needed: every slave face is a macro-element as it is" in capsys.readouterr().out
+
+
+def test_validate_says_of_a_cut_without_records_that_the_mesh_has_it(folder, capsys):
+    mesh = lacmesh.cut_skin(blocks(), "slave").mesh
+    put(replace(mesh, cell_data={}, node_data={}), folder)
+    assert main(["validate", "case.toml"]) == 0
+    assert "as the mesh has it" in capsys.readouterr().out
+
+
 def test_validate_counts_as_the_run_does(folder, capsys):
     assert main(["validate", "case.toml"]) == 0
     unknowns = int(re.search(r"unknowns +([\d,]+) of", capsys.readouterr().out)[1].replace(",", ""))
@@ -409,7 +505,7 @@ def test_matrices_are_those_of_python(folder, capsys):
     assert "joint: B 3 x " in capsys.readouterr().out
     made = contact_matrices(lacmesh.read("blocks.msh"), "slave", "master")
     B, file = loaded("m.npz")
-    assert abs(B - made.B).max() == 0 and abs(csr_array(mmread("m.mtx")) - made.B).max() < 1e-15
+    assert abs(B - made.B).max() == 0 and abs(mmread("m.mtx", spmatrix=False) - made.B).max() < 1e-15
     for name in ("G", "w", "area", "coverage", "normal", "centre", "macro", "node"):
         assert np.array_equal(file[name], getattr(made, name)), name
 
@@ -440,3 +536,14 @@ def test_a_clearance_is_that_of_the_end(folder):
     assert main(["matrices", "case.toml", "-o", "m.npz", "-q"]) == 0
     file = loaded("m.npz")[1]
     assert np.allclose(file["G"], 1.5 * file["w"], atol=1e-12)
+
+
+def test_names_of_the_mesh_are_no_commands_to_the_terminal(folder, capsys):
+    """A group that clears the screen, among those that are like the one asked for."""
+    mesh = blocks()
+    groups = {"\x1b[2J" + name if name == "slave" else name: cells for name, cells in mesh.cell_groups.items()}
+    put(replace(mesh, cell_groups=groups), folder)
+    for command in ("validate", "run"):
+        assert main([command, str(folder / "case.toml")]) != 0
+        said = capsys.readouterr()
+        assert r"\x1b[2Jslave" in said.err and "\x1b" not in said.err + said.out

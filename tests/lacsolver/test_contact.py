@@ -250,6 +250,14 @@ def test_the_coverage_threshold_unpairs_what_is_covered_less():
         assert found.pressure @ (found.area * covered) == pytest.approx(0.625, rel=1e-11)
 
 
+@pytest.mark.parametrize(("slave", "master", "model"), PAIRS)
+def test_a_coverage_of_all_that_rounding_leaves_is_all(slave, master, model):
+    mesh, fixed, up = blocks(slave, master, model)
+    sections = fixed + held("top", **{f"u{up}": -0.01})
+    _, state = only(mesh, JOINT + "coverage_threshold = 1.0\n" + sections, model)
+    assert (state.zones[0].status == CONTACT).all()
+
+
 def test_what_is_beyond_the_search_distance_is_not_looked_at():
     mesh, fixed, _ = blocks("HEXA8", "TETRA4", "3d", gap=0.2)
     sections = fixed + held("top", uz=0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -136,11 +137,17 @@ def test_the_same_to_the_last_bit_for_any_threads_and_symmetric(order, model):
         assert finite.energy(space, materials, u, threads=threads) == finite.energy(space, materials, u)
 
 
+def linearised(materials):
+    """The laws of small strains with the same constants."""
+    names = [f.name for f in fields(Elastic)]
+    return replace(materials, laws=tuple(Elastic(*(getattr(law, n) for n in names)) for law in materials.laws))
+
+
 @pytest.mark.parametrize(("order", "model"), MIXTURES)
 def test_at_rest_the_tangent_is_the_linear_stiffness(order, model):
     space, materials = two_laws(order, model)
     f, K = force_and_tangent(space, materials, np.zeros(space.n_dof))
-    linear = assemble_stiffness(space, materials)
+    linear = assemble_stiffness(space, linearised(materials))
     assert not f.any()
     assert abs(K - linear).max() < 2e-15 * abs(linear).max()
 
@@ -151,7 +158,7 @@ def test_forces_of_small_strains_keep_their_digits(model, size):
     """f(u) = K u + O(u^2), with no round-off of 1 beside u."""
     space, materials = two_laws("2", model)
     u = size * np.random.default_rng(0).normal(size=space.n_dof)
-    linear = assemble_stiffness(space, materials) @ u
+    linear = assemble_stiffness(space, linearised(materials)) @ u
     f = internal_force(space, materials, u)
     assert np.abs(f - linear).max() < (30 * size + 1e-13) * np.abs(linear).max()
 
@@ -296,7 +303,7 @@ def test_a_little_warmth_is_that_of_small_strains(model):
     f = internal_force(
         space, materials, np.zeros(space.n_dof), stretches=finite.thermal_stretches(space, materials, warm, size)
     )
-    linear = assemble.internal_force(space, materials, np.zeros(space.n_dof), temperature=warm, t=size)
+    linear = assemble.internal_force(space, linearised(materials), np.zeros(space.n_dof), temperature=warm, t=size)
     np.testing.assert_allclose(f, linear, rtol=0, atol=1e-6 * np.abs(linear).max())
     assert finite.thermal_stretches(space, materials, None) is None
     with pytest.raises(DataError, match=r"at time 2 the temperature shrinks cells .* to nothing"):
@@ -343,4 +350,22 @@ def test_what_is_refused():
     out = np.ones((16, 2, 2))
     _, K = force_and_tangent(space, rubber, np.zeros(8), out=out)
     assert np.shares_memory(K.data, out)
-    assert abs(K - assemble_stiffness(space, rubber)).max() < 1e-15
+    assert abs(K - assemble_stiffness(space, linearised(rubber))).max() < 1e-15
+
+
+@pytest.mark.parametrize(
+    ("linear", "instead"),
+    [
+        (assemble_stiffness, "lacsolver.finite.force_and_tangent"),
+        (lambda *given: assemble.stress(*given, np.zeros(8)), "lacsolver.finite.cauchy_stress"),
+        (lambda *given: assemble.internal_force(*given, np.zeros(8)), "lacsolver.finite.internal_force"),
+    ],
+    ids=["stiffness", "stress", "force"],
+)
+@pytest.mark.parametrize("law", LAWS)
+def test_linear_elasticity_takes_no_law_of_finite_strains(linear, instead, law):
+    space = Space.of(one_cell("QUAD4"), "plane_strain")
+    name = type(LAWS[law]).__name__
+    said = f"the law {name} is for finite strains, and this is linear elasticity; call {instead}, or"
+    with pytest.raises(RequestError, match=said):
+        linear(space, Materials.of(space, LAWS[law]))

@@ -181,7 +181,7 @@ def test_the_largest_eigenvalue_is_bounded_closely(brick):
     K, _, _ = brick
     blocks = K.tobsr((3, 3))
     inverse, largest = jacobi(blocks, Team(1))
-    D = block_diag(list(np.linalg.inv(inverse)), format="csc")
+    D = block_diag([csr_array(block) for block in np.linalg.inv(inverse)], format="csc")
     full = eigsh(K, k=1, M=D, which="LA", return_eigenvectors=False)[0]
     assert full <= largest <= 1.1 * full
 

@@ -46,6 +46,20 @@ def test_columns_of_the_contact_table():
     assert tuple(first_cells(part(r"contact_NAME\.csv"))) == CONTACT_COLUMNS
 
 
+def test_examples_read_the_tables_of_a_run(tmp_path, monkeypatch):
+    """As they stand, beside the tables, of two steps."""
+    made = made_up(tmp_path)
+    made.steps(made.writer(), 2)
+    monkeypatch.chdir(made.folder)
+    names = {}
+    for code in re.findall(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE):
+        exec(compile(code, "output.md", "exec"), names)
+    times = [0.25, 0.5]
+    assert names["force"] == [3 * t for t in times] and names["times"].tolist() == times
+    n = len(names["macros"])
+    assert n > 1 and names["pressure"].tolist() == [[t * k for k in range(n)] for t in times]
+
+
 def test_arrays_of_vtu(run):
     text = part("Fields for ParaView")
     listed = set(re.findall(r"`([^`]+)`", "".join(re.findall(r"^\|[^|]*\| (`[^|]*)\|", text, re.MULTILINE))))

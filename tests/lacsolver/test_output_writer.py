@@ -16,6 +16,7 @@ from lacsolver.case import read_case
 from lacsolver.output import create, read_state
 from lacsolver.output import folder as folders
 from lacsolver.output import writer as writers
+from lacsolver.output.lock import FILE
 from lacsolver.output.vtu import read_pvd
 from lacsolver.results import Restart
 from tests.lacsolver.test_output_med import room
@@ -179,7 +180,7 @@ def test_force_replaces_results_and_nothing_else(tmp_path):
         (old.folder / name).write_text("mine")
     run = made_up(tmp_path, output='[output]\nformat = "med"')
     writer = run.writer(force=True)
-    assert set(inside(run.folder)) == set(mine)
+    assert set(inside(run.folder)) == {*mine, FILE}
     run.steps(writer, 1)
     assert all(times == [0.25] for times in times_of(run).values())
 
@@ -219,8 +220,9 @@ def test_a_disk_that_is_full_is_told_in_a_sentence_and_what_was_whole_stays(tmp_
         run.step(writer, 2, 0.5)
     told = times_of(run)
     assert all(times == [0.25] for times in fields_of(told).values()) and told["states"] == [0.25]
-    assert not [p for p in run.folder.rglob(".*") if p.is_file()]
+    assert [p.name for p in run.folder.rglob(".*") if p.is_file()] == [FILE]
     run.finish(writer, "failed", message="the disk is full")
+    assert not [p for p in run.folder.rglob(".*") if p.is_file()]
     assert json.loads((run.folder / "results.json").read_text())["status"] == "failed"
 
 

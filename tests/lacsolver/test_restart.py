@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh.errors import DataError
-from lacsolver.case import read_case
+from lacmesh.errors import DataError, ReadError
+from lacsolver.case import parse_case, read_case
 from lacsolver.cli import main
 from lacsolver.model import Instant, Model
 from lacsolver.output import create
@@ -303,7 +303,7 @@ def test_a_run_that_is_interrupted_goes_on(folder, name):
             if line.split()[:1] == ["3"]:
                 process.send_signal(signal.SIGINT)
                 break
-        error = process.communicate(timeout=120)[1]
+        error = process.communicate(timeout=600)[1]
     assert process.returncode == 130 and "goes on from there" in error
     told = json.loads((folder / "out" / "results.json").read_text())
     assert told["status"] == "interrupted" and 3 <= len(told["steps"]) < 12
@@ -351,3 +351,43 @@ def test_bodies_that_go_far_go_on_to_the_last_bit(folder, monkeypatch, steps):
             head, *rows = (folder / "whole" / name).read_text().splitlines()
             after = [row for row in rows if float(row.split(",")[0]) > since]
             assert after and (folder / f"from{first}" / name).read_text().splitlines() == [head, *after]
+
+
+# ---- the mesh of a run is the one in memory
+
+
+def halves():
+    """The case of sliding blocks in two halves, its mesh, and the same mesh a little wider; no file is there."""
+    mesh = lacmesh.cut_skin(punch(), "slave").mesh
+    wider = lacmesh.Mesh.create(mesh.points * [1.001, 1.0, 1.0], mesh.blocks, cell_groups=mesh.cell_groups)
+    return (*(parse_case(STILL + f"[steps]\nend = {end}\ncount = {end}\n") for end in (1, 2)), mesh, wider)
+
+
+def test_a_mesh_in_memory_needs_no_file(folder):
+    """A run on it, and a restart from what the run kept; the mesh that the case names is nowhere."""
+    first, whole, mesh, _ = halves()
+    assert run(first, create("first"), mesh=mesh).status == "done"
+    then = run(whole, create("then"), mesh=mesh, start=read_state("first", whole, mesh=mesh))
+    assert then.status == "done" and [step.time for step in then.steps] == [2.0]
+
+
+def test_a_restart_on_another_mesh_in_memory_is_refused(folder):
+    """By `read_state`, and by a run whose mesh is not that of the state, whatever file stands where the case says."""
+    first, whole, mesh, wider = halves()
+    lacmesh.write("blocks.msh", mesh)
+    run(first, create("first"), mesh=mesh)
+    with pytest.raises(DataError, match="first are of another case: mesh changed"):
+        read_state("first", whole, mesh=wider)
+    with pytest.raises(DataError, match="first are of another case: mesh changed"):
+        run(whole, create("then"), mesh=wider, start=read_state("first", whole))
+    assert not (folder / "then").exists()
+
+
+def test_states_of_an_older_version_are_refused(folder, monkeypatch):
+    """Their mesh is known by its file alone."""
+    first, whole, mesh, _ = halves()
+    monkeypatch.setattr("lacsolver.output.states.VERSION", 2)
+    run(first, create("first"), mesh=mesh)
+    monkeypatch.undo()
+    with pytest.raises(ReadError, match="do not tell which mesh they are of; run"):
+        read_state(folder / "first", whole, mesh=mesh)

@@ -60,12 +60,13 @@ def test_a_rigid_motion_in_a_plane_about_the_mean_of_the_nodes(model):
     assert constraints.n_q == space.n_dof - 6 + 2
     assert not constraints.is_selection
     q = np.zeros(constraints.n_q)
-    q[-2:] = 0.4, 0.2
+    far = np.linalg.norm(mesh.points[nodes, :2] - [1.5, 1.0], axis=1).max()  # a turn's unknown is what it moves there
+    q[-2:] = 0.4, 0.2 * far
     u = constraints.displacement(q, 1.0).reshape(-1, 2)
     r = mesh.points[nodes, :2] - [1.5, 1.0]
     np.testing.assert_allclose(u[nodes], [0.4, 0.1] + 0.2 * np.stack([-r[:, 1], r[:, 0]], axis=1), atol=1e-15)
     np.testing.assert_allclose(constraints.rigid_motion(q, 1.0)["y1"], [0.4, 0.1, 0.2], atol=1e-15)
-    np.testing.assert_allclose(constraints.force(0.5), [0] * (constraints.n_q - 2) + [1.5, 2.5])
+    np.testing.assert_allclose(constraints.force(0.5), [0] * (constraints.n_q - 2) + [1.5, 2.5 / far])
     with pytest.raises(ValueError, match="multiply with T"):
         _ = constraints.free
     check_map(space, constraints)
@@ -135,10 +136,11 @@ def test_two_rigid_bodies_number_their_motions_one_after_the_other():
     rigid = [Rigid(group="x0", fx=1.0, moment=2.0), Rigid(group="x1", fy=3.0)]
     _, constraints = held(mesh, "plane_strain", rigid=rigid)
     assert constraints.n_q == 2 * 3 + 3
-    assert constraints.force(1.0)[-3:].tolist() == [1, 2, 3]
+    turn = constraints.rigid[0].unit[-1]
+    assert constraints.force(1.0)[-3:].tolist() == [1, 2 * turn, 3]
     q = np.arange(9.0)
     motions = constraints.rigid_motion(q, 1.0)
-    assert {name: m.tolist() for name, m in motions.items()} == {"x0": [6, 0, 7], "x1": [0, 8, 0]}
+    assert {name: m.tolist() for name, m in motions.items()} == {"x0": [6, 0, 7 * turn], "x1": [0, 8, 0]}
 
 
 def test_a_node_in_two_rigid_bodies():

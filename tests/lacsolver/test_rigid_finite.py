@@ -151,7 +151,7 @@ def test_work_of_the_resultant_is_work_of_the_forces(model):
     theta = motions["y1"][space.dim :] if space.dim == 3 else np.array([0, 0, *motions["y1"][2:]])
     m = got[space.dim :] if space.dim == 3 else np.array([0, 0, *got[2:]])
     expected = rotation.conjugate(theta, m) if space.dim == 3 else m[2:]
-    np.testing.assert_allclose(work[body.columns[space.dim :]], expected, atol=1e-12)
+    np.testing.assert_allclose(work[body.columns[space.dim :]], expected * body.unit[space.dim :], atol=1e-12)
 
 
 def test_a_free_rotation_in_space_stops_short_of_a_full_turn():

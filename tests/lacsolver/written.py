@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lacmesh import CELLS, Mesh, Surface, cut_skin, write
-from lacsolver.case import Case, read_case
+from lacmesh import CELLS, Mesh, Surface, cut_skin, read, write
+from lacsolver.case import Case, fingerprint, read_case
 from lacsolver.output import Writer, create
 from lacsolver.results import Fields, Restart, Results, StepFigures, ZoneFields, ZoneFigures
 from lacsolver.space import Space
@@ -91,7 +91,8 @@ class Run:
     calls: int = 0
 
     def writer(self, force=False, restart=None, folder=None):
-        return Writer(create(folder or self.folder, force=force, restart=restart), self.case, self.space)
+        prints = fingerprint(self.case, read(self.case.mesh))  # a file has its own order
+        return Writer(create(folder or self.folder, force=force, restart=restart), self.case, self.space, prints)
 
     def step(self, writer, number, time):
         """Let a writer write a step."""

@@ -114,8 +114,13 @@ def test_names_stay_text(written, page):
     assert "<img" not in written.with_suffix(".md").read_text(encoding="utf-8").replace(r"\<img", "")
 
 
-def test_markdown_and_json_stand_beside(run, written):
-    assert json.loads(written.with_suffix(".json").read_text()) == json.loads((run.path / "results.json").read_text())
+def test_the_results_stand_beside_a_report_that_is_not_in_their_folder(run, written, tmp_path):
+    report.write(run, tmp_path / "page.html")
+    assert (tmp_path / "page.json").read_bytes() == (run.path / "results.json").read_bytes()
+    assert not written.with_suffix(".json").exists(), "the run's folder has them once"
+
+
+def test_markdown_stands_beside(run, written):
     said = written.with_suffix(".md").read_text(encoding="utf-8")
     assert all(f"### {done.case}" in said for done in run.done)
     for table in re.findall(r"(?:^\|.*\n)+", said, re.MULTILINE):

@@ -51,11 +51,12 @@ def test_one_case_runs_to_its_report(tmp_path, capsys):
     assert main(words) == 0
     told = capsys.readouterr().out.splitlines()
     assert told[0] == "1 cases to run; about 1 s left"
-    assert re.fullmatch(r"\[1/1\] cut/counts: met of \d+ figures, [\d.]+ s; about 0 s left", told[1])
+    assert re.fullmatch(r"\[1/1\] cut/counts: met (\d+) of \1 figures, [\d.]+ s; about 0 s left", told[1])
     assert told[2].startswith("1 cases, ") and told[2].endswith("report.html") and len(told) == 3
     assert "counts" in (folder / "report.html").read_text() and (folder / "report.md").exists()
     assert ET.parse(folder / "junit.xml").getroot().find("testsuite/testcase").get("name") == "counts"
     before = (folder / "results.json").read_text()
+    assert sorted(path.name for path in folder.glob("*.json")) == ["results.json"]
 
     assert main(words) == 2
     assert "holds a run already; --resume goes on with it" in capsys.readouterr().err
@@ -66,6 +67,7 @@ def test_one_case_runs_to_its_report(tmp_path, capsys):
 
     assert main(["report", str(folder), "-o", str(tmp_path / "page.html")]) == 0
     assert capsys.readouterr().out == f"{tmp_path / 'page.html'}\n" and "counts" in (tmp_path / "page.html").read_text()
+    assert (tmp_path / "page.json").read_text() == again, "away from the run the page has the results beside it"
     assert main(["compare", str(folder), str(folder)]) == 0
     assert capsys.readouterr().out.strip()
 
@@ -74,7 +76,7 @@ def test_a_figure_that_falls_short_is_the_exit_status(fakes, tmp_path, capsys):
     fakes("good", "missed", "failed")
     assert main(["run", "-o", str(tmp_path / "run")]) == 1
     told = capsys.readouterr()
-    assert "cut/missed: MISSED 1 of 2 figures, 0.2 s" in told.out and "cut/good: met of 2 figures" in told.out
+    assert "cut/missed: MISSED 1 of 2 figures, 0.2 s" in told.out and "cut/good: met 2 of 2 figures" in told.out
     assert r"cut/failed: FAILED: ValueError: the\x1b[31m mesh is <wrong>" in told.out
     assert "2 of the figures fall short (cut/failed has no outcome; cut/missed: error); see the report" in told.err
     assert (tmp_path / "run" / "report.html").exists()
@@ -168,11 +170,11 @@ def test_a_signal_stops_a_run_that_can_be_resumed(tmp_path, sent, status):
         )
 
     with begin("good,slow,other") as child:
-        for ended in ("cases to run", "cut/good: met", "cut/other: met"):
+        for ended in ("cases to run", "cut/good: met 2", "cut/other: met 2"):
             assert ended in child.stdout.readline()
         wait_for(prepared / "child")
         child.send_signal(sent)
-        _, err = child.communicate(timeout=20)
+        _, err = child.communicate(timeout=300)
     assert child.returncode == status and "Traceback" not in err
     assert f"finished cases are kept in {folder}; --resume goes on" in err
     pids = [line.split()[1] for line in (prepared / "ran").read_text().splitlines()]
@@ -183,7 +185,7 @@ def test_a_signal_stops_a_run_that_can_be_resumed(tmp_path, sent, status):
 
     (prepared / "ran").unlink()
     with begin("good,halting,other", "--resume") as child:  # the third is another by now
-        told, _ = child.communicate(timeout=20)
+        told, _ = child.communicate(timeout=300)
     assert child.returncode == 0 and "1 cases to run, 2 are done already" in told
     assert [line.split()[0] for line in (prepared / "ran").read_text().splitlines()] == ["halting"]
     found = json.loads((folder / "results.json").read_text())["results"]

@@ -17,7 +17,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Write the page, and Markdown and JSON beside it."""
+    """Write the page, and Markdown beside it; the results too where it is not in their folder."""
     from verification import report
     from verification.running.folder import read_run
 

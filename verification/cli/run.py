@@ -64,8 +64,9 @@ def _said(done: Done, progress: Progress) -> None:
 def _verdict(done: Done) -> str:
     if done.failure:
         return f"FAILED: {on_one_line(shorten(done.failure, 200))}"
-    short = sum(not result.passed for result in done.results)
-    return f"{f'MISSED {short}' if short else 'met'} of {len(done.results)} figures"
+    judged = [result.passed for result in done.results if result.bound != "reported" or not result.passed]
+    short = judged.count(False)
+    return f"{f'MISSED {short}' if short else f'met {len(judged)}'} of {len(judged)} figures"
 
 
 def _left(progress: Progress) -> str:

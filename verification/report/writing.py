@@ -8,13 +8,17 @@ from lacmesh.formats.output import replace_file
 from verification.report.html import html
 from verification.report.markdown import markdown
 from verification.report.outline import outline
-from verification.running.folder import Run
+from verification.running.folder import RESULTS, Run
 
 
 def write(run: Run, path: Path) -> None:
-    """Write the report of a run: `path` as HTML, and the same name with .md and .json. Raises WriteError."""
+    """Write the report of a run: `path` as HTML, and the same name with .md. Raises WriteError.
+
+    Away from the run's folder its results stand beside the page, with .json; in that folder they are `results.json`.
+    """
     pages = list(outline(run))
     footer = f"lacmesh {run.version}, suite {run.suite}"
     replace_file(path, html(pages, footer).encode())
     replace_file(path.with_suffix(".md"), markdown(pages, footer).encode())
-    replace_file(path.with_suffix(".json"), (run.path / "results.json").read_bytes())
+    if not (path.parent.exists() and path.parent.samefile(run.path)):
+        replace_file(path.with_suffix(".json"), (run.path / RESULTS).read_bytes())

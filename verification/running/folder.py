@@ -30,6 +30,8 @@ from verification.records import Case, Outcome, Plot, Result
 
 #: of the files of a folder; a folder of another format is not resumed
 FORMAT = 1
+#: in a folder: the figures of all cases
+RESULTS = "results.json"
 
 
 class FolderError(LacmeshError):
@@ -149,7 +151,7 @@ def write_results(path: Path, run: Run) -> None:
         "seconds": run.seconds,
         "results": listed,
     }
-    replace_file(path / "results.json", _json(told))
+    replace_file(path / RESULTS, _json(told))
 
 
 def rows(done: Done) -> Iterator[dict[str, Any]]:
@@ -165,7 +167,7 @@ def rows(done: Done) -> Iterator[dict[str, Any]]:
 def read_run(path: Path) -> Run:
     """Read the folder of a run. Raises FolderError, with what is wrong."""
     try:
-        told = json.loads((path / "results.json").read_text(encoding="utf-8"))
+        told = json.loads((path / RESULTS).read_text(encoding="utf-8"))
         names = dict.fromkeys((row["family"], row["case"]) for row in told["results"])
         found = [read_done(path, *name) for name in names]
         missing = [f"{f}/{c}" for (f, c), done in zip(names, found, strict=True) if done is None]

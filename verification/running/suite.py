@@ -16,7 +16,7 @@ from lacmesh.errors import RequestError, WriteError
 from lacmesh.formats.output import replace_file
 from verification.families import MODULES
 from verification.running.environment import environment
-from verification.running.folder import Done, Run, read_done, sweep, write_results
+from verification.running.folder import RESULTS, Done, Run, read_done, sweep, write_results
 from verification.running.junit import junit
 from verification.running.plan import Planned, in_order, sources
 from verification.running.pool import solve_all
@@ -136,6 +136,6 @@ def _seconds_of(planned: Sequence[Planned]) -> float:
 def _seconds(folder: Path) -> float:
     """What earlier sessions of this run took."""
     try:
-        return float(json.loads((folder / "results.json").read_text(encoding="utf-8"))["seconds"])
+        return float(json.loads((folder / RESULTS).read_text(encoding="utf-8"))["seconds"])
     except (OSError, ValueError, KeyError, TypeError):
         return 0.0

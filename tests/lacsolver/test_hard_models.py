@@ -1,0 +1,91 @@
+"""Models that are hard to solve though they have an answer: bodies that hardly anything but contact holds, tiny loads.
+
+The cases in `hard/` are small: a chain of blocks and blocks on soft springs, which contact stacks on one another, and a
+block that stands on the top of a hump, on one macro-element.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lacmesh.errors import LacmeshWarning
+from lacsolver.case import parse_case
+from lacsolver.problem import Problem
+from lacsolver.state import CONTACT
+from lacsolver.stepping import march
+from tests.lacsolver.contact_cases import HEAD, JOINT, check, held, pressed
+from tests.lacsolver.patch_meshes import placed, rotation, stack
+
+HARD = Path(__file__).parent / "hard"
+
+
+def states_of(name, change=lambda text: text):
+    """(problem, states) of a case in `hard/`, each state checked: balance, conditions of contact to rounding."""
+    path = HARD / f"{name}.toml"
+    problem = Problem.of(parse_case(change(path.read_text(encoding="utf-8")), path))
+    states, moved = list(march(problem)), 0.0
+    for state in states:
+        moved = max(moved, float(np.abs(state.u).max()))
+        check(problem, state, moved)
+    return problem, states
+
+
+@pytest.mark.parametrize("stiffness", ["1e-3", "1e-6", "1e-9"])
+def test_a_chain_of_blocks_on_soft_springs(stiffness):
+    """The step that leaves blocks loose is not taken: all is closed within a few sets, however soft the springs are."""
+    _, (state,) = states_of("chain", lambda text: text.replace("= 1e-3", f"= {stiffness}"))
+    assert state.iterations <= 5 and state.halvings == 0
+    for zone in state.zones:
+        assert (zone.status == CONTACT).all()
+        force = zone.pressure * zone.area * zone.coverage
+        assert force.sum() == pytest.approx(1.7072, rel=1e-9)
+
+
+@pytest.mark.parametrize("tolerance", ["1e-6", "1e-10", "1e-14"])
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_blocks_on_soft_springs(number, tolerance):
+    """Gaps close to rounding, whatever the tolerance: the noise of forces in balance does not move soft bodies."""
+    _, states = states_of(f"soft_springs_{number}", lambda text: f"{text}\n[solver]\ntolerance = {tolerance}\n")
+    assert sum(state.halvings for state in states) == 0
+    assert max(state.iterations for state in states) <= 12
+
+
+@pytest.mark.parametrize("case", ["small_all", "small_v0.0005", "finite_all", "finite_count"])
+def test_a_block_that_rocks_on_one_macro_element(case):
+    """What turns it back is the contact force that turns with its skin: no second macro-element has to hold it."""
+    _, states = states_of(f"rocking_{case}")
+    assert all(state.halvings == 0 and state.iterations <= 20 for state in states)
+    assert all((state.zones[0].status == CONTACT).sum() == 1 for state in states)
+
+
+# ---- tiny loads
+
+UPRIGHT = '[[spring]]\ngroup = "upper"\nkx = 1.0\nky = 1.0\nkz = 1.0\n'
+
+
+def pressures(mesh, load, geometry="reference"):
+    """The pressures under a load that is not uniform, of it."""
+    material = "[[material]]\nyoung = 1000.0\npoisson = 0.3\n"
+    text = HEAD.format(model="3d") + material + JOINT + f'geometry = "{geometry}"\n'
+    text += held("bottom", ux=0.0, uy=0.0, uz=0.0) + UPRIGHT + pressed("top", f"{load} * (1 + x ** 2)")
+    (state,) = march(Problem.of(parse_case(text), mesh))
+    return state.zones[0].pressure / load
+
+
+@pytest.mark.parametrize("load", [1e-9, 1e-15, 1e-20, 1e-60])
+def test_pressures_go_with_the_load(load):
+    mesh = stack("HEXA8", "TETRA4", 3)
+    usual = pressures(mesh, 1.0)
+    assert usual.max() > 1
+    np.testing.assert_allclose(pressures(mesh, load), usual, rtol=1e-9)
+
+
+@pytest.mark.parametrize("geometry, turn", [("current", None), ("reference", rotation(3))])
+def test_displacements_below_the_rounding_of_gaps_are_warned_of(geometry, turn):
+    mesh = placed(stack("HEXA8", "TETRA4", 3), turn)
+    with pytest.warns(LacmeshWarning, match="nothing moves by more than .* pressures may be wrong by [0-9]+%") as told:
+        pressures(mesh, 1e-13, geometry)
+    assert ("reference" in str(told[0].message)) == (geometry == "current")

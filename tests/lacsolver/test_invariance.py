@@ -1,0 +1,83 @@
+"""The answer does not depend on how the model is written down: in which units, where, how turned, in what order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tests.lacsolver.invariant_cases import CASES, brought_back, compared, figures
+from tests.lacsolver.patch_meshes import rotation
+
+#: of figures, relative; of coordinates that are rounded, against the shift over the size of a cell
+EXACT, ROUNDING = 1e-9, 1e-15
+#: cells are at least so large, and models so large
+CELL, SIZE = 0.2, 2.0
+LENGTHS, STRESSES = (1e-6, 1e-3, 1e3, 1e6), (1e-12, 1e-4, 1e5, 1e12)
+FAR = (1e3, 1e5, 1e7)
+#: directions of a shift; an axisymmetric model moves along its axis
+AWAY = {"axisymmetric": np.array([0.0, 1.0, 0.0]), "3d": np.array([1.0, -0.7, 0.4])}
+MODELS = pytest.mark.parametrize("name", CASES)
+
+
+@cache
+def base(name):
+    """The figures of a case as it stands."""
+    case = CASES[name]
+    return figures(case, case.world)
+
+
+def check(name, world, allowed=EXACT, one=None, iterations=True):
+    """A case in a world comes to the same, in as many `iterations`."""
+    same, active, far = compared(base(name) if one is None else one, figures(CASES[name], world))
+    assert active
+    worst = max(far, key=far.get)
+    assert far[worst] <= allowed, (worst, far[worst])
+    assert same or not iterations
+
+
+@MODELS
+@pytest.mark.parametrize("length", LENGTHS)
+def test_in_other_units_of_length(name, length):
+    check(name, replace(CASES[name].world, length=length))
+
+
+@MODELS
+@pytest.mark.parametrize("stress", STRESSES)
+def test_in_other_units_of_force(name, stress):
+    check(name, replace(CASES[name].world, stress=stress))
+
+
+@MODELS
+@pytest.mark.parametrize("far", FAR)
+def test_somewhere_else(name, far):
+    """Compared with the model whose coordinates are rounded as they are there, where it stands."""
+    case = CASES[name]
+    shift = far * SIZE * AWAY.get(case.model, np.array([1.0, -0.7, 0.0]))
+    there = replace(case.world, shift=shift)
+    one = figures(case, case.world, brought_back(case, there))
+    check(name, there, np.abs(shift).max() * ROUNDING / CELL, one)
+
+
+@MODELS
+@pytest.mark.parametrize("angle", [0.7, 2.5])
+def test_turned(name, angle):
+    if CASES[name].model == "axisymmetric":
+        return
+    check(name, replace(CASES[name].world, turn=rotation(CASES[name].dim, angle)), iterations=False)
+
+
+@MODELS
+def test_mirrored(name):
+    """In x; about an axis along it."""
+    axis = 1 if CASES[name].model == "axisymmetric" else 0
+    check(name, replace(CASES[name].world, turn=np.diag(np.where(np.arange(3) == axis, -1.0, 1.0))), iterations=False)
+
+
+@MODELS
+@pytest.mark.parametrize("seed", [1, 2])
+def test_in_another_order(name, seed):
+    """Nodes, cells, blocks, groups and sections."""
+    check(name, replace(CASES[name].world, seed=seed), iterations=False)

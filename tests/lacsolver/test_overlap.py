@@ -1,0 +1,122 @@
+"""Bodies that overlap in the mesh: closed as deep as a master is looked for, refused with place and depth beyond."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lacmesh import Mesh
+from lacsolver.case import CaseError, parse_case
+from lacsolver.problem import Problem
+from lacsolver.state import UNPAIRED
+from lacsolver.stepping import march
+from lacsolver.validation import validate
+from tests.lacsolver.patch_meshes import stack
+
+CASE = """mesh = "cylinder.msh"
+model = "plane_strain"
+kinematics = "{kinematics}"
+[[material]]
+young = 1000.0
+poisson = 0.3
+law = "{law}"
+[[contact]]
+slave = "slave"
+master = "master"
+{more}
+[[displacement]]
+group = "bottom"
+ux = 0.0
+uy = 0.0
+[[displacement]]
+group = "hub"
+ux = 0.0
+uy = 0.0
+"""
+SIZE = 0.08
+
+
+def grid(x, first):
+    """QUAD4 of a lattice of points (i, j, 2)."""
+    k = first + np.arange(x[..., 0].size).reshape(x.shape[:2])
+    return np.stack([k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]], axis=-1).reshape(-1, 4), k
+
+
+def cylinder_on_block(lowered, height=1.0):
+    """The lower half of a tube of radii 0.3 and 1 on a block: cells of 0.08; they touch at (0, 0) if not `lowered`."""
+    r, phi = np.linspace(0.3, 1.0, 10), np.linspace(-np.pi, 0, 40)
+    tube = np.stack([r[:, None] * np.cos(phi), 1 - lowered + r[:, None] * np.sin(phi)], axis=-1)
+    x, y = np.linspace(-1.5, 1.5, round(3 / SIZE)), np.linspace(-height, 0, 1 + round(height / SIZE))
+    block = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    one, a = grid(tube, 0)
+    two, b = grid(block, tube.size // 2)
+    lines = {"slave": a[-1], "hub": a[0], "master": b[::-1, -1], "bottom": b[:, 0]}
+    sides = {name: np.stack([line[:-1], line[1:]], axis=1) for name, line in lines.items()}
+    count, groups = len(one) + len(two), {}
+    for name, side in sides.items():
+        groups[name] = np.arange(count, count + len(side))
+        count += len(side)
+    points = np.concatenate([tube.reshape(-1, 2), block.reshape(-1, 2)])
+    return Mesh.create(points, [("QUAD4", np.concatenate([one, two])), ("SEG2", np.concatenate([*sides.values()]))],
+                       cell_groups=groups)  # fmt: skip
+
+
+def of(more="", kinematics="small"):
+    law = "elastic" if kinematics == "small" else "neo_hookean"
+    return parse_case(CASE.format(more=more, kinematics=kinematics, law=law))
+
+
+def solved(mesh, case):
+    (state,) = march(Problem.of(case, mesh))
+    return state.zones[0]
+
+
+@pytest.mark.parametrize("lowered", [0.1, 0.3, 0.5, 0.9])
+def test_an_overlap_deeper_than_the_search_is_refused_with_place_and_depth(lowered):
+    mesh = cylinder_on_block(lowered)
+    with pytest.raises(CaseError, match=r"lie inside the body of master 'master'.*near.*max_penetration") as refused:
+        solved(mesh, of())
+    depth = float(str(refused.value).split("by up to ")[1].split(",")[0])
+    assert 0.8 * lowered < depth <= lowered
+    (problem,) = validate(of(), mesh).problems
+    assert "lie inside the body of master 'master'" in str(problem)
+
+
+def test_an_overlap_within_the_search_is_closed_and_told():
+    mesh = cylinder_on_block(0.03)
+    found = validate(of(), mesh)
+    assert not found.problems and 0.025 < found.zones[0].overlap <= 0.03
+    assert validate(of(), cylinder_on_block(-0.01)).zones[0].overlap == 0
+    zone = solved(mesh, of())
+    assert (zone.pressure > 0).any()
+
+
+def test_skins_that_are_followed_look_deeper_and_close_it():
+    zone = solved(cylinder_on_block(0.1), of(kinematics="finite"))
+    assert np.nanmin(zone.gap) > -1e-9 and (zone.pressure > 0).sum() > 5
+
+
+@pytest.mark.parametrize(
+    ("slave", "master"), [("HEXA8", "TETRA4"), ("TETRA10", "HEXA20"), ("PENTA6 quadrangle", "HEXA8")]
+)
+def test_blocks_that_lie_in_one_another_are_refused_and_parted_on_demand(slave, master):
+    mesh = stack(slave, master, 3, gap=-0.7, even=True)
+    held = CASE.replace("hub", "top").replace("plane_strain", "3d").replace("uy = 0.0", "uy = 0.0\nuz = 0.0")
+    with pytest.raises(CaseError, match=r"deeper than a master is looked for: by up to 0\.7, near"):
+        solved(mesh, parse_case(held.format(kinematics="small", law="elastic", more="")))
+    zone = solved(mesh, parse_case(held.format(kinematics="small", law="elastic", more="max_penetration = 0.8")))
+    assert (zone.status != UNPAIRED).all() and (zone.pressure > 0).all()
+
+
+@pytest.mark.parametrize("lowered", [0.1, 0.3])
+def test_max_penetration_finds_a_deeper_overlap_and_closes_it(lowered):
+    mesh = cylinder_on_block(lowered)
+    case = of("max_penetration = 0.6")
+    zone = solved(mesh, case)
+    y = zone.centre[:, 1]
+    inside = (y < -1e-6) & (np.abs(zone.centre[:, 0]) < 1)
+    assert inside.sum() > 5 and (zone.status[inside] != UNPAIRED).all()
+    assert np.nanmin(zone.gap) > -1e-9  # all of it is closed
+    pressed = zone.centre[zone.pressure > 0, 0]
+    assert np.abs(pressed).max() > 0.5 * np.sqrt(2 * lowered)
+    assert abs(validate(case, mesh).zones[0].overlap - lowered) < 0.1 * lowered
