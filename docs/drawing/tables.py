@@ -116,7 +116,7 @@ def suffixes_table() -> Iterator[str]:
     """Every format, and the suffixes that mean it."""
     yield from _head("format", "suffixes", "options of `lacmesh.write`")
     for form in FORMATS:
-        options = ", ".join(f"`{name}`" for name in (("msh",) if form.name == "msh" else ()) + form.options)
+        options = ", ".join(f"`{name}`" for name in form.options)
         yield f"| {form.title} | {' '.join(form.suffixes)} | {options} |"
 
 

@@ -18,9 +18,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lacmesh.cli import main as lacmesh
+from lacsolver.cli import main as lacsolver
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
+PROGRAMS = {"lacmesh": lacmesh, "lacsolver": lacsolver}
 PAGES = ("gmsh_script.md", "own_solver.md", "p0_mortar.md", "step_to_med.md")
 
 
@@ -48,25 +50,29 @@ def commands(page: Path) -> list[Command]:
 
 
 def run_page(page: Path, folder: Path) -> Iterator[tuple[Command, str]]:
-    """Run the commands of a page in a folder that has what of the checkout they name; each with what it printed."""
+    """Run the commands of a page in a folder that has what of the checkout they name; each with what it printed.
+
+    A block of TOML is there as well, in the file that its first line names.
+    """
     scripts = [f"docs/tutorials/{name}.py" for name in ("gmsh_script", "own_solver", "p0_mortar")]
     for name in ("data/disc_on_block.msh", "data/pin_in_lug.step", *scripts):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, folder / name)
+    for case in blocks(page, "toml"):
+        (folder / case.split()[1]).write_text(case, encoding="utf-8")
     for command in commands(page):
         with contextlib.chdir(folder):
             yield command, run(command.words)
 
 
 def run(words: list[str]) -> str:
-    """Run `lacmesh ...` or `python ...`; what it printed. Raises SystemExit where it fails."""
+    """Run `lacmesh ...`, `lacsolver ...` or `python ...`; what it printed. Raises SystemExit where it fails."""
     program, *rest = words
     if program == "python":
         return subprocess.run([sys.executable, *rest], stdout=subprocess.PIPE, text=True, check=True).stdout
-    assert program == "lacmesh", words
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
-        status = lacmesh(rest)
+        status = PROGRAMS[program](rest)
     if status:
         raise SystemExit(f"{shlex.join(words)} ended with status {status}")
     return printed.getvalue()
