@@ -16,10 +16,10 @@ from contextlib import suppress
 from typing import Any
 
 import numba
-from llvmlite.binding import parse_assembly
+from llvmlite.binding import add_symbol, parse_assembly
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
-from numba.core.runtime import rtsys  # type: ignore[attr-defined]
+from numba.core.runtime import _nrt_python  # type: ignore[attr-defined]
 from numba.core.serialize import dumps
 
 from lacmesh.kept import folders, read, save
@@ -61,7 +61,7 @@ class _Kept(_Cache):
         """The compiled form for a signature; None where there is none, or none that can be read."""
         data = read(self._name(sig, target_context.codegen()))
         if data is not None:
-            rtsys.initialize(target_context)  # what hands out memory: all of numba's compiler that loading needs
+            _name_allocator()
             with suppress(Exception):  # what a broken disk left may be anything: it is compiled again
                 return _RESULT._rebuild(target_context, *_Reader(io.BytesIO(data)).load())
         _say_that_it_takes_time()
@@ -89,6 +89,13 @@ def _lean(library: Any, described: Any, environment: Any, *rest: Any) -> tuple[A
     names = [described.llvm_cpython_wrapper_name, *{one.env_name for one in (environment, *rest[-1])}]
     table = parse_assembly("\n".join(f'@"{name}" = global i8 0' for name in names))
     return (title, kind, (code, table.as_bitcode())), described, environment, *rest
+
+
+@functools.cache
+def _name_allocator() -> None:
+    """Tell the linker what hands out memory, all that loading needs of what numba makes ready to compile."""
+    for name, address in _nrt_python.c_helpers.items():
+        add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
 
 
 class _Reader(pickle.Unpickler):
