@@ -29,8 +29,8 @@ class Terminated(BaseException):
     """SIGTERM arrived: unwind, so that nothing half-written stays."""
 
 
-#: objects made and not yet freed, beyond which the collector of cycles looks at them
-_SELDOM = 50_000
+#: objects made and not yet freed, beyond which the collector of cycles looks at them; what a command imports is half
+_SELDOM = 200_000
 
 
 @dataclass(frozen=True)
