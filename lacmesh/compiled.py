@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import io
 import logging
 import pickle
 from collections.abc import Callable
@@ -15,9 +16,10 @@ from contextlib import suppress
 from typing import Any
 
 import numba
+from llvmlite.binding import add_symbol, parse_assembly
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
-from numba.core.runtime import rtsys  # type: ignore[attr-defined]
+from numba.core.runtime import _nrt_python  # type: ignore[attr-defined]
 from numba.core.serialize import dumps
 
 from lacmesh.kept import folders, read, save
@@ -59,16 +61,16 @@ class _Kept(_Cache):
         """The compiled form for a signature; None where there is none, or none that can be read."""
         data = read(self._name(sig, target_context.codegen()))
         if data is not None:
-            rtsys.initialize(target_context)  # what hands out memory: all of numba's compiler that loading needs
+            _name_allocator()
             with suppress(Exception):  # what a broken disk left may be anything: it is compiled again
-                return _RESULT._rebuild(target_context, *pickle.loads(data))
+                return _RESULT._rebuild(target_context, *_Reader(io.BytesIO(data)).load())
         _say_that_it_takes_time()
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the compiled form for a signature."""
         if not data.library.has_dynamic_globals:
-            save(self._key, self._name(sig, data.codegen), dumps(data._reduce()))  # type: ignore[no-untyped-call]
+            save(self._key, self._name(sig, data.codegen), dumps(_lean(*data._reduce())))  # type: ignore[no-untyped-call]
 
     def _name(self, sig: Any, codegen: Any) -> str:
         every = repr((sig, codegen.magic_tuple(), numba.__version__))
@@ -79,6 +81,29 @@ class _Kept(_Cache):
     def disable(self) -> None: ...
 
     def flush(self) -> None: ...
+
+
+def _lean(library: Any, described: Any, environment: Any, *rest: Any) -> tuple[Any, ...]:
+    """A compiled form without the code that others could inline, two thirds of its loading: only names are left of it."""
+    title, kind, (code, _) = library
+    names = [described.llvm_cpython_wrapper_name, *{one.env_name for one in (environment, *rest[-1])}]
+    table = parse_assembly("\n".join(f'@"{name}" = global i8 0' for name in names))
+    return (title, kind, (code, table.as_bitcode())), described, environment, *rest
+
+
+@functools.cache
+def _name_allocator() -> None:
+    """Tell the linker what hands out memory, all that loading needs of what numba makes ready to compile."""
+    for name, address in _nrt_python.c_helpers.items():
+        add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
+
+
+class _Reader(pickle.Unpickler):
+    """Reads a compiled form. The modules of numba whose functions were compiled into it are not imported for it."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        found = super().find_class(module, name)
+        return (lambda _, *rest: found(__name__, *rest)) if name == "_rebuild_env" else found
 
 
 @functools.cache

@@ -83,6 +83,7 @@ class Skins:
     def __init__(self, K: Stiffness, rows: Rows, active: Ints) -> None:
         self.n = len(active)
         self.B, self.inner = rows.B[active][:, rows.touched], K.K[rows.touched][:, rows.touched]
+        self.B_T = self.B.T
         if self.n:
             gram = rows.gram[active][:, active]
             self.gram = splu(csc_array(gram + 1e-13 * gram.diagonal().max() * eye_array(self.n)))
@@ -93,7 +94,7 @@ class Skins:
         """(a,): about the pressures that open gaps (a,) by."""
         if not self.n:
             return gap
-        return np.asarray(self.gram.solve(self.B @ (self.inner @ (self.B.T @ self.gram.solve(gap)))))
+        return np.asarray(self.gram.solve(self.B @ (self.inner @ (self.B_T @ self.gram.solve(gap)))))
 
     def carrying(self, load: Floats) -> NDArray[np.floating]:
         """(a,): pressures that carry a load (r,) along the free motions."""

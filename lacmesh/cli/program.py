@@ -29,8 +29,8 @@ class Terminated(BaseException):
     """SIGTERM arrived: unwind, so that nothing half-written stays."""
 
 
-#: objects made and not yet freed, beyond which the collector of cycles looks at them
-_SELDOM = 50_000
+#: objects made and not yet freed, beyond which the collector of cycles looks at them; what a command imports is half
+SELDOM = 200_000
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Program:
     def main(self, argv: Sequence[str] | None = None) -> int:
         """Run the program; the exit status. Nothing that happens leaves it without a word and a status."""
         collects, often = gc.isenabled(), gc.get_threshold()
-        gc.set_threshold(_SELDOM)  # what is imported is never garbage: to look for it takes a tenth of a start
+        gc.set_threshold(SELDOM)  # what is imported is never garbage: to look for it takes a tenth of a start
         if not self.collects:
             gc.disable()
         try:

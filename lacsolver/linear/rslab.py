@@ -9,6 +9,8 @@ from lacmesh.mesh import Floats
 from lacsolver.linear.errors import Breakdown
 from lacsolver.linear.triangle import Triangle
 
+#: rows up to which one thread is as fast as several, which wait for one another
+_ALONE = 5_000
 
 class _Numeric:
     def __init__(self, factor: object) -> None:
@@ -26,7 +28,7 @@ class _Symbolic:
         pattern = csc_array(
             (np.ones(len(triangle.indices)), triangle.indices, triangle.indptr), shape=(triangle.n,) * 2
         )
-        self._analysis = rslab.analyze(pattern, path="ldlt", threads=threads)
+        self._analysis = rslab.analyze(pattern, path="ldlt", threads=threads if triangle.n > _ALONE else 1)
 
     def factor(self, values: Floats) -> _Numeric:
         try:
