@@ -28,6 +28,8 @@ _PUBLIC = {
     "Surface": "lacmesh.surface",
     "contact_points": "lacmesh.surface",
     "coverage": "lacmesh.surface",
+    "FittedShape": "lacmesh.smooth",
+    "fit_surface": "lacmesh.smooth",
     "from_meshio": "lacmesh.exchange",
     "to_meshio": "lacmesh.exchange",
     "to_pyvista": "lacmesh.exchange",
@@ -41,6 +43,7 @@ __all__ = [
     "Cut",
     "Finding",
     "Findings",
+    "FittedShape",
     "LacmeshError",
     "LacmeshWarning",
     "Mesh",
@@ -52,6 +55,7 @@ __all__ = [
     "contact_points",
     "coverage",
     "cut_skin",
+    "fit_surface",
     "from_meshio",
     "measure_quality",
     "orient",
@@ -78,6 +82,7 @@ if TYPE_CHECKING:
     from lacmesh.quality import Quality, measure_quality
     from lacmesh.recognition import recognise
     from lacmesh.records import Cut
+    from lacmesh.smooth import FittedShape, fit_surface
     from lacmesh.surface import Surface, contact_points
     from lacmesh.surface.coverage import coverage
 

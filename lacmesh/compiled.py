@@ -19,7 +19,6 @@ import numba
 from llvmlite.binding import add_symbol, parse_assembly
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
-from numba.core.runtime import _nrt_python  # type: ignore[attr-defined]
 from numba.core.serialize import dumps
 
 from lacmesh.kept import folders, read, save
@@ -61,15 +60,17 @@ class _Kept(_Cache):
         """The compiled form for a signature; None where there is none, or none that can be read."""
         data = read(self._name(sig, target_context.codegen()))
         if data is not None:
-            _name_allocator()
             with suppress(Exception):  # what a broken disk left may be anything: it is compiled again
+                _name_allocator()
                 return _RESULT._rebuild(target_context, *_Reader(io.BytesIO(data)).load())
         _say_that_it_takes_time()
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the compiled form for a signature."""
-        if not data.library.has_dynamic_globals:
+        if data.library.has_dynamic_globals:
+            return
+        with suppress(Exception):  # another numba may have other parts: then nothing is kept
             save(self._key, self._name(sig, data.codegen), dumps(_lean(*data._reduce())))  # type: ignore[no-untyped-call]
 
     def _name(self, sig: Any, codegen: Any) -> str:
@@ -84,7 +85,7 @@ class _Kept(_Cache):
 
 
 def _lean(library: Any, described: Any, environment: Any, *rest: Any) -> tuple[Any, ...]:
-    """A compiled form without the code that others could inline, two thirds of its loading: only names are left of it."""
+    """A compiled form without the code that others could inline, which is two thirds of loading: its names are left."""
     title, kind, (code, _) = library
     names = [described.llvm_cpython_wrapper_name, *{one.env_name for one in (environment, *rest[-1])}]
     table = parse_assembly("\n".join(f'@"{name}" = global i8 0' for name in names))
@@ -94,6 +95,8 @@ def _lean(library: Any, described: Any, environment: Any, *rest: Any) -> tuple[A
 @functools.cache
 def _name_allocator() -> None:
     """Tell the linker what hands out memory, all that loading needs of what numba makes ready to compile."""
+    from numba.core.runtime import _nrt_python  # type: ignore[attr-defined]
+
     for name, address in _nrt_python.c_helpers.items():
         add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
 

@@ -3,6 +3,7 @@
     numbers, validity, facets  = the cells by themselves, and how they fit together   (solids, facets)
     groups, parents, shape     = the skins: their faces, the cells behind, their turn  (skins)
     dofs                       = the hypothesis of the method, macro-element by macro-element (dofs)
+    shapes                     = what curved skins of linear faces are, and whether they are fine enough (shapes)
     bodies, skins in space     = what is torn, hangs, coincides or crosses             (bodies, boxes, crossing)
     facing                     = slave against master: gap, coverage, sides, sizes     (facing)
 
@@ -39,6 +40,8 @@ def check(
     search_distance: float | None = None,
     max_penetration: float | None = None,
     axisymmetric: bool = False,
+    surface: str = "smooth",
+    crease_angle: float = 40.0,
     recognise: bool | None = None,
 ) -> Findings:
     """Everything that the mesh, its slave and its master skin say about the method, as findings.
@@ -46,7 +49,9 @@ def check(
     `slave`: one group or several (a zone each), named as in `cut_skin`; a `Cut` knows its own. `master`: the groups
     that it faces; what compares both is left out without. `dirichlet`: cell or node groups whose displacement is held.
     `search_distance`, `max_penetration`, `axisymmetric`: as in `surface.contact_points`, with macro-elements for faces
-    where the distance is not given. Lengths are the mesh's. `recognise`: as in `cut_skin`, for a skin that looks cut
+    where the distance is not given. `surface`: what the gap is measured between, where cells are linear: `faces`, or
+    the `smooth` skins that their nodes lie on, which stay sharp at edges that turn by more than `crease_angle` degrees.
+    Lengths are the mesh's. `recognise`: as in `cut_skin`, for a skin that looks cut
     and has no records.
 
     Raises GroupNotFoundError and RequestError for what was asked; whatever is wrong with the mesh is a finding.
@@ -67,6 +72,8 @@ def check(
         "search_distance": search_distance,
         "max_penetration": max_penetration,
         "axisymmetric": axisymmetric,
+        "surface": surface,
+        "crease_angle": crease_angle,
     }
     origin = origin_of_mesh(mesh) * [not axisymmetric, 1.0, 1.0]
     local = from_origin(mesh, origin)
@@ -96,10 +103,11 @@ def _parts(mesh: Mesh) -> list[Part]:
         return [check_numbers]
     from lacmesh.checks.bodies import check_bodies, check_skins_in_space
     from lacmesh.checks.facing import check_facing
+    from lacmesh.checks.shapes import check_shapes
 
     cells: list[Part] = [check_numbers, check_validity, check_facets]
     skins: list[Part] = [check_groups, check_parents, check_shape, check_sharing, check_dofs]
-    return [*cells, *skins, check_bodies, check_skins_in_space, check_facing]
+    return [*cells, *skins, check_shapes, check_bodies, check_skins_in_space, check_facing]
 
 
 def _done(part: Part, subject: Subject) -> tuple[list[Finding], dict[str, Any]]:

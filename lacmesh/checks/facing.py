@@ -15,6 +15,7 @@ from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
 from lacmesh.quadrature import measure
 from lacmesh.skin import FACE_TYPES, REVERSED, Faces
+from lacmesh.smooth import surface_of
 from lacmesh.surface import ContactPoints, Coverage, Surface, contact_points, coverage, default_distance
 
 #: coverage from which a macro-element is covered, up to which it is not. Faces are matched in their mean planes, and
@@ -39,9 +40,10 @@ class _Facing:
     def of(cls, subject: Subject) -> _Facing:
         """Raises DataError where the surfaces cannot be measured."""
         assert subject.master is not None
-        a, b = (Surface.of(subject.mesh, side.cells) for side in subject.sides)
-        macro = subject.macros.of_face
         options = dict(subject.options)
+        smooth = {name: options.pop(name) for name in ("surface", "crease_angle")}
+        a, b = (surface_of(subject.mesh, side.cells, **smooth) for side in subject.sides)
+        macro = subject.macros.of_face
         if options.get("search_distance") is None:
             options["search_distance"] = default_distance(a, b, macro)
         points = contact_points(a, b, macro=macro, **options)

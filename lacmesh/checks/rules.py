@@ -134,6 +134,12 @@ RULES: Mapping[str, Rule] = MappingProxyType(
             "a skin has linear and quadratic faces",
             "raise the order of the linear part (lacmesh convert --order), or make two zones",
         ),
+        "faceted": Rule(
+            "warning",
+            "a curved skin of linear faces is too coarse to be taken for smooth: faces of no exact shape turn by more "
+            "than 22.5 degrees to the next (fewer than 16 to a turn), or have too few neighbours for a fit",
+            "mesh finer there, or with quadratic cells",
+        ),
         "hanging-node": Rule(
             "error",
             "a node of a skin lies inside an edge of another face of it: the skin does not conform",

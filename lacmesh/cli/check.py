@@ -116,6 +116,10 @@ def _figures(s: Any) -> list[tuple[str, str]]:
         macros, inside, free = s["macro_elements"], s["with_internal_dof"], s["with_free_internal_dof"]
         text = f"{inside:,} of {macros:,}" + (f", {free:,} of them free" if free != inside else "")
         rows.append(("macro-elements with an internal dof", text))
+    if s.get("shapes"):
+        from lacmesh.smooth.fitted import in_words
+
+        rows += [(f"shape of {group}", in_words(shapes)) for group, shapes in s["shapes"].items()]
     if "bodies" in s:
         rows.append(("bodies", f"{s['bodies']:,}"))
     if "worst_quality" in s:

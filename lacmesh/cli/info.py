@@ -15,7 +15,8 @@ LISTED = 60
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    parser = add_command(commands, "info", run, "say what is in a file")
+    shapes = "also say what shapes curved skins of linear faces have; "
+    parser = add_command(commands, "info", run, "say what is in a file", verbose=shapes)
     parser.add_argument("input", metavar="IN")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     add_mesh_option(parser)
@@ -28,6 +29,10 @@ def run(args: argparse.Namespace) -> None:
 
     mesh = read(args.input, mesh=args.mesh)
     found = describe(mesh)
+    if args.verbose:
+        from lacmesh.smooth.fitted import shapes_of_groups
+
+        found["shapes"] = {name: [one.as_dict() for one in shapes] for name, shapes in shapes_of_groups(mesh).items()}
     if args.json:
         print(as_json(found))
         return
@@ -62,6 +67,11 @@ def _print_info(path: str, kind: str, found: dict[str, Any], tags: Mapping[str, 
         for name, count in found["node_groups"].items():
             rows.add_row(name, f"{count:,}")
         out.print(rows)
+    if found.get("shapes"):
+        from lacmesh.smooth.fitted import in_words
+
+        for name, shapes in found["shapes"].items():
+            print(f"{name}: {in_words(shapes)}")
     if found["lac"]:
         print(f"cut: {found['lac']['macro_elements']:,} macro-elements in {', '.join(found['lac']['zones'])}")
 

@@ -24,8 +24,10 @@ Exit status: 0 done, 1 the data are wrong, 2 the command is wrong, 3 a file cann
 130 interrupted, 143 terminated."""
 
 
-def add_command(commands: Any, name: str, run: Callable[..., None], text: str) -> argparse.ArgumentParser:
-    """Declare a command, with what all of them take; `text` is its line in the help."""
+def add_command(
+    commands: Any, name: str, run: Callable[..., None], text: str, verbose: str = ""
+) -> argparse.ArgumentParser:
+    """Declare a command, with what all of them take; `text` is its line in the help, `verbose` what -v says more."""
     parser: argparse.ArgumentParser = commands.add_parser(
         name,
         help=text,
@@ -35,7 +37,9 @@ def add_command(commands: Any, name: str, run: Callable[..., None], text: str) -
     )
     parser.set_defaults(run=run)
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but warnings and errors")
-    parser.add_argument("-v", "--verbose", action="store_true", help="show where an internal error comes from")
+    parser.add_argument(
+        "-v", "--verbose", action="store_true", help=f"{verbose}show where an internal error comes from"
+    )
     return parser
 
 
@@ -113,11 +117,33 @@ def add_facing_options(parser: argparse.ArgumentParser) -> None:
         metavar="LENGTH",
         help="how far it looks behind itself, where bodies overlap (default: half of the cells that meet there)",
     )
+    parser.add_argument(
+        "--surface",
+        choices=("smooth", "faces"),
+        default="smooth",
+        help="what gaps are measured between, where cells are linear: the curved skins that the nodes lie on, or the "
+        "faces as they are (default: smooth)",
+    )
+    parser.add_argument(
+        "--crease-angle",
+        type=_angle,
+        default=40.0,
+        metavar="DEGREES",
+        help="edges that turn by more stay sharp (default: 40)",
+    )
 
 
 def facing_options(args: argparse.Namespace) -> dict[str, Any]:
     """Those options, as `lacmesh.check` takes them."""
-    return {name: getattr(args, name) for name in ("dirichlet", "axisymmetric", "search_distance", "max_penetration")}
+    names = ("dirichlet", "axisymmetric", "search_distance", "max_penetration", "surface", "crease_angle")
+    return {name: getattr(args, name) for name in names}
+
+
+def _angle(text: str) -> float:
+    value = float(text)
+    if not 0 <= value <= 180:
+        raise argparse.ArgumentTypeError(f"{text} is no angle from 0 to 180 degrees")
+    return value
 
 
 def _length(text: str) -> float:

@@ -34,8 +34,10 @@ class ContactPoints:
 
     `macro`: macro-element; `slave`, `master`: rows of the two surfaces; `xi_slave`, `xi_master` (n, 2; the second
     column is 0 on lines): reference coordinates in those faces; `weight`: true measure of the slave surface (2 pi r is
-    in it where `axisymmetric`); `normal` (n, 3): unit, outward from the slave; `gap` = (x_bar - x).normal, > 0 where
-    open, with x the slave's point and x_bar the master's, on the line through x along `normal`.
+    in it where `axisymmetric`); `normal` (n, 3): unit, outward from the slave; `ray` = (x_bar - x).normal, with x the
+    point of the slave's face and x_bar that of the master's, on the line through x along `normal`; `gap`, > 0 where
+    open: `ray` less the heights of both surfaces there (`Surface.height`), so that it is from one smooth surface to the
+    other where faces stand for such.
     `groups` (g, 5): slave type code, master type code (skin.FACE_TYPES), rule code, first row, row after the last.
     """
 
@@ -46,6 +48,7 @@ class ContactPoints:
     xi_master: Floats
     weight: Floats
     normal: Floats
+    ray: Floats
     gap: Floats
     groups: Ints
     axisymmetric: bool = False
@@ -94,6 +97,7 @@ def contact_points(
     s = s.take(np.flatnonzero(macro[s.face] >= 0))
     if search_distance is None:
         search_distance = default_distance(slave, master, macro)
+    degree = max(degree, *(0 if side.height is None else side.height.degree for side in (slave, master)))
     reach = reaches(slave, master, s, m, search_distance, max_penetration)
     pairs = candidates(s, m, reach)
     if search == "front":
@@ -102,7 +106,15 @@ def contact_points(
         points = _on_lines(slave, master, s, m, pairs, reach, H, float(origin[0]) if axisymmetric else None, degree)
     else:
         points = _on_faces(slave, master, s, m, pairs, reach, H, degree)
-    return replace(points, macro=macro[points.slave])
+    return replace(points, macro=macro[points.slave], gap=smooth_gap(points, slave, master))
+
+
+def smooth_gap(points: ContactPoints, slave: Surface, master: Surface) -> Floats:
+    """(n,): the gap between the smooth surfaces that faces stand for; that of the faces where they have no height."""
+    if slave.height is None and master.height is None:
+        return points.ray
+    heights = slave.heights(points.slave, points.xi_slave) + master.heights(points.master, points.xi_master)
+    return np.asarray(points.ray - heights)
 
 
 def _corners(surface: Surface) -> NDArray[np.floating]:
@@ -223,8 +235,9 @@ def _on_faces(
     groups[:, 3:] = made.first[groups[:, 3:]]
     rows = fs[made.piece]
     points = ContactPoints(
-        rows, rows, fm[made.piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap, groups
-    )
+        rows, rows, fm[made.piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap, made.gap,
+        groups,
+    )  # fmt: skip
     return points if made.met.all() else _only(points, made.met)
 
 
@@ -263,8 +276,8 @@ def _on_lines(
     groups[:, 3:] = made.first[groups[:, 3:]]
     rows = fs[order][made.piece]
     points = ContactPoints(
-        rows, rows, fm[order][made.piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap, groups,
-        radius is not None,
+        rows, rows, fm[order][made.piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap, made.gap,
+        groups, radius is not None,
     )  # fmt: skip
     return points if made.met.all() else _only(points, made.met)
 
@@ -284,6 +297,6 @@ def _only(points: ContactPoints, keep: NDArray[np.bool_]) -> ContactPoints:
     groups[:, 3:] = np.concatenate([[0], np.cumsum(keep)])[groups[:, 3:]]
     rows = {
         name: getattr(points, name)[keep]
-        for name in ("slave", "master", "xi_slave", "xi_master", "weight", "normal", "gap")
+        for name in ("slave", "master", "xi_slave", "xi_master", "weight", "normal", "ray", "gap")
     }
     return replace(points, groups=groups[groups[:, 4] > groups[:, 3]], **rows)

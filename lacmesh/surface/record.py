@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
@@ -24,6 +25,7 @@ from lacmesh.skin import (
     label_rows,
     turn,
 )
+from lacmesh.surface.height import Height
 
 #: z of a plane mesh may differ by this much of its extent
 _PLANE = 1e-9
@@ -36,6 +38,7 @@ class Surface:
     `x` (n_nodes of the mesh, 3): coordinates. `faces`: types and nodes. `cell` (f,): the mesh's cell each row is.
     `dim`: 2 for faces of solids, 1 for segments (whose normal lies in their plane, z constant). `depth` (f,): how far
     the cell behind reaches below the face at its deepest corner; NaN where there is not just one cell behind.
+    `height`: how far the smooth surface that the faces stand for is off them; None where it is the faces themselves.
     """
 
     x: Floats
@@ -43,6 +46,7 @@ class Surface:
     cell: Ints
     dim: int
     depth: Floats
+    height: Height | None = None
 
     @classmethod
     def of(cls, mesh: Mesh, cells: Ints) -> Surface:
@@ -80,7 +84,12 @@ class Surface:
 
     def take(self, rows: Ints) -> Surface:
         """Some of the faces."""
-        return replace(self, faces=self.faces.take(rows), cell=self.cell[rows], depth=self.depth[rows])
+        height = None if self.height is None else self.height.take(rows)
+        return replace(self, faces=self.faces.take(rows), cell=self.cell[rows], depth=self.depth[rows], height=height)
+
+    def heights(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
+        """(n,): how far the smooth surface is off reference points xi (n, 2) of faces (n,), outward."""
+        return np.zeros(len(face)) if self.height is None else self.height.at(face, xi)
 
     def by_type(self) -> Iterator[tuple[str, Ints, Ints]]:
         """The faces type by type: (type, rows, nodes (k, n_nodes of the type))."""

@@ -232,3 +232,13 @@ def two_zones_side_by_side():
     groups = {**mesh.cell_groups, "left": [c for c in x if x[c] < 0.5], "right": [c for c in x if x[c] > 0.5]}
     mesh = Mesh.create(mesh.points, mesh.blocks, cell_groups=groups)
     return cut_skin(mesh, ["left", "right"]).mesh
+
+
+@defect("faceted")
+def a_curved_skin_of_three_faces_to_a_quarter_turn():
+    """Bent to no shape that is known."""
+    mesh = two_blocks(n=3, matching=True, gap=0.05)
+    x, y, z = mesh.points.T
+    angle, radius = np.pi / 2 * (x - 0.5), (0.5 + z) * (1 + 0.1 * y**2 + 0.1 * x**3)
+    points = np.stack([radius * np.sin(angle), y, radius * np.cos(angle)], axis=1)
+    return cut_skin(replace(mesh, points=points), "slave").mesh

@@ -1,0 +1,64 @@
+"""What curved skins of linear faces are: exact shapes or free form, and whether they are fine enough for that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lacmesh.checks.findings import Finding
+from lacmesh.checks.subject import Side, Subject
+from lacmesh.errors import DataError
+from lacmesh.mesh import Mesh
+from lacmesh.records import CELL_RECORDS
+from lacmesh.smooth.coarse import Faceted, faceted
+from lacmesh.smooth.fitted import fitted_shapes
+from lacmesh.smooth.heights import smooth_of
+from lacmesh.surface.record import Surface
+
+
+def check_shapes(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
+    """The shapes of each group that is curved, and whether it is fine enough to be taken for smooth."""
+    mesh = _with_macros(subject)
+    found: list[Finding] = []
+    shapes: dict[str, Any] = {}
+    for side in subject.sides:
+        for zone, name in enumerate(side.names):
+            cells = side.cells[side.zone == zone]
+            if not len(cells):
+                continue
+            try:
+                surface = Surface.of(mesh, cells)
+            except DataError:  # faces without a normal: `facing-left-out` says it
+                continue
+            smooth = smooth_of(mesh, surface, subject.options["crease_angle"])
+            made = fitted_shapes(smooth, surface)
+            if not all(one.flat for one in made):
+                at = [one if one.centre is None else replace(one, centre=one.centre + subject.origin) for one in made]
+                shapes[name] = [one.as_dict() for one in at]
+            coarse = faceted(smooth, surface)
+            if len(coarse.cells) and subject.options["surface"] == "smooth":
+                found.append(subject.found("faceted", _coarse(side, coarse), coarse.cells, group=name))
+    return found, {"shapes": shapes}
+
+
+def _coarse(side: Side, coarse: Faceted) -> str:
+    message = side.counted(len(coarse.cells), "is", "are") + " too coarse for a curved skin: they "
+    what = [f"turn by up to {coarse.turn:.0f} degrees to the next"]
+    if coarse.no_height:
+        what.append(f"{coarse.no_height:,} of them have too few neighbours for a fit")
+    return f"{message}{', and '.join(what)}; mesh finer there (16 faces to a turn or more), or with quadratic cells"
+
+
+def _with_macros(subject: Subject) -> Mesh:
+    """The mesh with the macro-elements of the slave skin: those of its records, or as they were found again."""
+    mesh, macros = subject.mesh, subject.macros
+    if not macros.faults and not macros.recognised:
+        return mesh
+    data = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
+    if macros.recognised:
+        macro = np.full(mesh.n_cells, -1, np.int64)
+        macro[subject.slave.cells[macros.cut]] = macros.of_face[macros.cut]
+        data["lac_macro"] = macro
+    return replace(mesh, cell_data=data)

@@ -1,0 +1,295 @@
+"""Exact shapes among patches: first of a whole patch, then grown from seeds inside it.
+
+Nodes of a mesh from CAD lie on their plane, cylinder, sphere, cone or torus to rounding. A patch all of whose nodes lie
+on one of them to 1e-8 of its size is that shape; the simplest is taken that fits. Where a patch is several shapes that
+go smoothly into each other, the two rings of a node are fitted, and the shape is grown over all faces that lie on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from lacmesh.components import label_components
+from lacmesh.mesh import Floats, Ints
+from lacmesh.smooth.fitting import EXACT, ROUNDED, least_nodes, nearest, simplest, tolerance_of
+from lacmesh.smooth.patches import Bools, Patches
+from lacmesh.smooth.quadratic import LEAST, Fits, Rings, local_fits, rings_of
+from lacmesh.smooth.shape import Shape
+
+_EPS = float(np.finfo(float).eps)
+#: a seed's nodes may be so many times as far off as those of all that is grown from it
+_SLACK = 10.0
+#: nodes of the least shape that is grown, in the plane and in space
+_LEAST = {1: 5, 2: 6}
+#: so many nodes that are left between shapes lie on a plane or a line anyway, or on a regular mesh
+_ALWAYS_FLAT = {1: 2, 2: 4}
+#: rounds of growing at most
+_GROWING = 8
+#: seeds without a shape after which a patch, and all patches together, are of free form
+_FAILING, _ALL_FAILING = 12, 120
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A shape, the `faces` (rows) on it, its number of `nodes`, and the largest `distance` of one."""
+
+    shape: Shape
+    faces: Ints
+    nodes: int
+    distance: float
+
+
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """What has been found in patches: `patches`, each a shape or of free form; `found`; `free` (f,) the faces of none.
+
+    `whole`: the patches before shapes were grown inside them; `fits` of its nodes on free faces, which know what lies
+    beyond the border of a shape: a few faces that are left between shapes would say nothing by themselves.
+    """
+
+    patches: Patches
+    whole: Patches
+    found: tuple[Found, ...]
+    fits: Fits
+    free: Bools
+
+
+def find_shapes(patches: Patches, crease_angle: float) -> Sought:
+    """The exact shapes among the patches, and the quadratic fits of what is left."""
+    budget = [_ALL_FAILING]
+    patches, found, free = _with(patches, [], _planes(patches, np.ones(len(patches.patch), bool)))
+    patches, found, free = _with(patches, found, _whole_patches(patches, free, crease_angle, budget))
+    whole = patches
+    fits, *rings = _fits(patches, free)
+    grown = list(_grown(patches, free, fits, (rings[0], rings[1]), crease_angle, budget))
+    if grown:
+        patches, found, free = _with(patches, found, grown)
+        more = [one for one in _planes(patches, free) if one.nodes > _ALWAYS_FLAT[patches.dim]]
+        patches, found, free = _with(patches, found, more)
+        patches, found, free = _with(patches, found, _whole_patches(patches, free, crease_angle, budget))
+    return Sought(patches, whole, tuple(found), fits, free)
+
+
+def _count(patches: Patches) -> int:
+    return int(patches.patch.max(initial=-1)) + 1
+
+
+def _with(patches: Patches, found: list[Found], more: list[Found]) -> tuple[Patches, list[Found], Bools]:
+    """The patches, each of one shape or of none, with what else was found; all that was; (f,) the faces of no shape."""
+    found = found + more
+    shape_of = np.full(len(patches.patch), -1, np.int64)
+    for k, one in enumerate(found):
+        shape_of[one.faces] = k
+    return patches.split(shape_of), found, shape_of < 0
+
+
+def _fits(patches: Patches, free: Bools) -> tuple[Fits, Rings, Rings]:
+    """The quadratic fits at the nodes of free faces (f,), and their rings."""
+    asked = np.zeros(len(patches.x), bool)
+    asked[patches.node[free][patches.node[free] >= 0]] = True
+    one, two = rings_of(patches.node[free], len(patches.x), asked, LEAST[patches.dim])
+    return local_fits(patches.x, patches.node_normal, two, patches.dim), one, two
+
+
+# ---- whole patches
+
+
+def _planes(patches: Patches, free: Bools) -> list[Found]:
+    """The patches of free faces (f,) that are flat, all at once: a faceted skin has as many as faces."""
+    n = _count(patches)
+    count = np.maximum(np.bincount(patches.owner, minlength=n), 1)[:, None]
+    centre, normal = np.zeros((n, 3)), np.zeros((n, 3))
+    np.add.at(centre, patches.owner, patches.x)
+    np.add.at(normal, patches.patch, patches.normal * patches.area[:, None])
+    centre /= count
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+    d = patches.x - centre[patches.owner]
+    off, reach, far = np.zeros(n), np.zeros(n), np.zeros(n)
+    np.maximum.at(off, patches.owner, np.abs((d * normal[patches.owner]).sum(axis=1)))
+    np.maximum.at(reach, patches.owner, np.linalg.norm(d, axis=1))
+    np.maximum.at(far, patches.owner, np.abs(patches.x).max(axis=1))
+    flat = (off <= 2 * EXACT * reach + ROUNDED * far) & normal.any(axis=1)
+    np.logical_and.at(flat, patches.patch, free)
+    none, distance = np.zeros(0), np.maximum(off, _EPS * reach)
+    return [
+        Found(Shape("plane", centre[k], normal[k], none), faces, int(count[k, 0]), float(distance[k]))
+        for k, faces in _by_patch(patches, np.flatnonzero(flat))
+    ]
+
+
+def _by_patch(patches: Patches, which: Ints) -> Iterator[tuple[int, Ints]]:
+    """The faces of some patches, the largest first."""
+    order = np.argsort(patches.patch, kind="stable")
+    start = np.searchsorted(patches.patch[order], np.arange(_count(patches) + 1))
+    size = np.diff(start)
+    for k in which[np.argsort(-size[which], kind="stable")].tolist():
+        yield k, order[start[k] : start[k + 1]]
+
+
+def _whole_patches(patches: Patches, free: Bools, crease_angle: float, budget: list[int]) -> list[Found]:
+    """Those of the patches of free faces (f,) that are one shape as a whole, the largest sought first."""
+    found = []
+    enough = np.bincount(patches.owner, minlength=_count(patches)) >= least_nodes("sphere", patches.dim)
+    which = np.unique(patches.patch[free])
+    for _, faces in _by_patch(patches, which[enough[which]]):
+        if budget[0] <= 0:
+            break
+        nodes = _nodes(patches, faces)
+        shape = simplest(patches.x[nodes], patches.node_normal[nodes], patches.dim)
+        one = None if shape is None else _kept(patches, faces, shape, crease_angle)
+        if one is not None:
+            found.append(one)
+        else:
+            budget[0] -= 1
+    return found
+
+
+def _nodes(patches: Patches, faces: Ints) -> Ints:
+    node = patches.node[faces]
+    return np.unique(node[node >= 0])
+
+
+def _kept(patches: Patches, faces: Ints, shape: Shape, crease_angle: float) -> Found | None:
+    """What was found, if the faces are along the shape, not across it."""
+    nodes = _nodes(patches, faces)
+    if not _along(patches, faces, shape, crease_angle).all():
+        return None
+    distance = float(np.abs(shape.distance(patches.x[nodes])[0]).max())
+    least = _EPS * float(np.ptp(patches.x[nodes], axis=0).max())  # what is less is rounding of the shape itself
+    return Found(shape, faces, len(nodes), max(distance, least))
+
+
+def _along(patches: Patches, faces: Ints, shape: Shape, crease_angle: float) -> Bools:
+    """(f,): faces whose normals are those of the shape at their middles, within the crease angle."""
+    node = patches.node[faces]
+    there = node >= 0
+    middle = np.where(there[..., None], patches.x[node], 0.0).sum(axis=1) / there.sum(axis=1)[:, None]
+    normal = shape.distance(middle)[1]
+    out: Bools = np.abs((normal * patches.normal[faces]).sum(axis=1)) > np.cos(np.radians(min(crease_angle, 90.0)))
+    return out
+
+
+# ---- grown from seeds
+
+
+def _grown(
+    patches: Patches, free: Bools, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float, budget: list[int]
+) -> Iterator[Found]:
+    """Shapes inside the patches of free faces (f,) that are none as a whole, each from a seed; the largest first."""
+    rank = _unsteady(patches, fits, rings[0])
+    order = np.lexsort((rank, patches.owner))
+    start = np.searchsorted(patches.owner[order], np.arange(_count(patches) + 1))
+    for k, faces in _by_patch(patches, np.unique(patches.patch[free])):
+        seeds = order[start[k] : start[k + 1]]
+        seeds = seeds[np.isfinite(rank[seeds])]
+        if budget[0] <= 0:
+            return
+        if len(seeds) >= _LEAST[patches.dim]:
+            yield from _grown_in(patches, faces, seeds, fits, rings, crease_angle, budget)
+
+
+def _unsteady(patches: Patches, fits: Fits, one: Rings) -> Floats:
+    """(n,): by how much the steadier principal curvature changes to a neighbour, over a face; inf without a fit.
+
+    Each exact shape has one that does not change.
+    """
+    out = np.full(len(patches.x), np.inf)
+    rows = np.flatnonzero(fits.known & (np.diff(one.start) > 0))
+    if not len(rows):
+        return out
+    kappa = np.zeros((len(patches.x), 3))
+    kappa[rows] = np.linalg.eigvalsh(fits.H[rows])  # one of the three is 0, along the normal
+    count = np.diff(one.start)
+    i = np.repeat(np.arange(len(count)), count)
+    d = np.linalg.norm(patches.x[one.neighbour] - patches.x[i], axis=1)
+    lowest, highest = kappa.min(axis=1), kappa.max(axis=1)
+    change = np.zeros((len(i), 2))
+    for k, value in enumerate((lowest, highest)):
+        change[:, k] = np.abs(value[one.neighbour] - value[i]) * d
+    begin = one.start[:-1][rows]
+    out[rows] = np.maximum.reduceat(change, begin, axis=0)[: len(rows)].min(axis=1)
+    return out
+
+
+def _grown_in(
+    patches: Patches, faces: Ints, seeds: Ints, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float,
+    budget: list[int],
+) -> Iterator[Found]:  # fmt: skip
+    """Shapes inside one patch with some faces; `seeds`: its nodes, the most promising first."""
+    left = np.zeros(len(patches.patch), bool)
+    left[faces] = True
+    open_ = np.zeros(len(patches.x), bool)
+    open_[seeds] = True
+    failing = 0
+    for seed in seeds:
+        if failing >= _FAILING or budget[0] <= 0:
+            return
+        if not open_[seed]:
+            continue
+        one = _from_seed(patches, left, int(seed), fits, rings, crease_angle)
+        if one is None:
+            failing += 1
+            budget[0] -= 1
+            open_[seed] = False
+            open_[rings[0].of(seed)] = False
+            continue
+        left[one.faces] = False
+        open_[_nodes(patches, one.faces)] = False
+        yield one
+
+
+def _from_seed(
+    patches: Patches, left: Bools, seed: int, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float
+) -> Found | None:
+    """The shape of the two rings of a seed, or of one, grown over the faces that are left (f,); None for none."""
+    for ring in (rings[1], rings[0]):
+        nodes = np.append(ring.of(seed), seed)
+        shape = (
+            simplest(patches.x[nodes], fits.normal[nodes], patches.dim, _SLACK)
+            if len(nodes) >= _LEAST[patches.dim]
+            else None
+        )
+        if shape is not None:
+            return _grow(patches, left, seed, shape, crease_angle)
+    return None
+
+
+def _grow(patches: Patches, left: Bools, seed: int, shape: Shape, crease_angle: float) -> Found | None:
+    """A shape at a seed, on all faces that hang together with it and lie on the shape, fitted to all of them."""
+    mine = np.flatnonzero(left & (patches.patch == patches.owner[seed]))
+    tolerance, before = tolerance_of(patches.x[_nodes(patches, mine)]), 0
+    for _ in range(_GROWING):
+        faces = _on(patches, mine, seed, shape, tolerance, crease_angle)
+        better = nearest(shape, patches.x[_nodes(patches, faces)]) if len(faces) else None
+        if better is None:
+            return None
+        shape = better
+        if len(faces) == before:
+            break
+        before = len(faces)
+    faces = _on(patches, mine, seed, shape, tolerance_of(patches.x[_nodes(patches, faces)]), crease_angle)
+    if len(_nodes(patches, faces)) < max(least_nodes(shape.kind, patches.dim), _LEAST[patches.dim]):
+        return None
+    return _kept(patches, faces, shape, crease_angle)
+
+
+def _on(patches: Patches, faces: Ints, seed: int, shape: Shape, tolerance: float, crease_angle: float) -> Ints:
+    """Those of some faces that lie on a shape and hang together with a node."""
+    node = patches.node[faces]
+    f = shape.distance(patches.x[node.ravel()])[0].reshape(node.shape)
+    on: Bools = np.all((np.abs(f) <= tolerance) | (node < 0), axis=1)
+    on[on] = _along(patches, faces[on], shape, crease_angle)
+    kept = np.zeros(len(patches.patch), bool)
+    kept[faces[on]] = True
+    i, j = patches.joints.i, patches.joints.j
+    both = kept[i] & kept[j]
+    rows = np.flatnonzero(kept)
+    place = np.full(len(kept), -1)
+    place[rows] = np.arange(len(rows))
+    label = label_components(place[i[both]], place[j[both]], len(rows)) if len(rows) else rows
+    at_seed = np.unique(label[(patches.node[rows] == seed).any(axis=1)])
+    return rows[np.isin(label, at_seed)]

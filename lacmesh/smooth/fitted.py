@@ -1,0 +1,181 @@
+"""What the skin of a group is, for people: exact shapes and what is of free form."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from lacmesh.errors import DataError
+from lacmesh.mesh import Floats, Ints, Mesh, Spec
+from lacmesh.orientation import skin_cells
+from lacmesh.smooth.find import Found
+from lacmesh.smooth.heights import Smooth, smooth_of
+from lacmesh.surface.record import Surface
+
+#: degrees, sixteen faces to a turn but for rounding: beyond that a fit of neighbours says little
+_FLAT = ("plane", "line")
+#: curved shapes of a group that a line names
+_SHOWN = 4
+#: names in the plane
+_IN_PLANE = {"plane": "line", "sphere": "circle"}
+
+
+@dataclass(frozen=True, eq=False)
+class FittedShape:
+    """A part of a skin and the shape that its nodes lie on; lengths and places are the mesh's.
+
+    `shape`: plane, cylinder, sphere, cone or torus; line or circle in the plane; or free form. `faces`: indices of the
+    mesh's cells; `nodes`: how many nodes the faces have as the user meshed them. What a shape lacks is None: `radius`
+    (of a torus, that of its circle), `tube` (the radius of a torus' tube), `angle` (of a cone, between axis and side,
+    in degrees), `centre` (3,) (of a plane or line a point, of a cylinder the middle of what the nodes reach along it,
+    of a cone the apex), `axis` (3,) unit (of a plane or line the outward normal, of a cone from the apex into it).
+    `distance`: the largest of a node from the shape. `no_height`: faces of free form that no fit was found for.
+    """
+
+    shape: str
+    faces: Ints
+    nodes: int
+    radius: float | None = None
+    tube: float | None = None
+    angle: float | None = None
+    centre: Floats | None = None
+    axis: Floats | None = None
+    distance: float | None = None
+    no_height: int = 0
+
+    def __str__(self) -> str:
+        """In words: `cylinder, radius 12, 98 nodes within 1e-13`."""
+        words = [self.shape]
+        if self.tube is not None:
+            words.append(f"radii {self.radius:.6g} and {self.tube:.6g}")
+        elif self.radius is not None:
+            words.append(f"radius {self.radius:.6g}")
+        if self.angle is not None:
+            words.append(f"half angle {self.angle:.6g} degrees")
+        words.append(f"{self.nodes:,} nodes" + ("" if self.distance is None else f" within {self.distance:.0e}"))
+        if self.no_height:
+            words.append(f"{self.no_height:,} face{'s' if self.no_height > 1 else ''} without a fit")
+        return ", ".join(words)
+
+    @property
+    def flat(self) -> bool:
+        """Whether it is a plane or a line."""
+        return self.shape in _FLAT
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: `text` in words, how many `faces`, and the rest as it is."""
+        own = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(self).items()}
+        return own | {"text": str(self), "faces": len(self.faces)}
+
+
+def fit_surface(mesh: Mesh, group: Spec, crease_angle: float = 40.0) -> tuple[FittedShape, ...]:
+    """The shapes of a group's skin, the one with the most faces first; of free form in parts that hang together.
+
+    `group`: named as in `Mesh.group`. `crease_angle` (degrees): faces that turn by more belong to two shapes. Faces of
+    quadratic types are curved themselves, and are left out.
+
+    Raises GroupNotFoundError, and DataError where the group holds no skin.
+
+    >>> angle = np.linspace(0, 2, 9)
+    >>> arc = Mesh.create(3 * np.stack([np.cos(angle), np.sin(angle)], axis=1),
+    ...     [("SEG2", np.stack([np.arange(8), np.arange(1, 9)], axis=1))], cell_groups={"arc": np.arange(8)})
+    >>> [(one.shape, round(one.radius, 12), one.nodes) for one in fit_surface(arc, "arc")]
+    [('circle', 3.0, 9)]
+    """
+    surface = Surface.of(mesh, skin_cells(mesh, group))
+    return fitted_shapes(smooth_of(mesh, surface, crease_angle), surface)
+
+
+def shapes_of_groups(mesh: Mesh) -> dict[str, tuple[FittedShape, ...]]:
+    """The shapes of each group of linear faces that is curved, and is a skin: one dimension below the mesh, or bare."""
+    found = {}
+    for name, cells in mesh.cell_groups.items():
+        dim = mesh.group_dim(name)
+        if not len(cells) or dim not in (1, 2) or dim == mesh.dim == mesh.space_dim or dim < mesh.space_dim - 1:
+            continue
+        try:
+            shapes = fit_surface(mesh, name)
+        except DataError:  # of another kind: of order 3, or lines that are not plane
+            continue
+        if not all(one.flat for one in shapes):
+            found[name] = shapes
+    return found
+
+
+def fitted_shapes(smooth: Smooth, surface: Surface) -> tuple[FittedShape, ...]:
+    """As `fit_surface`, of what was found of a surface."""
+    made = [*_exact(smooth, surface), *_free(smooth, surface)]
+    return tuple(sorted(made, key=lambda one: -len(one.faces)))
+
+
+def in_words(shapes: Iterable[Mapping[str, Any]]) -> str:
+    """Shapes, as they are for JSON, in a line: what is curved, the first few of it, and how many planes there are.
+
+    >>> flat, curved = (FittedShape(shape, np.arange(3), 5).as_dict() for shape in ("plane", "free form"))
+    >>> in_words([flat, curved])
+    'free form, 5 nodes; 1 plane'
+    """
+    shapes = list(shapes)
+    curved = [one["text"] for one in shapes if one["shape"] not in _FLAT]
+    flat = [one["shape"] for one in shapes if one["shape"] in _FLAT]
+    more = [f"{len(curved) - _SHOWN} more curved"] if len(curved) > _SHOWN else []
+    planes = [f"{len(flat)} {flat[0]}{'s' if len(flat) > 1 else ''}"] if flat else []
+    return "; ".join([*curved[:_SHOWN], *more, *planes])
+
+
+def cells_of(smooth: Smooth, surface: Surface, faces: Ints) -> Ints:
+    """The mesh's cells that some linear parents (rows of them) are, or were cut into."""
+    mine = np.zeros(len(smooth.parents.faces), bool)
+    mine[smooth.rows[faces]] = True
+    return np.sort(surface.cell[mine[smooth.parents.of]])
+
+
+def _exact(smooth: Smooth, surface: Surface) -> Iterator[FittedShape]:
+    dim = smooth.sought.patches.dim
+    for found in smooth.sought.found:
+        kind = found.shape.kind
+        size = found.shape.size.tolist()
+        axis, centre = _placed(smooth, found)
+        yield FittedShape(
+            _IN_PLANE[kind] if dim == 1 else kind,
+            cells_of(smooth, surface, found.faces),
+            found.nodes,
+            radius=None if kind in ("plane", "cone") else size[0],
+            tube=size[1] if kind == "torus" else None,
+            angle=float(np.degrees(size[0])) if kind == "cone" else None,
+            centre=centre + smooth.origin,
+            axis=None if kind == "sphere" else axis,
+            distance=found.distance,
+        )
+
+
+def _placed(smooth: Smooth, found: Found) -> tuple[Floats, Floats]:
+    """Axis and centre of a shape, both such that they do not depend on how it was found."""
+    patches, shape = smooth.sought.patches, found.shape
+    axis, centre = shape.axis, shape.centre
+    if shape.kind == "plane":
+        outward = patches.area[found.faces] @ patches.normal[found.faces]
+        return axis * np.copysign(1.0, axis @ outward), centre
+    if shape.kind == "cone":
+        return axis, centre
+    axis = axis * np.copysign(1.0, axis[np.abs(axis).argmax()])
+    if shape.kind == "cylinder":
+        node = patches.node[found.faces]
+        along = (patches.x[node[node >= 0]] - centre) @ axis
+        centre = centre + (along.min() + along.max()) / 2 * axis
+    return axis, centre
+
+
+def _free(smooth: Smooth, surface: Surface) -> Iterator[FittedShape]:
+    sought = smooth.sought
+    lacking = smooth.heights()[1]
+    patch = sought.patches.patch
+    rows = np.flatnonzero(sought.free)
+    rows = rows[np.argsort(patch[rows], kind="stable")]
+    for faces in np.split(rows, np.flatnonzero(np.diff(patch[rows])) + 1) if len(rows) else []:
+        node = sought.patches.node[faces]
+        cells = cells_of(smooth, surface, faces)
+        yield FittedShape("free form", cells, len(np.unique(node[node >= 0])), no_height=int(lacking[faces].sum()))

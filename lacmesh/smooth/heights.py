@@ -1,0 +1,124 @@
+"""The heights of the smooth surface over the flat faces of a surface."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lacmesh.cells import CELLS
+from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.origin import origin_of
+from lacmesh.shapes import shape
+from lacmesh.skin import FACE_TYPES, TYPE_CODE
+from lacmesh.smooth.find import Found, Sought, find_shapes
+from lacmesh.smooth.parents import Parents, inverse, parents_of
+from lacmesh.smooth.patches import Bools, Patches
+from lacmesh.smooth.quadratic import centre_heights, edge_heights
+from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
+from lacmesh.surface.record import Surface, mean_normals
+
+_LINEAR = np.array([TYPE_CODE[name] for name in QUADRATIC])
+#: heights over a face as the user meshed it: at the middles of its edges, and at a quadrangle's centre
+_OVER = 5
+
+
+class Smooth(NamedTuple):
+    """What is found of a surface: its `parents`, the `rows` (k,) of the linear ones among them, and what these are.
+
+    Coordinates of `sought` are counted from `origin` (3,).
+    """
+
+    parents: Parents
+    rows: Ints
+    origin: Floats
+    sought: Sought
+
+    def heights(self) -> tuple[Floats, Bools]:
+        """(k, 5): heights over the linear parents, and (k,) those that have no fit at an edge."""
+        return _heights(self.sought, self.parents.faces.n_corners[self.rows] == 4)
+
+
+def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float) -> Smooth:
+    """The exact shapes and the fits of a surface (`height_of`)."""
+    parents = parents_of(mesh, surface)
+    there = mean_normals(parents.faces)[0].any(axis=1)  # else it has no extent, or places that are no numbers
+    rows = np.flatnonzero(np.isin(parents.faces.faces.type, _LINEAR) & there)
+    faces = parents.faces.take(rows)
+    origin = origin_of(faces.x[np.unique(faces.faces.nodes[faces.faces.nodes >= 0])])
+    return Smooth(parents, rows, origin, find_shapes(Patches.of(faces, crease_angle, faces.x - origin), crease_angle))
+
+
+def height_of(mesh: Mesh, surface: Surface, crease_angle: float = 40.0) -> Height | None:
+    """The heights of the smooth surface over the faces of a surface; None where all are exactly 0.
+
+    `mesh`: that of the surface's cells, with the records of its cut if it has one; the coordinates are the surface's.
+    `crease_angle` (degrees): an edge where the faces turn by more is one of the smooth surface as well. Fits know only
+    the faces of the surface: give all that go smoothly on.
+    """
+    smooth = smooth_of(mesh, surface, crease_angle)
+    over = np.zeros((len(smooth.parents.faces), _OVER))
+    over[smooth.rows] = smooth.heights()[0]
+    return Height(surface.faces.type, _of_faces(smooth.parents, surface, over)) if over.any() else None
+
+
+def _of_faces(parents: Parents, surface: Surface, over: Floats) -> Floats:
+    """(f, 9): heights over the faces at the nodes of their quadratic types, from those `over` (p, 5) their parents.
+
+    A face that a cut has made of a quadrangle which is not plane is off it, and its places in it are not where its map
+    alone would have them.
+    """
+    value = np.zeros((len(surface), N_HEIGHTS))
+    kind, mother = surface.faces.type, parents.faces.faces.type[parents.of]
+    normal = mean_normals(surface)[0]
+    cut = np.bincount(parents.of)[parents.of] > 1
+    for code in np.unique(kind[np.isin(kind, _LINEAR)]):
+        name = FACE_TYPES[code]
+        nodes = np.array(CELLS[QUADRATIC[name]].reference)
+        n = CELLS[name].n_corners
+        whole = np.flatnonzero((kind == code) & ~cut)
+        value[whole, n : len(nodes)] = over[parents.of[whole], : len(nodes) - n]
+        for other in np.unique(mother[cut & (kind == code)]):
+            rows, parent = np.flatnonzero(cut & (kind == code) & (mother == other)), FACE_TYPES[other]
+            N, dim = shape(name, nodes), CELLS[parent].dim
+            x = np.einsum("kn,pns->pks", N, surface.x[surface.faces.nodes[rows, :n]]).reshape(-1, 3)
+            ring = surface.x[parents.faces.faces.nodes[parents.of[rows], : CELLS[parent].n_corners]]
+            ring = np.repeat(ring, len(nodes), axis=0)
+            place, _ = inverse(parent, ring, x)
+            off = np.einsum("pn,pns->ps", shape(parent, place[:, :dim]), ring) - x
+            M = shape(QUADRATIC[parent], place[:, :dim])[:, CELLS[parent].n_corners :]
+            own = np.repeat(over[parents.of[rows]], len(nodes), axis=0)[:, : M.shape[1]]
+            b = (M * own).sum(axis=1) + (off * np.repeat(normal[rows], len(nodes), axis=0)).sum(axis=1)
+            value[rows, : len(nodes)] = b.reshape(len(rows), -1)
+    return value
+
+
+def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools]:
+    """(f, 5): heights over the faces, and (f,) those of free form that have none at some edge. `four`: quadrangles."""
+    patches = sought.whole
+    value = np.zeros((len(patches.patch), _OVER))
+    face, k, i, j = patches.edges()
+    free = sought.free[face]
+    value[face[free], k[free]], known = edge_heights(sought.fits, patches.x, i[free], j[free])
+    lacking = np.zeros(len(value), bool)
+    lacking[face[free][~known]] = True
+    centre = np.flatnonzero(four & sought.free)
+    value[centre, 4] = centre_heights(sought.fits, patches.x, patches.node[centre])
+    middle, way = (patches.x[i] + patches.x[j]) / 2, patches.edge_normal[face, k]
+    curved = [found for found in sought.found if found.shape.kind != "plane"]
+    of_shape = np.full(len(value), -1)
+    for number, found in enumerate(curved):
+        of_shape[found.faces] = number
+    order = np.argsort(of_shape[face], kind="stable")
+    start = np.searchsorted(of_shape[face][order], np.arange(len(curved) + 1))
+    for number, found in enumerate(curved):
+        e = order[start[number] : start[number + 1]]
+        value[face[e], k[e]] = _met(found, middle[e], way[e])
+        quads = found.faces[four[found.faces]]
+        value[quads, 4] = _met(found, patches.x[patches.node[quads]].mean(axis=1), patches.normal[quads])
+    return value, lacking
+
+
+def _met(found: Found, x: Floats, way: Floats) -> Floats:
+    """(n,): how far from points x (n, 3) the shape is along directions (n, 3); 0 where they miss it."""
+    return np.nan_to_num(found.shape.meets(x, way))

@@ -1,0 +1,181 @@
+"""The faces of a surface as the user meshed them: parents of what a cut has made, themselves elsewhere.
+
+A macro-element's outline is what its parent was: the edges that one child alone has, in the order in which the children
+turn (in the plane, the two ends). Its other nodes have a place in the parent, which is found by inverting its map.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS
+from lacmesh.mesh import Floats, Ints, Mesh, codes
+from lacmesh.orientation import edge_uses
+from lacmesh.shapes import gradient, shape
+from lacmesh.skin import FACE_TYPES, MAX_CORNERS, MAX_NODES, TYPE_CODE, Faces
+from lacmesh.surface.record import Surface
+
+#: a node of a macro-element that is farther from its parent than this part of the parent's size was not put there by
+#: a cut: the faces are then their own parents
+_NEAR = 1e-3
+#: of a face of so many corners
+_LINEAR = np.array([0, 0, TYPE_CODE["SEG2"], TYPE_CODE["TRIA3"], TYPE_CODE["QUAD4"]])
+
+
+class Parents(NamedTuple):
+    """Parents of a surface's faces (f,): `faces`, a surface of them, a row each; `of` (f,): the row of each face's.
+
+    `corner` (f, 4, 2): the faces' corners in their parents' reference elements.
+    """
+
+    faces: Surface
+    of: Ints
+    corner: Floats
+
+
+def parents_of(mesh: Mesh, surface: Surface) -> Parents:
+    """The parents of a surface's faces, by the records of the cut that the mesh carries (`lacmesh.records`).
+
+    A macro-element that is only in part in the surface has its parent whole. Of macro-elements that are not like a
+    cut's each face is its own parent.
+    """
+    own = Parents(surface, np.arange(len(surface)), _REFERENCE[surface.faces.type])
+    macro = _macro_of_cell(mesh)
+    asked = np.unique(macro[surface.cell])
+    children = np.flatnonzero(np.isin(macro, asked[asked >= 0]))
+    if not len(children):
+        return own
+    missing = np.setdiff1d(children, surface.cell)
+    whole = surface
+    if len(missing):
+        whole = Surface.of(mesh, np.concatenate([surface.cell, missing])).at(surface.x)
+    number = np.unique(macro[whole.cell], return_inverse=True)[1] - int((macro[whole.cell] < 0).any())
+    outline = _outlines(whole, number)
+    corner, good = _places(whole, number, outline)
+    return _joined(own, number[: len(surface)], outline, corner[: len(surface)], good)
+
+
+def _macro_of_cell(mesh: Mesh) -> Ints:
+    """(n_cells,): a number for each face that was cut, of its macro-element or, of a duplicate's, its parent; or -1."""
+    nothing = np.full(mesh.n_cells, -1, np.int64)
+    macro = np.array(mesh.cell_data.get("lac_macro", nothing), np.int64)
+    parent = np.array(mesh.cell_data.get("lac_parent", nothing), np.int64)
+    copy = (macro < 0) & (parent >= 0) & (mesh.cell_dim < mesh.dim)
+    macro[copy] = parent[copy] + macro.max(initial=0) + 1
+    return macro
+
+
+def _outlines(whole: Surface, macro: Ints) -> Ints:
+    """(m, 4): corners of the parent of each macro-element, -1 where there are fewer; no corner where it has none."""
+    uses = edge_uses(whole.faces)
+    mine = macro[uses.face]
+    both = np.unique(uses.edge * (len(whole) + 1) + mine, return_inverse=True)[1]
+    once = np.flatnonzero((np.bincount(both)[both] == 1) & (mine >= 0))
+    once = once[np.lexsort((uses.place[once], uses.face[once], mine[once]))]
+    mine, face, place = mine[once], uses.face[once], uses.place[once]
+    a = whole.faces.nodes[face, place]
+    b = whole.faces.nodes[face, (place + 1) % whole.n_corners[face]]
+    size = int(macro.max()) + 1
+    count = np.bincount(mine, minlength=size)
+    start = np.cumsum(count) - count
+    out = np.full((size, MAX_CORNERS), -1, np.int64)
+    if whole.dim == 1:
+        two = count[mine] == 2
+        out[mine[two], place[two]] = a[two]
+        out[(out[:, :2] < 0).any(axis=1)] = -1
+        return out
+    for n in (3, 4):
+        which = np.flatnonzero(count == n)
+        rows = start[which][:, None] + np.arange(n)
+        corners = [a[rows[:, 0]]]
+        here = b[rows[:, 0]]
+        for _ in range(n - 1):
+            corners.append(here)
+            at = a[rows] == here[:, None]
+            here = np.where(at.any(axis=1), b[rows][np.arange(len(rows)), at.argmax(axis=1)], -1)
+        ring = np.stack(corners, axis=1) if len(which) else np.empty((0, n), np.int64)
+        ordered = np.sort(ring, axis=1)
+        closed = (here == ring[:, 0]) & (ordered[:, 0] >= 0) & (np.diff(ordered, axis=1) > 0).all(axis=1)
+        out[which[closed], :n] = ring[closed]
+    return out
+
+
+def _places(whole: Surface, macro: Ints, outline: Ints) -> tuple[Floats, NDArray[np.bool_]]:
+    """(f, 4, 2): the corners of the faces in their parents, and (m,) whether a macro-element is a cut of its parent.
+
+    It is where the parent has all its outer nodes as corners, and the others near, of which there is one at least.
+    """
+    corner = np.zeros((len(whole), MAX_CORNERS, 2))
+    n_corners = (outline >= 0).sum(axis=1)
+    good: NDArray[np.bool_] = n_corners > 1
+    inner = np.zeros(len(good), bool)
+    for n in codes(n_corners[good]):
+        name = FACE_TYPES[_LINEAR[n]]
+        X = np.array(CELLS[name].reference)
+        rows, k = np.nonzero(
+            (np.arange(MAX_CORNERS) < whole.n_corners[:, None]) & ((macro >= 0) & (n_corners[macro] == n))[:, None]
+        )
+        node, ring = whole.faces.nodes[rows, k], outline[macro[rows], :n]
+        same = ring == node[:, None]
+        outer = same.any(axis=1)
+        place = X[same.argmax(axis=1)]
+        place[~outer], far = inverse(name, whole.x[ring[~outer]], whole.x[node[~outer]])
+        corner[rows, k, : X.shape[1]] = place
+        inner[macro[rows[~outer]]] = True
+        good[macro[rows[~outer][far > _NEAR]]] = False
+    return corner, good & inner
+
+
+def inverse(name: str, x: Floats, point: Floats) -> tuple[Floats, Floats]:
+    """(n, dim): where the maps of linear faces with corners x (n, k, 3) meet points (n, 3); (n,) by how much they miss.
+
+    What they miss by is measured in the faces' sizes. Newton's method, which is done after one step on all but
+    quadrangles.
+    """
+    xi = np.zeros((len(x), CELLS[name].dim)) + np.mean(CELLS[name].reference, axis=0)
+    size = np.linalg.norm(np.ptp(x, axis=1), axis=1)
+    for _ in range(12):
+        miss = point - np.einsum("pn,pns->ps", shape(name, xi), x)
+        J = np.einsum("pns,pnd->psd", x, gradient(name, xi))
+        A = np.einsum("psd,pse->pde", J, J)
+        singular = np.linalg.det(A) <= 0  # a face without extent: it is found not to fit
+        A[singular] = np.eye(A.shape[1])
+        step = np.linalg.solve(A, np.einsum("psd,ps->pd", J, miss)[:, :, None])[:, :, 0]
+        xi = xi + step
+        if np.abs(step).max(initial=0.0) < 1e-8:  # the next would be its square
+            break
+    miss = point - np.einsum("pn,pns->ps", shape(name, xi), x)
+    return xi, np.linalg.norm(miss, axis=1) / np.maximum(size, 1e-300)
+
+
+def _joined(own: Parents, macro: Ints, outline: Ints, corner: Floats, good: NDArray[np.bool_]) -> Parents:
+    """Parents of the faces: those of good macro-elements, in the order of their first faces, and the other faces."""
+    surface = own.faces
+    cut = (macro >= 0) & good[macro]
+    key = np.where(cut, macro, len(good) + np.arange(len(macro)))
+    first, of = np.unique(key, return_index=True, return_inverse=True)[1:]
+    order = np.argsort(first)
+    first, of = first[order], np.argsort(order)[of]
+    faces = surface.faces.take(first)
+    kind, nodes = faces.type.copy(), faces.nodes.copy()
+    made = np.flatnonzero(cut[first])
+    ring = outline[macro[first[made]]]
+    kind[made] = _LINEAR[(ring >= 0).sum(axis=1)]
+    nodes[made] = np.pad(ring, ((0, 0), (0, MAX_NODES - MAX_CORNERS)), constant_values=-1)
+    parents = Surface(surface.x, Faces(kind, nodes), surface.cell[first], surface.dim, np.full(len(first), np.nan))
+    return Parents(parents, of, np.where(cut[:, None, None], corner, own.corner))
+
+
+def _references() -> Floats:
+    out = np.zeros((len(FACE_TYPES), MAX_CORNERS, 2))
+    for code, name in enumerate(FACE_TYPES):
+        cell = CELLS[name]
+        out[code, : cell.n_corners, : cell.dim] = np.reshape(cell.reference[: cell.n_corners], (cell.n_corners, -1))
+    return out
+
+
+#: (types, 4, 2): corners of each type in its own reference element
+_REFERENCE = _references()

@@ -1,0 +1,25 @@
+"""The surface under some skin cells, as a contact is asked to take it: smooth, or the faces as they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from lacmesh.errors import RequestError
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.smooth.heights import height_of
+from lacmesh.surface.record import Surface
+
+#: what a surface may be taken for
+SURFACES = ("smooth", "faces")
+
+
+def surface_of(mesh: Mesh, cells: Ints, surface: str = "smooth", crease_angle: float = 40.0) -> Surface:
+    """The surface under some skin cells (indices) of a mesh, with the heights of the skin that its faces stand for.
+
+    `surface`: `smooth`, or `faces` for a surface without heights; `crease_angle` in degrees as in `height_of`. Raises
+    RequestError; DataError as `Surface.of`.
+    """
+    if surface not in SURFACES:
+        raise RequestError(f"surface is one of {', '.join(SURFACES)}, not {surface!r}")
+    made = Surface.of(mesh, cells)
+    return made if surface == "faces" else replace(made, height=height_of(mesh, made, crease_angle))

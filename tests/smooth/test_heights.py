@@ -1,0 +1,339 @@
+"""Heights against the surface itself: their rates, their continuity, on cut meshes, at creases and rims."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lacmesh import Mesh, Surface, cut_skin, raise_order
+from lacmesh.cells import CELLS
+from lacmesh.shapes import shape
+from lacmesh.skin import FACE_TYPES
+from lacmesh.smooth import find, height_of
+from lacmesh.smooth.heights import smooth_of
+from lacmesh.smooth.parents import inverse, parents_of
+from lacmesh.surface.record import mean_normals
+from tests.smooth.skins import (
+    LEVEL,
+    along,
+    block,
+    cone,
+    cylinder,
+    ellipsoid,
+    inner,
+    over,
+    plane,
+    rolled,
+    saddle,
+    shell,
+    sphere,
+    torus,
+    waves,
+    worst,
+)
+from tests.surface.surfaces import whole
+
+KINDS = ["TRIA3", "QUAD4", "mixed"]
+
+
+def rate(surface, kind, sizes, rows=lambda n, kind: None):
+    """The rate at which the largest error of a height falls, over skins of so many faces, and the errors."""
+    errors = []
+    for n in sizes:
+        mesh = rolled(surface, n, kind)
+        faces = whole(mesh)
+        some = rows(n, kind)
+        errors.append(
+            worst(
+                surface,
+                faces,
+                height_of(mesh, faces),
+                np.arange(len(faces))[some] if some is not None else np.arange(len(faces)),
+            )
+        )
+    return np.log2(errors[0][0] / errors[-1][0]) / np.log2(sizes[-1] / sizes[0]), errors
+
+
+def at_edges(surface, faces, way):
+    """(f, 4): the exact heights at the middles of edges, along `way` (f, 4, 3); 0 where there is no edge."""
+    out = np.zeros((len(faces), 4))
+    for name, rows, nodes in faces.by_type():
+        for k, (a, b) in enumerate(CELLS[name].edges):
+            out[rows, k] = along(LEVEL[surface], faces.x[nodes[:, [a, b]]].mean(axis=1), way[rows, k])
+    return out
+
+
+def shared_normals(faces):
+    """(f, 4, 3): the mean of the normals of the two faces at each edge, of the one at a rim."""
+    normal = mean_normals(faces)[0]
+    beyond = faces.neighbours
+    out = normal[:, None] + np.where((beyond >= 0)[..., None], normal[beyond], 0.0)
+    return out / np.linalg.norm(out, axis=2, keepdims=True)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("surface", [cylinder, sphere, cone, torus])
+def test_heights_of_an_exact_shape_are_its_own_at_edges_and_centres(surface, kind):
+    """Exact along what both faces at an edge take for the normal, the same for both; O(h^4) along a face's own."""
+    errors = []
+    for size in (1.0, 0.25):  # the same faces, a quarter as large
+        mesh = rolled(surface, 6, kind, size=size)
+        faces = whole(mesh)
+        value, normal = over(height_of(mesh, faces)), mean_normals(faces)[0]
+        np.testing.assert_allclose(value[:, :4], at_edges(surface, faces, shared_normals(faces)), atol=1e-12)
+        quads = faces.n_corners == 4
+        x = faces.x[faces.faces.nodes[quads, :4]].mean(axis=1)
+        np.testing.assert_allclose(value[quads, 4], along(LEVEL[surface], x, normal[quads]), atol=1e-12)
+        own = at_edges(surface, faces, np.repeat(normal[:, None], 4, axis=1))
+        errors.append(np.sqrt(((value[:, :4] - own) ** 2).mean()))
+    assert np.log2(errors[0] / errors[1]) / 2 > 3.5, errors
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("surface", [cylinder, sphere, cone, torus])
+def test_heights_anywhere_in_the_faces_of_an_exact_shape(surface, kind):
+    """A quadratic over each face misses O(h^3) of a skin whose curvature changes."""
+    found, errors = rate(surface, kind, (6, 24))
+    assert found > 2.5, errors
+    assert errors[-1][0] < 0.02 * errors[-1][1]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("surface", [ellipsoid, saddle, waves])
+def test_heights_of_a_free_form(surface, kind):
+    """O(h^3) inside, on meshes whose nodes stand anywhere; not much less at the rim, where fits are one-sided."""
+    found, errors = rate(surface, kind, (8, 32), lambda n, kind: inner(n, kind))
+    assert found > 2.6, errors
+    assert errors[-1][0] < 0.05 * errors[-1][1], errors
+    found, errors = rate(surface, kind, (8, 32))
+    assert found > 2.2, errors
+    assert errors[-1][0] < 0.15 * errors[-1][1], errors
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_local_fits_are_exact_on_a_sphere_up_to_the_face(kind, monkeypatch):
+    """With the chord's length for that of its shadow, the fits miss of a sphere what three turns of the frame leave."""
+    monkeypatch.setattr(find, "simplest", lambda *_: None)
+    mesh = rolled(sphere, 7, kind)
+    faces = whole(mesh)
+    smooth = smooth_of(mesh, faces, 40.0)
+    assert smooth.sought.free.all()
+    patches = smooth.sought.patches
+    value, lacking = smooth.heights()
+    face, k, i, j = patches.edges()
+    chord = np.linalg.norm(patches.x[i] - patches.x[j], axis=1)
+    np.testing.assert_allclose(value[face, k], 1 - np.sqrt(1 - chord**2 / 4), rtol=1e-6)
+    assert not lacking.any()
+
+
+def test_a_circle_in_the_plane():
+    t = np.sort(np.random.default_rng(0).random(12))
+    pairs = np.stack([np.arange(11), np.arange(1, 12)], axis=1)
+    for radius, sign in ((2.0, 1), (2.0, -1)):
+        x = radius * np.stack([np.cos(t), np.sin(t)], axis=1)
+        mesh = Mesh.create(x, [("SEG2", pairs if sign > 0 else pairs[:, ::-1])])
+        height = height_of(mesh, whole(mesh))
+        exact = radius - np.sqrt(radius**2 - (np.linalg.norm(np.diff(x, axis=0), axis=1) / 2) ** 2)
+        np.testing.assert_allclose(over(height)[:, 0], sign * exact, rtol=1e-9)
+
+
+def test_a_free_form_in_the_plane():
+    """A parabola's heights, O(h^3) on nodes that stand anywhere."""
+    errors = []
+    for n in (10, 40):
+        x = np.linspace(-1, 1, n + 1)
+        x[1:-1] += np.random.default_rng(0).uniform(-0.2, 0.2, n - 1) * 2 / n
+        nodes = np.arange(n + 1)
+        mesh = Mesh.create(np.stack([x, x**2], axis=1), [("SEG2", np.stack([nodes[:-1], nodes[1:]], axis=1))])
+        faces = whole(mesh)
+        normal, middle = mean_normals(faces)
+        height = height_of(mesh, faces)
+        exact = along(lambda p: p[:, 1] - p[:, 0] ** 2, middle, normal)
+        errors.append(np.abs(over(height)[:, 0] - exact).max())
+    assert np.log2(errors[0] / errors[1]) / 2 > 2.3 and errors[1] < 0.05 * 0.05**2 / 4, errors
+
+
+def test_what_is_flat_has_no_height():
+    for kind in KINDS:
+        mesh = rolled(plane, 5, kind)
+        assert height_of(mesh, whole(mesh)) is None
+    cube = block("HEXA8", lambda x: x)
+    assert height_of(cube, Surface.of(cube, np.flatnonzero(cube.cell_dim == 2))) is None
+
+
+def test_quadratic_faces_have_no_height():
+    mesh = raise_order(rolled(sphere, 5), "2")
+    assert height_of(mesh, whole(mesh)) is None
+
+
+# ---- cut meshes
+
+
+CUTS = [("HEXA8", "pyramid"), ("HEXA8", "hexa"), ("PENTA6", "pyramid"), ("TETRA4", "pyramid"), ("PYRAM5", "pyramid")]
+CUTS += [("mixed", "pyramid"), ("mixed", "hexa"), ("mixed", "auto")]
+
+
+def by_corners(faces, corners):
+    """Rows of faces in the order of their corners, and these."""
+    ordered = np.sort(corners, axis=1)
+    rows = np.lexsort(ordered.T)
+    return rows, ordered[rows]
+
+
+@pytest.mark.parametrize(("kind", "hexa"), CUTS)
+def test_children_take_the_heights_of_their_parents(kind, hexa):
+    mesh = block(kind, shell)
+    cut = cut_skin(mesh, "skin", hexa=hexa).mesh
+    before, after = Surface.of(mesh, mesh.cells_of("skin")), Surface.of(cut, cut.cells_of("skin"))
+    old, new = height_of(mesh, before), height_of(cut, after)
+    parents = parents_of(cut, after)
+    rows, corners = by_corners(before, before.faces.corners)
+    mine, theirs = by_corners(parents.faces, parents.faces.faces.corners)
+    assert (corners == theirs).all() and len(after) > len(before)
+    row = np.empty(len(mine), int)
+    row[mine] = rows  # of the parents among the faces that were not cut
+    for name, faces, nodes in after.by_type():
+        place = np.array([[0.3, 0.2]]) if name == "TRIA3" else np.array([[0.4, -0.3]])
+        x = np.einsum("pn,kns->ks", shape(name, place), after.x[nodes])
+        b = new.at(faces, np.tile(place, (len(faces), 1)))
+        for face, at, one in zip(faces, x, b, strict=True):
+            parent = row[parents.of[face]]
+            kind_, ring = FACE_TYPES[before.faces.type[parent]], before.faces.corners[parent]
+            ring = before.x[ring[ring >= 0]]
+            xi = inverse(kind_, ring[None], at[None])[0]
+            off = (shape(kind_, xi) @ ring - at) @ mean_normals(after)[0][face]
+            assert abs(one - off[0] - old.at(np.array([parent]), xi)[0]) < 2e-2 * old.value.max()
+    at_node: dict = {}
+    for name, faces, nodes in after.by_type():
+        for corner, place in enumerate(CELLS[name].reference):
+            b = new.at(faces, np.tile(place, (len(faces), 1)))
+            for node, one in zip(nodes[:, corner], b, strict=True):
+                at_node.setdefault(int(node), []).append(one)
+    outer = np.unique(corners[corners >= 0])
+    assert all(np.ptp(values) < 1e-15 for values in at_node.values())
+    assert all(abs(at_node[int(node)][0]) < 1e-15 for node in outer)
+    assert all(values[0] > 1e-3 for node, values in at_node.items() if node not in outer)
+    assert 1.4**2 * 0.25**2 / 8 / 1.4 / 2 < max(v[0] for v in at_node.values()) < 1.4 * 0.25**2 / 2
+
+
+@pytest.mark.parametrize(("kind", "hexa"), CUTS)
+def test_places_of_children_are_on_their_parents(kind, hexa):
+    """The parent's map takes the corners' reference coordinates to where the corners are."""
+    cut = cut_skin(block(kind, shell), "skin", hexa=hexa).mesh
+    faces = Surface.of(cut, cut.cells_of("skin"))
+    parents = parents_of(cut, faces)
+    for row in range(len(faces)):
+        parent = parents.faces.faces.take(parents.of[[row]])
+        name = FACE_TYPES[parent.type[0]]
+        x = faces.x[parent.nodes[0, : CELLS[name].n_nodes]]
+        n = faces.n_corners[row]
+        there = shape(name, parents.corner[row, :n]) @ x
+        np.testing.assert_allclose(there, faces.x[faces.faces.nodes[row, :n]], atol=1e-14)
+
+
+@pytest.mark.parametrize("kind", ["QUAD4", "TRIA3"])
+def test_children_in_the_plane(kind):
+    """Two or three pieces of a segment carry the arc of the whole."""
+    n = 10
+    t = np.linspace(0, 1.5, n + 1)
+    x = np.concatenate([r * np.stack([np.sin(t), np.cos(t)], axis=1) for r in (1.0, 0.7)])
+    k = np.arange(n)
+    quads = np.stack([k, k + n + 1, k + n + 2, k + 1], axis=1)
+    cells = quads if kind == "QUAD4" else np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
+    skin = np.arange(len(cells), len(cells) + n)
+    mesh = Mesh.create(x, [(kind, cells), ("SEG2", np.stack([k + 1, k], axis=1))], cell_groups={"skin": skin})
+    cut = cut_skin(mesh, "skin").mesh
+    faces = Surface.of(cut, cut.cells_of("skin"))
+    height = height_of(cut, faces)
+    assert len(height.value) == len(faces) == (3 * n if kind == "QUAD4" else 2 * n)
+    for end in (-1.0, 0.0, 1.0):
+        place = np.linalg.norm(np.array([1 - end, 1 + end]) / 2 @ faces.x[faces.faces.nodes[:, :2]], axis=1)
+        b = height.at(np.arange(len(faces)), np.tile([end, 0.0], (len(faces), 1)))
+        np.testing.assert_allclose(place + b, 1.0, atol=3e-6)
+
+
+def test_a_part_of_a_macro_element_has_its_parent_whole():
+    cut = cut_skin(block("HEXA8", shell), "skin", hexa="hexa").mesh
+    faces = Surface.of(cut, cut.cells_of("skin"))
+    part = faces.take(np.flatnonzero(cut.cell_data["lac_child"][faces.cell] == 5))  # centres, which touch nothing outer
+    whole_, some = parents_of(cut, faces), parents_of(cut, part)
+    a = by_corners(whole_.faces, whole_.faces.faces.corners)[1]
+    assert (a == by_corners(some.faces, some.faces.faces.corners)[1]).all()
+    np.testing.assert_allclose(np.abs(some.corner), 1 / 3, atol=1e-14)
+
+
+def test_the_copies_of_slave_faces_have_parents_too():
+    """Another group on the same nodes: the cut cuts both, and marks one of them."""
+    mesh = block("TETRA4", shell)
+    skin = mesh.block("TRIA3")
+    doubled = Mesh.create(
+        mesh.points,
+        [("TETRA4", mesh.block("TETRA4")), ("TRIA3", np.concatenate([skin, skin]))],
+        cell_groups={"skin": mesh.cells_of("skin"), "copy": mesh.cells_of("skin") + len(skin)},
+    )
+    cut = cut_skin(doubled, "skin").mesh
+    faces = Surface.of(cut, cut.cells_of("copy"))
+    assert len(faces) == 3 * len(skin) and len(parents_of(cut, faces).faces) == len(skin)
+    own = Surface.of(mesh, mesh.cells_of("skin"))
+    slave = Surface.of(cut, cut.cells_of("skin"))
+    np.testing.assert_allclose(height_of(cut, faces).value, height_of(cut, slave).value, atol=1e-15)
+    assert len(own) == len(skin)
+
+
+# ---- creases and rims
+
+
+def test_fits_do_not_reach_over_a_crease():
+    """Two skins of free form that meet at right angles: what one is changes nothing of the other."""
+
+    def two(bump):
+        i, j = np.meshgrid(np.arange(9), np.arange(17), indexing="ij")
+        u, v = i.ravel() / 8, (j.ravel() - 8) / 8
+        flat = np.where(v <= 0, v, 0.0)
+        up = np.where(v > 0, v, 0.0)
+        side = v > 0
+        x = np.stack([u, flat - side * bump * up * np.sin(3 * u), up + ~side * 0.1 * np.sin(2 * u + v) * v], axis=1)
+        g = np.arange(9 * 17).reshape(9, 17)
+        quads = np.stack([g[:-1, :-1], g[1:, :-1], g[1:, 1:], g[:-1, 1:]], axis=-1).reshape(-1, 4)
+        mesh = Mesh.create(x, [("QUAD4", quads)], space_dim=3)
+        return over(height_of(mesh, whole(mesh))), x[quads][:, :, 2].max(axis=1) > 0.05
+
+    a, upper = two(0.1)
+    b, _ = two(0.2)
+    lower = ~upper & (np.abs(a).max(axis=1) > 0)
+    assert lower.sum() > 30 and np.abs(a[upper] - b[upper]).max() > 1e-4
+    np.testing.assert_array_equal(a[lower], b[lower])
+
+
+def test_a_bare_skin_and_a_body_have_the_same_heights():
+    mesh = block("HEXA8", shell)
+    own = Surface.of(mesh, mesh.cells_of("skin"))
+    bare = Mesh.create(mesh.points, [("QUAD4", mesh.block("QUAD4"))], space_dim=3)
+    np.testing.assert_array_equal(height_of(bare, whole(bare)).value, height_of(mesh, own).value)
+    assert over(height_of(mesh, own)).min() > 0  # convex
+
+
+def test_the_sides_of_heights():
+    """Convex > 0, along the outward normal; concave < 0."""
+    mesh = rolled(sphere, 6)
+    faces = whole(mesh)
+    out = (mean_normals(faces)[0] * mean_normals(faces)[1]).sum(axis=1) > 0
+    sign = 1 if out.all() else -1
+    assert (sign * over(height_of(mesh, faces))[:, :3] > 0).all()
+    other = Mesh.create(mesh.points, [("TRIA3", mesh.block("TRIA3")[:, ::-1])], space_dim=3)
+    assert (sign * over(height_of(other, whole(other)))[:, :3] < 0).all()
+
+
+def test_coordinates_that_are_no_numbers_and_faces_without_extent_are_passed_over():
+    mesh = rolled(waves, 6)
+    x = mesh.points.copy()
+    x[24] = np.nan
+    broken = replace(mesh, points=x)
+    height = height_of(broken, whole(broken))
+    assert np.isfinite(height.value).all() and np.abs(height.value).max() > 1e-4
+    x = mesh.points.copy()
+    x[24] = x[25]
+    broken = replace(mesh, points=x)
+    assert np.isfinite(height_of(broken, whole(broken)).value).all()
