@@ -14,9 +14,10 @@ import numpy as np
 from lacmesh.mesh import Floats, Ints
 from lacsolver.assemble.fields import Field
 from lacsolver.figures import balance, probe, zone_figures
+from lacsolver.nodal import nodal_stress
 from lacsolver.places import nodes_of
 from lacsolver.problem import Joint, Problem
-from lacsolver.recovery import nodal_stress, recover_pressure, slave_pressure
+from lacsolver.recovery import recover_pressure
 from lacsolver.results import Fields, StepFigures, ZoneFields
 from lacsolver.state import State, ZoneState
 
@@ -64,7 +65,7 @@ class Answer:
         space, joints = self.problem.space, self.problem.joints
         at_nodes = nodal_stress(space, self.stress(state))
         pairs = zip(joints, state.zones, strict=True)
-        zones = {zone.name: self._zone(joint, zone, at_nodes, state.u) for joint, zone in pairs}
+        zones = {zone.name: self._zone(joint, zone, state.u) for joint, zone in pairs}
         u, reaction = (v.reshape(-1, space.dim) for v in (state.u, state.reaction))
         return Fields(state.time, u, at_nodes, reaction, zones)
 
@@ -73,10 +74,10 @@ class Answer:
         space = self.problem.space
         return joint.places(space, state.u)[:, : space.dim]
 
-    def _zone(self, joint: Joint, zone: ZoneState, stress: Floats, u: Floats) -> ZoneFields:
+    def _zone(self, joint: Joint, zone: ZoneState, u: Floats) -> ZoneFields:
         slave = joint.zone.slave.at(joint.places(self.problem.space, u))
         nodal, mean = recover_pressure(
-            slave, joint.zone.macro, zone.pressure, zone.status, traction=slave_pressure(slave, stress),
+            slave, joint.zone.macro, zone.pressure, zone.status,
             axisymmetric=self.problem.space.model.axisymmetric, unilateral=joint.one_sided,
         )  # fmt: skip
         told = joint.zone.slave.at(self.problem.space.mesh.points)

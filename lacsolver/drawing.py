@@ -31,6 +31,7 @@ from lacmesh.skin import FACE_TYPES, N_NODES
 from lacmesh.view import picture
 from lacsolver.case import Case
 from lacsolver.interface import Pairing, Zone, integrate
+from lacsolver.problem import zone_of
 from lacsolver.results import Restart
 from lacsolver.skin import prepared
 
@@ -79,7 +80,7 @@ def plot(case: Case, state: Restart, path: Path, mesh: Mesh | None = None) -> No
     dim = 3 if case.model == "3d" else 2
     u = np.zeros((mesh.n_nodes, 3))
     u[:, :dim] = state.u.reshape(-1, dim)
-    zones = [Zone.of(mesh, record.slave, record.master, record.name) for record in case.contact]
+    zones = [zone_of(mesh, record) for record in case.contact]
     skins = [Skin(zone, np.asarray(state.multipliers[zone.name])[zone.macro]) for zone in zones]
     times = magnification(mesh, u, _gap_closed(skins, case, dim))
     scale = f"displacement x {times:g}" if times > 1 else "displacement to scale"

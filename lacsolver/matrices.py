@@ -56,6 +56,7 @@ def contact_matrices(
     hexa: str = "pyramid",
     normals: str = "facet",
     crease_angle: float = 40.0,
+    surface: str = "smooth",
     search_distance: float | None = None,
     axisymmetric: bool = False,
     clearance: Value = 0.0,
@@ -75,7 +76,7 @@ def contact_matrices(
     ((1, 24), [1.0], [1.0])
     """
     mesh = lacmesh.cut_skin(mesh, slave, hexa=hexa).mesh
-    zone = Zone.of(mesh, slave, master)
+    zone = Zone.of(mesh, slave, master, surface=surface, crease_angle=crease_angle)
     pairing = Pairing(normals, crease_angle, search_distance, axisymmetric=axisymmetric, clearance=clearance)
     return ContactMatrices.of(integrate(zone, zone.slave.dim + 1, pairing, x=x), mesh)
 

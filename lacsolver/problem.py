@@ -156,10 +156,17 @@ def materials_of(case: Case, space: Space) -> Materials:
     return materials
 
 
+def zone_of(mesh: Mesh, record: Contact | Tie) -> Zone:
+    """The zone of a contact or a tie. Raises as `Zone.of`."""
+    return Zone.of(
+        mesh, record.slave, record.master, record.name, surface=record.surface, crease_angle=record.crease_angle
+    )
+
+
 def joint_of(space: Space, record: Contact | Tie) -> Joint:
     """The joint of a contact or a tie. Raises CaseError, with its line, where the two groups make no zone."""
     try:
-        zone = Zone.of(space.local, record.slave, record.master, record.name)
+        zone = zone_of(space.local, record)
     except LacmeshError as error:
         raise wrong(record, str(error)) from None
     if isinstance(record, Tie):

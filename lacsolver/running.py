@@ -17,6 +17,7 @@ from lacmesh.formats.output import signals_wait
 from lacmesh.mesh import Mesh
 from lacsolver.answer import Answer
 from lacsolver.case import Case, fingerprint
+from lacsolver.faceted import faceted
 from lacsolver.figures import stress_ranges
 from lacsolver.holding import beyond_a_cell, warnings_of
 from lacsolver.output import OutputFolder, Writer, check_same
@@ -150,6 +151,7 @@ def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
     told = list(_strangers(problem, made.results))
     if made.last is not None:
         told += warnings_of(made.last.held, made.last.prescribed)
+        told += faceted(problem, made.last)
         if problem.kinematics.constant:
             told += filter(None, [beyond_a_cell(problem.space, made.last.u)])
     return tuple(told)

@@ -121,6 +121,9 @@ _HEXA = Choice(
     )
 )
 _NORMALS = Choice((Option("facet", "of the faces"), Option("smoothed", "of the nodes, averaged")))
+_SURFACE = Choice(
+    (Option("smooth", "the curved skins that the nodes lie on"), Option("faces", "the faces of the cells, as they are"))
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,6 +140,10 @@ class Joint(Entry):
     )  # fmt: skip
     coverage_threshold: float = key(
         Number(Bounds(0, 1, open=False)), "", "a macro-element with less coverage is unpaired", default=1e-6
+    )
+    surface: str = key(_SURFACE, "", "what the gap is measured between, where cells are linear", default="smooth")
+    crease_angle: float = key(
+        Number(Bounds(0, 180, open=False)), "degree", "edges that turn by more stay sharp", default=40.0
     )
 
     def __post_init__(self) -> None:
@@ -156,10 +163,6 @@ class Contact(Joint):
         "", "what the pressure may be", default="unilateral",
     )  # fmt: skip
     normals: str = key(_NORMALS, "", "the normals of the slave", default="facet")
-    crease_angle: float = key(
-        Number(Bounds(0, 180, open=False)), "degree", "edges that turn by more stay sharp", default=40.0,
-        needs=Needs("normals", ("smoothed",)),
-    )  # fmt: skip
     geometry: str = key(
         Choice(
             (

@@ -89,6 +89,16 @@ def _pairs(sections: Sections) -> Iterator[Found]:
         slaves.add(slave)
 
 
+def _creases(sections: Sections) -> Iterator[Found]:
+    """Faces and their own normals know no creases."""
+    for made in (*sections.get("contact", []), *sections.get("tie", [])):
+        smoothed = made.section == "contact" and made.get("normals") != "facet"
+        if "crease_angle" in made.told() and made.get("surface") == "faces" and not smoothed:
+            also = ' or normals = "smoothed"' if made.section == "contact" else ""
+            message = f'means something only with surface = "smooth"{also}; leave it out, or say that'
+            yield made.wrong(message, "crease_angle")
+
+
 def _contacts(sections: Sections) -> Iterator[Found]:
     """The deformed area is known where the deformed skins are looked at."""
     usual = "current" if sections[""][0].get("kinematics") == "finite" else "reference"
@@ -171,6 +181,7 @@ RULES: tuple[Callable[[Sections], Iterator[Found]], ...] = (
     _materials,
     _groups_once,
     _pairs,
+    _creases,
     _contacts,
     _names,
     _prescribed_once,

@@ -12,6 +12,7 @@ share: with normals other than e each is met prolonged. At the master's rim it i
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from lacmesh.surface import ContactPoints, Surface
 from lacmesh.surface.maps import NEARLY_FLAT
 from lacmesh.surface.normals import normals_of
 from lacmesh.surface.patches import Patches, patches
+from lacmesh.surface.points import smooth_gap
 from lacsolver.interface.interface import by_type, places, tangents
 
 #: steps of Newton's method for places in faces; after one so small there is no other: it converges quadratically
@@ -183,9 +185,10 @@ def _placed(
         weight = weight * 2 * np.pi * x[:, 0]
     keep = np.flatnonzero(met)
     made = ContactPoints(
-        face[keep], face[keep], other[keep], xi[keep], xi_m[keep], weight[keep], normal[keep], gap[keep],
+        face[keep], face[keep], other[keep], xi[keep], xi_m[keep], weight[keep], normal[keep], gap[keep], gap[keep],
         np.zeros((0, 5), np.int64), axisymmetric,
     )  # fmt: skip
+    made = replace(made, gap=smooth_gap(made, slave, master))
     few = _Ends(ends.slave[keep], ends.master[keep], ends.size[keep], ends.s[keep], ends.share[keep], ends.nu[keep])
     own = (xi[keep, None], np.ones((len(keep), 1))) if dim == 2 else (s.xi[few.slave], corners[keep])
     return Edges(made, _moving(few, own, s, m, slave, master, dim))

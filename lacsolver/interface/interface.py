@@ -1,9 +1,11 @@
 """Pairing and integration: what two skins are to one another, where they stand, as matrices and integrals.
 
 B v = int_{T_m} (v(x) - v(x_bar)).n dGamma, the virtual work of a unit pressure on macro-element m   (26), (35)
-G   = int_{T_m} g dGamma, g = (x_bar - x).n + clearance                                              (27)
-A tie's rows are those of the jump, int_{T_m} (v(x) + g dn(v) - v(x_bar)) e_k dGamma, d a macro-element: with dn, how v
-turns the slave's normal, the lever across a gap is part of it and a rigid rotation costs nothing.
+G   = int_{T_m} g dGamma, g = (x_bar - x).n - b_s - b_m + clearance                                  (27)
+
+b_s, b_m are the heights of the smooth surfaces that faces stand for, 0 where these are the surfaces themselves.
+A tie's rows are those of the jump, int_{T_m} (v(x) + r dn(v) - v(x_bar)) e_k dGamma, d a macro-element: with dn, how v
+turns the slave's normal, the lever across r = (x_bar - x).n is part of it and a rigid rotation costs nothing.
 """
 
 from __future__ import annotations
@@ -185,8 +187,8 @@ def _jump(slave: Surface, master: Surface, points: ContactPoints, weight: Floats
     """(d m, n_dof): rows d m + k of the jump along each axis."""
     scalar = macro_rows(points, slave, master, np.ascontiguousarray(weight[:, None]), m)
     rows = csr_array(kron(scalar, np.eye(dim), format="csr"))
-    lever = weight * points.gap
-    if np.abs(points.gap).max(initial=0.0) > _ROUNDING * slave.size.max():
+    lever = weight * points.ray
+    if np.abs(points.ray).max(initial=0.0) > _ROUNDING * slave.size.max():
         rows = csr_array(rows + _turning(slave, points, lever, dim, m))
     return rows
 

@@ -4,7 +4,8 @@ At a contact point, where slave coordinates are held and the ray x + g n meets t
 
     tau_b dxi_bar^b - n dg = dx + g dn - dx_bar          (dx_bar: the master's displacement at xi_bar held)
 
-gives how the point moves on the master and how the gap changes; dn is the turning of the true normal, or of the
+gives how the point moves on the master and how the gap g between the faces changes. That of the smooth surfaces, whose
+heights b move with their faces, changes by dg - (db_m/dxi^b) dxi_bar^b. dn is the turning of the true normal, or of the
 interpolated nodal ones. With w the weight and dw its change (the current measure's),
 
     d(B^T p).v = sum p w [ dn.(v - v_bar) - (n.dv_bar/dxi^b) dxi_bar^b ] + p dw n.(v - v_bar)
@@ -38,8 +39,8 @@ from lacsolver.interface.interface import Interface, Pairing, by_type, stretch, 
 class Motion(NamedTuple):
     """What displacements do at contact points, as matrices of u (n_dof,): rows are points, or points times components.
 
-    `between`: v(x) - v(x_bar); `turning`: dn; `sliding`: dxi_bar, `closing`: dg; `along`: n . dv_bar/dxi^b, rows as
-    `sliding`; `stretching`: dw / w, None where the reference measure holds it.
+    `between`: v(x) - v(x_bar); `turning`: dn; `sliding`: dxi_bar, `closing`: the gap's; `along`: n . dv_bar/dxi^b, rows
+    as `sliding`; `stretching`: dw / w, None where the reference measure holds it.
     """
 
     between: csr_array
@@ -102,17 +103,21 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
     else:
         nodal, turning = None, _facet_turning(slave, face, dim)
     tau = tangents(master, points.master, points.xi_master)[:, :dim]
-    moved = csr_array(here + diags_array(np.repeat(points.gap, dim)) @ turning - there)
+    moved = csr_array(here + diags_array(np.repeat(points.ray, dim)) @ turning - there)
     solved = _blocks(np.linalg.inv(np.concatenate([tau, -n[:, :, None]], axis=2))) @ moved
     at = np.arange(len(points))
     slides = (dim * at[:, None] + np.arange(dim - 1)).ravel()
+    sliding, closing = csr_array(solved[slides]), csr_array(solved[dim * at + dim - 1])
+    if master.height is not None:
+        slope = master.height.slope(points.master, points.xi_master)[:, : dim - 1]
+        closing = csr_array(closing - _along(slope) @ sliding)
     along = _along_master(master, face, dim)
     stretching = _stretching(slave, face, pairing, dim) if pairing.measure == "current" else None
     return Motion(
         csr_array(here - there),
         turning,
-        csr_array(solved[slides]),
-        csr_array(solved[dim * at + dim - 1]),
+        sliding,
+        closing,
         along,
         stretching,
         _exchange(face, slave, master, pairing, dim, nodal),

@@ -9,6 +9,7 @@ import numpy as np
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.records import Cut
+from lacmesh.smooth import surface_of
 from lacmesh.surface import Surface
 
 
@@ -26,8 +27,20 @@ class Zone:
     number: Ints
 
     @classmethod
-    def of(cls, mesh: Mesh, slave: str, master: str, name: str | None = None) -> Zone:
+    def of(
+        cls,
+        mesh: Mesh,
+        slave: str,
+        master: str,
+        name: str | None = None,
+        *,
+        surface: str = "smooth",
+        crease_angle: float = 40.0,
+    ) -> Zone:
         """The zone between two groups of skin cells of a mesh whose slave is cut.
+
+        `surface`: what the gap is measured between, `faces` or the `smooth` skins that they stand for; edges that turn
+        by more than `crease_angle` degrees stay sharp.
 
         Raises GroupNotFoundError; RequestError where slave and master are one or share faces; DataError where faces of
         the slave belong to no macro-element of the cut, or to one that goes beyond the group.
@@ -35,7 +48,7 @@ class Zone:
         cells, others = mesh.cells_of(slave), mesh.cells_of(master)
         if slave == master or len(np.intersect1d(cells, others)):
             raise RequestError(f"slave {slave!r} and master {master!r} share faces; a zone needs two skins")
-        made, other = Surface.of(mesh, cells), Surface.of(mesh, others)
+        made, other = (surface_of(mesh, c, surface, crease_angle) for c in (cells, others))
         if made.dim != other.dim:
             raise DataError(f"slave {slave!r} and master {master!r} are skins of different dimensions")
         cut = Cut(mesh)

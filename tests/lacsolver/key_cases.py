@@ -406,6 +406,7 @@ poisson = 0.3
 slave = "slave"
 master = "master"
 normals = "smoothed"
+surface = "faces"
 [[displacement]]
 group = "bottom"
 ux = 0.0  # held
@@ -415,6 +416,8 @@ group = "top"
 ux = 0.0  # held
 uy = 0.0  # held
 """
+_ROOFED = 'normals = "smoothed"\nsurface = "faces"\n'
+_CREASED = 'surface = "smooth"\ncrease_angle = 20.0\n'
 
 PUNCH = """
 mesh = "blocks.msh"
@@ -510,7 +513,9 @@ CASES = {
     "measured": KeyCase(plane, MEASURED),
     "slid": KeyCase(plane, SLID),
     "smooth": KeyCase(roof, ROOF),
-    "creased": KeyCase(roof, ROOF.replace('"smoothed"\n', '"smoothed"\ncrease_angle = 20.0\n')),
+    "creased": KeyCase(roof, ROOF.replace(_ROOFED, _CREASED)),
+    "tied faces": KeyCase(roof, ROOF.replace(_ROOFED, 'surface = "faces"\n').replace("contact", "tie")),
+    "tied creased": KeyCase(roof, ROOF.replace(_ROOFED, _CREASED).replace("contact", "tie")),
     "tolerant": KeyCase(punch, PUNCH + "tolerance = 1e-3\n"),
     "symmetric": KeyCase(punch, PUNCH + 'tangent = "symmetric"\n'),
     "consistent": KeyCase(punch, PUNCH + 'tangent = "consistent"\n'),

@@ -20,6 +20,7 @@ from lacmesh.errors import LacmeshError
 from lacsolver.case import Case
 from lacsolver.output.states import read_state
 from lacsolver.stepping import NotConvergedError, Told
+from lacsolver.validation import validate
 
 CONTACT, OPEN, UNPAIRED = 1, 0, -1
 
@@ -222,8 +223,14 @@ def check_smooth(ran):
 
 
 def check_creased(ran):
-    """An edge that turns by 28 degrees stays sharp."""
+    """An edge that turns by 28 degrees stays sharp, or is that of the faces."""
     np.testing.assert_allclose(ran.table("slave")["gap"], [gap_below(smooth=False)] * 2, rtol=1e-12)
+
+
+def check_tied(ran):
+    """A tie holds what its skins do to each other and knows no gap; `validate` tells the one that it starts with."""
+    (zone,) = validate(ran.case, ran.mesh).zones
+    np.testing.assert_allclose(zone.gap, [gap_below(smooth=False)] * 2, rtol=1e-12)
 
 
 def gap_below(smooth):
@@ -321,6 +328,8 @@ CHECKS: dict[str, Callable[[Ran], None]] = {
     "slid": check_slid,
     "smooth": check_smooth,
     "creased": check_creased,
+    "tied faces": check_tied,
+    "tied creased": check_tied,
     "tolerant": check_tolerant,
     "symmetric": check_symmetric,
     "consistent": check_consistent,

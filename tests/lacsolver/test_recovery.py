@@ -9,89 +9,20 @@ from lacmesh.cells import CELLS
 from lacmesh.quadrature import rule
 from lacmesh.shapes import jacobian, shape
 from lacsolver import loads
-from lacsolver.assemble import assemble_stiffness, points, stress, weights
+from lacsolver.assemble import assemble_stiffness
 from lacsolver.material import Elastic, Materials
-from lacsolver.recovery import extrapolation, nodal_stress, recover_pressure, slave_pressure
+from lacsolver.recovery import recover_pressure
 from lacsolver.space import Space
 from lacsolver.state import CONTACT, OPEN, UNPAIRED
-from tests.lacsolver.bodies import PAIRS, body, distorted, mixture
+from tests.lacsolver.bodies import body
 from tests.lacsolver.held import with_sides
 
 #: cells behind the slave, and the cut of hexahedra
 SLAVES = [(name, "pyramid") for name in ("TRIA3", "QUAD4", "TRIA6", "TRIA7", "QUAD8", "QUAD9")]
 SLAVES += [(name, "pyramid") for name in ("TETRA4", "TETRA10", "PENTA6", "PENTA15", "HEXA8", "HEXA20", "HEXA27")]
 SLAVES += [("HEXA8", "hexa"), ("HEXA20", "hexa")]
-#: cells with one point in the plane or in space; PYRAM5's four lie in one plane
-ONE_POINT = [("TRIA3", "plane_strain"), ("TRIA3", "plane_stress"), ("TETRA4", "3d")]
 E_, NU = 1.0, 0.3
 LAME, MU = E_ * NU / (1 + NU) / (1 - 2 * NU), E_ / (2 * (1 + NU))
-
-
-# ---- nodal stress
-
-
-def linear(x, n):
-    """A field (..., n) that is linear in x (..., 3)."""
-    return x @ np.random.default_rng(5).uniform(-1, 1, (3, n)) + np.arange(1.0, n + 1)
-
-
-@pytest.mark.parametrize(("name", "model"), PAIRS)
-def test_constant_stress_stays_on_distorted_cells(name, model):
-    space = Space.of(distorted(body(name, 2), 0.03), model)
-    given = np.arange(1.0, space.model.n_stress + 1)
-    field = tuple(np.broadcast_to(given, (*at.shape[:2], len(given))) for at in points(space))
-    assert nodal_stress(space, field) == pytest.approx(np.tile(given, (space.mesh.n_nodes, 1)), rel=1e-12)
-
-
-@pytest.mark.parametrize(("name", "model"), [pair for pair in PAIRS if pair not in ONE_POINT and pair[0] != "PYRAM5"])
-def test_linear_stress_is_met_on_affine_cells(name, model):
-    space = Space.of(body(name, 2), model)
-    n = space.model.n_stress
-    made = nodal_stress(space, tuple(linear(at, n) for at in points(space)))
-    assert made == pytest.approx(linear(space.mesh.points, n), rel=1e-11)
-
-
-def test_pyramid5_tells_slopes_across_its_axis_only():
-    E, ref = extrapolation("PYRAM5"), np.array(CELLS["PYRAM5"].reference)
-    x = E @ np.array([[a, b] for a in (-1, 1) for b in (-1, 1)])  # whatever the points' order: two slopes, mean 0
-    assert x[:4].mean(axis=0) == pytest.approx([0, 0], abs=1e-12)
-    assert E.sum(axis=1) == pytest.approx(np.ones(len(ref)))
-    assert E[4] == pytest.approx(np.full(4, 0.25))
-
-
-@pytest.mark.parametrize(("name", "model"), ONE_POINT)
-def test_one_point_cells_give_their_volume_weighted_mean(name, model):
-    space = Space.of(distorted(body(name, 2), 0.05), model)
-    (field,), (W,) = points(space), weights(space)
-    field = np.repeat(field[..., :1], space.model.n_stress, axis=2)
-    (block,) = space.blocks
-    node = int(block.nodes[0, 0])
-    rows = np.flatnonzero((block.nodes == node).any(axis=1))
-    assert len(rows) > 1
-    expected = (field[rows, 0, 0] * W[rows, 0]).sum() / W[rows, 0].sum()
-    assert nodal_stress(space, (field,))[node] == pytest.approx(np.full(space.model.n_stress, expected))
-
-
-def test_stress_of_some_cells_does_not_mix_and_is_nan_elsewhere():
-    mesh = body("QUAD4", 2)
-    space = Space.of(mesh, "plane_strain")
-    left = np.flatnonzero(mesh.points[mesh.blocks[0].nodes, 0].mean(axis=1) < 1.5)
-    field = np.ones((4, 4, 4))
-    field[left] = 5.0
-    x = mesh.points[:, 0]
-    apart, mixed = nodal_stress(space, (field,), left), nodal_stress(space, (field,))
-    assert apart[x <= 1.5] == pytest.approx(5.0)
-    assert np.isnan(apart[x > 1.5]).all()
-    assert mixed[x == 1.5] == pytest.approx(3.0)
-
-
-def test_mixed_cells_share_one_field():
-    space = Space.of(mixture(), "3d")
-    field = tuple(np.full((*at.shape[:2], 6), 7.0) for at in points(space))
-    assert nodal_stress(space, field) == pytest.approx(7.0)
-
-
-# ---- the slave's own pressure
 
 
 def slave_of(name, n, hexa="pyramid", shift=0.0):
@@ -106,36 +37,6 @@ def slave_of(name, n, hexa="pyramid", shift=0.0):
 
 def on_surface(surface):
     return np.unique(surface.faces.nodes[surface.faces.nodes >= 0])
-
-
-@pytest.mark.parametrize("name", ["QUAD8", "TETRA10"])
-def test_slave_pressure_is_minus_n_sigma_n(name):
-    mesh, surface, _, _ = slave_of(name, 2)
-    sigma = np.arange(1.0, 5.0 if CELLS[name].dim == 2 else 7.0)
-    made = slave_pressure(surface, np.tile(sigma, (mesh.n_nodes, 1)))
-    nodes = on_surface(surface)
-    assert made[nodes] == pytest.approx(-sigma[1 if CELLS[name].dim == 2 else 2])
-    assert np.isnan(np.delete(made, nodes)).all()
-
-
-def test_slave_pressure_at_a_corner_is_the_mean_over_areas():
-    mesh = Mesh.create(
-        [[0, 0], [3, 0], [3, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]]), ("SEG2", [[0, 1], [1, 2]])]
-    )  # normals -y over 3, x over 1
-    made = slave_pressure(Surface.of(mesh, np.array([1, 2])), np.tile([-4.0, -8.0, 0.0, 5.0], (4, 1)))
-    assert made[:3] == pytest.approx([8.0, (3 * 8 + 4) / 4, 4.0])
-
-
-def test_slave_pressure_in_space_has_all_components():
-    rng = np.random.default_rng(0)
-    points = rng.uniform(-1, 1, (3, 3))
-    surface = Surface.of(Mesh.create(points, [("TRIA3", [[0, 1, 2]])], space_dim=3), np.array([0]))
-    n = np.cross(points[1] - points[0], points[2] - points[0])
-    n /= np.linalg.norm(n)
-    S = rng.uniform(-1, 1, (3, 3))
-    S += S.T
-    voigt = [S[0, 0], S[1, 1], S[2, 2], S[0, 1], S[1, 2], S[0, 2]]
-    assert slave_pressure(surface, np.tile(voigt, (3, 1))) == pytest.approx(np.full(3, -n @ S @ n))
 
 
 # ---- recovered pressure from exact means
@@ -253,17 +154,42 @@ def row_of(n):
 def test_open_and_unpaired_macro_elements_have_none():
     status = np.array([CONTACT, CONTACT, OPEN, OPEN, UNPAIRED])
     nodal, mean = recover_pressure(row_of(5), np.arange(5), np.array([2.0, 1.0, 0, 0, 0]), status)
-    scale = 3 / 3.25  # the fit is scaled to the force
-    assert nodal == pytest.approx(scale * np.array([2.5, 1.5, 0.5, 0, 0, 0]))
-    assert mean == pytest.approx(scale * np.array([2, 1, 0.25, 0, 0]))
+    assert (nodal[3:] == 0).all()
+    assert (mean[3:] == 0).all()
+    assert (np.diff(nodal[:4]) < 0).all()
+    assert mean.sum() == pytest.approx(3)
 
 
 def test_nothing_is_pulled_unless_it_may_be():
-    status, p = np.full(4, CONTACT), np.array([9.0, 5.0, 1.0, 0.0])
-    nodal, _ = recover_pressure(row_of(4), np.arange(4), p, status)
-    both, _ = recover_pressure(row_of(4), np.arange(4), p, status, unilateral=False)
-    assert nodal == pytest.approx(15 / 16 * np.array([11, 7, 3, 0.5, 0]))
-    assert both == pytest.approx([11, 7, 3, 0.5, -0.5])
+    status, p = np.full(8, CONTACT), np.array([9.0, 7, 5, 4, 3, 2, 0.5, 0])
+    nodal, mean = recover_pressure(row_of(8), np.arange(8), p, status)
+    both, _ = recover_pressure(row_of(8), np.arange(8), p, status, unilateral=False)
+    assert both.min() < -0.1
+    assert nodal.min() == 0
+    assert mean.sum() == pytest.approx(p.sum())
+
+
+def test_the_rim_of_the_slave_counts_for_less():
+    linear = np.arange(12.0) + 20
+    off = np.zeros(12)
+    off[[0, 1, -2, -1]] = 0.12, -0.04, 0.04, -0.12
+    made, _ = recover_pressure(row_of(12), np.arange(12), linear + off, np.full(12, CONTACT))
+    assert np.abs(made - (np.arange(13.0) + 19.5)).max() < 0.06
+
+
+def test_few_macro_elements_have_planes_and_a_row_of_them_a_slope_along_it():
+    surface = strip_of(6)
+    x = surface.x[:, 0]
+    nodal, _ = recover_pressure(surface, np.arange(6), x[:6] + 0.5, np.full(6, CONTACT), unilateral=False)
+    assert nodal == pytest.approx(x, rel=1e-12)
+
+
+def strip_of(n):
+    """n squares in space in a row along x, each a macro-element of its own, faces up; nodes of y = 0 first."""
+    x = np.array([[i, j, 0.0] for j in range(2) for i in range(n + 1)])
+    i = np.arange(n)
+    nodes = np.stack([i, i + 1, i + n + 2, i + n + 1], axis=1)
+    return Surface.of(Mesh.create(x, [("QUAD4", nodes)], space_dim=3), i)
 
 
 def test_one_macro_element_alone_keeps_its_force():
@@ -290,36 +216,6 @@ def test_faces_of_no_macro_element_are_left_out():
     nodal, mean = recover_pressure(row_of(4), np.array([0, 1, -1, -1]), np.array([2.0, 4.0]), np.full(2, CONTACT))
     assert nodal == pytest.approx([1, 3, 5, np.nan, np.nan], nan_ok=True)
     assert mean == pytest.approx([2, 4])
-
-
-def test_the_slaves_stress_counts_at_the_edge_only():
-    traction = np.array([8.0, 8, 8, 8, 8, 3, 2, 0, 0])
-    p, status = np.array([5.0, 5, 5, 5, 5, 1, 0, 0]), np.array([CONTACT] * 6 + [OPEN] * 2)
-    plain, _ = recover_pressure(row_of(8), np.arange(8), p, status, unilateral=False)
-    made, _ = recover_pressure(row_of(8), np.arange(8), p, status, traction=traction, unilateral=False)
-    assert made[:4] == pytest.approx(plain[:4])
-    assert np.abs(made[4:7] - plain[4:7]).min() > 0.1
-    whole = np.full(8, CONTACT)
-    one, _ = recover_pressure(row_of(8), np.arange(8), p, whole, unilateral=False)
-    two, _ = recover_pressure(row_of(8), np.arange(8), p, whole, traction=traction, unilateral=False)
-    assert two == pytest.approx(one)
-
-
-def strip_of(n):
-    """n squares in space in a row along x, each a macro-element of its own, faces up; nodes of y = 0 first."""
-    x = np.array([[i, j, 0.0] for j in range(2) for i in range(n + 1)])
-    i = np.arange(n)
-    nodes = np.stack([i, i + 1, i + n + 2, i + n + 1], axis=1)
-    return Surface.of(Mesh.create(x, [("QUAD4", nodes)], space_dim=3), i)
-
-
-def test_a_stress_in_tune_with_the_means_is_taken_as_it_is_in_space():
-    traction = np.array([6.0, 5, 4, 3, 1, 0, 0])
-    p = (traction[1:] + traction[:-1]) / 2
-    status = np.where(p > 0, CONTACT, OPEN)
-    stress = np.tile(traction, 2)
-    made, _ = recover_pressure(strip_of(6), np.arange(6), p, status, traction=stress, unilateral=False)
-    assert made.reshape(2, 7)[:, 3:] == pytest.approx(np.tile(traction[3:], (2, 1)))
 
 
 def hertz_means(edge, n):
@@ -361,7 +257,7 @@ def test_wrong_shapes_are_refused():
 def pressed(name, n, hexa, *, u, f, clearance=None, traction=None, body_force=None):
     """Solve a unit body, held by u(x) all round but on its top, against the rigid y or z = 1 + clearance(x).
 
-    `clearance` None: the top is held to u in the mean. Returns mesh, surface, macro, p_m, status, slave's pressure.
+    `clearance` None: the top is held to u in the mean. Returns mesh, surface, macro, p_m, status.
     """
     mesh, surface, macro, n_macros = slave_of(name, n, hexa, shift=-1.0 if CELLS[name].dim == 2 else 0.0)
     d = mesh.space_dim
@@ -402,8 +298,7 @@ def pressed(name, n, hexa, *, u, f, clearance=None, traction=None, body_force=No
     else:
         pytest.fail("the active set did not settle")
     whole[free] = still - Y @ p
-    own = slave_pressure(surface, nodal_stress(space, stress(space, materials, whole)))
-    return mesh, surface, macro, p, np.where(active, CONTACT, OPEN), own
+    return mesh, surface, macro, p, np.where(active, CONTACT, OPEN)
 
 
 def hertz(d, a, middle):
@@ -455,11 +350,10 @@ def hertz(d, a, middle):
         ("TRIA6", "pyramid", 32, 0.3),
         ("QUAD8", "pyramid", 32, 0.3),
         ("TETRA4", "pyramid", 8, 0.5),
-        ("HEXA8", "pyramid", 8, 0.5),
+        ("HEXA8", "pyramid", 10, 0.5),
         ("HEXA27", "pyramid", 6, 0.5),
         ("HEXA8", "hexa", 8, 0.5),
-        # 2.4 macro-elements to the radius: the best that the nodes could hold is near 0.4
-        ("TETRA10", "pyramid", 8, 0.62),
+        ("TETRA10", "pyramid", 8, 0.5),
     ],
 )
 def test_hertz_is_at_least_twice_as_good_as_the_means(name, hexa, n, part):
@@ -468,8 +362,8 @@ def test_hertz_is_at_least_twice_as_good_as_the_means(name, hexa, n, part):
     ratios = []
     for a in (0.30, 0.32, 0.34):  # the edge falls at different places of its macro-element
         u, f, clearance = hertz(d, a, middle)
-        _, surface, macro, p, status, own = pressed(name, n, hexa, u=u, f=f, clearance=clearance)
-        nodal, _ = recover_pressure(surface, macro, p, status, traction=own)
+        _, surface, macro, p, status = pressed(name, n, hexa, u=u, f=f, clearance=clearance)
+        nodal, _ = recover_pressure(surface, macro, p, status)
         degree = 40 if d == 2 else 16
         of_means, of_nodal = errors(surface, macro, f, p, nodal, degree)
         ratios.append(of_nodal / of_means)
@@ -499,6 +393,16 @@ def waves(d):
     return u, sigma, body_force
 
 
+#: cells a side in space, where patches are not yet the whole slave
+_LEVELS = {
+    "TETRA4": (4, 6, 8, 10),
+    "HEXA8": (6, 8, 10),
+    "HEXA27": (3, 4, 6),
+    "TETRA10": (6, 8, 10),
+    "PENTA15": (6, 8, 10),
+}
+
+
 @pytest.mark.parametrize(
     ("name", "hexa", "least"),
     [
@@ -509,8 +413,8 @@ def waves(d):
         ("TETRA4", "pyramid", 1.5),
         ("HEXA8", "pyramid", 1.5),
         ("HEXA8", "hexa", 1.5),
-        ("TETRA10", "pyramid", 1.8),
-        ("PENTA15", "pyramid", 1.8),
+        pytest.param("TETRA10", "pyramid", 1.8, marks=pytest.mark.slow),
+        pytest.param("PENTA15", "pyramid", 1.8, marks=pytest.mark.slow),
         ("HEXA27", "pyramid", 1.8),
     ],
 )
@@ -524,11 +428,11 @@ def test_rate_of_a_smooth_solution(name, hexa, least):
     def f(x):
         return -sigma(x)[..., d - 1, d - 1]
 
-    levels = (8, 16, 32) if d == 2 else (4, 6, 8, 10) if CELLS[name].order == 1 else (3, 4, 6)
+    levels = (8, 16, 32) if d == 2 else _LEVELS.get(name, (4, 6, 8))
     found = []
     for n in levels:
-        _, surface, macro, p, status, own = pressed(name, n, hexa, u=u, f=f, traction=along, body_force=body_force)
-        nodal, _ = recover_pressure(surface, macro, p, status, traction=own, unilateral=False)
+        _, surface, macro, p, status = pressed(name, n, hexa, u=u, f=f, traction=along, body_force=body_force)
+        nodal, _ = recover_pressure(surface, macro, p, status, unilateral=False)
         found.append(errors(surface, macro, f, p, nodal))
     of_means, of_nodal = np.array(found).T
     assert fitted_rate(1 / np.array(levels), of_nodal) > least

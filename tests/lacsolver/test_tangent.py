@@ -9,10 +9,13 @@ and 1e-2 on lines that curve, whose 4 points feel it most.
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from lacmesh.cells import CELLS
+from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
 from lacsolver.interface import Pairing, integrate
 from lacsolver.interface.tangent import gap_derivative, motion_of, tangent
 from tests.lacsolver.patch_meshes import stack
@@ -40,11 +43,27 @@ def every(pairs, normals=NORMALS):
     )
 
 
-class Deformed:
-    """A zone whose skins are moved at random, and what it is there."""
+def raised(surface):
+    """A surface whose linear faces stand for one that is off them by a few hundredths, one number at each edge."""
+    value = np.zeros((len(surface), N_HEIGHTS))
+    for name, rows, nodes in surface.by_type():
+        if name not in QUADRATIC:
+            continue
+        count = CELLS[name].n_corners
+        edges = CELLS[name].edges if surface.dim == 2 else ((0, 1),)
+        middles = [surface.x[nodes[:, list(edge)]].mean(axis=1) for edge in edges]
+        middles += [surface.x[nodes].mean(axis=1)] if name == "QUAD4" else []
+        value[rows, count : count + len(middles)] = 0.02 * np.sin(9 * np.sum(middles, axis=2)).T
+    return replace(surface, height=Height(surface.faces.type, value))
 
-    def __init__(self, slave, master, dim, options, *, gap=0.1, counts=(3, 4), size=4e-3, margin=0.15):
+
+class Deformed:
+    """A zone whose skins are moved at random, and what it is there; `smooth`: with heights."""
+
+    def __init__(self, slave, master, dim, options, *, gap=0.1, counts=(3, 4), size=4e-3, margin=0.15, smooth=False):
         mesh, zone = wavy(slave, master, dim, gap=gap, counts=counts, margin=margin)
+        if smooth:
+            zone = replace(zone, slave=raised(zone.slave), master=raised(zone.master))
         self.zone, self.dim, self.pairing = zone, dim, Pairing(search_distance=0.6, **options)
         faces = [surface.faces.nodes for surface in (zone.slave, zone.master)]
         self.nodes = np.unique(np.concatenate([nodes[nodes >= 0] for nodes in faces]))
@@ -83,6 +102,21 @@ class Deformed:
 @every(STRAIGHT, normals=("facet",))
 def test_straight_faces_with_their_own_normals(pair, options):
     assert Deformed(*pair, options).errors().max() <= EXACT
+
+
+@every(STRAIGHT, normals=("facet",))
+def test_heights_over_straight_faces(pair, options):
+    """Where heights are polynomials of the plane the derivatives are as exact as without; quadrangles' are not."""
+    made = Deformed(*pair, options, smooth=True)
+    low = made.zone.slave.height.degree == made.zone.master.height.degree == 2
+    assert np.ptp(made.face.points.gap - made.face.points.ray) > 0.02
+    assert made.errors().max() <= (EXACT if low else 1e-5)
+
+
+@every(ANY)
+def test_heights_over_any_faces(pair, options):
+    """In front of one master face, where no piece ends; that of quadratic cells has none."""
+    assert Deformed(*pair, options, counts=(2, 1), smooth=True).errors().max() <= EXACT
 
 
 @every(ANY)

@@ -1,0 +1,64 @@
+"""A run says where its pressures are those of flat faces, and keeps silent where they are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import lacmesh
+import lacsolver
+from lacsolver.faceted import faceted
+from lacsolver.output import create
+from lacsolver.running import run
+from verification.families.press_fit import PressFit, case_text, mesh_of
+from verification.meshes.rings import pair, ring
+from verification.solving import solve
+
+DATA = Path(__file__).parents[2] / "data"
+PRESS_FIT = (DATA / "press_fit.toml").read_text()
+FACES = PRESS_FIT.replace('master = "master"', 'master = "master"\nsurface = "faces"')
+
+
+def told(text, mesh):
+    solved = solve(text, mesh)
+    return list(faceted(solved.problem, solved.state))
+
+
+def test_a_press_fit_of_flat_faces_is_told(tmp_path):
+    """What the faces are worth is of the size of what came out, far from 63.46, and there is something to try."""
+    mesh = lacmesh.read(DATA / "press_fit.msh")
+    (message,) = told(FACES, mesh)
+    assert "pressures of contact 'fit' differ by" in message and 'take surface = "smooth"' in message
+    with pytest.warns(lacmesh.LacmeshWarning, match="E h / 8R"):
+        results = run(lacsolver.parse_case(FACES), create(tmp_path / "out"), mesh=mesh)
+    assert message in results.message
+
+
+def test_cylinders_are_not_faces():
+    assert told(PRESS_FIT, lacmesh.read(DATA / "press_fit.msh")) == []
+
+
+def test_flat_skins_are_what_they_are():
+    text = (DATA / "two_blocks.toml").read_text()
+    assert told(text, lacmesh.read(DATA / "two_blocks.msh")) == []
+
+
+@pytest.mark.parametrize("count, said", [(3, True), (24, False)])
+def test_a_skin_of_free_form_that_is_too_coarse(count, said):
+    """Two ellipses, hardly pressed: twelve faces to a turn are too few for a fit, and a hundred are not."""
+    given = PressFit("TRIA3", "plane_strain", "facet", pressure=2.0)
+    bodies = (ring("TRIA3", (2, n), radii) for n, radii in ((count, (20, 30)), (count + 1, (30, 40))))
+    mesh = pair(*bodies)
+    mesh = replace(mesh, points=mesh.points * [1.3, 1.0, 1.0])
+    assert bool(told(case_text(given), mesh)) == said
+
+
+def test_quadratic_cells_have_their_curve():
+    given = PressFit("TRIA6", "plane_strain", "facet")
+    assert told(case_text(given), mesh_of(given, 0)) == []
+
+
+def test_a_contact_without_pressure_says_nothing():
+    assert told(FACES.replace("clearance = -0.02", "clearance = 0.2"), lacmesh.read(DATA / "press_fit.msh")) == []
