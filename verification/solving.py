@@ -91,7 +91,11 @@ class Solved:
 
 def solve(case: lacsolver.Case | str, mesh: Mesh) -> Solved:
     """Solve a case, or its text, on a mesh. Raises what `Problem.of` and `march` raise."""
-    problem = Problem.of(lacsolver.parse_case(case) if isinstance(case, str) else case, mesh)
+    return finished(Problem.of(lacsolver.parse_case(case) if isinstance(case, str) else case, mesh))
+
+
+def finished(problem: Problem) -> Solved:
+    """Solve a problem. Raises what `march` raises."""
     return Solved(problem, tuple(lacsolver.march(problem)))
 
 

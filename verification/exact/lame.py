@@ -52,13 +52,15 @@ class Shell:
 class Fit:
     """A shell in another, the radius between them `within.outer` = `around.inner`.
 
-    `pressure`: inside the inner one; `interference`: by how much the inner one was larger than the room for it.
+    `pressure`: inside the inner one; `outside`: around the outer one; `interference`: by how much the inner one was
+    larger than the room for it.
     """
 
     within: Shell
     around: Shell
     pressure: float = 0.0
     interference: float = 0.0
+    outside: float = 0.0
 
     @property
     def between(self) -> float:
@@ -70,11 +72,11 @@ class Fit:
         """(n, dim) at points (n, dim) of one of the bodies, the centre at 0."""
         r = np.linalg.norm(x, axis=1)
         shell, p = getattr(self, body), self.between
-        u = shell.displacement(r, *((self.pressure, p) if body == "within" else (p, 0.0)))
+        u = shell.displacement(r, *((self.pressure, p) if body == "within" else (p, self.outside)))
         return x * (u / r)[:, None]
 
     def _apart(self, p: float) -> float:
         """How much farther out the outer body's face goes than the inner one's, under a pressure of contact."""
         c = np.array([self.within.outer])
-        inner, outer = self.within.displacement(c, self.pressure, p), self.around.displacement(c, p, 0.0)
+        inner, outer = self.within.displacement(c, self.pressure, p), self.around.displacement(c, p, self.outside)
         return float((outer - inner)[0])

@@ -15,6 +15,7 @@ MODULES = {
     "hertz": "hertz",
     "hertz-engineering": "hertz_engineering",
     "press-fit": "press_fit",
+    "curved": "curved",
     "manufactured": "manufactured",
     "inf-sup": "inf_sup",
     "sliding": "sliding",

@@ -64,9 +64,12 @@ _NEWTON = {"Kratos": {16: 7}, "GetFEM": {16: 11}, "NGSolve": {16: 16}, "CalculiX
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder of steel on a block of alloy. `geometry`: of the undeformed skins, or of the deformed ones."""
+    """A cylinder of steel on a block of alloy. `geometry`: of the undeformed skins, or of the deformed ones; `surface`:
+    what the gap is measured between.
+    """
 
     geometry: str
+    surface: str = "smooth"
     young: tuple[float, float] = (STEEL, ALLOY)
     poisson: float = POISSON
     push: float = PUSH
@@ -212,7 +215,7 @@ def pushed(given: Cylinder, n: int) -> Pressures:
     lines = ['mesh = "cylinder.msh"', 'model = "plane_strain"']
     for group, young in zip(("upper", "lower"), given.young, strict=True):
         lines.append(entry("material", groups=[group], young=young, poisson=given.poisson))
-    lines.append(entry("contact", slave="slave", master="master", geometry=given.geometry))
+    lines.append(entry("contact", slave="slave", master="master", geometry=given.geometry, surface=given.surface))
     lines += [entry("displacement", group="bottom", ux=0.0, uy=0.0), entry("displacement", group="x0", ux=0.0)]
     mesh = cylinder_on_block(n)
     solved = solve("\n".join([*lines, entry("displacement", group="top", uy=-given.push)]), mesh)
@@ -282,7 +285,8 @@ def pressed(given: Spheres, n: int) -> Pressures:
         [
             'mesh = "spheres.msh"', 'model = "axisymmetric"',
             entry("material", young=given.young, poisson=given.poisson),
-            entry("contact", slave="slave", master="master", normals="smoothed", geometry="current"),
+            entry("contact", slave="slave", master="master", normals="smoothed", geometry="current",
+                  surface="faces"),  # as code_aster's are
             entry("displacement", group="up", uy=-2.0), entry("displacement", group="down", uy=2.0),
             entry("displacement", group="axis", ux=0.0), f"[steps]\ncount = {given.steps}",
         ]

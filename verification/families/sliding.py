@@ -79,7 +79,8 @@ class Dragged:
     """A body that is pushed into another and maybe along it. `path`: component -> (time, value) of the group `moved`.
 
     `mesh`: one of `MESHES`; `sizes`, `steps`: of each level. `materials`: group, modulus, Poisson's ratio, all
-    neo-Hookean. `held`: group -> components. `published`: Newton iterations of code_aster.
+    neo-Hookean. `held`: group -> components. `published`: Newton iterations of code_aster. `surface`: what the gap is
+    measured between, of which code_aster knows the faces alone.
     """
 
     mesh: str
@@ -95,6 +96,7 @@ class Dragged:
     measure: str = "reference"
     tolerance: float = 1e-10
     published: int | None = None
+    surface: str = "smooth"
 
     @property
     def up(self) -> int:
@@ -172,7 +174,10 @@ def dragged(given: Dragged, size: int, steps: int) -> Solved:
     lines = [f'mesh = "{given.mesh}.msh"', f'model = "{given.model}"', 'kinematics = "finite"']
     for group, young, poisson in given.materials:
         lines.append(entry("material", groups=[group], law="neo_hookean", young=young, poisson=poisson))
-    lines.append(entry("contact", slave="slave", master="master", normals=given.normals, measure=given.measure))
+    lines.append(
+        entry("contact", slave="slave", master="master", normals=given.normals, measure=given.measure,
+              surface=given.surface)
+    )  # fmt: skip
     for group, components in given.held:
         lines.append(entry("displacement", group=group, **dict.fromkeys(components, 0.0)))
     lines += [entry("displacement", group=given.moved, **dict(given.path)), entry("probe", group=given.moved)]
@@ -317,6 +322,7 @@ _RING = Dragged(
     materials=(("inner", 1e5, 0.3), ("outer", 1e3, 0.3), ("block", 300.0, 0.3)),
     moved="ends", path=(("ux", ((0.0, 0.0), (1.0, 0.0))), ("uy", ((0.0, 0.0), (1.0, -90.0)))),
     held=(("bottom", ("ux", "uy")),), end=1.0, measure="current", tolerance=1e-8, published=144,
+    surface="faces",
 )  # fmt: skip
 _RUBBER = (("block", 10.0, 0.4), ("die", 500.0, 0.3))
 

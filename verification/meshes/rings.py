@@ -47,9 +47,11 @@ def ring(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: fl
     return assembled(points, rows, 2)
 
 
-def octant(kind: str, counts: Sequence[int], radii: Sequence[float]) -> Mesh:
+def octant(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: float = 0.0, seed: int = 0) -> Mesh:
     """An eighth of a thick sphere of cells of a type in space, `counts` of hexahedra: along the radius, and along each
     of the two sides of its three parts. Groups: low, high (the faces), x0, y0, z0.
+
+    `jitter`: how far the rays that nodes lie on are turned at random, in cells; a plane of symmetry keeps its own.
     """
     radial, n = counts
     made = _patch(kind, (n, n, radial), (0.0, 0.0, radii[0]), (np.pi / 4, np.pi / 4, radii[1]))
@@ -59,6 +61,8 @@ def octant(kind: str, counts: Sequence[int], radii: Sequence[float]) -> Mesh:
     rows = rows_of(made)
     parts = [(np.roll(points, turn, axis=1), turn) for turn in range(3)]
     place, number = _merged(np.concatenate([x for x, _ in parts]))
+    if jitter:
+        place = _shaken(place, jitter * np.pi / 4 / n, np.random.default_rng(seed))
     joined: dict[tuple[str, str], list[Ints]] = defaultdict(list)
     for (_, turn), own in zip(parts, number.reshape(3, -1), strict=True):
         for (cell, name), nodes in rows.items():
@@ -101,6 +105,14 @@ def _moves(
     """(n, dim): how far points may be moved, between -1 and 1 cell; 0 across the sides that they are on."""
     inside = (points != low) & (points != high)
     return random.uniform(-1, 1, points.shape) * np.subtract(high, low) / counts * inside
+
+
+def _shaken(points: Floats, angle: float, random: np.random.Generator) -> Floats:
+    """Points whose rays from 0 are turned at random by up to an angle along each axis; what is 0 stays so."""
+    r = np.linalg.norm(points, axis=1, keepdims=True)
+    rays, number = _merged(points / r)
+    rays = rays + angle * random.uniform(-1, 1, rays.shape) * (np.abs(rays) > 1e-12)
+    return (rays / np.linalg.norm(rays, axis=1, keepdims=True))[number] * r
 
 
 def _turned(name: str, turn: int) -> str:

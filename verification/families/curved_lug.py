@@ -1,0 +1,127 @@
+"""*Lug*: the pin in the eye of a lug, `data/pin_in_lug.step`, meshed by gmsh with TETRA4, against TETRA10 on the same
+faces with the gap between their own curved faces. The bore's edge digs into the longer pin, so that pressures are
+compared away from it. TETRA4 answer a given gap with pressures that scatter (with the true gap as much: `true` is told
+beside), so that it is the mean pressure, and how many macro-elements carry it, that are asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lacmesh
+import lacsolver
+from lacsolver import Problem
+from lacsolver.interface.interface import integrate, positions
+from lacsolver.state import CONTACT
+from verification.records import Case, Outcome, Result, at_most, reported
+from verification.solving import Solved, balanced, entry, finished
+
+Floats = NDArray[np.floating]
+
+_STEP = Path(__file__).resolve().parents[2] / "data" / "pin_in_lug.step"
+#: of data/make_pin_in_lug.py: radii of the bore and the pin, heights of their axes, which are along y
+_BORE, _PIN, _AXES = 12.0, 11.8, (32.0, 31.8)
+#: half of the bore is 10 along y; away from its edges
+_AWAY = 7.0
+_GROUPS = ("bore=13", "pin=15", "bolt=9", "ends=19,20", "symmetry=box:0,-16,0,0,16,52", "lug=3:1", "shaft=3:2")
+_SOURCE = "TETRA10 on the same faces"
+
+
+@dataclass(frozen=True)
+class Lug:
+    """Sizes of the bore's faces, a level each."""
+
+    sizes: tuple[float, ...] = (2.0, 1.2)
+    closed: float = 0.10
+    pressure: float = 0.15
+
+
+def solve_case(given: Lug, levels: int) -> Outcome:
+    """The lug on so many meshes: flat faces, smooth surfaces, the true gap; TETRA10."""
+    results: list[Result] = []
+    every: list[Solved] = []
+    for size in given.sizes[:levels]:
+        linear, quadratic = (meshed(size, order) for order in (1, 2))
+        found = {
+            "TETRA10": solved(quadratic, "faces"),
+            **{gap: solved(linear, gap) for gap in ("faces", "smooth", "true")},
+        }
+        every += found.values()
+        number, mean = np.transpose([away(own) for own in found.values()])
+        for k, gap in enumerate(found):
+            if k:
+                off = number[k] / number[0] - 1, mean[k] / mean[0] - 1
+                results += _judged(given, gap, size, *off)
+    return Outcome((*results, *balanced(every)))
+
+
+def _judged(given: Lug, gap: str, size: float, closed: float, mean: float) -> Iterator[Result]:
+    for name, value, allowed in (
+        ("macro-elements in contact away from the edges", closed, given.closed),
+        ("mean pressure of contact away from the edges", mean, given.pressure),
+    ):
+        quantity = f"{name}, {gap}, size {size:g}, relative error"
+        if gap == "smooth":
+            yield at_most(quantity, abs(value), allowed, source=_SOURCE, reason="what engineers can use")
+        else:
+            yield reported(quantity, value, reason="told beside the smooth surfaces'")
+
+
+def away(own: Solved) -> tuple[int, float]:
+    """How many macro-elements away from the bore's edges are in contact, and their mean pressure."""
+    (zone,) = own.state.zones
+    there = (zone.status == CONTACT) & (np.abs(zone.centre[:, 1]) < _AWAY)
+    return int(there.sum()), float((zone.area * zone.pressure)[there].sum() / zone.area[there].sum())
+
+
+def meshed(size: float, order: int) -> lacmesh.Mesh:
+    """The lug and the pin, with faces of a size on the bore."""
+    from lacmesh.gmsh.cad import mesh_cad, parse_group
+
+    parts = dict(parse_group(text) for text in _GROUPS)
+    groups = {name: [part] for name, part in parts.items()}
+    return mesh_cad(_STEP, groups=groups, size=4.0, order=order, slave=["bore"], slave_size=size)
+
+
+def solved(mesh: lacmesh.Mesh, gap: str) -> Solved:
+    """With the gap between `faces`, `smooth` surfaces, or the cylinders themselves (`true`)."""
+    lines = [
+        'mesh = "lug.msh"\nmodel = "3d"',
+        entry("material", young=210e3, poisson=0.3),
+        entry("contact", slave="bore", master="pin", surface="smooth" if gap == "smooth" else "faces"),
+        entry("displacement", group="bolt", ux=0.0, uy=0.0, uz=0.0),
+        entry("displacement", group="symmetry", ux=0.0),
+        entry("displacement", at=[0.0, 15.0, 42.6], uy=0.0),
+        entry("traction", group="ends", tz=-300.0),
+        "[steps]\ncount = 2",
+    ]
+    problem = Problem.of(lacsolver.parse_case("\n".join(lines)), mesh)
+    return finished(_truly(problem) if gap == "true" else problem)
+
+
+def _truly(problem: Problem) -> Problem:
+    (joint,) = problem.joints
+    pairing = replace(joint.pairing, clearance=lambda x, t: np.zeros(len(x)))
+    points = integrate(joint.zone, 3, pairing).points
+    x = positions(joint.zone.slave, points) + problem.space.origin
+    bore, pin = (_reached(x - [0.0, 0.0, z], points.normal, r) for r, z in zip((_BORE, _PIN), _AXES, strict=True))
+    missing = pin - bore - points.gap
+    return replace(problem, joints=(replace(joint, pairing=replace(pairing, clearance=lambda x, t: missing)),))
+
+
+def _reached(x: Floats, n: Floats, radius: float) -> Floats:
+    """(p,): how far a cylinder about y is from points x (p, 3) along n (p, 3), the nearer of two places."""
+    x, n = x[:, ::2], n[:, ::2]
+    a, b, c = (n * n).sum(axis=1), (n * x).sum(axis=1), (x * x).sum(axis=1) - radius**2
+    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+    return np.where(b > 0, root - b, -root - b) / a
+
+
+def cases(family: str) -> Iterator[Case]:
+    """One; it takes gmsh."""
+    yield Case(family, "lug", "a pin in the eye of a lug from CAD, TETRA4", Lug(), {"all": 2}, 200.0)

@@ -1,0 +1,115 @@
+"""*Pin*: a pin in the hole of an infinite plate, with clearance, contact over 120 degrees (Persson 1964). The mesh is a
+quarter of a ring of each, on the outer sides of which the exact displacements are imposed, so that the mesh is the only
+error. Beside the pressure: the force on the quarter, and the angle at which contact ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lacsolver
+from lacmesh import Mesh
+from lacsolver import Displacement, Value
+from verification.exact.pin import PinInHole
+from verification.meshes.blocks import assembled, rows_of
+from verification.meshes.rings import pair, ring
+from verification.records import Case
+from verification.solving import Solved, entry
+
+Floats = NDArray[np.floating]
+
+
+_PIN = PinInHole(radius=12.0, clearance=0.2, young=210e3, poisson=0.3, angle=60.0)
+
+
+@dataclass(frozen=True)
+class Pin:
+    """The quarters of the pin, from `inner` on, and of the plate, to `outer`; `counts`: along the radius and around, of
+    each on the first mesh; the slave is the pin (`within`) or the plate.
+    """
+
+    cell: str
+    slave: Literal["within", "around"]
+    pin: PinInHole = _PIN
+    inner: float = 5.0
+    outer: float = 26.0
+    counts: tuple[tuple[int, int], tuple[int, int]] = ((5, 12), (6, 9))
+    jitter: float = 0.1
+    axisymmetric: bool = False
+    second: float | None = None
+    uniform: bool = False
+    exact: bool = True
+
+    def mesh(self, level: int) -> Mesh:
+        """The two bodies, not cut: groups as `rings.pair`, the sides x = 0 as `x0_within` and `x0_around`."""
+        radii = (self.inner, self.pin.radius, self.outer)
+        parts = []
+        for k, (name, counts) in enumerate(zip(("within", "around"), self.counts, strict=True)):
+            own = [n << level for n in counts]
+            made = ring(self.cell, own, radii[k : k + 2], jitter=self.jitter, seed=100 * k + level)
+            rows = {(kind, f"x0_{name}" if side == "x0" else side): v for (kind, side), v in rows_of(made).items()}
+            parts.append(assembled(made.points, rows, 2))
+        return pair(*parts, slave=self.slave)
+
+    def h(self, level: int) -> float:
+        """The size of the slave's faces."""
+        return self.pin.radius * np.pi / 2 / (self.counts[self.slave == "around"][1] << level)
+
+    def case(self, surface: str) -> lacsolver.Case:
+        """The case; the displacements of the outer sides are functions."""
+        text = [
+            'mesh = "pin.msh"\nmodel = "plane_strain"',
+            entry("material", young=self.pin.young, poisson=self.pin.poisson),
+            entry("contact", slave="slave", master="master", clearance=self.pin.clearance, surface=surface),
+            entry("displacement", group="y0", uy=0.0),
+        ]
+        held = (
+            *(self._held(group, "pin") for group in ("inner", "x0_within")),
+            *(self._held(group, "plate") for group in ("outer", "x0_around")),
+        )
+        case = lacsolver.parse_case("\n".join(text))
+        return replace(case, displacement=(*case.displacement, *held))
+
+    def _held(self, group: str, body: Literal["pin", "plate"]) -> Displacement:
+        u = [Value.of(lambda x, t, k=k: self.pin.displacement(x[:, :2], body)[:, k]) for k in range(2)]
+        return Displacement(group=group, ux=u[0], uy=u[1])
+
+    def gap(self, x: Floats) -> Floats:
+        """(n,): the clearance; both skins have the radius of the hole."""
+        return np.full(len(x), self.pin.clearance)
+
+    def pressure(self, x: Floats) -> Floats:
+        """(n, 1): Persson's."""
+        return self.pin.pressure(np.arctan2(x[:, 1], x[:, 0]))[:, None]
+
+    def figures(self, solved: Solved) -> dict[str, float]:
+        """Relative errors of the force and of the angle."""
+        (zone,), force = solved.state.zones, self.pin.force / 2
+        resultant = abs(float(solved.figures.contact["slave"].resultant[0]))
+        exact = self.pressure(zone.centre)[:, 0]
+        ends = [half_angle(zone.centre, p, exact.max()) for p in (zone.pressure, exact)]
+        return {"force": resultant / force - 1, "angle of contact": ends[0] / ends[1] - 1}
+
+
+def half_angle(centre: Floats, p: Floats, peak: float) -> float:
+    """Where the straight line through p^2 against the square of the angle comes to 0, degrees; NaN of too few faces."""
+    angle = np.degrees(np.arctan2(centre[:, 1], centre[:, 0]))
+    outer = (angle > 30) & (p > 0.15 * peak)
+    if outer.sum() < 2:
+        return float("nan")
+    slope, start = np.polyfit(angle[outer] ** 2, p[outer] ** 2, 1)
+    return float(np.sqrt(-start / slope)) if slope < 0 < start else float("nan")
+
+
+def cases(family: str) -> Iterator[Case]:
+    """All of them."""
+    for cell in ("TRIA3", "QUAD4"):
+        for slave in ("within", "around"):
+            quick = {"quick": 3} if (cell, slave) == ("TRIA3", "within") else {}
+            about = f"a pin in a hole of {cell}, the slave {slave}"
+            yield Case(family, f"pin-{cell}-{slave}", about, Pin(cell, slave), {**quick, "full": 4, "all": 5}, 4.0)
