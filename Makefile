@@ -9,6 +9,7 @@ QUICK := \
   $(addprefix tests/checks/test_,corpus.py) \
   $(addprefix tests/formats/test_,exchange.py) \
   $(addprefix tests/surface/test_,kernels.py mortar.py record.py) \
+  $(addprefix tests/smooth/test_,shapes.py) \
   $(addprefix tests/lacsolver/test_,case_formula.py case_read.py constraints.py assemble.py schur.py equilibrium.py \
     contact_held.py contact_ties.py) \
   $(addprefix tests/verification/test_,norms.py records.py imports.py)

@@ -57,6 +57,17 @@ def photograph(path: Path, target: Path, anchor: str = "") -> None:
     subprocess.run([*command, f"{path.as_uri()}#{anchor}"], check=True, capture_output=True)
 
 
+def draw_press_fit(folder: Path) -> None:
+    """The pressure of data/press_fit.toml, and what it is between the flat faces."""
+    data, text = ROOT / "data", (ROOT / "data" / "press_fit.toml").read_text(encoding="utf-8")
+    shutil.copy(data / "press_fit.msh", folder)
+    for surface in ("smooth", "faces"):
+        case = folder / f"{surface}.toml"
+        case.write_text(text.replace('name = "fit"', f'name = "fit"\nsurface = "{surface}"'), encoding="utf-8")
+        picture_of = FIGURES / f"press_fit_{surface}.png"
+        assert lacsolver(["run", str(case), "-o", str(folder / surface), "--quiet", "--plot", str(picture_of)]) == 0
+
+
 def main() -> None:
     """Write the pictures."""
     with tempfile.TemporaryDirectory() as folder:
@@ -81,6 +92,7 @@ def main() -> None:
         page(blocks, sheet, master="master", findings=findings, values=values, title=title)
         pressed = ["run", str(ROOT / "data" / "two_blocks.toml"), "-o", f"{folder}/pressed", "--quiet"]
         assert lacsolver([*pressed, "--plot", str(FIGURES / "two_blocks_pressure.png")]) == 0
+        draw_press_fit(Path(folder))
         photograph(sheet, FIGURES / "view_page.png", "theme=light&colour=role&pick=330,270")
 
 

@@ -50,6 +50,14 @@ def step(tutorials, tmp_path_factory):
     return folder, list(tutorials.run_page(TUTORIALS / "step_to_med.md", folder))
 
 
+@pytest.fixture(scope="module")
+def pin(tutorials, tmp_path_factory):
+    """The folder in which the commands of pin_in_lug.md have run, and what each printed."""
+    folder = tmp_path_factory.mktemp("pin")
+    with pytest.warns(lacmesh.LacmeshWarning, match="E h / 8R"):
+        return folder, list(tutorials.run_page(TUTORIALS / "pin_in_lug.md", folder))
+
+
 def pictures_of(page):
     return re.findall(r"!\[[^\]]+\]\((\S+\.png)\)", page.read_text(encoding="utf-8"))
 
@@ -131,6 +139,38 @@ def test_the_rest_of_the_scripts_page_runs(tutorials, script, monkeypatch, capsy
     assert re.fullmatch(r"[1-9]\d* macro-elements in cube\.msh", in_file)
     assert in_model == in_file.replace("in cube.msh", "in the model cube")
     assert types == "roller has cells of the types [11 17]"
+
+
+# ---- a pin in a lug
+
+
+@pytest.mark.slow
+@pytest.mark.gmsh
+@pytest.mark.vtk
+def test_cylinders_are_found_and_their_gap_is_that_of_the_model(pin):
+    smooth, faces = (printed for command, printed in pin[1] if command.words[1] == "check")
+    assert re.search(r"bore +cylinder, radius 12, \d+ nodes within \de-15", smooth)
+    assert re.search(r"pin +cylinder, radius 11\.8, \d+ nodes within \de-15", smooth)
+    least, most = (np.array(re.findall(r"gap from (\S+) to (\S+),", said)[0], float) for said in (smooth, faces))
+    assert np.abs(least - [0, 0.4]).max() < 2e-3
+    assert most[0] < -0.01 and most[1] > 0.41
+
+
+@pytest.mark.slow
+@pytest.mark.gmsh
+@pytest.mark.vtk
+def test_faces_and_smooth_are_as_the_page_says(pin):
+    """Half as many macro-elements press again, at half the pressure, with the same force."""
+    folder, _ = pin
+    told = [json.loads((folder / name / "results.json").read_text()) for name in ("faces", "smooth")]
+    faces, smooth = (one["contact"]["eye"] for one in told)
+    assert 80 <= faces["active"] <= 100 and 135 <= smooth["active"] <= 160
+    assert faces["resultant"][2] == pytest.approx(smooth["resultant"][2], rel=1e-9)
+    most = [np.genfromtxt(folder / name / "contact_eye.csv", delimiter=",", names=True)["pressure"].max()
+            for name in ("faces", "smooth")]  # fmt: skip
+    assert most[0] == pytest.approx(7200, rel=0.05) and most[1] == pytest.approx(3500, rel=0.05)
+    assert "E h / 8R" in told[0]["message"] and not told[1]["message"]
+    assert sorted(pictures_of(TUTORIALS / "pin_in_lug.md")) == sorted(p.name for p in folder.glob("*.png"))
 
 
 # ---- a STEP file

@@ -23,7 +23,7 @@ from lacsolver.cli import main as lacsolver
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 PROGRAMS = {"lacmesh": lacmesh, "lacsolver": lacsolver}
-PAGES = ("gmsh_script.md", "own_solver.md", "p0_mortar.md", "step_to_med.md")
+PAGES = ("gmsh_script.md", "own_solver.md", "p0_mortar.md", "pin_in_lug.md", "step_to_med.md")
 
 
 class Command(NamedTuple):
