@@ -35,6 +35,7 @@ def main(path: Path) -> None:
             gmsh.model.addPhysicalGroup(3, [body], name=name)
             points = gmsh.model.getBoundary([(3, body)], recursive=True)
             gmsh.model.mesh.setSize(points, size)
+            gmsh.model.mesh.setOutwardOrientation(body)
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
         gmsh.model.mesh.generate(3)
         gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)

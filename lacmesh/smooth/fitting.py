@@ -115,7 +115,7 @@ def _starts(kind: str, x: Floats, normal: Floats, dim: int) -> Iterator[Shape]:
     none = np.zeros(0)
     if kind == "plane":
         centre = x.mean(axis=0)
-        plane = np.linalg.svd((x - centre)[:, : dim + 1], full_matrices=True)[2]
+        plane = np.linalg.svd((x - centre)[:, : dim + 1], full_matrices=len(x) <= dim)[2]
         yield Shape(kind, centre, np.append(plane[-1], [0.0] * (2 - dim)), none)
     elif kind == "sphere":
         c, r = _circle(x)
