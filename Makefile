@@ -48,7 +48,7 @@ demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks 
 	@mkdir -p .venv && touch $@
 
 test: lint .venv/.system-tests ## linters, then every test; what is skipped must be what was expected
-	LACMESH_ALL=1 $(BIN)/pytest -n 2
+	LACMESH_ALL=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist worksteal
 
 lint: $(INSTALLED) ## style, types, import layers
 	$(BIN)/ruff check .
@@ -62,7 +62,8 @@ quick: $(INSTALLED) ## a choice of tests of every package, in less than a minute
 portable: $(INSTALLED) ## the tests of the numbers as other processors compute them, a line for each (half an hour)
 	$(BIN)/python tools/portable.py
 
-fuzz: $(INSTALLED) ## 10,000 damaged files of each format that is read here (half an hour or more)
+fuzz: $(INSTALLED) ## all cases of random tests, and 10,000 damaged files of each format that is read here (half an hour or more)
+	LACMESH_FUZZ=1 $(BIN)/pytest -n 2 -q -m fuzz
 	$(BIN)/python -m tests.fuzz
 
 bench: $(INSTALLED) ## measure speed and memory

@@ -160,8 +160,7 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-@pytest.mark.parametrize("debug", ["0", "1"])
+@pytest.mark.parametrize(("name", "debug"), [*((name, "0") for name in COMMANDS), ("check", "1"), ("run", "1")])
 def test_a_first_command_on_a_small_model_compiles_nothing(name, debug, tmp_path):
     env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept"), "NUMBA_DISABLE_JIT": debug, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
