@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -267,18 +268,19 @@ def _of_models():
 
 
 def _distorted():
-    for size in (0.05, 0.2):
-        for how in ("skew", "bulge"):
-            for slave in _QUADRANGLES:
-                for way in ways(slave):
-                    for master in ("HEXA8", "HEXA20"):
-                        move = {"counts": (5, 4), "even": True, how: size}
-                        yield Named(
-                            f"distorted quadrangles, {how} {size}",
-                            _label(slave, way, "against", master),
-                            partial(pair, slave, master, way=way, tilted=master == "HEXA20", **move),
-                            slow=slave not in ("HEXA8", "HEXA20") and master == "HEXA20",
-                        )
+    """Every slave, cut each way, meets both masters by each distortion and at each size."""
+    slaves = [(slave, way) for slave in _QUADRANGLES for way in ways(slave)]
+    for (i, size), (j, how), (k, (slave, way)) in product(
+        *map(enumerate, ((0.05, 0.2), ("skew", "bulge"), slaves)),
+    ):
+        master = ("HEXA8", "HEXA20")[(i + j + k) % 2]
+        move = {"counts": (5, 4), "even": True, how: size}
+        yield Named(
+            f"distorted quadrangles, {how} {size}",
+            _label(slave, way, "against", master),
+            partial(pair, slave, master, way=way, tilted=master == "HEXA20", **move),
+            slow=slave not in ("HEXA8", "HEXA20") and master == "HEXA20",
+        )
     for slave, way in (("HEXA8", "pyramid"), ("HEXA8", "hexa"), ("HEXA20", "hexa")):
         move = {"counts": (3, 2), "skew": 0.2, "options": 'geometry = "current"'}
         yield Named(
