@@ -3,6 +3,8 @@
 SHELL := /bin/bash
 BIN := .venv/bin
 INSTALLED := .venv/.installed
+# two processes, each with one thread of OpenBLAS: more would wait for one another
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist worksteal
 # what `make quick` runs: of every package what notices most in the least time, a minute of one core in all
 QUICK := \
   $(addprefix tests/test_,cells.py cut.py recognition.py orientation.py order.py layers.py cli.py) \
@@ -49,7 +51,7 @@ demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks 
 	@mkdir -p .venv && touch $@
 
 test: lint .venv/.system-tests ## linters, then every test; what is skipped must be what was expected
-	LACMESH_ALL=1 $(BIN)/pytest -n 2
+	LACMESH_ALL=1 $(PYTEST)
 
 lint: $(INSTALLED) ## style, types, import layers
 	$(BIN)/ruff check .
@@ -58,12 +60,13 @@ lint: $(INSTALLED) ## style, types, import layers
 	@$(BIN)/lint-imports --no-cache > .venv/imports.txt || { cat .venv/imports.txt; exit 1; }; tail -n 2 .venv/imports.txt
 
 quick: $(INSTALLED) ## a choice of tests of every package, in less than a minute: for every change
-	$(BIN)/pytest -n 2 -q -m "not slow" $(QUICK)
+	$(PYTEST) -q -m "not slow" $(QUICK)
 
 portable: $(INSTALLED) ## the tests of the numbers as other processors compute them, a line for each (half an hour)
 	$(BIN)/python tools/portable.py
 
-fuzz: $(INSTALLED) ## 10,000 damaged files of each format that is read here (half an hour or more)
+fuzz: $(INSTALLED) ## all cases of random tests, and 10,000 damaged files of each format that is read here (half an hour or more)
+	LACMESH_FUZZ=1 $(PYTEST) -q -m fuzz
 	$(BIN)/python -m tests.fuzz
 
 bench: $(INSTALLED) ## measure speed and memory

@@ -48,6 +48,16 @@ def run(*args, **options):
     return subprocess.run([sys.executable, "-m", "lacmesh", *map(str, args)], capture_output=True, text=True, **options)
 
 
+def fails(capsys, *args):
+    """The status of a command that is run in this process, and what it says of its errors."""
+    capsys.readouterr()
+    try:
+        status = main([str(a) for a in args])
+    except SystemExit as error:
+        status = error.code
+    return status, capsys.readouterr().err
+
+
 def info(path, capsys):
     capsys.readouterr()
     assert main(["info", str(path), "--json"]) == 0
@@ -376,14 +386,14 @@ def test_convert_there_and_back(msh, mesh, tmp_path, capsys):
         ([], 2, "required"),
     ],
 )
-def test_mistakes_get_one_sentence_and_a_status(args, status, words, msh):
+def test_mistakes_get_one_sentence_and_a_status(args, status, words, msh, capsys):
     text = msh.with_name("text.msh")
     text.write_text("no mesh at all")
     before = sorted(msh.parent.iterdir())
-    done = run(*(a.format(msh=msh, dir=msh.parent, text=text) for a in args))
-    assert done.returncode == status
-    assert words in done.stderr
-    assert "Traceback" not in done.stderr
+    got, said = fails(capsys, *(a.format(msh=msh, dir=msh.parent, text=text) for a in args))
+    assert got == status
+    assert words in said
+    assert "Traceback" not in said
     assert sorted(msh.parent.iterdir()) == before
 
 
@@ -478,9 +488,10 @@ def test_progress_is_shown_on_a_terminal_only(msh):
 
 
 @pytest.mark.parametrize("name", [".", "/", "..", "", "nofile", "nofile.msh"])
-def test_what_is_no_file_cannot_be_read(name, tmp_path):
-    done = run("cut", name, "--slave", "a", cwd=tmp_path)
-    assert done.returncode == 3 and "cannot be read" in done.stderr
+def test_what_is_no_file_cannot_be_read(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    status, said = fails(capsys, "cut", name, "--slave", "a")
+    assert status == 3 and "cannot be read" in said
     assert not list(tmp_path.iterdir())
 
 

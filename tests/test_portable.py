@@ -139,6 +139,8 @@ def test_threads():
 @pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: ())(0)) < 2, reason="takes two cores")
 def test_it_goes_on_after_a_failure_and_says_so(tmp_path, monkeypatch, capsys):
     (tmp_path / "test_it.py").write_text(TEST)
+    start = portable.started
+    monkeypatch.setattr(portable, "started", lambda c, words, **rest: "compile" in words or start(c, words, **rest))
     monkeypatch.setattr(portable, "LOGS", tmp_path / "logs")
     names = ["one-thread", "two-threads", "own"]  # run in the order of the table
     monkeypatch.setattr(sys, "argv", ["portable.py", *names, "--tests", str(tmp_path / "test_it.py")])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,8 +18,13 @@ from lacmesh.kernels import Kernel
 from lacmesh.signatures import FILE, Signature, compile_signature, described
 
 
-def recorded(folder: Path) -> dict[str, list[Any]]:
-    """What kernels were called with, by their names."""
+def as_it_stands(kernel: Kernel, *arguments: Any) -> Any:
+    """Run a kernel as Python."""
+    return kernel.py_func(*arguments)
+
+
+def recorded(folder: Path, how: Callable[..., Any] = as_it_stands) -> dict[str, list[Any]]:
+    """What kernels were called with, by their names; `how` runs a kernel on its arguments."""
     from tests.kernels_to_try import work
 
     found: dict[str, list[Any]] = {}
@@ -29,7 +35,7 @@ def recorded(folder: Path) -> dict[str, list[Any]]:
         form = described(arguments)
         if form not in forms:
             forms.append(form)
-        return self.py_func(*arguments)
+        return how(self, *arguments)
 
     Kernel.__call__ = call  # type: ignore[method-assign]
     try:

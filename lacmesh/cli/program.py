@@ -16,6 +16,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
@@ -64,8 +65,9 @@ class Program:
             if collects:
                 gc.enable()
 
+    @cached_property
     def parser(self) -> argparse.ArgumentParser:
-        """The arguments of all commands."""
+        """The arguments of all commands; a process that runs several reads them once."""
         parser = _Parser(
             prog=self.name,
             description=self.description,
@@ -84,7 +86,7 @@ class Program:
         args = argparse.Namespace()
         with _signals():
             try:
-                self.parser().parse_args(argv, args)
+                self.parser.parse_args(argv, args)
                 return self._run(args)
             except KeyboardInterrupt:
                 return self._fail([f"interrupted; {self.left(args)}"], 130)

@@ -17,6 +17,7 @@ from lacmesh.checks import check
 from lacmesh.errors import GroupNotFoundError, LacmeshError, LacmeshWarning, RequestError
 from tests.checks.blocks import SOLIDS, cut_blocks, two_blocks
 from tests.meshes import random_mesh
+from tests.samples import samples
 
 BAD = (np.nan, np.inf, -np.inf, 1e300, 0.0, -1e-320, 5.0)
 
@@ -157,16 +158,17 @@ def says_what_it_finds(rng):
     return found
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@pytest.mark.fuzz
+@settings(max_examples=samples(50, 150), deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.integers(0, 2**32 - 1))
 def test_mangled_meshes(seed):
     says_what_it_finds(np.random.default_rng(seed))
 
 
-@pytest.mark.slow
+@pytest.mark.fuzz
 def test_many_mangled_meshes():
     rules = set()
-    for seed in range(400):
+    for seed in range(samples(120, 400)):
         rules |= set(says_what_it_finds(np.random.default_rng([7, seed])).rules)
     assert len(rules) > 30, "the mangling is too gentle"
 

@@ -22,10 +22,11 @@ from tests.formats.msh_gmsh import as_seen, by_place, places, seen_by, two_boxes
 from tests.formats.msh_meshes import decided, entities, meshes, plain
 from tests.formats.msh_meshes import order as order_of
 from tests.formats.msh_texts import ASCII4, DAMAGES, OLD, swapped
+from tests.samples import samples
 
 KINDS = [("4.1", True), ("4.1", False), ("2.2", True), ("2.2", False)]
 kinds = pytest.mark.parametrize(("version", "binary"), KINDS)
-some = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+some = settings(max_examples=samples(15, 40), deadline=None, suppress_health_check=list(HealthCheck))
 
 
 @contextmanager
@@ -48,6 +49,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("msh")
 
 
+@pytest.mark.fuzz
 @kinds
 @some
 @given(mesh=meshes())
@@ -235,6 +237,7 @@ def test_fields_of_gmsh(gmsh, tmp_path, version, binary):
         assert np.allclose(found[there], values["T"].ravel() + step, rtol=0, atol=1e-14)
 
 
+@pytest.mark.fuzz
 @some
 @given(mesh=meshes())
 def test_a_chain_of_formats_loses_nothing(folder, mesh):

@@ -27,6 +27,7 @@ from lacmesh.mesh import Mesh
 from tests.formats.feature_cases import one_cell, solid
 from tests.formats.msh_meshes import meshes, order, plain
 from tests.meshes import random_mesh
+from tests.samples import samples
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "node_orders.json").read_text())
 KINDS = tuple(OF_TYPE)
@@ -57,7 +58,8 @@ def test_the_table_is_sound():
 # There and back
 
 
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.fuzz
+@settings(max_examples=samples(40, 120), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(mesh=meshes(kinds=KINDS))
 def test_what_is_written_is_read(mesh, tmp_path):
     for k, options in enumerate(({}, {"binary": False}, {"compress": True})):

@@ -29,6 +29,7 @@ from lacmesh.mesh import Mesh
 from tests.formats.feature_cases import one_cell, solid
 from tests.formats.msh_meshes import meshes, order, plain
 from tests.meshes import box, random_mesh
+from tests.samples import samples
 
 KINDS = tuple(OF_TYPE)
 
@@ -44,7 +45,8 @@ def test_the_table_is_sound():
     assert set(CELLS) - set(OF_TYPE) == {"TRIA7", "PYRAM14"}
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.fuzz
+@settings(max_examples=samples(40, 100), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(mesh=meshes(kinds=KINDS))
 def test_what_is_written_is_read(mesh, tmp_path):
     for options in ({}, {"binary": False}, {"compress": True}):

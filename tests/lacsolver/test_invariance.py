@@ -15,8 +15,8 @@ from tests.lacsolver.patch_meshes import rotation
 EXACT, ROUNDING = 1e-9, 1e-15
 #: cells are at least so large, and models so large
 CELL, SIZE = 0.2, 2.0
-LENGTHS, STRESSES = (1e-6, 1e-3, 1e3, 1e6), (1e-12, 1e-4, 1e5, 1e12)
-FAR = (1e3, 1e5, 1e7)
+LENGTHS, STRESSES = (1e-6, 1e6), (1e-12, 1e12)
+FAR = (1e3, 1e7)
 #: directions of a shift; an axisymmetric model moves along its axis
 AWAY = {"axisymmetric": np.array([0.0, 1.0, 0.0]), "3d": np.array([1.0, -0.7, 0.4])}
 MODELS = pytest.mark.parametrize("name", CASES)

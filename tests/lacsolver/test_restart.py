@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -148,6 +150,27 @@ def put(name, more, file="case.toml"):
     Path(file).write_text(text + more)
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """The folder of a case that has run as `END + EXACT` says, by its name; its results are in `whole`."""
+
+    @cache
+    def ran(name):
+        made = tmp_path_factory.mktemp(name)
+        with contextlib.chdir(made):
+            put(name, END + EXACT)
+            solve("case.toml", "-o", "whole")
+        return made
+
+    return ran
+
+
+@pytest.fixture
+def whole(folder, kept):
+    """Puts such a case, its mesh and its results into the folder that is worked in."""
+    return lambda name: shutil.copytree(kept(name), folder, dirs_exist_ok=True)
+
+
 def solve(*words):
     assert main(["run", *words, "-q"]) == 0
 
@@ -189,39 +212,34 @@ for_all = pytest.mark.parametrize("name", CASES)
 
 
 @for_all
-def test_three_steps_and_three_more_are_six(folder, name):
-    put(name, END + EXACT)
+def test_three_steps_and_three_more_are_six(folder, whole, name):
+    whole(name)
     put(name, "[steps]\nend = 1.5\ncount = 3\n" + EXACT, "first.toml")
-    solve("case.toml", "-o", "whole")
     solve("first.toml", "-o", "first")
     solve("case.toml", "--restart", "first", "-o", "then")
     assert_same(folder / "then", folder / "whole", [2.0, 2.5, 3.0])
-    whole, then = (json.loads((folder / d / "results.json").read_text()) for d in ("whole", "then"))
+    all_of_it, then = (json.loads((folder / d / "results.json").read_text()) for d in ("whole", "then"))
     assert then["status"] == "done" and [s["time"] for s in then["steps"]] == [2.0, 2.5, 3.0]
-    assert then["energy"] == pytest.approx(whole["energy"], rel=1e-12)
-    for group, ranges in whole["stress"].items():
+    assert then["energy"] == pytest.approx(all_of_it["energy"], rel=1e-12)
+    for group, ranges in all_of_it["stress"].items():
         big = np.abs(list(ranges.values())).max()
         for component, ends in ranges.items():
             np.testing.assert_allclose(then["stress"][group][component], ends, atol=1e-12 * big)
     assert sorted(p.name for p in (folder / "then").glob("state_*")) == [f"state_000{k}.npz" for k in (4, 5, 6)]
 
 
-def test_the_cases_open_and_close(folder):
+def test_the_cases_open_and_close(kept):
     """What is gone on with has contact that changes on the way, before the restart and after it."""
     for name, zone in (("several", "foot"), ("current", "slave"), ("reference", "slave")):
-        Path("blocks.msh").unlink(missing_ok=True)
-        put(name, END)
-        solve("case.toml", "-o", name)
-        rows = table(folder / name / f"contact_{zone}.csv")
+        rows = table(kept(name) / "whole" / f"contact_{zone}.csv")
         closed = [(rows["status"][rows["time"] == t] == 1).sum() for t in np.unique(rows["time"])]
         assert 0 < min(closed) < max(closed) and len(set(closed[2:])) > 1, (name, closed)
 
 
 @for_all
-def test_an_earlier_time_is_gone_on_from_in_the_same_folder(folder, name):
-    put(name, END + EXACT)
-    solve("case.toml", "-o", "whole")
-    solve("case.toml", "-o", "again")
+def test_an_earlier_time_is_gone_on_from_in_the_same_folder(folder, whole, name):
+    whole(name)
+    shutil.copytree("whole", "again")
     solve("case.toml", "--restart", "again", "--from", "1", "-o", "again", "--force")
     assert_same(folder / "again", folder / "whole", [0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
     solve("case.toml", "--restart", "whole", "--from", "2.5", "-o", "last")
@@ -229,10 +247,9 @@ def test_an_earlier_time_is_gone_on_from_in_the_same_folder(folder, name):
 
 
 @for_all
-def test_a_state_keeps_all_that_a_run_goes_on_from(folder, name):
+def test_a_state_keeps_all_that_a_run_goes_on_from(whole, name):
     """A restart that has nothing left to solve knows it; the state is the one that was written."""
-    put(name, END)
-    solve("case.toml", "-o", "whole")
+    whole(name)
     case = read_case("case.toml")
     states = [read_state("whole", case, t) for t in (1.0, 3.0)]
     assert [(s.time, s.number) for s in states] == [(1.0, 2), (3.0, 6)]
@@ -245,10 +262,9 @@ def test_a_state_keeps_all_that_a_run_goes_on_from(folder, name):
 
 
 @for_all
-def test_what_is_kept_is_in_equilibrium(folder, name):
+def test_what_is_kept_is_in_equilibrium(whole, name):
     """Displacements and pressures as they were, ties' too: there is nothing left for a solve to do."""
-    put(name, END + EXACT)
-    solve("case.toml", "-o", "whole")
+    whole(name)
     case = read_case("case.toml")
     model = Model(Problem.of(case))
     now = Instant(model, 3.0)

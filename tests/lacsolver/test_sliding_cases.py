@@ -164,7 +164,7 @@ def test_ironing_in_space_begins_well(tmp_path):
 
 def test_the_hook_snaps_in(tmp_path):
     """Pushed on until it is behind the ledge: up the slope, along the top, pulled on by itself, free again."""
-    table, told = solved(tmp_path, "snap_fit", ("end = 1.25\ncount = 50", "end = 1.0\ncount = 20"))
+    table, told = solved(tmp_path, "snap_fit", ("end = 1.25\ncount = 50", "end = 1.0\ncount = 10"))
     force, lift = table["reaction.base.x"], table["probe.tip.uy"]
     peak = int(force.argmax())
     assert force[peak] > 0.1 and lift[peak] > 1.5

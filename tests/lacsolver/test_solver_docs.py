@@ -62,7 +62,7 @@ def test_commands_run_in_their_order(fresh, monkeypatch, capsys):
 
 def options(name):
     """The options of a command, as its parser has them."""
-    (choices,) = (a.choices for a in PROGRAM.parser()._actions if isinstance(a, argparse._SubParsersAction))
+    (choices,) = (a.choices for a in PROGRAM.parser._actions if isinstance(a, argparse._SubParsersAction))
     return {option for action in choices[name]._actions for option in action.option_strings}
 
 

@@ -12,6 +12,7 @@ from lacmesh.surface.place import plane_rule
 from lacmesh.surface.polygon import CHORD, MASTER, ROOM, area_of, centroid, cut_by_line, cut_by_polygon, outside, tidy
 from lacmesh.surface.project import in_face, in_quadrangle, inverse, quadrangle
 from lacmesh.surface.rules import DEGREE, FAN3, fan_rules
+from tests.samples import samples
 from tests.surface import plain
 
 SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
@@ -81,15 +82,18 @@ def test_layers_keep_the_nearest_and_the_union():
         count = nearest_only(of, n, 1e-14, 1e-11)
         parts = [(of.shape[k, : of.size[k]].copy(), of.who[k]) for k in range(count) if of.size[k]]
         X = rng.normal(size=(200, 2)) * 2
-        for x in X:
-            over = [k for k, (p, v) in enumerate(polygons) if _holds(p[:v], x)]
-            there = [who for p, who in parts if _holds(p, x)]
+        under = [_holds(p[:v], X) for p, v in polygons]
+        kept = [(_holds(p, X), who) for p, who in parts]
+        for x in range(len(X)):
+            over = [k for k, holds in enumerate(under) if holds[x]]
+            there = [who for holds, who in kept if holds[x]]
             assert there == ([min(over, key=lambda k: height[k])] if over else [])
 
 
-def _holds(p, x):
-    q = np.roll(p, -1, axis=0)
-    return ((q[:, 0] - p[:, 0]) * (x[1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (x[0] - p[:, 0]) > 0).all()
+def _holds(p, X):
+    """(n,): whether a polygon (m, 2) holds points (n, 2)."""
+    q, x, y = np.roll(p, -1, axis=0), X[:, 0, None], X[:, 1, None]
+    return ((q[:, 0] - p[:, 0]) * (y - p[:, 1]) - (q[:, 1] - p[:, 1]) * (x - p[:, 0]) > 0).all(axis=1)
 
 
 @pytest.mark.parametrize("turn", [1, -1])
@@ -118,12 +122,13 @@ def test_places_in_a_quadrangle_two_of_whose_corners_are_one():
         assert np.allclose(in_quadrangle(c, a, b, d, *p)[:2], [s, t], atol=1e-10)
 
 
+@pytest.mark.fuzz
 @pytest.mark.parametrize("skew", [0.0, 0.05, 0.3, 0.6])
 @pytest.mark.parametrize("k", [3, 5, 7, 8])
 def test_moments_of_quadrangles_are_those_of_a_rule_of_many_points(skew, k):
     rng = np.random.default_rng(k)
     for turn in (1, -1):
-        for _ in range(10):
+        for _ in range(samples(4, 10)):
             y = SQUARE[::turn] + skew * rng.uniform(-1, 1, (4, 2))
             ring = y[::turn]
             p, n = convex(rng, 4)

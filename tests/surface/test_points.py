@@ -16,6 +16,7 @@ from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.lines import _nearest_only
 from lacmesh.surface.normals import smoothed
 from lacmesh.surface.patches import patches
+from tests.samples import samples
 from tests.surface.surfaces import TYPES, blocks, errors, line, mapped, positions, sheet, whole
 
 
@@ -53,7 +54,8 @@ def test_cut_interfaces_are_integrated_exactly_in_either_role(hexa, order, skew)
     assert max(errors(contact_points(two, one), two, one)) < 1e-11
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.fuzz
+@pytest.mark.parametrize("seed", range(samples(4, 12)))
 @pytest.mark.parametrize("kind", ["QUAD8", "QUAD9", "TRIA6", "TRIA7"])
 def test_sides_that_are_curved_in_the_plane(kind, seed):
     def swirl(x):

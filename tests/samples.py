@@ -1,0 +1,10 @@
+"""How many cases of a random test are tried: a share in `make test`, all in `make fuzz`, which sets LACMESH_FUZZ."""
+
+from __future__ import annotations
+
+import os
+
+
+def samples(few, all_of_them):
+    """One of two numbers; a test that asks is marked `fuzz`, by which `make fuzz` finds it."""
+    return all_of_them if os.environ.get("LACMESH_FUZZ") == "1" else few
