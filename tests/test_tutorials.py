@@ -54,8 +54,7 @@ def step(tutorials, tmp_path_factory):
 def pin(tutorials, tmp_path_factory):
     """The folder in which the commands of pin_in_lug.md have run, and what each printed."""
     folder = tmp_path_factory.mktemp("pin")
-    with pytest.warns(lacmesh.LacmeshWarning, match="E h / 8R"):
-        return folder, list(tutorials.run_page(TUTORIALS / "pin_in_lug.md", folder))
+    return folder, list(tutorials.run_page(TUTORIALS / "pin_in_lug.md", folder))
 
 
 def pictures_of(page):
