@@ -12,6 +12,7 @@ from lacsolver.linear.triangle import Triangle
 #: rows up to which one thread is as fast as several, which wait for one another
 _ALONE = 5_000
 
+
 class _Numeric:
     def __init__(self, factor: object) -> None:
         self._factor = factor
