@@ -16,7 +16,7 @@ from contextlib import suppress
 from typing import Any
 
 import numba
-from llvmlite.binding import add_symbol, parse_assembly
+from llvmlite.binding import add_symbol, parse_assembly  # type: ignore[import-untyped]
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
@@ -85,9 +85,9 @@ class _Kept(_Cache):
 
 
 def _lean(library: Any, described: Any, environment: Any, *rest: Any) -> tuple[Any, ...]:
-    """A compiled form without the code that others could inline, which is two thirds of loading: its names are left."""
+    """A compiled form without the code that others could inline, two thirds of its loading: names are left of it."""
     title, kind, (code, _) = library
-    names = [described.llvm_cpython_wrapper_name, *{one.env_name for one in (environment, *rest[-1])}]
+    names = [described.llvm_cpython_wrapper_name, *sorted({one.env_name for one in (environment, *rest[-1])})]
     table = parse_assembly("\n".join(f'@"{name}" = global i8 0' for name in names))
     return (title, kind, (code, table.as_bitcode())), described, environment, *rest
 

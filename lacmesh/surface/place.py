@@ -13,7 +13,7 @@ from lacmesh.surface.clip import Pieces, mean_plane, project
 from lacmesh.surface.curved import Side, in_plane
 from lacmesh.surface.fit import fit
 from lacmesh.surface.maps import AFFINE, CURVED, at
-from lacmesh.surface.moments import gauss_rules
+from lacmesh.surface.moments import Gauss, gauss_rules
 from lacmesh.surface.patches import Patches
 from lacmesh.surface.polygon import ROOM, centroid
 from lacmesh.surface.project import in_face, inverse, ray
@@ -69,7 +69,7 @@ def place(
         np.empty(n),
         np.empty(n, np.bool_),
     )
-    tables = fan_rules(), gauss_rules()
+    tables = fan_rules(), gauss_rules() if (code % AROUND >= FITTED).any() else Gauss(np.empty(0), np.empty(0))
     most = int(count.max(initial=1))
 
     def run(rows: slice) -> None:

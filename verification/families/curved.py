@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 import lacsolver
 from lacmesh import Mesh
 from lacsolver import Problem
-from lacsolver.interface.interface import integrate
 from lacsolver.state import CONTACT
 from verification.families import curved_fits, curved_hertz, curved_lug, curved_pin
 from verification.measures.norms import nodal_pressure_error, pressure_errors
@@ -135,7 +134,7 @@ def truly(problem: Problem, given: Curved) -> Problem:
     """The problem with the true gap at every point of its contact, whatever lies between the faces there."""
     (joint,), dim = problem.joints, problem.space.dim
     pairing = replace(joint.pairing, clearance=lambda x, t: np.zeros(len(x)))
-    points = integrate(joint.zone, dim, pairing).points
+    points = lacsolver.integrate(joint.zone, dim, pairing).points
 
     def clearance(x: Floats, t: float) -> Floats:
         if len(x) != len(points):

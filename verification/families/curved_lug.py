@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacsolver import Problem
-from lacsolver.interface.interface import integrate, positions
 from lacsolver.state import CONTACT
 from verification.records import Case, Outcome, Result, at_most, reported
 from verification.solving import Solved, balanced, entry, finished
@@ -106,9 +105,14 @@ def solved(mesh: lacmesh.Mesh, gap: str) -> Solved:
 
 def _truly(problem: Problem) -> Problem:
     (joint,) = problem.joints
-    pairing = replace(joint.pairing, clearance=lambda x, t: np.zeros(len(x)))
-    points = integrate(joint.zone, 3, pairing).points
-    x = positions(joint.zone.slave, points) + problem.space.origin
+    asked: list[Floats] = []
+
+    def clearance(x: Floats, t: float) -> Floats:
+        asked.append(x + problem.space.origin)
+        return np.zeros(len(x))
+
+    pairing = replace(joint.pairing, clearance=clearance)
+    points, (x,) = lacsolver.integrate(joint.zone, 3, pairing).points, asked
     bore, pin = (_reached(x - [0.0, 0.0, z], points.normal, r) for r, z in zip((_BORE, _PIN), _AXES, strict=True))
     missing = pin - bore - points.gap
     return replace(problem, joints=(replace(joint, pairing=replace(pairing, clearance=lambda x, t: missing)),))
