@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacsolver import Problem
-from lacsolver.state import CONTACT
 from verification.records import Case, Outcome, Result, at_most, reported
 from verification.solving import Solved, balanced, entry, finished
 
@@ -74,7 +73,7 @@ def _judged(given: Lug, gap: str, size: float, closed: float, mean: float) -> It
 def away(own: Solved) -> tuple[int, float]:
     """How many macro-elements away from the bore's edges are in contact, and their mean pressure."""
     (zone,) = own.state.zones
-    there = (zone.status == CONTACT) & (np.abs(zone.centre[:, 1]) < _AWAY)
+    there = (zone.pressure > 0) & (np.abs(zone.centre[:, 1]) < _AWAY)
     return int(there.sum()), float((zone.area * zone.pressure)[there].sum() / zone.area[there].sum())
 
 
