@@ -16,7 +16,7 @@ from contextlib import suppress
 from typing import Any
 
 import numba
-from llvmlite.binding import add_symbol, parse_assembly  # type: ignore[import-untyped]
+from llvmlite.binding import add_symbol, parse_assembly
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
