@@ -6,6 +6,9 @@ beside), so that it is the mean pressure, and how many macro-elements carry it, 
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -78,12 +81,14 @@ def away(own: Solved) -> tuple[int, float]:
 
 
 def meshed(size: float, order: int) -> lacmesh.Mesh:
-    """The lug and the pin, with faces of a size on the bore."""
-    from lacmesh.gmsh.cad import mesh_cad, parse_group
-
-    parts = dict(parse_group(text) for text in _GROUPS)
-    groups = {name: [part] for name, part in parts.items()}
-    return mesh_cad(_STEP, groups=groups, size=4.0, order=order, slave=["bore"], slave_size=size)
+    """The lug and the pin, with faces of a size on the bore, as a user makes them."""
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "lug.msh"
+        groups = [word for group in _GROUPS for word in ("--group", group)]
+        sizes = ["--size", "4", "--slave", "bore", "--slave-size", str(size), "--order", str(order)]
+        command = [sys.executable, "-m", "lacmesh", "mesh", str(_STEP), "-o", str(target), *sizes, *groups, "--quiet"]
+        subprocess.run(command, check=True)
+        return lacmesh.read(target)
 
 
 def solved(mesh: lacmesh.Mesh, gap: str) -> Solved:
