@@ -445,7 +445,7 @@ def test_a_signal_stops_it_with_nothing_left(msh, sent, status):
     """The writing is slowed, so that the signal arrives while the file beside is there."""
     code = (
         "import sys, time\nimport lacmesh.formats.output as f\nsettle = f._finish\n"
-        "def slow(*a):\n    print('now', flush=True)\n    time.sleep(120)\n    settle(*a)\n"
+        "def slow(*a):\n    print('now', flush=True)\n    [time.sleep(0.01) for _ in range(12000)]\n    settle(*a)\n"
         f"f._finish = slow\nfrom lacmesh.cli import main\nsys.exit(main(['cut', {str(msh)!r}, '--slave', 'slave']))"
     )
     before = sorted(msh.parent.iterdir())

@@ -20,7 +20,8 @@ import sys, time
 sys.argv = ["lacmesh", *sys.argv[1:]]
 def wait(seconds=120):
     print("now", flush=True)
-    time.sleep(seconds)
+    for _ in range(100 * seconds):  # in short steps: a signal that comes just before one is seen after it
+        time.sleep(0.01)
 {}
 from lacmesh.__main__ import main
 sys.exit(main())
