@@ -7,7 +7,6 @@ and finds no master as deep as it may look, is not just without a master.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from lacmesh.checks.facets import Facets
 from lacmesh.faces import facets_of
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.skin import REVERSED, Faces, Match
+from lacmesh.skin import Match
 from lacmesh.surface import Coverage, Surface, contact_points, coverage, default_distance
 from lacsolver.bodies import bodies
 from lacsolver.interface import Interface
@@ -58,7 +57,8 @@ def depths(joint: Joint, face: Interface, space: Space) -> NDArray[np.floating]:
     if skin is None:
         return np.zeros(len(alone))
     macro = np.where(alone[face.zone.macro], face.zone.macro, -1)
-    out, into = _met(face.slave, skin, macro, len(alone)), _met(face.slave, _turned_over(skin), macro, len(alone))
+    other = skin.turned_over(np.arange(len(skin)))
+    out, into = (_met(face.slave, one, macro, len(alone)) for one in (skin, other))
     first = np.where(into.ratio > _MOST, -into.mean_gap, np.inf)  # a line that enters the body before was outside
     depth = np.where(out.ratio > _MOST, -out.mean_gap, 0.0)
     return np.where(depth < first, depth, 0.0)
@@ -104,11 +104,3 @@ def _whole_skin(mesh: Mesh) -> Surface:
     cell = facets.solid.cells[rows].astype(np.int64)
     faces = facets_of(mesh, Match(np.arange(len(cell)), cell, facet.astype(np.int64), np.ones(len(cell), bool)))
     return Surface(mesh.points, faces, cell, mesh.dim - 1, np.full(len(cell), np.nan))
-
-
-def _turned_over(surface: Surface) -> Surface:
-    """The same faces, turned the other way."""
-    nodes = surface.faces.nodes.copy()
-    for name, rows, own in surface.by_type():
-        nodes[rows, : own.shape[1]] = own[:, np.array(REVERSED[name])]
-    return replace(surface, faces=Faces(surface.faces.type, nodes))

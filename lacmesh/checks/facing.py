@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from lacmesh.checks.subject import Subject
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
 from lacmesh.quadrature import measure
-from lacmesh.skin import FACE_TYPES, REVERSED, Faces
 from lacmesh.smooth import surface_of
 from lacmesh.surface import ContactPoints, Coverage, Surface, contact_points, coverage, default_distance
 
@@ -107,22 +106,15 @@ def _turned_away(subject: Subject, facing: _Facing) -> Iterator[Finding]:
     bare = np.isnan(facing.master.depth)
     if not bare.any() or not np.any(facing.lacking):
         return
-    over = contact_points(facing.slave, _turned_over(facing.master, bare), macro=facing.macro, **facing.options)
+    over = contact_points(
+        facing.slave, facing.master.turned_over(np.flatnonzero(bare)), macro=facing.macro, **facing.options
+    )
     gained = coverage(over, facing.slave, facing.macro).ratio > facing.covered.ratio + 0.5
     if gained.any():
         cells = subject.slave.cells[gained[facing.macro]]
         message = f"the master turns its back on {counted(int(gained.sum()), 'macro-element')} (slave faces "
         message += f"{subject.numbers(cells)}); turn it over: lacmesh orient, or list its faces the other way"
         yield subject.found("wrong-side", message, cells, group=subject.slave.group)
-
-
-def _turned_over(surface: Surface, rows: NDArray[np.bool_]) -> Surface:
-    nodes = surface.faces.nodes.copy()
-    for code in np.unique(surface.faces.type[rows]):
-        mine = np.flatnonzero(rows & (surface.faces.type == code))
-        order = np.array(REVERSED[FACE_TYPES[code]])
-        nodes[mine[:, None], np.arange(len(order))] = surface.faces.nodes[mine[:, None], order]
-    return replace(surface, faces=Faces(surface.faces.type, nodes))
 
 
 def _behind(subject: Subject, facing: _Facing) -> Iterator[Finding]:

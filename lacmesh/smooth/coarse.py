@@ -66,4 +66,4 @@ def _lacking(smooth: Smooth) -> Bools:
     both = free[i] & free[j]
     joined = np.zeros(len(free), bool)
     joined[i[both]] = joined[j[both]] = True
-    return smooth.heights()[1] & joined
+    return smooth.heights[1] & joined

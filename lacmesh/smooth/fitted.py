@@ -15,7 +15,7 @@ from lacmesh.smooth.find import Found
 from lacmesh.smooth.heights import Smooth, smooth_of
 from lacmesh.surface.record import Surface
 
-#: degrees, sixteen faces to a turn but for rounding: beyond that a fit of neighbours says little
+#: shapes without a curve
 _FLAT = ("plane", "line")
 #: curved shapes of a group that a line names
 _SHOWN = 4
@@ -171,7 +171,7 @@ def _placed(smooth: Smooth, found: Found) -> tuple[Floats, Floats]:
 
 def _free(smooth: Smooth, surface: Surface) -> Iterator[FittedShape]:
     sought = smooth.sought
-    lacking = smooth.heights()[1]
+    lacking = smooth.heights[1]
     patch = sought.patches.patch
     rows = np.flatnonzero(sought.free)
     rows = rows[np.argsort(patch[rows], kind="stable")]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -23,7 +24,8 @@ _LINEAR = np.array([TYPE_CODE[name] for name in QUADRATIC])
 _OVER = 5
 
 
-class Smooth(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Smooth:
     """What is found of a surface: its `parents`, the `rows` (k,) of the linear ones among them, and what these are.
 
     Coordinates of `sought` are counted from `origin` (3,).
@@ -34,6 +36,7 @@ class Smooth(NamedTuple):
     origin: Floats
     sought: Sought
 
+    @cached_property
     def heights(self) -> tuple[Floats, Bools]:
         """(k, 5): heights over the linear parents, and (k,) those that have no fit at an edge."""
         return _heights(self.sought, self.parents.faces.n_corners[self.rows] == 4)
@@ -58,7 +61,7 @@ def height_of(mesh: Mesh, surface: Surface, crease_angle: float = 40.0) -> Heigh
     """
     smooth = smooth_of(mesh, surface, crease_angle)
     over = np.zeros((len(smooth.parents.faces), _OVER))
-    over[smooth.rows] = smooth.heights()[0]
+    over[smooth.rows] = smooth.heights[0]
     return Height(surface.faces.type, _of_faces(smooth.parents, surface, over)) if over.any() else None
 
 

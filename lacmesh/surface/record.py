@@ -87,6 +87,10 @@ class Surface:
         height = None if self.height is None else self.height.take(rows)
         return replace(self, faces=self.faces.take(rows), cell=self.cell[rows], depth=self.depth[rows], height=height)
 
+    def turned_over(self, rows: Ints) -> Surface:
+        """The same faces, some rows of them turned the other way, as they are: without the height that they had."""
+        return replace(self, faces=_turned_over(self.faces, rows), height=None)
+
     def heights(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
         """(n,): how far the smooth surface is off reference points xi (n, 2) of faces (n,), outward."""
         return np.zeros(len(face)) if self.height is None else self.height.at(face, xi)
@@ -161,13 +165,18 @@ def _dimension(mesh: Mesh, cells: Ints) -> int:
 
 def _outward(mesh: Mesh, faces: Faces, parents: Match) -> Faces:
     """The faces, those turned over whose nodes turn inward, seen from the one cell behind them."""
-    nodes = faces.nodes.copy()
     back = turn(facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
     back ^= inside_out(mesh, parents.cell, plane=True)
-    for code in codes(faces.type[parents.face[back]]):
-        rows = parents.face[back][faces.type[parents.face[back]] == code]
+    return _turned_over(faces, parents.face[back])
+
+
+def _turned_over(faces: Faces, rows: Ints) -> Faces:
+    """The faces, some rows of them turned the other way."""
+    nodes = faces.nodes.copy()
+    for code in codes(faces.type[rows]):
+        some = rows[faces.type[rows] == code]
         order = REVERSED[FACE_TYPES[code]]
-        nodes[rows[:, None], np.arange(len(order))] = faces.nodes[rows[:, None], order]
+        nodes[some[:, None], np.arange(len(order))] = faces.nodes[some[:, None], order]
     return Faces(faces.type, nodes)
 
 

@@ -121,7 +121,7 @@ def test_local_fits_are_exact_on_a_sphere_up_to_the_face(kind, monkeypatch):
     smooth = smooth_of(mesh, faces, 40.0)
     assert smooth.sought.free.all()
     patches = smooth.sought.patches
-    value, lacking = smooth.heights()
+    value, lacking = smooth.heights
     face, k, i, j = patches.edges()
     chord = np.linalg.norm(patches.x[i] - patches.x[j], axis=1)
     np.testing.assert_allclose(value[face, k], 1 - np.sqrt(1 - chord**2 / 4), rtol=1e-6)
