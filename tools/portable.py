@@ -31,6 +31,7 @@ LOGS = ROOT / "build" / "portable"
 TESTS = (
     "tests/lacsolver",
     "tests/surface",
+    "tests/smooth",
     "tests/test_quality.py",
     "tests/test_quality_verdict.py",
     "tests/test_kernels.py",
