@@ -223,8 +223,13 @@ def _first(instant: Instant) -> Iterate:
 def _initial(joint: Joint, face: Interface) -> NDArray[np.bool_]:
     """(rows,): which rows of a joint are closed at the start."""
     if joint.initial == "gap":
-        return np.asarray(face.gap <= _TOUCHING * face.length)
+        return _touching(face)
     return np.full(face.B.shape[0], joint.initial == "all")
+
+
+def _touching(face: Interface) -> NDArray[np.bool_]:
+    """(rows,): which rows of a joint have no gap, but for rounding."""
+    return np.asarray(face.gap <= _TOUCHING * face.length)
 
 
 def _state(
@@ -264,7 +269,12 @@ def _held(instant: Instant, outcome: Outcome) -> tuple[Held, ...]:
     if not model.problem.kinematics.constant:
         x = space.local.points.copy()
         x[:, : space.dim] += u.reshape(-1, space.dim)
-    return holdings(model.motions, instant.closed_rows(q, active), u, x=x)
+    touching = [  # where nothing presses, rounding alone says which of them are closed
+        _touching(face) if joint.one_sided else np.zeros(face.B.shape[0], bool)
+        for joint, face in zip(model.problem.joints, instant.interfaces(q), strict=True)
+    ]
+    closed = active | (np.concatenate(touching) & outcome.contact.paired)
+    return holdings(model.motions, instant.closed_rows(q, closed), u, x=x)
 
 
 def _pressed(

@@ -218,6 +218,14 @@ def test_the_energy_of_a_body_that_is_warm(tmp_path, model, modulus):
         assert found == pytest.approx(volume * (along + across) / 2, rel=1e-9, abs=1e-15)
 
 
+@pytest.mark.parametrize("initial", ["none", "all"])
+def test_a_body_that_is_touched_and_not_pressed_is_held(tmp_path, initial):
+    """Without a load rounding alone says which macro-elements are closed: nothing is warned of, whichever these are."""
+    text = 'mesh = "blocks.msh"\nmodel = "plane_strain"\n' + MATERIAL + JOINT + f'initial = "{initial}"\n'
+    made = Made(tmp_path, stack("QUAD8", "TRIA3", 2), text + held("x0", ux=0.0) + held("bottom", uy=0.0))
+    assert made.results.held == ("'upper' moves along y",) and made.results.message == ""
+
+
 # ---- the run itself
 
 
