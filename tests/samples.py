@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 
+FUZZ = os.environ.get("LACMESH_FUZZ") == "1"
+
 
 def samples(few, all_of_them):
     """One of two numbers; a test that asks is marked `fuzz`, by which `make fuzz` finds it."""
-    return all_of_them if os.environ.get("LACMESH_FUZZ") == "1" else few
+    return all_of_them if FUZZ else few
