@@ -15,8 +15,8 @@ import numpy as np
 from lacmesh.components import label_components
 from lacmesh.mesh import Floats, Ints
 from lacmesh.smooth.fitting import EXACT, ROUNDED, least_nodes, nearest, simplest, tolerance_of
+from lacmesh.smooth.local import ENOUGH, Fits, Rings, local_fits, rings_of
 from lacmesh.smooth.patches import Bools, Patches
-from lacmesh.smooth.quadratic import LEAST, Fits, Rings, local_fits, rings_of
 from lacmesh.smooth.shape import Shape
 
 _EPS = float(np.finfo(float).eps)
@@ -58,19 +58,19 @@ class Sought:
 
 
 def find_shapes(patches: Patches, crease_angle: float) -> Sought:
-    """The exact shapes among the patches, and the quadratic fits of what is left."""
+    """The exact shapes among the patches, and the fits of what is left."""
     budget = [_ALL_FAILING]
     patches, found, free = _with(patches, [], _planes(patches, np.ones(len(patches.patch), bool)))
     patches, found, free = _with(patches, found, _whole_patches(patches, free, crease_angle, budget))
-    whole = patches
-    fits, *rings = _fits(patches, free)
-    grown = list(_grown(patches, free, fits, (rings[0], rings[1]), crease_angle, budget))
+    whole, beyond = patches, free
+    fits, rings = _fits(patches, free, free, 2)
+    grown = list(_grown(patches, free, fits, rings, crease_angle, budget))
     if grown:
         patches, found, free = _with(patches, found, grown)
         more = [one for one in _planes(patches, free) if one.nodes > _ALWAYS_FLAT[patches.dim]]
         patches, found, free = _with(patches, found, more)
         patches, found, free = _with(patches, found, _whole_patches(patches, free, crease_angle, budget))
-    return Sought(patches, whole, tuple(found), fits, free)
+    return Sought(patches, whole, tuple(found), _fits(whole, free, beyond, 4)[0], free)
 
 
 def _count(patches: Patches) -> int:
@@ -86,12 +86,12 @@ def _with(patches: Patches, found: list[Found], more: list[Found]) -> tuple[Patc
     return patches.split(shape_of), found, shape_of < 0
 
 
-def _fits(patches: Patches, free: Bools) -> tuple[Fits, Rings, Rings]:
-    """The quadratic fits at the nodes of free faces (f,), and their rings."""
-    asked = np.zeros(len(patches.x), bool)
-    asked[patches.node[free][patches.node[free] >= 0]] = True
-    one, two = rings_of(patches.node[free], len(patches.x), asked, LEAST[patches.dim])
-    return local_fits(patches.x, patches.node_normal, two, patches.dim), one, two
+def _fits(patches: Patches, asked: Bools, beside: Bools, degree: int) -> tuple[Fits, tuple[Rings, Rings]]:
+    """The fits at the nodes of faces (f,) by neighbours on faces (f,), and these: of one ring, and those that fit."""
+    nodes = np.zeros(len(patches.x), bool)
+    nodes[patches.node[asked][patches.node[asked] >= 0]] = True
+    rings = rings_of(patches.node[beside], len(patches.x), nodes, ENOUGH[patches.dim][degree])
+    return local_fits(patches.x, patches.node_normal, rings[1], patches.dim, degree), rings
 
 
 # ---- whole patches

@@ -13,9 +13,9 @@ from lacmesh.origin import origin_of
 from lacmesh.shapes import shape
 from lacmesh.skin import FACE_TYPES, TYPE_CODE
 from lacmesh.smooth.find import Found, Sought, find_shapes
+from lacmesh.smooth.local import centre_heights, edge_heights
 from lacmesh.smooth.parents import Parents, inverse, parents_of
 from lacmesh.smooth.patches import Bools, Patches
-from lacmesh.smooth.quadratic import centre_heights, edge_heights
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
 from lacmesh.surface.record import Surface, mean_normals
 

@@ -1,13 +1,16 @@
-"""Local quadratic fits: at each node the curve of the skin, from the nodes of two rings around it.
+"""Local fits: at each node the curve of the skin, from the nodes of two rings around it, or three.
 
 In the frame of a node's normal n, a neighbour at d has the height z = d.n and the place |d| (d_t / |d_t|), with d_t its
 part in the tangent plane: with the length of the chord for that of its shadow, z = -|d|^2 / 2R holds on a sphere, and
-on a circle in the plane, whatever |d| is. z is fitted by a quadratic without a constant, neighbours weighted with
-1 / |d|, and the frame is turned to the fitted normal.
+on a circle in the plane, whatever |d| is. z is fitted by a polynomial without a constant, neighbours weighted with
+1 / |d|, and the frame is turned to the fitted normal. Its second derivatives at the node are what is sought: terms of
+third and fourth order, where there are neighbours enough for them, keep these free of what the skin has of such order.
 """
 
 from __future__ import annotations
 
+import itertools
+from math import factorial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,11 +22,13 @@ Bools = NDArray[np.bool_]
 
 #: rounds of turning the frame
 _ROUNDS = 3
-#: least number of neighbours, in the plane and in space
-LEAST = {1: 2, 2: 5}
-#: what the second derivatives are held back by, of what the neighbours say: where these cannot tell them from the slope
-#: (a strip of one row of faces), the skin is straight
-_RIDGE = 1e-10
+#: least number of neighbours for a polynomial of degree 2, 3 and 4, in the plane and in space
+LEAST = {1: (2, 3, 4), 2: (5, 12, 20)}
+#: a third ring is taken in where two have fewer neighbours than this, by the degree that is wanted
+ENOUGH = {1: {2: 2, 4: 4}, 2: {2: 5, 4: 24}}
+#: what second derivatives are held back by, of what the neighbours say: where these cannot tell them from the slope (a
+#: strip of one row of faces), the skin is straight; and what terms of higher order are, which give way to the second
+_RIDGE, _HIGHER = 1e-10, 1e-5
 #: nodes that are fitted at once
 _PIECE = 8192
 
@@ -40,7 +45,7 @@ class Rings(NamedTuple):
 
 
 class Fits(NamedTuple):
-    """Quadratics at nodes: `normal` (n, 3), second derivatives `H` (n, 3, 3) along it, `known` (n,) where it is one."""
+    """Fits at nodes: `normal` (n, 3), second derivatives `H` (n, 3, 3) along it, `known` (n,) where it is one."""
 
     normal: Floats
     H: Floats
@@ -80,23 +85,24 @@ def _without_self(graph: Any) -> Any:
     return csr_matrix((np.ones(int(apart.sum()), np.int32), (graph.row[apart], graph.col[apart])), shape=graph.shape)
 
 
-def local_fits(x: Floats, normal: Floats, rings: Rings, dim: int) -> Fits:
-    """The quadratics at nodes x (n, 3) with normals (n, 3) to begin with."""
-    known = np.diff(rings.start) >= LEAST[dim]
+def local_fits(x: Floats, normal: Floats, rings: Rings, dim: int, degree: int = 4) -> Fits:
+    """The fits at nodes x (n, 3) with normals (n, 3) to begin with, of this degree at most."""
+    count = np.diff(rings.start)
+    highest = 1 + np.searchsorted(LEAST[dim], count, side="right")
     normal, H = normal.copy(), np.zeros((len(x), 3, 3))
-    rows = np.flatnonzero(known)
-    for first in range(0, len(rows), _PIECE):
-        some = rows[first : first + _PIECE]
-        count = np.diff(rings.start)[some]
-        begin = np.cumsum(count) - count
-        pair = np.arange(count.sum()) + np.repeat(rings.start[some] - begin, count)
-        d = x[rings.neighbour[pair]] - np.repeat(x[some], count, axis=0)
-        for _ in range(_ROUNDS):
-            normal[some], H[some] = _fitted(d, normal[some], count, begin, dim)
-    return Fits(normal, H, known)
+    for last in range(2, degree + 1):
+        rows = np.flatnonzero(np.minimum(highest, degree) == last)
+        for first in range(0, len(rows), _PIECE):
+            some = rows[first : first + _PIECE]
+            begin = np.cumsum(count[some]) - count[some]
+            pair = np.arange(count[some].sum()) + np.repeat(rings.start[some] - begin, count[some])
+            d = x[rings.neighbour[pair]] - np.repeat(x[some], count[some], axis=0)
+            for one in (*[2] * (_ROUNDS - 1), last):
+                normal[some], H[some] = _fitted(d, normal[some], count[some], begin, dim, one)
+    return Fits(normal, H, highest > 1)
 
 
-def _fitted(d: Floats, normal: Floats, count: Ints, begin: Ints, dim: int) -> tuple[Floats, Floats]:
+def _fitted(d: Floats, normal: Floats, count: Ints, begin: Ints, dim: int, degree: int) -> tuple[Floats, Floats]:
     """One round: the fitted normals (n, 3) and the second derivatives (n, 3, 3) of neighbours at d (p, 3)."""
     frame = _frames(normal, dim)
     each = np.repeat(frame, count, axis=0)
@@ -110,28 +116,33 @@ def _fitted(d: Floats, normal: Floats, count: Ints, begin: Ints, dim: int) -> tu
     scale = np.repeat(size, count)
     u, z = shadow / scale, z / scale
     w = np.divide(scale, length, out=np.zeros_like(length), where=length > 0) ** 2
-    columns = [u[0], u[0] ** 2 / 2] if dim == 1 else [*u, u[0] ** 2 / 2, u[1] ** 2 / 2, u[0] * u[1]]
-    m = len(columns)
-    A, b = np.empty((len(count), m, m)), np.empty((len(count), m))
+    powers = _powers(dim, degree)
+    columns = [np.prod([u[k] ** p / factorial(p) for k, p in enumerate(one)], axis=0) for one in powers]
+    m = len(powers)
+    A, rhs = np.empty((len(count), m, m)), np.empty((len(count), m))
     for i in range(m):
         weighted = w * columns[i]
-        b[:, i] = np.add.reduceat(weighted * z, begin)
+        rhs[:, i] = np.add.reduceat(weighted * z, begin)
         for j in range(i + 1):
             A[:, i, j] = A[:, j, i] = np.add.reduceat(weighted * columns[j], begin)
-    ridge = _RIDGE * np.trace(A, axis1=1, axis2=2)
-    for i in range(m):
-        A[:, i, i] += ridge * (0 if i < dim else 2 if i == 4 else 1) + 1e-14 * ridge + 1e-300
-    c = np.linalg.solve(A, b[:, :, None])[:, :, 0]
-    slope = np.einsum("nk,nks->ns", c[:, :dim], frame)
-    turned = normal - slope
-    second = c[:, dim:] / size[:, None]
-    t = frame
-    H = np.einsum("n,ni,nj->nij", second[:, 0], t[:, 0], t[:, 0])
-    if dim == 2:
-        H += np.einsum("n,ni,nj->nij", second[:, 1], t[:, 1], t[:, 1])
-        mixed = np.einsum("n,ni,nj->nij", second[:, 2], t[:, 0], t[:, 1])
-        H += mixed + np.swapaxes(mixed, 1, 2)
+    for i, one in enumerate(powers):
+        often = factorial(sum(one)) / np.prod([factorial(p) for p in one])  # so that it does not hang on the frame
+        A[:, i, i] += count * often * (1e-24, _RIDGE, _HIGHER, _HIGHER)[sum(one) - 1] + 1e-300
+    c = np.linalg.solve(A, rhs[:, :, None])[:, :, 0]
+    turned = normal - np.einsum("nk,nks->ns", c[:, :dim], frame)
+    H = np.zeros((len(count), 3, 3))
+    for i, one in enumerate(powers):
+        if sum(one) == 2:
+            a, b = np.repeat(np.arange(dim), one)
+            both = np.einsum("n,ni,nj->nij", c[:, i] / size, frame[:, a], frame[:, b])
+            H += both if a == b else both + np.swapaxes(both, 1, 2)
     return turned / np.linalg.norm(turned, axis=1, keepdims=True), H
+
+
+def _powers(dim: int, degree: int) -> list[tuple[int, ...]]:
+    """Powers of u, or u and v, in the terms of a polynomial without a constant, by degree."""
+    every = itertools.product(range(degree, -1, -1), repeat=dim)
+    return sorted((one for one in every if 0 < sum(one) <= degree), key=sum)
 
 
 def _frames(normal: Floats, dim: int) -> Floats:
