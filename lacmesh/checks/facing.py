@@ -41,7 +41,7 @@ class _Facing:
         assert subject.master is not None
         options = dict(subject.options)
         smooth = {name: options.pop(name) for name in ("surface", "crease_angle")}
-        a, b = (surface_of(subject.mesh, side.cells, **smooth) for side in subject.sides)
+        a, b = (surface_of(subject.cut_mesh, side.cells, **smooth) for side in subject.sides)
         macro = subject.macros.of_face
         if options.get("search_distance") is None:
             options["search_distance"] = default_distance(a, b, macro)

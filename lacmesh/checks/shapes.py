@@ -5,13 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from lacmesh.checks.findings import Finding
 from lacmesh.checks.subject import Side, Subject
 from lacmesh.errors import DataError
-from lacmesh.mesh import Mesh
-from lacmesh.records import CELL_RECORDS
 from lacmesh.smooth.coarse import Faceted, faceted
 from lacmesh.smooth.fitted import fitted_shapes
 from lacmesh.smooth.heights import smooth_of
@@ -20,7 +16,6 @@ from lacmesh.surface.record import Surface
 
 def check_shapes(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """The shapes of each group that is curved, and whether it is fine enough to be taken for smooth."""
-    mesh = _with_macros(subject)
     found: list[Finding] = []
     shapes: dict[str, Any] = {}
     for side in subject.sides:
@@ -29,10 +24,10 @@ def check_shapes(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
             if not len(cells):
                 continue
             try:
-                surface = Surface.of(mesh, cells)
+                surface = Surface.of(subject.cut_mesh, cells)
             except DataError:  # faces without a normal: `facing-left-out` says it
                 continue
-            smooth = smooth_of(mesh, surface, subject.options["crease_angle"])
+            smooth = smooth_of(subject.cut_mesh, surface, subject.options["crease_angle"])
             made = fitted_shapes(smooth, surface)
             if not all(one.flat for one in made):
                 at = [one if one.centre is None else replace(one, centre=one.centre + subject.origin) for one in made]
@@ -49,16 +44,3 @@ def _coarse(side: Side, coarse: Faceted) -> str:
     if coarse.no_height:
         what.append(f"{coarse.no_height:,} of them have too few neighbours for a fit")
     return f"{message}{', and '.join(what)}; mesh finer there (16 faces to a turn or more), or with quadratic cells"
-
-
-def _with_macros(subject: Subject) -> Mesh:
-    """The mesh with the macro-elements of the slave skin: those of its records, or as they were found again."""
-    mesh, macros = subject.mesh, subject.macros
-    if not macros.faults and not macros.recognised:
-        return mesh
-    data = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
-    if macros.recognised:
-        macro = np.full(mesh.n_cells, -1, np.int64)
-        macro[subject.slave.cells[macros.cut]] = macros.of_face[macros.cut]
-        data["lac_macro"] = macro
-    return replace(mesh, cell_data=data)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +18,7 @@ from lacmesh.checks.rules import RULES
 from lacmesh.errors import GroupNotFoundError, some
 from lacmesh.faces import cells_of_dim, distinct_faces
 from lacmesh.mesh import Ints, Mesh
+from lacmesh.records import CELL_RECORDS
 from lacmesh.skin import TYPE_CODE, Faces, Match, find_owners
 
 #: at most so many numbers in a sentence
@@ -108,6 +109,19 @@ class Subject:
     def macros(self) -> Macros:
         """The macro-elements of the slave faces."""
         return macros_of(self.mesh, self.slave, self.recognise)
+
+    @cached_property
+    def cut_mesh(self) -> Mesh:
+        """The mesh with the macro-elements of the slave skin: those of its records, or as they were recognised."""
+        mesh, macros = self.mesh, self.macros
+        if not macros.faults and not macros.recognised:
+            return mesh
+        data = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
+        if macros.recognised:
+            macro = np.full(mesh.n_cells, -1, np.int64)
+            macro[self.slave.cells[macros.cut]] = macros.of_face[macros.cut]
+            data["lac_macro"] = macro
+        return replace(mesh, cell_data=data)
 
     def behind(self, side: Side) -> Ints:
         """(f,): how many cells each face of a side has behind it."""

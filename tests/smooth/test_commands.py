@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from lacmesh.cli import main
 from lacmesh.smooth import fit_surface
 from tests.checks.blocks import two_blocks
 from tests.smooth.skins import block, rolled, shell
+from verification.meshes.rings import octant, pair
 
 
 @pytest.fixture
@@ -44,12 +46,19 @@ def test_check_says_shapes(file, capsys):
 
 def test_a_cut_without_records_is_found_again():
     """By the check; what is asked from Python must be recognised first."""
-    from dataclasses import replace
-
     cut = cut_skin(block("TETRA4", shell), "skin").mesh
     bare = replace(cut, cell_data={}, node_data={}, zones=())
     assert [one["shape"] for one in check(bare, "skin").summary["shapes"]["skin"]] == ["sphere"]
     assert [one.shape for one in fit_surface(bare, "skin")] == ["free form"]
+
+
+def test_gaps_of_a_cut_without_records_are_those_of_the_cut():
+    """The heights of its macro-elements, as the solver has them, not of each child for itself."""
+    within, around = (octant("TETRA4", (1, n), r) for n, r in ((4, (1.0, 2.0)), (3, (2.1, 3.0))))
+    cut = cut_skin(pair(within, around), "slave").mesh
+    bare = replace(cut, cell_data={}, node_data={}, zones=())
+    gap, again = (check(mesh, "slave", "master").summary["gap"] for mesh in (cut, bare))
+    assert again == pytest.approx(gap, rel=1e-12)
 
 
 def test_flat_skins_say_nothing():
@@ -57,8 +66,6 @@ def test_flat_skins_say_nothing():
 
 
 def test_centres_are_told_where_they_are_in_the_file():
-    from dataclasses import replace
-
     mesh = block("HEXA8", shell)
     far = replace(mesh, points=mesh.points + np.array([1e4, 0, -2e4]))
     (one,) = check(far, "skin").summary["shapes"]["skin"]

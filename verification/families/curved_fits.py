@@ -1,7 +1,8 @@
 """*Fits*: two bodies that fit each other meet in a circle or a sphere (Lame's solution, pressed from outside, or one
 shrunk onto the other), or in these stretched along the axes and pressed evenly from all sides, so that the pressure is
 uniform in both bodies, which are of one material. An ellipse is no shape that is looked for: what is found of it are
-local fits. Meshes are unlike and irregular; nothing is told of symmetry.
+local fits. Meshes are unlike and irregular, several of each size (errors are root mean squares over these); nothing is
+told of symmetry.
 """
 
 from __future__ import annotations
@@ -50,9 +51,13 @@ class Fitted:
         """The largest error of p_m on the second mesh: of shapes that are found, and bodies that are pressed evenly."""
         return _SECOND[self.fit.dim] if self.exact and not self.fit.interference else None
 
-    def mesh(self, level: int) -> Mesh:
+    def sets(self, level: int, levels: int) -> int:
+        """Twice as many on each coarser level, so that chance, which has few faces to play with, tells less."""
+        return 1 << (levels - 1 - level)
+
+    def mesh(self, level: int, number: int = 0) -> Mesh:
         """The two bodies, not cut."""
-        mesh = press_fit.mesh_of(self.fit, level)
+        mesh = press_fit.mesh_of(self.fit, level, number)
         factors = np.ones(3)
         factors[: self.fit.dim] = self.stretch or 1.0
         return replace(mesh, points=mesh.points * factors)

@@ -37,7 +37,11 @@ class Lifted:
         """Whether the model is."""
         return self.hertz.model == "axisymmetric"
 
-    def mesh(self, level: int) -> Mesh:
+    def sets(self, level: int, levels: int) -> int:
+        """One."""
+        return 1
+
+    def mesh(self, level: int, number: int = 0) -> Mesh:
         """The bodies, each moved up by its parabola."""
         given = self.hertz
         mesh = half_spaces(given.cell, given.levels[level], given.fraction)

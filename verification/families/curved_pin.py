@@ -45,7 +45,11 @@ class Pin:
     uniform: bool = False
     exact: bool = True
 
-    def mesh(self, level: int) -> Mesh:
+    def sets(self, level: int, levels: int) -> int:
+        """One."""
+        return 1
+
+    def mesh(self, level: int, number: int = 0) -> Mesh:
         """The two bodies, not cut: groups as `rings.pair`, the sides x = 0 as `x0_within` and `x0_around`."""
         radii = (self.inner, self.pin.radius, self.outer)
         parts = []

@@ -181,12 +181,12 @@ def _constant(value: float) -> Function:
     return values
 
 
-def mesh_of(given: PressFit, level: int) -> Mesh:
-    """The two bodies, not cut."""
+def mesh_of(given: PressFit, level: int, number: int = 0) -> Mesh:
+    """The two bodies, not cut; of those that are irregular, one of a `number`."""
     inner, outer = ([n << level for n in counts] for counts in given.counts)
     part = ring if given.dim == 2 else octant
-    within = part(given.cell, inner, given.radii[:2], jitter=given.jitter, seed=level)
-    around = part(given.cell, outer, given.radii[1:], jitter=given.jitter, seed=100 + level)
+    within = part(given.cell, inner, given.radii[:2], jitter=given.jitter, seed=level + 1000 * number)
+    around = part(given.cell, outer, given.radii[1:], jitter=given.jitter, seed=100 + level + 1000 * number)
     return pair(within, around, slave=given.slave)
 
 
