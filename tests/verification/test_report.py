@@ -14,9 +14,10 @@ import pytest
 from tests.browser import Browser
 from tests.verification.report_runs import NASTY, TYPES, make_run
 from verification import report
-from verification.records import Line, Plot, Published, at_least, at_most, equal, rate, reported
+from verification.records import Line, Plot, Published, at_least, at_most, equal, levels_of, rate, reported
 from verification.report import charts, convergence, judging, outline
 from verification.report.blocks import Chart
+from verification.report.words import reason_of
 
 WIDTHS = {"laptop": (1366, 900), "phone": (390, 844)}
 
@@ -386,3 +387,8 @@ def test_a_picture_grows_at_a_click(written, browser):
     before = browser.value(size)
     browser.value("document.querySelector('.enlarge').click()")
     assert browser.value(size) > 1.5 * before
+
+
+def test_a_rate_of_errors_that_are_zero_is_told_without_one():
+    missed = rate("beyond", levels_of([1.0, 0.5, 0.25], [1, 2, 3], [0.0, 0.0, 0.0]), 1.5, source="", reason="why")
+    assert not missed.passed and reason_of(missed) == "why"

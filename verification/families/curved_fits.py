@@ -42,6 +42,11 @@ class Fitted:
         return self.stretch is None
 
     @property
+    def cubic(self) -> bool:
+        """Whether the skins have third derivatives."""
+        return self.stretch is not None
+
+    @property
     def axisymmetric(self) -> bool:
         """Whether the model is."""
         return self.fit.model == "axisymmetric"

@@ -31,6 +31,7 @@ class Lifted:
     second: float | None = None
     uniform: bool = False
     exact: bool = False
+    cubic: bool = False
 
     @property
     def axisymmetric(self) -> bool:

@@ -44,6 +44,7 @@ class Pin:
     second: float | None = None
     uniform: bool = False
     exact: bool = True
+    cubic: bool = False
 
     def sets(self, level: int, levels: int) -> int:
         """One."""

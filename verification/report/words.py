@@ -106,7 +106,7 @@ def value_of(result: Result) -> str:
 
 def reason_of(result: Result) -> str:
     """Why a figure is what it is; first of all which rate from one level to the next made it fall short."""
-    if result.passed or not is_rate(result) or result.expected is None or result.value < result.expected:
+    if result.passed or not is_rate(result) or result.expected is None or not result.value >= result.expected:
         return result.reason
     least = min(level.rate for level in result.levels if level.rate is not None)
     return f"from one level to the next the rate is {rate(least)}, below half the figure; {result.reason}"
