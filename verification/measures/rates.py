@@ -14,7 +14,7 @@ def pairwise(h: Sequence[float], error: Sequence[float]) -> NDArray[np.floating]
     >>> pairwise([1, 0.5, 0.25], [8, 2, 0.5]).round(12).tolist()
     [2.0, 2.0]
     """
-    return np.asarray(np.diff(np.log(error)) / np.diff(np.log(h)))
+    return np.asarray(np.diff(_log(error)) / np.diff(_log(h)))
 
 
 def fitted(h: Sequence[float], error: Sequence[float], last: int | None = None) -> float:
@@ -23,8 +23,14 @@ def fitted(h: Sequence[float], error: Sequence[float], last: int | None = None) 
     >>> round(fitted([1, 0.5, 0.25], [8, 2.1, 0.5]), 12)
     2.0
     """
-    x, y = (np.log(np.asarray(values, dtype=float)[-last if last else None :]) for values in (h, error))
+    x, y = (_log(values[-last if last else None :]) for values in (h, error))
     if len(x) < 2:
         raise ValueError(f"a rate takes two levels or more, not {len(x)}")
     x = x - x.mean()
     return float(x @ y / (x @ x))
+
+
+def _log(values: Sequence[float]) -> NDArray[np.floating]:
+    """Logarithms; NaN for what has none: a rate to or from an error of zero is no number."""
+    array = np.asarray(values, dtype=float)
+    return np.log(np.where(array > 0, array, np.nan))
