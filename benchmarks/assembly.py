@@ -27,19 +27,20 @@ from meshes import box
 
 from lacmesh import Mesh, raise_order
 from lacmesh.kernels import kernel
-from lacmesh.shapes import gradient
-from lacsolver.assemble import assemble_stiffness, internal_force, stress
-from lacsolver.material import Elastic, Materials, Orthotropic
-from lacsolver.pattern import node_pattern
-from lacsolver.rules import cell_rule
-from lacsolver.space import Space
+from lacmesh.reference.shapes import gradient
+from lacsolver.bodies.material import Elastic, Materials, Orthotropic
+from lacsolver.bodies.small import assemble_stiffness, internal_force, stress
+from lacsolver.space.pattern import node_pattern
+from lacsolver.space.rules import cell_rule
+from lacsolver.space.space import Space
 
 LAW = Elastic(young=200.0, poisson=0.3)
 WOOD = Orthotropic((11.0, 0.9, 0.5), (0.4, 0.35, 0.3), (0.8, 0.7, 0.06), axes=((2.0, 1.0, 0.5), (0.0, 1.0, 1.0)))
 FIRST = """
 import time; import numpy as np
-from lacmesh import Mesh; from lacsolver.space import Space; from lacsolver.material import Elastic, Materials
-from lacsolver.assemble import assemble_stiffness, internal_force
+from lacmesh import Mesh; from lacsolver.space.space import Space
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.small import assemble_stiffness, internal_force
 x = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
 start = time.perf_counter()
 space = Space.of(Mesh.create(x, [("TETRA4", [[0, 1, 2, 3]])]), "3d")

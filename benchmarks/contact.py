@@ -20,11 +20,11 @@ from meshes import blocks
 
 from lacmesh import Surface
 from lacsolver.case import Case, Contact, Displacement, Material, Solver
-from lacsolver.interface import Zone, integrate
+from lacsolver.contact import Zone, integrate
 from lacsolver.linear import analyse
-from lacsolver.model import Model
-from lacsolver.problem import Problem
-from lacsolver.stepping import march
+from lacsolver.problem.problem import Problem
+from lacsolver.solve.model import Model
+from lacsolver.solve.stepping import march
 
 _ROUND = "0.03*((x-0.5)**2+(y-0.5)**2)"
 

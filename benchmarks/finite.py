@@ -19,11 +19,12 @@ from assembly import body, in_turn, seconds
 from meshes import box
 
 from lacmesh import Mesh
-from lacsolver import finite, loads
-from lacsolver.assemble import assemble_stiffness
-from lacsolver.finite import NeoHookean, SaintVenantKirchhoff
-from lacsolver.material import Elastic, Materials
-from lacsolver.space import Space
+from lacsolver.bodies import finite
+from lacsolver.bodies.finite import NeoHookean, SaintVenantKirchhoff
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.small import assemble_stiffness
+from lacsolver.problem import loads
+from lacsolver.space.space import Space
 
 LINEAR = Elastic(young=200.0, poisson=0.3)
 LAWS = {

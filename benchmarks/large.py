@@ -33,18 +33,18 @@ import numpy as np
 from contact import cut, pressed
 from meshes import blocks
 
-import lacsolver.equilibrium
-import lacsolver.interface.interface
-import lacsolver.model
-import lacsolver.newton
+import lacsolver.contact.interface
+import lacsolver.solve.equilibrium
+import lacsolver.solve.model
+import lacsolver.solve.newton
 from lacmesh import Mesh
-from lacsolver.assemble import assemble_stiffness
-from lacsolver.interface import integrate
+from lacsolver.bodies.small import assemble_stiffness
+from lacsolver.contact import integrate
 from lacsolver.linear import TOLERANCE
-from lacsolver.model import Instant, Model
-from lacsolver.problem import Problem
-from lacsolver.schur import Solved
-from lacsolver.stepping import march
+from lacsolver.problem.problem import Problem
+from lacsolver.solve.model import Instant, Model
+from lacsolver.solve.schur import Solved
+from lacsolver.solve.stepping import march
 
 SIZES = (50_000, 100_000, 370_000, 1_000_000)
 QUICK = (10_000, 25_000, 50_000)
@@ -85,11 +85,11 @@ class Clock:
 def watched(clock: Clock, solved: list[Solved]) -> ExitStack:
     """The phases of a contact solve under the clock."""
     places = [
-        (lacsolver.interface.interface, "contact_points", "search", None),
-        (lacsolver.model, "integrate", "search and integration", None),
-        (lacsolver.model, "hold", "set-up", None),
-        (lacsolver.equilibrium, "solve_rows", "loops", solved),
-        (lacsolver.newton, "solve_rows", "loops", solved),
+        (lacsolver.contact.interface, "contact_points", "search", None),
+        (lacsolver.solve.model, "integrate", "search and integration", None),
+        (lacsolver.solve.model, "hold", "set-up", None),
+        (lacsolver.solve.equilibrium, "solve_rows", "loops", solved),
+        (lacsolver.solve.newton, "solve_rows", "loops", solved),
     ]
     stack = ExitStack()
     for module, name, phase, kept in places:

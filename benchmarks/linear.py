@@ -19,10 +19,10 @@ from meshes import box
 from scipy.sparse import csr_array
 
 from lacmesh import Mesh, raise_order
-from lacsolver.assemble import assemble_stiffness
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.linear import analyse, backends
-from lacsolver.material import Elastic, Materials
-from lacsolver.space import Space
+from lacsolver.space.space import Space
 
 LAW = Elastic(young=200.0, poisson=0.3)
 REFERENCE = "rslab"

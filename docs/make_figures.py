@@ -25,7 +25,7 @@ from drawing.panels import figure, overview
 from drawing.patterns import Pattern, in_order, patterns, shown
 from drawing.tables import TABLES, with_tables
 
-from lacmesh.patterns import Template
+from lacmesh.cutting.patterns import Template
 
 DOCS = Path(__file__).resolve().parent
 FIGURES = DOCS / "figures"

@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 from lacsolver.cli import main as lacsolver
-from lacsolver.filming import film
+from lacsolver.pictures.filming import film
 
 DOCS = Path(__file__).parent
 CASES = DOCS.parent / "data" / "sliding"

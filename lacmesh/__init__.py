@@ -14,12 +14,12 @@ _PUBLIC = {
     "CELLS": "lacmesh.cells",
     "read": "lacmesh.formats",
     "write": "lacmesh.formats",
-    "Cut": "lacmesh.records",
-    "cut_skin": "lacmesh.cut",
-    "raise_order": "lacmesh.order",
-    "orient": "lacmesh.orientation",
-    "recognise": "lacmesh.recognition",
-    "aster_multipliers": "lacmesh.multipliers",
+    "Cut": "lacmesh.cutting.records",
+    "cut_skin": "lacmesh.cutting.cut",
+    "raise_order": "lacmesh.cutting.order",
+    "orient": "lacmesh.topology.orientation",
+    "recognise": "lacmesh.cutting.recognition",
+    "aster_multipliers": "lacmesh.exchange.multipliers",
     "check": "lacmesh.checks",
     "Finding": "lacmesh.checks",
     "Findings": "lacmesh.checks",
@@ -30,10 +30,10 @@ _PUBLIC = {
     "coverage": "lacmesh.surface",
     "FittedShape": "lacmesh.smooth",
     "fit_surface": "lacmesh.smooth",
-    "from_meshio": "lacmesh.exchange",
-    "to_meshio": "lacmesh.exchange",
-    "to_pyvista": "lacmesh.exchange",
-    "to_trimesh": "lacmesh.exchange",
+    "from_meshio": "lacmesh.exchange.libraries",
+    "to_meshio": "lacmesh.exchange.libraries",
+    "to_pyvista": "lacmesh.exchange.libraries",
+    "to_trimesh": "lacmesh.exchange.libraries",
     "LacmeshError": "lacmesh.errors",
     "LacmeshWarning": "lacmesh.errors",
 }
@@ -71,20 +71,20 @@ __all__ = [
 if TYPE_CHECKING:
     from lacmesh.cells import CELLS
     from lacmesh.checks import Finding, Findings, check
-    from lacmesh.cut import cut_skin
+    from lacmesh.cutting.cut import cut_skin
+    from lacmesh.cutting.order import raise_order
+    from lacmesh.cutting.recognition import recognise
+    from lacmesh.cutting.records import Cut
     from lacmesh.errors import LacmeshError, LacmeshWarning
-    from lacmesh.exchange import from_meshio, to_meshio, to_pyvista, to_trimesh
+    from lacmesh.exchange.libraries import from_meshio, to_meshio, to_pyvista, to_trimesh
+    from lacmesh.exchange.multipliers import aster_multipliers
     from lacmesh.formats import read, write
     from lacmesh.mesh import Block, Mesh
-    from lacmesh.multipliers import aster_multipliers
-    from lacmesh.order import raise_order
-    from lacmesh.orientation import orient
     from lacmesh.quality import Quality, measure_quality
-    from lacmesh.recognition import recognise
-    from lacmesh.records import Cut
     from lacmesh.smooth import FittedShape, fit_surface
     from lacmesh.surface import Surface, contact_points
     from lacmesh.surface.coverage import coverage
+    from lacmesh.topology.orientation import orient
 
 
 def __getattr__(name: str) -> Any:

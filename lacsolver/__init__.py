@@ -17,39 +17,39 @@ _PUBLIC = {
         ),
         "lacsolver.case",
     ),
-    "Space": "lacsolver.space",
-    "Elastic": "lacsolver.material",
-    "Materials": "lacsolver.material",
-    "Orthotropic": "lacsolver.material",
-    "assemble_stiffness": "lacsolver.assemble",
-    "stress": "lacsolver.assemble",
+    "Space": "lacsolver.space.space",
+    "Elastic": "lacsolver.bodies.material",
+    "Materials": "lacsolver.bodies.material",
+    "Orthotropic": "lacsolver.bodies.material",
+    "assemble_stiffness": "lacsolver.bodies.small",
+    "stress": "lacsolver.bodies.small",
     "Constraints": "lacsolver.constraints",
-    "Interface": "lacsolver.interface",
-    "Pairing": "lacsolver.interface",
-    "Zone": "lacsolver.interface",
-    "integrate": "lacsolver.interface",
+    "Interface": "lacsolver.contact",
+    "Pairing": "lacsolver.contact",
+    "Zone": "lacsolver.contact",
+    "integrate": "lacsolver.contact",
     "ContactMatrices": "lacsolver.matrices",
     "contact_matrices": "lacsolver.matrices",
     "write_matrices": "lacsolver.matrices",
-    "Problem": "lacsolver.problem",
-    "State": "lacsolver.state",
-    "ZoneState": "lacsolver.state",
-    "NotConvergedError": "lacsolver.stepping",
-    "march": "lacsolver.stepping",
+    "Problem": "lacsolver.problem.problem",
+    "State": "lacsolver.results.state",
+    "ZoneState": "lacsolver.results.state",
+    "NotConvergedError": "lacsolver.solve.stepping",
+    "march": "lacsolver.solve.stepping",
     "validate": "lacsolver.validation",
     "run": "lacsolver.running",
-    "Answer": "lacsolver.answer",
+    "Answer": "lacsolver.results.answer",
     "OutputFolder": "lacsolver.output",
     "create": "lacsolver.output",
     "read_state": "lacsolver.output",
-    "Fields": "lacsolver.results",
-    "Restart": "lacsolver.results",
-    "Results": "lacsolver.results",
-    "StepFigures": "lacsolver.results",
-    "ZoneFields": "lacsolver.results",
-    "ZoneFigures": "lacsolver.results",
-    "plot": "lacsolver.drawing",
-    "film": "lacsolver.filming",
+    "Fields": "lacsolver.results.results",
+    "Restart": "lacsolver.results.results",
+    "Results": "lacsolver.results.results",
+    "StepFigures": "lacsolver.results.results",
+    "ZoneFields": "lacsolver.results.results",
+    "ZoneFigures": "lacsolver.results.results",
+    "plot": "lacsolver.pictures.drawing",
+    "film": "lacsolver.pictures.filming",
 }
 
 __all__ = [
@@ -111,8 +111,8 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from lacsolver.answer import Answer
-    from lacsolver.assemble import assemble_stiffness, stress
+    from lacsolver.bodies.material import Elastic, Materials, Orthotropic
+    from lacsolver.bodies.small import assemble_stiffness, stress
     from lacsolver.case import (
         BodyForce,
         Case,
@@ -137,18 +137,18 @@ if TYPE_CHECKING:
         read_case,
     )
     from lacsolver.constraints import Constraints
-    from lacsolver.drawing import plot
-    from lacsolver.filming import film
-    from lacsolver.interface import Interface, Pairing, Zone, integrate
-    from lacsolver.material import Elastic, Materials, Orthotropic
+    from lacsolver.contact import Interface, Pairing, Zone, integrate
     from lacsolver.matrices import ContactMatrices, contact_matrices, write_matrices
     from lacsolver.output import OutputFolder, create, read_state
-    from lacsolver.problem import Problem
-    from lacsolver.results import Fields, Restart, Results, StepFigures, ZoneFields, ZoneFigures
+    from lacsolver.pictures.drawing import plot
+    from lacsolver.pictures.filming import film
+    from lacsolver.problem.problem import Problem
+    from lacsolver.results.answer import Answer
+    from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields, ZoneFigures
+    from lacsolver.results.state import State, ZoneState
     from lacsolver.running import run
-    from lacsolver.space import Space
-    from lacsolver.state import State, ZoneState
-    from lacsolver.stepping import NotConvergedError, march
+    from lacsolver.solve.stepping import NotConvergedError, march
+    from lacsolver.space.space import Space
     from lacsolver.validation import validate
 
 

@@ -14,8 +14,8 @@ import lacmesh
 from lacmesh.errors import WriteError
 from lacmesh.formats.output import replacing
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacsolver.interface import Interface, Pairing, Zone, integrate
-from lacsolver.values import Value
+from lacsolver.contact import Interface, Pairing, Zone, integrate
+from lacsolver.space.values import Value
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,16 +15,16 @@ from lacmesh.cli.terminal import peak_memory
 from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.output import signals_wait
 from lacmesh.mesh import Mesh
-from lacsolver.answer import Answer
 from lacsolver.case import Case, fingerprint
-from lacsolver.faceted import faceted
-from lacsolver.figures import stress_ranges
-from lacsolver.holding import beyond_a_cell, warnings_of
 from lacsolver.output import OutputFolder, Writer, check_same
-from lacsolver.problem import Problem
-from lacsolver.results import Fields, Restart, Results, StepFigures
-from lacsolver.state import State
-from lacsolver.stepping import NotConvergedError, Told, march
+from lacsolver.problem.problem import Problem
+from lacsolver.results.answer import Answer
+from lacsolver.results.faceted import faceted
+from lacsolver.results.figures import stress_ranges
+from lacsolver.results.results import Fields, Restart, Results, StepFigures
+from lacsolver.results.state import State
+from lacsolver.solve.holding import beyond_a_cell, warnings_of
+from lacsolver.solve.stepping import NotConvergedError, Told, march
 
 
 def run(

@@ -15,21 +15,21 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 import lacmesh
+from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError
 from lacmesh.mesh import Mesh
-from lacmesh.records import Cut, is_cut
-from lacsolver import acting
-from lacsolver.bodies import describe, free_motions, still_free
 from lacsolver.case import Case, CaseError, Contact, Displacement, Problem, Rigid, Tie, check_groups
 from lacsolver.case.records import Entry
 from lacsolver.constraints import Constraints
-from lacsolver.interface import Interface, integrate
+from lacsolver.contact import Interface, integrate
 from lacsolver.linear import choose
-from lacsolver.overlap import check_overlap, deepest
-from lacsolver.places import nodes_of
-from lacsolver.problem import Joint, joint_of, materials_of
-from lacsolver.skin import check_mesh, prepared
-from lacsolver.space import Space
+from lacsolver.problem import acting
+from lacsolver.problem.overlap import check_overlap, deepest
+from lacsolver.problem.problem import Joint, joint_of, materials_of
+from lacsolver.problem.rigid_modes import describe, free_motions, still_free
+from lacsolver.problem.skin import check_mesh, prepared
+from lacsolver.space.places import nodes_of
+from lacsolver.space.space import Space
 
 #: sections whose records are forces, each evaluated by itself
 _LOADS = ("pressure", "traction", "force", "body_force", "temperature")

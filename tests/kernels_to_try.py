@@ -20,13 +20,13 @@ from lacmesh.formats.xdmf.mixed import starts
 from lacmesh.kernels import kernel
 from lacmesh.quality import determinant, measures
 from lacmesh.surface import contact_points
-from lacsolver.answer import Answer
 from lacsolver.case import parse_case
 from lacsolver.cli import main
 from lacsolver.linear import analyse
 from lacsolver.linear.cycle import Team
-from lacsolver.problem import Problem
-from lacsolver.stepping import march
+from lacsolver.problem.problem import Problem
+from lacsolver.results.answer import Answer
+from lacsolver.solve.stepping import march
 from tests.lacsolver.bodies import cube
 from tests.lacsolver.contact_cases import held
 from tests.lacsolver.patch_meshes import stack

@@ -7,7 +7,7 @@ from scipy.spatial import Delaunay
 
 from lacmesh import Mesh, raise_order
 from lacmesh.cells import CELLS
-from lacmesh.quadrature import measure
+from lacmesh.reference.quadrature import measure
 
 
 def pad(points):

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.quadrature import measure, rule
-from lacmesh.shapes import jacobian, shape
+from lacmesh.reference.quadrature import measure, rule
+from lacmesh.reference.shapes import jacobian, shape
 from tests.meshes import facets_of
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh.quadrature import measure, rule
-from lacmesh.shapes import gradient, jacobian, shape
+from lacmesh.reference.quadrature import measure, rule
+from lacmesh.reference.shapes import gradient, jacobian, shape
 from tests import properties
 
 pytestmark = pytest.mark.gmsh

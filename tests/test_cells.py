@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
-from lacmesh.patterns import internal_points
-from lacmesh.quadrature import measure, rule
+from lacmesh.cutting.patterns import internal_points
 from lacmesh.quality import corner_jacobian, worst
-from lacmesh.shapes import gradient, jacobian, shape
-from lacmesh.skin import FACE_TYPES, REVERSED, label_rows
+from lacmesh.reference.quadrature import measure, rule
+from lacmesh.reference.shapes import gradient, jacobian, shape
+from lacmesh.topology.skin import FACE_TYPES, REVERSED, label_rows
 from tests.meshes import cell_with_faces, pad
 
 NAMES = list(CELLS)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lacmesh import components
+from lacmesh.topology import components
 
 
 @pytest.mark.parametrize(("n", "edges"), [(0, 0), (5, 0), (60, 40), (400, 300)])

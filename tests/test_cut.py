@@ -14,7 +14,7 @@ from lacmesh import Cut, LacmeshWarning, Mesh, cut_skin, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.mesh import Model, Periodic
-from lacmesh.quadrature import measure
+from lacmesh.reference.quadrature import measure
 from tests import properties
 from tests.meshes import affine, box, cell_with_faces, facets_of, random_mesh, rotate
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lacmesh import CELLS, Mesh, aster_multipliers, cut_skin
-from lacmesh.patterns import RING_PARENTS, WHOLE_FACES
+from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES
 from tests import properties
 from tests.meshes import cell_with_faces
 

@@ -17,8 +17,8 @@ from lacmesh.cells import CELLS
 from lacmesh.checks import Finding, check
 from lacmesh.checks.findings import Where
 from lacmesh.cli import main
+from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES
 from lacmesh.errors import CutError, RequestError, WriteError
-from lacmesh.patterns import RING_PARENTS, WHOLE_FACES
 from lacmesh.quality import corner_jacobian
 from lacmesh.report import children_quality, cut_report, refuse_poor, write_report
 from lacmesh.report.outline import Charts, Table, Text, Title, outline

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from lacmesh import CELLS, cut_skin, errors
-from lacmesh.cut import CELL_RECORDS, NODE_RECORD
-from lacmesh.patterns import RING_PARENTS, WHOLE_FACES, parent_pattern
-from lacmesh.shapes import shape
+from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
+from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES, parent_pattern
+from lacmesh.reference.shapes import shape
 from lacsolver.case import errors as case_errors
 from lacsolver.linear import errors as linear_errors
-from lacsolver.stepping import NotConvergedError
+from lacsolver.solve.stepping import NotConvergedError
 from tests.meshes import cell_with_faces
 from tests.properties import volumes
 

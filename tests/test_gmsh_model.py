@@ -534,7 +534,7 @@ def test_views_are_of_one_model(gmsh, tmp_path):
     uncut = to_mesh()
     cut = cut_model(slave)
     from_mesh(uncut, "uncut")
-    assert not lacmesh.cut.is_cut(to_mesh())
+    assert not lacmesh.cutting.cut.is_cut(to_mesh())
     gmsh.model.setCurrent("boxes")
     assert Cut(to_mesh()).n_macros == cut.n_macros
     gmsh.model.setCurrent("uncut")

@@ -14,10 +14,10 @@ from threading import Lock
 import numpy as np
 import pytest
 
-from lacmesh import kept, kernels
-from lacmesh.kernels import Kernel
+from lacmesh import kernels
+from lacmesh.kernels import Kernel, kept
+from lacmesh.kernels.signatures import FILE, compile_signature, declared
 from lacmesh.quality.kernels import in_threads
-from lacmesh.signatures import FILE, compile_signature, declared
 from tests.kernels_to_try import DATA, double, fractions
 from tools.record_kernels import recorded
 
@@ -178,7 +178,7 @@ def test_a_first_command_on_a_small_model_compiles_nothing(name, debug, tmp_path
 def test_kernels_of_a_check_load_nothing_of_scipy_and_no_compiler():
     load = """
 import sys
-from lacmesh.signatures import compile_signature, declared
+from lacmesh.kernels.signatures import compile_signature, declared
 for signature in declared():
     if signature.module.startswith(("lacmesh.surface", "lacmesh.checks")):
         compile_signature(signature)

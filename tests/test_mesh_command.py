@@ -20,8 +20,8 @@ from lacmesh.cli import main
 from lacmesh.errors import DataError, LacmeshWarning, ReadError, RequestError
 from lacmesh.gmsh import cad
 from lacmesh.gmsh.cad import Part, list_cad, mesh_cad, parse_group
-from lacmesh.orientation import turning
-from lacmesh.quadrature import measure
+from lacmesh.reference.quadrature import measure
+from lacmesh.topology.orientation import turning
 
 pytestmark = pytest.mark.gmsh
 LUG = Path(__file__).resolve().parents[1] / "data" / "pin_in_lug.step"
@@ -342,8 +342,8 @@ def test_second_order_stands_on_the_geometry():
         ((_, _, nodes),) = mesh.select(mesh.cell_groups[group])
         x = mesh.points[nodes]
         assert np.abs(np.hypot(x[..., 0], x[..., 2] - axis) - radius).max() < 1e-5
-    from lacmesh.quadrature import rule
-    from lacmesh.shapes import jacobian
+    from lacmesh.reference.quadrature import rule
+    from lacmesh.reference.shapes import jacobian
 
     X = np.vstack([np.array(CELLS["TETRA10"].reference), rule("TETRA", 6)[0]])
     assert np.linalg.det(jacobian("TETRA10", mesh.points[mesh.block("TETRA10")], X)).min() > 0

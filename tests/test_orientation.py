@@ -8,13 +8,13 @@ import pytest
 import lacmesh
 from lacmesh import CELLS, Mesh, cut_skin
 from lacmesh.cli import main
+from lacmesh.cutting.recognition import recognise
 from lacmesh.errors import DataError, GroupNotFoundError
-from lacmesh.orientation import orient, reverse, skin_cells, turning
-from lacmesh.quadrature import measure, rule, signed_area
-from lacmesh.recognition import recognise
-from lacmesh.shapes import jacobian
-from lacmesh.skin import REVERSED
+from lacmesh.reference.quadrature import measure, rule, signed_area
+from lacmesh.reference.shapes import jacobian
 from lacmesh.surface import Surface
+from lacmesh.topology.orientation import orient, reverse, skin_cells, turning
+from lacmesh.topology.skin import REVERSED
 from tests import properties
 from tests.checks.blocks import SOLIDS, block, join, skin, two_blocks
 from tests.checks.corpus import reversed_group, without_records

@@ -29,7 +29,7 @@ from lacmesh.quality.measures import SCALES, default_measures, headline
 from lacmesh.quality.spread import histogram, spread
 from lacmesh.quality.survey import PLACES
 from lacmesh.quality.verdict import ACCEPTED
-from lacmesh.shapes import gradient, jacobian
+from lacmesh.reference.shapes import gradient, jacobian
 from tests.meshes import box, pad
 from tests.quality_cells import (
     IDEAL,
@@ -222,7 +222,7 @@ def test_validity_is_the_least_determinant(name):
 
 
 def _inside(name):
-    from lacmesh.quadrature import rule
+    from lacmesh.reference.quadrature import rule
 
     return rule(CELLS[name].family, 7)[0]
 

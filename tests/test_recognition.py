@@ -14,9 +14,9 @@ import pytest
 
 import lacmesh
 from lacmesh import CELLS, Cut, LacmeshWarning, Mesh, cut_skin
-from lacmesh.cut import CELL_RECORDS, NODE_RECORD
+from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
+from lacmesh.cutting.recognition import find_macros, recognise
 from lacmesh.errors import CutError, GroupNotFoundError, RequestError
-from lacmesh.recognition import find_macros, recognise
 from tests.checks.blocks import SOLIDS, block, cut_blocks, join, skin, two_blocks
 from tests.meshes import cell_with_faces, random_mesh
 from tests.test_cut_cells import CASES, CUTS, from_aster, type_of

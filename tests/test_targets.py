@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from lacmesh.cells import CELLS
-from lacmesh.cut import cut_skin
+from lacmesh.cutting.cut import cut_skin
+from lacmesh.cutting.order import raise_order
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
+from lacmesh.exchange.targets import TARGETS, check_cells, check_target_cells, element, refused
 from lacmesh.formats import write
 from lacmesh.formats.inp.writer_types import card
 from lacmesh.mesh import Mesh
-from lacmesh.order import raise_order
-from lacmesh.targets import TARGETS, check_cells, check_target_cells, element, refused
-from lacsolver.rules import SOLID_CELLS
+from lacsolver.space.rules import SOLID_CELLS
 from tests.formats.feature_cases import one_cell
 from tests.meshes import box, cell_with_faces
 

@@ -13,15 +13,15 @@ import pytest
 from lacmesh import Mesh, cut_skin, raise_order, scene
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import GroupNotFoundError, RequestError
-from lacmesh.quadrature import measure
 from lacmesh.quality.measures import SCALES
+from lacmesh.reference.quadrature import measure
 from lacmesh.scene import camera_of, colours, make_scene
 from lacmesh.scene.edges import edges_of
 from lacmesh.scene.layers import CURVED, curved_parts
 from lacmesh.scene.marks import Values, cell_values, find_marks
 from lacmesh.scene.placing import SEEN_AT
 from lacmesh.scene.seen import BODY, MASTER, SLAVE, find_seen
-from lacmesh.skin import Faces
+from lacmesh.topology.skin import Faces
 from tests.meshes import box, cell_with_faces, random_mesh
 
 SOLIDS = [name for name, cell in CELLS.items() if cell.dim == 3]

@@ -15,7 +15,7 @@ from lacmesh import Mesh, cut_skin
 from lacmesh.cells import CELLS
 from lacmesh.scene import colours
 from lacmesh.scene.seen import BODY, MASTER, SLAVE
-from lacmesh.skin import FACE_TYPES
+from lacmesh.topology.skin import FACE_TYPES
 from lacmesh.view import page
 from tests.browser import Browser
 from tests.meshes import box, cell_with_faces, random_mesh

@@ -1,4 +1,4 @@
-"""Make lacmesh/signatures.json again: what every kernel is called with, in the work of tests/kernels_to_try.py.
+"""Make lacmesh/kernels/signatures.json again: what every kernel is called with, in the work of tests/kernels_to_try.py.
 
     python -m tools.record_kernels
 
@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from lacmesh.kernels import Kernel
-from lacmesh.signatures import FILE, Signature, compile_signature, described
+from lacmesh.kernels.signatures import FILE, Signature, compile_signature, described
 
 
 def as_it_stands(kernel: Kernel, *arguments: Any) -> Any:

@@ -24,8 +24,8 @@ from drawing.solids import (
     shade,
 )
 from lacmesh.cells import CELLS
-from lacmesh.patterns import WHOLE
-from lacmesh.shapes import shape
+from lacmesh.cutting.patterns import WHOLE
+from lacmesh.reference.shapes import shape
 
 
 def nodes_panel(it: Body) -> Page:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.patterns import (
+from lacmesh.cutting.patterns import (
     CONE,
     RING,
     RING_PARENTS,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drawing.patterns import Pattern, in_order
 from lacmesh.cells import CELLS
-from lacmesh.shapes import shape
+from lacmesh.reference.shapes import shape
 
 Array = NDArray[np.floating]
 

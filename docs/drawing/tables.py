@@ -12,14 +12,14 @@ from drawing.measures import own_table, verdict_table
 from drawing.patterns import children_text, patterns
 from drawing.solids import body
 from lacmesh.cells import CELLS
+from lacmesh.cutting.patterns import WHOLE, WHOLE_FACES
+from lacmesh.exchange.targets import TARGETS, element
 from lacmesh.formats.fidelity import FEATURES, ROWS
 from lacmesh.formats.table import FORMATS, OF_NAME
-from lacmesh.patterns import WHOLE, WHOLE_FACES
-from lacmesh.quadrature import rule
 from lacmesh.quality import corner_jacobian
 from lacmesh.quality.verdict import ACCEPTED
-from lacmesh.shapes import shape
-from lacmesh.targets import TARGETS, element
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import shape
 from lacsolver.case.schema import page_tables
 
 

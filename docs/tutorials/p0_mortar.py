@@ -5,11 +5,11 @@ import numpy as np
 import lacmesh
 from lacmesh import Mesh, Surface
 from lacsolver import Case, Displacement, Material, Pairing, Problem, Zone, integrate
-from lacsolver.equilibrium import Contact, Limits, at_start, find_equilibrium, stiffness_of_rows
-from lacsolver.interface.interface import positions
-from lacsolver.interface.rows import macro_rows
-from lacsolver.model import Instant, Model
-from lacsolver.schur import Rows
+from lacsolver.contact.interface import positions
+from lacsolver.contact.rows import macro_rows
+from lacsolver.solve.equilibrium import Contact, Limits, at_start, find_equilibrium, stiffness_of_rows
+from lacsolver.solve.model import Instant, Model
+from lacsolver.solve.schur import Rows
 
 
 def pad(n):

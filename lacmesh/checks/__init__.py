@@ -21,10 +21,10 @@ import numpy as np
 from lacmesh.checks.findings import Finding, Findings, Where, collect
 from lacmesh.checks.rules import RULES, Rule
 from lacmesh.checks.subject import Part, Subject, make_subject
+from lacmesh.cutting.records import Cut
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Mesh, spec_list
 from lacmesh.origin import from_origin, origin_of_mesh
-from lacmesh.records import Cut
 
 __all__ = ["RULES", "Finding", "Findings", "Rule", "Where", "check"]
 

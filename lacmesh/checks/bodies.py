@@ -11,10 +11,10 @@ from lacmesh.checks.boxes import meeting
 from lacmesh.checks.crossing import crossing
 from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import PLACE, Side, Subject
-from lacmesh.components import label_components
 from lacmesh.mesh import Floats, Ints
-from lacmesh.orientation import edge_uses
-from lacmesh.skin import N_CORNERS
+from lacmesh.topology.components import label_components
+from lacmesh.topology.orientation import edge_uses
+from lacmesh.topology.skin import N_CORNERS
 
 #: a node is inside an edge when its distance to it is below this part of the edge's length
 ON_EDGE = 1e-6

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lacmesh.checks.boxes import meeting_each_other, meeting_plain
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
-from lacmesh.skin import FACE_TYPES, Faces
+from lacmesh.topology.skin import FACE_TYPES, Faces
 
 Array = NDArray[Any]
 #: distances to a plane below this part of a piece's size are zero

@@ -19,12 +19,12 @@ from lacmesh.cells import CELLS
 from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.recorded import Fault, internal_faults
 from lacmesh.checks.subject import Subject
+from lacmesh.cutting.records import Cut
 from lacmesh.mesh import Floats, Ints
-from lacmesh.orientation import edge_uses
-from lacmesh.quadrature import rule
-from lacmesh.records import Cut
-from lacmesh.shapes import jacobian, shape
-from lacmesh.skin import FACE_TYPES, N_CORNERS, N_NODES
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import jacobian, shape
+from lacmesh.topology.orientation import edge_uses
+from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, N_NODES
 
 #: what counts as positive, as a part of the macro-element's measure (round-off, and curved vertices of a TRIA6)
 POSITIVE = 1e-6

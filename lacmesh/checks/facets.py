@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.skin import label_rows
+from lacmesh.topology.skin import label_rows
 
 Array = NDArray[Any]
 #: at most so many facets a cell has

@@ -13,7 +13,7 @@ from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import Subject
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
-from lacmesh.quadrature import measure
+from lacmesh.reference.quadrature import measure
 from lacmesh.smooth import surface_of
 from lacmesh.surface import ContactPoints, Coverage, Surface, contact_points, coverage, default_distance
 

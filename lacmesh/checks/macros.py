@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.checks.recorded import Fault, record_faults
+from lacmesh.cutting.patterns import WHOLE_FACES
+from lacmesh.cutting.recognition import find_macros, with_records
+from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import CutError
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.patterns import WHOLE_FACES
-from lacmesh.recognition import find_macros, with_records
-from lacmesh.records import Cut, is_cut
-from lacmesh.skin import FACE_TYPES
+from lacmesh.topology.skin import FACE_TYPES
 
 if TYPE_CHECKING:
     from lacmesh.checks.subject import Side

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.components import label_components
+from lacmesh.cutting.records import Cut
 from lacmesh.errors import some
 from lacmesh.mesh import Ints
-from lacmesh.orientation import edge_uses
-from lacmesh.records import Cut
-from lacmesh.skin import Faces
+from lacmesh.topology.components import label_components
+from lacmesh.topology.orientation import edge_uses
+from lacmesh.topology.skin import Faces
 
 _NONE = np.empty(0, np.int64)
 

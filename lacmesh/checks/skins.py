@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import Side, Subject, is_carried
-from lacmesh.faces import cells_of_dim
 from lacmesh.mesh import Ints
-from lacmesh.orientation import edge_uses, turning
-from lacmesh.skin import FACE_TYPES, find_owners, find_repeats
+from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.orientation import edge_uses, turning
+from lacmesh.topology.skin import FACE_TYPES, find_owners, find_repeats
 
 _ORDER = np.array([CELLS[name].order for name in FACE_TYPES])
 

@@ -13,7 +13,7 @@ from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import Subject
 from lacmesh.errors import some
 from lacmesh.mesh import Block, Ints, Mesh
-from lacmesh.quadrature import signed_area
+from lacmesh.reference.quadrature import signed_area
 
 _WORST = 5
 _NEITHER = -1

@@ -15,11 +15,11 @@ from lacmesh.checks.facets import Facets, find_bodies
 from lacmesh.checks.findings import Finding, Where, counted
 from lacmesh.checks.macros import Macros, macros_of
 from lacmesh.checks.rules import RULES
+from lacmesh.cutting.records import CELL_RECORDS
 from lacmesh.errors import GroupNotFoundError, some
-from lacmesh.faces import cells_of_dim, distinct_faces
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.records import CELL_RECORDS
-from lacmesh.skin import TYPE_CODE, Faces, Match, find_owners
+from lacmesh.topology.faces import cells_of_dim, distinct_faces
+from lacmesh.topology.skin import TYPE_CODE, Faces, Match, find_owners
 
 #: at most so many numbers in a sentence
 SHOWN = 8

@@ -33,8 +33,8 @@ def run(args: argparse.Namespace) -> None:
     from multiprocessing import get_context
 
     from lacmesh.errors import WriteError
-    from lacmesh.kept import folders, writable
-    from lacmesh.signatures import compile_signature, declared
+    from lacmesh.kernels.kept import folders, writable
+    from lacmesh.kernels.signatures import compile_signature, declared
 
     start, signatures = time.perf_counter(), declared()
     folder = writable()

@@ -31,11 +31,11 @@ def run(args: argparse.Namespace) -> None:
     check_output(target, args)
     mesh = read(source, mesh=args.mesh)
     if args.order:
-        from lacmesh.order import raise_order
+        from lacmesh.cutting.order import raise_order
 
         mesh = raise_order(mesh, args.order)
     if args.program:
-        from lacmesh.targets import check_cells
+        from lacmesh.exchange.targets import check_cells
 
         check_cells(mesh, args.program)
     write_mesh(target, mesh, source, args)

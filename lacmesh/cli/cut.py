@@ -24,7 +24,7 @@ from lacmesh.errors import DataError, LacmeshWarning, RequestError
 
 if TYPE_CHECKING:
     from lacmesh.checks import Findings
-    from lacmesh.cut import Cut
+    from lacmesh.cutting.cut import Cut
     from lacmesh.mesh import Mesh
     from lacmesh.report import CutReport, CutSummary
 
@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> None:
     """Cut a file."""
     from concurrent.futures import ThreadPoolExecutor
 
-    from lacmesh.cut import is_cut
+    from lacmesh.cutting.cut import is_cut
     from lacmesh.formats import read
 
     source = Path(args.input)
@@ -126,12 +126,12 @@ def run(args: argparse.Namespace) -> None:
 
 def _cut(mesh: Mesh, args: argparse.Namespace) -> Cut:
     """The cut that the options ask for, if the program that it is for can take it."""
-    from lacmesh.cut import cut_skin
+    from lacmesh.cutting.cut import cut_skin
 
     choices = {"hexa": args.hexa, "interface": args.interface, "skin_only": args.skin_only}
     choices |= {"recognise": args.recognise}
     if args.program:
-        from lacmesh.targets import check_target_cells
+        from lacmesh.exchange.targets import check_target_cells
 
         check_target_cells(mesh, args.slave, args.program, **choices)
     return cut_skin(mesh, args.slave, orient=args.orient, node_groups=args.node_groups, **choices)

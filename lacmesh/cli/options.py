@@ -12,7 +12,7 @@ from lacmesh.errors import RequestError, listed
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
 
-#: whom a mesh may be for: the keys of lacmesh.targets.TARGETS
+#: whom a mesh may be for: the keys of lacmesh.exchange.targets.TARGETS
 PROGRAMS = ("gmsh", "aster", "calculix", "abaqus", "fenics", "lacsolver")
 
 #: options of a command -> those of lacmesh.write that they become

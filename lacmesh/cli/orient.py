@@ -10,7 +10,7 @@ from lacmesh.cli.options import add_command, add_output_options, check_output, w
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
-    from lacmesh.orientation import Turning
+    from lacmesh.topology.orientation import Turning
 
 
 def add(commands: Any) -> None:
@@ -25,7 +25,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> None:
     """Turn the skins of a file."""
     from lacmesh.formats import kind_of, read
-    from lacmesh.orientation import reverse, skin_cells, turning
+    from lacmesh.topology.orientation import reverse, skin_cells, turning
 
     source = Path(args.input)
     suffix = source.suffix or f".{kind_of(source).format}"

@@ -76,7 +76,7 @@ def _measures(text: str | None) -> str | list[str] | None:
 
 def _children(mesh: Mesh) -> ChildrenQuality | None:
     """The children of a mesh that carries a cut, against their parents."""
-    from lacmesh.cut import Cut, is_cut
+    from lacmesh.cutting.cut import Cut, is_cut
     from lacmesh.errors import CutError
     from lacmesh.report import children_quality
 

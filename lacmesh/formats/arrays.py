@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
 from lacmesh.formats.notes import fitting, zone_names
 from lacmesh.mesh import Floats, Ints, Mesh, distinct
-from lacmesh.records import CELL_RECORDS, NODE_RECORD
 
 GROUP = "group:"
 CELL_NUMBER, NODE_NUMBER = "cell_number", "node_number"

@@ -18,11 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
 from lacmesh.errors import CutError, LacmeshWarning
 from lacmesh.formats.kept import match
 from lacmesh.mesh import Ints, Mesh, distinct
-from lacmesh.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
-from lacmesh.skin import label_rows
+from lacmesh.topology.skin import label_rows
 
 SUFFIX, VERSION = ".lac.json", 1
 _WHAT = "records of a cut"

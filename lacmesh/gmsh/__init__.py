@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lacmesh.cut import Cut
+    from lacmesh.cutting.cut import Cut
     from lacmesh.mesh import Mesh
 
 __all__ = ["cut_model", "from_mesh", "to_mesh", "update_model"]
@@ -54,7 +54,7 @@ def cut_model(
     again. Returns the cut. Whatever is wrong is found before the model is changed. Raises as `lacmesh.cut_skin`, and
     RequestError where gmsh is missing or holds no mesh.
     """
-    from lacmesh.cut import cut_skin
+    from lacmesh.cutting.cut import cut_skin
     from lacmesh.gmsh.model import read_model
     from lacmesh.gmsh.update import apply_cut
 

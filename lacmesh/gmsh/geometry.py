@@ -16,9 +16,9 @@ from lacmesh.gmsh import stl
 from lacmesh.gmsh.cad import SUFFIXES, Shape
 from lacmesh.gmsh.model import read_model
 from lacmesh.mesh import Floats, Mesh, Tag
-from lacmesh.orientation import reverse, turning
-from lacmesh.quadrature import rule
-from lacmesh.shapes import jacobian, shape
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import jacobian, shape
+from lacmesh.topology.orientation import reverse, turning
 
 #: options of the mesh that measures what gmsh's kernels cannot: 40 edges to a circle, curved ones. (Sizes by curvature
 #: are very slow in the built-in kernel: 50 s for gmsh's t2.geo.)

@@ -14,7 +14,7 @@ from lacmesh.formats import write
 from lacmesh.gmsh import geometry
 from lacmesh.gmsh.model import read_model
 from lacmesh.mesh import Ints, Tag
-from lacmesh.orientation import reverse, turning
+from lacmesh.topology.orientation import reverse, turning
 
 #: where nothing is said of sizes, and the file is no script: edges along the diagonal, and around a full turn
 _ALONG, _AROUND = 20, 12

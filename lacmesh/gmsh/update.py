@@ -21,6 +21,8 @@ from typing import Any
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
+from lacmesh.cutting.rebuild import node_entities
+from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.entities import Assignment, assign
 from lacmesh.formats.msh.notes import Notes
@@ -30,8 +32,6 @@ from lacmesh.gmsh import session, views
 from lacmesh.gmsh.attribute import write_notes
 from lacmesh.gmsh.model import Read
 from lacmesh.mesh import Floats, Ints, Mesh, Tag
-from lacmesh.rebuild import node_entities
-from lacmesh.records import CELL_RECORDS, NODE_RECORD
 
 #: gmsh takes cells out of an entity one by one, moving those behind (removed times all, some 5e8 a second measured).
 _MANY_REMOVED = 10**9

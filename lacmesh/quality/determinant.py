@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.quadrature import rule
 from lacmesh.quality.vectors import cross, dot, nodes_first, norm
-from lacmesh.shapes import gradient
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import gradient
 
 #: cells at a time, so that a piece stays in the cache
 PIECE = 1 << 12

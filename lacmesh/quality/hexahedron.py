@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.quality.linear import Linear
 from lacmesh.quality.vectors import LARGEST, ROUND_OFF, bounded, cross, dot, norm, ratio, triple, unit
-from lacmesh.shapes import gradient
+from lacmesh.reference.shapes import gradient
 
 _EDGES = CELLS["HEXA8"].edges
 SIGNS = np.array(CELLS["HEXA8"].reference)

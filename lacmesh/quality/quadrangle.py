@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lacmesh.quality.linear import Linear
 from lacmesh.quality.triangle import Triangle
 from lacmesh.quality.vectors import LARGEST, ROUND_OFF, angle, bounded, cross, dot, norm, ratio, unit
-from lacmesh.shapes import gradient, shape
+from lacmesh.reference.shapes import gradient, shape
 
 _GAUSS = [(a / np.sqrt(3), b / np.sqrt(3)) for a in (-1, 1) for b in (-1, 1)]
 

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.cut import Cut
+from lacmesh.cutting.cut import Cut
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.quadrature import measure
 from lacmesh.quality.measures import measure_cells, measures_of
 from lacmesh.quality.spread import Spread, spread
 from lacmesh.quality.survey import Quality, groups_of, quality_of
 from lacmesh.quality.verdict import ACCEPTED
+from lacmesh.reference.quadrature import measure
 from lacmesh.report.records import CutSummary, summarise
 from lacmesh.report.touched import Touched, hexahedra, touched, variants
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.cut import Cut
+from lacmesh.cutting.cut import Cut
+from lacmesh.cutting.patterns import CONE, RING, RING_PARENTS, WHOLE_FACES, Template, face_pattern, parent_pattern
 from lacmesh.mesh import Floats, Ints
-from lacmesh.patterns import CONE, RING, RING_PARENTS, WHOLE_FACES, Template, face_pattern, parent_pattern
 from lacmesh.quality import corner_jacobian
 from lacmesh.quality.determinant import validity_among
 from lacmesh.quality.spread import Spread, spread

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.cut import Cut, is_cut
+from lacmesh.cutting.cut import Cut, is_cut
+from lacmesh.cutting.patterns import CONE, RING, RING_PARENTS, WHOLE, WHOLE_FACES, face_pattern, parent_pattern
 from lacmesh.errors import CutError
 from lacmesh.mesh import ENTITY_CODE, Ints, Mesh
-from lacmesh.patterns import CONE, RING, RING_PARENTS, WHOLE, WHOLE_FACES, face_pattern, parent_pattern
 from lacmesh.quality import worst
 
 

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.cut import Cut, cut_skin
+from lacmesh.cutting.cut import Cut, cut_skin
+from lacmesh.cutting.patterns import RING_PARENTS
 from lacmesh.errors import CutError, LacmeshWarning, some
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.patterns import RING_PARENTS
 from lacmesh.quality import corner_jacobian
 from lacmesh.report.records import rows_of
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
+from lacmesh.reference.shapes import gradient, shape
 from lacmesh.scene.colours import (
     BODIES,
     CHILD_EDGE,
@@ -31,8 +32,7 @@ from lacmesh.scene.edges import TINY, body_edges, group_edges, group_ends, segme
 from lacmesh.scene.marks import Marks, Values
 from lacmesh.scene.seen import BODY, SLAVE, Seen, diagonal, is_segment
 from lacmesh.scene.seen import MASTER as IS_MASTER
-from lacmesh.shapes import gradient, shape
-from lacmesh.skin import FACE_TYPES, Faces
+from lacmesh.topology.skin import FACE_TYPES, Faces
 
 #: parts that an edge of a curved face is drawn in: most, and how many pieces may be drawn in all
 CURVED, PIECES = 6, 400_000

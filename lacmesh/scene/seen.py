@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.cut import is_cut
+from lacmesh.cutting.cut import is_cut
 from lacmesh.errors import DataError, RequestError, some
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.skin import FACE_TYPES, Faces, find_owners
+from lacmesh.topology.skin import FACE_TYPES, Faces, find_owners
 
 Vector = tuple[float, float, float]
 Groups = str | Sequence[str] | None

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lacmesh.components import label_components
 from lacmesh.mesh import Floats, Ints
 from lacmesh.smooth.fitting import EXACT, ROUNDED, least_nodes, nearest, simplest, tolerance_of
 from lacmesh.smooth.local import ENOUGH, Fits, Rings, local_fits, rings_of
 from lacmesh.smooth.patches import Bools, Patches
 from lacmesh.smooth.shape import Shape
+from lacmesh.topology.components import label_components
 
 _EPS = float(np.finfo(float).eps)
 #: a seed's nodes may be so many times as far off as those of all that is grown from it

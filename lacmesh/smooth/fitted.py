@@ -10,10 +10,10 @@ import numpy as np
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints, Mesh, Spec
-from lacmesh.orientation import skin_cells
 from lacmesh.smooth.find import Found
 from lacmesh.smooth.heights import Smooth, smooth_of
 from lacmesh.surface.record import Surface
+from lacmesh.topology.orientation import skin_cells
 
 #: shapes without a curve
 _FLAT = ("plane", "line")

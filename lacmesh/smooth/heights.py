@@ -10,14 +10,14 @@ import numpy as np
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.origin import origin_of
-from lacmesh.shapes import shape
-from lacmesh.skin import FACE_TYPES, TYPE_CODE
+from lacmesh.reference.shapes import shape
 from lacmesh.smooth.find import Found, Sought, find_shapes
 from lacmesh.smooth.local import centre_heights, edge_heights
 from lacmesh.smooth.parents import Parents, inverse, parents_of
 from lacmesh.smooth.patches import Bools, Patches
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
 from lacmesh.surface.record import Surface, mean_normals
+from lacmesh.topology.skin import FACE_TYPES, TYPE_CODE
 
 _LINEAR = np.array([TYPE_CODE[name] for name in QUADRATIC])
 #: heights over a face as the user meshed it: at the middles of its edges, and at a quadrangle's centre

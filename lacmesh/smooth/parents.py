@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh, codes
-from lacmesh.orientation import edge_uses
-from lacmesh.shapes import gradient, shape
-from lacmesh.skin import FACE_TYPES, MAX_CORNERS, MAX_NODES, TYPE_CODE, Faces
+from lacmesh.reference.shapes import gradient, shape
 from lacmesh.surface.record import Surface
+from lacmesh.topology.orientation import edge_uses
+from lacmesh.topology.skin import FACE_TYPES, MAX_CORNERS, MAX_NODES, TYPE_CODE, Faces
 
 #: a node of a macro-element that is farther from its parent than this part of the parent's size was not put there by
 #: a cut: the faces are then their own parents
@@ -37,7 +37,7 @@ class Parents(NamedTuple):
 
 
 def parents_of(mesh: Mesh, surface: Surface) -> Parents:
-    """The parents of a surface's faces, by the records of the cut that the mesh carries (`lacmesh.records`).
+    """The parents of a surface's faces, by the records of the cut that the mesh carries (`lacmesh.cutting.records`).
 
     A macro-element that is only in part in the surface has its parent whole. Of macro-elements that are not like a
     cut's each face is its own parent.

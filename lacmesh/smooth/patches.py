@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.components import label_components
 from lacmesh.mesh import Floats, Ints
-from lacmesh.orientation import edge_uses
-from lacmesh.skin import MAX_CORNERS
 from lacmesh.surface.record import Surface, mean_normals
+from lacmesh.topology.components import label_components
+from lacmesh.topology.orientation import edge_uses
+from lacmesh.topology.skin import MAX_CORNERS
 
 Bools = NDArray[np.bool_]
 

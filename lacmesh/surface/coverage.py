@@ -8,8 +8,8 @@ import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
-from lacmesh.quadrature import rule
-from lacmesh.shapes import shape
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import shape
 from lacmesh.surface.normals import weighted
 from lacmesh.surface.points import ContactPoints
 from lacmesh.surface.record import Surface

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
-from lacmesh.shapes import gradient, shape
-from lacmesh.skin import FACE_TYPES, TYPE_CODE
+from lacmesh.reference.shapes import gradient, shape
+from lacmesh.topology.skin import FACE_TYPES, TYPE_CODE
 
 #: the quadratic type whose functions carry the height of a linear one
 QUADRATIC = {"SEG2": "SEG3", "TRIA3": "TRIA6", "QUAD4": "QUAD9"}

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
-from lacmesh.shapes import shape
-from lacmesh.skin import FACE_TYPES, N_NODES
+from lacmesh.reference.shapes import shape
 from lacmesh.surface.record import Surface
+from lacmesh.topology.skin import FACE_TYPES, N_NODES
 
 AFFINE, BILINEAR, CURVED = range(3)
 #: what is left of a coefficient that rounding alone made: of the face's size, and of its coordinates

@@ -12,8 +12,8 @@ import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
-from lacmesh.quadrature import rule
-from lacmesh.shapes import jacobian
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import jacobian
 from lacmesh.surface.record import Surface
 
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
-from lacmesh.skin import MAX_CORNERS
 from lacmesh.surface.maps import coefficients, kinds, monomials
 from lacmesh.surface.record import Surface
+from lacmesh.topology.skin import MAX_CORNERS
 
 Bools = NDArray[np.bool_]
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
 from lacmesh.origin import origin_of
-from lacmesh.skin import MAX_CORNERS
 from lacmesh.surface.clip import clip
 from lacmesh.surface.front import advance
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
@@ -21,6 +20,7 @@ from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Sides, pair_rule
 from lacmesh.surface.search import Pairs, Reach, candidates, side_by_side
+from lacmesh.topology.skin import MAX_CORNERS
 
 NORMALS = ("facet", "smoothed")
 SEARCHES = ("tree", "front")

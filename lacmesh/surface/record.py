@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
-from lacmesh.faces import cells_of_dim, distinct_faces, facets_of, inside_out
 from lacmesh.mesh import Floats, Ints, Mesh, codes
-from lacmesh.skin import (
+from lacmesh.surface.height import Height
+from lacmesh.topology.faces import cells_of_dim, distinct_faces, facets_of, inside_out
+from lacmesh.topology.skin import (
     FACE_TYPES,
     MAX_CORNERS,
     N_CORNERS,
@@ -25,7 +26,6 @@ from lacmesh.skin import (
     label_rows,
     turn,
 )
-from lacmesh.surface.height import Height
 
 #: z of a plane mesh may differ by this much of its extent
 _PLANE = 1e-9

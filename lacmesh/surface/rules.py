@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.quadrature import rule
-from lacmesh.skin import FACE_TYPES
+from lacmesh.reference.quadrature import rule
 from lacmesh.surface.maps import AFFINE, CURVED, FLAT, NEARLY_FLAT
+from lacmesh.topology.skin import FACE_TYPES
 
 Bools = NDArray[np.bool_]
 

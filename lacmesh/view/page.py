@@ -24,6 +24,7 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import RequestError
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Ints, Mesh
+from lacmesh.reference.shapes import shape
 from lacmesh.scene import colours, legend_of, title_of
 from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
 from lacmesh.scene.layers import curved_parts, grid
@@ -31,8 +32,7 @@ from lacmesh.scene.marks import Finding, Marks, Values, find_marks
 from lacmesh.scene.placing import find_eye, find_opening
 from lacmesh.scene.request import check_placing
 from lacmesh.scene.seen import BODY, SLAVE, FaceKeys, Groups, Seen, Vector, as_faces, diagonal, find_seen
-from lacmesh.shapes import shape
-from lacmesh.skin import FACE_TYPES, N_NODES, Faces
+from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces
 
 #: the role of a face that a finding names, after BODY, SLAVE, MASTER
 MARK = 3

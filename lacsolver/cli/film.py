@@ -10,7 +10,7 @@ from lacmesh.cli.options import check_place
 from lacsolver.cli.options import add_command
 from lacsolver.cli.ranks import check_alone
 
-#: what bodies may be coloured by: the keys of lacsolver.shots.COLOURS
+#: what bodies may be coloured by: the keys of lacsolver.pictures.shots.COLOURS
 COLOURS = ("stress", "pressure")
 
 
@@ -43,8 +43,8 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Make a film."""
-    from lacsolver.filming import check_film, film
-    from lacsolver.stage import CAMERA
+    from lacsolver.pictures.filming import check_film, film
+    from lacsolver.pictures.stage import CAMERA
 
     check_alone()
     folder, target = Path(args.folder), Path(args.output)

@@ -35,7 +35,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> None:
     """Write the matrices of a case."""
     import lacmesh
-    from lacmesh.records import is_cut
+    from lacmesh.cutting.records import is_cut
     from lacsolver.case import read_case
     from lacsolver.matrices import write_matrices
 
@@ -69,11 +69,11 @@ def run(args: argparse.Namespace) -> None:
 def _made(case: Case, mesh: Mesh) -> dict[str, ContactMatrices]:
     """The matrices of each contact and tie, at the end of the steps (where a clearance changes with time)."""
     from lacsolver.case import check_groups
-    from lacsolver.interface import integrate
+    from lacsolver.contact import integrate
     from lacsolver.matrices import ContactMatrices
-    from lacsolver.problem import joint_of
-    from lacsolver.skin import prepared
-    from lacsolver.space import Space
+    from lacsolver.problem.problem import joint_of
+    from lacsolver.problem.skin import prepared
+    from lacsolver.space.space import Space
 
     check_groups(case, mesh)
     mesh = prepared(case, mesh)

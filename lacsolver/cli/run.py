@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from lacsolver.case import Case
     from lacsolver.cli.watch import Watch
     from lacsolver.output import OutputFolder
-    from lacsolver.results import Restart, Results
+    from lacsolver.results.results import Restart, Results
 
 
 def add(commands: Any) -> None:
@@ -70,7 +70,7 @@ def _solve(
 ) -> Results:
     from lacsolver.cli.watch import Watch
     from lacsolver.running import run as solve
-    from lacsolver.stepping import NotConvergedError
+    from lacsolver.solve.stepping import NotConvergedError
 
     watch = Watch(case, quiet=args.quiet)
     args.left = lambda: left(watch, folder, start)
@@ -92,7 +92,7 @@ def left(watch: Watch, folder: OutputFolder, start: Restart | None) -> str:
 
 def _check_plot(case: Case, args: argparse.Namespace) -> None:
     """Say at once what would stop the drawing at the end."""
-    from lacsolver.drawing import check_plot
+    from lacsolver.pictures.drawing import check_plot
 
     target = Path(args.plot)
     check_plot(case, target)
@@ -101,8 +101,8 @@ def _check_plot(case: Case, args: argparse.Namespace) -> None:
 
 def _plot(case: Case, folder: OutputFolder, args: argparse.Namespace) -> None:
     import lacmesh
-    from lacsolver.drawing import plot
     from lacsolver.output import read_state
+    from lacsolver.pictures.drawing import plot
 
     mesh = lacmesh.read(case.mesh)
     state = read_state(folder.path, case, mesh=mesh)

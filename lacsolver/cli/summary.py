@@ -12,7 +12,7 @@ from lacmesh.cli.terminal import console, table
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Floats
-    from lacsolver.results import Results, ZoneFigures
+    from lacsolver.results.results import Results, ZoneFigures
 
 
 def print_summary(results: Results, folder: Path, fields: str) -> None:

@@ -105,7 +105,7 @@ def _zone(zone: ZoneFound) -> Iterator[tuple[str, str]]:
 def said(record: Entry) -> str:
     """Where a record acts and what it says: `top: value = 25, ramped`."""
     from lacsolver.case.keys import keys_of
-    from lacsolver.places import name_of
+    from lacsolver.space.places import name_of
 
     groups = getattr(record, "groups", None)
     where = ", ".join(groups) if groups else name_of(record) if hasattr(record, "group") else "everywhere"

@@ -12,8 +12,8 @@ from lacmesh.cli.terminal import tell
 
 if TYPE_CHECKING:
     from lacsolver.case import Case
-    from lacsolver.results import StepFigures
-    from lacsolver.stepping import Told
+    from lacsolver.results.results import StepFigures
+    from lacsolver.solve.stepping import Told
 
 #: iterations of the step in hand that are shown at a time
 SHOWN = 8

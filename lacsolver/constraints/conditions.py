@@ -16,8 +16,8 @@ from lacsolver.case.errors import CaseError, Problem
 from lacsolver.case.records import Displacement
 from lacsolver.case.value import Value
 from lacsolver.constraints.normals import nodal_normals
-from lacsolver.places import cells_of, nodes_of, wrong
-from lacsolver.space import Space
+from lacsolver.space.places import cells_of, nodes_of, wrong
+from lacsolver.space.space import Space
 
 _AXES = ("ux", "uy", "uz")
 #: x of a node on the axis of symmetry, against the bodies' extent

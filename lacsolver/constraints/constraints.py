@@ -26,8 +26,8 @@ from lacsolver.case.case import Case
 from lacsolver.constraints.conditions import AXIS, on_axis, prescribed
 from lacsolver.constraints.local import LocalBases, combine
 from lacsolver.constraints.rigid import RigidBody, check_apart, numbered, rigid_bodies
-from lacsolver.places import name_of
-from lacsolver.space import Space
+from lacsolver.space.places import name_of
+from lacsolver.space.space import Space
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,8 @@ from scipy.sparse import coo_array, csr_array
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case.errors import CaseError, Problem
 from lacsolver.constraints.conditions import Prescribed
-from lacsolver.places import said
-from lacsolver.space import Space
+from lacsolver.space.places import said
+from lacsolver.space.space import Space
 
 #: sine of the angle below which two directions are one
 _ONE_DIRECTION = 1e-6

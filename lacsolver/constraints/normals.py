@@ -19,11 +19,11 @@ from scipy.sparse.csgraph import connected_components
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, some
 from lacmesh.mesh import Floats, Ints
-from lacmesh.quadrature import rule
-from lacmesh.skin import label_rows
+from lacmesh.reference.quadrature import rule
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import weighted
-from lacsolver.space import Space
+from lacmesh.topology.skin import label_rows
+from lacsolver.space.space import Space
 
 #: degrees; faces that turn by more meet in an edge
 CREASE_ANGLE = 40.0

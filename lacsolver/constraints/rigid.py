@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
+from lacsolver.bodies.finite.errors import InadmissibleError
 from lacsolver.case.errors import CaseError, Problem
 from lacsolver.case.records import Rigid
 from lacsolver.case.value import Value
 from lacsolver.constraints.conditions import Prescribed
 from lacsolver.constraints.rotation import conjugate, conjugate_derivative, turn, turn_curvature, turn_derivative
-from lacsolver.finite.errors import InadmissibleError
-from lacsolver.places import name_of, nodes_of, said, wrong
-from lacsolver.space import Space
+from lacsolver.space.places import name_of, nodes_of, said, wrong
+from lacsolver.space.space import Space
 
 _AXES = "xyz"
 #: singular value of the free motions' displacements, of the largest, below which one moves nothing

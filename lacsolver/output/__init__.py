@@ -8,7 +8,7 @@
         state_NUMBER.npz                                                                (states)
     restart = a state that was written, for the same case                               (states)
 
-The writers know records (`lacsolver.results`), and nothing of how they were found.
+The writers know records (`lacsolver.results.results`), and nothing of how they were found.
 """
 
 from lacsolver.output.folder import OutputFolder, create

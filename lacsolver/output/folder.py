@@ -16,7 +16,7 @@ from lacmesh.errors import RequestError, WriteError, some
 from lacmesh.formats.output import is_abandoned
 from lacsolver.output.lock import check_free, hold
 from lacsolver.output.names import FIELDS, UNCONVERGED, leftovers_in, number_of, results_in, states_in
-from lacsolver.results import Restart
+from lacsolver.results.results import Restart
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,8 @@ from lacsolver.output.journal import changing
 from lacsolver.output.names import MED
 from lacsolver.output.parts import Part, on_faces, whole
 from lacsolver.output.tables import until
-from lacsolver.results import Fields, ZoneFields
-from lacsolver.space import COMPONENTS, Space
+from lacsolver.results.results import Fields, ZoneFields
+from lacsolver.space.space import COMPONENTS, Space
 
 _AXES = "XYZ"
 #: MED's numbers of the kinds of values; bits of cells and nodes in the mask LEN; bytes of a component's name

@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
 from lacmesh.errors import LacmeshWarning
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.records import CELL_RECORDS, NODE_RECORD
 from lacmesh.surface import Surface
-from lacsolver.space import Space
+from lacsolver.space.space import Space
 
 
 class Part(NamedTuple):

@@ -26,8 +26,8 @@ from lacmesh.mesh import Mesh
 from lacsolver.case import Case, changed, fingerprint
 from lacsolver.output.names import state_file, states_in
 from lacsolver.output.tables import same_time
-from lacsolver.results import Restart
-from lacsolver.state import Iterate
+from lacsolver.results.results import Restart
+from lacsolver.results.state import Iterate
 
 #: raised when what a state keeps changes its meaning; 3: the mesh in memory, rotations of rigid bodies in lengths
 VERSION = 3

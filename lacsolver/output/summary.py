@@ -18,7 +18,7 @@ from lacmesh.errors import ReadError
 from lacmesh.formats.output import replace_file
 from lacsolver.output.names import RESULTS
 from lacsolver.output.tables import until
-from lacsolver.results import Results, StepFigures, ZoneFigures
+from lacsolver.results.results import Results, StepFigures, ZoneFigures
 
 #: what results.json tells of a step
 STEP_KEYS = ("time", "iterations", "halvings", "residuals", "reactions", "probes")

@@ -21,7 +21,7 @@ from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
 from lacsolver.output.files import append
 from lacsolver.output.names import HISTORY
-from lacsolver.results import StepFigures, ZoneFields
+from lacsolver.results.results import StepFigures, ZoneFields
 
 #: two times are one if they differ by less than this part of the later
 SAME_TIME = 1e-9

@@ -22,8 +22,8 @@ from lacmesh.formats.vtu.writer import quoted
 from lacmesh.mesh import Floats
 from lacsolver.output.names import FIELDS, SOLID, collections_in, contact_stems, vtu_file
 from lacsolver.output.parts import Part, body, on_faces, skin
-from lacsolver.results import Fields, ZoneFields
-from lacsolver.space import Space
+from lacsolver.results.results import Fields, ZoneFields
+from lacsolver.space.space import Space
 
 
 class _Entry(NamedTuple):

@@ -20,8 +20,8 @@ from lacsolver.output.states import write_state
 from lacsolver.output.summary import Summary
 from lacsolver.output.tables import History, add_contact, cut_off, same_time
 from lacsolver.output.vtu import VtuSeries
-from lacsolver.results import Fields, Restart, Results
-from lacsolver.space import Space
+from lacsolver.results.results import Fields, Restart, Results
+from lacsolver.space.space import Space
 
 
 class Series(Protocol):

@@ -78,7 +78,7 @@ _HALF = "given[0].write_bytes(b'half of it')"
 STAGES = (
     _Loading("while Python loads the command", ""),
     Stage("while the file is read", "lacmesh.formats.msh.read"),
-    Stage("while the mesh is cut", "lacmesh.cut.cut_skin"),
+    Stage("while the mesh is cut", "lacmesh.cutting.cut.cut_skin"),
     Stage("while a msh file is written", "lacmesh.formats.msh.write", first=_HALF),
     Stage("while HDF5 writes a MED file", "lacmesh.formats.med.notes.write", (*_CUT, "out.med"), lasts=1),
     Stage("while the two files of XDMF are written", "lacmesh.formats.xdmf.write", (*_CUT, "out.xdmf"), _HALF),
@@ -98,7 +98,7 @@ STAGES = (
     Stage("while a page is made", "lacmesh.view.page", ("view", "in.msh", "--force", "-o", "out.html")),
     Stage(
         "while a skin is turned",
-        "lacmesh.orientation.turning",
+        "lacmesh.topology.orientation.turning",
         ("orient", "in.msh", "--group", "SLAVE", "--force", "-o", "out.msh"),
     ),
 )

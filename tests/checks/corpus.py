@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from lacmesh import Mesh
-from lacmesh.cut import CELL_RECORDS, NODE_RECORD
-from lacmesh.skin import REVERSED
+from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
+from lacmesh.topology.skin import REVERSED
 
 #: name -> function that makes the mesh; filled by `defect`
 CORPUS: dict[str, Case] = {}

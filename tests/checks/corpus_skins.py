@@ -192,7 +192,7 @@ def two_slave_faces_on_each_other():
 
 def cut_again(mesh):
     """The records of a cut found again where cells were added."""
-    from lacmesh.recognition import find_macros, with_records
+    from lacmesh.cutting.recognition import find_macros, with_records
 
     bare = without_records(mesh)
     return with_records(bare, find_macros(bare, ["slave"]))

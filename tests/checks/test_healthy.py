@@ -10,7 +10,7 @@ import pytest
 from lacmesh import cut_skin, orient
 from lacmesh.cells import CELLS
 from lacmesh.checks import check
-from lacmesh.patterns import WHOLE_FACES
+from lacmesh.cutting.patterns import WHOLE_FACES
 from tests.checks import healthy
 from tests.checks.blocks import SOLIDS, cut_blocks, two_blocks
 

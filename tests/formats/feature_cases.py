@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.cut import Cut, cut_skin
+from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 
 

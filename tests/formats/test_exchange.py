@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import lacmesh.exchange as exchange
+import lacmesh.exchange.libraries as exchange
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.cut import Cut, cut_skin
+from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.errors import DataError, GroupNotFoundError, RequestError
-from lacmesh.exchange import TRIANGLES, from_meshio, to_meshio, to_pyvista, to_trimesh
+from lacmesh.exchange.libraries import TRIANGLES, from_meshio, to_meshio, to_pyvista, to_trimesh
 from lacmesh.formats import meshio_mesh, write
 from lacmesh.formats.vtu.types import OF_TYPE
 from lacmesh.mesh import Mesh
-from lacmesh.shapes import shape
+from lacmesh.reference.shapes import shape
 from tests.formats.feature_cases import one_cell, solid
 from tests.formats.msh_meshes import order, plain
 from tests.meshes import random_mesh

@@ -22,7 +22,7 @@ from lacmesh.formats.inp.types import FACETS, element
 from lacmesh.formats.inp.writer_types import card
 from lacmesh.formats.labels import labels
 from lacmesh.mesh import Mesh
-from lacmesh.quadrature import measure
+from lacmesh.reference.quadrature import measure
 from tests.formats.inp_texts import DAMAGED, MORE, PARTS, WHOLE
 from tests.meshes import cell_with_faces, random_mesh
 

@@ -19,7 +19,7 @@ from lacmesh.formats.mail import reader as mail_read
 from lacmesh.formats.mail.types import NODES
 from lacmesh.formats.med.types import MED_TYPES
 from lacmesh.mesh import Mesh, Step
-from lacmesh.quadrature import measure
+from lacmesh.reference.quadrature import measure
 from tests.formats.mail_texts import DAMAGED, WHOLE
 from tests.formats.msh_meshes import meshes
 from tests.meshes import cell_with_faces, random_mesh

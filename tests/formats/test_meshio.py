@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lacmesh.cells import CELLS
-from lacmesh.cut import cut_skin
+from lacmesh.cutting.cut import cut_skin
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import kind_of, read, title_of, write
 from lacmesh.formats.fidelity import ROWS

@@ -12,13 +12,13 @@ import pytest
 
 from lacmesh import CELLS, Cut, Mesh, check, cut_skin, raise_order, read, write
 from lacmesh.cli import main
+from lacmesh.cutting.patterns import RING_PARENTS
+from lacmesh.cutting.records import CELL_RECORDS, is_cut
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import cut_beside
 from lacmesh.formats.fidelity import BESIDE, ROWS
 from lacmesh.formats.table import FORMATS, OF_NAME
-from lacmesh.patterns import RING_PARENTS
-from lacmesh.records import CELL_RECORDS, is_cut
-from lacmesh.skin import FACE_TYPES
+from lacmesh.topology.skin import FACE_TYPES
 from tests.formats.feature_cases import told
 from tests.meshes import cell_with_faces, random_mesh
 

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.cut import Cut, cut_skin
+from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import kind_of, read, vtu, write
 from lacmesh.formats.meshio_mesh import NAMES, from_meshio
@@ -245,7 +245,7 @@ WRITERS = [
 @pytest.mark.parametrize("options", WRITERS, ids=lambda o: "-".join(map(str, o)))
 def test_every_encoding_of_vtk_is_read(options, tmp_path):
     vtk = pytest.importorskip("vtk")
-    from lacmesh.exchange import to_pyvista
+    from lacmesh.exchange.libraries import to_pyvista
 
     mode, compressor, header, order_of_bytes, in_base64 = options
     mesh = random_mesh(np.random.default_rng(7), slaves=3)

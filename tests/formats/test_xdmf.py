@@ -18,7 +18,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from lacmesh.cells import CELLS
-from lacmesh.cut import Cut, cut_skin
+from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import kind_of, read, write, xdmf
 from lacmesh.formats.vtu.types import OF_TYPE as VTK_OF_TYPE
@@ -254,7 +254,7 @@ def test_what_meshio_writes_is_read(form, tmp_path):
 def test_what_vtk_writes_is_read(tmp_path):
     vtk = pytest.importorskip("vtkmodules.vtkIOXdmf2")
     pytest.importorskip("pyvista")
-    from lacmesh.exchange import to_pyvista
+    from lacmesh.exchange.libraries import to_pyvista
 
     points, cells = box(2)  # VTK writes quadrangles of a mixture as polygons, without the number of their corners
     mesh = Mesh.create(points, [("HEXA8", cells)], cell_groups={"a": [1, 2]}, node_data={"heat": np.arange(27.0)})

@@ -8,7 +8,7 @@ from lacmesh import Mesh, raise_order
 from lacmesh.cells import CELLS
 from lacsolver.case import Case, Material, parse_case
 from lacsolver.constraints import Constraints
-from lacsolver.space import Space
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube, square
 from tests.meshes import facets_of
 

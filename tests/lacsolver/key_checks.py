@@ -19,7 +19,7 @@ from lacmesh import Mesh
 from lacmesh.errors import LacmeshError
 from lacsolver.case import Case
 from lacsolver.output.states import read_state
-from lacsolver.stepping import NotConvergedError, Told
+from lacsolver.solve.stepping import NotConvergedError, Told
 from lacsolver.validation import validate
 
 CONTACT, OPEN, UNPAIRED = 1, 0, -1

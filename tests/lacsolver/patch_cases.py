@@ -16,10 +16,10 @@ import numpy as np
 
 import lacmesh
 from lacmesh import Mesh
-from lacsolver.assemble import stress
+from lacsolver.bodies.small import stress
 from lacsolver.case import parse_case
-from lacsolver.problem import Problem
-from lacsolver.stepping import march
+from lacsolver.problem.problem import Problem
+from lacsolver.solve.stepping import march
 from tests.lacsolver.patch_meshes import (
     PLANE_KINDS,
     SOLID_KINDS,

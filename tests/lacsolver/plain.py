@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from lacmesh.shapes import jacobian, shape
-from lacsolver.rules import cell_rule
+from lacmesh.reference.shapes import jacobian, shape
+from lacsolver.space.rules import cell_rule
 
 
 def strain_matrices(space, name, nodes):
     """B (c, q, n_stress, d n) as in any textbook, and weights (c, q), thickness or 2 pi r in them."""
-    from lacmesh.shapes import gradient
+    from lacmesh.reference.shapes import gradient
 
     X, w = cell_rule(name, space.model.axisymmetric)
     x = space.mesh.points[nodes]

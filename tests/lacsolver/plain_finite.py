@@ -6,9 +6,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.optimize import brentq
 
-from lacmesh.shapes import gradient, jacobian, shape
-from lacsolver.finite.laws import NeoHookean
-from lacsolver.rules import cell_rule
+from lacmesh.reference.shapes import gradient, jacobian, shape
+from lacsolver.bodies.finite.laws import NeoHookean
+from lacsolver.space.rules import cell_rule
 
 I = np.eye(3)  # noqa: E741
 

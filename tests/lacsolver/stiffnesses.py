@@ -6,9 +6,9 @@ import numpy as np
 from scipy.sparse import block_diag, csr_array
 
 from lacmesh import Mesh
-from lacsolver.assemble import assemble_stiffness
-from lacsolver.material import Elastic, Materials
-from lacsolver.space import Space
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.small import assemble_stiffness
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube, mixture, plane_mixture, square
 
 LAW = Elastic(young=200.0, poisson=0.3)

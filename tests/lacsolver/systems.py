@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from lacsolver.equilibrium import Contact
-from lacsolver.schur import Rows
-from lacsolver.stiffness import Stiffness, hold
+from lacsolver.solve.equilibrium import Contact
+from lacsolver.solve.schur import Rows
+from lacsolver.solve.stiffness import Stiffness, hold
 
 
 class System(NamedTuple):

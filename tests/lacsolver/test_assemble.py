@@ -7,12 +7,12 @@ import pytest
 from scipy.sparse.linalg import spsolve
 
 from lacmesh import CELLS, Mesh
-from lacsolver import assemble
-from lacsolver.assemble import assemble_stiffness, internal_force, matrix, stiffness_values
-from lacsolver.assemble.stiffness import owners
-from lacsolver.loads import body_force
-from lacsolver.material import Elastic, Materials, Orthotropic
-from lacsolver.space import Space
+from lacsolver.bodies import small as assemble
+from lacsolver.bodies.material import Elastic, Materials, Orthotropic
+from lacsolver.bodies.small import assemble_stiffness, internal_force, matrix, stiffness_values
+from lacsolver.bodies.small.stiffness import owners
+from lacsolver.problem.loads import body_force
+from lacsolver.space.space import Space
 from tests.lacsolver import plain
 from tests.lacsolver.bodies import (
     PAIRS,

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from lacmesh import Mesh
-from lacsolver import loads
-from lacsolver.assemble import assemble_stiffness
-from lacsolver.bodies import bodies, describe, free_motions, rigid_modes
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import Displacement, Rigid
 from lacsolver.constraints.local import combine
-from lacsolver.material import Elastic, Materials
-from lacsolver.model import Model
-from lacsolver.space import Space
+from lacsolver.problem import loads
+from lacsolver.problem.rigid_modes import bodies, describe, free_motions, rigid_modes
+from lacsolver.solve.model import Model
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PLANE_MODELS, cube, distorted, mixture, plane_mixture, square
 from tests.lacsolver.held import held, joined, moved, ring, turn, two, with_sides
 from tests.quality_cells import rotation

@@ -17,7 +17,7 @@ from lacsolver.case import Case, Contact, parse_case
 from lacsolver.case.keys import keys_of, section_of, sections_of, told_default
 from lacsolver.case.kinds import Choice
 from lacsolver.case.schema import json_schema, page_tables, records, schema_text
-from lacsolver.space import MODELS
+from lacsolver.space.space import MODELS
 from tests.lacsolver.case_mistakes import MISTAKES
 from tests.lacsolver.case_texts import SMALL, VALID
 

@@ -74,7 +74,9 @@ def test_importing_the_package_imports_nothing():
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
-@pytest.mark.parametrize("first", ["lacsolver", "lacsolver.running", "lacsolver.stepping", "lacsolver.drawing"])
+@pytest.mark.parametrize(
+    "first", ["lacsolver", "lacsolver.running", "lacsolver.solve.stepping", "lacsolver.pictures.drawing"]
+)
 def test_public_names_are_what_they_say_whatever_was_imported_before(first):
     code = (
         f"import importlib, sys\nimportlib.import_module({first!r})\nimport lacsolver\n"

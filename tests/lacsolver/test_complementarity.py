@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from lacsolver.equilibrium import Contact, Limits, find_equilibrium, stiffness_of_rows
-from lacsolver.schur import Rows
-from lacsolver.state import Iterate
-from lacsolver.stiffness import hold
+from lacsolver.results.state import Iterate
+from lacsolver.solve.equilibrium import Contact, Limits, find_equilibrium, stiffness_of_rows
+from lacsolver.solve.schur import Rows
+from lacsolver.solve.stiffness import hold
 
 #: of `random_system`, those on which exchanging all rows that want it goes round in a circle
 CIRCLES = (57, 66, 567, 768, 790, 1180, 1492, 1762, 2407, 2675, 3132, 3173)

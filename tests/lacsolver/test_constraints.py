@@ -11,12 +11,12 @@ from scipy.sparse.linalg import spsolve
 
 from lacmesh import Mesh, Surface
 from lacmesh.errors import DataError
-from lacsolver.assemble import assemble_stiffness
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import Case, CaseError, Displacement, EvaluationError, Material, Rigid
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.normals import nodal_normals
-from lacsolver.material import Elastic, Materials
-from lacsolver.space import Space
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PLANE_MODELS, cube, distorted, mixture
 from tests.lacsolver.held import (
     box,

@@ -7,7 +7,7 @@ import pytest
 
 from lacmesh import Mesh
 from lacsolver.case import CaseError
-from lacsolver.state import CONTACT, OPEN, UNPAIRED
+from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from tests.lacsolver.contact_cases import (
     JOINT,
     POISSON,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lacmesh import Mesh
-from lacsolver.state import CONTACT, UNPAIRED
+from lacsolver.results.state import CONTACT, UNPAIRED
 from tests.lacsolver.contact_cases import JOINT, SLIDING, held, nodes_of, resultant
 from tests.lacsolver.contact_cases import solve as solve_small
 from tests.lacsolver.finite_cases import YOUNG, last, places, solve

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from lacmesh.errors import DataError
-from lacsolver.state import CONTACT, OPEN
-from lacsolver.stepping import NotConvergedError
+from lacsolver.results.state import CONTACT, OPEN
+from lacsolver.solve.stepping import NotConvergedError
 from tests.lacsolver.contact_cases import (
     JOINT,
     POISSON,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lacmesh import Mesh, raise_order
-from lacsolver.state import CONTACT, OPEN
+from lacsolver.results.state import CONTACT, OPEN
 from tests.lacsolver.bodies import raised, square
 from tests.lacsolver.contact_cases import JOINT, POISSON, SLIDING, YOUNG, held, only, resultant, stresses
 from tests.lacsolver.patch_meshes import block, joined, stack

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacsolver.state import CONTACT
+from lacsolver.results.state import CONTACT
 from tests.lacsolver.contact_cases import JOINT, MATERIAL, YOUNG, by_node, held, nodes_of, only, pressed, stresses
 from tests.lacsolver.patch_cases import unbalanced, ways
 from tests.lacsolver.patch_meshes import PLANE_KINDS, SOLID_KINDS, stack, three_blocks

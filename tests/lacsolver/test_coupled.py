@@ -9,11 +9,11 @@ from scipy.sparse import csr_array, diags_array
 import lacsolver.linear.cycle
 from lacsolver.case import parse_case
 from lacsolver.linear import LinearError
-from lacsolver.model import Instant, Model
-from lacsolver.problem import Problem
-from lacsolver.schur import Goal, solve_rows
-from lacsolver.stepping import march
-from lacsolver.stiffness import hold
+from lacsolver.problem.problem import Problem
+from lacsolver.solve.model import Instant, Model
+from lacsolver.solve.schur import Goal, solve_rows
+from lacsolver.solve.stepping import march
+from lacsolver.solve.stiffness import hold
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, at, held, pressed
 from tests.lacsolver.patch_cases import figures, pair
 from tests.lacsolver.patch_meshes import stack

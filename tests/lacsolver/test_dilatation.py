@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from lacmesh import Mesh
-from lacsolver import finite
-from lacsolver.assemble import assemble_stiffness
+from lacsolver.bodies import finite
+from lacsolver.bodies.finite import NeoHookean, SaintVenantKirchhoff, force_and_tangent, internal_force, locking
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import Material
-from lacsolver.finite import NeoHookean, SaintVenantKirchhoff, force_and_tangent, internal_force, locking
-from lacsolver.laws import law_of
-from lacsolver.material import Elastic, Materials
-from lacsolver.space import Space
+from lacsolver.problem.laws import law_of
+from lacsolver.space.space import Space
 from tests.lacsolver import plain_finite
 from tests.lacsolver.bodies import body, distorted, mixture, one_cell, plane_mixture, rim
 from tests.lacsolver.test_assemble import rigid, solved

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from lacmesh import Cut, aster_multipliers, cut_skin
-from lacmesh.quadrature import rule
-from lacmesh.shapes import jacobian, shape
-from lacsolver.interface import Zone, integrate
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import jacobian, shape
+from lacsolver.contact import Zone, integrate
 from tests.lacsolver.patch_cases import ways
 from tests.lacsolver.patch_meshes import PLANE_KINDS, SOLID_KINDS, stack
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import lacsolver.equilibrium
-from lacsolver.equilibrium import ROUNDING, Limits, find_equilibrium, stiffness_of_rows
-from lacsolver.schur import solve_rows
-from lacsolver.state import Iterate
+import lacsolver.solve.equilibrium
+from lacsolver.results.state import Iterate
+from lacsolver.solve.equilibrium import ROUNDING, Limits, find_equilibrium, stiffness_of_rows
+from lacsolver.solve.schur import solve_rows
 from tests.lacsolver.systems import complementarity, contact, enumerated, saddle, system
 
 LIMITS = Limits(1e-10, 50, 1.0)
@@ -163,7 +163,7 @@ def test_sets_are_tried_loosely_and_the_last_one_is_exact(monkeypatch):
         goals.append((tuple(active), goal.reduction))
         return solve_rows(K, rows, active, f, G, q, p, goal, turning)
 
-    monkeypatch.setattr(lacsolver.equilibrium, "solve_rows", spied)
+    monkeypatch.setattr(lacsolver.solve.equilibrium, "solve_rows", spied)
     s = system(3, n=60, m=30)
     outcome = find_equilibrium(s.held, s.f, contact(s), start(s, "none"), LIMITS)
     assert outcome.converged and goals[-1][1] == 0

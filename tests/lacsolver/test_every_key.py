@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 import lacmesh
-import lacsolver.problem
-import lacsolver.stiffness
+import lacsolver.problem.problem
+import lacsolver.solve.stiffness
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacsolver.case import Case, read_case
 from lacsolver.case.keys import keys_of, sections_of
@@ -21,7 +21,7 @@ from lacsolver.case.kinds import Choice
 from lacsolver.linear import analyse, backends
 from lacsolver.output import create
 from lacsolver.running import run
-from lacsolver.stepping import NotConvergedError
+from lacsolver.solve.stepping import NotConvergedError
 from tests.lacsolver.key_cases import CASES, SOLVERS
 from tests.lacsolver.key_checks import CHECKS, Ran, check_tower
 
@@ -36,8 +36,8 @@ class Shop:
         self.folder, self.count = folder, 0
         self.meshes: dict[int, Path] = {}
         self.asked: list[tuple[str, int]] = []
-        monkeypatch.setattr(lacsolver.problem, "available_cores", lambda: CORES)
-        monkeypatch.setattr(lacsolver.stiffness, "analyse", self.analyse)
+        monkeypatch.setattr(lacsolver.problem.problem, "available_cores", lambda: CORES)
+        monkeypatch.setattr(lacsolver.solve.stiffness, "analyse", self.analyse)
 
     def analyse(self, K, *, backend, threads, **rest):
         """Stands in the place of `lacsolver.linear.analyse`, and keeps what is asked for."""

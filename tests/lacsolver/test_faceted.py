@@ -9,8 +9,8 @@ import pytest
 
 import lacmesh
 import lacsolver
-from lacsolver.faceted import faceted
 from lacsolver.output import create
+from lacsolver.results.faceted import faceted
 from lacsolver.running import run
 from verification.families.press_fit import PressFit, case_text, mesh_of
 from verification.meshes.rings import pair, ring

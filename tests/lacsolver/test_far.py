@@ -11,12 +11,12 @@ import pytest
 import lacmesh
 from lacmesh import cut_skin
 from lacsolver.case import CaseError, parse_case, read_case
-from lacsolver.interface import integrate
+from lacsolver.contact import integrate
 from lacsolver.matrices import contact_matrices
 from lacsolver.output.folder import create
-from lacsolver.problem import Problem
+from lacsolver.problem.problem import Problem
 from lacsolver.running import run
-from lacsolver.stepping import _initial, march
+from lacsolver.solve.stepping import _initial, march
 from lacsolver.validation import validate
 from tests.lacsolver.invariant_cases import (
     CASES,

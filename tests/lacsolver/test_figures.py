@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from lacmesh import Mesh
-from lacsolver.assemble import points
+from lacsolver.bodies.small import points
 from lacsolver.case import parse_case
-from lacsolver.figures import balance, moment, probe, stress_ranges, zone_figures
-from lacsolver.problem import Problem
-from lacsolver.space import Space
-from lacsolver.state import CONTACT, OPEN, UNPAIRED, ZoneState
+from lacsolver.problem.problem import Problem
+from lacsolver.results.figures import balance, moment, probe, stress_ranges, zone_figures
+from lacsolver.results.state import CONTACT, OPEN, UNPAIRED, ZoneState
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube, plane_mixture, square
 from tests.lacsolver.held import TEXT, case, with_sides
 

@@ -12,8 +12,8 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshError, ReadError, RequestError
 from lacsolver.cli import main
-from lacsolver.filming import SHEET, default_curve, film, read_history
-from lacsolver.shots import Sight, read_shots
+from lacsolver.pictures.filming import SHEET, default_curve, film, read_history
+from lacsolver.pictures.shots import Sight, read_shots
 from tests.lacsolver.bad_cases import GOOD, blocks, put
 from tests.lacsolver.patch_meshes import stack
 
@@ -194,7 +194,7 @@ def test_a_damaged_history(plane, tmp_path, text):
 
 
 def test_a_missing_package_is_said(plane, tmp_path, monkeypatch):
-    monkeypatch.setattr("lacsolver.filming.find_spec", lambda name: None)
+    monkeypatch.setattr("lacsolver.pictures.filming.find_spec", lambda name: None)
     with pytest.raises(RequestError, match="a film needs matplotlib; pip install"):
         film(plane, tmp_path / "f.gif")
 
@@ -225,7 +225,7 @@ def test_one_scale_of_colours_for_all_times(filmed):
 
 
 def test_a_sheet_has_so_many_pictures(plane, tmp_path, monkeypatch):
-    from lacsolver import filming
+    from lacsolver.pictures import filming
 
     drawn = []
     once = filming._draw_plane
@@ -253,7 +253,7 @@ def test_bodies_in_space_are_drawn_anew_each_time(space, tmp_path):
 
 @pytest.mark.vtk
 def test_where_nothing_can_be_drawn(space, tmp_path, monkeypatch):
-    monkeypatch.setattr("lacsolver.stage.windows", lambda: iter(()))
+    monkeypatch.setattr("lacsolver.pictures.stage.windows", lambda: iter(()))
     with pytest.raises(LacmeshError, match="nothing can be drawn here"):
         film(space, tmp_path / "f.gif")
     assert not (tmp_path / "f.gif").exists()

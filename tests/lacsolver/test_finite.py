@@ -11,11 +11,18 @@ from scipy.optimize import brentq
 
 from lacmesh import CELLS, Mesh
 from lacmesh.errors import DataError, RequestError
-from lacsolver import assemble, finite
-from lacsolver.assemble import assemble_stiffness
-from lacsolver.finite import InadmissibleError, NeoHookean, SaintVenantKirchhoff, force_and_tangent, internal_force
-from lacsolver.material import Elastic, Materials
-from lacsolver.space import MODELS, Space
+from lacsolver.bodies import finite
+from lacsolver.bodies import small as assemble
+from lacsolver.bodies.finite import (
+    InadmissibleError,
+    NeoHookean,
+    SaintVenantKirchhoff,
+    force_and_tangent,
+    internal_force,
+)
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.small import assemble_stiffness
+from lacsolver.space.space import MODELS, Space
 from tests.lacsolver import plain_finite
 from tests.lacsolver.bodies import PAIRS, PLANE_MODELS, body, cube, distorted, mixture, one_cell, plane_mixture, rim
 from tests.lacsolver.test_assemble import rigid, solved
@@ -356,9 +363,9 @@ def test_what_is_refused():
 @pytest.mark.parametrize(
     ("linear", "instead"),
     [
-        (assemble_stiffness, "lacsolver.finite.force_and_tangent"),
-        (lambda *given: assemble.stress(*given, np.zeros(8)), "lacsolver.finite.cauchy_stress"),
-        (lambda *given: assemble.internal_force(*given, np.zeros(8)), "lacsolver.finite.internal_force"),
+        (assemble_stiffness, "lacsolver.bodies.finite.force_and_tangent"),
+        (lambda *given: assemble.stress(*given, np.zeros(8)), "lacsolver.bodies.finite.cauchy_stress"),
+        (lambda *given: assemble.internal_force(*given, np.zeros(8)), "lacsolver.bodies.finite.internal_force"),
     ],
     ids=["stiffness", "stress", "force"],
 )

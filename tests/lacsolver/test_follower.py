@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacsolver import loads
+from lacsolver.problem import loads
 from tests.lacsolver.bodies import PAIRS, PLANE_MODELS
 from tests.lacsolver.test_finite import by_differences
 from tests.lacsolver.test_loads import curved

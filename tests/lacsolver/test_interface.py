@@ -10,13 +10,13 @@ import pytest
 
 import lacmesh
 from lacmesh import Mesh
+from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError, GroupNotFoundError, RequestError
-from lacmesh.records import Cut
-from lacmesh.shapes import shape
-from lacmesh.skin import FACE_TYPES, N_NODES
-from lacsolver.interface import Pairing, Zone, integrate
-from lacsolver.interface.interface import positions
-from lacsolver.interface.rows import macro_rows
+from lacmesh.reference.shapes import shape
+from lacmesh.topology.skin import FACE_TYPES, N_NODES
+from lacsolver.contact import Pairing, Zone, integrate
+from lacsolver.contact.interface import positions
+from lacsolver.contact.rows import macro_rows
 from tests.lacsolver.key_meshes import nodes_of, overhang
 from tests.lacsolver.patch_meshes import placed, rotation, stack, three_blocks
 

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from lacsolver import acting, finite, loads
+from lacsolver.bodies import finite
+from lacsolver.bodies.finite import InadmissibleError, NeoHookean
+from lacsolver.bodies.kinematics import kinematics_of
+from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.case import Material, parse_case
-from lacsolver.finite import InadmissibleError, NeoHookean
-from lacsolver.kinematics import kinematics_of
-from lacsolver.laws import law_of
-from lacsolver.material import Elastic, Materials
-from lacsolver.space import MODELS, Space
+from lacsolver.problem import acting, loads
+from lacsolver.problem.laws import law_of
+from lacsolver.space.space import MODELS, Space
 from tests.lacsolver.bodies import cube, mixture, plane_mixture, square
 from tests.lacsolver.held import with_sides
 from tests.lacsolver.test_finite import by_differences, linearised, shaken

@@ -7,12 +7,13 @@ import pytest
 
 from lacmesh import CELLS, Mesh
 from lacmesh.errors import DataError
-from lacmesh.quadrature import measure
-from lacsolver import assemble, loads
-from lacsolver.assemble import assemble_stiffness
-from lacsolver.material import Elastic, Materials, Orthotropic
-from lacsolver.space import Space
-from lacsolver.values import evaluate, evaluate_vector
+from lacmesh.reference.quadrature import measure
+from lacsolver.bodies import small as assemble
+from lacsolver.bodies.material import Elastic, Materials, Orthotropic
+from lacsolver.bodies.small import assemble_stiffness
+from lacsolver.problem import loads
+from lacsolver.space.space import Space
+from lacsolver.space.values import evaluate, evaluate_vector
 from tests.lacsolver.bodies import PAIRS, PLANE_MODELS, mixture, one_cell, plane_mixture, with_skin
 from tests.lacsolver.test_assemble import mixed, solved
 from tests.quality_cells import rotation

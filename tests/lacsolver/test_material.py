@@ -7,8 +7,8 @@ import pytest
 
 from lacmesh import Mesh
 from lacmesh.errors import DataError, GroupNotFoundError
-from lacsolver.material import Elastic, Materials, Orthotropic, reduced
-from lacsolver.space import MODELS, Space
+from lacsolver.bodies.material import Elastic, Materials, Orthotropic, reduced
+from lacsolver.space.space import MODELS, Space
 from tests.lacsolver import plain
 from tests.lacsolver.bodies import PLANE_MODELS, plane_mixture, square
 from tests.quality_cells import rotation

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from lacsolver.equilibrium import Contact, Limits, at_start, find_equilibrium
-from lacsolver.finite import InadmissibleError
-from lacsolver.newton import Place, follow
-from lacsolver.schur import Rows
-from lacsolver.state import Iterate
-from lacsolver.stiffness import hold
+from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.results.state import Iterate
+from lacsolver.solve.equilibrium import Contact, Limits, at_start, find_equilibrium
+from lacsolver.solve.newton import Place, follow
+from lacsolver.solve.schur import Rows
+from lacsolver.solve.stiffness import hold
 from tests.lacsolver.systems import contact, enumerated, system
 
 LIMITS = Limits(1e-12, 50, 1.0)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from lacmesh.cells import CELLS
-from lacsolver.assemble import points, weights
-from lacsolver.nodal import extrapolation, nodal_stress
-from lacsolver.space import Space
+from lacsolver.bodies.small import points, weights
+from lacsolver.results.nodal import extrapolation, nodal_stress
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PAIRS, body, distorted, mixture
 
 #: cells with one point in the plane or in space; PYRAM5's four lie in one plane

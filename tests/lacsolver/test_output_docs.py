@@ -12,7 +12,7 @@ import pytest
 from lacmesh import read
 from lacsolver.output.summary import STEP_KEYS
 from lacsolver.output.tables import CONTACT_COLUMNS
-from lacsolver.results import STATUSES, ZoneFigures
+from lacsolver.results.results import STATUSES, ZoneFigures
 from tests.lacsolver.written import ZONES, made_up
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "output.md").read_text(encoding="utf-8")

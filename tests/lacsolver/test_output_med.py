@@ -14,7 +14,7 @@ from lacmesh.errors import LacmeshWarning, WriteError
 from lacmesh.formats.med.types import MED_TYPES
 from lacsolver.output.journal import Journal, changing
 from lacsolver.output.med import MedSeries
-from lacsolver.space import Space
+from lacsolver.space.space import Space
 from tests.formats.med_peer import ask
 from tests.lacsolver.bodies import mixture
 from tests.lacsolver.test_output_vtu import whole_fields

@@ -16,7 +16,7 @@ from lacsolver.output import files
 from lacsolver.output.names import contact_stems
 from lacsolver.output.summary import Summary
 from lacsolver.output.tables import CONTACT_COLUMNS, History
-from lacsolver.results import Results
+from lacsolver.results.results import Results
 from tests.lacsolver.written import MODELS, ZONES, figures, made_up, zone_fields
 
 NUMBER, COUNT = {"type": ["number", "null"]}, {"type": "integer", "minimum": 0}

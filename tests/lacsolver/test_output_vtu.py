@@ -12,8 +12,8 @@ from lacmesh.errors import LacmeshWarning, ReadError
 from lacsolver.output.names import contact_stems
 from lacsolver.output.parts import body
 from lacsolver.output.vtu import VtuSeries, read_pvd
-from lacsolver.results import Fields
-from lacsolver.space import Space
+from lacsolver.results.results import Fields
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PLANES, SOLIDS, cube, mixture, square
 from tests.lacsolver.written import MODELS, ZONES, displacement, fields, made_up, two_blocks, zone_fields
 

@@ -18,7 +18,7 @@ from lacsolver.output import folder as folders
 from lacsolver.output import writer as writers
 from lacsolver.output.lock import FILE
 from lacsolver.output.vtu import read_pvd
-from lacsolver.results import Restart
+from lacsolver.results.results import Restart
 from tests.lacsolver.test_output_med import room
 from tests.lacsolver.written import fields, made_up, restart
 

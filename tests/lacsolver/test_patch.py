@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lacmesh.cells import CELLS
-from lacmesh.quadrature import measure
+from lacmesh.reference.quadrature import measure
 from tests.lacsolver.patch_cases import (
     TWINS,
     cases,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacsolver.model import Instant, Model
+from lacsolver.solve.model import Instant, Model
 from tests.lacsolver.contact_cases import JOINT, held
 from tests.lacsolver.finite_cases import YOUNG, problem_of, waves
 

@@ -7,8 +7,8 @@ import pytest
 
 from lacmesh import Mesh
 from lacsolver.case import CaseError, Force, Probe, Rigid
-from lacsolver.places import nodes_of
-from lacsolver.space import Space
+from lacsolver.space.places import nodes_of
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PLANE_MODELS, cube, square
 from tests.lacsolver.held import (
     joined,

@@ -14,9 +14,9 @@ from lacmesh import Mesh
 from lacmesh.errors import RequestError, WriteError
 from lacsolver import plot, read_case, read_state
 from lacsolver.cli import main
-from lacsolver.drawing import Skin, along, chains, magnification
-from lacsolver.interface import Zone
-from lacsolver.skin import prepared
+from lacsolver.contact import Zone
+from lacsolver.pictures.drawing import Skin, along, chains, magnification
+from lacsolver.problem.skin import prepared
 from tests.lacsolver.bad_cases import GOOD, blocks, put
 from tests.lacsolver.patch_meshes import stack
 from tests.viewing import DATA, tones
@@ -26,7 +26,7 @@ DISC = GOOD.replace("blocks.msh", "disc_on_block.msh").replace('"x0"', '"symmetr
 
 def module():
     """The module, whose name the function has."""
-    return sys.modules["lacsolver.drawing"]
+    return sys.modules["lacsolver.pictures.drawing"]
 
 
 def solved(folder, text=GOOD, mesh=None):

@@ -6,14 +6,14 @@ import scipy.sparse as sp
 
 from lacmesh import Mesh, Surface, cut_skin
 from lacmesh.cells import CELLS
-from lacmesh.quadrature import rule
-from lacmesh.shapes import jacobian, shape
-from lacsolver import loads
-from lacsolver.assemble import assemble_stiffness
-from lacsolver.material import Elastic, Materials
-from lacsolver.recovery import recover_pressure
-from lacsolver.space import Space
-from lacsolver.state import CONTACT, OPEN, UNPAIRED
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import jacobian, shape
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.small import assemble_stiffness
+from lacsolver.problem import loads
+from lacsolver.results.recovery import recover_pressure
+from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import body
 from tests.lacsolver.held import with_sides
 

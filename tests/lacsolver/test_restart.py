@@ -20,11 +20,11 @@ import lacmesh
 from lacmesh.errors import DataError, ReadError
 from lacsolver.case import parse_case, read_case
 from lacsolver.cli import main
-from lacsolver.model import Instant, Model
 from lacsolver.output import create
 from lacsolver.output.states import read_state
-from lacsolver.problem import Problem
+from lacsolver.problem.problem import Problem
 from lacsolver.running import run
+from lacsolver.solve.model import Instant, Model
 from tests.lacsolver.key_meshes import punch
 from tests.lacsolver.patch_meshes import three_blocks
 

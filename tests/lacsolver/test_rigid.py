@@ -8,11 +8,11 @@ from scipy.sparse.linalg import spsolve
 
 from lacmesh import Mesh
 from lacmesh.errors import RequestError
-from lacsolver.assemble import assemble_stiffness
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import CaseError, Displacement, Rigid
 from lacsolver.constraints import Constraints
-from lacsolver.material import Elastic, Materials
-from lacsolver.space import Space
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PLANE_MODELS, cube, square
 from tests.lacsolver.held import (
     box,

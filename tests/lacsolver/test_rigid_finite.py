@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.case import parse_case
 from lacsolver.constraints import Constraints, rotation
-from lacsolver.finite import InadmissibleError
-from lacsolver.space import Space
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube, square
 from tests.lacsolver.held import TEXT, nodes_in, with_sides
 from tests.lacsolver.test_finite import by_differences

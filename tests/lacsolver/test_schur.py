@@ -7,10 +7,10 @@ import pytest
 from scipy.sparse import csr_array
 
 from lacsolver.case import parse_case
-from lacsolver.model import Model
-from lacsolver.problem import Problem
-from lacsolver.schur import Goal, solve_rows
-from lacsolver.stepping import Instant
+from lacsolver.problem.problem import Problem
+from lacsolver.solve.model import Model
+from lacsolver.solve.schur import Goal, solve_rows
+from lacsolver.solve.stepping import Instant
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, at, held, pressed
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.systems import saddle, system

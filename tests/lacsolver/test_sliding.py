@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lacmesh import Mesh
-from lacsolver.state import CONTACT
+from lacsolver.results.state import CONTACT
 from tests.lacsolver.contact_cases import JOINT, held, resultant
 from tests.lacsolver.finite_cases import solve
 from tests.lacsolver.patch_meshes import block, joined

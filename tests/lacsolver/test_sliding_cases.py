@@ -14,7 +14,7 @@ import pytest
 
 import lacmesh
 from lacsolver.cli import main
-from lacsolver.shots import read_shots
+from lacsolver.pictures.shots import read_shots
 
 SLIDING = Path(__file__).resolve().parents[2] / "data" / "sliding"
 CASES = sorted(path.stem for path in SLIDING.glob("*.toml"))

@@ -7,13 +7,13 @@ import pytest
 
 from lacmesh import CELLS, Mesh
 from lacmesh.errors import DataError, GroupNotFoundError, RequestError
-from lacmesh.quadrature import rule
-from lacmesh.shapes import gradient
-from lacsolver.assemble import assemble_stiffness
-from lacsolver.assemble.gradients import table
-from lacsolver.material import Elastic, Materials
-from lacsolver.rules import _PYRAMID, SOLID_CELLS, _pyramid, cell_rule
-from lacsolver.space import MODELS, Space
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import gradient
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.small import assemble_stiffness
+from lacsolver.bodies.small.gradients import table
+from lacsolver.space.rules import _PYRAMID, SOLID_CELLS, _pyramid, cell_rule
+from lacsolver.space.space import MODELS, Space
 from tests.lacsolver import plain
 from tests.lacsolver.bodies import PLANES, SOLIDS, cube, distorted, mixture, one_cell, plane_mixture, square
 

@@ -11,7 +11,7 @@ import lacmesh
 from lacmesh import Mesh
 from lacmesh.errors import LacmeshWarning
 from lacsolver.case import CaseError, parse_case
-from lacsolver.problem import Problem
+from lacsolver.problem.problem import Problem
 from lacsolver.validation import validate
 
 CASE = """

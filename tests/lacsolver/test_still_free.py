@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from lacsolver.bodies import describe, free_motions, still_free
 from lacsolver.case import Displacement, Rigid
-from lacsolver.space import Space
+from lacsolver.problem.rigid_modes import describe, free_motions, still_free
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PLANE_MODELS, cube
 from tests.lacsolver.held import held, joined, moved, nodes_in, two, with_sides
 

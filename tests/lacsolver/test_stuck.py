@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lacsolver.case import CaseError
-from lacsolver.state import CONTACT, OPEN, UNPAIRED
+from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from tests.lacsolver.contact_cases import JOINT, held, only, pressed, resultant
 from tests.lacsolver.key_meshes import overhang
 from tests.lacsolver.patch_meshes import stack

@@ -16,8 +16,8 @@ import pytest
 
 from lacmesh.cells import CELLS
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
-from lacsolver.interface import Pairing, integrate
-from lacsolver.interface.tangent import gap_derivative, motion_of, tangent
+from lacsolver.contact import Pairing, integrate
+from lacsolver.contact.tangent import gap_derivative, motion_of, tangent
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.test_interface import rigid_motions, wavy, zone_of
 
@@ -136,7 +136,7 @@ def test_a_master_that_ends_under_its_slave(pair, options):
 
 
 def test_the_rim_is_what_is_missed(monkeypatch):
-    monkeypatch.setattr("lacsolver.interface.edges._counting", lambda s, m, a, *_: np.zeros((len(a), 4), bool))
+    monkeypatch.setattr("lacsolver.contact.edges._counting", lambda s, m, a, *_: np.zeros((len(a), 4), bool))
     errors = Deformed(*STRAIGHT[3], {"measure": "reference", "normals": "facet"}, margin=-0.05).errors()
     assert (errors > 0.01).all()
 

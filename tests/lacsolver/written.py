@@ -10,9 +10,9 @@ import numpy as np
 from lacmesh import CELLS, Mesh, Surface, cut_skin, read, write
 from lacsolver.case import Case, fingerprint, read_case
 from lacsolver.output import Writer, create
-from lacsolver.results import Fields, Restart, Results, StepFigures, ZoneFields, ZoneFigures
-from lacsolver.space import Space
-from lacsolver.state import Iterate, State, ZoneState
+from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields, ZoneFigures
+from lacsolver.results.state import Iterate, State, ZoneState
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube, square
 
 MODELS = ("3d", "plane_strain", "axisymmetric")

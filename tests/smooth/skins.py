@@ -8,9 +8,9 @@ import numpy as np
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.shapes import shape
-from lacmesh.skin import FACE_TYPES
+from lacmesh.reference.shapes import shape
 from lacmesh.surface.record import mean_normals
+from lacmesh.topology.skin import FACE_TYPES
 from tests.surface.surfaces import mapped, sheet, whole
 
 ANGLE = np.arctan2(1.0, 0.4)

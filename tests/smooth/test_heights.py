@@ -9,12 +9,12 @@ import pytest
 
 from lacmesh import Mesh, Surface, cut_skin, raise_order
 from lacmesh.cells import CELLS
-from lacmesh.shapes import shape
-from lacmesh.skin import FACE_TYPES
+from lacmesh.reference.shapes import shape
 from lacmesh.smooth import find, height_of
 from lacmesh.smooth.heights import smooth_of
 from lacmesh.smooth.parents import inverse, parents_of
 from lacmesh.surface.record import mean_normals
+from lacmesh.topology.skin import FACE_TYPES
 from tests.smooth.skins import (
     LEVEL,
     along,

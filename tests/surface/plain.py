@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import fsolve
 
 from lacmesh.cells import CELLS
-from lacmesh.shapes import gradient, shape
+from lacmesh.reference.shapes import gradient, shape
 
 
 def all_candidates(slave, master, reach):

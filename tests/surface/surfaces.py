@@ -6,10 +6,10 @@ import numpy as np
 
 from lacmesh import Mesh, raise_order
 from lacmesh.cells import CELLS
-from lacmesh.quadrature import rule
-from lacmesh.shapes import jacobian, shape
-from lacmesh.skin import FACE_TYPES
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import jacobian, shape
 from lacmesh.surface import Surface
+from lacmesh.topology.skin import FACE_TYPES
 
 TYPES = {"TRIA3": ("TRIA3", "1"), "TRIA6": ("TRIA3", "2"), "TRIA7": ("TRIA3", "2-full")}
 TYPES |= {"QUAD4": ("QUAD4", "1"), "QUAD8": ("QUAD4", "2"), "QUAD9": ("QUAD4", "2-full"), "mixed": ("mixed", "1")}

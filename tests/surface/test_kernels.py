@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lacmesh.quadrature import rule
+from lacmesh.reference.quadrature import rule
 from lacmesh.surface.clip import FACING, mean_plane, project
 from lacmesh.surface.fit import correct
 from lacmesh.surface.layers import make_room, nearest_only

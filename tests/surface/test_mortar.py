@@ -5,9 +5,9 @@ import pytest
 
 from lacmesh import Mesh, cut_skin, raise_order
 from lacmesh.cells import CELLS
-from lacmesh.shapes import shape
-from lacmesh.skin import FACE_TYPES
+from lacmesh.reference.shapes import shape
 from lacmesh.surface import Surface, contact_points, coverage
+from lacmesh.topology.skin import FACE_TYPES
 from tests.surface.surfaces import blocks, mapped
 
 

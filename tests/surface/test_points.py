@@ -9,13 +9,13 @@ import pytest
 from lacmesh import Mesh, cut_skin, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
-from lacmesh.shapes import shape
-from lacmesh.skin import FACE_TYPES, REVERSED
+from lacmesh.reference.shapes import shape
 from lacmesh.surface import Surface, contact_points, coverage
 from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.lines import _nearest_only
 from lacmesh.surface.normals import smoothed
 from lacmesh.surface.patches import patches
+from lacmesh.topology.skin import FACE_TYPES, REVERSED
 from tests.samples import samples
 from tests.surface.surfaces import TYPES, blocks, errors, line, mapped, positions, sheet, whole
 

@@ -6,12 +6,12 @@ import pytest
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
-from lacmesh.skin import FACE_TYPES
 from lacmesh.surface import Surface
 from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.maps import AFFINE, BILINEAR, CURVED, basis, coefficients, kinds, monomials
 from lacmesh.surface.patches import patches, reference_grid
 from lacmesh.surface.record import mean_normals
+from lacmesh.topology.skin import FACE_TYPES
 from tests.meshes import cell_with_faces
 from tests.surface.surfaces import TYPES, blocks, line, mapped, sheet, whole
 
@@ -101,7 +101,7 @@ def test_neighbours_of_segments():
 
 @pytest.mark.parametrize("name", FACE_TYPES[1:])
 def test_maps_in_monomials_are_those_of_the_shape_functions(name):
-    from lacmesh.shapes import shape
+    from lacmesh.reference.shapes import shape
 
     X = np.random.default_rng(1).uniform(-1, 1, (5, 2))
     if CELLS[name].dim == 1:

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_array
 
-import lacsolver.interface.interface as interface
-import lacsolver.interface.tangent as tangent
-import lacsolver.problem
-from lacmesh.records import Cut
+import lacsolver.contact.interface as interface
+import lacsolver.contact.tangent as tangent
+import lacsolver.problem.problem
+from lacmesh.cutting.records import Cut
 from lacmesh.surface.normals import normals_of
 from lacmesh.surface.rules import CENTROID
-from lacsolver.equilibrium import Contact
+from lacsolver.solve.equilibrium import Contact
 from verification.families.inf_sup import uncut
 
 
@@ -45,14 +45,14 @@ def few_points(patch):
 
 def dropped_macro(patch):
     """The first macro-element of each zone never meets its master."""
-    right = lacsolver.problem.Joint.paired
+    right = lacsolver.problem.problem.Joint.paired
 
     def paired(joint, face):
         found = right(joint, face)
         found[0] = False
         return found
 
-    patch.setattr(lacsolver.problem.Joint, "paired", paired)
+    patch.setattr(lacsolver.problem.problem.Joint, "paired", paired)
 
 
 def frozen_set(patch, blind=True):
@@ -64,7 +64,9 @@ def frozen_set(patch, blind=True):
 
 def not_cut(patch):
     """The cut leaves all faces as they are, each a macro-element."""
-    patch.setattr("lacmesh.cut.cut_skin", lambda mesh, slave, **_: Cut(mesh if mesh.zones else uncut(mesh, slave)))
+    patch.setattr(
+        "lacmesh.cutting.cut.cut_skin", lambda mesh, slave, **_: Cut(mesh if mesh.zones else uncut(mesh, slave))
+    )
 
 
 def stiff_normal(patch):

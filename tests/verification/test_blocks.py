@@ -9,8 +9,8 @@ import pytest
 
 import lacmesh
 from lacmesh import CELLS
-from lacmesh.quadrature import measure
-from lacmesh.shapes import shape
+from lacmesh.reference.quadrature import measure
+from lacmesh.reference.shapes import shape
 from verification.families.manufactured import cells_a_side, mesh_of
 from verification.families.manufactured_rows import ROWS
 from verification.meshes.blocks import BLOCK_TYPES, block

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacmesh.quadrature import measure
+from lacmesh.reference.quadrature import measure
 from verification.exact.finite_bodies import (
     FORCE,
     PROFILES,

@@ -12,7 +12,7 @@ import lacsolver
 
 MODULES = sorted((Path(__file__).resolve().parents[2] / "verification").rglob("*.py"))
 #: whole modules that are for users
-FOR_USERS = dict.fromkeys(("lacmesh.quadrature", "lacmesh.shapes"))
+FOR_USERS = dict.fromkeys(("lacmesh.reference.quadrature", "lacmesh.reference.shapes"))
 #: what commands of the project are made of: how they read arguments, print, fail, and write files
 COMMANDS = dict.fromkeys(
     ("lacmesh.cli.program", "lacmesh.cli.options", "lacmesh.cli.terminal", "lacmesh.errors", "lacmesh.formats.output")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lacmesh import CELLS
-from lacmesh.quadrature import measure
+from lacmesh.reference.quadrature import measure
 from verification.families import patch
 from verification.families.patch import FAMILY, Press, errors, exact_displacement, exact_stress
 from verification.meshes.stacks import LAYERS, PLANE_KINDS, SOLID_KINDS, block, skin, stack, tilt, tower

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lacmesh.quadrature import measure
+from lacmesh.reference.quadrature import measure
 from verification.families.sliding import (
     FAMILY,
     MESHES,

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import CELLS, Cut, Mesh
-from lacmesh.quadrature import rule
-from lacmesh.shapes import jacobian, shape
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import jacobian, shape
 
 Ints = NDArray[np.integer]
 Floats = NDArray[np.floating]

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import CELLS, Mesh
-from lacmesh.quadrature import rule
-from lacmesh.shapes import gradient, jacobian, shape
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import gradient, jacobian, shape
 
 Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]

@@ -15,7 +15,7 @@ from lacmesh.cells import CELLS
 from lacmesh.formats.inp.scan import Card
 from lacmesh.formats.inp.types import FACETS, LINE, PLANE, SHELL, SIDES, SOLID
 from lacmesh.mesh import Ints
-from lacmesh.skin import FACE_TYPES, N_NODES, Faces, find_owners, find_repeats, label_rows
+from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces, find_owners, find_repeats, label_rows
 
 
 class Block(NamedTuple):

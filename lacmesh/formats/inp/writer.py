@@ -26,7 +26,7 @@ from lacmesh.formats.msh.numbers import repeated
 from lacmesh.formats.text_numbers import int_rows, joined, reals
 from lacmesh.formats.without_fields import left_out
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.skin import TYPE_CODE, Faces, find_owners, turn
+from lacmesh.topology.skin import TYPE_CODE, Faces, find_owners, turn
 
 _LARGEST = 999_999_999
 _ROWS = 1 << 14

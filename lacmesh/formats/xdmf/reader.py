@@ -25,7 +25,7 @@ from lacmesh.formats.xdmf.items import Element, Source
 from lacmesh.formats.xdmf.types import ALIASES, OF_NAME, OF_NUMBER, XDMF_TYPES
 from lacmesh.formats.xdmf.writer import ID, NOTES, PLACE, told
 from lacmesh.mesh import Floats, Ints, Mesh, Step
-from lacmesh.skin import label_rows
+from lacmesh.topology.skin import label_rows
 
 #: Grids inside grids that are read.
 _DEEPEST = 50

@@ -1,0 +1,160 @@
+"""Raise the order of a mesh: linear cells to serendipity ("2"), or linear and serendipity ones to full quadratic.
+
+New nodes stand at the middle of edges, faces and cells (on the cell's own map, where it is quadratic already). Edges
+and faces are known by their corners, so the mesh stays conforming; an edge that has a mid-node already keeps it.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lacmesh.cells import CELLS, Cell
+from lacmesh.cutting.rebuild import more_numbers, node_data, node_entities, node_groups, node_values
+from lacmesh.cutting.subdivide import Birth
+from lacmesh.errors import CutError, LacmeshWarning, RequestError
+from lacmesh.mesh import Block, Ints, Mesh
+from lacmesh.topology.skin import label_rows
+
+#: family -> the type of its serendipity cell, and of its full quadratic one
+_RAISED = {
+    "POI": ("POI1", "POI1"),
+    "SEG": ("SEG3", "SEG3"),
+    "TRIA": ("TRIA6", "TRIA6"),
+    "QUAD": ("QUAD8", "QUAD9"),
+    "TETRA": ("TETRA10", "TETRA10"),
+    "HEXA": ("HEXA20", "HEXA27"),
+    "PENTA": ("PENTA15", "PENTA18"),
+    "PYRAM": ("PYRAM13", "PYRAM14"),
+}
+ORDERS = ("2", "2-full")
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """Nodes of order 2 that the cells of a block need: `corners` (m, c) sorted, and the column they go to."""
+
+    block: int
+    column: int
+    corners: Ints
+    known: Ints  # (m,) the node there already, or -1
+
+
+def raise_order(mesh: Mesh, order: str = "2", *, extend: bool = True) -> Mesh:
+    """The same mesh with quadratic cells; `order` is "2" (serendipity) or "2-full" (HEXA27, QUAD9, PENTA18, PYRAM14).
+
+    Cells of that order or higher stay as they are. Numbers, groups and data are kept; new nodes follow the largest
+    number, and enter a node group that holds every corner of their edge, face or cell (`extend`). Two cells of a
+    type that becomes another's keep their order. Raises CutError for a mesh that carries a cut.
+    """
+    if order not in ORDERS:
+        raise RequestError(f"order is one of {', '.join(ORDERS)}, not {order!r}")
+    if (mesh.cell_data.get("lac_macro", np.array([-1])) >= 0).any():
+        raise CutError("this mesh carries a cut, whose macro-elements depend on the order; raise the order, then cut")
+    targets = [_target(block.type, ORDERS.index(order)) for block in mesh.blocks]
+    wanted = [w for k, target in enumerate(targets) for w in _wanted(mesh.blocks[k], k, target)]
+    raised = [_widen(block, target) for block, target in zip(mesh.blocks, targets, strict=True)]
+    births = _place(mesh, wanted, raised, targets)
+    added = sum(b.ids.size for b in births)
+    new = replace(
+        mesh,
+        points=node_values("points", mesh.points, births, added),
+        blocks=tuple(Block(t, nodes) for t, nodes in zip(targets, raised, strict=True)),
+        node_number=more_numbers(mesh.node_number, added),
+        node_groups=node_groups(mesh, births, extend),
+        node_data=node_data(mesh, births, added),
+    )
+    if "entity" in new.node_data and "entity" in new.cell_data:
+        entities = np.split(new.cell_data["entity"], new.offsets[1:-1])
+        cells = ((b.type, b.nodes, own) for b, own in zip(new.blocks, entities, strict=True))
+        entity = node_entities(new.node_data["entity"], mesh.n_nodes, cells)
+        new = replace(new, node_data={**new.node_data, "entity": entity})
+    if added and mesh.model is not None and mesh.model.periodic:
+        message = "the mesh has periodic links: the new nodes on them have no periodic partner"
+        warnings.warn(message, LacmeshWarning, stacklevel=2)
+    return _merge_blocks(new)
+
+
+def _target(name: str, full: int) -> str:
+    cell = CELLS.get(name)
+    if cell is None or cell.name == "TRIA7":
+        return name
+    raised = _RAISED[cell.family][full]
+    return raised if CELLS[raised].n_nodes > cell.n_nodes else name
+
+
+def _wanted(block: Block, k: int, target: str) -> list[_Wanted]:
+    cell = CELLS.get(target)
+    if cell is None:
+        return []
+    has = block.nodes.shape[1]
+    out = []
+    for column in range(cell.n_corners, cell.n_nodes):
+        corners = np.sort(block.nodes[:, cell.corners_of_node[column]], axis=1)
+        known = block.nodes[:, column] if column < has else np.full(len(block.nodes), -1)
+        out.append(_Wanted(k, column, corners, known))
+    return out
+
+
+def _widen(block: Block, target: str) -> Ints:
+    if target == block.type:
+        return block.nodes
+    nodes = np.full((len(block.nodes), CELLS[target].n_nodes), -1, np.int64)
+    nodes[:, : block.nodes.shape[1]] = block.nodes
+    return nodes
+
+
+def _place(mesh: Mesh, wanted: list[_Wanted], raised: list[Ints], targets: list[str]) -> list[Birth]:
+    """Give every wanted node its id in `raised`; the first cell that wants a node not there yet gives birth to it."""
+    births: list[Birth] = []
+    next_id = mesh.n_nodes
+    for width in sorted({w.corners.shape[1] for w in wanted}):  # edges, then faces, then cells
+        alike = [w for w in wanted if w.corners.shape[1] == width]
+        labels, count = label_rows(np.vstack([w.corners for w in alike]))
+        known = np.concatenate([w.known for w in alike])
+        node = np.full(count, -1, np.int64)
+        node[labels[known >= 0]] = known[known >= 0]
+        for w, mine in zip(alike, np.split(labels, np.cumsum([len(w.known) for w in alike])[:-1]), strict=True):
+            absent = np.flatnonzero(node[mine] < 0)
+            _, first = np.unique(mine[absent], return_index=True)
+            rows = absent[np.sort(first)]
+            ids = next_id + np.arange(len(rows))
+            node[mine[rows]] = ids
+            next_id += len(rows)
+            if len(rows):
+                births.append(_birth(mesh.blocks[w.block], CELLS[targets[w.block]], w.column, rows, ids))
+            if targets[w.block] != mesh.blocks[w.block].type:
+                raised[w.block][:, w.column] = np.where(w.known >= 0, w.known, node[mine])
+    return births
+
+
+def _birth(block: Block, target: Cell, column: int, rows: Ints, ids: Ints) -> Birth:
+    sources = block.nodes[rows]
+    on = sources[:, target.corners_of_node[column]]
+    return Birth(block.type, sources, np.array([target.reference[column]]), ids[:, None], on)
+
+
+def _merge_blocks(mesh: Mesh) -> Mesh:
+    """One block a type again, where two types have become one; indices of cells follow."""
+    names = [b.type for b in mesh.blocks]
+    if len(set(names)) == len(names):
+        return mesh
+    order, blocks = [], []
+    for name in dict.fromkeys(names):
+        same = [k for k, n in enumerate(names) if n == name]
+        blocks.append(Block(name, np.concatenate([mesh.blocks[k].nodes for k in same])))
+        order += [np.arange(mesh.offsets[k], mesh.offsets[k + 1]) for k in same]
+    old = np.concatenate(order)
+    new = np.empty_like(old)
+    new[old] = np.arange(len(old))
+    file_order = np.arange(mesh.n_cells) if mesh.file_order is None else mesh.file_order
+    return replace(
+        mesh,
+        blocks=tuple(blocks),
+        cell_number=mesh.cell_number[old],
+        file_order=new[file_order],
+        cell_groups={name: np.sort(new[ids]) for name, ids in mesh.cell_groups.items()},
+        cell_data={name: values[old] for name, values in mesh.cell_data.items()},
+    )

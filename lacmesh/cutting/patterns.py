@@ -1,0 +1,269 @@
+"""How one slave face is cut, and the cell behind it: two rules, written once, and the tables that fix the order.
+
+The **cone**: a point c at the centre of the slave face, joined to every other facet of the parent. The **ring**: an
+inner polygon on the face (at `ring` of the half-width) carried to `depth` inside the parent; for QUAD4 in 2D, HEXA8 and
+HEXA20. A face that owns an internal dof already (SEG3, TRIA7, QUAD9) is left **whole**, and its parent with it.
+A quadratic cell is cut as its corners are; each new mid-node stands at the middle, in the parent's reference element,
+of the two ends of its edge, so that the parent's map places it. Positions, counts and the order of the children are
+code_aster's DECOUPE_LAC (R5.03.55, 3.1), where it has the cell.
+
+A template lists children in a *frame* of nodes: first the cell's own, then the points on the face (in the order of
+`face_pattern`, for a face that starts at the facet's first corner and turns its way), then the points inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS, Cell, Nodes, Point
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import gradient, shape
+
+WHOLE, CONE, RING = "whole", "cone", "ring"
+#: faces that own an internal dof as they are: the node that carries it
+WHOLE_FACES = {"SEG3": 2, "TRIA7": 6, "QUAD9": 8}
+#: parents that the ring can cut
+RING_PARENTS = ("QUAD4", "HEXA8", "HEXA20")
+
+FAR = -1
+#: (parent, corners of the slave face): its other facets in the order of the children; k stands for the facet on the
+#: face's edge k (from corner k to k + 1), FAR for the one that shares no edge with the face
+CONE_ORDER: dict[tuple[str, int], Nodes] = {
+    ("TETRA4", 3): (0, 1, 2),
+    ("TETRA", 3): (0, 2, 1),
+    ("HEXA", 4): (0, 1, 2, 3, FAR),
+    ("PENTA", 3): (2, 0, 1, FAR),
+    ("PENTA", 4): (1, 3, 2, 0),
+    ("PYRAM", 4): (3, 2, 1, 0),
+    ("PYRAM", 3): (0, 1, FAR, 2),
+}
+#: the ring's children around the face: edges in this order, then the frustum behind, then the plug under the centre
+RING_ORDER: Nodes = (1, 2, 3, 0)
+
+
+@dataclass(frozen=True)
+class Children:
+    """Children of one type: `nodes` (n, n_nodes of the type) into the frame, `rank` (n,) their places among all."""
+
+    type: str
+    nodes: NDArray[np.intp]
+    rank: NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Template:
+    """A cell's children. `on_face` and `inside`: reference points, in the cell's own element, of the new nodes."""
+
+    children: tuple[Children, ...]
+    on_face: NDArray[np.floating]
+    inside: NDArray[np.floating]
+
+    @property
+    def n_children(self) -> int:
+        """Number of children of all types."""
+        return sum(len(c.rank) for c in self.children)
+
+
+@cache
+def face_pattern(face: str, kind: str, ring: float = 1 / 3) -> Template:
+    """The cut of a skin face of type `face`, in its own node order: the ring's sides first, the centre last."""
+    cell = CELLS[face]
+    points = [tuple(p) for p in cell.reference[: cell.n_corners]]
+    n = cell.n_corners
+    sides: list[Nodes]
+    if kind == WHOLE:
+        return _template(cell, [tuple(range(n))], points)
+    if kind == CONE:
+        points.append(tuple(np.mean(points, axis=0)))
+        sides = [(k, (k + 1) % n, n) for k in range(n)] if cell.dim == 2 else [(0, 2), (2, 1)]
+    else:
+        points += [tuple(ring * x for x in p) for p in points]
+        if cell.dim == 1:
+            sides = [(0, 2), (2, 3), (3, 1)]
+        else:
+            sides = [(k, (k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
+            sides.append(tuple(range(n, 2 * n)))
+    return _template(cell, sides, points)
+
+
+@cache
+def parent_pattern(parent: str, facet: int, kind: str, ring: float = 1 / 3, depth: float = 1 / 2) -> Template:
+    """The cut of a cell of type `parent` whose slave face is its facet number `facet`."""
+    cell = CELLS[parent]
+    if kind == WHOLE:
+        return _template(cell, [tuple(range(cell.n_corners))], list(cell.reference[: cell.n_corners]))
+    X = face_pattern(cell.facets[facet].type, kind, ring).on_face
+    return _cone(cell, facet, X) if kind == CONE else _ring(cell, facet, X, depth)
+
+
+def _corners(cell: Cell, facet: int) -> Nodes:
+    kind = CELLS[cell.facets[facet].type]
+    return cell.facets[facet].nodes[: kind.n_corners]
+
+
+def _on_facet(cell: Cell, facet: int, X: NDArray, corners: Nodes | None = None) -> NDArray:
+    """Points X of a facet's reference element, in the cell's; `corners`: those of a facet that answers it instead."""
+    flat = CELLS[cell.facets[facet].type].linear
+    return shape(flat, X) @ np.array([cell.reference[c] for c in corners or _corners(cell, facet)])
+
+
+def _cone(cell: Cell, facet: int, X: NDArray) -> Template:
+    on_face = _on_facet(cell, facet, X)
+    points = [*cell.reference[: cell.n_corners], tuple(on_face[0])]
+    apex = cell.n_corners
+    children = []
+    for other in _other_facets(cell, facet):
+        side = _corners(cell, other)
+        # outward for the parent is outward for the child: base against the apex
+        children.append((*side, apex) if cell.dim == 2 else (side[0], *side[:0:-1], apex))
+    return _template(cell, children, points, on_face)
+
+
+def _other_facets(cell: Cell, facet: int) -> list[int]:
+    """The other facets, in the order of the children."""
+    corners = _corners(cell, facet)
+    n = len(cell.facets)
+    if cell.dim == 2:
+        return [(facet - k) % n for k in range(1, n)]
+    order = CONE_ORDER.get((cell.name, len(corners))) or CONE_ORDER[cell.family, len(corners)]
+    edges = [{corners[k], corners[(k + 1) % len(corners)]} for k in range(len(corners))]
+    at_edge = {}  # edge of the face, or FAR -> the facet there
+    for j in (j for j in range(n) if j != facet):
+        shared = set(_corners(cell, j)) & set(corners)
+        at_edge[edges.index(shared) if len(shared) == 2 else FAR] = j
+    return [at_edge[k] for k in order]
+
+
+def _ring(cell: Cell, facet: int, X: NDArray, depth: float) -> Template:
+    f = _corners(cell, facet)
+    behind = {c: b for e in cell.edges for c, b in (e, e[::-1]) if c in f and b not in f}
+    g = tuple(behind[c] for c in f)
+    n, first = len(f), cell.n_corners
+    on_face, opposite = _on_facet(cell, facet, X), _on_facet(cell, facet, X, g)
+    inner_points = on_face + depth * (opposite - on_face)
+    points = [*cell.reference[:first], *(tuple(p) for p in (*on_face[:n], *inner_points[:n]))]
+    ring, inner = range(first, first + n), range(first + n, first + 2 * n)
+    if cell.dim == 2:
+        (v1, v2), (v4, v3), (n1, n2), (m1, m2) = f, g, ring, inner
+        children: list[Nodes] = [(v1, n1, m1, v4), (n1, n2, m2, m1), (n2, v2, v3, m2), (v3, v4, m1, m2)]
+    else:
+        children = []
+        for i in RING_ORDER:
+            j = (i + 1) % n
+            children.append((ring[i], ring[j], f[j], f[i], inner[i], inner[j], g[j], g[i]))
+        children.append((*inner[::-1], *g[::-1]))
+        children.append((*ring[::-1], *inner[::-1]))
+    return _template(cell, children, points, on_face)
+
+
+def _template(cell: Cell, children: Sequence[Nodes], points: list[Point], on_face: NDArray | None = None) -> Template:
+    """Children given by corners among `points`: the cell's corners, points on the face, the rest.
+
+    The nodes of higher order are found by their place: the cell's own, a point of the face, or a new one.
+    """
+    own = [tuple(p) for p in cell.reference]
+    # a face's own pattern has all its new points on it
+    frame = _Frame(own, points[cell.n_corners :] if on_face is None else [tuple(p) for p in on_face])
+    made: dict[str, list[tuple[int, Nodes]]] = {}
+    for rank, corners in enumerate(children):
+        kind, places = _child(cell, [points[c] for c in corners])
+        made.setdefault(kind, []).append((rank, tuple(frame.place(p) for p in places)))
+    blocks = tuple(
+        Children(kind, np.array([nodes for _, nodes in rows]), np.array([rank for rank, _ in rows]))
+        for kind, rows in made.items()
+    )
+    new = np.array(frame.points[len(own) :]).reshape(-1, cell.dim)
+    split = len(new) if on_face is None else len(on_face)
+    return Template(blocks, new[:split], new[split:])
+
+
+class _Frame:
+    """The nodes that children may use, found by their place in the cell's reference element."""
+
+    def __init__(self, own: list[Point], given: Sequence[Point]) -> None:
+        self.points: list[Point] = []
+        self.at: dict[Point, int] = {}
+        for p in (*own, *given):
+            self.place(p)
+
+    def place(self, point: Point) -> int:
+        key = tuple(round(x, 9) + 0.0 for x in point)
+        if key not in self.at:
+            self.at[key] = len(self.points)
+            self.points.append(tuple(float(x) for x in point))
+        return self.at[key]
+
+
+def _child(cell: Cell, corners: list[Point]) -> tuple[str, list[Point]]:
+    """A child's type, of the order of its parent, and the places of all its nodes."""
+    linear = _LINEAR[cell.dim, len(corners)]
+    if cell.order == 1:
+        return linear, corners
+    kind = _quadratic(cell, CELLS[linear].family, corners)
+    middle = [tuple(np.mean([corners[c] for c in on], axis=0)) for on in CELLS[kind].corners_of_node]
+    return kind, middle
+
+
+#: (dimension, corners) -> linear type
+_LINEAR = {(c.dim, c.n_corners): c.name for c in CELLS.values() if c.order == 1}
+
+
+def _quadratic(cell: Cell, family: str, corners: list[Point]) -> str:
+    """A child of a cell with centred faces keeps the centre of a face that it takes over whole (PENTA18 -> PYRAM14)."""
+    if len(corners) == cell.n_corners and cell.family == family and _same(corners, cell.reference[: cell.n_corners]):
+        return cell.name
+    if family == "PYRAM":
+        base = np.mean(corners[:4], axis=0)
+        centres = [cell.reference[f.nodes[8]] for f in cell.facets if f.type == "QUAD9"]
+        return "PYRAM14" if any(np.allclose(base, c) for c in centres) else "PYRAM13"
+    return {"SEG": "SEG3", "TRIA": "TRIA6", "QUAD": "QUAD8", "TETRA": "TETRA10", "HEXA": "HEXA20"}[family]
+
+
+def _same(a: Sequence[Point], b: Sequence[Point]) -> bool:
+    return np.allclose(np.array(a), np.array(b))
+
+
+@cache
+def turns(face: str, kind: str, ring: float = 1 / 3) -> NDArray[np.intp]:
+    """(2 n_corners, n_points): where the points of a face's pattern stand when the face is listed another way.
+
+    Row 2 s + r is for a list that starts at this face's corner s and turns the same way (r = 0) or back (r = 1):
+    point k of that list's pattern is point `turns[2 s + r, k]` of this face's.
+    """
+    cell = CELLS[face]
+    flat = CELLS[cell.linear]
+    X = face_pattern(face, kind, ring).on_face
+    n = cell.n_corners
+    if not len(X):
+        return np.zeros((2 * n, 0), dtype=np.intp)
+    rows = []
+    for s in range(n):
+        for step in (1, -1):
+            listed = np.array([flat.reference[(s + step * k) % n] for k in range(n)])
+            there = shape(flat.name, X) @ listed
+            rows.append(np.linalg.norm(there[:, None] - X[None], axis=2).argmin(axis=1))
+    return np.array(rows, dtype=np.intp).reshape(2 * n, len(X))
+
+
+@cache
+def internal_points(face: str, kind: str, ring: float = 1 / 3) -> NDArray[np.intp]:
+    """The points of a face's pattern that own an internal dof: those whose function has a positive integral over it.
+
+    On a TRIA6 a corner's function integrates to zero and on a QUAD8 to less: there the mid-nodes carry it.
+    """
+    template = face_pattern(face, kind, ring)
+    cell = CELLS[face]
+    places = np.vstack([np.array(cell.reference), template.on_face])
+    total = np.zeros(len(places))
+    for block in template.children:
+        X, w = rule(CELLS[block.type].family, 6)
+        N, dN = shape(block.type, X), gradient(block.type, X)
+        for nodes in block.nodes:
+            J = np.einsum("ns,pnd->psd", places[nodes], dN)
+            np.add.at(total, nodes, N.T @ (w * np.abs(np.linalg.det(J))))
+    return np.flatnonzero(total[cell.n_nodes :] > 1e-9)

@@ -1,0 +1,284 @@
+"""The mesh after a cut: children in the place of their cells, numbers, groups and data carried over.
+
+In a block the cells left alone come first, in their old order, then the children, cell by cell; in the file a cell's
+children stand where it stood. The first child keeps its cell's number, the others follow the largest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.cutting.subdivide import Birth, Leaves, Subdivision
+from lacmesh.errors import DataError
+from lacmesh.mesh import Block, Ints, Mesh
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A block of the new mesh: the cells kept of the old block (`kept` of them in `old`), then children of `roots`."""
+
+    old: slice
+    kept: int
+    roots: Ints
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Where cells go: the new `blocks`, a part each; `gone` (old cells,) which were replaced; `new_index` (old cells,).
+
+    `child` (c,) indices of the children sorted by `root` (c,), the cell they replace, then in order: `seq` (c,).
+    """
+
+    blocks: tuple[Block, ...]
+    parts: tuple[_Part, ...]
+    gone: NDArray[np.bool_]
+    new_index: Ints
+    child: Ints
+    root: Ints
+    seq: Ints
+
+    def carry(self, values: NDArray) -> NDArray:
+        """Values of the old cells (n, ...) on the new ones: their own, or those of the cell that was replaced."""
+        size = sum(part.kept + len(part.roots) for part in self.parts)
+        out = np.empty((size, *values.shape[1:]), values.dtype)
+        start = 0
+        for part in self.parts:
+            _copy_kept(values[part.old], self.gone[part.old], out[start : start + part.kept])
+            start += part.kept
+            out[start : start + len(part.roots)] = values[part.roots]
+            start += len(part.roots)
+        return out
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where cells of the new mesh come from: `child` (c,) replaces the old cell `root` (c,), as number `rank` (c,) of
+    its children; `followed`: the new indices of the old cells asked about, -1 for those that were replaced.
+    """
+
+    child: Ints
+    root: Ints
+    rank: Ints
+    followed: Ints
+
+
+def rebuild(mesh: Mesh, made: Subdivision, follow: Ints, *, extend: bool) -> tuple[Mesh, Origin]:
+    """The new mesh, and where its cells come from; `follow`: old cells whose new indices are wanted.
+
+    `extend`: new nodes enter the node groups that hold every corner of what they lie on.
+    """
+    layout = _lay_out(mesh, made.leaves)
+    numbers = _cell_numbers(mesh, layout)
+    cell_groups = {name: _group(ids, layout) for name, ids in mesh.cell_groups.items()}
+    added = made.n_nodes - mesh.n_nodes
+    new = replace(
+        mesh,
+        points=node_values("points", mesh.points, made.births, added),
+        blocks=layout.blocks,
+        node_number=more_numbers(mesh.node_number, added),
+        cell_number=numbers,
+        file_order=_file_order(mesh, layout),
+        cell_groups=cell_groups,
+        node_groups=node_groups(mesh, made.births, extend),
+        cell_data={name: layout.carry(values) for name, values in mesh.cell_data.items()},
+        node_data=node_data(mesh, made.births, added),
+    )
+    if "entity" in new.node_data and "entity" in mesh.cell_data:
+        cells = ((leaf.type, leaf.nodes, mesh.cell_data["entity"][leaf.root]) for leaf in made.leaves)
+        entity = node_entities(new.node_data["entity"], mesh.n_nodes, cells)
+        new = replace(new, node_data={**new.node_data, "entity": entity})
+    return new, Origin(layout.child, layout.root, layout.seq, layout.new_index[follow])
+
+
+def _lay_out(mesh: Mesh, leaves: list[Leaves]) -> _Layout:
+    by_type: dict[str, list[Leaves]] = {}
+    for leaf in leaves:
+        by_type.setdefault(leaf.type, []).append(leaf)
+    gone = np.zeros(mesh.n_cells, bool)
+    for leaf in leaves:
+        gone[leaf.root] = True
+    old = {block.type: k for k, block in enumerate(mesh.blocks)}
+    new_index = np.empty(mesh.n_cells, np.int32)
+    blocks, parts, child, key = [], [], [], []
+    start = 0
+    for kind in [*old, *(t for t in by_type if t not in old)]:
+        made = _joined(kind, by_type.get(kind, []))
+        span = slice(*mesh.offsets[old[kind] : old[kind] + 2]) if kind in old else slice(0, 0)
+        np.cumsum(~gone[span], out=new_index[span])
+        kept = int(new_index[span][-1]) if span.stop > span.start else 0
+        new_index[span] += start - 1
+        blocks.append(Block(kind, _nodes(mesh, old.get(kind), gone[span], kept, made)))
+        parts.append(_Part(span, kept, made.root))
+        child.append(np.arange(start + kept, start + kept + len(made.root), dtype=np.int32))
+        key.append(made.key)
+        start += kept + len(made.root)
+    new_index[gone] = -1
+    all_root, all_key, all_child = (np.concatenate(p) for p in ([p.roots for p in parts], key, child))
+    order = np.lexsort((all_key, all_root))
+    all_root = all_root[order]
+    first = np.flatnonzero(np.diff(all_root, prepend=-1))
+    seq = np.arange(len(order)) - np.repeat(first, np.diff(first, append=len(order)))
+    return _Layout(tuple(blocks), tuple(parts), gone, new_index, all_child[order], all_root, seq)
+
+
+def _joined(kind: str, made: list[Leaves]) -> Leaves:
+    """The children of one type, by the cell they replace."""
+    empty = Leaves(kind, np.empty((0, ALL_CELLS[kind].n_nodes), np.int64), *(np.empty(0, np.int64),) * 2)
+    parts = [empty, *made]
+    joined = Leaves(kind, *(np.concatenate([getattr(p, f) for p in parts]) for f in ("nodes", "root", "key")))
+    return joined.take(np.lexsort((joined.key, joined.root)))
+
+
+def _nodes(mesh: Mesh, k: int | None, gone: NDArray[np.bool_], kept: int, made: Leaves) -> Ints:
+    """A type's nodes: of the cells that stay, then of the children."""
+    if k is None:
+        return made.nodes.astype(mesh.blocks[0].nodes.dtype)
+    old = mesh.blocks[k].nodes
+    nodes = np.empty((kept + len(made.root), old.shape[1]), old.dtype)
+    _copy_kept(old, gone, nodes[:kept])
+    nodes[kept:] = made.nodes
+    return nodes
+
+
+def _copy_kept(old: NDArray, gone: NDArray[np.bool_], target: NDArray) -> None:
+    """target[:] = old[~gone]; wide rows go run by run where there are few runs, which is several times faster."""
+    if old.ndim == 2 and old.shape[1] * old.itemsize == 8 and old.flags.c_contiguous:  # pairs of 4 bytes, as one of 8
+        old, target = old.view(np.int64)[:, 0], target.view(np.int64)[:, 0]
+    gaps = np.flatnonzero(gone)
+    if old.ndim == 1 or len(gaps) * 50 > len(old):
+        target[:] = old[~gone]
+        return
+    start = done = 0
+    for stop in (*gaps.tolist(), len(old)):
+        if stop > start:
+            target[done : done + stop - start] = old[start:stop]
+            done += stop - start
+        start = stop + 1
+
+
+def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
+    numbers = layout.carry(mesh.cell_number)
+    first = _next_number(mesh.cell_number, len(layout.child), "cells")
+    if first + len(layout.child) > np.iinfo(numbers.dtype).max:
+        numbers = numbers.astype(np.int64)
+    if mesh.file_order is None:
+        place = layout.root
+    else:
+        rank = np.empty(mesh.n_cells, np.int32)
+        rank[mesh.file_order] = np.arange(mesh.n_cells, dtype=np.int32)
+        place = rank[layout.root]
+    order = np.lexsort((layout.seq, place))  # new numbers grow along the file
+    later = layout.child[order][layout.seq[order] > 0]
+    numbers[later] = first + np.arange(len(later))
+    return numbers
+
+
+def more_numbers(numbers: Ints, added: int) -> Ints:
+    """Some numbers, and as many more after the largest. Raises DataError where there are none."""
+    first = _next_number(numbers, added, "nodes")
+    dtype = numbers.dtype if first + added <= np.iinfo(numbers.dtype).max else np.dtype(np.int64)
+    return np.concatenate([numbers, np.arange(first, first + added, dtype=dtype)], dtype=dtype)
+
+
+def _next_number(numbers: Ints, added: int, what: str) -> int:
+    largest = int(numbers.max(initial=0))
+    if largest + added > np.iinfo(np.int64).max:
+        raise DataError(f"no numbers are left for new {what} after {largest}: number them again")
+    return largest + 1
+
+
+def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
+    """The new file's order of cells; None where it is that of the indices."""
+    count = np.ones(mesh.n_cells, np.int16)
+    count[layout.root] = 0
+    np.add.at(count, layout.root, 1)
+    in_file = count if mesh.file_order is None else count[mesh.file_order]
+    start = np.cumsum(in_file, dtype=np.int32)
+    start -= in_file
+    if mesh.file_order is not None:
+        start[mesh.file_order] = start.copy()
+    place = layout.carry(start)
+    del start, count, in_file
+    place[layout.child] += layout.seq.astype(np.int32)
+    if (place[1:] > place[:-1]).all():
+        return None
+    order = np.empty(len(place), np.int32)
+    order[place] = np.arange(len(place), dtype=np.int32)
+    return order
+
+
+def _group(members: Ints, layout: _Layout) -> Ints:
+    """A cell group after the cut: its cells, and the children of those that were replaced."""
+    if not len(members):
+        return members
+    consecutive = int(members[-1]) - int(members[0]) + 1 == len(members)
+    new = layout.new_index[slice(members[0], members[-1] + 1) if consecutive else members]
+    root = layout.root.astype(members.dtype)
+    at = np.minimum(np.searchsorted(members, root), len(members) - 1)
+    inside = members[at] == root
+    if inside.any():
+        new = np.concatenate([new[new >= 0], layout.child[inside]])
+        new.sort(kind="stable")
+    return new.copy() if consecutive and not inside.any() else new
+
+
+def node_values(name: str, old: NDArray, births: list[Birth], added: int) -> NDArray:
+    """(n + added, ...): values of old and new nodes, by the shape functions of the cells in which these are born."""
+    values = np.concatenate([old, np.zeros((added, *old.shape[1:]), old.dtype)])
+    for birth in births:
+        values[birth.ids] = birth.values(values)
+    return values
+
+
+def node_data(mesh: Mesh, births: list[Birth], added: int) -> dict[str, NDArray]:
+    """Node data of old and new nodes: interpolated, or what the nodes around agree on where it is integer."""
+    return {
+        name: (node_values if old.dtype.kind in "fc" else _common_values)(name, old, births, added)
+        for name, old in mesh.node_data.items()
+    }
+
+
+def _common_values(name: str, old: NDArray, births: list[Birth], added: int) -> NDArray:
+    """Integer values: that of the nodes around where they agree, else -1 (so unsigned ones and flags become signed)."""
+    if old.dtype.kind not in "iub":
+        raise DataError(f"the node data {name!r} hold {old.dtype}: only numbers can be carried to new nodes")
+    if old.dtype.kind in "ub":
+        old = old.astype(np.promote_types(old.dtype, np.int8) if old.dtype != np.uint64 else np.int64)
+    values = np.concatenate([old, np.full((added, *old.shape[1:]), -1, old.dtype)])
+    for birth in births:
+        around = values[birth.sources]
+        agreed = np.where((around == around[:, :1]).all(axis=1), around[:, 0], -1)
+        values[birth.ids] = agreed[:, None]
+    return values
+
+
+def node_entities(values: NDArray, first: int, cells: Iterable[tuple[str, Ints, NDArray]]) -> NDArray:
+    """Entities of nodes (n, 2), where those from `first` on take that of the lowest-dimensional cell they lie on.
+
+    `cells`: (type, nodes (k, m), entities (k, 2)) parts.
+    """
+    values = values.copy()
+    for _, nodes, entity in sorted(cells, key=lambda part: -ALL_CELLS[part[0]].dim):  # the lowest dimension writes last
+        rows, columns = np.nonzero(nodes >= first)
+        values[nodes[rows, columns]] = entity[rows]
+    return values
+
+
+def node_groups(mesh: Mesh, births: list[Birth], extend: bool) -> dict[str, Ints]:
+    """Node groups, with the new nodes that lie on an edge, face or cell all of whose corners they hold (`extend`)."""
+    if not extend:
+        return dict(mesh.node_groups)
+    size = max((int(b.ids.max()) + 1 for b in births), default=mesh.n_nodes)
+    groups: dict[str, Ints] = {}
+    for name, members in mesh.node_groups.items():
+        inside = np.zeros(size, bool)
+        inside[members] = True
+        for birth in births:
+            inside[birth.ids[inside[birth.on].all(axis=1)]] = True
+        groups[name] = np.flatnonzero(inside)
+    return groups

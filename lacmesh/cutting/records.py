@@ -1,0 +1,101 @@
+"""The records of a cut: integer data of the mesh, and `Cut`, the view on them (`docs/conventions.md`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lacmesh.errors import CutError
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.topology.skin import FACE_TYPES
+
+#: integer data that a cut is kept in, -1 where they say nothing (`docs/conventions.md`)
+CELL_RECORDS = ("lac_macro", "lac_zone", "lac_child", "lac_parent")
+NODE_RECORD = "lac_internal"
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A view on the records that a cut leaves in its mesh (they are data like any other: formats keep them).
+
+    Raises CutError where the mesh carries no cut.
+    """
+
+    mesh: Mesh
+
+    def __post_init__(self) -> None:
+        if not is_cut(self.mesh):
+            raise CutError("this mesh carries no cut; lacmesh.cut_skin makes one")
+        faces = np.flatnonzero(self.macro_of_face >= 0)
+        kinds = {kind for kind, _, _ in self.mesh.select(faces)}
+        zones = self.zone_of_face[faces]
+        if not kinds <= set(FACE_TYPES[1:]) or zones.min() < 0 or zones.max() >= len(self.zones):
+            raise CutError("the data lac_macro and lac_zone of this mesh are not those of a cut; take them out")
+
+    @property
+    def zones(self) -> tuple[str, ...]:
+        """Names of the zones: one for each slave group."""
+        return self.mesh.zones
+
+    @cached_property
+    def n_macros(self) -> int:
+        """Number of macro-elements."""
+        return int(self.macro_of_face.max(initial=-1)) + 1
+
+    @property
+    def macro_of_face(self) -> Ints:
+        """(n_cells,): the macro-element that a slave face is part of, -1 for every other cell."""
+        return self.mesh.cell_data["lac_macro"]
+
+    @property
+    def zone_of_face(self) -> Ints:
+        """(n_cells,): the place in `zones` of a slave face's zone, -1 for every other cell."""
+        return self._cell_record("lac_zone")
+
+    @property
+    def child_kind(self) -> Ints:
+        """(n_cells,): 1 to 5 for the slave faces E1 to E5 of a macro-element, -1 for every other cell."""
+        return self._cell_record("lac_child")
+
+    @property
+    def parent_of_cell(self) -> Ints:
+        """(n_cells,): the file's number of the cell that a child replaces, -1 for a cell that the cut left alone."""
+        return self._cell_record("lac_parent")
+
+    @property
+    def macro_of_node(self) -> Ints:
+        """(n_nodes,): the macro-element whose internal dof a node carries, -1 for every other node."""
+        internal = self.mesh.node_data.get(NODE_RECORD)
+        return np.full(self.mesh.n_nodes, -1, np.int32) if internal is None else internal
+
+    def _cell_record(self, name: str) -> Ints:
+        """A record; a file keeps none that says nothing (`lac_parent` where every face was left whole)."""
+        values = self.mesh.cell_data.get(name)
+        return np.full(self.mesh.n_cells, -1, np.int32) if values is None else values
+
+    @cached_property
+    def internal_nodes(self) -> tuple[Ints, ...]:
+        """For each macro-element, the nodes that carry an internal dof of it."""
+        nodes = np.flatnonzero(self.macro_of_node >= 0)
+        return split(nodes, self.macro_of_node[nodes], self.n_macros)
+
+    @cached_property
+    def faces_of_macro(self) -> tuple[Ints, ...]:
+        """For each macro-element, its slave faces, E1 first."""
+        faces = np.flatnonzero(self.macro_of_face >= 0)
+        faces = faces[np.argsort(self.child_kind[faces], kind="stable")]
+        return split(faces, self.macro_of_face[faces], self.n_macros)
+
+
+def split(members: Ints, owner: Ints, count: int) -> tuple[Ints, ...]:
+    """The members of each of `count` owners, in their order."""
+    order = np.argsort(owner, kind="stable")
+    return tuple(np.split(members[order], np.cumsum(np.bincount(owner, minlength=count))[:-1]))
+
+
+def is_cut(mesh: Mesh) -> bool:
+    """Whether a mesh carries the records of a cut."""
+    macro = mesh.cell_data.get("lac_macro")
+    return macro is not None and bool((macro >= 0).any())

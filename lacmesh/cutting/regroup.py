@@ -1,0 +1,272 @@
+"""Segments of a plane mesh that one edge was cut into, found by putting the cell behind them together again.
+
+On a line, places say nothing: any even spacing looks like a cut. So the cells behind are asked for the whole pattern,
+and where it is there they are replaced by the cell that they came from. A cell that was cut for several of its edges is
+put together edge by edge, in the opposite order: round after round, until nothing more fits.
+
+The cone on a triangle, two triangles beside the middle of an edge, is common in uncut meshes too. It counts only where
+the middle is numbered after both ends, and the two triangles stand side by side in the file, as a cut leaves them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cutting.patterns import CONE, RING
+from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.skin import TYPE_CODE, Faces
+
+Bools = NDArray[np.bool_]
+#: kind, parts (m, k), frame (m, 2 + new nodes), half-width of the ring
+Segments = tuple[str, Ints, Ints, float]
+
+
+@dataclass(frozen=True)
+class _Chains:
+    """Candidates: `parts` (m, k) rows of faces head to tail, `nodes` (m, k + 1) from end to end."""
+
+    parts: Ints
+    nodes: Ints
+
+    def take(self, rows: Bools) -> _Chains:
+        return _Chains(self.parts[rows], self.nodes[rows])
+
+
+@dataclass(frozen=True)
+class _Merge:
+    """Cells put together: `chain` (k,) the candidate that says so, `gone` (k, r) its cells, `parent` (k, 4) nodes."""
+
+    chain: Ints
+    gone: Ints
+    parent: Ints
+
+    def take(self, rows: Bools) -> _Merge:
+        return _Merge(self.chain[rows], self.gone[rows], self.parent[rows])
+
+
+def regroup_segments(mesh: Mesh, faces: Faces, place: Ints, tolerance: float) -> list[Segments]:
+    """The macro-elements among the SEG2 of a skin; `place` (f,): where each face stands in the file."""
+    pairs, triples, half = _candidates(mesh, faces, tolerance)
+    if not len(pairs.parts) and not len(triples.parts):
+        return []
+    plane = _Plane.around(mesh, np.unique(np.concatenate([pairs.nodes.ravel(), triples.nodes.ravel()])))
+    sides_of_pair, sides_of_triple = plane.sides(pairs.nodes), plane.sides(triples.nodes)
+    late = triples.nodes[:, 1:3].min(axis=1) > triples.nodes[:, [0, 3]].max(axis=1)
+    together = (np.diff(place[triples.parts], axis=1) == 1).all(axis=1)
+    bare = (sides_of_triple == 0) & late & together
+    merged_pairs, merged_triples = np.zeros_like(sides_of_pair), np.zeros_like(sides_of_triple)
+    while True:
+        found = [plane.rings(triples.nodes), *plane.cones(pairs.nodes, sides_of_pair)]
+        if not sum(len(merge.chain) for merge in found):
+            break
+        plane, done = plane.put_together(found)
+        np.add.at(merged_triples, done[0], 1)
+        np.add.at(merged_pairs, np.concatenate(done[1:]), 1)
+    in_a_row = (np.diff(place[pairs.parts], axis=1) == 1).all(axis=1)
+    is_pair = (merged_pairs == sides_of_pair) & ((sides_of_pair > 0) | in_a_row)
+    is_triple = (merged_triples == sides_of_triple) & ((sides_of_triple > 0) | bare)
+    pairs, triples = pairs.take(is_pair), triples.take(is_triple)
+    return [
+        (CONE, pairs.parts, pairs.nodes[:, [0, 2, 1]], 1 / 3),
+        (RING, triples.parts, triples.nodes[:, [0, 3, 1, 2]], half),
+    ]
+
+
+def _candidates(mesh: Mesh, faces: Faces, tolerance: float) -> tuple[_Chains, _Chains, float]:
+    """Pairs of segments halved as a cut does, and numbered so; triples with an even spacing; the ring's half-width."""
+    rows = np.flatnonzero(faces.type == TYPE_CODE["SEG2"])
+    start, stop = faces.nodes[rows, 0], faces.nodes[rows, 1]
+    starts, stops = (np.bincount(nodes, minlength=mesh.n_nodes) for nodes in (start, stop))
+    after = np.full(mesh.n_nodes, -1, np.int64)
+    after[start] = np.arange(len(rows))
+    passed = (starts == 1) & (stops == 1)
+    following = np.where(passed[stop], after[stop], -1)
+    one = np.flatnonzero(following >= 0)
+    two = one[following[following[one]] >= 0]
+    pairs = _Chains(
+        np.column_stack([one, following[one]]), np.column_stack([start[one], stop[one], stop[following[one]]])
+    )
+    middle = following[two]
+    last = following[middle]
+    triples = _Chains(
+        np.column_stack([two, middle, last]), np.column_stack([start[two], stop[two], stop[middle], stop[last]])
+    )
+    a, n, b = np.moveaxis(mesh.points[pairs.nodes], 1, 0)
+    late = (pairs.nodes[:, [1]] > pairs.nodes[:, [0, 2]]).all(axis=1)
+    pairs = pairs.take(_near(n, (a + b) / 2, b - a, tolerance) & late)
+    a, n, m, b = np.moveaxis(mesh.points[triples.nodes], 1, 0)
+    size = np.maximum(((b - a) ** 2).sum(axis=1), 1e-300)
+    half = ((m - n) * (b - a)).sum(axis=1) / size
+    even = (half > 0) & (half < 1)
+    for x, sign in ((n, -1), (m, 1)):
+        even &= _near(x, (a + b) / 2 + sign * (half / 2)[:, None] * (b - a), b - a, tolerance)
+    width = float(np.median(half[even])) if even.any() else 1 / 3
+    return (
+        _Chains(rows[pairs.parts], pairs.nodes),
+        _Chains(rows[triples.parts], triples.nodes).take(even),
+        width if abs(width - 1 / 3) > tolerance else 1 / 3,
+    )
+
+
+def _near(x: Floats, expected: Floats, side: Floats, tolerance: float) -> Bools:
+    return np.linalg.norm(x - expected, axis=1) <= tolerance * np.linalg.norm(side, axis=1)
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """The TRIA3 and QUAD4 near a skin: `nodes` (k, 4), -1 last in a triangle.
+
+    `first`, `last` (k,): where each stands in the file, a span, because a cell put together stands where its parts do.
+    `key`, `owner`: the edges, sorted, and whose they are.
+    """
+
+    nodes: Ints
+    first: Ints
+    last: Ints
+    n_nodes: int
+    key: Ints
+    owner: Ints
+
+    @classmethod
+    def of(cls, nodes: Ints, first: Ints, last: Ints, n_nodes: int) -> _Plane:
+        """The cells, and their edges."""
+        size = np.where(nodes[:, 3] < 0, 3, 4)
+        keys, owners = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+        for k in range(4):
+            rows = np.flatnonzero(k < size)
+            a, b = nodes[rows, k], nodes[rows, (k + 1) % size[rows]]
+            keys.append(np.minimum(a, b) * n_nodes + np.maximum(a, b))
+            owners.append(rows)
+        key, owner = np.concatenate(keys), np.concatenate(owners)
+        order = np.argsort(key, kind="stable")
+        return cls(nodes, first, last, n_nodes, key[order], owner[order])
+
+    @classmethod
+    def around(cls, mesh: Mesh, seeds: Ints) -> _Plane:
+        """The cells that touch some nodes, and those that touch these cells in two nodes."""
+        touched = np.zeros(mesh.n_nodes, bool)
+        touched[seeds] = True
+        plane = [(n, ids) for kind, n, ids in cells_of_dim(mesh, 2) if kind in ("TRIA3", "QUAD4") and len(n)]
+        for least in (1, 2):
+            near = [np.count_nonzero(touched[nodes], axis=1) >= least for nodes, _ in plane]
+            for (nodes, _), rows in zip(plane, near, strict=True):
+                touched[nodes[rows]] = True
+        cells = [np.empty((0, 4), np.int64)]
+        cells += [
+            np.pad(n[r], ((0, 0), (0, 4 - n.shape[1])), constant_values=-1)
+            for (n, _), r in zip(plane, near, strict=True)
+        ]
+        ids = np.concatenate([np.empty(0, np.int64), *(i[r] for (_, i), r in zip(plane, near, strict=True))])
+        if mesh.file_order is not None:
+            rank = np.empty(mesh.n_cells, np.int64)
+            rank[mesh.file_order] = np.arange(mesh.n_cells)
+            ids = rank[ids]
+        return cls.of(np.concatenate(cells).astype(np.int64), ids, ids, mesh.n_nodes)
+
+    def owners(self, a: Ints, b: Ints) -> Ints:
+        """(k, 2): the cells that have the edges a b, -1 where there are fewer; an edge of three cells has none."""
+        key = np.minimum(a, b) * self.n_nodes + np.maximum(a, b)
+        low, high = (np.searchsorted(self.key, key, side=side) for side in ("left", "right"))
+        out = np.full((len(key), 2), -1, np.int64)
+        for k in range(2):
+            there = (high - low > k) & (high - low <= 2)
+            out[there, k] = self.owner[low[there] + k]
+        return out
+
+    def sides(self, chains: Ints) -> Ints:
+        """(m,): how many cells stand behind the first segment of each chain."""
+        return (self.owners(chains[:, 0], chains[:, 1]) >= 0).sum(axis=1)
+
+    def across(self, cell: Ints, a: Ints, b: Ints) -> Ints:
+        """The cell on the other side of the edges a b, -1 where there is none."""
+        both = self.owners(a, b)
+        return np.where(both[:, 0] == cell, both[:, 1], np.where(both[:, 1] == cell, both[:, 0], -1))
+
+    def beside(self, cell: Ints, at: Ints, other: Ints) -> Ints:
+        """The corner of quadrangles beside their corner `at`, on the side away from `other`; -1 where there is none."""
+        nodes = self.nodes[cell]
+        place = (nodes == at[:, None]).argmax(axis=1)
+        rows = np.arange(len(cell))
+        before, after = nodes[rows, (place - 1) % 4], nodes[rows, (place + 1) % 4]
+        good = (cell >= 0) & (nodes[:, 3] >= 0) & (nodes[rows, place] == at)
+        return np.where(good & (before == other), after, np.where(good & (after == other), before, -1))
+
+    def _behind(self, chains: Ints) -> tuple[Ints, Ints]:
+        """(chain (k,), cell (k,)): a row for each cell behind the first segment of each chain."""
+        chain, side = np.nonzero(self.owners(chains[:, 0], chains[:, 1]) >= 0)
+        return chain, self.owners(chains[:, 0], chains[:, 1])[chain, side]
+
+    def cones(self, chains: Ints, sides: Ints) -> list[_Merge]:
+        """The pairs whose cells on one side are a triangle cut in two, or a quadrangle cut in three.
+
+        The second is made only at an interface, or in a cell that has another slave edge at one.
+        """
+        chain, cell = self._behind(chains)
+        spoke, n, b = (chains[chain, k] for k in range(3))
+        gone, path = [cell], []
+        good = np.ones(len(chain), bool)
+        out = []
+        for step in range(3):
+            triangle = (cell >= 0) & (self.nodes[cell, 3] < 0)
+            good &= triangle
+            third = np.where(good, self.nodes[cell, :3].sum(axis=1) - n - spoke, -1)
+            path.append(third)
+            end = good & (third == b)
+            if step:
+                forced = sides[chain] == 2
+                for part in gone:
+                    forced |= self.first[part] < self.last[part]
+                allowed = end & (self._in_a_row(gone) if step == 1 else forced)
+                rows = np.flatnonzero(allowed)
+                far = path[:-1][::-1] + [np.full(len(chain), -1)] * (2 - step)
+                parent = np.column_stack([chains[chain, 0], b, *far])[rows]
+                out.append(_Merge(chain[rows], np.column_stack(gone)[rows], parent))
+            good &= ~end
+            cell, spoke = np.where(good, self.across(cell, n, third), -1), third
+            gone = [*gone, cell]
+        return out
+
+    def _in_a_row(self, cells: list[Ints]) -> Bools:
+        """Whether two cells stand side by side in the file."""
+        a, b = cells
+        return (self.last[a] + 1 == self.first[b]) | (self.last[b] + 1 == self.first[a])
+
+    def rings(self, chains: Ints) -> _Merge:
+        """The triples whose cells on one side are a quadrangle cut in four."""
+        chain, first = self._behind(chains)
+        a, n1, n2, b = (chains[chain, k] for k in range(4))
+        v4, m1 = self.beside(first, a, n1), self.beside(first, n1, a)
+        middle = self.across(first, n1, m1)
+        m2 = self.beside(middle, n2, n1)
+        last = self.across(middle, n2, m2)
+        v3 = self.beside(last, b, n2)
+        far = self.across(middle, m1, m2)
+        good = (self.beside(middle, n1, n2) == m1) & (self.beside(last, n2, b) == m2) & (v3 >= 0) & (v4 >= 0)
+        good &= (self.beside(far, m1, m2) == v4) & (self.beside(far, m2, m1) == v3)
+        rows = np.flatnonzero(good)
+        gone = np.column_stack([first, middle, last, far])[rows]
+        return _Merge(chain[rows], gone, np.column_stack([a, b, v3, v4])[rows])
+
+    def put_together(self, found: list[_Merge]) -> tuple[_Plane, list[Ints]]:
+        """The cells with some of them replaced by what they came from, and the chains that this was done for.
+
+        What wants a cell that another wants too waits.
+        """
+        used = np.zeros(len(self.nodes), np.int64)
+        for merge in found:
+            np.add.at(used, merge.gone.ravel(), 1)
+        alone = [merge.take((used[merge.gone] == 1).all(axis=1)) for merge in found]
+        if not sum(len(merge.chain) for merge in alone):  # take any one, or nothing would end
+            best = next(k for k, merge in enumerate(found) if len(merge.chain))
+            alone = [m.take((np.arange(len(m.chain)) == 0) & (k == best)) for k, m in enumerate(found)]
+        kept = np.ones(len(self.nodes), bool)
+        for merge in alone:
+            kept[merge.gone] = False
+        nodes = np.concatenate([self.nodes[kept], *(m.parent for m in alone)])
+        first = np.concatenate([self.first[kept], *(self.first[m.gone].min(axis=1, initial=2**62) for m in alone)])
+        last = np.concatenate([self.last[kept], *(self.last[m.gone].max(axis=1, initial=-1) for m in alone)])
+        return _Plane.of(nodes, first, last, self.n_nodes), [merge.chain for merge in alone]

@@ -1,0 +1,1 @@
+"""Meshes and cuts for other libraries and programs: meshio, pyvista, trimesh, code_aster."""

@@ -1,0 +1,104 @@
+"""code_aster's own view of a cut: which slave face carries which LAGS_C nodes, and with what share.
+
+code_aster hangs a macro-element's one multiplier on nodes of its slave faces (R5.03.55, figures 3 to 16); where no node
+is common to all of them it makes two or four, tied together, and each face's contribution is divided by the number it
+carries (the halves and quarters of 3.3.4). Solvers that take one unknown a macro-element need none of this.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lacmesh.cells import CELLS
+from lacmesh.cutting.records import Cut, split
+from lacmesh.mesh import Ints
+from lacmesh.topology.skin import Faces, find_owners
+
+#: (type of the faces, number of them in the macro-element): code of the patch; for each face, E1 first, the places of
+#: the nodes that carry LAGS_C. SEG3 has a code for each parent: `_SEG3_CODE`.
+_PATCHES: dict[tuple[str, int], tuple[int, tuple[tuple[int, ...], ...]]] = {
+    ("SEG2", 2): (7, ((1,), (0,))),
+    ("SEG2", 3): (12, ((1,), (0, 1), (0,))),
+    ("SEG3", 1): (0, ((2,),)),
+    ("TRIA3", 3): (18, ((2,),) * 3),
+    ("TRIA6", 3): (19, ((2,),) * 3),
+    ("TRIA3", 4): (125, ((2,),) * 4),
+    ("TRIA6", 4): (126, ((2,),) * 4),
+    ("QUAD4", 5): (25, (*((2, 3),) * 4, (0, 1, 2, 3))),
+    ("QUAD8", 5): (26, (*((2, 3),) * 4, (0, 1, 2, 3))),
+    ("QUAD9", 1): (27, ((8,),)),
+    ("TRIA7", 1): (0, ((6,),)),
+}
+_SEG3_CODE = {"TRIA6": 9, "QUAD8": 14}
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """Where LAGS_C stands. `faces` (f,): the slave faces; a row each: `nodes` (f, 4) those that carry it, -1 beyond.
+
+    `share` (f,): by what a face's contribution is multiplied: 1, 1/2 or 1/4. `patch_of_cell` (n_cells,) and
+    `patch_of_node` (n_nodes,): patch numbers from 1, 0 where there is none. `patch_code` (patches,): code_aster's code
+    of the pattern, 0 where code_aster has none (TRIA7, and QUAD9 in 2D); `patch_nodes`: for each patch its nodes.
+    """
+
+    faces: Ints
+    nodes: Ints
+    share: np.ndarray
+    patch_of_cell: Ints
+    patch_of_node: Ints
+    patch_code: Ints
+    patch_nodes: tuple[Ints, ...]
+
+
+def aster_multipliers(cut: Cut) -> Multipliers:
+    """code_aster's view of the multipliers of a cut."""
+    mesh = cut.mesh
+    faces = np.flatnonzero(cut.macro_of_face >= 0)
+    macro = cut.macro_of_face[faces]
+    size = np.bincount(macro, minlength=cut.n_macros)
+    nodes = np.full((len(faces), 4), -1, np.int64)
+    code = np.zeros(cut.n_macros, np.int64)
+    for kind, cells, connectivity in mesh.select(faces):
+        rows = np.searchsorted(faces, cells)
+        key = size[macro[rows]] * 8 + cut.child_kind[cells]
+        for value in np.unique(key):
+            at = np.flatnonzero(key == value)
+            patch, carriers = _PATCHES[kind, int(value) // 8]
+            places = carriers[int(value) % 8 - 1]
+            nodes[rows[at], : len(places)] = connectivity[at][:, places]
+            code[macro[rows[at]]] = patch
+    _code_segments(cut, faces, macro, code)
+    patch_of_cell = np.zeros(mesh.n_cells, np.int64)
+    patch_of_cell[faces] = macro + 1
+    patch_of_node = np.zeros(mesh.n_nodes, np.int64)
+    carried = nodes >= 0
+    patch_of_node[nodes[carried]] = np.broadcast_to(macro[:, None] + 1, nodes.shape)[carried]
+    share = 1.0 / carried.sum(axis=1)
+    carrying = np.flatnonzero(patch_of_node)
+    carriers_of = split(carrying, patch_of_node[carrying] - 1, cut.n_macros)
+    return Multipliers(faces, nodes, share, patch_of_cell, patch_of_node, code, carriers_of)
+
+
+def _code_segments(cut: Cut, faces: Ints, macro: Ints, code: Ints) -> None:
+    """A SEG3's code depends on the cell behind it."""
+    mesh = cut.mesh
+    segments = faces[np.isin(faces, _cells_of_type(cut, "SEG3"))]
+    if not len(segments):
+        return
+    (part,) = mesh.select(segments)
+    cells = [(b.type, b.nodes, np.full(len(b.nodes), k)) for k, b in enumerate(mesh.blocks) if _plane(b.type)]
+    found = find_owners(Faces.join([("SEG3", part[2])]), cells, mesh.n_nodes)
+    codes = np.array([_SEG3_CODE.get(b.type, 0) for b in mesh.blocks])
+    code[macro[np.searchsorted(faces, segments[found.face])]] = codes[found.cell]
+
+
+def _cells_of_type(cut: Cut, name: str) -> Ints:
+    mesh = cut.mesh
+    starts = [mesh.offsets[k] + np.arange(len(b.nodes)) for k, b in enumerate(mesh.blocks) if b.type == name]
+    return np.concatenate([np.empty(0, np.int64), *starts])
+
+
+def _plane(name: str) -> bool:
+    return name in CELLS and CELLS[name].dim == 2

@@ -1,0 +1,160 @@
+"""What the programs that a mesh is meant for can take: which cells, and which children a cut would give them.
+
+    gmsh        the cells of msh
+    aster       code_aster, by MED; a name for the cells is no promise that its models take them
+    calculix    CalculiX, by .inp
+    abaqus      Abaqus, by .inp
+    fenics      dolfinx, by XDMF: one type of cells in a mesh, as its `read_mesh` asks
+    lacsolver   lacsolver, by any format: all cells of order 1 and 2, mixed
+
+The names of the cells come from the tables of the formats; dolfinx's types are those that its reader of XDMF knows
+(`xdmf_utils.cpp`), and it takes no mixture of types.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.cutting.cut import cut_skin, is_cut
+from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError, did_you_mean
+from lacmesh.formats.inp.writer_types import card
+from lacmesh.formats.med.types import MED_TYPES
+from lacmesh.formats.xdmf.types import OF_TYPE as XDMF_OF_TYPE
+from lacmesh.mesh import Mesh
+
+TARGETS: Mapping[str, str] = {
+    "gmsh": "gmsh",
+    "aster": "code_aster",
+    "calculix": "CalculiX",
+    "abaqus": "Abaqus",
+    "fenics": "dolfinx",
+    "lacsolver": "lacsolver",
+}
+_MED_NAMES = {kind.type: kind.name for kind in MED_TYPES}
+#: Cells that dolfinx reads as cells of a mesh.
+_FENICS = ("SEG2", "SEG3", "TRIA3", "TRIA6", "QUAD4", "QUAD9", "TETRA4", "TETRA10", "HEXA8", "HEXA27")
+
+
+def element(kind: str, target: str, plane: bool = False) -> str | None:
+    """What a target calls a cell of type `kind`, None where it has none; `plane`: in a plane mesh.
+
+    >>> element("HEXA8", "calculix"), element("PYRAM5", "calculix"), element("TRIA3", "calculix", plane=True)
+    ('C3D8', None, 'CPS3')
+    """
+    if target == "gmsh":
+        number = ALL_CELLS[kind].msh
+        return None if number is None else str(number)
+    if target == "aster":
+        return _MED_NAMES.get(kind)
+    if target == "fenics":
+        return XDMF_OF_TYPE[kind].name if kind in _FENICS else None
+    if kind not in CELLS:
+        return None
+    if target == "lacsolver":
+        return kind if CELLS[kind].dim else None
+    return card(kind, target, "CPS" if plane else None, skin=False)
+
+
+def refused(mesh: Mesh, target: str) -> dict[str, int]:
+    """type -> number of the cells that a target cannot take; for dolfinx, those of one dimension and several types.
+
+    Cells below the mesh's dimension matter to gmsh and code_aster, and facets to dolfinx; .inp files hold them as
+    surfaces or sets of nodes. Raises RequestError for a target that is none.
+    """
+    if target not in TARGETS:
+        raise RequestError(f"no target {target!r}{did_you_mean(target, TARGETS)}")
+    lowest = {"gmsh": 0, "aster": 0, "fenics": mesh.dim - 1}.get(target, mesh.dim)
+    asked = {kind: n for kind, n in mesh.cells_by_type.items() if ALL_CELLS[kind].dim >= lowest}
+    wrong = {kind: n for kind, n in asked.items() if element(kind, target, mesh.space_dim == 2) is None}
+    if target == "fenics" and not wrong:
+        for dim in (mesh.dim, mesh.dim - 1):
+            mixed = {kind: n for kind, n in asked.items() if ALL_CELLS[kind].dim == dim}
+            if len(mixed) > 1:
+                return mixed
+    return wrong
+
+
+def check_cells(mesh: Mesh, target: str) -> None:
+    """Raise DataError where a mesh as it is has cells that a target cannot take (RequestError: it is no target)."""
+    wrong = refused(mesh, target)
+    if wrong:
+        raise DataError(f"the mesh has {_listed(wrong)}, and {_reason(mesh, wrong, target)}; mesh it anew")
+
+
+def check_target_cells(
+    mesh: Mesh,
+    slave: str | int | Sequence[str | int],
+    target: str,
+    *,
+    hexa: str = "pyramid",
+    interface: str = "both",
+    skin_only: bool = False,
+    recognise: bool | None = None,
+) -> None:
+    """Raise CutError where a mesh, cut so, would have cells that a target cannot take; the error says what to try.
+
+    The options are those of `cut_skin`, whose errors come first (GroupNotFoundError, CutError). Costs a cut of the mesh
+    without its data. Raises RequestError for a target that is none.
+    """
+    there, done = refused(mesh, target), is_cut(mesh) and recognise is not False
+
+    def cut(variant: str) -> Mesh:
+        if done:
+            return mesh
+        return _cut(mesh, slave, hexa=variant, interface=interface, skin_only=skin_only, recognise=recognise)
+
+    after = cut(hexa)
+    wrong = refused(after, target)
+    if not wrong:
+        return
+    if done:
+        said = f"the mesh is cut already, has {_listed(wrong)}, and {_reason(after, wrong, target)}"
+        advice = f"cut the mesh that it came from with --for {target}, which says what to try"
+    else:
+        new = ", ".join(
+            f"{n} {kind} ({max(0, n - there.get(kind, 0))} of them new)" for kind, n in sorted(wrong.items())
+        )
+        said = f"the mesh that is cut would have {new}, and {_reason(after, wrong, target)}"
+        advice = _advice(mesh, there, cut("hexa"), target)
+    bad = [c for kind, cells, _ in after.select(np.arange(after.n_cells)) if kind in wrong for c in cells[:1000]]
+    raise CutError(f"{said}; {advice}", after.cell_number[bad])
+
+
+def _listed(kinds: Mapping[str, int]) -> str:
+    return ", ".join(f"{n} {kind}" for kind, n in sorted(kinds.items()))
+
+
+def _reason(mesh: Mesh, wrong: Mapping[str, int], target: str) -> str:
+    mixture = all(element(kind, target, mesh.space_dim == 2) for kind in wrong)
+    return f"{TARGETS[target]} {'takes no mixture of cells' if mixture else 'has no such cells'}"
+
+
+def _cut(mesh: Mesh, slave: str | int | Sequence[str | int], **options: Any) -> Mesh:
+    """The mesh cut, without what does not matter to its types."""
+    data = {"entity": mesh.cell_data["entity"]} if "entity" in mesh.cell_data else {}
+    bare = replace(mesh, cell_data=data, node_data={}, node_groups={}, steps={}, model=None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)
+        return cut_skin(bare, slave, **options).mesh
+
+
+def _advice(mesh: Mesh, there: Mapping[str, int], with_hexa: Mesh, target: str) -> str:
+    """What to try: `there` is refused before the cut; `with_hexa`: the mesh cut by the variant of hexahedra."""
+    if there:
+        return f"it has {_listed(there)} before it is cut: mesh it anew"
+    wrong = refused(with_hexa, target)
+    if not wrong:
+        return "--hexa hexa makes hexahedra instead"
+    children = np.concatenate(
+        [cells for kind, cells, _ in with_hexa.select(np.arange(with_hexa.n_cells)) if kind in wrong]
+    )
+    parents = np.flatnonzero(np.isin(mesh.cell_number, with_hexa.cell_data["lac_parent"][children]))
+    behind = _listed({kind: len(cells) for kind, cells, _ in mesh.select(parents)})
+    anew = "tetrahedra, or with hexahedra and --hexa hexa"
+    return f"no option changes that for the {behind} behind the slave skin: mesh these with {anew}"

@@ -1,0 +1,114 @@
+"""The compiled form of kernels, by numba, which takes long to import: `kernels` imports this only where it pays.
+
+What a kernel is compiled to is kept by `kept`, under a name made of its `key`, the types of what it is called with, the
+processor, and the version of numba.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import io
+import logging
+import pickle
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import numba
+from llvmlite.binding import add_symbol, parse_assembly
+from numba.core.caching import _Cache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+from lacmesh.kernels.kept import folders, read, save
+
+#: numba's types say less than it takes
+_NJIT: Any = numba.njit
+_UNLITERAL: Any = numba.types.unliteral
+_RESULT: Any = CompileResult
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+
+
+def outer(function: Callable[..., Any], key: str) -> Any:
+    """What Python calls: compiled for the types that it is called with, or found on the disk."""
+    made = _NJIT(function, **_OPTIONS)
+    made._cache = _Kept(key)
+    return made
+
+
+def inner(function: Callable[..., Any]) -> Any:
+    """What other kernels call: nothing that Python could call is made of it, which takes a third of the time."""
+    made = _NJIT(function, no_cpython_wrapper=True, **_OPTIONS)
+    template = made.get_call_template
+    # one form for all integers, not another for each that a caller writes as a number
+    made.get_call_template = lambda types, keywords: template([_UNLITERAL(t) for t in types], keywords)
+    return made
+
+
+class _Kept(_Cache):
+    """The compiled forms of one kernel on the disk, as numba asks for them."""
+
+    def __init__(self, key: str) -> None:
+        self._key = key
+
+    @property
+    def cache_path(self) -> str:
+        return str(folders()[0])
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled form for a signature; None where there is none, or none that can be read."""
+        data = read(self._name(sig, target_context.codegen()))
+        if data is not None:
+            with suppress(Exception):  # what a broken disk left may be anything: it is compiled again
+                _name_allocator()
+                return _RESULT._rebuild(target_context, *_Reader(io.BytesIO(data)).load())
+        _say_that_it_takes_time()
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the compiled form for a signature."""
+        if data.library.has_dynamic_globals:
+            return
+        with suppress(Exception):  # another numba may have other parts: then nothing is kept
+            save(self._key, self._name(sig, data.codegen), dumps(_lean(*data._reduce())))  # type: ignore[no-untyped-call]
+
+    def _name(self, sig: Any, codegen: Any) -> str:
+        every = repr((sig, codegen.magic_tuple(), numba.__version__))
+        return f"{self._key}.{hashlib.sha256(every.encode()).hexdigest()[:16]}"
+
+    def enable(self) -> None: ...
+
+    def disable(self) -> None: ...
+
+    def flush(self) -> None: ...
+
+
+def _lean(library: Any, described: Any, environment: Any, *rest: Any) -> tuple[Any, ...]:
+    """A compiled form without the code that others could inline, two thirds of its loading: names are left of it."""
+    title, kind, (code, _) = library
+    names = [described.llvm_cpython_wrapper_name, *sorted({one.env_name for one in (environment, *rest[-1])})]
+    table = parse_assembly("\n".join(f'@"{name}" = global i8 0' for name in names))
+    return (title, kind, (code, table.as_bitcode())), described, environment, *rest
+
+
+@functools.cache
+def _name_allocator() -> None:
+    """Tell the linker what hands out memory, all that loading needs of what numba makes ready to compile."""
+    from numba.core.runtime import _nrt_python  # type: ignore[attr-defined]
+
+    for name, address in _nrt_python.c_helpers.items():
+        add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
+
+
+class _Reader(pickle.Unpickler):
+    """Reads a compiled form. The modules of numba whose functions were compiled into it are not imported for it."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        found = super().find_class(module, name)
+        return (lambda _, *rest: found(__name__, *rest)) if name == "_rebuild_env" else found
+
+
+@functools.cache
+def _say_that_it_takes_time() -> None:
+    logging.getLogger("lacmesh").info("compiling what this needs: some seconds, the first time")

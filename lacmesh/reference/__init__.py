@@ -1,0 +1,1 @@
+"""Reference elements: shape functions and quadrature."""

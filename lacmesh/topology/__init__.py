@@ -1,0 +1,1 @@
+"""Faces, the cells behind them, their components and their winding."""

@@ -1,0 +1,77 @@
+"""The skin cells of a mesh as `Faces`: each face once, in the order asked for, and the facets of the cells behind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.mesh import Ints, Mesh, codes
+from lacmesh.reference.quadrature import measure, signed_area
+from lacmesh.topology.skin import Faces, Match, label_rows
+
+
+def cells_of_dim(mesh: Mesh, dim: int) -> Iterator[tuple[str, Ints, Ints]]:
+    """The cells of dimension `dim`, block by block: (type, their nodes, their indices)."""
+    for k, block in enumerate(mesh.blocks):
+        if ALL_CELLS[block.type].dim == dim:
+            yield block.type, block.nodes, np.arange(mesh.offsets[k], mesh.offsets[k + 1])
+
+
+def faces_of(mesh: Mesh, cells: Ints) -> Faces:
+    """Some skin cells (of types in FACE_TYPES) as faces, in the order of `cells`."""
+    order: list[Ints] = [np.empty(0, np.int64)]
+    parts = []
+    for kind, chosen, nodes in mesh.select(cells):
+        order.append(chosen)
+        parts.append((kind, nodes))
+    by_type = Faces.join(parts)
+    place = np.empty(mesh.n_cells, np.int32)
+    found = np.concatenate(order)
+    place[found] = np.arange(len(found))
+    return by_type.take(place[cells])
+
+
+def distinct_faces(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
+    """The faces under some cells, each once, and the place in `cells` that it has its node order from."""
+    faces = faces_of(mesh, cells)
+    labels, count = label_rows(np.sort(faces.corners, axis=1))
+    first = np.full(count, len(labels))
+    np.minimum.at(first, labels, np.arange(len(labels)))
+    first.sort()
+    return faces.take(first), first
+
+
+def facets_of(mesh: Mesh, owners: Match) -> Faces:
+    """The facets of a match's cells, as the cells list them (outward), in its order."""
+    parts, rows = [], [np.empty(0, np.int64)]
+    order = np.argsort(owners.cell, kind="stable")
+    done = 0
+    for kind, cells, nodes in mesh.select(owners.cell[order]):
+        facet = owners.facet[order[done : done + len(cells)]]
+        for j in codes(facet):
+            at = np.flatnonzero(facet == j)
+            parts.append((CELLS[kind].facets[j].type, nodes[at][:, CELLS[kind].facets[j].nodes]))
+            rows.append(order[done + at])
+        done += len(cells)
+    place = np.empty(len(order), np.int64)
+    place[np.concatenate(rows)] = np.arange(len(order))
+    return Faces.join(parts).take(place)
+
+
+def inside_out(mesh: Mesh, cells: Ints, plane: bool) -> NDArray[np.bool_]:
+    """(k,): which cells list their nodes the wrong way (real meshes have some): their facets point inward.
+
+    Solids by the volume of their corners; surface cells by their area where they lie in a `plane` z = constant, and
+    never in space, where they have no wrong way.
+    """
+    wrong = np.zeros(mesh.n_cells, bool)
+    for kind, chosen, nodes in mesh.select(cells):
+        flat = CELLS[CELLS[kind].linear]
+        if flat.dim == 3:
+            wrong[chosen] = measure(flat.name, mesh.points[nodes[:, : flat.n_corners]]) < 0
+        elif plane:
+            wrong[chosen] = signed_area(kind, mesh.points[nodes]) < 0
+    return wrong[cells]

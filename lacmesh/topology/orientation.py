@@ -1,0 +1,268 @@
+"""Which way skin faces turn, and how they are turned outward.
+
+A face with one cell behind it is outward when a corner's right-hand turn leaves that cell. A face between two cells has
+no outward and stays. A bare skin (a rigid master, a shell) has no cell to say what is outward: its faces are made to
+agree across their edges, and a closed one is turned so that the volume it encloses counts positive. What must agree is
+found on the double cover: every face stands there twice, as it is and turned over, and is joined to its neighbours as
+they agree with it; a connected part is one way to turn a whole piece of skin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import DataError
+from lacmesh.mesh import Ints, Mesh, Spec, spec_text
+from lacmesh.topology.components import label_components
+from lacmesh.topology.faces import cells_of_dim, distinct_faces, faces_of, facets_of, inside_out
+from lacmesh.topology.skin import N_CORNERS, REVERSED, Faces, Match, find_owners, find_repeats, label_rows, turn
+
+Bools = NDArray[np.bool_]
+
+#: a slave face of a macro-element turned over, so that it still lists its outer corners first (`patterns.py`)
+_REVERSED_CHILD = {
+    "SEG2": (1, 0),
+    "SEG3": (1, 0, 2),
+    "TRIA3": (1, 0, 2),
+    "TRIA6": (1, 0, 2, 3, 5, 4),
+    "QUAD4": (1, 0, 3, 2),
+    "QUAD8": (1, 0, 3, 2, 4, 7, 6, 5),
+}
+
+
+@dataclass(frozen=True)
+class Turning:
+    """What turning some skin faces outward means; every field holds indices of cells of the mesh.
+
+    `turned`: the faces to turn over. `interface`: those between two cells, which stay. `bare`: those without a cell
+    behind; among these `open`, whose skin encloses nothing, so that they are only made to agree, and `one_sided`, which
+    cannot even agree (a Moebius strip) and stay.
+    """
+
+    turned: Ints
+    interface: Ints
+    bare: Ints
+    open: Ints
+    one_sided: Ints
+
+
+def orient(mesh: Mesh, group: Spec) -> Mesh:
+    """The mesh with the skin faces of a cell group turned outward; numbers, groups and data are kept.
+
+    `group`: named as `Mesh.group` takes it.
+
+    Raises GroupNotFoundError, and DataError where the group holds no skin face that can be turned.
+
+    >>> cells = [("TRIA3", [[0, 1, 2]]), ("SEG2", [[1, 0]])]
+    >>> triangle = Mesh.create([[0, 0], [1, 0], [0, 1]], cells, cell_groups={"s": [1]})
+    >>> orient(triangle, "s").block("SEG2").tolist()
+    [[0, 1]]
+    """
+    return reverse(mesh, turning(mesh, skin_cells(mesh, group)).turned)
+
+
+def skin_cells(mesh: Mesh, group: Spec) -> Ints:
+    """The skin faces of a cell group: its cells of dimension d - 1, or of its own highest one where it has no such."""
+    cells = mesh.cells_of(group)
+    dims = mesh.cell_dim[cells]
+    want = mesh.dim - 1 if (dims == mesh.dim - 1).any() else int(dims.max(initial=0))
+    faces = cells[dims == want]
+    odd = [chosen for kind, chosen, _ in mesh.select(faces) if kind not in REVERSED]
+    if want not in (1, 2) or odd:
+        what = f"cells of dimension {want}" if not odd else f"cells that are not turned ({mesh.cell_names(odd[0])})"
+        raise DataError(
+            f"the group {spec_text(group)!r} holds no skin of lines or of linear or quadratic surface cells, but "
+            f"{what}",
+            mesh.cell_number[odd[0] if odd else faces],
+        )
+    return faces
+
+
+def turning(mesh: Mesh, cells: Ints) -> Turning:
+    """What turning some skin faces (indices, all of one dimension, of types that can be turned) outward means."""
+    empty = np.empty(0, np.int64)
+    if not len(cells):
+        return Turning(*(empty,) * 5)
+    faces, _ = distinct_faces(mesh, cells)
+    dim = int(mesh.cell_dim[cells[0]])
+    parents = find_owners(faces, cells_of_dim(mesh, dim + 1), mesh.n_nodes)
+    own = _cells_on(mesh, cells, faces)
+    count = np.bincount(parents.face, minlength=len(faces))
+    bare = np.flatnonzero(count == 0)
+    over, state = _agree(mesh, faces.take(bare))
+    back = _listed_back(mesh, faces, own)
+    back_bare = np.zeros(len(faces), bool)
+    back_bare[bare] = over
+    kind = np.full(len(faces), -1)
+    kind[bare] = state
+    turned_bare = own.cell[(back ^ back_bare[own.face]) & (kind[own.face] >= 0) & (kind[own.face] != _ONE_SIDED)]
+    turned = np.union1d(inward(mesh, cells, faces, parents), turned_bare)
+    at = kind[own.face]
+    return Turning(
+        turned,
+        np.sort(own.cell[count[own.face] > 1]),
+        np.sort(own.cell[count[own.face] == 0]),
+        np.sort(own.cell[at == _OPEN]),
+        np.sort(own.cell[at == _ONE_SIDED]),
+    )
+
+
+def inward(mesh: Mesh, cells: Ints, faces: Faces, parents: Match) -> Ints:
+    """Those of some skin cells that turn towards the one cell behind them (sorted).
+
+    `faces`: the faces under `cells`, each once; `parents`: the cells behind (`skin.find_owners`).
+    """
+    own = _cells_on(mesh, cells, faces)
+    single = np.bincount(parents.face, minlength=len(faces)) == 1
+    mine = single[own.face]
+    own = Match(own.face[mine], own.cell[mine], own.facet[mine], own.same[mine])
+    owner = np.full(len(faces), -1)
+    owner[parents.face] = np.arange(len(parents.face))
+    outward = facets_of(mesh, parents).take(owner[own.face])
+    back = turn(outward, faces_of(mesh, own.cell)) % 2 == 1
+    back ^= inside_out(mesh, parents.cell, mesh.space_dim == 2)[owner[own.face]]
+    return np.sort(own.cell[back])
+
+
+def turn_outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: Match) -> tuple[Mesh, Faces]:
+    """The mesh and its faces (as `faces`, from `cells[first]`) with the skin cells that turn inward turned over."""
+    back = inward(mesh, cells, faces, parents) if len(parents.face) else turning(mesh, cells).turned
+    if not len(back):
+        return mesh, faces
+    turned = reverse(mesh, back)
+    return turned, faces_of(turned, cells[first])
+
+
+def reverse(mesh: Mesh, cells: Ints) -> Mesh:
+    """The mesh with some skin cells (sorted indices) turned over.
+
+    The faces of a macro-element still list their outer corners first, and E1, E2, ... go round the other way.
+    """
+    if not len(cells):
+        return mesh
+    macro, rank = mesh.cell_data.get("lac_macro"), mesh.cell_data.get("lac_child")
+    child, centre = np.zeros(mesh.n_cells, bool), np.zeros(mesh.n_cells, bool)
+    if macro is not None and rank is not None:
+        child, centre = _children(macro, rank)
+    blocks = []
+    for k, block in enumerate(mesh.blocks):
+        rows = cells[(cells >= mesh.offsets[k]) & (cells < mesh.offsets[k + 1])] - mesh.offsets[k]
+        nodes = block.nodes
+        if len(rows):
+            nodes = nodes.copy()
+            nodes[rows] = nodes[rows][:, REVERSED[block.type]]
+            of_macro = rows[(child & ~centre)[rows + mesh.offsets[k]]]
+            if len(of_macro):
+                nodes[of_macro] = block.nodes[of_macro][:, _REVERSED_CHILD[block.type]]
+        blocks.append(block._replace(nodes=nodes))
+    turned = replace(mesh, blocks=tuple(blocks))
+    if not child[cells].any() or rank is None or macro is None:
+        return turned
+    around = cells[child[cells] & ~centre[cells]]
+    size = np.zeros(int(macro.max()) + 1, np.int64)
+    np.maximum.at(size, macro[child & ~centre], rank[child & ~centre])
+    new_rank = rank.copy()
+    new_rank[around] = size[macro[around]] + 1 - rank[around]
+    return replace(turned, cell_data={**mesh.cell_data, "lac_child": new_rank})
+
+
+def _children(macro: Ints, rank: Ints) -> tuple[Bools, Bools]:
+    """(n_cells,) each: which cells are faces of macro-elements that were cut, and which are the centre of a ring."""
+    faces = np.flatnonzero(macro >= 0)
+    size = np.bincount(macro[faces])
+    child = np.zeros(len(macro), bool)
+    child[faces] = size[macro[faces]] > 1
+    centre = np.zeros(len(macro), bool)
+    centre[faces] = (size[macro[faces]] == 5) & (rank[faces] == 5)
+    return child, centre
+
+
+def _cells_on(mesh: Mesh, cells: Ints, faces: Faces) -> Match:
+    return find_repeats(faces, [(k, n, c) for k, c, n in mesh.select(np.sort(cells))], mesh.n_nodes)
+
+
+def _listed_back(mesh: Mesh, faces: Faces, own: Match) -> Bools:
+    """Which of the cells on faces list them the other way round."""
+    return turn(faces.take(own.face), faces_of(mesh, own.cell)) % 2 == 1
+
+
+# ---- bare skins
+
+_CLOSED, _OPEN, _ONE_SIDED = range(3)
+
+
+class EdgeUses(NamedTuple):
+    """A row for each edge of each face, or each end of each segment: `face` (m,), `place` (m,), `edge` (m,) labels.
+
+    `place` k: the edge from corner k to the next, or the end k. `forward` (m,): two faces agree across an edge where
+    one goes along it forward and the other does not.
+    """
+
+    face: Ints
+    place: Ints
+    edge: Ints
+    forward: Bools
+
+
+def edge_uses(faces: Faces) -> EdgeUses:
+    """The edges of faces, and which faces have them."""
+    n = N_CORNERS[faces.type]
+    corners = faces.corners
+    parts = []
+    for k in range(corners.shape[1]):
+        rows = np.flatnonzero(k < n)
+        a, b = corners[rows, k], corners[rows, (k + 1) % n[rows]]
+        segment = n[rows] == 2
+        b = np.where(segment, -1, b)
+        forward = np.where(segment, k == 0, a < b)
+        parts.append((rows, np.full(len(rows), k), np.minimum(a, b), np.maximum(a, b), forward))
+    face, place, low, high, forward = (np.concatenate(p) for p in zip(*parts, strict=True))
+    return EdgeUses(face, place, label_rows(np.column_stack([low + 1, high + 1]))[0], forward)
+
+
+def _agree(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints]:
+    """(over (f,), state (f,)): which faces to turn over so that all agree, outward where closed; closed, open ..."""
+    size = len(faces)
+    if not size:
+        return np.zeros(0, bool), np.zeros(0, int)
+    face, _, edge, forward = edge_uses(faces)
+    order = np.argsort(edge, kind="stable")
+    count = np.bincount(edge)
+    pairs = order[(count == 2)[edge[order]]].reshape(-1, 2)
+    f, g = face[pairs].T
+    same = forward[pairs[:, 0]] == forward[pairs[:, 1]]  # they disagree: as it is goes with turned over
+    rows = np.concatenate([f, f + size])
+    columns = np.concatenate([g + size * same, g + size * ~same])
+    sheet = label_components(rows, columns, 2 * size).reshape(2, size)
+    piece = np.unique(sheet.min(axis=0), return_inverse=True)[1]
+    n_pieces = int(piece.max()) + 1
+    over = sheet[0] != sheet.min(axis=0)
+    one_sided = np.zeros(n_pieces, bool)
+    one_sided[piece[sheet[0] == sheet[1]]] = True
+    closed = ~one_sided
+    closed[piece[face[count[edge] != 2]]] = False
+    enclosed = np.bincount(piece, _signed_volume(mesh, faces) * np.where(over, -1, 1), n_pieces)
+    if mesh.space_dim == 3 and N_CORNERS[faces.type[0]] == 2:  # a loop in space encloses nothing
+        closed[:] = False
+    few = np.bincount(piece, over, n_pieces) * 2 > np.bincount(piece, minlength=n_pieces)
+    over ^= np.where(closed, enclosed < 0, few)[piece]
+    over[one_sided[piece]] = False
+    return over, np.where(one_sided, _ONE_SIDED, np.where(closed, _CLOSED, _OPEN))[piece]
+
+
+def _signed_volume(mesh: Mesh, faces: Faces) -> NDArray:
+    """(f,): what each face adds to the volume that a closed skin encloses (to the area, for segments)."""
+    n = N_CORNERS[faces.type]
+    corners = faces.corners
+    x = mesh.points[corners] - mesh.points[corners[0, 0]]
+    if n[0] == 2:
+        return (x[:, 0, 0] * x[:, 1, 1] - x[:, 0, 1] * x[:, 1, 0]) / 2
+    total = np.zeros(len(faces))
+    for k in (1, 2):
+        part = np.einsum("fi,fi->f", x[:, 0], np.cross(x[:, k], x[:, min(k + 1, 3)])) / 6
+        total += np.where(k + 1 < n, part, 0)
+    return total

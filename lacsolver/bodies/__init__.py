@@ -1,0 +1,1 @@
+"""Bodies under small and finite strains: internal forces, tangents, stresses."""

@@ -1,0 +1,25 @@
+"""Bodies at finite strains, from the undeformed one (total Lagrangian).
+
+laws = hyperelastic energies                                        (laws)
+a law at a point: stress, and what its tangent is made of           (point)
+f_int(u) and K(u), straight into vector and block-CSR               (equations)
+stress, energy and thermal stretch at integration points            (fields)
+"""
+
+from lacsolver.bodies.finite.equations import force_and_tangent, internal_force
+from lacsolver.bodies.finite.errors import InadmissibleError
+from lacsolver.bodies.finite.fields import cauchy_stress, energy, first_piola, thermal_stretches
+from lacsolver.bodies.finite.laws import NeoHookean, SaintVenantKirchhoff, locking
+
+__all__ = [
+    "InadmissibleError",
+    "NeoHookean",
+    "SaintVenantKirchhoff",
+    "cauchy_stress",
+    "energy",
+    "first_piola",
+    "force_and_tangent",
+    "internal_force",
+    "locking",
+    "thermal_stretches",
+]

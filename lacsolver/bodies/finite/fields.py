@@ -1,0 +1,163 @@
+"""Stress, energy and thermal stretch at integration points, as `assemble.fields` gives them: an array for each block.
+
+First Piola stress P_si is force along s per area of the undeformed body across i; Cauchy stress P F^T / J is what acts
+on the deformed one, and what is written for people.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import DataError
+from lacmesh.kernels import kernel
+from lacmesh.mesh import Floats
+from lacsolver.bodies.finite.dilatation import dilate, mean_of, respond_mean
+from lacsolver.bodies.finite.equations import Stretches, check_admissible
+from lacsolver.bodies.finite.laws import constants, may_take_the_mean
+from lacsolver.bodies.finite.point import gradient, respond, warm, work
+from lacsolver.bodies.material import PLACES, Elastic, Materials
+from lacsolver.bodies.small.fields import Field, Temperature, checked, gathered, temperature_at, temperatures
+from lacsolver.bodies.small.gradients import Piece, kind
+from lacsolver.space.space import Space
+
+
+def thermal_stretches(
+    space: Space, materials: Materials, temperature: Temperature | None, t: float = 1.0, degree: int | None = None
+) -> Field | None:
+    """(cells, points): 1 + expansion (T - T0) at time t, 1 where there is no temperature; None if there is none at all.
+
+    `temperature` as `assemble.stress` takes it. Raises DataError for a temperature that leaves nothing of the body.
+    """
+    given = temperatures(space, temperature)
+    if not given:
+        return None
+    laws = [law for law in materials.laws if isinstance(law, Elastic)]
+    expansion, start = np.array([law.expansion for law in laws]), np.array([law.reference_temperature for law in laws])
+
+    def stretch(part: Piece) -> NDArray[np.floating]:
+        T = temperature_at(space, part, given, t)
+        which = materials.law[part.block][part.cells]
+        assert T is not None
+        return 1.0 + expansion[which, None] * np.nan_to_num(T - start[which, None], nan=0.0)
+
+    made = gathered(space, degree, stretch)
+    for block, theta in zip(space.blocks, made, strict=True):
+        gone = block.cell[theta.min(axis=1) <= 0]
+        if len(gone):
+            message = f"at time {t:.6g} the temperature shrinks cells {space.mesh.cell_names(gone)} to nothing"
+            raise DataError(f"{message}; check expansion, and that temperatures are given in its unit")
+    return made
+
+
+def cauchy_stress(
+    space: Space,
+    materials: Materials,
+    u: Floats,
+    *,
+    stretches: Stretches = None,
+    degree: int | None = None,
+    threads: int = 1,
+) -> Field:
+    """(cells, points, 4 or 6): Cauchy stress at u (n_dof,), its components those of `space.COMPONENTS`.
+
+    `stretches`: those of `thermal_stretches` for the same `degree`. Raises InadmissibleError.
+    """
+    places = np.array(PLACES[: space.model.n_stress])
+
+    def make(P: Floats, F: Floats) -> NDArray[np.floating]:
+        sigma = P @ F.swapaxes(2, 3) / np.linalg.det(F)[..., None, None]
+        return sigma[:, :, places[:, 0], places[:, 1]]
+
+    return _of_points(space, materials, u, stretches, degree, threads, lambda P, F, _: make(P, F))
+
+
+def first_piola(
+    space: Space,
+    materials: Materials,
+    u: Floats,
+    *,
+    stretches: Stretches = None,
+    degree: int | None = None,
+    threads: int = 1,
+) -> Field:
+    """(cells, points, 3, 3): first Piola stress P_si at u (n_dof,), zz or the hoop at [2, 2]; as `cauchy_stress`."""
+    return _of_points(space, materials, u, stretches, degree, threads, lambda P, F, w: P)
+
+
+def energy(space: Space, materials: Materials, u: Floats, *, stretches: Stretches = None, threads: int = 1) -> float:
+    """The energy that the bodies store at u (n_dof,), thickness or circle included. Raises InadmissibleError."""
+    made = _of_points(space, materials, u, stretches, None, threads, lambda P, F, w: w)
+    return float(sum(part.sum() for part in made))
+
+
+def _of_points(
+    space: Space,
+    materials: Materials,
+    u: Floats,
+    stretches: Stretches,
+    degree: int | None,
+    threads: int,
+    make: Callable[[Floats, Floats, Floats], Floats],
+) -> Field:
+    """What `make` makes of P, F (c, q, 3, 3) and the energy of points (c, q), their weight in it."""
+    laws, moved = constants(materials), checked(space, u).reshape(-1, space.dim)
+    folded = [np.zeros(len(block.nodes), bool) for block in space.blocks]
+
+    def of_piece(part: Piece) -> NDArray[np.floating]:
+        P, F = np.zeros((2, *part.W.shape, 3, 3))
+        w = np.zeros(part.W.shape)
+        theta = np.empty((0, 0)) if stretches is None else stretches[part.block][part.cells]
+        which, bad = materials.law[part.block][part.cells], folded[part.block][part.cells]
+        may = may_take_the_mean(space, part.block)
+        _fill(
+            part.nodes, part.L, part.W, moved, kind(space), space.model.plane_stress, which, laws, may, theta, P, F, w,
+            bad,
+        )  # fmt: skip
+        return np.asarray(make(P, F, w))
+
+    made = gathered(space, degree, of_piece, threads)
+    check_admissible(space, folded)
+    return made
+
+
+@kernel
+def _fill(
+    nodes: Any, L: Any, W: Any, u: Any, kind: Any, plane_stress: bool, law: Any, laws: Any, may: bool, theta: Any,
+    P: Any, F: Any, w: Any, folded: Any,
+) -> None:  # fmt: skip
+    """P and F (c, q, 3, 3) and energies w (c, q) of cells of nodes (c, n). Uses up L (c, q, rows, n) and W (c, q)."""
+    place, mean, hot = work(), mean_of(L.shape[1]), np.empty(0)
+    for e in range(len(nodes)):
+        k = law[e]
+        lam, mu, p = laws.lame[k, 0], laws.lame[k, 1], 0.0
+        if len(theta):
+            hot = theta[e]
+            warm(hot, L[e], W[e])
+        whole = may and laws.mean[k]
+        if whole:
+            p, _, w[e, 0], _, good = dilate(nodes, e, u, L[e], W[e], hot, kind, lam, mu, mean)
+            folded[e] = not good
+        for q in range(L.shape[1]):
+            stretch = hot[q] if len(theta) else 1.0
+            if whole:
+                respond_mean(q, p, mu, mean, place)
+            else:
+                gradient(nodes, e, u, L[e, q], kind.dim, kind.axisymmetric, stretch, place.F)
+                _, _, energy, good = respond(laws.kind[k], lam, mu, plane_stress, place)
+                w[e, q] = W[e, q] * energy
+                folded[e] |= not good
+            for s in range(3):  # one by one: quicker to compile
+                for i in range(3):
+                    P[e, q, s, i] = stretch**2 * place.P[s, i]
+                    F[e, q, s, i] = stretch * place.F[s, i]
+            if plane_stress:
+                P[e, q, 2, 2] = 0.0
+        if folded[e]:
+            for q in range(L.shape[1]):
+                for s in range(3):
+                    for i in range(3):
+                        F[e, q, s, i] = 1.0 if s == i else 0.0

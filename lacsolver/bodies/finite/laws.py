@@ -1,0 +1,105 @@
+"""Laws of finite strains: hyperelastic and isotropic, with the constants of `Elastic`, which they are where strains
+are small.
+
+| law | energy per reference volume |
+|---|---|
+| Saint Venant-Kirchhoff | lambda/2 (tr E)^2 + mu E:E |
+| neo-Hookean, compressible | mu/2 (tr C - 3) - mu ln J + lambda/2 (ln J)^2 |
+
+F = I + du/dX, C = F^T F, E = (C - I)/2, J = det F. The neo-Hookean one is that of Bonet and Wood, Nonlinear continuum
+mechanics for finite element analysis, 1997, section 5.4.3: of the several that carry the name, one whose stress has no
+bound in compression, J -> 0, and that needs no constants beyond young and poisson. Saint Venant-Kirchhoff
+softens in compression (a bar has its largest force at a length of 1/sqrt 3 = 58 % and none at 0): it is for large turns
+and small strains.
+
+Nearly incompressible bodies lock in linear cells: each point of a cell asks for its own volume to stay, more than the
+nodes can give. With `mean_dilatation` a linear cell of several points (QUAD4, HEXA8, PENTA6, PYRAM5) asks once, for the
+mean of J over the cell (`dilatation`). TRIA3 and TETRA4 have one point and can do no better; quadratic cells need not.
+
+Thermal expansion splits F = F_e theta, theta = 1 + expansion (T - T0), and the energy above, of F_e, is that of a unit
+of the body that is warm and free of stress: W = theta^3 W_e(F / theta).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS
+from lacmesh.errors import RequestError
+from lacmesh.mesh import Floats, Ints
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.space.space import Space
+
+#: what kernels know the laws by
+KIRCHHOFF, NEO_HOOKEAN = 0, 1
+#: Poisson's ratio above which linear cells answer too stiffly to be trusted
+LOCKING = 0.45
+
+
+@dataclass(frozen=True)
+class SaintVenantKirchhoff(Elastic):
+    """Linear in the Green-Lagrange strain: S = lambda tr E I + 2 mu E. Raises DataError as `Elastic` does."""
+
+    finite = True
+
+
+@dataclass(frozen=True)
+class NeoHookean(Elastic):
+    """Compressible rubber: S = mu (I - C^-1) + lambda ln J C^-1. Raises DataError as `Elastic` does.
+
+    `mean_dilatation`: whether linear cells that can take J as one for the cell; see the module.
+    """
+
+    mean_dilatation: bool = False
+
+    finite = True
+
+
+class Constants(NamedTuple):
+    """What kernels need of the laws, a row each: `kind`, `lame` (laws, 2), lambda and mu, `mean` (laws,) dilatation."""
+
+    kind: Ints
+    lame: Floats
+    mean: NDArray[np.bool_]
+
+
+def constants(materials: Materials) -> Constants:
+    """The constants of materials' laws. Raises RequestError for a law of small strains."""
+    kinds = []
+    for law in materials.laws:
+        if not isinstance(law, (SaintVenantKirchhoff, NeoHookean)):
+            name = type(law).__name__
+            message = f"the law {name} is for small strains"
+            raise RequestError(f"{message}; finite kinematics take saint_venant_kirchhoff or neo_hookean")
+        kinds.append(KIRCHHOFF if isinstance(law, SaintVenantKirchhoff) else NEO_HOOKEAN)
+    lame = [law.lame for law in materials.laws if isinstance(law, Elastic)]
+    mean = [isinstance(law, NeoHookean) and law.mean_dilatation for law in materials.laws]
+    return Constants(np.array(kinds), np.array(lame), np.array(mean))
+
+
+def may_take_the_mean(space: Space, block: int) -> bool:
+    """Whether cells of a block are linear, of several points, in a model that can lock (plane stress cannot)."""
+    cell = CELLS[space.blocks[block].type]
+    return cell.order == 1 and cell.family not in ("TRIA", "TETRA") and not space.model.plane_stress
+
+
+def locking(space: Space, materials: Materials) -> tuple[str, ...]:
+    """What to warn of, a sentence each: cells that a nearly incompressible law makes too stiff to be trusted."""
+    told = []
+    for k, law in enumerate(materials.laws):
+        if not isinstance(law, Elastic) or law.poisson <= LOCKING or space.model.plane_stress:
+            continue
+        mean = isinstance(law, NeoHookean) and law.mean_dilatation
+        stiff = [
+            block.type
+            for number, (block, which) in enumerate(zip(space.blocks, materials.law, strict=True))
+            if CELLS[block.type].order == 1 and (which == k).any() and not (mean and may_take_the_mean(space, number))
+        ]
+        if stiff:
+            message = f"poisson = {law.poisson:g} makes linear cells ({', '.join(stiff)}) far too stiff: they lock"
+            told.append(f"{message}; mesh that body with quadratic cells, or take poisson = {LOCKING} or less")
+    return tuple(told)

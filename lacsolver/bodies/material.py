@@ -1,0 +1,304 @@
+"""Laws of small strains, and which cell has which.
+
+A law is a frozen record of constants that gives, in the components of `space.COMPONENTS` (engineering shear),
+C (6, 6): stress = C (strain - (T - T0) alpha), and alpha (6,): thermal strain per degree. A model reduces both: plane
+strain and axisymmetry take the first four components, plane stress eliminates the free zz. What the assembly reads is
+`Materials`: for every cell the number of its law, and one table of C and alpha per law; a law of finite strains comes
+beside it, with its stress and tangent at each point in place of one C for a whole cell, and assembles through the same
+`Model.selector`.
+
+Units: young, shear and C in stress; expansion in 1 / temperature; density in mass / volume.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import DataError, RequestError
+from lacmesh.mesh import Floats, Ints
+from lacsolver.space.space import Model, Space
+
+#: place of each component of stress in its tensor
+PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+_ROUNDING = 1e-12
+Three = tuple[float, float, float]
+
+
+class Law(Protocol):
+    """What the assembly asks of a law of small strains."""
+
+    @property
+    def density(self) -> float:
+        """Mass per volume."""
+
+    @property
+    def reference_temperature(self) -> float:
+        """The temperature without thermal strain."""
+
+    def elasticity(self) -> NDArray[np.floating]:
+        """C (6, 6), symmetric and positive."""
+
+    def thermal_strain(self) -> NDArray[np.floating]:
+        """Alpha (6,): strain per degree, shear doubled."""
+
+
+@dataclass(frozen=True)
+class Elastic:
+    """Isotropic and linear. Raises DataError for a stiffness that is zero or negative.
+
+    >>> Elastic(young=200.0, poisson=0.25).elasticity()[0].tolist()
+    [240.0, 80.0, 80.0, 0.0, 0.0, 0.0]
+    """
+
+    young: float
+    poisson: float
+    density: float = 0.0
+    expansion: float = 0.0
+    reference_temperature: float = 0.0
+
+    finite: ClassVar[bool] = False  # whether strains may be
+
+    def __post_init__(self) -> None:
+        _check_common(self.density, (self.expansion,), self.reference_temperature)
+        if not (np.isfinite(self.young) and self.young > 0):
+            raise DataError(f"young is a stiffness above 0, not {self.young}")
+        if not -1 < self.poisson < 0.5:
+            message = f"poisson lies between -1 and 0.5, both left out, and is {self.poisson}"
+            raise DataError(f"{message}; take 0.49 for rubber" if self.poisson >= 0.5 else message)
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """The constants lambda and mu: stress = lambda tr(strain) I + 2 mu strain."""
+        mu = self.young / (2 * (1 + self.poisson))
+        return 2 * mu * self.poisson / (1 - 2 * self.poisson), mu
+
+    def elasticity(self) -> NDArray[np.floating]:
+        """C (6, 6)."""
+        lam, mu = self.lame
+        C = np.diag([2 * mu] * 3 + [mu] * 3)
+        C[:3, :3] += lam
+        return C
+
+    def thermal_strain(self) -> NDArray[np.floating]:
+        """Alpha (6,)."""
+        return self.expansion * np.array([1.0, 1, 1, 0, 0, 0])
+
+
+@dataclass(frozen=True)
+class Orthotropic:
+    """Linear, with three planes of symmetry.
+
+    `young` (E1, E2, E3); `poisson` (nu12, nu13, nu23), nu_ij = -strain_j / strain_i when stress_i acts alone, so that
+    nu_ij / E_i = nu_ji / E_j; `shear` (G12, G13, G23). `axes`: axis 1, and a second vector that with it spans the plane
+    of axes 1 and 2 (it need be neither unit nor square to it); axis 3 follows by the right hand. `expansion`: one
+    number, or one along each axis. Raises DataError where the constants store no energy in some strain.
+    """
+
+    young: Three
+    poisson: Three
+    shear: Three
+    axes: tuple[Sequence[float], Sequence[float]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    density: float = 0.0
+    expansion: float | Three = 0.0
+    reference_temperature: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("young", "poisson", "shear"):
+            values = np.asarray(getattr(self, name), dtype=float)
+            if values.shape != (3,) or not np.isfinite(values).all():
+                raise DataError(f"{name} of an orthotropic law is three numbers, not {getattr(self, name)}")
+            if name != "poisson" and values.min() <= 0:
+                raise DataError(f"{name} is a stiffness above 0, not {getattr(self, name)}")
+        if np.shape(self.expansion) not in ((), (3,)):
+            raise DataError(f"expansion is one number, or one along each axis, not {self.expansion}")
+        _check_common(self.density, np.ravel(self.expansion), self.reference_temperature)
+        least = np.linalg.eigvalsh(self._compliance()).min()
+        if least <= 0:
+            message = "these young and poisson of an orthotropic law store negative energy in some strain"
+            raise DataError(f"{message}; nu_ij^2 < E_i / E_j must hold, and poisson is (nu12, nu13, nu23)")
+        _ = self.directions
+
+    @cached_property
+    def directions(self) -> NDArray[np.floating]:
+        """(3, 3): a row each axis, unit, in x, y, z."""
+        axes = np.zeros((2, 3))
+        if len(self.axes) != 2 or any(len(a) not in (2, 3) for a in self.axes):
+            raise DataError(f"axes are two vectors of 2 or 3 components, not {self.axes}")
+        for row, axis in zip(axes, self.axes, strict=True):
+            row[: len(axis)] = axis
+        third = np.cross(axes[0], axes[1])
+        if not np.linalg.norm(third) > 1e-6 * np.linalg.norm(axes[0]) * np.linalg.norm(axes[1]):
+            raise DataError(f"axes {self.axes} lie on one line; give two vectors that span the plane of axes 1 and 2")
+        frame = np.stack([axes[0], np.cross(third, axes[0]), third])
+        return np.asarray(frame / np.linalg.norm(frame, axis=1, keepdims=True))
+
+    def _compliance(self) -> NDArray[np.floating]:
+        """(3, 3): normal strains from normal stresses, along the axes."""
+        E, (nu12, nu13, nu23) = self.young, self.poisson
+        S: NDArray[np.floating] = np.diag(1 / np.array(E, float))
+        S[0, 1] = S[1, 0] = -nu12 / E[0]
+        S[0, 2] = S[2, 0] = -nu13 / E[0]
+        S[1, 2] = S[2, 1] = -nu23 / E[1]
+        return S
+
+    def elasticity(self) -> NDArray[np.floating]:
+        """C (6, 6) in x, y, z."""
+        G12, G13, G23 = self.shear
+        C = np.zeros((6, 6))
+        C[:3, :3] = np.linalg.inv(self._compliance())
+        C[3:, 3:] = np.diag([G12, G23, G13])
+        there = np.einsum("pi,qj,rk,sl,pqrs->ijkl", *[self.directions] * 4, _to_tensor(C), optimize=True)
+        turned = _from_tensor(there)
+        return (turned + turned.T) / 2
+
+    def thermal_strain(self) -> NDArray[np.floating]:
+        """Alpha (6,) in x, y, z."""
+        Q = self.directions
+        alpha = (Q.T * np.broadcast_to(self.expansion, 3)) @ Q
+        return np.array([alpha[i, j] * (1 if i == j else 2) for i, j in PLACES])
+
+
+def _check_common(density: float, expansion: Iterable[float], reference_temperature: float) -> None:
+    if not (np.isfinite(density) and density >= 0):
+        raise DataError(f"density is 0 or more, not {density}")
+    for name, value in (*(("expansion", a) for a in expansion), ("reference_temperature", reference_temperature)):
+        if not np.isfinite(value):
+            raise DataError(f"{name} is a number, not {value}")
+
+
+def _to_tensor(C: Floats) -> NDArray[np.floating]:
+    """(3, 3, 3, 3) from (6, 6)."""
+    out = np.zeros((3, 3, 3, 3))
+    for k, (i, j) in enumerate(PLACES):
+        for m, (p, q) in enumerate(PLACES):
+            out[i, j, p, q] = out[j, i, p, q] = out[i, j, q, p] = out[j, i, q, p] = C[k, m]
+    return out
+
+
+def _from_tensor(C: Floats) -> NDArray[np.floating]:
+    """(6, 6) from (3, 3, 3, 3)."""
+    return np.array([[C[i, j, p, q] for p, q in PLACES] for i, j in PLACES])
+
+
+def reduced(law: Law, model: Model) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """C (n, n) and alpha (n,) of a law in a model's n components.
+
+    In plane stress zz is eliminated (its row and column are 0). Raises DataError for a law that couples a plane model
+    with shear across its plane.
+    """
+    C, alpha = law.elasticity(), law.thermal_strain()
+    n = model.n_stress
+    if n < 6 and (np.abs(C[:n, n:]).max() > _ROUNDING * np.abs(C).max() or np.any(np.abs(alpha[n:]) > _ROUNDING)):
+        message = f"the law's axes couple the plane of the model {model.name} with shear across it"
+        raise DataError(f"{message}; let one axis stand along z, or use the model 3d")
+    C, alpha = C[:n, :n].copy(), alpha[:n].copy()
+    if model.plane_stress:
+        C -= np.outer(C[:, 2], C[2]) / C[2, 2]
+        C[2] = C[:, 2] = 0.0
+    return C, alpha
+
+
+class Terms(NamedTuple):
+    """The entries of A that are not zero, law by law: law k has rows start[k]:start[k + 1].
+
+    `at` (m, 2): d s + t with s <= t, and l i + j; `value` (m,): A_sitj. `lame` (laws, 2): lambda and mu of isotropic
+    laws; 0, 0 of the others.
+    """
+
+    start: Ints
+    at: Ints
+    value: Floats
+    lame: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Materials:
+    """The law of every cell: `laws`, and for each block of the space the place (k,) of each cell's law among them."""
+
+    model: Model
+    laws: tuple[Law, ...]
+    law: tuple[Ints, ...]
+
+    @classmethod
+    def of(cls, space: Space, given: Law | Sequence[tuple[Law, Sequence[str] | None]]) -> Materials:
+        """One law for the whole mesh, or (law, cell groups) pairs; None in place of groups means every cell.
+
+        Raises GroupNotFoundError; DataError for cells with no law or with two, or a group without cells of the body.
+        """
+        pairs = [(given, None)] if not isinstance(given, Sequence) else list(given)
+        chosen = np.full(space.mesh.n_cells, -1, np.int16)
+        for k, (_, groups) in enumerate(pairs):
+            cells = space.cells(None if groups is None else tuple(groups))
+            twice = cells[chosen[cells] >= 0]
+            if len(twice):
+                named = space.mesh.cell_names(twice)
+                numbers = space.mesh.cell_number[twice]
+                raise DataError(f"cells {named} have two materials; their groups must not overlap", numbers)
+            chosen[cells] = k
+        cells = space.cells()
+        without = cells[chosen[cells] < 0]
+        if len(without):
+            numbers = space.mesh.cell_number[without]
+            message = f"{len(without)} cells have no material: {space.mesh.cell_names(without)}"
+            raise DataError(f"{message}; name a group that holds them, or leave out the groups", numbers)
+        made = cls(space.model, tuple(law for law, _ in pairs), tuple(chosen[b.cell] for b in space.blocks))
+        _ = made.tables
+        return made
+
+    @cached_property
+    def tables(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        """C (laws, n, n) and alpha (laws, n), in the model's components."""
+        pairs = [reduced(law, self.model) for law in self.laws]
+        return np.stack([C for C, _ in pairs]), np.stack([alpha for _, alpha in pairs])
+
+    @cached_property
+    def tensors(self) -> NDArray[np.floating]:
+        """A (laws, d, l, d, l): A_sitj = sum over k, m of S_kis C_km S_mjt, so that K_ab,st = int A_sitj L_ia L_jb."""
+        S = self.model.selector
+        return np.einsum("kis,ckm,mjt->csitj", S, self.tables[0], S)
+
+    @cached_property
+    def terms(self) -> Terms:
+        """The entries of `tensors` that are not zero (above rounding), for s <= t: K is symmetric."""
+        d, rows = self.model.dim, self.model.rows
+        A = self.tensors
+        used = np.abs(A) > 1e-15 * np.abs(A).max(axis=(1, 2, 3, 4), keepdims=True)
+        used &= (np.arange(d)[:, None] <= np.arange(d))[None, :, None, :, None]
+        law, s, i, t, j = np.nonzero(used)
+        start = np.searchsorted(law, np.arange(len(self.laws) + 1))
+        lame = np.array([law.lame if isinstance(law, Elastic) else (0.0, 0.0) for law in self.laws])
+        return Terms(start, np.stack([d * s + t, rows * i + j], axis=1), A[used], lame)
+
+    def check_small(self, instead: str) -> None:
+        """Raises RequestError where a law is one of finite strains; `instead`: the function that takes it."""
+        for law in self.laws:
+            if getattr(law, "finite", False):
+                message = f"the law {type(law).__name__} is for finite strains, and this is linear elasticity"
+                raise RequestError(f"{message}; call {instead}, or take the law Elastic")
+
+    def densities(self, block: int) -> NDArray[np.floating]:
+        """(k,): mass per volume of each cell of a block."""
+        return np.array([law.density for law in self.laws])[self.law[block]]
+
+    def stress(self, block: int, cells: slice, strain: Floats, temperature: Floats | None) -> NDArray[np.floating]:
+        """(c, q, n): stress of some cells of a block from strain (c, q, n) and, if there is one, temperature (c, q).
+
+        A temperature that is NaN means none: no thermal strain there.
+        """
+        C, alpha = self.tables
+        which = self.law[block][cells]
+        out = np.empty_like(strain)
+        for k in np.unique(which):
+            rows = slice(None) if len(self.laws) == 1 else np.flatnonzero(which == k)
+            elastic = strain[rows]
+            if temperature is not None:
+                warmer = np.nan_to_num(temperature[rows] - self.laws[k].reference_temperature, nan=0.0)
+                elastic = elastic - warmer[..., None] * alpha[k]
+            out[rows] = (elastic.reshape(-1, len(C[k])) @ C[k]).reshape(elastic.shape)
+        return out

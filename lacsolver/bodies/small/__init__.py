@@ -1,0 +1,32 @@
+"""Assembly: stiffness, strain and stress at integration points, internal forces.
+
+L, W = generalised gradients and weights at a cell's points   (gradients)
+K = int L^T A L, straight into block-CSR                      (stiffness)
+strain, stress, f_int at and from the same points             (fields)
+"""
+
+from lacsolver.bodies.small.fields import (
+    displacement,
+    displacement_gradient,
+    forces,
+    internal_force,
+    points,
+    strain,
+    stress,
+    weights,
+)
+from lacsolver.bodies.small.stiffness import assemble_stiffness, matrix, stiffness_values
+
+__all__ = [
+    "assemble_stiffness",
+    "displacement",
+    "displacement_gradient",
+    "forces",
+    "internal_force",
+    "matrix",
+    "points",
+    "stiffness_values",
+    "strain",
+    "stress",
+    "weights",
+]

@@ -1,0 +1,241 @@
+"""What a displacement makes at integration points, and the nodal forces that a stress there is worth.
+
+Fields come as a tuple with an array for each block of the space, (cells, points, ...); `degree` chooses other points
+than those of the stiffness (a rule of `lacmesh.reference.quadrature`), for norms and output. Components are
+`space.COMPONENTS`.
+
+    f_int(u) = int B^T stress(u) dV, the first term of (35)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.kernels import kernel
+from lacmesh.mesh import Floats, Ints
+from lacsolver.bodies.material import Materials
+from lacsolver.bodies.small.gradients import Piece, coordinates, nodal, piece, spans
+from lacsolver.space.space import Space
+from lacsolver.space.values import Value, evaluate
+
+T = TypeVar("T")
+#: an array (cells, points, ...) for each block of a space
+Field = tuple[NDArray[np.floating], ...]
+#: a temperature of the whole body, or (temperature, cells) pairs, the later over the earlier; None means all cells
+Temperature = Value | Sequence[tuple[Value, Ints | None]]
+
+
+def points(space: Space, degree: int | None = None) -> Field:
+    """(cells, points, 3): where the integration points are."""
+    return gathered(space, degree, lambda part: coordinates(space, part))
+
+
+def weights(space: Space, degree: int | None = None) -> Field:
+    """(cells, points): weights of the integration points, thickness or 2 pi r in them."""
+    return gathered(space, degree, lambda part: part.W)
+
+
+def displacement(space: Space, u: Floats, degree: int | None = None) -> Field:
+    """(cells, points, dim): the displacement u (n_dof,) at the integration points."""
+    u = checked(space, u)
+    return gathered(space, degree, lambda part: part.N @ nodal(u, part, space.dim))
+
+
+def displacement_gradient(space: Space, u: Floats, degree: int | None = None) -> Field:
+    """(cells, points, dim, rows): du_s/dX_i at [s, i]; in axisymmetry a third column, whose first entry is u_x / r."""
+    u = checked(space, u)
+
+    def gradient(part: Piece) -> NDArray[np.floating]:
+        made = _gradient(part, u, space.dim).swapaxes(2, 3).copy()
+        if space.model.axisymmetric:
+            made[:, :, 1, 2] = 0.0
+        return made
+
+    return gathered(space, degree, gradient)
+
+
+def strain(space: Space, u: Floats, degree: int | None = None) -> Field:
+    """(cells, points, 4 or 6): strain of u (n_dof,), thermal strain included; in plane stress zz is not known and 0."""
+    u = checked(space, u)
+    return gathered(space, degree, lambda part: _strain(space, part, u))
+
+
+def stress(
+    space: Space,
+    materials: Materials,
+    u: Floats,
+    *,
+    temperature: Temperature | None = None,
+    t: float = 1.0,
+    degree: int | None = None,
+    threads: int = 1,
+) -> Field:
+    """(cells, points, 4 or 6): stress C (strain(u) - (T - T0) alpha) of u (n_dof,) at integration points and time t.
+
+    `temperature`: a number or f(points, t), or (value, cells) pairs; None, and cells of no pair: no thermal strain.
+    Raises RequestError for a law of finite strains.
+    """
+    materials.check_small("lacsolver.bodies.finite.cauchy_stress")
+    u = checked(space, u)
+    given = temperatures(space, temperature)
+    return gathered(space, degree, lambda part: _stress(space, materials, part, u, given, t), threads)
+
+
+def internal_force(
+    space: Space,
+    materials: Materials,
+    u: Floats,
+    *,
+    temperature: Temperature | None = None,
+    t: float = 1.0,
+    threads: int = 1,
+) -> NDArray[np.floating]:
+    """f_int (n_dof,): nodal forces of the stress of u (n_dof,). The same to the last bit for any number of threads.
+
+    Raises RequestError for a law of finite strains.
+    """
+    materials.check_small("lacsolver.bodies.finite.internal_force")
+    u = checked(space, u)
+    given = temperatures(space, temperature)
+    return forces(space, lambda part: _stress(space, materials, part, u, given, t), threads)
+
+
+def forces(space: Space, stress: Callable[[Piece], Floats], threads: int = 1) -> NDArray[np.floating]:
+    """(n_dof,): int B^T stress dV, of a stress (c, q, 4 or 6) that is asked for piece by piece."""
+    slots = np.array(space.model.slots)
+
+    def cell_forces(part: Piece) -> tuple[Ints, NDArray[np.floating]]:
+        f = np.zeros((*part.nodes.shape, space.dim))
+        weigh(part.L, part.W, stress(part), slots, f)
+        return part.nodes, f
+
+    out = np.zeros((space.mesh.n_nodes, space.dim))
+    for nodes, f in mapped(space, None, cell_forces, threads):
+        scatter(out, nodes, f)
+    return out.ravel()
+
+
+@kernel
+def scatter(out: Any, nodes: Any, f: Any) -> None:
+    """Add nodal forces f (c, n, dim) of cells to out (n_nodes, dim), in their order."""
+    for e in range(nodes.shape[0]):
+        for a in range(nodes.shape[1]):
+            for s in range(f.shape[2]):
+                out[nodes[e, a], s] += f[e, a, s]
+
+
+def temperatures(space: Space, given: Temperature | None) -> list[tuple[Value, NDArray[np.bool_] | None]]:
+    """(value, whether each cell of the mesh has it) pairs."""
+    if given is None:
+        return []
+    if not isinstance(given, Sequence):
+        return [(given, None)]
+    pairs: list[tuple[Value, NDArray[np.bool_] | None]] = []
+    for value, cells in given:
+        mask = None
+        if cells is not None:
+            mask = np.zeros(space.mesh.n_cells, bool)
+            mask[cells] = True
+        pairs.append((value, mask))
+    return pairs
+
+
+def temperature_at(
+    space: Space, part: Piece, given: list[tuple[Value, NDArray[np.bool_] | None]], t: float
+) -> NDArray[np.floating] | None:
+    """(c, q) at a piece's points, NaN where there is none; None where there is none anywhere."""
+    if not given:
+        return None
+    x = coordinates(space, part)
+    out = np.full(x.shape[:2], np.nan)
+    index = space.blocks[part.block].cell[part.cells]
+    for value, mask in given:
+        rows = slice(None) if mask is None else np.flatnonzero(mask[index])
+        out[rows] = evaluate(value, x[rows], t, "temperature")
+    return out
+
+
+def _gradient(part: Piece, u: Floats, dim: int) -> NDArray[np.floating]:
+    """(c, q, rows, dim): L_i u_s."""
+    n_cells, n_points, rows, n = part.L.shape
+    made = part.L.reshape(n_cells, n_points * rows, n) @ nodal(u, part, dim)
+    return made.reshape(n_cells, n_points, rows, dim)
+
+
+def _strain(space: Space, part: Piece, u: Floats) -> NDArray[np.floating]:
+    e = np.zeros((*part.W.shape, space.model.n_stress))
+    deform(part.nodes, part.L, u.reshape(-1, space.dim), np.array(space.model.slots), e)
+    return e
+
+
+@kernel
+def deform(nodes: Any, L: Any, u: Any, slots: Any, e: Any) -> None:
+    """Add to e (c, q, n_stress) the strain of u (n_nodes, dim), L (c, q, rows, n)."""
+    for c in range(nodes.shape[0]):
+        for q in range(L.shape[1]):
+            for k, i, s in slots:
+                v = 0.0
+                for a in range(nodes.shape[1]):
+                    v += L[c, q, i, a] * u[nodes[c, a], s]
+                e[c, q, k] += v
+
+
+@kernel
+def weigh(L: Any, W: Any, stress: Any, slots: Any, f: Any) -> None:
+    """Add to f (c, n, dim) the nodal forces of a stress (c, q, n_stress)."""
+    for c in range(L.shape[0]):
+        for q in range(L.shape[1]):
+            for k, i, s in slots:
+                v = W[c, q] * stress[c, q, k]
+                for a in range(L.shape[3]):
+                    f[c, a, s] += L[c, q, i, a] * v
+
+
+def _stress(
+    space: Space,
+    materials: Materials,
+    part: Piece,
+    u: Floats,
+    given: list[tuple[Value, NDArray[np.bool_] | None]],
+    t: float,
+) -> NDArray[np.floating]:
+    temperature = temperature_at(space, part, given, t)
+    return materials.stress(part.block, part.cells, _strain(space, part, u), temperature)
+
+
+def gathered(
+    space: Space, degree: int | None, make: Callable[[Piece], NDArray[np.floating]], threads: int = 1
+) -> Field:
+    """What `make` gives for every piece, block by block."""
+    made: list[list[NDArray[np.floating]]] = [[] for _ in space.blocks]
+    for number, values in mapped(space, degree, lambda part: (part.block, make(part)), threads):
+        made[number].append(values)
+    return tuple(np.concatenate(parts) for parts in made)
+
+
+def mapped(space: Space, degree: int | None, make: Callable[[Piece], T], threads: int) -> Iterator[T]:
+    """What `make` gives for every piece of the space, in their order."""
+    if threads < 1:
+        raise ValueError(f"threads is 1 or more, not {threads}")
+
+    def run(span: tuple[int, slice]) -> T:
+        return make(piece(space, *span, degree))
+
+    if threads == 1:
+        yield from map(run, spans(space, degree))
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        yield from pool.map(run, spans(space, degree))
+
+
+def checked(space: Space, u: Floats) -> NDArray[np.floating]:
+    """U as an array. Raises ValueError if it is not (n_dof,)."""
+    u = np.asarray(u, dtype=float)
+    if u.shape != (space.n_dof,):
+        raise ValueError(f"a displacement must be ({space.n_dof},), not {u.shape}")
+    return u

@@ -1,0 +1,209 @@
+"""The stiffness K_ab,st = int A_sitj L_ia L_jb dV, written straight into its block-CSR pattern.
+
+A cell's L and L W are stacked over its points; one product M = (L W)^T L gives all int L_ia L_jb, and since A is one
+for the whole cell, K is the few terms A_sitj M_ij that are not zero (`Materials.terms`): 21 of 81 for an isotropic
+solid. Each thread owns some rows (nodes) of K, goes through the cells that touch them in their order, and adds to its
+own rows only. So every entry is summed in one order whatever the number of threads, and the result is the same to the
+last bit; the price is that cells between two threads' nodes are computed by both. K is symmetric to the last bit.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import bsr_array
+
+from lacmesh.kernels import kernel
+from lacmesh.mesh import Ints
+from lacsolver.bodies.material import Materials
+from lacsolver.bodies.small.gradients import at_points, kind, table
+from lacsolver.space.space import Space
+
+
+def assemble_stiffness(space: Space, materials: Materials, threads: int = 1) -> bsr_array:
+    """K (n_dof, n_dof): symmetric, blocks of dim x dim, its structure that of `space.pattern` (shared, not copied).
+
+    The same to the last bit for any number of threads. `K.tocsr()` and `K.tocsc()` convert it for a solver. Raises
+    RequestError for a law of finite strains.
+
+    >>> from lacmesh import Mesh
+    >>> from lacsolver.bodies.material import Elastic
+    >>> bar = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
+    >>> space = Space.of(bar, "plane_stress")
+    >>> K = assemble_stiffness(space, Materials.of(space, Elastic(young=1.0, poisson=0.0)))
+    >>> K.shape, K.blocksize, float(round(K.diagonal()[0], 12))
+    ((8, 8), (2, 2), 0.5)
+    """
+    return matrix(space, stiffness_values(space, materials, threads))
+
+
+def matrix(space: Space, values: NDArray[np.floating]) -> bsr_array:
+    """The matrix of block values (n_blocks, dim, dim) in the pattern of a space."""
+    indptr, indices = space.pattern
+    return bsr_array((values, indices, indptr), shape=(space.n_dof, space.n_dof), blocksize=(space.dim, space.dim))
+
+
+def stiffness_values(
+    space: Space, materials: Materials, threads: int = 1, *, out: NDArray[np.floating] | None = None
+) -> NDArray[np.floating]:
+    """(n_blocks, dim, dim): the blocks of K in the order of `space.pattern`; written over `out` if there is one."""
+    materials.check_small("lacsolver.bodies.finite.force_and_tangent")
+    if threads < 1:
+        raise ValueError(f"threads is 1 or more, not {threads}")
+    shape = (len(space.pattern.indices), space.dim, space.dim)
+    if out is None:
+        out = np.zeros(shape)
+    elif out.shape != shape:
+        raise ValueError(f"out must be {shape}, not {out.shape}")
+    else:
+        out[:] = 0.0
+    owner = owners(space, threads)
+
+    def run(mine: int) -> None:
+        for number, (name, nodes, _) in enumerate(space.blocks):
+            made = table(name, space.model.axisymmetric)
+            rows = touching(owner, nodes, mine, threads)
+            law, x = materials.law[number], space.local.points
+            _add(rows, nodes, x, made, kind(space), law, materials.terms, owner, mine, space.pattern, out)
+
+    if threads == 1:
+        run(0)
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(run, range(threads)))
+    return out
+
+
+def owners(space: Space, threads: int) -> Ints:
+    """(n_nodes,): the thread that owns each node's row: boxes with as many nodes, halved along the longest side."""
+    owner = np.zeros(space.mesh.n_nodes, np.int16)
+    parts = [(np.flatnonzero(space.attached), 0, threads)]
+    while parts:
+        nodes, first, count = parts.pop()
+        owner[nodes] = first
+        if count > 1:
+            x = space.local.points[nodes]
+            axis = int(np.argmax(np.ptp(x, axis=0))) if len(nodes) else 0
+            low = count // 2
+            order = np.argsort(x[:, axis], kind="stable")
+            middle = len(nodes) * low // count
+            parts += [(nodes[order[:middle]], first, low), (nodes[order[middle:]], first + low, count - low)]
+    return owner
+
+
+def touching(owner: Ints, nodes: Ints, mine: int, threads: int) -> Ints:
+    """Rows of `nodes` with a node that the thread owns, ascending."""
+    if threads == 1:
+        return np.arange(len(nodes))
+    touched = np.zeros(len(nodes), bool)
+    for column in nodes.T:
+        touched |= owner[column] == mine
+    return np.flatnonzero(touched)
+
+
+@kernel
+def _add(
+    rows: Any, nodes: Any, x: Any, table: Any, kind: Any, law: Any, terms: Any, owner: Any, mine: int, pattern: Any,
+    out: Any,
+) -> None:  # fmt: skip
+    """Add cells `rows` of nodes (k, n) to the blocks `out` of the nodes that `mine` owns."""
+    n, n_points, dim = nodes.shape[1], len(table.w), kind.dim
+    m = kind.rows * n
+    L, W = np.empty((n_points, kind.rows, n)), np.empty(n_points)
+    H, WH = L.reshape(n_points, m), np.empty((n_points, m))
+    M, K = np.empty((m, m)), np.empty((dim * dim, n * n))
+    order = np.empty(n, np.int64)
+    for e in rows:
+        at_points(nodes, e, x, table, kind, L, W)
+        product(H, W, WH, M)
+        if dim == 3 and terms.lame[law[e], 1] > 0:
+            _isotropic(M, n, terms.lame[law[e], 0], terms.lame[law[e], 1], K)
+        else:
+            _combine(M, n, kind.rows, terms, law[e], K)
+        sort_places(nodes, e, order)
+        for a in range(n):
+            if owner[nodes[e, a]] == mine:
+                add_row(nodes, e, order, a, K, pattern, out, dim)
+
+
+@kernel
+def product(H: Any, W: Any, WH: Any, M: Any) -> None:
+    """M = H^T W H. One point is not worth a call of BLAS."""
+    m = H.shape[1]
+    for q in range(len(W)):
+        for r in range(m):
+            WH[q, r] = W[q] * H[q, r]
+    if len(W) > 1:
+        np.dot(WH.T, H, M)
+        return
+    for r in range(m):
+        for c in range(m):
+            M[r, c] = WH[0, r] * H[0, c]
+
+
+@kernel
+def _combine(M: Any, n: int, n_rows: int, terms: Any, law: int, K: Any) -> None:
+    """K (dim^2, n^2) = the terms A_sitj M_ij, for s <= t."""
+    K[:] = 0.0
+    for k in range(terms.start[law], terms.start[law + 1]):
+        st, i, j = terms.at[k, 0], terms.at[k, 1] // n_rows * n, terms.at[k, 1] % n_rows * n
+        v = terms.value[k]
+        for a in range(n):
+            for b in range(n):
+                K[st, a * n + b] += v * M[i + a, j + b]
+
+
+@kernel
+def _isotropic(M: Any, n: int, lam: float, mu: float, K: Any) -> None:
+    """The same where A_sitj = lam d_si d_tj + mu (d_st d_ij + d_sj d_it): in one pass over the cell's K."""
+    y, z = n, 2 * n
+    for a in range(n):
+        for b in range(n):
+            ab = a * n + b
+            trace = mu * (M[a, b] + M[y + a, y + b] + M[z + a, z + b])
+            K[0, ab] = (lam + mu) * M[a, b] + trace
+            K[1, ab] = lam * M[a, y + b] + mu * M[y + a, b]
+            K[2, ab] = lam * M[a, z + b] + mu * M[z + a, b]
+            K[4, ab] = (lam + mu) * M[y + a, y + b] + trace
+            K[5, ab] = lam * M[y + a, z + b] + mu * M[z + a, y + b]
+            K[8, ab] = (lam + mu) * M[z + a, z + b] + trace
+
+
+@kernel
+def sort_places(nodes: Any, e: int, order: Any) -> None:
+    """Places of a cell's nodes, by number."""
+    for a in range(len(order)):
+        b = a
+        while b > 0 and nodes[e, order[b - 1]] > nodes[e, a]:
+            order[b] = order[b - 1]
+            b -= 1
+        order[b] = a
+
+
+@kernel
+def add_row(nodes: Any, e: int, order: Any, a: int, K: Any, pattern: Any, out: Any, dim: int) -> None:
+    """Add row a of a cell's K to its row of blocks, whose columns go up as the nodes in `order` do."""
+    at = pattern.indptr[nodes[e, a]]
+    for b in order:
+        while pattern.indices[at] != nodes[e, b]:
+            at += 1
+        ab, ba = a * len(order) + b, b * len(order) + a
+        up = ab if a <= b else ba  # K_ss is symmetric but for rounding: one triangle serves both
+        if dim == 3:
+            out[at, 0, 0] += K[0, up]
+            out[at, 0, 1] += K[1, ab]
+            out[at, 0, 2] += K[2, ab]
+            out[at, 1, 0] += K[1, ba]
+            out[at, 1, 1] += K[4, up]
+            out[at, 1, 2] += K[5, ab]
+            out[at, 2, 0] += K[2, ba]
+            out[at, 2, 1] += K[5, ba]
+            out[at, 2, 2] += K[8, up]
+        else:
+            out[at, 0, 0] += K[0, up]
+            out[at, 0, 1] += K[1, ab]
+            out[at, 1, 0] += K[1, ba]
+            out[at, 1, 1] += K[3, up]

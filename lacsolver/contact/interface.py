@@ -1,0 +1,222 @@
+"""Pairing and integration: what two skins are to one another, where they stand, as matrices and integrals.
+
+B v = int_{T_m} (v(x) - v(x_bar)).n dGamma, the virtual work of a unit pressure on macro-element m   (26), (35)
+G   = int_{T_m} g dGamma, g = (x_bar - x).n - b_s - b_m + clearance                                  (27)
+
+b_s, b_m are the heights of the smooth surfaces that faces stand for, 0 where these are the surfaces themselves.
+A tie's rows are those of the jump, int_{T_m} (v(x) + r dn(v) - v(x_bar)) e_k dGamma, d a macro-element: with dn, how v
+turns the slave's normal, the lever across r = (x_bar - x).n is part of it and a rigid rotation costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array, kron
+
+from lacmesh.mesh import Floats, Ints
+from lacmesh.reference.shapes import gradient, shape
+from lacmesh.surface import ContactPoints, Surface, contact_points, default_distance
+from lacmesh.surface.coverage import face_measure
+from lacmesh.surface.normals import normals_of
+from lacmesh.surface.record import mean_normals
+from lacmesh.topology.skin import FACE_TYPES, N_NODES
+from lacsolver.contact.rows import macro_rows
+from lacsolver.contact.zone import Zone
+from lacsolver.space.space import Space
+from lacsolver.space.values import Value, evaluate
+
+#: degree to which a clearance that is a formula is integrated, beside the shape functions
+_CLEARANCE = 4
+#: a gap across a tie below this much of the faces' size is rounding
+_ROUNDING = 1e-13
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """How a zone is paired and measured: the options of `lacmesh.contact_points`, and which area pressures refer to.
+
+    `measure`: `reference` or `current`; `thickness` of a plane model; `clearance` is added to the gap, a value at
+    points of the undeformed slave.
+    """
+
+    normals: str = "facet"
+    crease_angle: float = 40.0
+    search_distance: float | None = None
+    max_penetration: float | None = None
+    search: str = "tree"
+    axisymmetric: bool = False
+    thickness: float = 1.0
+    measure: str = "reference"
+    clearance: Value = 0.0
+
+    def within(self, space: Space, search_distance: float | None) -> Pairing:
+        """The same in a model, and to a distance."""
+        return replace(
+            self, search_distance=search_distance, axisymmetric=space.model.axisymmetric, thickness=space.thickness
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Interface:
+    """What a zone is at some place, a row each macro-element (m,).
+
+    `B` (m, n_dof), or (d m, n_dof) for a tie, row d m + k the jump along axis k; `G` (m,) gap integral, the
+    clearance in it ((d m,) zeros for a tie); `w` covered measure; `area`; `gap` G / w, NaN where nothing is covered;
+    `centre`, `normal` (m, d); `length` (m,): how large each macro-element is. `points`: where it was integrated,
+    `weight` (points,) what they count for, `distance` (points,) their gap with the clearance. `slave`, `master`: the
+    skins where they stand.
+    """
+
+    zone: Zone
+    slave: Surface
+    master: Surface
+    points: ContactPoints
+    weight: Floats
+    distance: Floats
+    B: csr_array
+    G: Floats
+    w: Floats
+    area: Floats
+    gap: Floats
+    centre: Floats
+    normal: Floats
+    length: Floats
+
+    @property
+    def coverage(self) -> NDArray[np.floating]:
+        """(m,): w / A, in [0, 1]."""
+        return np.clip(np.divide(self.w, self.area, out=np.zeros_like(self.w), where=self.area > 0), 0.0, 1.0)
+
+
+def integrate(
+    zone: Zone, dim: int, pairing: Pairing = Pairing(), *, x: Floats | None = None, t: float = 1.0, tie: bool = False
+) -> Interface:
+    """The interface of a zone whose nodes are at x (n_nodes, 3), or where the mesh has them, at time t."""
+    slave, master = (zone.slave, zone.master) if x is None else (zone.slave.at(x), zone.master.at(x))
+    points = _points(zone, slave, master, pairing, moved=x is not None)
+    weight = points.weight * pairing.thickness
+    if x is not None and pairing.measure == "reference":
+        weight = weight * stretch(zone, slave, points, pairing.axisymmetric)
+    n = np.ascontiguousarray(points.normal[:, :dim])
+    m = zone.n_macros
+    gap = points.gap + _clearance(zone, points, pairing, t)
+    integral = np.bincount(points.macro, weight * gap, m).astype(float)
+    w = np.bincount(points.macro, weight, m).astype(float)
+    B = _jump(slave, master, points, weight, dim, m) if tie else _pressing(slave, master, points, weight, n, m)
+    measured = zone.slave if pairing.measure == "reference" else slave
+    area = face_measure(measured, pairing.axisymmetric) * pairing.thickness
+    with np.errstate(invalid="ignore", divide="ignore"):
+        average = np.where(w > 0, integral / w, np.nan)
+    G = np.zeros(dim * m) if tie else integral
+    centre, normal, length = _places(zone, slave, dim)
+    total = zone.sums(area)
+    return Interface(zone, slave, master, points, weight, gap, B, G, w, total, average, centre, normal, length)
+
+
+def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool) -> ContactPoints:
+    distance = pairing.search_distance
+    if distance is None:  # of the undeformed skins: it does not change as they move
+        distance = default_distance(zone.slave, zone.master, zone.macro)
+    deepest = pairing.max_penetration
+    if deepest is None and moved:  # on the way to equilibrium skins overlap by more than cells are deep
+        deepest = distance
+    return contact_points(
+        slave, master, macro=zone.macro, normals=pairing.normals, crease_angle=pairing.crease_angle,
+        search_distance=distance, max_penetration=deepest, search=pairing.search,
+        axisymmetric=pairing.axisymmetric, degree=_CLEARANCE if callable(pairing.clearance) else 0,
+    )  # fmt: skip
+
+
+def _clearance(zone: Zone, points: ContactPoints, pairing: Pairing, t: float) -> Any:
+    """What is added to the gap at each point."""
+    if not callable(pairing.clearance):
+        return pairing.clearance
+    return evaluate(pairing.clearance, positions(zone.slave, points), t, "clearance")
+
+
+def positions(slave: Surface, points: ContactPoints) -> NDArray[np.floating]:
+    """(points, 3): where the points of the slave are."""
+    return places(slave, points.slave, points.xi_slave)
+
+
+def places(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
+    """(points, 3): where reference points xi (points, 2) of faces are."""
+    out = np.empty((len(face), 3))
+    for rows, name, nodes in by_type(surface, face):
+        out[rows] = np.einsum("pn,pns->ps", shape(name, xi[rows, : surface.dim]), surface.x[nodes])
+    return out
+
+
+def by_type(surface: Surface, face: Ints) -> Iterator[tuple[Any, str, Ints]]:
+    """Points on faces, by the type of their face: (rows, type, nodes (k, n))."""
+    kind = surface.faces.type[face]
+    for code in np.unique(kind):
+        rows = np.flatnonzero(kind == code)
+        yield rows, FACE_TYPES[code], surface.faces.nodes[face[rows], : N_NODES[code]]
+
+
+def tangents(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
+    """(points, 3, dim of the surface): tangents of the faces' maps at their reference points xi (points, 2)."""
+    out = np.empty((len(face), 3, surface.dim))
+    for rows, name, nodes in by_type(surface, face):
+        out[rows] = np.einsum("pnd,pns->psd", gradient(name, xi[rows, : surface.dim]), surface.x[nodes])
+    return out
+
+
+def stretch(zone: Zone, slave: Surface, points: ContactPoints, axisymmetric: bool) -> NDArray[np.floating]:
+    """(points,): the slave's undeformed measure over its deformed one."""
+    before, after = (
+        np.linalg.norm(normals_of(tangents(s, points.slave, points.xi_slave)), axis=1) for s in (zone.slave, slave)
+    )
+    if axisymmetric:
+        before, after = (size * positions(s, points)[:, 0] for size, s in ((before, zone.slave), (after, slave)))
+    return np.asarray(np.divide(before, after, out=np.ones_like(after), where=after > 0))
+
+
+def _pressing(slave: Surface, master: Surface, points: ContactPoints, weight: Floats, n: Floats, m: int) -> csr_array:
+    """(m, n_dof): rows int (v(x) - v(x_bar)).n."""
+    return macro_rows(points, slave, master, weight[:, None] * n, m)
+
+
+def _jump(slave: Surface, master: Surface, points: ContactPoints, weight: Floats, dim: int, m: int) -> csr_array:
+    """(d m, n_dof): rows d m + k of the jump along each axis."""
+    scalar = macro_rows(points, slave, master, np.ascontiguousarray(weight[:, None]), m)
+    rows = csr_array(kron(scalar, np.eye(dim), format="csr"))
+    lever = weight * points.ray
+    if np.abs(points.ray).max(initial=0.0) > _ROUNDING * slave.size.max():
+        rows = csr_array(rows + _turning(slave, points, lever, dim, m))
+    return rows
+
+
+def _turning(slave: Surface, points: ContactPoints, lever: Floats, dim: int, m: int) -> csr_array:
+    """(d m, n_dof): int g dn(v) e_k, with dn(v) = -sum_a a^a (n . dv/dxi_a): how v turns the slave's normal."""
+    parts = []
+    for rows, name, nodes in by_type(slave, points.slave):
+        dN = gradient(name, points.xi_slave[rows, : slave.dim])
+        J = np.einsum("pnd,pns->psd", dN, slave.x[nodes])
+        metric = np.einsum("psd,pse->pde", J, J)
+        dual = np.einsum("psd,pde->pse", J, np.linalg.inv(metric))[:, :dim]
+        entry = -np.einsum("p,pke,pne,pj->pknj", lever[rows], dual, dN, points.normal[rows, :dim])
+        row = (dim * points.macro[rows])[:, None, None, None] + np.arange(dim)[:, None, None]
+        column = dim * nodes[:, None, :, None] + np.arange(dim)
+        at = np.broadcast_to(row, entry.shape).ravel(), np.broadcast_to(column, entry.shape).ravel()
+        parts.append(coo_array((entry.ravel(), at), shape=(dim * m, dim * len(slave.x))).tocsr())
+    return csr_array(sum(parts[1:], parts[0]))
+
+
+def _places(zone: Zone, slave: Surface, dim: int) -> tuple[Floats, Floats, Floats]:
+    """(m, d): centre and unit normal of each macro-element, means over its faces by area; (m,): their lengths."""
+    normal, centre = mean_normals(slave)
+    size = face_measure(slave)
+    whole = zone.sums(size)
+    total = whole[:, None]
+    out = zone.sums(normal * size[:, None])
+    length = np.linalg.norm(out, axis=1, keepdims=True)
+    middle = zone.sums(centre * size[:, None]) / np.where(total > 0, total, 1.0)
+    unit = np.divide(out, length, out=np.zeros_like(out), where=length > 0)
+    return middle[:, :dim], unit[:, :dim], whole ** (1 / slave.dim)

@@ -1,0 +1,77 @@
+"""Zones: the slave and the master of a contact or a tie, and which macro-element each slave face is part of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lacmesh.cutting.records import Cut
+from lacmesh.errors import DataError, RequestError
+from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.smooth import surface_of
+from lacmesh.surface import Surface
+
+
+@dataclass(frozen=True, eq=False)
+class Zone:
+    """Two skins that may meet. `macro` (slave faces,): the macro-element of each, 0 to `n_macros` - 1 in the zone.
+
+    `number` (n_macros,): those macro-elements in the mesh's cut. Both surfaces stand where the mesh has its nodes.
+    """
+
+    name: str
+    slave: Surface
+    master: Surface
+    macro: Ints
+    number: Ints
+
+    @classmethod
+    def of(
+        cls,
+        mesh: Mesh,
+        slave: str,
+        master: str,
+        name: str | None = None,
+        *,
+        surface: str = "smooth",
+        crease_angle: float = 40.0,
+    ) -> Zone:
+        """The zone between two groups of skin cells of a mesh whose slave is cut.
+
+        `surface`: what the gap is measured between, `faces` or the `smooth` skins that they stand for; edges that turn
+        by more than `crease_angle` degrees stay sharp.
+
+        Raises GroupNotFoundError; RequestError where slave and master are one or share faces; DataError where faces of
+        the slave belong to no macro-element of the cut, or to one that goes beyond the group.
+        """
+        cells, others = mesh.cells_of(slave), mesh.cells_of(master)
+        if slave == master or len(np.intersect1d(cells, others)):
+            raise RequestError(f"slave {slave!r} and master {master!r} share faces; a zone needs two skins")
+        made, other = (surface_of(mesh, c, surface, crease_angle) for c in (cells, others))
+        if made.dim != other.dim:
+            raise DataError(f"slave {slave!r} and master {master!r} are skins of different dimensions")
+        cut = Cut(mesh)
+        macro = cut.macro_of_face[made.cell]
+        without = made.cell[macro < 0]
+        if len(without):
+            message = f"faces {mesh.cell_names(without)} of slave {slave!r} belong to no macro-element"
+            raise DataError(f"{message}; cut this group: lacmesh cut --slave {slave}", mesh.cell_number[without])
+        number, macro = np.unique(macro, return_inverse=True)
+        size = np.bincount(cut.macro_of_face[cut.macro_of_face >= 0], minlength=cut.n_macros)
+        partial = number[np.bincount(macro) < size[number]]
+        if len(partial):
+            message = f"{len(partial)} macro-elements of slave {slave!r} have faces outside the group"
+            raise DataError(f"{message}; take all the faces of each, as they were cut", partial)
+        return cls(name or slave, made, other, macro, number)
+
+    @property
+    def n_macros(self) -> int:
+        """Number of macro-elements."""
+        return len(self.number)
+
+    def sums(self, values: Floats) -> Floats:
+        """(n_macros, ...): sums over the faces of each macro-element of values (faces, ...)."""
+        out = np.zeros((self.n_macros, *values.shape[1:]))
+        np.add.at(out, self.macro, values)
+        return out

@@ -1,0 +1,235 @@
+"""The contact pressure of a state as a picture: on the deformed bodies, and in a plane along the contact too.
+
+skins = the slaves' faces with their pressures, the faces in sight around them     (scene.seen)
+shown = these faces where the displacement, so many times over, takes them
+picture = drawn off the screen by lacmesh.view; in a plane by matplotlib           (view, figure of the plane)
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from lacmesh.cells import CELLS
+from lacmesh.errors import RequestError
+from lacmesh.formats.output import replace_file
+from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.reference.shapes import shape
+from lacmesh.scene.marks import Values
+from lacmesh.scene.seen import MASTER, SLAVE, find_seen
+from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.skin import FACE_TYPES, N_NODES
+from lacmesh.view import picture
+from lacsolver.case import Case
+from lacsolver.contact import Pairing, Zone, integrate
+from lacsolver.problem.problem import zone_of
+from lacsolver.problem.skin import prepared
+from lacsolver.results.results import Restart
+
+#: the largest displacement is drawn at most this long, in extents of the mesh, unless it is longer by itself
+_MOVED = 0.04
+#: how far magnified bodies may overlap
+_OVERLAP = 0.004
+#: parts that an edge of a quadratic cell is drawn in
+_PARTS = 6
+
+
+class Skin(NamedTuple):
+    """A contact zone as it is drawn: its slave faces, and `pressure` (faces,) on each."""
+
+    zone: Zone
+    pressure: Floats
+
+
+class Pressures(Values):
+    """Pressures of cells, none of which is worse than another."""
+
+    def worst(self, count: int) -> Ints:
+        """None."""
+        return np.empty(0, np.int64)
+
+
+def check_plot(case: Case, path: Path) -> None:
+    """Raises RequestError for what cannot be drawn: no contact, no .png, a package that is missing."""
+    if path.suffix.lower() != ".png":
+        raise RequestError(f"{path}: a picture is written as .png")
+    if not case.contact:
+        raise RequestError("a plot shows the pressure of contacts, and the case has no [[contact]]")
+    needed = "pyvista" if case.model == "3d" else "matplotlib"
+    if find_spec(needed) is None:
+        raise RequestError(f"a plot needs {needed}; pip install 'lacmesh[view]' brings it")
+
+
+def plot(case: Case, state: Restart, path: Path, mesh: Mesh | None = None) -> None:
+    """Draw the pressure of a state's contacts into a PNG file; `mesh` as for `Problem.of`.
+
+    Displacements are magnified so that they can be seen; the title says how often. Raises RequestError as `check_plot`,
+    WriteError where nothing can be drawn (as `lacmesh.view.picture`) or written.
+    """
+    check_plot(case, path)
+    mesh = prepared(case, mesh)
+    dim = 3 if case.model == "3d" else 2
+    u = np.zeros((mesh.n_nodes, 3))
+    u[:, :dim] = state.u.reshape(-1, dim)
+    zones = [zone_of(mesh, record) for record in case.contact]
+    skins = [Skin(zone, np.asarray(state.multipliers[zone.name])[zone.macro]) for zone in zones]
+    times = magnification(mesh, u, _gap_closed(skins, case, dim))
+    scale = f"displacement x {times:g}" if times > 1 else "displacement to scale"
+    title = f"pressure at t = {state.time:.6g}, {scale}"
+    if dim == 3:
+        _draw_space(mesh, mesh.points + times * u, skins, case, path, title)
+    else:
+        replace_file(path, _plane_figure(mesh, mesh.points + times * u, skins, title))
+
+
+def _gap_closed(skins: list[Skin], case: Case, dim: int) -> float:
+    """The largest gap that a macro-element under pressure had at the start."""
+    closed = [0.0]
+    for (zone, pressure), record in zip(skins, case.contact, strict=True):
+        face = integrate(zone, dim, Pairing(search_distance=record.search_distance))
+        pressed = np.bincount(zone.macro, np.abs(pressure)) > 0
+        closed.append(float(np.nanmax(np.append(np.abs(face.gap[pressed]), 0.0))))
+    return max(closed)
+
+
+def magnification(mesh: Mesh, u: Floats, closed: float = 0.0) -> float:
+    """How often displacements (n_nodes, 3) are drawn: 1, 2 or 5 times a power of ten, never less than as they are.
+
+    Where a gap `closed` from the start on, magnified bodies overlap by as often that: little enough not to be seen.
+
+    >>> bar = Mesh.create([[0, 0], [2, 0]], [("SEG2", [[0, 1]])])
+    >>> magnification(bar, np.array([[0, 0, 0], [0.003, 0, 0]])), magnification(bar, np.ones((2, 3)))
+    (20.0, 1.0)
+    """
+    largest, extent = float(np.abs(u).max(initial=0.0)), float(np.ptp(mesh.points, axis=0).max())
+    ratio = min(_MOVED * extent / max(largest, 1e-300), 1 + _OVERLAP * extent / max(closed, 1e-300))
+    if largest <= 0 or ratio < 1:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(ratio))
+    return float(power * max(n for n in (1, 2, 5) if n * power <= ratio * (1 + 1e-9)))
+
+
+def _draw_space(mesh: Mesh, x: Floats, skins: list[Skin], case: Case, path: Path, title: str) -> None:
+    """The faces in sight as a mesh of their own, so that a value on the slave skin is not its parents' too."""
+    slaves, masters = ([getattr(record, role) for record in case.contact] for role in ("slave", "master"))
+    seen = find_seen(mesh, slaves, masters)
+    pressure = np.full(mesh.n_cells, np.nan)
+    for zone, own in skins:
+        pressure[zone.slave.cell] = own
+    order = np.argsort(seen.faces.type, kind="stable")
+    blocks = [
+        (FACE_TYPES[code], seen.faces.nodes[seen.faces.type == code, : N_NODES[code]])
+        for code in np.unique(seen.faces.type)
+    ]
+    role, skin = seen.role[order], seen.skin[order]
+    faces = Mesh.create(
+        x,
+        blocks,
+        space_dim=3,
+        cell_groups={"slave": np.flatnonzero(role == SLAVE), "master": np.flatnonzero(role == MASTER)},
+        cell_data={"lac_macro": np.where(role == SLAVE, seen.macro[order], -1)},
+    )
+    values = np.where(role == SLAVE, pressure[skin], np.nan)
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    shown = Pressures("pressure", values, low, high, np.zeros(len(values), bool))
+    picture(faces, path, slave="slave", master="master", values=shown, title=title)
+
+
+def _plane_figure(mesh: Mesh, x: Floats, skins: list[Skin], title: str) -> bytes:
+    """Above, the deformed mesh with its slave skins; below, the pressure along each of them."""
+    figure = import_module("matplotlib.figure").Figure(figsize=(10, 10), dpi=130, layout="tight")
+    colours = import_module("matplotlib.colors")
+    body, profile = figure.subplots(2, 1, height_ratios=(3, 2))
+    low = min(float(skin.pressure.min()) for skin in skins)
+    high = max(float(skin.pressure.max()) for skin in skins)
+    scale = colours.Normalize(low, high if high > low else low + 1.0)
+    body.add_collection(_lines(_edges(mesh, x), color="#9aa2aa", linewidth=0.5))
+    for skin in skins:
+        drawn = _lines(_skin_lines(skin, x), cmap="viridis", norm=scale, linewidth=4, zorder=3)
+        drawn.set_array(skin.pressure)
+        body.add_collection(drawn)
+        s, p = along(skin, mesh.points)
+        profile.plot(s, p, linewidth=1.4, label=skin.zone.name)
+    figure.colorbar(drawn, ax=body, label="pressure", fraction=0.05)
+    body.set_aspect("equal", anchor="C")
+    body.autoscale()
+    body.set(title=title, xlabel="x", ylabel="y")
+    profile.set(xlabel="length along the slave skin, undeformed", ylabel="pressure of the macro-elements")
+    profile.grid(color="#e2e5e8", linewidth=0.6)
+    profile.legend(frameon=False)
+    out = io.BytesIO()
+    figure.savefig(out, format="png")
+    return out.getvalue()
+
+
+def _lines(pieces: Any, **style: Any) -> Any:
+    return import_module("matplotlib.collections").LineCollection(pieces, **style)
+
+
+def _edges(mesh: Mesh, x: Floats) -> NDArray[np.floating]:
+    """(e, points, 2): the edges of all plane cells, once for each cell, as polylines."""
+    facets = [(f.type, nodes[:, f.nodes]) for kind, nodes, _ in cells_of_dim(mesh, 2) for f in CELLS[kind].facets]
+    return np.concatenate([_curves(kind, nodes, x) for kind, nodes in facets])
+
+
+def _curves(kind: str, nodes: Ints, x: Floats) -> NDArray[np.floating]:
+    """(k, points, 2): segments of a type as polylines; straight ones have as many points, so that all go together."""
+    N = shape(kind, np.linspace(-1, 1, _PARTS + 1)[:, None])
+    return np.asarray(np.einsum("pn,kns->kps", N, x[nodes, :2]))
+
+
+def _skin_lines(skin: Skin, x: Floats) -> NDArray[np.floating]:
+    """(f, points, 2): the slave faces in the order of their surface, as polylines."""
+    out = np.empty((len(skin.pressure), _PARTS + 1, 2))
+    for kind, rows, nodes in skin.zone.slave.by_type():
+        out[rows] = _curves(kind, nodes, x)
+    return out
+
+
+def along(skin: Skin, x: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """(s, pressure) of the slave faces along the skin: steps, with NaN between chains that are not joined.
+
+    Each chain begins at its end, or where it is closed at its first face; a chain follows the one before.
+    """
+    ends = skin.zone.slave.faces.nodes[:, :2]
+    order, first = chains(ends)
+    length = np.linalg.norm(x[ends[order, 1]] - x[ends[order, 0]], axis=1)
+    stop = np.cumsum(length)
+    s = np.stack([np.append(0.0, stop[:-1]), stop], axis=1)
+    p = np.repeat(skin.pressure[order], 2).reshape(-1, 2)
+    gaps = 2 * first[1:]
+    return np.insert(s.ravel(), gaps, np.nan), np.insert(p.ravel(), gaps, np.nan)
+
+
+def chains(ends: Ints) -> tuple[Ints, Ints]:
+    """The order in which segments (f, 2), which all run one way, follow one another, and where each chain begins.
+
+    >>> order, first = chains(np.array([[2, 3], [7, 8], [1, 2], [3, 4]]))
+    >>> order.tolist(), first.tolist()
+    ([2, 0, 3, 1], [0, 3])
+    """
+    n = len(ends)
+    by_start = np.argsort(ends[:, 0], kind="stable")
+    at = np.minimum(np.searchsorted(ends[by_start, 0], ends[:, 1]), n - 1)
+    after = np.where(ends[by_start[at], 0] == ends[:, 1], by_start[at], -1)
+    joined = np.flatnonzero(after >= 0)
+    chain = connected_components(coo_array((np.ones(len(joined)), (joined, after[joined])), shape=(n, n)))[1]
+    lowest = np.unique(chain, return_index=True)[1]
+    begun = np.isin(chain[lowest], chain[np.setdiff1d(np.arange(n), after)])
+    after[np.isin(after, lowest[~begun])] = -1  # a closed chain begins at its first face
+    left = (after >= 0).astype(np.int64)  # how many follow: those up to a jump, which doubles each time
+    for _ in range(n.bit_length()):
+        on = after >= 0
+        left[on] += left[after[on]]
+        after[on] = after[after[on]]
+    order = np.lexsort((-left, chain))
+    return order, np.searchsorted(chain[order], np.arange(len(lowest)))

@@ -1,0 +1,134 @@
+"""What acts on the bodies of a case: the records of loads, springs and temperatures, as vectors and matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from lacmesh.errors import DataError, RequestError
+from lacmesh.mesh import Floats, Ints
+from lacsolver.bodies.material import Materials
+from lacsolver.bodies.small.fields import Temperature
+from lacsolver.case import Case, Traction
+from lacsolver.case import Temperature as Record
+from lacsolver.case.records import Entry
+from lacsolver.case.value import Value
+from lacsolver.problem import loads
+from lacsolver.space.places import nodes_of, wrong
+from lacsolver.space.space import Space
+
+_AXES = "xyz"
+At = Callable[[Floats, float], Floats]
+
+
+def at_points(space: Space, value: Value) -> At:
+    """A value of the case as a function of points (n, 3), of which it sees the model's coordinates, and time."""
+    return lambda x, t: value(x[:, : space.dim], t)
+
+
+def at_local_points(space: Space, value: Value) -> At:
+    """The same as a function of points that are counted from the space's origin."""
+    return lambda x, t: value((x + space.origin)[:, : space.dim], t)
+
+
+def load(
+    space: Space, materials: Materials, case: Case, t: float, threads: int = 1, *, u: Floats | None = None
+) -> NDArray[np.floating]:
+    """f (n_dof,): nodal forces of everything that acts at time t, but for springs and rigid bodies.
+
+    `u` (n_dof,): where followers find their faces; None: where the mesh has them. Temperature is a load where
+    kinematics are small; elsewhere it is in the internal forces (`kinematics.Finite`).
+    """
+    mesh, f = space.mesh, np.zeros(space.n_dof)
+    for pressure in case.pressure:
+        x = space.places(u) if pressure.follower and u is not None else None
+        with _said_of(pressure):
+            f += loads.pressure(space, mesh.cells_of(pressure.group), at_points(space, pressure.value), t, x=x)
+    for traction in case.traction:
+        with _said_of(traction):
+            f += loads.traction(space, mesh.cells_of(traction.group), _traction(space, traction), t)
+    for force in case.force:
+        f += loads.nodal_force(space, nodes_of(space, force), _vector(space, force, "f"), t)
+    for body in case.body_force:
+        with _said_of(body):
+            f += loads.body_force(space, _vector(space, body, "f"), t, cells=space.cells(body.groups))
+    if case.gravity is not None:
+        f += loads.gravity(space, materials, _vector(space, case.gravity, "g"), t)
+    warm = temperature(space, materials, case)
+    if warm is not None and case.kinematics == "small":
+        f += loads.thermal_force(space, materials, warm, t, threads=threads)
+    return f
+
+
+def load_tangent(space: Space, case: Case, u: Floats, t: float) -> csr_array | None:
+    """df/du (n_dof, n_dof) of `load` at u (n_dof,) and time t, not symmetric; None if nothing follows."""
+    made = None
+    for pressure in case.pressure:
+        if pressure.follower:
+            cells, value = space.mesh.cells_of(pressure.group), at_points(space, pressure.value)
+            own = loads.pressure_tangent(space, cells, value, t, x=space.places(u))
+            made = own if made is None else csr_array(made + own)
+    return made
+
+
+@contextmanager
+def _said_of(record: Entry) -> Iterator[None]:
+    """Say of what is wrong with a load's cells which record of the case it is, and where."""
+    try:
+        yield
+    except (DataError, RequestError) as error:
+        raise wrong(record, str(error)) from None
+
+
+def springs(space: Space, case: Case) -> csr_array | None:
+    """(n_dof, n_dof): springs to the ground; None if there are none."""
+    made = None
+    moved = np.concatenate([np.empty(0, np.int64), *(nodes_of(space, body) for body in case.rigid)])
+    for spring in case.spring:
+        stiffness = [getattr(spring, f"k{a}") or 0.0 for a in _AXES[: space.dim]]
+        own = loads.springs(space, nodes_of(space, spring), stiffness, moved=moved)
+        made = own if made is None else csr_array(made + own)
+    return made
+
+
+def temperature(space: Space, materials: Materials, case: Case) -> Temperature | None:
+    """What `assemble.stress` takes: (value, cells) pairs; None without a [[temperature]]."""
+    if not case.temperature:
+        return None
+    return [pair for record in case.temperature for pair in _by_law(space, materials, record)]
+
+
+def _by_law(space: Space, materials: Materials, record: Record) -> Iterator[tuple[At, Ints]]:
+    """A temperature on the cells of each law apart: a number is ramped from the law's own reference."""
+    place = np.full(space.mesh.n_cells, -1)
+    for block, which in zip(space.blocks, materials.law, strict=True):
+        place[block.cell] = which
+    chosen = space.cells(record.groups)
+    for k, law in enumerate(materials.laws):
+        cells = chosen[place[chosen] == k]
+        if len(cells):
+            yield _ramped(space, record.value, law.reference_temperature), cells
+
+
+def _ramped(space: Space, value: Value, start: float) -> At:
+    return lambda x, t: value(x[:, : space.dim], t, start=start)
+
+
+def _vector(space: Space, record: object, letter: str) -> Sequence[float | At]:
+    values = [getattr(record, f"{letter}{a}") for a in _AXES[: space.dim]]
+    return [0.0 if value is None else at_points(space, value) for value in values]
+
+
+def _traction(space: Space, record: Traction) -> loads.Traction:
+    values = [getattr(record, f"t{a}") for a in _AXES[: space.dim]]
+
+    def traction(x: Floats, n: Floats, t: float) -> NDArray[np.floating]:
+        at, normals = x[:, : space.dim], n[:, : space.dim]
+        told = [np.zeros(len(x)) if value is None else value(at, t, normals=normals) for value in values]
+        return np.stack(told, axis=1)
+
+    return traction

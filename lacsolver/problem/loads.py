@@ -1,0 +1,307 @@
+"""Loads as nodal forces (n_dof,) at a time t, and springs as matrices.
+
+Forces are those of the whole thickness or circle: the weight of a point has thickness or 2 pi r in it, here and in
+`bodies.small.gradients`. Every value is a number or f(points (n, 3), t) -> (n,) (`lacsolver.space.values`). Rules
+integrate a constant exactly on any cell or face, curved ones too, as far as the integral is a polynomial: a pressure's is (the
+normal is not made unit), a traction's on a curved face is not, and converges with `degree`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+
+from lacmesh.cells import CELLS
+from lacmesh.errors import DataError
+from lacmesh.mesh import Floats, Ints
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import gradient, jacobian, shape
+from lacmesh.surface import Surface
+from lacmesh.surface.normals import normals_of
+from lacsolver.bodies.material import Materials
+from lacsolver.bodies.small import internal_force
+from lacsolver.bodies.small.fields import Temperature, scatter
+from lacsolver.space.determinant import determinant
+from lacsolver.space.space import Space
+from lacsolver.space.values import Value, evaluate, evaluate_vector
+
+#: components of a vector; of a traction also f(points (n, 3), unit outward normals (n, 3), t) -> (n, dim)
+Vector = Sequence[Value]
+Traction = Vector | Callable[[Floats, Floats, float], Floats]
+
+#: by order of the face: N times the normal, with r, of a constant (TRIA7 in all, the others in each coordinate)
+_FACE_DEGREE = {0: 1, 1: 5, 2: 10}
+#: by dimension and order of the cell: N times det J, with r
+_CELL_DEGREE = {(2, 1): 5, (2, 2): 10, (3, 1): 5, (3, 2): 7}
+_PIECE = 1 << 18
+
+
+def pressure(
+    space: Space, faces: Ints, value: Value, t: float = 1.0, *, x: Floats | None = None, degree: int | None = None
+) -> NDArray[np.floating]:
+    """(n_dof,): a pressure on skin cells `faces` (indices), > 0 into the body.
+
+    `x` (n_nodes, 3): where the nodes are, if not where the mesh has them: the force of a follower. The value's points
+    are those of the mesh. Raises DataError for cells that are no faces of the body, or that have not just one cell
+    behind them: the side that the pressure comes from would be unknown.
+    """
+
+    def force(at: Floats, normal: Floats) -> NDArray[np.floating]:
+        return -evaluate(value, at, t, "pressure")[..., None] * normal[..., : space.dim]
+
+    return _on_faces(space, _pressed(space, faces), force, x, degree)
+
+
+def pressure_tangent(
+    space: Space, faces: Ints, value: Value, t: float = 1.0, *, x: Floats | None = None, degree: int | None = None
+) -> csr_array:
+    """(n_dof, n_dof): df/du of `pressure` as a follower, its normals and radii those of nodes at x (n_nodes, 3).
+
+    With the tangents a_k of the face, n = a_1 x a_2 and f_as = -int p N_a n_s; n turns with them,
+
+        df_as/du_bt = -int p N_a (N_b,1 e_t x a_2 - N_b,2 e_t x a_1)_s,
+
+    in 2D n = (a_y, -a_x); in axisymmetry the radius in 2 pi r grows by N_b with u_bx. It is symmetric where the
+    pressure is uniform and the faces are closed, or end where they are held; in general it is not.
+    """
+    surface = _pressed(space, faces)
+    rows, columns, values = [np.empty(0, int)], [np.empty(0, int)], [np.empty(0)]
+    for part in _face_points(space, surface, x, degree):
+        p = -evaluate(value, part.at, t, "pressure") * part.w
+        K = np.einsum("fq,qa,fqbst->fasbt", p, part.N, _turning(space, part), optimize=True)
+        dofs = space.dofs(part.nodes.ravel()).reshape(*part.nodes.shape, space.dim)
+        rows.append(np.broadcast_to(dofs[:, :, :, None, None], K.shape).ravel())
+        columns.append(np.broadcast_to(dofs[:, None, None], K.shape).ravel())
+        values.append(K.ravel())
+    made = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return coo_array(made, shape=(space.n_dof, space.n_dof)).tocsr()
+
+
+def _turning(space: Space, part: _FacePoints) -> NDArray[np.floating]:
+    """(f, q, n, s, t): the derivative of normals times Jacobian (and radius, over it) by the nodes' displacements."""
+    J, dN = part.J, part.gradient
+    if space.dim == 3:
+        cross = np.cross(np.eye(3)[:, None], J.swapaxes(2, 3)[:, :, None])  # (f, q, t, k, s): e_t x a_k
+        by_first = np.einsum("qb,fqts->fqbst", dN[..., 0], cross[..., 1, :])
+        return by_first - np.einsum("qb,fqts->fqbst", dN[..., 1], cross[..., 0, :])
+    quarter = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    turned = np.broadcast_to(np.einsum("qb,st->qbst", dN[..., 0], quarter), (*part.w.shape, *dN.shape[1:2], 2, 2))
+    if not space.model.axisymmetric:
+        return turned
+    off_axis = part.radius > 0
+    inverse = np.divide(1.0, part.radius, out=np.zeros_like(part.radius), where=off_axis)
+    grown = np.einsum("fqs,qb,fq->fqbs", part.normal[..., :2], part.N, inverse)
+    return turned + grown[..., None] * np.eye(2)[0]
+
+
+def traction(
+    space: Space, faces: Ints, value: Traction, t: float = 1.0, *, degree: int | None = None
+) -> NDArray[np.floating]:
+    """(n_dof,): a force per area on skin cells `faces` (indices): a value a component, or f(points, normals, t).
+
+    Normals are those of `lacmesh.Surface`: unit and outward, or the mesh's own on a face between two cells.
+    """
+
+    def force(at: Floats, normal: Floats) -> NDArray[np.floating]:
+        size = np.linalg.norm(normal, axis=-1, keepdims=True)
+        if not callable(value):
+            return evaluate_vector(value, at, t, space.dim, "traction") * size
+        unit = np.divide(normal, size, out=np.zeros_like(normal), where=size > 0)
+        got = np.asarray(value(at.reshape(-1, 3), unit.reshape(-1, 3), t), dtype=float)
+        wanted = (at.size // 3, space.dim)
+        if got.shape != wanted or not np.isfinite(got).all():
+            what = got.shape if got.shape != wanted else "a value that is not finite"
+            raise DataError(f"traction: the function returned {what}; return finite numbers {wanted}")
+        return got.reshape(*at.shape[:-1], space.dim) * size
+
+    return _on_faces(space, _skin(space, faces), force, None, degree)
+
+
+def body_force(
+    space: Space, value: Vector, t: float = 1.0, *, cells: Ints | None = None, degree: int | None = None
+) -> NDArray[np.floating]:
+    """(n_dof,): a force per volume, a value a component, on some cells of the space (indices; all if None)."""
+
+    def force(at: Floats, _block: int, _rows: Ints) -> NDArray[np.floating]:
+        return evaluate_vector(value, at, t, space.dim, "body force")
+
+    return _on_cells(space, cells, force, degree)
+
+
+def gravity(
+    space: Space, materials: Materials, acceleration: Vector, t: float = 1.0, *, degree: int | None = None
+) -> NDArray[np.floating]:
+    """(n_dof,): weight, the density of each cell's law times an acceleration (components, as `body_force`).
+
+    Raises DataError where no law has a density.
+    """
+    if not any(law.density for law in materials.laws):
+        raise DataError("gravity needs a density, and every material has 0; give at least one its density")
+
+    def force(at: Floats, block: int, rows: Ints) -> NDArray[np.floating]:
+        density = materials.densities(block)[rows]
+        return density[:, None, None] * evaluate_vector(acceleration, at, t, space.dim, "gravity")
+
+    return _on_cells(space, None, force, degree)
+
+
+def nodal_force(space: Space, nodes: Ints, value: Vector, t: float = 1.0) -> NDArray[np.floating]:
+    """(n_dof,): a force at each of some nodes, a value a component; in axisymmetry that of the node's whole circle."""
+    nodes = _held(space, nodes, "force")
+    out = np.zeros((space.mesh.n_nodes, space.dim))
+    out[nodes] = evaluate_vector(value, space.mesh.points[nodes], t, space.dim, "force")
+    return out.ravel()
+
+
+def thermal_force(
+    space: Space, materials: Materials, temperature: Temperature, t: float = 1.0, *, threads: int = 1
+) -> NDArray[np.floating]:
+    """(n_dof,): int B^T C (T - T0) alpha dV, the load that a temperature is worth: K u = this, if nothing else acts."""
+    still = np.zeros(space.n_dof)
+    return -internal_force(space, materials, still, temperature=temperature, t=t, threads=threads)
+
+
+def springs(space: Space, nodes: Ints, stiffness: Vector, t: float = 1.0, *, moved: Ints | None = None) -> csr_array:
+    """(n_dof, n_dof), diagonal: a spring to the ground at each of some nodes; force per length along each axis.
+
+    `moved`: nodes of rigid bodies, which need no cell. Raises DataError for a negative stiffness, and for other nodes
+    that no cell holds.
+    """
+    nodes = _held(space, nodes, "spring", moved)
+    k = evaluate_vector(stiffness, space.mesh.points[nodes], t, space.dim, "spring")
+    _not_negative(k)
+    dofs = space.dofs(nodes).ravel()
+    return coo_array((k.ravel(), (dofs, dofs)), shape=(space.n_dof, space.n_dof)).tocsr()
+
+
+def foundation(space: Space, faces: Ints, stiffness: Vector, t: float = 1.0, *, degree: int | None = None) -> csr_array:
+    """(n_dof, n_dof): springs to the ground spread over skin cells `faces`; stress per length along each axis."""
+    surface = _skin(space, faces)
+    rows, columns, values = [np.empty(0, int)], [np.empty(0, int)], [np.empty(0)]
+    for part in _face_points(space, surface, None, degree):
+        nodes, N, at = part.nodes, part.N, part.at
+        k = evaluate_vector(stiffness, at, t, space.dim, "foundation")
+        _not_negative(k)
+        weight = (np.linalg.norm(part.normal, axis=-1) * part.w)[..., None] * k
+        K = np.einsum("qa,qb,fqs->fabs", N, N, weight, optimize=True)
+        dofs = space.dofs(nodes.ravel()).reshape(*nodes.shape, space.dim)
+        rows.append(np.broadcast_to(dofs[:, :, None], K.shape).ravel())
+        columns.append(np.broadcast_to(dofs[:, None], K.shape).ravel())
+        values.append(K.ravel())
+    made = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return coo_array(made, shape=(space.n_dof, space.n_dof)).tocsr()
+
+
+def _not_negative(k: Floats) -> None:
+    if (k < 0).any():
+        raise DataError(f"a spring's stiffness is 0 or more, and is {k.min():.6g} somewhere")
+
+
+def _pressed(space: Space, faces: Ints) -> Surface:
+    """The surface under skin cells that a pressure acts on, each with one cell behind it."""
+    surface = _skin(space, faces)
+    unknown = surface.cell[np.isnan(surface.depth)]
+    if len(unknown):
+        message = f"cells {space.mesh.cell_names(unknown)} do not have just one cell of the body behind them"
+        raise DataError(f"{message}; a pressure needs faces of its skin", space.mesh.cell_number[unknown])
+    return surface
+
+
+def _held(space: Space, nodes: Ints, what: str, moved: Ints | None = None) -> Ints:
+    """Distinct nodes, all of them on cells of the space, or among those that are moved."""
+    nodes = np.unique(np.asarray(nodes, dtype=np.int64))
+    loose = nodes[~space.attached[nodes]]
+    loose = loose if moved is None else np.setdiff1d(loose, moved)
+    if len(loose):
+        numbers = ", ".join(str(n) for n in space.mesh.node_number[loose[:10]])
+        raise DataError(f"{what} at nodes {numbers}, which no cell of the body holds; name nodes of the body")
+    return nodes
+
+
+def _skin(space: Space, faces: Ints) -> Surface:
+    """The surface under skin cells; each face once, outward."""
+    faces = np.asarray(faces, dtype=np.int64)
+    wrong = faces[space.mesh.cell_dim[faces] != space.dim - 1]
+    if len(wrong) or not len(faces):
+        named = f"cells {space.mesh.cell_names(wrong)} are none" if len(wrong) else "the group is empty"
+        message = f"a load on a surface needs cells of dimension {space.dim - 1}, and {named}"
+        raise DataError(f"{message}; name a group of skin cells", space.mesh.cell_number[wrong])
+    surface = Surface.of(space.mesh, faces)
+    nodes = surface.faces.nodes
+    loose = surface.cell[((nodes >= 0) & ~space.attached[nodes]).any(axis=1)]
+    if len(loose):
+        message = f"cells {space.mesh.cell_names(loose)} have nodes that no cell of the body holds"
+        raise DataError(f"{message}; a load acts on the skin of a body", space.mesh.cell_number[loose])
+    return surface
+
+
+class _FacePoints(NamedTuple):
+    """Faces of one type: nodes (f, n), N (q, n) and its gradient (q, n, k), points (f, q, 3).
+
+    `normal` (f, q, 3): times the Jacobian, `J` (f, q, 3, k): the k tangents, `radius` (f, q): x there. `w` (f, q):
+    weights with thickness or 2 pi r.
+    """
+
+    nodes: Ints
+    N: NDArray[np.floating]
+    gradient: NDArray[np.floating]
+    at: NDArray[np.floating]
+    normal: NDArray[np.floating]
+    J: NDArray[np.floating]
+    radius: NDArray[np.floating]
+    w: NDArray[np.floating]
+
+
+def _face_points(space: Space, surface: Surface, x: Floats | None, degree: int | None) -> Iterator[_FacePoints]:
+    """The faces of a surface, type by type; their normals and radii are those of `x`, the points those of the mesh."""
+    where = space.local.points if x is None else np.asarray(x, dtype=float)
+    for name, _, nodes in surface.by_type():
+        cell = CELLS[name]
+        X, w = rule(cell.family, _FACE_DEGREE[cell.order] if degree is None else degree)
+        N = shape(name, X)
+        J = jacobian(name, where[nodes], X[:, : cell.dim])
+        normal = normals_of(J)
+        at = np.einsum("qn,fns->fqs", N, space.mesh.points[nodes], optimize=True)
+        now = np.einsum("qn,fns->fqs", N, where[nodes], optimize=True)
+        yield _FacePoints(nodes, N, gradient(name, X), at, normal, J, now[..., 0], w * space.depth(now))
+
+
+def _on_faces(
+    space: Space,
+    surface: Surface,
+    force: Callable[[Floats, Floats], NDArray[np.floating]],
+    x: Floats | None,
+    degree: int | None,
+) -> NDArray[np.floating]:
+    """Nodal forces of force(points, normals times Jacobian), per reference area (f, q, dim)."""
+    out = np.zeros((space.mesh.n_nodes, space.dim))
+    for part in _face_points(space, surface, x, degree):
+        f = np.einsum("qn,fq,fqs->fns", part.N, part.w, force(part.at, part.normal), optimize=True)
+        scatter(out, part.nodes, np.ascontiguousarray(f))
+    return out.ravel()
+
+
+def _on_cells(
+    space: Space,
+    cells: Ints | None,
+    force: Callable[[Floats, int, Ints], NDArray[np.floating]],
+    degree: int | None,
+) -> NDArray[np.floating]:
+    """Nodal forces of force(points, block, rows of it), per volume (c, q, dim), on some cells, in pieces."""
+    out = np.zeros((space.mesh.n_nodes, space.dim))
+    for number, (name, nodes, cell_of) in enumerate(space.blocks):
+        cell = CELLS[name]
+        X, w = rule(cell.family, _CELL_DEGREE[space.dim, cell.order] if degree is None else degree)
+        N, dN = shape(name, X), gradient(name, X)
+        chosen = np.arange(len(cell_of)) if cells is None else np.flatnonzero(np.isin(cell_of, cells))
+        size = max(1, _PIECE // N.size)
+        for rows in (chosen[k : k + size] for k in range(0, len(chosen), size)):
+            at = np.einsum("qn,cns->cqs", N, space.mesh.points[nodes[rows]], optimize=True)
+            W = np.abs(determinant(nodes[rows], space.local.points, dN)) * w * space.depth(at)
+            f = np.einsum("qn,cq,cqs->cns", N, W, force(at, number, rows), optimize=True)
+            scatter(out, nodes[rows], np.ascontiguousarray(f))
+    return out.ravel()

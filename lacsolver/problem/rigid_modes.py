@@ -1,0 +1,330 @@
+"""Connected bodies, and the motions of whole bodies that nothing holds.
+
+A body's motion is a small one, u = t + theta x (X - c). What constraints and springs leave of the motions of all bodies
+is the null space of one matrix: the prescribed directions at the nodes, the difference between a body and the rigid
+group on its nodes, and the springs' forces, times the bodies' modes and the rigid groups' free motions. It falls apart
+into systems of bodies that share a rigid group, mostly of one body. `still_free` asks the same of contact: what does no
+row of B stop?
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array, diags_array, vstack
+from scipy.sparse.csgraph import connected_components
+
+from lacmesh.mesh import Floats, Ints
+from lacsolver.constraints import Constraints
+from lacsolver.constraints.rigid import moments
+from lacsolver.problem.motions import Body, FreeMotion, describe, plain_motions
+from lacsolver.space.space import Space
+
+__all__ = ["Body", "FreeMotion", "bodies", "describe", "free_motions", "rigid_modes", "still_free"]
+
+#: displacement, of a unit motion, in the mean of a system's rows, below which nothing is stopped
+_STOPPED = 1e-9
+#: the same for contact, whose directions come out of an integration
+STOPPED_BY_CONTACT = 1e-8
+
+
+def bodies(space: Space) -> Ints:
+    """(n_nodes,): which connected body each node is of, counted from 0 by their first nodes; -1 where no cell holds it.
+
+    Cells that share a node are of one body.
+    """
+    n = space.mesh.n_nodes
+    first = np.concatenate([np.repeat(b.nodes[:, 0], b.nodes.shape[1] - 1) for b in space.blocks])
+    other = np.concatenate([b.nodes[:, 1:].ravel() for b in space.blocks])
+    links = coo_array((np.ones(len(first), np.int8), (first, other)), shape=(n, n))
+    label = connected_components(links, directed=False)[1][space.attached]
+    _, start, body = np.unique(label, return_index=True, return_inverse=True)
+    out = np.full(n, -1)
+    out[space.attached] = np.argsort(np.argsort(start))[body]
+    return out
+
+
+def rigid_modes(space: Space, of_node: Ints) -> NDArray[np.floating]:
+    """(n_dof, r): rigid motions of all bodies: 6 in 3D, 3 in a plane, along y in axisymmetry.
+
+    `of_node` (n_nodes,): as `bodies` tells it. Each body has its own, orthonormal, in the same columns, and other nodes
+    have 0: memory goes with the nodes, however many bodies there are. The translations come first, then rotations about
+    the principal axes through the mean of a body's nodes; one that moves none of them, about the line that all of them
+    stand on, is left out.
+    """
+    nodes, start = _body_by_body(of_node)
+    blocks = [_rigid_block(space, own) for own in np.split(nodes, start[1:])]
+    out = np.zeros((space.mesh.n_nodes, space.dim, max(block.shape[2] for block in blocks)))
+    for own, block in zip(np.split(nodes, start[1:]), blocks, strict=True):
+        out[own, :, : block.shape[2]] = block
+    return out.reshape(space.n_dof, -1)
+
+
+def _rigid_block(space: Space, nodes: Ints) -> NDArray[np.floating]:
+    """(k, dim, r): orthonormal rigid motions of some nodes."""
+    x = space.local.points[nodes] - space.local.points[nodes].mean(axis=0)
+    turns = moments(space.dim, x)
+    gram = np.einsum("ksa,ksb->ab", turns, turns)
+    size, axes = np.linalg.eigh(gram)
+    fine = size > 1e-18 * max(size.max(), np.abs(x).max() ** 2)
+    turns = turns @ (axes[:, fine] / np.sqrt(size[fine]))
+    straight = np.tile(np.eye(space.dim), (len(nodes), 1, 1)) / np.sqrt(len(nodes))
+    return straight[:, :, 1:] if space.model.axisymmetric else np.concatenate([straight, turns], axis=2)
+
+
+def _body_by_body(of_node: Ints) -> tuple[Ints, Ints]:
+    """The nodes of bodies, one body after the other, and where each begins."""
+    nodes = np.flatnonzero(of_node >= 0)
+    nodes = nodes[np.argsort(of_node[nodes], kind="stable")]
+    count = np.bincount(of_node[nodes])
+    return nodes, np.cumsum(count) - count
+
+
+def free_motions(space: Space, constraints: Constraints, springs: csr_array | None = None) -> tuple[FreeMotion, ...]:
+    """The motions of whole bodies that constraints and springs (n_dof, n_dof) leave free, in plain words (`describe`).
+
+    Bodies that hang on one rigid group are looked at together, and a rigid group that no cell holds is a body of its
+    own. A body is called by a cell group that has all its cells and no other's, or by its first node.
+    """
+    frame = _frame(space, constraints)
+    rows = _rows(space, constraints, frame, springs)
+    found: list[FreeMotion] = []
+    for blocks, columns, basis in _null_spaces(rows, frame.block, _STOPPED):
+        amplitudes = np.zeros((len(basis), len(frame.block)))
+        amplitudes[:, columns] = basis
+        twists = np.stack([amplitudes[:, frame.block == b] @ frame.twists[frame.block == b] for b in blocks], axis=1)
+        moving = [k for k, b in enumerate(blocks) if len(frame.bodies[b].nodes)]
+        if moving:
+            found += plain_motions(space, [frame.bodies[blocks[k]] for k in moving], twists[:, moving])
+    return tuple(found)
+
+
+def still_free(
+    B: csr_array, motions: Sequence[FreeMotion], *, least: float = STOPPED_BY_CONTACT, x: Floats | None = None
+) -> tuple[FreeMotion, ...]:
+    """Those motions, alone or of several bodies together, that no row of B (m, n_dof) stops, in plain words.
+
+    B's rows are contacts and ties; a row is taken to stop a motion both ways, and all rows of a motion's bodies to stop
+    none that they feel, in the mean, by less than `least` (`felt`). `x` (n_nodes, 3): where nodes are, the mesh's if
+    None.
+    """
+    if not motions:
+        return ()
+    rows, seen = _rates(B, motions, x)
+    found: list[FreeMotion] = []
+    weight = 1 / np.sqrt(np.maximum(seen, 1))
+    for _, columns, basis in _null_spaces(
+        csr_array(rows @ diags_array(weight)), _by_bodies(motions), least, total=True
+    ):
+        moved, twists = _together([motions[k] for k in columns])
+        found += plain_motions(motions[0].space, moved, np.einsum("zk,kbs->zbs", basis * weight[columns], twists))
+    return tuple(found)
+
+
+def felt(B: csr_array, motions: Sequence[FreeMotion], x: Floats | None = None) -> NDArray[np.floating]:
+    """(k,): how far each motion, of size 1, moves along the rows of its bodies: the root of the mean square over them.
+
+    Rows (m, n_dof) have size 1 here, whatever they integrate over. 0 for bodies without any.
+    """
+    rows, seen = _rates(B, motions, x)
+    return np.sqrt(np.asarray(rows.power(2).sum(axis=0)).ravel() / np.maximum(seen, 1))
+
+
+def displaced_by(motions: Sequence[FreeMotion], u: Floats, x: Floats | None = None) -> NDArray[np.floating]:
+    """(k,): how far the part that each of some motions has in u (n_dof,), by least squares, takes a node at most."""
+    if not motions:
+        return np.empty(0)
+    F = _fields(motions, x)
+    part = np.linalg.solve((F.T @ F).toarray(), F.T @ u)
+    farthest = [np.linalg.norm(m.at_nodes if x is None else m.at(x), axis=1).max() for m in motions]
+    return np.abs(part) * farthest
+
+
+def _rates(B: csr_array, motions: Sequence[FreeMotion], x: Floats | None) -> tuple[csr_array, Ints]:
+    """What unit motions do along rows, themselves of size 1 (m, k), and how many rows the bodies of each have (k,)."""
+    B = csr_array(B)
+    size = np.sqrt(B.power(2).sum(axis=1))
+    unit = diags_array(np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)) @ B
+    fields = _fields(motions, x)
+    dim, there = motions[0].space.dim, np.concatenate([motion.nodes for motion in motions])
+    own = np.repeat(np.arange(len(motions)), [len(motion.nodes) for motion in motions])
+    of = coo_array((np.ones(len(own)), (there, own)), shape=(B.shape[1] // dim, len(motions))).tocsr()
+    nodes = csr_array((np.ones(B.nnz), B.indices // dim, B.indptr), shape=(B.shape[0], B.shape[1] // dim))
+    return csr_array(unit @ fields), np.diff((nodes @ of).tocsc().indptr)
+
+
+class _Frame(NamedTuple):
+    """The bodies, connected ones and then rigid ones, and the amplitudes of their motions.
+
+    `of_node` (n_nodes,): as `bodies`. `block` (a,): the body that each amplitude is of; `twists` (a, 6): its unit
+    motion, in which a rotation displaces by about 1.
+    """
+
+    bodies: tuple[Body, ...]
+    of_node: Ints
+    block: Ints
+    twists: Floats
+
+
+def _frame(space: Space, constraints: Constraints) -> _Frame:
+    of_node = bodies(space)
+    connected = _connected(space, of_node)
+    model = _unit_twists(space)
+    if space.model.axisymmetric:
+        model = model[1:2]
+    made, twists = list(connected), [model / _lengths(body) for body in connected]
+    for rigid in constraints.rigid:
+        bare = rigid.nodes[~space.attached[rigid.nodes]]
+        radius = _radius(np.square(rigid.arm).sum(axis=1).mean())
+        made.append(Body(f"rigid {rigid.name!r}", bare, rigid.centre - space.origin, radius))
+        twists.append(_unit_twists(space)[: len(rigid.free)][rigid.free] / _lengths(made[-1]))
+    block = np.repeat(np.arange(len(made)), [len(unit) for unit in twists])
+    return _Frame(tuple(made), of_node, block, np.concatenate(twists))
+
+
+def _connected(space: Space, of_node: Ints) -> list[Body]:
+    nodes, start = _body_by_body(of_node)
+    count = np.diff([*start, len(nodes)])
+    x = space.local.points[nodes]
+    centre = np.add.reduceat(x, start) / count[:, None]
+    square = np.add.reduceat(np.square(x - centre[of_node[nodes]]).sum(axis=1), start) / count
+    names = _names(space, of_node, nodes[start])
+    parts = zip(names, np.split(nodes, start[1:]), centre, square, strict=True)
+    return [Body(name, own, c, _radius(s)) for name, own, c, s in parts]
+
+
+def _names(space: Space, of_node: Ints, first: Ints) -> list[str]:
+    """Each body's name: the smallest cell group that has all its cells, and no other body's; else its first node."""
+    body = np.full(space.mesh.n_cells, -1)
+    for block in space.blocks:
+        body[block.cell] = of_node[block.nodes[:, 0]]
+    whole = np.bincount(body[body >= 0])
+    names = [f"the body of node {number}" for number in space.mesh.node_number[first]]
+    size = np.full(len(names), space.mesh.n_cells + 1)
+    for name, cells in space.mesh.cell_groups.items():
+        found = body[cells][body[cells] >= 0]
+        k = int(found[0]) if len(found) else 0
+        if len(found) == whole[k] and (found == k).all() and len(cells) < size[k]:
+            names[k], size[k] = repr(name), len(cells)
+    return names
+
+
+def _radius(square: float) -> float:
+    return float(np.sqrt(square)) or 1.0
+
+
+def _lengths(body: Body) -> Floats:
+    return np.array([1.0, 1.0, 1.0, *(3 * [body.radius])])
+
+
+def _unit_twists(space: Space) -> Floats:
+    """(m, 6): the motions of a rigid body in the order of `RigidBody`: displacements, rotations."""
+    chosen = {True: [0, 1], False: [0, 1, 5] if space.dim == 2 else list(range(6))}[space.model.axisymmetric]
+    return np.eye(6)[chosen]
+
+
+def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_array | None) -> csr_array:
+    """What every amplitude does to the prescribed directions, between bodies and rigid groups, and to the springs."""
+    rigid = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in constraints.rigid)])
+    sprung = np.empty(0, np.int64) if springs is None else np.flatnonzero(np.diff(springs.indptr)) // space.dim
+    nodes = np.unique(np.concatenate([constraints.local.nodes, rigid, sprung]))
+    nodes = nodes[space.attached[nodes]]
+    own = _modes(space, frame, nodes, frame.of_node[nodes])
+    n = len(frame.bodies) - len(constraints.rigid)
+    group = np.repeat(n + np.arange(len(constraints.rigid)), [len(body.nodes) for body in constraints.rigid])
+    held = space.attached[rigid]
+    shared = space.dofs(rigid[held]).ravel()
+    apart = (own - _modes(space, frame, rigid[held], group[held]))[shared]
+    rows = [constraints.local.D @ own, apart]
+    if springs is not None:
+        alone = _modes(space, frame, rigid[~held], group[~held])
+        stiffness = springs.diagonal()
+        unit = np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0)
+        rows.append(diags_array(unit) @ springs @ (own + alone))
+    return vstack(rows, format="csr")
+
+
+def _modes(space: Space, frame: _Frame, nodes: Ints, body: Ints) -> csr_array:
+    """(n_dof, a): the displacements of some nodes under the unit motions of the body that each is of."""
+    node, amplitude = _amplitudes(frame.block, body)
+    centre = np.array([b.centre for b in frame.bodies]).reshape(-1, 3)
+    unit = frame.twists[amplitude]
+    u = unit[:, :3] + np.cross(unit[:, 3:], space.local.points[nodes[node]] - centre[body[node]])
+    columns = np.repeat(amplitude, space.dim)
+    entries = u[:, : space.dim].ravel(), (space.dofs(nodes[node]).ravel(), columns)
+    return coo_array(entries, shape=(space.n_dof, len(frame.block))).tocsr()
+
+
+def _amplitudes(block: Ints, body: Ints) -> tuple[Ints, Ints]:
+    """Each of some bodies with each of its amplitudes: (place in `body`, amplitude), both (k,)."""
+    start, stop = np.searchsorted(block, body), np.searchsorted(block, body, side="right")
+    place = np.repeat(np.arange(len(body)), stop - start)
+    before = np.cumsum(stop - start) - (stop - start)
+    return place, start[place] + np.arange(len(place)) - before[place]
+
+
+def _null_spaces(
+    rows: csr_array, block: Ints, least: float, *, total: bool = False
+) -> Iterator[tuple[Ints, Ints, Floats]]:
+    """The null space of rows (m, a), system by system: (blocks, columns (c,), orthonormal basis (k, c)), if k > 0.
+
+    `block` (a,): columns of one block are of one system, and so are blocks that a row couples. `least`: of the mean of
+    a system's rows, or of their `total`.
+    """
+    n = int(block.max(initial=-1)) + 1
+    column = coo_array((np.ones(len(block)), (np.arange(len(block)), block)), shape=(len(block), n)).tocsr()
+    touched = abs(rows) @ column
+    system = connected_components(touched.T @ touched, directed=False)[1]
+    filled = np.flatnonzero(np.diff(touched.indptr))
+    of_row = system[touched.indices[touched.indptr[filled]]]
+    order = np.argsort(of_row, kind="stable")
+    edges = np.searchsorted(of_row[order], np.arange(system.max(initial=-1) + 2))
+    for k in range(len(edges) - 1):
+        columns = np.flatnonzero(system[block] == k)
+        mine = rows[filled[order[edges[k] : edges[k + 1]]]][:, columns].toarray()
+        basis = _null(mine, least if total else least * np.sqrt(len(mine)))
+        if len(basis):
+            yield np.flatnonzero(system == k), columns, basis
+
+
+def _null(rows: Floats, least: float) -> NDArray[np.floating]:
+    """(k, c): an orthonormal basis of what rows (m, c) take to less than `least`."""
+    if not len(rows):
+        return np.eye(rows.shape[1])
+    R = np.linalg.qr(rows, mode="r")
+    _, s, Vt = np.linalg.svd(R)
+    return Vt[int((s > least).sum()) :]
+
+
+def _by_bodies(motions: Sequence[FreeMotion]) -> Ints:
+    """(k,): the same number for motions that have a body in common, directly or by way of others."""
+    place: dict[Body, int] = {}
+    pairs = [(k, place.setdefault(body, len(place))) for k, motion in enumerate(motions) for body in motion.bodies]
+    motion, body = np.array(pairs).T
+    n = len(motions)
+    links = coo_array((np.ones(len(pairs), np.int8), (motion, n + body)), shape=(n + len(place), n + len(place)))
+    return connected_components(links, directed=False)[1][:n]
+
+
+def _fields(motions: Sequence[FreeMotion], x: Floats | None = None) -> csr_array:
+    """(n_dof, k): the displacements of motions, where nodes are at x (n_nodes, 3)."""
+    space = motions[0].space
+    rows = [space.dofs(motion.nodes).ravel() for motion in motions]
+    columns = np.repeat(np.arange(len(rows)), [len(r) for r in rows])
+    values = np.concatenate([(motion.at_nodes if x is None else motion.at(x)).ravel() for motion in motions])
+    return coo_array((values, (np.concatenate(rows), columns)), shape=(space.n_dof, len(rows))).tocsr()
+
+
+def _together(motions: Sequence[FreeMotion]) -> tuple[list[Body], Floats]:
+    """The bodies that some motions move, each once, and the motions' twists (k, b, 6)."""
+    place: dict[Body, int] = {}
+    for motion in motions:
+        for body in motion.bodies:
+            place.setdefault(body, len(place))
+    twists = np.zeros((len(motions), len(place), 6))
+    for k, motion in enumerate(motions):
+        twists[k, [place[body] for body in motion.bodies]] = motion.twists
+    return list(place), twists

@@ -1,0 +1,71 @@
+"""The mesh of a case, its slaves cut: the cut that a file carries is taken as it is, other slaves are cut here."""
+
+from __future__ import annotations
+
+import warnings
+from collections import defaultdict
+from collections.abc import Mapping
+
+import lacmesh
+from lacmesh.checks.spoiling import Spoilt, find_spoiling
+from lacmesh.cutting.records import Cut, is_cut
+from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
+from lacmesh.mesh import Mesh
+from lacsolver.case import Case, CaseError, Contact, Problem
+
+
+def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
+    """The mesh that a case's contacts and ties can be solved on. Raises ReadError, CaseError, CutError."""
+    mesh = lacmesh.read(case.mesh) if mesh is None else mesh
+    slaves = {record.slave: record for record in (*case.contact, *case.tie)}
+    if is_cut(mesh):
+        zones = set(Cut(mesh).zones)
+        whole = [name for name in slaves if name not in zones and not _carried(mesh, name)]
+        if whole:
+            record = slaves[whole[0]]
+            message = f"the mesh carries a cut of {', '.join(sorted(zones))}, and none of slave {whole[0]!r}"
+            raise CaseError([Problem(f"{_place(record)}{message}; cut all slaves at once, or give the uncut mesh")])
+        return mesh
+    by_hexa: defaultdict[str, list[str]] = defaultdict(list)
+    for name, record in slaves.items():
+        by_hexa[record.hexa].append(name)
+    if len(by_hexa) > 1:
+        raise RequestError("slaves of one mesh are cut at once, so hexa must be the same for all of them")
+    for hexa, names in by_hexa.items():
+        try:
+            return lacmesh.cut_skin(mesh, names, hexa=hexa).mesh
+        except LacmeshError as error:
+            raise CaseError([Problem(f"{_place(slaves[names[0]])}{error}")]) from None
+    return mesh
+
+
+def check_mesh(case: Case, mesh: Mesh) -> None:
+    """Look for what would make the answer of a case on its mesh wrong, and not show: see `find_spoiling`.
+
+    Raises CaseError where no answer can be right, and warns where it may not be.
+    """
+    records = {(record.slave, record.master): record for record in reversed(case.contact)}
+    spoilt = find_spoiling(mesh, [(record.slave, record.master) for record in case.contact])
+    wrong = [Problem(_said(one, records)) for one in spoilt if one.surely]
+    for one in spoilt:
+        if not one.surely:
+            warnings.warn(LacmeshWarning(_said(one, records)), stacklevel=3)
+    if wrong:
+        raise CaseError(wrong)
+
+
+def _said(spoilt: Spoilt, records: Mapping[tuple[str, str], Contact]) -> str:
+    """A finding as the check words it, with the line of the contact that it is about, and the rule."""
+    place = "" if spoilt.pair is None else _place(records[spoilt.pair])
+    return f"{place}{spoilt.finding.message} (lacmesh check: {spoilt.finding.rule})"
+
+
+def _carried(mesh: Mesh, name: str) -> bool:
+    """Whether every face of a group is part of a macro-element, whatever the zone is called."""
+    cells = mesh.cells_of(name)
+    return bool(len(cells)) and bool((Cut(mesh).macro_of_face[cells] >= 0).all())
+
+
+def _place(record: object) -> str:
+    place = getattr(record, "place", "")
+    return f"{place}: " if place else ""

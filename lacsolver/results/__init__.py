@@ -1,0 +1,1 @@
+"""What comes of a solution: states, figures, fields, the recovered pressure."""

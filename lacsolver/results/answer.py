@@ -1,0 +1,89 @@
+"""What the states of a problem have to tell: figures of a step, fields on the mesh.
+
+for state in march(problem):
+    answer.figures(state)        # forces, contact, balance, energy                 (results.StepFigures)
+    answer.fields(state)         # displacement, nodal stress, pressures            (results.Fields)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lacmesh.mesh import Floats, Ints
+from lacsolver.bodies.small.fields import Field
+from lacsolver.problem.problem import Joint, Problem
+from lacsolver.results.figures import balance, probe, zone_figures
+from lacsolver.results.nodal import nodal_stress
+from lacsolver.results.recovery import recover_pressure
+from lacsolver.results.results import Fields, StepFigures, ZoneFields
+from lacsolver.results.state import State, ZoneState
+from lacsolver.space.places import nodes_of
+
+
+@dataclass
+class Answer:
+    """A problem, whose states are asked."""
+
+    problem: Problem
+    _probes: dict[str, Ints] = field(init=False)
+    _stress: tuple[State, Field] | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        self._probes = {p.name: nodes_of(self.problem.space, p) for p in self.problem.case.probe}
+
+    def stress(self, state: State) -> Field:
+        """Stress at integration points, (cells, points, n) a block of the space; that of the last state is kept."""
+        if self._stress is None or self._stress[0] is not state:
+            self._stress = state, self.problem.kinematics.stress(state.u, state.time)
+        return self._stress[1]
+
+    def figures(self, state: State) -> StepFigures:
+        """The figures of the step that led to a state."""
+        problem, space = self.problem, self.problem.space
+        pairs = [
+            (zone, joint, self._places(joint, state)) for joint, zone in zip(problem.joints, state.zones, strict=True)
+        ]
+        return StepFigures(
+            time=state.time,
+            iterations=state.iterations,
+            halvings=state.halvings,
+            residuals=state.residuals,
+            reactions=problem.constraints.reactions(state.reaction),
+            probes={name: probe(space, state.u, nodes) for name, nodes in self._probes.items()},
+            contact={
+                zone.name: zone_figures(zone, _nodes(joint), x + space.origin[: space.dim]) for zone, joint, x in pairs
+            },
+            balance=balance((zone.force, x) for zone, _, x in pairs),
+            energy=problem.kinematics.energy(state.u, state.time),
+            displacement=float(np.linalg.norm(state.u.reshape(-1, space.dim), axis=1).max()),
+        )
+
+    def fields(self, state: State) -> Fields:
+        """The fields of a state."""
+        space, joints = self.problem.space, self.problem.joints
+        at_nodes = nodal_stress(space, self.stress(state))
+        pairs = zip(joints, state.zones, strict=True)
+        zones = {zone.name: self._zone(joint, zone, state.u) for joint, zone in pairs}
+        u, reaction = (v.reshape(-1, space.dim) for v in (state.u, state.reaction))
+        return Fields(state.time, u, at_nodes, reaction, zones)
+
+    def _places(self, joint: Joint, state: State) -> Floats:
+        """(n_nodes, dim): where a joint's forces act, counted from the space's origin."""
+        space = self.problem.space
+        return joint.places(space, state.u)[:, : space.dim]
+
+    def _zone(self, joint: Joint, zone: ZoneState, u: Floats) -> ZoneFields:
+        slave = joint.zone.slave.at(joint.places(self.problem.space, u))
+        nodal, mean = recover_pressure(
+            slave, joint.zone.macro, zone.pressure, zone.status,
+            axisymmetric=self.problem.space.model.axisymmetric, unilateral=joint.one_sided,
+        )  # fmt: skip
+        told = joint.zone.slave.at(self.problem.space.mesh.points)
+        return ZoneFields.of(zone, told, joint.zone.macro, joint.zone.number, mean, nodal)
+
+
+def _nodes(joint: Joint) -> np.ndarray:
+    nodes = joint.zone.slave.faces.nodes
+    return np.unique(nodes[nodes >= 0])

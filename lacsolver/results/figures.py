@@ -1,0 +1,94 @@
+"""Figures of a converged state: zones, balance, stress ranges, probes. Numbers of a step, for `results`.
+
+Forces and areas are those of the whole thickness or circle. Moments are about the origin where a zone's are told, and
+about the middle of the contact where its balance is measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats, Ints
+from lacsolver.bodies.small.fields import Field
+from lacsolver.results.results import ZoneFigures
+from lacsolver.results.state import CONTACT, OPEN, UNPAIRED, ZoneState
+from lacsolver.space.space import COMPONENTS, Space
+
+
+def zone_figures(zone: ZoneState, slave: Ints, x: Floats) -> ZoneFigures:
+    """The figures of a zone. `slave`: its slave nodes; `x` (n_nodes, dim): where the forces act."""
+    paired = zone.status != UNPAIRED
+    force = np.zeros_like(zone.force)
+    force[slave] = zone.force[slave]
+    pressure, gap = zone.pressure[paired], zone.gap[paired]
+    return ZoneFigures(
+        pressure_min=_least(pressure),
+        pressure_max=-_least(-pressure),
+        gap_min=_least(gap),
+        gap_max=-_least(-gap),
+        contact_area=float((zone.area * zone.coverage)[zone.status == CONTACT].sum()),
+        resultant=force.sum(axis=0),
+        moment=moment(force, x),
+        coverage_min=_least(zone.coverage),
+        coverage_max=-_least(-zone.coverage),
+        active=int((zone.status == CONTACT).sum()),
+        open=int((zone.status == OPEN).sum()),
+        unpaired=int((~paired).sum()),
+    )
+
+
+def moment(force: Floats, x: Floats) -> NDArray[np.floating]:
+    """(3,) in space, () in a plane: the moment of forces (n, dim) at x (n, dim) about the origin."""
+    if x.shape[1] == 2:
+        return np.asarray(x[:, 0] @ force[:, 1] - x[:, 1] @ force[:, 0])
+    return np.asarray(np.cross(x, force).sum(axis=0))
+
+
+def balance(zones: Iterable[tuple[Floats, Floats]]) -> tuple[float, float]:
+    """Relative errors of the balance of forces and of their moments: the worst zone's; 0 where none acts.
+
+    `zones`: contact forces on all nodes and where they act, (n_nodes, dim) each. Forces: their sum over slave and
+    master, against half the sum of their sizes. Moments: about the middle of the forces, against half the sum of size
+    times distance. In axisymmetry too, in the plane: both skins' forces are those of the slave's circle.
+    """
+    found = [_balance(force, x) for force, x in zones]
+    return max((f for f, _ in found), default=0.0), max((m for _, m in found), default=0.0)
+
+
+def _balance(force: Floats, x: Floats) -> tuple[float, float]:
+    size = np.linalg.norm(force, axis=1)
+    total = float(size.sum())
+    if not total > 0:
+        return 0.0, 0.0
+    arm = x - (size @ x) / total
+    lever = float(size @ np.linalg.norm(arm, axis=1))
+    turned = float(np.linalg.norm(moment(force, arm)))
+    return float(np.linalg.norm(force.sum(axis=0))) / (total / 2), turned / (lever / 2) if lever > 0 else 0.0
+
+
+def stress_ranges(space: Space, stress: Field) -> Mapping[str, Mapping[str, tuple[float, float]]]:
+    """Least and largest of each component at integration points: of the whole body (''), and of its cell groups."""
+    n = space.model.n_stress
+    low = np.full((space.mesh.n_cells, n), np.inf)
+    high = np.full((space.mesh.n_cells, n), -np.inf)
+    for block, values in zip(space.blocks, stress, strict=True):
+        low[block.cell], high[block.cell] = values.min(axis=1), values.max(axis=1)
+    ours = space.cells()
+    groups = {"": ours} | {name: np.intersect1d(cells, ours) for name, cells in space.mesh.cell_groups.items()}
+    return {
+        name: {c: (float(low[cells, k].min()), float(high[cells, k].max())) for k, c in enumerate(COMPONENTS[:n])}
+        for name, cells in groups.items()
+        if len(cells)
+    }
+
+
+def probe(space: Space, u: Floats, nodes: Ints) -> NDArray[np.floating]:
+    """(dim,): the mean displacement of some nodes."""
+    return np.asarray(u.reshape(-1, space.dim)[nodes].mean(axis=0))
+
+
+def _least(values: Floats) -> float:
+    return float(values.min()) if len(values) else float("nan")

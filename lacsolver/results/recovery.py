@@ -1,0 +1,372 @@
+"""The continuous pressure on the slave that p_m are the means of: a stage after the solution, of p_m and nothing else.
+
+The pressure p_m of a macro-element is a mean, so as a function it is of first order whatever the cells. Away from rims
+and from the edge of contact the means themselves are better than that. Around each macro-element a parabola (in space
+a quadric) in coordinates s along the surface is fitted to the means,
+
+    p(s) = sum of q_t s^t,   sum over the patch of w_m (mean_m(p) - p_m)^2 least,   t: 1, s, s s
+
+and a node has the mean of what its macro-elements' fits say there. A patch is grown, ring by ring, until it has 6
+macro-elements in the plane and 16 in space; with fewer than 3 and 12, planes are fitted. Terms that a patch cannot tell
+from those before them are left out. A linear pressure is met exactly on plane faces.
+
+At the rim of the slave p_m is off by a part of order h of the slope of p, alternately, and falling to about a third
+from one macro-element to the next. The weights w_m are those of least squares for such errors: the area A_m, a ninth of
+it for the last but one at the rim, and a ninth of that for the last.
+
+At the edge of contact p has a square root, and the last macro-element in contact shares its force wrongly with those
+beside it (10 % of the peak; the sum is right). So where p >= 0, near an open macro-element, the last ones in contact
+are merged with those beside them, where 3 (12) are left then, and p is the root of a parabola q whose root has the
+means of p_m. In space patches are wider then, 36 macro-elements, and weights are areas:
+
+    p(s) = sqrt(q(s)),   sum over the patch of A_g (mean_g(q) - p_g^2 - var_g(sqrt(q)))^2 least     (sqrt(q < 0): 0)
+
+var_g of the last fit, as the mean of a square is that of the mean and the variance. The square of Hertz's pressure is a
+parabola. Last, each connected part of the contact gets the force of its p_m: what straight lines between nodes hold
+less than the root goes to the nodes that open macro-elements share, what they hold more is taken from the last ones in
+contact; the rest is scaled.
+
+What this is worth, and what no recovery can mend, stands in docs/theory.md.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse.csgraph import connected_components
+
+from lacmesh.cells import CELLS
+from lacmesh.mesh import Floats, Ints
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import shape
+from lacmesh.surface import Surface
+from lacmesh.surface.normals import weighted
+from lacsolver.bodies.small.fields import scatter
+from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
+
+Bools = NDArray[np.bool_]
+
+#: degree of the rule on faces, by their order: N times the Jacobian, with r
+_DEGREE = {1: 5, 2: 8}
+#: macro-elements that a patch grows to, by the surface's dimension, in at most so many rings; that a parabola must have
+_MANY, _RINGS, _LEAST = {1: 6, 2: 16}, 8, {1: 3, 2: 12}
+#: and where roots are fitted
+_MANY_ROOTS = {1: 6, 2: 36}
+#: a term is left out that is told by those before it but for this part of its square, and a direction of less variance
+#: than this part of the largest
+_THIN = 1e-2
+#: weight of the macro-elements at the rim of the slave, and of those beside them, over their area
+_RIM = (1 / 81, 1 / 9)
+#: macro-elements that are near to the edge of contact
+_NEAR = 9
+#: how often roots are fitted; the most that the last nodes in contact are scaled by
+_TIMES, _MOST = 20, 2.0
+#: patches that are held at once
+_PIECE = 2048
+
+
+def recover_pressure(
+    surface: Surface,
+    macro: Ints,
+    pressure: Floats,
+    status: Ints,
+    *,
+    axisymmetric: bool = False,
+    unilateral: bool = True,
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """A continuous pressure of higher order: at nodes (n_nodes,), and its mean over each macro-element (n_macros,).
+
+    `surface`: the slave's faces; `macro` (faces,): the macro-element of each, negative for none; `pressure` p_m and
+    `status` (n_macros,). `unilateral`: no nodal value is below 0, and forces are those of p_m. Raises ValueError where
+    shapes do not agree.
+
+    Between nodes the faces' own shape functions hold. Nodes of no macro-element in contact have 0, nodes off the
+    slave's surface NaN; beyond the edge of contact the pressure falls to 0 in the next macro-element. The mean is the
+    value at the centroid but for terms of second order, and a better one than the value of the shape functions there.
+    """
+    macro, pressure, status = np.asarray(macro), np.asarray(pressure, dtype=float), np.asarray(status)
+    if macro.shape != (len(surface),) or macro.max(initial=-1) >= len(pressure):
+        raise ValueError(f"macro must be ({len(surface)},), and below {len(pressure)}")
+    if pressure.ndim != 1 or status.shape != pressure.shape:
+        raise ValueError(f"pressure and status must be (n_macros,), not {pressure.shape} and {status.shape}")
+    ours = surface if (macro >= 0).all() else surface.take(np.flatnonzero(macro >= 0))
+    slave = _slave(ours, macro[macro >= 0], len(pressure), axisymmetric)
+    contact = (status == CONTACT) & (slave.area > 0)
+    means = np.where(contact, pressure, 0.0)
+    p = _smooth(slave, means, contact)
+    if unilateral:
+        opened = (status == OPEN) & (slave.area > 0)
+        edge = _beside(slave.touch, opened, 1) & contact
+        near, last, outer = (
+            _nodes(slave.touch, m) for m in (_beside(slave.touch, edge, _NEAR) & contact, edge, opened)
+        )
+        p = np.maximum(p, 0.0)
+        if edge.any():
+            p = np.where(near, _root(slave, means, contact, edge), p)
+        p = _balanced(slave, p, means, contact, status != UNPAIRED, last, last & outer)
+    nodal = np.full(len(surface.x), np.nan)
+    nodal[slave.nodes] = p
+    return nodal, slave.means @ p
+
+
+class _Slave(NamedTuple):
+    """A slave surface's nodes (k,) at x (k, 3), and its macro-elements, or what they are merged to.
+
+    `area` (n,), `centroid` (n, 3), `moment` (n, 3, 3): the mean of d d, d from the centroid; `means` M (n, k); `touch`
+    (k, n): 1 where a face of the macro-element holds the node; `weight` (n,): in fits. `dim` of the surface.
+    """
+
+    nodes: Ints
+    x: Floats
+    area: Floats
+    centroid: Floats
+    moment: Floats
+    means: csr_array
+    touch: csr_array
+    weight: Floats
+    dim: int
+
+
+def _slave(surface: Surface, macro: Ints, n: int, axisymmetric: bool) -> _Slave:
+    """What the fits need of a surface. A macro-element without extent has an area of 0, and says nothing."""
+    rows, columns, values = [], [], []
+    area, first, second = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
+    for name, faces, nodes in surface.by_type():
+        X, w = rule(CELLS[name].family, _DEGREE[CELLS[name].order])
+        N, own = shape(name, X), macro[faces]
+        at = np.einsum("qa,fas->fqs", N, surface.x[nodes])
+        W = np.linalg.norm(weighted(name, surface.x[nodes], X), axis=2) * w
+        W = W * (2 * np.pi * at[..., 0] if axisymmetric else 1.0)
+        area += _summed(own, W.sum(axis=1), n)
+        first += _summed(own, np.einsum("fq,fqs->fs", W, at), n)
+        second += _summed(own, np.einsum("fq,fqs,fqt->fst", W, at, at), n)
+        rows.append(np.repeat(own, nodes.shape[1]))
+        columns.append(nodes.ravel())
+        values.append((W @ N).ravel())
+    m, (nodes, k) = np.concatenate(rows), np.unique(np.concatenate(columns), return_inverse=True)
+    size = np.where(area > 0, area, 1.0)
+    means = coo_array((np.concatenate(values) / size[m], (m, k)), shape=(n, len(nodes))).tocsr()
+    touch = _ones(coo_array((np.ones(len(m)), (k, m)), shape=(len(nodes), n)))
+    centroid = first / size[:, None]
+    moment = second / size[:, None, None] - _square(centroid)
+    weight = area * _trust(touch, surface, macro)
+    return _Slave(nodes, surface.x[nodes], area, centroid, moment, means, touch, weight, surface.dim)
+
+
+def _trust(touch: csr_array, surface: Surface, macro: Ints) -> NDArray[np.floating]:
+    """(n,): `_RIM` for the macro-elements at the rim and beside them, else 1."""
+    ends = (surface.neighbours < 0) & (np.arange(surface.neighbours.shape[1]) < surface.n_corners[:, None])
+    rim = np.isin(np.arange(touch.shape[1]), macro[ends.any(axis=1)])
+    steps = np.sum([~_beside(touch, rim, k) for k in range(len(_RIM))], axis=0)
+    return np.array([*_RIM, 1.0])[steps]
+
+
+def _smooth(slave: _Slave, means: Floats, contact: Bools) -> NDArray[np.floating]:
+    """(k,): parabolas fitted to the means in contact; 0 at nodes of none."""
+    touch = _only(slave.touch, contact)
+    return _mean(touch, _fit(slave, touch, means).at(slave.x, touch))
+
+
+def _root(slave: _Slave, means: Floats, contact: Bools, edge: Bools) -> NDArray[np.floating]:
+    """(k,): roots of parabolas, 0 where these are below 0, whose means are those of p_m, the macro-elements at the
+    `edge` of contact merged with those beside them.
+    """
+    merged, W = _merged(slave, contact, edge)
+    if len(merged.area) < _LEAST[slave.dim]:
+        merged, W = _merged(slave, contact, np.zeros_like(edge))
+    q = _fit(merged, merged.touch, W @ means, root=True).at(slave.x, merged.touch)
+    return np.sqrt(np.maximum(_mean(merged.touch, q), 0.0))
+
+
+def _merged(slave: _Slave, contact: Bools, last: Bools) -> tuple[_Slave, csr_array]:
+    """The macro-elements in contact, the `last` of them shared by those beside them; and W, which takes means."""
+    inner = diags_array((contact & ~last).astype(float))
+    shares = (inner @ _ones(slave.touch.T @ slave.touch) @ diags_array(last.astype(float))).tocsr()
+    count = shares.sum(axis=0)
+    kept = contact & (~last | (count == 0))
+    shares = shares @ diags_array(np.divide(1.0, count, out=np.zeros_like(count), where=count > 0))
+    shares = (shares + diags_array(kept.astype(float))).tocsr()[np.flatnonzero(kept)]
+    area = shares @ slave.area
+    W = (diags_array(1 / area) @ shares @ diags_array(slave.area)).tocsr()
+    centroid = W @ slave.centroid
+    second = W @ (slave.moment + _square(slave.centroid)).reshape(-1, 9)
+    merged = slave._replace(
+        area=area, centroid=centroid, moment=second.reshape(-1, 3, 3) - _square(centroid), means=W @ slave.means,
+        touch=_ones(slave.touch @ shares.T), weight=area,
+    )  # fmt: skip
+    return merged, W
+
+
+def _balanced(
+    slave: _Slave, p: Floats, means: Floats, contact: Bools, paired: Bools, last: Bools, outer: Bools
+) -> NDArray[np.floating]:
+    """(k,): p >= 0, so that in each connected part of the contact its force over what is paired is that of p_m.
+
+    Force that lacks is given to the `outer` nodes (k,), up to the p_m beside them; then the `last` nodes are scaled,
+    within bounds; then all.
+    """
+    touch = _only(slave.touch, contact)
+    _, part = connected_components(touch.T @ touch, directed=False)
+    held = np.flatnonzero(np.diff(touch.indptr))
+    of_node = part[touch.indices[touch.indptr[held]]]
+    integral = (slave.means.T @ np.where(paired, slave.area, 0.0))[held]
+    wanted, out = np.bincount(part, slave.area * means), p[held]
+
+    def lacking(share: Floats) -> NDArray[np.floating]:
+        """(parts,): the force that lacks, over that of a share of the pressures."""
+        lack = wanted - np.bincount(of_node, integral * out, minlength=len(wanted))
+        theirs = np.bincount(of_node, integral * share, minlength=len(wanted))
+        return np.divide(lack, theirs, out=np.zeros_like(wanted), where=theirs > 0)
+
+    more = np.maximum(lacking(outer[held].astype(float)), 0.0)[of_node]
+    out = out + np.where(outer[held], np.minimum(more, (touch @ means)[held]), 0.0)
+    for some, most in ((last[held], _MOST), (np.ones(len(held), dtype=bool), np.inf)):
+        factor = np.clip(1 + lacking(np.where(some, out, 0.0)), 1 / most, most)[of_node]
+        out = np.where(some, out * factor, out)
+    balanced = p.copy()
+    balanced[held] = out
+    return balanced
+
+
+# ---- fits
+
+
+class _Fit(NamedTuple):
+    """Parabolas (n,), of coordinates s = axis . (x - x_bar): q (n, terms), x_bar (n, 3), axis (n, 3, dim)."""
+
+    q: Floats
+    x_bar: Floats
+    axis: Floats
+
+    def at(self, x: Floats, touch: csr_array) -> NDArray[np.floating]:
+        """What each says at the nodes (k, 3) of its macro-element: in the order of `touch`."""
+        row, g = np.repeat(np.arange(len(x)), np.diff(touch.indptr)), touch.indices
+        s = np.einsum("rs,rsn->rn", x[row] - self.x_bar[g], self.axis[g])
+        return np.asarray((_powers(s) * self.q[g]).sum(axis=1))
+
+
+def _fit(slave: _Slave, touch: csr_array, means: Floats, *, root: bool = False) -> _Fit:
+    """Parabolas around each macro-element in `touch`, whose means, or those of their roots, are nearest to these."""
+    patches = _patches(touch, (_MANY_ROOTS if root else _MANY)[slave.dim])
+    pieces = [_fit_piece(slave, patches[k : k + _PIECE], means, root) for k in range(0, patches.shape[0], _PIECE)]
+    return _Fit(*map(np.concatenate, zip(*pieces, strict=True)))
+
+
+def _fit_piece(slave: _Slave, patches: csr_array, means: Floats, root: bool) -> _Fit:
+    """Of some patches (k, n)."""
+    k, dim = patches.shape[0], slave.dim
+    row, g = np.repeat(np.arange(k), np.diff(patches.indptr)), patches.indices
+    weight = slave.weight[g] / _summed(row, slave.weight[g], k)[row]
+    x_bar = _summed(row, weight[:, None] * slave.centroid[g], k)
+    d = slave.centroid[g] - x_bar[row]
+    axis = _axes(_summed(row, weight[:, None, None] * _square(d), k), dim)
+    # Gauss' points of a macro-element: means of parabolas are met, those of roots nearly
+    size, turn = np.linalg.eigh(np.einsum("rsn,rst,rtm->rnm", axis[row], slave.moment[g], axis[row]))
+    off = np.swapaxes(np.sqrt(np.maximum(dim * size, 0.0))[:, None] * turn, 1, 2)
+    middle = np.einsum("rs,rsn->rn", d, axis[row])[:, None]
+    points = _powers(np.concatenate([middle - off, middle + off], axis=1))
+    mean = points.mean(axis=1)
+    few = np.diff(patches.indptr) < _LEAST[dim]
+    told = _told(_summed(row, weight[:, None, None] * _square(mean), k), np.where(few, 1 + dim, mean.shape[1]))
+
+    def fit(wanted: Floats) -> NDArray[np.floating]:
+        right = _summed(row, (weight * wanted)[:, None] * mean, k)
+        return np.asarray(np.einsum("kij,kj->ki", told, right))
+
+    given = means[g]
+    wanted = given**2 if root else given
+    for _ in range(_TIMES if root else 0):
+        value = np.sqrt(np.maximum(np.einsum("rpt,rt->rp", points, fit(wanted)[row]), 0.0))
+        # a third of a step: longer ones may turn about the answer
+        wanted = (2 * wanted + given**2 + value.var(axis=1)) / 3
+    return _Fit(fit(wanted), x_bar, axis)
+
+
+def _axes(spread: Floats, dim: int) -> NDArray[np.floating]:
+    """(k, 3, dim): principal axes of patches whose means of d d are given, over the deviations; 0 where it is thin."""
+    variance, axes = np.linalg.eigh(spread)
+    variance, axes = variance[:, : -1 - dim : -1], axes[:, :, : -1 - dim : -1]
+    there = variance > _THIN * variance[:, :1]
+    return np.where(there[:, None], axes / np.sqrt(np.where(there, variance, 1.0))[:, None], 0.0)
+
+
+def _powers(s: Floats) -> NDArray[np.floating]:
+    """(..., terms): 1, the coordinates (..., dim), their products."""
+    a, b = np.triu_indices(s.shape[-1])
+    return np.concatenate([np.ones((*s.shape[:-1], 1)), s, s[..., a] * s[..., b]], axis=-1)
+
+
+def _told(normal: Floats, most: Ints) -> NDArray[np.floating]:
+    """The inverse of normal equations (k, t, t) in those of the first `most` (k,) terms that the ones before do not
+    tell already, 0 in the others.
+    """
+    kept, left = np.zeros(normal.shape[:2], dtype=bool), normal.copy()
+    for t in range(normal.shape[1]):
+        kept[:, t] = (left[:, t, t] > _THIN * normal[:, t, t]) & (t < most)
+        pivot = np.divide(1.0, left[:, t, t], out=np.zeros(len(left)), where=kept[:, t])
+        left -= pivot[:, None, None] * left[:, :, t, None] * left[:, t, None, :]
+    both = kept[:, :, None] & kept[:, None, :]
+    return np.where(both, np.linalg.inv(np.where(both, normal, np.eye(normal.shape[1]))), 0.0)
+
+
+# ---- patches
+
+
+def _patches(touch: csr_array, many: int) -> csr_array:
+    """(n, n): the macro-elements in `touch` around each, so many rings that there are enough of them."""
+    beside = _ones(touch.T @ touch)
+    patch = beside
+    for _ in range(_RINGS - 1):
+        small = np.diff(patch.indptr) < many
+        if not small.any():
+            break
+        rest = diags_array((~small).astype(float)) @ patch
+        patch = _ones(diags_array(small.astype(float)) @ patch @ beside + rest)
+    return patch
+
+
+def _nodes(touch: csr_array, macros: Bools) -> Bools:
+    """(k,): the nodes of some macro-elements."""
+    return np.asarray(touch @ macros.astype(float) > 0)
+
+
+def _beside(touch: csr_array, macros: Bools, rings: int) -> Bools:
+    """(n,): macro-elements at most so many steps, from node to node, away from some; these too."""
+    for _ in range(rings):
+        macros = touch.T @ _nodes(touch, macros).astype(float) > 0
+    return macros
+
+
+def _only(touch: csr_array, macros: Bools) -> csr_array:
+    """The columns of some macro-elements, the others empty."""
+    return _ones(touch @ diags_array(macros.astype(float)))
+
+
+def _ones(matrix: coo_array | csr_array) -> csr_array:
+    """A matrix with 1 where the given one is not 0."""
+    matrix = matrix.tocsr()
+    matrix.eliminate_zeros()
+    matrix.data[:] = 1.0
+    return matrix
+
+
+def _mean(touch: csr_array, values: Floats) -> NDArray[np.floating]:
+    """(k,): the mean of values given for each macro-element of a node, in the order of `touch`; 0 without any."""
+    count = np.diff(touch.indptr)
+    total = _summed(np.repeat(np.arange(len(count)), count), values, len(count))
+    return np.divide(total, count, out=np.zeros(len(count)), where=count > 0)
+
+
+def _summed(row: Ints, values: Floats, k: int) -> NDArray[np.floating]:
+    """(k, ...): values (r, ...) summed over their rows."""
+    out = np.zeros((k, int(np.prod(values.shape[1:]))))
+    scatter(out, row[:, None], np.ascontiguousarray(values).reshape(len(row), 1, out.shape[1]))
+    return out.reshape(k, *values.shape[1:])
+
+
+def _square(d: Floats) -> NDArray[np.floating]:
+    """(..., n, n): d d of vectors (..., n)."""
+    return d[..., :, None] * d[..., None, :]

@@ -1,0 +1,1 @@
+"""Equilibrium, from one linear system to the steps of a case."""

@@ -1,0 +1,325 @@
+"""From step to step: equilibrium at each time; a step that finds none is halved, and grows again once it does."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import LacmeshError, LacmeshWarning
+from lacmesh.mesh import Floats
+from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.case import Case
+from lacsolver.contact import Interface
+from lacsolver.problem.overlap import check_overlap
+from lacsolver.problem.problem import Joint, Problem
+from lacsolver.problem.rigid_modes import describe
+from lacsolver.results.results import Restart
+from lacsolver.results.state import CONTACT, OPEN, UNPAIRED, Held, Iterate, State, ZoneState
+from lacsolver.solve.equilibrium import ROUNDING, Contact, Limits, Outcome, find_equilibrium
+from lacsolver.solve.holding import holdings
+from lacsolver.solve.model import Instant, Model
+from lacsolver.solve.newton import Place, follow
+from lacsolver.space.places import wrong
+
+#: times that differ by this much of themselves are one
+_SAME = 1e-9
+#: a gap of this much of the macro-element's size is none, when the initial status is asked for
+_TOUCHING = 1e-6
+#: part of the undeformed bodies' stiffness that the second search for an equilibrium begins with
+_DRAG = 1.0
+#: displacements below this much of what gaps are known to are too small for pressures that one can trust
+_CLEAR = 100
+_EPSILON = float(np.finfo(float).eps)
+#: a load along a free motion that contact leaves, against all of it
+_UNCARRIED = 1e-6
+
+
+class NotConvergedError(LacmeshError):
+    """No equilibrium was found at some time. `state`: the last one tried."""
+
+    status = 4
+
+    def __init__(self, message: str, state: State) -> None:
+        super().__init__(message)
+        self.state = state
+
+
+class Told(NamedTuple):
+    """An iteration: time sought, halvings so far, its number, closed rows, relative defects of balance and gap."""
+
+    time: float
+    halvings: int
+    number: int
+    closed: int
+    balance: float
+    gap: float
+
+
+@dataclass
+class _Step:
+    """What was spent on a step so far."""
+
+    iterations: int = 0
+    halvings: int = 0
+    residuals: list[float] = field(default_factory=list)
+
+    def add(self, outcome: Outcome) -> None:
+        self.iterations += len(outcome.defects)
+        self.residuals += [balance for balance, _ in outcome.defects]
+        self.halvings += not outcome.converged
+
+
+def march(
+    problem: Problem, *, start: Restart | None = None, told: Callable[[Told], None] | None = None
+) -> Iterator[State]:
+    """States that converged, step after step, from the undeformed body or a state that was kept.
+
+    Raises NotConvergedError where a step was halved too often, DataError where something may move freely, CaseError
+    where skins overlap, or are held apart, by what is prescribed alone.
+    """
+    model = Model(problem)
+    steps = problem.case.steps
+    time, size = (start.time, start.step_size) if start else (0.0, np.inf)
+    path = _Path(time, start.iterate, start.earlier) if start else _Path()
+    spent, warned = _Step(), False
+    for target in meeting_times(problem.case):
+        while target - time > _SAME * target:
+            whole = target - time <= size * (1 + _SAME)
+            instant = Instant(model, target if whole else time + size)
+            outcome = _search(instant, path, spent, told)
+            spent.add(outcome)
+            if not outcome.converged:
+                size = (instant.t - time) / 2
+                if spent.halvings > steps.max_halvings:
+                    raise NotConvergedError(_why(instant, outcome), _state(instant, outcome, spent, size))
+                continue
+            _check_stuck(instant, outcome.iterate.q, outcome.contact)
+            warned = warned or _warn_of_rounding(instant, outcome.iterate)
+            size *= steps.growth
+            path, time = path.then(instant.t, outcome.iterate), instant.t
+            last = steps.last - time <= _SAME * steps.last
+            yield _state(instant, outcome, spent, size, path.earlier, _held(instant, outcome) if last else ())
+            spent = _Step()
+
+
+@dataclass(frozen=True)
+class _Path:
+    """The way so far: what was found at a time, and `earlier` (None if there is none); at first the undeformed body."""
+
+    time: float = 0.0
+    iterate: Iterate | None = None
+    earlier: tuple[float, Iterate] | None = None
+
+    def then(self, time: float, iterate: Iterate) -> _Path:
+        """One step on."""
+        return _Path(time, iterate, None if self.iterate is None else (self.time, self.iterate))
+
+    def guess(self, t: float) -> Iterate | None:
+        """What comes at time t if things go on as they went; None before two steps are done."""
+        if self.iterate is None or self.earlier is None:
+            return None
+        now, (then, last) = self.iterate, self.earlier
+        part = (t - self.time) / (self.time - then)
+        return Iterate(now.q + part * (now.q - last.q), now.p + part * (now.p - last.p), now.active)
+
+
+def _warn_of_rounding(instant: Instant, now: Iterate) -> bool:
+    """Warn where bodies move by hardly more than the gaps between their skins are known to, and say if it did."""
+    model = instant.model
+    moved = float(np.abs(instant.u(now.q)).max(initial=0.0))
+    if model.linear:
+        known = _EPSILON * model.length * any(face.G.any() for face in instant.interfaces(now.q))
+    else:
+        known = ROUNDING * model.length
+    if not now.p.any() or moved > _CLEAR * known:
+        return False
+    message = f"at time {instant.t:.6g} nothing moves by more than {moved:.1e}, and coordinates of this size give gaps "
+    message += f"to {known:.1e} only: pressures may be wrong by {min(known / moved, 1.0):.0%}"
+    advice = "load the bodies more" + ("" if model.linear else ', or ask for geometry = "reference"')
+    warnings.warn(LacmeshWarning(f"{message}; {advice}"), stacklevel=3)
+    return True
+
+
+def _check_stuck(instant: Instant, q: Floats, contact: Contact) -> None:
+    """Raises CaseError where what is prescribed on both sides decides on a gap, and not as contact or tie has it."""
+    space, gap, first = instant.model.problem.space, contact.G / contact.rows.w, 0
+    wrong_way = np.where(contact.held, np.abs(gap), -gap) * (contact.covered & ~contact.paired)
+    for joint, face in zip(instant.model.problem.joints, instant.interfaces(q), strict=True):
+        by = wrong_way[first : first + face.B.shape[0]].reshape(len(face.area), -1).max(axis=1)
+        first += face.B.shape[0]
+        bad = np.flatnonzero(by > _TOUCHING * face.length)
+        if len(bad):
+            place = ", ".join(space.told(face.centre[by.argmax()] + space.origin[: space.dim]))
+            what = "overlap" if joint.one_sided else "are apart"
+            message = f"{len(bad)} macro-elements {what} by up to {by.max():.6g} at time {instant.t:.6g}"
+            message += f", most near ({place}), and all nodes of both skins are prescribed there"
+            raise wrong(joint.record, f"{message}; leave some of them free, or prescribe what fits")
+
+
+def meeting_times(case: Case) -> list[float]:
+    """Times that steps end at: those planned, and those at which fields are asked for."""
+    asked = [t for t in case.output.times or () if 0 < t <= case.steps.last]
+    return sorted({*case.steps.planned, *asked})
+
+
+def _search(instant: Instant, path: _Path, spent: _Step, told: Callable[[Told], None] | None) -> Outcome:
+    """Equilibrium at a time; where kinematics are finite and none is found, a second search is dragged.
+
+    The iterations of the first one count too.
+    """
+    model, solver = instant.model, instant.model.problem.case.solver
+    moved = float(np.abs(instant.u0).max(initial=0.0))
+    limits = Limits(solver.tolerance, solver.max_iterations, 0.0 if model.linear else model.length, moved)
+
+    def tell(number: int, closed: int, balance: float, gap: float) -> None:
+        if told is not None:
+            told(Told(instant.t, spent.halvings, number, closed, balance, gap))
+
+    now, guess = path.iterate or _first(instant), path.guess(instant.t)
+    if model.linear:
+        turning, start = None if model.steady is None else -model.steady, guess or now
+        return find_equilibrium(
+            model.held, instant.f, instant.contact, start, limits, free=model.free, turning=turning, told=tell
+        )
+    constant, outcome = model.problem.kinematics.constant, None
+    if guess is not None:
+        with suppress(InadmissibleError):
+            outcome = follow(instant.place, guess, limits, exact=constant, told=tell)
+    if outcome is not None and (outcome.converged or constant):
+        return outcome
+    first = _foreseen(instant, now, path.time)
+    if outcome is None:
+        outcome = follow(instant.place, now, limits, first=first, exact=constant, told=tell)
+    if outcome.converged or constant:
+        return outcome
+    again = follow(instant.place, now, limits, first=first, drag=_DRAG, told=tell)
+    return again._replace(defects=outcome.defects + again.defects, products=outcome.products + again.products)
+
+
+def _foreseen(instant: Instant, now: Iterate, time: float) -> Place:
+    """The place to come as it looks from what was found at an earlier time, or from the undeformed body."""
+    u = Instant(instant.model, time).u(now.q) if time else np.zeros_like(instant.u0)
+    return instant.foreseen(now.q, u, now.p)
+
+
+def _first(instant: Instant) -> Iterate:
+    """The undeformed body; checks that contact may hold what nothing else does."""
+    problem, q = instant.model.problem, np.zeros(instant.model.problem.constraints.n_q)
+    contact, interfaces = instant.contact(q), instant.interfaces(q)
+    for joint, face in zip(problem.joints, interfaces, strict=True):
+        check_overlap(joint, face, problem.space)
+        joint.check_facing(face)
+    instant.model.check_held(interfaces, contact.paired)
+    closed = [np.empty(0, bool), *map(_initial, problem.joints, interfaces)]
+    return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.paired)
+
+
+def _initial(joint: Joint, face: Interface) -> NDArray[np.bool_]:
+    """(rows,): which rows of a joint are closed at the start."""
+    if joint.initial == "gap":
+        return _touching(face)
+    return np.full(face.B.shape[0], joint.initial == "all")
+
+
+def _touching(face: Interface) -> NDArray[np.bool_]:
+    """(rows,): which rows of a joint have no gap, but for rounding."""
+    return np.asarray(face.gap <= _TOUCHING * face.length)
+
+
+def _state(
+    instant: Instant,
+    outcome: Outcome,
+    spent: _Step,
+    size: float,
+    earlier: tuple[float, Iterate] | None = None,
+    held: tuple[Held, ...] = (),
+) -> State:
+    """The state of an outcome, and what a restart needs of the one before."""
+    problem = instant.model.problem
+    q, p, contact = outcome.iterate.q, outcome.iterate.p, outcome.contact
+    gap = contact.G / contact.rows.w
+    zones, first = [], 0
+    for joint, face in zip(problem.joints, instant.interfaces(q), strict=True):
+        rows = slice(first, first + face.B.shape[0])
+        own = -(face.B.T @ p[rows])
+        make = _tied if joint.tie else _pressed
+        made = make(joint, face, p[rows], gap[rows], contact.covered[rows], own.reshape(-1, problem.space.dim))
+        zones.append(replace(made, centre=made.centre + problem.space.origin[: problem.space.dim]))
+        first = rows.stop
+    return State(
+        instant.t, instant.u(q), instant.reaction(q, p), tuple(zones), problem.constraints.rigid_motion(q, instant.t),
+        spent.iterations, spent.halvings, tuple(spent.residuals), size, outcome.iterate, earlier, outcome.settled,
+        held, float(np.abs(instant.u0).max(initial=0.0)),
+    )  # fmt: skip
+
+
+def _held(instant: Instant, outcome: Outcome) -> tuple[Held, ...]:
+    """What came of motions that nothing but contact stops; where kinematics are finite, of those from there on."""
+    model, (q, _, active) = instant.model, outcome.iterate
+    if not model.motions:
+        return ()
+    space, u = model.problem.space, instant.u(q)
+    x = None
+    if not model.problem.kinematics.constant:
+        x = space.local.points.copy()
+        x[:, : space.dim] += u.reshape(-1, space.dim)
+    touching = [  # where nothing presses, rounding alone says which of them are closed
+        _touching(face) if joint.one_sided else np.zeros(face.B.shape[0], bool)
+        for joint, face in zip(model.problem.joints, instant.interfaces(q), strict=True)
+    ]
+    closed = active | (np.concatenate(touching) & outcome.contact.paired)
+    return holdings(model.motions, instant.closed_rows(q, closed), u, x=x)
+
+
+def _pressed(
+    joint: Joint, face: Interface, p: NDArray, gap: NDArray, paired: NDArray[np.bool_], force: NDArray
+) -> ZoneState:
+    p = np.maximum(p, 0.0) if joint.one_sided else p  # rounding leaves some an atom below
+    closed = (p > 0) | (not joint.one_sided)
+    status = np.where(paired, np.where(closed, CONTACT, OPEN), UNPAIRED).astype(np.int8)
+    return ZoneState(
+        joint.name, False, p, -p[:, None] * face.normal, np.where(paired, gap, np.nan), status, face.coverage,
+        face.area, face.centre, face.normal, force,
+    )  # fmt: skip
+
+
+def _tied(
+    joint: Joint, face: Interface, p: NDArray, gap: NDArray, paired: NDArray[np.bool_], force: NDArray
+) -> ZoneState:
+    d = face.normal.shape[1]
+    traction, on = -p.reshape(-1, d), paired.reshape(-1, d).all(axis=1)
+    status = np.where(on, CONTACT, UNPAIRED).astype(np.int8)
+    jump = np.where(on, np.linalg.norm(gap.reshape(-1, d), axis=1), np.nan)
+    return ZoneState(
+        joint.name, True, -(traction * face.normal).sum(axis=1), traction, jump, status, face.coverage, face.area,
+        face.centre, face.normal, force,
+    )  # fmt: skip
+
+
+def _why(instant: Instant, outcome: Outcome) -> str:
+    """What a user is told of a search that failed: what moves away, or where the balance is off, and what to try."""
+    model, problem = instant.model, instant.model.problem
+    q, p, rows = outcome.iterate.q, outcome.iterate.p, outcome.contact.rows
+    contact, closed = rows.B_T @ p, rows.B[np.flatnonzero(outcome.iterate.active)]
+    said = f"no equilibrium found at time {instant.t:.6g} after {len(outcome.defects)} iterations"
+    off = instant.reaction(q, p)
+    pushed = problem.constraints.T.T @ off - problem.constraints.force(instant.t)
+    for motion in model.motions:
+        along = model.unknowns(motion.field)
+        left, whole = along @ pushed, np.abs(along) @ (np.abs(pushed + contact) + np.abs(contact))
+        if abs(left) > _UNCARRIED * whole and not np.abs(closed @ along).any():
+            return f"{said}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
+    r = problem.constraints.T @ pushed
+    node = int(np.abs(r).argmax()) // problem.space.dim
+    place = ", ".join(problem.space.told(problem.space.mesh.points[node]))
+    balance, gap = outcome.defects[-1]
+    number = problem.space.mesh.node_number[node]
+    said += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
+    said += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
+    return f"{said}; try more steps ([steps] count) or more iterations ([solver] max_iterations)"

@@ -1,0 +1,111 @@
+"""Where a record of the case acts: the nodes of a group of cells or of nodes, or the node at a place.
+
+Displacements, rigid bodies, forces, springs and probes all read their nodes here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from lacmesh.errors import GroupNotFoundError, RequestError, did_you_mean, some
+from lacmesh.mesh import Floats, Ints
+from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.keys import section_of
+from lacsolver.case.records import AtNodes, Entry, Rigid
+from lacsolver.space.space import Space
+
+#: a place may be this much of the bodies' extent away from its node
+_NEAR = 1e-6
+
+
+def nodes_of(space: Space, record: AtNodes | Rigid) -> Ints:
+    """(k,): the nodes, sorted, that a record names by `group` and `kind`, or by `at`.
+
+    A group of cells stands for the nodes of its cells, whatever their dimension; without a `kind` a name means cells if
+    both have it. Raises CaseError for a group that is missing or empty, and for a place that has no node, or several
+    (of two bodies that touch): nodes of no cell, as centres of arcs, are taken only where there is no other.
+    """
+    at = getattr(record, "at", None)
+    if at is not None:
+        return np.array([_node_at(space, record, np.array(at))])
+    assert record.group is not None  # the schema asks for a group where there is no `at`
+    cells = cells_of(space, record)
+    nodes = space.mesh.node_groups[record.group] if cells is None else nodes_on(space, cells)
+    if not len(nodes):
+        raise wrong(record, f"the group {record.group!r} is empty; name one that has cells or nodes")
+    return nodes
+
+
+def cells_of(space: Space, record: AtNodes | Rigid) -> Ints | None:
+    """Sorted indices of the cells of a record's group, None where it is a group of nodes.
+
+    Raises CaseError for a group that the mesh lacks.
+    """
+    mesh, group = space.mesh, record.group
+    assert group is not None
+    if record.kind != "node":
+        try:
+            return mesh.cells_of(group)
+        except RequestError as error:
+            if record.kind == "cell" or not isinstance(error, GroupNotFoundError):
+                raise wrong(record, str(error)) from None
+    if group in mesh.node_groups:
+        return None
+    known = [*mesh.node_groups] if record.kind == "node" else [*mesh.cell_groups, *mesh.node_groups]
+    what = "node group" if record.kind == "node" else "group"
+    raise wrong(record, f"no {what} named {group!r}{did_you_mean(group, known)}")
+
+
+def nodes_on(space: Space, cells: Ints) -> Ints:
+    """(k,): the nodes of some cells (indices), sorted."""
+    chosen = np.zeros(space.mesh.n_nodes, bool)
+    for _, _, nodes in space.mesh.select(cells):
+        chosen[nodes] = True
+    return np.flatnonzero(chosen)
+
+
+def name_of(record: Entry) -> str:
+    """What a record's results are called by: its name, its group, or `at [x, y, z]`."""
+    name = getattr(record, "name", None) or getattr(record, "group", None)
+    return str(name) if name else f"at [{_written(getattr(record, 'at', ()))}]"
+
+
+def said(record: Entry) -> str:
+    """A record in a message: `displacement 'left' (press.toml, line 12)`."""
+    name = getattr(record, "group", None)
+    which = repr(name) if name else name_of(record)
+    return f"{section_of(type(record)).name} {which}" + (f" ({record.place})" if record.place else "")
+
+
+def wrong(record: Entry, message: str) -> CaseError:
+    """The error for a record, with the line it stands on."""
+    place = f"{record.place}: " if record.place else ""
+    return CaseError([Problem(f"{place}{section_of(type(record)).name}: {message}")])
+
+
+def _written(at: Iterable[float]) -> str:
+    """A place as it was written: with all its digits, which may tell it from another."""
+    return ", ".join(repr(float(c)).removesuffix(".0") for c in at)
+
+
+def _node_at(space: Space, record: Entry, at: Floats) -> int:
+    points = space.mesh.points[:, : space.dim]
+    held = np.zeros(len(points), bool)
+    held[nodes_on(space, np.flatnonzero(space.mesh.cell_dim > 0))] = True
+    away = np.linalg.norm(points - at, axis=1)
+    near = away <= _NEAR * space.extent
+    place = _written(at)
+    if not near.any():
+        k = int(np.where(held, away, np.inf).argmin() if held.any() else away.argmin())
+        there = ", ".join(space.told(points[k], 8))
+        number = space.mesh.node_number[k]
+        raise wrong(record, f"no node at [{place}]; the nearest is node {number} at [{there}], {away[k]:.6g} away")
+    found = np.flatnonzero(near & held if (near & held).any() else near)
+    if len(found) > 1:
+        numbers = some(space.mesh.node_number[found])
+        raise wrong(
+            record, f"nodes {numbers} are all at [{place}]; name a group of nodes that has the one that is meant"
+        )
+    return int(found[0])

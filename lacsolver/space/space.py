@@ -1,0 +1,259 @@
+"""The displacement space: which cells carry it, how its unknowns are numbered, what a model makes of a strain.
+
+Node i has the unknowns d i, ..., d i + d - 1, its displacement along x, y (and z). Every node of the mesh has them,
+also one that no cell of the model's dimension holds: `attached` tells them apart, and constraints leave such unknowns
+out. Stress and strain have components xx, yy, zz, xy (plane, axisymmetric), and yz, xz (3D): the order of VTK. Shear
+strains are engineering ones, 2 eps_xy.
+
+A strain is made of the generalised gradient L u: du_s/dX_i, and in axisymmetry, where zz is the hoop, L has a third
+row u_x / r. `Model.slots` says which of its entries each strain component sums; the same table takes stress back to
+forces and a law's matrix to the tensor A that the stiffness needs, so that no model has code of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.errors import DataError, RequestError, did_you_mean
+from lacmesh.mesh import Floats, Ints, Mesh, fixed
+from lacmesh.origin import from_origin, origin_of_mesh, told
+from lacmesh.reference.shapes import gradient
+from lacsolver.space.determinant import determinant
+from lacsolver.space.pattern import Pattern, node_pattern
+from lacsolver.space.rules import cell_rule
+
+#: components of stress and strain, in their order; plane and axisymmetric models have the first four
+COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
+#: z of a plane mesh, and a negative radius, may be this much of its extent
+_ROUNDING = 1e-9
+_PIECE = 1 << 18
+
+
+@dataclass(frozen=True)
+class Model:
+    """What a model makes of a displacement. `dim` d: components; `rows` l: rows of the generalised gradient L u.
+
+    `slots`: (k, i, s) for every entry L_i u_s that strain component k sums. `plane_stress`: zz is free.
+    """
+
+    name: str
+    dim: int
+    rows: int
+    slots: tuple[tuple[int, int, int], ...]
+    axisymmetric: bool = False
+    plane_stress: bool = False
+
+    @property
+    def n_stress(self) -> int:
+        """Components of stress and strain."""
+        return 6 if self.dim == 3 else 4
+
+    @cached_property
+    def selector(self) -> NDArray[np.floating]:
+        """S (n_stress, l, d): strain_k = sum over i, s of S_kis L_i u_s; stress in L's form is sum_k S_kis stress_k."""
+        S = np.zeros((self.n_stress, self.rows, self.dim))
+        for k, i, s in self.slots:
+            S[k, i, s] = 1.0
+        return S
+
+
+_PLANE = ((0, 0, 0), (1, 1, 1), (3, 0, 1), (3, 1, 0))
+_HOOP = (2, 2, 0)
+_SOLID = (*_PLANE, (2, 2, 2), (4, 1, 2), (4, 2, 1), (5, 0, 2), (5, 2, 0))
+#: the models, by name
+MODELS: Mapping[str, Model] = MappingProxyType(
+    {
+        m.name: m
+        for m in (
+            Model("3d", 3, 3, _SOLID),
+            Model("plane_strain", 2, 2, _PLANE),
+            Model("plane_stress", 2, 2, _PLANE, plane_stress=True),
+            Model("axisymmetric", 2, 3, (*_PLANE, _HOOP), axisymmetric=True),
+        )
+    }
+)
+
+
+class Cells(NamedTuple):
+    """Cells of one type that carry displacements: type, nodes (k, n) int32, and the mesh's cell (k,) each row is."""
+
+    type: str
+    nodes: Ints
+    cell: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """Displacements on the cells of a mesh that have the model's dimension; built by `Space.of`.
+
+    `blocks`: those cells, one block a type, in the mesh's order. `thickness`: of plane stress; 1 elsewhere.
+
+    What is computed reads the points of `local`; formulas, places and whatever a user is told, those of `mesh`.
+    """
+
+    mesh: Mesh
+    model: Model
+    blocks: tuple[Cells, ...]
+    thickness: float = 1.0
+
+    @classmethod
+    def of(cls, mesh: Mesh, model: str, thickness: float | None = None) -> Space:
+        """The space of a mesh under a model: `3d`, `plane_strain`, `plane_stress` or `axisymmetric` (r = x, axis y).
+
+        `thickness` belongs to plane stress (1 if None). Raises RequestError for a wrong model or thickness, DataError
+        for a mesh that the model cannot use: no cells of its dimension, cells of order 3, a plane mesh out of its
+        plane, a negative radius, cells that are folded or have no volume (a cell numbered inside out is fine).
+
+        >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
+        >>> space = Space.of(square, "plane_strain")
+        >>> space.n_dof, space.dofs(np.array([2])).tolist()
+        (8, [[4, 5]])
+        """
+        if model not in MODELS:
+            raise RequestError(f"no model named {model!r}{did_you_mean(model, MODELS)}")
+        thickness = _thickness(model, thickness)
+        made = cls(mesh, MODELS[model], _solid_blocks(mesh, MODELS[model]), thickness)
+        _check_plane(made)
+        _check_volume(made)
+        return made
+
+    @cached_property
+    def origin(self) -> NDArray[np.floating]:
+        """(3,): the point of the mesh that `local` counts from; radii are counted from the axis."""
+        origin = origin_of_mesh(self.mesh)
+        return origin * [0.0, 1.0, 1.0] if self.model.axisymmetric else origin
+
+    @cached_property
+    def local(self) -> Mesh:
+        """The mesh with its points counted from `origin`, so that they keep their digits wherever the model lies."""
+        return from_origin(self.mesh, self.origin)
+
+    def places(self, u: Floats) -> NDArray[np.floating]:
+        """(n_nodes, 3): where u (n_dof,) takes the nodes, counted from `origin`."""
+        x = self.local.points.copy()
+        x[:, : self.dim] += u.reshape(-1, self.dim)
+        return x
+
+    @cached_property
+    def extent(self) -> float:
+        """The largest side of the box around the nodes that cells hold."""
+        return float(np.ptp(self.local.points[self.attached], axis=0).max())
+
+    def told(self, x: Floats, digits: int = 6) -> list[str]:
+        """A place x (3,) or (dim,) in words, in the model's coordinates."""
+        return told(x[: self.dim], self.extent, digits)
+
+    @property
+    def dim(self) -> int:
+        """Components of a displacement."""
+        return self.model.dim
+
+    @property
+    def n_dof(self) -> int:
+        """Number of unknowns: `dim` for every node of the mesh."""
+        return self.dim * self.mesh.n_nodes
+
+    def dofs(self, nodes: Ints) -> Ints:
+        """(k, dim): the unknowns of some nodes."""
+        return self.dim * np.asarray(nodes)[:, None] + np.arange(self.dim)
+
+    @cached_property
+    def attached(self) -> NDArray[np.bool_]:
+        """(n_nodes,): whether a cell of the space holds the node."""
+        held = np.zeros(self.mesh.n_nodes, bool)
+        for block in self.blocks:
+            held[block.nodes] = True
+        return held
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """The blocks of the stiffness that are not zero."""
+        return node_pattern((block.nodes for block in self.blocks), self.mesh.n_nodes)
+
+    def depth(self, x: Floats) -> NDArray[np.floating]:
+        """(...): what an area or length at points x (..., 3) is multiplied by: thickness, 2 pi r, or 1."""
+        if self.model.axisymmetric:
+            return 2 * np.pi * x[..., 0]
+        return np.full(x.shape[:-1], self.thickness)
+
+    def cells(self, groups: tuple[str, ...] | None = None) -> Ints:
+        """Sorted indices of the space's cells in some groups of the mesh; all of them if None.
+
+        Raises GroupNotFoundError, and DataError for a group without any cell of the space.
+        """
+        ours = np.concatenate([block.cell for block in self.blocks])
+        if groups is None:
+            return np.sort(ours)
+        chosen = np.zeros(self.mesh.n_cells, bool)
+        for name in groups:
+            found = self.mesh.cells_of(name)
+            found = found[np.isin(found, ours, assume_unique=True)]
+            if not len(found):
+                raise DataError(f"group {name!r} has no cell of dimension {self.dim}; name a group of the body's cells")
+            chosen[found] = True
+        return np.flatnonzero(chosen)
+
+
+def _solid_blocks(mesh: Mesh, model: Model) -> tuple[Cells, ...]:
+    blocks = []
+    for k, (kind, nodes) in enumerate(mesh.blocks):
+        if ALL_CELLS[kind].dim != model.dim or not len(nodes):
+            continue
+        index = np.arange(mesh.offsets[k], mesh.offsets[k + 1])
+        if kind not in CELLS:
+            message = f"cells {mesh.cell_names(index[:10])} are of type {kind}, of order 3 or more"
+            raise DataError(f"{message}; mesh the body with linear or quadratic cells", mesh.cell_number[index])
+        blocks.append(Cells(kind, fixed(np.ascontiguousarray(nodes, np.int32)), index))
+    if not blocks:
+        there = ", ".join(mesh.cells_by_type) or "no cells"
+        raise DataError(f"the model {model.name} needs cells of dimension {model.dim}, and the mesh has {there}")
+    return tuple(blocks)
+
+
+def _thickness(model: str, thickness: float | None) -> float:
+    if thickness is None:
+        return 1.0
+    if model != "plane_stress":
+        raise RequestError(f"thickness belongs to the model plane_stress, not {model}; leave it out")
+    if not (np.isfinite(thickness) and thickness > 0):
+        raise RequestError(f"thickness is a length above 0, not {thickness}")
+    return float(thickness)
+
+
+def _check_plane(space: Space) -> None:
+    """A plane model's nodes lie in one plane z = constant, an axisymmetric one's at x >= 0."""
+    mesh = space.mesh
+    if space.dim == 3:
+        return
+    x = mesh.points[space.attached]
+    extent = np.ptp(x, axis=0)[:2].max()
+    if np.ptp(x[:, 2]) > _ROUNDING * extent:
+        raise DataError(f"the model {space.model.name} needs a mesh in a plane z = constant; turn it into x, y")
+    if space.model.axisymmetric and x[:, 0].min() < -_ROUNDING * extent:
+        where = np.flatnonzero(space.attached)[x[:, 0].argmin()]
+        message = f"node {mesh.node_number[where]} has radius x = {x[:, 0].min():.6g}"
+        raise DataError(f"{message}; an axisymmetric mesh lies at x >= 0, its axis along y")
+
+
+def _check_volume(space: Space) -> None:
+    """Every cell's map keeps one orientation at all its points."""
+    wrong: list[Ints] = [np.empty(0, np.int64)]
+    for block in space.blocks:
+        dN = gradient(block.type, cell_rule(block.type, space.model.axisymmetric)[0])
+        size = max(1, _PIECE // dN[..., 0].size)
+        for start in range(0, len(block.nodes), size):
+            det = determinant(block.nodes[start : start + size], space.local.points, dN)
+            folded = ~((det > 0).all(axis=1) | (det < 0).all(axis=1))
+            wrong.append(block.cell[start + np.flatnonzero(folded)])
+    cells = np.concatenate(wrong)
+    if len(cells):
+        message = f"cells {space.mesh.cell_names(cells)} are folded, or have no volume, at a quadrature point"
+        raise DataError(f"{message}; mesh them again, or move their nodes", space.mesh.cell_number[cells])
