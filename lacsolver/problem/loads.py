@@ -2,8 +2,8 @@
 
 Forces are those of the whole thickness or circle: the weight of a point has thickness or 2 pi r in it, here and in
 `bodies.small.gradients`. Every value is a number or f(points (n, 3), t) -> (n,) (`lacsolver.space.values`). Rules
-integrate a constant exactly on any cell or face, curved ones too, as far as the integral is a polynomial: a pressure's is (the
-normal is not made unit), a traction's on a curved face is not, and converges with `degree`.
+integrate a constant exactly on any cell or face, curved ones too, as far as the integral is a polynomial: a pressure's
+is (the normal is not made unit), a traction's on a curved face is not, and converges with `degree`.
 """
 
 from __future__ import annotations
