@@ -22,7 +22,8 @@ from lacsolver.solve.stepping import NotConvergedError
 from tests.meshes import cell_with_faces
 from tests.properties import volumes
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
 
 
@@ -124,6 +125,14 @@ def test_links_lead_somewhere(page):
         assert there.exists(), f"{page.name}: {target}"
         if anchor:
             assert anchor in anchors(there.read_text(encoding="utf-8")), f"{page.name}: {target}"
+
+
+def test_the_architecture_names_files_that_are_there():
+    """Paths from the root of the repository, or inside lacsolver."""
+    text = (DOCS / "architecture.md").read_text(encoding="utf-8").split("<!-- tree: end -->")[1]
+    paths = re.findall(r"`((?:\w+/)+(?:\w+\.py)?)`", text)
+    assert len(paths) > 60
+    assert [p for p in paths if not (ROOT / p).exists() and not (ROOT / "lacsolver" / p).exists()] == []
 
 
 def test_every_page_is_in_the_index():

@@ -8,6 +8,7 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
+from drawing.architecture import tree
 from drawing.measures import own_table, verdict_table
 from drawing.patterns import children_text, patterns
 from drawing.solids import body
@@ -163,6 +164,7 @@ def _span(nodes: Any) -> str:
 
 #: page -> the tables that stand in it, by the name of their markers
 TABLES = {
+    "architecture.md": {"tree": tree},
     "cut.md": {"counts": counts_table, "integrals": integrals_table},
     "case.md": {name: table.splitlines for name, table in page_tables().items()},
     "conventions.md": {"families": families_table, "types": types_table},
