@@ -97,7 +97,7 @@ def test_a_tag_that_is_not_there(spec):
             ask(mesh, spec)
 
 
-@pytest.mark.parametrize("module", ["formats", "mesh", "errors", "checks", "quality", "surface", "gmsh", "order"])
+@pytest.mark.parametrize("module", ["formats", "mesh", "errors", "checks", "quality", "surface", "gmsh", "cutting"])
 def test_a_module_is_there_whatever_was_imported(module):
     """`lacmesh.formats` was an AttributeError until something else had imported it."""
     done = subprocess.run(

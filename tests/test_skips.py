@@ -36,7 +36,7 @@ def test_quietly():
 def session(folder, *arguments, absent=None, quietly=False, everything=False):
     """Run pytest on TESTS in a checkout of its own: its exit status and its output."""
     (folder / "tests").mkdir()
-    for name in ("__init__.py", "conftest.py", "skips.py"):
+    for name in ("__init__.py", "conftest.py", "samples.py", "skips.py"):
         (folder / "tests" / name).write_bytes((HERE / name).read_bytes())
     (folder / "pyproject.toml").write_bytes((HERE.parent / "pyproject.toml").read_bytes())
     (folder / "tests" / "test_it.py").write_text(TESTS.format(absent=absent, quietly=quietly))
