@@ -51,7 +51,8 @@ class Kernel:
     def __call__(self, *arguments: Any) -> Any:
         """What the function returns."""
         if self.compiled is None:
-            if not self._is_worth_compiling(arguments):
+            self._done += _numbers(arguments)
+            if not self._is_worth_compiling():
                 return self.py_func(*arguments)
             self.compile()
         return self.compiled(*arguments)
@@ -124,8 +125,7 @@ class Kernel:
         for code in _codes(self._function.__code__):
             yield from ((name, every[name]) for name in code.co_names if name in every)
 
-    def _is_worth_compiling(self, arguments: tuple[Any, ...]) -> bool:
-        self._done += _numbers(arguments)
+    def _is_worth_compiling(self) -> bool:
         least = ADDED_FROM if any(k.compiled for k in Kernel.known) else LOADED_FROM
         if self._done <= least or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
             return False

@@ -183,8 +183,7 @@ def find_equilibrium(
             active = stopped(free, contact, active, f - stiffness @ q, resistance)
         here = contact
         wanted = here.G + here.rows.D @ q
-        loose = 0.0 if pivots.exact(active) else _LOOSE
-        for reduction in (loose, 0.0):
+        for reduction in (pivots.begin(active), 0.0):
             goal, acting = limits.goal(reduction, limits.moved), f if turning is None else f - turning @ q
             made = solve_rows(K, here.rows, np.flatnonzero(active), acting, wanted, q, p, goal, turning)
             q, p, products = made.q, made.p, products + made.products
@@ -251,13 +250,13 @@ class Pivots:
         self._seen: set[bytes] = set()
         self._fewest, self._patience, self._loose = np.inf, _BLOCKS, _LOOSE_SOLVES
 
-    def exact(self, active: NDArray[np.bool_]) -> bool:
-        """Whether a set is to be solved exactly."""
+    def begin(self, active: NDArray[np.bool_]) -> float:
+        """Take up a set; return the tolerance it is first solved to: 0 (exactly), or a loose one."""
         key = active.tobytes()
         loose = key not in self._seen and self._loose > 0
         self._seen.add(key)
         self._loose -= loose
-        return not loose
+        return _LOOSE if loose else 0.0
 
     def next(self, active: NDArray[np.bool_], wanted: NDArray[np.bool_], exact: bool) -> NDArray[np.bool_]:
         """The next set, after a solve."""

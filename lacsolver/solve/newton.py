@@ -112,7 +112,8 @@ def follow(
     history = [np.inf if first is not None else now.defect.whole]  # what is foreseen has defects of its own
     defects: list[tuple[float, float]] = []
     while not met and len(defects) < limits.max_iterations:
-        most = 1 if not sets.cycle(active, now.defect.whole) else min(_SETS, limits.max_iterations - len(defects))
+        cycles = sets.record(active, now.defect.whole) <= now.defect.whole  # it comes back, and nothing is better
+        most = min(_SETS, limits.max_iterations - len(defects)) if cycles else 1
         part = drag * min(1.0, now.defect.whole / history[1]) if drag and len(history) > 1 else drag
         worst = np.inf if drag else max(history[-_REMEMBERED:])
         made = _solved(now, active, scale, part, most)
@@ -201,12 +202,12 @@ class _Sets:
         self._met: dict[bytes, float] = {}
         self._last = b""
 
-    def cycle(self, active: NDArray[np.bool_], defect: float) -> bool:
-        """Whether a set comes back, after another one, though nothing has become better since."""
+    def record(self, active: NDArray[np.bool_], defect: float) -> float:
+        """Record a set and its defect; return what the defect was when it was left for another one, inf if never."""
         key = active.tobytes()
-        again = key != self._last and self._met.get(key, np.inf) <= defect
+        before = self._met.get(key, np.inf) if key != self._last else np.inf
         self._met[key], self._last = defect, key
-        return again
+        return before
 
 
 class _Scale:
