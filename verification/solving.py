@@ -41,7 +41,7 @@ class Solved:
 
     @property
     def unknowns(self) -> int:
-        """How many displacements are sought."""
+        """Number of displacement unknowns."""
         return int(self.problem.constraints.n_q)
 
     @cached_property
@@ -51,7 +51,7 @@ class Solved:
 
     @cached_property
     def answer(self) -> Answer:
-        """What figures and fields are asked of."""
+        """Solver's answer for this problem, from which figures and fields are computed."""
         return Answer(self.problem)
 
     @cached_property

@@ -26,7 +26,7 @@ def pad(n):
 
 
 def crown(x, t):
-    """How far below y = 0 the punch reaches: it is added to the gap. `x` (points, 3), t is time."""
+    """Height of the punch over y = 0, negative below it; added to the gap. `x` (points, 3), t is time."""
     return -0.02 * (1 - x[:, 0] ** 2) * (1 + 0.5 * x[:, 0])
 
 
@@ -58,7 +58,7 @@ def lac(mesh):
 
 
 def contact(model, B, G, w):
-    """What `find_equilibrium` asks for: the rows on the unknowns that are left, and the gaps at any of them."""
+    """Contact for `find_equilibrium`: rows on the unknowns that are left, and a function that gives the gaps at q."""
     B = (B @ model.problem.constraints.T).tocsr()
     rows = Rows(B, B, w)
     every = np.full(len(G), True)

@@ -91,7 +91,7 @@ class Case:
 
 
 class Outcome(NamedTuple):
-    """What a command did: its status, what it printed on stderr line by line, the processor's time that it took."""
+    """Outcome of a command: exit status, lines printed on stderr, and processor time (s)."""
 
     status: int
     lines: list[str]

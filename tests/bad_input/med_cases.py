@@ -1,4 +1,4 @@
-"""What can be wrong with a MED file as such: its groups, datasets and attributes."""
+"""Errors in a MED file as such: in its groups, datasets and attributes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be wrong with a mesh, in every format that can say it."""
+"""Errors in a mesh, in every format that can express them."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def slot(name):
 
 
 def only_boundary(part, faces):
-    """Those of some facets that one cell alone has."""
+    """Select the facets that belong to one cell only: those on the boundary."""
     _, cells = part
     count = {}
     for kind, nodes in cells.items():

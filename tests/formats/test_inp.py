@@ -356,7 +356,7 @@ _SQUARE = "*NODE\n1, 1, 0\n2, 2, 0\n3, 2, 1\n4, 1, 1\n5, 3, 0\n6, 3, 1\n"
 
 
 def said_of(folder, text, number=1):
-    """What reading says, in one warning or none, and the mesh."""
+    """Read a text: the warning (one or, with `number` 0, none) and the mesh."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         mesh = read_text(folder, text)
@@ -514,7 +514,7 @@ def test_files_in_files_have_an_end(tmp_path):
 
 @pytest.mark.parametrize("at", range(0, len(WHOLE), 23))
 def test_cut_off_anywhere(tmp_path, at):
-    """What is left is read, or is an error that says so."""
+    """A truncated file is read, or raises an error of one line."""
     (tmp_path / "more.inp").write_text(MORE)
     with lenient():
         try:
@@ -632,7 +632,7 @@ def test_nodes_of_elements_of_every_width(tmp_path):
 
 
 def test_sets_of_nodes_of_elements_look_at_each_card_once():
-    """As many sets as cards took the square of their number."""
+    """The cost does not grow with sets times cards; it was quadratic for as many sets as cards."""
     looked = []
 
     class Card(Elements):

@@ -488,7 +488,7 @@ def test_elements_that_alternate_and_change_tags(tmp_path, binary):
 
 
 def test_one_header_for_each_element(tmp_path):
-    """As gmsh writes binary msh 2.2; and headers for three elements each."""
+    """One header per element, as gmsh writes binary msh 2.2, or one for three elements, gives the same mesh."""
     rng = np.random.default_rng(2)
     mesh = Mesh.create(rng.normal(size=(50, 3)), [("TRIA3", rng.integers(0, 50, (3000, 3)))])
     again(tmp_path, mesh, "2.2", True)

@@ -31,7 +31,7 @@ def one_cell(name, distortion=0.0, seed=0, shift=3.0):
 
 
 def with_skin(mesh):
-    """The same mesh of one cell with every facet as a skin cell, in the group 'skin'."""
+    """Copy of a mesh of one cell with every facet as a skin cell, in the group 'skin'."""
     (block,) = mesh.blocks
     blocks = {block.type: block.nodes}
     for facet in CELLS[block.type].facets:

@@ -26,7 +26,7 @@ YOUNG = 1000.0
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """How a model is written down; `seed`: of a permutation of nodes, cells, groups and zones, None for none."""
+    """Units and frame of a model; `seed` of a permutation of nodes, cells, groups and zones, None for none."""
 
     dim: int
     round: bool = False
@@ -38,7 +38,7 @@ class World:
 
     @property
     def force(self):
-        """What forces on nodes are multiplied by: those of a plane are of a unit thickness."""
+        """Factor of nodal forces; in a plane they are per unit thickness."""
         return self.stress * self.length ** (2 if self.dim == 3 or self.round else 1)
 
     def places(self, X):
@@ -67,7 +67,7 @@ class World:
         return "".join(own.get(letter, letter) for letter in str(text).replace("sin", "SIN")).replace("SIN", "sin")
 
     def point(self, X):
-        """A place of the model, as a list."""
+        """Coordinates in the world of a point of the model, as a list."""
         return [float(x) for x in self.places(np.array([X]))[0, : self.dim]]
 
 
@@ -82,12 +82,12 @@ class Case(NamedTuple):
 
     @property
     def dim(self):
-        """Of the model."""
+        """Dimension of the model."""
         return 3 if self.model == "3d" else 2
 
     @property
     def world(self):
-        """The one in which the case stands as it is."""
+        """World in which the case is written as it is."""
         return World(self.dim, self.model == "axisymmetric")
 
 
@@ -197,14 +197,14 @@ def brought_back(case, w):
 
 
 class Figures(NamedTuple):
-    """What a run found, in the model's units: iterations of each step, and arrays by (step, zone, what they are)."""
+    """Results of a run in the model's units: iterations of each step, and arrays by (step, zone, quantity)."""
 
     iterations: tuple
     values: dict
 
 
 def figures(case, w, mesh=None):
-    """What the case comes to in a world."""
+    """Run a case in a world and return its results in the model's units."""
     states, place = run(case, w, mesh)
     d, values = case.dim, {}
     back = w.turn[:d, :d]

@@ -81,7 +81,7 @@ def by_trying_every_set(system, held=None, paired=None):
 
 
 def goes_round(system):
-    """Whether the exchange of all rows that want it, and nothing else, comes back to a set."""
+    """True if exchanging all violated rows at once, and nothing else, returns to an earlier active set: a cycle."""
     S, g = system.reduced
     on, seen = system.start.copy(), set()
     while on.tobytes() not in seen:

@@ -94,7 +94,7 @@ def without_a_line(text):
 
 
 def is_idle(shop, case, whole, text, check):
-    """Whether a changed text comes to the same, though it is another case, and whatever is warned of."""
+    """True if a changed text gives another case with the same result; warnings are ignored."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LacmeshWarning)

@@ -53,14 +53,14 @@ class Hertz(NamedTuple):
 
     @classmethod
     def plane(cls, force: float) -> Hertz:
-        """Of the cylinder on the block, under a force a length (Johnson, eqs 4.43 and 4.45)."""
+        """Contact of the cylinder on the block under a force per unit length (Johnson, eqs 4.43 and 4.45)."""
         modulus = 1 / ((1 - POISSON**2) * (1 / STEEL + 1 / ALLOY))
         a = float(np.sqrt(4 * force * RADIUS / (np.pi * modulus)))
         return cls(a, 2 * force / (np.pi * a))
 
     @classmethod
     def round(cls, force: float) -> Hertz:
-        """Of the two spheres (Johnson, eqs 4.22 and 4.24)."""
+        """Contact of the two spheres (Johnson, eqs 4.22 and 4.24)."""
         modulus = SPHERE / (2 * (1 - POISSON**2))
         a = float(np.cbrt(3 * force * (SPHERE_RADIUS / 2) / (4 * modulus)))
         return cls(a, 3 * force / (2 * np.pi * a**2))
@@ -182,7 +182,7 @@ def held(points: Floats, cells: Ints, young: float, fixed: dict[float, Ints], *,
 
 
 def stiffness(points: Floats, cells: Ints, young: float, *, axisymmetric: bool = False) -> csc_matrix:
-    """Of QUAD4 in plane strain, or round the axis x = 0. Raises ValueError for a cell that is inside out."""
+    """Stiffness matrix of QUAD4 in plane strain or axisymmetric about x = 0. Raises ValueError for an inverted cell."""
     lame, mu = young * POISSON / ((1 + POISSON) * (1 - 2 * POISSON)), young / (2 * (1 + POISSON))
     D = np.diag([2 * mu, 2 * mu, 2 * mu, mu])
     D[:3, :3] += lame

@@ -73,7 +73,7 @@ class PinInHole:
 
     @cached_property
     def _lift(self) -> float:
-        """How far the pin is moved on along x."""
+        """Rigid-body displacement of the pin along x."""
         at: Complex = np.ones(1, complex)
         return float((self._outside(at) - self._inside(at)).real[0]) + self.clearance
 
@@ -97,7 +97,7 @@ class PinInHole:
         return self._moved(z, phi, slope, psi)
 
     def _inside(self, z: Complex) -> Complex:
-        """The same of the pin, with the force at its centre, the potentials in powers z^k."""
+        """u_x + i u_y of the pin, with the force at its centre and the potentials in powers z^k."""
         p, k, kappa = self._series, np.arange(2, _TERMS), self._kappa
         C, D = -p[1] / (2 * (1 + kappa)), kappa * p[1] / (2 * (1 + kappa))
         A, B = -p / 2, np.zeros(_TERMS)

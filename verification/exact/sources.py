@@ -52,7 +52,7 @@ class Sources:
 
 @cache
 def derive(displacement: Texts, law: Law = Law()) -> Sources:
-    """What makes a displacement (texts of x, y(, z), one a component) the solution.
+    """Loads and stress for which a displacement (texts of x, y(, z), one per component) is the solution.
 
     >>> derive(("0", "-y / 2")).pressure
     '3/16'

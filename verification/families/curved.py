@@ -68,7 +68,7 @@ class Curved(Protocol):
 
     @property
     def axisymmetric(self) -> bool:
-        """Whether the model is."""
+        """True for an axisymmetric model."""
 
     @property
     def second(self) -> float | None:
@@ -76,18 +76,18 @@ class Curved(Protocol):
 
     @property
     def uniform(self) -> bool:
-        """Whether all of the slave is in contact."""
+        """True if the whole slave surface is in contact."""
 
     @property
     def exact(self) -> bool:
-        """Whether the skins are circles or spheres, which are found."""
+        """True if the skins are circles or spheres, which the fit recognises."""
 
     @property
     def cubic(self) -> bool:
-        """Whether the skins have third derivatives, of which heights over faces leave a part."""
+        """True if the skins have third derivatives, which heights over faces represent only in part."""
 
     def sets(self, level: int, levels: int) -> int:
-        """On how many sets of meshes the problem is solved on one of so many levels."""
+        """Number of sets of meshes on which the problem is solved at one of `levels` levels."""
 
     def mesh(self, level: int, number: int = 0) -> Mesh:
         """The bodies, not cut; of those that are irregular, a set of a `number`."""
@@ -168,7 +168,7 @@ def truly(problem: Problem, given: Curved) -> Problem:
 
 
 def results(given: Curved, found: Found) -> Iterator[Result]:
-    """What the smooth surfaces are held to, and the errors with each gap."""
+    """Criteria for the smooth surfaces, and the errors with each of the other gaps."""
     smooth, faces, true = found["smooth"], found["faces"], found["true"]
     yield falls(given, smooth, true)
     if given.exact:
@@ -203,7 +203,7 @@ def results(given: Curved, found: Found) -> Iterator[Result]:
 
 
 def falls(given: Curved, smooth: Levels, true: Levels) -> Result:
-    """How fast the error of p_m falls: as it does with the true gap, or as theory has it."""
+    """Convergence rate of p_m, judged against that with the true gap or, where it is lower, the theoretical rate."""
     h = [given.h(level) for level in range(len(true))]
     larger = [max(pair) for pair in zip(means(smooth), means(true), strict=True)]
     wanted, reason = FALLING, _UNEVEN
@@ -215,7 +215,7 @@ def falls(given: Curved, smooth: Levels, true: Levels) -> Result:
 
 
 def opened(given: Curved, smooth: Levels, faces: Levels) -> Iterator[Result]:
-    """How many macro-elements open where none should."""
+    """Numbers of macro-elements that open under a uniform pressure, where none should."""
     first = 1 if given.cubic and len(smooth) > 1 else 0
     where = "all meshes" if first == 0 else "all but the coarsest meshes"
     mine, theirs = (sum(s.open for level in own[first:] for s in level) for own in (smooth, faces))

@@ -38,17 +38,17 @@ class Fitted:
 
     @property
     def exact(self) -> bool:
-        """Whether the skins are circles or spheres."""
+        """True if the skins are circles or spheres."""
         return self.stretch is None
 
     @property
     def cubic(self) -> bool:
-        """Whether the skins have third derivatives."""
+        """True if the skins have third derivatives."""
         return self.stretch is not None
 
     @property
     def axisymmetric(self) -> bool:
-        """Whether the model is."""
+        """True for an axisymmetric model."""
         return self.fit.model == "axisymmetric"
 
     @property

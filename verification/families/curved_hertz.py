@@ -35,7 +35,7 @@ class Lifted:
 
     @property
     def axisymmetric(self) -> bool:
-        """Whether the model is."""
+        """True for an axisymmetric model."""
         return self.hertz.model == "axisymmetric"
 
     def sets(self, level: int, levels: int) -> int:

@@ -102,7 +102,7 @@ class Pin:
 
 
 def half_angle(centre: Floats, p: Floats, peak: float) -> float:
-    """Where the straight line through p^2 against the square of the angle comes to 0, degrees; NaN of too few faces."""
+    """Half-angle of contact, degrees: zero of the line fitted to p^2 over the squared angle; NaN with too few faces."""
     angle = np.degrees(np.arctan2(centre[:, 1], centre[:, 0]))
     outer = (angle > 30) & (p > 0.15 * peak)
     if outer.sum() < 2:

@@ -163,7 +163,7 @@ def listed(nodes: Ints, kind: str, turn: int, inward: bool) -> Ints:
 
 
 def backwards(mesh: Mesh) -> Mesh:
-    """The same mesh with its types, cells and groups in the opposite order."""
+    """Copy of a mesh with its types, cells and groups in the opposite order."""
     place = np.empty(mesh.n_cells, int)
     blocks, first = [], 0
     for k, b in reversed(list(enumerate(mesh.blocks))):

@@ -76,12 +76,12 @@ class Given:
 
     @property
     def dim(self) -> int:
-        """Of the space."""
+        """Dimension of space."""
         return 3 if self.model == "3d" else 2
 
     @property
     def order(self) -> int:
-        """Of the cells."""
+        """Polynomial order of the cells."""
         return int(CELLS[self.cell].order)
 
     @property
@@ -214,7 +214,7 @@ def solve_level(given: Given, level: int) -> Solution:
 
 
 class Errors(NamedTuple):
-    """Of u, relative: in the energy norm (sqrt of the integral of sigma : epsilon) and in L2, over both bodies."""
+    """Relative errors of u over both bodies: energy norm (sqrt of the integral of sigma : epsilon) and L2 norm."""
 
     energy: float
     u: float
@@ -242,7 +242,7 @@ def displacement_errors(given: Given, solved: Solved) -> Errors:
 
 
 def half_width(centre: Floats, p: Floats, p0: float) -> float:
-    """Where the straight line through p_m^2 against r^2, over the outer half of contact, comes to 0."""
+    """Half-width of contact: zero of the line fitted to p_m^2 over r^2 in the outer half of contact."""
     r = np.linalg.norm(centre[:, :-1], axis=1)
     outer = (r > 0.5) & (p > 0.15 * p0)
     if outer.sum() < 2:
@@ -252,7 +252,7 @@ def half_width(centre: Floats, p: Floats, p0: float) -> float:
 
 
 def approach(solved: Solved) -> float:
-    """How far the points on the axis at depth a of the slave and of the master (or the rigid plane) come together."""
+    """Mutual approach of the points on the axis at depth a in slave and master (or in the rigid plane)."""
     x, u = solved.mesh.points, solved.u
     dim = u.shape[1]
     found = []
@@ -263,7 +263,7 @@ def approach(solved: Solved) -> float:
 
 
 def exact_approach(given: Given) -> float:
-    """The same of the half-spaces."""
+    """Mutual approach of the same points in the half-spaces, in closed form."""
     found = {
         group: float(body.displacement(body.at(np.array([[*[0.0] * (given.dim - 1), float(body.side)]])))[0, -1])
         for group, body in bodies(given).items()

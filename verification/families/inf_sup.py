@@ -1,4 +1,4 @@
-"""Whether pressures and displacements fit together: the inf-sup constant against h, and what pressures do without it.
+"""Inf-sup stability: the constant against h, and the contact pressures on meshes that lack it.
 
 A block whose slave side is cut, and the same block with each slave face a macro-element as it is. The constant that
 the theory promises for cut skins is that of the internal dofs alone (Abbas, Drouet, Hild, CMAME 339, 2018: the
@@ -115,7 +115,7 @@ def run(case: Case, levels: int) -> Outcome:
 
 
 def constants(given: Skin, n: int) -> Constants:
-    """Those of the block with n cells a side."""
+    """Inf-sup constants of the block with n cells per side."""
     mesh = block_of(given, n)
     slave = f"{'xyz'[given.dim - 1]}0"
     made = lacsolver.contact_matrices(mesh, slave, "master", hexa=given.hexa)
@@ -316,7 +316,7 @@ def _steps(got: Solved, label: str) -> Line:
 
 
 def _met(x: Floats, dim: int) -> list[float]:
-    """Where the outline of a face, corners x (n, 3), meets the line; both ends of a segment in a plane."""
+    """Coordinates x at which the outline of a face, corners x (n, 3), crosses the line y = 0.4; in 2D both ends."""
     if dim == 2:
         return [float(v) for v in x[:, 0]]
     y = x[:, 1] - 0.4

@@ -134,7 +134,7 @@ def exact_pressure(row: Row) -> Function:
 
 
 def cells_a_side(row: Row, level: int) -> int:
-    """How many cells, or pairs of triangles and so on, a block has along each axis."""
+    """Number of cells, or of pairs of triangles and the like, along each axis of a block."""
     return _COARSEST[row.solution.dim] << level
 
 
@@ -259,7 +259,7 @@ def _case(row: Row) -> Case:
 
 
 def _suites(row: Row) -> dict[str, int]:
-    """How many levels in each suite."""
+    """Number of levels in each suite."""
     quick = {"quick": _QUICK[row.name]} if row.name in _QUICK else {}
     if row.solution.dim == 2:
         return {**quick, "full": 5, "all": 6}

@@ -49,7 +49,7 @@ class Press:
 
     @property
     def dim(self) -> int:
-        """Of the space."""
+        """Dimension of space."""
         return 3 if self.model == "3d" else 2
 
     @property
@@ -60,7 +60,7 @@ class Press:
 
 @dataclass(frozen=True)
 class Errors:
-    """Of one stack, relative: stress at integration points, every p_m, displacement at nodes; the worst of each."""
+    """Largest relative errors of one stack: stress at integration points, p_m, displacement at nodes."""
 
     label: str
     stress: float
@@ -164,7 +164,7 @@ def _matrix(made: Sequence[Errors]) -> Plot:
 
 
 def _figures(given: Press | None) -> tuple[_Figure, ...]:
-    """What is measured, with what peers obtained where they ran the same problem."""
+    """Measured quantities, with the errors of other codes where these ran the same problem."""
     known = _published(given) if given is not None else ((), ())
     return (
         _Figure("stress at integration points", "stress", known[0]),
@@ -174,7 +174,7 @@ def _figures(given: Press | None) -> tuple[_Figure, ...]:
 
 
 def _published(given: Press) -> tuple[tuple[Published, ...], tuple[Published, ...]]:
-    """What others obtained, of stress and of pressure, on hexahedra: the meshes are theirs without a bend."""
+    """Stress and pressure errors of other codes on hexahedra; they used the same meshes, without a bend."""
     if given.bend or given.model != "3d" or given.pairs[0] != ("HEXA8", "HEXA8"):
         return (), ()
     hexa = dict(given.contact)["hexa"]

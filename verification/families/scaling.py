@@ -1,4 +1,4 @@
-"""How time grows with size: cut, search, assembly, and the solve.
+"""Growth of computing time with size: cut, search, assembly, and the solve.
 
 Expected: each stage but the solve visits every cell or face a bounded number of times (trees of boxes add a logarithm),
 so its time goes with the size to the power 1. Seconds are those of the process, the least of some repetitions, after
@@ -68,12 +68,12 @@ class Stages:
 
     @property
     def cells(self) -> int:
-        """Of the mesh that is cut, skins included."""
+        """Number of cells of the mesh that is cut, skins included."""
         return self.mesh.n_cells
 
     @property
     def faces(self) -> int:
-        """Of slave and master, cut."""
+        """Number of faces of slave and master after the cut."""
         zone = self.problem.joints[0].zone
         return len(zone.slave) + len(zone.master)
 

@@ -1,4 +1,4 @@
-"""Whether contact forces on slave and master are in balance."""
+"""Balance of the contact forces on slave and master."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Floats = NDArray[np.floating]
 
 
 class Balance(NamedTuple):
-    """What is left of the sums of forces and of moments, relative to the sums of their own sizes."""
+    """Resultant force and moment, each relative to the sum of the magnitudes."""
 
     force: float
     moment: float

@@ -1,4 +1,4 @@
-"""What must hold after a cut, counted by what the two meshes say: no verdict of lacmesh's own is used.
+"""Violations of the properties of a cut, counted from the two meshes alone, without lacmesh's own checks.
 
 `before` is the mesh that was cut, whose cells are positive and whose faces are plane, so that children tile exactly.
 """
@@ -25,7 +25,7 @@ _DEGREE = 6
 
 
 def violations(before: Mesh, cut: Cut) -> dict[str, int]:
-    """How often each property is broken: property -> how many cells, facets, nodes or groups break it."""
+    """Count the violations: property -> number of cells, facets, nodes or groups that break it."""
     return {name: broken(before, cut) for name, broken in _PROPERTIES.items()}
 
 
@@ -52,7 +52,7 @@ def facets(mesh: Mesh) -> dict[tuple[int, ...], list[tuple[str, Ints]]]:
 
 
 def same_up_to_numbers(one: Mesh, other: Mesh) -> bool:
-    """Whether two meshes are the same cells at the same places in the same groups."""
+    """True if two meshes have the same cells at the same places in the same groups."""
     return _places(one) == _places(other)
 
 

@@ -81,7 +81,7 @@ class PressureErrors(NamedTuple):
 
     @property
     def best(self) -> float:
-        """Of the exact means themselves: no constants on macro-elements have less (Pythagoras)."""
+        """Relative L2 error of the exact means, the best of all constants on macro-elements (Pythagoras)."""
         return float(np.sqrt(max(self.exact**2 - self.mean**2, 0.0)))
 
 

@@ -83,7 +83,7 @@ def with_master(mesh: Mesh, kind: str, points: Floats) -> Mesh:
 
 
 def rows_of(mesh: Mesh) -> dict[tuple[str, str], Ints]:
-    """What a mesh is assembled from: (type, group) -> cells; those in no group under "". A cell is in one at most."""
+    """Cells by (type, group), from which a mesh is assembled; "" for cells without group. Groups are disjoint."""
     left = np.ones(mesh.n_cells, bool)
     rows: dict[tuple[str, str], Ints] = {}
     for name, cells in mesh.cell_groups.items():

@@ -142,7 +142,7 @@ def tilt(dim: int, angle: float = 0.7) -> NDArray[np.floating]:
 
 
 def _patterns(kind: str, counts: Ints, place: Ints) -> tuple[Sequence[Pattern], Ints]:
-    """How the boxes of a block at places (k, dim) are split: patterns, and which each box has (k,)."""
+    """Patterns that split the boxes of a block at places (k, dim), and the index of each box's pattern (k,)."""
     name, _, face = kind.partition(" ")
     if name == "mixed":
         return _mixture(counts, place)

@@ -1,4 +1,4 @@
-"""What changed from one run to another, figure by figure."""
+"""Changes from one run to another, figure by figure."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Pair:
 
 
 def compare(before: Run, after: Run) -> str:
-    """What differs, as Markdown; its first line says how much."""
+    """Differences between two runs as Markdown; the first line gives their number."""
     pairs = paired(before, after)
     found = [(name, [p for p in pairs if holds(p)]) for name, holds in _KINDS]
     different = {id(p) for _, group in found for p in group}

@@ -171,7 +171,7 @@ def _line(x: Axis, y: Axis, line: Line, rank: int) -> str:
 
 
 def _places(x: Axis, y: Axis, line: Line) -> tuple[Array, Array]:
-    """Where a line goes; a line of steps holds each value until the next place."""
+    """Positions of a line's points in the chart; a line of steps holds each value until the next position."""
     n = min(len(line.x), len(line.y))
     if line.style != "steps":
         return _thinned(x.at(line.x[:n]), y.at(line.y[:n]))

@@ -22,7 +22,7 @@ def number(value: float | None) -> str:
 
 
 def bound(value: float | None) -> str:
-    """What a figure is held against, as it was set.
+    """Format a bound as it was set.
 
     >>> bound(1e-10), bound(0.0004), bound(None)
     ('1e-10', '0.0004', '')
@@ -92,13 +92,13 @@ def count(many: int, word: str) -> str:
 
 
 def is_rate(result: Result) -> bool:
-    """Whether a figure is the slope of the errors that stand with it."""
+    """True if a figure is the slope of the errors listed with it."""
     fits = len(result.levels) > 1 and result.bound in ("at least", "reported")
     return fits and result.value != result.levels[-1].error
 
 
 def value_of(result: Result) -> str:
-    """The value of a figure, with the digits that its tolerance is seen by."""
+    """Format the value of a figure with as many digits as its tolerance needs."""
     if is_rate(result):
         return rate(result.value)
     return _beside(result, result.value)
@@ -113,14 +113,14 @@ def reason_of(result: Result) -> str:
 
 
 def expected_of(result: Result) -> str:
-    """What must come out."""
+    """Format the expected value of a figure."""
     if is_rate(result) and result.expected is not None:
         return rate(result.expected)
     return bound(result.expected) if result.bound != "equal" else _beside(result, result.expected)
 
 
 def must_be(result: Result) -> str:
-    """What must come out, as a sentence has it."""
+    """Format the requirement on a figure: expected value with tolerance or sign of inequality."""
     expected = expected_of(result)
     if result.bound == "equal":
         return f"{expected} ± {bound(result.tolerance)}" if result.tolerance else expected
@@ -130,7 +130,7 @@ def must_be(result: Result) -> str:
 
 
 def _beside(result: Result, value: float | None) -> str:
-    """A value, written so that it is told from another that is out of tolerance."""
+    """Format a value with enough digits to distinguish it from a value out of tolerance."""
     if (
         value is None
         or result.bound != "equal"

@@ -26,7 +26,7 @@ class Planned:
     sources: str
 
     def is_done(self, done: Done | None) -> bool:
-        """Whether an outcome is that of this very case: same problem, same levels, same code."""
+        """True if an outcome belongs to this very case (same problem, levels and code) and is no failure."""
         if done is None or done.failure:
             return False
         return (done.levels, done.given, done.sources) == (self.levels, given_of(self.case), self.sources)
@@ -73,7 +73,7 @@ def _named(name: str, names: tuple[str, ...]) -> list[Case]:
 
 
 def _levels(case: Case, suite: str) -> int:
-    """How many levels a case has in a suite, or in the first suite that has it."""
+    """Number of levels of a case in a suite, or in the next larger suite that has it."""
     return next(filter(None, (families.levels_in(case, name) for name in SUITES[SUITES.index(suite) :])))
 
 

@@ -109,7 +109,7 @@ def _late(one: _Running) -> bool:
 
 
 def _end(one: _Running, folder: Path) -> Done:
-    """What a process left, or why it left nothing."""
+    """End a process and return the outcome that it wrote, or one that says why there is none."""
     case, seconds = one.planned.case, time.monotonic() - one.began
     status = one.process.poll()
     _kill(one.process)

@@ -24,7 +24,7 @@ from verification.running.pool import solve_all
 
 @dataclass
 class Progress:
-    """How far a run is. `ended`, of `count` cases; `kept`: done before; `left`: seconds until the end, roughly."""
+    """Progress of a run: `ended` of `count` cases; `kept`: done before; `left`: estimated seconds until the end."""
 
     count: int
     kept: int
@@ -100,7 +100,7 @@ def run_suite(
 
 
 def _kept(planned: Sequence[Planned], folder: Path) -> dict[str, Done]:
-    """What a folder has of these cases and of others, as the code is now: planned ones that failed are left out."""
+    """Stored outcomes that are valid for the present code, of all cases; planned cases that failed are left out."""
     mine = {p.case.id: p for p in planned}
     places = sorted((folder / "cases").glob("*/*.json"))
     found = [done for place in places if (done := read_done(folder, place.parent.name, place.stem))]
@@ -134,7 +134,7 @@ def _seconds_of(planned: Sequence[Planned]) -> float:
 
 
 def _seconds(folder: Path) -> float:
-    """What earlier sessions of this run took."""
+    """Seconds that earlier sessions of this run took."""
     try:
         return float(json.loads((folder / RESULTS).read_text(encoding="utf-8"))["seconds"])
     except (OSError, ValueError, KeyError, TypeError):
