@@ -138,7 +138,7 @@ def lines(length: float, h: float, fine: float) -> np.ndarray:
 
 
 class HertzErrors(NamedTuple):
-    """Relative: of the peak, rms of p for r < 0.9 a over the peak, of the half-width that is fitted to p."""
+    """Relative errors: peak, rms of p for r < 0.9 a over the peak, and the half-width that is fitted to p."""
 
     peak: float
     rms: float

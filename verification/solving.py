@@ -66,7 +66,7 @@ class Solved:
 
     @cached_property
     def balance(self) -> Balance:
-        """The worst of all states and zones, computed here from the nodal forces."""
+        """Worst balance of all states and zones, computed here from the nodal forces."""
         found = [self._balance(state) for state in self.states]
         return Balance(max(b.force for b in found), max(b.moment for b in found))
 

@@ -67,7 +67,7 @@ def contact(model, B, G, w):
 
 
 def pressures(mesh, stage):
-    """(faces,): pressures from the left to the right. Raises RuntimeError where no equilibrium is found."""
+    """Pressures (faces,) from left to right. Raises RuntimeError where no equilibrium is found."""
     model = held(mesh)
     whole, at = contact(model, *stage(mesh))
     start = at_start(whole, whole.G < 0)
@@ -80,7 +80,7 @@ def pressures(mesh, stage):
 
 
 def inf_sup(mesh, stage):
-    """The two least inf-sup constants: of all fields of pressures, those that the pad feels least."""
+    """The two smallest inf-sup constants, over all pressure fields."""
     model = held(mesh)
     B, _, w = stage(mesh)
     B = (B @ model.problem.constraints.T).toarray()

@@ -69,7 +69,7 @@ class Fit:
         return (self.interference - apart) / per_unit
 
     def displacement(self, x: Floats, body: Literal["within", "around"]) -> Floats:
-        """(n, dim) at points (n, dim) of one of the bodies, the centre at 0."""
+        """Displacement (n, dim) at points (n, dim) of one of the bodies, whose centre is at 0."""
         r = np.linalg.norm(x, axis=1)
         shell, p = getattr(self, body), self.between
         u = shell.displacement(r, *((self.pressure, p) if body == "within" else (p, self.outside)))

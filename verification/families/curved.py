@@ -105,7 +105,7 @@ class Curved(Protocol):
         """(n, 1): the exact pressure at points x (n, dim)."""
 
     def figures(self, solved: Solved) -> dict[str, float]:
-        """Other errors of a solution, by what they are called."""
+        """Further errors of a solution, by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,24 +226,24 @@ def opened(given: Curved, smooth: Levels, faces: Levels) -> Iterator[Result]:
 
 
 def means(own: Levels, error: str = "error") -> list[float]:
-    """Root mean squares of an error over the sets of meshes, a level each."""
+    """Root mean square of an error over the sets of meshes, one per level."""
     return [float(np.sqrt(np.mean([getattr(one, error) ** 2 for one in level]))) for level in own]
 
 
 def table(given: Curved, own: Levels, errors: Sequence[float]) -> tuple[Level, ...]:
-    """Sizes of meshes, unknowns and errors, a level each."""
+    """Levels of a convergence table: mesh size, unknowns and error."""
     h = [given.h(level) for level in range(len(own))]
     return levels_of(h, [level[0].solved.unknowns for level in own], errors)
 
 
 def worst(own: Levels, error: str, *others: Levels) -> float:
-    """The largest ratio of errors on the same mesh, to the largest of the others'."""
+    """Largest ratio of an error to the largest error of the others on the same mesh."""
     flat = [[getattr(one, error) for level in levels for one in level] for levels in (own, *others)]
     return max(a / max(more) for a, *more in zip(*flat, strict=True))
 
 
 def falling(case: Case, found: Found) -> Plot:
-    """Errors of p_m over the mesh, with each gap."""
+    """Plot of the errors of p_m over the mesh size, with each gap."""
     given: Curved = case.given
 
     def drawn(gap: str) -> Line:

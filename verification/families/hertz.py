@@ -86,7 +86,7 @@ class Given:
 
     @property
     def bodies(self) -> list[tuple[float, float]]:
-        """(E, nu) of the slave, and of the master where it is elastic."""
+        """Elastic constants (E, nu) of the slave, and of the master unless it is rigid."""
         return list(zip(self.young, self.poisson, strict=True))[: 1 if self.rigid else 2]
 
     @property
@@ -117,14 +117,14 @@ class Body:
         return found, np.where(r > 0, x[:, 0] / safe, 1.0), x[:, 1] / safe
 
     def displacement(self, at: tuple[Strains, Floats, Floats]) -> Floats:
-        """(n, dim): of what `at` gives."""
+        """Displacement (n, dim), from the result of `at`."""
         found, c, s = at
         up = self.side * found.u_z + self.lift
         columns = [found.u_r * c, found.u_r * s, up] if self.given.dim == 3 else [found.u_r, up]
         return np.stack(columns, axis=1)
 
     def strain(self, at: tuple[Strains, Floats, Floats]) -> Floats:
-        """(n, 6): xx, yy, zz, xy, yz, xz, of what `at` gives."""
+        """Strain (n, 6): xx, yy, zz, xy, yz, xz, from the result of `at`."""
         found, c, s = at
         rz, zero = self.side * found.rz, np.zeros_like(found.rr)
         if self.given.dim == 3:
@@ -145,7 +145,7 @@ def bodies(given: Given) -> dict[str, Body]:
 
 
 def pressure(given: Given, x: Floats) -> Floats:
-    """(n, 1): Hertz's pressure at points of the surface (n, dim)."""
+    """Hertz's pressure (n, 1) at points of the surface (n, dim)."""
     square = (x[:, :-1] ** 2).sum(axis=1)
     return given.p0 * np.sqrt(np.maximum(1 - square, 0.0))[:, None]
 
@@ -336,7 +336,7 @@ def _sorted(label: str, x: Floats, y: Floats, style: Literal["points", "both"]) 
 
 
 def _pictures(case: Case, found: list[Solution]) -> tuple[Picture, ...]:
-    """In space, of the level that is coarse enough to see the cells."""
+    """Picture of a 3D solution, on the level that is coarse enough to see the cells."""
     return (found[0].solved.picture(case.about),) if case.given.dim == 3 else ()
 
 

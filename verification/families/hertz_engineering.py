@@ -77,7 +77,7 @@ class Cylinder:
 
     @property
     def profile(self) -> str:
-        """The name of what must come out."""
+        """Name of the reference profile."""
         return "linear" if self.geometry == "reference" else "current"
 
 
@@ -170,7 +170,7 @@ class Pressures:
 
 
 def middles(mesh: Mesh) -> Floats:
-    """(n_macros,): how far the middles of the undeformed macro-elements of a plane mesh are from the axis."""
+    """Distance (n_macros,) from the axis to the middle of each undeformed macro-element of a plane mesh."""
     macro = mesh.cell_data["lac_macro"]
     faces = np.flatnonzero(macro >= 0)
     ends = np.concatenate([mesh.points[nodes[:, :2]] for _, _, nodes in mesh.select(faces)])
@@ -335,7 +335,7 @@ def axis_stress(given: Spheres, n: int, own: Pressures) -> tuple[Result, ...]:
 
 
 def compare_profiles(given: Reference) -> Outcome:
-    """The profiles that are kept against coarser ones made now: how exact they are."""
+    """Compare the stored profiles with coarser ones computed now, to estimate their accuracy."""
     s = np.linspace(0, INNER, 91)
     results, plots = [], []
     for name, kept in PROFILES.items():

@@ -205,7 +205,7 @@ def _levels(found: Sequence[Solution], error: str) -> tuple[Level, ...]:
 
 
 def _theirs(row: Row, value: float | None) -> tuple[Published, ...]:
-    """code_aster's rate; it stands beside ours and is not what ours is held against."""
+    """Rate of code_aster, for comparison only: ours is not judged by it."""
     source = f"{row.test} of its validation suite: the last two of {row.levels} levels"
     return () if value is None else (Published("code_aster, LAC", value, source),)
 

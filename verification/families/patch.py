@@ -54,7 +54,7 @@ class Press:
 
     @property
     def turn(self) -> NDArray[np.floating]:
-        """(3, 3): the rotation of the frame."""
+        """Rotation (3, 3) of the frame."""
         return tilt(self.dim) if self.tilted else np.eye(3)
 
 
@@ -114,7 +114,7 @@ def text(given: Press) -> str:
 
 
 def exact_displacement(given: Press, points: NDArray[np.floating]) -> NDArray[np.floating]:
-    """(n, dim) at points (n, 3): linear from the corner, or axis, that does not move."""
+    """Exact displacement (n, dim) at points (n, 3): linear from the corner, or axis, that does not move."""
     e = PRESSURE / YOUNG
     across, down = POISSON * e, -e
     if given.model == "plane_strain":
@@ -124,7 +124,7 @@ def exact_displacement(given: Press, points: NDArray[np.floating]) -> NDArray[np
 
 
 def exact_stress(given: Press) -> NDArray[np.floating]:
-    """(6,): xx, yy, zz, xy, yz, xz."""
+    """Exact stress (6,): xx, yy, zz, xy, yz, xz."""
     sigma = np.zeros((3, 3))
     sigma[given.dim - 1, given.dim - 1] = -PRESSURE
     if given.model == "plane_strain":
@@ -134,7 +134,7 @@ def exact_stress(given: Press) -> NDArray[np.floating]:
 
 
 def run(case: Case, levels: int) -> Outcome:
-    """Every pair, with the slave below and above."""
+    """Solve every pair, with the slave below and above."""
     given: Press = case.given
     made = [errors(given, *pair, below) for pair in given.pairs for below in (True, False)]
     results = [_worst(figure, made) for figure in _figures(given)]

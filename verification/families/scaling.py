@@ -79,7 +79,7 @@ class Stages:
 
     @property
     def unknowns(self) -> int:
-        """Displacements that are sought."""
+        """Number of displacement unknowns."""
         return int(self.problem.constraints.n_q)
 
     def cut(self) -> None:
@@ -101,7 +101,7 @@ class Stages:
         lacsolver.assemble_stiffness(space, self.problem.materials, 1)
 
     def solve(self) -> None:
-        """All from the stiffness to the state."""
+        """Solve, from the stiffness to the state."""
         list(lacsolver.march(self.problem))
 
 
@@ -115,7 +115,7 @@ _STAGES: dict[str, tuple[str, str, str]] = {
 
 
 def run(case: Case, levels: int) -> Outcome:
-    """All stages on plates of some sizes; smaller ones are solved."""
+    """Time all stages on plates of some sizes; only the smaller ones are solved."""
     given: Plates = case.given
     small = Stages.of(given, 6)
     _ = timed([small]), seconds_of(small.solve, 0.0)  # compiled and loaded, all that is used

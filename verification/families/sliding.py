@@ -296,7 +296,7 @@ def histories(title: str, states: Sequence[State], count: int = 5) -> Plot:
 
 
 def forces(title: str, given: Dragged, own: Solved) -> Plot:
-    """The force on what is moved, up and along, over the way: down where it is only pushed, else along."""
+    """Plot of vertical and horizontal force over the path: over the motion along x, or downward if there is none."""
     figures = [own.answer.figures(state) for state in own.states]
     way = np.array([f.probes[given.moved] for f in figures])
     force = np.array([f.reactions[given.moved] for f in figures])

@@ -30,7 +30,7 @@ def violations(before: Mesh, cut: Cut) -> dict[str, int]:
 
 
 def sizes(mesh: Mesh) -> NDArray[np.floating]:
-    """(n_cells,): volume, area or length; of cells that fill the space signed."""
+    """Volume, area or length of each cell (n_cells,); signed for cells of the space's dimension."""
     out = np.zeros(mesh.n_cells)
     for kind, cells, nodes in _of(mesh, range(mesh.n_cells)):
         if CELLS[kind].dim:
@@ -40,7 +40,7 @@ def sizes(mesh: Mesh) -> NDArray[np.floating]:
 
 
 def facets(mesh: Mesh) -> dict[tuple[int, ...], list[tuple[str, Ints]]]:
-    """Sorted corners -> (type, nodes) of that facet in each cell of the highest dimension that has it."""
+    """Facets of the cells of the highest dimension: sorted corners -> (type, nodes) in each cell that has the facet."""
     found: dict[tuple[int, ...], list[tuple[str, Ints]]] = defaultdict(list)
     for block in mesh.blocks:
         if CELLS[block.type].dim == mesh.space_dim:
@@ -67,7 +67,7 @@ def _not_filled(before: Mesh, cut: Cut) -> int:
 
 
 def _inverted(before: Mesh, cut: Cut) -> int:
-    """Cells that fill the space with a determinant that is not positive at each point of a rule."""
+    """Count cells of the space's dimension whose Jacobian determinant is not positive at some quadrature point."""
     mesh, count = cut.mesh, 0
     for kind, _, nodes in _of(mesh, np.flatnonzero(mesh.cell_dim == mesh.space_dim)):
         X, _ = rule(CELLS[kind].family, _DEGREE)

@@ -155,7 +155,7 @@ def _family_row(name: str, cases: Sequence[Done]) -> Row:
 
 
 def family_page(run: Run, name: str, cases: Sequence[Done]) -> Page:
-    """All that is said of a family."""
+    """Page of a family."""
     n = counted(cases)
     short = n.missed + n.failed
     note = f"{short} short" if short else f"{n.met} met" if n.met else f"{n.told} told"
@@ -260,7 +260,7 @@ def _again(run: Run, done: Done) -> str:
 
 
 def case_section(run: Run, done: Done) -> Section:
-    """All that is said of a case."""
+    """Section of a case."""
     n = counted([done])
     parts = [
         f"{n.met} met" if n.met else "",

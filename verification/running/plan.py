@@ -58,7 +58,7 @@ def in_order(found: Iterable[Done]) -> tuple[Done, ...]:
 
 
 def _known(family: str) -> tuple[str, ...]:
-    """The family that is meant; all where none is named."""
+    """Names of the requested family; all if none is named."""
     if family and family not in families.MODULES:
         raise GroupNotFoundError(family, families.MODULES, "family")
     return (family,) if family else tuple(families.MODULES)
@@ -94,7 +94,7 @@ def sources(family: str) -> str:
 
 
 def _imported(module: str, known: set[str]) -> set[str]:
-    """A module of the harness, and those that it imports, and these."""
+    """Modules of the harness that a module imports, directly or not, and itself."""
     known.add(module)
     for name in set(_names(ast.parse(_path(module).read_text(encoding="utf-8")))) - known:
         _imported(name, known)

@@ -123,7 +123,7 @@ def _end(one: _Running, folder: Path) -> Done:
 
 
 def _why(status: int | None) -> str:
-    """Why a process left nothing. `status`: None where it had not ended when it was looked at."""
+    """Reason why a process left no outcome. `status`: its exit status, None if it was still running."""
     if status is None:
         return f"not done in {PATIENCE:g} s"
     if status >= 0:

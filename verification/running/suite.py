@@ -114,14 +114,14 @@ def _stays(done: Done, planned: Mapping[str, Planned]) -> bool:
 
 
 def _written(run: Run) -> Run:
-    """Put what is known into files."""
+    """Write the results known so far to files."""
     write_results(run.path, run)
     replace_file(run.path / "junit.xml", junit(run))
     return run
 
 
 def _count(progress: Progress, todo: Sequence[Planned], done: Done, jobs: int) -> None:
-    """Learn from what a case took how long the others may."""
+    """Update the estimate of the remaining time by the time that a case took."""
     progress.ended += 1
     progress.expected += next(p.case.seconds for p in todo if p.case.id == done.id)
     spent = time.monotonic() - progress.began
