@@ -36,7 +36,7 @@ def all_needed():
 
 @cache
 def absence(need):
-    """Why `need` is not to be had on this machine, or None."""
+    """Reason why `need` is not available on this machine, or None."""
     return NEEDS[need]()
 
 

@@ -1,4 +1,4 @@
-"""A case solved, and what the harness asks of every solution: the last state, its fields, whether forces balance."""
+"""Solution of a case, and what is computed for every solution: the last state, its fields, the balance of forces."""
 
 from __future__ import annotations
 

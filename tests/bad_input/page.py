@@ -149,7 +149,7 @@ def _safe(text: str) -> str:
 
 
 def parsed(text: str) -> dict[tuple[str, str, str], str]:
-    """(title, what is wrong, format) -> status and sentence, from the page as it stands."""
+    """Parse the page: (title, what is wrong, format) -> status and sentence."""
     found = {}
     title = ""
     for line in text.split(BEGIN)[1].split(END)[0].splitlines():

@@ -45,7 +45,7 @@ class Stage:
     when: str = "True"
 
     def code(self) -> str:
-        """Python that puts the waiting in its place."""
+        """Python code that makes the function wait."""
         module, _, name = self.at.rpartition(".")
         return f"""
 import {module} as at

@@ -345,7 +345,7 @@ def test_an_instance_in_a_file_without_parts(tmp_path):
 @pytest.mark.shared
 @pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
 def test_decks_of_calculix(shared):
-    """Every one there is, of the tests of CalculiX, is read."""
+    """All available decks of CalculiX's own tests are read."""
     decks = sorted((shared / "reference" / "decks").glob("*.inp"))
     assert len(decks) > 20
     for deck in decks:
@@ -649,7 +649,7 @@ def test_sets_of_nodes_of_elements_look_at_each_card_once():
 
 
 def test_real_numbers_have_20_characters(tmp_path):
-    """CalculiX reads no more of a number, Abaqus neither."""
+    """Numbers have at most 20 characters, as CalculiX and Abaqus read no more."""
     values = np.array([-1.2345678901234567e-05, 1e-300, -123456.78901234567, 0.1, -0.12345678901234567, 1e22])
     mesh = Mesh.create(np.stack([values, values[::-1], values], axis=1), [], space_dim=3)
     read = again(tmp_path, mesh)

@@ -170,7 +170,7 @@ def test_embedded_curves_stay_embedded(gmsh, tmp_path):
 
 
 def vars_of(mesh):
-    """The fields of a mesh that a changed one takes over."""
+    """Fields of a mesh as keyword arguments for a changed copy."""
     return {k: getattr(mesh, k) for k in ("points", "blocks", "node_number", "cell_number", "cell_data", "model")}
 
 
@@ -520,7 +520,7 @@ def rich():
 
 
 def tried(path, content):
-    """Read a damaged file: the error's text, or the mesh; every other exception is a failure."""
+    """Read a damaged file and return the error's text, or the mesh; every other exception is a failure."""
     path.write_bytes(content)
     try:
         with lenient():

@@ -50,7 +50,7 @@ def flat(name):
 
 
 def quiet(path, mesh, **options):
-    """Write and read; what is said of it."""
+    """Write and read a mesh; return it and the warnings."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         write(path, mesh, **options)

@@ -82,7 +82,7 @@ def body(name, n):
 
 
 def raised(mesh, name):
-    """A mesh of linear cells with the type `name` in place of them."""
+    """Replace linear cells by cells of the type `name`."""
     if CELLS[name].order == 1:
         return mesh
     full = name in ("QUAD9", "HEXA27", "PENTA18", "PYRAM14")

@@ -42,7 +42,7 @@ class World:
         return self.stress * self.length ** (2 if self.dim == 3 or self.round else 1)
 
     def places(self, X):
-        """(n, 3): where places X of the model are."""
+        """Positions (n, 3) in the world of points X of the model."""
         return self.length * X @ self.turn.T + self.shift
 
     def vector(self, names, value, scale=1.0):
@@ -56,7 +56,7 @@ class World:
         return f'"{" + ".join(parts)}"'
 
     def formula(self, text):
-        """A formula of the model's x, y, z in the world's."""
+        """Rewrite a formula of the model's x, y, z in the coordinates of the world."""
         own = {}
         for k, name in enumerate("xyz"[: self.dim]):
             parts = [
@@ -178,7 +178,7 @@ def text_of(case, w):
 
 
 def run(case, w, mesh=None):
-    """(states, place): the case in a world, and where its own nodes are there; `mesh`: one to take there instead."""
+    """Run a case in a world: (states, index of its own nodes there); `mesh`: a mesh to use instead."""
     place = np.arange(case.mesh().n_nodes)
     if mesh is None:
         mesh = case.mesh()

@@ -48,7 +48,7 @@ class Figures(NamedTuple):
     moment: float
 
     def worst(self, other):
-        """The larger of each, NaN above all."""
+        """Larger one of each of two figures; NaN counts as largest."""
         return Figures(*(float(np.maximum(a, b)) for a, b in zip(self, other, strict=True)))
 
 

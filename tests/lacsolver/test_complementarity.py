@@ -62,7 +62,7 @@ def search(system, *, R=None, held=None, paired=None, iterations=100):
 
 
 def by_trying_every_set(system, held=None, paired=None):
-    """The pressures of every set that fulfils all conditions."""
+    """Pressures of every active set that meets all conditions."""
     S, g = system.reduced
     m = len(g)
     held = np.zeros(m, bool) if held is None else held

@@ -29,7 +29,7 @@ def found(s, begin, limits=LIMITS, **rest):
 
 
 def check(s, outcome, paired=None, held=None):
-    """Converged, to the one answer there is."""
+    """Assert that the search converged to the only solution."""
     m = len(s.B)
     paired = np.ones(m, bool) if paired is None else paired
     held = np.zeros(m, bool) if held is None else held

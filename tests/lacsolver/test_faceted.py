@@ -1,4 +1,4 @@
-"""A run says where its pressures are those of flat faces, and keeps silent where they are not."""
+"""A run warns where its pressures are those of flat faces, and only there."""
 
 from __future__ import annotations
 

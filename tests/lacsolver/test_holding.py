@@ -1,4 +1,4 @@
-"""Bodies that contact alone holds: what is told of them, and what is warned of."""
+"""Bodies held by contact alone: messages and warnings about them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run that is broken off and gone on with comes to the same figures as one that is not."""
+"""A run that is interrupted and restarted gives the same results as an uninterrupted one."""
 
 from __future__ import annotations
 
