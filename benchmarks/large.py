@@ -65,12 +65,12 @@ class Clock:
         self.cpu[phase] = self.cpu.get(phase, 0.0) + time.process_time() - start[1]
 
     def mean(self, phase: str, count: int) -> None:
-        """What a phase took each time, of so many."""
+        """Replace the total time of a phase by its mean over `count` runs."""
         for seconds in (self.wall, self.cpu):
             seconds[phase] /= count
 
     def around(self, phase: str, work: Callable[..., Any], kept: list[Any] | None = None) -> Callable[..., Any]:
-        """What does the same and is timed; what it returns is kept."""
+        """Wrap `work` so that its calls are timed as a phase; its results are appended to `kept`."""
 
         def timed(*arguments: Any, **options: Any) -> Any:
             with self(phase):
@@ -189,7 +189,7 @@ def exponent(x: list[float], y: list[float]) -> float:
 
 
 def growth(found: list[dict[str, Any]]) -> str:
-    """How phases grow with the unknowns, by processor time."""
+    """Exponents with which the processor time of phases grows with the unknowns."""
     n = [f["unknowns"] for f in found]
     phases = {"assembly": ["assembly"], "set-up": ["set-up"], "loops": ["loops"], "contact": ["contact"]}
     phases["multigrid solve of K alone"] = ["set-up of K alone", "solution of K alone"]
@@ -200,7 +200,7 @@ def growth(found: list[dict[str, Any]]) -> str:
 
 
 def surfaces(sizes: tuple[int, ...]) -> str:
-    """How search and integration grow with the faces, on skins that are large."""
+    """Exponents with which the time of search and integration grows with the faces, on large skins."""
     faces, search, rest = [], [], []
     for k in sizes:
         zone, runs = cut(blocks(k, round(1.4 * k), 1, "HEXA8", "TETRA4")), []

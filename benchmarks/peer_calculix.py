@@ -17,7 +17,7 @@ STIFFNESSES = (50.0, 5.0)
 
 
 def absent() -> str | None:
-    """Why it cannot be run here."""
+    """Reason why CalculiX cannot be run here."""
     return None if shutil.which("ccx") else "ccx is not installed (Debian: calculix-ccx)"
 
 

@@ -84,7 +84,7 @@ def model_of(pair):
 
 
 def solve(pair):
-    """What there is to tell, by name."""
+    """Solve a pair and return its results by name."""
     md, parts, slave = model_of(pair)
     if pair.pressure:  # closed from the start: nothing else holds the upper block
         start = md.variable("force").reshape(-1, pair.dim)

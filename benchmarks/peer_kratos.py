@@ -139,7 +139,7 @@ def _process(module, where, parameters):
 
 
 def solve(pair, path):
-    """What there is to tell, by name."""
+    """Solve a pair and return its results by name."""
     written(pair, path)
     model = KM.Model()
     StructuralMechanicsAnalysis(model, KM.Parameters(json.dumps(settings(pair, path)))).Run()

@@ -79,7 +79,7 @@ def forms(pair, mesh, space):
 
 
 def solve(pair):
-    """What there is to tell, by name."""
+    """Solve a pair and return its results by name."""
     mesh = mesh_of(pair)
     space = space_of(pair, mesh)
     stress, elastic, a, contact = forms(pair, mesh, space)

@@ -138,7 +138,7 @@ def lines(length: float, h: float, fine: float) -> np.ndarray:
 
 
 class HertzErrors(NamedTuple):
-    """Relative: of the peak, rms of p for r < 0.9 a over the peak, of the half-width that is fitted to p."""
+    """Relative errors: peak, rms of p for r < 0.9 a over the peak, and the half-width that is fitted to p."""
 
     peak: float
     rms: float
@@ -146,9 +146,9 @@ class HertzErrors(NamedTuple):
 
 
 def hertz_errors(x: np.ndarray, p: np.ndarray, force: float) -> HertzErrors:
-    """How far pressures p at distances x from the axis are from the half-space's under the same force a length.
+    """Errors of pressures p at distances x from the axis against the half-space under the same force per length.
 
-    The half-width is where the straight line through p^2 against x^2, over the outer half of contact, comes to 0.
+    The half-width is the zero of the line fitted to p^2 over x^2 in the outer half of contact.
     """
     a = half_width(force)
     top = 2 * force / (np.pi * a)

@@ -155,7 +155,7 @@ def measured(code: Code, pair: Pair, repeats: int) -> Run | str:
 
 
 def errors(answer: dict) -> dict[str, HertzErrors]:
-    """Of each kind of pressure that an answer has."""
+    """Errors of each kind of pressure in an answer."""
     return {kind: hertz_errors(*answer[kind], float(answer["force"])) for kind in KINDS if kind in answer}
 
 

@@ -118,7 +118,7 @@ def verdicts(name):
 
 
 def against_vtk(name, mesh, own, repeats):
-    """What VTK takes for the same measures of the same cells, in this run."""
+    """Time VTK on the same measures of the same cells, in this run."""
     import pyvista
 
     grid = pyvista.UnstructuredGrid({pyvista.CellType[TYPES[name]]: mesh.block(name)}, mesh.points)

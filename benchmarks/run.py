@@ -57,7 +57,7 @@ def cut_rows(sizes, repeats):
 
 
 def number_rows(sizes, repeats, folder):
-    """The same mesh with other numbers, in turn with it."""
+    """Time the cut of one mesh under several numberings, in alternation with the original one."""
     mesh = box(*sizes["HEXA8"], "HEXA8")
     lacmesh.write(folder / "numbers.med", mesh)
     skin, mix = len(mesh.blocks[1].nodes), np.random.default_rng(0)

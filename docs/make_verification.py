@@ -59,7 +59,7 @@ def page() -> str:
 
 
 def out_of_date() -> list[str]:
-    """What is not current."""
+    """Messages on what is out of date: the page, and the cases of the run that is kept."""
     found = []
     if PAGE.read_text(encoding="utf-8") != page():
         found.append("docs/verification.md is not what docs/verification/report.json says: make it again")

@@ -59,7 +59,7 @@ class Browser:
         self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
     def ask(self, method, **params):
-        """Send a command, and wait for its answer; what is said meanwhile on the console is kept."""
+        """Send a command and wait for its answer; console messages that arrive meanwhile are kept."""
         self.count += 1
         message = {"id": self.count, "method": method, "params": params}
         if self.session:
@@ -75,7 +75,7 @@ class Browser:
             self._keep(answer)
 
     def _next(self):
-        """The next message; an error where none comes, or where the page stops at a dialog."""
+        """Read the next message; raises if none comes or if the page stops at a dialog."""
         while b"\0" not in self.received:
             if not select.select([self.reading], [], [], PATIENCE)[0]:
                 raise TimeoutError(f"the browser says nothing for {PATIENCE} s")

@@ -45,7 +45,7 @@ def double(x):
 
 @kernel
 def fractions(a, b):
-    """What Python does otherwise: dividing a number, or what is in an array, by zero; a root of what is negative."""
+    """Operations that plain Python treats otherwise: a number or an array entry over zero, the root of a negative."""
     return 1.0 / b, a[0] / b, a[0] / a[1], math.sqrt(a[2])
 
 

@@ -1,4 +1,4 @@
-"""What must hold after every cut (design: the eight properties), each checked without the code that it checks."""
+"""Properties of every cut (the eight of the design), each checked without the code under test."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def owns_internal_dofs(before, cut):
 
 
 def _inside(mesh, cut, macro, node):
-    """Whether a node is off the rim of its macro-element: no edge on the rim holds it."""
+    """True for a node that lies on no boundary edge of its macro-element."""
     rim = Counter()
     members = {}
     for face in cut.faces_of_macro[macro]:

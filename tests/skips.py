@@ -1,4 +1,4 @@
-"""What a test may need that a machine may lack, and the count of the tests that are skipped for it.
+"""Requirements of tests that a machine may lack, and the count of the tests that are skipped for them.
 
 A test says what it needs by a mark (those of `NEEDS`) or by the fixture `shared`. What is absent skips it, visibly.
 With LACMESH_ALL=1 (`make test`) a package that is absent fails its tests instead, and a session whose skipped tests are
@@ -30,13 +30,13 @@ picture(Mesh.create([[0, 0], [1, 0], [0, 1]], [("TRIA3", [[0, 1, 2]])]), sys.arg
 
 
 def all_needed():
-    """Whether every package must be there: `make test` says so."""
+    """True if every package must be installed, as `make test` demands."""
     return os.environ.get("LACMESH_ALL") == "1"
 
 
 @cache
 def absence(need):
-    """Why `need` is not to be had on this machine, or None."""
+    """Reason why `need` is not available on this machine, or None."""
     return NEEDS[need]()
 
 
@@ -94,7 +94,7 @@ NEEDS = {
 
 
 def missing(item):
-    """What a test needs and this machine lacks: (need, why) pairs."""
+    """List the requirements of a test that this machine lacks: (need, why) pairs."""
     needs = [n for n in NEEDS if item.get_closest_marker(n)]
     if "shared" in getattr(item, "fixturenames", ()) and "shared" not in needs:
         needs.append("shared")
@@ -102,7 +102,7 @@ def missing(item):
 
 
 def forgiven(need):
-    """Whether a test may be skipped for want of `need`."""
+    """True if a test may be skipped for want of `need`."""
     return need == "shared" or not all_needed()
 
 
@@ -115,7 +115,7 @@ class Tally:
 
     @property
     def worker(self):
-        """Where a worker of pytest-xdist leaves what its controller is to know; None elsewhere."""
+        """Dictionary in which a worker of pytest-xdist leaves data for its controller; None in other processes."""
         return getattr(self.config, "workeroutput", None)
 
     def pytest_collection_finish(self, session):

@@ -100,7 +100,7 @@ def test_quadratic_cells_contain_p2(name):
 
 @pytest.mark.parametrize("name", [n for n in NAMES if CELLS[n].dim > 1])
 def test_trace_on_a_facet_is_the_facets_own(name):
-    """What makes a mixed mesh conforming: on each facet only its nodes count, with the facet type's functions."""
+    """Mixed meshes are conforming: on each facet only its nodes have nonzero functions, those of the facet type."""
     cell = CELLS[name]
     for facet in cell.facets:
         flat = CELLS[CELLS[facet.type].linear]

@@ -105,7 +105,7 @@ def test_code_aster_counts(case, suffix, tmp_path, shared, capsys):
 
 @pytest.mark.parametrize("case", CASES, ids=lambda c: c["id"])
 def test_code_aster_counts_on_twins(case, tmp_path, capsys):
-    """The same rows on meshes generated here: same cells, same groups, same expectation."""
+    """Every cut_counts row holds on generated meshes with the same cells and groups."""
     source = tmp_path / "twin.med"
     lacmesh.write(source, twin(case["id"].rsplit("-", 1)[0]))
     counts(case, source, ".med", tmp_path, capsys)

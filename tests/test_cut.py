@@ -56,7 +56,7 @@ def test_order_does_not_matter(seed, order, hexa):
 
 
 def shuffled(rng, mesh):
-    """The same mesh with its blocks, the cells in them and its groups in another order."""
+    """Copy of a mesh with its blocks, the cells in them and its groups in another order."""
     names = rng.permutation([b.type for b in mesh.blocks])
     blocks, source = [], []
     for name in names:
@@ -474,8 +474,8 @@ def in_file(mesh, cells):
 
 
 def test_a_child_that_is_cut_again_is_replaced_where_it_stood():
-    """As code_aster's sequence of cuts: in a hexahedron's five pyramids, the one that owns the second face becomes
-    four tetrahedra in its place."""
+    """The order is that of code_aster's sequence of cuts: in a hexahedron's five pyramids, the one that owns the second
+    face becomes four tetrahedra in its place."""
     for second in range(1, 6):
         once = cut_skin(cell_with_faces("HEXA8", (0,)), "slave")
         twice = cut_skin(cell_with_faces("HEXA8", (0, second)), "slave")

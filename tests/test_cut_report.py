@@ -1,4 +1,4 @@
-"""What a cut is said to have cost: children against parents, sizes, variants, the refusal, the report's three forms."""
+"""Report of a cut's cost: children against parents, sizes, variants, the refusal, and its three forms."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def test_a_figure_drawn_again_is_the_same(make_figures, name, tmp_path):
 
 
 def test_figures_are_painted_from_back_to_front(make_figures):
-    """Of two cubes in line with the eye, the nearer is painted last, whatever their order."""
+    """The nearer of two cubes in line with the eye is painted last, whatever their order."""
     solids = sys.modules["drawing.solids"]
     cube = np.array(CELLS["HEXA8"].reference)
     for boxes, first in (([cube, cube + 5 * solids.EYE], 0), ([cube + 5 * solids.EYE, cube], 1)):

@@ -1,4 +1,4 @@
-"""What is said of a mesh does not depend on where it lies, nor on its unit of length."""
+"""Messages on a mesh depend neither on where it lies nor on its unit of length."""
 
 from __future__ import annotations
 

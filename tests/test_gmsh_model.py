@@ -213,7 +213,7 @@ def by_number(mesh, values, on="cell"):
 
 
 def same(one, other, model=True):
-    """Whether two meshes are the same but for the order of nodes and cells."""
+    """Assert that two meshes are the same but for the order of nodes and cells."""
     assert cells_of(one) == cells_of(other)
     assert by_number(one, one.points, "node") == by_number(other, other.points, "node")
     assert one.space_dim == other.space_dim

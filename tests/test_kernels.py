@@ -74,7 +74,7 @@ def test_there_are_as_many_threads_as_cores_that_may_be_used(monkeypatch, cores)
 
 
 def same(a, b):
-    """Whether two results, or arguments that were written into, are the same to rounding."""
+    """True if two results, or arguments that were overwritten, agree to rounding."""
     if isinstance(a, tuple):
         return len(a) == len(b) and all(same(*pair) for pair in zip(a, b, strict=True))
     a, b = np.asarray(a), np.asarray(b)
@@ -87,7 +87,7 @@ def same(a, b):
 
 @pytest.fixture(scope="module")
 def worked(tmp_path_factory):
-    """What kernels were called with in all the work, and where their two forms differed."""
+    """Argument forms with which all the work called the kernels, and the kernels whose two forms differed."""
     different, alone = [], Lock()
 
     def both(kernel, *arguments):

@@ -1,4 +1,4 @@
-"""What the import layers of pyproject.toml cannot say: who prints, who exits, and what is imported only when used."""
+"""Rules beyond the import layers of pyproject.toml: who prints, who exits, and what is imported only when used."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
 def is_command(path):
-    """Whether a module is the command's, which may print and exit."""
+    """True for a module of the command, which may print and exit."""
     return path.parent.name == "cli" or path.name == "__main__.py"
 
 

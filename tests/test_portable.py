@@ -36,13 +36,13 @@ def own():
 
 
 def configuration(name):
-    """As this machine runs it, if it can (`lacking`)."""
+    """Configuration of this name on this machine, which may be unable to run it (`lacking`)."""
     (made,) = (c for c in portable.configurations(" ".join(own()["numpy"])) if c.name == name)
     return made
 
 
 def lacking(name):
-    """What this machine lacks for a configuration, which `make portable` says in place of its tests; or nothing."""
+    """Reason why this machine cannot run a configuration, which `make portable` prints instead; or nothing."""
     return portable.lacking(configuration(name), own())
 
 
@@ -52,7 +52,7 @@ def seen(name):
 
 
 def printed(name, code):
-    """What Python prints in a configuration."""
+    """Words that Python code prints in a configuration."""
     return portable.started(configuration(name), ["-c", code], stdout=subprocess.PIPE).stdout.split()
 
 
@@ -182,7 +182,7 @@ MUST_RUN = (
 
 
 def test_the_tests_that_have_shown_a_processor_are_run():
-    """Those that failed with AVX-512 and passed without."""
+    """The tests that failed with AVX-512 and passed without it are among those that are run."""
     assert all((ROOT / path).exists() for path in portable.TESTS)
     files = sorted({test.partition("::")[0] for test in MUST_RUN})
     assert all(any(Path(file).is_relative_to(path) for path in portable.TESTS) for file in files)

@@ -229,7 +229,7 @@ def _inside(name):
 
 @pytest.mark.parametrize("name", CURVED)
 def test_a_mid_node_beyond_the_quarter_point_is_caught(name):
-    """Where it crosses the quarter of a straight edge, the determinant at the corner changes its sign."""
+    """The Jacobian at the corner changes sign where the mid-node crosses the quarter point of a straight edge."""
     cell = CELLS[name]
     for k, (a, b) in [(k, ends) for k, edge in enumerate(cell.edges) for ends in (edge, edge[::-1])]:
         x = np.repeat(ideal(name)[None], 2, axis=0)
@@ -465,7 +465,7 @@ def test_one_group(mixed):
 
 
 def test_sizes_are_relative_to_the_whole_mesh(mixed):
-    """As in ParaView, which sees the whole mesh, also where one group is looked at."""
+    """Sizes refer to the whole mesh even if one group is measured, as in ParaView."""
     whole = measure_quality(mixed, measures=["relative_size_squared"]).types[0].measures["relative_size_squared"]
     one = measure_quality(mixed, "some", measures=["relative_size_squared"]).types[0].measures["relative_size_squared"]
     nodes = mixed.block("HEXA8")

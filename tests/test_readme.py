@@ -1,4 +1,4 @@
-"""What the README says, run as it stands."""
+"""Run the commands and examples of the README unchanged."""
 
 from __future__ import annotations
 

@@ -482,7 +482,7 @@ def test_through_text_formats(name, hexa, suffix, tmp_path):
 
 
 def test_the_whole_of_a_cut_is_a_cut():
-    """What is found can be used as a cut: code_aster's multipliers come out the same."""
+    """A recognised cut can be used as a cut: code_aster's multipliers come out the same."""
     cut = cut_skin(two_blocks("HEXA20"), "slave", hexa="hexa")
     found = recognise(without_records(cut.mesh), "slave")
     assert isinstance(found, Cut)

@@ -69,13 +69,13 @@ def size_of(path):
 
 
 def is_like(made, kept):
-    """Whether a picture is as large as the one in the docs, shows a skin of macro-elements, and no finding as error."""
+    """True if a picture has the size of the one in the docs, shows macro-elements, and marks no finding as error."""
     shown = tones(made, *colours.PALETTE)
     return size_of(made) == size_of(kept) and sum(count > 200 for count in shown) >= 5 and made.stat().st_size < 500_000
 
 
 def shows_what_the_page_shows(done):
-    """Whether each command printed the lines that its page has, but for the spaces and rules of tables."""
+    """Assert that each command printed the lines of its page, apart from the spaces and rules of tables."""
     for command, printed in done:
         lines = {" ".join(line.split()) for line in printed.splitlines()}
         assert {" ".join(line.split()) for line in command.shown} <= lines, command.words
@@ -261,7 +261,7 @@ def test_the_page_opens_without_an_error(step, tmp_path):
 
 @pytest.mark.gmsh
 def test_the_step_file_is_its_scripts(tmp_path):
-    """Of the same shapes, whatever version of gmsh writes it; with neither day nor machine in it."""
+    """The file holds the same shapes, whatever version of gmsh writes it, and names neither date nor machine."""
     from lacmesh.gmsh.cad import list_cad
 
     kept = TUTORIALS.parents[1] / "data" / "pin_in_lug.step"

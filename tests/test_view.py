@@ -1,4 +1,4 @@
-"""What is drawn: the faces in sight, of every cell type; slave, master, macro-elements; findings and values."""
+"""Picture contents: visible faces of every cell type; slave, master, macro-elements; findings and values."""
 
 from __future__ import annotations
 

@@ -196,7 +196,7 @@ SLEEP = "import os, pathlib, sys, time; pathlib.Path({!r}).write_text(str(os.get
 
 
 def alive(pid):
-    """Whether a process runs; a zombie does not."""
+    """True if a process runs; a zombie does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:

@@ -38,7 +38,7 @@ def blocks(tmp_path):
 
 
 def unpacked(path):
-    """What a page holds: its head, and its arrays."""
+    """Contents of a page: its head, and its arrays."""
     text = path.read_text(encoding="utf-8")
     head = json.loads(re.search(r'id="head">(.*?)</script>', text, re.S)[1])
     block = zlib.decompress(base64.b64decode(re.search(r'id="block">(.*?)</script>', text, re.S)[1]))
@@ -137,7 +137,7 @@ def browser(tmp_path_factory):
 
 
 def detail(browser):
-    """What the details of a clicked face say, a line each, and the nodes that they list."""
+    """Details of a clicked face: their lines of text, and the nodes that they list."""
     lines = browser.value("[...document.querySelectorAll('#detail > div')].map(e => e.textContent)")
     return lines, browser.value("[...document.querySelectorAll('#detail td:first-child')].map(e => +e.textContent)")
 
@@ -149,7 +149,7 @@ def button(browser, text):
 
 
 def shown(arrays, *roles):
-    """How many faces have one of some roles."""
+    """Number of faces with one of some roles."""
     return int(np.isin(arrays["role"], roles).sum())
 
 

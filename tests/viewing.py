@@ -1,4 +1,4 @@
-"""What the tests of pictures and of pages share."""
+"""Helpers shared by the tests of pictures and of pages."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def status(capsys, *arguments):
 
 
 def tones(path, *wanted):
-    """How many pixels have each tone: the light changes a colour's strength, not its tone."""
+    """Count the pixels of each tone: the light changes a colour's strength, not its tone."""
     from PIL import Image
 
     with Image.open(path) as image:

@@ -115,7 +115,7 @@ def started(configuration: Configuration, words: list[str], **rest: object) -> s
 
 
 def look(configuration: Configuration) -> dict:
-    """What computes in a process that a configuration sets up: names, and the numbers of threads and of cores."""
+    """Probe a configuration: names of the libraries that compute, and the numbers of threads and cores."""
     done = started(configuration, ["-c", PROBE], stdout=subprocess.PIPE)
     if done.returncode:
         raise SystemExit(f"{configuration.name}: numpy, scipy and numba do not start (exit status {done.returncode})")
@@ -135,7 +135,7 @@ def lacking(configuration: Configuration, own: dict) -> str | None:
 
 
 def said(got: dict) -> str:
-    """What computes, in words."""
+    """Describe the libraries that compute in words."""
     blas = " and ".join(sorted(set(got["openblas"].values()))) or "not found"
     numpy = ", ".join(got["numpy"]) or "baseline"
     return f"OpenBLAS {blas}; numba {got['numba']}; numpy {numpy}; threads {' or '.join(map(str, got['threads']))}"

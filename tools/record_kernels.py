@@ -24,7 +24,7 @@ def as_it_stands(kernel: Kernel, *arguments: Any) -> Any:
 
 
 def recorded(folder: Path, how: Callable[..., Any] = as_it_stands) -> dict[str, list[Any]]:
-    """What kernels were called with, by their names; `how` runs a kernel on its arguments."""
+    """Record the forms of the arguments with which each kernel is called; `how` runs a kernel on its arguments."""
     from tests.kernels_to_try import work
 
     found: dict[str, list[Any]] = {}

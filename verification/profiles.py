@@ -42,7 +42,7 @@ def means(mesh: Mesh, p: Floats, along: Along, label: str = "p_m") -> Line:
 
 
 def nodal(mesh: Mesh, p: Floats, along: Along, label: str = "recovered") -> Line:
-    """A pressure p (n_nodes,) at the nodes of a slave, NaN elsewhere."""
+    """Plot line of a pressure p (n_nodes,) at the nodes of a slave, NaN elsewhere."""
     there = np.flatnonzero(np.isfinite(p))
     places = along(mesh.points[there])
     order = np.argsort(places)
@@ -50,7 +50,7 @@ def nodal(mesh: Mesh, p: Floats, along: Along, label: str = "recovered") -> Line
 
 
 def residuals(label: str, states: Sequence[State]) -> Line:
-    """The residuals of all iterations that led through some states; what is 0 has no place on a logarithmic axis."""
+    """Residuals of all iterations that led through some states; zeros are left out of a logarithmic axis."""
     values = np.array([r for state in states for r in state.residuals])
     numbers = 1.0 + np.arange(len(values))
     return line(label, numbers[values > 0], values[values > 0], "both")

@@ -1,4 +1,4 @@
-"""What flows through the harness: a case is data, its outcome figures that are held against what must come out.
+"""Records of the harness: a case is data, its outcome figures that are compared with expected values.
 
     family (its cases, how one is solved) -> outcome (results, plots, pictures) -> folder of a run -> report
 
@@ -41,7 +41,7 @@ class Case:
 
     @property
     def id(self) -> str:
-        """What the case is called: `family/name`."""
+        """Identifier of the case: `family/name`."""
         return f"{self.family}/{self.name}"
 
 
@@ -68,7 +68,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Published:
-    """What someone else obtained: `who` (code and method), `value`, `source` (where it was published)."""
+    """Value that others obtained: `who` (code and method), `value`, `source` (where it was published)."""
 
     who: str
     value: float

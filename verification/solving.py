@@ -1,4 +1,4 @@
-"""A case solved, and what the harness asks of every solution: the last state, its fields, whether forces balance."""
+"""Solution of a case, and what is computed for every solution: the last state, its fields, the balance of forces."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Solved:
 
     @property
     def unknowns(self) -> int:
-        """How many displacements are sought."""
+        """Number of displacement unknowns."""
         return int(self.problem.constraints.n_q)
 
     @cached_property
@@ -51,7 +51,7 @@ class Solved:
 
     @cached_property
     def answer(self) -> Answer:
-        """What figures and fields are asked of."""
+        """Solver's answer for this problem, from which figures and fields are computed."""
         return Answer(self.problem)
 
     @cached_property
@@ -66,7 +66,7 @@ class Solved:
 
     @cached_property
     def balance(self) -> Balance:
-        """The worst of all states and zones, computed here from the nodal forces."""
+        """Worst balance of all states and zones, computed here from the nodal forces."""
         found = [self._balance(state) for state in self.states]
         return Balance(max(b.force for b in found), max(b.moment for b in found))
 

@@ -1,4 +1,4 @@
-"""What the meshes beside are made of: bodies of QUAD4 or HEXA8 from grids, skins turned outward, and one msh file."""
+"""Parts of the meshes in this folder: bodies of QUAD4 or HEXA8 from grids, outward skins, and one msh file."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""How the figures and tables of these pages are made; `make_figures.py` is the command."""
+"""Figures and tables of the documentation pages; `make_figures.py` is the command."""

@@ -24,7 +24,7 @@ MARKS = {"own": (INK, "o", 2.6), "face": (SLAVE, "o", 4.4), "inside": (INSIDE, "
 
 @dataclass
 class Page:
-    """What is drawn, in units of length; turned into a figure at the end."""
+    """Drawing in units of length, turned into a figure at the end."""
 
     polygons: list[dict[str, Any]] = field(default_factory=list)
     texts: list[dict[str, Any]] = field(default_factory=list)
@@ -93,7 +93,7 @@ def roomiest(face: Array, covers: list[Array]) -> tuple[float, Array]:
 
 
 def _inside(points: Array, polygon: Array) -> NDArray[np.bool_]:
-    """Whether points lie in a convex polygon."""
+    """True for points in a convex polygon."""
     side = [_cross(b - a, points - a) for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True)]
     return (np.array(side) >= 0).all(axis=0) | (np.array(side) <= 0).all(axis=0)
 
@@ -134,7 +134,7 @@ def draw(page: Page) -> Any:
 
 
 def _together(items: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """The same items, marks of one kind that follow one another made one: the file is smaller by half."""
+    """Merge consecutive marks of one kind into one item, which halves the size of the file."""
     for alike, run in groupby(items, key=lambda item: item.get("form") and (item["form"], item["size"], item["fill"])):
         group = list(run)
         if alike:
@@ -179,7 +179,7 @@ def save(page: Page, path: Path, name: str, title: str, about: str) -> None:
 
 
 def _slim(svg: str) -> str:
-    """The same drawing in fewer characters: two decimals, a path on one line, no groups of one."""
+    """Shorten the text of a drawing: two decimals, a path on one line, no groups of one item."""
     svg = re.sub(r"-?\d+\.\d{3,}", lambda m: f"{float(m[0]):.2f}".rstrip("0").rstrip("."), svg)
     svg = re.sub(r' transform="rotate\(-0 [^"]*"', "", svg)
     svg = re.sub(r' id="(?:line2d|patch|text)_\d+"', "", svg)

@@ -275,7 +275,7 @@ def figure(pattern: Pattern) -> Page:
 
 
 def _legend(page: Page, it: Body) -> None:
-    """What the marks mean, in as many lines as the page's width asks for."""
+    """Draw the legend of the marks, on as many lines as the width of the page requires."""
     used = ["own", *(["face"] if it.n_face else []), *(["inside"] if len(it.pattern.volume.inside) else [])]
     items = [(kind, words, False) for kind, words in _LEGEND if kind in used]
     items.append(("face" if it.n_face else "own", "carries an internal dof", True))

@@ -35,7 +35,7 @@ class Pattern(NamedTuple):
 
     @property
     def variant(self) -> str:
-        """What the user calls this kind; empty where there is no choice."""
+        """Name by which the user selects this kind; empty if there is no choice."""
         if self.kind == WHOLE:
             return "whole"
         if self.cell not in RING_PARENTS:

@@ -55,7 +55,7 @@ class Body:
 
     @property
     def flat(self) -> bool:
-        """Whether the cell is plane."""
+        """True for a plane cell."""
         return CELLS[self.pattern.cell].dim == 2
 
     @property

@@ -31,7 +31,7 @@ def stiffness(mesh):
 
 
 def prescribed(mesh):
-    """The unknowns whose displacement is given, and the displacement (n_dof,), 0 elsewhere."""
+    """Constrained unknowns, and their prescribed displacement (n_dof,), 0 elsewhere."""
 
     def unknowns(group, k):
         nodes = [block.ravel() for _, _, block in mesh.select(mesh.cells_of(group))]
@@ -60,7 +60,7 @@ def solve(K, B, G, fixed, u0):
 
 
 def reference(mesh):
-    """u (n_dof,), p (m,): what lacsolver says of the same problem."""
+    """Displacement u (n_dof,) and pressure p (m,) that lacsolver finds for the same problem."""
     case = Case(
         mesh="disc_on_block.msh",
         model="plane_strain",

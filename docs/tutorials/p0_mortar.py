@@ -26,7 +26,7 @@ def pad(n):
 
 
 def crown(x, t):
-    """How far below y = 0 the punch reaches: it is added to the gap. `x` (points, 3), t is time."""
+    """Height of the punch over y = 0, negative below it; added to the gap. `x` (points, 3), t is time."""
     return -0.02 * (1 - x[:, 0] ** 2) * (1 + 0.5 * x[:, 0])
 
 
@@ -58,7 +58,7 @@ def lac(mesh):
 
 
 def contact(model, B, G, w):
-    """What `find_equilibrium` asks for: the rows on the unknowns that are left, and the gaps at any of them."""
+    """Contact for `find_equilibrium`: rows on the unknowns that are left, and a function that gives the gaps at q."""
     B = (B @ model.problem.constraints.T).tocsr()
     rows = Rows(B, B, w)
     every = np.full(len(G), True)
@@ -67,7 +67,7 @@ def contact(model, B, G, w):
 
 
 def pressures(mesh, stage):
-    """(faces,): pressures from the left to the right. Raises RuntimeError where no equilibrium is found."""
+    """Pressures (faces,) from left to right. Raises RuntimeError where no equilibrium is found."""
     model = held(mesh)
     whole, at = contact(model, *stage(mesh))
     start = at_start(whole, whole.G < 0)
@@ -80,7 +80,7 @@ def pressures(mesh, stage):
 
 
 def inf_sup(mesh, stage):
-    """The two least inf-sup constants: of all fields of pressures, those that the pad feels least."""
+    """The two smallest inf-sup constants, over all pressure fields."""
     model = held(mesh)
     B, _, w = stage(mesh)
     B = (B @ model.problem.constraints.T).toarray()

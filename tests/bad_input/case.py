@@ -91,7 +91,7 @@ class Case:
 
 
 class Outcome(NamedTuple):
-    """What a command did: its status, what it printed on stderr line by line, the processor's time that it took."""
+    """Outcome of a command: exit status, lines printed on stderr, and processor time (s)."""
 
     status: int
     lines: list[str]
@@ -106,7 +106,7 @@ class Outcome(NamedTuple):
 
 @cache
 def compiled() -> None:
-    """Have what the commands compile on the disk, by a process of its own: that is no part of a command's time."""
+    """Compile the commands' kernels in a separate process, so that compiling does not count in a command's time."""
     data = Path(__file__).parents[2] / "data"
     for mesh in ("two_blocks.msh", "disc_on_block.msh"):
         for words in (("check", "--slave", "slave", "--master", "master"), ("quality",)):
@@ -119,7 +119,7 @@ class TooSlow(BaseException):
 
 
 def run(case: Case, folder: Path) -> Outcome:
-    """Make the input in an empty folder and run the command there; the test of one case, but for its words.
+    """Make the input of a case in an empty folder, run the command there, and test all but its words.
 
     Raises AssertionError where more than one sentence is said, anything in the folder changes on failure, or anything
     stays where temporary files go.
@@ -147,7 +147,7 @@ def run(case: Case, folder: Path) -> Outcome:
 
 
 def made(case: Case, folder: Path) -> list[str]:
-    """Put the files of a case into an empty folder, an older output too; the command."""
+    """Put the files of a case, and an older output, into an empty folder; return the command."""
     folder.chmod(0o777)  # `nobody` may work here, unless the case says otherwise
     if callable(case.make):
         case.make(folder)
@@ -216,7 +216,7 @@ def alarm(seconds: float) -> Iterator[None]:
 
 @contextlib.contextmanager
 def room(n_bytes: int) -> Iterator[None]:
-    """Let this process take so many bytes more, untouched ones too; where the system can say no (Linux)."""
+    """Limit the memory that this process may still take, in bytes, where the system can (Linux)."""
     taken = Path("/proc/self/statm")
     if not taken.exists():
         yield
@@ -234,7 +234,7 @@ def room(n_bytes: int) -> Iterator[None]:
 
 @contextlib.contextmanager
 def small_files(n_bytes: int | None) -> Iterator[None]:
-    """Let no file grow beyond so many bytes, as if the disk were full."""
+    """Limit the size of every file in bytes, as if the disk were full."""
     if n_bytes is None:
         yield
         return
@@ -250,7 +250,7 @@ def small_files(n_bytes: int | None) -> Iterator[None]:
 
 @contextlib.contextmanager
 def nobody() -> Iterator[None]:
-    """Root may do everything: be a user who owns nothing for a while. Others keep what they are."""
+    """Context in which root acts as a user who owns nothing; other users stay what they are."""
     if os.geteuid() != 0:
         yield
         return
@@ -262,7 +262,7 @@ def nobody() -> Iterator[None]:
 
 
 def listing(folder: Path) -> dict[str, bytes | str]:
-    """All that lies in a folder: contents of files, targets of links."""
+    """Contents of a folder: contents of files, targets of links."""
     found: dict[str, bytes | str] = {}
     for path in sorted(folder.rglob("*")):
         name = str(path.relative_to(folder))

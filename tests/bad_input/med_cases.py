@@ -1,4 +1,4 @@
-"""What can be wrong with a MED file as such: its groups, datasets and attributes."""
+"""Errors in a MED file as such: in its groups, datasets and attributes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def edited(name: str, edit: Edit) -> bytes:
 
 
 def put(group: h5py.Group, name: str, values: object, **attributes: int) -> None:
-    """Another dataset in place of one; attributes that are not given stay."""
+    """Replace a dataset; attributes that are not given are kept."""
     kept = dict(group[name].attrs) if name in group else {}
     if name in group:
         del group[name]
@@ -243,7 +243,7 @@ ONE: list[tuple[str, str, str, Edit, str]] = [
 
 
 def cases() -> Iterator[Case]:
-    """Both layouts, and what only one of them can be."""
+    """Cases for both layouts, and for defects that only one of them can have."""
     for kind, what, edit, says in BOTH:
         for name in ("MED 2.3", "MED 4.1"):
             yield Case(kind, name, what, edited(name, edit), says)

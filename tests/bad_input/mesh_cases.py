@@ -1,4 +1,4 @@
-"""What can be wrong with a mesh, in every format that can say it."""
+"""Errors in a mesh, in every format that can express them."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _number(at: int, number: int) -> Callable[[Raw], None]:
 
 
 def _node(at: int, place: int, node: int | None = None) -> Callable[[Raw], None]:
-    """Another node in a cell; None: the one before it again."""
+    """Replace a node in a cell; None: by the previous node, which is then repeated."""
 
     def edit(mesh: Raw) -> None:
         nodes = mesh.cells[at].nodes

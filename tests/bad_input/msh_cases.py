@@ -1,4 +1,4 @@
-"""What can be wrong with a msh file as such: its sections, their order, their numbers."""
+"""Errors in a msh file as such: in its sections, their order, their numbers."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def row(case: Case | Stop, outcome: Outcome) -> Row:
 
 
 def _place(found: re.Match[str]) -> str:
-    """The same for all formats: a file, and a place in it."""
+    """Replace a file name and a place in it by words that are the same for all formats."""
     rest = found[1] or ""
     if found[2]:
         return "FILE, PLACE"
@@ -149,7 +149,7 @@ def _safe(text: str) -> str:
 
 
 def parsed(text: str) -> dict[tuple[str, str, str], str]:
-    """(title, what is wrong, format) -> status and sentence, from the page as it stands."""
+    """Parse the page: (title, what is wrong, format) -> status and sentence."""
     found = {}
     title = ""
     for line in text.split(BEGIN)[1].split(END)[0].splitlines():
@@ -163,7 +163,7 @@ def parsed(text: str) -> dict[tuple[str, str, str], str]:
 
 
 def entry(case: Case | Stop, outcome: Outcome) -> tuple[tuple[str, str, str], str]:
-    """What `parsed` should hold for a case."""
+    """Entry of a case that `parsed` should find in the page: key, then status and sentence."""
     line = row(case, outcome)
     return (KINDS[case.kind][0], _safe(line.what), case.format), f"{line.status} {_safe(line.said) or 'nothing'}"
 

@@ -227,7 +227,7 @@ def _places(raw: Raw) -> dict[int, int]:
 
 
 def _indices(raw: Raw) -> list[list[int]]:
-    """Nodes from 0; a number that no node has is past the end by as much."""
+    """Node indices from 0; a number that no node has gives an index past the end."""
     index = _places(raw)
     return [[index.get(n, n) for n in c.nodes] for c in raw.cells]
 

@@ -30,10 +30,10 @@ sys.exit(main())
 
 @dataclass(frozen=True)
 class Stage:
-    """Where a command is stopped: the function `at` waits, after what `first` does; `lasts`: the work goes on then.
+    """Stage at which a command is stopped: `at` runs the code `first`, waits for `lasts` seconds, and goes on.
 
-    A stage that lasts a second is one that is not stopped in the middle. `written`: the output is there after it.
-    `when`: of which calls this is so.
+    A stage that lasts one second is not stopped in the middle. `written`: the output exists afterwards. `when`: a
+    condition on the calls of `at`; the others do not wait.
     """
 
     what: str
@@ -45,7 +45,7 @@ class Stage:
     when: str = "True"
 
     def code(self) -> str:
-        """Python that puts the waiting in its place."""
+        """Python code that makes the function wait."""
         module, _, name = self.at.rpartition(".")
         return f"""
 import {module} as at
@@ -59,7 +59,7 @@ at.{name} = slow"""
 
     @property
     def output(self) -> str:
-        """What the command writes, if anything."""
+        """Name of the output file; "" for a command without one."""
         return self.command[self.command.index("-o") + 1] if "-o" in self.command else ""
 
 
@@ -116,7 +116,7 @@ class Stop:
 
     @property
     def what(self) -> str:
-        """What happens, as in the page."""
+        """Description of the case, as on the page."""
         return f"{self.number.name} {self.stage.what}"
 
     @property
@@ -126,7 +126,7 @@ class Stop:
 
     @property
     def status(self) -> int:
-        """What a shell calls the status of a process that the signal ends."""
+        """Exit status that a shell reports for a process ended by the signal."""
         return 128 + self.number
 
     @property

@@ -96,7 +96,7 @@ def selected() -> list[Case]:
 
 @pytest.mark.parametrize("one", parameters(selected()))
 def test_in_a_process_of_its_own(one, tmp_path):
-    """The same for the command as it is installed, up to the end of the process."""
+    """The installed command behaves alike, up to the end of its process."""
     args = case.made(one, tmp_path)
     before = listing(tmp_path)
     done = in_process(args, tmp_path, one.file_size)

@@ -1,4 +1,4 @@
-"""What can be wrong with .mail and .inp files as such."""
+"""Errors in .mail and .inp files as such."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What goes wrong after reading: meshes that will not do, measures, plots, pages and reports that cannot be made."""
+"""Errors after reading: unsuitable meshes, and measures, plots, pages and reports that cannot be made."""
 
 from __future__ import annotations
 

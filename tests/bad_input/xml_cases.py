@@ -1,4 +1,4 @@
-"""What can be wrong with VTU and XDMF files as such, the HDF5 file beside an XDMF file included."""
+"""Errors in VTU and XDMF files as such, and in the HDF5 file beside an XDMF file."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def block(shape, low, high, kind="HEXA8"):
 
 
 def skin(points, cells, on):
-    """{type: nodes}: the facets of cells all of whose corners meet a condition, outward."""
+    """Facets {type: nodes} of cells whose corners all meet a condition, oriented outward."""
     out = {}
     for kind, nodes in cells.items():
         for facet in CELLS[kind].facets:

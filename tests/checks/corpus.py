@@ -117,7 +117,7 @@ def without_records(mesh):
 
 
 def merged(mesh):
-    """A mesh whose nodes at one place are one."""
+    """Merge the nodes of a mesh that coincide."""
     _, first, inverse = np.unique(mesh.points.round(9), axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty(len(first), np.int64)

@@ -236,7 +236,7 @@ def two_zones_side_by_side():
 
 @defect("faceted")
 def a_curved_skin_of_three_faces_to_a_quarter_turn():
-    """Bent to no shape that is known."""
+    """The skin is bent to a shape that is not one of those recognised."""
     mesh = two_blocks(n=3, matching=True, gap=0.05)
     x, y, z = mesh.points.T
     angle, radius = np.pi / 2 * (x - 0.5), (0.5 + z) * (1 + 0.1 * y**2 + 0.1 * x**3)

@@ -63,7 +63,7 @@ def slot(name):
 
 
 def only_boundary(part, faces):
-    """Those of some facets that one cell alone has."""
+    """Select the facets that belong to one cell only: those on the boundary."""
     _, cells = part
     count = {}
     for kind, nodes in cells.items():
@@ -74,7 +74,7 @@ def only_boundary(part, faces):
 
 
 def bent(mesh, place):
-    """A mesh with every node, mid-nodes too, moved by a map of (n, 3); nodes that come to one place become one."""
+    """Move every node of a mesh, mid-nodes too, by a map of (n, 3); nodes that then coincide are merged."""
     points = place(mesh.points)
     _, first, inverse = np.unique(points.round(9) + 0.0, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)

@@ -27,7 +27,7 @@ def rules() -> str:
 
 
 def example() -> str:
-    """What the command prints of data/disc_on_block.msh; seconds and memory are left out."""
+    """Output of the command for data/disc_on_block.msh, without seconds and memory."""
     from rich.console import Console
 
     from lacmesh.cli import main

@@ -85,7 +85,7 @@ def groups(rng, mesh):
 
 
 def records(rng, mesh):
-    """Data that look like a cut's and are not."""
+    """Data that resemble the records of a cut but are not."""
     data = {k: rng.integers(-1, 4, mesh.n_cells) for k in ("lac_macro", "lac_zone", "lac_child") if rng.random() < 0.8}
     return replace(mesh, cell_data={**mesh.cell_data, **data}, zones=("slave",) * int(rng.integers(3)))
 

@@ -1,4 +1,4 @@
-"""What the check says of code_aster's own meshes, before and after the cut; each finding was confirmed by other means.
+"""Findings of the check on code_aster's own meshes, before and after the cut; each was confirmed by other means.
 
 All meshes turn some skins inward, or list plane cells clockwise, except where nothing but the cut is missing. Four
 TETRA10 of ssnv219e have a negative volume. On the spheres of ssnv104 the slave reaches beyond the master.

@@ -1,4 +1,4 @@
-"""What is said of records that no cut leaves, fault by fault, and in the file's numbers."""
+"""Findings on records that no cut produces, fault by fault, with the numbers of the file."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What a mesh may have, one case each: a mesh that has it, whether it is still there, what a warning calls it.
+"""Features of a mesh, one case each: a mesh that has it, a test that it is kept, and its name in a warning.
 
-Cells of two meshes are told by their type and where their nodes are, so that numbers and order may change.
+Cells of two meshes are matched by type and node coordinates, so that numbers and order may change.
 """
 
 from __future__ import annotations
@@ -156,9 +156,9 @@ def records(before, after, to):
 
 
 def told(cut):
-    """What the records say of cells, each by its type and the places of its nodes, however it is listed.
+    """Records of the cells, each cell given by its type and node coordinates, in whatever order it is listed.
 
-    Of the parent, whose number may change: the first child, which has it.
+    The parent, whose number may change, is given by its first child, which has its number.
     """
     mesh = cut.mesh
     places = [tuple(p) for p in (np.round(mesh.points, 5) + 0.0).tolist()]

@@ -28,7 +28,7 @@ def ask(command, *arguments, timeout=600):
 
 
 def say(path):
-    """What medcoupling finds: cells are (MED type, place in the type)."""
+    """Contents of a MED file as medcoupling reads it: cells are (MED type, index in the type)."""
     import medcoupling as mc
 
     names = {getattr(mc, f"NORM_{norm}"): name for name, norm in NORM.items()}
@@ -87,7 +87,7 @@ def _fields(mc, fields, names):
 
 
 def gmsh(path):
-    """What gmsh finds in the model named after the mesh: cells by gmsh's number of the type, groups, fields."""
+    """Contents of the model named after the mesh, as gmsh reads it: cells by gmsh's type number, groups, fields."""
     import gmsh as api
 
     api.initialize(interruptible=False)

@@ -1,4 +1,4 @@
-"""What gmsh sees in a file, and a mesh in the same terms; a model with all that makes groups difficult."""
+"""Comparison of a file as gmsh reads it with a mesh; a model with all that makes groups difficult."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def seen_by(gmsh, path):
 
 
 def as_seen(mesh):
-    """A mesh in the same terms."""
+    """Nodes, elements and physical groups of a mesh, in the form of `seen_by`."""
     said = plain(mesh)
     dim = dict(zip(mesh.cell_number.tolist(), mesh.cell_dim.tolist(), strict=True))
     groups = {}
@@ -73,7 +73,7 @@ def by_place(gmsh):
 
 
 def places(mesh):
-    """The same of a mesh."""
+    """Groups and elements of a mesh in the form of `by_place`, and the number of elements."""
     xyz = [tuple(p) for p in np.round(mesh.points, 9).tolist()]
     rows = [(ALL_CELLS[b.type].msh, *(xyz[n] for n in row)) for b in mesh.blocks for row in b.nodes.tolist()]
     return {name: {rows[c] for c in cells} for name, cells in mesh.cell_groups.items()}, set(rows), len(rows)

@@ -135,7 +135,7 @@ def _model(rng, n, tidy):
 
 
 def plain(mesh):
-    """What a mesh says, by the numbers of nodes and cells, without what a writer may choose."""
+    """Contents of a mesh by the numbers of nodes and cells, without what a writer is free to choose."""
     node, cell = mesh.node_number, mesh.cell_number
     cells = {}
     for block, first in zip(mesh.blocks, mesh.offsets, strict=False):
@@ -179,7 +179,7 @@ def entities(mesh):
 
 
 def decided(mesh):
-    """The same as `assign` decides it."""
+    """Entities and boundaries in the form of `entities`, as `assign` chooses them."""
     table = assign(mesh)
     tags = np.array([(e.dim, e.tag) for e in table.entities]).reshape(-1, 2)
     return {

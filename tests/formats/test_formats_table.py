@@ -33,7 +33,7 @@ ROWS_AND_OPTIONS = [
 
 
 def observed(row, options, path, mesh, case):
-    """What becomes of a mesh that has a feature."""
+    """Outcome of writing and reading a mesh that has a feature."""
     if OF_NAME[row.format].meshio:
         pytest.importorskip("meshio")
     with warnings.catch_warnings(record=True) as caught:
@@ -61,7 +61,7 @@ def observed(row, options, path, mesh, case):
 
 
 def lost_without_its_records(path, mesh, case):
-    """Whether the file beside a mesh, taken away, takes the feature with it."""
+    """True if the feature is lost once the file beside the mesh is deleted."""
     side = path.with_name(path.name + ".lac.json")
     if not side.exists():
         return False
@@ -153,7 +153,7 @@ def test_suffixes_are_those_of_the_table():
 
 
 def test_meshio_has_no_other_format():
-    """What meshio knows is taken, or left for a reason."""
+    """Every format of meshio is taken, or left out for a stated reason."""
     pytest.importorskip("meshio")
     from meshio._helpers import extension_to_filetypes, reader_map
 

@@ -345,7 +345,7 @@ def test_an_instance_in_a_file_without_parts(tmp_path):
 @pytest.mark.shared
 @pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
 def test_decks_of_calculix(shared):
-    """Every one there is, of the tests of CalculiX, is read."""
+    """All available decks of CalculiX's own tests are read."""
     decks = sorted((shared / "reference" / "decks").glob("*.inp"))
     assert len(decks) > 20
     for deck in decks:
@@ -356,7 +356,7 @@ _SQUARE = "*NODE\n1, 1, 0\n2, 2, 0\n3, 2, 1\n4, 1, 1\n5, 3, 0\n6, 3, 1\n"
 
 
 def said_of(folder, text, number=1):
-    """What reading says, in one warning or none, and the mesh."""
+    """Read a text: the warning (one or, with `number` 0, none) and the mesh."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         mesh = read_text(folder, text)
@@ -514,7 +514,7 @@ def test_files_in_files_have_an_end(tmp_path):
 
 @pytest.mark.parametrize("at", range(0, len(WHOLE), 23))
 def test_cut_off_anywhere(tmp_path, at):
-    """What is left is read, or is an error that says so."""
+    """A truncated file is read, or raises an error of one line."""
     (tmp_path / "more.inp").write_text(MORE)
     with lenient():
         try:
@@ -632,7 +632,7 @@ def test_nodes_of_elements_of_every_width(tmp_path):
 
 
 def test_sets_of_nodes_of_elements_look_at_each_card_once():
-    """As many sets as cards took the square of their number."""
+    """The cost does not grow with sets times cards; it was quadratic for as many sets as cards."""
     looked = []
 
     class Card(Elements):
@@ -649,7 +649,7 @@ def test_sets_of_nodes_of_elements_look_at_each_card_once():
 
 
 def test_real_numbers_have_20_characters(tmp_path):
-    """CalculiX reads no more of a number, Abaqus neither."""
+    """Numbers have at most 20 characters, as CalculiX and Abaqus read no more."""
     values = np.array([-1.2345678901234567e-05, 1e-300, -123456.78901234567, 0.1, -0.12345678901234567, 1e22])
     mesh = Mesh.create(np.stack([values, values[::-1], values], axis=1), [], space_dim=3)
     read = again(tmp_path, mesh)

@@ -56,7 +56,7 @@ def test_pressure_pushes_the_facet(tmp_path, kind):
 
 @pytest.mark.parametrize("kind", ["TRIA3", "QUAD4", "TRIA6", "QUAD8"])
 def test_pressure_pushes_the_edge(tmp_path, kind):
-    """The same in plane strain, and on the edges of linear shells, both one unit thick."""
+    """A pressure on an edge gives the right force in plane strain and on linear shells, both one unit thick."""
     cell = CELLS[kind]
     for j, facet in enumerate(cell.facets):
         plane = cell_with_faces(kind, facets=[j], inward=True)

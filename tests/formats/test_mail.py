@@ -68,7 +68,7 @@ def in_file_order(mesh):
 
 
 def kept(mesh):
-    """What a .mail file keeps of a mesh, by number and as the file names groups."""
+    """Contents of a mesh that a .mail file keeps, by number and with the file's group names."""
     groups = {}
     for what, found, number in (
         ("nodes", mesh.node_groups, mesh.node_number),

@@ -301,7 +301,7 @@ def test_data_that_med_holds_otherwise(tmp_path, cube):
 
 
 def ours(mesh):
-    """What `med_peer.say` must find, built from the mesh and the reference's node orders."""
+    """Expected result of `med_peer.say`, built from the mesh and the reference's node orders."""
     types, place = {}, {}
     for block, lo in zip(mesh.blocks, mesh.offsets, strict=False):
         name, order = ORDERS[block.type]

@@ -170,7 +170,7 @@ def test_embedded_curves_stay_embedded(gmsh, tmp_path):
 
 
 def vars_of(mesh):
-    """The fields of a mesh that a changed one takes over."""
+    """Fields of a mesh as keyword arguments for a changed copy."""
     return {k: getattr(mesh, k) for k in ("points", "blocks", "node_number", "cell_number", "cell_data", "model")}
 
 
@@ -488,7 +488,7 @@ def test_elements_that_alternate_and_change_tags(tmp_path, binary):
 
 
 def test_one_header_for_each_element(tmp_path):
-    """As gmsh writes binary msh 2.2; and headers for three elements each."""
+    """One header per element, as gmsh writes binary msh 2.2, or one for three elements, gives the same mesh."""
     rng = np.random.default_rng(2)
     mesh = Mesh.create(rng.normal(size=(50, 3)), [("TRIA3", rng.integers(0, 50, (3000, 3)))])
     again(tmp_path, mesh, "2.2", True)
@@ -520,7 +520,7 @@ def rich():
 
 
 def tried(path, content):
-    """Read a damaged file: the error's text, or the mesh; every other exception is a failure."""
+    """Read a damaged file and return the error's text, or the mesh; every other exception is a failure."""
     path.write_bytes(content)
     try:
         with lenient():

@@ -50,7 +50,7 @@ def flat(name):
 
 
 def quiet(path, mesh, **options):
-    """Write and read; what is said of it."""
+    """Write and read a mesh; return it and the warnings."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         write(path, mesh, **options)
@@ -59,7 +59,7 @@ def quiet(path, mesh, **options):
 
 
 def same(before, after):
-    """That the records say the same of the same places."""
+    """Assert that the records of two meshes agree at the same places."""
     was, now = Cut(before), Cut(after)
     assert told(was) == told(now)
     assert was.zones == now.zones and was.n_macros == now.n_macros
@@ -181,7 +181,7 @@ def pair(tmp_path):
 
 
 def refused(path):
-    """What the one warning says where records are left out; the mesh has none then."""
+    """Read a file whose records are left out, and return its only warning; the mesh then has no records."""
     with pytest.warns(LacmeshWarning) as said:
         found = read(path)
     assert len(said) == 1 and not is_cut(found) and not found.zones and "lac_internal" not in found.node_data
@@ -384,7 +384,7 @@ def test_records_go_whole_or_not_at_all(tmp_path):
 
 
 def test_skin_on_skin_becomes_one_face_with_the_slaves_record(tmp_path):
-    """Of two skin cells on one face the .inp file keeps the face, which is a slave's."""
+    """An .inp file keeps two skin cells on one face as a single face, which is the slave's."""
     one = cell_with_faces("HEXA8")
     skin = np.vstack([one.block("QUAD4"), one.block("QUAD4")[:, ::-1]])
     for slave in (1, 2):

@@ -121,7 +121,7 @@ def grid_of(path):
 @pytest.mark.vtk
 @pytest.mark.parametrize("kind", [k for k in CELLS if k in OF_TYPE])
 def test_vtk_sees_the_cell(kind, tmp_path):
-    """The same places in space for the same reference points, and so the same volume, not turned inside out."""
+    """VTK maps the same reference points to the same places, so that volumes agree and no cell is inverted."""
     pytest.importorskip("vtk")
     mesh = one_cell(kind)
     write(tmp_path / "a.vtu", mesh)

@@ -47,7 +47,7 @@ def _span(rng: random.Random, data: bytes, most: int = 200) -> tuple[int, int]:
 
 
 def flip_bits(rng: random.Random, data: bytes) -> bytes:
-    """A few bits."""
+    """Change a few bits."""
     out = bytearray(data)
     for _ in range(rng.choice((1, 1, 2, 8))):
         out[rng.randrange(len(out))] ^= 1 << rng.randrange(8)
@@ -55,7 +55,7 @@ def flip_bits(rng: random.Random, data: bytes) -> bytes:
 
 
 def set_bytes(rng: random.Random, data: bytes) -> bytes:
-    """A few bytes: zero, all ones, what numbers and lines are made of, anything."""
+    """Change a few bytes to zero, all ones, characters of numbers and lines, or anything."""
     out = bytearray(data)
     for _ in range(rng.choice((1, 1, 2, 10))):
         out[rng.randrange(len(out))] = rng.choice((0, 255, 10, 13, 32, *b"-.,e$*<>\"'&;0179", rng.randrange(256)))
@@ -73,24 +73,24 @@ def set_number(rng: random.Random, data: bytes) -> bytes:
 
 
 def truncate(rng: random.Random, data: bytes) -> bytes:
-    """The end is lost."""
+    """Remove the end."""
     return data[: rng.randrange(len(data))]
 
 
 def cut_out(rng: random.Random, data: bytes) -> bytes:
-    """A chunk is lost."""
+    """Remove a chunk."""
     start, end = _span(rng, data)
     return data[:start] + data[end:]
 
 
 def double(rng: random.Random, data: bytes) -> bytes:
-    """A chunk stands twice."""
+    """Repeat a chunk."""
     start, end = _span(rng, data)
     return data[:end] + data[start:]
 
 
 def move(rng: random.Random, data: bytes) -> bytes:
-    """A chunk stands elsewhere."""
+    """Move a chunk."""
     start, end = _span(rng, data)
     rest = data[:start] + data[end:]
     at = rng.randrange(len(rest) + 1)
@@ -98,25 +98,25 @@ def move(rng: random.Random, data: bytes) -> bytes:
 
 
 def insert(rng: random.Random, data: bytes) -> bytes:
-    """Bytes from nowhere."""
+    """Insert random bytes."""
     at = rng.randrange(len(data) + 1)
     return data[:at] + rng.randbytes(rng.choice((1, 2, 4, 8, 100))) + data[at:]
 
 
 def _replaced(rng: random.Random, data: bytes, pattern: bytes, new: Callable[[bytes], bytes]) -> bytes:
-    """One thing that a pattern finds is replaced; looked for from a random place, so that all parts get their turn."""
+    """Replace one match of a pattern, searched from a random place so that every part of the text is reached."""
     start = rng.randrange(len(data) + 1)
     found = re.compile(pattern).search(data, start) or re.compile(pattern).search(data)
     return data if found is None else data[: found.start()] + new(found[0]) + data[found.end() :]
 
 
 def other_number(rng: random.Random, data: bytes) -> bytes:
-    """A number in text becomes another one."""
+    """Replace a number in the text by another one."""
     return _replaced(rng, data, _NUMBER, lambda old: rng.choice(NUMBERS).encode())
 
 
 def near_number(rng: random.Random, data: bytes) -> bytes:
-    """A number in text becomes a near one."""
+    """Replace a number in the text by a neighbouring one."""
 
     def new(old: bytes) -> bytes:
         try:
@@ -128,23 +128,23 @@ def near_number(rng: random.Random, data: bytes) -> bytes:
 
 
 def no_word(rng: random.Random, data: bytes) -> bytes:
-    """A word is lost."""
+    """Remove a word."""
     return _replaced(rng, data, _WORDS, lambda old: b"")
 
 
 def word_twice(rng: random.Random, data: bytes) -> bytes:
-    """A word stands twice."""
+    """Repeat a word."""
     return _replaced(rng, data, _WORDS, lambda old: old + b" " + old)
 
 
 def other_word(rng: random.Random, data: bytes) -> bytes:
-    """A word becomes another one of the file."""
+    """Replace a word by another one of the file."""
     found = re.findall(_WORDS, data)
     return _replaced(rng, data, _WORDS, lambda old: rng.choice(found)) if found else data
 
 
 def other_line(rng: random.Random, data: bytes) -> bytes:
-    """A line is lost, stands twice, or goes elsewhere."""
+    """Remove, repeat or move a line."""
     lines = data.splitlines(keepends=True)
     if not lines:
         return data

@@ -18,7 +18,7 @@ from tests.fuzz.trial import FAILED, READ, REFUSED, Outcome, tried
 
 @dataclass
 class Tally:
-    """What became of the files of a format: `failed` by number; `peak` in bytes; `slowest` in seconds."""
+    """Tally of the files of a format: `failed` by number; `peak` in bytes; `slowest` in seconds."""
 
     format: str
     read: int = 0

@@ -22,7 +22,7 @@ FILES = 40
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_whole_files_are_read(name, tmp_path):
-    """What is spoilt is sound at first: otherwise the fuzz would only see errors."""
+    """The files are readable before they are corrupted: otherwise the fuzz test would only see errors."""
     for seed in seeds(name):
         for file, content in seed.files.items():
             (tmp_path / file).write_bytes(content)

@@ -46,7 +46,7 @@ MATRICES = ("matrices CASE -o m.npz",)
 
 @dataclass(frozen=True)
 class Bad:
-    """`text`: the case file; `commands`: each must end in `status` and say `says` (patterns, one a line of its errors).
+    """Bad input. `text`: the case file; `commands`: each must end in `status` and say `says` (a pattern per error).
 
     A command is its words, CASE the file's name; one word stands for that command on the case. `make` prepares the
     folder, in which the good mesh lies already. `then` looks at it after; without it nothing may have changed.

@@ -31,7 +31,7 @@ def one_cell(name, distortion=0.0, seed=0, shift=3.0):
 
 
 def with_skin(mesh):
-    """The same mesh of one cell with every facet as a skin cell, in the group 'skin'."""
+    """Copy of a mesh of one cell with every facet as a skin cell, in the group 'skin'."""
     (block,) = mesh.blocks
     blocks = {block.type: block.nodes}
     for facet in CELLS[block.type].facets:
@@ -82,7 +82,7 @@ def body(name, n):
 
 
 def raised(mesh, name):
-    """A mesh of linear cells with the type `name` in place of them."""
+    """Replace linear cells by cells of the type `name`."""
     if CELLS[name].order == 1:
         return mesh
     full = name in ("QUAD9", "HEXA27", "PENTA18", "PYRAM14")

@@ -27,7 +27,7 @@ master = "master"
 
 
 def solve(mesh, sections, model="3d", material=MATERIAL):
-    """(problem, states): every converged state, each checked."""
+    """Solve a case: (problem, states); every converged state is checked."""
     problem = Problem.of(parse_case(HEAD.format(model=model) + material + sections), mesh)
     states, moved = list(march(problem)), 0.0
     for state in states:
@@ -37,13 +37,13 @@ def solve(mesh, sections, model="3d", material=MATERIAL):
 
 
 def only(mesh, sections, model="3d", material=MATERIAL):
-    """(problem, the one state)."""
+    """Solve a case of one step: (problem, its only state)."""
     problem, (state,) = solve(mesh, sections, model, material)
     return problem, state
 
 
 def check(problem, state, moved):
-    """Equilibrium of what is free, the conditions of every zone, balance of contact forces.
+    """Check equilibrium of the free unknowns, the conditions of every zone, and the balance of contact forces.
 
     `moved`: the largest displacement up to now, which round-off goes with.
     """
@@ -65,7 +65,7 @@ def check(problem, state, moved):
 
 
 def check_conditions(joint, zone, moved):
-    """p >= 0, G >= 0, p G = 0 of a contact, no gap where it is held; nothing of what is not paired."""
+    """Check the conditions of a zone: p >= 0, G >= 0, p G = 0; no gap where it is held; zero where it is not paired."""
     on = zone.status != UNPAIRED
     assert (zone.pressure[~on] == 0).all() and np.isnan(zone.gap[~on]).all()
     p, g = zone.pressure[on], zone.gap[on]

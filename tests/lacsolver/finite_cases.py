@@ -33,7 +33,7 @@ def problem_of(mesh, sections, **options):
 
 
 def solve(mesh, sections, **options):
-    """(problem, states): every converged state, each checked."""
+    """Solve a case: (problem, states); every converged state is checked."""
     problem = problem_of(mesh, sections, **options)
     states = list(march(problem))
     for state in states:
@@ -42,13 +42,13 @@ def solve(mesh, sections, **options):
 
 
 def last(mesh, sections, **options):
-    """(problem, the last state)."""
+    """Solve a case: (problem, its last state)."""
     problem, states = solve(mesh, sections, **options)
     return problem, states[-1]
 
 
 def check(problem, state):
-    """Equilibrium of what is free, the conditions of every zone, balance of contact forces where they act."""
+    """Check equilibrium of the free unknowns, the zones' conditions, and the balance of forces where they act."""
     c, u, q = problem.constraints, state.u, state.iterate.q
     K = problem.kinematics.tangent(u, state.time)
     moved = max(float(np.abs(u).max()), 1e-3)
@@ -67,7 +67,7 @@ def check(problem, state):
 
 
 def check_conditions(joint, zone, moved):
-    """p >= 0, G >= 0, p G = 0 of a contact, no gap where it is held; nothing of what is not paired."""
+    """Check the conditions of a zone: p >= 0, G >= 0, p G = 0; no gap where it is held; zero where it is not paired."""
     on = zone.status != UNPAIRED
     assert (zone.pressure[~on] == 0).all() and np.isnan(zone.gap[~on]).all()
     p, g = zone.pressure[on], zone.gap[on]
@@ -80,7 +80,7 @@ def check_conditions(joint, zone, moved):
 
 
 def places(problem, state, group=None):
-    """(n, dim): where nodes (of a group) are."""
+    """Deformed positions (n, dim) of nodes (of a group)."""
     d = problem.space.dim
     x = problem.space.mesh.points[:, :d] + state.u.reshape(-1, d)
     return x if group is None else x[nodes_of(problem, group)]

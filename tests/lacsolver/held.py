@@ -50,7 +50,7 @@ def with_sides(solid, sides=None, node_groups=None):
 
 
 def joined(*meshes):
-    """Several meshes as one, each a body in the group `a`, `b`, ... or, beyond six, of no group."""
+    """Join meshes, each a body in the group `a`, `b`, ... or, beyond six, in no group."""
     kinds = dict.fromkeys(b.type for m in meshes for b in m.blocks)
     start = np.cumsum([0, *(m.n_nodes for m in meshes)])
     blocks = {t: np.concatenate([m.block(t) + s for m, s in zip(meshes, start, strict=False)]) for t in kinds}

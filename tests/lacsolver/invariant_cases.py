@@ -26,7 +26,7 @@ YOUNG = 1000.0
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """How a model is written down; `seed`: of a permutation of nodes, cells, groups and zones, None for none."""
+    """Units and frame of a model; `seed` of a permutation of nodes, cells, groups and zones, None for none."""
 
     dim: int
     round: bool = False
@@ -38,11 +38,11 @@ class World:
 
     @property
     def force(self):
-        """What forces on nodes are multiplied by: those of a plane are of a unit thickness."""
+        """Factor of nodal forces; in a plane they are per unit thickness."""
         return self.stress * self.length ** (2 if self.dim == 3 or self.round else 1)
 
     def places(self, X):
-        """(n, 3): where places X of the model are."""
+        """Positions (n, 3) in the world of points X of the model."""
         return self.length * X @ self.turn.T + self.shift
 
     def vector(self, names, value, scale=1.0):
@@ -56,7 +56,7 @@ class World:
         return f'"{" + ".join(parts)}"'
 
     def formula(self, text):
-        """A formula of the model's x, y, z in the world's."""
+        """Rewrite a formula of the model's x, y, z in the coordinates of the world."""
         own = {}
         for k, name in enumerate("xyz"[: self.dim]):
             parts = [
@@ -67,7 +67,7 @@ class World:
         return "".join(own.get(letter, letter) for letter in str(text).replace("sin", "SIN")).replace("SIN", "sin")
 
     def point(self, X):
-        """A place of the model, as a list."""
+        """Coordinates in the world of a point of the model, as a list."""
         return [float(x) for x in self.places(np.array([X]))[0, : self.dim]]
 
 
@@ -82,12 +82,12 @@ class Case(NamedTuple):
 
     @property
     def dim(self):
-        """Of the model."""
+        """Dimension of the model."""
         return 3 if self.model == "3d" else 2
 
     @property
     def world(self):
-        """The one in which the case stands as it is."""
+        """World in which the case is written as it is."""
         return World(self.dim, self.model == "axisymmetric")
 
 
@@ -178,7 +178,7 @@ def text_of(case, w):
 
 
 def run(case, w, mesh=None):
-    """(states, place): the case in a world, and where its own nodes are there; `mesh`: one to take there instead."""
+    """Run a case in a world: (states, index of its own nodes there); `mesh`: a mesh to use instead."""
     place = np.arange(case.mesh().n_nodes)
     if mesh is None:
         mesh = case.mesh()
@@ -197,14 +197,14 @@ def brought_back(case, w):
 
 
 class Figures(NamedTuple):
-    """What a run found, in the model's units: iterations of each step, and arrays by (step, zone, what they are)."""
+    """Results of a run in the model's units: iterations of each step, and arrays by (step, zone, quantity)."""
 
     iterations: tuple
     values: dict
 
 
 def figures(case, w, mesh=None):
-    """What the case comes to in a world."""
+    """Run a case in a world and return its results in the model's units."""
     states, place = run(case, w, mesh)
     d, values = case.dim, {}
     back = w.turn[:d, :d]

@@ -1,4 +1,4 @@
-"""What each case of `key_cases` comes to, in closed form; a run of it, as its results tell it."""
+"""Expected results of each case of `key_cases` in closed form, and a run of it as recorded in its results."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class Figures(NamedTuple):
     moment: float
 
     def worst(self, other):
-        """The larger of each, NaN above all."""
+        """Larger one of each of two figures; NaN counts as largest."""
         return Figures(*(float(np.maximum(a, b)) for a, b in zip(self, other, strict=True)))
 
 
@@ -88,7 +88,7 @@ def solved(press):
 
 
 def figures(press):
-    """What a patch test yields."""
+    """Solve a patch test and return its errors."""
     problem, state = solved(press)
     return measured(press, problem, state)
 
@@ -121,7 +121,7 @@ def measured(press, problem, state):
 
 
 def unbalanced(x, force, axisymmetric=False):
-    """What is left of the sum of forces (n, d) at x (n, 3), and of their moments, of the sum of their sizes."""
+    """Resultants of forces (n, d) at x (n, 3) and of their moments, each relative to the sum of the magnitudes."""
     f = np.zeros((len(force), 3))
     f[:, : force.shape[1]] = force
     size = np.abs(f).sum()
@@ -209,7 +209,7 @@ def ring(slave, master, options=""):
 
 
 def sized(press, size, young, pressure):
-    """The same test in other units, about its interface."""
+    """Copy of a patch test in other units, scaled about its interface."""
     low = np.eye(3)[2 if press.model == "3d" else 1]
     return press._replace(mesh=placed(press.mesh, size=size, shift=-size * low), young=young, pressure=pressure)
 

@@ -97,7 +97,7 @@ def _lowest(mesh, axis, height):
 
 
 def _raised(mesh, kind):
-    """The cells of a kind in place of linear ones."""
+    """Replace linear cells by those of a kind."""
     name, _, order = kind.partition(" ")
     if name == "mixed":
         return mesh if order == "1" else raise_order(mesh, order)
@@ -137,7 +137,7 @@ def three_blocks(kinds=("HEXA8", "TETRA4", "PENTA6 quadrangle")):
 
 
 def joined(parts):
-    """Meshes as one: (mesh, shift, {name of a group: its name here}); groups of one name are one."""
+    """Join meshes given as (mesh, shift, {name of a group: its name here}); groups of one name are merged."""
     kinds = dict.fromkeys(b.type for mesh, _, _ in parts for b in mesh.blocks)
     start = np.cumsum([0, *(mesh.n_nodes for mesh, _, _ in parts)])
     rows = {kind: [] for kind in kinds}

@@ -80,7 +80,7 @@ def enumerated(s, paired, held):
 
 
 def contact(s, paired=None, held=None):
-    """What `find_equilibrium` asks: the rows, and their gaps at q."""
+    """Contact of a system as a function of q, for `find_equilibrium`: the rows, and their gaps at q."""
     m = len(s.B)
     paired = np.ones(m, bool) if paired is None else paired
     held = np.zeros(m, bool) if held is None else held

@@ -93,7 +93,7 @@ def test_rigid_modes_of_few_nodes():
 
 
 def test_modes_of_many_bodies_take_memory_for_their_nodes():
-    """What multigrid asks for: each body's modes are those it has alone, and memory does not grow with their number."""
+    """Multigrid's modes of many bodies are each body's own, and memory does not grow with the number of bodies."""
     spaces = [held(joined(*[cube("HEXA8", 1)] * n), "3d") for n in (1, 4, 200)]
     models = [Model(SimpleNamespace(space=space, constraints=constraints)) for space, constraints in spaces]
     one, four = (model._whole.modes for model in models[:2])

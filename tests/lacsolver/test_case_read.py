@@ -203,7 +203,7 @@ def test_files_that_cannot_be_read(tmp_path):
 @pytest.mark.parametrize("depth", [50, 200, 300, 320, 330, 340, 400, 480, 600])
 @pytest.mark.parametrize("what", ["array", "inline", "header"])
 def test_depth_is_no_crash(what, depth):
-    """Where tomllib still reads, and where it gives up."""
+    """Deep nesting is refused with an error both where tomllib still reads it and where it gives up."""
     text = {
         "array": "mesh = " + "[" * depth + "]" * depth,
         "inline": "mesh = " + "{a = " * depth + "1" + "}" * depth,
@@ -243,7 +243,7 @@ LINES = st.one_of(
 
 
 def told(text):
-    """What is said of a text; any other exception is a failure."""
+    """Parse a text and return the CaseError or ReadError, None without one; any other exception is a failure."""
     try:
         parse_case(text)
     except (CaseError, ReadError) as error:

@@ -1,4 +1,4 @@
-"""The same case or another; and the groups that a case names, looked up in a mesh."""
+"""Comparison of cases, and look-up of the groups that a case names in a mesh."""
 
 from __future__ import annotations
 

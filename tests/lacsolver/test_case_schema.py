@@ -163,7 +163,7 @@ def test_options_are_those_of_the_stages():
 
 
 def test_loads_are_marked():
-    """What is ramped is a load, and every value that is no load is named here."""
+    """Every ramped value is a load, and every value that is not a load is named here."""
     loads = {f"{section_of(r).name}.{n}" for r in records() for n, k in keys_of(r).items() if k.load}
     assert {name.split(".")[0] for name in loads} == {
         "displacement", "pressure", "traction", "force", "body_force", "gravity", "temperature", "rigid",

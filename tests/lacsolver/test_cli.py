@@ -348,7 +348,7 @@ def test_too_little_memory_is_one_line(folder, capsys, monkeypatch):
 
 
 def on_terminal(words, folder, columns=80):
-    """What a command writes on a terminal of some width, and its status."""
+    """Run a command on a terminal of `columns` columns: its exit status and its output."""
     pid, fd = pty.fork()
     if pid == 0:
         os.chdir(folder)

@@ -62,7 +62,7 @@ def search(system, *, R=None, held=None, paired=None, iterations=100):
 
 
 def by_trying_every_set(system, held=None, paired=None):
-    """The pressures of every set that fulfils all conditions."""
+    """Pressures of every active set that meets all conditions."""
     S, g = system.reduced
     m = len(g)
     held = np.zeros(m, bool) if held is None else held
@@ -81,7 +81,7 @@ def by_trying_every_set(system, held=None, paired=None):
 
 
 def goes_round(system):
-    """Whether the exchange of all rows that want it, and nothing else, comes back to a set."""
+    """True if exchanging all violated rows at once, and nothing else, returns to an earlier active set: a cycle."""
     S, g = system.reduced
     on, seen = system.start.copy(), set()
     while on.tobytes() not in seen:

@@ -90,7 +90,7 @@ def solution(now, reduction=0.0, active=None):
 
 @pytest.mark.parametrize("free", [False, True])
 def test_as_with_a_factor_and_with_few_cycles(free):
-    """No more than some times those of K alone."""
+    """Results agree with those of a factor, with at most a few times as many cycles as K alone needs."""
     for count in (6, 12):
         _, exact = solution(moment(count, "rslab", free))
         now = moment(count, "multigrid", free)

@@ -126,7 +126,7 @@ def test_our_row_is_43(face, nodes, letters):
 
 
 def test_42_is_not_the_coupling_with_one_pressure_a_macro_element(face, nodes, letters):
-    """What the manual says of (42): neither a row of it nor their sum is (43)."""
+    """Neither a row of the manual's (42) nor the sum of its rows is (43)."""
     cut, interface, apart = face
     _, rows = assembled(cut, apart, shared=False)
     wanted = interface.B.toarray()[0]

@@ -29,7 +29,7 @@ def found(s, begin, limits=LIMITS, **rest):
 
 
 def check(s, outcome, paired=None, held=None):
-    """Converged, to the one answer there is."""
+    """Assert that the search converged to the only solution."""
     m = len(s.B)
     paired = np.ones(m, bool) if paired is None else paired
     held = np.zeros(m, bool) if held is None else held
@@ -89,7 +89,7 @@ def test_a_body_that_nothing_stops():
 
 
 def exchanged(M, r, most=200):
-    """Whether changing all rows that want to ends, from no row closed."""
+    """True if exchanging all violated rows at once converges, starting with every row open."""
     active = np.zeros(len(r), bool)
     for _ in range(most):
         p = np.zeros(len(r))

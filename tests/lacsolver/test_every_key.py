@@ -40,7 +40,7 @@ class Shop:
         monkeypatch.setattr(lacsolver.solve.stiffness, "analyse", self.analyse)
 
     def analyse(self, K, *, backend, threads, **rest):
-        """Stands in the place of `lacsolver.linear.analyse`, and keeps what is asked for."""
+        """Replace `lacsolver.linear.analyse`, and record the backends and threads that are requested."""
         made = analyse(K, backend=backend, threads=threads, **rest)
         self.asked.append((made.backend, threads))
         return made
@@ -86,7 +86,7 @@ def test_every_line_of_a_case_has_its_effect(shop, name):
 
 
 def without_a_line(text):
-    """(line, the text without it) for every line that gives a key and is to be looked at."""
+    """Yield (line, the text without it) for every line with a key whose effect is tested."""
     lines = text.splitlines()
     for k, line in enumerate(lines):
         if "=" in line and not line.endswith("# held"):
@@ -94,7 +94,7 @@ def without_a_line(text):
 
 
 def is_idle(shop, case, whole, text, check):
-    """Whether a changed text comes to the same, though it is another case, and whatever is warned of."""
+    """True if a changed text gives another case with the same result; warnings are ignored."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LacmeshWarning)
@@ -141,7 +141,7 @@ def used():
 
 
 def looked_at(text):
-    """The lines of a text whose effect is."""
+    """Lines of a text whose effect is tested."""
     return "\n".join(line for line in text.splitlines() if not line.endswith("# held"))
 
 

@@ -1,4 +1,4 @@
-"""A run says where its pressures are those of flat faces, and keeps silent where they are not."""
+"""A run warns where its pressures are those of flat faces, and only there."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def told(text, mesh):
 
 
 def test_a_press_fit_of_flat_faces_is_told(tmp_path):
-    """What the faces are worth is of the size of what came out, far from 63.46, and there is something to try."""
+    """The estimated error of flat faces is as large as the pressure, far from 63.46, and the warning names a remedy."""
     mesh = lacmesh.read(DATA / "press_fit.msh")
     (message,) = told(FACES, mesh)
     assert "pressures of contact 'fit' differ by" in message and 'take surface = "smooth"' in message

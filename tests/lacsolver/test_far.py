@@ -1,4 +1,4 @@
-"""A model that lies far from 0: what a run is told and tells is in the coordinates of its file."""
+"""Models far from the origin: input and output of a run are in the coordinates of its file."""
 
 from __future__ import annotations
 

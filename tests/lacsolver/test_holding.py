@@ -1,4 +1,4 @@
-"""Bodies that contact alone holds: what is told of them, and what is warned of."""
+"""Bodies held by contact alone: messages and warnings about them."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_a_body_that_contact_holds_well_is_told_of_and_no_more(tmp_path):
 
 @pytest.mark.parametrize("slope", [1e-4, 1e-5])
 def test_roughness_that_holds_a_body_is_warned_of(tmp_path, slope):
-    """What resists is the square of the slope; under a small load the bar goes far, and the run says so."""
+    """The resistance goes as the square of the slope; a small load moves the bar far, and the run warns of it."""
     results, warned = solved(tmp_path, slope, PUSHED.format(force=100 * slope))
     hardly, small = warned
     part = re.fullmatch(

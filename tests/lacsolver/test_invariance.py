@@ -30,7 +30,7 @@ def base(name):
 
 
 def check(name, world, allowed=EXACT, one=None, iterations=True):
-    """A case in a world comes to the same, in as many `iterations`."""
+    """Assert that a case in a world has the same results, after the same number of `iterations`."""
     same, active, far = compared(base(name) if one is None else one, figures(CASES[name], world))
     assert active
     worst = max(far, key=far.get)

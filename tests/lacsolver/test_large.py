@@ -1,4 +1,4 @@
-"""The benchmark of large models, at a small size: it runs, and its figures are what they are said to be."""
+"""The benchmark of large models at a small size: it runs, and its figures are what their names say."""
 
 from __future__ import annotations
 

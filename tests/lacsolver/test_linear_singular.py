@@ -1,4 +1,4 @@
-"""What has no unique solution is an error for every backend, and the motion that is free is told."""
+"""Every backend raises an error for a system without a unique solution, and names the free motion."""
 
 from __future__ import annotations
 

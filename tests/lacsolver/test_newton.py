@@ -63,7 +63,7 @@ def test_linear_problems_have_the_answer_of_find_equilibrium(seed):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_it_converges_quadratically(seed):
-    """Of defects below 1e-2 each is about the square of the one before."""
+    """Each residual below 1e-2 is about the square of the previous one."""
     s = system(seed, n=20, m=8)
     at = nonlinear(s, 0.5)
     outcome = follow(at, at_start(at(np.zeros(20)).contact, np.zeros(8, bool)), LIMITS, exact=True)

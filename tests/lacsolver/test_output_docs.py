@@ -47,7 +47,7 @@ def test_columns_of_the_contact_table():
 
 
 def test_examples_read_the_tables_of_a_run(tmp_path, monkeypatch):
-    """As they stand, beside the tables, of two steps."""
+    """The page's examples run unchanged beside the tables of two steps."""
     made = made_up(tmp_path)
     made.steps(made.writer(), 2)
     monkeypatch.chdir(made.folder)

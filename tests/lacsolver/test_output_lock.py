@@ -104,7 +104,7 @@ def test_where_the_file_system_has_no_locks_nothing_is_held(tmp_path, monkeypatc
 
 
 def dead():
-    """The number of a process that is there no more."""
+    """Number of a process that has ended."""
     child = subprocess.Popen([sys.executable, "-c", ""])
     child.wait()
     return child.pid

@@ -145,7 +145,7 @@ def test_a_zone_whose_name_is_too_long_for_med_is_refused_at_once(tmp_path):
 
 @contextmanager
 def room(size):
-    """No file may grow beyond a size: what a disk that is full is like."""
+    """Limit the size of files, as on a full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     import signal
 

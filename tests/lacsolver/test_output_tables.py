@@ -36,7 +36,7 @@ def each(value):
 
 
 def schema(dim, message=False):
-    """What design/case.md says of results.json."""
+    """Schema of results.json as design/case.md describes it."""
     vector = {"type": "array", "items": NUMBER, "minItems": dim, "maxItems": dim}
     zone = exactly(
         **{f"{what}_{end}": NUMBER for what in ("pressure", "gap") for end in ("min", "max")},

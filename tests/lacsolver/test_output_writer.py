@@ -1,4 +1,4 @@
-"""What is written when, into which folder, and what becomes of results that are there already."""
+"""Output of a run: when it is written, into which folder, and the fate of results that are already there."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ RMS = {"CalculiX": 0.054, "NGSolve": 0.025, "GetFEM": 0.029}
 
 
 def answer(code, pair, folder):
-    """What a code says of a pair; ours is run in this process."""
+    """Answer of a code to a pair; ours is run in this process."""
     if code in (OURS, CURRENT):
         _, _, _, *words = code.write(pair, folder)
         assert main(words) == 0
@@ -36,7 +36,7 @@ def answer(code, pair, folder):
 
 
 def in_a_process(code, pair, folder):
-    """What a code says of a pair, as the benchmark runs it."""
+    """Answer of a code to a pair, obtained as the benchmark does."""
     found = peers.solved(code, pair, folder)
     assert isinstance(found, peers.Run), found
     return found.answer

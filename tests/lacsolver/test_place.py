@@ -93,7 +93,7 @@ def test_every_model_and_law(model, law, measure):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_body_that_only_contact_holds(model):
-    """What keeps the factor of K steady is no part of the tangent."""
+    """The stabilisation of the factor of K is no part of the tangent."""
     dim = dimension(model)
     made = Moved(waves(*PAIRS[dim], dim, gap=0.1), joint() + ground(dim) + FOLLOWER, model=model)
     assert made.place.free.shape[1] == {"3d": 6, "axisymmetric": 1}.get(model, 3)

@@ -1,4 +1,4 @@
-"""A run that is broken off and gone on with comes to the same figures as one that is not."""
+"""A run that is interrupted and restarted gives the same results as an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -229,7 +229,7 @@ def test_three_steps_and_three_more_are_six(folder, whole, name):
 
 
 def test_the_cases_open_and_close(kept):
-    """What is gone on with has contact that changes on the way, before the restart and after it."""
+    """The restarted cases have contact that changes during the run, before the restart and after it."""
     for name, zone in (("several", "foot"), ("current", "slave"), ("reference", "slave")):
         rows = table(kept(name) / "whole" / f"contact_{zone}.csv")
         closed = [(rows["status"][rows["time"] == t] == 1).sum() for t in np.unique(rows["time"])]

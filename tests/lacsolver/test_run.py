@@ -1,4 +1,4 @@
-"""What a run tells: figures against its states, laws of mechanics that they obey, how a run that fails ends."""
+"""Results of a run: figures against its states, laws of mechanics, and the end of a run that fails."""
 
 from __future__ import annotations
 
@@ -191,7 +191,7 @@ def test_contact_forces_balance(made):
 
 
 def test_the_energy_is_half_the_work_of_the_load(tmp_path):
-    """Of a linear problem; springs' part too."""
+    """The problem is linear; the energy includes the springs'."""
     text = 'mesh = "blocks.msh"\nmodel = "3d"\n' + MATERIAL + JOINT.replace("[[contact]]", "[[tie]]") + SLIDING
     text += '[[spring]]\ngroup = "bottom"\nkz = 3.0\n' + pressed("top", "1 + x * y") + "[steps]\ncount = 2\n"
     made = Made(tmp_path, stack("HEXA8", "TETRA4", 3), text)

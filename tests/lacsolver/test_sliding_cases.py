@@ -128,7 +128,7 @@ def undeformed(folder, sight):
 
 
 def volume(sight, x):
-    """Of the full circle, by Pappus for each triangle."""
+    """Volume of the full revolution, by Pappus for each triangle."""
     a, b, c = np.moveaxis(x[sight.triangles][..., :2], 1, 0)
     area = ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
     return 2 * np.pi * (area * (a + b + c)[:, 0] / 3).sum()
@@ -148,7 +148,7 @@ def test_ironing_costs_no_force_in_the_mean(tmp_path, script):
 
 
 def ripple(way, force):
-    """How far a force is from the smooth curve through it, a polynomial of degree 5."""
+    """Largest distance of a force from the smooth curve fitted to it, a polynomial of degree 5."""
     return np.abs(force - np.polyval(np.polyfit(way, force, 5), way)).max()
 
 

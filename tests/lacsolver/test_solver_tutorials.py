@@ -57,7 +57,7 @@ def page(request, tutorials, tmp_path_factory):
 
 
 def shades(path):
-    """How many pixels of a picture are neither white nor grey."""
+    """Number of pixels of a picture that are neither white nor grey."""
     import matplotlib.image
 
     pixels = matplotlib.image.imread(path)[..., :3]

@@ -190,7 +190,7 @@ def test_the_stiffness_of_an_affine_cell_is_exact(name):
 
 @pytest.mark.parametrize("name", SOLID_CELLS)
 def test_the_gradients_of_a_curved_cell_are_exact(name):
-    """What the patch test asks of a rule."""
+    """The cells' rules integrate the gradients exactly, as the patch test requires."""
     points = one_cell(name, 0.08, seed=5).points
     _, exact = products(name, points, *rule(CELLS[name].family, 24))
     _, got = products(name, points, *cell_rule(name))

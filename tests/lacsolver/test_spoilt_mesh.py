@@ -1,4 +1,4 @@
-"""What makes the answer on a mesh wrong and shows nowhere in it is refused, or warned of, as the check words it."""
+"""Mesh defects that would silently give a wrong answer are refused, or warned of in the words of the check."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def refused_by_run(case, mesh):
 
 
 def told(mesh):
-    """What a run refuses and what it warns of; `validate` says the same."""
+    """Errors and warnings of a run on a mesh; `validate` gives the same."""
     case, said = parse_case(CASE), []
     for look in (refused_by_run, lambda *given: [p.message for p in validate(*given).problems]):
         with warnings.catch_warnings(record=True) as caught:
@@ -93,7 +93,7 @@ def test_a_slave_face_that_is_the_masters_is_refused(glued):
 
 
 def test_nodes_that_slave_and_master_share_are_warned_of():
-    """As at the tip of a crack, which may be meant."""
+    """Shared nodes may be meant, as at the tip of a crack."""
     mesh = blocks(glued=(0,))
     refused, warned = told(mesh)
     assert refused == [] and warned == [

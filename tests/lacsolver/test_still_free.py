@@ -1,4 +1,4 @@
-"""What contact and ties leave of the motions that nothing else holds, of each body and of several together."""
+"""Motions that nothing but contact and ties constrains, and those left free, of each body and of several together."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def test_straight_faces_with_their_own_normals(pair, options):
 
 @every(STRAIGHT, normals=("facet",))
 def test_heights_over_straight_faces(pair, options):
-    """Where heights are polynomials of the plane the derivatives are as exact as without; quadrangles' are not."""
+    """Derivatives with heights are as exact as without if heights are polynomials; on quadrangles they are not."""
     made = Deformed(*pair, options, smooth=True)
     low = made.zone.slave.height.degree == made.zone.master.height.degree == 2
     assert np.ptp(made.face.points.gap - made.face.points.ray) > 0.02

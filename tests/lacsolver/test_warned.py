@@ -1,4 +1,4 @@
-"""What a run and `validate` warn of: bodies that lock, skins that never meet."""
+"""Warnings of a run and of `validate`: bodies that lock, skins that never meet."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def points_in(faces, rows, n=3, seed=0):
 
 
 def along(level, x, way):
-    """How far a surface is along directions, by Newton's method with differences."""
+    """Distance to a surface along directions, by Newton's method with differences."""
     t = np.zeros(len(x))
     for _ in range(30):
         at = lambda s: level(x + s[:, None] * way)  # noqa: E731

@@ -1,4 +1,4 @@
-"""What `info --verbose` and `check` say of curved skins."""
+"""Output of `info --verbose` and `check` on curved skins."""
 
 from __future__ import annotations
 

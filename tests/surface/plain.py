@@ -77,7 +77,7 @@ def shared_area(slave, s, master, m):
 
 
 def ray(name, x, start, n):
-    """Where a ray meets a face with nodes x (n_nodes, 3): reference point and distance, by scipy."""
+    """Intersection of a ray with a face of nodes x (n_nodes, 3): reference point and distance, by scipy."""
     dim = CELLS[name].dim
 
     def miss(z):

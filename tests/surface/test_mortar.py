@@ -1,4 +1,4 @@
-"""What a solver does with contact points: the mortar matrices D and M, averaged over macro-elements, of cut skins."""
+"""Mortar matrices D and M, averaged over macro-elements, that a solver builds from contact points of cut skins."""
 
 import numpy as np
 import pytest

@@ -33,7 +33,7 @@ ASTER = "code_aster 2020, LAC"
 
 @dataclass(frozen=True)
 class Given:
-    """What a case is made of."""
+    """Definition of a case."""
 
     type: str
     young: tuple[float, float] = (210000.0, 70000.0)

@@ -83,7 +83,7 @@ def test_the_rim_is_left_out_of_what_is_away_from_it():
 
 
 def test_the_error_is_that_of_the_state_at_the_end(tmp_path):
-    """The same row as a file, through `lacsolver run`'s own functions: same unknowns, in balance at t = 1."""
+    """A row run as a file by `lacsolver run`'s own functions has the same unknowns and is in balance at t = 1."""
     row = ROWS["TRIA3"]
     lacmesh.write(tmp_path / "block.msh", mesh_of(row, 0))
     (tmp_path / "case.toml").write_text(case_text(row), encoding="utf-8")

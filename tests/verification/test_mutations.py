@@ -22,7 +22,7 @@ class Run(NamedTuple):
 
 
 def failing(run):
-    """What falls short, by its name."""
+    """Quantities that are missed, by name."""
     (case,) = (case for case in family(run.family).cases if case.name == run.case)
     if run.pairs is not None:
         case = replace(case, given=replace(case.given, pairs=case.given.pairs[slice(*run.pairs)]))

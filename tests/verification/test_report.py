@@ -167,7 +167,7 @@ def figures(run):
 
 
 def test_two_runs_that_differ(run, tmp_path):
-    """Of the first case of a family a figure is missed, of the second errors have grown, of the third one is gone."""
+    """In the later run one case of a family misses a figure, the second has larger errors, the third is gone."""
     later = make_run(tmp_path, twist=True)
     forth, back = report.compare(run, later), report.compare(later, run)
     first = f"10 of {figures(run)} figures differ: 3 fall short now, 6 vanished, 1 errors grown."

@@ -42,7 +42,7 @@ from verification.running.suite import opened, run_suite
 
 @pytest.fixture
 def prepared(tmp_path, monkeypatch):
-    """Where workers find what they leave."""
+    """Folder in which workers find prepared outcomes."""
     monkeypatch.setattr(pool, "COMMAND", command(tmp_path / "prepared"))
     (tmp_path / "prepared").mkdir()
     return tmp_path / "prepared"
@@ -50,7 +50,7 @@ def prepared(tmp_path, monkeypatch):
 
 @pytest.fixture
 def folder(tmp_path):
-    """That of a run."""
+    """Folder of a run."""
     (tmp_path / "run" / "cases").mkdir(parents=True)
     return tmp_path / "run"
 
@@ -71,7 +71,7 @@ def listed(folder):
 
 
 def gone(pid):
-    """Whether a process is there no more, or dead and not yet buried."""
+    """Wait until a process has ended (a zombie counts as ended); False after a minute."""
     deadline = time.monotonic() + 60
     with suppress(FileNotFoundError):
         while "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text():

@@ -1,4 +1,4 @@
-"""What sympy derives against derivatives taken numerically from the displacement itself, and against mechanics."""
+"""Compare sympy's derivatives with numerical ones of the displacement itself, and with laws of mechanics."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def nominal_stress(given, points, law=LAW):
 
 
 def told(texts, points):
-    """What a solver makes of texts of the case."""
+    """Values at points that the solver gives to texts of the case."""
     return np.stack([Value.of(text)(points, 1.0) for text in texts], axis=-1)
 
 

@@ -21,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _left(args: argparse.Namespace) -> str:
-    """For a command that is stopped: what there is of its output."""
+    """Sentence for an interrupted command: the state of its output."""
     folder = getattr(args, "held", None)
     return "nothing was written" if folder is None else f"finished cases are kept in {folder}; --resume goes on"
 

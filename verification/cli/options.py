@@ -1,4 +1,4 @@
-"""How the commands' arguments are declared."""
+"""Declaration of the commands' arguments."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from verification.records import SUITES
 
 
 def add_command(commands: Any, name: str, run: Callable[..., None], text: str) -> argparse.ArgumentParser:
-    """Declare a command, with what all of them take; `text` is its line in the help."""
+    """Declare a command with the options common to all commands; `text` is its line in the help."""
     from verification.cli import EPILOG
 
     parser = add_lacmesh_command(commands, name, run, text)
@@ -20,7 +20,7 @@ def add_command(commands: Any, name: str, run: Callable[..., None], text: str) -
 
 
 def add_choice(parser: argparse.ArgumentParser, suite: str) -> None:
-    """Declare which cases."""
+    """Declare the arguments that select cases."""
     words = {"quick": "10 minutes on two cores", "full": "90 minutes", "all": "hours"}
     which = ", ".join(f"{name} ({words[name]})" for name in SUITES)
     parser.add_argument("--suite", choices=SUITES, default=suite, help=f"{which}; default: {suite}")

@@ -46,21 +46,21 @@ _CORNERS = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
 
 
 class Hertz(NamedTuple):
-    """The half-space's contact under a force: half-width or radius, and peak (Johnson, Contact Mechanics, 1985)."""
+    """Contact of half-spaces under a force: half-width or radius, and peak (Johnson, Contact Mechanics, 1985)."""
 
     radius: float
     peak: float
 
     @classmethod
     def plane(cls, force: float) -> Hertz:
-        """Of the cylinder on the block, under a force a length (Johnson, eqs 4.43 and 4.45)."""
+        """Contact of the cylinder on the block under a force per unit length (Johnson, eqs 4.43 and 4.45)."""
         modulus = 1 / ((1 - POISSON**2) * (1 / STEEL + 1 / ALLOY))
         a = float(np.sqrt(4 * force * RADIUS / (np.pi * modulus)))
         return cls(a, 2 * force / (np.pi * a))
 
     @classmethod
     def round(cls, force: float) -> Hertz:
-        """Of the two spheres (Johnson, eqs 4.22 and 4.24)."""
+        """Contact of the two spheres (Johnson, eqs 4.22 and 4.24)."""
         modulus = SPHERE / (2 * (1 - POISSON**2))
         a = float(np.cbrt(3 * force * (SPHERE_RADIUS / 2) / (4 * modulus)))
         return cls(a, 3 * force / (2 * np.pi * a**2))
@@ -81,7 +81,7 @@ class Profile:
 
     @classmethod
     def of(cls, s: Floats, p: Floats, force: float, first: float = 0.0) -> Profile:
-        """The one that is nearest to pressures at distances, both in parts as above, from `first` on."""
+        """Fit a profile to pressures at distances, both normalised as above, from the distance `first` on."""
         used = (first <= s) & (s <= _FITTED)
 
         def off(t: Floats) -> Floats:
@@ -92,7 +92,7 @@ class Profile:
 
 
 class Pressures(NamedTuple):
-    """At slave nodes: distance from the axis in the undeformed body, pressure an undeformed area; and the force."""
+    """Profile at slave nodes: distance from the axis and pressure, both of the undeformed body; and the total force."""
 
     x: Floats
     p: Floats
@@ -182,7 +182,7 @@ def held(points: Floats, cells: Ints, young: float, fixed: dict[float, Ints], *,
 
 
 def stiffness(points: Floats, cells: Ints, young: float, *, axisymmetric: bool = False) -> csc_matrix:
-    """Of QUAD4 in plane strain, or round the axis x = 0. Raises ValueError for a cell that is inside out."""
+    """Stiffness matrix of QUAD4 in plane strain or axisymmetric about x = 0. Raises ValueError for an inverted cell."""
     lame, mu = young * POISSON / ((1 + POISSON) * (1 - 2 * POISSON)), young / (2 * (1 + POISSON))
     D = np.diag([2 * mu, 2 * mu, 2 * mu, mu])
     D[:3, :3] += lame
@@ -209,7 +209,7 @@ def stiffness(points: Floats, cells: Ints, young: float, *, axisymmetric: bool =
 
 
 def complementary(flexible: Floats, gap: Floats, limit: int = 100) -> Floats:
-    """f >= 0 with gaps A f + g >= 0 and none where f > 0. Raises RuntimeError where the set does not settle."""
+    """Forces f >= 0 with gaps A f + g >= 0 that are 0 where f > 0. Raises RuntimeError without convergence."""
     touching = gap < 0
     for _ in range(limit):
         f = np.zeros(len(gap))
@@ -240,7 +240,7 @@ def _block(place: Floats, x: Floats, y: Floats) -> tuple[Held, Ints]:
 
 
 def _along(body: Held, nodes: Ints, n: Floats) -> Floats:
-    """(k, 2, k): what each of the nodes does where a unit force along n (k, 2) acts on one after another."""
+    """Flexibility (k, 2, k): displacement of each node under a unit force along n (k, 2) at each node in turn."""
     load = np.zeros((body.points.size, len(nodes)))
     each = np.arange(len(nodes))
     load[2 * nodes, each], load[2 * nodes + 1, each] = n.T

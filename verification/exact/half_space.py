@@ -48,7 +48,7 @@ class Potential:
 
 
 def plane(x: Floats, z: Floats, a: float, p0: float) -> Potential:
-    """Of a pressure along the line |x| <= a of the plane."""
+    """Potential of Hertz's pressure of peak p0 on the strip |x| <= a of the plane."""
     zeta: Complex = np.asarray(x + 1j * z)
     root = _root_plane(zeta, a)
     c = p0 / a
@@ -75,7 +75,7 @@ def _root_plane(zeta: Complex, a: float) -> Complex:
 
 
 def about_axis(r: Floats, z: Floats, a: float, p0: float) -> Potential:
-    """Of a pressure on the disc r <= a."""
+    """Potential of Hertz's pressure of peak p0 on the disc r <= a."""
     w = z + 1j * a
     S = np.sqrt(r**2 + w**2)
     S = np.where(S.imag < 0, -S, S)  # on the surface inside the disc
@@ -128,7 +128,7 @@ class Strains:
 
 
 def strains(of: Potential, z: Floats, young: float, poisson: float) -> Strains:
-    """What a potential says of a body of some stiffness at depths z (n,)."""
+    """Displacements and strains that a potential gives at depths z (n,) for these elastic constants."""
     nu, two_mu = poisson, young / (1 + poisson)
     return Strains(
         u_r=((1 - 2 * nu) * of.phi_r + z * of.omega_r) / two_mu,

@@ -64,19 +64,19 @@ class Fit:
 
     @property
     def between(self) -> float:
-        """The pressure of contact."""
+        """Contact pressure, from the interference."""
         apart, per_unit = self._apart(0.0), self._apart(1.0) - self._apart(0.0)
         return (self.interference - apart) / per_unit
 
     def displacement(self, x: Floats, body: Literal["within", "around"]) -> Floats:
-        """(n, dim) at points (n, dim) of one of the bodies, the centre at 0."""
+        """Displacement (n, dim) at points (n, dim) of one of the bodies, whose centre is at 0."""
         r = np.linalg.norm(x, axis=1)
         shell, p = getattr(self, body), self.between
         u = shell.displacement(r, *((self.pressure, p) if body == "within" else (p, self.outside)))
         return x * (u / r)[:, None]
 
     def _apart(self, p: float) -> float:
-        """How much farther out the outer body's face goes than the inner one's, under a pressure of contact."""
+        """Radial displacement of the outer body's contact face minus the inner one's, under contact pressure p."""
         c = np.array([self.within.outer])
         inner, outer = self.within.displacement(c, self.pressure, p), self.around.displacement(c, p, self.outside)
         return float((outer - inner)[0])

@@ -51,14 +51,14 @@ class PinInHole:
         return float(self.young / (1 - self.poisson**2) * self.clearance / ratio)
 
     def pressure(self, angle: Floats) -> Floats:
-        """(n,): at angles (n,) from the x axis, radians."""
+        """Contact pressure (n,) at angles (n,) from the x axis, radians."""
         b, y = self.b, np.tan(angle / 2)
         a, s = np.sqrt(1 + b**2), np.sqrt(np.maximum(b**2 - y**2, 0.0))
         shape = 2 / (np.pi * a) * s / (1 + y**2) + np.log((a + s) / (a - s)) / (2 * np.pi * b**2 * a**2)
         return self.force / self.radius * shape
 
     def displacement(self, x: Floats, body: Literal["pin", "plate"]) -> Floats:
-        """(n, 2) at points (n, 2) of a body, moved along x so that the two touch at (R, 0)."""
+        """Displacement (n, 2) at points (n, 2) of a body, moved along x so that the two touch at (R, 0)."""
         z: Complex = np.asarray((x[:, 0] + 1j * x[:, 1]) / self.radius, complex)
         u = self._outside(z) if body == "plate" else self._inside(z) + self._lift
         return np.stack([u.real, u.imag], axis=1)
@@ -73,7 +73,7 @@ class PinInHole:
 
     @cached_property
     def _lift(self) -> float:
-        """How far the pin is moved on along x."""
+        """Rigid-body displacement of the pin along x."""
         at: Complex = np.ones(1, complex)
         return float((self._outside(at) - self._inside(at)).real[0]) + self.clearance
 
@@ -97,7 +97,7 @@ class PinInHole:
         return self._moved(z, phi, slope, psi)
 
     def _inside(self, z: Complex) -> Complex:
-        """The same of the pin, with the force at its centre, the potentials in powers z^k."""
+        """u_x + i u_y of the pin, with the force at its centre and the potentials in powers z^k."""
         p, k, kappa = self._series, np.arange(2, _TERMS), self._kappa
         C, D = -p[1] / (2 * (1 + kappa)), kappa * p[1] / (2 * (1 + kappa))
         A, B = -p / 2, np.zeros(_TERMS)

@@ -52,7 +52,7 @@ class Sources:
 
 @cache
 def derive(displacement: Texts, law: Law = Law()) -> Sources:
-    """What makes a displacement (texts of x, y(, z), one a component) the solution.
+    """Loads and stress for which a displacement (texts of x, y(, z), one per component) is the solution.
 
     >>> derive(("0", "-y / 2")).pressure
     '3/16'
@@ -69,7 +69,7 @@ def derive(displacement: Texts, law: Law = Law()) -> Sources:
 
 
 def compiled(texts: Sequence[str]) -> Function:
-    """(n, k) at points (n, dim): the values of k texts of x, y(, z)."""
+    """Function of points (n, dim) that returns the values (n, k) of k texts of x, y(, z)."""
     columns = [sp.lambdify(_X, _read(text), "numpy", cse=True) for text in texts]
 
     def values(points: NDArray[np.floating]) -> NDArray[np.floating]:

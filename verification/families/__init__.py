@@ -36,7 +36,7 @@ def cases(suite: str = SUITES[-1], names: tuple[str, ...] = tuple(MODULES)) -> I
 
 
 def levels_in(case: Case, suite: str) -> int:
-    """How many levels a case has in a suite; 0 where the suite does without it.
+    """Number of levels of a case in a suite; 0 if the suite does not contain it.
 
     >>> levels_in(Case("patch", "a", "", None, {"quick": 1, "all": 4}), "full")
     1

@@ -54,7 +54,7 @@ class Touch:
 
     @property
     def dim(self) -> int:
-        """Of the space."""
+        """Dimension of space."""
         return 3 if self.model == "3d" else 2
 
 
@@ -98,7 +98,7 @@ def text(given: Touch) -> str:
 
 
 def run(case: Case, levels: int) -> Outcome:
-    """Every pair."""
+    """Solve every pair."""
     given: Touch = case.given
     solutions = [solve(text(given), mesh_of(given, *pair)) for pair in given.pairs]
     closed = min(_closed(solved) for solved in solutions)
@@ -108,7 +108,7 @@ def run(case: Case, levels: int) -> Outcome:
 
 
 def _placed(given: Touch, slave: str, master: str) -> Mesh:
-    """Blocks that are not bent yet."""
+    """Mesh of the blocks before they are bent."""
     if given.shape == "tower":
         return tower((slave, master, slave), (2, 3, 2))
     up = given.dim - 1
@@ -126,7 +126,7 @@ def _placed(given: Touch, slave: str, master: str) -> Mesh:
 
 
 def _closed(solved: Solved) -> int:
-    """Macro-elements that press, in the zone that has the fewest."""
+    """Number of macro-elements with a pressure, in the zone that has the fewest."""
     return min(int((np.abs(zone.pressure) > 0).sum()) for zone in solved.state.zones)
 
 

@@ -68,7 +68,7 @@ class Curved(Protocol):
 
     @property
     def axisymmetric(self) -> bool:
-        """Whether the model is."""
+        """True for an axisymmetric model."""
 
     @property
     def second(self) -> float | None:
@@ -76,18 +76,18 @@ class Curved(Protocol):
 
     @property
     def uniform(self) -> bool:
-        """Whether all of the slave is in contact."""
+        """True if the whole slave surface is in contact."""
 
     @property
     def exact(self) -> bool:
-        """Whether the skins are circles or spheres, which are found."""
+        """True if the skins are circles or spheres, which the fit recognises."""
 
     @property
     def cubic(self) -> bool:
-        """Whether the skins have third derivatives, of which heights over faces leave a part."""
+        """True if the skins have third derivatives, which heights over faces represent only in part."""
 
     def sets(self, level: int, levels: int) -> int:
-        """On how many sets of meshes the problem is solved on one of so many levels."""
+        """Number of sets of meshes on which the problem is solved at one of `levels` levels."""
 
     def mesh(self, level: int, number: int = 0) -> Mesh:
         """The bodies, not cut; of those that are irregular, a set of a `number`."""
@@ -105,7 +105,7 @@ class Curved(Protocol):
         """(n, 1): the exact pressure at points x (n, dim)."""
 
     def figures(self, solved: Solved) -> dict[str, float]:
-        """Other errors of a solution, by what they are called."""
+        """Further errors of a solution, by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +168,7 @@ def truly(problem: Problem, given: Curved) -> Problem:
 
 
 def results(given: Curved, found: Found) -> Iterator[Result]:
-    """What the smooth surfaces are held to, and the errors with each gap."""
+    """Criteria for the smooth surfaces, and the errors with each of the other gaps."""
     smooth, faces, true = found["smooth"], found["faces"], found["true"]
     yield falls(given, smooth, true)
     if given.exact:
@@ -203,7 +203,7 @@ def results(given: Curved, found: Found) -> Iterator[Result]:
 
 
 def falls(given: Curved, smooth: Levels, true: Levels) -> Result:
-    """How fast the error of p_m falls: as it does with the true gap, or as theory has it."""
+    """Convergence rate of p_m, judged against that with the true gap or, where it is lower, the theoretical rate."""
     h = [given.h(level) for level in range(len(true))]
     larger = [max(pair) for pair in zip(means(smooth), means(true), strict=True)]
     wanted, reason = FALLING, _UNEVEN
@@ -215,7 +215,7 @@ def falls(given: Curved, smooth: Levels, true: Levels) -> Result:
 
 
 def opened(given: Curved, smooth: Levels, faces: Levels) -> Iterator[Result]:
-    """How many macro-elements open where none should."""
+    """Numbers of macro-elements that open under a uniform pressure, where none should."""
     first = 1 if given.cubic and len(smooth) > 1 else 0
     where = "all meshes" if first == 0 else "all but the coarsest meshes"
     mine, theirs = (sum(s.open for level in own[first:] for s in level) for own in (smooth, faces))
@@ -226,24 +226,24 @@ def opened(given: Curved, smooth: Levels, faces: Levels) -> Iterator[Result]:
 
 
 def means(own: Levels, error: str = "error") -> list[float]:
-    """Root mean squares of an error over the sets of meshes, a level each."""
+    """Root mean square of an error over the sets of meshes, one per level."""
     return [float(np.sqrt(np.mean([getattr(one, error) ** 2 for one in level]))) for level in own]
 
 
 def table(given: Curved, own: Levels, errors: Sequence[float]) -> tuple[Level, ...]:
-    """Sizes of meshes, unknowns and errors, a level each."""
+    """Levels of a convergence table: mesh size, unknowns and error."""
     h = [given.h(level) for level in range(len(own))]
     return levels_of(h, [level[0].solved.unknowns for level in own], errors)
 
 
 def worst(own: Levels, error: str, *others: Levels) -> float:
-    """The largest ratio of errors on the same mesh, to the largest of the others'."""
+    """Largest ratio of an error to the largest error of the others on the same mesh."""
     flat = [[getattr(one, error) for level in levels for one in level] for levels in (own, *others)]
     return max(a / max(more) for a, *more in zip(*flat, strict=True))
 
 
 def falling(case: Case, found: Found) -> Plot:
-    """Errors of p_m over the mesh, with each gap."""
+    """Plot of the errors of p_m over the mesh size, with each gap."""
     given: Curved = case.given
 
     def drawn(gap: str) -> Line:

@@ -38,17 +38,17 @@ class Fitted:
 
     @property
     def exact(self) -> bool:
-        """Whether the skins are circles or spheres."""
+        """True if the skins are circles or spheres."""
         return self.stretch is None
 
     @property
     def cubic(self) -> bool:
-        """Whether the skins have third derivatives."""
+        """True if the skins have third derivatives."""
         return self.stretch is not None
 
     @property
     def axisymmetric(self) -> bool:
-        """Whether the model is."""
+        """True for an axisymmetric model."""
         return self.fit.model == "axisymmetric"
 
     @property
@@ -57,7 +57,7 @@ class Fitted:
         return _SECOND[self.fit.dim] if self.exact and not self.fit.interference else None
 
     def sets(self, level: int, levels: int) -> int:
-        """Twice as many on each coarser level, so that chance, which has few faces to play with, tells less."""
+        """Number of sets of meshes, doubled on each coarser level, where few faces make the result depend on chance."""
         return 1 << (levels - 1 - level)
 
     def mesh(self, level: int, number: int = 0) -> Mesh:
@@ -77,15 +77,15 @@ class Fitted:
         return lacsolver.parse_case(press_fit.case_text(self.fit, surface))
 
     def gap(self, x: Floats) -> Floats:
-        """(n,): that of surfaces which fit, less the interference."""
+        """True gap (n,): minus the interference, because the surfaces fit."""
         return np.full(len(x), -self.fit.interference)
 
     def pressure(self, x: Floats) -> Floats:
-        """(n, 1): uniform."""
+        """Exact pressure (n, 1), which is uniform."""
         return np.full((len(x), 1), self.fit.exact.between if self.exact else self.fit.pressure)
 
     def figures(self, solved: Solved) -> dict[str, float]:
-        """None."""
+        """No further errors."""
         return {}
 
 
@@ -98,7 +98,7 @@ _IN_PLANE, _SOLIDS = ("TRIA3", "QUAD4"), ("TETRA4", "HEXA8", "PENTA6")
 
 
 def cases(family: str) -> Iterator[Case]:
-    """All of them."""
+    """Cases of the curved press fits."""
     few, many = {"full": 4, "all": 5}, {"full": 3}
     shrunk = replace(_PLANE, outside=0.0, interference=0.02)
     yield from _each(family, _IN_PLANE, Fitted(_PLANE), "cylinders", few, 3.0, "TRIA3")

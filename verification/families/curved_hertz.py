@@ -35,11 +35,11 @@ class Lifted:
 
     @property
     def axisymmetric(self) -> bool:
-        """Whether the model is."""
+        """True for an axisymmetric model."""
         return self.hertz.model == "axisymmetric"
 
     def sets(self, level: int, levels: int) -> int:
-        """One."""
+        """One set of meshes."""
         return 1
 
     def mesh(self, level: int, number: int = 0) -> Mesh:
@@ -63,14 +63,14 @@ class Lifted:
         return replace(case, contact=(replace(contact, clearance=lacsolver.Value.of(0.0), surface=surface),))
 
     def gap(self, x: Floats) -> Floats:
-        """(n,): r^2 / 2R."""
+        """True gap (n,): r^2 / 2R."""
         return self._parabola(x)
 
     def _parabola(self, x: Floats) -> Floats:
         return (x[:, :-1] ** 2).sum(axis=1) / (2 * self.hertz.radius)
 
     def pressure(self, x: Floats) -> Floats:
-        """(n, 1): Hertz's."""
+        """Hertz's pressure (n, 1)."""
         return hertz.pressure(self.hertz, x)
 
     def figures(self, solved: Solved) -> dict[str, float]:
@@ -80,7 +80,7 @@ class Lifted:
 
 
 def cases(family: str) -> Iterator[Case]:
-    """All of them."""
+    """Cases of curved half-spaces."""
     for model, cells, sizes in (
         ("plane_strain", ("TRIA3", "QUAD4"), (4, 8, 16, 32)),
         ("axisymmetric", ("TRIA3", "QUAD4"), (4, 8, 16, 32)),

@@ -77,7 +77,7 @@ def _judged(gap: str, size: float, off: tuple[float, float], allowed: tuple[floa
 
 
 def away(own: Solved) -> tuple[int, float]:
-    """How many macro-elements away from the bore's edges are in contact, and their mean pressure."""
+    """Number and mean pressure of the macro-elements in contact away from the bore's edges."""
     (zone,) = own.state.zones
     there = (zone.pressure > 0) & (np.abs(zone.centre[:, 1]) < _AWAY)
     return int(there.sum()), float((zone.area * zone.pressure)[there].sum() / zone.area[there].sum())
@@ -95,7 +95,7 @@ def meshed(size: float, order: int) -> lacmesh.Mesh:
 
 
 def solved(mesh: lacmesh.Mesh, gap: str) -> Solved:
-    """With the gap between `faces`, `smooth` surfaces, or the cylinders themselves (`true`)."""
+    """Solve with the gap between `faces`, between `smooth` surfaces, or between the cylinders themselves (`true`)."""
     lines = [
         'mesh = "lug.msh"\nmodel = "3d"',
         entry("material", young=210e3, poisson=0.3),
@@ -126,7 +126,7 @@ def _truly(problem: Problem) -> Problem:
 
 
 def _reached(x: Floats, n: Floats, radius: float) -> Floats:
-    """(p,): how far a cylinder about y is from points x (p, 3) along n (p, 3), the nearer of two places."""
+    """Distance (p,) of a cylinder about y from points x (p, 3) along n (p, 3), to the nearer intersection."""
     x, n = x[:, ::2], n[:, ::2]
     a, b, c = (n * n).sum(axis=1), (n * x).sum(axis=1), (x * x).sum(axis=1) - radius**2
     root = np.sqrt(np.maximum(b * b - a * c, 0.0))
@@ -134,5 +134,5 @@ def _reached(x: Floats, n: Floats, radius: float) -> Floats:
 
 
 def cases(family: str) -> Iterator[Case]:
-    """One; it takes gmsh."""
+    """Case of the lug; it needs gmsh."""
     yield Case(family, "lug", "a pin in the eye of a lug from CAD, TETRA4", Lug(), {"all": 2}, 200.0)

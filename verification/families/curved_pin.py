@@ -47,7 +47,7 @@ class Pin:
     cubic: bool = False
 
     def sets(self, level: int, levels: int) -> int:
-        """One."""
+        """One set of meshes."""
         return 1
 
     def mesh(self, level: int, number: int = 0) -> Mesh:
@@ -85,11 +85,11 @@ class Pin:
         return Displacement(group=group, ux=u[0], uy=u[1])
 
     def gap(self, x: Floats) -> Floats:
-        """(n,): the clearance; both skins have the radius of the hole."""
+        """True gap (n,): the clearance; both skins have the radius of the hole."""
         return np.full(len(x), self.pin.clearance)
 
     def pressure(self, x: Floats) -> Floats:
-        """(n, 1): Persson's."""
+        """Persson's pressure (n, 1)."""
         return self.pin.pressure(np.arctan2(x[:, 1], x[:, 0]))[:, None]
 
     def figures(self, solved: Solved) -> dict[str, float]:
@@ -102,7 +102,7 @@ class Pin:
 
 
 def half_angle(centre: Floats, p: Floats, peak: float) -> float:
-    """Where the straight line through p^2 against the square of the angle comes to 0, degrees; NaN of too few faces."""
+    """Half-angle of contact, degrees: zero of the line fitted to p^2 over the squared angle; NaN with too few faces."""
     angle = np.degrees(np.arctan2(centre[:, 1], centre[:, 0]))
     outer = (angle > 30) & (p > 0.15 * peak)
     if outer.sum() < 2:
@@ -112,7 +112,7 @@ def half_angle(centre: Floats, p: Floats, peak: float) -> float:
 
 
 def cases(family: str) -> Iterator[Case]:
-    """All of them."""
+    """Cases of the pin."""
     for cell in ("TRIA3", "QUAD4"):
         for slave in ("within", "around"):
             quick = {"quick": 3} if (cell, slave) == ("TRIA3", "within") else {}

@@ -105,7 +105,7 @@ def run(case: Case, levels: int) -> Outcome:
 
 
 def broken(trial: Trial, cut: Cut) -> dict[str, int]:
-    """All that is counted, of one cut."""
+    """Count all that is wrong with one cut, by name."""
     found = violations(trial.mesh, cut)
     made = (cut.mesh.n_nodes - trial.mesh.n_nodes, cut.mesh.n_cells - trial.mesh.n_cells)
     other = lacmesh.cut_skin(backwards(trial.mesh), trial.slave[::-1], hexa=trial.hexa)
@@ -163,7 +163,7 @@ def listed(nodes: Ints, kind: str, turn: int, inward: bool) -> Ints:
 
 
 def backwards(mesh: Mesh) -> Mesh:
-    """The same mesh with its types, cells and groups in the opposite order."""
+    """Copy of a mesh with its types, cells and groups in the opposite order."""
     place = np.empty(mesh.n_cells, int)
     blocks, first = [], 0
     for k, b in reversed(list(enumerate(mesh.blocks))):
@@ -262,7 +262,7 @@ def _quality(cut: Cut) -> float:
 
 
 def _none(name: str, found: Counter[str], trials: int) -> Result:
-    """A count that must be nothing."""
+    """Result for a count that must be zero."""
     first = next((label for label, count in found.items() if count), None)
     reason = f"counted in {trials} bodies" + (f"; first: {first}" if first else "")
     return at_most(name, sum(found.values()), 0, source=_SOURCE, reason=reason)

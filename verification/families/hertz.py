@@ -76,17 +76,17 @@ class Given:
 
     @property
     def dim(self) -> int:
-        """Of the space."""
+        """Dimension of space."""
         return 3 if self.model == "3d" else 2
 
     @property
     def order(self) -> int:
-        """Of the cells."""
+        """Polynomial order of the cells."""
         return int(CELLS[self.cell].order)
 
     @property
     def bodies(self) -> list[tuple[float, float]]:
-        """(E, nu) of the slave, and of the master where it is elastic."""
+        """Elastic constants (E, nu) of the slave, and of the master unless it is rigid."""
         return list(zip(self.young, self.poisson, strict=True))[: 1 if self.rigid else 2]
 
     @property
@@ -117,14 +117,14 @@ class Body:
         return found, np.where(r > 0, x[:, 0] / safe, 1.0), x[:, 1] / safe
 
     def displacement(self, at: tuple[Strains, Floats, Floats]) -> Floats:
-        """(n, dim): of what `at` gives."""
+        """Displacement (n, dim), from the result of `at`."""
         found, c, s = at
         up = self.side * found.u_z + self.lift
         columns = [found.u_r * c, found.u_r * s, up] if self.given.dim == 3 else [found.u_r, up]
         return np.stack(columns, axis=1)
 
     def strain(self, at: tuple[Strains, Floats, Floats]) -> Floats:
-        """(n, 6): xx, yy, zz, xy, yz, xz, of what `at` gives."""
+        """Strain (n, 6): xx, yy, zz, xy, yz, xz, from the result of `at`."""
         found, c, s = at
         rz, zero = self.side * found.rz, np.zeros_like(found.rr)
         if self.given.dim == 3:
@@ -145,7 +145,7 @@ def bodies(given: Given) -> dict[str, Body]:
 
 
 def pressure(given: Given, x: Floats) -> Floats:
-    """(n, 1): Hertz's pressure at points of the surface (n, dim)."""
+    """Hertz's pressure (n, 1) at points of the surface (n, dim)."""
     square = (x[:, :-1] ** 2).sum(axis=1)
     return given.p0 * np.sqrt(np.maximum(1 - square, 0.0))[:, None]
 
@@ -214,7 +214,7 @@ def solve_level(given: Given, level: int) -> Solution:
 
 
 class Errors(NamedTuple):
-    """Of u, relative: in the energy norm (sqrt of the integral of sigma : epsilon) and in L2, over both bodies."""
+    """Relative errors of u over both bodies: energy norm (sqrt of the integral of sigma : epsilon) and L2 norm."""
 
     energy: float
     u: float
@@ -242,7 +242,7 @@ def displacement_errors(given: Given, solved: Solved) -> Errors:
 
 
 def half_width(centre: Floats, p: Floats, p0: float) -> float:
-    """Where the straight line through p_m^2 against r^2, over the outer half of contact, comes to 0."""
+    """Half-width of contact: zero of the line fitted to p_m^2 over r^2 in the outer half of contact."""
     r = np.linalg.norm(centre[:, :-1], axis=1)
     outer = (r > 0.5) & (p > 0.15 * p0)
     if outer.sum() < 2:
@@ -252,7 +252,7 @@ def half_width(centre: Floats, p: Floats, p0: float) -> float:
 
 
 def approach(solved: Solved) -> float:
-    """How far the points on the axis at depth a of the slave and of the master (or the rigid plane) come together."""
+    """Mutual approach of the points on the axis at depth a in slave and master (or in the rigid plane)."""
     x, u = solved.mesh.points, solved.u
     dim = u.shape[1]
     found = []
@@ -263,7 +263,7 @@ def approach(solved: Solved) -> float:
 
 
 def exact_approach(given: Given) -> float:
-    """The same of the half-spaces."""
+    """Mutual approach of the same points in the half-spaces, in closed form."""
     found = {
         group: float(body.displacement(body.at(np.array([[*[0.0] * (given.dim - 1), float(body.side)]])))[0, -1])
         for group, body in bodies(given).items()
@@ -336,7 +336,7 @@ def _sorted(label: str, x: Floats, y: Floats, style: Literal["points", "both"]) 
 
 
 def _pictures(case: Case, found: list[Solution]) -> tuple[Picture, ...]:
-    """In space, of the level that is coarse enough to see the cells."""
+    """Picture of a 3D solution, on the level that is coarse enough to see the cells."""
     return (found[0].solved.picture(case.about),) if case.given.dim == 3 else ()
 
 

@@ -77,7 +77,7 @@ class Cylinder:
 
     @property
     def profile(self) -> str:
-        """The name of what must come out."""
+        """Name of the reference profile."""
         return "linear" if self.geometry == "reference" else "current"
 
 
@@ -112,9 +112,9 @@ class Measured(NamedTuple):
 
 
 def measured(x: Floats, p: Floats, half_space: Hertz, exact: Floats, top: float) -> Measured:
-    """Of pressures p at distances x from the axis. `exact`: at these places, over the half-space's peak, as is `top`.
+    """Errors of pressures p at distances x from the axis; `exact` (at x) and `top` are over the half-space's peak.
 
-    The half-width is where the line through p^2 against x^2, over the outer half of contact, comes to nothing.
+    The half-width is the zero of the line fitted to p^2 over x^2 in the outer half of contact.
     """
     s, p = x / half_space.radius, p / half_space.peak
     inner, outer = s <= INNER, (s > 0.5) & (p > 0.15)
@@ -139,7 +139,7 @@ class Pressures:
 
     @classmethod
     def of(cls, solved: Solved, half_space: Hertz, uncut: Mesh) -> Pressures:
-        """Of the zone `slave`."""
+        """Pressures on the zone `slave` of a solution."""
         zone, x = solved.fields.zones["slave"], solved.mesh.points[:, 0]
         skin = np.flatnonzero(np.isfinite(zone.pressure_recovered))
         skin = skin[np.argsort(x[skin])]
@@ -170,7 +170,7 @@ class Pressures:
 
 
 def middles(mesh: Mesh) -> Floats:
-    """(n_macros,): how far the middles of the undeformed macro-elements of a plane mesh are from the axis."""
+    """Distance (n_macros,) from the axis to the middle of each undeformed macro-element of a plane mesh."""
     macro = mesh.cell_data["lac_macro"]
     faces = np.flatnonzero(macro >= 0)
     ends = np.concatenate([mesh.points[nodes[:, :2]] for _, _, nodes in mesh.select(faces)])
@@ -224,7 +224,7 @@ def pushed(given: Cylinder, n: int) -> Pressures:
 
 
 def errors(given: Cylinder, n: int, own: Pressures) -> tuple[Result, ...]:
-    """What a mesh is judged by: the recovered pressure against that of the best peer; and what is told beside it."""
+    """Judged error of the recovered pressure, against the best peer's, and the reported errors beside it."""
     found = {at: own.against(given.profile, at) for at in ("given", "nodes", "means")}
     half_space = own.against("half-space")
     theirs = tuple(Published(who, f[n] / 100, _PEERS) for who, f in _MEASURED.items() if n in f)
@@ -335,7 +335,7 @@ def axis_stress(given: Spheres, n: int, own: Pressures) -> tuple[Result, ...]:
 
 
 def compare_profiles(given: Reference) -> Outcome:
-    """The profiles that are kept against coarser ones made now: how exact they are."""
+    """Compare the stored profiles with coarser ones computed now, to estimate their accuracy."""
     s = np.linspace(0, INNER, 91)
     results, plots = [], []
     for name, kept in PROFILES.items():

@@ -1,4 +1,4 @@
-"""Whether pressures and displacements fit together: the inf-sup constant against h, and what pressures do without it.
+"""Inf-sup stability: the constant against h, and the contact pressures on meshes that lack it.
 
 A block whose slave side is cut, and the same block with each slave face a macro-element as it is. The constant that
 the theory promises for cut skins is that of the internal dofs alone (Abbas, Drouet, Hild, CMAME 339, 2018: the
@@ -115,7 +115,7 @@ def run(case: Case, levels: int) -> Outcome:
 
 
 def constants(given: Skin, n: int) -> Constants:
-    """Those of the block with n cells a side."""
+    """Inf-sup constants of the block with n cells per side."""
     mesh = block_of(given, n)
     slave = f"{'xyz'[given.dim - 1]}0"
     made = lacsolver.contact_matrices(mesh, slave, "master", hexa=given.hexa)
@@ -156,7 +156,7 @@ def uncut(mesh: Mesh, slave: str) -> Mesh:
 
 
 def _moving(mesh: Mesh) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """(n_nodes,) twice: nodes that are in no side but the slave; the same, but free in sides that the slave meets."""
+    """Masks (n_nodes,) of movable nodes: with all sides but the slave fixed, and with only the far side fixed."""
     x, d = mesh.points, mesh.space_dim
     far = np.abs(x[:, d - 1]) > 1 - 1e-9
     sides = (np.abs(x[:, : d - 1] - 0.5) > 0.5 - 1e-9).any(axis=1)
@@ -192,12 +192,12 @@ def _stays(quantity: str, h: Sequence[float], found: Sequence[Constants], beta: 
 
 
 def _levels(h: Sequence[float], found: Sequence[Constants], beta: Sequence[float]) -> tuple[Level, ...]:
-    """The table of constants; zeros, whose rates are none, as the least number."""
+    """Convergence table of the constants; zeros, which have no rate, appear as the least number."""
     return levels_of(h, [v.unknowns for v in found], np.maximum(beta, np.finfo(float).tiny).tolist())
 
 
 def _unbounded(given: Skin, h: Sequence[float], found: Sequence[Constants]) -> list[Result]:
-    """The uncut skin's is zero with its rim fixed, and falls with it free, or is told only."""
+    """Criteria for the uncut skin: its constant is zero with a fixed rim; with a free one it falls or is reported."""
     fixed, free = [v.uncut for v in found], [v.uncut_free for v in found]
     if given.kind not in ZERO or given.master:
         reason = "the hypothesis is sufficient, not necessary: it fails here, and this is what becomes of the constant"
@@ -233,7 +233,7 @@ def _plot(case: Case, h: Sequence[float], found: Sequence[Constants]) -> Plot:
 
 
 def exact_pressure(x: Floats) -> NDArray[np.floating]:
-    """(n, 1) at points (n, dim): pressure in the middle of a band of half-height 1 under 1 + LOAD cos(pi x)."""
+    """Exact pressure (n, 1) at points (n, dim) in the middle of a band of half-height 1 under 1 + LOAD cos(pi x)."""
     a = np.pi
     amplitude = LOAD * (np.sinh(a) + a * np.cosh(a)) / (a + np.sinh(a) * np.cosh(a))
     return np.asarray(1 + amplitude * np.cos(np.pi * x[:, :1]))
@@ -316,7 +316,7 @@ def _steps(got: Solved, label: str) -> Line:
 
 
 def _met(x: Floats, dim: int) -> list[float]:
-    """Where the outline of a face, corners x (n, 3), meets the line; both ends of a segment in a plane."""
+    """Coordinates x at which the outline of a face, corners x (n, 3), crosses the line y = 0.4; in 2D both ends."""
     if dim == 2:
         return [float(v) for v in x[:, 0]]
     y = x[:, 1] - 0.4

@@ -134,7 +134,7 @@ def exact_pressure(row: Row) -> Function:
 
 
 def cells_a_side(row: Row, level: int) -> int:
-    """How many cells, or pairs of triangles and so on, a block has along each axis."""
+    """Number of cells, or of pairs of triangles and the like, along each axis of a block."""
     return _COARSEST[row.solution.dim] << level
 
 
@@ -205,7 +205,7 @@ def _levels(found: Sequence[Solution], error: str) -> tuple[Level, ...]:
 
 
 def _theirs(row: Row, value: float | None) -> tuple[Published, ...]:
-    """code_aster's rate; it stands beside ours and is not what ours is held against."""
+    """Rate of code_aster, for comparison only: ours is not judged by it."""
     source = f"{row.test} of its validation suite: the last two of {row.levels} levels"
     return () if value is None else (Published("code_aster, LAC", value, source),)
 
@@ -259,7 +259,7 @@ def _case(row: Row) -> Case:
 
 
 def _suites(row: Row) -> dict[str, int]:
-    """How many levels in each suite."""
+    """Number of levels in each suite."""
     quick = {"quick": _QUICK[row.name]} if row.name in _QUICK else {}
     if row.solution.dim == 2:
         return {**quick, "full": 5, "all": 6}

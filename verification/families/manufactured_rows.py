@@ -72,7 +72,7 @@ class Row:
 
     @property
     def name(self) -> str:
-        """Of its case: the cell, and how it is cut where there are two ways."""
+        """Name of the case: the cell, with the subdivision where there are two."""
         return f"{self.cell}-{self.hexa}" if self.hexa else self.cell
 
     @property
@@ -82,7 +82,7 @@ class Row:
 
     @property
     def order(self) -> int:
-        """Of its cells: 1 or 2."""
+        """Order of the cells: 1 or 2."""
         return CELLS[self.cell].order
 
 

@@ -49,18 +49,18 @@ class Press:
 
     @property
     def dim(self) -> int:
-        """Of the space."""
+        """Dimension of space."""
         return 3 if self.model == "3d" else 2
 
     @property
     def turn(self) -> NDArray[np.floating]:
-        """(3, 3): the rotation of the frame."""
+        """Rotation (3, 3) of the frame."""
         return tilt(self.dim) if self.tilted else np.eye(3)
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Of one stack, relative: stress at integration points, every p_m, displacement at nodes; the worst of each."""
+    """Largest relative errors of one stack: stress at integration points, p_m, displacement at nodes."""
 
     label: str
     stress: float
@@ -114,7 +114,7 @@ def text(given: Press) -> str:
 
 
 def exact_displacement(given: Press, points: NDArray[np.floating]) -> NDArray[np.floating]:
-    """(n, dim) at points (n, 3): linear from the corner, or axis, that does not move."""
+    """Exact displacement (n, dim) at points (n, 3): linear from the corner, or axis, that does not move."""
     e = PRESSURE / YOUNG
     across, down = POISSON * e, -e
     if given.model == "plane_strain":
@@ -124,7 +124,7 @@ def exact_displacement(given: Press, points: NDArray[np.floating]) -> NDArray[np
 
 
 def exact_stress(given: Press) -> NDArray[np.floating]:
-    """(6,): xx, yy, zz, xy, yz, xz."""
+    """Exact stress (6,): xx, yy, zz, xy, yz, xz."""
     sigma = np.zeros((3, 3))
     sigma[given.dim - 1, given.dim - 1] = -PRESSURE
     if given.model == "plane_strain":
@@ -134,7 +134,7 @@ def exact_stress(given: Press) -> NDArray[np.floating]:
 
 
 def run(case: Case, levels: int) -> Outcome:
-    """Every pair, with the slave below and above."""
+    """Solve every pair, with the slave below and above."""
     given: Press = case.given
     made = [errors(given, *pair, below) for pair in given.pairs for below in (True, False)]
     results = [_worst(figure, made) for figure in _figures(given)]
@@ -164,7 +164,7 @@ def _matrix(made: Sequence[Errors]) -> Plot:
 
 
 def _figures(given: Press | None) -> tuple[_Figure, ...]:
-    """What is measured, with what peers obtained where they ran the same problem."""
+    """Measured quantities, with the errors of other codes where these ran the same problem."""
     known = _published(given) if given is not None else ((), ())
     return (
         _Figure("stress at integration points", "stress", known[0]),
@@ -174,7 +174,7 @@ def _figures(given: Press | None) -> tuple[_Figure, ...]:
 
 
 def _published(given: Press) -> tuple[tuple[Published, ...], tuple[Published, ...]]:
-    """What others obtained, of stress and of pressure, on hexahedra: the meshes are theirs without a bend."""
+    """Stress and pressure errors of other codes on hexahedra; they used the same meshes, without a bend."""
     if given.bend or given.model != "3d" or given.pairs[0] != ("HEXA8", "HEXA8"):
         return (), ()
     hexa = dict(given.contact)["hexa"]

@@ -90,12 +90,12 @@ class PressFit:
 
     @property
     def order(self) -> int:
-        """Of its cells: 1 or 2."""
+        """Order of the cells: 1 or 2."""
         return CELLS[self.cell].order
 
     @property
     def model(self) -> str:
-        """As a case of the solver calls it."""
+        """Name of the model in a case of the solver."""
         if self.dim == 3:
             return "3d"
         return "axisymmetric" if self.shape == "sphere" else self.shape
@@ -208,7 +208,7 @@ def case_text(given: PressFit, surface: str = "smooth") -> str:
 
 
 def _sized(given: PressFit, found: Solution) -> Iterator[Result]:
-    """What is asked of a mesh of the size of ssnp173a's: the least and the largest p_m, beside code_aster's."""
+    """Criteria for a mesh of the size of ssnp173a's: smallest and largest p_m, compared with code_aster's."""
     p, right = found.solved.state.zones[0].pressure, given.exact.between
     source = "Lame; code_aster's test file has 4.894178"
     reason = f"{given.allowed:g} of the pressure is what such a mesh allows; code_aster's is off by up to 1.7e-4"

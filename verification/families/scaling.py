@@ -1,4 +1,4 @@
-"""How time grows with size: cut, search, assembly, and the solve.
+"""Growth of computing time with size: cut, search, assembly, and the solve.
 
 Expected: each stage but the solve visits every cell or face a bounded number of times (trees of boxes add a logarithm),
 so its time goes with the size to the power 1. Seconds are those of the process, the least of some repetitions, after
@@ -68,18 +68,18 @@ class Stages:
 
     @property
     def cells(self) -> int:
-        """Of the mesh that is cut, skins included."""
+        """Number of cells of the mesh that is cut, skins included."""
         return self.mesh.n_cells
 
     @property
     def faces(self) -> int:
-        """Of slave and master, cut."""
+        """Number of faces of slave and master after the cut."""
         zone = self.problem.joints[0].zone
         return len(zone.slave) + len(zone.master)
 
     @property
     def unknowns(self) -> int:
-        """Displacements that are sought."""
+        """Number of displacement unknowns."""
         return int(self.problem.constraints.n_q)
 
     def cut(self) -> None:
@@ -101,7 +101,7 @@ class Stages:
         lacsolver.assemble_stiffness(space, self.problem.materials, 1)
 
     def solve(self) -> None:
-        """All from the stiffness to the state."""
+        """Solve, from the stiffness to the state."""
         list(lacsolver.march(self.problem))
 
 
@@ -115,7 +115,7 @@ _STAGES: dict[str, tuple[str, str, str]] = {
 
 
 def run(case: Case, levels: int) -> Outcome:
-    """All stages on plates of some sizes; smaller ones are solved."""
+    """Time all stages on plates of some sizes; only the smaller ones are solved."""
     given: Plates = case.given
     small = Stages.of(given, 6)
     _ = timed([small]), seconds_of(small.solve, 0.0)  # compiled and loaded, all that is used

@@ -71,7 +71,7 @@ class Slider:
 
     @property
     def dim(self) -> int:
-        """Of the space."""
+        """Dimension of space."""
         return int(CELLS[self.cell].dim)
 
 
@@ -212,7 +212,7 @@ def _iterations(given: Dragged, own: Solved) -> Result:
 
 
 def newton(states: Sequence[State], tolerance: float, named: str = "") -> tuple[Result, ...]:
-    """Whether steps are halved, whether their last iterations are quadratic, and of what order they are."""
+    """Criteria for Newton's method: halved steps, quadratic last iterations, and their order."""
     settled = [state.residuals[len(state.residuals) - state.settled :] for state in states]
     pairs = [own for residuals in settled if (own := last_pairs(residuals, tolerance))]
     halved = sum(state.halvings for state in states)
@@ -235,7 +235,7 @@ def newton(states: Sequence[State], tolerance: float, named: str = "") -> tuple[
 
 
 def quadratic(pairs: Sequence[tuple[float, float]], tolerance: float) -> bool:
-    """Whether each residual is at most the one before to the power of `ORDER`, or below the tolerance.
+    """True if each residual is at most the previous one to the power `ORDER`, or below the tolerance.
 
     >>> quadratic([(1e-3, 2e-6), (2e-6, 1e-11)], 1e-10), quadratic([(1e-3, 1e-4)], 1e-10)
     (True, False)
@@ -253,7 +253,7 @@ def last_pairs(residuals: Sequence[float], tolerance: float) -> list[tuple[float
 
 
 def evenness(states: Sequence[State], named: str = "") -> tuple[Result, ...]:
-    """How far pressures go up and down from face to face, worst and mean of the steps; and how many hills there are."""
+    """Criteria for even pressures: alternation from face to face, worst and mean of the steps, and total variation."""
     rows = [row for state in states if (row := along(state)[1]).max() > 0]
     swings = [alternation(row) for row in rows]
     mean = "the mean of the steps, beside the worst"
@@ -278,7 +278,7 @@ def along(state: State) -> tuple[Floats, Floats]:
 
 
 def alternation(p: Floats) -> float:
-    """Half of the least of three differences running that change sign each time, the largest of these, over the peak.
+    """Checkerboard amplitude over the peak: the largest min(|d1|, |d2|, |d3|) / 2 of three alternating differences.
 
     >>> alternation(np.array([0.0, 1.0, 2.0, 1.0, 0.0])), alternation(np.array([0.0, 1.0, 0.8, 1.0, 0.0]))
     (0.0, 0.09999999999999998)
@@ -309,7 +309,7 @@ def histories(title: str, states: Sequence[State], count: int = 5) -> Plot:
 
 
 def forces(title: str, given: Dragged, own: Solved) -> Plot:
-    """The force on what is moved, up and along, over the way: down where it is only pushed, else along."""
+    """Plot of vertical and horizontal force over the path: over the motion along x, or downward if there is none."""
     figures = [own.answer.figures(state) for state in own.states]
     way = np.array([f.probes[given.moved] for f in figures])
     force = np.array([f.reactions[given.moved] for f in figures])

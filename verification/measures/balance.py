@@ -1,4 +1,4 @@
-"""Whether contact forces on slave and master are in balance."""
+"""Balance of the contact forces on slave and master."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ Floats = NDArray[np.floating]
 
 
 class Balance(NamedTuple):
-    """What is left of the sums of forces and of moments, relative to the sums of their own sizes."""
+    """Largest components of the resultant force and moment, each relative to the sum of the magnitudes."""
 
     force: float
     moment: float
 
 
 def unbalanced(x: Floats, force: Floats, *, axisymmetric: bool = False) -> Balance:
-    """The balance of forces (n, d) that act at x (n, 3), moments about the middle of the nodes that have any.
+    """Balance of forces (n, d) that act at x (n, 3), with moments about the mean of the loaded nodes.
 
-    Radial forces are in balance all round an axis, and so are moments: there only forces along it are left.
+    In axisymmetry radial forces and moments are in balance by themselves: only the axial forces are summed.
 
     >>> unbalanced(np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([[0.0, 1], [0, -1]]))
     Balance(force=0.0, moment=1.0)

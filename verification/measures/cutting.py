@@ -1,4 +1,4 @@
-"""What must hold after a cut, counted by what the two meshes say: no verdict of lacmesh's own is used.
+"""Violations of the properties of a cut, counted from the two meshes alone, without lacmesh's own checks.
 
 `before` is the mesh that was cut, whose cells are positive and whose faces are plane, so that children tile exactly.
 """
@@ -25,12 +25,12 @@ _DEGREE = 6
 
 
 def violations(before: Mesh, cut: Cut) -> dict[str, int]:
-    """How often each property is broken: property -> how many cells, facets, nodes or groups break it."""
+    """Count the violations: property -> number of cells, facets, nodes or groups that break it."""
     return {name: broken(before, cut) for name, broken in _PROPERTIES.items()}
 
 
 def sizes(mesh: Mesh) -> NDArray[np.floating]:
-    """(n_cells,): volume, area or length; of cells that fill the space signed."""
+    """Volume, area or length of each cell (n_cells,); signed for cells of the space's dimension."""
     out = np.zeros(mesh.n_cells)
     for kind, cells, nodes in _of(mesh, range(mesh.n_cells)):
         if CELLS[kind].dim:
@@ -40,7 +40,7 @@ def sizes(mesh: Mesh) -> NDArray[np.floating]:
 
 
 def facets(mesh: Mesh) -> dict[tuple[int, ...], list[tuple[str, Ints]]]:
-    """Sorted corners -> (type, nodes) of that facet in each cell of the highest dimension that has it."""
+    """Facets of the cells of the highest dimension: sorted corners -> (type, nodes) in each cell that has the facet."""
     found: dict[tuple[int, ...], list[tuple[str, Ints]]] = defaultdict(list)
     for block in mesh.blocks:
         if CELLS[block.type].dim == mesh.space_dim:
@@ -52,7 +52,7 @@ def facets(mesh: Mesh) -> dict[tuple[int, ...], list[tuple[str, Ints]]]:
 
 
 def same_up_to_numbers(one: Mesh, other: Mesh) -> bool:
-    """Whether two meshes are the same cells at the same places in the same groups."""
+    """True if two meshes have the same cells at the same places in the same groups."""
     return _places(one) == _places(other)
 
 
@@ -67,7 +67,7 @@ def _not_filled(before: Mesh, cut: Cut) -> int:
 
 
 def _inverted(before: Mesh, cut: Cut) -> int:
-    """Cells that fill the space with a determinant that is not positive at each point of a rule."""
+    """Count cells of the space's dimension whose Jacobian determinant is not positive at some quadrature point."""
     mesh, count = cut.mesh, 0
     for kind, _, nodes in _of(mesh, np.flatnonzero(mesh.cell_dim == mesh.space_dim)):
         X, _ = rule(CELLS[kind].family, _DEGREE)

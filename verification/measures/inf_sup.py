@@ -29,7 +29,7 @@ _DEGREE = 4
 def constant(made: ContactMatrices, moving: NDArray[np.bool_]) -> float:
     """beta of contact matrices, over displacements of the nodes that are `moving` (n_nodes,), the others fixed.
 
-    Zero comes out as some 1e-8, the root of rounding.
+    A constant of zero is computed as some 1e-8, the square root of rounding.
     """
     dim = made.normal.shape[1]
     nodes = np.flatnonzero(moving & held(made.mesh))
@@ -47,7 +47,7 @@ def constant(made: ContactMatrices, moving: NDArray[np.bool_]) -> float:
 
 
 def held(mesh: Mesh) -> NDArray[np.bool_]:
-    """(n_nodes,): whether a cell of the body holds the node."""
+    """Mask (n_nodes,) of the nodes that belong to a cell of the body."""
     out = np.zeros(mesh.n_nodes, bool)
     for _, _, nodes in mesh.select(_body(mesh)):
         out[nodes] = True
@@ -55,7 +55,7 @@ def held(mesh: Mesh) -> NDArray[np.bool_]:
 
 
 def norm(mesh: Mesh) -> csc_array:
-    """A (n_nodes, n_nodes): v^T A v = the square of the norm of H1 of a scalar field v."""
+    """Matrix A (n_nodes, n_nodes) of the H1 norm of a scalar field v: v^T A v = ||v||^2."""
     entries, rows, columns = [], [], []
     for at in points_of(mesh, _body(mesh), degree=_DEGREE):
         dN = at.dN @ np.linalg.inv(at.J[..., : at.J.shape[-1], :])

@@ -40,7 +40,7 @@ class Points(NamedTuple):
     J: Floats
 
     def gradient(self, u: Floats) -> Floats:
-        """(k, p, d, dim): du_i / dx_j of a nodal field u (n_nodes, d), for cells that fill their space."""
+        """Gradient (k, p, d, dim), du_i / dx_j, of a nodal field u (n_nodes, d), for cells of the space's dimension."""
         dim = self.J.shape[-1]
         dN = self.dN @ np.linalg.inv(self.J[..., :dim, :])
         return np.einsum("kni,kpnj->kpij", u[self.nodes], dN)
@@ -63,7 +63,7 @@ def points_of(mesh: Mesh, cells: Ints, *, axisymmetric: bool = False, degree: in
 def displacement_error(
     mesh: Mesh, u: Floats, exact: Function, *, cells: Ints | None = None, axisymmetric: bool = False
 ) -> float:
-    """|u - u_exact| / |u_exact| in L2 over the body, or over some cells (sorted indices); u (n_nodes, dim)."""
+    """Error |u - u_exact| / |u_exact| in L2 over the body or some cells (sorted indices); u (n_nodes, dim)."""
     body = np.flatnonzero(mesh.cell_dim == mesh.space_dim) if cells is None else cells
     off = whole = 0.0
     for at in points_of(mesh, body, axisymmetric=axisymmetric):
@@ -74,14 +74,14 @@ def displacement_error(
 
 
 class PressureErrors(NamedTuple):
-    """Relative to the exact pressure in L2: of p_m against it, and against its mean over each macro-element."""
+    """Errors of p_m relative to the exact pressure in L2: against it, and against its mean over each macro-element."""
 
     exact: float
     mean: float
 
     @property
     def best(self) -> float:
-        """Of the exact means themselves: no constants on macro-elements have less (Pythagoras)."""
+        """Relative L2 error of the exact means, the best of all constants on macro-elements (Pythagoras)."""
         return float(np.sqrt(max(self.exact**2 - self.mean**2, 0.0)))
 
 
@@ -104,9 +104,9 @@ def pressure_errors(mesh: Mesh, p: Floats, exact: Function, *, axisymmetric: boo
 def nodal_pressure_error(
     mesh: Mesh, p: Floats, exact: Function, *, faces: Ints | None = None, axisymmetric: bool = False
 ) -> float:
-    """|p - p_exact| / |p_exact| in L2 of a pressure p (n_nodes,) at the nodes of the slave of a cut mesh.
+    """Error |p - p_exact| / |p_exact| in L2 of a pressure p (n_nodes,) at the nodes of the slave of a cut mesh.
 
-    Over all of its faces, or over some (sorted indices of cells).
+    The integral runs over all slave faces, or over some (sorted indices of cells).
     """
     faces = np.flatnonzero(mesh.cell_data["lac_macro"] >= 0) if faces is None else faces
     off = whole = 0.0
@@ -118,7 +118,7 @@ def nodal_pressure_error(
 
 
 def strains(u: Floats, at: Points, *, axisymmetric: bool = False) -> Floats:
-    """(k, p, 6): strain xx, yy, zz, xy, yz, xz (tensor components) of a nodal displacement u (n_nodes, dim)."""
+    """Strain (k, p, 6): xx, yy, zz, xy, yz, xz (tensor components) of a nodal displacement u (n_nodes, dim)."""
     G = at.gradient(u)
     out = np.zeros((*G.shape[:2], 6))
     dim = G.shape[-1]
@@ -141,7 +141,7 @@ def energy(strain: Floats, w: Floats, young: float, poisson: float) -> float:
 
 
 def _values(exact: Function, x: Floats, dim: int) -> Floats:
-    """(k, p, components) of an exact field at points (k, p, 3)."""
+    """Values (k, p, components) of an exact field at points (k, p, 3)."""
     return exact(x.reshape(-1, 3)[:, :dim]).reshape(*x.shape[:2], -1)
 
 

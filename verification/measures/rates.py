@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 def pairwise(h: Sequence[float], error: Sequence[float]) -> NDArray[np.floating]:
-    """(n - 1,): the rate from each level to the next.
+    """Rates (n - 1,) of convergence from each level to the next.
 
     >>> pairwise([1, 0.5, 0.25], [8, 2, 0.5]).round(12).tolist()
     [2.0, 2.0]
@@ -31,6 +31,6 @@ def fitted(h: Sequence[float], error: Sequence[float], last: int | None = None) 
 
 
 def _log(values: Sequence[float]) -> NDArray[np.floating]:
-    """Logarithms; NaN for what has none: a rate to or from an error of zero is no number."""
+    """Logarithms; NaN for values that have none, because a rate to or from an error of zero is undefined."""
     array = np.asarray(values, dtype=float)
     return np.log(np.where(array > 0, array, np.nan))

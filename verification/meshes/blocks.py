@@ -59,14 +59,14 @@ def block(kind: str, n: int, low: Sequence[float], high: Sequence[float]) -> Mes
 
 
 def raised(mesh: Mesh, kind: str) -> Mesh:
-    """A mesh of linear cells with cells of the order of `kind`, one of `BLOCK_TYPES`, in place of them."""
+    """Replace linear cells by cells of the order of `kind`, one of `BLOCK_TYPES`."""
     order = _ORDERS[kind]
     made = mesh if order is None else lacmesh.raise_order(mesh, order)
     return _centred(made) if kind == "TRIA7" else made
 
 
 def _centred(mesh: Mesh) -> Mesh:
-    """TRIA6 as TRIA7."""
+    """Convert TRIA6 to TRIA7."""
     nodes = np.concatenate([b.nodes for b in mesh.blocks if b.type == "TRIA6"])
     seven = np.column_stack([nodes, mesh.n_nodes + np.arange(len(nodes))])
     others = [(b.type, b.nodes) for b in mesh.blocks if b.type != "TRIA6"]
@@ -75,7 +75,7 @@ def _centred(mesh: Mesh) -> Mesh:
 
 
 def with_master(mesh: Mesh, kind: str, points: Floats) -> Mesh:
-    """The mesh and one cell more, of type `kind` with its nodes at `points` (n_nodes, dim): the group `master`."""
+    """Add one cell of type `kind` with its nodes at `points` (n_nodes, dim), in the group `master`."""
     own = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
     rows = rows_of(mesh)
     rows[kind, "master"] = mesh.n_nodes + np.arange(len(own))[None]
@@ -83,7 +83,7 @@ def with_master(mesh: Mesh, kind: str, points: Floats) -> Mesh:
 
 
 def rows_of(mesh: Mesh) -> dict[tuple[str, str], Ints]:
-    """What a mesh is assembled from: (type, group) -> cells; those in no group under "". A cell is in one at most."""
+    """Cells by (type, group), from which a mesh is assembled; "" for cells without group. Groups are disjoint."""
     left = np.ones(mesh.n_cells, bool)
     rows: dict[tuple[str, str], Ints] = {}
     for name, cells in mesh.cell_groups.items():
@@ -141,7 +141,7 @@ def divided(points: Floats, boxes: Ints, patterns: Sequence[Pattern], which: Int
 
 
 def with_sides(mesh: Mesh, low: Sequence[float], high: Sequence[float]) -> Mesh:
-    """The mesh of a box, with the facets of its cells that lie in a side of it as that side's group."""
+    """Add the sides of a box to its mesh: the facets of its cells in each side, as that side's group."""
     body = {(b.type, ""): b.nodes for b in mesh.blocks}
     return assembled(mesh.points, {**body, **_sides(mesh, low, high)}, mesh.space_dim)
 

@@ -59,9 +59,9 @@ def with_skins(of: Body, skins: Mapping[str, Where]) -> Body:
 
 
 def joined(bodies: Mapping[str, Body], solid: str | None = None) -> Mesh:
-    """Bodies by name as one mesh: cells in a group of that name, skins of one name made one group.
+    """Join bodies into one mesh: the cells of each form a group of its name, skins of one name a common group.
 
-    `solid`: what cells are, where not QUAD4 or HEXA8.
+    `solid`: type of the cells, if not QUAD4 or HEXA8.
     """
     rows: dict[tuple[str, str], list[Ints]] = defaultdict(list)
     dim = next(iter(bodies.values())).points.shape[1]

@@ -71,7 +71,7 @@ def piece(kind: str, lines: Sequence[Floats]) -> Mesh:
 
 
 def _named(mesh: Mesh, body: str, names: dict[str, str]) -> dict[tuple[str, str], NDArray[np.integer]]:
-    """What a piece is assembled from, groups called by what they are: symmetry, surface, far away."""
+    """Cells of a piece by (type, group), with groups named by their role: symmetry, surface, far boundary."""
     symmetric = ("x0", "y0")[: mesh.space_dim - 1]
     known = {"": body, **{side: f"axis_{side[0]}" for side in symmetric}, **names}
     rows: dict[tuple[str, str], list[NDArray[np.integer]]] = {}

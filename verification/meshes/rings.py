@@ -102,13 +102,13 @@ def _patch(
 def _moves(
     points: Floats, counts: Sequence[int], low: Sequence[float], high: Sequence[float], random: np.random.Generator
 ) -> Floats:
-    """(n, dim): how far points may be moved, between -1 and 1 cell; 0 across the sides that they are on."""
+    """Random displacements (n, dim) of points, between -1 and 1 cell; 0 across the sides on which points lie."""
     inside = (points != low) & (points != high)
     return random.uniform(-1, 1, points.shape) * np.subtract(high, low) / counts * inside
 
 
 def _shaken(points: Floats, angle: float, random: np.random.Generator) -> Floats:
-    """Points whose rays from 0 are turned at random by up to an angle along each axis; what is 0 stays so."""
+    """Turn the rays from 0 to points by random angles about each axis; zero coordinates stay zero."""
     r = np.linalg.norm(points, axis=1, keepdims=True)
     rays, number = _merged(points / r)
     rays = rays + angle * random.uniform(-1, 1, rays.shape) * (np.abs(rays) > 1e-12)
@@ -123,7 +123,7 @@ def _turned(name: str, turn: int) -> str:
 
 
 def _merged(points: Floats) -> tuple[Floats, Ints]:
-    """Points without repetition, and where each (n,) is among them."""
+    """Merge coincident points: the distinct points, and the index (n,) of each point among them."""
     near = cKDTree(points).query_pairs(1e-9 * np.abs(points).max(), output_type="ndarray")
     graph = coo_array((np.ones(len(near)), near.T), shape=(len(points),) * 2)
     number = connected_components(graph, directed=False)[1]

@@ -122,10 +122,10 @@ def _crowned(x: Floats, y: Floats, z: Floats) -> NDArray[np.bool_]:
 
 
 def _around(x0: float, y0: float, radius: float) -> Where:
-    """True on a circle."""
+    """Condition that holds for points on a circle."""
     return lambda x, y: np.isclose(np.hypot(x - x0, y - y0), radius)
 
 
 def _at(axis: int, *values: float) -> Where:
-    """True where a coordinate has one of some values."""
+    """Condition that holds where a coordinate has one of some values."""
     return lambda *x: np.isclose(x[axis][:, None], values, atol=1e-9).any(axis=1)

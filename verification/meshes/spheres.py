@@ -34,7 +34,7 @@ def spheres(kind: str, n: int) -> Mesh:
 
 
 def _hemisphere(linear: str, h: float, names: tuple[str, ...]) -> Body:
-    """The upper one; triangles are split off by the diagonal that divides the angle where two arcs meet."""
+    """Upper hemisphere; quadrangles are split into triangles by the diagonal that halves the angle between two arcs."""
     arc = np.pi / 4 * RADIUS
     along, up = lines(arc, h, 1.5 * CONTACT, GROWTH), lines(RADIUS, h, CONTACT, GROWTH)
     skins = dict(zip(names, (_skin, _flat, _axis), strict=True))
@@ -44,7 +44,7 @@ def _hemisphere(linear: str, h: float, names: tuple[str, ...]) -> Body:
 
 
 def _mirrored(of: Body) -> Body:
-    """The body below y = 0; its cells turn left again, its skins outward."""
+    """Mirror a body to y < 0; its cells stay positive, its skins outward."""
     return Body(of.points * [1, -1], of.cells[:, ::-1], {name: rows[:, ::-1] for name, rows in of.skins.items()})
 
 
@@ -62,7 +62,7 @@ def _axis(x: Floats, y: Floats) -> NDArray[np.bool_]:
 
 
 def _round(mesh: Mesh) -> Mesh:
-    """The middle nodes of both skins put on the circle."""
+    """Put the middle nodes of both skins on the circle."""
     points = mesh.points.copy()
     for name, centre in (("slave", RADIUS), ("master", -RADIUS)):
         for _, _, nodes in mesh.select(mesh.cell_groups[name]):

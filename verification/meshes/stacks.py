@@ -105,7 +105,7 @@ def tower(kinds: Sequence[str], counts: Sequence[int]) -> Mesh:
 
 
 def joined(parts: Sequence[tuple[Mesh, Mapping[str, str]]]) -> Mesh:
-    """Meshes as one, each with the names that its groups get here: groups of one name are one, others are left out."""
+    """Join meshes, each with new names for its groups: groups of one name are merged, unnamed ones are left out."""
     rows: dict[tuple[str, str], list[Ints]] = defaultdict(list)
     first = 0
     for mesh, names in parts:
@@ -142,7 +142,7 @@ def tilt(dim: int, angle: float = 0.7) -> NDArray[np.floating]:
 
 
 def _patterns(kind: str, counts: Ints, place: Ints) -> tuple[Sequence[Pattern], Ints]:
-    """How the boxes of a block at places (k, dim) are split: patterns, and which each box has (k,)."""
+    """Patterns that split the boxes of a block at places (k, dim), and the index of each box's pattern (k,)."""
     name, _, face = kind.partition(" ")
     if name == "mixed":
         return _mixture(counts, place)
@@ -166,7 +166,7 @@ def _mixture(counts: Ints, place: Ints) -> tuple[Sequence[Pattern], Ints]:
 
 
 def _of_order(mesh: Mesh, kind: str) -> Mesh:
-    """A mesh of linear cells with the cells of a kind in place of them."""
+    """Replace linear cells by those of a kind, of its order."""
     name, _, order = kind.partition(" ")
     if name == "mixed":
         return raised(mesh, _MIXED[order])
@@ -174,7 +174,7 @@ def _of_order(mesh: Mesh, kind: str) -> Mesh:
 
 
 def _with_centres(mesh: Mesh) -> Mesh:
-    """TRIA6 as TRIA7."""
+    """Convert TRIA6 to TRIA7."""
     nodes = mesh.block("TRIA6")
     centre = mesh.n_nodes + np.arange(len(nodes))
     points = np.concatenate([mesh.points, mesh.points[nodes[:, :3]].mean(axis=1)])

@@ -1,4 +1,4 @@
-"""What a report is made of: blocks that a page of HTML or Markdown only has to dress."""
+"""Building blocks of a report, which a page of HTML or Markdown only has to format."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Pairs:
 
 @dataclass(frozen=True)
 class Command:
-    """What to type."""
+    """Command line to type."""
 
     text: str
 
@@ -144,7 +144,7 @@ Simple = Title | Text | Facts | Table | Pairs | Command | Figures | Drawing
 
 @dataclass(frozen=True)
 class Section:
-    """What is said of a case: folded away where a page has many."""
+    """Section on one case: folded where a page has many."""
 
     id: str
     title: str

@@ -1,4 +1,4 @@
-"""What changed from one run to another, figure by figure."""
+"""Changes from one run to another, figure by figure."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Pair:
 
 
 def compare(before: Run, after: Run) -> str:
-    """What differs, as Markdown; its first line says how much."""
+    """Differences between two runs as Markdown; the first line gives their number."""
     pairs = paired(before, after)
     found = [(name, [p for p in pairs if holds(p)]) for name, holds in _KINDS]
     different = {id(p) for _, group in found for p in group}
@@ -86,7 +86,7 @@ def _met_now(p: Pair) -> bool:
 
 
 def _changed(p: Pair) -> bool:
-    """By more than 5 % of the value, and by more than rounding of what is allowed."""
+    """True if a value changed by more than 5 %, and by more than rounding within what is allowed."""
     if p.before is None or p.after is None:
         return False
     old, new = p.before.value, p.after.value
@@ -97,13 +97,13 @@ def _changed(p: Pair) -> bool:
 
 
 def _grown(p: Pair) -> bool:
-    """On the finest mesh that both have."""
+    """True if the error has grown on the finest mesh that both runs have."""
     ends = finest(p)
     return ends is not None and ends[1] > ends[0] * (1 + GROWN)
 
 
 def finest(p: Pair) -> tuple[float, float] | None:
-    """The errors of both on the finest mesh that both have."""
+    """Errors of both runs on the finest mesh that both have."""
     if p.before is None or p.after is None:
         return None
     old = {(level.h, level.unknowns): level.error for level in p.before.levels}

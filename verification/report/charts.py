@@ -38,7 +38,7 @@ class Axis:
     log: bool
 
     def at(self, values: Sequence[float] | Array) -> Array:
-        """Places of values; NaN where there is none."""
+        """Positions of values on the axis; NaN where there is none."""
         scaled = scale(np.asarray(values, dtype=float), self.log)
         return self.start + (scaled - self.low) / (self.high - self.low) * (self.end - self.start)
 
@@ -58,7 +58,7 @@ class Axis:
 
 
 def scale(values: Array, log: bool) -> Array:
-    """Values as an axis has them: NaN where a logarithm does not exist."""
+    """Transform values to an axis' scale: NaN where a logarithm does not exist."""
     finite = np.where(np.isfinite(values), values, np.nan)
     return np.log10(np.where(finite > 0, finite, np.nan)) if log else finite
 
@@ -101,7 +101,7 @@ def ranks(lines: Sequence[Line]) -> list[int]:
 
 
 def swatch(line: Line, rank: int) -> str:
-    """A line as the legend has it."""
+    """Sample of a line for the legend."""
     drawn = "" if line.style == "points" else '<path class="stroke" d="M1 6H25"/>'
     marked = f'<path class="{_mark_class(rank)}" d="M13 6{_mark(rank)}"/>' if line.style in ("points", "both") else ""
     return f'<svg class="swatch {_class(rank)}" viewBox="0 0 26 12" aria-hidden="true">{drawn}{marked}</svg>'
@@ -171,7 +171,7 @@ def _line(x: Axis, y: Axis, line: Line, rank: int) -> str:
 
 
 def _places(x: Axis, y: Axis, line: Line) -> tuple[Array, Array]:
-    """Where a line goes; a line of steps holds each value until the next place."""
+    """Positions of a line's points in the chart; a line of steps holds each value until the next position."""
     n = min(len(line.x), len(line.y))
     if line.style != "steps":
         return _thinned(x.at(line.x[:n]), y.at(line.y[:n]))
@@ -180,7 +180,7 @@ def _places(x: Axis, y: Axis, line: Line) -> tuple[Array, Array]:
 
 
 def _thinned(px: Array, py: Array) -> tuple[Array, Array]:
-    """Without the points that nobody sees: nearer than half a unit to the one before."""
+    """Drop points that cannot be seen: nearer than half a unit to the one before."""
     if len(px) < 200:
         return px, py
     step = np.floor(np.nan_to_num(np.cumsum(np.hypot(np.diff(px, prepend=px[0]), np.diff(py, prepend=py[0])))) / 0.5)

@@ -51,7 +51,7 @@ def _grid(x: float, y: float, width: float, height: float, across: int, down: in
 
 
 def _ground(x: float, y: float, width: float) -> str:
-    """Where a body is held."""
+    """Hatched line for a support."""
     ticks = "".join(f"M{x + k:g} {y:g}l-7 8" for k in range(8, int(width) + 1, 12))
     return _path("edge", f"M{x:g} {y:g}h{width:g}") + _path("mesh", ticks)
 

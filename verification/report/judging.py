@@ -1,4 +1,4 @@
-"""How figures stand: met, missed or only told; how near to their bound; beside what others published."""
+"""Verdicts on figures: met, missed or reported only; distance to the bound; comparison with published values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SAID: dict[Verdict, str] = {"met": "met", "missed": "missed", "told": "told", "n
 
 @dataclass(frozen=True)
 class Count:
-    """How many figures are met, missed, only told; `cases`, and how many of them have no outcome (`failed`)."""
+    """Numbers of figures met, missed and reported only, of `cases`, and of cases without an outcome (`failed`)."""
 
     met: int = 0
     missed: int = 0
@@ -31,12 +31,12 @@ class Count:
 
     @property
     def verdict(self) -> Verdict:
-        """How all of them stand together."""
+        """Common verdict on all cases and figures."""
         return "none" if self.failed else "missed" if self.missed else "met" if self.met else "told"
 
 
 def verdict(result: Result) -> Verdict:
-    """How a figure stands."""
+    """Verdict on one figure."""
     return "missed" if not result.passed else "told" if result.bound == "reported" else "met"
 
 
@@ -78,10 +78,10 @@ def _share(part: float, whole: float) -> float:
 
 
 def as_good(result: Result, published: Published) -> bool | None:
-    """Whether a figure is at least as good as what was published; None where it is only told.
+    """True if a figure is at least as good as the published one; None if it is reported only.
 
-    A rate and what must be reached: the greater is better; what must stay below a figure: the smaller; what must be
-    equal: the nearer.
+    For a rate or a lower bound the larger value is better; for an upper bound the smaller; for an equality the
+    one that is nearer to the expected value.
     """
     if result.bound == "reported" or result.expected is None or not math.isfinite(result.value):
         return None

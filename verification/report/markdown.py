@@ -71,7 +71,7 @@ def _bold(value: str, note: str) -> str:
 
 
 def _pictures(figures: Figures) -> str:
-    """Where the pictures are, for those who have the folder of the run; charts are the page's."""
+    """List the files of the pictures in the folder of the run; only the charts are shown on the page."""
     found = [(f, f.content) for f in figures.figures if isinstance(f.content, Image)]
     return "\n".join(
         f"- {plain(f.source)}, {plain(f.title)}: `cases/{i.path.parent.name}/{i.path.name}`" for f, i in found

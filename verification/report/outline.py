@@ -1,4 +1,4 @@
-"""What a report says, page by page: a summary, then a page for each family with its cases."""
+"""Contents of a report, page by page: a summary, then a page for each family with its cases."""
 
 from __future__ import annotations
 
@@ -77,14 +77,14 @@ def _family(name: str) -> Any:
 
 
 def command(run: Run, family: str = "", case: str = "") -> str:
-    """What runs a suite, a family or a case again."""
+    """Command line that runs a suite, a family or a case again."""
     which = f" --family {family}" if family else ""
     which += f" --case {case}" if case else ""
     return f"python -m verification run{which} --suite {run.suite}"
 
 
 def verdict_sentence(run: Run) -> str:
-    """What came out, in two sentences."""
+    """Result of a run in three sentences: its size and time, figures met and missed, figures reported only."""
     n = counted(run.done)
     families = words.count(len(by_family(run.done)), "family")
     start = f"Suite `{run.suite}`: {words.count(n.cases, 'case')} of {families}, {words.seconds(run.seconds)}."
@@ -107,7 +107,7 @@ def facts(n: Count, seconds: float) -> Facts:
 
 
 def summary_page(run: Run) -> Page:
-    """What passed, what did not, against whom; made with what."""
+    """Summary page: figures met and missed, reference solutions, and software versions."""
     n = counted(run.done)
     return Page(
         "summary", f"Verification of lacmesh and lacsolver {run.version}", "", n.verdict, tuple(_summary(run, n))
@@ -155,7 +155,7 @@ def _family_row(name: str, cases: Sequence[Done]) -> Row:
 
 
 def family_page(run: Run, name: str, cases: Sequence[Done]) -> Page:
-    """All that is said of a family."""
+    """Page of a family."""
     n = counted(cases)
     short = n.missed + n.failed
     note = f"{short} short" if short else f"{n.met} met" if n.met else f"{n.told} told"
@@ -260,7 +260,7 @@ def _again(run: Run, done: Done) -> str:
 
 
 def case_section(run: Run, done: Done) -> Section:
-    """All that is said of a case."""
+    """Section of a case."""
     n = counted([done])
     parts = [
         f"{n.met} met" if n.met else "",
@@ -300,7 +300,7 @@ def _to_picture(done: Done, k: int) -> Row:
 
 
 def _told(value: Any) -> str:
-    """What a problem is made of, as it is read."""
+    """Format a value of a problem's definition for reading."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, dict):

@@ -48,7 +48,7 @@ def _sort(value: float | None) -> float:
 
 
 def missed(cases: Iterable[Done]) -> Table:
-    """What fell short: cases without an outcome, then figures."""
+    """Table of failures: cases without an outcome, then missed figures."""
     columns = (
         Column("case"), Column("quantity", wide=True), Column("value", number=True), Column("must be", number=True),
         Column("reason", wide=True),
@@ -69,7 +69,7 @@ def _short(r: Result) -> tuple[Cell, ...]:
 
 
 def worst(cases: Iterable[Done], most: int = 0) -> Table:
-    """Of each quantity the figure that is nearest to its bound, or furthest beyond; of those only told the range."""
+    """Table of the worst figure of each quantity relative to its bound; the range of quantities reported only."""
     columns = (
         Column("quantity", wide=True), Column("figures", number=True), Column("met", number=True),
         Column("worst", number=True), Column("must be", number=True), Column("case"),
@@ -124,7 +124,7 @@ def _index(done: Done) -> Row:
 
 
 def sources(cases: Iterable[Done]) -> Table:
-    """What the figures are held against, and how many are met."""
+    """Table of the references that figures are compared with, and how many figures are met."""
     columns = (
         Column("held against", wide=True), Column("families"), Column("figures", number=True),
         Column("met", number=True), Column("missed", number=True),

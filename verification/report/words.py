@@ -9,7 +9,7 @@ from verification.records import Result
 
 
 def number(value: float | None) -> str:
-    """A number of any size, to four digits.
+    """Format a number of any size to four digits.
 
     >>> number(12), number(0.25), number(1.2345e-11), number(1234567.0), number(float("nan"))
     ('12', '0.25', '1.23e-11', '1,234,567', 'none')
@@ -22,7 +22,7 @@ def number(value: float | None) -> str:
 
 
 def bound(value: float | None) -> str:
-    """What a figure is held against, as it was set.
+    """Format a bound as it was set.
 
     >>> bound(1e-10), bound(0.0004), bound(None)
     ('1e-10', '0.0004', '')
@@ -31,7 +31,7 @@ def bound(value: float | None) -> str:
 
 
 def error(value: float) -> str:
-    """An error, to three digits.
+    """Format an error to three digits.
 
     >>> error(0.0012345)
     '1.23e-03'
@@ -40,7 +40,7 @@ def error(value: float) -> str:
 
 
 def rate(value: float | None) -> str:
-    """A rate; nothing where there is none.
+    """Format a rate; empty if there is none.
 
     >>> rate(1.98765), rate(None)
     ('1.988', '')
@@ -49,7 +49,7 @@ def rate(value: float | None) -> str:
 
 
 def span(values: Sequence[float], told: Callable[[float], str]) -> str:
-    """From the least to the greatest.
+    """Format a range, from the smallest to the largest value.
 
     >>> span([2.0, 1.0, math.nan], number), span([], number)
     ('1 to 2', 'none')
@@ -59,7 +59,7 @@ def span(values: Sequence[float], told: Callable[[float], str]) -> str:
 
 
 def seconds(value: float) -> str:
-    """A time.
+    """Format a time.
 
     >>> [seconds(s) for s in (0.123, 12.34, 90, 754, 4000)]
     ['0.12 s', '12.3 s', '90 s', '13 min', '1 h 07 min']
@@ -73,7 +73,7 @@ def seconds(value: float) -> str:
 
 
 def memory(count: int) -> str:
-    """So many bytes.
+    """Format a number of bytes.
 
     >>> memory(213_000_000)
     '213 MB'
@@ -82,7 +82,7 @@ def memory(count: int) -> str:
 
 
 def count(many: int, word: str) -> str:
-    """So many of something.
+    """Format a count with its noun.
 
     >>> count(1, "case"), count(1200, "case"), count(2, "family")
     ('1 case', '1,200 cases', '2 families')
@@ -92,20 +92,20 @@ def count(many: int, word: str) -> str:
 
 
 def is_rate(result: Result) -> bool:
-    """Whether a figure is the slope of the errors that stand with it."""
+    """True if a figure is the slope of the errors listed with it."""
     fits = len(result.levels) > 1 and result.bound in ("at least", "reported")
     return fits and result.value != result.levels[-1].error
 
 
 def value_of(result: Result) -> str:
-    """The value of a figure, with the digits that its tolerance is seen by."""
+    """Format the value of a figure with as many digits as its tolerance needs."""
     if is_rate(result):
         return rate(result.value)
     return _beside(result, result.value)
 
 
 def reason_of(result: Result) -> str:
-    """Why a figure is what it is; first of all which rate from one level to the next made it fall short."""
+    """Reason for a figure; first, if it missed, the rate between two levels that made it fall short."""
     if result.passed or not is_rate(result) or result.expected is None or not result.value >= result.expected:
         return result.reason
     least = min(level.rate for level in result.levels if level.rate is not None)
@@ -113,14 +113,14 @@ def reason_of(result: Result) -> str:
 
 
 def expected_of(result: Result) -> str:
-    """What must come out."""
+    """Format the expected value of a figure."""
     if is_rate(result) and result.expected is not None:
         return rate(result.expected)
     return bound(result.expected) if result.bound != "equal" else _beside(result, result.expected)
 
 
 def must_be(result: Result) -> str:
-    """What must come out, as a sentence has it."""
+    """Format the requirement on a figure: expected value with tolerance or sign of inequality."""
     expected = expected_of(result)
     if result.bound == "equal":
         return f"{expected} ± {bound(result.tolerance)}" if result.tolerance else expected
@@ -130,7 +130,7 @@ def must_be(result: Result) -> str:
 
 
 def _beside(result: Result, value: float | None) -> str:
-    """A value, written so that it is told from another that is out of tolerance."""
+    """Format a value with enough digits to distinguish it from a value out of tolerance."""
     if (
         value is None
         or result.bound != "equal"

@@ -1,4 +1,4 @@
-"""What a run was made with: versions, the machine, the state of the sources."""
+"""Environment of a run: software versions, the machine, the state of the sources."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ class Done:
 
     @property
     def passed(self) -> bool:
-        """Whether there is an outcome and every figure is met."""
+        """True if there is an outcome and every figure is met."""
         return not self.failure and all(result.passed for result in self.results)
 
 
@@ -117,7 +117,7 @@ def done_with(
 
 
 def read_done(path: Path, family: str, name: str) -> Done | None:
-    """What a folder has of a case; None where it has nothing that can be read."""
+    """Read the outcome of a case from a folder; None if there is none that can be read."""
     try:
         made = json.loads(_place(path, family, name).read_text(encoding="utf-8"))
         return None if made.get("format") != FORMAT else made_of(Done, made)
@@ -182,7 +182,7 @@ def read_run(path: Path) -> Run:
 
 
 def read_results(path: Path) -> Run:
-    """What `results.json` says without the files of the cases: figures, but no plots and not what cases are made of.
+    """Read a run from `results.json` alone: figures, but neither plots nor the definitions of the cases.
 
     Raises FolderError.
     """
@@ -209,7 +209,7 @@ def _told(family: str, case: str, listed: list[dict[str, Any]]) -> Done:
 
 
 def given_of(case: Case) -> dict[str, Any]:
-    """What a case is made of, as JSON has it."""
+    """Definition of a case, as JSON data."""
     made = plain(case.given)
     return made if isinstance(made, dict) else {} if made is None else {"rows": made}
 

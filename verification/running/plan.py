@@ -26,7 +26,7 @@ class Planned:
     sources: str
 
     def is_done(self, done: Done | None) -> bool:
-        """Whether an outcome is that of this very case: same problem, same levels, same code."""
+        """True if an outcome belongs to this very case (same problem, levels and code) and is no failure."""
         if done is None or done.failure:
             return False
         return (done.levels, done.given, done.sources) == (self.levels, given_of(self.case), self.sources)
@@ -58,7 +58,7 @@ def in_order(found: Iterable[Done]) -> tuple[Done, ...]:
 
 
 def _known(family: str) -> tuple[str, ...]:
-    """The family that is meant; all where none is named."""
+    """Names of the requested family; all if none is named."""
     if family and family not in families.MODULES:
         raise GroupNotFoundError(family, families.MODULES, "family")
     return (family,) if family else tuple(families.MODULES)
@@ -73,7 +73,7 @@ def _named(name: str, names: tuple[str, ...]) -> list[Case]:
 
 
 def _levels(case: Case, suite: str) -> int:
-    """How many levels a case has in a suite, or in the first suite that has it."""
+    """Number of levels of a case in a suite, or in the next larger suite that has it."""
     return next(filter(None, (families.levels_in(case, name) for name in SUITES[SUITES.index(suite) :])))
 
 
@@ -94,7 +94,7 @@ def sources(family: str) -> str:
 
 
 def _imported(module: str, known: set[str]) -> set[str]:
-    """A module of the harness, and those that it imports, and these."""
+    """Modules of the harness that a module imports, directly or not, and itself."""
     known.add(module)
     for name in set(_names(ast.parse(_path(module).read_text(encoding="utf-8")))) - known:
         _imported(name, known)

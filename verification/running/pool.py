@@ -109,7 +109,7 @@ def _late(one: _Running) -> bool:
 
 
 def _end(one: _Running, folder: Path) -> Done:
-    """What a process left, or why it left nothing."""
+    """End a process and return the outcome that it wrote, or one that says why there is none."""
     case, seconds = one.planned.case, time.monotonic() - one.began
     status = one.process.poll()
     _kill(one.process)
@@ -123,7 +123,7 @@ def _end(one: _Running, folder: Path) -> Done:
 
 
 def _why(status: int | None) -> str:
-    """Why a process left nothing. `status`: None where it had not ended when it was looked at."""
+    """Reason why a process left no outcome. `status`: its exit status, None if it was still running."""
     if status is None:
         return f"not done in {PATIENCE:g} s"
     if status >= 0:

@@ -24,7 +24,7 @@ from verification.running.pool import solve_all
 
 @dataclass
 class Progress:
-    """How far a run is. `ended`, of `count` cases; `kept`: done before; `left`: seconds until the end, roughly."""
+    """Progress of a run: `ended` of `count` cases; `kept`: done before; `left`: estimated seconds until the end."""
 
     count: int
     kept: int
@@ -100,7 +100,7 @@ def run_suite(
 
 
 def _kept(planned: Sequence[Planned], folder: Path) -> dict[str, Done]:
-    """What a folder has of these cases and of others, as the code is now: planned ones that failed are left out."""
+    """Stored outcomes that are valid for the present code, of all cases; planned cases that failed are left out."""
     mine = {p.case.id: p for p in planned}
     places = sorted((folder / "cases").glob("*/*.json"))
     found = [done for place in places if (done := read_done(folder, place.parent.name, place.stem))]
@@ -114,14 +114,14 @@ def _stays(done: Done, planned: Mapping[str, Planned]) -> bool:
 
 
 def _written(run: Run) -> Run:
-    """Put what is known into files."""
+    """Write the results known so far to files."""
     write_results(run.path, run)
     replace_file(run.path / "junit.xml", junit(run))
     return run
 
 
 def _count(progress: Progress, todo: Sequence[Planned], done: Done, jobs: int) -> None:
-    """Learn from what a case took how long the others may."""
+    """Update the estimate of the remaining time by the time that a case took."""
     progress.ended += 1
     progress.expected += next(p.case.seconds for p in todo if p.case.id == done.id)
     spent = time.monotonic() - progress.began
@@ -134,7 +134,7 @@ def _seconds_of(planned: Sequence[Planned]) -> float:
 
 
 def _seconds(folder: Path) -> float:
-    """What earlier sessions of this run took."""
+    """Seconds that earlier sessions of this run took."""
     try:
         return float(json.loads((folder / RESULTS).read_text(encoding="utf-8"))["seconds"])
     except (OSError, ValueError, KeyError, TypeError):

@@ -33,7 +33,7 @@ def main(family: str, name: str, levels: int, folder: Path) -> None:
 
 
 def _solved(family: Family, case: Case, levels: int) -> Outcome | str:
-    """What a case yields, or why it yields nothing."""
+    """Solve a case and return its outcome, or a text that says why there is none."""
     try:
         outcome = family.solve(case, levels)
     except Exception as error:  # whatever it is, it is this case's alone
