@@ -9,6 +9,7 @@ import pytest
 
 from verification.families import balance
 from verification.families.balance import FAMILY, Touch, mesh_of
+from verification.measures.balance import Balance, unbalanced
 from verification.records import Case
 
 CASES = {case.name: case for case in FAMILY.cases}
@@ -58,3 +59,8 @@ def test_shapes_are_what_they_are_called():
     mesh = mesh_of(Touch((), "3d", "saddle"), "HEXA8", "HEXA8")
     a, b, c, d = np.moveaxis(mesh.points[mesh.block("QUAD4")[mesh.cell_groups["slave"] - mesh.offsets[1]]], 1, 0)
     assert (np.abs(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)) > 1e-5).all()
+
+
+def test_radial_forces_about_an_axis_balance_each_other():
+    x = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    assert unbalanced(x, np.array([[1.0, 0.0], [2.0, 0.0]]), axisymmetric=True) == Balance(0.0, 0.0)

@@ -255,11 +255,14 @@ def approach(solved: Solved) -> float:
     """Mutual approach of the points on the axis at depth a in slave and master (or in the rigid plane)."""
     x, u = solved.mesh.points, solved.u
     dim = u.shape[1]
-    found = []
+    found: list[float | None] = []
     for height in (1.0, -1.0):
         at = np.flatnonzero(np.abs(x[:, :dim] - [*[0.0] * (dim - 1), height]).max(axis=1) < 1e-9)
-        found.append(float(u[at[0], -1]) if len(at) else 0.0)
-    return found[1] - found[0]
+        found.append(float(u[at[0], -1]) if len(at) else None)
+    above, below = found
+    if above is None:
+        raise ValueError("the slave has no node on the axis at depth a")
+    return (below or 0.0) - above  # a rigid plane has no depth, and stays
 
 
 def exact_approach(given: Given) -> float:

@@ -31,7 +31,8 @@ def unbalanced(x: Floats, force: Floats, *, axisymmetric: bool = False) -> Balan
     if not pushed.any():
         return Balance(0.0, 0.0)
     if axisymmetric:
-        return Balance(float(abs(f[:, 1].sum()) / np.abs(f[:, 1]).sum()), 0.0)
+        axial = np.abs(f[:, 1]).sum()
+        return Balance(float(abs(f[:, 1].sum()) / axial) if axial else 0.0, 0.0)
     arm = x - x[pushed].mean(axis=0)
     lever = (np.linalg.norm(arm, axis=1) * np.linalg.norm(f, axis=1)).sum()
     moments = np.cross(arm, f).sum(axis=0)
