@@ -96,7 +96,7 @@ def __getattr__(name: str) -> Any:
 
 
 def _modules() -> set[str]:
-    """The modules beside this one: each is there when it is named, whatever was imported before."""
+    """Names of the modules of this package; each can be accessed as an attribute without an import of its own."""
     from pkgutil import iter_modules
 
     return {module.name for module in iter_modules(__path__) if not module.name.startswith("_")}

@@ -1,4 +1,4 @@
-"""`lacmesh` and `python -m lacmesh`: the command, interrupted or not while it is still being loaded."""
+"""`lacmesh` and `python -m lacmesh`: the command, which may be interrupted even while it is being loaded."""
 
 import gc
 import signal
@@ -6,7 +6,7 @@ import sys
 
 
 def main() -> int:
-    """Run the command; the exit status."""
+    """Run the command and return its exit status."""
     try:
         from lacmesh.cli import main as run
 

@@ -1,9 +1,9 @@
 """The table of cells: nodes, edges, facets and reference coordinates of every type, in gmsh's node order.
 
-A type is its family and its number of nodes (TETRA10). Nodes stand in this order: corners, one per edge (order 2),
-one per face that has a centre, the centre of the cell. Facets are listed outward (a corner's right-hand turn leaves the
-cell); the order of the facets, and the corner that each starts from, fix the order in which a cell is cut and its
-children are numbered (code_aster's order, `patterns.py`).
+A type is its family and its number of nodes (TETRA10). The order of the nodes is: corners, one per edge (order 2),
+one per face that has a centre, the centre of the cell. Facets are listed outward (their normal by the right-hand rule
+points out of the cell); the order of the facets, and the corner at which each starts, fix the order in which a cell is
+cut and its children are numbered (code_aster's order, `patterns.py`).
 
 Reference elements: SEG [-1, 1]; TRIA (0,0) (1,0) (0,1); QUAD [-1, 1]^2; TETRA the unit simplex; HEXA [-1, 1]^3;
 PENTA the unit triangle times [-1, 1]; PYRAM base [-1, 1]^2 at z = 0, apex (0, 0, 1).
@@ -21,7 +21,7 @@ Nodes = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Facet:
-    """A side of a cell: its type, and its nodes as places in the cell's own list, outward."""
+    """A side of a cell: its type, and its nodes as indices into the cell's own list, outward."""
 
     type: str
     nodes: Nodes
@@ -31,7 +31,7 @@ class Facet:
 class Cell:
     """A cell type. `reference` is (n_nodes, dim); edge k's mid-node, where there is one, is node `n_corners + k`.
 
-    `order` is 0 for a point, 1, 2, or 3 for anything higher (such cells are carried through, and have no table).
+    `order` is 0 for a point, 1, 2, or 3 for anything higher (such cells are passed through, and have no table).
     """
 
     name: str
@@ -49,7 +49,7 @@ class Cell:
 
     @property
     def linear(self) -> str:
-        """Name of the linear cell of the same family."""
+        """Name of the linear type of the same family."""
         return f"{self.family}{self.n_corners}"
 
 
@@ -155,7 +155,7 @@ def _mean(points: tuple[Point, ...], corners: Nodes) -> Point:
 
 
 def _facet(family: _Family, corners: Nodes, mid_nodes: bool, centres: bool) -> Facet:
-    """A facet's type and all its nodes, from its corners."""
+    """Make a facet, its type and all its nodes, from its corners."""
     nodes = list(corners)
     if mid_nodes and len(corners) > 1:
         edge = {frozenset(e): len(family.corners) + k for k, e in enumerate(family.edges)}

@@ -1,6 +1,6 @@
-"""What can go wrong, one class per condition: each message is one sentence that says what, where and what to try.
+"""Errors and warnings of lacmesh, one class per condition; a message is one sentence: what, where, what to try.
 
-The exit status of the command stands with the class (docs/conventions.md lists them).
+Each class carries the exit status of the command (docs/conventions.md lists them).
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ class LacmeshError(Exception):
 
 
 class LacmeshWarning(UserWarning):
-    """Something was left out or looks wrong, and the work went on."""
+    """Warning: something was left out or looks wrong, but the work went on."""
 
 
 class DataError(LacmeshError):
-    """The mesh does not allow what was asked; `cells` holds the file's numbers of the culprits."""
+    """The mesh does not allow the requested operation; `cells` holds the ids in the file of the cells at fault."""
 
     def __init__(self, message: str, cells: Iterable[int] = ()) -> None:
         super().__init__(message)
@@ -39,7 +39,7 @@ class RequestError(LacmeshError):
 
 
 class GroupNotFoundError(RequestError):
-    """A group that the mesh lacks; near matches are in the message, the name in `name`; `hint` ends the message."""
+    """The mesh lacks the group `name`; the message names near matches and ends with `hint`."""
 
     def __init__(self, name: str, known: Iterable[str], what: str = "cell group", hint: str = "") -> None:
         self.name = name
@@ -71,7 +71,7 @@ class WriteError(LacmeshError):
 
 
 def did_you_mean(name: str, known: Iterable[str], limit: int = 8) -> str:
-    """End of a sentence: near matches of `name`, or the first few known names.
+    """Return the end of a sentence: near matches of `name`, or the first few known names.
 
     >>> did_you_mean("slav", ["slave", "master"])
     '; did you mean slave?'
@@ -93,7 +93,7 @@ def did_you_mean(name: str, known: Iterable[str], limit: int = 8) -> str:
 
 
 def some(numbers: Iterable[int], limit: int = 10) -> str:
-    """The first few numbers of a list, for a message.
+    """Format the first few numbers of a list for a message.
 
     >>> some(range(3)), some(range(12), limit=3)
     ('0, 1, 2', '0, 1, 2 and 9 more')
@@ -104,7 +104,7 @@ def some(numbers: Iterable[int], limit: int = 10) -> str:
 
 
 def listed(names: Sequence[str], last: str) -> str:
-    """Names as a sentence lists them; `last`: the word before the last.
+    """Join names for a sentence; `last`: the word before the last name.
 
     >>> listed(["msh", "VTU", "XDMF"], "and"), listed(["msh"], "or")
     ('msh, VTU and XDMF', 'msh')

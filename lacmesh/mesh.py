@@ -1,7 +1,7 @@
-"""The mesh: points, blocks of cells, groups and data. Frozen; arrays are indices from 0, `*_number` are the file's.
+"""The mesh: points, blocks of cells, groups and data. Frozen; indices count from 0, `*_number` are the file's ids.
 
-Frozen holds for arrays and mappings too: nothing of a mesh can be written into; `dataclasses.replace` makes another.
-Arrays are not copied for that, so that whoever keeps the array that a mesh was made of can still write into that.
+Arrays and mappings are read-only too: nothing in a mesh can be written into; `dataclasses.replace` makes another mesh.
+Arrays are not copied for this, so that a caller who keeps the array from which a mesh was made can still write into it.
 
 A cell's index counts through the blocks in their order; `file_order` lists the indices in the order of the file.
 Node order inside a cell is gmsh's (`cells.py`). Missing values in data are NaN, or -1 in integer data.
@@ -44,7 +44,7 @@ class Fixed(dict):
 
 
 def fixed(array: Any) -> NDArray:
-    """An array as it is, in a view that cannot be written into."""
+    """Return a read-only view of an array."""
     array = np.asarray(array)
     if array.flags.writeable:
         array = array.view()
@@ -53,7 +53,7 @@ def fixed(array: Any) -> NDArray:
 
 
 def _fixed_mapping(mapping: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A mapping that cannot be changed, nor any array in it."""
+    """Return a read-only copy of a mapping, with read-only arrays."""
     return Fixed({name: fixed(v) if isinstance(v, np.ndarray) else v for name, v in mapping.items()})
 
 
@@ -66,7 +66,7 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True)
 class Step:
-    """Where an array of `cell_data` or `node_data` stands in a field of several steps."""
+    """Position of an array of `cell_data` or `node_data` in a field of several time steps."""
 
     field: str
     number: int = -1
@@ -89,9 +89,9 @@ class Periodic:
 
 @dataclass(frozen=True)
 class Model:
-    """What msh says of the geometry behind a mesh: which signed entities bound an entity, and the periodic links.
+    """Geometry behind a mesh, from msh: the signed entities that bound each entity, and the periodic links.
 
-    A bound beyond the largest tag of its dimension is gmsh's way to write an entity embedded in another.
+    A bound with a tag beyond the largest of its dimension is gmsh's way to write an entity embedded in another.
     """
 
     boundary: Mapping[Tag, tuple[int, ...]] = field(default_factory=dict)
@@ -106,8 +106,8 @@ class Mesh:
     data name -> (n, ...) or (k, ...). `group_tags`: the physical groups of msh that a cell group stands for.
     `cell_data["entity"]` and `node_data["entity"]` (k or n, 2): dimension and tag of msh's elementary entity.
     `zones`: the names of a cut's zones, in the order of `cell_data["lac_zone"]`. `name`: the file's name for the mesh.
-    `plane`: what the plane elements of an .inp file are, CPS, CPE or CAX, where it was read from one.
-    Built by `Mesh.create`, which fills what is absent and checks shapes and ranges.
+    `plane`: the type of the plane elements of an .inp file, CPS, CPE or CAX, if the mesh was read from one.
+    Built by `Mesh.create`, which fills in absent fields and checks shapes and ranges.
     """
 
     points: Floats
@@ -137,12 +137,12 @@ class Mesh:
             object.__setattr__(self, name, value)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copies and what is unpickled cannot be written into either."""
+        """Pickle through `_remade`, so that copies and unpickled meshes are read-only too."""
         return _remade, ({f.name: getattr(self, f.name) for f in fields(self)},)
 
     @classmethod
     def create(cls, points: Any, blocks: Iterable[tuple[str, Any]], **rest: Any) -> Mesh:
-        """A mesh from points (n, 2 or 3) and (type, nodes) pairs; numbers default to 1, 2, ...
+        """Make a mesh from points (n, 2 or 3) and (type, nodes) pairs; numbers default to 1, 2, ...
 
         Raises ValueError for a wrong type, shape or range. `rest`: any other field of the class.
 
@@ -229,7 +229,7 @@ class Mesh:
         return np.empty((0, ALL_CELLS[name].n_nodes), np.int64)
 
     def select(self, cells: Ints) -> Iterator[tuple[str, Ints, Ints]]:
-        """The cells of a list, block by block: (type, their indices in the mesh, their nodes)."""
+        """Iterate over some cells, block by block: (type, their indices in the mesh, their nodes)."""
         cells = np.asarray(cells)
         which = np.searchsorted(self.offsets, cells, side="right") - 1
         for k, b in enumerate(self.blocks):
@@ -238,17 +238,17 @@ class Mesh:
                 yield b.type, chosen, b.nodes[chosen - self.offsets[k]]
 
     def group_dim(self, name: str) -> int:
-        """The highest dimension among a cell group's cells; of its tags where it is empty; -1 where it has none."""
+        """Highest dimension of a cell group's cells or, if it is empty, of its tags; -1 if it has no tags either."""
         cells = self.cell_groups[name]
         if len(cells):
             return int(self.cell_dim[cells].max())
         return max((dim for dim, _ in self.group_tags.get(name, ())), default=-1)
 
     def group(self, spec: Spec) -> str:
-        """The name of the cell group that `spec` means: a name, a tag `5`, or `2:5` (dimension and tag).
+        """Return the name of the cell group that `spec` denotes: a name, a tag `5`, or `2:5` (dimension and tag).
 
-        A tag may be an integer, a dimension and a tag the pair (2, 5). Raises GroupNotFoundError, with near matches,
-        and RequestError where a tag means several groups.
+        A tag may also be given as an integer, a dimension and a tag as the pair (2, 5). Raises GroupNotFoundError, with
+        near matches, and RequestError if several groups have the tag.
         """
         spec = spec_text(spec)
         if spec in self.cell_groups:
@@ -273,14 +273,14 @@ class Mesh:
 
     @property
     def entity_of_cell(self) -> Ints:
-        """(k, 2): dimension and tag of each cell's entity; no rows in a mesh that knows none."""
+        """(k, 2): dimension and tag of each cell's entity; no rows in a mesh without entities."""
         entity = self.cell_data.get("entity")
         if entity is None or entity.shape != (self.n_cells, 2) or entity.dtype.kind not in "iu":  # of that name only
             return np.empty((0, 2), np.int64)
         return entity
 
     def _entity_hint(self) -> str:
-        """Where no group has a name: how an entity is named instead, one of the skin if there is one."""
+        """End of a message for a mesh without groups: how to name an entity instead, preferably one of the skin."""
         known = [] if self.cell_groups else self.entities
         if not known:
             return ""
@@ -288,7 +288,7 @@ class Mesh:
         return f", but entity:DIM:TAG names an entity, as entity:{dim}:{tag} (lacmesh info lists them)"
 
     def cells_of(self, spec: Spec) -> Ints:
-        """Sorted indices of the cells that `spec` names: a group (as `group`), or `entity:2:17`, an entity of msh."""
+        """Sorted indices of the cells that `spec` names: a group (see `group`), or `entity:2:17`, an entity of msh."""
         spec = spec_text(spec)
         if spec.startswith("entity:") and spec not in self.cell_groups:
             return self._cells_of_entity(spec)
@@ -305,7 +305,7 @@ class Mesh:
         return found
 
     def cell_names(self, cells: Iterable[int]) -> str:
-        """The file's numbers of some cells, for a message."""
+        """Format the ids in the file of some cells for a message."""
         return some(self.cell_number[np.asarray(list(cells), dtype=int)])
 
 
@@ -314,7 +314,7 @@ def _remade(values: dict[str, Any]) -> Mesh:
 
 
 def spec_text(spec: Spec) -> str:
-    """What names a group of cells, as text.
+    """Return the specification of a group of cells as text.
 
     >>> spec_text("slave"), spec_text(5), spec_text((2, 5))
     ('slave', '5', '2:5')
@@ -323,7 +323,7 @@ def spec_text(spec: Spec) -> str:
 
 
 def spec_list(specs: str | int | Iterable[str | int]) -> list[str]:
-    """What names one group of cells or several, as text.
+    """Return the specifications of one or several groups of cells as a list of text.
 
     >>> spec_list("slave"), spec_list(5), spec_list(["slave", 5])
     (['slave'], ['5'], ['slave', '5'])
@@ -332,7 +332,7 @@ def spec_list(specs: str | int | Iterable[str | int]) -> list[str]:
 
 
 def codes(values: Ints) -> Ints:
-    """The distinct values among small integers >= 0, ascending; quicker to start than np.unique, which loads numpy.ma.
+    """Distinct values of small integers >= 0, ascending; quicker to start than np.unique, which loads numpy.ma.
 
     >>> codes(np.array([5, 2, 5])).tolist()
     [2, 5]
@@ -341,7 +341,7 @@ def codes(values: Ints) -> Ints:
 
 
 def distinct(numbers: Ints) -> bool:
-    """Whether no number stands twice. Numbers as files have them, a few millions in any order, are ticked off.
+    """True if no number occurs twice. Ids as in files, a few millions in any order, are marked off in a table.
 
     >>> distinct(np.array([7, 5, 6])), distinct(np.array([7, 5, 7])), distinct(np.array([10**18, 0, 10**18]))
     (True, False, False)
@@ -371,7 +371,7 @@ def _block(kind: str, nodes: Any, n_nodes: int) -> Block:
 
 
 def _members(name: str, ids: Any, size: int) -> Ints:
-    """A group's members: distinct, sorted, inside the mesh."""
+    """Return a group's members, distinct and sorted; raise ValueError if one lies outside the mesh."""
     ids = np.asarray(ids)
     if not ids.size:  # numpy takes an empty list for reals
         ids = np.empty(0, np.int64)

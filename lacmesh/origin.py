@@ -1,9 +1,9 @@
-"""Coordinates from a point of the model, so that what is computed does not depend on where the model lies.
+"""Coordinates relative to a point of the model, so that results do not depend on where the model lies.
 
-A product of coordinates far from 0 loses the digits that tell two nodes apart. So numerics read `from_origin(mesh)`,
-and what a user is told, or gives as a place or a formula, is in the coordinates of the mesh as it stands. The origin
-is taken such that no digit is lost by subtracting it: what lies between c and 2 c is c and an exact difference
-(Sterbenz), and a model that is nearer to 0 than it is large stays where it is.
+Products of coordinates far from 0 lose the digits that distinguish two nodes. So computations use `from_origin(mesh)`,
+while positions and formulas that users read or write are in the coordinates of the mesh itself. The origin is chosen
+such that subtracting it loses no digit: for coordinates between c and 2 c the difference to c is exact (Sterbenz), and
+a model that is nearer to 0 than it is large keeps its coordinates.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ _NOTHING = 1e-9
 
 
 def origin_of(x: Floats) -> NDArray[np.floating]:
-    """(3,): the origin for points x (n, 3): along each axis their coordinate that is nearest to 0, or 0 itself.
+    """(3,): the origin for points x (n, 3): along each axis the coordinate nearest to 0, or 0 itself.
 
-    It is 0 where they come nearer to 0 than their largest extent. Points that are not finite do not count.
+    It is 0 along an axis on which the points come nearer to 0 than their largest extent. Points with coordinates that
+    are not finite, or huge, are ignored.
 
     >>> origin_of(np.array([[5e5, 1.0, 0.0], [5e5 + 2, 3.0, 0.0]])).tolist()
     [500000.0, 0.0, 0.0]
@@ -40,7 +41,7 @@ def origin_of(x: Floats) -> NDArray[np.floating]:
 
 
 def origin_of_mesh(mesh: Mesh) -> NDArray[np.floating]:
-    """(3,): the origin for the nodes of a mesh's cells; for all of its nodes where it has no cell."""
+    """(3,): the origin for the nodes of a mesh's cells, or for all its nodes if it has no cell."""
     used = np.zeros(mesh.n_nodes, bool)
     for block in mesh.blocks:
         used[block.nodes] = True
@@ -48,18 +49,18 @@ def origin_of_mesh(mesh: Mesh) -> NDArray[np.floating]:
 
 
 def from_origin(mesh: Mesh, origin: Floats) -> Mesh:
-    """The mesh with its points counted from an origin (3,); itself where that is 0."""
+    """Return the mesh with its points relative to an origin (3,); the mesh itself if that is 0."""
     return replace(mesh, points=mesh.points - origin) if np.any(origin) else mesh
 
 
 def size_of(mesh: Mesh) -> float:
-    """The largest side of the box around the nodes that are not wild; 0 where there is none."""
+    """Largest side of the bounding box of the nodes, without those whose coordinates are not finite or huge; or 0."""
     x = mesh.points[(np.abs(mesh.points) < _WILD).all(axis=1)]
     return float(np.ptp(x, axis=0).max()) if len(x) else 0.0
 
 
 def told(x: Iterable[float], size: float, digits: int = 5) -> list[str]:
-    """Coordinates in words: to so many digits of the size of what they are of, and of themselves if that is more.
+    """Format coordinates to `digits` significant digits of the model's size, or of themselves if they are smaller.
 
     >>> told([500001.25, 1 / 3, 1e-17], 2.0)
     ['500001.25', '0.33333', '0']
@@ -68,6 +69,6 @@ def told(x: Iterable[float], size: float, digits: int = 5) -> list[str]:
 
 
 def _more(v: float, size: float) -> int:
-    """How many digits stand before those that tell places of a model of some size apart."""
+    """Number of additional digits for a coordinate v that is larger than the size of the model; 12 at most."""
     far = abs(v) / size if size > 0 else 0.0
     return max(0, min(math.ceil(math.log10(far)), 12)) if 1 < far < math.inf else 0

@@ -1,13 +1,13 @@
-"""The check: whether a mesh will work with the method, and where it will not. Findings, never an exception.
+"""The check of a mesh against the requirements of the LAC method; faults of the mesh are findings, not exceptions.
 
     numbers, validity, facets  = the cells by themselves, and how they fit together   (solids, facets)
-    groups, parents, shape     = the skins: their faces, the cells behind, their turn  (skins)
+    groups, parents, shape     = the skins: their faces, parent cells and orientation  (skins)
     dofs                       = the hypothesis of the method, macro-element by macro-element (dofs)
-    shapes                     = what curved skins of linear faces are, and whether they are fine enough (shapes)
-    bodies, skins in space     = what is torn, hangs, coincides or crosses             (bodies, boxes, crossing)
+    shapes                     = shapes of curved skins of linear faces, and whether the mesh resolves them (shapes)
+    bodies, skins in space     = torn bodies, hanging and coincident nodes, faces that cross (bodies, boxes, crossing)
     facing                     = slave against master: gap, coverage, sides, sizes     (facing)
 
-Every rule stands in `rules.py`; `docs/check.md` lists them.
+Every rule is defined in `rules.py`; `docs/check.md` lists them.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ def check(
     crease_angle: float = 40.0,
     recognise: bool | None = None,
 ) -> Findings:
-    """Everything that the mesh, its slave and its master skin say about the method, as findings.
+    """Check a mesh, its slave and its master skin against the requirements of the LAC method; return the findings.
 
     `slave`: one group or several (a zone each), named as in `cut_skin`; a `Cut` knows its own. `master`: the groups
-    that it faces; what compares both is left out without. `dirichlet`: cell or node groups whose displacement is held.
-    `search_distance`, `max_penetration`, `axisymmetric`: as in `surface.contact_points`, with macro-elements for faces
-    where the distance is not given. `surface`: what the gap is measured between, where cells are linear: `faces`, or
-    the `smooth` skins that their nodes lie on, which stay sharp at edges that turn by more than `crease_angle` degrees.
-    Lengths are the mesh's. `recognise`: as in `cut_skin`, for a skin that looks cut
-    and has no records.
+    that the slave faces; without them the checks that compare both skins are left out. `dirichlet`: cell or node groups
+    whose displacement is prescribed. `search_distance`, `max_penetration`, `axisymmetric`: as in
+    `surface.contact_points`; a search distance that is not given follows from the macro-elements, not from the faces.
+    `surface`: the surfaces between which the gap of linear cells is measured: the `faces` themselves, or the `smooth`
+    skins through their nodes, which keep edges where the normal turns by more than `crease_angle` degrees. Lengths are
+    in the units of the mesh. `recognise`: as in `cut_skin`, for a skin that looks cut and has no records.
 
-    Raises GroupNotFoundError and RequestError for what was asked; whatever is wrong with the mesh is a finding.
+    Raises GroupNotFoundError and RequestError if the request is wrong; every fault of the mesh is a finding.
 
     >>> cells = [("TRIA3", [[0, 1, 2]]), ("SEG2", [[0, 1]])]
     >>> triangle = Mesh.create([[0, 0], [1, 0], [0, 1]], cells, cell_groups={"s": [1]})
@@ -94,7 +94,7 @@ def _listed(specs: Specs | None) -> tuple[str, ...]:
 
 
 def _parts(mesh: Mesh) -> list[Part]:
-    """The parts of the check, in their order; what is compiled is loaded where it is used."""
+    """Return the parts of the check in their order; modules with compiled kernels are imported only if needed."""
     from lacmesh.checks.dofs import check_dofs
     from lacmesh.checks.skins import check_groups, check_parents, check_shape, check_sharing
     from lacmesh.checks.solids import check_facets, check_numbers, check_validity
@@ -111,7 +111,7 @@ def _parts(mesh: Mesh) -> list[Part]:
 
 
 def _done(part: Part, subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """What a part says; a part that fails on a strange mesh says so, and the others go on."""
+    """Run one part of the check; if it fails on an unusual mesh, a finding says so and the other parts go on."""
     try:
         with np.errstate(all="ignore"):
             return part(subject)

@@ -1,4 +1,4 @@
-"""What is asked of places: bodies apart or torn, nodes at one place or inside edges, skins that cross."""
+"""Checks of positions: number of bodies, torn bodies, coincident nodes, hanging nodes, skins that cross themselves."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _OBLIQUE = np.array([0.5773502691896258, 0.6180339887498949, 0.5346223239512241]
 
 
 def check_bodies(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """How many bodies there are, and whether they are torn."""
+    """Count the bodies, and find coincident nodes and torn bodies."""
     bodies = subject.bodies
     count = int(bodies.max(initial=-1)) + 1
     figures: dict[str, Any] = {"bodies": count}
@@ -50,7 +50,10 @@ def check_bodies(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
 
 
 def _on_sides(subject: Subject, a: Ints, b: Ints) -> NDArray[np.bool_]:
-    """Which pairs of nodes (of nodes and edges) slave and master explain: one on each."""
+    """True for pairs of nodes (or of a node and an edge) that contact explains: one on the slave, one on the master.
+
+    Pairs of two bodies are also explained where one of the two is on either skin.
+    """
     if subject.master is None:
         on = np.zeros(subject.mesh.n_nodes, bool)
         on[subject.slave.nodes] = True  # the master is not known: whatever touches the slave may be it
@@ -63,7 +66,7 @@ def _on_sides(subject: Subject, a: Ints, b: Ints) -> NDArray[np.bool_]:
 
 
 def _coincident(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
-    """Nodes of the boundary at the same place."""
+    """Report boundary nodes that coincide though contact does not explain it."""
     place = same_place(subject.mesh.points[nodes], PLACE * _edge_length(subject, corners, nodes))
     shared = np.bincount(place, minlength=len(nodes))[place] > 1
     nodes, place = nodes[shared], place[shared]
@@ -77,10 +80,10 @@ def _coincident(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
 
 
 def _unexplained(subject: Subject, nodes: Ints, place: Ints) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """(k,) each: nodes with another at their place that slave and master do not explain; those with one of their body.
+    """(k,) each: nodes in an unexplained coincidence with any other node; those in one with a node of the same body.
 
-    Two nodes are explained where one is on the slave and one on the master, or where they are of two bodies and one is
-    on a skin (`_on_sides`). Counted by place, as pairs of thousands of nodes at one place would be millions.
+    A pair of nodes is explained if one is on the slave and one on the master, or if they belong to two bodies and one
+    is on a skin (`_on_sides`). Nodes are counted place by place: thousands at one place would make millions of pairs.
     """
     on = np.zeros((2, subject.mesh.n_nodes), bool)
     for k, side in enumerate(subject.sides):
@@ -97,7 +100,7 @@ def _unexplained(subject: Subject, nodes: Ints, place: Ints) -> tuple[NDArray[np
 
 
 def _edge_length(subject: Subject, corners: Ints, nodes: Ints) -> float:
-    """The median, over the nodes of the boundary, of the shortest edge that a node has: one stray node is no matter."""
+    """Median over the boundary nodes of the shortest edge at a node, so that a few stray nodes do not affect it."""
     a, b = _edges(corners, subject.mesh.n_nodes)
     length = np.linalg.norm(subject.mesh.points[a] - subject.mesh.points[b], axis=1)
     good = subject.finite[a] & subject.finite[b] & (length > 0)
@@ -112,7 +115,8 @@ def _edge_length(subject: Subject, corners: Ints, nodes: Ints) -> float:
 def same_place(x: Floats, room: float) -> Ints:
     """(n,): labels of places, the same for points (n, 3) that lie within `room` of each other.
 
-    Sorted along a line, each point looks for the next one near it, and no farther: places of many points cost no more.
+    The points are sorted along a line and each is joined to the next one near it only, so that many points at one place
+    do not raise the cost.
     """
     along = x @ _OBLIQUE
     order = np.argsort(along, kind="stable")
@@ -134,7 +138,7 @@ def same_place(x: Floats, room: float) -> Ints:
 
 
 def _torn(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
-    """Nodes of the boundary inside edges of the boundary of the same body."""
+    """Report boundary nodes that lie inside a boundary edge of the same body."""
     a, b = _edges(corners, subject.mesh.n_nodes)
     node, edge = inside_edges(subject, nodes, a, b)
     mine = (subject.bodies[node] == subject.bodies[a[edge]]) & ~_on_sides(subject, node, a[edge])
@@ -163,7 +167,7 @@ def _edges(corners: Ints, n_nodes: int) -> tuple[Ints, Ints]:
 
 
 def inside_edges(subject: Subject, nodes: Ints, a: Ints, b: Ints) -> tuple[Ints, Ints]:
-    """(node, edge): nodes of a list that lie inside the straight edges a b, away from their ends."""
+    """(node, edge): pairs of a node of the list and a straight edge a b that contains it, away from the edge's ends."""
     x, y = subject.mesh.points[a], subject.mesh.points[b]
     length = np.linalg.norm(y - x, axis=1)
     good = np.flatnonzero(subject.finite[a] & subject.finite[b] & (length > 0))
@@ -189,7 +193,7 @@ def inside_edges(subject: Subject, nodes: Ints, a: Ints, b: Ints) -> tuple[Ints,
 
 
 def hanging_nodes(subject: Subject, side: Side) -> Ints:
-    """Corners of a skin that lie inside an edge on the rim of the same skin, on the same body."""
+    """Corners of a skin that lie inside an edge on the boundary of the same skin, on the same body."""
     if subject.dim != 2 or not len(side):
         return np.empty(0, np.int64)
     corners = side.faces.corners
@@ -203,7 +207,7 @@ def hanging_nodes(subject: Subject, side: Side) -> Ints:
 
 
 def check_skins_in_space(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """Nodes of a skin inside its edges, and faces of a skin that cross."""
+    """Find hanging nodes of a skin, and faces of a skin that cross or overlap."""
     found = []
     for side in subject.sides:
         hanging = hanging_nodes(subject, side)

@@ -1,4 +1,4 @@
-"""Pairs of boxes that meet: a tree over the boxes, compiled. Cost grows as n log n and with the pairs found."""
+"""Pairs of intersecting boxes, by a compiled tree over the boxes. Cost grows as n log n and with the pairs found."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _BITS = 20
 
 
 def meeting(low: Floats, high: Floats, other_low: Floats, other_high: Floats) -> tuple[Ints, Ints]:
-    """(i, j): every box i (low, high (n, 3)) that meets the box j of the others.
+    """(i, j): all pairs of intersecting boxes, i of the first set (low, high (n, 3)) and j of the other.
 
-    Boxes that only touch meet. A box with a coordinate that is not a number meets nothing.
+    Boxes that only touch intersect. A box with a NaN coordinate intersects nothing.
     """
     if not len(low) or not len(other_low):
         return np.empty(0, np.int64), np.empty(0, np.int64)
@@ -31,7 +31,7 @@ def meeting(low: Floats, high: Floats, other_low: Floats, other_high: Floats) ->
 
 
 def meeting_each_other(low: Floats, high: Floats) -> tuple[Ints, Ints]:
-    """(i, j), i < j: every two boxes (low, high (n, 3)) of a set that meet, as `meeting`."""
+    """(i, j), i < j: all pairs of intersecting boxes (low, high (n, 3)) of one set, as in `meeting`."""
     if not len(low):
         return np.empty(0, np.int64), np.empty(0, np.int64)
     order = _curve(low, high)
@@ -42,7 +42,7 @@ def meeting_each_other(low: Floats, high: Floats) -> tuple[Ints, Ints]:
 
 
 def meeting_plain(low: Floats, high: Floats, other_low: Floats, other_high: Floats) -> tuple[Ints, Ints]:
-    """As `meeting`, every box against every other: the plain twin of the compiled kernel."""
+    """Compare every box with every other, in numpy: the reference for `meeting`, which is compiled."""
     i, j = np.nonzero(((low[:, None] <= other_high) & (high[:, None] >= other_low)).all(axis=2))
     return i, j
 
@@ -52,9 +52,9 @@ def _curve(low: Floats, high: Floats) -> Ints:
 
 
 def _tree(low: Floats, high: Floats) -> tuple[Floats, Floats, Ints]:
-    """(low, high, last) of the nodes of a complete binary tree; its last level bounds _LEAF boxes each, as they stand.
+    """(low, high, last) of the nodes of a complete binary tree; each leaf bounds _LEAF boxes, in the order given.
 
-    `last`: the last box below a node, plus one.
+    `last`: the index after the last box below a node.
     """
     width = 1 << max(0, (-(-len(low) // _LEAF) - 1).bit_length())
     more = ((0, width * _LEAF - len(low)), (0, 0))
@@ -70,7 +70,7 @@ def _tree(low: Floats, high: Floats) -> tuple[Floats, Floats, Ints]:
 
 
 def _morton(x: Floats) -> Ints:
-    """(n,): places along a Morton curve of points (n, 3)."""
+    """(n,): positions of points (n, 3) along a Morton curve."""
     x = np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0)
     extent = np.ptp(x, axis=0).max()
     cell = ((x - x.min(axis=0)) / (extent if extent > 0 else 1.0) * (2**_BITS - 1)).astype(np.uint64)

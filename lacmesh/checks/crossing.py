@@ -1,12 +1,12 @@
-"""Where a skin crosses or overlaps itself: triangles in space, segments in the plane.
+"""Self-intersections and overlaps of a skin: triangles in space, segments in the plane.
 
-Faces are split into flat pieces that share their nodes with the neighbours' (a quadratic face into those between its
-mid-nodes), so that a curved skin is tested as it bends. Two pieces whose boxes meet cross when an edge of one, or its
-centre, reaches the inside of the other: on the line from end to end the distance to the other's plane and the three
-barycentric coordinates are linear, so that each condition is an interval, and the question is whether they meet.
+Faces are split into flat pieces that share their nodes with the pieces of neighbouring faces (a quadratic face is split
+at its mid-nodes), so that the test follows a curved skin. Two pieces whose boxes intersect cross when an edge of one,
+or its centre, enters the interior of the other. Along an edge the distance to the other's plane and the barycentric
+coordinates in it are linear, so that each condition holds on an interval: the pieces cross if all intervals intersect.
 
-Pieces that share nodes need no rule of their own: their common corner or edge is on the rim of both, not inside. What
-touches rim to rim does not cross. Distances count from EPSILON of a piece's size on.
+Pieces that share nodes need no special treatment: their common corner or edge is on the boundary of both, not inside.
+Pieces that touch only at their boundaries do not cross. Distances below EPSILON of a piece's size count as zero.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def crossing(points: Floats, faces: Faces) -> Ints:
 
 
 def crossing_plain(points: Floats, faces: Faces) -> Ints:
-    """As `crossing`, in numpy over all pairs of pieces: the plain twin of the compiled kernel."""
+    """Compare all pairs of pieces in numpy: the reference for `crossing`, which is compiled."""
     return _pairs(points, faces, compiled=False)
 
 
@@ -74,7 +74,7 @@ def _pairs(points: Floats, faces: Faces, compiled: bool) -> Ints:
 
 
 def pieces_of(faces: Faces) -> tuple[Ints, Ints]:
-    """(nodes (p, 2 or 3), face (p,)): the pieces of faces of one dimension, face by face."""
+    """(nodes (p, 2 or 3), face (p,)): the flat pieces of faces of one dimension, face by face."""
     parts, owner = [], []
     for code in np.unique(faces.type):
         rows = np.flatnonzero(faces.type == code)
@@ -89,14 +89,17 @@ def pieces_of(faces: Faces) -> tuple[Ints, Ints]:
 
 
 def _cross_plain(x: NDArray, start: Ints, i: int, j: int) -> bool:
-    """Whether a piece of face i and one of face j cross."""
+    """True if a piece of face i and a piece of face j cross."""
     m, n = start[i + 1] - start[i], start[j + 1] - start[j]
     a, b = np.repeat(start[i] + np.arange(m), n), np.tile(start[j] + np.arange(n), m)
     return bool((_reach_plain(x[a], x[b]) | _reach_plain(x[b], x[a])).any())
 
 
 def _planes(x: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Per piece (k, m, 3): its first corner, the rows (k, c, 3) that give signed distance and coordinates, its size."""
+    """First corner, rows (k, c, 3) and size of pieces (k, m, 3).
+
+    The rows times a position relative to the first corner give the signed distance and the barycentric coordinates.
+    """
     side = x[:, 1] - x[:, 0]
     if x.shape[1] == 2:
         square = (side * side).sum(axis=1)
@@ -114,7 +117,7 @@ def _planes(x: NDArray) -> tuple[NDArray, NDArray, NDArray]:
 
 
 def _reach_plain(x: NDArray, other: NDArray) -> NDArray[np.bool_]:
-    """Whether an edge of a piece x (k, m, 3), or its centre, reaches the inside of the other."""
+    """True for pieces x (k, m, 3) of which an edge, or the centre, enters the interior of the other piece."""
     origin, rows, size = _planes(other)
     m = x.shape[1]
     centre = x.mean(axis=1)
@@ -135,14 +138,14 @@ def _reach_plain(x: NDArray, other: NDArray) -> NDArray[np.bool_]:
 
 
 def _coordinates(v: NDArray) -> list[NDArray]:
-    """What must be positive inside, from (distance, coordinates ...) (k, c)."""
+    """Quantities that are positive inside a piece: the barycentric coordinates, from v = (distance, ...) (k, c)."""
     rest = 1 - v[:, 1:].sum(axis=1)
     return [*(v[:, k] - INSIDE for k in range(1, v.shape[1])), rest - INSIDE]
 
 
 @kernel
 def _cross_each(x: Array, start: Array, pairs: Array) -> Array:
-    """(k,): which pairs of faces have pieces that cross."""
+    """(k,): True for pairs of faces that have pieces that cross."""
     m = x.shape[1]
     rows, values = np.empty((m, 3)), np.empty((m + 1, m + 2))
     hit = np.zeros(len(pairs), np.bool_)
@@ -156,7 +159,7 @@ def _cross_each(x: Array, start: Array, pairs: Array) -> Array:
 
 @kernel
 def _apart(x: Array, i: int, j: int) -> bool:
-    """Whether the boxes of two pieces are clearly apart."""
+    """True if the boxes of two pieces are separated by more than round-off."""
     for s in range(3):
         low, high, other_low, other_high = x[i, 0, s], x[i, 0, s], x[j, 0, s], x[j, 0, s]
         for c in range(1, x.shape[1]):
@@ -170,7 +173,7 @@ def _apart(x: Array, i: int, j: int) -> bool:
 
 @kernel
 def _plane(x: Array, j: int, rows: Array) -> float:
-    """The rows of `_planes` of piece j; its size, 0 where it has no extent."""
+    """Write the rows of `_planes` for piece j into `rows`; return its size, 0 if it is degenerate."""
     m = x.shape[1]
     a0, a1, a2 = x[j, 1, 0] - x[j, 0, 0], x[j, 1, 1] - x[j, 0, 1], x[j, 1, 2] - x[j, 0, 2]
     if m == 2:
@@ -199,7 +202,7 @@ def _plane(x: Array, j: int, rows: Array) -> float:
 
 @kernel
 def _reaches(x: Array, i: int, j: int, rows: Array, values: Array) -> bool:
-    """Whether an edge of piece i (of x (k, m, 3)), or its centre, reaches the inside of piece j; two work arrays."""
+    """True if an edge of piece i (of x (k, m, 3)), or its centre, enters piece j; `rows`, `values`: work arrays."""
     m = x.shape[1]
     size = _plane(x, j, rows)
     if not size > 0.0:

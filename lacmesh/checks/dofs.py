@@ -1,9 +1,9 @@
-"""The hypothesis of the method: every macro-element owns a dof whose function lives inside it (R5.03.55, 2.3).
+"""The hypothesis of the method: every macro-element owns a dof with its support inside it (R5.03.55, 2.3).
 
-A node is counted for a macro-element T when every slave face that holds it is part of T, and the integral of its
-function over T, on the real geometry, is positive. A node on the rim of the slave skin meets this, but its dof is often
-taken by a symmetry condition: macro-elements that own only such ones are told apart, and a face that is a macro-element
-only because nothing was cut needs the cut.
+A node counts for a macro-element T if every slave face that contains it is part of T, and if the integral of its shape
+function over T, on the real geometry, is positive. A node on the boundary of the slave skin may satisfy this, but a
+symmetry condition often constrains its dof: macro-elements that own only such nodes are reported separately. A face
+that is a macro-element only because nothing was cut, and owns only such nodes, needs the cut.
 """
 
 from __future__ import annotations
@@ -32,7 +32,11 @@ _DEGREE = 6
 
 
 class _Dofs(NamedTuple):
-    """For each macro-element (m,), how many internal dofs: in all, off the rim, not held, neither."""
+    """Numbers of internal dofs of each macro-element (m,).
+
+    They count all of them; those off the boundary of the skin; those that no Dirichlet group holds; those that satisfy
+    both.
+    """
 
     anywhere: Ints
     inside: Ints
@@ -41,7 +45,7 @@ class _Dofs(NamedTuple):
 
 
 def check_dofs(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """The internal dofs of every macro-element, and those left once the Dirichlet groups are held."""
+    """Check that every macro-element owns an internal dof, and still does with the Dirichlet groups constrained."""
     if not len(subject.slave):
         return [], {}
     macros = subject.macros
@@ -79,7 +83,7 @@ def _broken(subject: Subject, faults: list[Fault]) -> Iterator[Finding]:
 
 
 def _records(subject: Subject) -> Iterator[Finding]:
-    """What is said of the cut itself."""
+    """Report a cut recognised without records, and slave faces outside every macro-element of the cut."""
     side, macros = subject.slave, subject.macros
     if macros.recognised and macros.cut.all():
         message = "the skin is cut, without records: " + counted(
@@ -94,7 +98,7 @@ def _records(subject: Subject) -> Iterator[Finding]:
 
 
 def _lacking(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
-    """Macro-elements without an internal dof, with none that is free, with one on the rim only."""
+    """Report macro-elements with no internal dof, with constrained ones only, or with free ones on the boundary."""
     side, macros = subject.slave, subject.macros
     uncut = np.zeros(macros.count, bool)
     uncut[macros.of_face[~macros.cut & ~macros.whole]] = True
@@ -126,7 +130,7 @@ def _lacking(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
 
 
 def _owning(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
-    """Macro-elements with an internal dof; the faces are listed where others have none."""
+    """Report macro-elements with an internal dof; their faces are listed only if other macro-elements have none."""
     side, macros = subject.slave, subject.macros
     owning = dofs.inside > 0
     if not owning.any():
@@ -142,7 +146,7 @@ def _owning(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
 
 
 def _integrals(subject: Subject) -> tuple[Floats, Floats, Ints]:
-    """(measure of each macro-element, integral of each node's function, macro-element that alone holds the node)."""
+    """Measure of each macro-element, integral of each node's function, the only macro-element at each node, or -1."""
     mesh, faces, macros = subject.mesh, subject.slave.faces, subject.macros
     size, value = np.zeros(macros.count), np.zeros(mesh.n_nodes)
     low, high = np.full(mesh.n_nodes, macros.count), np.full(mesh.n_nodes, -1)
@@ -160,7 +164,7 @@ def _integrals(subject: Subject) -> tuple[Floats, Floats, Ints]:
 
 
 def _face_integrals(kind: str, x: Floats) -> Floats:
-    """(k, n): the integral of each node's function over faces with nodes at x (k, n, 3)."""
+    """(k, n): the integral of each node's shape function over faces with nodes at x (k, n, 3)."""
     X, w = rule(CELLS[kind].family, _DEGREE)
     J = jacobian(kind, x, X)
     area = np.linalg.norm(np.cross(J[..., 0], J[..., 1]) if CELLS[kind].dim == 2 else J[..., 0], axis=-1)
@@ -168,7 +172,7 @@ def _face_integrals(kind: str, x: Floats) -> Floats:
 
 
 def _rim(subject: Subject) -> Ints:
-    """The nodes on edges that one slave face alone has."""
+    """Nodes on the boundary of the slave skin: on edges that belong to one slave face only."""
     faces = subject.slave.faces
     uses = edge_uses(faces)
     alone = np.flatnonzero(np.bincount(uses.edge)[uses.edge] == 1)

@@ -1,7 +1,7 @@
-"""The facets of all cells, each found with the cell on its other side: a hash table, compiled, linear in the mesh.
+"""The facets of all cells, each paired with the facet of the neighbouring cell by a compiled hash table, in O(n).
 
-A facet is known by its sorted corners. Facet j of cell k is number `FACETS k + j`; `twin` says which facet is the same
-one seen from the other cell, ALONE where there is none, CROWDED where there are several.
+A facet is identified by its sorted corners. Facet j of cell k has the number `FACETS k + j`; `twin` gives the number of
+the same facet in the neighbouring cell, ALONE if there is none, CROWDED if there are several (non-manifold).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _FAMILIES = ("TRIA", "QUAD", "TETRA", "HEXA", "PENTA", "PYRAM")
 
 @dataclass(frozen=True)
 class Solid:
-    """The cells of the mesh's own dimension: `cells` (k,) indices, `corners` (k, 8) padded with -1, `family` (k,)."""
+    """The cells of the mesh's dimension: `cells` (k,) indices, `corners` (k, 8) padded with -1, `family` (k,)."""
 
     cells: Ints
     corners: Ints
@@ -40,7 +40,7 @@ class Solid:
         return Solid(self.cells[rows], self.corners[rows], self.family[rows])
 
     def copies(self) -> Ints:
-        """The rows of cells that stand on the corners of an earlier one."""
+        """Rows of duplicate cells: those with the same corners as an earlier one."""
         labels, count = label_rows(np.sort(self.corners, axis=1) + 1)
         first = np.full(count, len(labels))
         np.minimum.at(first, labels, np.arange(len(labels)))
@@ -48,7 +48,7 @@ class Solid:
 
     @classmethod
     def of(cls, mesh: Mesh) -> Solid:
-        """All cells of the highest dimension, those of higher order too (by their corners)."""
+        """Return all cells of the highest dimension, by their corners; those of order 3 and higher are included."""
         wide = mesh.n_nodes > np.iinfo(np.int32).max // 2 or mesh.n_cells * FACETS > np.iinfo(np.int32).max
         dtype = np.int64 if wide else np.int32
         mine = [k for k, b in enumerate(mesh.blocks) if ALL_CELLS[b.type].dim == mesh.dim > 1]
@@ -70,7 +70,7 @@ class Solid:
 
 @dataclass(frozen=True)
 class Facets:
-    """The cells of a mesh, each once, and their facets (`find_twins`); `copies`: cells on the corners of another."""
+    """The cells of a mesh, each once, and their paired facets (`find_twins`); `copies`: the duplicate cells."""
 
     solid: Solid
     twin: Ints
@@ -79,7 +79,7 @@ class Facets:
 
     @classmethod
     def of(cls, mesh: Mesh) -> Facets:
-        """All facets of the cells of the highest dimension."""
+        """Return all facets of the cells of the highest dimension."""
         solid = Solid.of(mesh)
         find = find_twins_plain if len(solid.cells) <= _FEW else find_twins
         twin, same = find(solid)
@@ -94,19 +94,19 @@ class Facets:
 
     @property
     def boundary(self) -> tuple[Ints, Ints]:
-        """(rows of `solid`, facet numbers) of the facets that one cell alone has."""
+        """(rows of `solid`, facet numbers) of the boundary facets, which belong to one cell only."""
         alone = np.flatnonzero(self.twin == ALONE)
         return alone // FACETS, alone % FACETS
 
     def corners(self, rows: Ints, facet: Ints) -> Ints:
-        """(k, 4): the corners of some facets, in the cells' order, -1 beyond."""
+        """(k, 4): the corners of some facets, in the order of their cells, padded with -1."""
         places = FACET_TABLE[self.solid.family[rows], facet].astype(np.int64)
         corners = np.take_along_axis(self.solid.corners[rows], np.maximum(places, 0), axis=1)
         return np.where(places < 0, -1, corners).astype(np.int64)
 
 
 def _table() -> NDArray[np.int8]:
-    """(families, FACETS, 4): corners of each facet, -1 beyond."""
+    """(families, FACETS, 4): local corners of each facet, padded with -1."""
     table = np.full((len(_FAMILIES), FACETS, 4), -1, np.int8)
     for row, family in enumerate(_FAMILIES):
         cell = next(c for c in CELLS.values() if c.family == family and c.order == 1)
@@ -119,9 +119,9 @@ FACET_TABLE = _table()
 
 
 def find_twins(solid: Solid) -> tuple[Ints, NDArray[np.bool_]]:
-    """(twin (k FACETS,), same (k FACETS,)): the facet on the other side of each, and whether it goes round alike.
+    """(twin (k FACETS,), same (k FACETS,)): the facet on the other side of each, True if it has the same winding.
 
-    Two facets that lie back to back go round in opposite ways; `same` is False where there is no twin.
+    The facets of two cells on opposite sides have opposite windings; `same` is False where there is no twin.
     """
     twin, forward = _hash_facets(solid.corners, solid.family, FACET_TABLE)
     paired = twin >= 0
@@ -131,7 +131,7 @@ def find_twins(solid: Solid) -> tuple[Ints, NDArray[np.bool_]]:
 
 
 def find_twins_plain(solid: Solid) -> tuple[Ints, NDArray[np.bool_]]:
-    """As `find_twins`, by sorting, half as fast: for few cells, and the plain twin of the compiled kernel."""
+    """Pair the facets by sorting: the reference for `find_twins`, half as fast, and used for few cells."""
     ids, rows = [], []
     for f in range(len(_FAMILIES)):
         mine = np.flatnonzero(solid.family == f)
@@ -165,7 +165,7 @@ def find_twins_plain(solid: Solid) -> tuple[Ints, NDArray[np.bool_]]:
 
 @kernel
 def _sorted_corners(corners: Array, table: Array, cell: int, family: int, j: int, out: Array) -> int:
-    """The sorted corners of a facet into out (4,), -1 beyond; their number."""
+    """Write the sorted corners of a facet into out (4,), padded with -1; return their number."""
     n = 0
     for k in range(4):
         place = table[family, j, k]
@@ -185,7 +185,7 @@ def _sorted_corners(corners: Array, table: Array, cell: int, family: int, j: int
 
 @kernel
 def _goes_forward(corners: Array, table: Array, cell: int, family: int, j: int, n: int) -> bool:
-    """Which way round a facet goes: from its least corner towards the larger of the two beside it."""
+    """Winding of a facet: True if it goes from its lowest corner towards the larger of the two corners beside it."""
     if n == 2:
         return corners[cell, table[family, j, 0]] < corners[cell, table[family, j, 1]]
     least = 0
@@ -254,7 +254,7 @@ def find_bodies(solid: Solid, n_nodes: int) -> Ints:
 
 
 def find_bodies_plain(solid: Solid, n_nodes: int) -> Ints:
-    """As `find_bodies`, by scipy: the plain twin of the compiled kernel."""
+    """Label the bodies with scipy: the reference for `find_bodies`, which is compiled."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

@@ -1,4 +1,4 @@
-"""What is asked of slave and master together: gap, coverage, sides, sizes. All of it is read from `surface`."""
+"""Checks of slave and master together: gap, coverage, orientation, sizes. All are computed by `lacmesh.surface`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ RATIO, HINT = 5.0, 1.5
 
 @dataclass(frozen=True, eq=False)
 class _Facing:
-    """Two surfaces, the macro-element of each slave face, and what was found between them."""
+    """Slave and master surface, the macro-element of each slave face, the contact points and the coverage."""
 
     slave: Surface
     master: Surface
@@ -37,7 +37,7 @@ class _Facing:
 
     @classmethod
     def of(cls, subject: Subject) -> _Facing:
-        """Raises DataError where the surfaces cannot be measured."""
+        """Pair the slave and master surfaces. Raises DataError if that is impossible with these faces."""
         assert subject.master is not None
         options = dict(subject.options)
         smooth = {name: options.pop(name) for name in ("surface", "crease_angle")}
@@ -50,13 +50,13 @@ class _Facing:
 
     @property
     def lacking(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """(m,) each: macro-elements that the master does not cover at all, and those that it covers in part."""
+        """(m,) each: True for macro-elements that the master does not cover at all, and for those covered in part."""
         ratio = self.covered.ratio
         return ratio <= NONE, (ratio > NONE) & (ratio < WHOLE)
 
 
 def check_facing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """The gap, what the master covers, on which side it is, and how the sizes compare."""
+    """Check the gap, the coverage by the master, the side on which the master lies, and the ratio of sizes."""
     slave, master = subject.slave, subject.master
     if master is None or not len(slave) or not len(master):
         return [], {}
@@ -102,7 +102,7 @@ def _coverage(subject: Subject, facing: _Facing) -> Iterator[Finding]:
 
 
 def _turned_away(subject: Subject, facing: _Facing) -> Iterator[Finding]:
-    """Whether bare master faces turn their back on the slave: turned over, they cover more."""
+    """Report master faces without parent cell whose normal points away from the slave: flipped, they cover more."""
     bare = np.isnan(facing.master.depth)
     if not bare.any() or not np.any(facing.lacking):
         return
@@ -118,7 +118,7 @@ def _turned_away(subject: Subject, facing: _Facing) -> Iterator[Finding]:
 
 
 def _behind(subject: Subject, facing: _Facing) -> Iterator[Finding]:
-    """Whether the master lies deeper behind the slave than bodies that merely overlap: then it may not be seen."""
+    """Report a master that lies deeper behind the slave than overlapping bodies would, and may be out of range."""
     covered = facing.covered
     if np.any(facing.lacking[0]):
         depth = facing.options["search_distance"]
@@ -156,7 +156,7 @@ def _gap(subject: Subject, facing: _Facing) -> tuple[Finding, dict[str, Any]]:
 
 
 def _sizes(subject: Subject, facing: _Facing) -> Iterator[Finding]:
-    """Sizes of macro-elements and master faces where they meet."""
+    """Report the ratio of the sizes of macro-elements and master faces, where they face each other."""
     points, group = facing.points, subject.slave.group
     own = _macro_sizes(facing)[points.macro]
     other = _size(_measures(facing.master), facing.master.dim)[points.master]
@@ -175,7 +175,7 @@ def _sizes(subject: Subject, facing: _Facing) -> Iterator[Finding]:
 
 
 def _macro_sizes(facing: _Facing) -> Floats:
-    """(m,): how large each macro-element is, a true length."""
+    """(m,): the size of each macro-element as a length: its length, or the square root of its area."""
     return _size(np.bincount(facing.macro, _measures(facing.slave)).astype(float), facing.slave.dim)
 
 

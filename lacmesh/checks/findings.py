@@ -1,4 +1,4 @@
-"""What a check says: findings, each with its rule, its gravity, where, and a sentence that says what to do."""
+"""Findings of a check, each with its rule, its severity, its place, and a sentence that says what to do."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Corner = tuple[float, float, float]
 
 
 class Where(NamedTuple):
-    """Where a finding stands: the `group` it was found in, and the `box` (lowest, highest corner) of its cells."""
+    """Place of a finding: the `group` it was found in, and the `box` (lowest, highest corner) of its cells or nodes."""
 
     group: str | None = None
     box: tuple[Corner, Corner] | None = None
@@ -20,7 +20,7 @@ class Where(NamedTuple):
 
 @dataclass(frozen=True)
 class Finding:
-    """`rule` (a key of RULES), `severity`, the file's numbers of `cells` and `nodes`, `where`, and a sentence."""
+    """One finding: `rule` (a key of RULES), `severity`, ids of `cells` and `nodes` in the file, `where`, a sentence."""
 
     rule: str
     severity: str
@@ -30,7 +30,7 @@ class Finding:
     message: str
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the finding as plain data for JSON."""
         return {
             "rule": self.rule,
             "severity": self.severity,
@@ -56,17 +56,17 @@ class Findings:
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """The findings that say that the mesh will not work."""
+        """The findings of severity error: the mesh will not work."""
         return self.of_severity("error")
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """The findings that say where it may not."""
+        """The findings of severity warning: the mesh may not work."""
         return self.of_severity("warning")
 
     @property
     def rules(self) -> tuple[str, ...]:
-        """The rules that said something, each once, in the order of the findings."""
+        """The rules that have findings, each once, in the order of the findings."""
         return tuple(dict.fromkeys(f.rule for f in self.findings))
 
     def of_severity(self, severity: str) -> tuple[Finding, ...]:
@@ -78,12 +78,12 @@ class Findings:
         return tuple(f for f in self.findings if f.rule == rule)
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: {findings, summary}."""
+        """Return plain data for JSON: {findings, summary}."""
         return {"findings": [f.as_dict() for f in self.findings], "summary": dict(self.summary)}
 
 
 def counted(n: int, one: str, many: str | None = None) -> str:
-    """A number and what is counted, for a sentence.
+    """Format a count and its noun for a sentence, in the singular or the plural.
 
     >>> counted(1, "face turns", "faces turn"), counted(2000, "node")
     ('1 face turns', '2,000 nodes')
@@ -92,7 +92,7 @@ def counted(n: int, one: str, many: str | None = None) -> str:
 
 
 def collect(found: list[Finding], figures: Mapping[str, Any]) -> Findings:
-    """Findings, errors first, and the summary."""
+    """Sort the findings, errors first, and add the summary."""
     ranked = sorted(found, key=lambda f: SEVERITIES.index(f.severity))
     counts = {severity: sum(f.severity == severity for f in found) for severity in SEVERITIES}
     return Findings(tuple(ranked), {"ok": counts["error"] == 0, **counts, **figures})

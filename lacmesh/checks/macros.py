@@ -1,4 +1,4 @@
-"""The macro-elements of the slave skin, from the records of the cut, or found again where these are gone."""
+"""The macro-elements of the slave skin, from the records of the cut, or recognised from the faces without records."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Macros:
 
     `cut` (f,): faces that a cut made or left as a macro-element, by its records or as they were `recognised`; every
     other face is a macro-element by itself. `whole` (f,): faces of types that need no cut (SEG3, TRIA7, QUAD9).
-    `number` (count,): their number in the records, -1 for those that have none. `faults`: why the records cannot be
-    used.
+    `number` (count,): number of each macro-element in the records, -1 without one. `faults`: reasons why the records
+    cannot be used.
     """
 
     of_face: Ints
@@ -42,12 +42,15 @@ class Macros:
     faults: tuple[Fault, ...] = ()
 
     def faces(self, some: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(f,): the faces of some macro-elements (count,)."""
+        """(f,): mask of the faces that belong to some macro-elements, given as a mask (count,)."""
         return some[self.of_face]
 
 
 def macros_of(mesh: Mesh, side: Side, recognise: bool | None = None) -> Macros:
-    """From the records, or found again (`recognise`: as in `cut_skin`), or each face its own."""
+    """Return the macro-elements of a skin: from the records, else recognised, else each face by itself.
+
+    `recognise`: as in `cut_skin`.
+    """
     own, recognised = np.full(len(side), -1, np.int64), False
     faults = _faults(mesh) if is_cut(mesh) else []
     if recognise is False:
@@ -68,7 +71,7 @@ def macros_of(mesh: Mesh, side: Side, recognise: bool | None = None) -> Macros:
 
 
 def _faults(mesh: Mesh) -> list[Fault]:
-    """Why the records of a mesh cannot be used."""
+    """List the reasons why the records of a mesh cannot be used."""
     try:
         return record_faults(Cut(mesh))
     except (CutError, IndexError, ValueError) as error:

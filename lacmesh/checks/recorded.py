@@ -1,4 +1,4 @@
-"""Whether the records of a cut agree with each other, with its faces, and with the integrals over them."""
+"""Consistency of the records of a cut with each other, with the faces, and with the integrals over the faces."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NONE = np.empty(0, np.int64)
 
 
 class Fault(NamedTuple):
-    """What is wrong with the records, and the cells or the nodes that show it."""
+    """A fault of the records, as a message, and the cells or nodes that show it."""
 
     message: str
     cells: Ints = _NONE
@@ -26,7 +26,7 @@ class Fault(NamedTuple):
 
 
 def record_faults(cut: Cut) -> list[Fault]:
-    """The faults of `lac_macro`, `lac_zone` and `lac_child`, over every face of the cut."""
+    """Return the faults of `lac_macro`, `lac_zone` and `lac_child`, over all faces of the cut."""
     cells = np.flatnonzero(cut.macro_of_face >= 0)
     numbers, macro = np.unique(cut.macro_of_face[cells], return_inverse=True)
     beyond = f"lac_macro does not number the {len(numbers):,} macro-elements from 0 to {len(numbers) - 1}"
@@ -43,7 +43,7 @@ def record_faults(cut: Cut) -> list[Fault]:
 
 
 def _mixed(zone: Ints, macro: Ints) -> NDArray[np.bool_]:
-    """(f,): faces of macro-elements in several zones."""
+    """(f,): True for faces of macro-elements that lie in several zones."""
     first = np.empty(int(macro.max()) + 1, np.int64)
     first[macro] = zone
     odd = np.zeros(len(first), bool)
@@ -52,7 +52,7 @@ def _mixed(zone: Ints, macro: Ints) -> NDArray[np.bool_]:
 
 
 def _unranked(child: Ints, macro: Ints) -> NDArray[np.bool_]:
-    """(f,): faces of macro-elements whose faces are not 1, 2, ... k, each once."""
+    """(f,): True for faces of macro-elements whose faces are not numbered 1, 2, ... k, each once."""
     order = np.lexsort((child, macro))
     start = np.searchsorted(macro[order], macro[order])
     odd = np.zeros(int(macro.max()) + 1, bool)
@@ -61,7 +61,7 @@ def _unranked(child: Ints, macro: Ints) -> NDArray[np.bool_]:
 
 
 def _apart(cut: Cut, cells: Ints, macro: Ints) -> NDArray[np.bool_]:
-    """(f,): faces of macro-elements that are in several pieces, joined by their edges (segments: by their ends)."""
+    """(f,): True for faces of disconnected macro-elements; faces connect at edges, segments at their ends."""
     faces = Faces.join((kind, nodes) for kind, _, nodes in cut.mesh.select(cells))
     uses = edge_uses(faces)
     edge = np.unique(uses.edge.astype(np.int64) * (int(macro.max()) + 1) + macro[uses.face], return_inverse=True)[1]
@@ -70,12 +70,13 @@ def _apart(cut: Cut, cells: Ints, macro: Ints) -> NDArray[np.bool_]:
 
 
 def internal_faults(cut: Cut, number: Ints, owner: Ints, internal: NDArray[np.bool_], rim: Ints) -> list[Fault]:
-    """The faults of `lac_internal`, against what the integrals say.
+    """Return the faults of `lac_internal`, compared with the integrals of the shape functions.
 
-    `number` (m,): the record of each macro-element asked for, -1 where it has none. `owner` (n_nodes,): the
-    macro-element that alone holds a node, or -1. `internal` (n_nodes,): nodes whose function has a positive integral.
-    `rim`: nodes on the rim of the skin. No node is asked of a macro-element where the integrals find none off the rim,
-    and of a node of such a one only that its macro-element alone holds it: what is wrong there is not the record.
+    `number` (m,): the number in the records of each macro-element that is checked, -1 without one. `owner` (n_nodes,):
+    the only macro-element that contains a node, or -1. `internal` (n_nodes,): nodes whose function has a positive
+    integral. `rim`: nodes on the boundary of the skin. If the integrals find no internal node off the boundary for a
+    macro-element, its records need not name one, and a node they name need only lie in that macro-element alone: there
+    the cut is at fault, not the record.
     """
     mesh, recorded = cut.mesh, cut.macro_of_node
     off_rim = internal.copy()

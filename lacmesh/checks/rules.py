@@ -1,4 +1,4 @@
-"""Every rule of the check: how grave it is, what it means, what to do. `docs/check.md` is written from this table."""
+"""Catalogue of the check's rules: severity, meaning, advice. `docs/check.md` is generated from this table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What curved skins of linear faces are: exact shapes or free form, and whether they are fine enough for that."""
+"""Check of curved skins of linear faces: their shapes, exact or free form, and whether the mesh resolves them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lacmesh.surface.record import Surface
 
 
 def check_shapes(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """The shapes of each group that is curved, and whether it is fine enough to be taken for smooth."""
+    """Report the shapes of each curved group, and groups that are too coarse to be treated as smooth."""
     found: list[Finding] = []
     shapes: dict[str, Any] = {}
     for side in subject.sides:

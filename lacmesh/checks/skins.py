@@ -1,4 +1,4 @@
-"""What is asked of the skins by themselves: their faces, the cells behind, how they turn, what they share."""
+"""Checks of the skins by themselves: their faces, parent cells, orientation, and the nodes that they share."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ORDER = np.array([CELLS[name].order for name in FACE_TYPES])
 
 
 def check_groups(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """Whether the groups hold the faces of a skin, each once."""
+    """Check that the groups contain faces of a skin, each of them once."""
     found: list[Finding] = []
     for side in subject.sides:
         found += _dimensions(subject, side)
@@ -88,7 +88,7 @@ def _in_two_zones(subject: Subject) -> Iterator[Finding]:
 
 
 def check_parents(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """What stands behind the faces, and how they turn."""
+    """Check the parent cells of the faces, and the orientation of the faces."""
     found: list[Finding] = []
     for side in subject.sides:
         if len(side):
@@ -98,7 +98,7 @@ def check_parents(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
 
 
 def _are_recorded(subject: Subject, cells: Ints) -> bool:
-    """Whether these cells are faces of macro-elements, by the records of a cut."""
+    """True if all of these cells are faces of macro-elements by the records of a cut."""
     macro = subject.mesh.cell_data.get("lac_macro")
     return macro is not None and bool((macro[cells] >= 0).all())
 
@@ -134,7 +134,7 @@ def _behind(subject: Subject, side: Side) -> Iterator[Finding]:
 
 
 def _on_carried(subject: Subject, side: Side) -> NDArray[np.bool_]:
-    """(f,): faces that are, by their corners, facets of cells of higher order."""
+    """(f,): True for faces that have the corners of a facet of a cell of order 3 or higher."""
     mesh = subject.mesh
     blocks = []
     for k, (kind, nodes) in enumerate(mesh.blocks):
@@ -161,7 +161,7 @@ def _turned(subject: Subject, side: Side) -> Iterator[Finding]:
 
 
 def check_shape(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """Whether each skin is a surface: no branches, one order."""
+    """Check that each skin is a manifold surface of faces of one order."""
     found: list[Finding] = []
     for side in subject.sides:
         if len(side):
@@ -193,7 +193,7 @@ def _orders(subject: Subject, side: Side) -> Iterator[Finding]:
 
 
 def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """Nodes that slave and master, or two zones, have in common."""
+    """Find nodes that slave and master, or two zones, have in common."""
     found = []
     slave, master = subject.slave, subject.master
     if master is not None:
@@ -215,7 +215,7 @@ def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
 
 
 def _shared_by_zones(subject: Subject) -> Ints:
-    """Nodes that faces of two zones have."""
+    """Nodes that faces of two zones share."""
     side = subject.slave
     rows, place = np.nonzero(side.faces.nodes >= 0)
     node, zone = side.faces.nodes[rows, place], side.zone[rows]

@@ -1,4 +1,4 @@
-"""What is asked of the cells: their numbers, nodes, facets, and whether their maps can be inverted."""
+"""Checks of the cells: their ids, nodes and facets, and whether their maps can be inverted."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
 
 def check_numbers(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """Whether there is a body, and its numbers and places are sane."""
+    """Check that the mesh has cells of a body, unique ids, finite coordinates and no node without a cell."""
     mesh, found = subject.mesh, []
     if mesh.dim < 2:
         found.append(subject.found("no-cells", "the mesh has no cells of dimension 2 or 3: there is no body to check"))
@@ -50,7 +50,7 @@ def check_numbers(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
 
 
 def check_validity(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """Repeated nodes in a cell, and the Jacobian determinant where solvers evaluate it."""
+    """Check for repeated nodes in a cell, and for Jacobian determinants <= 0 where solvers evaluate them."""
     from lacmesh.quality.determinant import validity_among  # not for those who ask how cells fit together alone
     from lacmesh.quality.measures import POOR
 
@@ -85,7 +85,7 @@ def check_validity(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
 
 
 def _quality(mesh: Mesh, block: Block) -> NDArray:
-    """The scaled Jacobian, as `lacmesh quality` reports it; that of the corners for quadratic cells."""
+    """Scaled Jacobian of the cells of a block, as in `lacmesh quality`; that at the corners for quadratic cells."""
     from lacmesh.quality import corner_jacobian
     from lacmesh.quality.measures import measure_cells
 
@@ -134,7 +134,7 @@ def _doubtful(subject: Subject, clockwise: Ints, bad: Ints, quality: NDArray) ->
 
 
 def _advice(subject: Subject, poor: Ints) -> str:
-    """What to do about poor cells: those that a cut made hang on the cells it was made from, and on its variant."""
+    """Advice about poor cells; the quality of those that a cut made depends on their parents and on the variant."""
     parent = subject.mesh.cell_data.get("lac_parent")
     made = poor[:0] if parent is None else poor[parent[poor] >= 0]
     if not len(made):
@@ -145,7 +145,7 @@ def _advice(subject: Subject, poor: Ints) -> str:
 
 
 def _with_repeated_nodes(mesh: Mesh) -> NDArray[np.bool_]:
-    """(n_cells,): cells that list a node twice."""
+    """(n_cells,): True for cells that list a node twice."""
     out = np.zeros(mesh.n_cells, bool)
     for k, block in enumerate(mesh.blocks):
         n = block.nodes.shape[1]
@@ -158,7 +158,7 @@ def _with_repeated_nodes(mesh: Mesh) -> NDArray[np.bool_]:
 
 
 def check_facets(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """Whether the cells fit together: every facet has one or two cells, on its two sides, with the same nodes."""
+    """Check that the cells fit together: each facet has one or two cells, on opposite sides, with the same nodes."""
     facets = subject.facets
     solid, twin, found = facets.solid, facets.twin, []
     if len(facets.copies):
@@ -178,7 +178,10 @@ def check_facets(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
 
 
 def _overlapping(subject: Subject, solid: Solid, twin: Ints, same: NDArray[np.bool_]) -> list[Finding]:
-    """Two cells, both the right way out, that go round their facet alike lie on one side of it."""
+    """Report cells that overlap: two cells of the same orientation that list their common facet with the same winding.
+
+    They lie on the same side of it.
+    """
     mesh = subject.mesh
     if mesh.dim == 2 and mesh.space_dim == 3:  # a surface in space has no right way out
         return []
@@ -198,7 +201,7 @@ def _overlapping(subject: Subject, solid: Solid, twin: Ints, same: NDArray[np.bo
 
 
 def _inside_out(subject: Subject, cells: Ints) -> Ints:
-    """(k,): 1 for cells wholly inside out (clockwise in the plane), 0 for valid ones, _NEITHER for others."""
+    """(k,): 1 for cells inverted everywhere (clockwise in the plane), 0 for valid ones, _NEITHER for others."""
     from lacmesh.quality import validity
 
     mesh = subject.mesh
@@ -222,7 +225,7 @@ def _inside_out(subject: Subject, cells: Ints) -> Ints:
 
 
 def _other_mid_nodes(subject: Subject, solid: Solid, twin: Ints) -> list[Finding]:
-    """Facets whose two cells have the same corners and other nodes between."""
+    """Report facets at which two cells share the corners but not the mid-nodes."""
     mesh = subject.mesh
     orders = {ALL_CELLS[b.type].order for b in mesh.blocks if ALL_CELLS[b.type].dim == mesh.dim and len(b.nodes)}
     if orders <= {1}:
@@ -256,7 +259,7 @@ def _other_mid_nodes(subject: Subject, solid: Solid, twin: Ints) -> list[Finding
 
 
 def _mixed(nodes: Ints) -> NDArray[np.uint64]:
-    """Node indices as well-mixed words, so that their sums tell sets of nodes apart."""
+    """Hash node indices to 64 bits, so that the sum over a set of nodes identifies the set."""
     x = (nodes.astype(np.uint64) + np.uint64(1)) * _GOLDEN
     x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     return x ^ (x >> np.uint64(31))

@@ -1,6 +1,6 @@
-"""What makes the answer of a solver on a mesh wrong, and shows nowhere in it: the part of the check that solvers ask.
+"""Faults of a mesh that make a solution wrong without showing in it: the part of the check that solvers call.
 
-It costs little beside a solution, and looks at no place in space but the ends of edges.
+It is cheap compared with a solution: no search in space, only the lengths of edges are computed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from lacmesh.origin import from_origin, origin_of_mesh
 
 
 class Spoilt(NamedTuple):
-    """A finding; `surely`: whether no answer can be right; `pair`: the slave and master it is about, None for cells."""
+    """A finding; `surely`: no solution can be right; `pair`: the slave and master concerned, None for cells."""
 
     finding: Finding
     surely: bool
@@ -28,11 +28,12 @@ class Spoilt(NamedTuple):
 
 
 def find_spoiling(mesh: Mesh, pairs: Sequence[tuple[str, str]]) -> tuple[Spoilt, ...]:
-    """What spoils an answer on a mesh, or may, in the words of `check`. `pairs`: slave and master of each contact.
+    """Findings of `check` that make a solution wrong, or may do so. `pairs`: slave and master of each contact.
 
-    For sure: cells that are there twice, overlap or crowd a facet, which count twice; slave faces all of whose nodes
-    are the master's, which can neither open nor press. It may: mid-nodes that two cells do not share, where the body
-    is torn; some nodes that slave and master share, as at the tip of a crack; cells with two nodes at one place.
+    Certainly wrong: duplicate or overlapping cells and non-manifold facets, where material counts twice; slave faces
+    with all their nodes on the master, which can neither open nor transmit pressure. Possibly wrong: mid-nodes that two
+    neighbouring cells do not share, where the body is torn; some nodes shared by slave and master, as at the tip of a
+    crack; cells with two coincident nodes.
     """
     origin = origin_of_mesh(mesh)
     mesh = from_origin(mesh, origin)
@@ -49,14 +50,14 @@ def find_spoiling(mesh: Mesh, pairs: Sequence[tuple[str, str]]) -> tuple[Spoilt,
 
 
 def _glued(skins: Subject) -> bool:
-    """Whether all nodes of some slave face are the master's."""
+    """True if there is a slave face that has all its nodes on the master."""
     assert skins.master is not None
     nodes = skins.slave.faces.nodes
     return bool((np.isin(nodes, skins.master.nodes) | (nodes < 0)).all(axis=1).any())
 
 
 def _edges_without_length(subject: Subject) -> Iterator[Finding]:
-    """Cells two of whose corners stand at one place and are two nodes."""
+    """Report cells with an edge of zero length between two different nodes."""
     pairs = [np.empty((0, 2), np.int64), *(_short(subject.mesh, k) for k in range(len(subject.mesh.blocks)))]
     short = np.concatenate(pairs)
     if len(short):
@@ -69,7 +70,7 @@ def _edges_without_length(subject: Subject) -> Iterator[Finding]:
 
 
 def _short(mesh: Mesh, block: int) -> Ints:
-    """(k, 2): the ends of edges of a block's cells that are nothing beside the cell's longest edge."""
+    """(k, 2): the ends of edges of a block's cells with negligible length compared with the cell's longest edge."""
     kind, nodes = mesh.blocks[block]
     if kind not in CELLS or not 1 < CELLS[kind].dim == mesh.dim or not len(nodes):
         return np.empty((0, 2), np.int64)

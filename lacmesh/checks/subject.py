@@ -1,4 +1,4 @@
-"""What is checked: the mesh, its slave and master skins, the macro-elements, the nodes that are held."""
+"""The subject of a check: the mesh, its slave and master skins, the macro-elements, the constrained nodes."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ PLACE = 1e-8
 class Side:
     """A skin: `what` (slave, master), the groups' `names`, its faces.
 
-    `cells` (f,): a cell for each face, the first that lies on it; `zone` (f,): the place of its group among `names`;
-    `faces`: the faces, each once; `copies`: the cells that lie on a face already there; `groups`: the cells of each.
+    `cells` (f,): the first cell on each face; `zone` (f,): the position of its group in `names`; `faces`: the faces,
+    each once; `copies`: further cells on the same faces; `groups`: the cells of each group.
     """
 
     what: str
@@ -48,11 +48,11 @@ class Side:
 
     @property
     def group(self) -> str:
-        """The names, for a place."""
+        """The names of the groups, for the place of a finding."""
         return ", ".join(self.names)
 
     def counted(self, n: int, one: str, many: str) -> str:
-        """Some of its faces and what they do, for a sentence: `2 slave faces turn`."""
+        """Format a number of its faces and a verb for a sentence: `2 slave faces turn`."""
         return counted(n, f"{self.what} face {one}", f"{self.what} faces {many}")
 
     @cached_property
@@ -63,10 +63,10 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """The mesh and what was asked about it. `dim`: of the skins. `fixed`: nodes of the Dirichlet groups.
+    """The mesh and the request. `dim`: dimension of the skins. `fixed`: nodes of the Dirichlet groups.
 
-    `recognise`: whether a slave skin without records that looks cut is taken so (`lacmesh.cut_skin`). Points are
-    counted from `origin` (3,); places are told as they stand in the file.
+    `recognise`: treat a slave skin that looks cut and has no records as cut (`lacmesh.cut_skin`). The mesh's points are
+    relative to `origin` (3,); findings give positions in the coordinates of the file.
     """
 
     mesh: Mesh
@@ -86,12 +86,12 @@ class Subject:
 
     @cached_property
     def finite(self) -> NDArray[np.bool_]:
-        """(n_nodes,): nodes whose coordinates are numbers of a sane size (their squares are finite too)."""
+        """(n_nodes,): True for nodes with finite coordinates, the squares of which are finite as well."""
         return np.asarray((np.abs(self.mesh.points) < 1e150).all(axis=1))
 
     @cached_property
     def parents(self) -> dict[str, Match]:
-        """For each side the cells behind its faces."""
+        """The parent cells of the faces, for each side."""
         blocks = list(cells_of_dim(self.mesh, self.dim + 1))
         return {side.what: find_owners(side.faces, blocks, self.mesh.n_nodes) for side in self.sides}
 
@@ -112,7 +112,7 @@ class Subject:
 
     @cached_property
     def cut_mesh(self) -> Mesh:
-        """The mesh with the macro-elements of the slave skin: those of its records, or as they were recognised."""
+        """The mesh with usable records of the macro-elements: its own, or the recognised ones, or none if faulty."""
         mesh, macros = self.mesh, self.macros
         if not macros.faults and not macros.recognised:
             return mesh
@@ -124,21 +124,21 @@ class Subject:
         return replace(mesh, cell_data=data)
 
     def behind(self, side: Side) -> Ints:
-        """(f,): how many cells each face of a side has behind it."""
+        """(f,): the number of parent cells of each face of a side."""
         return np.bincount(self.parents[side.what].face, minlength=len(side))
 
     def numbers(self, cells: Ints) -> str:
-        """The file's numbers of some cells, for a sentence."""
+        """Ids in the file of some cells, for a sentence."""
         return some(self.mesh.cell_number[cells], SHOWN)
 
     def node_numbers(self, nodes: Ints) -> str:
-        """The file's numbers of some nodes, for a sentence."""
+        """Ids in the file of some nodes, for a sentence."""
         return some(self.mesh.node_number[nodes], SHOWN)
 
     def found(
         self, rule: str, message: str, cells: Ints | None = None, nodes: Ints | None = None, group: str | None = None
     ) -> Finding:
-        """A finding of a rule, about cells and nodes given by their indices."""
+        """Make a finding of a rule, about cells and nodes given by their indices."""
         cells = np.empty(0, np.int64) if cells is None else np.asarray(cells, np.int64)
         nodes = np.empty(0, np.int64) if nodes is None else np.asarray(nodes, np.int64)
         return Finding(
@@ -151,7 +151,7 @@ class Subject:
         )
 
     def _box(self, cells: Ints, nodes: Ints) -> tuple[Any, Any] | None:
-        """The box of some nodes, or of some cells where there are no nodes."""
+        """Bounding box of some nodes, or of some cells if no nodes are given."""
         if not len(nodes):
             parts = [n.ravel() for _, _, n in self.mesh.select(cells)]
             nodes = np.concatenate(parts) if parts else nodes
@@ -175,7 +175,7 @@ def make_subject(
     origin: NDArray[np.floating],
     recognise: bool | None = None,
 ) -> Subject:
-    """The subject; raises GroupNotFoundError and RequestError for groups that the mesh lacks."""
+    """Collect the subject of a check. Raises GroupNotFoundError and RequestError for groups that the mesh lacks."""
     groups = {what: tuple(np.asarray(mesh.cells_of(s)) for s in specs) for what, specs in _both(slave, master)}
     fixed = [_nodes_of(mesh, spec) for spec in dirichlet]
     dim = _skin_dim(mesh, np.concatenate([np.empty(0, np.int64), *groups["slave"]]))
@@ -189,7 +189,7 @@ def _both(slave: tuple[str, ...], master: tuple[str, ...]) -> list[tuple[str, tu
 
 
 def _skin_dim(mesh: Mesh, cells: Ints) -> int:
-    """The dimension of the skins: one less than the mesh's, but a surface without solids behind is a skin (a shell)."""
+    """Dimension of the skins: one less than the mesh's, or 2 for surface cells in a mesh without solids (a shell)."""
     bare = mesh.dim == 2 and mesh.space_dim == 3 and len(cells) and (mesh.cell_dim[cells] == 2).all()
     return 2 if bare else mesh.dim - 1
 
@@ -221,5 +221,5 @@ def _nodes_of(mesh: Mesh, spec: str) -> Ints:
 
 
 def is_carried(name: str) -> bool:
-    """Whether cells of a type are carried through whole: order 3 and higher."""
+    """True for types that are passed through unchanged: cells of order 3 and higher."""
     return name not in CELLS

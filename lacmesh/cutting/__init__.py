@@ -1,1 +1,1 @@
-"""The cut of a slave skin, from the faces that are listed to the mesh after it, and the records that it leaves."""
+"""The cut of a slave skin into macro-elements: the plan, the new cells, the new mesh, and the records of the cut."""

@@ -48,16 +48,16 @@ def cut_skin(
     `slave`: one group or several (a zone each), named as `Mesh.group` takes them; an integer is a tag. `hexa`: HEXA8
     and HEXA20 become pyramids (`pyramid`), hexahedra (`hexa`), or whichever has the better worst child (`auto`).
     `interface`: a face between two cells has both cut (`both`) or is an error (`refuse`). `orient`: slave faces are
-    left as they are (`keep`) or turned outward. `skin_only`: cut a skin that has no cells behind it. `node_groups`: a
+    left as they are (`keep`) or turned `outward`. `skin_only`: cut a skin that has no cells behind it. `node_groups`: a
     new node enters a node group that holds every corner of the face or cell it lies on (`extend`), or none (`keep`).
     `ring`: half-width of the inner polygon of ring patterns, `depth`: how deep it goes, both as parts of the parent,
     in (0, 1).
 
     Faces that own an internal dof already (SEG3, QUAD9, TRIA7) become macro-elements as they are. A mesh whose slave
-    faces are all covered by a cut is returned unchanged, with its records where these were gone: then a LacmeshWarning
-    says what was taken for what, and `recognise` decides where you know better. None: faces with all that only a cut
-    has are taken for one (`lacmesh.recognise`). True: their pattern is enough, and a CutError where it is not there.
-    False: all are cut, whatever they look like, and records that are there are replaced.
+    faces all belong to a cut is returned unchanged; if its records are missing they are restored, and a LacmeshWarning
+    says which faces were recognised. `recognise` overrides this. None: faces with all the marks of a cut are recognised
+    (`lacmesh.recognise`). True: the pattern of the faces is sufficient; CutError if it is absent. False: all faces are
+    cut, whatever they look like, and existing records are replaced.
     Raises CutError, GroupNotFoundError, RequestError.
     """
     _check_options(hexa=(hexa, HEXA), interface=(interface, ("both", "refuse")))
@@ -104,7 +104,7 @@ def _already_cut(mesh: Mesh, specs: list[str]) -> Cut:
 
 
 def _taken_for_cut(mesh: Mesh, specs: list[str], recognise: bool | None) -> Found | None:
-    """The macro-elements that the slave faces are taken for, though they have no records; None where they are cut."""
+    """Macro-elements recognised in slave faces without records; None if the faces are to be cut."""
     if not specs or recognise is False:
         return None
     found = find_macros(mesh, specs)
@@ -137,7 +137,7 @@ def _macros(found: Found) -> str:
 
 
 def _refuse_half_cut(mesh: Mesh, found: Found) -> None:
-    """Faces of an earlier cut beside others: cutting them again would be no use."""
+    """Raise CutError if half of the slave faces or more look like an earlier cut; fewer may do so by chance."""
     if not found.mostly_cut:
         return
     left = found.cells[found.left]
@@ -150,7 +150,7 @@ def _refuse_half_cut(mesh: Mesh, found: Found) -> None:
 
 
 def _without_records(mesh: Mesh) -> Mesh:
-    """The mesh without the records of an earlier cut, which is said."""
+    """Return the mesh without the records of an earlier cut; warn if there were any."""
     if not is_cut(mesh):
         return mesh
     message = f"the mesh is cut already: its records (zones {', '.join(mesh.zones)}) are replaced"
@@ -161,7 +161,7 @@ def _without_records(mesh: Mesh) -> Mesh:
 
 
 def _uncovered(mesh: Mesh, faces: Ints) -> Ints:
-    """Those of some faces that are no part of a macro-element, nor repeat a face that is."""
+    """Return the faces that belong to no macro-element and are no duplicates of faces that do."""
     macro = mesh.cell_data["lac_macro"]
     left = faces[macro[faces] < 0]
     covered = Faces.join((kind, nodes) for kind, _, nodes in mesh.select(np.flatnonzero(macro >= 0)))
@@ -202,7 +202,7 @@ def _record(mesh: Mesh, new: Mesh, plan: Plan, origin: Origin, internal: Ints) -
 
 
 def _internal(n_nodes: int, plan: Plan, face_points: Ints, ring: float) -> Ints:
-    """(n_nodes,): the macro-element whose internal dof each node carries."""
+    """(n_nodes,): the macro-element whose internal dof each node carries, or -1."""
     owner = np.full(n_nodes, -1, np.int32)
     code = plan.faces.type * len(KINDS) + plan.kinds
     for value in codes(code):

@@ -1,7 +1,7 @@
 """Raise the order of a mesh: linear cells to serendipity ("2"), or linear and serendipity ones to full quadratic.
 
-New nodes stand at the middle of edges, faces and cells (on the cell's own map, where it is quadratic already). Edges
-and faces are known by their corners, so the mesh stays conforming; an edge that has a mid-node already keeps it.
+New nodes lie at the middle of edges, faces and cells, on the cell's own map if it is quadratic already. Edges and faces
+are identified by their corners, so that the mesh stays conforming; an edge that has a mid-node already keeps it.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ class _Wanted:
 
 
 def raise_order(mesh: Mesh, order: str = "2", *, extend: bool = True) -> Mesh:
-    """The same mesh with quadratic cells; `order` is "2" (serendipity) or "2-full" (HEXA27, QUAD9, PENTA18, PYRAM14).
+    """Make the cells quadratic: `order` is "2" (serendipity) or "2-full" (HEXA27, QUAD9, PENTA18, PYRAM14).
 
-    Cells of that order or higher stay as they are. Numbers, groups and data are kept; new nodes follow the largest
-    number, and enter a node group that holds every corner of their edge, face or cell (`extend`). Two cells of a
-    type that becomes another's keep their order. Raises CutError for a mesh that carries a cut.
+    Cells of that order or higher stay as they are. Numbers, groups and data are kept; new nodes are numbered after the
+    largest number, and enter a node group that holds every corner of their edge, face or cell (`extend`). If two types
+    become one, their cells keep their order in the file. Raises CutError for a mesh that carries a cut.
     """
     if order not in ORDERS:
         raise RequestError(f"order is one of {', '.join(ORDERS)}, not {order!r}")
@@ -107,7 +107,7 @@ def _widen(block: Block, target: str) -> Ints:
 
 
 def _place(mesh: Mesh, wanted: list[_Wanted], raised: list[Ints], targets: list[str]) -> list[Birth]:
-    """Give every wanted node its id in `raised`; the first cell that wants a node not there yet gives birth to it."""
+    """Write the id of every wanted node into `raised`; the first cell that needs a missing node creates it."""
     births: list[Birth] = []
     next_id = mesh.n_nodes
     for width in sorted({w.corners.shape[1] for w in wanted}):  # edges, then faces, then cells
@@ -137,7 +137,7 @@ def _birth(block: Block, target: Cell, column: int, rows: Ints, ids: Ints) -> Bi
 
 
 def _merge_blocks(mesh: Mesh) -> Mesh:
-    """One block a type again, where two types have become one; indices of cells follow."""
+    """Merge blocks of the same type, where two types have become one, and renumber the cell indices accordingly."""
     names = [b.type for b in mesh.blocks]
     if len(set(names)) == len(names):
         return mesh

@@ -1,14 +1,14 @@
-"""How one slave face is cut, and the cell behind it: two rules, written once, and the tables that fix the order.
+"""Patterns that cut one slave face and its parent: two rules, and the tables that fix the order of the children.
 
 The **cone**: a point c at the centre of the slave face, joined to every other facet of the parent. The **ring**: an
 inner polygon on the face (at `ring` of the half-width) carried to `depth` inside the parent; for QUAD4 in 2D, HEXA8 and
 HEXA20. A face that owns an internal dof already (SEG3, TRIA7, QUAD9) is left **whole**, and its parent with it.
-A quadratic cell is cut as its corners are; each new mid-node stands at the middle, in the parent's reference element,
-of the two ends of its edge, so that the parent's map places it. Positions, counts and the order of the children are
-code_aster's DECOUPE_LAC (R5.03.55, 3.1), where it has the cell.
+A quadratic cell is cut like its linear cell; each new mid-node lies halfway, in the parent's reference element, between
+the two ends of its edge, so that the parent's map gives its position. Positions, counts and the order of the children
+are those of code_aster's DECOUPE_LAC (R5.03.55, 3.1), for the cells that it supports.
 
 A template lists children in a *frame* of nodes: first the cell's own, then the points on the face (in the order of
-`face_pattern`, for a face that starts at the facet's first corner and turns its way), then the points inside.
+`face_pattern`, for a face that starts at the facet's first corner and has its winding), then the points inside.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ RING_ORDER: Nodes = (1, 2, 3, 0)
 
 @dataclass(frozen=True)
 class Children:
-    """Children of one type: `nodes` (n, n_nodes of the type) into the frame, `rank` (n,) their places among all."""
+    """Children of one type: `nodes` (n, n_nodes of the type), indices in the frame; `rank` (n,) among all children."""
 
     type: str
     nodes: NDArray[np.intp]
@@ -57,7 +57,7 @@ class Children:
 
 @dataclass(frozen=True)
 class Template:
-    """A cell's children. `on_face` and `inside`: reference points, in the cell's own element, of the new nodes."""
+    """The children of a cell. `on_face`, `inside`: the new nodes, as points of the cell's reference element."""
 
     children: tuple[Children, ...]
     on_face: NDArray[np.floating]
@@ -71,7 +71,7 @@ class Template:
 
 @cache
 def face_pattern(face: str, kind: str, ring: float = 1 / 3) -> Template:
-    """The cut of a skin face of type `face`, in its own node order: the ring's sides first, the centre last."""
+    """Return the cut of a skin face of type `face`, in its own node order: the ring's sides first, the centre last."""
     cell = CELLS[face]
     points = [tuple(p) for p in cell.reference[: cell.n_corners]]
     n = cell.n_corners
@@ -93,7 +93,7 @@ def face_pattern(face: str, kind: str, ring: float = 1 / 3) -> Template:
 
 @cache
 def parent_pattern(parent: str, facet: int, kind: str, ring: float = 1 / 3, depth: float = 1 / 2) -> Template:
-    """The cut of a cell of type `parent` whose slave face is its facet number `facet`."""
+    """Return the cut of a cell of type `parent` whose slave face is its facet number `facet`."""
     cell = CELLS[parent]
     if kind == WHOLE:
         return _template(cell, [tuple(range(cell.n_corners))], list(cell.reference[: cell.n_corners]))
@@ -107,7 +107,10 @@ def _corners(cell: Cell, facet: int) -> Nodes:
 
 
 def _on_facet(cell: Cell, facet: int, X: NDArray, corners: Nodes | None = None) -> NDArray:
-    """Points X of a facet's reference element, in the cell's; `corners`: those of a facet that answers it instead."""
+    """Map points X from a facet's reference element to the cell's.
+
+    `corners`: those of another facet, listed to match this one's, to which the points are mapped instead.
+    """
     flat = CELLS[cell.facets[facet].type].linear
     return shape(flat, X) @ np.array([cell.reference[c] for c in corners or _corners(cell, facet)])
 
@@ -162,9 +165,9 @@ def _ring(cell: Cell, facet: int, X: NDArray, depth: float) -> Template:
 
 
 def _template(cell: Cell, children: Sequence[Nodes], points: list[Point], on_face: NDArray | None = None) -> Template:
-    """Children given by corners among `points`: the cell's corners, points on the face, the rest.
+    """Make the template of children given by corners among `points`: the cell's corners, points on the face, the rest.
 
-    The nodes of higher order are found by their place: the cell's own, a point of the face, or a new one.
+    The other nodes of quadratic children are found by their position: nodes of the cell, points of the face, or new.
     """
     own = [tuple(p) for p in cell.reference]
     # a face's own pattern has all its new points on it
@@ -183,7 +186,7 @@ def _template(cell: Cell, children: Sequence[Nodes], points: list[Point], on_fac
 
 
 class _Frame:
-    """The nodes that children may use, found by their place in the cell's reference element."""
+    """The nodes that children may use, found by their position in the cell's reference element."""
 
     def __init__(self, own: list[Point], given: Sequence[Point]) -> None:
         self.points: list[Point] = []
@@ -200,7 +203,7 @@ class _Frame:
 
 
 def _child(cell: Cell, corners: list[Point]) -> tuple[str, list[Point]]:
-    """A child's type, of the order of its parent, and the places of all its nodes."""
+    """Type of a child, of the order of its parent, and the positions of all its nodes."""
     linear = _LINEAR[cell.dim, len(corners)]
     if cell.order == 1:
         return linear, corners
@@ -214,7 +217,7 @@ _LINEAR = {(c.dim, c.n_corners): c.name for c in CELLS.values() if c.order == 1}
 
 
 def _quadratic(cell: Cell, family: str, corners: list[Point]) -> str:
-    """A child of a cell with centred faces keeps the centre of a face that it takes over whole (PENTA18 -> PYRAM14)."""
+    """Quadratic type of a child; it keeps the centre node of a face that it takes over whole (PENTA18 -> PYRAM14)."""
     if len(corners) == cell.n_corners and cell.family == family and _same(corners, cell.reference[: cell.n_corners]):
         return cell.name
     if family == "PYRAM":
@@ -230,10 +233,10 @@ def _same(a: Sequence[Point], b: Sequence[Point]) -> bool:
 
 @cache
 def turns(face: str, kind: str, ring: float = 1 / 3) -> NDArray[np.intp]:
-    """(2 n_corners, n_points): where the points of a face's pattern stand when the face is listed another way.
+    """(2 n_corners, n_points): permutations of the points of a face's pattern for every other listing of its nodes.
 
-    Row 2 s + r is for a list that starts at this face's corner s and turns the same way (r = 0) or back (r = 1):
-    point k of that list's pattern is point `turns[2 s + r, k]` of this face's.
+    Row 2 s + r is for a listing that starts at this face's corner s with the same (r = 0) or the opposite winding
+    (r = 1): point k of that listing's pattern is point `turns[2 s + r, k]` of this face's.
     """
     cell = CELLS[face]
     flat = CELLS[cell.linear]
@@ -252,9 +255,9 @@ def turns(face: str, kind: str, ring: float = 1 / 3) -> NDArray[np.intp]:
 
 @cache
 def internal_points(face: str, kind: str, ring: float = 1 / 3) -> NDArray[np.intp]:
-    """The points of a face's pattern that own an internal dof: those whose function has a positive integral over it.
+    """Points of a face's pattern that carry an internal dof: their function has a positive integral over the face.
 
-    On a TRIA6 a corner's function integrates to zero and on a QUAD8 to less: there the mid-nodes carry it.
+    The integral of a corner's function is zero on a TRIA6 and negative on a QUAD8: there the mid-nodes carry the dof.
     """
     template = face_pattern(face, kind, ring)
     cell = CELLS[face]

@@ -1,4 +1,4 @@
-"""Before anything is cut: which faces are slave, which cells lie on them and behind them, and how each will be cut."""
+"""Plan of a cut: the slave faces, the cells on them, their parents, and the pattern by which each is cut."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _RING_TYPES = np.array([name in ("SEG2", "QUAD4", "QUAD8") for name in FACE_TYPE
 
 @dataclass(frozen=True)
 class Plan:
-    """What will be cut: `faces`, a row each macro-element, how (`kinds`, codes of `subdivide.KINDS`), `zone` of each.
+    """Plan of a cut: `faces`, one per macro-element, with `kinds` (f,), codes of `subdivide.KINDS`, and `zone` (f,).
 
     `slave` (f,): the cell of the mesh that gave each face its node order. `skin`: every cell on a face, the slave cells
-    and their duplicates; sorted by cell. `parents`: the cells behind.
+    and their duplicates; sorted by cell. `parents`: the parent cells.
     """
 
     faces: Faces
@@ -50,7 +50,7 @@ def make_plan(
     skin_only: bool,
     shape: tuple[float, float],
 ) -> tuple[Mesh, Plan]:
-    """The plan of a cut, and the mesh (its slave faces turned outward if asked for)."""
+    """Make the plan of a cut; return it with the mesh, whose slave faces are oriented outward if requested."""
     _check_numbers(mesh)
     zones, cells, zone = _slave_cells(mesh, specs, skin_only)
     faces, first = distinct_faces(mesh, cells)
@@ -73,14 +73,14 @@ def make_plan(
 
 
 def _check_numbers(mesh: Mesh) -> None:
-    """A cut is recorded by numbers: they must tell cells, and nodes, apart."""
+    """Check that the numbers of cells and of nodes are unique, because the records of a cut refer to them."""
     for what, numbers in (("cells", mesh.cell_number), ("nodes", mesh.node_number)):
         if len(numbers) and (numbers.min() < 0 or not distinct(numbers)):
             raise CutError(f"the numbers of {what} are not distinct, or some are negative: number them again")
 
 
 def _slave_cells(mesh: Mesh, specs: list[str], skin_only: bool) -> tuple[tuple[str, ...], Ints, Ints]:
-    """Zone names, the slave faces (a cell once, in its first zone), and the zone of each."""
+    """Return zone names, the slave faces (each cell once, in its first zone), and the zone of each face."""
     if not specs:
         raise RequestError("no slave group was given")
     names = [_name(mesh, spec) for spec in specs]
@@ -163,7 +163,7 @@ def _check_parents(mesh: Mesh, faces: Faces, slave: Ints, parents: Match, interf
 
 
 def _refuse_higher_order(mesh: Mesh, faces: Faces, dim: int) -> None:
-    """Cells of order 3 and higher are never cut, so none may have a slave face, or lie on one."""
+    """Raise an error if a cell of order 3 or higher has a slave face or lies on one: such cells are never cut."""
     corners = None
     for kind, nodes, cells in (
         b for d in (dim, dim + 1) for b in cells_of_dim(mesh, d) if b[0] in CARRIED and len(b[1])
@@ -190,7 +190,7 @@ def _warn_of_twins(mesh: Mesh, cells: Ints, first: Ints) -> None:
 def _choose(
     mesh: Mesh, faces: Faces, skin: Match, parents: Match, hexa: str, skin_only: bool, shape: tuple[float, float]
 ) -> Ints:
-    """How every face is cut, fixed before anything is: a parent takes one variant for all its slave faces."""
+    """Choose the pattern of every face before anything is cut: a parent uses one variant for all its slave faces."""
     if skin_only:
         ring = _RING_TYPES[faces.type] & (faces.type != FACE_TYPES.index("SEG2"))
         alone = Match(*(np.empty(0, np.int64),) * 3, np.empty(0, bool))
@@ -221,7 +221,7 @@ def _ring_able(mesh: Mesh, cells: Ints, hexa: str) -> Ints:
 
 
 def _components(n_faces: int, parents: Match, able: Ints) -> Ints:
-    """(n_faces,): faces that must be cut alike, because parents that can take the ring share them, get one label."""
+    """(n_faces,): labels of faces that must be cut alike because parents that allow the ring connect them."""
     _, cell = np.unique(parents.cell[able], return_inverse=True)
     face = parents.face[able]
     size = n_faces + (int(cell.max()) + 1 if len(cell) else 0)
@@ -232,7 +232,7 @@ def _components(n_faces: int, parents: Match, able: Ints) -> Ints:
 def _better(
     mesh: Mesh, faces: Faces, skin: Match, parents: Match, ring: Ints, component: Ints, shape: tuple[float, float]
 ) -> Ints:
-    """The variant whose worst child is better, for each set of faces that must be cut alike; the ring on a tie."""
+    """Choose the variant whose worst child is better, for each set of faces that must be cut alike; ring on a tie."""
     worst = []
     for kinds in (_kinds(faces, np.zeros_like(ring)), _kinds(faces, ring)):
         made = subdivide(mesh, faces, kinds, skin, parents, *shape)

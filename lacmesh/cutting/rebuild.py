@@ -1,7 +1,7 @@
-"""The mesh after a cut: children in the place of their cells, numbers, groups and data carried over.
+"""The mesh after a cut: children replace their parents; numbers, groups and data are carried over.
 
-In a block the cells left alone come first, in their old order, then the children, cell by cell; in the file a cell's
-children stand where it stood. The first child keeps its cell's number, the others follow the largest.
+In a block the unchanged cells come first, in their old order, then the children, parent by parent; in the file the
+children take the place of their parent. The first child keeps the parent's number, the others follow the largest.
 """
 
 from __future__ import annotations
@@ -29,9 +29,10 @@ class _Part:
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where cells go: the new `blocks`, a part each; `gone` (old cells,) which were replaced; `new_index` (old cells,).
+    """Layout of the new mesh: `blocks` with one part each; `gone` (old cells,): replaced; `new_index` (old cells,).
 
-    `child` (c,) indices of the children sorted by `root` (c,), the cell they replace, then in order: `seq` (c,).
+    `child` (c,): indices of the children, sorted by `root` (c,), the cell they replace, then by `seq` (c,), their order
+    among its children.
     """
 
     blocks: tuple[Block, ...]
@@ -43,7 +44,7 @@ class _Layout:
     seq: Ints
 
     def carry(self, values: NDArray) -> NDArray:
-        """Values of the old cells (n, ...) on the new ones: their own, or those of the cell that was replaced."""
+        """Carry values of the old cells (n, ...) to the new ones; a child takes that of the cell it replaces."""
         size = sum(part.kept + len(part.roots) for part in self.parts)
         out = np.empty((size, *values.shape[1:]), values.dtype)
         start = 0
@@ -57,8 +58,9 @@ class _Layout:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where cells of the new mesh come from: `child` (c,) replaces the old cell `root` (c,), as number `rank` (c,) of
-    its children; `followed`: the new indices of the old cells asked about, -1 for those that were replaced.
+    """Origin of the new cells: `child` (c,) replaces the old cell `root` (c,), as number `rank` (c,) of its children.
+
+    `followed`: the new indices of the old cells that were asked for, -1 for those that were replaced.
     """
 
     child: Ints
@@ -68,9 +70,9 @@ class Origin:
 
 
 def rebuild(mesh: Mesh, made: Subdivision, follow: Ints, *, extend: bool) -> tuple[Mesh, Origin]:
-    """The new mesh, and where its cells come from; `follow`: old cells whose new indices are wanted.
+    """Build the new mesh, and return it with the origin of its cells; `follow`: old cells whose new indices are wanted.
 
-    `extend`: new nodes enter the node groups that hold every corner of what they lie on.
+    `extend`: new nodes enter the node groups that hold every corner of the edge, face or cell that they lie on.
     """
     layout = _lay_out(mesh, made.leaves)
     numbers = _cell_numbers(mesh, layout)
@@ -127,7 +129,7 @@ def _lay_out(mesh: Mesh, leaves: list[Leaves]) -> _Layout:
 
 
 def _joined(kind: str, made: list[Leaves]) -> Leaves:
-    """The children of one type, by the cell they replace."""
+    """Join the children of one type, sorted by the cell they replace."""
     empty = Leaves(kind, np.empty((0, ALL_CELLS[kind].n_nodes), np.int64), *(np.empty(0, np.int64),) * 2)
     parts = [empty, *made]
     joined = Leaves(kind, *(np.concatenate([getattr(p, f) for p in parts]) for f in ("nodes", "root", "key")))
@@ -135,7 +137,7 @@ def _joined(kind: str, made: list[Leaves]) -> Leaves:
 
 
 def _nodes(mesh: Mesh, k: int | None, gone: NDArray[np.bool_], kept: int, made: Leaves) -> Ints:
-    """A type's nodes: of the cells that stay, then of the children."""
+    """Node lists of the cells of one type: first the cells that stay, then the children."""
     if k is None:
         return made.nodes.astype(mesh.blocks[0].nodes.dtype)
     old = mesh.blocks[k].nodes
@@ -146,7 +148,7 @@ def _nodes(mesh: Mesh, k: int | None, gone: NDArray[np.bool_], kept: int, made: 
 
 
 def _copy_kept(old: NDArray, gone: NDArray[np.bool_], target: NDArray) -> None:
-    """target[:] = old[~gone]; wide rows go run by run where there are few runs, which is several times faster."""
+    """Copy old[~gone] into `target`; wide rows are copied run by run if these are few: several times faster."""
     if old.ndim == 2 and old.shape[1] * old.itemsize == 8 and old.flags.c_contiguous:  # pairs of 4 bytes, as one of 8
         old, target = old.view(np.int64)[:, 0], target.view(np.int64)[:, 0]
     gaps = np.flatnonzero(gone)
@@ -179,7 +181,7 @@ def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
 
 
 def more_numbers(numbers: Ints, added: int) -> Ints:
-    """Some numbers, and as many more after the largest. Raises DataError where there are none."""
+    """Append `added` numbers that follow the largest one. Raises DataError if none are left."""
     first = _next_number(numbers, added, "nodes")
     dtype = numbers.dtype if first + added <= np.iinfo(numbers.dtype).max else np.dtype(np.int64)
     return np.concatenate([numbers, np.arange(first, first + added, dtype=dtype)], dtype=dtype)
@@ -193,7 +195,7 @@ def _next_number(numbers: Ints, added: int, what: str) -> int:
 
 
 def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
-    """The new file's order of cells; None where it is that of the indices."""
+    """Order of the cells in the new file; None if it is that of the indices."""
     count = np.ones(mesh.n_cells, np.int16)
     count[layout.root] = 0
     np.add.at(count, layout.root, 1)
@@ -213,7 +215,7 @@ def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
 
 
 def _group(members: Ints, layout: _Layout) -> Ints:
-    """A cell group after the cut: its cells, and the children of those that were replaced."""
+    """Members of a cell group after the cut: the cells that remain, and the children of those that were replaced."""
     if not len(members):
         return members
     consecutive = int(members[-1]) - int(members[0]) + 1 == len(members)
@@ -228,7 +230,7 @@ def _group(members: Ints, layout: _Layout) -> Ints:
 
 
 def node_values(name: str, old: NDArray, births: list[Birth], added: int) -> NDArray:
-    """(n + added, ...): values of old and new nodes, by the shape functions of the cells in which these are born."""
+    """(n + added, ...): values at old and new nodes, interpolated in the cells in which the new nodes are created."""
     values = np.concatenate([old, np.zeros((added, *old.shape[1:]), old.dtype)])
     for birth in births:
         values[birth.ids] = birth.values(values)
@@ -236,7 +238,7 @@ def node_values(name: str, old: NDArray, births: list[Birth], added: int) -> NDA
 
 
 def node_data(mesh: Mesh, births: list[Birth], added: int) -> dict[str, NDArray]:
-    """Node data of old and new nodes: interpolated, or what the nodes around agree on where it is integer."""
+    """Node data of old and new nodes: interpolated; integer data by `_common_values`."""
     return {
         name: (node_values if old.dtype.kind in "fc" else _common_values)(name, old, births, added)
         for name, old in mesh.node_data.items()
@@ -244,7 +246,10 @@ def node_data(mesh: Mesh, births: list[Birth], added: int) -> dict[str, NDArray]
 
 
 def _common_values(name: str, old: NDArray, births: list[Birth], added: int) -> NDArray:
-    """Integer values: that of the nodes around where they agree, else -1 (so unsigned ones and flags become signed)."""
+    """Integer data of old and new nodes: a new node takes the value that all nodes of its source cell share, else -1.
+
+    Unsigned and boolean data become signed.
+    """
     if old.dtype.kind not in "iub":
         raise DataError(f"the node data {name!r} hold {old.dtype}: only numbers can be carried to new nodes")
     if old.dtype.kind in "ub":
@@ -258,9 +263,9 @@ def _common_values(name: str, old: NDArray, births: list[Birth], added: int) -> 
 
 
 def node_entities(values: NDArray, first: int, cells: Iterable[tuple[str, Ints, NDArray]]) -> NDArray:
-    """Entities of nodes (n, 2), where those from `first` on take that of the lowest-dimensional cell they lie on.
+    """Entities of nodes (n, 2); nodes from `first` on take that of the lowest-dimensional cell that contains them.
 
-    `cells`: (type, nodes (k, m), entities (k, 2)) parts.
+    `cells`: parts (type, nodes (k, m), entities (k, 2)).
     """
     values = values.copy()
     for _, nodes, entity in sorted(cells, key=lambda part: -ALL_CELLS[part[0]].dim):  # the lowest dimension writes last
@@ -270,7 +275,7 @@ def node_entities(values: NDArray, first: int, cells: Iterable[tuple[str, Ints, 
 
 
 def node_groups(mesh: Mesh, births: list[Birth], extend: bool) -> dict[str, Ints]:
-    """Node groups, with the new nodes that lie on an edge, face or cell all of whose corners they hold (`extend`)."""
+    """Node groups after the cut; with `extend`, a new node enters those with all corners of its edge, face or cell."""
     if not extend:
         return dict(mesh.node_groups)
     size = max((int(b.ids.max()) + 1 for b in births), default=mesh.n_nodes)

@@ -1,16 +1,16 @@
-"""The macro-elements of a cut whose records are gone, found again from the faces, whoever made it.
+"""Recognition of the macro-elements of a cut without records, from the faces alone, whatever program made the cut.
 
-A macro-element is known by its pattern: faces that stand around a node (cone) or around a face (ring) of the skin, list
-their nodes as the pattern's children do, and have the new nodes where the pattern puts them on the outline's own map.
-That is certain for the cone on a triangle and the ring on a quadrangle. The cone on a quadrangle also looks like a
-quadrangle that a mesher crossed with its diagonals: there a pyramid behind it, or nodes and faces numbered as a cut
-numbers them, must say so. Segments need the cells behind them (`regroup.py`). Faces that a cut leaves whole (SEG3,
-TRIA7, QUAD9) are macro-elements as they stand.
+A macro-element is recognised by its pattern: faces around a node (cone) or around a face (ring) of the skin that list
+their nodes as the pattern's children do, with the new nodes where the pattern puts them on the map of the outline.
+This is sufficient for the cone on a triangle and the ring on a quadrangle. The cone on a quadrangle also looks like a
+quadrangle that a mesher divided by its diagonals: it counts only if a pyramid lies behind it, or if nodes and faces are
+numbered as a cut numbers them. Segments are recognised from their parent cells (`regroup.py`). Faces that a cut leaves
+whole (SEG3, TRIA7, QUAD9) are macro-elements as they are.
 
-A mesh is taken for cut when every slave face is part of a macro-element; nodes must not have been moved since. Faces
-that a mesher made may look alike (an O-grid, triangles split at their centroids), so that more is asked for, which only
-a cut has: rings of half-width 1/3, and as the last nodes of the mesh those that the cut made. Where that fails, `doubt`
-says so, and only who knows better takes the faces for cut.
+A mesh is recognised as cut if every slave face is part of a macro-element; its nodes must not have been moved since. A
+mesher may make similar faces (an O-grid, triangles split at their centroids), so that two marks of a cut are required
+as well: rings have the half-width 1/3, and the nodes that the cut made are the last of the mesh. If they are missing,
+`doubt` says so, and the faces are recognised only on request.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ NOT_LAST = "the last nodes of the mesh are not those that a cut would have made"
 
 @dataclass(frozen=True)
 class Family:
-    """Macro-elements of one pattern: `parts` (m, k) the faces E1 ... Ek, `frame` (m, n) nodes in its frame."""
+    """Macro-elements of one pattern: `parts` (m, k), the faces E1 ... Ek; `frame` (m, n), the nodes of its frame."""
 
     face: str
     kind: str
@@ -72,10 +72,10 @@ class Family:
 
 @dataclass(frozen=True)
 class Found:
-    """What was found in a slave skin: `cells` (f,) of its faces, each once, the `zone` (f,) of each, the `families`.
+    """Recognised macro-elements of a slave skin: its faces, each once, as `cells` (f,), their `zone` (f,), `families`.
 
-    `left`: the rows of `cells` that are part of no macro-element. `doubt`: what no cut would have, in words;
-    empty where everything is as a cut leaves it.
+    `left`: rows of `cells` that belong to no macro-element. `doubt`: a sentence on what contradicts a cut; empty if
+    nothing does.
     """
 
     names: tuple[str, ...]
@@ -87,17 +87,17 @@ class Found:
 
     @property
     def n_cut(self) -> int:
-        """Number of faces that are parts of macro-elements of several faces."""
+        """Number of faces that belong to macro-elements of several faces."""
         return sum(family.parts.size for family in self.families if family.kind != WHOLE)
 
     @property
     def complete(self) -> bool:
-        """Whether the skin is cut, and everywhere."""
+        """True if the skin is cut and every face belongs to a macro-element."""
         return self.n_cut > 0 and not len(self.left)
 
     @property
     def mostly_cut(self) -> bool:
-        """Whether half of the faces or more were cut: a few may look so by chance."""
+        """True if at least half of the faces look cut; fewer may do so by chance."""
         return self.n_cut > 0 and 2 * self.n_cut >= len(self.cells)
 
     @property
@@ -107,14 +107,13 @@ class Found:
 
 
 def recognise(mesh: Mesh, slave: str | int | Sequence[str | int], *, certain: bool = True) -> Cut | None:
-    """The cut that a mesh carries on its slave groups, with its records, or None where these are not cut.
+    """Recognise the cut of the slave groups of a mesh; return it with its records, or None if they are not cut.
 
-    Records that are there are taken as they are; else the macro-elements are found from the faces, and numbered zone by
-    zone, in the order of their first faces. What the children replaced is not known any more: `lac_parent` is left out.
-    `certain`: only what has all that a cut has, half-widths of 1/3 and the new nodes last, is taken for one; else the
-    pattern of the faces is enough, for a cut with another `ring` or numbered again since.
-    A skin that is cut in part only gives None, and a LacmeshWarning with the faces left over. Raises GroupNotFoundError
-    and RequestError.
+    Existing records are used as they are; without them the macro-elements are recognised from the faces and numbered
+    zone by zone, in the order of their first faces. The cells that the children replaced are unknown: `lac_parent` is
+    left out. `certain`: require all marks of a cut, half-widths of 1/3 and the new nodes last; otherwise the pattern of
+    the faces is sufficient, for a cut with another `ring` or a mesh that was renumbered. A skin that is only partly cut
+    gives None and a LacmeshWarning with the remaining faces. Raises GroupNotFoundError and RequestError.
     """
     if is_cut(mesh):
         return Cut(mesh)
@@ -129,7 +128,7 @@ def recognise(mesh: Mesh, slave: str | int | Sequence[str | int], *, certain: bo
 
 
 def group_names(mesh: Mesh, slave: str | int | Sequence[str | int]) -> list[str]:
-    """The slave groups asked for, as a list of specifications; each must be in the mesh."""
+    """List the requested slave groups as specifications; raise an error if the mesh lacks one."""
     specs = spec_list(slave)
     if not specs:
         raise RequestError("no slave group was given")
@@ -139,7 +138,7 @@ def group_names(mesh: Mesh, slave: str | int | Sequence[str | int]) -> list[str]
 
 
 def find_macros(mesh: Mesh, specs: list[str]) -> Found:
-    """The macro-elements in some groups; cells that are no skin faces of ours are passed over."""
+    """Recognise the macro-elements in some groups; cells that are no skin faces of supported types are ignored."""
     cells, zone = _slave_cells(mesh, specs)
     if not len(cells):
         return Found(tuple(specs), cells, zone, (), np.empty(0, np.int64))
@@ -155,7 +154,7 @@ def find_macros(mesh: Mesh, specs: list[str]) -> Found:
 
 
 def _families(mesh: Mesh, faces: Faces, place: Ints) -> tuple[Family, ...]:
-    """The macro-elements among some faces, each once; `place` (f,): where each stands in the file."""
+    """Recognise the macro-elements among distinct faces; `place` (f,): the position of each face in the file."""
     families = _whole(faces)
     if (N_CORNERS[faces.type] == 2).any():
         families += [
@@ -168,7 +167,7 @@ def _families(mesh: Mesh, faces: Faces, place: Ints) -> tuple[Family, ...]:
 
 
 def with_records(mesh: Mesh, found: Found) -> Mesh:
-    """The mesh with the records of what was found (`docs/conventions.md`)."""
+    """Return the mesh with the records of the recognised macro-elements (`docs/conventions.md`)."""
     zone_of = [found.zone[family.parts[:, 0]] for family in found.families]
     first = [found.cells[family.parts[:, 0]] for family in found.families]
     order = np.lexsort((np.concatenate(first), np.concatenate(zone_of)))
@@ -194,7 +193,7 @@ def with_records(mesh: Mesh, found: Found) -> Mesh:
 
 
 def _carriers(family: Family) -> list[int]:
-    """The places of a frame whose nodes carry an internal dof."""
+    """Positions in the frame of the nodes that carry an internal dof."""
     if family.kind == WHOLE:
         return [WHOLE_FACES[family.face]]
     n = CELLS[family.face].n_nodes
@@ -202,7 +201,7 @@ def _carriers(family: Family) -> list[int]:
 
 
 def _slave_cells(mesh: Mesh, specs: list[str]) -> tuple[Ints, Ints]:
-    """The skin faces of some groups, a cell once, and the place among the groups of the first that holds it."""
+    """Return the skin faces of some groups, each cell once, and the index of the first group that contains it."""
     known = np.array([b.type in TYPE_CODE and b.type != "POI1" for b in mesh.blocks], bool)
     parts = []
     for spec in specs:
@@ -235,7 +234,7 @@ def _whole(faces: Faces) -> list[Family]:
 
 
 def _without_conflicts(families: list[Family], n_faces: int) -> list[Family]:
-    """Macro-elements that share a face are none."""
+    """Remove the macro-elements that share a face with another one."""
     count = np.zeros(n_faces, np.int64)
     for family in families:
         np.add.at(count, family.parts.ravel(), 1)
@@ -247,7 +246,7 @@ def _without_conflicts(families: list[Family], n_faces: int) -> list[Family]:
 
 
 def _doubt(mesh: Mesh, families: tuple[Family, ...], faces: Faces, cells: Ints) -> str:
-    """What no cut would have, in words, or nothing; `faces`: those that the families are of, from `cells`."""
+    """Reason to doubt that the faces were cut, as a sentence; "" if none. `families`: parts of `faces`, of `cells`."""
     made = [family for family in families if family.kind != WHOLE]
     if not made:
         return ""
@@ -260,7 +259,10 @@ def _doubt(mesh: Mesh, families: tuple[Family, ...], faces: Faces, cells: Ints) 
 
 
 def _all_made(mesh: Mesh, faces: Faces) -> tuple[list[Family], Faces, Ints]:
-    """What was cut of the whole skin: the nodes of other groups' cuts may stand among those of the cut of `faces`."""
+    """Recognise the macro-elements of the whole skin, whatever the group; return (families, faces, their cells).
+
+    The nodes made by the cuts of other groups may lie, in the numbering, among those of the groups asked for.
+    """
     dim = CELLS[FACE_TYPES[faces.type[0]]].dim
     cells = np.sort(np.concatenate([cells for kind, _, cells in cells_of_dim(mesh, dim) if kind in TYPE_CODE]))
     skin, first = distinct_faces(mesh, cells)
@@ -269,14 +271,14 @@ def _all_made(mesh: Mesh, faces: Faces) -> tuple[list[Family], Faces, Ints]:
 
 
 def _new_nodes_last(mesh: Mesh, made: list[Family], faces: Faces, cells: Ints) -> bool:
-    """Whether the new nodes are the last, of the mesh or, as gmsh numbers nodes again, of each entity of the skin."""
+    """True if the new nodes are the last of the mesh, or of each entity of the skin (gmsh renumbers by entity)."""
     return bool(made) and (_last_of_mesh(mesh, made, faces) or _last_of_entities(mesh, made, cells))
 
 
 def _last_of_mesh(mesh: Mesh, made: list[Family], faces: Faces) -> bool:
-    """Whether the last nodes, of those that cells use, are the ones that the cut made on its faces and behind them.
+    """True if the last of the nodes that cells use are those that the cut made on its faces and behind them.
 
-    They are as many as the cut makes, and the cells on them are as many as the children that it makes.
+    Their number, and the number of cells with such nodes, must agree with the new nodes and children of the cut.
     """
     dim = CELLS[made[0].face].dim
     used = np.zeros(mesh.n_nodes, bool)
@@ -293,7 +295,7 @@ def _last_of_mesh(mesh: Mesh, made: list[Family], faces: Faces) -> bool:
 
 
 def _last_of_entities(mesh: Mesh, made: list[Family], cells: Ints) -> bool:
-    """Whether each macro-element lies in one of msh's entities, in which the new nodes come after all others."""
+    """True if each macro-element lies in one entity of msh, and the new nodes of an entity follow all its others."""
     entity = mesh.entity_of_cell
     if not len(entity) or any((np.ptp(entity[cells[f.parts], 1], axis=1) > 0).any() for f in made):
         return False
@@ -309,10 +311,10 @@ def _last_of_entities(mesh: Mesh, made: list[Family], cells: Ints) -> bool:
 
 
 def _n_made(mesh: Mesh, made: list[Family], faces: Faces) -> tuple[Ints, Ints]:
-    """How many nodes, and how many cells behind the faces, a cut made, (2,) at least and (2,) at most.
+    """Bounds (2,), (2,): least and largest numbers of new nodes, and of new cells behind the faces, that a cut made.
 
-    Each face has one of the cells behind it replaced by its children: the first of a parent's faces the parent itself,
-    the next ones one of these children.
+    Each face replaces one cell by children: the first slave face of a parent replaces the parent, each further one
+    replaces one of the children.
     """
     least, most = np.zeros(2, np.int64), np.zeros(2, np.int64)
     for f in made:
@@ -328,7 +330,7 @@ def _n_made(mesh: Mesh, made: list[Family], faces: Faces) -> tuple[Ints, Ints]:
 
 @cache
 def _n_behind(face: str, kind: str) -> Ints:
-    """(p, 2): the new nodes inside and the children of each type of cell behind a face, by its cut."""
+    """(p, 2): numbers of new nodes inside and of children, for each possible parent of a face with this cut."""
     parents = [name for name in CELLS if kind != RING or name in RING_PARENTS]
     facets = [(name, j) for name in parents for j, f in enumerate(CELLS[name].facets) if f.type == face]
     patterns = [parent_pattern(name, j, kind) for name, j in facets]
@@ -339,7 +341,7 @@ def _n_behind(face: str, kind: str) -> Ints:
 
 
 def _cones(mesh: Mesh, faces: Faces, place: Ints) -> list[Family]:
-    """Cones on triangles and quadrangles, by the nodes with three or four triangles around them, only."""
+    """Recognise cones on triangles and quadrangles: nodes with exactly three or four triangles around them."""
     valence = np.bincount(faces.corners[faces.corners >= 0], minlength=mesh.n_nodes)
     out = []
     for name in ("TRIA3", "TRIA6"):
@@ -365,7 +367,10 @@ def _cones(mesh: Mesh, faces: Faces, place: Ints) -> list[Family]:
 
 
 def _fan(faces: Faces, parts: Ints, last: Ints, face: str) -> Family:
-    """The fans that close, in the order E1, E2, ... (E1 is the first in the file): parts (m, n), centres `last`."""
+    """Keep the closed fans of triangles, sorted E1, E2, ... (E1 is the first in the file).
+
+    `parts` (m, n): the triangles around each centre; `last` (m, n): the corner of each that is the centre.
+    """
     m, n = parts.shape
     pattern = face_pattern(face, CONE)
     children = pattern.children[0]
@@ -383,14 +388,14 @@ def _fan(faces: Faces, parts: Ints, last: Ints, face: str) -> Family:
 
 
 def _rolled(nodes: Ints, start: Ints, n_corners: int, n_nodes: int) -> Ints:
-    """Faces (m, k, 9) listed from another corner, `start` (m, k); mid-nodes follow."""
+    """List the nodes of faces (m, k, 9) from another corner, `start` (m, k), and their mid-nodes accordingly."""
     turn = (np.arange(n_corners) + start[..., None]) % n_corners
     both = turn if n_nodes == n_corners else np.concatenate([turn, turn + n_corners], axis=-1)
     return np.take_along_axis(nodes, both, axis=-1)
 
 
 def _framed(face: str, kind: str, parts: Ints, listed: Ints, ring: float) -> Family:
-    """Macro-elements whose faces' nodes, listed (m, k, n) as the pattern's children, fit one frame; the others go."""
+    """Keep the macro-elements whose faces, with nodes `listed` (m, k, n) as in the pattern, fit into one frame."""
     pattern = face_pattern(face, kind, ring)
     children = pattern.children[0]
     places = children.nodes[np.argsort(children.rank)]
@@ -401,7 +406,7 @@ def _framed(face: str, kind: str, parts: Ints, listed: Ints, ring: float) -> Fam
 
 
 def _in_place(mesh: Mesh, family: Family) -> Family:
-    """Those whose new nodes stand where the pattern puts them on the outline's own map."""
+    """Keep the macro-elements whose new nodes lie where the pattern puts them on the map of the outline."""
     n = CELLS[family.face].n_nodes
     at = face_pattern(family.face, family.kind, family.ring).on_face
     x = mesh.points[family.frame]
@@ -417,9 +422,10 @@ def _take(family: Family, rows: NDArray[np.bool_]) -> Family:
 
 
 def _surely_cut(mesh: Mesh, family: Family, place: Ints) -> NDArray[np.bool_]:
-    """Cones on quadrangles that a cut made, and not a mesher: a pyramid's apex is their centre, or the numbers say so.
+    """True for fans of four triangles made by a cut, not by a mesher.
 
-    A cut numbers new nodes after all old ones and puts a face's children where the face stood.
+    Either the apex of a pyramid is at the centre, or the numbering is that of a cut, which numbers new nodes after all
+    old ones and puts the children of a face in its place in the file.
     """
     n = CELLS[family.face].n_corners
     centre = family.frame[:, CELLS[family.face].n_nodes]
@@ -436,7 +442,7 @@ def _surely_cut(mesh: Mesh, family: Family, place: Ints) -> NDArray[np.bool_]:
 
 
 def _rings(mesh: Mesh, faces: Faces, place: Ints) -> list[Family]:
-    """Rings, by the quadrangles all of whose corners have three faces of the skin around them."""
+    """Recognise rings around quadrangles: at each corner of the inner one, exactly three faces of the skin meet."""
     valence = np.bincount(faces.corners[faces.corners >= 0], minlength=mesh.n_nodes)
     out = []
     for name in ("QUAD4", "QUAD8"):
@@ -451,7 +457,7 @@ def _rings(mesh: Mesh, faces: Faces, place: Ints) -> list[Family]:
 
 
 def _sides(mesh: Mesh, faces: Faces, rows: Ints, centre: Ints) -> tuple[Ints, Ints] | None:
-    """(centres (m,), sides (m, 4)) as rows of `faces`: the quadrangle across each edge of a centre, in its order."""
+    """(centres (m,), sides (m, 4)), rows of `faces`: inner quadrangles, and the neighbours across their four edges."""
     corners = faces.nodes[rows, :4]
     near = np.zeros(mesh.n_nodes, bool)
     near[corners[centre]] = True
@@ -491,7 +497,7 @@ def _ring_family(mesh: Mesh, faces: Faces, place: Ints, face: str, centre: Ints,
 
 
 def _half_width(mesh: Mesh, v1: Ints, v3: Ints, n1: Ints, n3: Ints) -> float:
-    """The ring's half-width, the same in one cut: inner over outer diagonal."""
+    """Half-width of the rings, one value for the whole cut: inner over outer diagonal, the median."""
     outer, inner = mesh.points[v3] - mesh.points[v1], mesh.points[n3] - mesh.points[n1]
     size = (outer * outer).sum(axis=1)
     ratio = float(np.median((inner * outer).sum(axis=1) / np.where(size > 0, size, np.inf))) if len(size) else _THIRD

@@ -1,4 +1,4 @@
-"""The records of a cut: integer data of the mesh, and `Cut`, the view on them (`docs/conventions.md`)."""
+"""The records of a cut: integer data of the mesh, and `Cut`, a view of them (`docs/conventions.md`)."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ NODE_RECORD = "lac_internal"
 
 @dataclass(frozen=True)
 class Cut:
-    """A view on the records that a cut leaves in its mesh (they are data like any other: formats keep them).
+    """A view of the records of a cut in its mesh, where they are ordinary data, so that file formats keep them.
 
-    Raises CutError where the mesh carries no cut.
+    Raises CutError if the mesh carries no cut.
     """
 
     mesh: Mesh
@@ -51,7 +51,7 @@ class Cut:
 
     @property
     def zone_of_face(self) -> Ints:
-        """(n_cells,): the place in `zones` of a slave face's zone, -1 for every other cell."""
+        """(n_cells,): the index in `zones` of a slave face's zone, -1 for every other cell."""
         return self._cell_record("lac_zone")
 
     @property
@@ -61,7 +61,7 @@ class Cut:
 
     @property
     def parent_of_cell(self) -> Ints:
-        """(n_cells,): the file's number of the cell that a child replaces, -1 for a cell that the cut left alone."""
+        """(n_cells,): id in the file of the cell that a child replaces, -1 for a cell that the cut left unchanged."""
         return self._cell_record("lac_parent")
 
     @property
@@ -71,7 +71,7 @@ class Cut:
         return np.full(self.mesh.n_nodes, -1, np.int32) if internal is None else internal
 
     def _cell_record(self, name: str) -> Ints:
-        """A record; a file keeps none that says nothing (`lac_parent` where every face was left whole)."""
+        """Return a record, or -1 for every cell if the file has none (`lac_parent` if all faces were left whole)."""
         values = self.mesh.cell_data.get(name)
         return np.full(self.mesh.n_cells, -1, np.int32) if values is None else values
 
@@ -90,12 +90,12 @@ class Cut:
 
 
 def split(members: Ints, owner: Ints, count: int) -> tuple[Ints, ...]:
-    """The members of each of `count` owners, in their order."""
+    """Group `members` by their `owner`, 0 to `count` - 1, keeping their order."""
     order = np.argsort(owner, kind="stable")
     return tuple(np.split(members[order], np.cumsum(np.bincount(owner, minlength=count))[:-1]))
 
 
 def is_cut(mesh: Mesh) -> bool:
-    """Whether a mesh carries the records of a cut."""
+    """True if a mesh carries the records of a cut."""
     macro = mesh.cell_data.get("lac_macro")
     return macro is not None and bool((macro >= 0).any())

@@ -1,11 +1,11 @@
-"""Segments of a plane mesh that one edge was cut into, found by putting the cell behind them together again.
+"""Recognition of cut edges in plane meshes, by restoring the parent cell behind their segments.
 
-On a line, places say nothing: any even spacing looks like a cut. So the cells behind are asked for the whole pattern,
-and where it is there they are replaced by the cell that they came from. A cell that was cut for several of its edges is
-put together edge by edge, in the opposite order: round after round, until nothing more fits.
+On a line the positions of nodes are no evidence: any even spacing looks like a cut. So the whole pattern must be found
+in the cells behind the segments; they are then replaced by the cell that was cut. A cell that was cut for several of
+its edges is restored edge by edge, in the opposite order: the rounds are repeated until no pattern is left.
 
-The cone on a triangle, two triangles beside the middle of an edge, is common in uncut meshes too. It counts only where
-the middle is numbered after both ends, and the two triangles stand side by side in the file, as a cut leaves them.
+The cone on a triangle, two triangles beside the middle of an edge, is common in uncut meshes too. It counts only if the
+middle is numbered after both ends, and if the two triangles are neighbours in the file, as a cut leaves them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Segments = tuple[str, Ints, Ints, float]
 
 @dataclass(frozen=True)
 class _Chains:
-    """Candidates: `parts` (m, k) rows of faces head to tail, `nodes` (m, k + 1) from end to end."""
+    """Candidate chains of segments: `parts` (m, k), consecutive rows of faces; `nodes` (m, k + 1), from end to end."""
 
     parts: Ints
     nodes: Ints
@@ -38,7 +38,7 @@ class _Chains:
 
 @dataclass(frozen=True)
 class _Merge:
-    """Cells put together: `chain` (k,) the candidate that says so, `gone` (k, r) its cells, `parent` (k, 4) nodes."""
+    """Cells to merge: `chain` (k,), the candidate; `gone` (k, r), its cells; `parent` (k, 4), nodes of the parent."""
 
     chain: Ints
     gone: Ints
@@ -49,7 +49,7 @@ class _Merge:
 
 
 def regroup_segments(mesh: Mesh, faces: Faces, place: Ints, tolerance: float) -> list[Segments]:
-    """The macro-elements among the SEG2 of a skin; `place` (f,): where each face stands in the file."""
+    """Recognise the macro-elements among the SEG2 of a skin; `place` (f,): the position of each face in the file."""
     pairs, triples, half = _candidates(mesh, faces, tolerance)
     if not len(pairs.parts) and not len(triples.parts):
         return []
@@ -77,7 +77,7 @@ def regroup_segments(mesh: Mesh, faces: Faces, place: Ints, tolerance: float) ->
 
 
 def _candidates(mesh: Mesh, faces: Faces, tolerance: float) -> tuple[_Chains, _Chains, float]:
-    """Pairs of segments halved as a cut does, and numbered so; triples with an even spacing; the ring's half-width."""
+    """Candidates: pairs of segments halved and numbered as by a cut; symmetric triples; half-width of the ring."""
     rows = np.flatnonzero(faces.type == TYPE_CODE["SEG2"])
     start, stop = faces.nodes[rows, 0], faces.nodes[rows, 1]
     starts, stops = (np.bincount(nodes, minlength=mesh.n_nodes) for nodes in (start, stop))
@@ -120,8 +120,8 @@ def _near(x: Floats, expected: Floats, side: Floats, tolerance: float) -> Bools:
 class _Plane:
     """The TRIA3 and QUAD4 near a skin: `nodes` (k, 4), -1 last in a triangle.
 
-    `first`, `last` (k,): where each stands in the file, a span, because a cell put together stands where its parts do.
-    `key`, `owner`: the edges, sorted, and whose they are.
+    `first`, `last` (k,): the range of positions in the file that each occupies; a merged cell takes that of its parts.
+    `key`, `owner`: the edges, sorted, and the cell of each.
     """
 
     nodes: Ints
@@ -133,7 +133,7 @@ class _Plane:
 
     @classmethod
     def of(cls, nodes: Ints, first: Ints, last: Ints, n_nodes: int) -> _Plane:
-        """The cells, and their edges."""
+        """Collect the cells and sort their edges."""
         size = np.where(nodes[:, 3] < 0, 3, 4)
         keys, owners = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
         for k in range(4):
@@ -147,7 +147,7 @@ class _Plane:
 
     @classmethod
     def around(cls, mesh: Mesh, seeds: Ints) -> _Plane:
-        """The cells that touch some nodes, and those that touch these cells in two nodes."""
+        """Return the cells that touch some nodes, and the cells that share two nodes with them."""
         touched = np.zeros(mesh.n_nodes, bool)
         touched[seeds] = True
         plane = [(n, ids) for kind, n, ids in cells_of_dim(mesh, 2) if kind in ("TRIA3", "QUAD4") and len(n)]
@@ -168,7 +168,7 @@ class _Plane:
         return cls.of(np.concatenate(cells).astype(np.int64), ids, ids, mesh.n_nodes)
 
     def owners(self, a: Ints, b: Ints) -> Ints:
-        """(k, 2): the cells that have the edges a b, -1 where there are fewer; an edge of three cells has none."""
+        """(k, 2): the cells that have the edges a b, padded with -1; -1 also for edges of more than two cells."""
         key = np.minimum(a, b) * self.n_nodes + np.maximum(a, b)
         low, high = (np.searchsorted(self.key, key, side=side) for side in ("left", "right"))
         out = np.full((len(key), 2), -1, np.int64)
@@ -178,16 +178,16 @@ class _Plane:
         return out
 
     def sides(self, chains: Ints) -> Ints:
-        """(m,): how many cells stand behind the first segment of each chain."""
+        """(m,): the number of cells behind the first segment of each chain."""
         return (self.owners(chains[:, 0], chains[:, 1]) >= 0).sum(axis=1)
 
     def across(self, cell: Ints, a: Ints, b: Ints) -> Ints:
-        """The cell on the other side of the edges a b, -1 where there is none."""
+        """Return the neighbours of the cells across the edges a b, -1 where there is none."""
         both = self.owners(a, b)
         return np.where(both[:, 0] == cell, both[:, 1], np.where(both[:, 1] == cell, both[:, 0], -1))
 
     def beside(self, cell: Ints, at: Ints, other: Ints) -> Ints:
-        """The corner of quadrangles beside their corner `at`, on the side away from `other`; -1 where there is none."""
+        """Return the neighbour of corner `at` in each quadrangle that is not `other`; -1 where there is none."""
         nodes = self.nodes[cell]
         place = (nodes == at[:, None]).argmax(axis=1)
         rows = np.arange(len(cell))
@@ -196,14 +196,14 @@ class _Plane:
         return np.where(good & (before == other), after, np.where(good & (after == other), before, -1))
 
     def _behind(self, chains: Ints) -> tuple[Ints, Ints]:
-        """(chain (k,), cell (k,)): a row for each cell behind the first segment of each chain."""
+        """(chain (k,), cell (k,)): one row for each cell behind the first segment of each chain."""
         chain, side = np.nonzero(self.owners(chains[:, 0], chains[:, 1]) >= 0)
         return chain, self.owners(chains[:, 0], chains[:, 1])[chain, side]
 
     def cones(self, chains: Ints, sides: Ints) -> list[_Merge]:
-        """The pairs whose cells on one side are a triangle cut in two, or a quadrangle cut in three.
+        """Find pairs whose cells on one side are a triangle cut in two, or a quadrangle cut in three triangles.
 
-        The second is made only at an interface, or in a cell that has another slave edge at one.
+        A cut makes the latter only at an interface, or in a cell with another slave edge at an interface.
         """
         chain, cell = self._behind(chains)
         spoke, n, b = (chains[chain, k] for k in range(3))
@@ -231,12 +231,12 @@ class _Plane:
         return out
 
     def _in_a_row(self, cells: list[Ints]) -> Bools:
-        """Whether two cells stand side by side in the file."""
+        """True for pairs of cells that are consecutive in the file."""
         a, b = cells
         return (self.last[a] + 1 == self.first[b]) | (self.last[b] + 1 == self.first[a])
 
     def rings(self, chains: Ints) -> _Merge:
-        """The triples whose cells on one side are a quadrangle cut in four."""
+        """Find triples whose cells on one side are a quadrangle cut in four."""
         chain, first = self._behind(chains)
         a, n1, n2, b = (chains[chain, k] for k in range(4))
         v4, m1 = self.beside(first, a, n1), self.beside(first, n1, a)
@@ -252,9 +252,9 @@ class _Plane:
         return _Merge(chain[rows], gone, np.column_stack([a, b, v3, v4])[rows])
 
     def put_together(self, found: list[_Merge]) -> tuple[_Plane, list[Ints]]:
-        """The cells with some of them replaced by what they came from, and the chains that this was done for.
+        """Replace cells by the parents they came from; return all cells, and the chains for which this was done.
 
-        What wants a cell that another wants too waits.
+        A merge that needs a cell of another merge is left for a later round.
         """
         used = np.zeros(len(self.nodes), np.int64)
         for merge in found:

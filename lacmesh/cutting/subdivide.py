@@ -1,8 +1,9 @@
-"""Cut the faces and the cells behind them: which new nodes appear, where, and which children replace which cell.
+"""Subdivision of slave faces and their parents: the new nodes and their positions, and the children of each cell.
 
 A cell with several slave faces is cut once per face, in the order of its own facets. Each pattern leaves the other
-facets whole, so the next face has exactly one owner among the children of the cuts before it; it is found as the first
-owners were (`skin.find_owners`). All cells are cut together: there are as many rounds as a cell has slave faces.
+facets whole, so the next face has exactly one owner among the children of the earlier cuts; it is found in the same way
+as the first owners (`skin.find_owners`). All cells are cut together: there are as many rounds as the largest number of
+slave faces of a cell.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ _BASE = 8
 class Birth:
     """New nodes `ids` (k, m) in k cells of one type with nodes `sources` (k, n), at reference points `at` (m, dim).
 
-    `on` (k, c): the corners of the face, edge or cell that they lie on.
+    `on` (k, c): the corners of the face, edge or cell on which they lie.
     """
 
     type: str
@@ -39,13 +40,13 @@ class Birth:
     on: Ints
 
     def values(self, old: Floats) -> Floats:
-        """(k, m, ...): node values, old (n_nodes, ...), at the new nodes, by the cells' own shape functions."""
+        """(k, m, ...): node values `old` (n_nodes, ...) interpolated at the new nodes by the cells' shape functions."""
         return np.einsum("mn,kn...->km...", shape(self.type, self.at), old[self.sources], optimize=True)
 
 
 @dataclass(frozen=True)
 class Leaves:
-    """Cells of one type that replace others: `nodes` (k, n), the cell replaced `root` (k,), `key` (k,) their order."""
+    """Cells of one type that replace others: `nodes` (k, n); `root` (k,), the replaced cell; `key` (k,), the order."""
 
     type: str
     nodes: Ints
@@ -59,7 +60,7 @@ class Leaves:
 
 @dataclass(frozen=True)
 class Subdivision:
-    """All that a cut makes: new nodes, the points of each face (f, p; -1 beyond), and the cells that replace others."""
+    """Result of a cut: new nodes, points of each face (f, p), padded with -1, and the cells that replace others."""
 
     n_nodes: int
     births: list[Birth]
@@ -68,7 +69,7 @@ class Subdivision:
 
 
 class Cutter:
-    """The nodes made so far, while faces and cells are cut one kind after the other."""
+    """State of a cut: the nodes made so far, while faces and cells are cut one kind after the other."""
 
     def __init__(self, mesh: Mesh, faces: Faces, kinds: Ints, ring: float, depth: float) -> None:
         self.mesh, self.faces, self.kinds = mesh, faces, kinds
@@ -85,7 +86,7 @@ class Cutter:
         return ids
 
     def _cut_faces(self) -> Ints:
-        """The new nodes on every face, made once for all the cells that share it."""
+        """Make the new nodes on every face, once for all the cells that share it."""
         found = [
             (face_type, face_pattern(face_type, kind, self.ring), rows)
             for face_type, kind, rows in self._face_kinds(np.arange(len(self.faces)))
@@ -99,20 +100,20 @@ class Cutter:
         return points
 
     def _face_kinds(self, faces: Ints) -> Iterator[tuple[str, str, Ints]]:
-        """(face type, kind, rows of `faces`) for each combination present."""
+        """Iterate over the combinations present: (face type, kind, rows of `faces`)."""
         code = self.faces.type[faces] * len(KINDS) + self.kinds[faces]
         for value in codes(code):
             yield FACE_TYPES[value // len(KINDS)], KINDS[value % len(KINDS)], np.flatnonzero(code == value)
 
     def _frame(self, nodes: Ints, listed: Ints, faces: Ints, face_type: str, kind: str) -> Ints:
-        """(k, ...): cells' own nodes, then the points of their faces as the cells list them (`listed`: facet nodes)."""
+        """(k, ...): nodes of cells, then the points of their faces in the cells' listing (`listed`: facet nodes)."""
         of = self.faces.take(faces)
         rows = turn(of, Faces.join([(face_type, listed)]))
         places = turns(face_type, kind, self.ring)[rows]
         return np.hstack([nodes, np.take_along_axis(self.face_points[faces], places, axis=1)])
 
     def _corners(self, cells: Ints) -> Ints:
-        """(k, 8): the corners of cells of the mesh, the last one repeated where there are fewer."""
+        """(k, 8): the corners of cells of the mesh, padded with the last one."""
         corners = np.empty((len(cells), 8), np.int64)
         order = np.argsort(cells, kind="stable")
         done = 0
@@ -123,14 +124,14 @@ class Cutter:
         return corners
 
     def cut_skin_cells(self, kind_of_cell: str, nodes: Ints, cells: Ints, faces: Ints) -> Iterator[Leaves]:
-        """Children of skin cells (all of one type) that lie on `faces`, in each cell's own order."""
+        """Cut skin cells (all of one type) that lie on `faces`; yield their children, in each cell's own order."""
         for face_type, kind, rows in self._face_kinds(faces):
             if kind != WHOLE:
                 frame = self._frame(nodes[rows], nodes[rows], faces[rows], face_type, kind)
                 yield from _children(face_pattern(kind_of_cell, kind, self.ring), frame, cells[rows], 0)
 
     def cut_cells(self, owners: Leaves, facet: Ints, faces: Ints) -> Iterator[Leaves]:
-        """Children of cells (all of one type) whose facet number `facet` is the slave face `faces`."""
+        """Cut cells (all of one type) whose facet number `facet` is the slave face `faces`; yield their children."""
         cell = CELLS[owners.type]
         for j in codes(facet):
             at = np.flatnonzero(facet == j)
@@ -185,7 +186,7 @@ def _cut_parents(cutter: Cutter, parents: Match) -> list[Leaves]:
 
 
 def _cut_again(cutter: Cutter, leaves: list[Leaves], face: Ints, root: Ints) -> list[Leaves]:
-    """One more round: the child of each cell `root` (a row each) that owns the face `face` is cut."""
+    """Cut once more: for each pair of a cell `root` and a face `face`, the child of that cell that owns that face."""
     wanted, which = np.unique(face, return_inverse=True)
     starts = np.cumsum([0, *(len(block.root) for block in leaves)])
     parts = [(b.type, b.nodes, starts[k] + np.arange(len(b.root))) for k, b in enumerate(leaves)]

@@ -1,13 +1,13 @@
-"""Kernels: loops over arrays that run compiled where there is enough to do, and as they stand where there is not.
+"""Kernels: loops over arrays that run compiled if there is enough work, and as plain Python if there is not.
 
-Compiling a kernel takes seconds, loading numba and what is compiled takes tenths of a second. A few faces take less
-as plain Python, with the same results to rounding. So a kernel starts as it stands, and goes on compiled once the work
-it was given in this process (the numbers in its arrays, call by call) passes a limit: a low one where it was compiled
-before and is kept on the disk (`kept`), lower still once another is in use, which loaded numba, and a high one where it
-has to be compiled first.
+Compiling a kernel takes seconds, loading numba and the compiled code takes tenths of a second. For a few faces plain
+Python is faster, with the same results up to rounding. So a kernel starts as plain Python, and is compiled once its
+work in this process (the number of entries in its arrays, summed over the calls) passes a limit: a low limit if it was
+compiled before and is cached on the disk (`kept`), a lower one if numba is loaded already because another kernel is in
+use, and a high one if it must be compiled first.
 
-A kernel is called by position, and calls others by their names: they are compiled into it, or run as they stand with
-it. With NUMBA_DISABLE_JIT=1, which people set to debug, all run as they stand, whatever there is to do.
+A kernel is called with positional arguments, and calls other kernels by their names: they are compiled into it, or run
+as plain Python with it. With NUMBA_DISABLE_JIT=1, which is set for debugging, all kernels run as plain Python.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ADDED_FROM, LOADED_FROM, COMPILED_FROM = 1_000, 5_000, 500_000
 
 
 class Kernel:
-    """A function of arrays and numbers, in its two forms. A division by zero is inf or NaN in either, as in numpy."""
+    """A function of arrays and numbers, plain and compiled. Division by zero gives inf or NaN in both, as in numpy."""
 
     #: every kernel of the modules that are imported, by the order of their making
     known: ClassVar[list[Kernel]] = []
@@ -49,7 +49,7 @@ class Kernel:
         Kernel.known.append(self)
 
     def __call__(self, *arguments: Any) -> Any:
-        """What the function returns."""
+        """Call the function, compiled or plain, and return its result."""
         if self.compiled is None:
             self._done += _numbers(arguments)
             if not self._is_worth_compiling():
@@ -58,12 +58,12 @@ class Kernel:
         return self.compiled(*arguments)
 
     def py_func(self, *arguments: Any) -> Any:
-        """The function as it stands, with numpy's numbers, which divide by zero, and without numpy's warnings."""
+        """Call the plain function with numpy's numbers, which allow division by zero, and without numpy's warnings."""
         with np.errstate(all="ignore"):
             return self.plain(*(np.float64(a) if type(a) is float else a for a in arguments))
 
     def compile(self) -> Any:
-        """Use its compiled form from now on, and return it: numba's, which compiles for what it is given."""
+        """Switch to the compiled form and return it: a numba dispatcher, which compiles for the argument types."""
         from lacmesh.kernels.compiled import outer
 
         with Kernel._one_at_a_time:
@@ -73,19 +73,19 @@ class Kernel:
 
     @functools.cached_property
     def inner(self) -> Any:
-        """Its compiled form for kernels that call it."""
+        """The compiled form for kernels that call this one."""
         from lacmesh.kernels.compiled import inner
 
         return inner(self.linked(lambda other: other.inner))
 
     @functools.cached_property
     def plain(self) -> Callable[..., Any]:
-        """The function as it stands, which calls others as they stand. Roots are numpy's: NaN below zero."""
+        """The plain function, which calls the plain form of other kernels. Square roots are numpy's: NaN below zero."""
         return self.linked(lambda other: other.plain, {math: np})
 
     @functools.cached_property
     def key(self) -> str:
-        """Its name and all that its compiled form hangs on: its code, what it names, and those of kernels it calls."""
+        """Cache key: the name and a hash of the code, the globals it uses, and those of the kernels it calls."""
         stamp = hashlib.sha256(repr(sys.version_info).encode())
         for part in self.parts():
             stamp.update(part)
@@ -93,7 +93,7 @@ class Kernel:
         return f"{name}.{sys.implementation.cache_tag}.{stamp.hexdigest()[:24]}"
 
     def linked(self, form: Callable[[Kernel], Any], instead: dict[Any, Any] | None = None) -> Callable[..., Any]:
-        """The function with a form of each kernel that it names, and other things `instead` of some."""
+        """Copy of the function that refers to the given form of each kernel it uses, and to the globals `instead`."""
         named: dict[str, Any] = {"__name__": self.__module__, "__builtins__": __builtins__}
         for name, value in self.named():
             named[name] = form(value) if isinstance(value, Kernel) else value
@@ -106,7 +106,7 @@ class Kernel:
         return made
 
     def parts(self) -> Iterator[bytes]:
-        """What its compiled form hangs on, as bytes."""
+        """Yield everything on which the compiled form depends, as bytes."""
         for code in _codes(self._function.__code__):
             yield code.co_code
             yield repr([c for c in code.co_consts if not isinstance(c, CodeType)]).encode()
@@ -120,7 +120,7 @@ class Kernel:
                 yield repr(getattr(value, "__qualname__", None) or getattr(value, "__name__", value)).encode()
 
     def named(self) -> Iterator[tuple[str, Any]]:
-        """The globals that it names."""
+        """Yield the names and values of the globals that the function uses."""
         every = self._function.__globals__
         for code in _codes(self._function.__code__):
             yield from ((name, every[name]) for name in code.co_names if name in every)
@@ -138,7 +138,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:
-    """A function's code and those of the functions inside it."""
+    """Yield the code of a function and of the functions inside it."""
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
@@ -146,7 +146,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 
 def _numbers(arguments: Any) -> int:
-    """How many numbers there are in the arrays among some arguments."""
+    """Total number of entries of the arrays among some arguments."""
     count = 0
     for argument in arguments:
         if isinstance(argument, np.ndarray):

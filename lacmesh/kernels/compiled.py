@@ -1,6 +1,6 @@
-"""The compiled form of kernels, by numba, which takes long to import: `kernels` imports this only where it pays.
+"""The compiled form of kernels, by numba, which is slow to import: `kernels` imports this module only if it pays.
 
-What a kernel is compiled to is kept by `kept`, under a name made of its `key`, the types of what it is called with, the
+The compiled code of a kernel is cached by `kept`, under a name made of its `key`, the types of its arguments, the
 processor, and the version of numba.
 """
 
@@ -31,14 +31,14 @@ _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wra
 
 
 def outer(function: Callable[..., Any], key: str) -> Any:
-    """What Python calls: compiled for the types that it is called with, or found on the disk."""
+    """Return the form for calls from Python: compiled for the types of the arguments, or loaded from the disk."""
     made = _NJIT(function, **_OPTIONS)
     made._cache = _Kept(key)
     return made
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """What other kernels call: nothing that Python could call is made of it, which takes a third of the time."""
+    """Return the form for calls from other kernels; no wrapper for Python is made, which takes a third of the time."""
     made = _NJIT(function, no_cpython_wrapper=True, **_OPTIONS)
     template = made.get_call_template
     # one form for all integers, not another for each that a caller writes as a number
@@ -47,7 +47,7 @@ def inner(function: Callable[..., Any]) -> Any:
 
 
 class _Kept(_Cache):
-    """The compiled forms of one kernel on the disk, as numba asks for them."""
+    """Cache on the disk of the compiled forms of one kernel, with the interface that numba expects."""
 
     def __init__(self, key: str) -> None:
         self._key = key
@@ -57,7 +57,7 @@ class _Kept(_Cache):
         return str(folders()[0])
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The compiled form for a signature; None where there is none, or none that can be read."""
+        """Return the compiled form for a signature; None if there is none that can be read."""
         data = read(self._name(sig, target_context.codegen()))
         if data is not None:
             with suppress(Exception):  # what a broken disk left may be anything: it is compiled again
@@ -67,7 +67,7 @@ class _Kept(_Cache):
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the compiled form for a signature."""
+        """Store the compiled form for a signature."""
         if data.library.has_dynamic_globals:
             return
         with suppress(Exception):  # another numba may have other parts: then nothing is kept
@@ -85,7 +85,7 @@ class _Kept(_Cache):
 
 
 def _lean(library: Any, described: Any, environment: Any, *rest: Any) -> tuple[Any, ...]:
-    """A compiled form without the code that others could inline, two thirds of its loading: names are left of it."""
+    """Reduce a compiled form: drop the code for inlining, two thirds of its loading time, and keep only its names."""
     title, kind, (code, _) = library
     names = [described.llvm_cpython_wrapper_name, *sorted({one.env_name for one in (environment, *rest[-1])})]
     table = parse_assembly("\n".join(f'@"{name}" = global i8 0' for name in names))
@@ -94,7 +94,7 @@ def _lean(library: Any, described: Any, environment: Any, *rest: Any) -> tuple[A
 
 @functools.cache
 def _name_allocator() -> None:
-    """Tell the linker what hands out memory, all that loading needs of what numba makes ready to compile."""
+    """Register numba's memory allocator with the linker: of numba's set-up to compile, loading needs only this."""
     from numba.core.runtime import _nrt_python  # type: ignore[attr-defined]
 
     for name, address in _nrt_python.c_helpers.items():
@@ -102,7 +102,7 @@ def _name_allocator() -> None:
 
 
 class _Reader(pickle.Unpickler):
-    """Reads a compiled form. The modules of numba whose functions were compiled into it are not imported for it."""
+    """Unpickler of a compiled form that does not import the numba modules whose functions were compiled into it."""
 
     def find_class(self, module: str, name: str) -> Any:
         found = super().find_class(module, name)

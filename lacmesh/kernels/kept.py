@@ -1,8 +1,8 @@
-"""Where compiled kernels are kept on the disk, as files that only `compiled` understands.
+"""Disk cache of compiled kernels, as files that only `compiled` understands.
 
 They are read from the package's own folder, where `lacmesh compile` puts them for all users of an installation, and
-from the user's cache folder; written to the first of both that can be written. `NUMBA_CACHE_DIR` names another folder
-in place of both.
+from the user's cache folder; they are written to the first of the two that is writable. `NUMBA_CACHE_DIR` names another
+folder in place of both.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _PACKAGE = Path(__file__).parent
 
 @functools.cache
 def folders() -> tuple[Path, ...]:
-    """Where to look, the first to write to as well, if it can be written."""
+    """Return the folders to search, in order; the first writable one is written to."""
     mine = hashlib.sha256(str(_PACKAGE).encode()).hexdigest()[:16]  # beside those of other installations
     given = os.environ.get("NUMBA_CACHE_DIR")
     if given:
@@ -32,7 +32,7 @@ def folders() -> tuple[Path, ...]:
 
 
 def writable() -> Path | None:
-    """The first folder that can be written, made if it is not there; None where there is none."""
+    """Return the first writable folder, created if necessary; None if there is none."""
     for folder in folders():
         with suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
@@ -42,12 +42,12 @@ def writable() -> Path | None:
 
 
 def has(key: str) -> bool:
-    """Whether something is kept under a name that starts with `key`."""
+    """True if there is a cached file with a name that starts with `key`."""
     return any(name.startswith(key + ".") for name in _names())
 
 
 def read(name: str) -> bytes | None:
-    """What is kept under a name."""
+    """Read the cached bytes of a name; None if there are none."""
     for folder in folders():
         with suppress(OSError):
             return (folder / (name + _SUFFIX)).read_bytes()
@@ -55,7 +55,7 @@ def read(name: str) -> bytes | None:
 
 
 def save(key: str, name: str, data: bytes) -> None:
-    """Keep some bytes under a name that starts with `key`, and nothing that an older source left; if it can be."""
+    """Store bytes under a name that starts with `key`, and remove files of older sources, if a folder is writable."""
     for folder in folders():
         with suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
@@ -68,7 +68,7 @@ def save(key: str, name: str, data: bytes) -> None:
 
 
 def _write(path: Path, data: bytes) -> None:
-    """All of a file or nothing, whoever else writes it at the same time."""
+    """Write a file atomically, also if other processes write it at the same time."""
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=_SUFFIX)
     try:
         with os.fdopen(handle, "wb") as file:
@@ -82,7 +82,7 @@ def _write(path: Path, data: bytes) -> None:
 
 @functools.cache
 def _names() -> frozenset[str]:
-    """All that was kept when this process first asked."""
+    """Names of the cached files at the time of the first call in this process."""
     found: set[str] = set()
     for folder in folders():
         with suppress(OSError):
@@ -91,7 +91,7 @@ def _names() -> frozenset[str]:
 
 
 def _user() -> Path:
-    """The user's cache folder, as the system has it. Raises RuntimeError where the user has no home."""
+    """Return the user's cache folder by the conventions of the system. Raises RuntimeError without a home folder."""
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData/Local")
     if sys.platform == "darwin":

@@ -1,8 +1,8 @@
-"""What kernels are called with, as text that is kept beside them: so that all can be compiled before they are called.
+"""Signatures of the kernels, recorded as text, so that all kernels can be compiled before they are called.
 
 `signatures.json` lists, for each kernel that Python calls, the types of its arguments: `int`, `float`, `bool`; arrays
-as `float64[2,C]` (dimensions, layout C, F or A, and `fixed` where it cannot be written into); tuples as lists, named
-tuples as {class: fields}. `tools/record_kernels.py` makes it again.
+as `float64[2,C]` (dimensions, layout C, F or A, and `fixed` if it is read-only); tuples as lists, named tuples as
+{class: fields}. `tools/record_kernels.py` generates it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _ARRAY = re.compile(r"(\w+)\[(\d),([CFA])(,fixed)?\]")
 
 
 class Signature(NamedTuple):
-    """A kernel, by its module and name, and what it is called with."""
+    """A kernel, given by its module and name, and the types of its arguments."""
 
     module: str
     name: str
@@ -28,19 +28,19 @@ class Signature(NamedTuple):
 
     @staticmethod
     def of(key: str, arguments: list[Any]) -> Signature:
-        """That of a kernel named with its module."""
+        """Make the signature of a kernel whose name includes its module."""
         module, _, name = key.rpartition(".")
         return Signature(module, name, arguments)
 
 
 def declared() -> list[Signature]:
-    """All that is listed, in the order of the file."""
+    """Return all recorded signatures, in the order of the file."""
     listed = json.loads(FILE.read_text())
     return [Signature.of(key, arguments) for key, forms in listed.items() for arguments in forms]
 
 
 def described(value: Any) -> Any:
-    """The text of an argument, or of a tuple of them."""
+    """Describe an argument, or a tuple of them, as text."""
     if isinstance(value, np.ndarray):
         layout = "C" if value.flags.c_contiguous else "F" if value.flags.f_contiguous else "A"
         return f"{value.dtype}[{value.ndim},{layout}{'' if value.flags.writeable else ',fixed'}]"
@@ -54,7 +54,7 @@ def described(value: Any) -> Any:
 
 
 def compile_signature(signature: Signature) -> None:
-    """Compile a kernel for what it is called with, or find it on the disk."""
+    """Compile a kernel for its recorded argument types, or load it from the disk."""
     kernel = getattr(import_module(signature.module), signature.name)
     kernel.compile().compile(tuple(_numba_type(a) for a in signature.arguments))
 

@@ -1,9 +1,9 @@
-"""Quality of cells: is each valid, how good is it, and how are the numbers spread over a mesh.
+"""Quality of cells: their validity, their quality measures, and the statistics of these over a mesh.
 
-corner = the least corner Jacobian: the one number that ranks what a cut makes   (`corner`)
+corner = the least corner Jacobian, by which the variants of a cut are ranked     (`corner`)
 validity = the least Jacobian determinant where solvers evaluate it               (`determinant`)
 measures = Verdict's measures of the linear cells, and ours of every cell          (`measures`)
-quality = their spread, by type and by group, and the worst cells                  (`survey`)
+quality = statistics of the measures, by type and by group, and the worst cells    (`survey`)
 """
 
 from __future__ import annotations

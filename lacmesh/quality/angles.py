@@ -1,9 +1,9 @@
 """Edges and angles of every cell of dimension 2 and 3, linear or curved, at its corners.
 
-An edge's ratio is that of the lengths of its curves. An angle is that of a surface cell between the edges at a corner;
-a dihedral angle is that of a solid between two facets, at either end of the edge where they meet, of the planes that
-touch the edges there. All are in degrees, 0 to 180, taken without sign. A corner where an edge has no length has none;
-NaN where no corner has one.
+The edge ratio compares the lengths of the curved edges. The angle at a corner of a surface cell is that between its
+edges; a dihedral angle of a solid is that between two facets at either end of their common edge, measured between the
+planes that are tangent to the edges there. All are in degrees, 0 to 180, without sign. Corners with an edge of zero
+length are left out; NaN if all are.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ GAUSS_WEIGHT = np.array([5, 8, 5]) / 18
 
 
 class Corners(NamedTuple):
-    """Where edges meet. `edges` (e, 2): the ends of each edge; `ways` (w, 2): edge and the end it leaves from.
+    """Edges and corners of a cell type. `edges` (e, 2): the ends of each; `ways` (w, 2): an edge and its starting end.
 
     `angles` (a, 2): two ways out of a corner of a surface cell. `dihedral` (d, 3): a way along an edge of a solid, and
-    the ways along the two facets beside it.
+    those along the next edges of the two facets that meet there.
     """
 
     edges: NDArray
@@ -37,7 +37,7 @@ class Corners(NamedTuple):
 
 @cache
 def corners_of(name: str) -> Corners:
-    """The corners of a cell type; way 2 e + s leaves edge e from its end s."""
+    """Return the edges and corners of a cell type; way 2 e + s runs along edge e from its end s."""
     cell = CELLS[name]
     out = {(a, b): 2 * k for k, (a, b) in enumerate(cell.edges)} | {
         (b, a): 2 * k + 1 for k, (a, b) in enumerate(cell.edges)
@@ -57,7 +57,7 @@ def corners_of(name: str) -> Corners:
 
 
 def tangents(name: str, x: NDArray) -> NDArray:
-    """(2 e, 3, k): derivatives along the edges of cells x (n, 3, k), from either end; of a straight edge, the edge."""
+    """(2 e, 3, k): tangents at both ends of the edges of cells x (n, 3, k), as derivatives; a straight edge itself."""
     cell = CELLS[name]
     a, b = (x[[e[s] for e in cell.edges]] for s in (0, 1))
     if cell.order == 1:
@@ -67,7 +67,7 @@ def tangents(name: str, x: NDArray) -> NDArray:
 
 
 def edge_ratio(name: str, x: Floats) -> Floats:
-    """(k,): the longest edge of cells at x (k, n_nodes, 3) over the shortest; infinite where one has no length.
+    """(k,): the longest edge of cells at x (k, n_nodes, 3) over the shortest; infinite if an edge has no length.
 
     >>> float(edge_ratio("QUAD4", np.array([[[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0.0]]]))[0])
     2.0
@@ -76,7 +76,7 @@ def edge_ratio(name: str, x: Floats) -> Floats:
 
 
 def _extremes(name: str, x: NDArray) -> tuple[NDArray, NDArray]:
-    """(k,) each: the longest edge, the shortest."""
+    """(k,) each: length of the longest and of the shortest edge."""
     t = tangents(name, x)
     if CELLS[name].order == 1:
         lengths = [norm(e) for e in t[::2]]
@@ -89,7 +89,7 @@ def _extremes(name: str, x: NDArray) -> tuple[NDArray, NDArray]:
 
 
 def angles(name: str, x: Floats) -> tuple[Floats, Floats]:
-    """(k,) each: least and largest angle of cells at x (k, n_nodes, 3): at corners, dihedral where they are solids.
+    """(k,) each: least and largest angle of cells at x (k, n_nodes, 3): corner angles, or dihedral angles of solids.
 
     >>> [round(float(a[0]), 6) for a in angles("TETRA4", np.array([CELLS["TETRA4"].reference]))]
     [54.73561, 90.0]

@@ -1,10 +1,10 @@
-"""Quality that one number ranks: the least corner Jacobian, each type scaled to 1 for its ideal cell.
+"""The corner Jacobian: one number for the quality of a cell, scaled for each type to 1 for its ideal cell.
 
-At a corner the tangents of the edges are brought to length 1 and their determinant is taken (Knupp, Int. J. Numer.
-Meth. Engng 48, 2000); ideal are the equilateral triangle and tetrahedron, the square and the cube, the prism with an
-equilateral base, the pyramid of equilateral sides. At a pyramid's apex, where four edges meet, each three that follow
-one another count, which are as good as those at the base when the pyramid is ideal. The tangents of a quadratic cell
-are those of its curved edges.
+At a corner the tangents of the edges are normalised and their determinant is computed (Knupp, Int. J. Numer. Meth.
+Engng 48, 2000); the ideal cells are the equilateral triangle and tetrahedron, the square and the cube, the prism with
+an equilateral base and the pyramid with equilateral sides. At a pyramid's apex, where four edges meet, each set of
+three consecutive edges counts; for the ideal pyramid they give the same value as the corners of the base. The tangents
+of a quadratic cell are those of its curved edges.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ _PIECE = 1 << 13
 
 @cache
 def frames(name: str) -> Ints:
-    """(corners, dim): edges that leave a corner, in the cell's sense; 2 e + s leaves edge e from its end s.
+    """(corners, dim): the edges that leave each corner, in right-handed order; 2 e + s is edge e from its end s.
 
-    An apex counts four times, without one of its edges each time.
+    An apex counts four times, each time without one of its edges.
     """
     cell = CELLS[name]
     ref = np.array(cell.reference)
@@ -49,12 +49,12 @@ def frames(name: str) -> Ints:
 
 @cache
 def _tangents(name: str) -> NDArray:
-    """(corners, dim, n_nodes): weights of the nodes in the tangents of the edges of `frames`."""
+    """(corners, dim, n_nodes): weights of the nodes in the tangents of the edges in `frames`."""
     return np.array([[_weights(name, *divmod(way, 2)) for way in row] for row in frames(name).tolist()])
 
 
 def _weights(name: str, edge: int, end: int) -> NDArray:
-    """(n_nodes,): weights of the nodes in an edge's derivative at one of its ends, the parameter from 0 to 1 there."""
+    """(n_nodes,): weights of the nodes in the derivative of an edge at one of its ends, by a parameter in [0, 1]."""
     cell = CELLS[name]
     start, end = cell.edges[edge][end], cell.edges[edge][1 - end]
     out = np.zeros(cell.n_nodes)
@@ -67,7 +67,7 @@ def _weights(name: str, edge: int, end: int) -> NDArray:
 def corner_jacobian(name: str, x: Floats, plane: bool = False) -> Floats:
     """(k,): least scaled Jacobian over the corners of cells with nodes at x (k, n_nodes, 3); 1 ideal, <= 0 invalid.
 
-    Surface cells count against their own mean normal, or against +z where `plane`. Points and lines give 1.
+    For surface cells the sign is relative to their own mean normal, or to +z if `plane`. Points and lines give 1.
 
     >>> float(corner_jacobian("QUAD4", np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]]]))[0])
     1.0
@@ -87,13 +87,13 @@ def corner_jacobian(name: str, x: Floats, plane: bool = False) -> Floats:
 
 
 def _unit(t: NDArray) -> NDArray:
-    """Tangents (k, dim, 3) brought to length 1; those without length stay zero."""
+    """Normalise tangents (k, dim, 3); those without length stay zero."""
     size = np.sqrt((t * t).sum(axis=-1, keepdims=True))
     return np.divide(t, size, out=np.zeros_like(t), where=size > 0)
 
 
 def _cross(a: NDArray, b: NDArray) -> NDArray:
-    """(3, k): cross products of vectors (k, 3); numpy's own is several times slower on many."""
+    """(3, k): cross products of vectors (k, 3); np.cross is several times slower for many vectors."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
@@ -111,9 +111,9 @@ def _areas(tangents: list[NDArray], plane: bool) -> list[NDArray]:
 
 
 def worst(mesh: Mesh, cells: Ints) -> float:
-    """The least corner Jacobian among some cells of a mesh; NaN where there is none to measure.
+    """Least corner Jacobian of some cells of a mesh; NaN if there are none to measure.
 
-    Cells of a plane mesh count by their own orientation: many meshes list them clockwise.
+    Cells of a plane mesh are measured relative to their own orientation, because many meshes list them clockwise.
     """
     least = [
         corner_jacobian(kind, mesh.points[nodes]).min()

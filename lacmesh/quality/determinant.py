@@ -1,15 +1,15 @@
 """Validity: the Jacobian determinant of a cell's map, where solvers evaluate it. A cell is invalid where it is <= 0.
 
-It is taken at the corners, at the other nodes (mid-nodes, centres), and at the integration points in use: 2 a direction
-of lines, quadrangles and hexahedra, 2 and 3 of quadratic ones; 1 of a triangle, 3, 6 and 7 of a quadratic one; 1 of a
-tetrahedron, 4 and 14; 3 by 2 of a prism, and 7 by 3; conical products on pyramids. These sets are symmetric, so that
-the order in which a cell lists its nodes does not matter. The determinant of a surface cell is that of its normal
-against the cell's mean normal, a line's that of its tangent against the mean tangent. These are samples, not a bound:
-between them the determinant may be lower.
+It is computed at the corners, at the other nodes (mid-nodes, centres), and at the common integration points: 2 per
+direction for lines, quadrangles and hexahedra, 2 and 3 for quadratic ones; 1 for a triangle, 3, 6 and 7 for a quadratic
+one; 1 for a tetrahedron, 4 and 14 for a quadratic one; 3 by 2 for a prism, and 7 by 3; conical products for pyramids.
+These sets are symmetric, so that the order in which a cell lists its nodes does not matter. The determinant of a
+surface cell is the component of its normal along the cell's mean normal, that of a line the component of its tangent
+along the mean tangent. These are samples, not a bound: between them the determinant may be lower.
 
-At a pyramid's apex the gradient depends on how it is approached. The apex counts as its limits along the four edges
-that meet there. On a ray x = u w, y = v w, w = 1 - z the gradient is linear in w (constant for PYRAM5, whose base
-corners therefore say the same), so that the limit is 2 g(w) - g(2 w) exactly.
+At a pyramid's apex the gradient depends on the direction of approach; its limits along the four edges that meet there
+are used. On a ray x = u w, y = v w, w = 1 - z the gradient is linear in w (constant for PYRAM5, whose base corners
+therefore give the same value), so that the limit is exactly 2 g(w) - g(2 w).
 
 Notation: dN (p, n, dim) gradients of the shape functions at p samples, J Jacobian matrix, det its determinant.
 """
@@ -49,7 +49,7 @@ _ROUND_OFF = 32 * np.finfo(float).eps
 class Validity(NamedTuple):
     """Least determinants (k,) at the corners, at the other nodes, at the integration points; see `validity`.
 
-    A linear cell has no other nodes: what is at its corners stands there again.
+    A linear cell has no other nodes: the value at its corners is repeated there.
     """
 
     corner: Floats
@@ -58,16 +58,16 @@ class Validity(NamedTuple):
 
     @property
     def least(self) -> Floats:
-        """(k,): the least of all."""
+        """(k,): the least over all samples."""
         return np.minimum(np.minimum(self.corner, self.node), self.point)
 
 
 def validity(name: str, x: Floats, plane: bool = False) -> Floats:
     """(k,): least Jacobian determinant over corners, mid-nodes and integration points of cells at x (k, n_nodes, 3).
 
-    Relative to the mean of its absolute value over the integration points: 1 for a parallelepiped or a straight
-    simplex, -1 for one inside out, 0 for what is within round-off of nothing. The cell is valid where this is positive
-    (NaN coordinates give NaN). `plane`: surface cells count against +z, not against their own mean normal. Points, and
+    It is relative to the mean of its absolute value over the integration points: 1 for a parallelepiped or a straight
+    simplex, -1 for an inverted one, 0 for values within round-off of zero. The cell is valid if this is positive (NaN
+    coordinates give NaN). `plane`: surface cells are measured relative to +z, not to their own mean normal. Points, and
     cells of higher order than 2, give 1.
 
     >>> x = np.array([CELLS["TETRA10"].reference])
@@ -81,14 +81,14 @@ def validity(name: str, x: Floats, plane: bool = False) -> Floats:
 
 
 def validity_at(name: str, x: Floats, plane: bool = False) -> Validity:
-    """`validity`, apart for the corners, the other nodes and the integration points."""
+    """Compute `validity` separately for the corners, the other nodes and the integration points."""
     x = np.asarray(x, dtype=float)
     n = x.shape[1]
     return validity_among(name, x.reshape(-1, 3), np.arange(len(x) * n).reshape(-1, n), plane)
 
 
 def validity_of(mesh: Mesh, cells: Ints | None = None) -> Floats:
-    """(k,): `validity` of some cells of a mesh, or of all; surface cells against their own normal."""
+    """(k,): `validity` of some cells of a mesh, or of all; surface cells relative to their own normal."""
     chosen = np.arange(mesh.n_cells) if cells is None else np.asarray(cells)
     by_cell = np.ones(mesh.n_cells)
     for kind, which, nodes in mesh.select(chosen):
@@ -97,7 +97,7 @@ def validity_of(mesh: Mesh, cells: Ints | None = None) -> Floats:
 
 
 def validity_among(name: str, points: Floats, nodes: Ints, plane: bool = False) -> Validity:
-    """`validity_at` of cells with `nodes` (k, n) among `points`."""
+    """Compute `validity_at` for cells with `nodes` (k, n) among `points`."""
     out = np.ones((3, len(nodes)))
     if name not in CELLS or not CELLS[name].dim:
         return Validity(*out)
@@ -121,7 +121,7 @@ def _compiled(dN: NDArray, places: tuple[Ints, Ints, Ints], points: Floats, node
 
 
 def _least(dN: NDArray, places: tuple[Ints, Ints, Ints], x: Floats, plane: bool) -> NDArray:
-    """(3, k): the rows of a `Validity` for cells at x (k, n, 3); plain twin of `kernel_determinant.least`."""
+    """(3, k): the rows of a `Validity` for cells at x (k, n, 3); the reference for `kernel_determinant.least`."""
     flat = nodes_first(x)
     det = _determinants(dN, flat, places[2], plane)
     extent = np.max(flat.max(axis=0) - flat.min(axis=0), axis=0)
@@ -148,7 +148,7 @@ def _determinants(dN: NDArray, x: NDArray, inside: Ints, plane: bool) -> NDArray
 
 @cache
 def _samples(name: str) -> tuple[NDArray, tuple[Ints, Ints, Ints]]:
-    """dN (p, n, dim) at every sample, and which are corners, other nodes, integration points; each gradient once."""
+    """dN (p, n, dim) at the samples, equal ones once; indices of corners, other nodes and integration points."""
     cell = CELLS[name]
     nodes = np.array(cell.reference)
     apex = cell.family == "PYRAM"
@@ -166,7 +166,7 @@ def _samples(name: str) -> tuple[NDArray, tuple[Ints, Ints, Ints]]:
 
 
 def _points(name: str) -> NDArray:
-    """(p, dim): the integration points of a type: those of the rules in use for it."""
+    """(p, dim): the integration points of a type, from all rules in common use for it."""
     cell = CELLS[name]
     degrees = _DEGREES.get((cell.family, cell.order)) or ((3,) if cell.order == 1 else (3, 5))
     return np.concatenate([rule(cell.family, degree)[0] for degree in degrees])

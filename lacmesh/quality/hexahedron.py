@@ -75,7 +75,7 @@ class Hexahedron(Linear):
 
     @cached_property
     def some(self) -> NDArray:
-        """(9, k): the determinants, exactly 0 where they are negative or but round-off."""
+        """(9, k): the determinants, set to 0 where they are negative or mere round-off."""
         return np.where(self.det > ROUND_OFF * self.products, self.det, 0)
 
     @cached_property
@@ -129,9 +129,9 @@ class Hexahedron(Linear):
         return ratio(3 * np.cbrt(self.some[:8]) ** 2, self.squares[:8], otherwise=0.0).min(axis=0)
 
     def relative_size_squared(self) -> NDArray:
-        """Size over the mean size of the type, or its inverse where that is less, squared; 0 inside out.
+        """Size over the mean size of the type, or its inverse where that is less, squared; 0 if inverted.
 
-        In a mesh whose mean size is negative, -LARGEST for the cells that are not inside out.
+        In a mesh whose mean size is negative, -LARGEST for the cells that are not inverted.
         """
         if self.mean_size < 0:
             return np.where(self.sampled_size > 0, -LARGEST, 0.0)
@@ -161,7 +161,7 @@ class Hexahedron(Linear):
         return bounded(self._conditions.mean(axis=0))
 
     def oddy(self) -> NDArray:
-        """How far the metric of a frame is from a multiple of the identity, the largest (Oddy et al., 1988)."""
+        """Deviation of the metric of a frame from a multiple of the identity, the largest (Oddy et al., 1988)."""
         metric = [sum(dot(a, b) ** 2 for a in f for b in f) for f in self.frames]
         return bounded(ratio(np.stack(metric) - self.squares**2 / 3, np.cbrt(self.some) ** 4).max(axis=0))
 

@@ -1,4 +1,4 @@
-"""The determinants of `determinant`, compiled: the same numbers for meshes of many cells.
+"""Compiled kernel for the determinants of `determinant`, with the same results, for meshes of many cells.
 
 Cells are taken a few at a time, their nodes as (n, 3, LANES): a loop along the lanes is a few vector operations. The
 Jacobians, where nearly all the time goes, take all three components in one loop: 2.5 times faster on HEXA20.
@@ -20,7 +20,7 @@ _LANES = 32
 def least(
     points: Any, nodes: Any, dN: Any, corner: Any, other: Any, inside: Any, plane: bool, tiny: float, out: Any
 ) -> None:
-    """`determinant._least`, into out (k, 3): cells with `nodes` (k, n) among `points`; `tiny`: the round-off."""
+    """Write `determinant._least` to out (k, 3), for cells with `nodes` (k, n) among `points`; `tiny`: round-off."""
     p, n, dim = dN.shape
     x = np.zeros((n, 3, _LANES))
     J = np.empty((dim, 3, _LANES))
@@ -54,7 +54,7 @@ def least(
 
 @kernel
 def _jacobian(dN: Any, x: Any, J: Any) -> None:
-    """J (dim, 3 LANES) of nodes x (n, 3 LANES) at one sample dN (n, dim)."""
+    """Write the Jacobians J (dim, 3 LANES) of nodes x (n, 3 LANES) at one sample dN (n, dim)."""
     J[:] = 0.0
     for i in range(dN.shape[0]):
         for d in range(dN.shape[1]):
@@ -76,7 +76,7 @@ def _determinant(J: Any, det: Any) -> None:
 
 @kernel
 def _normal(J: Any, along: Any) -> None:
-    """The normal of a surface, the tangent of a line."""
+    """Write the normal of a surface, or the tangent of a line, into `along`."""
     for k in range(_LANES):
         if J.shape[0] == 1:
             for s in range(3):
@@ -89,7 +89,7 @@ def _normal(J: Any, along: Any) -> None:
 
 @kernel
 def _against_mean(along: Any, inside: Any, plane: bool, det: Any) -> None:
-    """det (p, LANES): the parts of normals or tangents `along` (p, 3, LANES) that go with their mean, or with +z."""
+    """Write det (p, LANES): components of normals or tangents `along` (p, 3, LANES) along their mean, or along +z."""
     for k in range(_LANES):
         a = b = c = 0.0
         for q in inside:
@@ -106,7 +106,7 @@ def _against_mean(along: Any, inside: Any, plane: bool, det: Any) -> None:
 
 @kernel
 def _scale(x: Any, lane: int, dim: int) -> Any:
-    """Largest coordinate times the extent to the power dim - 1; NaN where a coordinate is."""
+    """Largest coordinate times the extent to the power dim - 1; NaN if a coordinate is NaN."""
     largest, extent = 0.0, 0.0
     for s in range(3):
         low = high = x[0, s, lane]

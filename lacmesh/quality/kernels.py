@@ -1,9 +1,9 @@
-"""The default measures, compiled, for meshes of many cells: what the plain modules say, many times faster.
+"""Compiled kernels for the default measures: the results of the plain modules, many times faster on many cells.
 
-A kernel reads points (n, 3) and nodes of cells (k, n_nodes), and fills out (k, m). Its plain twin is named with it, and
-a test compares them. Imported only where there are cells enough to pay for loading the compiler.
+A kernel reads points (n, 3) and nodes of cells (k, n_nodes), and fills out (k, m). Its docstring names the plain
+function it reproduces, and a test compares them. Imported only for enough cells to pay for loading the compiler.
 
-Notation as in the twins: a, b, c edges that leave a corner; det their determinant.
+Notation as in the plain modules: a, b, c edges that leave a corner; det their determinant.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ _LARGEST, _ROUND_OFF = float(LARGEST), float(ROUND_OFF)
 
 
 def available_cores() -> int:
-    """Cores that this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def in_threads(run: Callable[[slice], None], count: int) -> None:
-    """Let `run` fill the cells 0 to `count`, a part in each thread, of which there are as many as cores to use."""
+    """Call `run` on slices of the cells 0 to `count`, one in each thread, with as many threads as available cores."""
     threads = min(available_cores(), _THREADS)
     ends = np.linspace(0, count, threads + 1).astype(int).tolist()
     with ThreadPoolExecutor(threads) as pool:
@@ -71,7 +71,7 @@ def _lengths(a: Any, b: Any, c: Any) -> Any:
 
 @kernel
 def _take(points: Any, nodes: Any, p: Any) -> None:
-    """p (n, 3): the places of a cell's nodes (n,)."""
+    """Write the coordinates of a cell's nodes (n,) into p (n, 3)."""
     for n in range(len(nodes)):
         for s in range(3):
             p[n, s] = points[nodes[n], s]
@@ -79,7 +79,7 @@ def _take(points: Any, nodes: Any, p: Any) -> None:
 
 @kernel
 def _hexa_volume(p: Any) -> Any:
-    """Cones from node 0 over triangles around the centres of the faces."""
+    """Volume of a hexahedron, from cones with apex node 0 over triangles around the centres of the faces."""
     six = 0.0
     for f in range(6):
         mx = my = mz = 0.0
@@ -96,7 +96,7 @@ def _hexa_volume(p: Any) -> Any:
 
 @kernel
 def hexahedra(points: Any, nodes: Any, out: Any) -> None:
-    """`Hexahedron`: scaled_jacobian, condition, skew, shape, volume, into out (k, 5)."""
+    """Write scaled_jacobian, condition, skew, shape and volume of `Hexahedron` into out (k, 5)."""
     p, X = np.empty((8, 3)), np.empty((3, 3))
     for cell in range(len(nodes)):
         _take(points, nodes[cell], p)
@@ -129,7 +129,7 @@ def hexahedra(points: Any, nodes: Any, out: Any) -> None:
 
 @kernel
 def _axes(p: Any, X: Any) -> None:
-    """The principal axes X (3, 3) of nodes p (8, 3)."""
+    """Write the principal axes X (3, 3) of a hexahedron with nodes p (8, 3)."""
     X[:] = 0.0
     for n in range(8):
         for d in range(3):
@@ -148,7 +148,7 @@ def _skew(X: Any, longest: float) -> Any:
 
 @kernel
 def tetrahedra(points: Any, nodes: Any, out: Any) -> None:
-    """`Tetrahedron`: scaled_jacobian, aspect_ratio, condition, shape, volume, into out (k, 5)."""
+    """Write scaled_jacobian, aspect_ratio, condition, shape and volume of `Tetrahedron` into out (k, 5)."""
     p = np.empty((4, 3))
     l = np.empty(6)  # noqa: E741
     for cell in range(len(nodes)):
@@ -193,7 +193,7 @@ def _tetra_condition(a: Any, b: Any, c: Any, det: float) -> Any:
 
 @kernel
 def prisms(points: Any, nodes: Any, out: Any) -> None:
-    """`Prism`: scaled_jacobian, condition, shape, volume, into out (k, 4)."""
+    """Write scaled_jacobian, condition, shape and volume of `Prism` into out (k, 4)."""
     p = np.empty((6, 3))
     for cell in range(len(nodes)):
         _take(points, nodes[cell], p)
@@ -217,7 +217,7 @@ def prisms(points: Any, nodes: Any, out: Any) -> None:
 
 @kernel
 def _tetra_aspect(a: Any, b: Any, c: Any, det: float) -> Any:
-    """`Tetrahedron.aspect_frobenius`."""
+    """Compute `Tetrahedron.aspect_frobenius` from three edges and their determinant."""
     ab, bc, ca = _dot(a, b), _dot(b, c), _dot(c, a)
     aa, bb, cc = _dot(a, a), _dot(b, b), _dot(c, c)
     longest = max(max(aa, bb, cc), max(aa + bb - 2 * ab, bb + cc - 2 * bc, cc + aa - 2 * ca))
@@ -228,7 +228,7 @@ def _tetra_aspect(a: Any, b: Any, c: Any, det: float) -> Any:
 
 @kernel
 def _prism_volume(p: Any) -> Any:
-    """Cones from node 0 over the far triangle, and over triangles around the centres of the sides."""
+    """Volume of a prism, from cones with apex node 0 over the far triangle and triangles around the sides' centres."""
     six = _dot(_minus(p, 3, 0), _cross(_minus(p, 4, 0), _minus(p, 5, 0)))
     for f in range(3):
         x = y = z = 0.0
@@ -256,9 +256,9 @@ def corners(name: str, points: NDArray, nodes: NDArray) -> NDArray:
 
 @kernel
 def _corners(points: Any, nodes: Any, edges: Any, mid: int, leaving: Any, ways: Any, out: Any) -> None:
-    """Least determinant, ratio, largest and least cosine; `mid`: the first edge's middle, 0 where edges are straight.
+    """Write least corner determinant, edge ratio, largest and least cosine of each cell into `out`.
 
-    `leaving`: the `frames` of the type.
+    `mid`: index of the first edge's mid-node, 0 if edges are straight. `leaving`: the `frames` of the type.
     """
     t = np.empty((2 * len(edges), 3))
     for cell in range(len(nodes)):
@@ -287,7 +287,7 @@ def _corners(points: Any, nodes: Any, edges: Any, mid: int, leaving: Any, ways: 
 
 @kernel
 def _least_volume(t: Any, leaving: Any) -> Any:
-    """The least determinant of unit tangents t that leave a corner together."""
+    """Least determinant of the unit tangents t that leave a corner."""
     least = np.inf
     for k in range(len(leaving)):
         third = leaving[k, 2]
@@ -298,7 +298,7 @@ def _least_volume(t: Any, leaving: Any) -> Any:
 
 @kernel
 def _least_area(t: Any, leaving: Any) -> Any:
-    """The least part of the normals at the corners, of unit tangents t, that goes with their mean."""
+    """Least component along their mean of the normals at the corners, from unit tangents t."""
     x = y = z = 0.0
     for k in range(len(leaving)):
         normal = _normal(t, leaving[k, 0], leaving[k, 1])
@@ -330,7 +330,7 @@ def _length(t: Any, e: int, curved: bool) -> Any:
 
 @kernel
 def _cosines(t: Any, ways: Any) -> Any:
-    """The least and the largest cosine; NaN where there is none."""
+    """Least and largest cosine of the angles; NaN if there is none."""
     low, high = np.inf, -np.inf
     for w in range(len(ways)):
         e, i, j = ways[w, 0], ways[w, 1], ways[w, 2]

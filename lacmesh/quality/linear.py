@@ -1,4 +1,4 @@
-"""What the linear cells of Verdict share: their nodes, and the measures that compare a cell with the mean size."""
+"""Base class of Verdict's linear cells: their nodes, and the measures that compare a cell with the mean size."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ class Linear:
 
     @property
     def sampled_size(self) -> NDArray:
-        """(k,): what is set against the mean size."""
+        """(k,): the size of each cell that is compared with the mean size."""
         return self.size
 
     @cached_property
     def mean_size(self) -> float:
-        """The mean size that cells are set against: what was given, or that of these cells."""
+        """Mean size with which cells are compared: the given one, or the mean over these cells."""
         return float(self.size.mean()) if self._mean is None else self._mean
 
     def relative_size_squared(self) -> NDArray:
-        """Size over the mean size of the type, or its inverse where that is less, squared; 0 inside out.
+        """Size over the mean size of the type, or its inverse where that is less, squared; 0 if inverted.
 
         NaN in a mesh whose mean size is negative.
         """
@@ -46,7 +46,7 @@ class Linear:
         return np.where(some, np.minimum(relative, inverse), 0) ** 2
 
     def shape(self) -> NDArray:
-        """How near to the ideal shape, whatever the size."""
+        """Closeness to the ideal shape, independent of the size."""
         raise NotImplementedError
 
     def shape_and_size(self) -> NDArray:

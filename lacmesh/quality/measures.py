@@ -25,9 +25,9 @@ from lacmesh.quality.verdict import ACCEPTED, CLASSES
 
 
 class Scale(NamedTuple):
-    """How a measure is read: `kind` is "unit" (0 to 1), "ratio" (from 1 on), "angle" (degrees), "size" or "other".
+    """Scale of a measure: `kind` is "unit" (0 to 1), "ratio" (1 and more), "angle" (degrees), "size" or "other".
 
-    `better`: 1 where more is better, -1 where less is, 0 where neither.
+    `better`: 1 if larger values are better, -1 if smaller ones are, 0 if neither.
     """
 
     kind: str
@@ -73,7 +73,7 @@ _DEFAULT: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 def measures_of(name: str) -> tuple[str, ...]:
-    """Every measure that is defined on cells of type `name`.
+    """Return all measures that are defined for cells of type `name`.
 
     >>> measures_of("PYRAM13")
     ('validity', 'corner_jacobian', 'edge_ratio', 'min_dihedral', 'max_dihedral')
@@ -88,7 +88,7 @@ def measures_of(name: str) -> tuple[str, ...]:
 
 
 def default_measures(name: str) -> tuple[str, ...]:
-    """The measures of a type that are taken when none are asked for: what ranks cells first."""
+    """Return the default measures of a type; the one that ranks its cells comes first."""
     if name not in CELLS or CELLS[name].dim < 2:
         return measures_of(name)
     verdict = _DEFAULT.get(name, ("corner_jacobian",))
@@ -97,7 +97,7 @@ def default_measures(name: str) -> tuple[str, ...]:
 
 
 def headline(name: str) -> str | None:
-    """The measure that ranks the cells of a type; None for points."""
+    """Return the measure that ranks the cells of a type; None for points."""
     for measure in ("scaled_jacobian", "corner_jacobian", "validity"):
         if measure in measures_of(name):
             return measure
@@ -109,7 +109,7 @@ POOR = 0.1
 
 
 def chosen_measures(names: str | Iterable[str] | None) -> Callable[[str], tuple[str, ...]]:
-    """Which measures of a type are meant by None (the default ones), "all", or a list of names.
+    """Return the function that lists the measures of a type selected by None (the default), "all", or names.
 
     Raises RequestError, with near matches, for a name that no type has.
     """
@@ -127,10 +127,10 @@ def chosen_measures(names: str | Iterable[str] | None) -> Callable[[str], tuple[
 def measure_cells(
     name: str, points: Floats, nodes: Ints, measures: Iterable[str], mean_size: float | None = None
 ) -> dict[str, Floats]:
-    """(k,) of each measure, of cells of type `name` with `nodes` (k, n_nodes) among `points` (n, 3).
+    """Compute measures, (k,) each, of cells of type `name` with `nodes` (k, n_nodes) among `points` (n, 3).
 
-    `mean_size`: of the cells of this type in the mesh, for the measures of relative size (default: of these cells).
-    NaN where a node has no place. Raises RequestError for a measure that the type does not have.
+    `mean_size`: that of the cells of this type in the mesh, for the measures of relative size (default: of these
+    cells). NaN if a node has no finite position. Raises RequestError for a measure that the type does not have.
 
     >>> from lacmesh.mesh import Mesh
     >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
@@ -159,7 +159,7 @@ def measure_cells(
 def _some_without_place(
     name: str, points: Floats, nodes: Ints, measures: tuple[str, ...], mean_size: float | None, good: NDArray
 ) -> dict[str, Floats]:
-    """`measure_cells` where some nodes have NaN or infinite coordinates: such cells get NaN."""
+    """Compute `measure_cells` if some nodes have NaN or infinite coordinates: their cells get NaN."""
     out: dict[str, Floats] = {m: np.full(len(nodes), np.nan) for m in measures}
     safe = np.where(np.isfinite(points), points, 0)
     for m, values in measure_cells(name, safe, nodes[good], measures, mean_size).items():
@@ -168,7 +168,7 @@ def _some_without_place(
 
 
 def mean_size_of(name: str, points: Floats, nodes: Ints) -> float:
-    """The mean area or volume of cells of a linear type, as Verdict counts it."""
+    """Mean area or volume of cells of a linear type, by Verdict's definition."""
     total = sum(float(CLASSES[name](x).size.sum()) for x in _pieces(points, nodes))
     return total / len(nodes) if len(nodes) else float("nan")
 
@@ -217,7 +217,7 @@ _KERNELS = {
 
 
 def _compiled(name: str, points: Floats, nodes: Ints, measures: list[str]) -> dict[str, NDArray]:
-    """Those of the measures that a compiled kernel gives."""
+    """Compute the measures for which there is a compiled kernel; the others are left out."""
     from lacmesh.quality import kernels
 
     found: dict[str, NDArray] = {}

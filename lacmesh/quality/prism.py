@@ -1,8 +1,8 @@
 """Verdict's measures of a PENTA6.
 
-Stimpson et al., *The Verdict Library Reference Manual*, 2007, section 8, and the program's own notes. Two constants
-stand as the program rounds them. `shape` is 1 for the right prism on an equilateral triangle, and less for every other,
-though not always for the reasons one would wish: it sets the volume against the edges without their directions.
+Stimpson et al., *The Verdict Library Reference Manual*, 2007, section 8, and the program's own notes. Two constants are
+rounded as in the program. `shape` is 1 for the right prism on an equilateral triangle, and less for every other, but
+not always a good criterion: it compares the volume with the lengths of the edges, without their directions.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Prism(Linear):
         return np.where(largest < LARGEST, np.maximum(largest / IDEAL_ASPECT, 1), LARGEST)
 
     def condition(self) -> NDArray:
-        """The same as max_aspect_frobenius."""
+        """Equal to max_aspect_frobenius."""
         return self.max_aspect_frobenius()
 
     def distortion(self) -> NDArray:

@@ -1,7 +1,7 @@
 """Verdict's measures of a PYRAM5, as its program defines them (the manual of 2007 has the volume only).
 
-`shape` takes the direction of the base from the corner of node 0, and counts the edge 0-1 only as far as it is not
-longer than the edge 1-2: it depends on the order in which the cell lists its nodes.
+`shape` takes the direction of the base from the corner of node 0, and limits the length of the edge 0-1 to that of the
+edge 1-2: it depends on the order in which the cell lists its nodes.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Verdict's measures of a QUAD4.
 
 Stimpson et al., *The Verdict Library Reference Manual*, 2007, section 5. A quadrangle whose last two nodes coincide is
-measured as the triangle that it is, where Verdict does so. `distortion` follows the program, not the manual: it takes
-the determinant of a shell a thousandth as thick as it is wide, on both its sides where the quadrangle is warped.
+measured as a triangle if Verdict does so. `distortion` follows the program, not the manual: it is the determinant of a
+shell with a thickness of a thousandth of its width, on both sides if the quadrangle is warped.
 
 Notation: L edges, l their lengths, X principal axes, N normals at the corners, alpha their components along the normal
 at the centre (twice the area seen from that corner).
@@ -43,12 +43,12 @@ class Quadrangle(Linear):
 
     @cached_property
     def N(self) -> NDArray:
-        """(4, 3, k): normals at the corners, as long as the parallelogram of the edges there is large."""
+        """(4, 3, k): normals at the corners; their length is the area of the parallelogram of the two edges there."""
         return np.stack([cross(self.L[c - 1], self.L[c]) for c in range(4)])
 
     @cached_property
     def alpha(self) -> NDArray:
-        """(4, k): the normals at the corners along the normal at the centre."""
+        """(4, k): components of the normals at the corners along the normal at the centre."""
         centre = unit(cross(*self.X))
         return np.stack([dot(centre, n) for n in self.N])
 
@@ -81,7 +81,7 @@ class Quadrangle(Linear):
         return np.where(np.isnan(value), -LARGEST, bounded(value))  # a point: 0 / 0
 
     def _some(self, values: NDArray, power: int) -> NDArray:
-        """Values made of `power` lengths, exactly 0 where they are but round-off."""
+        """Return products of `power` lengths, set to 0 where they are mere round-off."""
         return np.where(np.abs(values) > ROUND_OFF * self.l.max(axis=0) ** power, values, 0)
 
     def _frobenius(self) -> NDArray:
@@ -94,7 +94,7 @@ class Quadrangle(Linear):
         return bounded(self._frobenius().max(axis=0))
 
     def med_aspect_frobenius(self) -> NDArray:
-        """The mean of the same over the corners."""
+        """Squared edges over twice the area of the parallelogram at a corner, the mean over the corners."""
         return bounded(self._frobenius().mean(axis=0))
 
     def condition(self) -> NDArray:
@@ -146,7 +146,7 @@ class Quadrangle(Linear):
         return ratio(np.sqrt(2) * self.l.min(axis=0), longer, ROUND_OFF * self.l.max(axis=0))
 
     def oddy(self) -> NDArray:
-        """How far the metric at a corner is from a multiple of the identity, the largest (Oddy et al., 1988)."""
+        """Deviation of the metric at a corner from a multiple of the identity, the largest (Oddy et al., 1988)."""
         squares = self.l**2
         before = np.roll(squares, 1, axis=0)
         across = np.stack([dot(self.L[c - 1], self.L[c]) for c in range(4)])
@@ -184,13 +184,13 @@ class Quadrangle(Linear):
 
     @cached_property
     def _face_normal(self) -> NDArray:
-        """(3, k): the sense of the face: of corners 0 and 2 where they agree, else corner 1 decides."""
+        """(3, k): the normal that defines positive area: from corners 0 and 2 if they agree, else from corner 1."""
         n = [unit(v) for v in self.N[:3]]
         agree, first = dot(n[0], n[2]) > 0, dot(n[0], n[1]) > 0
         return np.where(agree, n[0] + n[2], np.where(first, n[0] + n[1], n[1] + n[2]))
 
     def _signed(self, normals: NDArray) -> NDArray:
-        """Lengths of normals (m, 3, k), negative against the face's sense."""
+        """Lengths of normals (m, 3, k), negative if they oppose the normal of the face."""
         return np.stack([np.where(dot(self._face_normal, n) > 0, norm(n), -norm(n)) for n in normals])
 
     def distortion(self) -> NDArray:

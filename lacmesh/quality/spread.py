@@ -1,6 +1,7 @@
-"""How the values of one measure are spread: extremes, percentiles, mean, and a histogram on bins that never change.
+"""Statistics of the values of one measure: extremes, percentiles, mean, and a histogram on fixed bins.
 
-The bins depend on the measure only, so that histograms of two meshes, or of one before and after its cut, compare.
+The bins depend on the measure only, so that histograms of two meshes, or of one before and after its cut, can be
+compared.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ _BINS = 20
 
 @dataclass(frozen=True)
 class Histogram:
-    """`counts` (b,) between `edges` (b + 1,), the last bin with its end; `below` and `above` lie outside."""
+    """Histogram: `counts` (b,) between `edges` (b + 1,), the last bin closed; `below`, `above`: counts outside."""
 
     edges: tuple[float, ...]
     counts: tuple[int, ...]
@@ -38,11 +39,11 @@ class Histogram:
 
 @dataclass(frozen=True)
 class Spread:
-    """`count` values: extremes, percentiles (1, 5, 50, 95, 99), mean, histogram.
+    """Statistics of `count` values: extremes, percentiles (1, 5, 50, 95, 99), mean, histogram.
 
-    `undefined` are left out of all these: NaN, and what Verdict writes as 1e30, a cell so flat that the measure divides
-    by nothing. `outside` counts the values beyond the range that Verdict accepts, undefined ones too; None where it
-    names no range.
+    The `undefined` values are left out of these: NaN, and the value that Verdict writes as 1e30, for a cell so flat
+    that the measure divides by zero. `outside` counts the values beyond the range that Verdict accepts, undefined ones
+    included; None if Verdict names no range.
     """
 
     count: int
@@ -60,7 +61,7 @@ class Spread:
         return self.percentiles[PERCENTS.index(50)]
 
     def as_json(self) -> dict[str, Any]:
-        """The spread as plain data; None stands for what no cell has."""
+        """Return the statistics as plain data; None for a value that does not exist."""
         out: dict[str, Any] = {"count": self.count, "undefined": self.undefined, "outside_range": self.outside}
         out |= {"min": _plain(self.least)}
         out |= {f"p{p}": _plain(v) for p, v in zip(PERCENTS, self.percentiles, strict=True)}
@@ -75,7 +76,7 @@ def _plain(value: float) -> float | None:
 
 
 def spread(measure: str, values: Floats, accepted: tuple[float, float] | None = None) -> Spread:
-    """The spread of the values (k,) of a measure; `accepted`: the range that Verdict accepts.
+    """Compute the statistics of the values (k,) of a measure; `accepted`: the range that Verdict accepts.
 
     >>> s = spread("skew", np.array([0.0, 0.1, 0.2, 0.9]), (0, 0.5))
     >>> s.count, s.outside, round(s.median, 3), s.histogram.counts[2]
@@ -105,14 +106,14 @@ def spread(measure: str, values: Floats, accepted: tuple[float, float] | None = 
 
 
 def _percentile(ordered: NDArray, percent: float) -> float:
-    """Linear between the two values around it, as numpy does; those two stand where sorting would put them."""
+    """Percentile, linear between the two values around it as in numpy; only these two need be in sorted position."""
     at = percent / 100 * (len(ordered) - 1)
     low, high = int(np.floor(at)), int(np.ceil(at))
     return float(ordered[low] + (at - low) * (ordered[high] - ordered[low]))
 
 
 def histogram(measure: str, values: Floats) -> Histogram:
-    """The histogram of values (k,) of a measure, on the bins of its kind."""
+    """Make the histogram of the values (k,) of a measure, on the bins of its kind."""
     edges = _EDGES.get(SCALES[measure].kind)
     if edges is None:
         low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)

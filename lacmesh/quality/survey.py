@@ -1,8 +1,9 @@
-"""The quality of a mesh: for each cell type, and each group, how every measure is spread and which cells are worst.
+"""The quality of a mesh: the statistics of every measure and the worst cells, for each cell type and each group.
 
-Invalid is apart from poor. A cell is *invalid* where its Jacobian determinant is not positive at a corner, another node
-or an integration point (`determinant`); *poor*, as `lacmesh check` has it, where it is valid and the measure that ranks
-its type is below POOR. Verdict's own ranges, which ask for more and are named for some types only, are apart from both.
+Invalid and poor cells are counted separately. A cell is *invalid* if its Jacobian determinant is not positive at a
+corner, another node or an integration point (`determinant`). It is *poor*, as in `lacmesh check`, if it is valid and
+the measure that ranks its type is below POOR. Verdict's own ranges, which are stricter and exist for some types only,
+are independent of both.
 """
 
 from __future__ import annotations
@@ -32,9 +33,9 @@ PLACES = ("corner", "mid-node or centre", "integration point")
 
 @dataclass(frozen=True)
 class BadCell:
-    """One of the worst cells: the file's number, its groups and centroid, its value of what ranks it, its validity.
+    """One of the worst cells: its id in the file, groups, centroid, value of the ranking measure, and validity.
 
-    `invalid_at`: where it is invalid, of PLACES; none for a valid one.
+    `invalid_at`: the PLACES at which it is invalid; empty for a valid cell.
     """
 
     number: int
@@ -46,7 +47,7 @@ class BadCell:
     invalid_at: tuple[str, ...]
 
     def as_json(self) -> dict[str, Any]:
-        """The cell as plain data."""
+        """Return the cell as plain data."""
         value, validity = (v if np.isfinite(v) else None for v in (self.value, self.validity))
         return {
             "cell": self.number,
@@ -61,9 +62,10 @@ class BadCell:
 
 @dataclass(frozen=True)
 class TypeQuality:
-    """The cells of one type: how many, invalid, poor (None: of lines), the spread of every measure, the worst.
+    """Quality of the cells of one type: counts of all, invalid and poor ones (None for lines), statistics, worst cells.
 
-    `invalid_at`: how many are invalid at a corner, at another node, at an integration point; one cell may be all.
+    `invalid_at`: numbers of cells invalid at a corner, at another node, at an integration point; a cell may count in
+    each.
     """
 
     type: str
@@ -75,7 +77,7 @@ class TypeQuality:
     worst: tuple[BadCell, ...]
 
     def as_json(self) -> dict[str, Any]:
-        """The type as plain data."""
+        """Return the quality of the type as plain data."""
         return {
             "type": self.type,
             "cells": self.count,
@@ -113,7 +115,7 @@ class Quality:
         return sum(t.invalid for t in self.types)
 
     def as_json(self) -> dict[str, Any]:
-        """Everything as plain data: what `lacmesh quality --json` prints (`docs/quality.md` says what is in it)."""
+        """Return everything as plain data, as printed by `lacmesh quality --json` (described in `docs/quality.md`)."""
         return {
             "schema": f"lacmesh.quality/{SCHEMA}",
             "group": self.group,
@@ -127,7 +129,7 @@ class Quality:
 
 @dataclass(frozen=True)
 class _Measured:
-    """All cells of a type that were measured: indices in the mesh, sorted, and the values (k,) of each measure."""
+    """The measured cells of one type: sorted indices in the mesh, and the values (k,) of each measure."""
 
     type: str
     cells: Ints
@@ -135,7 +137,7 @@ class _Measured:
     validity: NDArray  # (3, k)
 
     def take(self, cells: Ints) -> _Measured:
-        """Those of some cells (sorted indices in the mesh)."""
+        """Select the measured values of some cells, given by sorted indices in the mesh."""
         at = np.searchsorted(self.cells, cells)
         at = at[self.cells[np.minimum(at, len(self.cells) - 1)] == cells] if len(self.cells) else at[:0]
         if len(at) == len(self.cells):
@@ -145,9 +147,9 @@ class _Measured:
 
 
 def measure_quality(mesh: Mesh, group: Spec | None = None, measures: str | Iterable[str] | None = None) -> Quality:
-    """The quality of a mesh, or of one `group` (named as `Mesh.cells_of` takes it).
+    """Measure the quality of a mesh, or of one `group` (named as `Mesh.cells_of` takes it).
 
-    `measures`: names, "all", or None for the default ones. Surface cells count against their own normal.
+    `measures`: names, "all", or None for the default ones. Surface cells are measured relative to their own normal.
     Raises GroupNotFoundError, RequestError.
 
     >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
@@ -168,7 +170,7 @@ def quality_of(
     group: str | None = None,
     by_group: Iterable[str] = (),
 ) -> Quality:
-    """The quality of some cells of a mesh (sorted indices), and of the part of them in each group of `by_group`."""
+    """Measure the quality of some cells of a mesh (sorted indices), and of those in each group of `by_group`."""
     chosen = chosen_measures(measures)
     local = from_origin(mesh, origin_of_mesh(mesh))
     found = [_measured(local, *part, chosen(part[0])) for part in mesh.select(cells) if _measurable(part[0])]
@@ -214,7 +216,7 @@ def _type(mesh: Mesh, part: _Measured) -> TypeQuality:
 
 
 def _worst(mesh: Mesh, part: _Measured, rank: str, bad: NDArray) -> tuple[BadCell, ...]:
-    """The invalid cells first, by their validity, then the valid ones by the measure that ranks them."""
+    """Return the worst cells: the invalid ones first, by validity, then the valid ones by the ranking measure."""
     invalid = bad.any(axis=0)
     key = np.where(invalid, np.nan_to_num(part.values["validity"], nan=-np.inf), np.inf)
     count = min(WORST, len(key))
@@ -223,7 +225,7 @@ def _worst(mesh: Mesh, part: _Measured, rank: str, bad: NDArray) -> tuple[BadCel
 
 
 def _lowest(key: NDArray, value: NDArray, count: int) -> NDArray:
-    """The first `count` rows by key, then value, without sorting all of them."""
+    """Return the first `count` rows in the order of key, then value, without sorting all of them."""
     candidates = np.flatnonzero(key < np.inf)
     if len(candidates) < count:
         valid = np.where(key < np.inf, np.inf, value)
@@ -248,7 +250,7 @@ def _bad_cell(mesh: Mesh, part: _Measured, rank: str, bad: NDArray, k: int) -> B
 
 
 def groups_of(mesh: Mesh, cell: int) -> tuple[str, ...]:
-    """The names of the cell groups that hold a cell."""
+    """Return the names of the cell groups that contain a cell."""
     return tuple(name for name, members in mesh.cell_groups.items() if _holds(members, cell))
 
 

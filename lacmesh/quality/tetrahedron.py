@@ -2,9 +2,9 @@
 
 Stimpson et al., *The Verdict Library Reference Manual*, 2007, section 6.
 
-Two of them are what the program computes, which is not what the manual says: `min_angle` takes the supplement of the
-dihedral angles at the edges 0-2 and 1-3, and `collapse_ratio` exchanges the edges 1-2 and 1-3 of the faces they bound.
-Both depend on the order in which the cell lists its nodes; `min_dihedral` (`angles.py`) does not.
+Two measures follow the program where it differs from the manual: `min_angle` takes the supplement of the dihedral
+angles at the edges 0-2 and 1-3, and `collapse_ratio` exchanges the edges 1-2 and 1-3 of the faces they bound. Both
+depend on the order in which the cell lists its nodes; `min_dihedral` (`angles.py`) does not.
 
 Notation: a, b, c the edges that leave node 0; l lengths of the edges 0-1, 1-2, 2-0, 0-3, 1-3, 2-3; det a.(b x c).
 """
@@ -48,7 +48,7 @@ class Tetrahedron(Linear):
 
     @cached_property
     def some(self) -> NDArray:
-        """(k,): the determinant, exactly 0 where it is but round-off."""
+        """(k,): the determinant, set to 0 where it is mere round-off."""
         return np.where(np.abs(self.det) > ROUND_OFF * self.l.max(axis=0) ** 3, self.det, 0)
 
     @cached_property
@@ -86,7 +86,7 @@ class Tetrahedron(Linear):
         return bounded(ratio(self._frobenius, 3 * np.cbrt(np.sqrt(2) * self.some) ** 2))
 
     def shape(self) -> NDArray:
-        """1 / aspect_frobenius; 0 inside out."""
+        """1 / aspect_frobenius; 0 if inverted."""
         size = 3 * np.cbrt(np.sqrt(2) * np.maximum(self.some, 0)) ** 2
         return ratio(size, self._frobenius, otherwise=0.0)
 
@@ -106,7 +106,7 @@ class Tetrahedron(Linear):
         return bounded(ratio(centre * self.face_areas.sum(axis=0), 3 * self.some**2))
 
     def condition(self) -> NDArray:
-        """Condition number, in the Frobenius norm, of the map from the regular tetrahedron; negative inside out."""
+        """Condition number, in the Frobenius norm, of the map from the regular tetrahedron; negative if inverted."""
         a, b, c = self.sides
         u, v, w = a, (2 * b - a) / np.sqrt(3), (3 * c - a - b) / np.sqrt(6)
         squares = sum(dot(e, e) for e in (u, v, w))

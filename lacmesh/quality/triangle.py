@@ -33,7 +33,7 @@ class Triangle(Linear):
 
     @cached_property
     def A(self) -> NDArray:
-        """(k,): twice the area; exactly 0 where it is but round-off."""
+        """(k,): twice the area, set to 0 where it is mere round-off."""
         twice = norm(cross(self.L[0], -self.L[2]))
         return np.where(twice > ROUND_OFF * self.l.max(axis=0) ** 2, twice, 0)
 

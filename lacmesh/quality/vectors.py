@@ -1,4 +1,4 @@
-"""Vectors of many cells, component first: an array (3, ...) whose last axis counts cells, loops run along it."""
+"""Vectors of many cells, component first: arrays (3, ...) with the cells along the last axis, the contiguous one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ROUND_OFF = 10 * np.finfo(float).eps
 
 
 def cross(a: NDArray, b: NDArray) -> NDArray:
-    """(3, ...): cross products; numpy's own is several times slower on many."""
+    """(3, ...): cross products; np.cross is several times slower for many vectors."""
     (ax, ay, az), (bx, by, bz) = a, b
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
@@ -33,27 +33,27 @@ def norm(a: NDArray) -> NDArray:
 
 
 def unit(a: NDArray) -> NDArray:
-    """(3, ...): vectors brought to length 1; those without length stay zero."""
+    """(3, ...): normalised vectors; those without length stay zero."""
     length = norm(a)
     return np.divide(a, length, out=np.zeros_like(a), where=length > 0)
 
 
 def angle(a: NDArray, b: NDArray) -> NDArray:
-    """(...): degrees between vectors, 0 to 180; NaN where one has no length."""
+    """(...): angles between vectors in degrees, 0 to 180; NaN where a vector has no length."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.degrees(np.arccos(np.clip(dot(a, b) / (norm(a) * norm(b)), -1, 1)))
 
 
 def ratio(a: NDArray, b: NDArray, nothing: NDArray | float = 0.0, otherwise: float = LARGEST) -> NDArray:
-    """(...): a / b where b is more than `nothing`, and `otherwise` where it is not."""
+    """(...): a / b where b is larger than `nothing`, `otherwise` elsewhere."""
     return np.divide(a, b, out=np.full(np.broadcast(a, b).shape, otherwise), where=b > nothing)
 
 
 def bounded(a: NDArray) -> NDArray:
-    """(...): what is beyond LARGEST brought back to it; NaN, a definition that says nothing, counts as LARGEST."""
+    """(...): values clipped to [-LARGEST, LARGEST]; NaN, where the definition is void, becomes LARGEST."""
     return np.where(np.isnan(a), LARGEST, np.clip(a, -LARGEST, LARGEST))
 
 
 def nodes_first(x: NDArray) -> NDArray:
-    """(n, 3, k): cells' nodes x (k, n, 3) turned about, each node's coordinates contiguous along the cells."""
+    """(n, 3, k): nodes x (k, n, 3) of cells, transposed so that each coordinate is contiguous along the cells."""
     return np.ascontiguousarray(np.asarray(x, dtype=float).transpose(1, 2, 0))

@@ -1,8 +1,8 @@
-"""Which measures Verdict has for which cell, and the range it accepts: one row a measure, None where it names none.
+"""Table of Verdict's measures for each cell type, with the range that it accepts: one row per measure, None for none.
 
 Names and ranges: Stimpson et al., *The Verdict Library Reference Manual*, Sandia report SAND2007-1751, 2007. A measure
-that is not listed for a type is not defined for it. What each one is stands at its method, in `triangle`, `quadrangle`,
-`tetrahedron`, `hexahedron`, `prism` and `pyramid`.
+that is not listed for a type is not defined for it. Each measure is defined in the docstring of its method, in
+`triangle`, `quadrangle`, `tetrahedron`, `hexahedron`, `prism` and `pyramid`.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Quadrature on the reference elements of `cells.py`: Gauss rules in products, symmetric ones on simplices.
+"""Quadrature on the reference elements of `cells.py`: products of Gauss rules, symmetric rules on simplices.
 
-A symmetric rule is a few orbits: a point's barycentric coordinates, in every order, share one weight. Beyond the
-table, and on pyramids, product rules are collapsed: exact for polynomials of their degree, and on pyramids for the
-rational functions of `shapes.py` too: with x = u (1 - z), y = v (1 - z) they are polynomials (Stroud, Approximate
-Calculation of Multiple Integrals, 1971).
+A symmetric rule consists of a few orbits: all permutations of a point's barycentric coordinates share one weight.
+Beyond the table, and on pyramids, collapsed product rules are used: they are exact for polynomials of their degree, and
+on pyramids also for the rational functions of `shapes.py`, which are polynomials in u, v and z for x = u (1 - z),
+y = v (1 - z) (Stroud, Approximate Calculation of Multiple Integrals, 1971).
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ _TETRAHEDRA: dict[int, Orbits] = {
 
 
 def _gauss(degree: int, power: int = 0) -> Rule:
-    """Points on [0, 1] and weights that hold (1 - t)^power, exact to `degree` of what else is integrated."""
+    """Points on [0, 1] and weights that include (1 - t)^power, exact to `degree` for the rest of the integrand."""
     t, w = np.polynomial.legendre.leggauss((degree + power) // 2 + 1)
     t, w = (t + 1) / 2, w / 2
     return t, w * (1 - t) ** power
@@ -157,9 +157,9 @@ def measure(name: str, x: Any, degree: int | None = None) -> NDArray[np.floating
 
 
 def signed_area(name: str, x: Any) -> NDArray[np.floating]:
-    """(cells,): area of plane cells with nodes at x (cells, n_nodes, 3), positive where they go round as x turns to y.
+    """(cells,): area of plane cells with nodes at x (cells, n_nodes, 3), positive if they are counter-clockwise.
 
-    By their rims, which are parabolas where the cells are quadratic, so that it is exact for concave and curved ones.
+    It is integrated along the cells' boundaries, exactly for concave cells and for the parabolas of quadratic cells.
 
     >>> dart = [[0, 0, 0], [4, 0, 0], [1, 1, 0], [0, 4, 0]]
     >>> signed_area("QUAD4", [dart, dart[::-1]]).tolist()

@@ -3,8 +3,8 @@
 Each cell's functions are the Lagrange basis of a space spanned by a few terms x^i y^j z^k (1 - z)^-m; only pyramids
 have m > 0. The spaces: complete polynomials (SEG, TRIA, TETRA, tensor cells), serendipity (QUAD8, HEXA20, PENTA15),
 P2 with a bubble (TRIA7), and on pyramids Bedrosian's rational functions (PYRAM5, PYRAM13; Int. J. Numer. Meth. Engng
-35, 1992) and Bergot, Cohen and Durufle's (PYRAM14; J. Sci. Comput. 42, 2010). At a pyramid's apex the functions have
-their limit; the gradient has none there and is not to be asked for.
+35, 1992) and Bergot, Cohen and Durufle's (PYRAM14; J. Sci. Comput. 42, 2010). At a pyramid's apex the functions take
+their limit; the gradient has no limit there and must not be evaluated.
 
 Notation: N (p, n) values at p points of n functions, dN (p, n, dim) their gradients, X (p, dim) reference points.
 """
@@ -41,7 +41,7 @@ def _tensor(dim: int, degree: int) -> Basis:
 
 
 def _serendipity(dim: int) -> Basis:
-    """Degree 2 at most, linear factors not counted (Arnold and Awanou, Found. Comput. Math. 11, 2011)."""
+    """Every monomial of superlinear degree at most 2 (Arnold and Awanou, Found. Comput. Math. 11, 2011)."""
     chosen = (e for e in product(range(3), repeat=dim) if sum(i for i in e if i > 1) <= 2)
     return _monomials(*(_pad(e) for e in chosen))
 
@@ -120,7 +120,7 @@ def _derivatives(e: tuple[int, int, int, int], axis: int | None) -> list[tuple[i
 
 @cache
 def _coefficients(name: str) -> NDArray:
-    """(n, n): the Lagrange basis in the terms of `_BASES`; its entries are multiples of 1/8, made exact here."""
+    """(n, n): coefficients of the Lagrange basis in the terms of `_BASES`, rounded to the exact multiples of 1/8."""
     cell = CELLS[name]
     nodes = _padded(np.array(cell.reference).reshape(cell.n_nodes, cell.dim), cell.dim)
     return np.round(np.linalg.inv(_terms(_BASES[name], nodes)) * 8) / 8

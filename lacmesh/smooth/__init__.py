@@ -1,13 +1,13 @@
-"""The smooth surface that the nodes of flat faces lie on: its shapes, and its height over the faces.
+"""The smooth surface through the nodes of flat faces: its shapes, and its height over the faces.
 
-    parents = the faces as the user meshed them                                  (parents)
+    parents = the faces before the cut                                           (parents)
     patches = faces joined without a crease                                      (patches)
-    shapes = planes, cylinders, spheres, cones, tori that all nodes lie on       (shape, find)
-    fits = elsewhere, quadratics through the nodes of two rings                  (quadratic)
-    heights                                                                      (heights)
-    what the skin of a group is, for people                                      (fitted)
+    shapes = planes, cylinders, spheres, cones, tori through all nodes           (shape, find)
+    fits = elsewhere, polynomials fitted to the nodes of two rings, or three     (local)
+    heights = distances of the smooth surface from the faces                     (heights)
+    description of the skin of a group, for users                                (fitted)
 
-Nothing here depends on units, on where the model lies, on how it is turned or numbered.
+Nothing here depends on units, or on the position, orientation or numbering of the model.
 """
 
 from lacmesh.smooth.coarse import unresolved

@@ -1,4 +1,4 @@
-"""Faces of free form that are too coarse for the curved skin that they stand for."""
+"""Faces of free form that are too coarse for the curved skin that they approximate."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _COARSE = 2 * np.pi / 16
 
 
 class Faceted(NamedTuple):
-    """Where a skin of free form is too coarse: `cells` of the mesh, the `turn` (degrees) to a neighbour at most.
+    """Faces of free form that are too coarse: `cells` of the mesh, the largest angle `turn` to a neighbour (degrees).
 
-    `no_height`: how many of the faces, as the user meshed them, have no fit though they have a neighbour.
+    `no_height`: number of faces, before the cut, that have no fit though they have a neighbour.
     """
 
     cells: Ints
@@ -29,7 +29,7 @@ class Faceted(NamedTuple):
 
 
 def faceted(smooth: Smooth, surface: Surface) -> Faceted:
-    """The faces of no exact shape that turn by more than a 16th of a circle to the next, or that have no fit."""
+    """Find faces of free form that have no fit, or turn by more than a 16th of a circle from a neighbour."""
     turn, lacking = _turns(smooth), _lacking(smooth)
     free = smooth.sought.free
     cells = cells_of(smooth, surface, np.flatnonzero(free & (turn > _COARSE) | lacking))
@@ -37,9 +37,10 @@ def faceted(smooth: Smooth, surface: Surface) -> Faceted:
 
 
 def unresolved(mesh: Mesh, surface: Surface, *, how: str = "smooth", crease_angle: float = 40.0) -> Floats:
-    """(k,): by how much (radians) linear faces turn from a neighbour, of those that contact takes to be flat.
+    """(k,): largest angles (radians) to a neighbour of the linear faces whose curvature contact does not represent.
 
-    With `how` = `faces` all that turn; with `smooth` those of free form that are too coarse for a fit or have none.
+    With `how` = `faces` these are all faces that turn from a neighbour; with `smooth` those of free form that are too
+    coarse for a fit or have none.
     """
     smooth = smooth_of(mesh, surface, crease_angle)
     turn = _turns(smooth)
@@ -49,7 +50,7 @@ def unresolved(mesh: Mesh, surface: Surface, *, how: str = "smooth", crease_angl
 
 
 def _turns(smooth: Smooth) -> NDArray[np.floating]:
-    """(k,): the largest angle (radians) from a linear parent to one that it joins without a crease."""
+    """(k,): largest angle (radians) between a linear parent and a neighbour joined to it without a crease."""
     patches = smooth.sought.patches
     i, j = patches.joints.i, patches.joints.j
     out = np.zeros(len(patches.normal))
@@ -60,7 +61,7 @@ def _turns(smooth: Smooth) -> NDArray[np.floating]:
 
 
 def _lacking(smooth: Smooth) -> Bools:
-    """(k,): linear parents of free form that have a neighbour and no fit."""
+    """(k,): True for linear parents of free form that have a neighbour but no fit."""
     patches, free = smooth.sought.patches, smooth.sought.free
     i, j = patches.joints.i, patches.joints.j
     both = free[i] & free[j]

@@ -1,8 +1,8 @@
-"""Exact shapes among patches: first of a whole patch, then grown from seeds inside it.
+"""Search for exact shapes: first for one of a whole patch, then for shapes grown from seeds inside it.
 
-Nodes of a mesh from CAD lie on their plane, cylinder, sphere, cone or torus to rounding. A patch all of whose nodes lie
-on one of them to 1e-8 of its size is that shape; the simplest is taken that fits. Where a patch is several shapes that
-go smoothly into each other, the two rings of a node are fitted, and the shape is grown over all faces that lie on it.
+The nodes of a mesh from CAD lie on their plane, cylinder, sphere, cone or torus up to rounding. A patch with all nodes
+on one of these within 1e-8 of its size has that shape; the simplest one that fits is chosen. If a patch consists of
+several shapes with smooth transitions, a shape is fitted to the two rings of a node and grown over all faces on it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _FAILING, _ALL_FAILING = 12, 120
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A shape, the `faces` (rows) on it, its number of `nodes`, and the largest `distance` of one."""
+    """A shape that was found, the `faces` (rows) on it, its number of `nodes`, and their largest `distance` from it."""
 
     shape: Shape
     faces: Ints
@@ -44,10 +44,10 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Sought:
-    """What has been found in patches: `patches`, each a shape or of free form; `found`; `free` (f,) the faces of none.
+    """Result of the search: `patches`, each of one shape or of free form; `found` shapes; `free` (f,): faces of none.
 
-    `whole`: the patches before shapes were grown inside them; `fits` of its nodes on free faces, which know what lies
-    beyond the border of a shape: a few faces that are left between shapes would say nothing by themselves.
+    `whole`: the patches before shapes were grown inside them. `fits`: local fits at its nodes on free faces; they also
+    use the nodes beyond the border of a shape, because a few faces left between shapes would not determine a fit.
     """
 
     patches: Patches
@@ -58,7 +58,7 @@ class Sought:
 
 
 def find_shapes(patches: Patches, crease_angle: float) -> Sought:
-    """The exact shapes among the patches, and the fits of what is left."""
+    """Find the exact shapes in the patches, and fit the remaining faces of free form locally."""
     budget = [_ALL_FAILING]
     patches, found, free = _with(patches, [], _planes(patches, np.ones(len(patches.patch), bool)))
     patches, found, free = _with(patches, found, _whole_patches(patches, free, crease_angle, budget))
@@ -78,7 +78,7 @@ def _count(patches: Patches) -> int:
 
 
 def _with(patches: Patches, found: list[Found], more: list[Found]) -> tuple[Patches, list[Found], Bools]:
-    """The patches, each of one shape or of none, with what else was found; all that was; (f,) the faces of no shape."""
+    """Add `more` shapes; return the patches, split to have one shape or none, all shapes, and the free faces (f,)."""
     found = found + more
     shape_of = np.full(len(patches.patch), -1, np.int64)
     for k, one in enumerate(found):
@@ -87,7 +87,10 @@ def _with(patches: Patches, found: list[Found], more: list[Found]) -> tuple[Patc
 
 
 def _fits(patches: Patches, asked: Bools, beside: Bools, degree: int) -> tuple[Fits, tuple[Rings, Rings]]:
-    """The fits at the nodes of faces (f,) by neighbours on faces (f,), and these: of one ring, and those that fit."""
+    """Fit at the nodes of the faces `asked` (f,), from neighbours on the faces `beside` (f,); return fits and rings.
+
+    The rings are those of the nearest neighbours, and those used for the fits.
+    """
     nodes = np.zeros(len(patches.x), bool)
     nodes[patches.node[asked][patches.node[asked] >= 0]] = True
     rings = rings_of(patches.node[beside], len(patches.x), nodes, ENOUGH[patches.dim][degree])
@@ -98,7 +101,7 @@ def _fits(patches: Patches, asked: Bools, beside: Bools, degree: int) -> tuple[F
 
 
 def _planes(patches: Patches, free: Bools) -> list[Found]:
-    """The patches of free faces (f,) that are flat, all at once: a faceted skin has as many as faces."""
+    """Find the flat patches of free faces (f,), all at once, because a faceted skin has as many patches as faces."""
     n = _count(patches)
     count = np.maximum(np.bincount(patches.owner, minlength=n), 1)[:, None]
     centre, normal = np.zeros((n, 3)), np.zeros((n, 3))
@@ -122,7 +125,7 @@ def _planes(patches: Patches, free: Bools) -> list[Found]:
 
 
 def _by_patch(patches: Patches, which: Ints) -> Iterator[tuple[int, Ints]]:
-    """The faces of some patches, the largest first."""
+    """Iterate over some patches and their faces, the largest first."""
     order = np.argsort(patches.patch, kind="stable")
     start = np.searchsorted(patches.patch[order], np.arange(_count(patches) + 1))
     size = np.diff(start)
@@ -131,7 +134,7 @@ def _by_patch(patches: Patches, which: Ints) -> Iterator[tuple[int, Ints]]:
 
 
 def _whole_patches(patches: Patches, free: Bools, crease_angle: float, budget: list[int]) -> list[Found]:
-    """Those of the patches of free faces (f,) that are one shape as a whole, the largest sought first."""
+    """Find the patches of free faces (f,) that are one shape as a whole, the largest patches first."""
     found = []
     enough = np.bincount(patches.owner, minlength=_count(patches)) >= least_nodes("sphere", patches.dim)
     which = np.unique(patches.patch[free])
@@ -154,7 +157,7 @@ def _nodes(patches: Patches, faces: Ints) -> Ints:
 
 
 def _kept(patches: Patches, faces: Ints, shape: Shape, crease_angle: float) -> Found | None:
-    """What was found, if the faces are along the shape, not across it."""
+    """Return the shape with its faces if these are tangential to it, not transverse; else None."""
     nodes = _nodes(patches, faces)
     if not _along(patches, faces, shape, crease_angle).all():
         return None
@@ -164,7 +167,7 @@ def _kept(patches: Patches, faces: Ints, shape: Shape, crease_angle: float) -> F
 
 
 def _along(patches: Patches, faces: Ints, shape: Shape, crease_angle: float) -> Bools:
-    """(f,): faces whose normals are those of the shape at their middles, within the crease angle."""
+    """(f,): True for faces whose normal is that of the shape at their centre, within the crease angle."""
     node = patches.node[faces]
     there = node >= 0
     middle = np.where(there[..., None], patches.x[node], 0.0).sum(axis=1) / there.sum(axis=1)[:, None]
@@ -179,7 +182,7 @@ def _along(patches: Patches, faces: Ints, shape: Shape, crease_angle: float) -> 
 def _grown(
     patches: Patches, free: Bools, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float, budget: list[int]
 ) -> Iterator[Found]:
-    """Shapes inside the patches of free faces (f,) that are none as a whole, each from a seed; the largest first."""
+    """Find shapes inside the patches of free faces (f,), each grown from a seed; the largest patches first."""
     rank = _unsteady(patches, fits, rings[0])
     order = np.lexsort((rank, patches.owner))
     start = np.searchsorted(patches.owner[order], np.arange(_count(patches) + 1))
@@ -193,9 +196,9 @@ def _grown(
 
 
 def _unsteady(patches: Patches, fits: Fits, one: Rings) -> Floats:
-    """(n,): by how much the steadier principal curvature changes to a neighbour, over a face; inf without a fit.
+    """(n,): largest change of the steadier principal curvature to a neighbour, times its distance; inf without a fit.
 
-    Each exact shape has one that does not change.
+    Every exact shape has one principal curvature that does not change.
     """
     out = np.full(len(patches.x), np.inf)
     rows = np.flatnonzero(fits.known & (np.diff(one.start) > 0))
@@ -219,7 +222,7 @@ def _grown_in(
     patches: Patches, faces: Ints, seeds: Ints, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float,
     budget: list[int],
 ) -> Iterator[Found]:  # fmt: skip
-    """Shapes inside one patch with some faces; `seeds`: its nodes, the most promising first."""
+    """Find shapes inside one patch with the given faces; `seeds`: its nodes, the most promising first."""
     left = np.zeros(len(patches.patch), bool)
     left[faces] = True
     open_ = np.zeros(len(patches.x), bool)
@@ -245,7 +248,7 @@ def _grown_in(
 def _from_seed(
     patches: Patches, left: Bools, seed: int, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float
 ) -> Found | None:
-    """The shape of the two rings of a seed, or of one, grown over the faces that are left (f,); None for none."""
+    """Fit a shape to the two rings of a seed, or else to one, and grow it over the faces `left` (f,); None if none."""
     for ring in (rings[1], rings[0]):
         nodes = np.append(ring.of(seed), seed)
         shape = (
@@ -259,7 +262,7 @@ def _from_seed(
 
 
 def _grow(patches: Patches, left: Bools, seed: int, shape: Shape, crease_angle: float) -> Found | None:
-    """A shape at a seed, on all faces that hang together with it and lie on the shape, fitted to all of them."""
+    """Grow a shape from a seed over all connected faces that lie on it, and fit it to all of them; None if too few."""
     mine = np.flatnonzero(left & (patches.patch == patches.owner[seed]))
     tolerance, before = tolerance_of(patches.x[_nodes(patches, mine)]), 0
     for _ in range(_GROWING):
@@ -278,7 +281,7 @@ def _grow(patches: Patches, left: Bools, seed: int, shape: Shape, crease_angle: 
 
 
 def _on(patches: Patches, faces: Ints, seed: int, shape: Shape, tolerance: float, crease_angle: float) -> Ints:
-    """Those of some faces that lie on a shape and hang together with a node."""
+    """Return the faces that lie on a shape and are connected to the node `seed` by such faces."""
     node = patches.node[faces]
     f = shape.distance(patches.x[node.ravel()])[0].reshape(node.shape)
     on: Bools = np.all((np.abs(f) <= tolerance) | (node < 0), axis=1)

@@ -1,4 +1,4 @@
-"""What the skin of a group is, for people: exact shapes and what is of free form."""
+"""Description of the skin of a group for users: its exact shapes, and its parts of free form."""
 
 from __future__ import annotations
 
@@ -25,14 +25,15 @@ _IN_PLANE = {"plane": "line", "sphere": "circle"}
 
 @dataclass(frozen=True, eq=False)
 class FittedShape:
-    """A part of a skin and the shape that its nodes lie on; lengths and places are the mesh's.
+    """A part of a skin and the shape on which its nodes lie; lengths and coordinates are those of the mesh.
 
     `shape`: plane, cylinder, sphere, cone or torus; line or circle in the plane; or free form. `faces`: indices of the
-    mesh's cells; `nodes`: how many nodes the faces have as the user meshed them. What a shape lacks is None: `radius`
-    (of a torus, that of its circle), `tube` (the radius of a torus' tube), `angle` (of a cone, between axis and side,
-    in degrees), `centre` (3,) (of a plane or line a point, of a cylinder the middle of what the nodes reach along it,
-    of a cone the apex), `axis` (3,) unit (of a plane or line the outward normal, of a cone from the apex into it).
-    `distance`: the largest of a node from the shape. `no_height`: faces of free form that no fit was found for.
+    mesh's cells; `nodes`: number of nodes of the faces before the cut. Parameters that a shape does not have are None:
+    `radius` (of a torus, that of its circle), `tube` (the radius of a torus' tube), `angle` (of a cone, between axis
+    and side, in degrees), `centre` (3,) (of a plane or line a point, of a cylinder the middle of the range of its nodes
+    along the axis, of a cone the apex), `axis` (3,) unit (of a plane or line the outward normal, of a cone from the
+    apex into it). `distance`: the largest of a node from the shape. `no_height`: number of faces of free form without
+    a fit.
     """
 
     shape: str
@@ -47,7 +48,7 @@ class FittedShape:
     no_height: int = 0
 
     def __str__(self) -> str:
-        """In words: `cylinder, radius 12, 98 nodes within 1e-13`."""
+        """Describe the shape in words: `cylinder, radius 12, 98 nodes within 1e-13`."""
         words = [self.shape]
         if self.tube is not None:
             words.append(f"radii {self.radius:.6g} and {self.tube:.6g}")
@@ -62,22 +63,22 @@ class FittedShape:
 
     @property
     def flat(self) -> bool:
-        """Whether it is a plane or a line."""
+        """True for a plane or a line."""
         return self.shape in _FLAT
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: `text` in words, how many `faces`, and the rest as it is."""
+        """Return plain data for JSON: the `text` in words, the number of `faces`, and all other fields."""
         own = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(self).items()}
         return own | {"text": str(self), "faces": len(self.faces)}
 
 
 def fit_surface(mesh: Mesh, group: Spec, crease_angle: float = 40.0) -> tuple[FittedShape, ...]:
-    """The shapes of a group's skin, the one with the most faces first; of free form in parts that hang together.
+    """Find the shapes of a group's skin, the one with the most faces first; free form by connected parts.
 
-    `group`: named as in `Mesh.group`. `crease_angle` (degrees): faces that turn by more belong to two shapes. Faces of
-    quadratic types are curved themselves, and are left out.
+    `group`: named as in `Mesh.group`. `crease_angle` (degrees): adjacent faces with a larger angle between their
+    normals belong to two shapes. Faces of quadratic types are curved themselves, and are left out.
 
-    Raises GroupNotFoundError, and DataError where the group holds no skin.
+    Raises GroupNotFoundError, and DataError if the group holds no skin.
 
     >>> angle = np.linspace(0, 2, 9)
     >>> arc = Mesh.create(3 * np.stack([np.cos(angle), np.sin(angle)], axis=1),
@@ -90,7 +91,7 @@ def fit_surface(mesh: Mesh, group: Spec, crease_angle: float = 40.0) -> tuple[Fi
 
 
 def shapes_of_groups(mesh: Mesh) -> dict[str, tuple[FittedShape, ...]]:
-    """The shapes of each group of linear faces that is curved, and is a skin: one dimension below the mesh, or bare."""
+    """Find the shapes of each curved group of linear faces that is a skin: of a body, or a surface without solids."""
     found = {}
     for name, cells in mesh.cell_groups.items():
         dim = mesh.group_dim(name)
@@ -106,13 +107,13 @@ def shapes_of_groups(mesh: Mesh) -> dict[str, tuple[FittedShape, ...]]:
 
 
 def fitted_shapes(smooth: Smooth, surface: Surface) -> tuple[FittedShape, ...]:
-    """As `fit_surface`, of what was found of a surface."""
+    """Describe the shapes found in a surface, as `fit_surface` does."""
     made = [*_exact(smooth, surface), *_free(smooth, surface)]
     return tuple(sorted(made, key=lambda one: -len(one.faces)))
 
 
 def in_words(shapes: Iterable[Mapping[str, Any]]) -> str:
-    """Shapes, as they are for JSON, in a line: what is curved, the first few of it, and how many planes there are.
+    """Summarise shapes, given as for JSON, in one line: the first few curved ones, and the number of planes.
 
     >>> flat, curved = (FittedShape(shape, np.arange(3), 5).as_dict() for shape in ("plane", "free form"))
     >>> in_words([flat, curved])
@@ -127,7 +128,7 @@ def in_words(shapes: Iterable[Mapping[str, Any]]) -> str:
 
 
 def cells_of(smooth: Smooth, surface: Surface, faces: Ints) -> Ints:
-    """The mesh's cells that some linear parents (rows of them) are, or were cut into."""
+    """Return the mesh's cells that some linear parents (rows) are, or into which they were cut."""
     mine = np.zeros(len(smooth.parents.faces), bool)
     mine[smooth.rows[faces]] = True
     return np.sort(surface.cell[mine[smooth.parents.of]])
@@ -153,7 +154,7 @@ def _exact(smooth: Smooth, surface: Surface) -> Iterator[FittedShape]:
 
 
 def _placed(smooth: Smooth, found: Found) -> tuple[Floats, Floats]:
-    """Axis and centre of a shape, both such that they do not depend on how it was found."""
+    """Axis and centre of a shape, normalised so that they do not depend on how it was found."""
     patches, shape = smooth.sought.patches, found.shape
     axis, centre = shape.axis, shape.centre
     if shape.kind == "plane":

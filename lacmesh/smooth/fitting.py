@@ -1,4 +1,4 @@
-"""One shape through some nodes: the simplest of plane, cylinder, sphere, cone and torus that all of them lie on."""
+"""Fit of one shape to some nodes: the simplest of plane, cylinder, sphere, cone and torus that contains all of them."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _SAMPLE = 300
 
 
 def simplest(x: Floats, normal: Floats, dim: int, slack: float = 1.0) -> Shape | None:
-    """The simplest shape on which points x (n, 3) with normals (n, 3) lie; None where there is none.
+    """Return the simplest shape on which points x (n, 3) with normals (n, 3) lie; None if there is none.
 
-    `dim`: 2 for surfaces, 1 for lines in the plane. `slack`: how many times the tolerance a point may be off.
-    Two circles about one axis (a strip of one row of faces) fit a cone and a sphere: then it is the cone, which is
-    straight from one to the other, unless its apex is one of the points.
+    `dim`: 2 for surfaces, 1 for lines in the plane. `slack`: factor on the tolerance. Two circles about one axis (a
+    strip with one row of faces) fit both a cone and a sphere: then the cone is chosen, which is straight between them,
+    unless its apex is one of the points.
     """
     frame = _Frame.of(x)
     own, tolerance = frame.local(x), slack * frame.tolerance
@@ -43,26 +43,26 @@ def simplest(x: Floats, normal: Floats, dim: int, slack: float = 1.0) -> Shape |
 
 
 def nearest(shape: Shape, x: Floats) -> Shape | None:
-    """The shape of the same kind that is nearest to points x (n, 3), however far."""
+    """Return the shape of the same kind nearest to points x (n, 3), at any distance; None if the fit fails."""
     frame = _Frame.of(x)
     found = frame.inside(shape).fitted(frame.local(x), np.inf)
     return None if found is None else frame.back(found)
 
 
 def tolerance_of(x: Floats) -> float:
-    """How far points x (n, 3) may be from a shape that they lie on, a length."""
+    """Tolerance, a length, on the distance of points x (n, 3) from a shape on which they lie."""
     frame = _Frame.of(x)
     return frame.tolerance * frame.size
 
 
 def least_nodes(kind: str, dim: int) -> int:
-    """Nodes that a shape needs before it is believed; any number lie on a plane."""
+    """Least number of nodes for which a shape is accepted; 1 for a plane."""
     return 1 if kind == "plane" else FREEDOMS[kind] - (dim == 1) + _MORE[dim]
 
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """Where nodes are counted from while a shape is fitted: `origin`, in lengths `size`; `tolerance` in these."""
+    """Scaled coordinates in which a shape is fitted: relative to `origin`, in units of `size`, as is `tolerance`."""
 
     origin: Floats
     size: float
@@ -87,7 +87,7 @@ class _Frame:
 
 
 def _of_kind(kind: str, x: Floats, normal: Floats, tolerance: float, dim: int) -> Shape | None:
-    """The shape of one kind on which enough points lie, or None."""
+    """Return the shape of one kind on which all points lie, if they are enough for it; else None."""
     if len(x) < least_nodes(kind, dim):
         return None
     some = np.linspace(0, len(x) - 1, min(len(x), _SAMPLE)).astype(int)
@@ -101,7 +101,7 @@ def _of_kind(kind: str, x: Floats, normal: Floats, tolerance: float, dim: int) -
 
 
 def _sound(shape: Shape) -> bool:
-    """Whether a shape is one that parts have: a torus with a hole, a cone that is neither a plane nor a cylinder."""
+    """True for shapes that occur in parts: a torus must have a hole, a cone be neither a plane nor a cylinder."""
     if shape.kind == "torus":
         return bool(shape.size[0] > shape.size[1] > 0)
     return shape.kind != "cone" or bool(0 < shape.size[0] < np.pi / 2)
@@ -111,7 +111,7 @@ def _sound(shape: Shape) -> bool:
 
 
 def _starts(kind: str, x: Floats, normal: Floats, dim: int) -> Iterator[Shape]:
-    """Shapes of a kind near points x (n, 3) with normals (n, 3), from the most likely."""
+    """Yield initial guesses of a shape of one kind for points x (n, 3) with normals (n, 3), the most likely first."""
     none = np.zeros(0)
     if kind == "plane":
         centre = x.mean(axis=0)
@@ -131,24 +131,24 @@ def _starts(kind: str, x: Floats, normal: Floats, dim: int) -> Iterator[Shape]:
 
 
 def _circle(x: Floats) -> tuple[Floats, float]:
-    """Centre and radius of the circle or sphere nearest to points (n, k), by |x|^2 = 2 c.x + r^2 - c^2."""
+    """Centre and radius of the least-squares circle or sphere of points (n, k), by |x|^2 = 2 c.x + r^2 - c^2."""
     A = np.concatenate([2 * x, np.ones((len(x), 1))], axis=1)
     c = np.linalg.lstsq(A, (x * x).sum(axis=1), rcond=1e-13)[0]
     return c[:-1], float(np.sqrt(max(c[-1] + c[:-1] @ c[:-1], 0.0)))
 
 
 def _across(axis: Floats) -> Floats:
-    """(2, 3): two directions at right angles to an axis."""
+    """(2, 3): two orthogonal directions perpendicular to an axis."""
     first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(axis, first)])
 
 
 def _axes(x: Floats, normal: Floats) -> list[Floats]:
-    """Axes that the normals at points may meet, as those of a surface of revolution do, from the most likely.
+    """Directions of possible axes of revolution, which the normals at the points intersect, the most likely first.
 
-    The line (x, n) meets the axis of direction a and moment m where a.(x x n) + m.n = 0; and normals of a cone make one
-    angle with its axis.
+    The line (x, n) intersects the axis of direction a and moment m if a.(x x n) + m.n = 0; the normals of a cone all
+    make the same angle with its axis.
     """
     moment = np.cross(x, normal)
     A, B, D = moment.T @ moment, moment.T @ normal, normal.T @ normal
@@ -159,7 +159,7 @@ def _axes(x: Floats, normal: Floats) -> list[Floats]:
 
 
 def _about(kind: str, axis: Floats, x: Floats, normal: Floats) -> Iterator[Shape]:
-    """The cone or torus about an axis of this direction: placed where the normals meet, then fitted in the meridian."""
+    """Yield cones or tori with an axis of this direction, placed where the normals meet and fitted in the meridian."""
     basis = _across(axis)
     p, n = x @ basis.T, normal @ basis.T
     rows = np.stack([n[:, 1], -n[:, 0]], axis=1)

@@ -26,9 +26,9 @@ _OVER = 5
 
 @dataclass(frozen=True, eq=False)
 class Smooth:
-    """What is found of a surface: its `parents`, the `rows` (k,) of the linear ones among them, and what these are.
+    """Shapes and fits of a surface: its `parents`, the `rows` (k,) of the linear ones, and their shapes, `sought`.
 
-    Coordinates of `sought` are counted from `origin` (3,).
+    The coordinates of `sought` are relative to `origin` (3,).
     """
 
     parents: Parents
@@ -38,12 +38,12 @@ class Smooth:
 
     @cached_property
     def heights(self) -> tuple[Floats, Bools]:
-        """(k, 5): heights over the linear parents, and (k,) those that have no fit at an edge."""
+        """(k, 5): heights over the linear parents; (k,): True for parents without a fit at some edge."""
         return _heights(self.sought, self.parents.faces.n_corners[self.rows] == 4)
 
 
 def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float) -> Smooth:
-    """The exact shapes and the fits of a surface (`height_of`)."""
+    """Find the exact shapes and the local fits of a surface; arguments as in `height_of`."""
     parents = parents_of(mesh, surface)
     there = mean_normals(parents.faces)[0].any(axis=1)  # else it has no extent, or places that are no numbers
     rows = np.flatnonzero(np.isin(parents.faces.faces.type, _LINEAR) & there)
@@ -53,11 +53,11 @@ def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float) -> Smooth:
 
 
 def height_of(mesh: Mesh, surface: Surface, crease_angle: float = 40.0) -> Height | None:
-    """The heights of the smooth surface over the faces of a surface; None where all are exactly 0.
+    """Compute the heights of the smooth surface over the faces of a surface; None if all are exactly 0.
 
     `mesh`: that of the surface's cells, with the records of its cut if it has one; the coordinates are the surface's.
-    `crease_angle` (degrees): an edge where the faces turn by more is one of the smooth surface as well. Fits know only
-    the faces of the surface: give all that go smoothly on.
+    `crease_angle` (degrees): an edge with a larger angle between the normals is an edge of the smooth surface as well.
+    The fits use only the faces of the surface: include all faces that continue it smoothly.
     """
     smooth = smooth_of(mesh, surface, crease_angle)
     over = np.zeros((len(smooth.parents.faces), _OVER))
@@ -68,8 +68,8 @@ def height_of(mesh: Mesh, surface: Surface, crease_angle: float = 40.0) -> Heigh
 def _of_faces(parents: Parents, surface: Surface, over: Floats) -> Floats:
     """(f, 9): heights over the faces at the nodes of their quadratic types, from those `over` (p, 5) their parents.
 
-    A face that a cut has made of a quadrangle which is not plane is off it, and its places in it are not where its map
-    alone would have them.
+    The children of a warped quadrangle do not lie on it: their distance from it is added, and their points are
+    projected into it by inverting its map.
     """
     value = np.zeros((len(surface), N_HEIGHTS))
     kind, mother = surface.faces.type, parents.faces.faces.type[parents.of]
@@ -97,7 +97,7 @@ def _of_faces(parents: Parents, surface: Surface, over: Floats) -> Floats:
 
 
 def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools]:
-    """(f, 5): heights over the faces, and (f,) those of free form that have none at some edge. `four`: quadrangles."""
+    """(f, 5): heights over the faces; (f,): True for free form without a fit at some edge. `four`: quadrangles."""
     patches = sought.whole
     value = np.zeros((len(patches.patch), _OVER))
     face, k, i, j = patches.edges()
@@ -123,5 +123,5 @@ def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools]:
 
 
 def _met(found: Found, x: Floats, way: Floats) -> Floats:
-    """(n,): how far from points x (n, 3) the shape is along directions (n, 3); 0 where they miss it."""
+    """(n,): distance of the shape from points x (n, 3) along directions (n, 3); 0 where they miss it."""
     return np.nan_to_num(found.shape.meets(x, way))

@@ -1,10 +1,11 @@
-"""Local fits: at each node the curve of the skin, from the nodes of two rings around it, or three.
+"""Local fits: the curvature of the skin at each node, from the nodes of two rings around it, or three.
 
-In the frame of a node's normal n, a neighbour at d has the height z = d.n and the place |d| (d_t / |d_t|), with d_t its
-part in the tangent plane: with the length of the chord for that of its shadow, z = -|d|^2 / 2R holds on a sphere, and
-on a circle in the plane, whatever |d| is. z is fitted by a polynomial without a constant, neighbours weighted with
-1 / |d|, and the frame is turned to the fitted normal. Its second derivatives at the node are what is sought: terms of
-third and fourth order, where there are neighbours enough for them, keep these free of what the skin has of such order.
+In the frame of a node's normal n, a neighbour at d has the height z = d.n and the position |d| (d_t / |d_t|), with d_t
+its tangential part: with the length of the chord in place of that of its projection, z = -|d|^2 / 2R holds exactly on a
+sphere, and on a circle in the plane, for every |d|. z is fitted by a polynomial without a constant term, neighbours are
+weighted with 1 / |d|, and the frame is rotated to the fitted normal. The fit gives the second derivatives at the node:
+terms of third and fourth order, where there are enough neighbours, keep these free of the skin's own terms of such
+order.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class Rings(NamedTuple):
 
 
 class Fits(NamedTuple):
-    """Fits at nodes: `normal` (n, 3), second derivatives `H` (n, 3, 3) along it, `known` (n,) where it is one."""
+    """Fits at nodes: `normal` (n, 3), second derivatives `H` (n, 3, 3) of the height along it, `known` (n,): fitted."""
 
     normal: Floats
     H: Floats
@@ -53,9 +54,9 @@ class Fits(NamedTuple):
 
 
 def rings_of(node: Ints, n_nodes: int, asked: Bools, least: int) -> tuple[Rings, Rings]:
-    """The nodes of one ring, and those of two, around the nodes that are asked for (n,), on faces with nodes (f, 4).
+    """Return the nodes of one ring, and those of two, around the nodes `asked` (n,), on faces with nodes (f, 4).
 
-    Where two rings are fewer than `least`, three.
+    Three rings are used where two have fewer nodes than `least`.
     """
     from scipy.sparse import csr_matrix
 
@@ -77,7 +78,7 @@ def rings_of(node: Ints, n_nodes: int, asked: Bools, least: int) -> tuple[Rings,
 
 
 def _without_self(graph: Any) -> Any:
-    """A graph without the edges from nodes to themselves."""
+    """Remove from a graph the edges from nodes to themselves."""
     graph = graph.tocoo()
     apart = graph.row != graph.col
     from scipy.sparse import csr_matrix
@@ -86,7 +87,7 @@ def _without_self(graph: Any) -> Any:
 
 
 def local_fits(x: Floats, normal: Floats, rings: Rings, dim: int, degree: int = 4) -> Fits:
-    """The fits at nodes x (n, 3) with normals (n, 3) to begin with, of this degree at most."""
+    """Fit at nodes x (n, 3), with initial normals (n, 3), by polynomials of this degree at most."""
     count = np.diff(rings.start)
     highest = 1 + np.searchsorted(LEAST[dim], count, side="right")
     normal, H = normal.copy(), np.zeros((len(x), 3, 3))
@@ -103,7 +104,7 @@ def local_fits(x: Floats, normal: Floats, rings: Rings, dim: int, degree: int = 
 
 
 def _fitted(d: Floats, normal: Floats, count: Ints, begin: Ints, dim: int, degree: int) -> tuple[Floats, Floats]:
-    """One round: the fitted normals (n, 3) and the second derivatives (n, 3, 3) of neighbours at d (p, 3)."""
+    """Fit once: normals (n, 3) and second derivatives (n, 3, 3) from neighbours at relative positions d (p, 3)."""
     frame = _frames(normal, dim)
     each = np.repeat(frame, count, axis=0)
     z = np.einsum("ps,ps->p", d, np.repeat(normal, count, axis=0))
@@ -140,13 +141,13 @@ def _fitted(d: Floats, normal: Floats, count: Ints, begin: Ints, dim: int, degre
 
 
 def _powers(dim: int, degree: int) -> list[tuple[int, ...]]:
-    """Powers of u, or u and v, in the terms of a polynomial without a constant, by degree."""
+    """Powers of u, or of u and v, in the terms of a polynomial without constant term, sorted by degree."""
     every = itertools.product(range(degree, -1, -1), repeat=dim)
     return sorted((one for one in every if 0 < sum(one) <= degree), key=sum)
 
 
 def _frames(normal: Floats, dim: int) -> Floats:
-    """(n, dim, 3): tangents at right angles to normals (n, 3)."""
+    """(n, dim, 3): tangents perpendicular to normals (n, 3)."""
     if dim == 1:
         return np.stack([-normal[:, 1], normal[:, 0], 0 * normal[:, 0]], axis=1)[:, None]
     least = np.eye(3)[np.abs(normal).argmin(axis=1)]
@@ -156,15 +157,15 @@ def _frames(normal: Floats, dim: int) -> Floats:
 
 
 def edge_heights(fits: Fits, x: Floats, i: Ints, j: Ints) -> tuple[Floats, Bools]:
-    """(e,): heights at the middles of edges from nodes i to j (e,), and whether there is a fit at either end."""
+    """(e,): heights at the midpoints of edges from nodes i to j (e,); (e,): True if at least one end has a fit."""
     kappa, known = _curvature(fits, np.stack([i, j], axis=1), x[j] - x[i])
     return _arc(kappa, np.linalg.norm(x[j] - x[i], axis=1)), known
 
 
 def centre_heights(fits: Fits, x: Floats, node: Ints) -> Floats:
-    """(f,): heights at the centres of quadrangles with nodes (f, 4), the means of their corners.
+    """(f,): heights at the centres of quadrangles with nodes (f, 4), at the mean of their corners.
 
-    The mean of the four arcs whose half chords lead from the centre to a corner: exact for a quadratic.
+    Each is the mean of four arcs whose half chords lead from the centre to a corner, exact for a quadratic surface.
     """
     total = np.zeros(len(node))
     for k in range(4):
@@ -174,7 +175,7 @@ def centre_heights(fits: Fits, x: Floats, node: Ints) -> Floats:
 
 
 def _curvature(fits: Fits, node: Ints, e: Floats) -> tuple[Floats, Bools]:
-    """(m,): curvatures along directions e (m, 3), means over nodes (m, k); convex > 0. Whether a node has a fit."""
+    """(m,): curvature along directions e (m, 3), mean over nodes (m, k), convex > 0; (m,): True if a node has a fit."""
     total, number = np.zeros(len(e)), np.zeros(len(e))
     for one in node.T:
         normal = fits.normal[one]
@@ -187,6 +188,6 @@ def _curvature(fits: Fits, node: Ints, e: Floats) -> tuple[Floats, Bools]:
 
 
 def _arc(kappa: Floats, chord: Floats) -> Floats:
-    """(m,): how high arcs of curvature kappa (m,) stand over chords (m,): kappa chord^2 / 8 where these are short."""
+    """(m,): heights of arcs of curvature kappa (m,) over their chords (m,): kappa chord^2 / 8 for short chords."""
     c = np.clip(kappa * chord, -2.0, 2.0)
     return chord * (c / 4) / (1 + np.sqrt(1 - c * c / 4))

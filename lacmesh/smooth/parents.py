@@ -1,7 +1,7 @@
-"""The faces of a surface as the user meshed them: parents of what a cut has made, themselves elsewhere.
+"""The faces of a surface before the cut: the parents of faces that a cut has made, the other faces themselves.
 
-A macro-element's outline is what its parent was: the edges that one child alone has, in the order in which the children
-turn (in the plane, the two ends). Its other nodes have a place in the parent, which is found by inverting its map.
+The outline of a macro-element is its parent: the edges that belong to one child only, with the winding of the children
+(in the plane, the two ends). The positions of its other nodes in the parent are found by inverting the parent's map.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _LINEAR = np.array([0, 0, TYPE_CODE["SEG2"], TYPE_CODE["TRIA3"], TYPE_CODE["QUAD
 
 
 class Parents(NamedTuple):
-    """Parents of a surface's faces (f,): `faces`, a surface of them, a row each; `of` (f,): the row of each face's.
+    """Parents of a surface's faces (f,): `faces`, the surface of the parents; `of` (f,), the row of each face's parent.
 
     `corner` (f, 4, 2): the faces' corners in their parents' reference elements.
     """
@@ -37,10 +37,10 @@ class Parents(NamedTuple):
 
 
 def parents_of(mesh: Mesh, surface: Surface) -> Parents:
-    """The parents of a surface's faces, by the records of the cut that the mesh carries (`lacmesh.cutting.records`).
+    """Find the parents of a surface's faces, from the records of the mesh's cut (`lacmesh.cutting.records`).
 
-    A macro-element that is only in part in the surface has its parent whole. Of macro-elements that are not like a
-    cut's each face is its own parent.
+    A macro-element that is only partly in the surface still has its whole parent. If a macro-element is not like one
+    that a cut makes, each of its faces is its own parent.
     """
     own = Parents(surface, np.arange(len(surface)), _REFERENCE[surface.faces.type])
     macro = _macro_of_cell(mesh)
@@ -59,7 +59,7 @@ def parents_of(mesh: Mesh, surface: Surface) -> Parents:
 
 
 def _macro_of_cell(mesh: Mesh) -> Ints:
-    """(n_cells,): a number for each face that was cut, of its macro-element or, of a duplicate's, its parent; or -1."""
+    """(n_cells,): a number for each cut face: that of its macro-element or, for duplicates, of its parent; else -1."""
     nothing = np.full(mesh.n_cells, -1, np.int64)
     macro = np.array(mesh.cell_data.get("lac_macro", nothing), np.int64)
     parent = np.array(mesh.cell_data.get("lac_parent", nothing), np.int64)
@@ -69,7 +69,7 @@ def _macro_of_cell(mesh: Mesh) -> Ints:
 
 
 def _outlines(whole: Surface, macro: Ints) -> Ints:
-    """(m, 4): corners of the parent of each macro-element, -1 where there are fewer; no corner where it has none."""
+    """(m, 4): corners of the parent of each macro-element, padded with -1; all -1 if the outline is not a parent's."""
     uses = edge_uses(whole.faces)
     mine = macro[uses.face]
     both = np.unique(uses.edge * (len(whole) + 1) + mine, return_inverse=True)[1]
@@ -104,9 +104,9 @@ def _outlines(whole: Surface, macro: Ints) -> Ints:
 
 
 def _places(whole: Surface, macro: Ints, outline: Ints) -> tuple[Floats, NDArray[np.bool_]]:
-    """(f, 4, 2): the corners of the faces in their parents, and (m,) whether a macro-element is a cut of its parent.
+    """(f, 4, 2): the corners of the faces in their parents; (m,): True if a macro-element is a cut of its parent.
 
-    It is where the parent has all its outer nodes as corners, and the others near, of which there is one at least.
+    It is one if its outer nodes are the parent's corners, and its other nodes, at least one, lie close to the parent.
     """
     corner = np.zeros((len(whole), MAX_CORNERS, 2))
     n_corners = (outline >= 0).sum(axis=1)
@@ -130,10 +130,10 @@ def _places(whole: Surface, macro: Ints, outline: Ints) -> tuple[Floats, NDArray
 
 
 def inverse(name: str, x: Floats, point: Floats) -> tuple[Floats, Floats]:
-    """(n, dim): where the maps of linear faces with corners x (n, k, 3) meet points (n, 3); (n,) by how much they miss.
+    """(n, dim): reference coordinates in linear faces with corners x (n, k, 3) nearest to points (n, 3); (n,): misfit.
 
-    What they miss by is measured in the faces' sizes. Newton's method, which is done after one step on all but
-    quadrangles.
+    The misfit is the distance over the size of the face. By Newton's method (Gauss-Newton), which ends after one step
+    except on quadrangles.
     """
     xi = np.zeros((len(x), CELLS[name].dim)) + np.mean(CELLS[name].reference, axis=0)
     size = np.linalg.norm(np.ptp(x, axis=1), axis=1)
@@ -152,7 +152,7 @@ def inverse(name: str, x: Floats, point: Floats) -> tuple[Floats, Floats]:
 
 
 def _joined(own: Parents, macro: Ints, outline: Ints, corner: Floats, good: NDArray[np.bool_]) -> Parents:
-    """Parents of the faces: those of good macro-elements, in the order of their first faces, and the other faces."""
+    """Join the parents of the `good` macro-elements and the other faces, in the order of their first faces."""
     surface = own.faces
     cut = (macro >= 0) & good[macro]
     key = np.where(cut, macro, len(good) + np.arange(len(macro)))

@@ -1,4 +1,4 @@
-"""Patches: faces joined without a crease, with nodes of their own, so that nothing reaches over a crease."""
+"""Patches: sets of faces joined without a crease, each with its own copies of the nodes, so that creases separate."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Bools = NDArray[np.bool_]
 
 
 class Joints(NamedTuple):
-    """Pairs of faces that meet at an edge without a crease: rows `i`, `j` (k,), and which of their edges it is."""
+    """Pairs of faces that meet at an edge without a crease: rows `i`, `j` (k,), and the number of the edge in each."""
 
     i: Ints
     j: Ints
@@ -28,9 +28,9 @@ class Joints(NamedTuple):
 
 
 def joints_of(surface: Surface, normal: Floats, crease_angle: float) -> Joints:
-    """The edges where two faces meet, and no third, whose normals (f, 3) turn by less than the crease angle (degrees).
+    """Find edges at which exactly two faces meet, with an angle below `crease_angle` (degrees) between their normals.
 
-    In the plane, the ends of segments.
+    `normal`: (f, 3). In the plane, the ends of segments.
     """
     uses = edge_uses(surface.faces)
     order = np.argsort(uses.edge, kind="stable")
@@ -46,7 +46,7 @@ def joints_of(surface: Surface, normal: Floats, crease_angle: float) -> Joints:
 class Patches:
     """Faces (f,) in patches: `patch` (f,) from 0, `node` (f, 4) rows of `x` (n, 3), -1 where a face has fewer corners.
 
-    A node that two patches share stands in `x` once for each. `owner` (n,): its patch; `normal` (f, 3) and `area` (f,)
+    A node that two patches share occurs in `x` once for each. `owner` (n,): its patch; `normal` (f, 3) and `area` (f,)
     of the faces, `joints` between them (also across the borders of patches).
     """
 
@@ -61,7 +61,7 @@ class Patches:
 
     @classmethod
     def of(cls, surface: Surface, crease_angle: float, x: Floats) -> Patches:
-        """The patches of a surface of linear faces at coordinates x (n_nodes of the mesh, 3)."""
+        """Return the patches of a surface of linear faces at coordinates x (n_nodes of the mesh, 3)."""
         surface = surface.at(x)
         normal = mean_normals(surface)[0]
         joints = joints_of(surface, normal, crease_angle)
@@ -70,7 +70,7 @@ class Patches:
                    surface.dim).split(np.zeros(len(node), int))  # fmt: skip
 
     def split(self, kind: Ints) -> Patches:
-        """The patches of faces of the same kind (f,)."""
+        """Split the patches into connected ones of faces of the same kind (f,)."""
         i, j = self.joints.i, self.joints.j
         same = kind[i] == kind[j]
         patch = label_components(i[same], j[same], len(kind)) if len(kind) else self.patch
@@ -86,7 +86,7 @@ class Patches:
 
     @cached_property
     def node_normal(self) -> Floats:
-        """(n, 3): unit normals at the nodes, of the faces there, each weighted with its area."""
+        """(n, 3): unit normals at the nodes, the area-weighted mean of those of the patch's faces there."""
         out = np.zeros_like(self.x)
         weighted = self.normal * self.area[:, None]
         for k in range(MAX_CORNERS):
@@ -97,7 +97,7 @@ class Patches:
 
     @cached_property
     def edge_normal(self) -> Floats:
-        """(f, 4, 3): unit directions at the middles of the edges, the same for two faces that meet without a crease."""
+        """(f, 4, 3): unit normals at the midpoints of the edges, equal for two faces that meet without a crease."""
         out = np.repeat(self.normal[:, None], MAX_CORNERS, axis=1)
         if self.dim == 2:
             i, j, a, b = self.joints
@@ -107,7 +107,7 @@ class Patches:
         return np.divide(out, size, out=out, where=size > 0)
 
     def edges(self) -> tuple[Ints, Ints, Ints, Ints]:
-        """Faces, edges, and their two nodes (e,): the middles of edges where a height is asked for."""
+        """Faces, edge numbers, and the two nodes of each edge (e,): the edges whose midpoints have a height."""
         n = (self.node >= 0).sum(axis=1)
         face, k = np.nonzero(np.arange(MAX_CORNERS) < np.where(n == 2, 1, n)[:, None])
         return face, k, self.node[face, k], self.node[face, (k + 1) % n[face]]

@@ -1,12 +1,12 @@
-"""Exact shapes: surfaces of revolution, each by the curve that it has in its meridian plane.
+"""Exact shapes: surfaces of revolution, each defined by its curve in the meridian plane.
 
-Of a point x, s = (x - c).a is its place along the axis a from the centre c, q = x - c - s a its way from the axis and
-rho = |q|. The signed distance f of a shape is one of its meridian curve, and has the derivatives f_rho and f_s; with
-these all others are the same for every shape:
+For a point x, s = (x - c).a is its position along the axis a from the centre c, q = x - c - s a its offset from the
+axis and rho = |q|. The signed distance f of a shape is that from its meridian curve, with the derivatives f_rho and
+f_s; in terms of these all others are the same for every shape:
 
     grad f = f_rho q / rho + f_s a,    df/dc = -grad f,    df/da = -f_rho s q / rho + f_s q.
 
-In a plane, z = 0, a line is what a plane is in space, and a circle what a sphere is.
+In plane problems, z = 0, lines are treated as planes, and circles as spheres.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _FLAT = 1e-11
 
 
 class Meridian(NamedTuple):
-    """Signed distances f (n,), their derivatives by rho and s (n,), and by the sizes (n, k)."""
+    """Signed distances f (n,), their derivatives with respect to rho and s (n,), and to the sizes (n, k)."""
 
     f: Floats
     rho: Floats
@@ -41,9 +41,9 @@ class Meridian(NamedTuple):
 class Shape:
     """A shape: `kind`, `centre` (3,), `axis` (3,) unit, `size` (k,).
 
-    Sizes: none of a plane, which goes through the centre and has the axis as its normal; the radius of a cylinder and
-    of a sphere; of a cone, whose centre is its apex and whose axis points into it, the half angle; of a torus the
-    radius of its circle and that of its tube.
+    Sizes: none for a plane, which contains the centre and has the axis as its normal; the radius of a cylinder or a
+    sphere; the half angle of a cone, whose centre is its apex and whose axis points into it; the radius of a torus'
+    circle and that of its tube.
     """
 
     kind: str
@@ -52,7 +52,7 @@ class Shape:
     size: Floats
 
     def meridian(self, rho: Floats, s: Floats) -> Meridian:
-        """The distances from the curve in the meridian plane."""
+        """Compute the signed distances from the curve in the meridian plane, and their derivatives."""
         one, none = np.ones_like(rho), np.zeros_like(rho)
         if self.kind == "plane":
             return Meridian(s, none, one, np.empty((len(s), 0)))
@@ -72,9 +72,9 @@ class Shape:
         return f, normal
 
     def meets(self, x: Floats, way: Floats) -> Floats:
-        """(n,): how far along unit directions (n, 3) from points x (n, 3) the shape is met; NaN where it is not.
+        """(n,): distances from points x (n, 3) to the shape along unit directions (n, 3); NaN where they miss it.
 
-        Newton's method from the points themselves, so that the side is found that lies nearest.
+        Newton's method starts from the points themselves, so that it finds the nearest side.
         """
         t, reach = np.zeros(len(x)), np.linalg.norm(x - self.centre, axis=1)
         for _ in range(30):
@@ -87,7 +87,7 @@ class Shape:
         return np.where(np.abs(step) <= 1e-9 * reach, t, np.nan)
 
     def fitted(self, x: Floats, tolerance: float) -> Shape | None:
-        """The shape of this kind nearest to points x (n, 3), by Gauss and Newton; None where one is off by more."""
+        """Fit a shape of this kind to points x (n, 3) by Gauss-Newton; None if a point is farther than `tolerance`."""
         shape, last = self, np.inf
         for turn in range(_ROUNDS):
             f, normal, more = shape._derivatives(x)
@@ -100,7 +100,7 @@ class Shape:
         return shape if worst <= tolerance else None
 
     def _derivatives(self, x: Floats) -> tuple[Floats, Floats, Floats]:
-        """(n,) distances, (n, 3) gradients, (n, 3 + k) derivatives by the axis and the sizes."""
+        """(n,) distances, (n, 3) gradients, (n, 3 + k) derivatives with respect to the axis and the sizes."""
         d = x - self.centre
         s = d @ self.axis
         q = d - s[:, None] * self.axis
@@ -112,7 +112,7 @@ class Shape:
         return f, normal, np.concatenate([by_axis, f_size], axis=1)
 
     def _moved(self, J: Floats, f: Floats) -> Shape:
-        """The shape after one step, the least one where the distances do not tell."""
+        """Return the shape after one Gauss-Newton step, the one of least norm if the distances do not determine it."""
         step = np.linalg.lstsq(J, -f, rcond=_FLAT)[0]
         axis = self.axis + step[3:6]
         return replace(

@@ -1,4 +1,4 @@
-"""The surface under some skin cells, as a contact is asked to take it: smooth, or the faces as they are."""
+"""The surface of some skin cells for contact: smooth, or the faces as they are."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ SURFACES = ("smooth", "faces")
 
 
 def surface_of(mesh: Mesh, cells: Ints, surface: str = "smooth", crease_angle: float = 40.0) -> Surface:
-    """The surface under some skin cells (indices) of a mesh, with the heights of the skin that its faces stand for.
+    """Build the surface of some skin cells (indices) of a mesh, with the heights of the smooth skin over its faces.
 
     `surface`: `smooth`, or `faces` for a surface without heights; `crease_angle` in degrees as in `height_of`. Raises
-    RequestError; DataError as `Surface.of`.
+    RequestError; DataError as in `Surface.of`.
     """
     if surface not in SURFACES:
         raise RequestError(f"surface is one of {', '.join(SURFACES)}, not {surface!r}")

@@ -1,13 +1,13 @@
-"""The geometry of contact between two surfaces: who faces whom, where, how far, and what part of a face is covered.
+"""The geometry of contact between two surfaces: pairing, mortar segments, contact points, gaps and coverage.
 
-    faces = the skin under some cells, turned outward                       (record)
-    pairs = slave and master faces whose boxes meet; two ways, one answer   (search, front)
-    pieces = the part of each pair that both share, in the slave's plane    (clip)
-    points = quadrature points on the pieces, and where each meets the master along its normal (rules, project, points)
-    coverage = what the points say of each macro-element                    (coverage)
+    faces = the skin under some cells, oriented outward                     (record)
+    pairs = slave and master faces whose boxes intersect, by one of two equivalent searches (search, front)
+    pieces = mortar segments: the common part of each pair, in the slave's plane (clip)
+    points = quadrature points on the pieces, projected along the slave's normal (rules, project, points)
+    coverage = area, covered part and gap of each macro-element             (coverage)
 
 Signs: n is the slave's outward unit normal, the gap (x_bar - x).n is > 0 where open and < 0 in penetration.
-The checks of a mesh and a contact solver both read `ContactPoints`, and nothing else of this folder.
+The checks of a mesh and a contact solver both read `ContactPoints`, and nothing else of this package.
 """
 
 from lacmesh.surface.coverage import Coverage, coverage

@@ -1,10 +1,10 @@
-"""Narrow phase: what a slave patch and a master patch share, as polygons in the slave's mean plane.
+"""Narrow phase: the common parts of slave and master patches, as polygons in the slave's mean plane.
 
-The master's corners are projected along the slave's normal, and the polygon clipped by the slave's edges. A patch whose
-projection is not convex goes as two triangles, cut at the corner that goes in. A part counts where the master faces the
-slave (normals opposed), no farther ahead or behind than asked, and larger than _LEAST of the slave patch. Where several
-parts lie over one another the nearest keeps the place (`layers`), so that the parts of a slave patch never add up to
-more than the patch.
+The master's corners are projected along the slave's normal, and the polygon is clipped by the slave's edges. A patch
+with a non-convex projection is split into two triangles at its re-entrant corner. A part is kept if the master faces
+the slave (opposite normals) within the search distances ahead and behind, and if it is larger than _LEAST of the slave
+patch. Where several parts overlap, the nearest is kept (`layers`), so that the areas of the parts of a slave patch
+never add up to more than the patch.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ FACING = 1e-6
 
 
 class Pieces(NamedTuple):
-    """Parts that a slave and a master patch share, a row each, by slave patch: `slave`, `master` (patches).
+    """Mortar segments: common parts of a slave and a master patch, sorted by slave patch: `slave`, `master` (patches).
 
     `vertices[start[k] : start[k + 1]]` (., 2): polygon k, counter-clockwise and convex, in the slave patch's frame;
-    `edges`: what made the edge that leaves each vertex (slave edge 0 to 3, master edge + 4, or 8). `area` (k,).
+    `edges`: origin of the edge that leaves each vertex (slave edge 0 to 3, master edge + 4, or 8). `area` (k,).
     """
 
     slave: Ints
@@ -43,7 +43,7 @@ class Pieces(NamedTuple):
     area: Floats
 
     def largest_share(self) -> Floats:
-        """(k,): the largest triangle of each polygon's fan from its first vertex, against the polygon."""
+        """(k,): area of the largest triangle in each polygon's fan from its first vertex, over that of the polygon."""
         if not len(self.slave):
             return np.empty(0)
         first = np.repeat(self.start[:-1], np.diff(self.start))
@@ -55,7 +55,7 @@ class Pieces(NamedTuple):
 
 
 def clip(pairs: Pairs, slave: Patches, master: Patches, reach: Reach) -> Pieces:
-    """The parts of candidates that lie within reach."""
+    """Clip the candidate pairs; return the common parts within the search distances."""
     made = in_parts(lambda rows: _clip_rows(rows, pairs, slave, master, reach), len(slave.n))
     s, m, _, vertices, edges, area = (np.concatenate(v) for v in zip(*made, strict=True))
     return Pieces(s, m, joined_starts([p.start for p in made]), vertices, edges, area)
@@ -91,7 +91,10 @@ def _clip_rows(rows: slice, pairs: Pairs, slave: Patches, master: Patches, reach
 
 @kernel
 def project(x: Any, n: int, centre: Any, e: Any, back: bool, out: Any) -> None:
-    """Corners of a master patch in a slave's frame, (p, q, height); `back`: in the reverse order, which turns left."""
+    """Write the corners of a master patch in a slave's frame, (p, q, height), into `out`.
+
+    `back`: in reverse order, which is counter-clockwise there.
+    """
     for k in range(n):
         for a in range(3):
             out[n - 1 - k if back else k, a] = (
@@ -101,7 +104,7 @@ def project(x: Any, n: int, centre: Any, e: Any, back: bool, out: Any) -> None:
 
 @kernel
 def mean_plane(y: Any, n: int) -> Any:
-    """Of n corners (p, q, height): the cosine of their mean plane, and c0, c1, c2 of its height c0 + c1 p + c2 q."""
+    """Mean plane of n corners (p, q, height): cosine of its inclination; c0, c1, c2 of its height c0 + c1 p + c2 q."""
     if n == 3:
         ux, uy, uz = y[1, 0] - y[0, 0], y[1, 1] - y[0, 1], y[1, 2] - y[0, 2]
         vx, vy, vz = y[2, 0] - y[0, 0], y[2, 1] - y[0, 1], y[2, 2] - y[0, 2]
@@ -121,7 +124,10 @@ def mean_plane(y: Any, n: int) -> Any:
 
 @kernel
 def _convex_parts(y: Any, n: int, places: Any) -> Any:
-    """How a projected patch is clipped: `places` (2, 4) rows of corners; returns parts, and corners of each."""
+    """Split a projected patch into convex parts; return their number, and that of the corners of each.
+
+    `places` (2, 4) takes the indices of the corners of each part.
+    """
     for k in range(n):
         places[0, k] = k
     if n == 3:
@@ -149,7 +155,7 @@ def _convex_parts(y: Any, n: int, places: Any) -> Any:
 
 @kernel
 def _collect(s: int, pairs: Any, slave: Any, master: Any, reach: Any, of: Any, y: Any, places: Any) -> Any:
-    """The parts that slave patch s shares with its candidates, into `of`. Returns their number; -1: no room."""
+    """Write the common parts of slave patch s and its candidates into `of`; return their number, -1 without room."""
     parts = 0
     n_s, y_s = slave.n[s], slave.y[s]
     least = _LEAST * slave.area[s]
@@ -196,9 +202,9 @@ def _collect(s: int, pairs: Any, slave: Any, master: Any, reach: Any, of: Any, y
 
 @kernel
 def _clip_all(begin: int, end: int, pairs: Any, slave: Any, master: Any, reach: Any, of: Any, out: Any) -> Any:
-    """Fill `out` for slave patches begin to end: (pieces, vertices, whether `of` was large enough).
+    """Fill `out` for slave patches begin to end; return (pieces, vertices, True if `of` was large enough).
 
-    Where there are more than `out` has room for, nothing beyond it is written: call again with more.
+    If there are more than `out` has room for, nothing beyond its end is written: call again with more room.
     """
     total = 0
     size = 0

@@ -1,4 +1,4 @@
-"""What contact points say of each macro-element: its area, the part that faces the master, and the gap there."""
+"""Coverage of macro-elements, from contact points: the area, the part that faces the master, and the gap there."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _DEGREE = {1: 6, 2: 12}
 
 @dataclass(frozen=True)
 class Coverage:
-    """A row each macro-element (n_macros,). Areas are lengths in plane problems and hold 2 pi r where axisymmetric.
+    """One row per macro-element (n_macros,). Areas are lengths in plane problems and include 2 pi r in axisymmetry.
 
     `area` A; `covered` w, the measure of the part that faces the master; `ratio` kappa = w / A in [0, 1] (0 where A is
     0); `gap_integral` G, the gap integrated over that part; `mean_gap` G / w, `min_gap`, `max_gap` over the quadrature
@@ -37,10 +37,10 @@ class Coverage:
 
 
 def coverage(points: ContactPoints, slave: Surface, macro: Ints | None = None) -> Coverage:
-    """Area, covered part and gap of each macro-element of a slave surface.
+    """Compute area, covered part and gap of each macro-element of a slave surface.
 
-    `macro` (faces of slave,): the macro-element of each slave face, as it was given to `contact_points`; each face is
-    one of its own if None. Faces with a negative entry belong to none.
+    `macro` (faces of slave,): the macro-element of each slave face, as it was given to `contact_points`; if None, each
+    face is a macro-element. Faces with a negative entry belong to none.
     """
     macro = np.arange(len(slave)) if macro is None else np.asarray(macro)
     if macro.shape != (len(slave),):

@@ -1,9 +1,10 @@
-"""Integrals over a piece of the functions of plane faces with curved sides, from the piece's edges.
+"""Integrals of the shape functions of plane faces with curved sides over a mortar segment, from its edges.
 
     int_P f dA = sum over edges  int_0^1 int_0^1 (f J)(xi_0 + r (xi(t) - xi_0)) r dr  (xi(t) - xi_0) x xi'(t) dt,
 
-polynomial in r, analytic in t: an edge that belongs to a face is straight in its reference coordinates, and in the
-other's it follows from a ray through each of its points. Vertices are first moved to where the true sides cross.
+polynomial in r, analytic in t: an edge that belongs to a face is straight in that face's reference coordinates; in the
+other face it is found by a ray through each of its points. Vertices are first moved to the intersections of the true
+sides.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ _ALONG, _ACROSS = 24, 6
 
 
 class Side(NamedTuple):
-    """One side of a piece: the map `G` (9, 3) of its face, of a `kind`; its patch; `k` functions to integrate.
+    """One side of a mortar segment: the map `G` (9, 3) of its face, of a `kind`; its patch; `k` functions to integrate.
 
     The patch has `n` corners, at `xi` (4, 2) in the face and at `y` (4, .) in the slave's plane; `patch`: its
     `project.inverse`.
@@ -46,14 +47,17 @@ def in_plane(d: Any, e: Any) -> Any:
 
 @kernel
 def along(a: Any, b: Any, u: float, v: float) -> Any:
-    """Where on the line a -> b a point's foot lies."""
+    """Parameter on the line a -> b of the orthogonal projection of the point (u, v)."""
     d0, d1 = b[0] - a[0], b[1] - a[1]
     return ((u - a[0]) * d0 + (v - a[1]) * d1) / (d0 * d0 + d1 * d1)
 
 
 @kernel
 def _crossing(one: Any, a0: Any, a1: Any, two: Any, b0: Any, b1: Any, e: Any, s: float, t: float) -> Any:
-    """Where the curve x(a0 + s (a1 - a0)) of one face crosses, seen along e's normal, one of another: (found, s, t)."""
+    """Intersect two curves, seen along e's normal, by Newton's method: x(a0 + s (a1 - a0)), x(b0 + t (b1 - b0)).
+
+    The first lies in face `one`, the second in face `two`; (s, t) is the first guess. Returns (found, s, t).
+    """
     for _ in range(_STEPS):
         x, xu, xv = at(one.G, one.kind, a0[0] + s * (a1[0] - a0[0]), a0[1] + s * (a1[1] - a0[1]))
         y, yu, yv = at(two.G, two.kind, b0[0] + t * (b1[0] - b0[0]), b0[1] + t * (b1[1] - b0[1]))
@@ -75,7 +79,7 @@ def _crossing(one: Any, a0: Any, a1: Any, two: Any, b0: Any, b1: Any, e: Any, s:
 
 @kernel
 def _moved(xu: Any, xv: Any, du: float, dv: float, e: Any) -> Any:
-    """How a point of a face with derivatives xu, xv moves in a frame's plane while (u, v) moves by (du, dv)."""
+    """Displacement in a frame's plane of a point of a face with derivatives xu, xv when (u, v) moves by (du, dv)."""
     pu, qu = in_plane(xu, e)
     pv, qv = in_plane(xv, e)
     return pu * du + pv * dv, qu * du + qv * dv
@@ -83,7 +87,10 @@ def _moved(xu: Any, xv: Any, du: float, dv: float, e: Any) -> Any:
 
 @kernel
 def _speed(xu: Any, xv: Any, du: float, dv: float, yu: Any, yv: Any, e: Any) -> Any:
-    """How fast (u, v) moves in a face with derivatives yu, yv while x moves with (du, dv) in another, seen along e."""
+    """Velocity of (u, v) in a face with derivatives yu, yv of the point that follows, along e's normal, another face's.
+
+    That point, in a face with derivatives xu, xv, moves with (du, dv).
+    """
     p, q = _moved(xu, xv, du, dv, e)
     au, bu = in_plane(yu, e)
     av, bv = in_plane(yv, e)
@@ -93,9 +100,9 @@ def _speed(xu: Any, xv: Any, du: float, dv: float, yu: Any, yv: Any, e: Any) -> 
 
 @kernel
 def vertices_in_faces(polygon: Any, edges: Any, slave: Any, master: Any, centre: Any, e: Any, out: Any) -> None:
-    """Reference coordinates (n, 4) of a piece's vertices: two in the slave face, two in the master's.
+    """Write the reference coordinates (n, 4) of a piece's vertices: two in the slave face, two in the master's.
 
-    On faces with curved sides the vertices move to where the true sides meet.
+    On faces with curved sides the vertices are moved to the intersections of the true sides.
     """
     n = len(polygon)
     for k in range(n):
@@ -114,7 +121,7 @@ def vertices_in_faces(polygon: Any, edges: Any, slave: Any, master: Any, centre:
 
 @kernel
 def _meet_at_crossing(i: int, j: int, slave: Any, master: Any, e: Any, out: Any) -> Any:
-    """Move a vertex to where edge i of the slave crosses edge j of the master; false where they do not."""
+    """Move a vertex to the intersection of edge i of the slave and edge j of the master; False if there is none."""
     a0, a1 = slave.xi[i], slave.xi[(i + 1) % slave.n]
     b0, b1 = master.xi[j], master.xi[(j + 1) % master.n]
     s, t = along(a0, a1, out[0], out[1]), along(b0, b1, out[2], out[3])
@@ -130,7 +137,7 @@ def _meet_at_crossing(i: int, j: int, slave: Any, master: Any, e: Any, out: Any)
 def _meet_along_normal(
     vertex: Any, of_master: bool, of_slave: bool, slave: Any, master: Any, centre: Any, e: Any, out: Any
 ) -> None:
-    """Find a vertex in the face that it is no corner of, along the frame's normal; in both where it is of neither."""
+    """Project a vertex along the frame's normal into the face of which it is no corner; into both if of neither."""
     unit = (e[2, 0], e[2, 1], e[2, 2])
     x = (
         centre[0] + vertex[0] * e[0, 0] + vertex[1] * e[1, 0],
@@ -152,9 +159,9 @@ def _fan(
     side: Any, e: Any, local: Any, u: float, v: float, du: float, dv: float, weight: float, rules: Any, first: int,
     target: Any, work: Any,
 ) -> None:  # fmt: skip
-    """Add to target[first:] the integrals over the sliver from `local` to (u, v), whose far side moves by (du, dv).
+    """Add to target[first:] the integrals over the sliver from `local` to (u, v), with the far side (du, dv).
 
-    target[0] takes the area where first is 1.
+    target[0] takes the area if first is 1.
     """
     u0, v0, scale = local
     a, b = u - u0, v - v0
@@ -178,9 +185,9 @@ def curved_integrals(
     corner: Any, edges: Any, n: int, slave: Any, master: Any, e: Any, at_slave: Any, at_master: Any, rules: Any,
     target: Any, work: Any,
 ) -> None:  # fmt: skip
-    """Add to `target` the integrals over a piece of 1, of slave.k functions of the slave, master.k of the master.
+    """Add to `target` the integrals over a piece of 1, of slave.k functions of the slave, of master.k of the master.
 
-    `corner` (n, 4): vertices in both faces; `at_*`: origin and scale of the functions' arguments in either face.
+    `corner` (n, 4): vertices in both faces; `at_*`: origin and scale of the functions' arguments in each face.
     """
     unit = (e[2, 0], e[2, 1], e[2, 2])
     start = _ALONG * (_ALONG - 1) // 2

@@ -1,16 +1,17 @@
-"""Weights that integrate every shape function of both faces exactly over a piece, on faces of any shape in the plane.
+"""Quadrature weights that integrate every shape function of both faces exactly over a piece, on any plane faces.
 
-Over a piece the functions of the slave face are polynomials in its reference coordinates, and so are those of the
-master face in its own; in the plane neither are. Their integrals follow from the piece's edges alone (`moments`,
-`curved`). The weights of a plain rule are then corrected,
+Over a piece the functions of the slave face are polynomials in its reference coordinates, and those of the master face
+in its own; in the coordinates of the plane neither are. Their integrals are computed from the piece's edges alone
+(`moments`, `curved`). The weights of a plain rule are then corrected,
 
     w_q (1 + c_q),  sum_q w_q c_q^2 least,  sum_q w_q (1 + c_q) f(q) = int_P f  for every function f of either face,
 
-by orthogonalising the functions (modified Gram-Schmidt, the most independent first); a function that depends on those
-before it, as where both faces are the same, is left out. One that nearly does tells its integral to rounding over what
-is left of it. On faces in one plane that is of no account: whatever the weights are, every integral is exact. Where
-faces are warped, or normals turn, by `bend`, products with the normal are integrated too, and weights that hang on
-rounding would be felt: there a function counts as far as more of it is left than a part of the bend.
+by orthogonalising the functions (modified Gram-Schmidt, the most independent first); a function that is linearly
+dependent on earlier ones, as where both faces are the same, is left out. For a nearly dependent function the integral
+is known only up to rounding over its remaining size. On faces in one plane this is harmless: whatever the weights are,
+every integral is exact. Where faces are warped, or normals vary, by `bend`, products with the normal are integrated as
+well, and weights that depend on rounding would show: there a function counts only as far as its remaining size exceeds
+a fraction of the bend.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def fit(
     polygon: Any, edges: Any, slave: Any, master: Any, centre: Any, e: Any, rules: Any, xi_s: Any, xi_m: Any,
     weight: Any, least: float, room: Any,
 ) -> None:  # fmt: skip
-    """Correct the weights of the points xi_s, xi_m (q, 2) of a piece, so that the functions of both sides are exact.
+    """Correct the weights of a piece's points xi_s, xi_m (q, 2) to integrate the functions of both sides exactly.
 
     `slave`, `master`: `curved.Side`; `rules`: `moments.Gauss`; `room`: (corner (., 4), target, work, phi (., q)).
     """
@@ -63,7 +64,7 @@ def fit(
 
 @kernel
 def _values(xi: Any, local: Any, k: int, phi: Any, first: int, work: Any) -> None:
-    """The first k functions of a face at points xi (q, 2), into phi[first:]."""
+    """Write the values of the first k functions of a face at points xi (q, 2) into phi[first:]."""
     u, v, h = local
     for q in range(len(xi)):
         functions((xi[q, 0] - u) / h, (xi[q, 1] - v) / h, k, work, 0)
@@ -73,7 +74,7 @@ def _values(xi: Any, local: Any, k: int, phi: Any, first: int, work: Any) -> Non
 
 @kernel
 def _local(corner: Any, n: int, first: int) -> Any:
-    """Origin and scale of the arguments of the functions of a face on a piece with `n` vertices corner[:, first:]."""
+    """Origin and scale of the arguments of a face's functions, for a piece with `n` vertices corner[:, first:]."""
     u, v, size = 0.0, 0.0, 0.0
     for k in range(n):
         u += corner[k, first] / n
@@ -85,11 +86,11 @@ def _local(corner: Any, n: int, first: int) -> Any:
 
 @kernel
 def correct(weight: Any, n: int, phi: Any, k: int, target: Any, least: float) -> Any:
-    """Multiply n weights so that functions phi (k, n) have the integrals `target`; both are used up.
+    """Scale n weights so that functions phi (k, n) have the integrals `target`; overwrites phi and `target`.
 
-    The most independent function comes first. One of which no more than `least` of its size is left after those before
-    it is corrected by a part only, as much as its integral tells more than rounding. Returns the largest relative
-    change.
+    The most independent function comes first. A function of which no more than the fraction `least` is left after
+    orthogonalisation is corrected only in part, as far as its integral is more than rounding. Returns the largest
+    relative change.
     """
     left = np.empty(k)
     _scale(weight, n, phi, k, target, left)
@@ -124,9 +125,9 @@ def correct(weight: Any, n: int, phi: Any, k: int, target: Any, least: float) ->
 
 @kernel
 def _scale(weight: Any, n: int, phi: Any, k: int, target: Any, left: Any) -> None:
-    """Scale k functions to size 1, and make their integrals what the weights leave of them.
+    """Scale k functions to size 1, and subtract from their integrals those that the present weights give.
 
-    `left` (k,) is 1 then, or 0 where the function is 0.
+    `left` (k,) becomes 1, or 0 where the function is 0.
     """
     for j in range(k):
         total, square = 0.0, 0.0
@@ -143,7 +144,7 @@ def _scale(weight: Any, n: int, phi: Any, k: int, target: Any, left: Any) -> Non
 
 @kernel
 def _bring_forward(phi: Any, target: Any, left: Any, n: int, kept: int, k: int) -> None:
-    """Exchange function `kept` with the one of those after it, up to k, of which most is left."""
+    """Exchange function `kept` with the one among it and those after it, up to k, with the largest remaining size."""
     j = kept
     for i in range(kept + 1, k):
         if left[i] > left[j]:
@@ -158,9 +159,10 @@ def _bring_forward(phi: Any, target: Any, left: Any, n: int, kept: int, k: int) 
 
 @kernel
 def _take_off(weight: Any, n: int, phi: Any, target: Any, i: int, first: int, last: int, left: Any) -> None:
-    """Make functions first to last - 1 orthogonal to function i, which has size 1. `left`: what is left of their sizes.
+    """Make functions first to last - 1 orthogonal to function i, which has size 1; `left`: their remaining sizes.
 
-    Many at a time: a call for each costs as much as the sums. By Pythagoras, where rounding leaves that its digits.
+    Many are done at a time, since a call for each would cost as much as the sums. The sizes follow by Pythagoras where
+    rounding permits.
     """
     for j in range(first, last):
         c = 0.0

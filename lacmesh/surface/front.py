@@ -1,10 +1,10 @@
 """Advancing front: pairs found from their neighbours (PANG: Gander and Japhet, ACM Trans. Math. Softw. 40, 2013).
 
-From a pair that meets, the front floods the master's neighbours for as long as they meet the same slave face; the slave
-face's own neighbours then start from the masters it met. What a front cannot reach, another part of either surface,
-beyond a hole, or another layer, is seeded again from the tree: every slave face is checked against the boxes that it
-meets, and floods on from any of them that the front had not tried. So the pairs are those of the tree, whose candidates
-that do not meet are left out. (The manual's 3.3.2.1 repairs the same weakness by trying every pair.)
+From an intersecting pair, the front floods the master's neighbours as long as they intersect the same slave face; the
+slave face's own neighbours then start from the masters it intersected. Parts that a front cannot reach (another part of
+either surface, beyond a hole, or another layer) are seeded again from the tree: every slave face is tested against the
+candidates from the tree, and floods on from those that the front has not tried. So the result is the pairs of the tree
+without those that do not intersect. (The manual's 3.3.2.1 repairs the same weakness by trying every pair.)
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ from lacmesh.surface.search import Pairs
 
 
 def advance(slave: Patches, master: Patches, pairs: Pairs, beyond_s: Ints, beyond_m: Ints) -> Pairs:
-    """The pairs of patches whose projections meet. `pairs`: candidates of the tree; `beyond_*` (f, 4): neighbours."""
+    """Find the pairs of patches with intersecting projections.
+
+    `pairs`: candidates from the tree; `beyond_*` (f, 4): neighbours of the faces.
+    """
     of_s, of_m = (np.searchsorted(p.face, np.arange(len(p.G) + 1)) for p in (slave, master))
     room = 2 * len(pairs.master) + 64
     while True:
@@ -39,7 +42,7 @@ def advance(slave: Patches, master: Patches, pairs: Pairs, beyond_s: Ints, beyon
 
 @kernel
 def _meet(f: int, g: int, slave: Any, master: Any, of_s: Any, of_m: Any, s: Any, m: Any, count: int, y: Any) -> Any:
-    """Write down the patches of faces f and g that meet. Returns how many pairs there are now."""
+    """Append the pairs of patches of faces f and g that intersect and face each other; return the number of pairs."""
     for a in range(of_s[f], of_s[f + 1]):
         for b in range(of_m[g], of_m[g + 1]):
             project(master.x[b], master.n[b], slave.centre[a], slave.e[a], True, y)
@@ -58,7 +61,7 @@ def _meet(f: int, g: int, slave: Any, master: Any, of_s: Any, of_m: Any, s: Any,
 def _advance(
     pairs: Any, slave: Any, master: Any, of_s: Any, of_m: Any, beyond_s: Any, beyond_m: Any, s: Any, m: Any
 ) -> Any:
-    """Fill s and m with the pairs. Returns how many there are: where more than there is room for, call with more."""
+    """Fill s and m with the pairs; return their number. If that exceeds the room, call again with more."""
     count = 0
     y = np.empty((4, 3))
     queue = np.empty(len(beyond_s), np.int64)

@@ -1,13 +1,13 @@
-"""The height of a smooth surface over the flat faces that stand for it, along their outward normals.
+"""The height of a smooth surface over the flat faces that approximate it, along their outward normals.
 
 A linear face of a curved skin is flat, and misses the skin by up to h^2 / 8R. Its height is a quadratic field of the
 face,
 
     b(xi) = sum_i N_i(xi) b_i,
 
-with N_i the functions of SEG3, TRIA6 and QUAD9. It is 0 at the corners, which are on the skin; but not at those that a
-cut has put inside the face that the user meshed. The heights b_i are found by `lacmesh.smooth`; faces of quadratic
-types have their curve already, and no height.
+with N_i the functions of SEG3, TRIA6 and QUAD9. It is 0 at the corners, which lie on the skin, except at those that a
+cut has put inside a face of the original mesh. The heights b_i are computed by `lacmesh.smooth`; faces of quadratic
+types are curved themselves and have no height.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ N_HEIGHTS = 9
 class Height:
     """The heights of a surface's faces (f,).
 
-    `type` (f,): codes in skin.FACE_TYPES; `value` (f, 9): at the nodes of each face's quadratic type, in their order, 0
-    where there is none.
+    `type` (f,): codes in skin.FACE_TYPES; `value` (f, 9): heights at the nodes of each face's quadratic type, in their
+    order, padded with 0.
     """
 
     type: Ints
@@ -43,11 +43,11 @@ class Height:
 
     @property
     def degree(self) -> int:
-        """Of the polynomials that the heights are, on plane faces."""
+        """Degree of the heights as polynomials in the plane of a face."""
         return 4 if (self.type == TYPE_CODE["QUAD4"]).any() else 2
 
     def take(self, rows: Ints) -> Height:
-        """Those of some of the faces."""
+        """Return the heights of some of the faces."""
         return replace(self, type=self.type[rows], value=self.value[rows])
 
     def at(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
@@ -59,7 +59,7 @@ class Height:
         return out
 
     def slope(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
-        """(n, 2): derivatives of the heights by the faces' reference coordinates; the second is 0 on lines."""
+        """(n, 2): derivatives of the heights by the faces' reference coordinates; the second is 0 on segments."""
         out = np.zeros((len(face), 2))
         for rows, name, dim in self._by_type(face):
             dN = gradient(QUADRATIC[name], xi[rows, :dim])
@@ -67,7 +67,7 @@ class Height:
         return out
 
     def _by_type(self, face: Ints) -> Iterator[tuple[Any, str, int]]:
-        """Points on faces that have a height, by the types of these: (rows, type, its dimension)."""
+        """Iterate over the types of faces with a height, for points on `face`: (rows, type, its dimension)."""
         kind = self.type[face]
         for code in np.unique(kind):
             if (name := FACE_TYPES[code]) in QUADRATIC:

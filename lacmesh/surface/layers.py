@@ -1,4 +1,4 @@
-"""Parts of one slave patch that lie over one another: the nearest keeps the place, compiled."""
+"""Overlapping parts of one slave patch: only the nearest is kept at each point, compiled."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _FRAGMENTS = 64
 
 
 class Parts(NamedTuple):
-    """Room for the parts of one slave patch, a row each: polygon `shape` (., ROOM, 2) of `size` vertices and `label`.
+    """Buffers for the parts of one slave patch, one per row: polygon `shape` (., ROOM, 2), its `size` and `label`s.
 
     `plane` (., 3): height c0 + c1 p + c2 q of the master over the slave; `who`: the master patch. `low`, `high`
-    (., 2), `order`, `held`: room to sweep over them. `work`, `rest` (ROOM, 2) and their labels: room for
-    polygons on the way.
+    (., 2), `order`, `held`: buffers of the sweep. `work`, `rest` (ROOM, 2) and their labels: buffers for intermediate
+    polygons.
     """
 
     shape: Floats
@@ -39,7 +39,7 @@ class Parts(NamedTuple):
 
 
 def make_room(n: int) -> Parts:
-    """Room for n parts."""
+    """Allocate buffers for n parts."""
     return Parts(
         np.empty((n, ROOM, 2)),
         np.zeros((n, ROOM), np.int8),
@@ -59,9 +59,9 @@ def make_room(n: int) -> Parts:
 
 @kernel
 def nearest_only(of: Any, n: int, least: float, overlap: float) -> Any:
-    """Where the n parts lie over one another, keep the nearest. Returns their number (some empty); -1: no room.
+    """Keep the nearest part wherever the n parts overlap; return the number of parts, some empty, or -1 without room.
 
-    `least`: an area that is rounding; `overlap`: one that neighbours may share.
+    `least`: area below which a part is rounding; `overlap`: area that neighbours may share.
     """
     for a in range(n):
         _measure(of, a)
@@ -89,7 +89,7 @@ def nearest_only(of: Any, n: int, least: float, overlap: float) -> Any:
 
 @kernel
 def _measure(of: Any, a: int) -> None:
-    """Where part a begins and ends along either axis."""
+    """Compute the extent of part a along both axes."""
     for axis in range(2):
         of.low[a, axis], of.high[a, axis] = np.inf, -np.inf
         for k in range(of.size[a]):
@@ -99,7 +99,7 @@ def _measure(of: Any, a: int) -> None:
 
 @kernel
 def _let_go(of: Any, held: int, low: float) -> Any:
-    """Of the parts held, keep those that reach beyond `low` and are still there. Returns how many."""
+    """Drop held parts that are empty or end before `low` along the first axis; return the number of those kept."""
     kept = 0
     for k in range(held):
         b = of.held[k]
@@ -111,7 +111,7 @@ def _let_go(of: Any, held: int, low: float) -> Any:
 
 @kernel
 def _set_down(of: Any, n: int, a: int, held: int, least: float, overlap: float) -> Any:
-    """Where part a lies over one of those held, the nearer breaks the other. Returns their number; -1: no room."""
+    """Resolve overlaps of part a with the held parts: the nearer cuts the other; return the number, -1 without room."""
     low, high = of.low, of.high
     left, right, bottom, top = low[a, 0], high[a, 0], low[a, 1], high[a, 1]
     for k in range(held):
@@ -130,7 +130,7 @@ def _set_down(of: Any, n: int, a: int, held: int, least: float, overlap: float) 
 
 @kernel
 def _overlap(of: Any, a: int, b: int, least: float) -> Any:
-    """Area that parts a and b share, and which of them is farther from the slave there."""
+    """Common area of parts a and b, and the one of them that is farther from the slave there."""
     p, q = of.shape[a], of.shape[b]
     if outside(p, of.size[a], q, of.size[b]) or outside(q, of.size[b], p, of.size[a]):
         return 0.0, a
@@ -151,7 +151,7 @@ def _overlap(of: Any, a: int, b: int, least: float) -> Any:
 
 @kernel
 def _subtract(of: Any, n: int, far: int, near: int, least: float) -> Any:
-    """Take part `near` out of part `far`: what is left goes on as new parts. Returns their number; -1: no room."""
+    """Subtract part `near` from part `far`, leaving new parts; return the number of parts, -1 without room."""
     m = of.size[far]
     copy(of.shape[far], of.label[far], m, of.rest, of.rest_label)
     of.size[far] = 0
@@ -179,7 +179,7 @@ def _subtract(of: Any, n: int, far: int, near: int, least: float) -> Any:
 
 @kernel
 def _sort(order: Any, key: Any, n: int) -> None:
-    """Shell's method: a handful of parts nearly always, and never slow."""
+    """Sort `order` by `key` with Shell's method: nearly always a handful of parts, and never slow for many."""
     step = 1
     while 3 * step < n:
         step = 3 * step + 1

@@ -1,4 +1,4 @@
-"""The same in the plane: pieces of segments are intervals, and everything is arrays.
+"""Clipping and quadrature in the plane (`clip` and `place` are those in space): mortar segments are intervals.
 
 Notation: t in [0, 1] along a slave patch, s along a normal.
 """
@@ -27,7 +27,7 @@ _FIT_POINTS = 7
 
 
 class Intervals(NamedTuple):
-    """Parts that a slave and a master patch share, a row each: `slave`, `master`, (k, 2) `ends` in the slave face."""
+    """Mortar segments, one per row: the patches `slave`, `master`, and `ends` (k, 2) in the slave face."""
 
     slave: Ints
     master: Ints
@@ -35,7 +35,7 @@ class Intervals(NamedTuple):
 
 
 def clip_lines(pairs: Pairs, slave: Patches, master: Patches, reach: Reach) -> Intervals:
-    """The parts of candidates, by slave patch and along it; the nearest where several lie over one another."""
+    """Clip the candidate pairs; return the parts sorted along each slave patch, only the nearest where they overlap."""
     s = np.repeat(np.arange(len(slave.n)), np.diff(pairs.start))
     m = pairs.master
     d = master.x[m, :2] - slave.x[s, :1]
@@ -60,7 +60,7 @@ def clip_lines(pairs: Pairs, slave: Patches, master: Patches, reach: Reach) -> I
 
 
 def _nearest_only(s: Ints, m: Ints, low: Floats, high: Floats, h0: Floats, slope: Floats) -> tuple[NDArray, ...]:
-    """Where intervals [low, high] of one slave patch overlap, keep the nearest; heights are h0 + slope t."""
+    """Keep the nearest interval wherever intervals [low, high] of one slave patch overlap; heights are h0 + slope t."""
     order = np.lexsort((low, s))
     s, m, low, high, h0, slope = s[order], m[order], low[order], high[order], h0[order], slope[order]
     clash = np.zeros(int(s.max(initial=-1)) + 1, bool)
@@ -75,7 +75,7 @@ def _nearest_only(s: Ints, m: Ints, low: Floats, high: Floats, h0: Floats, slope
 
 
 def _highest(s: Ints, high: Floats) -> Floats:
-    """(k,): the greatest of `high` so far in the same patch; s ascends. By ranks, which lose no digits."""
+    """(k,): running maximum of `high` within each patch; s ascends. Computed by ranks, so that no digits are lost."""
     order = np.argsort(high)
     rank = np.empty(len(s), np.int64)
     rank[order] = np.arange(len(s))
@@ -83,7 +83,7 @@ def _highest(s: Ints, high: Floats) -> Floats:
 
 
 def _nearest_cells(s: Ints, low: Floats, high: Floats, h0: Floats, slope: Floats) -> tuple[Ints, Floats, Floats]:
-    """Cells between all the ends that lie on a patch, those that are covered: (nearest interval, from, to) of each."""
+    """Divide patches at all interval ends; return (nearest interval, start, end) of each covered cell."""
     ends, patch = np.concatenate([low, high]), np.concatenate([s, s])
     order = np.lexsort((ends, patch))
     ends, patch = ends[order], patch[order]
@@ -103,7 +103,7 @@ def _nearest_cells(s: Ints, low: Floats, high: Floats, h0: Floats, slope: Floats
 
 
 def _in_face(slave: Patches, s: Ints, t: Floats) -> Floats:
-    """Reference coordinates in the face whose points lie over t (k, 2) of the patches' chords; the ends stay ends."""
+    """Reference coordinates of the face points that project to t (k, 2) on the patches' chords; ends map to ends."""
     a, b = slave.xi[s, 0, 0][:, None], slave.xi[s, 1, 0][:, None]
     u = a + t * (b - a)
     G = slave.G[slave.face[s]]
@@ -121,11 +121,11 @@ def _in_face(slave: Patches, s: Ints, t: Floats) -> Floats:
 
 
 def gauss_points(slave: Patches, master: Patches, parts: Intervals, degree: Ints, radius: bool, smooth: Bools) -> Ints:
-    """(k,): Gauss points that each part takes, for shape functions of so high a degree on either face.
+    """(k,): number of Gauss points of each part, for shape functions of the given `degree` on the two faces.
 
-    `smooth` (k,): whether normals are other than the slave face's own. Exact where both faces are evenly divided. Where
-    the middle node of one stands off, on straight lines, their weights are fitted (FITTED added): as many as functions,
-    and a few more. On curved lines 4.
+    `smooth` (k,): True if the normals are not the slave face's own. Exact if the mid-nodes of both faces are at the
+    middle. On straight lines with a mid-node off the middle the weights are fitted (FITTED is added): as many points as
+    functions, and a few more. On curved lines 4.
     """
     fs, fm = slave.face[parts.slave], master.face[parts.master]
     even = (slave.kind[fs] == AFFINE) & (master.kind[fm] == AFFINE)
@@ -135,7 +135,7 @@ def gauss_points(slave: Patches, master: Patches, parts: Intervals, degree: Ints
 
 
 class PlacedOnLines(NamedTuple):
-    """Points on parts, a row each: part, u (n,) in the slave and in the master, weight, normal, gap; `met` the master.
+    """Points on parts, one per row: part, u (n,) in slave and master, weight, normal, gap; `met`: ray hits master.
 
     `first` (parts + 1,): the first point of each part.
     """
@@ -153,7 +153,7 @@ class PlacedOnLines(NamedTuple):
 def place_lines(
     parts: Intervals, code: Ints, slave: Patches, master: Patches, normals: Floats | None, radius: float | None
 ) -> PlacedOnLines:
-    """Points on parts by rules `code` (gauss_points); weights hold 2 pi r, r = `radius` + x, if it is not None."""
+    """Place points on parts by rules `code` (gauss_points); weights include 2 pi r, r = `radius` + x, unless None."""
     first, piece, X, w = _rows(code % FITTED)
     s, m = parts.slave[piece], parts.master[piece]
     fs, fm = slave.face[s], master.face[m]
@@ -183,9 +183,9 @@ def _normals(d: Floats) -> Floats:
 def _fit(
     G: Floats, H: Floats, ends: Floats, n: Floats, radius: float | None, u: Floats, um: Floats, weight: Floats
 ) -> None:
-    """Correct the weights of the points u of a straight part, um in the master, so that u, u^2, um, um^2 are exact.
+    """Correct the weights of points u, um in the master, of a straight part to integrate u, u^2, um, um^2 exactly.
 
-    `G`, `H` (9, 3): the maps; `ends` (2,): the part in the slave. The integrals are polynomial in either face's own u.
+    `G`, `H` (9, 3): the maps; `ends` (2,): the part in the slave. The integrands are polynomials in each face's own u.
     """
     x, _ = _at(np.broadcast_to(G, (2, 9, 3)), ends)
     ends_m, _, met = meet(np.broadcast_to(H, (2, 9, 3)), x, np.broadcast_to(n, (2, 3)), um[[0, -1]])
@@ -209,7 +209,7 @@ def _fit(
 
 
 def _rows(count: Ints) -> tuple[Ints, Ints, Floats, Floats]:
-    """For parts with so many Gauss points: first point of each; of each point the part, its place in [0, 1], weight."""
+    """Gauss points, `count` (parts,) of them: first point of each part; part, abscissa in [0, 1], weight of each."""
     first = np.concatenate([[0], np.cumsum(count)])
     piece = np.repeat(np.arange(len(count)), count)
     within = np.arange(len(piece)) - first[piece]
@@ -227,7 +227,7 @@ def _at(G: Floats, u: Floats) -> tuple[Floats, Floats]:
 
 
 def meet(G: Floats, x: Floats, n: Floats, u: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Where lines through x (k, 3) along n meet segments with maps G: (u, distance along n, met), from a guess u."""
+    """Intersect lines through x (k, 3) along n with segments of maps G, from a guess u: (u, distance along n, met)."""
     across = np.stack([-n[:, 1], n[:, 0], np.zeros(len(n))], axis=1)
     met = np.zeros(len(u), bool)
     for _ in range(_STEPS):

@@ -43,7 +43,7 @@ def monomials(X: Floats) -> Floats:
 
 @cache
 def basis(code: int) -> NDArray[np.floating]:
-    """(9, n_nodes): the shape functions of a type of face (its code) in the monomials; multiples of 1/8, exact here."""
+    """(9, n_nodes): coefficients of a face type's shape functions in the monomials, exact multiples of 1/8."""
     line = np.array([-1.0, 0.0, 1.0])
     name = FACE_TYPES[code]
     if name.startswith("SEG"):
@@ -58,7 +58,7 @@ def basis(code: int) -> NDArray[np.floating]:
 
 
 def coefficients(surface: Surface, values: Floats | None = None) -> Floats:
-    """G (f, 9, k): the map of each face; or of `values` (f, 9, k) at its nodes, interpolated."""
+    """G (f, 9, k): coefficients of the map of each face, or of the interpolation of `values` (f, 9, k) at its nodes."""
     k = 3 if values is None else values.shape[2]
     G = np.empty((len(surface), N_MONOMIALS, k))
     for name, rows, nodes in surface.by_type():
@@ -69,10 +69,10 @@ def coefficients(surface: Surface, values: Floats | None = None) -> Floats:
 
 
 def kinds(G: Floats, corners: Ints) -> tuple[Ints, Floats, Floats]:
-    """For maps G of faces with so many corners: their kind, how far they are out of a plane, and how far curved (f,).
+    """Kind, warp and curvature (f,) of maps G of faces with the given numbers of corners.
 
-    The last two against the size of the face; 0 where rounding alone did it. Curved is what of the map is neither
-    affine nor bilinear.
+    Warp is the deviation from a plane, curvature the part of the map that is neither affine nor bilinear. Both are
+    relative to the size of the face, and 0 if they are mere rounding.
     """
     size = np.linalg.norm(G[:, 1], axis=1) + np.linalg.norm(G[:, 2], axis=1)
     part = np.linalg.norm(G, axis=2)
@@ -119,7 +119,7 @@ def at(G: Any, kind: int, u: float, v: float) -> Any:
 
 @kernel
 def _curved(G: Any, s: int, u: float, v: float) -> Any:
-    """One coordinate of x and its derivatives, all nine monomials."""
+    """Coordinate s of x and its derivatives, from all nine monomials."""
     c0 = G[0, s] + v * (G[2, s] + v * G[5, s])
     c1 = G[1, s] + v * (G[4, s] + v * G[7, s])
     c2 = G[3, s] + v * (G[6, s] + v * G[8, s])

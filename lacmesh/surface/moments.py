@@ -1,14 +1,14 @@
-"""Integrals over a piece of the functions of a plane face with straight sides, exactly, from the piece's edges.
+"""Exact integrals of the functions of a plane face with straight sides over a piece, from the piece's edges.
 
 Over a piece P the functions of a face are polynomials f in its reference coordinates (u, v), and by Green's theorem
 
     int_P f dA = sum over edges  int F dv,   F = int f J du,   J = J0 + Ju u + Jv v the Jacobian,
 
 where F is a polynomial too. An edge that is one of the face's own, or any edge of an affine face, is straight in (u,
-v): a few Gauss points are exact. Any other is analytic in its own length t, up to where the Jacobian would vanish on
-its line: the discriminant of the inverse map, a quadratic in t. n Gauss points leave rho^(-2 n), rho the sum of the
-half axes of the ellipse, with foci at the ends of the edge, through that place (Trefethen, SIAM Review 50, 2008): so
-it is known beforehand how many do.
+v): a few Gauss points are exact. On any other edge the integrand is analytic in the arc length t, up to the points
+where the Jacobian would vanish on its line, the zeros of the discriminant of the inverse map, a quadratic in t. The
+error of n Gauss points is rho^(-2 n), with rho the sum of the half axes of the ellipse through the nearest of these
+points with foci at the ends of the edge (Trefethen, SIAM Review 50, 2008): so the number needed is known beforehand.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _LEFT = 32.0
 
 
 class Gauss(NamedTuple):
-    """Gauss rules of 1, 2, ... points on [0, 1], one after the other: that of n starts at n (n - 1) / 2."""
+    """Gauss rules of 1, 2, ... points on [0, 1], one after the other: that with n points starts at n (n - 1) / 2."""
 
     t: Floats
     w: Floats
@@ -37,14 +37,14 @@ class Gauss(NamedTuple):
 
 @cache
 def gauss_rules() -> Gauss:
-    """Rules of up to 40 points."""
+    """Return the rules of up to 40 points."""
     rules = [np.polynomial.legendre.leggauss(n) for n in range(1, _MOST + 1)]
     return Gauss(np.concatenate([(t + 1) / 2 for t, _ in rules]), np.concatenate([w / 2 for _, w in rules]))
 
 
 @kernel
 def functions(u: float, v: float, k: int, out: Any, first: int) -> None:
-    """The first k of u, v, uv, u^2, v^2, u^2 v, u v^2, u^2 v^2 into out[first:]."""
+    """Write the first k of u, v, uv, u^2, v^2, u^2 v, u v^2, u^2 v^2 into out[first:]."""
     out[first], out[first + 1] = u, v
     if k > 2:
         out[first + 2] = u * v
@@ -58,7 +58,7 @@ def functions(u: float, v: float, k: int, out: Any, first: int) -> None:
 
 @kernel
 def points_needed(c: Any, a: Any, b: Any, d: Any, p: Any, q: Any, least: int) -> Any:
-    """How many Gauss points integrate along the segment p -> q what is analytic in a quadrangle's coordinates."""
+    """Number of Gauss points that integrate a function analytic in a quadrangle's coordinates along p -> q."""
     half = ((q[0] - p[0]) / 2, (q[1] - p[1]) / 2)
     r = (p[0] + half[0] - c[0], p[1] + half[1] - c[1])
     alpha, beta, gamma = wedge(half, d), wedge(r, d) - wedge(a, b), wedge(a, d)
@@ -85,7 +85,10 @@ def points_needed(c: Any, a: Any, b: Any, d: Any, p: Any, q: Any, least: int) ->
 
 @kernel
 def _add(u: float, v: float, dv: float, j0: float, ju: float, jv: float, k: int, first: int, target: Any) -> None:
-    """Add to target[first:] what a point of the boundary gives of k functions; target[0] the area where first is 1."""
+    """Add to target[first:] the contributions of a boundary point to the integrals of k functions.
+
+    target[0] takes the area if first is 1.
+    """
     j = j0 + jv * v
     f0 = dv * u * (j + ju * u / 2)
     f1 = dv * u * u * (j / 2 + ju * u / 3)
@@ -114,7 +117,7 @@ def straight_integrals(
     """Add to target[first:] the integrals over a polygon of k functions of a face with corners y (n, .) in its plane.
 
     `corner` (., 2): the polygon's vertices in the face's coordinates; edges own to own + 3 are the face's; `local`:
-    origin and scale of the functions' arguments. target[0] takes the area where first is 1.
+    origin and scale of the functions' arguments. target[0] takes the area if first is 1.
     """
     u0, v0, h = local
     place, share = rules.t, rules.w

@@ -1,7 +1,7 @@
-"""Normals of a surface: the true one at a point of a face, or nodal ones interpolated ("smoothed").
+"""Normals of a surface: the true one at a point of a face, or interpolated nodal ones ("smoothed").
 
-A smoothed normal at a node is the mean of the normals of the faces that meet there, each weighted with its area (the
-manual's 3.3.3.2). Faces that turn from one another by more than the crease angle do not mix: an edge stays an edge.
+A smoothed normal at a node is the area-weighted mean of the normals of the faces that meet there (the manual's
+3.3.3.2). Faces whose normals differ by more than the crease angle are not averaged: an edge remains an edge.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ def weighted(name: str, x: Floats, X: Floats) -> Floats:
 
 
 def normals_of(J: Floats) -> Floats:
-    """(..., 3): normals of tangents J (..., 3, 1 or 2), their length the Jacobian."""
+    """(..., 3): normals from tangents J (..., 3, 1 or 2); their length is the Jacobian."""
     if J.shape[-1] == 1:
         return np.stack([J[..., 1, 0], -J[..., 0, 0], np.zeros(J.shape[:-2])], axis=-1)
     return np.cross(J[..., 0], J[..., 1])
 
 
 def smoothed(surface: Surface, crease_angle: float) -> Floats:
-    """(f, 9, 3): unit normals at the nodes of each face, zero where a face has none. `crease_angle` in degrees."""
+    """(f, 9, 3): smoothed unit normals at the nodes of each face, padded with 0. `crease_angle` in degrees."""
     area = np.zeros((len(surface), 3))
     own = np.zeros((len(surface), 9, 3))
     for name, rows, nodes in surface.by_type():
@@ -47,7 +47,7 @@ def smoothed(surface: Surface, crease_angle: float) -> Floats:
 
 
 def _gather(surface: Surface, own: Floats, area: Floats, least: float) -> Floats:
-    """Sum, over the faces at each node of each face, of area times normal; only of those within the crease angle."""
+    """Sum of area times normal over the faces at each node of each face that are within the crease angle."""
     total = np.zeros_like(own).reshape(-1, own.shape[2])
     normal = own.reshape(total.shape)
     for place, other in _meetings(surface, own, least):
@@ -56,7 +56,7 @@ def _gather(surface: Surface, own: Floats, area: Floats, least: float) -> Floats
 
 
 def crease_pairs(surface: Surface, own: Floats, crease_angle: float) -> tuple[Ints, Ints]:
-    """Whose normals a smoothed one is made of: places 9 f + a of a node on a face, and those of it on others (k,) each.
+    """(k,) each: pairs of positions 9 f + a (node a of face f), of a smoothed normal and of one that contributes to it.
 
     `own` (f, 9, k): the faces' true normals at their nodes.
     """
@@ -66,7 +66,7 @@ def crease_pairs(surface: Surface, own: Floats, crease_angle: float) -> tuple[In
 
 
 def _meetings(surface: Surface, own: Floats, least: float) -> Iterator[tuple[Ints, Ints]]:
-    """Pairs of places whose node is one and whose normals are within the crease angle; each place once in a pass."""
+    """Yield pairs of positions with the same node and normals within the crease angle; each position once per pass."""
     there = surface.faces.nodes >= 0
     face, corner = np.nonzero(there)
     node = surface.faces.nodes[there]

@@ -1,8 +1,8 @@
-"""Patches: the straight pieces of faces that are clipped in their place.
+"""Patches: the parts of faces, with straight sides, that are clipped in their place.
 
-A face whose sides are straight is one patch. Curved ones are subdivided for the intersection only, all of a surface
-alike, so that the patches of neighbours meet along whole edges; quadrature points lie on the true geometry. A
-quadrangle that is not convex in its mean plane is two triangles.
+A face with straight sides is one patch. Curved faces are subdivided for the intersection only, all faces of a surface
+alike, so that the patches of neighbours share whole edges; quadrature points lie on the true geometry. A quadrangle
+that is not convex in its mean plane is split into two triangles.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _SAME = 1e-8
 
 
 class Patches(NamedTuple):
-    """Patches of a surface, a row each: `face`, `n` corners (2 to 4), `xi` (p, 4, 2) their places in the face.
+    """Patches of a surface, one per row: `face`, `n` corners (2 to 4), `xi` (p, 4, 2): corners in the face.
 
     `x` (p, 4, 3): corners; frame: `centre` (p, 3), `e` (p, 3, 3): two tangents and the unit normal of the mean plane;
     `y` (p, 4, 3): corners in that frame. `area` (p,) in the mean plane: length of segments. `G` (f, 9, 3), `kind` (f,),
@@ -53,7 +53,7 @@ class Patches(NamedTuple):
 
 
 def patches(surface: Surface) -> Patches:
-    """The patches of a surface, by face."""
+    """Divide a surface into patches, sorted by face."""
     with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates: such faces have no patch
         G = coefficients(surface)
         kind, warp, curved = kinds(G, surface.n_corners)
@@ -65,7 +65,7 @@ def patches(surface: Surface) -> Patches:
 
 
 def _grids(surface: Surface, level: Ints) -> tuple[Ints, Ints, Floats]:
-    """Rows, corners and reference places of the patches, sorted by face."""
+    """Return face rows, numbers of corners and reference coordinates of the patches, sorted by face."""
     faces, ns, xis = [], [], []
     for family, corners in (("SEG", 2), ("TRIA", 3), ("QUAD", 4)):
         for k in range(len(_STEPS) + 2):
@@ -82,7 +82,7 @@ def _grids(surface: Surface, level: Ints) -> tuple[Ints, Ints, Floats]:
 
 
 def reference_grid(family: str, n: int) -> Floats:
-    """(cells, 4, 2): the reference element of a family in n parts a side, its cells turning as it does.
+    """(cells, 4, 2): the reference element of a family divided into n parts per side; the cells have its winding.
 
     >>> reference_grid("TRIA", 2).shape, reference_grid("QUAD", 2).shape, reference_grid("SEG", 2)[:, :2, 0].tolist()
     ((4, 4, 2), (4, 4, 2), [[-1.0, 0.0], [0.0, 1.0]])
@@ -127,7 +127,7 @@ def _with_frames(face: Ints, n: Ints, xi: Floats, G: Floats, kind: Ints, warp: F
 
 
 def _normals(x: Floats, n: Ints, line: bool) -> tuple[Floats, Floats, Floats]:
-    """Normals of patches, not unit ones; their areas; the longest of their first edges and diagonals."""
+    """Normals of patches (not of unit length), their areas, and the longest of their first edges and diagonals."""
     a, b = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
     longest = np.maximum(norm(a), norm(b))
     if line:
@@ -138,7 +138,7 @@ def _normals(x: Floats, n: Ints, line: bool) -> tuple[Floats, Floats, Floats]:
 
 
 def _joined(x: Floats) -> Floats:
-    """Corners x (p, 4, 3), those of a patch that are hardly apart exactly in one place: the edge between is none."""
+    """Merge nearly coincident corners of each patch x (p, 4, 3), so that the edge between them has length 0."""
     size = np.abs(x[:, 1:] - x[:, :1]).max(axis=(1, 2), initial=0.0)[:, None]
     near = np.abs(x - np.roll(x, 1, axis=1)).max(axis=2) <= _SAME * size
     near[:, 0] = False  # the last corner and the first: below
@@ -150,7 +150,7 @@ def _joined(x: Floats) -> Floats:
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """(k, 3): cross products; numpy's own is several times slower on many."""
+    """(k, 3): cross products; np.cross is several times slower for many vectors."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
@@ -162,13 +162,13 @@ def norm(a: Floats) -> Floats:
 
 
 def turns(y: Floats) -> Floats:
-    """(p, 4): twice the area of the triangle at each corner of plane quadrangles y (p, 4, 2 or more); > 0 convex."""
+    """(p, 4): twice the area of the triangle at each corner of plane quadrangles y (p, 4, 2 or more); > 0 if convex."""
     before, after = y - np.roll(y, 1, axis=1), np.roll(y, -1, axis=1) - y
     return before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]
 
 
 def _split_concave(p: Patches) -> Patches:
-    """Quadrangles that are not convex in their mean plane become two triangles, cut at the corner that goes in."""
+    """Split quadrangles that are not convex in their mean plane into two triangles, at the re-entrant corner."""
     corner = turns(p.y)
     concave = (p.n == 4) & (corner.min(axis=1) < -1e-12 * p.area)
     if not concave.any():

@@ -1,4 +1,4 @@
-"""Quadrature points on the pieces of a surface in space: where they are in both faces, their weights and gaps."""
+"""Quadrature points on mortar segments in space: their coordinates in both faces, weights, normals and gaps."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _COUNTS = 0.1
 
 
 class Placed(NamedTuple):
-    """Points, a row each: piece, places (n, 2) in both faces, weight, unit normal, gap; `met`: the ray hit the master.
+    """Points, one per row: piece, coordinates (n, 2) in both faces, weight, unit normal, gap; `met`: ray hits master.
 
     `first` (pieces + 1,): the first point of each piece, in the order in which they were placed.
     """
@@ -51,10 +51,10 @@ def place(
     bend: Floats,
     H: Floats,
 ) -> Placed:
-    """Points of pieces, in some order, by rules `code`.
+    """Place quadrature points on pieces, in the given `order`, by rules `code`.
 
-    `k`: how many functions of the slave face and of the master's are fitted, (pieces,) each. `bend` (pieces,): how far
-    the slave face is warped, or its normals turned. `H` (f, 9, 3): maps of smoothed normals; (0, 9, 3) for true ones.
+    `k`: numbers of fitted functions of the slave face and of the master's, (pieces,) each. `bend` (pieces,): warp of
+    the slave face, or variation of its normals. `H` (f, 9, 3): maps of smoothed normals; (0, 9, 3) for true ones.
     """
     count = points_of(code, np.diff(pieces.start))[order]
     first = np.concatenate([[0], np.cumsum(count)])
@@ -81,7 +81,7 @@ def place(
 
 @kernel
 def plane_rule(p: Any, n: int, code: int, fans: Any, out: Any, weight: Any) -> Any:
-    """Points (., 2) and weights of a rule on a convex polygon of n vertices, into `out` and `weight`; their number."""
+    """Write points (., 2) and weights of a rule on a convex polygon of n vertices; return their number."""
     base = code % FITTED
     if base <= ELLIPSE:
         return _ellipse_rule(p, n, base, out, weight)
@@ -103,7 +103,7 @@ def plane_rule(p: Any, n: int, code: int, fans: Any, out: Any, weight: Any) -> A
 
 @kernel
 def _ellipse_rule(p: Any, n: int, code: int, out: Any, weight: Any) -> Any:
-    """The centroid, or three points on the ellipse that has twice the polygon's second moments over its area."""
+    """Write the centroid, or three points on the ellipse of inertia (twice the second moments over the area)."""
     x, y = centroid(p, n)
     area = xx = xy = yy = 0.0
     for k in range(1, n - 1):
@@ -134,7 +134,7 @@ def _ellipse_rule(p: Any, n: int, code: int, out: Any, weight: Any) -> Any:
 
 @kernel
 def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
-    """Unit normal of a face at (u, v): the true one, or the smoothed one where there are maps H; and the Jacobian."""
+    """Unit normal of a face at (u, v), the true one, or the smoothed one if there are maps H; and the Jacobian."""
     n0 = du[1] * dv[2] - du[2] * dv[1]
     n1 = du[2] * dv[0] - du[0] * dv[2]
     n2 = du[0] * dv[1] - du[1] * dv[0]
@@ -148,7 +148,7 @@ def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
 
 @kernel
 def _is_straight(patch: Any) -> Any:
-    """Whether a side's patch lies as its face does, seen along a normal: straight sides, not half of a quadrangle."""
+    """True if a side's patch coincides with its face, seen along the normal: straight sides, not half a quadrangle."""
     return patch.kind == AFFINE or (patch.kind < CURVED and patch.n == 4)
 
 
@@ -156,9 +156,10 @@ def _is_straight(patch: Any) -> Any:
 def _in_plane(
     u: float, v: float, um: float, vm: float, area: float, slave: Any, master: Any, e: Any, fitted: bool
 ) -> Any:
-    """Place in the master, and weight in the plane, of the point (u, v) of the slave, seen along the plane's normal.
+    """Project the point (u, v) of the slave onto the master along the plane's normal: (um, vm, weight in the plane).
 
-    Faces are as they are: `in_face` has them with straight sides. (um, vm): a first guess; it stays where not `fitted`.
+    The true faces are used, unlike in `in_face`, which straightens their sides. (um, vm): a first guess, which is kept
+    unless `fitted`.
     """
     x, du, dv = at(slave.G, slave.kind, u, v)
     if fitted:
@@ -168,7 +169,7 @@ def _in_plane(
 
 @kernel
 def _across(du: Any, dv: Any, e: Any) -> Any:
-    """The area that du and dv span, seen along the normal of a frame."""
+    """Area spanned by du and dv, seen along the normal of a frame."""
     au, bu = in_plane(du, e)
     av, bv = in_plane(dv, e)
     return abs(au * bv - av * bu)
@@ -178,7 +179,10 @@ def _across(du: Any, dv: Any, e: Any) -> Any:
 def _raised(
     u: float, v: float, um: float, vm: float, weight: float, slave: Any, master: Any, e: Any, H: Any, f: int
 ) -> Any:
-    """A point of the slave as it is: weight, normal, place in the master and gap along that, met; from the plane's."""
+    """Turn a point's values in the plane into those on the true slave face: (um, vm, weight, normal, gap, met).
+
+    The master point (um, vm) and the gap are found along the normal of the slave at (u, v).
+    """
     x, du, dv = at(slave.G, slave.kind, u, v)
     unit, jacobian = normal_at(H, f, du, dv, u, v)
     hit, um, vm, gap = ray(master.G, master.kind, x, unit, um, vm)
@@ -187,7 +191,7 @@ def _raised(
 
 @kernel
 def _side(patch: int, of: Any, y: Any, k: int) -> Any:
-    """What a piece knows of a patch with corners y in the slave's plane; k functions of its face are fitted."""
+    """Make the `Side` of a piece on a patch with corners y in the slave's plane; k functions of its face are fitted."""
     face, n, xi = of.face[patch], of.n[patch], of.xi[patch]
     return Side(of.G[face], of.kind[face], n, xi, y, inverse(y, n, xi), k)
 
@@ -197,7 +201,7 @@ def _place_all(
     begin: int, end: int, pieces: Any, order: Any, code: Any, most: int, slaves: Any, masters: Any, bend: Any, H: Any,
     k_s: Any, k_m: Any, fans: Any, gauss: Any, out: Any,
 ) -> None:  # fmt: skip
-    """Fill `out` for the pieces order[begin:end]. `most`: points of a piece."""
+    """Fill `out` for the pieces order[begin:end]. `most`: largest number of points of a piece."""
     p, area, y_m = np.empty((most, 2)), np.empty(most), np.empty((4, 3))
     room = (
         np.empty((ROOM, 4)),

@@ -1,4 +1,4 @@
-"""Contact points: quadrature on the slave, and for each point where its normal meets the master."""
+"""Contact points: quadrature points on the slave, each with the point where its normal meets the master."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _BEYOND = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
-    """A row each quadrature point (n,), sorted by (slave type, master type, rule): `groups` says where each starts.
+    """Contact points (n,), one per row, sorted by (slave type, master type, rule); `groups` gives the ranges.
 
     `macro`: macro-element; `slave`, `master`: rows of the two surfaces; `xi_slave`, `xi_master` (n, 2; the second
-    column is 0 on lines): reference coordinates in those faces; `weight`: true measure of the slave surface (2 pi r is
-    in it where `axisymmetric`); `normal` (n, 3): unit, outward from the slave; `ray` = (x_bar - x).normal, with x the
+    column is 0 on lines): reference coordinates in those faces; `weight`: true measure of the slave surface (including
+    2 pi r if `axisymmetric`); `normal` (n, 3): unit, outward from the slave; `ray` = (x_bar - x).normal, with x the
     point of the slave's face and x_bar that of the master's, on the line through x along `normal`; `gap`, > 0 where
-    open: `ray` less the heights of both surfaces there (`Surface.height`), so that it is from one smooth surface to the
-    other where faces stand for such.
+    open: `ray` minus the heights of both surfaces there (`Surface.height`), so that it is measured between the smooth
+    surfaces where faces approximate such.
     `groups` (g, 5): slave type code, master type code (skin.FACE_TYPES), rule code, first row, row after the last.
     """
 
@@ -70,20 +70,19 @@ def contact_points(
     axisymmetric: bool = False,
     degree: int = 0,
 ) -> ContactPoints:
-    """Contact points of a slave surface against a master.
+    """Compute the contact points of a slave surface against a master.
 
     `macro` (faces of slave,): the macro-element of each slave face; its own row if None; points of faces with a
-    negative one are left out. `normals`: `facet`, the slave's true normal, or `smoothed`, nodal normals over edges
-    that turn by less than `crease_angle` degrees. `search`: `tree`, or `front` (advancing front, repaired from the
-    tree); they give the same points. `axisymmetric`: about the y axis, x >= 0 the radius; weights hold 2 pi x.
-    `degree` (4 at most): of polynomials on plane faces that are to be integrated exactly beside the shape functions.
+    negative one are left out. `normals`: `facet`, the slave's true normal, or `smoothed`, nodal normals averaged over
+    edges with an angle below `crease_angle` degrees. `search`: `tree`, or `front` (advancing front, completed from the
+    tree); both give the same points. `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
+    `degree` (4 at most): degree of polynomials on plane faces that are integrated exactly besides the shape functions.
 
-    A slave face looks for master faces that face it (normals opposed) up to `search_distance` ahead along its normal,
-    by default as far as `default_distance` says; and behind itself, where bodies overlap, up to `max_penetration`, by
-    default the mean of how deep the cells behind the slave face and behind the master face reach (the size of a face
-    that has no cell behind), and no farther than ahead: so two plates one cell thick may overlap by half of both before
-    the sides that turn away could be taken for a pair. Of several layers of the master the nearest counts. Raises
-    RequestError, ValueError.
+    A slave face is paired with master faces that face it (opposite normals), up to `search_distance` ahead along its
+    normal, by default `default_distance`; and behind it, where bodies overlap, up to `max_penetration`, by default the
+    mean depth of the cells behind the slave face and behind the master face (the size of a face without a cell behind),
+    and no farther than ahead: so two plates one cell thick may overlap by half of both before their far sides could be
+    paired. Of several layers of the master the nearest counts. Raises RequestError, ValueError.
     """
     _check(slave, master, normals, search, axisymmetric, search_distance, max_penetration)
     macro = np.arange(len(slave)) if macro is None else np.asarray(macro)
@@ -110,7 +109,7 @@ def contact_points(
 
 
 def smooth_gap(points: ContactPoints, slave: Surface, master: Surface) -> Floats:
-    """(n,): the gap between the smooth surfaces that faces stand for; that of the faces where they have no height."""
+    """(n,): the gap between the smooth surfaces, or between the faces themselves where they have no height."""
     if slave.height is None and master.height is None:
         return points.ray
     heights = slave.heights(points.slave, points.xi_slave) + master.heights(points.master, points.xi_master)
@@ -118,13 +117,13 @@ def smooth_gap(points: ContactPoints, slave: Surface, master: Surface) -> Floats
 
 
 def _corners(surface: Surface) -> NDArray[np.floating]:
-    """(k, 3): the corners of a surface's faces, again and again."""
+    """(k, 3): the corners of a surface's faces, repeated for every face."""
     nodes = surface.faces.nodes[:, :MAX_CORNERS]
     return surface.x[nodes[nodes >= 0]]
 
 
 def _from(surface: Surface, origin: Floats) -> Surface:
-    """The surface in coordinates from an origin."""
+    """Return the surface in coordinates relative to an origin."""
     return surface.at(surface.x - origin) if origin.any() else surface
 
 
@@ -152,7 +151,7 @@ def _check(
 
 
 def _check_radii(*surfaces: Surface) -> None:
-    """Raises DataError where nodes lie beyond the axis, by more than rounding."""
+    """Raise DataError if nodes lie beyond the axis (x < 0) by more than rounding."""
     for surface, what in zip(surfaces, ("slave", "master"), strict=True):
         x = surface.x[np.unique(surface.faces.nodes[surface.faces.nodes >= 0]), :2]
         fine = x[np.isfinite(x).all(axis=1)]
@@ -166,10 +165,10 @@ def _check_radii(*surfaces: Surface) -> None:
 
 
 def default_distance(slave: Surface, master: Surface, macro: Ints) -> float:
-    """How far ahead a slave looks where nothing is said; a cut of the slave does not change it.
+    """Default search distance ahead of a slave surface, which a cut of the slave does not change.
 
-    A quarter of the diagonal of the smaller surface's box, or twice that of the largest macro-element's if it is more.
-    `macro` (faces of slave,), as in `contact_points`.
+    A quarter of the diagonal of the smaller surface's box, or twice the diagonal of the largest macro-element's box if
+    that is more. `macro` (faces of slave,), as in `contact_points`.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates
         smaller = min(_diagonals(k, np.zeros(len(k), np.int64)).max(initial=0.0) for k in (slave, master))
@@ -177,7 +176,7 @@ def default_distance(slave: Surface, master: Surface, macro: Ints) -> float:
 
 
 def _diagonals(surface: Surface, group: Ints) -> Floats:
-    """(groups,): diagonals of the boxes around the corners of faces of a group each; of no group where negative."""
+    """(groups,): diagonal of the bounding box of each group of faces; faces with a negative `group` are left out."""
     rows = np.flatnonzero(group >= 0)
     nodes = surface.faces.nodes[rows, :MAX_CORNERS]
     there = np.arange(MAX_CORNERS) < surface.n_corners[rows, None]
@@ -197,7 +196,7 @@ def reaches(
     distance: float | None = None,
     penetration: float | None = None,
 ) -> Reach:
-    """How far each slave patch looks ahead and behind, by the rules that `contact_points` states."""
+    """Search distances of each slave patch, ahead and behind, by the rules in `contact_points`."""
     if distance is None:
         distance = default_distance(slave, master, np.arange(len(slave)))
     ahead = np.full(len(s.n), float(distance))
@@ -242,13 +241,13 @@ def _on_faces(
 
 
 def _turned(slave: Surface, H: Floats) -> NDArray[np.floating]:
-    """(f,): how far the interpolated normals of a face, of maps H (f, 9, 3), are from its own."""
+    """(f,): deviation of a face's interpolated normals, with maps H (f, 9, 3), from its own mean normal."""
     normal, _ = mean_normals(slave)
     return np.asarray(np.maximum(np.abs(H[:, 1:]).max(axis=(1, 2)), np.abs(H[:, 0] - normal).max(axis=1)))
 
 
 def _side(surface: Surface, p: Patches, rows: Ints) -> Sides:
-    """What decides the rules of pieces on some patches."""
+    """Collect the properties of some patches that determine the rules of their pieces."""
     f = p.face[rows]
     return Sides(surface.faces.type[f], p.kind[f], p.warp[f], p.n[rows] == surface.n_corners[f])
 
@@ -264,7 +263,7 @@ def _on_lines(
     radius: float | None,
     degree: int,
 ) -> ContactPoints:
-    """`radius`: that of the origin, in an axisymmetric model; else None."""
+    """Compute the contact points of segments. `radius`: that of the origin in an axisymmetric model, else None."""
     parts = clip_lines(pairs, s, m, reach)
     fs, fm = s.face[parts.slave], m.face[parts.master]
     of_faces = np.maximum(FUNCTION_DEGREE[slave.faces.type[fs]], FUNCTION_DEGREE[master.faces.type[fm]])
@@ -283,7 +282,7 @@ def _on_lines(
 
 
 def _groups(slave: Surface, master: Surface, fs: Ints, fm: Ints, code: Ints) -> tuple[Ints, Ints]:
-    """The order of pieces by (slave type, master type, rule, slave face), and the groups: (types, rule, from, to)."""
+    """Order of the pieces by (slave type, master type, rule, slave face), and the groups: (types, rule, start, end)."""
     key = (slave.faces.type[fs] * 16 + master.faces.type[fm]) * 64 + code
     order = np.argsort(key, kind="stable")
     values, first = np.unique(key[order], return_index=True)
@@ -292,7 +291,7 @@ def _groups(slave: Surface, master: Surface, fs: Ints, fm: Ints, code: Ints) -> 
 
 
 def _only(points: ContactPoints, keep: NDArray[np.bool_]) -> ContactPoints:
-    """The points whose ray met the master; the others leave their part of the slave uncovered."""
+    """Keep the points whose ray hits the master; the others leave their part of the slave uncovered."""
     groups = points.groups.copy()
     groups[:, 3:] = np.concatenate([[0], np.cumsum(keep)])[groups[:, 3:]]
     rows = {

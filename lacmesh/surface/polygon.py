@@ -1,8 +1,8 @@
 """Convex polygons in the plane, compiled: area, centroid, and clipping by lines and by one another.
 
 A polygon is the first n rows of an array (room, 2), counter-clockwise; `label[k]` names the edge that leaves vertex k.
-Clipping is that of Sutherland and Hodgman (Comm. ACM 17, 1974). No two vertices are compared: edges and corners that
-coincide, or nearly do, cost nothing but slivers.
+Clipping follows Sutherland and Hodgman (Comm. ACM 17, 1974). Vertices are never compared with each other: edges and
+corners that coincide, or nearly do, lead to slivers and no other harm.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _THIN = 1e-9
 
 @kernel
 def area_of(p: Any, n: int) -> Any:
-    """Area of a polygon; from its first vertex, so that a small one far away keeps its digits."""
+    """Area of a polygon, computed relative to its first vertex, so that a small one far from 0 keeps its digits."""
     twice = 0.0
     for k in range(1, n - 1):
         twice += (p[k, 0] - p[0, 0]) * (p[k + 1, 1] - p[0, 1]) - (p[k, 1] - p[0, 1]) * (p[k + 1, 0] - p[0, 0])
@@ -30,7 +30,7 @@ def area_of(p: Any, n: int) -> Any:
 
 @kernel
 def centroid(p: Any, n: int) -> Any:
-    """Centroid of a polygon; the mean of its vertices where it has hardly an area."""
+    """Centroid of a polygon; the mean of its vertices if the area is negligible."""
     x = y = twice = mx = my = size = 0.0
     for k in range(n):
         mx += p[k, 0] / n
@@ -50,7 +50,7 @@ def centroid(p: Any, n: int) -> Any:
 
 @kernel
 def copy(p: Any, label: Any, n: int, q: Any, made: Any) -> None:
-    """Write polygon p over q."""
+    """Copy polygon p and its labels to q."""
     for k in range(n):
         q[k, 0] = p[k, 0]
         q[k, 1] = p[k, 1]
@@ -61,7 +61,7 @@ def copy(p: Any, label: Any, n: int, q: Any, made: Any) -> None:
 def cut_by_line(
     p: Any, label: Any, n: int, ax: float, ay: float, bx: float, by: float, mark: int, side: int, q: Any, made: Any
 ) -> Any:
-    """The part of polygon p to the left of the line a -> b (right where side = -1), into q; its number of vertices.
+    """Write the part of polygon p left of the line a -> b (right if side = -1) into q; return its number of vertices.
 
     The new edge is labelled `mark`.
     """
@@ -94,9 +94,9 @@ def cut_by_line(
 
 @kernel
 def cut_by_polygon(p: Any, label: Any, n: int, by: Any, n_by: int, offset: int, work: Any, work_label: Any) -> Any:
-    """The part of polygon p inside polygon `by`, in place; `work`: room. Returns its number of vertices, 0: none.
+    """Clip polygon p by polygon `by` in place; return its number of vertices, 0 if nothing is left. `work`: a buffer.
 
-    Edge k of `by` labels what it makes with offset + k, or with CHORD where offset is CHORD.
+    An edge made by edge k of `by` is labelled offset + k, or CHORD if offset is CHORD.
     """
     for k in range(n_by):
         other = k + 1 if k + 1 < n_by else 0
@@ -111,7 +111,7 @@ def cut_by_polygon(p: Any, label: Any, n: int, by: Any, n_by: int, offset: int, 
 
 @kernel
 def outside(y: Any, n: int, by: Any, n_by: int) -> Any:
-    """Whether some edge of polygon `by` has all of y on its outer side."""
+    """True if some edge of polygon `by` separates it from y: all of y lies on the outer side of that edge."""
     for k in range(n_by):
         j = k + 1 if k + 1 < n_by else 0
         nx = -(by[j, 1] - by[k, 1])
@@ -128,9 +128,9 @@ def outside(y: Any, n: int, by: Any, n_by: int) -> Any:
 
 @kernel
 def tidy(p: Any, label: Any, n: int, least: float) -> Any:
-    """Take out the vertices that add no area (coincident, or on a straight side). Returns how many are left.
+    """Remove vertices that add no area (coincident, or on a straight side); return the number of those left.
 
-    Of two edges that become one the longer names it.
+    Two edges that become one get the label of the longer.
     """
     j = 0
     while j < n and n > 3:

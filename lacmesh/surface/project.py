@@ -1,4 +1,4 @@
-"""Where points are: in a patch's plane and in its face, and where a ray meets a face's true geometry."""
+"""Projection of points: from a patch's plane into its face, and along a ray onto a face's true geometry."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MOST = 40
 
 @kernel
 def quadrangle(y: Any) -> Any:
-    """c, a, b, d, two components each, of the map y = c + s a + t b + s t d onto a plane quadrangle with corners y."""
+    """Coefficients c, a, b, d, two components each, of the bilinear map y = c + s a + t b + s t d with corners y."""
     return (
         ((y[0, 0] + y[1, 0] + y[2, 0] + y[3, 0]) / 4, (y[0, 1] + y[1, 1] + y[2, 1] + y[3, 1]) / 4),
         ((y[1, 0] + y[2, 0] - y[0, 0] - y[3, 0]) / 4, (y[1, 1] + y[2, 1] - y[0, 1] - y[3, 1]) / 4),
@@ -31,10 +31,10 @@ def wedge(a: Any, b: Any) -> Any:
 
 @kernel
 def in_quadrangle(c: Any, a: Any, b: Any, d: Any, p: float, q: float) -> Any:
-    """(s, t) of a point of a plane quadrangle, and the Jacobian of its map there.
+    """(s, t) of the point (p, q) of a plane quadrangle, and the Jacobian of its map there.
 
-    r = s a + t b + s t d, without t: (a x d) s^2 - (r x d - a x b) s - r x b = 0, whose discriminant is the Jacobian
-    squared; so its sign picks the root. A step of Newton's method takes the rounding away.
+    Eliminating t from r = s a + t b + s t d gives (a x d) s^2 - (r x d - a x b) s - r x b = 0. The discriminant is the
+    square of the Jacobian, so that its sign selects the root. One step of Newton's method removes the rounding.
     """
     r = (p - c[0], q - c[1])
     turn = 1.0 if wedge(a, b) >= 0 else -1.0
@@ -56,7 +56,7 @@ def in_quadrangle(c: Any, a: Any, b: Any, d: Any, p: float, q: float) -> Any:
 
 @kernel
 def inverse(y: Any, n: int, xi: Any) -> Any:
-    """What `in_face` needs to know of a patch: n; c, a, b, d as of `quadrangle`; origin and steps of its face.
+    """Data of a patch for `in_face`: n; c, a, b, d as from `quadrangle`; origin and steps in its face.
 
     `y` (4, .), `xi` (4, 2): corners of the patch in its plane and in the face; the map between is affine on triangles
     and bilinear on quadrangles, which are rectangles of their face's reference square, or all of it.
@@ -73,9 +73,9 @@ def inverse(y: Any, n: int, xi: Any) -> Any:
 
 @kernel
 def in_face(patch: Any, p: float, q: float) -> Any:
-    """Reference coordinates (u, v) in its face of a point (p, q) of a patch's plane, and d(u, v) / d(p, q).
+    """Reference coordinates (u, v) in its face of a point (p, q) of a patch's plane; determinant d(u, v) / d(p, q).
 
-    `patch`: its `inverse`.
+    `patch`: the result of `inverse`.
     """
     n, c, a, b, d, origin, along_s, along_t = patch
     if n == 3:
@@ -90,9 +90,10 @@ def in_face(patch: Any, p: float, q: float) -> Any:
 
 @kernel
 def ray(G: Any, kind: int, x: Any, n: Any, u: float, v: float) -> Any:
-    """Where the line through x along n meets a face with map G: (met, u, v, distance along n), from a first guess.
+    """Intersect the line through x along n with a face of map G: (met, u, v, distance along n), from a first guess.
 
-    Newton's method, its step at most 1 in reference coordinates. Not met: no convergence (the face is parallel to n).
+    Newton's method, with steps of at most 1 in reference coordinates. It is not met if there is no convergence (the
+    face is parallel to n).
     """
     # two directions across n: Duff and others, J. Comput. Graph. Tech. 6, 2017
     sign = 1.0 if n[2] >= 0 else -1.0

@@ -1,4 +1,4 @@
-"""A surface: faces of one dimension, turned outward, and the coordinates they stand on."""
+"""A surface: faces of one dimension, oriented outward, and the coordinates of their nodes."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ _PLANE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Faces of one dimension, a row each, each once; their nodes turn so that the normal leaves the cells behind.
+    """Distinct faces of one dimension, one per row, with the winding whose normal points out of the cells behind.
 
     `x` (n_nodes of the mesh, 3): coordinates. `faces`: types and nodes. `cell` (f,): the mesh's cell each row is.
-    `dim`: 2 for faces of solids, 1 for segments (whose normal lies in their plane, z constant). `depth` (f,): how far
-    the cell behind reaches below the face at its deepest corner; NaN where there is not just one cell behind.
-    `height`: how far the smooth surface that the faces stand for is off them; None where it is the faces themselves.
+    `dim`: 2 for faces of solids, 1 for segments (whose normal lies in their plane, z constant). `depth` (f,): depth of
+    the cell behind, at its deepest corner below the face; NaN unless there is exactly one cell behind. `height`: that
+    of the smooth surface that the faces approximate; None if the surface consists of the faces themselves.
     """
 
     x: Floats
@@ -50,10 +50,10 @@ class Surface:
 
     @classmethod
     def of(cls, mesh: Mesh, cells: Ints) -> Surface:
-        """The surface under some skin cells (indices) of a mesh.
+        """Build the surface of some skin cells (indices) of a mesh.
 
-        Faces stand in the order of `cells`; one that lies on the corners of an earlier one is left out. A face with one
-        cell behind it is turned outward (also where that cell is inside out); between two cells, or with none, it keeps
+        The faces are in the order of `cells`; one with the same corners as an earlier one is left out. A face with one
+        cell behind it is oriented outward (also if that cell is inverted); between two cells, or with none, it keeps
         the orientation it has in the mesh. Raises DataError for cells that are no faces, or of several dimensions.
 
         >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]]), ("SEG2", [[2, 1]])])
@@ -76,7 +76,7 @@ class Surface:
         return len(self.cell)
 
     def at(self, x: Floats) -> Surface:
-        """The same faces at other coordinates (n_nodes, 3): the deformed surface."""
+        """Return the deformed surface: these faces at other coordinates x (n_nodes, 3)."""
         x = np.asarray(x, dtype=float)
         if x.shape != self.x.shape:
             raise ValueError(f"coordinates must be {self.x.shape}, not {x.shape}")
@@ -88,22 +88,22 @@ class Surface:
         return replace(self, faces=self.faces.take(rows), cell=self.cell[rows], depth=self.depth[rows], height=height)
 
     def turned_over(self, rows: Ints) -> Surface:
-        """The same faces, some rows of them turned the other way, as they are: without the height that they had."""
+        """Return the surface with some rows of faces flipped, and without heights."""
         return replace(self, faces=_turned_over(self.faces, rows), height=None)
 
     def heights(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
-        """(n,): how far the smooth surface is off reference points xi (n, 2) of faces (n,), outward."""
+        """(n,): heights of the smooth surface, outward, over reference points xi (n, 2) of faces (n,)."""
         return np.zeros(len(face)) if self.height is None else self.height.at(face, xi)
 
     def by_type(self) -> Iterator[tuple[str, Ints, Ints]]:
-        """The faces type by type: (type, rows, nodes (k, n_nodes of the type))."""
+        """Iterate over the faces type by type: (type, rows, nodes (k, n_nodes of the type))."""
         for code in codes(self.faces.type):
             rows = np.flatnonzero(self.faces.type == code)
             yield FACE_TYPES[code], rows, self.faces.nodes[rows, : N_NODES[code]]
 
     @cached_property
     def n_corners(self) -> Ints:
-        """(f,): corners of each face."""
+        """(f,): number of corners of each face."""
         return N_CORNERS[self.faces.type]
 
     @cached_property
@@ -120,9 +120,9 @@ class Surface:
 
     @cached_property
     def neighbours(self) -> Ints:
-        """(f, 4): the face beyond the edge from corner k to the next (beyond corner k, for segments), or -1.
+        """(f, 4): the neighbour across the edge from corner k to the next (at corner k, for segments), or -1.
 
-        Where more than two faces meet, one of the others.
+        At an edge of more than two faces it is one of the others.
         """
         n = self.n_corners
         corner = np.broadcast_to(np.arange(MAX_CORNERS), (len(self), MAX_CORNERS))
@@ -164,14 +164,14 @@ def _dimension(mesh: Mesh, cells: Ints) -> int:
 
 
 def _outward(mesh: Mesh, faces: Faces, parents: Match) -> Faces:
-    """The faces, those turned over whose nodes turn inward, seen from the one cell behind them."""
+    """Flip the faces with a normal that points into the only cell behind them."""
     back = turn(facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
     back ^= inside_out(mesh, parents.cell, plane=True)
     return _turned_over(faces, parents.face[back])
 
 
 def _turned_over(faces: Faces, rows: Ints) -> Faces:
-    """The faces, some rows of them turned the other way."""
+    """Flip some rows of the faces."""
     nodes = faces.nodes.copy()
     for code in codes(faces.type[rows]):
         some = rows[faces.type[rows] == code]
@@ -181,7 +181,7 @@ def _turned_over(faces: Faces, rows: Ints) -> Faces:
 
 
 def _depth(mesh: Mesh, surface: Surface, parents: Match) -> Floats:
-    """How far each cell behind reaches below its face; NaN for faces that are not in the match."""
+    """Depth of the cell behind each face, down to its deepest corner; NaN for faces that are not in the match."""
     depth = np.full(len(surface), np.nan)
     normal, centre = mean_normals(surface)
     order = np.argsort(parents.cell, kind="stable")
@@ -196,7 +196,7 @@ def _depth(mesh: Mesh, surface: Surface, parents: Match) -> Floats:
 
 
 def mean_normals(surface: Surface) -> tuple[Floats, Floats]:
-    """(f, 3) unit normals of the faces' corners as one plane (0 for a face without extent), and (f, 3) their mean."""
+    """(f, 3): unit normals of the faces' mean planes, 0 for degenerate faces; (f, 3): means of the faces' corners."""
     corners = np.arange(MAX_CORNERS) < surface.n_corners[:, None]
     x = surface.x[surface.faces.nodes[:, :MAX_CORNERS]]
     with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates have no normal

@@ -1,13 +1,13 @@
-"""Quadrature on pieces: which rule a piece takes, and its points.
+"""Quadrature on mortar segments (pieces): the choice of the rule for a piece, and its points.
 
-A piece is a convex polygon in the slave's mean plane. What is integrated there are the shape functions of either face
-and the gap, all polynomials in the plane where both faces are affine: then a rule of their degree is exact. Rules of
-degree 1 and 2 need no triangles: the centroid; and three points on the ellipse of inertia (any polygon has one that is
-exact to degree 2, and it lies inside every convex one: Kannan, Lovasz, Simonovits, Discrete Comput. Geom. 13, 1995).
-Higher ones go on the fan of triangles.
+A piece is a convex polygon in the slave's mean plane. The integrands are the shape functions of both faces and the gap,
+which are polynomials in the plane if both faces are affine: then a rule of their degree is exact. Rules of degree 1 and
+2 need no triangles: the centroid, and three points on the ellipse of inertia (every polygon has one that is exact to
+degree 2, and inside every convex polygon: Kannan, Lovasz, Simonovits, Discrete Comput. Geom. 13, 1995). Higher rules
+are used on a fan of triangles.
 
 On general quadrangles the functions are no polynomials in the plane, and a rule that integrates them to 1e-10 needs a
-hundred points a triangle. Here a few points take weights that are corrected (`fit`) so that every function of both
+hundred points per triangle. Here a few points are used, with weights corrected (`fit`) such that every function of both
 faces has its exact integral over the piece.
 """
 
@@ -46,7 +46,7 @@ _ALONE, _AMONG_OTHERS = 0.95, 0.8
 
 
 class Fans(NamedTuple):
-    """The rules on the triangles of a fan, one after the other: that of code k is rows start[k] to start[k + 1].
+    """Rules on the triangles of a fan, one after the other: that of code k is in rows start[k] to start[k + 1].
 
     `X` (., 2) in the reference triangle; `w` (.,), of sum 1 for each rule.
     """
@@ -58,16 +58,16 @@ class Fans(NamedTuple):
 
 @cache
 def fan_rules() -> Fans:
-    """Every fan rule; those of CENTROID and ELLIPSE, which go on no triangles, are empty."""
+    """Return all fan rules; those of CENTROID and ELLIPSE, which need no triangles, are empty."""
     table = [rule("TRIA", d) if k >= FAN3 else (np.empty((0, 2)), np.empty(0)) for k, d in enumerate(DEGREE)]
     start = np.cumsum([0, *(len(w) for _, w in table)])
     return Fans(np.concatenate([X for X, _ in table]), 2 * np.concatenate([w for _, w in table]), start)
 
 
 class Sides(NamedTuple):
-    """What decides the rules of pieces on one side, a row each: the face's type, and kind and warp (maps.kinds).
+    """Properties of one side that determine the rules of pieces: type, and kind and warp of the faces (maps.kinds).
 
-    `whole`: the patch is not half of a quadrangle that goes in at a corner.
+    `whole`: the patch is not half of a quadrangle with a re-entrant corner.
     """
 
     type: Ints
@@ -77,10 +77,10 @@ class Sides(NamedTuple):
 
 
 def pair_rule(slave: Sides, master: Sides, vertices: Ints, share: Floats, turned: Floats, least: int = 0) -> Ints:
-    """Codes of the rules of pieces of so many vertices.
+    """Choose the rules of pieces with the given numbers of vertices; return their codes.
 
-    `share`: of the largest triangle in each piece's fan (where it is all, points of the others count for nothing);
-    `turned`: how far normals are from the slave face's own; `least`: a degree that is integrated anyway.
+    `share`: of the largest triangle in each piece's fan (if it is all of it, the points of the others do not count);
+    `turned`: deviation of the normals from the slave face's own; `least`: degree that is exact in any case.
     """
     degree = np.maximum(np.maximum(FUNCTION_DEGREE[slave.type], FUNCTION_DEGREE[master.type]), least)
     code = np.where(degree <= 1, CENTROID, np.where(degree <= 2, ELLIPSE, FAN6))
@@ -94,7 +94,7 @@ def pair_rule(slave: Sides, master: Sides, vertices: Ints, share: Floats, turned
 
 
 def _fitted(functions: Ints, vertices: Ints, share: Floats) -> Ints:
-    """Codes of rules with as many points as functions at least, on triangles that count."""
+    """Codes of fitted rules with at least as many points as functions, on the triangles that count."""
     single = share > _ALONE
     few = np.where((vertices > 4) & (share < _AMONG_OTHERS), FAN3, np.where(single, FAN7, FAN6))
     many = np.where(functions > 11, np.where(single, FAN30, FAN16), np.where(single, FAN16, FAN12))
@@ -102,7 +102,7 @@ def _fitted(functions: Ints, vertices: Ints, share: Floats) -> Ints:
 
 
 def points_of(code: Ints, vertices: Ints) -> Ints:
-    """How many points the rules of pieces with so many vertices have."""
+    """Number of points of rules, by their codes, on pieces with the given numbers of vertices."""
     each = np.diff(fan_rules().start)
     each[CENTROID], each[ELLIPSE] = 1, 3
     base = code % FITTED

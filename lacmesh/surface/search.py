@@ -1,9 +1,9 @@
-"""Broad phase: which master patches may lie over a slave patch, found in a tree of boxes.
+"""Broad phase: candidate master patches for each slave patch, found in a tree of boxes.
 
-A slave patch looks along its normal: what it may face lies in a prism, its bounding rectangle in its own plane swept
-from `behind` to `ahead`. The tree is a complete binary tree over the boxes of the master's patches, in the order of a
-Morton curve; a node is opened where its box meets the prism (separating axes: the three of the prism). Nothing that
-lies in the prism can be missed, whatever the sizes of faces.
+The search region of a slave patch is a prism: its bounding rectangle in its own plane, swept along its normal from
+`behind` to `ahead`. The tree is a complete binary tree over the boxes of the master's patches, in the order of a Morton
+curve; a node is opened if its box intersects the prism (separating axes: the three of the prism). No patch in the prism
+can be missed, whatever the sizes of faces.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Boxes(NamedTuple):
 
 
 class Tree(NamedTuple):
-    """Boxes of a complete binary tree, (nodes, 3) each: node k has children 2k + 1 and 2k + 2; `order`: the patches.
+    """Complete binary tree of boxes, (nodes, 3) each: node k has children 2k + 1 and 2k + 2; `order`: the patches.
 
     The last (nodes + 1) / 2 nodes are leaves, each of _LEAF entries of `order` (-1 where there is none).
     """
@@ -45,16 +45,16 @@ class Tree(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """Candidates: those of slave patch s are `master[start[s] : start[s + 1]]`, ascending."""
+    """Candidate pairs: the masters of slave patch s are `master[start[s] : start[s + 1]]`, ascending."""
 
     start: Ints
     master: Ints
 
 
 class Reach(NamedTuple):
-    """How far a slave patch looks along its normal: up to `ahead` (slave patches,), and some way behind itself.
+    """Search distances of slave patches along their normals: `ahead` (slave patches,), and a distance behind.
 
-    That is `behind` (slave patches,) and the master patch's `deep` (master patches,) added, but no more than `limit`.
+    The latter is `behind` (slave patches,) plus the master patch's `deep` (master patches,), but at most `limit`.
     """
 
     ahead: Floats
@@ -64,7 +64,7 @@ class Reach(NamedTuple):
 
 
 def build_tree(p: Patches) -> Tree:
-    """The tree over some patches."""
+    """Build the tree over some patches."""
     low, high = _extent(p.x, p.n)
     order = np.argsort(_morton((low + high) / 2), kind="stable")
     leaves = max(1, -(-len(order) // _LEAF))
@@ -84,7 +84,7 @@ def build_tree(p: Patches) -> Tree:
 
 
 def _morton(x: Floats) -> Ints:
-    """(p,): places along a Morton curve of points (p, 3)."""
+    """(p,): positions of points (p, 3) along a Morton curve."""
     extent = np.ptp(x, axis=0).max()
     cell = ((x - x.min(axis=0)) / (extent if extent > 0 else 1.0) * (2**_BITS - 1)).astype(np.int64)
     code = np.zeros(len(x), np.int64)
@@ -95,7 +95,7 @@ def _morton(x: Floats) -> Ints:
 
 
 def candidates(slave: Patches, master: Patches, reach: Reach) -> Pairs:
-    """Master patches whose boxes meet the prisms of slave patches."""
+    """Find the master patches whose boxes intersect the prisms of slave patches."""
     if not len(slave.n) or not len(master.n):
         return Pairs(np.zeros(len(slave.n) + 1, np.int64), np.empty(0, np.int64))
     tree = build_tree(master)
@@ -123,7 +123,7 @@ def candidates(slave: Patches, master: Patches, reach: Reach) -> Pairs:
 
 
 def in_parts(run: Callable[[slice], T], count: int) -> list[T]:
-    """What `run` makes of the rows 0 to `count`, a part in each thread, in order."""
+    """Call `run` on slices of the rows 0 to `count`, one in each thread; return the results in order."""
     parts: dict[tuple[int, int], T] = {}
 
     def keep(rows: slice) -> None:
@@ -134,19 +134,19 @@ def in_parts(run: Callable[[slice], T], count: int) -> list[T]:
 
 
 def side_by_side(*runs: Callable[[], T]) -> list[T]:
-    """What each of the functions returns, each in a thread of its own."""
+    """Call each function in a thread of its own; return their results in order."""
     with ThreadPoolExecutor(len(runs)) as pool:
         return [made.result() for made in [pool.submit(run) for run in runs]]
 
 
 def joined_starts(starts: list[Ints]) -> Ints:
-    """One list of starts out of several, each from 0, whose rows are joined."""
+    """Join several lists of starts, each from 0, into one for the concatenated rows."""
     before = np.cumsum([0, *(int(s[-1]) for s in starts)])
     return np.concatenate([*(s[:-1] + b for s, b in zip(starts, before, strict=False)), before[-1:]])
 
 
 def _extent(x: Floats, n: Ints) -> tuple[Floats, Floats]:
-    """Least and greatest coordinates of patches with n corners at x (p, 4, 3)."""
+    """Lowest and highest coordinates of patches with n corners at x (p, 4, 3)."""
     low, high = np.minimum(x[:, 0], x[:, 1]), np.maximum(x[:, 0], x[:, 1])
     for k in (2, 3):
         corner = np.where((n > k)[:, None], x[:, k], x[:, 0])
@@ -157,7 +157,7 @@ def _extent(x: Floats, n: Ints) -> tuple[Floats, Floats]:
 
 @kernel
 def _meets(prisms: Any, e: Any, s: int, boxes: Any, k: int) -> Any:
-    """Whether box k meets prism s, seen along the prism's axes."""
+    """True if no axis of prism s separates it from box k."""
     x = boxes.centre[k, 0] - prisms.centre[s, 0]
     y = boxes.centre[k, 1] - prisms.centre[s, 1]
     z = boxes.centre[k, 2] - prisms.centre[s, 2]
@@ -173,7 +173,7 @@ def _meets(prisms: Any, e: Any, s: int, boxes: Any, k: int) -> Any:
 
 @kernel
 def _sort(values: Any, begin: int, end: int) -> None:
-    """Shell's method: plain insertion for a few values, as there are nearly always, and never slow."""
+    """Sort values[begin:end] with Shell's method: nearly always a few values, and never slow for many."""
     step = 1
     while 9 * step < end - begin:
         step = 3 * step + 1
@@ -190,9 +190,9 @@ def _sort(values: Any, begin: int, end: int) -> None:
 
 @kernel
 def _query(first: int, prisms: Any, e: Any, tree: Any, boxes: Any, start: Any, found: Any) -> Any:
-    """Fill `start` and `found` for prisms from `first` on. Returns how many there are.
+    """Fill `start` and `found` for the prisms from `first` on; return the number of pairs.
 
-    Where that is more than there is room for, call again with more.
+    If that exceeds the room, call again with more.
     """
     first_leaf = len(tree.centre) // 2
     stack = np.empty(128, np.int64)

@@ -1,4 +1,4 @@
-"""What hangs together: the connected components of a graph."""
+"""Connected components of a graph."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _MANY = 60_000
 
 
 def label_components(i: Ints, j: Ints, n: int) -> Ints:
-    """(n,): the component of each of n nodes, numbered by their first nodes, joined by edges from i (e,) to j (e,).
+    """(n,): the connected component of each of n nodes, joined by edges from i (e,) to j (e,); numbered by first nodes.
 
     >>> label_components(np.array([0, 3]), np.array([2, 1]), 5)
     array([0, 1, 0, 1, 2])

@@ -14,14 +14,14 @@ from lacmesh.topology.skin import Faces, Match, label_rows
 
 
 def cells_of_dim(mesh: Mesh, dim: int) -> Iterator[tuple[str, Ints, Ints]]:
-    """The cells of dimension `dim`, block by block: (type, their nodes, their indices)."""
+    """Iterate over the cells of dimension `dim`, block by block: (type, their nodes, their indices)."""
     for k, block in enumerate(mesh.blocks):
         if ALL_CELLS[block.type].dim == dim:
             yield block.type, block.nodes, np.arange(mesh.offsets[k], mesh.offsets[k + 1])
 
 
 def faces_of(mesh: Mesh, cells: Ints) -> Faces:
-    """Some skin cells (of types in FACE_TYPES) as faces, in the order of `cells`."""
+    """Return some skin cells (of types in FACE_TYPES) as faces, in the order of `cells`."""
     order: list[Ints] = [np.empty(0, np.int64)]
     parts = []
     for kind, chosen, nodes in mesh.select(cells):
@@ -35,7 +35,7 @@ def faces_of(mesh: Mesh, cells: Ints) -> Faces:
 
 
 def distinct_faces(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
-    """The faces under some cells, each once, and the place in `cells` that it has its node order from."""
+    """Return the faces under some cells, each once, and the index in `cells` of the cell that gives its node order."""
     faces = faces_of(mesh, cells)
     labels, count = label_rows(np.sort(faces.corners, axis=1))
     first = np.full(count, len(labels))
@@ -45,7 +45,7 @@ def distinct_faces(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
 
 
 def facets_of(mesh: Mesh, owners: Match) -> Faces:
-    """The facets of a match's cells, as the cells list them (outward), in its order."""
+    """Return the facets of a match's cells, with the cells' (outward) listing of their nodes, in the match's order."""
     parts, rows = [], [np.empty(0, np.int64)]
     order = np.argsort(owners.cell, kind="stable")
     done = 0
@@ -62,10 +62,10 @@ def facets_of(mesh: Mesh, owners: Match) -> Faces:
 
 
 def inside_out(mesh: Mesh, cells: Ints, plane: bool) -> NDArray[np.bool_]:
-    """(k,): which cells list their nodes the wrong way (real meshes have some): their facets point inward.
+    """(k,): True for inverted cells, whose node order makes their facets point inward (real meshes contain some).
 
-    Solids by the volume of their corners; surface cells by their area where they lie in a `plane` z = constant, and
-    never in space, where they have no wrong way.
+    Solids are tested by the signed volume of their linear cell, surface cells in a `plane` z = constant by their signed
+    area. Surface cells in space are never inverted: they have no preferred orientation.
     """
     wrong = np.zeros(mesh.n_cells, bool)
     for kind, chosen, nodes in mesh.select(cells):

@@ -1,10 +1,11 @@
-"""Which way skin faces turn, and how they are turned outward.
+"""Orientation of skin faces, and flipping them outward.
 
-A face with one cell behind it is outward when a corner's right-hand turn leaves that cell. A face between two cells has
-no outward and stays. A bare skin (a rigid master, a shell) has no cell to say what is outward: its faces are made to
-agree across their edges, and a closed one is turned so that the volume it encloses counts positive. What must agree is
-found on the double cover: every face stands there twice, as it is and turned over, and is joined to its neighbours as
-they agree with it; a connected part is one way to turn a whole piece of skin.
+A face with one cell behind it is outward if its normal, by the right-hand rule, points out of that cell. A face between
+two cells has no outward side and stays. For a bare skin (a rigid master, a shell) no cell defines the outward side: its
+faces are given consistent windings across their edges, and a closed skin is oriented so that the enclosed volume is
+positive. Consistent windings are found on the double cover: every face is there twice, as it is and flipped, and is
+joined to the copies of its neighbours that are consistent with it; each connected component is one way to orient a
+whole connected part of the skin.
 """
 
 from __future__ import annotations
@@ -36,11 +37,11 @@ _REVERSED_CHILD = {
 
 @dataclass(frozen=True)
 class Turning:
-    """What turning some skin faces outward means; every field holds indices of cells of the mesh.
+    """Result of the orientation analysis of some skin faces; every field holds indices of cells of the mesh.
 
-    `turned`: the faces to turn over. `interface`: those between two cells, which stay. `bare`: those without a cell
-    behind; among these `open`, whose skin encloses nothing, so that they are only made to agree, and `one_sided`, which
-    cannot even agree (a Moebius strip) and stay.
+    `turned`: faces to flip so that all are outward. `interface`: faces between two cells, which stay. `bare`: faces
+    without a cell behind them; among these `open`, on a skin that encloses no volume, which only get consistent
+    windings, and `one_sided`, for which no consistent windings exist (a Moebius strip), which stay.
     """
 
     turned: Ints
@@ -51,11 +52,11 @@ class Turning:
 
 
 def orient(mesh: Mesh, group: Spec) -> Mesh:
-    """The mesh with the skin faces of a cell group turned outward; numbers, groups and data are kept.
+    """Flip the skin faces of a cell group so that all are outward; numbers, groups and data are kept.
 
     `group`: named as `Mesh.group` takes it.
 
-    Raises GroupNotFoundError, and DataError where the group holds no skin face that can be turned.
+    Raises GroupNotFoundError, and DataError if the group holds no skin face that can be flipped.
 
     >>> cells = [("TRIA3", [[0, 1, 2]]), ("SEG2", [[1, 0]])]
     >>> triangle = Mesh.create([[0, 0], [1, 0], [0, 1]], cells, cell_groups={"s": [1]})
@@ -66,7 +67,7 @@ def orient(mesh: Mesh, group: Spec) -> Mesh:
 
 
 def skin_cells(mesh: Mesh, group: Spec) -> Ints:
-    """The skin faces of a cell group: its cells of dimension d - 1, or of its own highest one where it has no such."""
+    """Return the skin faces of a cell group: its cells of dimension d - 1 or, without any, of its highest dimension."""
     cells = mesh.cells_of(group)
     dims = mesh.cell_dim[cells]
     want = mesh.dim - 1 if (dims == mesh.dim - 1).any() else int(dims.max(initial=0))
@@ -83,7 +84,7 @@ def skin_cells(mesh: Mesh, group: Spec) -> Ints:
 
 
 def turning(mesh: Mesh, cells: Ints) -> Turning:
-    """What turning some skin faces (indices, all of one dimension, of types that can be turned) outward means."""
+    """Analyse the orientation of skin faces (indices, of one dimension, of types that can be flipped)."""
     empty = np.empty(0, np.int64)
     if not len(cells):
         return Turning(*(empty,) * 5)
@@ -112,7 +113,7 @@ def turning(mesh: Mesh, cells: Ints) -> Turning:
 
 
 def inward(mesh: Mesh, cells: Ints, faces: Faces, parents: Match) -> Ints:
-    """Those of some skin cells that turn towards the one cell behind them (sorted).
+    """Return the skin cells (sorted) with a normal that points into the only cell behind them.
 
     `faces`: the faces under `cells`, each once; `parents`: the cells behind (`skin.find_owners`).
     """
@@ -129,7 +130,7 @@ def inward(mesh: Mesh, cells: Ints, faces: Faces, parents: Match) -> Ints:
 
 
 def turn_outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: Match) -> tuple[Mesh, Faces]:
-    """The mesh and its faces (as `faces`, from `cells[first]`) with the skin cells that turn inward turned over."""
+    """Flip the skin cells that are not outward; return the mesh and its faces (like `faces`, from `cells[first]`)."""
     back = inward(mesh, cells, faces, parents) if len(parents.face) else turning(mesh, cells).turned
     if not len(back):
         return mesh, faces
@@ -138,9 +139,9 @@ def turn_outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: Ma
 
 
 def reverse(mesh: Mesh, cells: Ints) -> Mesh:
-    """The mesh with some skin cells (sorted indices) turned over.
+    """Flip some skin cells (sorted indices) of a mesh.
 
-    The faces of a macro-element still list their outer corners first, and E1, E2, ... go round the other way.
+    The faces of a macro-element still list their outer corners first, and the order of E1, E2, ... is reversed.
     """
     if not len(cells):
         return mesh
@@ -171,7 +172,7 @@ def reverse(mesh: Mesh, cells: Ints) -> Mesh:
 
 
 def _children(macro: Ints, rank: Ints) -> tuple[Bools, Bools]:
-    """(n_cells,) each: which cells are faces of macro-elements that were cut, and which are the centre of a ring."""
+    """(n_cells,) each: True for faces of macro-elements that were cut, and for those at the centre of a ring."""
     faces = np.flatnonzero(macro >= 0)
     size = np.bincount(macro[faces])
     child = np.zeros(len(macro), bool)
@@ -186,7 +187,7 @@ def _cells_on(mesh: Mesh, cells: Ints, faces: Faces) -> Match:
 
 
 def _listed_back(mesh: Mesh, faces: Faces, own: Match) -> Bools:
-    """Which of the cells on faces list them the other way round."""
+    """True for cells on faces that have the opposite winding."""
     return turn(faces.take(own.face), faces_of(mesh, own.cell)) % 2 == 1
 
 
@@ -196,10 +197,10 @@ _CLOSED, _OPEN, _ONE_SIDED = range(3)
 
 
 class EdgeUses(NamedTuple):
-    """A row for each edge of each face, or each end of each segment: `face` (m,), `place` (m,), `edge` (m,) labels.
+    """One row for each edge of each face, or each end of each segment: `face` (m,), `place` (m,), `edge` (m,) labels.
 
-    `place` k: the edge from corner k to the next, or the end k. `forward` (m,): two faces agree across an edge where
-    one goes along it forward and the other does not.
+    `place` k: the edge from corner k to the next, or the end k. `forward` (m,): direction in which the face runs along
+    the edge; two faces have consistent windings if they run along their common edge in opposite directions.
     """
 
     face: Ints
@@ -209,7 +210,7 @@ class EdgeUses(NamedTuple):
 
 
 def edge_uses(faces: Faces) -> EdgeUses:
-    """The edges of faces, and which faces have them."""
+    """Label the edges of faces, and return the faces at each of them."""
     n = N_CORNERS[faces.type]
     corners = faces.corners
     parts = []
@@ -225,7 +226,10 @@ def edge_uses(faces: Faces) -> EdgeUses:
 
 
 def _agree(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints]:
-    """(over (f,), state (f,)): which faces to turn over so that all agree, outward where closed; closed, open ..."""
+    """Consistent orientation: faces to flip (f,), and codes for the closed, open or one-sided component of each (f,).
+
+    Closed components become outward.
+    """
     size = len(faces)
     if not size:
         return np.zeros(0, bool), np.zeros(0, int)
@@ -255,7 +259,7 @@ def _agree(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints]:
 
 
 def _signed_volume(mesh: Mesh, faces: Faces) -> NDArray:
-    """(f,): what each face adds to the volume that a closed skin encloses (to the area, for segments)."""
+    """(f,): contribution of each face to the volume that a closed skin encloses (to the area, for segments)."""
     n = N_CORNERS[faces.type]
     corners = faces.corners
     x = mesh.points[corners] - mesh.points[corners[0, 0]]

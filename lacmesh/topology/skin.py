@@ -1,6 +1,6 @@
-"""Faces and the cells behind them: which cell owns a face, which cells repeat it, which way it turns.
+"""Incidence of faces and cells: the cells that own a face, the cells that duplicate it, their relative orientation.
 
-A face is known by its corners, whatever their order. Only cells that touch the faces asked about are looked at, so the
+A face is identified by its corners, in any order. Only cells that touch the requested faces are examined, so that the
 cost is one pass over the mesh's nodes and then grows with the faces (no table of all facets is ever built).
 """
 
@@ -42,7 +42,7 @@ REVERSED = {
 
 @dataclass(frozen=True)
 class Faces:
-    """Faces of any types, a row each: `type` (f,) codes of FACE_TYPES, `nodes` (f, 9) padded with -1."""
+    """Faces of any types, one per row: `type` (f,), codes of FACE_TYPES; `nodes` (f, 9), padded with -1."""
 
     type: Ints
     nodes: Ints
@@ -56,14 +56,14 @@ class Faces:
 
     @property
     def corners(self) -> Ints:
-        """(f, 4): the corners, -1 where a face has fewer."""
+        """(f, 4): the corners, padded with -1."""
         corners = self.nodes[:, :MAX_CORNERS].copy()
         corners[np.arange(MAX_CORNERS) >= N_CORNERS[self.type][:, None]] = -1
         return corners
 
     @classmethod
     def join(cls, parts: Iterable[tuple[str, Ints]]) -> Faces:
-        """Faces from (type, nodes (k, n)) parts, in their order."""
+        """Join parts (type, nodes (k, n)) into one list of faces, in their order."""
         parts = list(parts)
         codes = np.repeat([TYPE_CODE[t] for t, _ in parts] or [0], [len(n) for _, n in parts] or [0])
         nodes = np.full((len(codes), MAX_NODES), -1, np.int64)
@@ -76,9 +76,9 @@ class Faces:
 
 @dataclass(frozen=True)
 class Match:
-    """Cells found at faces, a row each: face `face`, cell `cell` (the caller's id), and which of its facets, `facet`.
+    """Incident pairs, one per row: `face`, `cell` (the caller's id), and `facet`, the number of the face in the cell.
 
-    Rows are sorted by face, then by cell. `same`: the facet's nodes are the face's, its mid-nodes included.
+    Rows are sorted by face, then by cell. `same`: the facet has all nodes of the face, mid-nodes included.
     """
 
     face: Ints
@@ -88,7 +88,10 @@ class Match:
 
 
 def label_rows(rows: Ints) -> tuple[Ints, int]:
-    """(labels (k,), number of labels): equal rows get the same label. Exact, and faster than sorting whole rows."""
+    """Label rows so that equal rows get the same label; return (labels (k,), number of labels).
+
+    Exact, and faster than sorting whole rows.
+    """
     seed = 0
     while True:
         seed += 1
@@ -106,7 +109,7 @@ def label_rows(rows: Ints) -> tuple[Ints, int]:
 
 
 def find_owners(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int) -> Match:
-    """The cells that have one of `faces` as a facet. `cells`: (type, nodes (k, n), ids (k,)) parts.
+    """Find the cells that have one of `faces` as a facet. `cells`: parts (type, nodes (k, n), ids (k,)).
 
     >>> square = [("QUAD4", np.array([[0, 1, 2, 3]]), np.array([7]))]
     >>> found = find_owners(Faces.join([("SEG2", np.array([[2, 1]]))]), square, 4)
@@ -129,7 +132,7 @@ def find_owners(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: 
 
 
 def find_repeats(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int) -> Match:
-    """The cells that lie on one of `faces`: same corners, any order (`facet` is 0). `cells` as for `find_owners`."""
+    """Find the cells that lie on one of `faces`: same corners, any order (`facet` is 0). `cells`: as `find_owners`."""
     touched = _touched(faces, n_nodes)
     parts = []
     for kind, nodes, ids in cells:
@@ -147,7 +150,7 @@ def _touched(faces: Faces, n_nodes: int) -> NDArray[np.bool_]:
 
 
 def _near(touched: NDArray[np.bool_], nodes: Ints, n_corners: int, least: int) -> Ints:
-    """Rows of `nodes` with at least `least` touched corners; in pieces that stay in the cache."""
+    """Rows of `nodes` with at least `least` touched corners, found in chunks that stay in the cache."""
     found = [np.empty(0, np.int64)]
     for start in range(0, len(nodes), _PIECE):
         piece = nodes[start : start + _PIECE]
@@ -176,7 +179,7 @@ def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> Match:
 
 
 def turn(faces: Faces, listed: Faces) -> Ints:
-    """(f,): how each row of `listed` lists the same face: 2 s + r, starting at corner s, r = 1 where it goes back."""
+    """(f,): relative orientation 2 s + r of each row of `listed`: it starts at corner s; r = 1 for opposite winding."""
     corners, other = faces.corners, listed.corners
     start = (corners == other[:, :1]).argmax(axis=1)
     n = N_CORNERS[faces.type]
