@@ -1,4 +1,4 @@
-"""The command `lacmesh`: a module for each of its commands beside it; how it runs is in `program`."""
+"""The command `lacmesh`: one module for each of its commands; `program` runs them."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ COMMANDS = ("cut", "check", "quality", "orient", "view", "mesh", "info", "conver
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
+    """Run the command and return its exit status."""
     return PROGRAM.main(argv)
 
 
 def _told(error: LacmeshError, args: argparse.Namespace) -> list[str]:
-    """What an error says; where it is about the mesh and does not name the file, with the file before it."""
+    """Lines of an error message; the file is put before an error about the mesh that does not name it."""
     message, source = str(error), getattr(args, "input", None)
     about_mesh = error.status == 1 or isinstance(error, GroupNotFoundError)
     return [f"{source}: {message}" if about_mesh and source and source not in message else message]

@@ -1,4 +1,4 @@
-"""`lacmesh check`: whether a mesh will work with the method, and where it will not."""
+"""`lacmesh check`: test whether a mesh will work with the LAC method, and report where it will not."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def warn_of(found: Findings) -> None:
-    """Say the findings that are warnings as the command says warnings."""
+    """Issue the findings of severity warning as warnings of the command."""
     for finding in found.warnings:
         warnings.warn(f"{finding.rule}: {finding.message}", LacmeshWarning, stacklevel=1)
 
@@ -97,7 +97,7 @@ def _print_findings(found: Findings, size: float) -> None:
 
 
 def _sentence(f: Finding, size: float) -> str:
-    """The message, and where it is in a mesh of some size."""
+    """Message of a finding, with its group and its box; `size` of the mesh sets the digits."""
     from lacmesh.origin import told
 
     places = [f"in {f.where.group}"] if f.where.group else []
@@ -108,7 +108,7 @@ def _sentence(f: Finding, size: float) -> str:
 
 
 def _figures(s: Any) -> list[tuple[str, str]]:
-    """What the summary says, for people."""
+    """Rows (name, value) of the check's summary, for people."""
     rows = [
         (what, f"{s[f'{what}_faces']:,} faces in {', '.join(s[what])}") for what in ("slave", "master") if what in s
     ]

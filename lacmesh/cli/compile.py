@@ -1,4 +1,4 @@
-"""`lacmesh compile`: compile all that runs compiled, once after installing."""
+"""`lacmesh compile`: compile all kernels, once after installing."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Compile, and tell how far it is."""
+    """Compile all kernels, and print the progress."""
     from concurrent.futures import ProcessPoolExecutor, as_completed
     from multiprocessing import get_context
 
@@ -55,13 +55,13 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _start() -> None:
-    """An interrupt from the terminal goes to all processes: the first one ends the others."""
+    """Ignore interrupts in a worker: the terminal sends them to all processes, and the first one ends the others."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     gc.set_threshold(SELDOM)  # a tenth of the time
 
 
 def _tell(args: argparse.Namespace, count: int, total: int) -> None:
-    """How far it is: in one line of a terminal, and in a file at every tenth."""
+    """Print the progress: on one line of a terminal, in a file at every tenth."""
     if args.quiet:
         return
     if sys.stdout.isatty():

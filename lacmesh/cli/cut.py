@@ -1,4 +1,4 @@
-"""`lacmesh cut`: the slave skin, and the cells behind it, into macro-elements."""
+"""`lacmesh cut`: cut the slave skin, and the cells behind it, into macro-elements."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _cut(mesh: Mesh, args: argparse.Namespace) -> Cut:
-    """The cut that the options ask for, if the program that it is for can take it."""
+    """Make the cut that the options ask for. Raises CutError if the program that it is for cannot take its cells."""
     from lacmesh.cutting.cut import cut_skin
 
     choices = {"hexa": args.hexa, "interface": args.interface, "skin_only": args.skin_only}
@@ -138,7 +138,7 @@ def _cut(mesh: Mesh, args: argparse.Namespace) -> Cut:
 
 
 def _check(cut: Cut, args: argparse.Namespace) -> Findings:
-    """Stop where the check of the cut against its master finds an error; what it finds beside is warned of."""
+    """Check the cut against its master: raise DataError for an error, warn of other findings, and return them all."""
     from lacmesh.checks import check
     from lacmesh.cli.check import warn_of
 
@@ -152,7 +152,7 @@ def _check(cut: Cut, args: argparse.Namespace) -> Findings:
 
 
 def _beside(source: Path) -> Path:
-    """Where a cut goes when nothing is said: `.lac` before the suffix (the format's own where there is none)."""
+    """Default output of a cut: the input with `.lac` before its suffix (the format's own suffix if it has none)."""
     from lacmesh.formats import kind_of
 
     kind = kind_of(source)
@@ -160,7 +160,7 @@ def _beside(source: Path) -> Path:
 
 
 def _check_report(target: Path, args: argparse.Namespace) -> None:
-    """Say at once what would stop the report at the end."""
+    """Check early that the report can be written. Raises RequestError, WriteError."""
     from lacmesh.report.writing import check_report
 
     if Path(args.report) == target:
@@ -169,7 +169,7 @@ def _check_report(target: Path, args: argparse.Namespace) -> None:
 
 
 def _refuse_poor(before: Mesh | None, cut: Cut, least: float) -> None:
-    """Stop where a touched cell is below `least`; `before` is None where the mesh was cut already."""
+    """Raise CutError if the quality of a touched cell is below `least`; `before`: None if the mesh was cut already."""
     from lacmesh.report.touched import refuse_poor, refuse_poor_children
 
     if before is None:
@@ -190,7 +190,7 @@ def _report(before: Mesh | None, cut: Cut, findings: Findings | None) -> CutRepo
 
 @contextmanager
 def _beside_report(args: argparse.Namespace, report: CutReport | None) -> Iterator[None]:
-    """Write the report, if there is one, and let it take its place after what is done inside: both, or neither."""
+    """Write the report, if there is one; it takes its place only after the block has succeeded: both, or neither."""
     if report is None:
         yield
         return

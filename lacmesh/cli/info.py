@@ -1,4 +1,4 @@
-"""`lacmesh info`: what is in a file."""
+"""`lacmesh info`: print the content of a mesh file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Say what is in a file."""
+    """Print the content of a file."""
     from lacmesh.formats import read, title_of
     from lacmesh.report import describe
 
@@ -77,7 +77,7 @@ def _print_info(path: str, kind: str, found: dict[str, Any], tags: Mapping[str, 
 
 
 def _print_entities(out: Any, entities: list[dict[str, Any]]) -> None:
-    """Where no group has a name: what to name instead."""
+    """Print the elementary entities, which can be named if the file has no groups."""
     if not entities:
         return
     rows = table("entity", "cells", "box")

@@ -1,4 +1,4 @@
-"""`lacmesh mesh`: a CAD file listed, or meshed with the groups that a contact needs."""
+"""`lacmesh mesh`: list a CAD file, or mesh it with the groups that contact needs."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _count(shapes: Sequence[Shape], dim: int) -> str:
 
 
 def _table(shapes: Sequence[Shape], dim: int, of_bodies: bool) -> Any:
-    """Rows of shapes of one dimension; only columns that hold something."""
+    """Table of the shapes of one dimension; columns without content are left out."""
     columns = {
         ("", "curve", "surface", "volume")[dim]: [str(s.tag) for s in shapes],
         "type": [s.type for s in shapes],
@@ -130,7 +130,7 @@ def _largest(box: Sequence[Sequence[float]]) -> float:
 
 
 def _vector(values: Sequence[float], largest: float = 1.0) -> str:
-    """Numbers in brackets; what is nothing beside the largest is 0."""
+    """Numbers in brackets; those negligible beside `largest` are 0."""
     return f"({', '.join(f'{0.0 if abs(v) < 1e-7 * largest else v:.4g}' for v in values)})"
 
 

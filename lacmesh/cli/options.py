@@ -1,4 +1,4 @@
-"""What the commands share: how an argument is declared, and how an output is checked and written."""
+"""Shared parts of the commands: declaration of arguments, checks and writing of outputs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Exit status: 0 done, 1 the data are wrong, 2 the command is wrong, 3 a file cann
 def add_command(
     commands: Any, name: str, run: Callable[..., None], text: str, verbose: str = ""
 ) -> argparse.ArgumentParser:
-    """Declare a command, with what all of them take; `text` is its line in the help, `verbose` what -v says more."""
+    """Declare a command with the options of all; `text` is its line in the help, `verbose` a further effect of -v."""
     parser: argparse.ArgumentParser = commands.add_parser(
         name,
         help=text,
@@ -44,7 +44,7 @@ def add_command(
 
 
 def add_output_options(parser: argparse.ArgumentParser) -> None:
-    """Declare what every command that writes a mesh takes."""
+    """Declare the options of every command that writes a mesh."""
     add_msh_options(parser, "the input's, or 4.1", "as the input, or binary")
     parser.add_argument(
         "--plane",
@@ -62,20 +62,20 @@ def add_output_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_msh_options(parser: argparse.ArgumentParser, version: str, form: str) -> None:
-    """Declare `--msh` and `--ascii`; `version` and `form` say what they are by default."""
+    """Declare `--msh` and `--ascii`; `version` and `form` describe their defaults."""
     parser.add_argument("--msh", choices=("4.1", "2.2"), help=f"version of a .msh output (default: {version})")
     parser.add_argument("--ascii", action="store_true", help=f"write .msh, .vtu or .xdmf as text (default: {form})")
 
 
 def add_program_option(parser: argparse.ArgumentParser, text: str) -> None:
-    """Declare `--for`, which goes to `args.program`."""
+    """Declare `--for`, stored as `args.program`."""
     parser.add_argument(
         "--for", dest="program", choices=PROGRAMS, help=f"{text}; also whose .inp to write (default: calculix)"
     )
 
 
 def add_recognition_options(parser: argparse.ArgumentParser) -> None:
-    """Declare what says whether slave faces that look like those of an earlier cut are taken for it (`recognise`)."""
+    """Declare `--recut` and `--recognise`: are slave faces that look like those of an earlier cut taken for it?"""
     either = parser.add_mutually_exclusive_group()
     either.add_argument(
         "--recut",
@@ -93,7 +93,7 @@ def add_recognition_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_facing_options(parser: argparse.ArgumentParser) -> None:
-    """Declare what says how slave and master are compared."""
+    """Declare the options that control how slave and master are compared."""
     parser.add_argument(
         "--dirichlet",
         action="append",
@@ -134,7 +134,7 @@ def add_facing_options(parser: argparse.ArgumentParser) -> None:
 
 
 def facing_options(args: argparse.Namespace) -> dict[str, Any]:
-    """Those options, as `lacmesh.check` takes them."""
+    """Options of `add_facing_options`, as keyword arguments of `lacmesh.check`."""
     names = ("dirichlet", "axisymmetric", "search_distance", "max_penetration", "surface", "crease_angle")
     return {name: getattr(args, name) for name in names}
 
@@ -159,7 +159,7 @@ def add_mesh_option(parser: argparse.ArgumentParser) -> None:
 
 
 def check_output(target: Path, args: argparse.Namespace) -> None:
-    """Say at once what would stop the writing of a mesh at the end."""
+    """Check early that a mesh can be written with these options. Raises RequestError, WriteError."""
     from lacmesh.formats import check_target
     from lacmesh.formats.table import takers
 
@@ -173,7 +173,7 @@ def check_output(target: Path, args: argparse.Namespace) -> None:
 
 
 def check_place(target: Path, args: argparse.Namespace) -> None:
-    """Say at once what would stop the writing of any file at the end; what is there now is remembered for `written`."""
+    """Check early that a file can be written, and remember the present file for `written`."""
     from lacmesh.formats import output
 
     args.target, args.before = target, _identity(target)
@@ -181,7 +181,7 @@ def check_place(target: Path, args: argparse.Namespace) -> None:
 
 
 def written(args: argparse.Namespace) -> str:
-    """For a command that is stopped: what there is of its output, by what lies on the disk."""
+    """Clause for an interrupted command that says if its output was written, judged by the file on the disk."""
     target = getattr(args, "target", None)
     if target is None or _identity(target) == args.before:
         return "nothing was written"
@@ -189,7 +189,7 @@ def written(args: argparse.Namespace) -> str:
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """What differs between a file and one that took its place; None where there is none."""
+    """Inode and time of modification, which tell a file from one that took its place; None if there is no file."""
     try:
         found = path.stat()
     except OSError:
@@ -198,7 +198,7 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 
 def write_mesh(target: Path, mesh: Mesh, source: Path, args: argparse.Namespace) -> None:
-    """Write as the options say; what they leave open is as in the input."""
+    """Write a mesh as the options say; what they leave open is taken from the input."""
     from lacmesh.formats import check_target, kind_of, write
 
     kind, program, taken = kind_of(source), getattr(args, "program", None), check_target(target).options

@@ -1,4 +1,4 @@
-"""`lacmesh orient`: a skin turned outward."""
+"""`lacmesh orient`: orient the faces of a skin outward."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Turn the skins of a file."""
+    """Orient the skins of a file outward."""
     from lacmesh.formats import kind_of, read
     from lacmesh.topology.orientation import reverse, skin_cells, turning
 
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _report(mesh: Mesh, group: str, count: int, turn: Turning) -> list[str]:
-    """What was done to a group, a line each."""
+    """Lines that say what was done to the faces of a group."""
     lines = [f"{group}: {len(turn.turned):,} of {count:,} {'face' if count == 1 else 'faces'} turned"]
     for cells, what in (
         (turn.interface, "between two cells, with no outward side, left as they are"),

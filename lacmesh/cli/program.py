@@ -36,10 +36,10 @@ SELDOM = 200_000
 
 @dataclass(frozen=True)
 class Program:
-    """`name`; `commands`, in the order of the help, each a module of `package`.
+    """A program called `name`; `commands`, in the order of the help, are modules of `package`.
 
-    `told`: the lines that an error is told in; `left`: what a command that is stopped leaves of its output;
-    `too_large`: what is said where memory does not suffice. `collects`: whether the collector of cycles runs.
+    `told`: gives the lines of an error message; `left`: describes the output that an interrupted command leaves;
+    `too_large`: message for lack of memory. `collects`: whether the collector of cycles runs.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Program:
     collects: bool = True
 
     def main(self, argv: Sequence[str] | None = None) -> int:
-        """Run the program; the exit status. Nothing that happens leaves it without a word and a status."""
+        """Run the program and return its exit status; every failure ends in a message and a status."""
         collects, often = gc.isenabled(), gc.get_threshold()
         gc.set_threshold(SELDOM)  # what is imported is never garbage: to look for it takes a tenth of a start
         if not self.collects:
@@ -67,7 +67,7 @@ class Program:
 
     @cached_property
     def parser(self) -> argparse.ArgumentParser:
-        """The arguments of all commands; a process that runs several reads them once."""
+        """Parser of the arguments of all commands; a process that runs several builds it once."""
         parser = _Parser(
             prog=self.name,
             description=self.description,
@@ -94,7 +94,7 @@ class Program:
                 return self._fail([f"terminated; {self.left(args)}"], 143)
 
     def _run(self, args: argparse.Namespace) -> int:
-        """Run what was asked for, whatever becomes of it."""
+        """Run the command that was asked for, and turn every error into a message and an exit status."""
         with warnings.catch_warnings():
             warnings.simplefilter("always", LacmeshWarning)
             warnings.showwarning = self._show_warning
@@ -135,7 +135,7 @@ class Program:
 
 
 def on_one_line(message: str) -> str:
-    r"""Names come from files: no line ends, no commands to the terminal.
+    r"""Escape what is not printable: names from files must not hold line ends or commands to the terminal.
 
     >>> on_one_line("group 'a" + chr(10) + chr(27) + "é'")
     "group 'a\\n\\x1bé'"
@@ -144,13 +144,13 @@ def on_one_line(message: str) -> str:
 
 
 class _Shown:
-    """The output stream `out`, on which names from files are no commands to the terminal."""
+    """The output stream `out`, with escapes for what is not printable: names from files may hold terminal commands."""
 
     def __init__(self, out: TextIO) -> None:
         self.out = out
 
     def write(self, text: str) -> int:
-        """Write a text, its lines as they are."""
+        """Write a text with its lines kept and other unprintable characters escaped."""
         self.out.write("\n".join(map(on_one_line, text.split("\n"))))
         return len(text)
 
@@ -174,7 +174,7 @@ def _fail(program: str, messages: Sequence[str], status: int) -> int:
 
 @contextmanager
 def _signals() -> Iterator[None]:
-    """Let the first SIGINT or SIGTERM unwind, and those that follow wait for the end of that."""
+    """Turn the first SIGINT or SIGTERM into an exception, and ignore those that follow until it has unwound."""
     if threading.current_thread() is not threading.main_thread():  # only there may handlers be set
         yield
         return
@@ -193,7 +193,7 @@ def _stop(signum: int, frame: object) -> NoReturn:
 
 
 def _open_streams() -> None:
-    """Have an output and an error stream, whatever who called us closed (`2>&-`): else a file of ours is number 2."""
+    """Replace an output or error stream that the caller closed (`2>&-`): else a file of ours would be number 2."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115
@@ -202,7 +202,7 @@ def _open_streams() -> None:
 
 
 def _keep_memory() -> None:
-    """Let glibc keep what is freed for the next array: new pages cost a tenth of the time on a mesh of 1e6 cells."""
+    """Let glibc keep freed memory for the next array: new pages cost a tenth of the time on a mesh of 1e6 cells."""
     if sys.platform == "linux":
         import ctypes
 

@@ -1,4 +1,4 @@
-"""`lacmesh quality`: which cells are invalid, which are poor, how the measures are spread, which cells are worst."""
+"""`lacmesh quality`: count invalid and poor cells, print statistics of the measures, and list the worst cells."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Measure a file. The status is 0 whatever is found: `lacmesh check` is the command that judges."""
+    """Measure the cells of a file. The status is 0 for any quality: `lacmesh check` is the command that judges."""
     from lacmesh.formats import read
 
     if args.plot:
@@ -75,7 +75,7 @@ def _measures(text: str | None) -> str | list[str] | None:
 
 
 def _children(mesh: Mesh) -> ChildrenQuality | None:
-    """The children of a mesh that carries a cut, against their parents."""
+    """Quality of the children of a mesh that carries a cut, against their parents; None without a cut."""
     from lacmesh.cutting.cut import Cut, is_cut
     from lacmesh.errors import CutError
     from lacmesh.report import children_quality
@@ -148,7 +148,7 @@ def _title(kind: TypeQuality, rank: str) -> str:
 
 
 def _bars(histogram: Histogram) -> list[str]:
-    """The histogram in characters, two bins a line, the part in use."""
+    """Histogram drawn in characters, two bins per line, limited to the part in use."""
     from lacmesh.report.markdown import bar
 
     edges = histogram.edges[::2]

@@ -1,7 +1,7 @@
-"""What people see on a terminal: progress, tables, JSON, time and memory.
+"""Output of the commands on a terminal: progress, tables, JSON, time and memory.
 
-Names come from files: what is printed as a line is escaped by the program (`program.py`), cells of tables here, because
-tables have colours, and JSON in its own way.
+Names come from files and are escaped: in printed lines by the program (`program.py`), in cells of tables here, because
+tables have colours, and in JSON in its own way.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from lacmesh.cli.program import on_one_line
 
 
 class Stages:
-    """Times the stages of a command, and shows a progress bar where a person watches."""
+    """Times the stages of a command, and shows a progress bar on a terminal."""
 
     def __init__(self, args: argparse.Namespace, names: Iterable[str]) -> None:
         self.names = tuple(names)
@@ -41,7 +41,7 @@ class Stages:
 
     @contextmanager
     def __call__(self, name: str) -> Iterator[None]:
-        """Time what is done inside, as stage `name`."""
+        """Time the block as stage `name`."""
         start = time.perf_counter()
         if self.bar:
             self.bar.start()
@@ -57,7 +57,7 @@ class Stages:
 
 
 def tell(say: Callable[[str], None]) -> None:
-    """Let what the library logs be said too: that kernels are compiled, which takes a while the first time."""
+    """Pass the library's log messages to `say`: that kernels are compiled, which takes a while the first time."""
 
     class Telling(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
@@ -69,7 +69,7 @@ def tell(say: Callable[[str], None]) -> None:
 
 
 def console() -> Any:
-    """Where tables are printed: as wide as the terminal, or 160 columns in a file."""
+    """Console that tables are printed on: as wide as the terminal, or 160 columns in a file."""
     from rich.console import Console
 
     file = getattr(sys.stdout, "out", sys.stdout)  # past what escapes lines: tables are escaped cell by cell
@@ -77,7 +77,7 @@ def console() -> Any:
 
 
 def table(*columns: str) -> Any:
-    """An empty table; columns whose names speak of numbers are set to the right."""
+    """Empty table; columns that hold numbers, by their names, are aligned to the right."""
     from rich import box
     from rich.table import Table
 
@@ -93,7 +93,7 @@ def table(*columns: str) -> Any:
 
 
 def as_json(data: Any) -> str:
-    r"""Data as JSON for people and programs: letters as they are, what is not printed as JSON escapes it.
+    r"""Data as JSON for people and programs: printable characters as they are, others escaped as in JSON.
 
     >>> print(as_json(["é" + chr(27) + chr(155)]))
     [
@@ -105,7 +105,7 @@ def as_json(data: Any) -> str:
 
 
 def peak_memory() -> int:
-    """Bytes that this process has had at most; 0 where the system does not tell."""
+    """Peak memory of this process in bytes; 0 if the system does not tell."""
     try:
         import resource
     except ImportError:  # not on Windows
@@ -114,6 +114,6 @@ def peak_memory() -> int:
 
 
 def memory() -> str:
-    """End of a sentence: the peak memory of this process, where the system tells."""
+    """End of a sentence: the peak memory of this process; empty if the system does not tell."""
     peak = peak_memory()
     return f"; peak memory {peak / 1e6:.0f} MB" if peak else ""

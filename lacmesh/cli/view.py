@@ -1,4 +1,4 @@
-"""`lacmesh view`: a picture of a mesh, or a page that turns it in a browser."""
+"""`lacmesh view`: draw a picture of a mesh, or make a page that turns it in a browser."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _shown(mesh: Mesh, args: argparse.Namespace) -> dict[str, Any]:
-    """The options that a picture and a page share."""
+    """Options that a picture and a page share, as keyword arguments."""
     shown: dict[str, Any] = {
         "slave": args.slave,
         "master": args.master,
@@ -95,7 +95,7 @@ def _shown(mesh: Mesh, args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _check_request(target: Path, args: argparse.Namespace) -> None:
-    """Say at once what would stop the drawing at the end."""
+    """Check early that the drawing can be made and written. Raises RequestError, WriteError."""
     from lacmesh.scene.request import check_direction, check_gap
 
     suffix = target.suffix.lower()

@@ -70,7 +70,7 @@ def to_pyvista(mesh: Mesh, *, groups: bool = True, data: bool = True) -> Any:
 
 
 def to_trimesh(mesh: Mesh, group: str) -> Any:
-    """The skin faces of a group as a `trimesh.Trimesh`: triangles that turn as the faces do, on the nodes they use.
+    """The skin faces of a group as a `trimesh.Trimesh`: triangles oriented as the faces, on the nodes they use.
 
     A QUAD4 is two triangles; a quadratic face is split at its mid-nodes. `metadata`: for each triangle its face, as an
     index (`cell`) and by the file's number (`cell_number`); for each vertex its node, likewise (`node`, `node_number`).

@@ -1,4 +1,4 @@
-"""code_aster's own view of a cut: which slave face carries which LAGS_C nodes, and with what share.
+"""Multipliers of a cut as code_aster sees them: the LAGS_C nodes that each slave face carries, and its share.
 
 code_aster hangs a macro-element's one multiplier on nodes of its slave faces (R5.03.55, figures 3 to 16); where no node
 is common to all of them it makes two or four, tied together, and each face's contribution is divided by the number it
@@ -36,9 +36,9 @@ _SEG3_CODE = {"TRIA6": 9, "QUAD8": 14}
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Where LAGS_C stands. `faces` (f,): the slave faces; a row each: `nodes` (f, 4) those that carry it, -1 beyond.
+    """Nodes that carry LAGS_C: `faces` (f,), the slave faces, and for each face its `nodes` (f, 4), -1 beyond.
 
-    `share` (f,): by what a face's contribution is multiplied: 1, 1/2 or 1/4. `patch_of_cell` (n_cells,) and
+    `share` (f,): factor of a face's contribution, 1, 1/2 or 1/4. `patch_of_cell` (n_cells,) and
     `patch_of_node` (n_nodes,): patch numbers from 1, 0 where there is none. `patch_code` (patches,): code_aster's code
     of the pattern, 0 where code_aster has none (TRIA7, and QUAD9 in 2D); `patch_nodes`: for each patch its nodes.
     """
@@ -82,7 +82,7 @@ def aster_multipliers(cut: Cut) -> Multipliers:
 
 
 def _code_segments(cut: Cut, faces: Ints, macro: Ints, code: Ints) -> None:
-    """A SEG3's code depends on the cell behind it."""
+    """Set the patch codes of SEG3 faces, which depend on the cell behind each."""
     mesh = cut.mesh
     segments = faces[np.isin(faces, _cells_of_type(cut, "SEG3"))]
     if not len(segments):

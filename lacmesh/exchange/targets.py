@@ -1,7 +1,7 @@
-"""What the programs that a mesh is meant for can take: which cells, and which children a cut would give them.
+"""Cells that target programs can take: those of a mesh as it is, and those that a cut would give.
 
     gmsh        the cells of msh
-    aster       code_aster, by MED; a name for the cells is no promise that its models take them
+    aster       code_aster, by MED; that MED has a name for cells does not mean that its models accept them
     calculix    CalculiX, by .inp
     abaqus      Abaqus, by .inp
     fenics      dolfinx, by XDMF: one type of cells in a mesh, as its `read_mesh` asks
@@ -42,7 +42,7 @@ _FENICS = ("SEG2", "SEG3", "TRIA3", "TRIA6", "QUAD4", "QUAD9", "TETRA4", "TETRA1
 
 
 def element(kind: str, target: str, plane: bool = False) -> str | None:
-    """What a target calls a cell of type `kind`, None where it has none; `plane`: in a plane mesh.
+    """Name that a target has for a cell of type `kind`, None if it has none; `plane`: in a plane mesh.
 
     >>> element("HEXA8", "calculix"), element("PYRAM5", "calculix"), element("TRIA3", "calculix", plane=True)
     ('C3D8', None, 'CPS3')
@@ -62,7 +62,7 @@ def element(kind: str, target: str, plane: bool = False) -> str | None:
 
 
 def refused(mesh: Mesh, target: str) -> dict[str, int]:
-    """type -> number of the cells that a target cannot take; for dolfinx, those of one dimension and several types.
+    """Number of the cells that a target cannot take, by type; for dolfinx, also several types in one dimension.
 
     Cells below the mesh's dimension matter to gmsh and code_aster, and facets to dolfinx; .inp files hold them as
     surfaces or sets of nodes. Raises RequestError for a target that is none.
@@ -81,7 +81,7 @@ def refused(mesh: Mesh, target: str) -> dict[str, int]:
 
 
 def check_cells(mesh: Mesh, target: str) -> None:
-    """Raise DataError where a mesh as it is has cells that a target cannot take (RequestError: it is no target)."""
+    """Raise DataError if a mesh as it is has cells that a target cannot take, RequestError for an unknown target."""
     wrong = refused(mesh, target)
     if wrong:
         raise DataError(f"the mesh has {_listed(wrong)}, and {_reason(mesh, wrong, target)}; mesh it anew")
@@ -97,7 +97,7 @@ def check_target_cells(
     skin_only: bool = False,
     recognise: bool | None = None,
 ) -> None:
-    """Raise CutError where a mesh, cut so, would have cells that a target cannot take; the error says what to try.
+    """Raise CutError if the cut mesh would have cells that a target cannot take; the error says what to try.
 
     The options are those of `cut_skin`, whose errors come first (GroupNotFoundError, CutError). Costs a cut of the mesh
     without its data. Raises RequestError for a target that is none.
@@ -136,7 +136,7 @@ def _reason(mesh: Mesh, wrong: Mapping[str, int], target: str) -> str:
 
 
 def _cut(mesh: Mesh, slave: str | int | Sequence[str | int], **options: Any) -> Mesh:
-    """The mesh cut, without what does not matter to its types."""
+    """Cut the mesh without its data, node groups and model, which do not matter to the types of its cells."""
     data = {"entity": mesh.cell_data["entity"]} if "entity" in mesh.cell_data else {}
     bare = replace(mesh, cell_data=data, node_data={}, node_groups={}, steps={}, model=None)
     with warnings.catch_warnings():
@@ -145,7 +145,7 @@ def _cut(mesh: Mesh, slave: str | int | Sequence[str | int], **options: Any) -> 
 
 
 def _advice(mesh: Mesh, there: Mapping[str, int], with_hexa: Mesh, target: str) -> str:
-    """What to try: `there` is refused before the cut; `with_hexa`: the mesh cut by the variant of hexahedra."""
+    """Advice on refused cells: `there` are refused before the cut; `with_hexa`: the mesh cut by the variant hexa."""
     if there:
         return f"it has {_listed(there)} before it is cut: mesh it anew"
     wrong = refused(with_hexa, target)

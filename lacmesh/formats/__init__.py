@@ -1,7 +1,7 @@
-"""Files: a module for each format, with `read(path) -> Mesh` and `write(path, mesh)`; here, the choice between them.
+"""File formats: a module for each, with `read(path) -> Mesh` and `write(path, mesh)`; here, the choice of the format.
 
-The format is known by its content when reading (`sniff.py`), by its suffix when writing (`table.py`); `output.py` puts
-what is written in its place.
+The format is detected from the content when reading (`sniff.py`) and given by the suffix when writing (`table.py`);
+`output.py` puts the written files in their places.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ __all__ = ["SUFFIXES", "Kind", "check_target", "kind_of", "read", "title_of", "w
 
 @dataclass(frozen=True)
 class Kind:
-    """How a file keeps a mesh: its format, for msh the version (4.1 or 2.2), and whether it is binary.
+    """Coding of a mesh file: its format, for msh the version (4.1 or 2.2), and whether it is binary.
 
-    `binary` is False only where the same format could be: msh, VTU or XDMF in text.
+    `binary` is False only for the text form of a format that has a binary form too: msh, VTU and XDMF.
     """
 
     format: str
@@ -37,7 +37,7 @@ class Kind:
 
 
 def kind_of(path: str | os.PathLike[str]) -> Kind:
-    """What an existing file is, by its content; by its suffix where that says nothing. Raises ReadError."""
+    """Detect the format of an existing file by its content, else by its suffix. Raises ReadError."""
     path = Path(path)
     try:
         if not path.is_dir() and path.exists() and not path.is_file():  # a pipe gives its content once, or waits
@@ -55,7 +55,7 @@ def kind_of(path: str | os.PathLike[str]) -> Kind:
 
 
 def title_of(path: str | os.PathLike[str]) -> str:
-    """What an existing file is, for people. Raises ReadError.
+    """Name of the format of an existing file, for people. Raises ReadError.
 
     For example "msh 4.1 binary", "MED", "VTU ASCII", "stl, by meshio".
     """
@@ -67,11 +67,11 @@ def title_of(path: str | os.PathLike[str]) -> str:
 
 
 def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
-    """The mesh in a file: msh 2.2 or 4.1, MED 2.3 to 4.2, .mail, .inp, VTU, XDMF, and what meshio reads.
+    """Read the mesh in a file: msh 2.2 or 4.1, MED 2.3 to 4.2, .mail, .inp, VTU, XDMF, and the formats of meshio.
 
-    `mesh`: which one, by name, in a file that holds several (MED, XDMF). The records of a cut that a format has no
-    place for are read from the file beside, NAME.SUFFIX.lac.json; a LacmeshWarning says where that does not belong to
-    this one. Raises ReadError (RequestError for a wrong `mesh`, or where meshio is missing).
+    `mesh`: name of the mesh to read from a file that holds several (MED, XDMF). Cut records that a format has no place
+    for are read from the sidecar NAME.SUFFIX.lac.json; a LacmeshWarning is given if the sidecar does not belong to this
+    file. Raises ReadError (RequestError for a wrong `mesh`, or if meshio is missing).
     """
     path = Path(path)
     name = kind_of(path).format
@@ -89,7 +89,7 @@ def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
 
 
 def _read_alone(path: Path, form: Format) -> Mesh:
-    """The mesh in one file, without what is beside it."""
+    """Read the mesh in one file, without its sidecar."""
     if form.meshio:
         from lacmesh.formats.by_meshio import read as read_by_meshio
 
@@ -115,16 +115,16 @@ def write(
     all_cells: bool = False,
     force: bool = True,
 ) -> None:
-    """Write a mesh; the suffix says the format (`lacmesh.formats.SUFFIXES`).
+    """Write a mesh in the format given by the suffix of `path` (`lacmesh.formats.SUFFIXES`).
 
-    `msh`: the version of a msh file, 4.1 (as by default) or 2.2; `binary`: or ASCII, for msh, VTU and XDMF (True by
-    default); `compress`: for VTU and XDMF. XDMF has a second file beside it, .h5. For .inp: `target`, the program it is
-    for, calculix (as by default) or abaqus; `plane`: its elements in the plane, CPS, CPE or CAX (by default
-    `mesh.plane`, else CPS, with a warning); `all_cells`: cells below the mesh's dimension are elements too, not
-    surfaces and sets of nodes alone. Where a format has no place for the records of a cut, they go to a file beside,
-    NAME.SUFFIX.lac.json; writing a mesh without a cut takes such a file away.
-    An existing file is replaced, at the end and whole, unless `force` is False. Raises WriteError, and RequestError,
-    as for an option that the format does not take.
+    `msh`: version of a msh file, 4.1 (default) or 2.2; `binary`: binary (default) or ASCII, for msh, VTU and XDMF;
+    `compress`: for VTU and XDMF. XDMF has a second file beside it, .h5. For .inp: `target`, the program, calculix
+    (default) or abaqus; `plane`, the elements of a plane mesh, CPS, CPE or CAX (default: `mesh.plane`, else CPS, with a
+    warning); `all_cells`: write cells below the mesh's dimension as elements too, not only as surfaces and node sets.
+    If a format has no place for the records of a cut, they go to the sidecar NAME.SUFFIX.lac.json; writing a mesh
+    without a cut removes such a file.
+    An existing file is replaced at the end, as a whole, unless `force` is False. Raises WriteError, and RequestError,
+    for example for an option that the format does not take.
     """
     path = Path(path)
     form = format_of(path)
@@ -161,7 +161,7 @@ def _check_options(form: Format, options: dict[str, Any]) -> None:
 
 
 def _writer(form: Format, version: str, binary: bool, options: dict[str, Any]) -> Callable[..., Any]:
-    """What writes a mesh of that format: called with the mesh, the file, and the second file where there is one."""
+    """Return the function that writes a mesh; it takes the mesh and a path, for binary XDMF also the .h5 file's."""
     from importlib import import_module
 
     if form.meshio:
@@ -183,9 +183,9 @@ def _writer(form: Format, version: str, binary: bool, options: dict[str, Any]) -
 
 
 def _second(path: Path, form: Format, mesh: Mesh, binary: bool) -> list[Path]:
-    """The place of the second file, where there is one to be, or to be taken away.
+    """List with the path of the second file that has to be written or removed; empty if there is none.
 
-    Raises WriteError where a file that lacmesh did not write stands there.
+    Raises WriteError if a file that lacmesh did not write stands there.
     """
     if form.beside and binary:
         from lacmesh.formats.xdmf import writer as xdmf_write
@@ -208,7 +208,7 @@ def _second(path: Path, form: Format, mesh: Mesh, binary: bool) -> list[Path]:
 
 
 def _write_records(side: Path, mesh: Mesh, written: Path, form: Format) -> None:
-    """Write the records of a cut for a file that was just written; without any, the file for them is taken away."""
+    """Write the sidecar with the cut records for a file that was just written; without records, remove the sidecar."""
     from lacmesh.formats.cut_beside import UnfitError, records_of, to_json
 
     text = None

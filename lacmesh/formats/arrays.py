@@ -1,10 +1,10 @@
 """A mesh as named arrays on its cells and nodes, for formats that know nothing else (VTU, XDMF, pyvista, meshio).
 
-    group:NAME      0 or 1: who is in a group, so that groups overlap as they like and ParaView can threshold them
+    group:NAME      0 or 1: membership of a group; groups may overlap, and ParaView can threshold them
     cell_number     the file's numbers of the cells;  node_number: of the nodes
     anything else   the data of the mesh, under its own name: fields, the records of a cut (lac_*), entity, partition
 
-What an array cannot say of itself (a name that the format cannot hold, a shape of more than a row) goes into the notes.
+What an array itself cannot hold (a name illegal in the format, rows of several dimensions) goes into the notes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _NUMBER = {"cell": CELL_NUMBER, "node": NODE_NUMBER}
 
 
 class Arrays(NamedTuple):
-    """Arrays on cells and on nodes, each (n,) or (n, m); `notes`: names and shapes that the arrays do not tell."""
+    """Arrays on cells and on nodes, each (n,) or (n, m); `notes`: names and shapes that the arrays cannot hold."""
 
     cell: dict[str, NDArray]
     node: dict[str, NDArray]
@@ -34,9 +34,9 @@ class Arrays(NamedTuple):
 
 
 def to_arrays(mesh: Mesh, said: list[str], tidy: Callable[[str], str] = str) -> Arrays:
-    """All that a mesh has on its cells and nodes; `tidy` makes a name one that the format can hold.
+    """Numbers, groups and data of a mesh as arrays on cells and nodes; `tidy` makes a name legal in the format.
 
-    What cannot be an array of numbers is named in `said`.
+    Data that cannot be an array of numbers are left out, with a message in `said`.
     """
     parts: dict[str, dict[str, NDArray]] = {}
     notes: dict[str, Any] = {"names": {}, "shapes": {}}
@@ -66,7 +66,7 @@ def to_arrays(mesh: Mesh, said: list[str], tidy: Callable[[str], str] = str) -> 
 
 
 def _unique(prefix: str, name: str, tidy: Callable[[str], str], taken: Container[str], names: dict[str, str]) -> str:
-    """The name of an array that no other has; where it is not the prefix and the name, `names` says what it means."""
+    """Unused name for an array; if it differs from the prefix and the name, `names` maps it to the original name."""
     key = prefix + tidy(name)
     key = next(k for k in chain([key], (f"{key}_{n}" for n in count(2))) if k and k not in taken)
     if key != prefix + name or prefix == "data:":
@@ -75,7 +75,7 @@ def _unique(prefix: str, name: str, tidy: Callable[[str], str], taken: Container
 
 
 def _storable(given: NDArray) -> NDArray | None:
-    """(n,) or (n, m) of the machine's integers or reals; None for what no array of a file can hold."""
+    """Data as native integers or reals, (n,) or (n, m); None if no array of a file can hold them."""
     values = np.asarray(given)
     if values.dtype.kind not in "fiub" or 0 in values.shape[1:]:
         return None
@@ -99,8 +99,8 @@ def from_arrays(
 ) -> dict[str, Any]:
     """Fields of a Mesh (numbers, groups, data) from the arrays on its cells and nodes; `sizes`: how many of each.
 
-    Integers that are 0 or 1 under `group:` are groups; numbers that are not positive and distinct are counted instead,
-    and that is `said`.
+    Arrays `group:NAME` of integers 0 or 1 become groups; numbers that are not positive and distinct are replaced by
+    1, 2 ..., with a message in `said`.
     """
     fields: dict[str, Any] = {}
     for on, arrays, size in (("cell", cell, sizes[0]), ("node", node, sizes[1])):
@@ -122,8 +122,9 @@ def from_arrays(
 
 
 class Parts(NamedTuple):
-    """What a mesh is made of: points (n, 3); nodes by type; where in the file the cells of these blocks stand, which is
-    their rows in the arrays on cells; arrays on nodes.
+    """Parts of a mesh to be assembled: points (n, 3), nodes by type in `blocks`, arrays on cells and on nodes.
+
+    `place`: for each cell, block after block, its position in the file, which is its row in the arrays on cells.
     """
 
     points: Floats
@@ -140,7 +141,7 @@ def assembled(
     said: list[str],
     groups: Mapping[str, Mapping[str, Ints]] | None = None,
 ) -> Mesh:
-    """A mesh from its parts, the `fields` that its notes tell, and `groups` (of "cell", "node") beside the arrays'."""
+    """Assemble a mesh from its parts, the `fields` read from its notes, and further `groups` (on "cell", "node")."""
     place = parts.place
     in_order = bool((np.diff(place) > 0).all())
     rows = {name: values if in_order else values[place] for name, values in parts.cell.items()}
@@ -177,7 +178,7 @@ def _numbers(values: NDArray, on: str, said: list[str]) -> Ints:
 
 
 def _integers(values: NDArray) -> Ints | None:
-    """The values as integers where that is what they are, some tools having made reals of them."""
+    """Values as integers, also if a tool stored them as reals; None if some are not integers."""
     if values.dtype.kind in "iu":
         return None if values.dtype == np.uint64 and len(values) and values.max() >= 2**63 else values
     if values.dtype.kind != "f" or not np.isfinite(values).all():
@@ -187,7 +188,7 @@ def _integers(values: NDArray) -> Ints | None:
 
 
 def _shaped(values: NDArray, shape: Any) -> NDArray:
-    """The array in the shape that the notes say, where it has room for it."""
+    """Reshape the rows of an array as the notes say, if its size allows."""
     if not isinstance(shape, list) or not all(isinstance(n, int) and n > 0 for n in shape):
         return values
     fits = int(np.prod([len(values), *shape], dtype=object)) == values.size
@@ -195,7 +196,7 @@ def _shaped(values: NDArray, shape: Any) -> NDArray:
 
 
 def _sound(data: dict[str, NDArray], said: list[str]) -> dict[str, NDArray]:
-    """Data whose names mean something to lacmesh are what they should be, or get another name."""
+    """Convert data with names that lacmesh reserves to integers, or rename them if they do not fit that meaning."""
     sound: dict[str, NDArray] = {}
     for name, values in data.items():
         reserved = name in ("entity", NODE_RECORD, *CELL_RECORDS)
@@ -211,9 +212,9 @@ def _sound(data: dict[str, NDArray], said: list[str]) -> dict[str, NDArray]:
 
 
 def merged(parts: Iterable[tuple[Mapping[str, NDArray], int]], said: list[str], what: str) -> dict[str, NDArray]:
-    """Arrays of several pieces (arrays, size) as one; a piece that lacks one gets NaN, -1, or 0 in a group.
+    """Concatenate the arrays of several pieces (arrays, size); a piece that lacks one gets NaN, -1, or 0 in a group.
 
-    An array whose pieces have different widths is left out, which is `said`.
+    An array whose pieces have different widths is left out, with a message in `said`.
     """
     parts = list(parts)
     names = dict.fromkeys(name for arrays, _ in parts for name in arrays)

@@ -1,9 +1,9 @@
 """Formats that meshio reads and writes and lacmesh does not: the cells, and as much of the rest as meshio keeps.
 
-meshio raises whatever it likes, exits, drops cells without a word and swaps nodes in some formats. So what it wrote is
-read back and compared: cells that came out otherwise are an error, and what else was lost is named in one warning.
-Quadratic cells are written where their node order was checked against another program; mid-nodes that a reader puts
-far from their edges are an error. What meshio says while it reads, of cells that it drops for one, is passed on.
+meshio may raise any exception, exit, drop cells silently, or swap nodes in some formats. Its output is therefore read
+back and compared: changed cells are an error, and other losses are named in one warning. Quadratic cells are written
+only if their node order was checked against another program; mid-nodes that a reader puts far from their edges are an
+error. Messages that meshio prints while reading, for example on cells that it drops, are passed on.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ _WITH_ARRAYS = ("vtk", "hmf", "tecplot", "avsucd")
 _QUADRATIC = {"vtk": ("SEG3", "TRIA6", "QUAD8", "QUAD9", "TETRA10", "HEXA20", "HEXA27", "PENTA18")}
 #: The characters that VTK's files have in names as they are; %XX is for the others.
 _PLAIN = "".join(sorted({*string.punctuation} - {*'%"'}))
-#: A word of meshio's to the user, up to the next.
+#: A message of meshio to the user, up to the next one.
 _WORD = re.compile(r"^(Warning|Error|Info): (.*?)(?=^(?:Warning|Error|Info): |\Z)", re.MULTILINE | re.DOTALL)
 
 
 def read(path: Path, name: str) -> Mesh:
-    """The mesh of a file of meshio's format `name`; a LacmeshWarning says what meshio warns of.
+    """Read a file of meshio's format `name`; a LacmeshWarning passes on the warnings of meshio.
 
-    Raises ReadError, also where meshio warns and no cells are left; RequestError where meshio is missing.
+    Raises ReadError, also if meshio warns and no cells are left; RequestError if meshio is missing.
     """
     meshio = needed()
     if not path.is_file():
@@ -87,7 +87,7 @@ def read(path: Path, name: str) -> Mesh:
 
 
 def write(path: Path, mesh: Mesh, name: str) -> None:
-    """Write a mesh in meshio's format `name`, read it back, and warn of what that lost but for the records of a cut.
+    """Write a mesh in meshio's format `name`, read it back, and warn of all losses except the records of a cut.
 
     Raises WriteError where cells are not kept as they are, RequestError where meshio is missing.
     """
@@ -118,7 +118,7 @@ def _check_types(path: Path, mesh: Mesh, name: str) -> None:
 
 
 def _given(mesh: Mesh, name: str) -> Any:
-    """The mesh for meshio, with its groups as arrays or without any data."""
+    """Convert a mesh for meshio, with data and groups as arrays if the format keeps arrays, else without any data."""
     given = to_meshio(mesh)
     given.cell_sets, given.point_sets = {}, {}
     if name not in _WITH_ARRAYS:
@@ -137,7 +137,7 @@ def _given(mesh: Mesh, name: str) -> Any:
 
 
 def _encoded(text: str) -> str:
-    """A name as VTK's files have it, without blanks."""
+    """Percent-encode a name, since VTK's files allow no blanks in names."""
     return quote(text, safe=_PLAIN)
 
 
@@ -147,7 +147,7 @@ def _wide(values: NDArray) -> NDArray:
 
 
 def _as_ours(given: Any, name: str) -> None:
-    """What a file of VTK has otherwise than ours: its wedges, its names, the pairs in `entity`."""
+    """Convert, in place, what differs in a VTK file: the node order of wedges, encoded names, the pairs in `entity`."""
     if name != "vtk":
         return
     _turn_wedges(given, name)
@@ -156,19 +156,19 @@ def _as_ours(given: Any, name: str) -> None:
 
 
 def _pairs(pieces: list[NDArray]) -> list[NDArray]:
-    """Arrays of pairs as they were before meshio gave them a third column, of zeros."""
+    """Remove the third column, of zeros, that meshio adds to arrays of pairs."""
     added = all(v.ndim == 2 and v.shape[1] == 3 and not v[:, 2].any() for v in pieces)
     return [v[:, :2] for v in pieces] if added else pieces
 
 
 def _of_vtk(word: str) -> str:
-    """A word of meshio's on a file of VTK, with names for the numbers of types."""
+    """Add the names of cell types to a message of meshio on a VTK file, which gives only their numbers."""
     names = {**NOT_READ, 11: "voxels"}
     return re.sub(r"\(type (\d+)\)", lambda m: f"(type {m[1]}, {names.get(int(m[1]), 'unknown')})", word)
 
 
 def _colours(path: Path) -> list[str]:
-    """Words on the arrays that meshio skips without one; VTK saves an active array of bytes so."""
+    """Messages on the COLOR_SCALARS that meshio skips silently; VTK saves an active array of bytes in that form."""
     found = re.findall(rb"^COLOR_SCALARS (\S+) \d+\r?$", path.read_bytes(), re.MULTILINE)
     return [f"the colours {unquote(name.decode(errors='replace'))!r} are left out" for name in found]
 
@@ -178,7 +178,7 @@ def _hint(name: str) -> str:
 
 
 def _turn_wedges(given: Any, name: str) -> None:
-    """Undo what meshio does to VTK's linear wedges: it turns them over, and VTK then finds negative volumes."""
+    """Undo, in place, meshio's reordering of VTK's linear wedges, which gives them negative volumes in VTK."""
     for block in given.cells if name == "vtk" else ():
         if block.type == "wedge":
             block.data = block.data[:, [0, 2, 1, 3, 5, 4]]
@@ -186,7 +186,7 @@ def _turn_wedges(given: Any, name: str) -> None:
 
 @contextlib.contextmanager
 def _told_by_the_disk(path: Path) -> Iterator[None]:
-    """A file that the disk did not take is that, whatever else meshio had to say."""
+    """Report a failed write as an error of the disk, instead of meshio's message on it."""
     try:
         yield
     except WriteError as error:
@@ -197,9 +197,9 @@ def _told_by_the_disk(path: Path) -> Iterator[None]:
 
 
 def _guarded(call: Callable[[], Any], failed: Callable[[str], LacmeshError], words: list[str] | None = None) -> Any:
-    """What meshio returns; what it prints is kept from the terminal, and whatever it raises is one error.
+    """Call meshio and return its result; keep its output off the terminal, and turn any exception into one error.
 
-    What it warns of is added to `words`, each once. A writer's warnings are not asked for: what is lost is measured.
+    Its warnings are added to `words`, each once. A writer's warnings are not collected, since its losses are measured.
     """
     heard = io.StringIO()
     try:
@@ -218,6 +218,6 @@ def _guarded(call: Callable[[], Any], failed: Callable[[str], LacmeshError], wor
 
 
 def _warned(printed: str) -> list[str]:
-    """The warnings and errors in what meshio printed, each in one line, without colours and a full stop."""
+    """Warnings and errors in meshio's printed output, each on one line, without colour codes and final full stop."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", printed)
     return [" ".join(text.split()).rstrip(".") for kind, text in _WORD.findall(plain) if kind != "Info"]

@@ -1,8 +1,9 @@
-"""The records of a cut in a JSON file beside a mesh file that has no fields: `part.inp.lac.json` beside `part.inp`.
+"""Sidecar of a mesh file without fields: the records of its cut in JSON, `part.inp.lac.json` beside `part.inp`.
 
-It says cells and nodes by the numbers that they have when the mesh file is read: writers number anew, and faces of
-*SURFACEs get their numbers from the reader. So the mesh file is read back before its records are written. A digest of
-the records and of the cells that have them ties it to its mesh file; where it does not fit, it is left out.
+It names cells and nodes by the numbers that they have when the mesh file is read: writers renumber, and faces of
+*SURFACEs get their numbers from the reader. The mesh file is therefore read back before its records are written. A
+digest of the records and of the cells that have them ties the sidecar to its mesh file; if it does not match, the
+records are left out.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ _DAMAGE = (ValueError, TypeError, KeyError, IndexError, RecursionError, Overflow
 
 
 class UnfitError(Exception):
-    """Why records do not go with a mesh file, for a warning."""
+    """Records that do not belong to a mesh file; the text is the reason, for a warning."""
 
 
 class Records(NamedTuple):
@@ -50,12 +51,12 @@ class Records(NamedTuple):
 
 
 def place_of(path: Path) -> Path:
-    """Where the records of a mesh file stand."""
+    """Path of the sidecar that holds the cut records of a mesh file."""
     return path.with_name(path.name + SUFFIX)
 
 
 def is_ours(path: Path) -> bool:
-    """Whether a file is one of ours, by how it begins."""
+    """True if a file begins as a sidecar of lacmesh does; False if it cannot be read."""
     try:
         with path.open("rb") as file:
             return _OURS.match(file.read(256)) is not None
@@ -79,7 +80,7 @@ def records_of(mesh: Mesh) -> Records | None:
 
 
 def without_records(mesh: Mesh) -> Mesh:
-    """The mesh without its cut's records: what a format of nodes, cells and groups has to keep itself."""
+    """The mesh without its cut records, which formats of nodes, cells and groups alone leave to the sidecar."""
     if records_of(mesh) is None:
         return mesh
     cell = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
@@ -88,9 +89,9 @@ def without_records(mesh: Mesh) -> Mesh:
 
 
 def to_json(mesh: Mesh, back: Mesh) -> str | None:
-    """The records of the cut that `mesh` carries, for the file that was written of it and is `back` when read.
+    """Sidecar text: the cut records of `mesh` in the numbering of its file; `back` is that file read again.
 
-    None where `back` has them already. Raises UnfitError.
+    None if `back` has the records already. Raises UnfitError.
     """
     there, found = moved(mesh, back), records_of(back)
     if found is not None and _same(there, found):
@@ -120,7 +121,7 @@ def to_json(mesh: Mesh, back: Mesh) -> str | None:
 
 
 def taken_up(path: Path, mesh: Mesh) -> Mesh:
-    """The mesh of a file with the records that stand beside it; a warning where they do not belong to it."""
+    """Add the records in the sidecar of `path` to its mesh; if they do not belong to it, warn and leave them out."""
     side = place_of(path)
     try:
         if not side.exists():
@@ -154,10 +155,10 @@ def _same(a: Records, b: Records) -> bool:
 
 
 def moved(mesh: Mesh, back: Mesh) -> Records:
-    """The records of `mesh`, which carries a cut, on `back`, the same mesh read from a file. Raises UnfitError.
+    """Transfer the cut records of `mesh` to `back`, the same mesh read from a file. Raises UnfitError.
 
-    Cells may stand in another order, be listed in another way, have other numbers; cells that the file lacks take their
-    parents' numbers with them, but all slave faces and internal nodes must be there.
+    Cells may differ in order, in the order of their nodes, and in number. Cells may be missing, and their parents'
+    numbers with them, but all slave faces and internal nodes must be there.
     """
     records = records_of(mesh)
     assert records is not None
@@ -178,14 +179,14 @@ def moved(mesh: Mesh, back: Mesh) -> Records:
 
 
 def _placed(values: Ints, rows: Ints, to: Ints, size: int) -> Ints:
-    """(size,): `values[rows]` at `to[rows]`, -1 elsewhere."""
+    """Array (size,) that has `values[rows]` at `to[rows]` and -1 elsewhere."""
     found = np.full(size, -1, values.dtype)
     found[to[rows]] = values[rows]
     return found
 
 
 def _nodes(mesh: Mesh, back: Mesh) -> Ints:
-    """(n_nodes,): where each node went, -1 for nowhere. Raises UnfitError."""
+    """Index in `back` of each node of `mesh`, (n_nodes,), -1 if it is missing. Raises UnfitError."""
     size = float(np.ptp(mesh.points, axis=0).max(initial=0.0))
     if back.n_nodes == mesh.n_nodes and np.abs(back.points - mesh.points).max(initial=0.0) <= 1e-5 * size:
         return np.arange(mesh.n_nodes)
@@ -196,9 +197,9 @@ def _nodes(mesh: Mesh, back: Mesh) -> Ints:
 
 
 def _cells(mesh: Mesh, back: Mesh, node: Ints) -> Ints:
-    """(n_cells,): where each cell went, -1 for nowhere. Cells are known by their nodes, whatever their order.
+    """Index in `back` of each cell of `mesh`, (n_cells,), -1 if missing; cells are matched by their sets of nodes.
 
-    Of cells on the same nodes the first goes to the first; where the file has fewer, slave faces come before others.
+    Of cells on the same nodes the first matches the first; if the file has fewer, slave faces take precedence.
     """
     to = np.full(mesh.n_cells, -1)
     macro = mesh.cell_data["lac_macro"]
@@ -223,7 +224,7 @@ def _cells(mesh: Mesh, back: Mesh, node: Ints) -> Ints:
 
 
 def _distinct_keys(labels: Ints, order: Ints, size: int) -> Ints:
-    """A number for each label, by the label and its place among its equals; `order` sorts the labels."""
+    """Distinct integer for each entry, from its label and its rank among equal labels; `order` sorts the labels."""
     ordered = labels[order]
     begin = np.flatnonzero(np.diff(ordered, prepend=-1))
     place = np.arange(len(labels)) - np.repeat(begin, np.diff(np.append(begin, len(labels))))
@@ -233,9 +234,9 @@ def _distinct_keys(labels: Ints, order: Ints, size: int) -> Ints:
 
 
 def _parents(mesh: Mesh, back: Mesh, cell: Ints, parent: Ints) -> Ints:
-    """The parents' numbers as the file's: the first child has its parent's number, in the mesh and in the file.
+    """Convert parents' numbers to the file's numbering: the first child has its parent's number in both.
 
-    A number that no cell of the mesh has stays, unless the file gave it to a cell; then nothing is said (-1).
+    A number that no cell of the mesh has is kept, unless the file gave it to a cell; then it becomes -1.
     """
     found = parent.astype(np.int64)
     children = np.flatnonzero(found >= 0)
@@ -250,7 +251,7 @@ def _parents(mesh: Mesh, back: Mesh, cell: Ints, parent: Ints) -> Ints:
 
 
 def _digest(mesh: Mesh, cells: Ints, zones: list[str], *columns: dict[str, Ints]) -> str:
-    """A digest of the records, and of the cells that have them: types, numbers, nodes by number."""
+    """SHA-256 digest of the records, and of the cells that have them: types, numbers, nodes by number."""
     said = sha256(json.dumps(zones).encode())
     for values in (values for column in columns for values in column.values()):
         _feed(said, values)
@@ -267,7 +268,7 @@ def _feed(said: Any, values: NDArray) -> None:
 
 
 def _loaded(side: Path, mesh: Mesh) -> dict[str, Any]:
-    """What the file holds, of a version that is known. Raises UnfitError, OSError, _DAMAGE."""
+    """Load the sidecar after checks of its size, its origin and its version. Raises UnfitError, OSError, _DAMAGE."""
     if not side.is_file():
         raise UnfitError("it is no regular file")
     if side.stat().st_size > _ROOM + _ROOM_EACH * (mesh.n_cells + mesh.n_nodes):
@@ -283,7 +284,7 @@ def _loaded(side: Path, mesh: Mesh) -> dict[str, Any]:
 
 
 def _fitting(held: dict[str, Any], path: Path, mesh: Mesh) -> Records:
-    """The records that a file holds, where they are those of this mesh. Raises UnfitError, _DAMAGE."""
+    """Records in a loaded sidecar, checked to belong to this mesh. Raises UnfitError, _DAMAGE."""
     nodes, cells = held["nodes"], held["cells"]
     if not (isinstance(cells, dict) and all(type(n) is int for n in (nodes, *cells.values()))):
         raise TypeError("counts are integers")
@@ -313,7 +314,7 @@ def _fitting(held: dict[str, Any], path: Path, mesh: Mesh) -> Records:
 
 
 def _counts(path: Path, mesh: Mesh, cells: dict[str, int]) -> str:
-    """What a mesh has, for a message; where the sums are the same, that the types are not."""
+    """Clause with the node and cell counts of a mesh; it says that types differ if the numbers of cells agree."""
     same = ", of other types" if sum(cells.values()) == mesh.n_cells else ""
     return f"{path.name} has {mesh.n_nodes} and {mesh.n_cells}{same}"
 
@@ -328,7 +329,7 @@ def _column(values: Any) -> Ints:
 
 
 def _places(numbers: Ints, known: Ints) -> Ints:
-    """The indices that have these numbers. Raises UnfitError."""
+    """Indices of the cells or nodes with these numbers. Raises UnfitError for an unknown or repeated number."""
     order = np.argsort(known, kind="stable")
     at = order[np.minimum(np.searchsorted(known, numbers, sorter=order), max(len(known) - 1, 0))]
     if not np.array_equal(known[at], numbers) or not distinct(numbers) or not distinct(known):
@@ -337,7 +338,7 @@ def _places(numbers: Ints, known: Ints) -> Ints:
 
 
 def _check_values(children: dict[str, Ints], internal: dict[str, Ints], n_zones: int) -> None:
-    """Raise ValueError for values that no cut has."""
+    """Raise ValueError for record values that no cut can have."""
     face = children["macro"] >= 0
     n = int(children["macro"].max(initial=-1)) + 1
     zone, child = children["zone"], children["child"]

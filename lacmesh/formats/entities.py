@@ -1,8 +1,8 @@
-"""Elementary entities, decided once for msh 4.1, msh 2.2 and gmsh's in-memory model.
+"""Assignment of cells and nodes to elementary entities, shared by msh 4.1, msh 2.2 and gmsh's in-memory model.
 
 In gmsh a cell belongs to one entity (dimension, tag) and physical groups are lists of entities. `assign` derives such a
-table from groups that overlap as they like: a cell keeps the entity of `cell_data["entity"]`, and an entity is split
-only where group membership differs inside it. New entities hold cells of one order.
+table from groups that may overlap: a cell keeps the entity of `cell_data["entity"]`, and an entity is split only if
+group membership differs inside it. New entities hold cells of one order.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Entity(NamedTuple):
 
 @dataclass(frozen=True)
 class Assignment:
-    """The table of entities, sorted by dimension and tag, and where each cell and node stands in it.
+    """Table of entities, sorted by dimension and tag, and the row of each cell and node in it.
 
     `cell` (n_cells,) and `node` (n_nodes,) are rows of `entities`. `group_tags`: for every cell group the physical
     groups that stand for it. `boundary`: the signed tags of the entities that bound an entity, all of them in the
@@ -46,12 +46,12 @@ class Assignment:
 
 
 def assign(mesh: Mesh) -> Assignment:
-    """The entities that a mesh has in gmsh's terms; see the module. Warns where two groups claim the same tag.
+    """Assign the cells and nodes of a mesh to gmsh's entities (see the module). Warns if two groups claim one tag.
 
     Where an entity is split, its most numerous combination of groups keeps the tag, the others follow the largest tag
     of the dimension. Without entities there is one for each dimension and combination of groups. Nodes keep
-    `node_data["entity"]`, otherwise they take that of the lowest-dimensional cell they belong to; orphans take one that
-    exists. Raises DataError where the data "entity" are not (n, 2) integers.
+    `node_data["entity"]`, otherwise they take that of the lowest-dimensional cell they belong to; nodes of no cell take
+    an existing one. Raises DataError where the data "entity" are not (n, 2) integers.
     """
     group_tags = _group_tags(mesh)
     classes = _Classes(mesh)
@@ -81,7 +81,7 @@ class _Classes:
     """Classes of cells that have the same entity, dimension and groups; refined by one group after the other.
 
     `of_cell` (n_cells,): the class of a cell; `source`: the entity that a class comes from (tag 0: from none);
-    `groups`: the groups of a class, as places in `mesh.cell_groups`.
+    `groups`: the groups of a class, as positions in `mesh.cell_groups`.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -130,7 +130,7 @@ class _Classes:
         self.groups += [[*self.groups[c], group] for c in part.tolist()]
 
     def choose_tags(self, others: Iterable[Tag]) -> list[Tag]:
-        """The entity of each class: the largest class of an entity keeps its tag, the rest follow the largest tag."""
+        """Entity of each class: the largest class of an entity keeps its tag, the rest follow the largest tag."""
         last = [0, 0, 0, 0]
         for dim, tag in [*others, *self.source]:
             last[dim] = max(last[dim], tag)
@@ -148,7 +148,7 @@ class _Classes:
         return tags
 
     def parts(self, tags: list[Tag]) -> dict[Tag, list[int]]:
-        """For each entity that was split, the tags of its new parts."""
+        """Tags of the new parts of each entity that was split."""
         parts: dict[Tag, list[int]] = {}
         for source, tag in zip(self.source, tags, strict=True):
             if source[1] and source != tag:
@@ -157,7 +157,7 @@ class _Classes:
 
 
 def _distinct(entity: Any, n: int, what: str) -> tuple[Ints, Ints]:
-    """Distinct rows of entity data, (u, 2), and each row's place among them, (n,); absent data are one unknown."""
+    """Distinct rows of entity data, (u, 2), and each row's index among them, (n,); without data, one unknown entity."""
     if entity is None:
         return np.full((1, 2), -1), np.zeros(n, np.int32)
     entity = np.asarray(entity)
@@ -175,7 +175,7 @@ def _distinct(entity: Any, n: int, what: str) -> tuple[Ints, Ints]:
 
 
 def _spans(mesh: Mesh) -> Iterator[tuple[str, int, int]]:
-    """(type, first cell, end) of each block."""
+    """Yield (type, first cell, end) of each block."""
     for block, a, b in zip(mesh.blocks, mesh.offsets[:-1], mesh.offsets[1:], strict=True):
         yield block.type, int(a), int(b)
 
@@ -187,7 +187,7 @@ def _valid(tags: Iterable[Any]) -> Iterator[Tag]:
 
 
 def _modelled(mesh: Mesh) -> Iterator[Tag]:
-    """The entities that the mesh's model names."""
+    """Entities that the geometry model of the mesh names."""
     if mesh.model is not None:
         yield from _valid(mesh.model.boundary)
         for link in mesh.model.periodic:
@@ -195,7 +195,7 @@ def _modelled(mesh: Mesh) -> Iterator[Tag]:
 
 
 def _group_tags(mesh: Mesh) -> dict[str, tuple[Tag, ...]]:
-    """Physical groups for every cell group: its own tags, and a new one for each dimension of its cells without."""
+    """Physical groups of every cell group: its own tags, and a new one for each dimension of its cells without any."""
     tags: dict[str, list[Tag]] = {}
     owner: dict[Tag, str] = {}
     for name in mesh.cell_groups:
@@ -226,7 +226,7 @@ def _tag_of(tags: Iterable[Tag], dim: int) -> int:
 
 
 def _every_node(mesh: Mesh, node: Ints, cell: Ints, dims: list[int]) -> Ints:
-    """Rows for the nodes that have none: of their lowest-dimensional cell, or of the first entity of the highest."""
+    """Fill in missing rows of nodes: that of the lowest-dimensional cell, else the first of the highest dimension."""
     lost = node < 0
     if not lost.any():
         return node
@@ -241,7 +241,7 @@ def _every_node(mesh: Mesh, node: Ints, cell: Ints, dims: list[int]) -> Ints:
 def _boundary(
     mesh: Mesh, before: set[Tag], after: Iterable[Tag], parts: Mapping[Tag, list[int]]
 ) -> dict[Tag, tuple[int, ...]]:
-    """The model's boundaries among the entities there are; the parts of a split entity bound what it bounded.
+    """Boundaries in the model, restricted to existing entities; the parts of a split entity bound what it bounded.
 
     `before`, `after`: the entities before and after splitting. A tag beyond the largest of its dimension is gmsh's way
     to write an entity that is embedded in another, so it moves with the largest.

@@ -1,7 +1,7 @@
-"""What each format keeps of a mesh: the tables of docs/formats.md, which tests/formats/test_formats_table.py proves.
+"""Features of a mesh that each format keeps: the tables of docs/formats.md.
 
-A feature is kept without a word, or lost and named in a LacmeshWarning, or the mesh that has it is refused with a
-WriteError.
+A feature is kept silently, or lost with a LacmeshWarning that names it, or a mesh that has it is refused with a
+WriteError. tests/formats/test_formats_table.py proves every row.
 """
 
 from __future__ import annotations
@@ -58,10 +58,10 @@ BESIDE = "beside"
 
 @dataclass(frozen=True)
 class Row:
-    """A format and its options: the types of cells it `takes`, features that are `lost`, those that are `refused`.
+    """A format with its options: the cell types that it `takes`, the features that are `lost` or `refused`.
 
-    `by_type`: what is BY_TYPE there is the order of cells. `ours`: features and types of cells that are OURS;
-    `beside`: features that are BESIDE.
+    `by_type`: the order of cells is kept BY_TYPE. `ours`: features and cell types that are OURS; `beside`: features
+    that are BESIDE.
     """
 
     title: str
@@ -75,7 +75,7 @@ class Row:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def keeps(self, feature: str) -> str:
-        """KEPT, LOST, REFUSED, BY_TYPE, OURS or BESIDE."""
+        """Fate of a feature: KEPT, LOST, REFUSED, BY_TYPE, OURS or BESIDE."""
         if feature == "order" and self.by_type:
             return BY_TYPE
         if feature in self.ours:
@@ -85,12 +85,12 @@ class Row:
         return LOST if feature in self.lost else REFUSED if feature in self.refused else KEPT
 
     def keeps_cells(self, kind: str) -> str:
-        """KEPT, REFUSED or OURS."""
+        """Fate of a cell type: KEPT, REFUSED or OURS."""
         return OURS if kind in self.ours else KEPT if kind in self.takes else REFUSED
 
     @property
     def variants(self) -> list[dict[str, Any]]:
-        """The options of `lacmesh.formats.write` that give the file another coding, and keep as much."""
+        """Options of `lacmesh.formats.write` for each coding of the file; all codings keep the same features."""
         codings: dict[str, dict[str, Any]] = {"binary": {"binary": False}, "compress": {"compress": True}}
         found = [coding for name, coding in codings.items() if name in OF_NAME[self.format].options]
         return [{**self.options, **coding} for coding in ({}, *found)]
@@ -118,7 +118,7 @@ _MIXED = _set("lower loose_skin dims order cut zones periodic")
 def _by_meshio(
     name: str, takes: str, *, mixed: bool = False, keeps: str = "", loses: str = "flat", refuses: str = ""
 ) -> Row:
-    """A format that keeps cells, and what it `keeps` beside; `mixed`: of several types in one mesh."""
+    """Row of a meshio format that keeps cells and the features `keeps`; `mixed`: cells of several types in one mesh."""
     lost = (_CELLS_ONLY | _MIXED - _CUT - {"loose_skin"} if mixed else _CELLS_ONLY - _MIXED) | _set(loses)
     refused = _set(refuses) | (frozenset() if mixed else _MIXED)
     return Row(name, name, _set(takes), lost - _set(keeps), refused, beside=_CUT if mixed else frozenset())

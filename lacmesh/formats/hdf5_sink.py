@@ -1,8 +1,8 @@
-"""What HDF5 writes to: a file of ours, since a disk that is full would leave HDF5 in pieces.
+"""File object that HDF5 writes to, and which hides disk errors from it: HDF5 does not survive a full disk.
 
-Where a write fails HDF5 cannot close its file; objects that are freed later fail again, each with a word on stderr, and
-the process ends in a segmentation fault (HDF5 1.14). The sink takes all that comes, and says at the end that it could
-not keep it.
+After a failed write HDF5 cannot close its file; objects that are freed later fail again, each with a message on stderr,
+and the process ends in a segmentation fault (HDF5 1.14). The sink accepts all data, and reports at the end that it
+could not keep them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from lacmesh.formats.output import signals_wait
 
 
 class Sink:
-    """A file for h5py's driver of Python objects; `failed` is the first error of the disk."""
+    """File for h5py's driver of Python file objects; `failed` is the first error of the disk."""
 
     def __init__(self, path: Path) -> None:
         self.file = path.open("w+b", buffering=0)
@@ -27,16 +27,16 @@ class Sink:
         self._place = self._end = 0
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Go to a place in the file; HDF5 asks for the end with 2."""
+        """Set the position in the file and return it; HDF5 asks for the end with `whence` 2."""
         self._place = offset + (0, self._place, self._end)[whence]
         return self._place
 
     def tell(self) -> int:
-        """The place reached."""
+        """Return the position in the file."""
         return self._place
 
     def write(self, data: Any) -> int:
-        """Keep bytes at the place reached, as long as the disk takes them."""
+        """Write bytes at the current position, unless the disk has failed; return their number in any case."""
         rest = memoryview(data).cast("B")
         self._place += len(rest)
         self._end = max(self._end, self._place)
@@ -50,7 +50,7 @@ class Sink:
         return len(data)
 
     def readinto(self, data: Any) -> int:
-        """Give back what was written; zeros where it could not be kept."""
+        """Read bytes back from the current position; those that could not be kept are zeros."""
         room = memoryview(data).cast("B")
         self.file.seek(self._place)
         n = self.file.readinto(room) or 0
@@ -59,7 +59,7 @@ class Sink:
         return len(room)
 
     def truncate(self, size: int | None = None) -> int:
-        """Make the file end at a place."""
+        """Set the end of the file, by default to the current position."""
         self._end = self._place if size is None else size
         try:
             self.file.truncate(self._end)
@@ -68,16 +68,16 @@ class Sink:
         return self._end
 
     def _fail(self, error: OSError) -> None:
-        """Note an error, and not its traceback: that would keep HDF5's memory in use beyond its time."""
+        """Keep the first error without its traceback, which would keep HDF5's memory in use too long."""
         self.failed = self.failed or OSError(error.errno, error.strerror)
 
     def flush(self) -> None:
-        """Nothing is held back."""
+        """Do nothing: the file is not buffered."""
 
 
 @contextmanager
 def written(path: Path, access: h5py.h5p.PropFAID, make: h5py.h5p.PropFCID) -> Iterator[h5py.File]:
-    """A new file with these property lists. Raises OSError once it is closed, where the disk did not take all."""
+    """Open a new HDF5 file with these property lists. Raises OSError after closing it if the disk refused data."""
     sink = Sink(path)
     access.set_fileobj_driver(h5py.h5fd.fileobj_driver, sink)
     # an exception must not come up inside a write that HDF5 asked for

@@ -1,4 +1,4 @@
-"""What a mesh lost on its way through a format: the mesh that was written against the mesh that is read back."""
+"""Losses of a mesh in a format: the mesh that was written is compared with the mesh that is read back."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SOME = 6
 
 
 class Match(NamedTuple):
-    """Where cells and nodes went, -1 for nowhere; `off`: how far the farthest node moved, by the mesh's size."""
+    """Index of each cell and node in the mesh read back, -1 if lost; `off`: largest node shift over the mesh's size."""
 
     cell: Ints
     node: Ints
@@ -24,7 +24,7 @@ class Match(NamedTuple):
 
 
 def match(before: Mesh, after: Mesh, tolerance: float = 1e-5) -> Match | str:
-    """The match of two meshes whose cells are the same, block by block and in order; else what is not the same."""
+    """Match two meshes whose cells are the same, type by type and in order; else a text that says what differs."""
     size = float(np.ptp(before.points, axis=0).max(initial=0)) if before.n_nodes else 0.0
     cell, node = np.full(before.n_cells, -1), np.full(before.n_nodes, -1)
     off = 0.0
@@ -58,7 +58,7 @@ def _farthest(a: Floats, b: Floats) -> float:
 
 
 def losses(before: Mesh, after: Mesh, where: Match) -> list[str]:
-    """What `after` lacks of what `before` has, in words."""
+    """Clauses that name what `after` has lost of `before`."""
     lost = []
     if where.off > 1e-14:
         lost.append(f"digits of coordinates (moved by up to {where.off:.0e} of the mesh's size)")
@@ -144,9 +144,9 @@ def _types(mesh: Mesh) -> list[Any]:
 
 
 def unbent(mesh: Mesh) -> str:
-    """The cells whose mid-nodes are far from their edges, as a reader of another node order gives them; "" for none.
+    """Text that names cells with misplaced mid-nodes, the sign of a wrong node order; "" if there are none.
 
-    A mid-node belongs nearer to the middle of its edge than half the edge's length.
+    A mid-node is misplaced if it is farther from the middle of its edge than half the edge's length.
     """
     wrong = []
     for block in mesh.blocks:

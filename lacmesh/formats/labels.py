@@ -1,4 +1,4 @@
-"""Names that a text format can hold, for names that it cannot: distinct, and as like the old ones as may be."""
+"""Labels for names that a text format cannot hold: distinct, and as close to the names as possible."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from collections.abc import Iterable
 
 
 def labels(names: Iterable[str], allowed: str, limit: int, reserved: Iterable[str] = ()) -> dict[str, str]:
-    """A label for each name, no two alike when letters' case is set aside; a name that fits is its own label.
+    """Label for each name, distinct regardless of case; a name that is allowed is its own label.
 
-    `allowed`: the characters that may stand after the first, a letter, as in a regular expression's brackets.
+    `allowed`: characters allowed after the first one, a letter, written as in the brackets of a regular expression.
 
     >>> labels(["rive gauche", "Rive_gauche", "été", "2nd"], "A-Za-z0-9_", 24)
     {'rive gauche': 'rive_gauche_2', 'Rive_gauche': 'Rive_gauche', 'été': 'ete', '2nd': 'G_2nd'}
@@ -31,7 +31,7 @@ def labels(names: Iterable[str], allowed: str, limit: int, reserved: Iterable[st
 
 
 def changes(made: dict[str, str]) -> str:
-    """The labels that differ from their names, for a warning; empty where none does.
+    """Text that lists the labels that differ from their names, for a warning; empty if none does.
 
     >>> changes({"a": "a", "b c": "b_c"})
     "'b c' is b_c"

@@ -1,7 +1,7 @@
-"""Between a Mesh and meshio's: cells, groups as sets, data, numbers.
+"""Conversion between a Mesh and a `meshio.Mesh`: cells, groups as sets, data, numbers.
 
-Nodes stand in VTK's order in meshio, as its readers give them; cells of higher order than 2 in gmsh's. What meshio has
-no place for (zones, steps, tags, the model, 2 or 3 dimensions) is kept in its `info`, as text, and comes back from it.
+meshio's readers give nodes in VTK's order, for cells of order above 2 in gmsh's. Data that meshio has no place for
+(zones, steps, tags, the model, 2 or 3 dimensions) are kept as text in its `info`, and restored from it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _PHYSICAL = "gmsh:physical"
 
 
 def needed() -> Any:
-    """The package meshio. Raises RequestError where it is missing."""
+    """Import the package meshio. Raises RequestError if it is missing."""
     if find_spec("meshio") is None:
         raise RequestError("this needs meshio; pip install 'lacmesh[io]' brings it")
     import meshio
@@ -52,7 +52,7 @@ def needed() -> Any:
 
 
 def places(kind: str) -> Ints:
-    """Our place of the node that meshio lists k-th."""
+    """Position in lacmesh's order of the node that meshio lists k-th, for a cell type."""
     known = kind in OF_TYPE and kind not in CARRIED
     return np.array(OF_TYPE[kind].nodes if known else range(ALL_CELLS[kind].n_nodes))
 
@@ -121,7 +121,7 @@ def _from_meshio(given: Any) -> Mesh:
 
 
 def _blocks(given: Any) -> tuple[dict[str, Ints], Ints]:
-    """Nodes by type, in our order; where the cells of these blocks stand among all of meshio's."""
+    """Nodes by type, in lacmesh's order, and the positions of these cells among all of meshio's."""
     for block in given.cells:
         if block.type not in _OF_NAME:
             raise DataError(f"cells of meshio's type {block.type!r} are not read")
@@ -140,7 +140,7 @@ def _blocks(given: Any) -> tuple[dict[str, Ints], Ints]:
 
 
 def _noted(given: Any, n_nodes: int, n_cells: int, said: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Fields of the mesh that `to_meshio` left in the info, or a VTU file in the field data, and all that is there."""
+    """Mesh fields from the notes in the info (`to_meshio`) or the field data (VTU files), and the notes themselves."""
     info = given.info if isinstance(given.info, dict) else {}
     in_file = np.asarray(given.field_data.get(INFO, ()))
     text = str(info[INFO]) if INFO in info else in_file.tobytes().decode() if in_file.dtype == np.uint8 else ""
@@ -154,13 +154,13 @@ def _noted(given: Any, n_nodes: int, n_cells: int, said: list[str]) -> tuple[dic
 
 
 def _native(arrays: Mapping[str, NDArray]) -> dict[str, NDArray]:
-    """Arrays of the machine's byte order, vectors that are one number wide flat."""
+    """Arrays in native byte order, those of width 1 made flat."""
     flat = {n: v[:, 0] if v.ndim == 2 and v.shape[1] == 1 else v for n, v in arrays.items()}
     return {n: v.astype(v.dtype.newbyteorder("=")) if v.dtype.kind in "iuf" else v for n, v in flat.items()}
 
 
 def _groups(given: Any, index: Ints, physical: NDArray | None) -> tuple[dict[str, Ints], dict[str, tuple[Tag, ...]]]:
-    """Groups of cells from the sets; else, with their tags, from gmsh's physical groups. `index`: ours, by meshio's."""
+    """Cell groups from the sets; else, with their tags, from gmsh's physical groups. `index`: our index by meshio's."""
     sizes = [len(block.data) for block in given.cells]
     starts = np.cumsum([0, *sizes])
     groups = {

@@ -1,6 +1,6 @@
-"""What most formats have no place for, as JSON text: a mesh's name, zones, tags of groups, steps, geometry model.
+"""Notes as JSON text on what most formats have no place for: a mesh's name, zones, group tags, steps, geometry model.
 
-A format that keeps text keeps this. Which names and shapes its arrays had is told beside it (`arrays.py`).
+A format that keeps text can keep them. The names and shapes of its arrays are added to them (`arrays.py`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ DAMAGE = (ValueError, TypeError, KeyError, IndexError, AttributeError, Recursion
 
 
 def to_json(mesh: Mesh, **rest: Any) -> str:
-    """The notes of a mesh, and `rest`; the names of zones are data of their own in most formats, and told here too."""
+    """Notes of a mesh, the names of its zones included, and the entries `rest`, as JSON text."""
     notes: dict[str, Any] = {"version": VERSION, "name": mesh.name, "space_dim": mesh.space_dim}
     if mesh.zones:
         notes["zones"] = list(mesh.zones)
@@ -36,7 +36,7 @@ def to_json(mesh: Mesh, **rest: Any) -> str:
 
 
 def from_json(text: str, n_nodes: int, said: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The fields of a Mesh that the notes hold, and all they hold; nothing where they are damaged, which is `said`."""
+    """Mesh fields in the notes, and the notes themselves; both empty, with a message in `said`, if they are damaged."""
     try:
         notes = json.loads(text)
         if notes["version"] > VERSION:
@@ -49,7 +49,7 @@ def from_json(text: str, n_nodes: int, said: list[str]) -> tuple[dict[str, Any],
 
 
 def zone_names(cell_data: Mapping[str, NDArray], cell_groups: Mapping[str, Ints]) -> tuple[str, ...]:
-    """Names for the zones of a cut: of the smallest group whose macro cells are the zone's, else zone1, zone2, ..."""
+    """Names of the zones of a cut: of the smallest group whose slave faces are the zone's, else zone1, zone2, ..."""
     zone, macro = (cell_data.get(name) for name in ("lac_zone", "lac_macro"))
     if zone is None or macro is None or zone.ndim != 1 or macro.ndim != 1:
         return ()
@@ -67,14 +67,14 @@ def zone_names(cell_data: Mapping[str, NDArray], cell_groups: Mapping[str, Ints]
 
 
 def fitting(mesh: Mesh) -> Mesh:
-    """A mesh without the noted tags of groups that its file does not hold any more."""
+    """The mesh without tags of groups that it does not have, as noted before another program removed them."""
     if all(name in mesh.cell_groups for name in mesh.group_tags):
         return mesh
     return replace(mesh, group_tags={name: t for name, t in mesh.group_tags.items() if name in mesh.cell_groups})
 
 
 def plain_model(model: Model) -> dict[str, Any]:
-    """msh's model in what JSON has."""
+    """Geometry model of msh as plain JSON data."""
     return {
         "boundary": [[*map(int, tag), *map(int, entities)] for tag, entities in model.boundary.items()],
         "periodic": [

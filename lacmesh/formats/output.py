@@ -1,6 +1,6 @@
-"""Where files go: each is made beside its place and renamed when it is whole, so that nothing is half-written or lost.
+"""Writing of files: each is made beside its place and renamed when complete, so that none is half-written or lost.
 
-Meshes, reports, plots, pictures and pages all go this way.
+Meshes, reports, plots, pictures and pages are all written this way.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _HOST = f"{zlib.crc32(platform.node().encode(errors='replace')):08x}"
 
 
 def check_place(path: Path, *, force: bool) -> None:
-    """Say at once what would stop the writing at the end; what killed processes left of the same file is cleared.
+    """Check early that a file can be written, and remove what killed processes left of the same file.
 
     Raises RequestError where the file exists (and no `force`), WriteError where no file can be made there.
     """
@@ -50,11 +50,11 @@ def check_place(path: Path, *, force: bool) -> None:
 
 @contextmanager
 def replacing(*places: Path) -> Iterator[list[Path]]:
-    """New files beside `places`, to be filled: at the end they are put on the disk and take their places.
+    """Yield new files beside `places`, to be filled; at the end they are forced to the disk and take their places.
 
-    On any failure, and when the process is interrupted, they are removed, and what was there stays. The last place is
-    taken first: the first file may then name the others. Where a new file was taken away again (unlinked), nothing
-    shall be: what is at its place is removed. Raises WriteError, which names the first place.
+    On any failure, and when the process is interrupted, they are removed, and the old files stay. The last place is
+    replaced first, so that the first file may name the others. If a new file was unlinked inside the block, the file at
+    its place is removed. Raises WriteError, which names the first place.
     """
     real = [Path(os.path.realpath(place)) for place in places]  # a link stays one, what it points to is replaced
     # the names are known before the files are there: whenever a signal arrives, what is there can be removed
@@ -86,10 +86,10 @@ def replacing(*places: Path) -> Iterator[list[Path]]:
 
 
 def is_abandoned(beside: Path, *, held: bool = False) -> bool:
-    """Whether the process that was filling a new file beside its place is there no more, by the file's name.
+    """True if the process that was filling a new file beside its place is gone, judged by the file's name.
 
-    Of a process on another machine that is not known, nor of an older lacmesh: such a file is abandoned where the
-    folder is `held`, so that nobody else writes into it.
+    This is not known of processes on other machines, of files of an older lacmesh, or of a file with this process's own
+    number: such a file is abandoned only if the folder is `held`, so that nobody else writes into it.
     """
     found = re.search(r"-([0-9a-f]{8})([0-9a-f]{8})[0-9a-f]{8}\.[^-]*$", beside.name)
     if found is None or found[1] != _HOST or os.name != "posix":
@@ -117,18 +117,18 @@ def clear_abandoned(path: Path) -> None:
 
 
 def _hidden(place: Path) -> str:
-    """How the name of the new file beside a place begins; its token tells the machine and the process."""
+    """Beginning of the name of the new file beside a place; a token with the machine and the process follows."""
     return f".{place.stem[:40]}-"
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Put some content into a file: what was there stays whole until the new is. Raises WriteError."""
+    """Write content to a file; the old file stays whole until the new one is complete. Raises WriteError."""
     with replacing(path) as (beside,):
         beside.write_bytes(content)
 
 
 def readable(name: str) -> str:
-    r"""A file's name as text, which pages and pictures can hold: bytes that are no UTF-8 become escapes.
+    r"""Name of a file as text that pages and pictures can hold: bytes that are not UTF-8 become escapes.
 
     >>> readable("bad\udcff.msh")
     'bad\\udcff.msh'
@@ -138,7 +138,7 @@ def readable(name: str) -> str:
 
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """A folder for what a child process is given and gives back. Raises WriteError where it takes no files."""
+    """Yield a folder to exchange files with a child process. Raises WriteError if it takes no files."""
     try:
         with tempfile.TemporaryDirectory(prefix="lacmesh-") as name:
             yield Path(name)
@@ -149,7 +149,7 @@ def temporary_folder() -> Iterator[Path]:
 
 
 def _finish(beside: Path, path: Path) -> None:
-    """Force a new file to the disk, with the permissions that it will need in its place."""
+    """Force a new file to the disk, and give it the permissions of the file that it replaces, or the default ones."""
     with beside.open("rb") as file:
         os.fsync(file.fileno())
     beside.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_UMASK)
@@ -157,7 +157,7 @@ def _finish(beside: Path, path: Path) -> None:
 
 @contextmanager
 def signals_wait() -> Iterator[None]:
-    """Hold SIGINT and SIGTERM back until the end."""
+    """Defer SIGINT and SIGTERM to the end of the block."""
     if threading.current_thread() is not threading.main_thread():  # signals come up in the main thread only
         yield
         return

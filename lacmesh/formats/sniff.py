@@ -1,7 +1,7 @@
-"""What a file is, by its first bytes; by its suffix where these say nothing.
+"""Detection of a file's format by its first bytes, or by its suffix if these do not tell.
 
-A file is what its content says: a .msh that holds VTU is read as VTU. Formats of plain text that begin with anything
-(.mail, .inp, those of meshio) are known by their suffix, and looked at for whether that can be so.
+The content decides: a .msh file that holds VTU is read as VTU. Plain-text formats that may begin with anything (.mail,
+.inp, those of meshio) are recognised by their suffix; for .mail and .inp the content is checked too.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Found(NamedTuple):
 
 
 def sniff(path: Path, head: bytes) -> Found:
-    """The format of a file that begins with `head`. Raises ReadError."""
+    """Detect the format of a file that begins with `head`. Raises ReadError."""
     text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
     suffix = suffix_of(path)
     if head.startswith(_HDF5):
@@ -65,7 +65,7 @@ def sniff(path: Path, head: bytes) -> Found:
 
 
 def _by_suffix(path: Path, text: bytes, suffix: str) -> Found:
-    """A format of plain text: the suffix's, if the text may be of that format, or else what the text looks like."""
+    """Detect a plain-text format: that of the suffix, if the text may be of it, else the one the text looks like."""
     from lacmesh.formats import inp, mail
 
     begins: dict[str, Callable[[bytes], bool]] = {"mail": mail.begins, "inp": inp.begins}
@@ -89,7 +89,7 @@ def _by_suffix(path: Path, text: bytes, suffix: str) -> Found:
 
 
 def _in_xml(path: Path, text: bytes, suffix: str) -> Found | None:
-    """The format of an XML file; None where it may be one of another suffix."""
+    """Detect the format of an XML file; None if the suffix may tell it. Raises ReadError."""
     found = re.search(rb"<VTKFile\b[^>]*?\btype\s*=\s*[\"'](\w+)[\"']", text)
     if found:
         kind = found[1].decode()
@@ -117,7 +117,7 @@ def _listed(path: Path) -> str:
 
 
 def _in_hdf5(path: Path, suffix: str) -> str:
-    """The format of an HDF5 file, by what is at its root."""
+    """Detect the format of an HDF5 file by the names at its root, else by its suffix. Raises ReadError."""
     import h5py
 
     try:

@@ -1,4 +1,4 @@
-"""The table of formats: what each is called, its suffixes, the options its writer takes.
+"""Table of formats: the name, the suffixes and the writer's options of each.
 
 `lacmesh/formats/NAME.py` reads and writes a format; formats that meshio reads and writes share one module.
 """
@@ -94,13 +94,13 @@ SUFFIXES = {suffix: found.name for found in FORMATS for suffix in found.suffixes
 
 
 def suffix_of(path: Path) -> str:
-    """The suffix of a path that means a format here, `.vol.gz` too; else its last."""
+    """Suffix of a path that selects a format, double ones such as `.vol.gz` included; else its last."""
     double = "".join(path.suffixes[-2:]).lower()
     return double if double in OF_MESHIO else path.suffix.lower()
 
 
 def format_of(path: Path) -> Format:
-    """The format that the suffix of `path` means. Raises RequestError."""
+    """Format that the suffix of `path` selects. Raises RequestError."""
     suffix = suffix_of(path)
     if suffix not in SUFFIXES:
         raise RequestError(f"{path}: no format has the suffix {suffix!r}{did_you_mean(suffix, SUFFIXES)}")

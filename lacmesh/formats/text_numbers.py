@@ -31,7 +31,7 @@ def parsed(text: bytes, kind: type) -> NDArray | None:
 
 
 def bad_line(text: bytes, kind: type) -> int:
-    """The place in a text, that `parsed` refuses, of the first line that it refuses too."""
+    """Byte offset of the first bad line in a text that `parsed` refuses."""
     lines = text.splitlines(keepends=True)
     low, high = 0, len(lines)
     while high - low > 1:
@@ -50,7 +50,7 @@ def decoded(name: bytes) -> str:
 
 
 def int_rows(values: Ints, leads: Sequence[bytes]) -> bytes:
-    """Rows (n, m) of integers >= 0 as text, each number after its column's lead.
+    """Rows (n, m) of integers >= 0 as text, each number preceded by its column's lead.
 
     >>> int_rows(np.array([[7, 10], [8, 9]]), [b"\\n", b", "])
     b'\\n7, 10\\n8, 9'
@@ -74,7 +74,7 @@ def int_rows(values: Ints, leads: Sequence[bytes]) -> bytes:
 def reals(values: Floats, limit: int = 24) -> list[str]:
     """Each number as the shortest text that reads back the same, with a point, of at most `limit` characters.
 
-    Where `limit` (16 at least) allows no exact text, the nearest that it does: a part in 10^12 for 20 characters.
+    If `limit` (16 at least) allows no exact text, the nearest that it allows: to 1 in 10^12 for 20 characters.
 
     >>> reals(np.array([1.0, 1e-7, -1.2345678901234567e-8])), reals(np.array([-1.2345678901234567e-8]), 20)
     (['1.0', '1.0e-07', '-1.2345678901234567e-08'], ['-1.2345678901235e-08'])
@@ -98,7 +98,7 @@ def _short(value: float, limit: int) -> str:
 
 
 def joined(columns: Iterable[Sequence[str]], separator: str) -> str:
-    """Lines of text from columns, each ended.
+    """Lines of text from columns, each terminated by a line end.
 
     >>> joined([["1", "2"], ["a", "b"]], ", ")
     '1, a\\n2, b\\n'

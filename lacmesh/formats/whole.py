@@ -1,9 +1,10 @@
-"""Files for meshio's readers: one that ends too early is an error, not a part of a mesh, nor a reader that never ends.
+"""Guard of meshio's readers: a file that ends too early is an error, not a part of a mesh nor an endless loop.
 
-Some readers of meshio read on at the end of a file for ever; others take what is there for the whole. A stream from
-here ends the first, after so many looks beyond the end: no clock is needed. For the second, a text is searched for the
-words that end its format; where a format has none, its last line must be ended; and what a format counts is counted. A
-file of a format that neither counts nor ends (`AT_RISK`) may still have lost whole lines: nothing in it tells.
+Some readers of meshio go on reading at the end of a file for ever; others take a truncated file for a whole one. A
+stream from here stops the first, after a number of reads beyond the end: no clock is needed. For the second, a text is
+searched for the words that end its format; if a format has none, its last line must be ended; and points and cells that
+a format announces are counted. A file of a format that neither counts nor ends (`AT_RISK`) may still have lost whole
+lines, which cannot be noticed.
 """
 
 from __future__ import annotations
@@ -47,16 +48,16 @@ _GMF_END = 54
 
 
 class _Watched:
-    """A file that ends a reader which goes on beyond its end."""
+    """Mixin for files that raises EOFError in a reader which goes on beyond the end."""
 
     _beyond = 0
 
     def readline(self, size: int | None = -1, /) -> Any:
-        """As a file does."""
+        """Read a line as a file does, and count the reads beyond the end."""
         return self._counted(super().readline(size))  # type: ignore[misc]
 
     def read(self, size: int | None = -1, /) -> Any:
-        """As a file does."""
+        """Read as a file does, and count the reads beyond the end."""
         return self._counted(super().read(size))  # type: ignore[misc]
 
     def _counted(self, found: Any) -> Any:
@@ -75,7 +76,7 @@ class _Text(_Watched, io.TextIOWrapper):
 
 
 def read_watched(read: Callable[..., Any], path: Path, name: str) -> Any:
-    """What `read` (meshio's) makes of a file of its format `name`; EOFError where it would go on beyond the end."""
+    """Call `read` (meshio's) on a file of its format `name`. Raises EOFError if it would go on beyond the end."""
     if name not in _STREAMS or path.suffix == ".gz":
         return read(path, file_format=name)
     with _Bytes(io.FileIO(path)) as file:
@@ -118,7 +119,7 @@ def _check_end(path: Path, name: str, file: BinaryIO) -> None:
 
 
 def _is_text(content: bytes) -> bool:
-    """Whether a file is of text, by its beginning and its end."""
+    """True if a file is text, judged by its beginning and its end."""
     return not any(b"\0" in part for part in (content[:4096], content[-4096:]))
 
 

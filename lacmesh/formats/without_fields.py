@@ -1,4 +1,4 @@
-"""What a format of nodes, cells and groups alone has no place for."""
+"""Content of a mesh that a format of nodes, cells and groups alone has no place for."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from lacmesh.mesh import Mesh
 
 
 def left_out(mesh: Mesh) -> list[str]:
-    """Clauses that name what of a mesh such a format loses; none where nothing is. A cut's records go beside it."""
+    """Clauses that name what such a format loses of a mesh, none if nothing; cut records go to the sidecar."""
     mesh = without_records(mesh)
     fields = [
         *(f"cell data {name}" for name in mesh.cell_data if name != "entity"),

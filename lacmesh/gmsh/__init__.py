@@ -5,9 +5,9 @@
     from_mesh(mesh, name="part")          a new, discrete model                              (update)
     update_model(mesh)                    the current model brought to a mesh that came from it
 
-gmsh must be initialised by the caller (`gmsh.initialize()`), and is never finalised here. What a mesh has and gmsh's
-model has not (node groups, zones, TRIA7) stands in the model's attribute `LacMesh`, which gmsh writes into a msh 4.1
-file as the section that lacmesh reads; fields, the records of a cut among them, are views.
+gmsh must be initialised by the caller (`gmsh.initialize()`), and is never finalised here. Data of a mesh that
+gmsh's model has no place for (node groups, zones, TRIA7) are kept in its attribute `LacMesh`, which gmsh writes into a
+msh 4.1 file as the section that lacmesh reads; fields, the records of a cut among them, are views.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ __all__ = ["cut_model", "from_mesh", "to_mesh", "update_model"]
 
 
 def to_mesh() -> Mesh:
-    """gmsh's current model as a mesh: numbers, groups (also unnamed ones), entities, periodic links, order, views.
+    """Read gmsh's current model as a mesh: numbers, groups (also unnamed ones), entities, periodic links, order, views.
 
-    Equal to what `lacmesh.read` makes of the model saved as msh 4.1 with everything in it. Raises RequestError where
-    gmsh is missing or holds no mesh.
+    The mesh is the one that `lacmesh.read` makes of the model saved as msh 4.1 with everything in it. Raises
+    RequestError where gmsh is missing or holds no mesh.
     """
     from lacmesh.gmsh.model import read_model
 
@@ -48,7 +48,7 @@ def cut_model(
 ) -> Cut:
     """Cut the mesh of gmsh's current model in place; options as `lacmesh.cut_skin`.
 
-    Cells that are replaced leave their entities, children and new nodes enter them: geometry, parametric coordinates,
+    Replaced cells are removed from their entities, children and new nodes added: geometry, parametric coordinates,
     physical groups, periodic links and partitions stay as they are, and all that was not cut is not touched. `views`:
     the records of the cut become gmsh's views, of which `lac_macro` is shown, so that `Cut(to_mesh())` finds the cut
     again. Returns the cut. Whatever is wrong is found before the model is changed. Raises as `lacmesh.cut_skin`, and
@@ -89,10 +89,10 @@ def from_mesh(mesh: Mesh, name: str | None = None) -> None:
 
 
 def update_model(mesh: Mesh) -> None:
-    """Bring gmsh's current model to `mesh`, which came from it (`to_mesh`) and was changed since.
+    """Update gmsh's current model to `mesh`, which came from it (`to_mesh`) and was changed since.
 
     What is the same is not touched; geometry stays attached. An entity is split, into discrete ones, only where the
-    mesh's groups differ inside it. Nodes that are gone make the whole mesh anew (periodic links are then lost). Raises
+    mesh's groups differ inside it. If nodes are gone, the whole mesh is made anew (and periodic links are lost). Raises
     RequestError where gmsh is missing or holds no mesh.
     """
     from lacmesh.gmsh.model import read_model

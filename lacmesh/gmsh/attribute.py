@@ -1,4 +1,4 @@
-"""What a mesh has and gmsh's model has not, in the model's attribute `LacMesh`: the text of msh's section of that name.
+"""Attribute `LacMesh` of gmsh's model: data of a mesh that the model has no place for, as in msh's section $LacMesh.
 
 gmsh reads the section of a msh file into such an attribute, and writes the attribute into the files that it saves.
 """
@@ -13,7 +13,7 @@ from lacmesh.formats.msh.scan import Source
 
 
 def read_notes(gmsh: Any, name: str) -> Notes:
-    """The notes of the current model, called `name`; empty where it has none. Raises ReadError."""
+    """Read the notes of the current model, called `name`; empty if it has none. Raises ReadError."""
     if SECTION not in gmsh.model.getAttributeNames():
         return Notes()
     text = "\n".join(gmsh.model.getAttribute(SECTION))
@@ -21,7 +21,7 @@ def read_notes(gmsh: Any, name: str) -> Notes:
 
 
 def write_notes(gmsh: Any, notes: Notes) -> None:
-    """Give the current model the notes on its mesh; none where there is nothing to say."""
+    """Write the notes on its mesh to the current model; remove the attribute if there is nothing to note."""
     text = to_text(notes)
     if text:
         gmsh.model.setAttribute(SECTION, text.split("\n")[1:-2])

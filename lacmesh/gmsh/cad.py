@@ -1,4 +1,4 @@
-"""CAD files listed and meshed, by a gmsh in a child process: it may be stopped at any moment, and may die alone.
+"""Listing and meshing of CAD files by gmsh in a child process, which may be stopped or crash without harm.
 
 request = what is wanted, as JSON                       (`list_cad`, `mesh_cad`)
 child = the file opened, listed or meshed, by gmsh      (`child.main`)
@@ -64,9 +64,9 @@ class Shape:
 
 @dataclass(frozen=True)
 class Part:
-    """What a group is made of: entities by tag, or those of dimension `dim` in a box (least and greatest corner).
+    """Part of a group: entities given by tag, or those of dimension `dim` in a box (least and greatest corner).
 
-    A dimension of None is 2, and 1 where the geometry is plane: no volumes, and all surfaces in one plane.
+    A dimension of None means 2, and 1 if the geometry is plane: no volumes, and all surfaces in one plane.
     """
 
     dim: int | None
@@ -75,7 +75,7 @@ class Part:
 
 
 def list_cad(path: str | os.PathLike[str], *, dim: int | None = None) -> list[Shape]:
-    """The bodies of a CAD file (volumes; surfaces where there are none, or where `dim` is 2), then what bounds them.
+    """List the bodies of a CAD file (volumes; surfaces if there are none, or if `dim` is 2), then their boundaries.
 
     Exact for STEP, IGES and BREP; from a fine mesh of the surfaces for .geo and STL. Raises ReadError, DataError, and
     RequestError where gmsh is missing.
@@ -101,7 +101,7 @@ def mesh_cad(
     the .geo says; for other files a twentieth of the diagonal, and 12 edges to a full turn). `order`: 1 or 2 (default:
     as the .geo says, or 1); nodes of order 2 stand on the geometry. `slave`, `slave_size`: groups of the skin whose
     faces get edges of that length, and cells that grow away from them. `dim`: 2 or 3 (default: 3 where there are
-    volumes). Cells of the skin turn outward.
+    volumes). Cells of the skin are oriented outward.
 
     Raises ReadError for the file, RequestError for groups or tags that it lacks (and where gmsh is missing), DataError
     where gmsh cannot mesh it. Warns of cells that are inverted or degenerate.
@@ -124,7 +124,7 @@ def mesh_cad(
 
 
 def parse_group(text: str) -> tuple[str, Part]:
-    """`NAME=TAG,TAG` or `NAME=box:x0,y0,z0,x1,y1,z1`; after `DIM:` they are of that dimension. Raises RequestError.
+    """Parse `NAME=TAG,TAG` or `NAME=box:x0,y0,z0,x1,y1,z1`; `DIM:` after the = sets the dimension. Raises RequestError.
 
     >>> parse_group("bore=17,18")
     ('bore', Part(dim=None, tags=(17, 18), box=()))
@@ -153,7 +153,7 @@ def parse_group(text: str) -> tuple[str, Part]:
 
 
 def check_source(path: str | os.PathLike[str]) -> Path:
-    """The path of a CAD file. Raises RequestError for an unknown suffix, ReadError."""
+    """Check that a CAD file can be read, and return its path. Raises RequestError for an unknown suffix, ReadError."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
@@ -170,7 +170,7 @@ def check_source(path: str | os.PathLike[str]) -> Path:
 
 
 def _ask(request: dict[str, Any], path: Path, want_mesh: bool) -> tuple[dict[str, Any], Mesh | None]:
-    """Let a child answer; its warnings are repeated, its error is raised."""
+    """Let a child process answer a request; repeat its warnings, and raise its error."""
     session.find()
     with temporary_folder() as folder:
         request = {**request, "path": str(path.absolute())}
@@ -222,7 +222,7 @@ def _answer(folder: Path, path: Path, status: int, printed: str) -> dict[str, An
 
 
 def _complaints(printed: str) -> list[str]:
-    """Errors that gmsh's reader of STEP and IGES prints, past gmsh.
+    """Errors that gmsh's reader of STEP and IGES prints itself, bypassing gmsh's log.
 
     >>> _complaints("**** ERR StepFile : Undefined Parsing: Line 7: unexpected end    ****")
     ['Undefined Parsing: Line 7: unexpected end']

@@ -1,4 +1,4 @@
-"""A CAD file opened by gmsh: what it holds, and each of its shapes with its measures. Runs in the child process."""
+"""Geometry of a CAD file opened by gmsh: its shapes, with the measures of each. Runs in the child process."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _FLAT, _ROUND = 1e-4, 0.02
 
 
 def open_file(gmsh: Any, path: Path, dim: int | None) -> int:
-    """Open a file; the dimension of its bodies. Raises ReadError, DataError."""
+    """Open a file and return the dimension of its bodies. Raises ReadError, DataError."""
     kind = SUFFIXES[path.suffix.lower()]
     if path.suffix.lower() == ".geo":
         _check_last_line(path)
@@ -67,7 +67,7 @@ def _open(gmsh: Any, path: Path, kind: str) -> None:
 
 
 def _check_last_line(path: Path) -> None:
-    """Warns of a script without a line end after its last statements: gmsh 4.15 reads the first of them only."""
+    """Warn of a script without a line end after its last statements: gmsh 4.15 reads the first of them only."""
     last = path.read_bytes().rpartition(b"\n")[2]
     if last.count(b";") > 1:
         message = "its last line has no end, and gmsh may leave out what stands on it; add a line end"
@@ -75,7 +75,7 @@ def _check_last_line(path: Path) -> None:
 
 
 def _warn_of_loose(gmsh: Any, dim: int) -> None:
-    """Warns of surfaces (of curves, in the plane) that bound no body: a body may be broken."""
+    """Warn of surfaces (in the plane, of curves) that bound no body: a body may be broken."""
     bounds = {abs(tag) for around in boundary(gmsh, dim).values() for tag in around}
     inside = {t for tag in gmsh.model.getEntities(dim) for d, t in gmsh.model.mesh.getEmbedded(*tag) if d == dim - 1}
     loose = [int(t) for _, t in gmsh.model.getEntities(dim - 1) if t not in bounds | inside]
@@ -86,7 +86,7 @@ def _warn_of_loose(gmsh: Any, dim: int) -> None:
 
 
 def _sew(gmsh: Any, path: Path) -> None:
-    """Open an IGES that holds surfaces only again, these sewn to a volume. Raises DataError where some are lost."""
+    """Reopen an IGES file of surfaces only with these sewn to volumes. Raises DataError if some are lost."""
     before = sum(gmsh.model.occ.getMass(*tag) for tag in gmsh.model.getEntities(2))
     gmsh.clear()
     gmsh.option.setNumber("Geometry.OCCSewFaces", 1)
@@ -99,10 +99,10 @@ def _sew(gmsh: Any, path: Path) -> None:
 
 
 def skin_dim(gmsh: Any, dim: int) -> int:
-    """The dimension of what a tag alone names, bodies being of dimension `dim`: 1 where the geometry is plane, else 2.
+    """Dimension of the entities that a tag alone names: 1 if the geometry is plane, else 2; `dim`: of the bodies.
 
-    Plane is a geometry without volumes whose surfaces lie in one plane, however that is turned; others have surfaces
-    to name even where only these are meshed.
+    A geometry is plane if it has no volumes and its surfaces lie in one plane, of any orientation; in others a tag
+    names a surface even if only surfaces are meshed.
     """
     if dim == 3 or gmsh.model.getEntities(3):
         return 2
@@ -112,7 +112,7 @@ def skin_dim(gmsh: Any, dim: int) -> int:
 
 
 def _some_of(gmsh: Any, tag: int) -> Floats:
-    """(m, 3): points of a surface, beyond its bounds too where it is trimmed; of a discrete one its nodes."""
+    """Points (m, 3) of a surface: its nodes if it has any, else samples, also beyond its bounds if it is trimmed."""
     nodes: Floats = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)[1].reshape(-1, 3)
     if len(nodes):
         return nodes
@@ -122,19 +122,19 @@ def _some_of(gmsh: Any, tag: int) -> Floats:
 
 
 def errors(gmsh: Any) -> list[str]:
-    """What gmsh has said to be wrong so far."""
+    """Errors that gmsh has logged so far, each once."""
     return list(dict.fromkeys(line.removeprefix("Error: ") for line in gmsh.logger.get() if line.startswith("Error: ")))
 
 
 def boundary(gmsh: Any, dim: int) -> dict[int, list[int]]:
-    """The signed tags of what bounds each body of dimension `dim`."""
+    """Signed tags of the entities that bound each body of dimension `dim`."""
     bodies = [tag for _, tag in gmsh.model.getEntities(dim)]
     bounds = {b: gmsh.model.getBoundary([(dim, b)], combined=False, oriented=True) for b in bodies}
     return {b: [int(tag) for _, tag in found] for b, found in bounds.items()}
 
 
 def shapes(gmsh: Any, dim: int) -> list[Shape]:
-    """The bodies, of dimension `dim`, and what bounds them."""
+    """Shapes of the bodies, of dimension `dim`, and of the entities that bound them."""
     bounds = boundary(gmsh, dim)
     exact = {(int(d), int(t)) for d, t in gmsh.model.occ.getEntities()} if _is_occ(gmsh) else set()
     wanted = [(d, int(t)) for d in (dim, dim - 1) for _, t in gmsh.model.getEntities(d)]
@@ -182,7 +182,7 @@ def _is_occ(gmsh: Any) -> bool:
 
 
 def _turned_outward(gmsh: Any, tag: int, bodies: tuple[int, ...]) -> tuple[Any, float | None]:
-    """The normal, or the signed radius, of a surface of OCC, out of its first body."""
+    """Normal, or signed radius, of a surface of OCC, oriented out of its first body."""
     points, normals = _places_on(gmsh, tag)
     behind = points[0] - 1e-5 * diagonal(gmsh) * normals[0]
     if bodies and not gmsh.model.isInside(3, bodies[0], behind):
@@ -210,9 +210,9 @@ _PLACES = np.array([[0.5, 0.5]] + [[(k * 0.618034) % 1, (k * 0.414214) % 1] for 
 
 
 def _facing(points: Floats, normals: Floats) -> tuple[tuple[float, float, float] | None, float | None]:
-    """The one normal of a flat shape, or the radius of a round one, from points (n, 3) and outward unit normals there.
+    """Normal of a flat shape, or radius of a round one, from points (n, 3) and outward unit normals there.
 
-    On a cylinder or sphere points move with their normals, p = R n, but along the axis, where normals do not change.
+    On a cylinder or sphere p = R n, except along the axis, where normals do not change.
     """
     mean = normals.mean(axis=0)
     n, p = normals - mean, points - points.mean(axis=0)
@@ -227,9 +227,9 @@ def _facing(points: Floats, normals: Floats) -> tuple[tuple[float, float, float]
 
 @dataclass(frozen=True)
 class _Integrals:
-    """Over an entity's cells: the measure, the integrals of x, of x.n (n the normal) and of x_i^2 n_i.
+    """Integrals over an entity's cells: the measure, those of x, of x.n (n the normal) and of x_i^2 n_i.
 
-    `points`, `normals` (m, 3): where it was integrated, and n there.
+    `points`, `normals` (m, 3): quadrature points, and n there.
     """
 
     measure: float
@@ -241,7 +241,7 @@ class _Integrals:
 
 
 def _from_mesh(gmsh: Any, dim: int, bounds: dict[int, list[int]]) -> dict[Tag, Shape]:
-    """The shapes measured on a fine mesh of their surfaces (the triangles themselves, of an STL)."""
+    """Measure the shapes on a fine mesh of their surfaces (for an STL, on its own triangles)."""
     mesh = _fine_mesh(gmsh)
     plane = dim == 2 and bool(np.ptp(mesh.points[:, 2]) <= 1e-12 * diagonal(gmsh))
     if plane:
@@ -263,9 +263,9 @@ def _from_mesh(gmsh: Any, dim: int, bounds: dict[int, list[int]]) -> dict[Tag, S
 
 
 def _outward(gmsh: Any, mesh: Mesh, surfaces: list[Tag], found: Mapping[Tag, _Integrals]) -> dict[Tag, float]:
-    """1 where the cells of a surface leave the body that these surfaces enclose, -1 where they enter it.
+    """Sign of each surface: 1 if its cells' normals point out of the body that the surfaces enclose, -1 if into it.
 
-    A closed shell is turned out of what it encloses; of several shells the largest is the outer one, the others voids.
+    A closed shell is oriented out of what it encloses; of several shells the largest is the outer one, others voids.
     """
     entity = mesh.cell_data["entity"]
     cells = {tag: np.flatnonzero((entity == tag).all(axis=1)) for tag in surfaces}
@@ -278,7 +278,7 @@ def _outward(gmsh: Any, mesh: Mesh, surfaces: list[Tag], found: Mapping[Tag, _In
 
 
 def _fine_mesh(gmsh: Any) -> Mesh:
-    """A mesh of the surfaces, as fine as curves ask whatever the file says; of an STL the triangles themselves."""
+    """Mesh of the surfaces, as fine as their curvature requires, whatever the file says; for an STL its triangles."""
     if not any(gmsh.model.mesh.getElementTypes(2)):
         for tag in gmsh.model.mesh.field.list():
             gmsh.model.mesh.field.remove(tag)
@@ -297,7 +297,7 @@ def _entities(mesh: Mesh) -> Iterator[Tag]:
 
 
 def _integrate(mesh: Mesh, tag: Tag, plane: bool) -> _Integrals:
-    """Integrals over an entity; n: of surfaces, and, in the plane, of curves that have the body on their left."""
+    """Integrals over an entity; n: normal of surfaces, and, in the plane, of curves with the body on their left."""
     cells = np.flatnonzero((mesh.cell_data["entity"] == tag).all(axis=1))
     points, weighted = [], []
     for kind, _, nodes in mesh.select(cells):
@@ -317,6 +317,6 @@ def _integrate(mesh: Mesh, tag: Tag, plane: bool) -> _Integrals:
 
 
 def _measured(i: _Integrals, out: float) -> Shape:
-    """What integrals say of a surface or curve; `out`: 1 where its normal leaves the body, else -1."""
+    """Shape of a surface or curve from its integrals; `out`: 1 if its normal points out of the body, else -1."""
     normal, radius = _facing(i.points, out * i.normals)
     return replace(_NONE, measure=float(i.measure), centre=_triple(i.first / i.measure), normal=normal, radius=radius)

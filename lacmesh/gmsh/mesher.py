@@ -1,4 +1,4 @@
-"""The mesh of a geometry that gmsh has opened: groups, sizes, cells, their validity. Runs in the child process."""
+"""Meshing of a geometry that gmsh has opened: groups, sizes, cells, their validity. Runs in the child process."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def write_mesh(gmsh: Any, request: Mapping[str, Any], dim: int, target: Path) ->
 
 
 def _entities(gmsh: Any, skin: int, name: str, part: Mapping[str, Any]) -> list[Tag]:
-    """The entities that a part of a group means; `skin`: their dimension where none is said. Raises RequestError."""
+    """Entities that a part of a group means; `skin`: their dimension if none is given. Raises RequestError."""
     d = skin if part["dim"] is None else part["dim"]
     known = [int(t) for _, t in gmsh.model.getEntities(d)]
     what = ("point", "curve", "surface", "volume")[d]
@@ -92,7 +92,7 @@ def _slave_entities(gmsh: Any, skin: int, spec: str) -> list[int]:
 
 
 def _set_sizes(gmsh: Any, path: Path, size: float | None, faces: Sequence[Tag], slave_size: float | None) -> None:
-    """Lengths of edges: everywhere, and on the slave faces and around them."""
+    """Set the lengths of edges everywhere, and on the slave faces and around them."""
     options = {}
     if size is not None:
         options = {"MeshSizeMin": 0.0, "MeshSizeMax": size, "MeshSizeFactor": 1.0}
@@ -106,14 +106,14 @@ def _set_sizes(gmsh: Any, path: Path, size: float | None, faces: Sequence[Tag], 
 
 
 def _size_of_points(gmsh: Any) -> float:
-    """The largest size that the file gives to a point; what gmsh takes where it gives none."""
+    """Largest size that the file gives to a point; if it gives none, gmsh's default, a tenth of the diagonal."""
     points = gmsh.model.getEntities(0) if gmsh.option.getNumber("Mesh.MeshSizeFromPoints") else []
     sizes = gmsh.model.mesh.getSizes(points) if points else np.zeros(1)
     return float(max(sizes)) or geometry.diagonal(gmsh) / 10
 
 
 def _refine(gmsh: Any, faces: Sequence[Tag], h: float, far: float) -> None:
-    """Fields that give faces edges of length h, and cells around them that grow (or shrink) to the length `far`."""
+    """Add fields that give faces edges of length h, and make cells around them grow (or shrink) to the length `far`."""
     field = gmsh.model.mesh.field
     kind, tags = "SurfacesList" if faces[0][0] == 2 else "CurvesList", [tag for _, tag in faces]
     distance, grading, on = field.add("Distance"), field.add("Threshold"), field.add("Constant")
@@ -169,7 +169,7 @@ def check_cells(gmsh: Any, dim: int) -> None:
 
 
 def _invalid(gmsh: Any, dim: int) -> Ints:
-    """Numbers of the bodies' cells whose map is not positive everywhere (by gmsh's bounds)."""
+    """Numbers of the bodies' cells whose Jacobian determinant is not positive everywhere (by gmsh's bounds)."""
     cells = np.concatenate([np.empty(0, np.uint64), *gmsh.model.mesh.getElements(dim)[1]])
     least = np.array(gmsh.model.mesh.getElementQualities(cells, "minDetJac"))
     turned = dim == 2 and np.median(least) < 0  # a plane seen from behind

@@ -60,7 +60,7 @@ class Read:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The mesh with the entities that its parts belong to, as msh files are read."""
+        """Mesh in which parts of entities are replaced by the entities they belong to, as msh files are read."""
         if not self.parent:
             return self.raw
         own = {tag: of for tag, of in self.parent.items() if tag[0] == of[0]}
@@ -75,7 +75,7 @@ class Read:
 
 
 def read_model(keep: Collection[Tag] | None = None) -> Read:
-    """The current model. `keep`: cells of these entities only. Raises RequestError, DataError."""
+    """Read the current model. `keep`: cells of these entities only. Raises RequestError, DataError."""
     gmsh = session.running()
     name = gmsh.model.getCurrent()
     source = Source(Path(f"gmsh's model {name!r}"), b"-")
@@ -101,7 +101,7 @@ def read_model(keep: Collection[Tag] | None = None) -> Read:
 
 
 def renamed(entity: Ints, known: Mapping[Tag, Tag]) -> Ints:
-    """Entities (n, 2), those that are `known` by another name."""
+    """Entities (n, 2), with those in `known` replaced by what it maps them to."""
     rows, which = np.unique(entity, axis=0, return_inverse=True)
     return np.array([known.get((int(d), int(t)), (d, t)) for d, t in rows], np.int32)[which.ravel()]
 
@@ -119,7 +119,7 @@ def _add_nodes(gmsh: Any, content: Content) -> None:
 
 
 def _add_cells(gmsh: Any, content: Content, keep: Collection[Tag] | None) -> dict[Tag, Tag]:
-    """Add the cells, entity by entity, as gmsh writes them; the entities that are parts of others."""
+    """Add the cells, entity by entity, as gmsh writes them; return the parents of entities that are parts of others."""
     parent: dict[Tag, Tag] = {}
     at = 0
     for dim, tag in gmsh.model.getEntities():
@@ -143,7 +143,7 @@ def _add_cells(gmsh: Any, content: Content, keep: Collection[Tag] | None) -> dic
 
 
 def _complete(gmsh: Any, content: Content) -> bool:
-    """Whether the cells found are all that there are."""
+    """True if the cells found are all cells of the model."""
     found = dict.fromkeys(_COUNTS.values(), 0)
     for piece in content.pieces:
         family = ALL_CELLS[piece.type].family
@@ -163,7 +163,7 @@ def _complete(gmsh: Any, content: Content) -> bool:
 
 
 def _any_cell(gmsh: Any, numbers: Ints) -> bool:
-    """Whether any of the numbers is a cell's: all others stay invisible when they are made visible."""
+    """True if any of the numbers is a cell's: a number without a cell stays invisible when it is made visible."""
     hidden = numbers[gmsh.model.mesh.getVisibility(numbers) == 0]
     if len(hidden) < len(numbers):
         return True
@@ -193,7 +193,7 @@ def _pieces_through_file(gmsh: Any) -> Iterator[Piece]:
 
 @contextmanager
 def _options(gmsh: Any, wanted: Mapping[str, float]) -> Iterator[None]:
-    """Options of gmsh's mesh, for a while."""
+    """Set options of gmsh's mesh inside the block, and restore them after it."""
     before = {name: gmsh.option.getNumber(f"Mesh.{name}") for name in wanted}
     try:
         for name, value in wanted.items():
@@ -211,9 +211,9 @@ def _add_groups(gmsh: Any, content: Content) -> None:
 
 
 def _boundary(gmsh: Any, content: Content) -> dict[Tag, tuple[int, ...]]:
-    """Signed tags of what bounds an entity, parts apart; beyond the largest tag of a dimension: what is embedded.
+    """Signed tags of the entities that bound each entity, except parts; tags of embedded ones are beyond the largest.
 
-    As in files: none where no entity has a boundary and each holds nodes or cells.
+    As in files, empty if no entity has a boundary and each holds nodes or cells.
     """
     last = [max((tag for _, tag in gmsh.model.getEntities(dim)), default=0) for dim in range(4)]
     boundary = {}

@@ -1,4 +1,4 @@
-"""gmsh itself: there or not, and the model that is current."""
+"""Access to the package gmsh: is it installed, loaded, initialised?"""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _MISSING = "this needs gmsh; pip install 'lacmesh[gmsh]' brings it"
 
 
 def find() -> None:
-    """Raises RequestError where the gmsh package is missing."""
+    """Raise RequestError if the gmsh package is missing."""
     try:
         missing = find_spec("gmsh") is None
     except ValueError:  # a module that is blocked
@@ -22,7 +22,7 @@ def find() -> None:
 
 
 def load() -> Any:
-    """The gmsh package. Raises RequestError, with the line that installs what is missing."""
+    """Import the gmsh package. Raises RequestError, with the line that installs what is missing."""
     try:
         return import_module("gmsh")
     except ModuleNotFoundError as error:
@@ -33,7 +33,7 @@ def load() -> Any:
 
 
 def running() -> Any:
-    """The gmsh package, initialised by the caller. Raises RequestError."""
+    """The gmsh package, which the caller must have initialised. Raises RequestError."""
     gmsh = load()
     if not gmsh.isInitialized():
         raise RequestError("gmsh is not running: call gmsh.initialize(), then open or build a model")

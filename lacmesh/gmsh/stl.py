@@ -1,8 +1,8 @@
-"""An STL made a geometry: surfaces between its sharp edges, and the volumes that they enclose.
+"""Geometry from an STL file: surfaces between its sharp edges, and the volumes that they enclose.
 
 triangles = checked: every edge joins two of them                    (`_check_closed`)
 surfaces = parts between sharp edges, each with a parametrization    (gmsh's classifySurfaces, createGeometry)
-shells = surfaces that hang together; those inside another are its voids, or bodies inside a void   (`_nested`)
+shells = surfaces that are connected; those inside another are its voids, or bodies inside a void   (`_nested`)
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _SHARP = 40.0
 
 
 def make_geometry(gmsh: Any, path: Path, volumes: bool) -> None:
-    """Give the triangles of the current model surfaces, and the volumes inside. Raises ReadError, DataError."""
+    """Make surfaces of the triangles of the current model, and the volumes inside. Raises ReadError, DataError."""
     gmsh.model.mesh.removeDuplicateNodes()
     triangles = _triangles(gmsh)
     if not len(triangles):
@@ -41,12 +41,12 @@ def make_geometry(gmsh: Any, path: Path, volumes: bool) -> None:
 
 
 def _triangles(gmsh: Any, tag: int = -1) -> Ints:
-    """(n, 3): nodes of all triangles, or of those of a surface."""
+    """Nodes of all triangles, or of those of a surface, (n, 3)."""
     return np.asarray(gmsh.model.mesh.getElementsByType(2, tag)[1], np.int64).reshape(-1, 3)
 
 
 def _corners(gmsh: Any, tag: int = -1) -> Floats:
-    """(n, 3, 3): the corners of the triangles."""
+    """Corners of the triangles, (n, 3, 3)."""
     number, points, _ = gmsh.model.mesh.getNodes()
     order = np.argsort(number)
     rows = order[np.searchsorted(number[order], _triangles(gmsh, tag))]
@@ -55,7 +55,7 @@ def _corners(gmsh: Any, tag: int = -1) -> Floats:
 
 
 def _check_closed(gmsh: Any, triangles: Ints) -> None:
-    """Raises DataError where an edge does not join two triangles."""
+    """Raise DataError if an edge does not join exactly two triangles."""
     edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     distinct, count = np.unique(edges, axis=0, return_counts=True)
     for wrong, what, cure in (
@@ -70,7 +70,7 @@ def _check_closed(gmsh: Any, triangles: Ints) -> None:
 
 
 def _nested(gmsh: Any, corners: dict[int, Floats]) -> list[list[list[int]]]:
-    """For each volume its shells, the outer one first, then its voids; a shell is a list of surfaces."""
+    """Shells of each volume, the outer one first, then its voids; a shell is a list of surfaces."""
     shells = connected(gmsh, [*corners])
     soup = [np.concatenate([corners[t] for t in shell]) for shell in shells]
     inside = np.array(
@@ -85,7 +85,7 @@ def _nested(gmsh: Any, corners: dict[int, Floats]) -> list[list[list[int]]]:
 
 
 def connected(gmsh: Any, surfaces: list[int]) -> list[list[int]]:
-    """Surfaces that hang together by their curves."""
+    """Group surfaces that are connected by their curves."""
     shells: list[tuple[set[int], list[int]]] = []
     for tag in surfaces:
         curves = {abs(int(t)) for _, t in gmsh.model.getBoundary([(2, tag)], oriented=False)}
@@ -96,7 +96,7 @@ def connected(gmsh: Any, surfaces: list[int]) -> list[list[int]]:
 
 
 def _encloses(corners: Floats, point: Floats) -> bool:
-    """Whether a closed surface of triangles (n, 3, 3) goes around a point: the sum of their solid angles.
+    """True if a closed surface of triangles (n, 3, 3) encloses a point, by the sum of their solid angles.
 
     Van Oosterom, Strackee, IEEE Trans. Biomed. Eng. 30, 1983.
     """

@@ -1,4 +1,4 @@
-"""gmsh's current model brought to a mesh, by what differs between them.
+"""Update of gmsh's current model to a mesh, by the differences between them.
 
     entities = where cells, nodes and groups of the mesh belong in gmsh's terms   (`formats.entities.assign`)
     change = cells that go, cells and nodes that come, nodes that move             (`_change`)
@@ -41,8 +41,10 @@ _EMPTY = Mesh.create(np.empty((0, 3)), [])
 
 @dataclass(frozen=True)
 class _Change:
-    """What makes one mesh of another. Indices: `gone` of the old cells; `come` of the new cells, `born` and `moved`
-    of the new nodes; `vanished`: how many old nodes the new mesh lacks.
+    """Changes from an old mesh to a new one.
+
+    Indices: `gone` of the old cells; `come` of the new cells, `born` and `moved` of the new nodes; `vanished`: how many
+    old nodes the new mesh lacks.
     """
 
     gone: Ints
@@ -53,21 +55,21 @@ class _Change:
 
 
 def apply_cut(before: Read, mesh: Mesh, shown: bool) -> None:
-    """Bring the current model, `before`, to its cut mesh. `shown`: the records become views."""
+    """Update the current model, `before`, to its cut mesh. `shown`: the records become views."""
     gmsh = session.running()
     left_out = () if shown else (*CELL_RECORDS, NODE_RECORD)
     _apply(gmsh, before, _in_parts(before, mesh), left_out)
 
 
 def apply_mesh(before: Read, mesh: Mesh) -> None:
-    """Bring the current model, `before`, to a mesh. Raises RequestError where the model is partitioned."""
+    """Update the current model, `before`, to a mesh. Raises RequestError where the model is partitioned."""
     if before.parent:
         raise RequestError("the model is partitioned: gmsh.model.mesh.unpartition() first")
     _apply(session.running(), before, mesh, ())
 
 
 def new_model(mesh: Mesh, name: str) -> None:
-    """Make a mesh a new model and the current one. Raises RequestError."""
+    """Make a new model from a mesh, which becomes the current one. Raises RequestError."""
     gmsh = session.running()
     if name in gmsh.model.list():
         raise RequestError(f"gmsh has a model named {name!r} already; say another name")
@@ -141,7 +143,7 @@ def _numbers(numbers: Ints, what: str) -> Ints:
 
 
 def _change(old: Mesh, new: Mesh, entity: Ints) -> _Change:
-    """What makes `new`, whose cells are on entities (n_cells, 2), of `old`."""
+    """Changes from `old` to `new`, whose cells are on the entities (n_cells, 2)."""
     place = Index(old.cell_number).places(new.cell_number)
     same = place >= 0
     if same.any():
@@ -169,13 +171,13 @@ def _change(old: Mesh, new: Mesh, entity: Ints) -> _Change:
 
 
 def _known_to_gmsh(mesh: Mesh) -> Ints:
-    """(n_cells,): whether a cell is of a type that gmsh has."""
+    """(n_cells,): True for cells of a type that gmsh has."""
     known = np.array([ALL_CELLS[b.type].msh is not None for b in mesh.blocks], bool)
     return np.repeat(known, np.diff(mesh.offsets))
 
 
 def _clear(gmsh: Any, old: Mesh) -> Mesh:
-    """Take the whole mesh out of the model; what is left of it."""
+    """Remove the whole mesh from the model, and return what is left: an empty mesh."""
     if old.model is not None and old.model.periodic:
         _warn("nodes are gone, so the mesh is made anew in gmsh's model: its periodic links are lost")
     gmsh.model.mesh.clear()
@@ -183,7 +185,7 @@ def _clear(gmsh: Any, old: Mesh) -> Mesh:
 
 
 def _add_entities(gmsh: Any, table: Assignment, mesh: Mesh) -> bool:
-    """Add the entities that the model lacks, as discrete ones; whether there were any."""
+    """Add the entities that the model lacks, as discrete ones; return True if there were any."""
     there = {(int(d), int(t)) for d, t in gmsh.model.getEntities()}
     lacking = [(e.dim, e.tag) for e in table.entities if (e.dim, e.tag) not in there]
     last = [max((t for d, t in (*there, *lacking) if d == dim), default=0) for dim in range(-1, 4)]  # of dim - 1
@@ -203,7 +205,7 @@ def _add_entities(gmsh: Any, table: Assignment, mesh: Mesh) -> bool:
 
 
 def _add_nodes(gmsh: Any, table: Assignment, mesh: Mesh, change: _Change) -> None:
-    """Add new nodes to their entities, and move those that stand elsewhere now."""
+    """Add new nodes to their entities, and move those whose coordinates have changed."""
     for row, nodes in _by_key(table.node[change.born], change.born):
         dim, tag, _ = table.entities[row]
         points = mesh.points[nodes].ravel()
@@ -217,7 +219,7 @@ def _add_nodes(gmsh: Any, table: Assignment, mesh: Mesh, change: _Change) -> Non
 
 
 def _parameters(gmsh: Any, dim: int, tag: int, points: Floats) -> Floats:
-    """The parametric coordinates of points on an entity, where its nodes have such; otherwise none."""
+    """Parametric coordinates of points on an entity, if its nodes have such; otherwise an empty array."""
     none = np.empty(0)
     if dim not in (1, 2):
         return none
@@ -228,7 +230,7 @@ def _parameters(gmsh: Any, dim: int, tag: int, points: Floats) -> Floats:
 
 
 def _remove_cells(gmsh: Any, old: Mesh, gone: Ints) -> None:
-    """Take cells out of their entities; where there are many, all of the entity's, and the others are put back."""
+    """Remove cells from their entities; if there are many, remove all of the entity's, and put the others back."""
     entity = old.cell_data["entity"] if len(gone) else gone
     for (dim, tag), cells in _by_entity(entity[gone], gone):
         here = np.flatnonzero((entity == [dim, tag]).all(axis=1))
@@ -280,7 +282,7 @@ def _add_links(gmsh: Any, mesh: Mesh) -> None:
 
 
 def _by_entity(entity: Ints, members: Ints) -> Iterator[tuple[Tag, Ints]]:
-    """Each entity, and the members that are on it: `entity` (n, 2), `members` (n,)."""
+    """Yield each entity, and the members that are on it: `entity` (n, 2), `members` (n,)."""
     if len(members):
         tags, which = np.unique(entity, axis=0, return_inverse=True)
         for row, some in _by_key(which.ravel(), members):
@@ -288,7 +290,7 @@ def _by_entity(entity: Ints, members: Ints) -> Iterator[tuple[Tag, Ints]]:
 
 
 def _by_key(key: Ints, members: Ints) -> Iterator[tuple[int, Ints]]:
-    """Each key, and the members that have it, in their order."""
+    """Yield each key, and the members that have it, in their order."""
     order = np.argsort(key, kind="stable")
     ordered = key[order]
     for some in np.split(order, np.flatnonzero(ordered[1:] != ordered[:-1]) + 1):
@@ -298,7 +300,7 @@ def _by_key(key: Ints, members: Ints) -> Iterator[tuple[int, Ints]]:
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Let an interrupt (SIGINT) wait until the model is whole again; then it does what it would have done."""
+    """Defer an interrupt (SIGINT) until the model is consistent again, then raise it."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -30,9 +30,9 @@ _SHOWN = "lac_macro"
 
 @dataclass(frozen=True)
 class Held:
-    """A step of a view of gmsh's, and what it holds; `key`: the array of the mesh that it makes; `ours`: we made it.
+    """One step of a gmsh view, with its values; `key`: the array of the mesh that it becomes; `ours`: lacmesh made it.
 
-    `stale`: we made it for another mesh than the model has now.
+    `stale`: lacmesh made it for another mesh than the model has now.
     """
 
     view: int
@@ -43,7 +43,7 @@ class Held:
 
 
 def read_views(gmsh: Any, model: str, content: Content) -> list[Held]:
-    """The views that belong to the current model, called `model`; warns of records of a cut that do not fit it."""
+    """Read the views that belong to the current model, called `model`; warns of records of a cut that do not fit it."""
     known = {"node": content.node_number, "cell": _joined(p.number for p in content.pieces)}
     found = list(_candidates(gmsh, model))
     ours = [h for h in found if h.ours]
@@ -59,14 +59,14 @@ def read_views(gmsh: Any, model: str, content: Content) -> list[Held]:
 
 
 def _inside(held: Held, known: Mapping[str, Ints]) -> bool:
-    """Whether all values of a view are those of nodes or cells that there are."""
+    """True if all values of a view belong to existing nodes or cells."""
     return bool(np.isin(held.rows.number, known[held.rows.head.on]).all())
 
 
 def write_views(
     gmsh: Any, model: str, mesh: Mesh, held: Iterable[Held], left_out: Iterable[str] = ()
 ) -> dict[tuple[str, str, int], FieldNote]:
-    """Show the fields of a mesh, the current model's, in views; the notes on what views cannot say of them.
+    """Write the fields of the current model's mesh into views; return notes on what views cannot hold of them.
 
     `held`: the views that were there: ours are made again, others get values for the mesh's new nodes and cells.
     `left_out`: keys of fields that get no view.
@@ -130,7 +130,7 @@ def _belongs(gmsh: Any, view: int) -> bool:
 
 
 def _only_model(gmsh: Any) -> bool:
-    """Whether no other model has a mesh."""
+    """True if no other model has a mesh."""
     here = gmsh.model.getCurrent()
     try:
         for name in gmsh.model.list():
@@ -156,7 +156,7 @@ def _steps(gmsh: Any, view: int) -> Iterator[Rows]:
 
 
 def _fits(gmsh: Any, content: Content, ours: list[Held]) -> bool:
-    """Whether views of ours were made for the cells that the model has."""
+    """True if lacmesh's views were made for the cells that the model has."""
     faces = _joined(h.rows.number for h in ours if h.rows.head.name == _SHOWN)
     here = ((p.number, p.nodes, np.isin(p.number, faces)) for p in content.pieces)
     digest = _digest((number[rows], nodes[rows]) for number, nodes, rows in here)

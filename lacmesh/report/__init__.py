@@ -1,9 +1,9 @@
-"""What a mesh holds, how good it is, and what a cut did to it: plain records, and how they are put into files.
+"""Reports on the content and quality of a mesh and on the effect of a cut: plain records, and files made of them.
 
 records = what a mesh holds, what a cut counts, the table of patterns     (`records`)
 touched = the cells that a cut replaced, and those it made               (`touched`)
 report = the mesh against its cut: quality, sizes, the worst children     (`compare`)
-children = the same of a cut whose mesh before is gone                    (`parents`)
+children = the same for a cut whose original mesh is not available        (`parents`)
 files = a report as HTML, Markdown or JSON, quality as a picture          (`writing`, `html`, `drawing`)
 """
 

@@ -50,7 +50,7 @@ def _outer(h: Histogram) -> np.ndarray:
 
 
 def _window(chart: Bars) -> tuple[int, int]:
-    """First and last bin to show, of those that `_outer` counts: of ratios and angles those in use."""
+    """First and last bin to show, of those that `_outer` counts; of ratios and angles only those in use."""
     histograms = [h for h in (chart.before, chart.after) if h is not None]
     used = np.flatnonzero(np.sum([_outer(h) for h in histograms], axis=0))
     last = len(histograms[0].counts) + 1
@@ -69,7 +69,7 @@ def _shares(h: Histogram, low: int, high: int) -> np.ndarray:
 
 
 def _round_up(share: float) -> float:
-    """The top of the axis."""
+    """Upper end of the axis for a largest share."""
     return next(step for step in (0.06, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.01) if share <= step)
 
 

@@ -1,7 +1,7 @@
-"""A mesh against its cut: what the touched cells were worth before and after, what they hold, and the worst of them.
+"""Comparison of a mesh with its cut: quality and size of the touched cells before and after, and the worst children.
 
-Only touched cells are looked at: nothing else changes. Solids and their skin apart, or in a plane mesh its surfaces and
-their lines.
+Only touched cells are compared: the others do not change. Solid cells and their skin are compared apart, and so are, in
+a plane mesh, surfaces and lines.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _PIECE = 1 << 10
 
 @dataclass(frozen=True)
 class Comparison:
-    """The touched cells of one dimension: `before` and `after` the cut, how each measure is spread over all types.
+    """Touched cells of one dimension: statistics of each measure over all types, `before` and `after` the cut.
 
     `ratio`: a child's least corner Jacobian over its parent's. `invalid` counts cells before, after.
     """
@@ -70,13 +70,13 @@ class Size:
 
     @property
     def change(self) -> float:
-        """(after - before) / before."""
+        """Relative change: (after - before) / before."""
         return (self.after - self.before) / self.before if self.before else self.after - self.before
 
 
 @dataclass(frozen=True)
 class WorstChild:
-    """A child among the worst: which, whose, where, its least corner Jacobian and its parent's, its extreme angles.
+    """One of the worst children: its number, parent and place, both least corner Jacobians, its extreme angles.
 
     `better`: the variant that would serve its parent better, and the least corner Jacobian of the children then.
     """
@@ -104,7 +104,7 @@ class WorstChild:
 
 @dataclass(frozen=True)
 class Variants:
-    """The two ways to cut the hexahedra: `least` corner Jacobian of all their children as they are, and by each.
+    """The two ways to cut the hexahedra: least corner Jacobian of all children `now`, and by each variant (`least`).
 
     `better`: for how many hexahedra a variant gives better children than they have.
     """
@@ -117,10 +117,10 @@ class Variants:
 
 @dataclass(frozen=True)
 class CutReport:
-    """What a cut did to the quality of the cells it touched; `types_before` and `types_after`: Verdict's measures.
+    """Effect of a cut on the quality of the cells it touched; `types_before` and `types_after`: Verdict's measures.
 
-    `internal`: for each zone its macro-elements, and the fewest nodes that carry an internal dof of one. `findings`: of
-    the check of the cut; None where it was not checked.
+    `internal`: for each zone its macro-elements, and the least number of internal nodes in one of them. `findings`:
+    those of the check of the cut; None where it was not checked.
     """
 
     summary: CutSummary
@@ -134,7 +134,7 @@ class CutReport:
     findings: tuple[Finding, ...] | None = None
 
     def as_json(self) -> dict[str, Any]:
-        """Everything as plain data: what `write_report` puts into a .json (`docs/quality.md` says what is in it)."""
+        """Report as plain data, which `write_report` puts into a .json file (described in `docs/quality.md`)."""
         s = self.summary
         return {
             "schema": f"lacmesh.cut_report/{SCHEMA}",
@@ -156,9 +156,9 @@ class CutReport:
 def cut_report(
     before: Mesh, cut: Cut, *, ring: float = 1 / 3, depth: float = 1 / 2, findings: Iterable[Finding] | None = None
 ) -> CutReport:
-    """What the cut of a mesh did to the cells it touched; `ring` and `depth` as `cut_skin` had them.
+    """Report the effect of a cut on the cells it touched; `ring` and `depth` as they were given to `cut_skin`.
 
-    `before`: the mesh that was cut. `findings`: what `lacmesh.check` says of the cut, to be told in the report too.
+    `before`: the mesh that was cut. `findings`: those of `lacmesh.check` for the cut, to be included in the report.
     Raises CutError where the cut is not of that mesh.
     """
     cells = touched(before, cut)

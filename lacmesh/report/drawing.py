@@ -1,4 +1,4 @@
-"""The quality of a mesh as a picture: for every cell type how its leading measures are spread, by matplotlib."""
+"""Picture of the quality of a mesh, by matplotlib: histograms of the leading measures for every cell type."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def plot_quality(quality: Quality, path: str | os.PathLike[str], *, title: str =
 
 
 def check_plot(path: Path, *, force: bool = True) -> None:
-    """Say at once what would stop the drawing at the end. Raises RequestError, WriteError."""
+    """Check early that the plot can be drawn and written. Raises RequestError, WriteError."""
     if path.suffix.lower() != ".png":
         raise RequestError(f"{path}: a plot is written as .png")
     check_place(path, force=force)
@@ -70,7 +70,7 @@ def _drawn(kind: TypeQuality) -> list[str | None]:
 
 
 def _draw(axis: Any, kind: TypeQuality, measure: str | None) -> None:
-    """One histogram; the bins of a measure are equally wide on the page, whatever they hold."""
+    """Draw one histogram; the bins of a measure are equally wide on the page, whatever their range."""
     if measure is None:
         axis.set_visible(False)
         return
@@ -87,7 +87,7 @@ def _draw(axis: Any, kind: TypeQuality, measure: str | None) -> None:
 
 
 def _limits(measure: str, h: Histogram) -> tuple[float, float]:
-    """From where to where bins are shown: of a ratio and of an angle the part in use, of the others all."""
+    """Limits of the bins that are shown: for a ratio or an angle the part in use, for other measures all."""
     last = len(h.counts)
     used = last if h.above else int(np.flatnonzero(h.counts).max(initial=0)) + 1
     if SCALES[measure].kind == "ratio":
@@ -98,7 +98,7 @@ def _limits(measure: str, h: Histogram) -> tuple[float, float]:
 
 
 def _colours(measure: str, edges: tuple[float, ...], accepted: tuple[float, float] | None) -> list[str]:
-    """Of every bin: invalid red, on the wrong side of what Verdict accepts orange."""
+    """Colour of every bin: red for invalid cells, orange on the wrong side of the range that Verdict accepts."""
     middle = [-np.inf, *(0.5 * (a + b) for a, b in pairwise(edges)), np.inf]
     better = SCALES[measure].better
     first = _BAD if SCALES[measure].kind == "unit" and better > 0 else _GOOD

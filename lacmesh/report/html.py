@@ -1,4 +1,4 @@
-"""A report as one page of HTML that needs nothing else: no script, no font, no reference to anywhere."""
+"""Report as one self-contained page of HTML: no script, no font, no external reference."""
 
 from __future__ import annotations
 

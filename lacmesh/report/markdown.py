@@ -1,4 +1,4 @@
-"""A report as Markdown: tables, and histograms drawn in characters."""
+"""Report as Markdown: tables, and histograms drawn in characters."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _chart(chart: Bars) -> Iterator[str]:
 
 
 def lines(h: Histogram) -> list[tuple[str, int]]:
-    """(what the bin holds, how many) of every bin, with what lies outside first and last.
+    """Range and count of every bin, with those below and above the bins first and last.
 
     >>> lines(Histogram((0.0, 0.5, 1.0), (1, 2), 0, 3))
     [('below 0', 0), ('0 to 0.5', 1), ('0.5 to 1', 2), ('above 1', 3)]
@@ -76,7 +76,7 @@ def lines(h: Histogram) -> list[tuple[str, int]]:
 
 
 def bar(count: int, total: int, width: int = _WIDTH) -> str:
-    """A bar as long as the share of `total` that `count` is; something is seen of any count.
+    """Bar as long as the share of `count` in `total`; any count above 0 is visible.
 
     >>> bar(1, 4, 8), bar(1, 10**6), bar(0, 4)
     ('██', '▏', '')

@@ -1,4 +1,4 @@
-"""What a report of a cut says, in order, as blocks that a page of HTML or Markdown only has to dress."""
+"""Content of a report of a cut, in order, as blocks that the writers of HTML and Markdown only have to format."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Title:
 
 @dataclass(frozen=True)
 class Text:
-    """A paragraph; `lead`: the word that it explains. `bad`: it wants attention."""
+    """A paragraph; `lead`: the word that it explains. `bad`: it needs attention."""
 
     text: str
     lead: str = ""
@@ -42,7 +42,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Fact:
-    """A number to be seen first: what it is, and a word on it. `bad`: it wants attention."""
+    """A key figure: its label, its value and a note. `bad`: it needs attention."""
 
     label: str
     value: str
@@ -52,14 +52,14 @@ class Fact:
 
 @dataclass(frozen=True)
 class Facts:
-    """The numbers to be seen first."""
+    """The key figures, shown first."""
 
     facts: tuple[Fact, ...]
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of words; columns named in `right` hold numbers. `folded`: of interest to few."""
+    """Rows of words; columns marked in `right` hold numbers. `folded`: summary of a table that is shown folded."""
 
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -88,7 +88,7 @@ Block = Title | Text | Facts | Table | Charts
 
 
 def outline(report: CutReport, name: str = "") -> Iterator[Block]:
-    """The blocks of a report; `name`: of the mesh, for its title."""
+    """Yield the blocks of a report; `name`: of the mesh, for its title."""
     yield Title(1, f"The cut of {name}" if name else "The cut")
     yield Facts(tuple(_facts(report)))
     yield Text(" ".join(_sentences(report)))
@@ -248,7 +248,7 @@ def _type(t: TypeQuality, when: str) -> Iterator[Block]:
 
 
 def number(value: float) -> str:
-    """A number of a report, three digits; a dash for what is not defined.
+    """Format a number of a report with three digits; a dash if it is not defined.
 
     >>> number(0.12345), number(1234.5), number(float("nan")), number(-2e-17), number(float("inf"))
     ('0.123', '1.23e+03', '–', '0', 'inf')

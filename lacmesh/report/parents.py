@@ -1,9 +1,9 @@
-"""Parents of a cut whose mesh before is gone, put together from their children, and the children against them.
+"""Reconstruction of a cut's parents from their children, if the original mesh is not available, and quality of both.
 
 Children know their parent's number (`lac_parent`) and their order (the first keeps that number, the others follow). The
-template of each way to cut is laid over them: where the types agree and every place in the template's frame gets one
-node only, the frame's first nodes are the parent's. A parent cut by several of its faces has children of children,
-which no single template fits: it stays unknown, and is counted.
+template of each way to cut is tried on them: if the types agree and every position in the template gets one node only,
+its first nodes are the parent's. A parent cut by several of its faces has children of children, which no single
+template fits: it stays unknown, and is counted.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class Family(NamedTuple):
 class ChildrenQuality:
     """The children of a cut against their parents, by the least corner Jacobian.
 
-    `child` and `parent`: how it is spread over children, and over the parents that could be put together; `ratio`: over
-    the children of those, the child's over its parent's; lines, which have none, are left out of these. `unknown`:
-    parents that could not be put together; `invalid`: children.
+    `child` and `parent`: statistics over the children, and over the parents that could be reconstructed; `ratio`: the
+    child's over its parent's, over the children of those; lines, which have none, are left out of these. `unknown`:
+    number of parents that could not be reconstructed; `invalid`: number of invalid children.
     """
 
     children: int
@@ -64,7 +64,7 @@ class ChildrenQuality:
 
 
 def children_quality(cut: Cut) -> ChildrenQuality | None:
-    """How good the children of a cut are, by themselves and against their parents; None where no cell was cut."""
+    """Quality of the children of a cut, by themselves and against their parents; None if no cell was cut."""
     mesh = cut.mesh
     children = np.flatnonzero(cut.parent_of_cell >= 0)
     if not len(children):
@@ -100,7 +100,7 @@ def _ratio(child: Floats, parent: Floats) -> Floats:
 
 
 def parents_of(cut: Cut) -> Iterator[Family]:
-    """The parents of a cut that can be put together from their children, type by type."""
+    """Reconstruct the parents of a cut from their children where possible, type by type."""
     mesh = cut.mesh
     for kinds, cells in _broods(cut):
         nodes = [mesh.blocks[_block(cut, cells[0, k])].nodes for k in range(cells.shape[1])]
@@ -120,7 +120,7 @@ def _block(cut: Cut, cell: int) -> int:
 
 
 def _broods(cut: Cut) -> Iterator[tuple[tuple[str, ...], Ints]]:
-    """The children of each parent, in order (p, c), those of the same types together."""
+    """Yield the children of each parent, in order (p, c), grouped by their types."""
     mesh = cut.mesh
     cells = np.flatnonzero(cut.parent_of_cell >= 0)
     parent, number = cut.parent_of_cell[cells], mesh.cell_number[cells]
@@ -139,7 +139,7 @@ def _broods(cut: Cut) -> Iterator[tuple[tuple[str, ...], Ints]]:
 
 @cache
 def _templates(kinds: tuple[str, ...]) -> tuple[tuple[str, Template], ...]:
-    """(parent, template) of every way to cut whose children have these types, in this order."""
+    """Pairs (parent, template) of every way to cut whose children have these types, in this order."""
     found = []
     for cell in CELLS.values():
         if cell.dim < 1 or cell.name == "SEG3":
@@ -165,7 +165,7 @@ def _types(template: Template) -> tuple[str, ...]:
 
 
 def _lay_over(name: str, template: Template, rows: list[Ints]) -> tuple[Ints, NDArray[np.bool_]]:
-    """The nodes (p, n) of the parents whose children's nodes are `rows`, child by child, and whether they fit."""
+    """Nodes (p, n) of the parents whose children's nodes are `rows`, child by child; True where the template fits."""
     size = CELLS[name].n_nodes
     width = size + len(template.on_face) + len(template.inside)
     frame = np.full((len(rows[0]), width), -1, np.int64)

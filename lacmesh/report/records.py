@@ -1,4 +1,4 @@
-"""What a mesh holds, and what a cut did to it, as plain records: the command prints them, `--json` writes them."""
+"""Plain records of the content of a mesh and of the effect of a cut: the command prints them, `--json` writes them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,11 @@ class PatternRow:
 
 @dataclass(frozen=True)
 class CutSummary:
-    """What a cut did. `replaced` and `children` count cells by type; qualities are of the touched cells (NaN: none)."""
+    """Summary of a cut; pairs are before and after it.
+
+    `zones`: macro-elements of each; `replaced`, `children`: numbers of cells by type; `worst`: least quality of the
+    touched cells (NaN: none).
+    """
 
     zones: dict[str, int]
     replaced: dict[str, int]
@@ -43,7 +47,7 @@ class CutSummary:
 
 
 def describe(mesh: Mesh) -> dict[str, Any]:
-    """Everything that `lacmesh info --json` says of a mesh, counts of distinct cells."""
+    """All that `lacmesh info --json` says of a mesh; counts are of distinct cells."""
     low_high = [mesh.points.min(axis=0).tolist(), mesh.points.max(axis=0).tolist()] if mesh.n_nodes else None
     lac = None
     if is_cut(mesh):
@@ -63,7 +67,7 @@ def describe(mesh: Mesh) -> dict[str, Any]:
 
 
 def _entities(mesh: Mesh) -> Iterator[dict[str, Any]]:
-    """Each elementary entity of msh: dimension, tag, the number of its cells, and the box around them."""
+    """Yield each elementary entity of msh: dimension, tag, the number of its cells, and the box around them."""
     known = mesh.entities
     if not known:
         return
@@ -104,7 +108,7 @@ def _zone_of_macro(cut: Cut) -> Ints:
 
 
 def rows_of(mesh: Mesh, numbers: Ints) -> Ints:
-    """(k,): sorted indices of the cells with these numbers, which the mesh has."""
+    """Sorted indices (k,) of the cells with these numbers, all of which the mesh must have."""
     if int(mesh.cell_number.max(initial=0)) > 10 * mesh.n_cells + 1000:
         order = np.argsort(mesh.cell_number, kind="stable")
         return np.sort(order[np.searchsorted(mesh.cell_number, numbers, sorter=order)])
@@ -114,7 +118,7 @@ def rows_of(mesh: Mesh, numbers: Ints) -> Ints:
 
 
 def pattern_table() -> Iterator[PatternRow]:
-    """Every way to cut a cell by one of its facets, one row for facets that are cut alike."""
+    """Yield every way to cut a cell by one of its facets, one row for facets that are cut alike."""
     for cell in CELLS.values():
         if cell.dim < 2:
             continue

@@ -1,6 +1,6 @@
-"""The cells that a cut touched: parents before, children after, how good each is, and what a variant would give.
+"""Cells that a cut touched: parents before, children after, their quality, and that which each variant would give.
 
-The number that ranks is the least corner Jacobian (`quality.corner`).
+Cells are ranked by the least corner Jacobian (`quality.corner`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _NAMED = 5
 
 @dataclass(frozen=True)
 class Touched:
-    """`parents` (p,) indices in the mesh before, `children` (c,) in that after, both sorted; `of` (c,) their parent.
+    """Touched cells: sorted indices `parents` (p,) before and `children` (c,) after; `of` (c,): row of the parent.
 
     `before` (p,) and `after` (c,): least corner Jacobian.
     """
@@ -38,14 +38,14 @@ class Touched:
 
     @property
     def least(self) -> Floats:
-        """(p,): the least corner Jacobian of each parent's children."""
+        """Least corner Jacobian of each parent's children, (p,)."""
         out = np.full(len(self.parents), np.inf)
         np.minimum.at(out, self.of, self.after)
         return out
 
 
 def touched(before: Mesh, cut: Cut) -> Touched:
-    """The cells that a cut touched. Raises CutError where the cut is not of the mesh `before`."""
+    """Find the cells that a cut touched. Raises CutError if the cut is not of the mesh `before`."""
     children = np.flatnonzero(cut.parent_of_cell >= 0)
     numbers = cut.parent_of_cell[children]
     known = before.cell_number
@@ -66,15 +66,15 @@ def _corner(mesh: Mesh, cells: Ints) -> Floats:
 
 
 def hexahedra(before: Mesh, cells: Touched) -> NDArray[np.bool_]:
-    """(p,): the parents that have two variants."""
+    """True for parents that can be cut in two variants, (p,)."""
     types = np.array([b.type in RING_PARENTS and CELLS[b.type].dim == 3 for b in before.blocks], bool)
     return types[np.searchsorted(before.offsets, cells.parents, side="right") - 1]
 
 
 def variants(before: Mesh, cut: Cut, cells: Touched, ring: float = 1 / 3, depth: float = 1 / 2) -> Mapping[str, Floats]:
-    """`pyramid`, `hexa` -> (p,): the least corner Jacobian of each parent's children if the slaves were cut that way.
+    """Least corner Jacobian (p,) of each parent's children for the variants `pyramid` and `hexa`, by name.
 
-    Empty where no parent has two variants. `ring` and `depth` as `cut_skin` had them.
+    Empty if no parent has two variants. `ring` and `depth` as they were given to `cut_skin`.
     """
     if not hexahedra(before, cells).any():
         return {}
@@ -108,7 +108,7 @@ def refuse_poor(before: Mesh, cut: Cut, least: float) -> None:
 
 
 def refuse_poor_children(cut: Cut, least: float) -> None:
-    """`refuse_poor` where the mesh before is not known."""
+    """Raise CutError as `refuse_poor` does, for a cut whose original mesh is not known."""
     children = np.flatnonzero(cut.parent_of_cell >= 0)
     values = _corner(cut.mesh, children)
     poor = children[~(values >= least)]
@@ -132,7 +132,7 @@ def _named(before: Mesh, cut: Cut, cells: Touched, k: int) -> str:
 
 
 def _advice(before: Mesh, cut: Cut, cells: Touched, poor: Ints, least: float) -> str:
-    """What to try, a sentence."""
+    """Advice in a sentence: the other variant, a better mesh, or a lower limit."""
     of = np.unique(cells.of[poor])
     if (cells.before[of] < least).all():
         return "Their parents were below it before: mesh them better, or ask for less"

@@ -1,4 +1,4 @@
-"""Reports and pictures put into files: whole or not at all."""
+"""Writing of reports to files, whole or not at all."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SUFFIXES = (".html", ".md", ".json")
 
 
 def write_report(path: str | os.PathLike[str], report: CutReport, *, name: str = "", force: bool = True) -> None:
-    """Write a report of a cut; the suffix says as what: .html (one page, opens offline), .md, .json.
+    """Write a report of a cut in the format of the suffix: .html (one page, opens offline), .md, .json.
 
     `name`: of the mesh, for the title. An existing file is replaced, whole, unless `force` is False. Raises
     RequestError, WriteError.
@@ -28,7 +28,7 @@ def write_report(path: str | os.PathLike[str], report: CutReport, *, name: str =
 
 
 def report_bytes(suffix: str, report: CutReport, name: str = "") -> bytes:
-    """The content of a report, as what the suffix says."""
+    """Content of a report in the format of a suffix."""
     if suffix == ".json":
         told = {"name": name, **report.as_json()}
         return (json.dumps(told, ensure_ascii=False, indent=1, allow_nan=False) + "\n").encode()
@@ -41,7 +41,7 @@ def report_bytes(suffix: str, report: CutReport, name: str = "") -> bytes:
 
 
 def check_report(path: Path, *, force: bool = True) -> None:
-    """Say at once what would stop the writing of a report at the end. Raises RequestError, WriteError."""
+    """Check early that a report can be written. Raises RequestError, WriteError."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise RequestError(f"{path}: no report is written as {suffix!r}{did_you_mean(suffix, SUFFIXES)}")

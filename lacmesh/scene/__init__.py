@@ -1,4 +1,4 @@
-"""What is drawn of a mesh: the faces in sight, as triangles, lines and dots with their colours, and the camera.
+"""Scene of a mesh to be drawn: the faces in sight, as triangles, lines and dots with their colours, and the camera.
 
     seen = the faces of bodies, slave skin and master in sight                 (`seen`)
     points = the bodies moved apart, to show the skin between them             (`placing`)
@@ -85,7 +85,7 @@ def make_scene(
     near: float | None = None,
     cutaway: Vector | None = None,
 ) -> Scene:
-    """What `view.picture` draws; the options are explained there. Raises RequestError, GroupNotFoundError."""
+    """Make the scene that `view.picture` draws, by its options. Raises RequestError, GroupNotFoundError, DataError."""
     check_placing(camera, cutaway, explode, near)
     mesh = from_origin(mesh, origin_of_mesh(mesh))  # a graphics card counts with seven digits
     seen = find_seen(mesh, slave, master, near=near, cutaway=cutaway)
@@ -137,7 +137,7 @@ def title_of(mesh: Mesh) -> str:
 
 
 def legend_of(seen: Seen, *, marked: bool = False, valued: bool = False) -> tuple[Entry, ...]:
-    """What slave, master and dots look like: paler where findings are `marked`, outlined where cells are `valued`."""
+    """Legend of slave, master and dots: paler if findings are `marked`, outlined if cells are coloured by values."""
     slaves, masters = seen.rows(SLAVE), seen.rows(IS_MASTER)
     kind = "outline" if valued else "area"
     shades: tuple[str, ...] = PALETTE[:3]
@@ -162,7 +162,7 @@ def _count(number: int, what: str) -> str:
 
 
 def _values_legend(mesh: Mesh, values: Values | None) -> list[Entry]:
-    """The worst cells of all, in sight or not, and those that no solver can use."""
+    """Legend of the values: the worst cells of all, in sight or not, and those that no solver can use."""
     if values is None:
         return []
     entries = []
@@ -178,7 +178,7 @@ def _values_legend(mesh: Mesh, values: Values | None) -> list[Entry]:
 
 
 def _marks_legend(marks: Marks | None) -> list[Entry]:
-    """A line for each of the first findings."""
+    """Legend of the findings: a line for each of the first."""
     if marks is None:
         return []
     if not len(marks):
@@ -211,7 +211,7 @@ def _labels(mesh: Mesh, points: Floats, marks: Marks) -> tuple[Label, ...]:
 
 
 def _turns(of: Ints) -> Ints:
-    """How many equal values stand before each, in a sorted list.
+    """Number of equal values before each one in a sorted list.
 
     >>> _turns(np.array([0, 0, 0, 2, 2])).tolist()
     [0, 1, 2, 0, 1]

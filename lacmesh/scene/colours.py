@@ -29,7 +29,7 @@ PALER = 0.55
 
 
 def rgb(colours: Sequence[str]) -> NDArray[np.uint8]:
-    """(n, 3): colours from 0 to 255.
+    """Colours in hexadecimal as numbers from 0 to 255, (n, 3).
 
     >>> rgb(["77aadd"])
     array([[119, 170, 221]], dtype=uint8)
@@ -43,7 +43,7 @@ def pale(colours: NDArray[np.uint8], by: float = PALER) -> NDArray[np.uint8]:
 
 
 def on_ramp(values: Floats, bad: float, good: float) -> NDArray[np.uint8]:
-    """(n, 3): the colour of each value between its bad and its good end; grey where it is NaN."""
+    """Colour (n, 3) of each value between its bad and its good end; grey where it is NaN."""
     stops = rgb(RAMP).astype(float)
     span = good - bad
     place = np.clip((values - bad) / span if span else np.ones_like(values), 0, 1) * (len(stops) - 1)
@@ -55,7 +55,7 @@ def on_ramp(values: Floats, bad: float, good: float) -> NDArray[np.uint8]:
 
 
 def paint(macro: Ints, corners: Ints) -> Ints:
-    """(s,): the place in PALETTE of each slave face: one colour a macro-element, neighbours as different as can be.
+    """Index in PALETTE of each slave face, (s,): one colour per macro-element, neighbours as different as possible.
 
     `macro` (s,) the macro-element of each face, `corners` (s, 4) its nodes, padded with -1.
     """
@@ -72,7 +72,7 @@ def paint(macro: Ints, corners: Ints) -> Ints:
 
 
 def _greedy(indptr: Ints, indices: Ints, shared: Floats, count: int) -> Ints:
-    """A colour for each of `count` nodes of a graph, in turn: the least like its neighbours', then the least used."""
+    """Greedy colouring of a graph of `count` nodes: the colour least shared with neighbours, then the least used."""
     starts, near, weight = indptr.tolist(), indices.tolist(), shared.tolist()
     colour, used = [-1] * count, [0] * len(PALETTE)
     for k in range(count):

@@ -32,7 +32,7 @@ def edges_of(faces: Faces) -> tuple[Ints, Ints]:
 
 
 def body_edges(points: Floats, faces: Faces) -> tuple[Ints, Ints]:
-    """The edges of bodies, each once: those on smooth ground, and those where the body ends or has a crease."""
+    """Edges of bodies, each once: those between smooth faces, and those where the body ends or has a crease."""
     ends, face = edges_of(faces)
     label, count = label_rows(np.sort(ends[:, :2], axis=1))
     x = points[faces.nodes[:, :3]]

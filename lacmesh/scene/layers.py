@@ -1,4 +1,4 @@
-"""The things that are drawn: faces as triangles, edges as short lines, nodes as dots, each with its colour."""
+"""Layers of a drawing: faces as triangles, edges as short lines, nodes as dots, each with its colour."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Layer:
 def make_layers(
     points: Floats, seen: Seen, eye: Floats, marks: Marks | None = None, values: Values | None = None
 ) -> tuple[Layer, ...]:
-    """What is drawn: faces first, then lines, then dots, then what findings name."""
+    """Layers in the order of drawing: faces first, then lines, then dots, then the marks of findings."""
     marked = marks is not None and marks.wrong
     body, slave, master = (seen.faces.take(seen.rows(role)) for role in (BODY, SLAVE, IS_MASTER))
     colour = _face_colours(seen, marked, values)
@@ -87,7 +87,7 @@ def make_layers(
 
 
 def _face_colours(seen: Seen, marked: bool, values: Values | None) -> NDArray[np.uint8]:
-    """(f, 3): the colour of each face in sight."""
+    """Colour of each face in sight, (f, 3)."""
     if values is not None:
         colours = on_ramp(values.values[seen.cell], values.bad, values.good)
         colours[values.invalid[seen.cell]] = rgb((INVALID,))
@@ -122,7 +122,7 @@ def _edge_layers(points: Floats, seen: Seen, parts: int) -> list[Layer]:
 
 
 def _mark_layers(points: Floats, seen: Seen, eye: Floats, marks: Marks) -> list[Layer]:
-    """What findings name, in front of the faces that it lies on, and once more, faintly, in front of everything."""
+    """Layers of the marks of findings: in front of the faces they lie on, and again, faintly, before everything."""
     size = diagonal(points[seen.faces.nodes[:, 0]])
     step = 2e-3 * size * eye
     colours = rgb([SEVERITIES[s] for s in marks.severity])
@@ -167,7 +167,7 @@ def _dot_radius(points: Floats, seen: Seen) -> float:
 
 
 def curved_parts(faces: Faces) -> int:
-    """The parts that an edge of a curved face is drawn in: fewer where there are many faces."""
+    """Number of straight parts that an edge of a curved face is drawn in: fewer if there are many faces."""
     curved = np.array([CELLS[name].order == 2 for name in FACE_TYPES])[faces.type]
     count = max(1, int(np.count_nonzero(curved)))
     return int(np.clip(np.sqrt(PIECES / 2 / count), 2, CURVED))

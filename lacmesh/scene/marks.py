@@ -1,4 +1,4 @@
-"""What is laid over a mesh: the cells and nodes that findings name, and a value for each cell."""
+"""Marks and values drawn over a mesh: the cells and nodes that findings name, and a value for each cell."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ STRETCH = 10.0
 
 
 class Finding(Protocol):
-    """What is known of a finding of `lacmesh check`; `cells` and `nodes` are the file's numbers."""
+    """Interface of a finding of `lacmesh check`; `cells` and `nodes` are the file's numbers."""
 
     @property
     def severity(self) -> str:
-        """`error`, `warning` or `info`."""
+        """Severity of the finding: `error`, `warning` or `info`."""
 
     @property
     def cells(self) -> Sequence[int]:
@@ -37,7 +37,7 @@ class Finding(Protocol):
 
     @property
     def message(self) -> str:
-        """The sentence that says it."""
+        """The finding as a sentence."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Marks:
 
     @property
     def wrong(self) -> bool:
-        """Whether any is an error or a warning."""
+        """True if any finding is an error or a warning."""
         return bool({"error", "warning"} & set(self.severity))
 
 
@@ -107,7 +107,7 @@ def find_marks(mesh: Mesh, findings: Iterable[Finding], kept: NDArray[np.bool_] 
 
 
 def _found(number: Ints, lists: list[Sequence[int]]) -> tuple[Ints, Ints]:
-    """The indices of what several lists of the file's numbers name, and the list that each stands in."""
+    """Indices of the known cells or nodes in several lists of the file's numbers, and the list that each stands in."""
     asked = np.concatenate([np.empty(0, np.int64), *(np.asarray(list(part), np.int64) for part in lists)])
     of = np.repeat(np.arange(len(lists)), [len(part) for part in lists])
     if not len(number):

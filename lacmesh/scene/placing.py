@@ -1,4 +1,4 @@
-"""Where things stand: the eye, the bodies moved apart to show the skin between them, the camera of a picture."""
+"""Placing of the eye, of bodies moved apart to show the skin between them, and of the camera of a picture."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ ONE_WAY = 0.3
 
 @dataclass(frozen=True)
 class Opening:
-    """How the bodies that carry slave faces are moved: turned by `angle` about `axis` through `centre`, then shifted.
+    """Motion of the bodies that carry slave faces: rotation by `angle` about `axis` through `centre`, then a shift.
 
-    `shift` (3,) is what the other bodies need to stay clear of them, and a gap.
+    `shift` (3,) keeps them clear of the other bodies, and leaves a gap.
     """
 
     centre: Floats
@@ -31,12 +31,12 @@ class Opening:
     shift: Floats
 
     def of(self, x: Floats) -> Floats:
-        """Points (n, 3) moved."""
+        """Apply the motion to points (n, 3)."""
         return self.centre + rotated(x - self.centre, self.axis, self.angle) + self.shift
 
 
 def find_eye(mesh: Mesh, seen: Seen, camera: Vector | None) -> Floats:
-    """(3,): the direction from the mesh towards the eye."""
+    """Direction from the mesh towards the eye, (3,)."""
     if camera is not None:
         return unit(camera)
     if mesh.space_dim == 2:
@@ -46,7 +46,7 @@ def find_eye(mesh: Mesh, seen: Seen, camera: Vector | None) -> Floats:
 
 
 def find_outward(points: Floats, seen: Seen) -> Floats:
-    """(3,): the unit normal of the slave skin, on average and out of its bodies; 0 where it looks every way."""
+    """Mean unit normal (3,) of the slave skin, out of its bodies; 0 if the skin faces every way."""
     rows = seen.rows(SLAVE)
     if not len(rows):
         return np.zeros(3)
@@ -66,7 +66,7 @@ def find_outward(points: Floats, seen: Seen) -> Floats:
 def find_opening(
     mesh: Mesh, seen: Seen, eye: Floats, explode: float | None = None, tilt: float | None = None
 ) -> Opening | None:
-    """How to move the bodies that carry slave faces so that these show; None where nothing has to move."""
+    """Find the motion of the bodies that carry slave faces which shows these; None if nothing has to move."""
     points, outward, plane = mesh.points, find_outward(mesh.points, seen), mesh.space_dim == 2
     if not outward.any() or not seen.hidden:
         return None
@@ -85,13 +85,13 @@ def find_opening(
 
 
 def moving(seen: Seen) -> tuple[Any, Any]:
-    """(n_nodes,) masks: nodes of the bodies that carry slave faces; nodes of the others in sight."""
+    """Masks (n_nodes,) of the nodes of the bodies that carry slave faces, and of the others in sight."""
     mine = np.isin(seen.body_of_node, seen.slave_bodies)
     return mine, np.isin(seen.body_of_node, seen.body) & ~mine
 
 
 def opened(mesh: Mesh, seen: Seen, opening: Opening | None) -> Floats:
-    """(n_nodes, 3): the points of the mesh, those of the bodies that carry slave faces moved."""
+    """Points of the mesh, (n_nodes, 3), those of the bodies that carry slave faces moved."""
     if opening is None:
         return mesh.points
     mine, _ = moving(seen)
@@ -101,13 +101,13 @@ def opened(mesh: Mesh, seen: Seen, opening: Opening | None) -> Floats:
 
 
 def rotated(x: Floats, axis: Floats, angle: float) -> Floats:
-    """Vectors (n, 3) turned about an axis by Rodrigues' formula."""
+    """Rotate vectors (n, 3) about an axis by an angle in radians (Rodrigues' formula)."""
     along = np.outer(x @ axis, axis)
     return along + np.cos(angle) * (x - along) + np.sin(angle) * np.cross(axis, x)
 
 
 def screen_axes(eye: Floats) -> Floats:
-    """(3, 3): columns right, up and towards the eye, upright (y in the plane seen from above or below, else z)."""
+    """Columns (3, 3) right, up and towards the eye; upright is y if seen along z, else z."""
     upright = np.array([0.0, 1.0, 0.0] if abs(eye[2]) > 0.999 else [0.0, 0.0, 1.0])
     right = unit(np.cross(upright, eye))
     return np.stack([right, np.cross(eye, right), eye], axis=1)

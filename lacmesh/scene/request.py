@@ -1,4 +1,4 @@
-"""Whether the numbers of a request can be drawn: directions, and the gap between bodies."""
+"""Checks of the numbers in a drawing request: directions, and the gap between bodies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ WIDEST = 100.0
 
 
 def check_direction(name: str, direction: Sequence[float]) -> None:
-    """Raises RequestError for what is not three finite numbers, one at least not 0."""
+    """Raise RequestError unless a direction is three finite numbers, at least one of them not 0."""
     said = " ".join(f"{v:g}" for v in direction)
     if len(direction) != 3 or not all(map(math.isfinite, direction)):
         raise RequestError(f"{name} {said} is no direction; say three finite numbers")
@@ -21,7 +21,7 @@ def check_direction(name: str, direction: Sequence[float]) -> None:
 
 
 def check_gap(name: str, gap: float) -> None:
-    """Raises RequestError for a gap that is not from 0 to WIDEST."""
+    """Raise RequestError for a gap that is not from 0 to WIDEST."""
     if not 0 <= gap <= WIDEST:
         raise RequestError(f"{name} {gap:g} is no gap; say a number from 0 to {WIDEST:g}, in sizes of the mesh")
 
@@ -29,7 +29,7 @@ def check_gap(name: str, gap: float) -> None:
 def check_placing(
     camera: Sequence[float] | None, cutaway: Sequence[float] | None, explode: float | None, near: float | None
 ) -> None:
-    """Raises RequestError for the first that cannot be drawn; None is left to the drawing."""
+    """Raise RequestError for the first option that cannot be drawn; None leaves the choice to the drawing."""
     for name, direction in (("camera", camera), ("cutaway", cutaway)):
         if direction is not None:
             check_direction(name, direction)

@@ -1,4 +1,4 @@
-"""Which faces of a mesh are in sight, and what each is: of a body, of the slave skin, of the master.
+"""Faces of a mesh in sight, and the role of each: of a body, of the slave skin, of the master.
 
     keys = a number for each facet of each solid cell, the same from both sides      (`FaceKeys`)
     outer = facets of one cell only, cells of surfaces that lie on no solid           (`_outer`, `_loose`)
@@ -66,7 +66,7 @@ class Seen:
 
     @property
     def hidden(self) -> bool:
-        """Whether another body is in sight, which may hide the slave skin."""
+        """True if another body is in sight, which may hide the slave skin."""
         return bool(len(self.slave_bodies)) and not np.isin(self.body, self.slave_bodies).all()
 
 
@@ -151,7 +151,7 @@ class FaceKeys:
         )
 
     def of(self, faces: Faces) -> NDArray[np.uint64]:
-        """(f,): the keys of some faces."""
+        """Keys of some faces, (f,)."""
         return self._sum(faces.corners.T, self._weights)
 
     @cached_property
@@ -181,7 +181,7 @@ class FaceKeys:
 
 
 def _outer(mesh: Mesh, kept: NDArray[np.bool_], keys: FaceKeys, taken: NDArray) -> tuple[Faces, Ints, NDArray]:
-    """Facets of one kept solid only, those in `taken` left out; the cell of each; whether another was cut away."""
+    """Facets of one kept solid only, those in `taken` left out; the cell of each; True if another was cut away."""
     first, second = keys.solid
     facet, bare = np.arange(len(first)), np.zeros(len(first), bool)
     solid = _solid_cells(mesh)
@@ -205,7 +205,7 @@ def _solid_cells(mesh: Mesh) -> list[tuple[Ints, int]]:
 
 
 def _single(first: NDArray, second: NDArray) -> Ints:
-    """Rows whose key stands once."""
+    """Rows whose key occurs once."""
     order = np.argsort(first)
     key, check = first[order], second[order]
     same = (key[1:] == key[:-1]) & (check[1:] == check[:-1])
@@ -216,14 +216,14 @@ def _single(first: NDArray, second: NDArray) -> Ints:
 
 
 def _among(values: NDArray, ordered: NDArray) -> NDArray[np.bool_]:
-    """Whether each value is in a sorted list."""
+    """True for each value that is in a sorted list."""
     if not len(ordered):
         return np.zeros(len(values), bool)
     return ordered[np.minimum(np.searchsorted(ordered, values), len(ordered) - 1)] == values
 
 
 def _pick(mesh: Mesh, facet: Ints) -> Faces:
-    """The faces that some facets are, by their places in the list of all facets of solids (ascending)."""
+    """Faces of some facets, given by their ascending positions in the list of all facets of solids."""
     parts, start = [], 0
     for block in mesh.blocks:
         if ALL_CELLS[block.type].dim < 3:
@@ -289,7 +289,7 @@ def _slave_cells(mesh: Mesh, slave: Groups) -> Ints:
 
 
 def _kept(mesh: Mesh, slave: Ints, near: float | None, cutaway: Vector | None) -> NDArray[np.bool_]:
-    """(n_cells,): whether a cell's centre is near enough and not cut away."""
+    """True for cells whose centre is near enough and not cut away, (n_cells,). Raises RequestError."""
     kept = np.ones(mesh.n_cells, bool)
     if near is None and cutaway is None:
         return kept
@@ -308,7 +308,7 @@ def _kept(mesh: Mesh, slave: Ints, near: float | None, cutaway: Vector | None) -
 
 
 def used_nodes(mesh: Mesh) -> NDArray[np.bool_]:
-    """(n_nodes,): whether a node is of any cell."""
+    """True for nodes of any cell, (n_nodes,)."""
     used = np.zeros(mesh.n_nodes, bool)
     for block in mesh.blocks:
         used[block.nodes] = True
@@ -316,7 +316,7 @@ def used_nodes(mesh: Mesh) -> NDArray[np.bool_]:
 
 
 def unit(v: Any) -> Floats:
-    """A vector brought to length 1; 0 stays."""
+    """Unit vector along `v`; the zero vector stays zero."""
     v = np.asarray(v, float)
     largest = float(np.abs(v).max())
     if not largest > 0:
@@ -331,7 +331,7 @@ def diagonal(points: Floats) -> float:
 
 
 def _bodies(mesh: Mesh) -> Ints:
-    """(n_nodes,): the body of each node; cells that share a node are of one body (lines count in a mesh of lines)."""
+    """Body of each node, (n_nodes,); cells that share a node are of one body (lines count in a mesh of lines)."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
 
@@ -351,7 +351,7 @@ def _bodies(mesh: Mesh) -> Ints:
 
 
 def _macros(mesh: Mesh, cells: Ints, slave: NDArray[np.bool_]) -> Ints:
-    """(s,): the macro-element of each slave face; a face that is part of none counts by itself."""
+    """Macro-element of each slave face, (s,); a face that is part of none counts by itself."""
     macro = mesh.cell_data["lac_macro"][cells] if is_cut(mesh) else np.full(len(cells), -1)
     macro = np.where(slave, macro, -1).astype(np.int64)
     alone = slave & (macro < 0)
@@ -367,5 +367,5 @@ def _internal_nodes(mesh: Mesh, slaves: Faces) -> Ints:
 
 
 def is_segment(faces: Faces) -> NDArray[np.bool_]:
-    """(f,): whether each face is a line."""
+    """True for faces that are segments, (f,)."""
     return np.isin(faces.type, [FACE_TYPES.index("SEG2"), FACE_TYPES.index("SEG3")])

@@ -24,7 +24,7 @@ BALLS = 2_000_000
 
 
 class Sheet(NamedTuple):
-    """What is drawn on: pyvista's plotter, the module itself, pixels a thousandth of the height, the scene."""
+    """Drawing sheet: pyvista's plotter, the module pyvista, pixels per unit of length (`unit_of`), the scene."""
 
     plotter: Any
     pyvista: Any
@@ -92,7 +92,7 @@ def _add_dots(sheet: Sheet, points: NDArray, colour: list[int], radius: float) -
 
 
 def _add_words(sheet: Sheet) -> None:
-    """The title above, the legend below, each of its lines beside what it explains; the ramp at the right."""
+    """Add the title above, the legend below, each of its lines beside its mark, and the ramp at the right."""
     plotter, _, unit, scene = sheet
     width, height = scene["size"]
     style = {"viewport": True, "color": f"#{INK}"}
@@ -108,7 +108,7 @@ def _add_words(sheet: Sheet) -> None:
 
 
 def _add_mark(sheet: Sheet, kind: str, colours: list[str], x: float, y: float) -> None:
-    """What a line of the legend is about, in a box of 66 by 24 units."""
+    """Add the mark of a legend line (area, outline or dot) in a box of 66 by 24 units."""
     pyvista, unit = sheet.pyvista, sheet.unit
     wide, high = 66 * unit / max(1, len(colours)), 24 * unit
     for k, colour in enumerate(colours):
@@ -123,7 +123,7 @@ def _add_mark(sheet: Sheet, kind: str, colours: list[str], x: float, y: float) -
 
 
 def _add_ramp(sheet: Sheet) -> None:
-    """What a value's colour means: a bar from the bad end to the good one."""
+    """Add the ramp that explains the colours of values: a bar from the bad end to the good one."""
     plotter, pyvista, unit, scene = sheet
     width, height = scene["size"]
     what, bad, good = scene["ramp"]
@@ -140,7 +140,7 @@ def _add_ramp(sheet: Sheet) -> None:
 
 
 def _add_labels(sheet: Sheet) -> None:
-    """The numbers of cells, in front of everything, left out where one would cover another."""
+    """Add the numbers of cells in front of everything; one that would cover another is left out."""
     scene, taken = sheet.scene, np.empty((0, 2))
     camera, height = scene["camera"], scene["size"][1]
     back = np.subtract(camera["position"], camera["focal"])
@@ -170,7 +170,7 @@ def _fitted(words: str, room: float, letter: float) -> str:
 
 
 def _flat(shape: Any, colour: list[int]) -> Any:
-    """A figure in the plane of the picture; its coordinates are pixels."""
+    """Actor for a flat figure in the plane of the picture; its coordinates are pixels."""
     core: Any = import_module("vtkmodules.vtkRenderingCore")
     mapper, actor = core.vtkPolyDataMapper2D(), core.vtkActor2D()
     mapper.SetInputData(shape)

@@ -92,7 +92,7 @@ def _worst(mesh: Mesh, values: Values | None) -> list[Any]:
 
 
 def _content(mesh: Mesh, seen: Seen, marks: Marks, values: Values | None) -> tuple[dict[str, Any], Arrays]:
-    """What the page knows: a head of names and small tables, and the arrays."""
+    """Data of the page: a head of names and small tables, and the arrays."""
     count = len(seen.faces)
     shown = _limited(marks)
     faces = Faces(
@@ -165,7 +165,7 @@ def _content(mesh: Mesh, seen: Seen, marks: Marks, values: Values | None) -> tup
 
 
 def _limited(marks: Marks) -> Ints:
-    """Rows of the marks' faces: of each finding, those of no more than MOST."""
+    """Rows of the marks' faces that are shown: at most MOST for each finding."""
     start = np.searchsorted(marks.of, np.arange(len(marks) + 1))
     return np.flatnonzero(np.arange(len(marks.of)) - start[marks.of] < MOST)
 
@@ -187,7 +187,7 @@ def _edges(mesh: Mesh, seen: Seen, marks: Marks, shown: Ints) -> tuple[Ints, Int
 
 
 def _face_types(faces: Faces) -> dict[int, dict[str, Any]]:
-    """For each type of face: its nodes, and how it is drawn (weights of its nodes at points, triangles of these)."""
+    """Types of faces: the nodes of each, and its drawing (weights of its nodes at points, triangles of these)."""
     parts, found = curved_parts(faces), {}
     for code in np.unique(faces.type).tolist():
         name = FACE_TYPES[code]
@@ -209,7 +209,7 @@ def _face_types(faces: Faces) -> dict[int, dict[str, Any]]:
 
 
 def _group_sets(mesh: Mesh, seen: Seen, cell: Ints) -> tuple[Ints, list[list[int]]]:
-    """The set of groups that each face is in, as a place in a list of sets.
+    """Index of each face's set of groups, and the list of these sets.
 
     A face is in the groups of the cell behind it, and of every cell of its own dimension that lies on it.
     """
@@ -250,7 +250,7 @@ def _on_faces(mesh: Mesh, seen: Seen) -> tuple[Ints, Ints]:
 def _placing(
     mesh: Mesh, seen: Seen, head: dict[str, Any], camera: Vector | None, explode: float | None
 ) -> dict[str, Any]:
-    """The eye, and how the bodies that carry the slave skin move to show it, in the page's own lengths."""
+    """Direction of the eye, and motion of the bodies with the slave skin that shows it, in the page's own lengths."""
     eye = find_eye(mesh, seen, camera)
     placed: dict[str, Any] = {"eye": eye.tolist(), "opened": explode != 0}
     opening = find_opening(mesh, seen, eye, explode or None)
@@ -272,7 +272,7 @@ def _numbers(numbers: Ints) -> NDArray:
 
 
 def _filled(head: dict[str, Any], arrays: Arrays) -> str:
-    """The page: the template, each of its marks replaced once (what is filled in may look like one)."""
+    """Text of the page: the template with each of its marks replaced once (what is filled in may look like one)."""
     block, places = _packed(arrays)
     said = json.dumps(head | {"arrays": places}, separators=(",", ":"), allow_nan=False)
     web = files("lacmesh.view") / "web"

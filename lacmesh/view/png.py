@@ -103,7 +103,7 @@ def windows() -> Iterator[str | None]:
 
 
 def draw_apart(module: str, folder: Path, window: str | None, timeout: float) -> subprocess.CompletedProcess[str]:
-    """Run a module's `draw` on a folder in a child process, which dies with us, interrupted or too slow.
+    """Run a module's `draw` on a folder in a child process, which is ended on an interrupt or when time is out.
 
     Raises subprocess.TimeoutExpired after so many seconds.
     """

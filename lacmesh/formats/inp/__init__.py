@@ -18,7 +18,7 @@ _KEYWORD = re.compile(rb"(?m)^[ \t]*\*[ \t]*(?:[A-Za-z]|\*)")
 
 
 def begins(head: bytes) -> bool:
-    """Whether a file's first bytes may be those of an .inp file: a line of them is a keyword's or a comment.
+    """True if a file's first bytes may be those of an .inp file: one of their lines is a keyword or a comment.
 
     >>> begins(b"** made by hand\\n*Node, NSET=all\\n"), begins(b"COOR_3D\\n")
     (True, False)

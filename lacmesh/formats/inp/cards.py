@@ -1,4 +1,4 @@
-"""The cards of an .inp file, one after the other, into scopes: parts, their instances, the assembly."""
+"""Interpretation of the cards of an .inp file, one by one, into scopes: parts, their instances, the assembly."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _LARGEST = 10**9
 
 @dataclass
 class _Instance:
-    """An instance of a part in the assembly: what its numbers are raised by, and its prefix to names."""
+    """An instance of a part in the assembly: the offsets of its node and element numbers, and its prefix to names."""
 
     prefix: str
     nodes: int
@@ -43,7 +43,7 @@ class _Instance:
 
 @dataclass
 class Model:
-    """All that a file holds of a mesh: `scope`, the cards left out, what else is to be said, its heading."""
+    """Mesh content of a file: its `scope`, the cards left out, other messages, and the heading."""
 
     scope: Scope = field(default_factory=Scope)
     left_out: dict[str, None] = field(default_factory=dict)
@@ -52,7 +52,7 @@ class Model:
 
 
 def read_model(path: Path) -> Model:
-    """The model in a file, its instances in one scope. Raises ReadError."""
+    """Read the model in a file, with all instances merged into one scope. Raises ReadError."""
     model = Model()
     listed = cards(path, model.said)
     reader = _Reader(model, sum(c.name == "INSTANCE" for c in listed))
@@ -62,7 +62,7 @@ def read_model(path: Path) -> Model:
 
 
 class _Reader:
-    """Takes in cards. Outside parts they go to the model's own scope."""
+    """Processes cards one by one; those outside parts go to the model's own scope."""
 
     def __init__(self, model: Model, n_instances: int) -> None:
         self.model = model
@@ -79,7 +79,7 @@ class _Reader:
         self.n_no_cell: dict[str, int] = {}
 
     def take(self, card: Card) -> None:
-        """Take in one card. Raises ReadError."""
+        """Process one card. Raises ReadError."""
         take = {
             "NODE": self._node,
             "ELEMENT": self._element,
@@ -101,7 +101,7 @@ class _Reader:
             self.model.left_out[card.shown] = None
 
     def finish(self) -> Model:
-        """The model, once all cards are in it."""
+        """Complete the model after the last card. Raises ReadError."""
         if self.instance is not None:
             raise self.instance.error("this *INSTANCE has no *END INSTANCE")
         if self.parts and not self.n_instances:
@@ -119,7 +119,7 @@ class _Reader:
         return self.model
 
     def _raise(self) -> tuple[int, int]:
-        """What the numbers of nodes and elements defined here are raised by: the assembly's follow its instances'."""
+        """Offsets of the node and element numbers defined here: the assembly's follow those of its instances."""
         if self.here is not self.model.scope or not self.instances:
             return 0, 0
         if self.own is None:
@@ -164,7 +164,7 @@ class _Reader:
             self.here.add_to("element", card.parameters["ELSET"], card, Members(number, (), ()))
 
     def _count_lost(self, name: str, is_line: bool, lost: Ints) -> None:
-        """Count the elements that list more nodes than they have: a line's first is a beam's for its orientation."""
+        """Count elements that list surplus nodes; one surplus node of a line is the orientation node of a beam."""
         beams = int(np.count_nonzero(lost == 1)) if is_line else 0
         self.spare += beams
         others = int(np.count_nonzero(lost)) - beams
@@ -186,7 +186,7 @@ class _Reader:
         self.here.add_to(of, name, card, raised(listed, by, prefix), prefix + key(elements) if elements else "")
 
     def _of(self, card: Card) -> _Instance | None:
-        """The instance whose numbers a card of the assembly speaks of; the assembly's own where it names none."""
+        """Instance that a card of the assembly refers to, the assembly's own if it names none; None elsewhere."""
         name = card.parameters.get("INSTANCE", "")
         if name and not self.parts and not self.n_instances:
             self.elsewhere, name = True, ""
@@ -199,7 +199,7 @@ class _Reader:
         return self.own or _Instance("", 0, 0)
 
     def _with_instances(self, listed: Members, of: str) -> Members:
-        """Members that the assembly names with their instance: `I.5` is number 5 of instance I, `I.SET` its set."""
+        """Resolve members named with their instance: `I.5` is number 5 of instance I, `I.SET` its set SET."""
         numbers, names = listed.numbers.tolist(), []
         by_own = (self.own.nodes if of == "node" else self.own.elements) if self.own else 0
         for name in listed.names:
@@ -213,7 +213,7 @@ class _Reader:
         return Members(np.array(numbers, np.int64), listed.ranges, tuple(names))
 
     def _plain(self, name: str) -> str:
-        """A name as the model's scope knows it: without the instance where there is one only."""
+        """Name in the model's scope, which has no prefix of the instance if there is only one."""
         before, _, rest = name.rpartition(".")
         instance = self.instances.get(key(before)) if before else None
         return name if instance is None else instance.prefix + rest
@@ -237,7 +237,7 @@ class _Reader:
         self.here.surfaces[kind, known_as] = surface
 
     def _of_nodes(self, card: Card) -> list[tuple[str, Ints | str]]:
-        """The nodes or sets of nodes of a surface, each at the start of a line (areas may follow)."""
+        """Entries of a surface of nodes: the node or node set at the start of each line (areas may follow)."""
         found: list[tuple[str, Ints | str]] = []
         for line in card.text().splitlines():
             word = decoded(line.split(b",")[0]).strip()
@@ -257,7 +257,7 @@ class _Reader:
         self.here = self.model.scope
 
     def _instance(self, card: Card) -> None:
-        """Begin an instance; what stands inside it besides its place is added to its part's."""
+        """Begin an instance: cards inside it are added to a copy of its part."""
         part, name = card.parameters.get("PART", ""), card.parameters.get("NAME", "")
         if key(part) not in self.parts:
             raise card.error(f"there is no part named {part!r} above this *INSTANCE")
@@ -287,7 +287,7 @@ class _Reader:
 
 
 def _placed(card: Card, points: Floats) -> Floats:
-    """The points of a part where its instance stands: moved, then turned about an axis (a, b) by degrees."""
+    """Points of a part in the position of its instance: translated, then rotated about an axis (a, b) by degrees."""
     rows = [row for row in card.text().splitlines() if row.strip()]
     values = []
     for row in rows[:2]:
@@ -305,7 +305,7 @@ def _placed(card: Card, points: Floats) -> Floats:
 
 
 def _turned(points: Floats, a: Floats, b: Floats, angle: float) -> Floats:
-    """Rotation about the axis from a to b (Rodrigues' formula)."""
+    """Rotate points about the axis from a to b by an angle in radians (Rodrigues' formula)."""
     axis = (b - a) / np.linalg.norm(b - a)
     x = points - a
     along = (x @ axis)[:, None] * axis

@@ -34,7 +34,7 @@ class Range(NamedTuple):
 
 
 class Members(NamedTuple):
-    """What a set's data lines list: numbers, ranges of numbers, names of sets."""
+    """Members that a set's data lines list: numbers, ranges of numbers, names of sets."""
 
     numbers: Ints
     ranges: tuple[Range, ...]
@@ -42,7 +42,7 @@ class Members(NamedTuple):
 
 
 def chunks(text: bytes) -> Iterator[tuple[int, bytes]]:
-    """A text of whole lines in pieces of whole lines, each with its place."""
+    """Split a text of whole lines into pieces of whole lines, each with its byte offset."""
     begin = 0
     while begin < len(text):
         end = len(text) if len(text) - begin <= _CHUNK else text.rfind(b"\n", begin, begin + _CHUNK) + 1
@@ -53,7 +53,7 @@ def chunks(text: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def nodes(card: Card) -> tuple[Ints, Floats]:
-    """Numbers (n,) and coordinates (n, 3) of the nodes of a card; what a line leaves out is 0. Raises ReadError."""
+    """Numbers (n,) and coordinates (n, 3) of the nodes of a card; missing coordinates are 0. Raises ReadError."""
     text = card.text()
     numbers, points = [np.empty(0, np.int64)], [np.empty((0, 3))]
     for at, piece in chunks(text):
@@ -78,7 +78,7 @@ def nodes(card: Card) -> tuple[Ints, Floats]:
 
 
 def _even(text: bytes) -> Floats | None:
-    """The numbers of lines that have equally many, 2 to 4 (further ones left out); None where they do not."""
+    """Table of the numbers in lines of equal length, the first 4 columns at most; None if the lengths differ."""
     counts = values_in_lines(text)
     counts = counts[counts > 0]
     values = parsed(text.translate(_REAL), np.float64)
@@ -90,7 +90,7 @@ def _even(text: bytes) -> Floats | None:
 
 
 def _uneven_nodes(card: Card, text: bytes, at: int) -> Floats:
-    """The numbers of lines one by one, (n, 4): what is left out is 0."""
+    """Numbers (n, 4) of lines of unequal length, read one by one; those that are left out are 0."""
     rows = []
     for line in text.translate(_EXPONENT).splitlines(keepends=True):
         if line.strip():
@@ -108,7 +108,7 @@ _EXPONENT = bytes.maketrans(b"Dd", b"ee")
 
 
 def _line(text: bytes, n: int) -> int:
-    """The place of the n-th line that is not blank."""
+    """Byte offset of the n-th line (from 0) that is not blank."""
     at = 0
     for line in text.splitlines(keepends=True):
         if line.strip():
@@ -120,7 +120,7 @@ def _line(text: bytes, n: int) -> int:
 
 
 def values_in_lines(text: bytes) -> Ints:
-    """How many fields each line of a text has, by its commas; one at its end adds none. A blank line has 0."""
+    """Number of comma-separated fields in each line of a text; a comma at its end adds none, a blank line has 0."""
     if len(text) < _COMPILED:
         return values_in_lines_by_arrays(text)
     from lacmesh.formats.inp.kernel import count_fields
@@ -131,7 +131,7 @@ def values_in_lines(text: bytes) -> Ints:
 
 
 def integers(text: bytes) -> Ints | None:
-    """The integers of a text that holds nothing else but commas and blanks, or None."""
+    """Integers in a text; None if it holds anything but integers, commas and blanks."""
     if len(text) < _COMPILED:
         return parsed(text.translate(_INTEGER), np.int64)
     from lacmesh.formats.inp.kernel import scan_integers
@@ -142,7 +142,7 @@ def integers(text: bytes) -> Ints | None:
 
 
 def values_in_lines_by_arrays(text: bytes) -> Ints:
-    """What `values_in_lines` gives, without a compiler to load."""
+    """Count fields as `values_in_lines` does, by numpy alone: without the time to load the compiler."""
     letters = np.frombuffer(text, np.uint8)
     ends = np.flatnonzero(letters == 10)
     commas = np.flatnonzero(letters == 44)
@@ -157,10 +157,10 @@ def values_in_lines_by_arrays(text: bytes) -> Ints:
 
 
 def elements(card: Card, n_nodes: int) -> tuple[Ints, Ints]:
-    """Rows (k, 1 + n_nodes) of numbers: the elements of a card, each on a line of its own or going on over several.
+    """Elements of a card as rows (k, 1 + n_nodes) of number and nodes; an element may continue over several lines.
 
-    Where all lines have equally many numbers and more than an element needs, the further ones are left out, as by
-    CalculiX (a beam's orientation node): how many of each row, (k,), comes second. Raises ReadError.
+    If all lines have equally many numbers, more than an element needs, the surplus is left out, as CalculiX does (the
+    orientation node of a beam); the second array, (k,), counts what was left out of each row. Raises ReadError.
     """
     text = card.text()
     width = 1 + n_nodes
@@ -191,7 +191,7 @@ def elements(card: Card, n_nodes: int) -> tuple[Ints, Ints]:
 
 
 def _check_rows(card: Card, text: bytes, at: int, counts: Ints, n_values: int, before: int, width: int) -> None:
-    """Raises ReadError where an element does not begin a line; `before`: numbers of one that began earlier."""
+    """Raise ReadError if an element does not begin a line; `before`: count of numbers of an element begun earlier."""
     ends = np.cumsum(counts) + before
     if len(ends) and ends[-1] - before != n_values:
         raise card.error("there are fields without a number among these elements", at)
@@ -207,7 +207,7 @@ def _check_rows(card: Card, text: bytes, at: int, counts: Ints, n_values: int, b
 
 
 def members(card: Card) -> Members:
-    """What the data lines of a set list. Raises ReadError."""
+    """Read the members that the data lines of a set list. Raises ReadError."""
     text = card.text()
     generated = "GENERATE" in card.parameters
     values = None if generated else integers(text)
@@ -241,7 +241,7 @@ def _range(card: Card, fields: list[str], at: int) -> Range:
 
 
 def faces(card: Card) -> list[tuple[str, Ints | str]]:
-    """What a *SURFACE of elements lists: (label of a face, numbers or the name of a set). Raises ReadError."""
+    """Entries of a *SURFACE of elements: (label of a face, element numbers or the name of a set). Raises ReadError."""
     text = card.text()
     rows = _FACE.findall(text)
     if len(rows) == int(np.count_nonzero(values_in_lines(text))):
@@ -267,5 +267,5 @@ def _distinct(labels: NDArray) -> list[bytes]:
 
 
 def key(name: str) -> str:
-    """A set's name as it is compared."""
+    """Name of a set in the form used for comparison."""
     return label(name)[1]

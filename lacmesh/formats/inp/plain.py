@@ -1,4 +1,4 @@
-"""What elements lose when they are read as cells, which are a shape alone: the rest of their name, their plane."""
+"""Losses of elements that are read as cells: a cell is only a shape, without formulation or plane hypothesis."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from lacmesh.formats.inp.writer_types import TARGETS, card
 
 
 def plane_of(elements: Iterable[Elements]) -> str:
-    """What all elements of the plane are: CPS, CPE or CAX; nothing where there are none, or of several kinds."""
+    """Common hypothesis of all plane elements: CPS, CPE or CAX; empty if there are none, or several kinds."""
     found = _planes(_named(elements))
     return found[0] if len(found) == 1 else ""
 
 
 def losses(elements: Iterable[Elements]) -> list[str]:
-    """Clauses that name what an .inp output will not have as this file has it; none where nothing is lost."""
+    """Clauses that name what an .inp output will lose of this file; an empty list if nothing is lost."""
     elements = list(elements)
     named = _named(elements)
     solid = any(e.kind == SOLID for e in named.values())
@@ -39,9 +39,9 @@ def losses(elements: Iterable[Elements]) -> list[str]:
 
 
 def plain(name: str, e: Element, solid: bool) -> str:
-    """The element that the cell of an element is written as, `name` itself where it stays; for CalculiX if it has one.
+    """Element type that an element is written as: `name` itself if it is kept, else CalculiX's if it has one.
 
-    `solid`: there are solids, whose skin membranes and surface elements may be.
+    `solid`: there are solid elements, so that membranes and surface elements may be their skin.
 
     >>> from lacmesh.formats.inp.types import element
     >>> [plain(name, element(name), False) for name in ("C3D8I", "CAX4R", "STRI65", "B31")]
@@ -71,5 +71,5 @@ def _planes(named: dict[str, Element]) -> list[str]:
 
 
 def _plane(name: str) -> str:
-    """CPS, CPE or CAX, or nothing: an element of heat, say, is the same in plane stress and strain."""
+    """CPS, CPE or CAX by an element's name, else empty: a heat element, say, is the same in plane stress and strain."""
     return "CAX" if "AX" in name else name[:3] if name.startswith(("CPS", "CPE")) else ""

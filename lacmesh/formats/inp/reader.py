@@ -21,9 +21,9 @@ _NONE = np.empty(0, np.int64)
 
 
 def read(path: Path) -> Mesh:
-    """The mesh in an .inp file of Abaqus or CalculiX. Raises ReadError, with the file and the line.
+    """Read the mesh in an .inp file of Abaqus or CalculiX. Raises ReadError, with the file and the line.
 
-    One LacmeshWarning names the cards that are no part of a mesh, and the elements that cells do not keep.
+    One LacmeshWarning names the cards that do not belong to a mesh, and the elements that cells do not preserve.
     """
     model = read_model(path)
     said = model.said
@@ -56,7 +56,7 @@ def read(path: Path) -> Mesh:
 
 
 class _Listed(NamedTuple):
-    """The file's elements: a block a type, and for each cell its place in the file and its number."""
+    """Elements of the file: one block per type, and for each cell its position in the file and its number."""
 
     blocks: list[Block]
     place: Ints
@@ -64,7 +64,7 @@ class _Listed(NamedTuple):
 
 
 class _Groups(NamedTuple):
-    """Indices by name, of nodes and of cells; the names of surfaces, in the order in which the skin has them."""
+    """Node and cell indices by group name; the names of the surfaces, in the order of the skin."""
 
     nodes: dict[str, Ints]
     cells: dict[str, Ints]
@@ -72,7 +72,7 @@ class _Groups(NamedTuple):
 
 
 class _All(NamedTuple):
-    """Elements and new skin: blocks, places in the file, numbers; `of_earlier`: from earlier indices to the mesh's."""
+    """Elements and new skin: blocks, positions in the file, numbers; `of_earlier` maps earlier to final indices."""
 
     blocks: list[tuple[str, Ints]]
     place: Ints
@@ -97,7 +97,7 @@ def _nodes(scope: Scope) -> tuple[Ints, Floats]:
 
 
 def _elements(scope: Scope, nodes: Index, said: list[str]) -> _Listed:
-    """The elements that are cells, types in order of first appearance. Raises ReadError."""
+    """Collect the elements that are cells, types in order of first appearance. Raises ReadError."""
     used = [e for e in scope.elements if e.element is not None and len(e.number)]
     number = np.concatenate([_NONE, *(e.number for e in used)])
     twice = repeated(number) if len(number) else None
@@ -126,7 +126,7 @@ def _what(e: Elements) -> int:
 
 
 def _placed(e: Elements, nodes: Index) -> Ints:
-    """The nodes of a card's elements as indices, in our order."""
+    """Node indices of a card's elements, in lacmesh's node order. Raises ReadError for an unknown node."""
     assert e.element is not None
     places = np.empty(e.nodes.shape, np.int32)
     bad = nodes.convert(e.nodes, places)
@@ -139,7 +139,7 @@ def _placed(e: Elements, nodes: Index) -> Ints:
 
 
 def _lines(block: Block, nodes: Index, scope: Scope, said: list[str]) -> Block:
-    """Lines of three nodes, those turned round that have their middle last, as gmsh writes them."""
+    """Reorder lines of three nodes whose mid-node is listed last, as gmsh writes them, with a message in `said`."""
     points = np.concatenate([n.points for n in scope.nodes])
     a, b, middle = (points[block.nodes[:, k]] for k in range(3))
     as_listed = np.linalg.norm(middle - (a + b) / 2, axis=1)
@@ -152,7 +152,7 @@ def _lines(block: Block, nodes: Index, scope: Scope, said: list[str]) -> Block:
 
 
 def _say_repeats(blocks: list[Block], number: Ints, said: list[str]) -> None:
-    """Elements with a node twice are legal (a collapsed brick is a wedge): they are kept, and named."""
+    """Report elements that list a node twice, which is legal (a collapsed brick is a wedge): they are kept."""
     start = 0
     for block in blocks:
         ordered = np.sort(block.nodes, axis=1)
@@ -163,7 +163,7 @@ def _say_repeats(blocks: list[Block], number: Ints, said: list[str]) -> None:
 
 
 def _groups(scope: Scope, node: Ints, cell: Ints, skin: Skin, said: list[str]) -> _Groups:
-    """Sets as groups; surfaces of nodes too; surfaces of faces are added to the skin. Raises ReadError."""
+    """Convert sets and surfaces of nodes to groups, and add surfaces of faces to the skin. Raises ReadError."""
     resolver = Resolver(scope, {"node": np.sort(node), "element": np.sort(cell)}, NodesOf(scope.elements))
     nodes, elements = Index(node), Index(cell)
     found = _Groups(
@@ -194,7 +194,7 @@ def _entry(resolver: Resolver, surface: Surface, which: Ints | str) -> Ints:
 
 
 def _with_skin(elements: _Listed, new: list[tuple[str, Ints]]) -> _All:
-    """The file's cells and the new ones on its surfaces, which follow in number and order."""
+    """Append the new cells on surfaces to the file's cells; they follow in number and order."""
     offsets = np.cumsum([0, *(len(b.nodes) for b in elements.blocks)])
     blocks = {b.type: b.nodes for b in elements.blocks}
     index = {b.type: np.arange(lo, hi) for b, (lo, hi) in zip(elements.blocks, pairwise(offsets), strict=True)}
@@ -211,6 +211,6 @@ def _with_skin(elements: _Listed, new: list[tuple[str, Ints]]) -> _All:
 
 
 def _space_dim(scope: Scope, points: Floats) -> int:
-    """2 where all nodes lie in the plane, and there are elements of the plane, or none that need space."""
+    """Return 2 if all nodes have z = 0 and there are plane elements, or none that need three dimensions; else 3."""
     spaces = {e.element.space for e in scope.elements if e.element is not None}
     return 3 if np.any(points[:, 2]) or (3 in spaces and 2 not in spaces) else 2

@@ -1,7 +1,7 @@
-"""An .inp file as cards: a keyword line with its parameters, and the data lines that follow it.
+"""Split of an .inp file into cards: a keyword line with its parameters, and the data lines that follow it.
 
-Keyword lines begin with one asterisk, comments with two; a keyword line that ends with a comma goes on. *INCLUDE puts
-another file in its own place, data lines included, as does the parameter INPUT of a card.
+Keyword lines begin with one asterisk, comments with two; a keyword line that ends with a comma continues on the next
+line. *INCLUDE inserts another file in its place, data lines included, as does the parameter INPUT of a card.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ class Card:
     spans: list[Span] = field(default_factory=list)
 
     def text(self) -> bytes:
-        """All data lines, each ended."""
+        """All data lines, each terminated by a line end."""
         parts = [bytes(s.source.data[s.begin : s.end]) for s in self.spans]
         return b"".join(p if p.endswith(b"\n") else p + b"\n" for p in parts)
 
     def error(self, message: str, place: int | None = None) -> ReadError:
-        """The error for what stands at a place of `text`, or at the keyword."""
+        """Make the error for an offset in `text`, or for the keyword line."""
         if place is None or not self.spans:
             return self.source.error(message, self.at)
         sizes = [s.end - s.begin + (s.end == s.begin or s.source.data[s.end - 1 : s.end] != b"\n") for s in self.spans]
@@ -64,7 +64,7 @@ class Card:
 
 
 def label(text: str) -> tuple[str, str]:
-    """A name as it is shown, and as it is compared: blanks and case count between quotes only.
+    """Name for display, and name for comparison: blanks and case are significant between quotes only.
 
     >>> label("Top Face"), label('"Top Face"')
     (('TopFace', 'TOPFACE'), ('Top Face', '"Top Face"'))
@@ -88,7 +88,7 @@ def cards(path: Path, said: list[str]) -> list[Card]:
 
 
 class _Walk:
-    """Goes through a file, and through others where it includes them."""
+    """Walks through a file and the files that it includes."""
 
     def __init__(self, path: Path) -> None:
         self.home = path.parent
@@ -140,7 +140,7 @@ class _Walk:
 
 
 def _starred(source: Source) -> Iterator[tuple[int, int]]:
-    """Where lines that begin with an asterisk do so, and where they end."""
+    """Yield the offset of the asterisk and the end of each line that begins with one."""
     at = source.data.find(b"*")
     end = 0  # of the line looked at last
     while at >= 0:
@@ -152,7 +152,7 @@ def _starred(source: Source) -> Iterator[tuple[int, int]]:
 
 
 def _keyword_line(source: Source, at: int, end: int) -> tuple[str, int]:
-    """The text of a keyword line, with the lines that it goes on over, and where the last of them ends."""
+    """Text of a keyword line joined with its continuation lines, and the offset where the last of them ends."""
     text = decoded(bytes(source.data[at:end])).strip()
     while text.endswith(",") and end < source.size:
         begin, end = end, source.data.find(b"\n", end) + 1 or source.size

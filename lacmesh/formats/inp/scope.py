@@ -1,7 +1,7 @@
-"""What a part of an .inp file defines: nodes, elements, sets and surfaces, by number and by name.
+"""Scopes of an .inp file: the nodes, elements, sets and surfaces that a part defines, by number and by name.
 
-A file without parts is one scope. An instance of a part is that part's scope moved into the assembly's: its numbers
-raised where they are taken, its names after its own name and a point, as Abaqus writes them.
+A file without parts is one scope. An instance of a part is that part's scope merged into the assembly's: its numbers
+are raised past those taken, its names preceded by the instance's name and a point, as Abaqus writes them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Nodes:
 
 @dataclass
 class Elements:
-    """Elements of one card: what they are, numbers (k,), nodes (k, n) by number; `element` None: no cells."""
+    """Elements of one card: their type (None if they are no cells), numbers (k,), nodes (k, n) by number."""
 
     card: Card
     element: Element | None
@@ -43,7 +43,7 @@ class Elements:
 
 @dataclass
 class Set:
-    """A set of nodes or elements: its name, what its cards list, and sets of elements whose nodes it has."""
+    """A set of nodes or elements: its name, the members its cards list, and element sets whose nodes it contains."""
 
     shown: str
     card: Card
@@ -66,8 +66,11 @@ class Surface:
 
 @dataclass
 class Scope:
-    """All that one part, or a file, defines. Names are as they are compared (`inp.scan.label`),
-    those of surfaces after their type: ELEMENT or NODE."""
+    """Everything that one part, or a file without parts, defines.
+
+    Keys are names in the form used for comparison (`inp.scan.label`), for surfaces preceded by their type, ELEMENT or
+    NODE.
+    """
 
     nodes: list[Nodes] = field(default_factory=list)
     elements: list[Elements] = field(default_factory=list)
@@ -96,7 +99,7 @@ class Scope:
         )
 
     def add(self, other: Scope, prefix: str, nodes: int, elements: int) -> None:
-        """Take in another scope: numbers raised by `nodes` and `elements`, names after `prefix`."""
+        """Merge another scope into this one: numbers raised by `nodes` and `elements`, names preceded by `prefix`."""
         self.nodes += [Nodes(n.card, n.number + nodes, n.points) for n in other.nodes]
         self.elements += [Elements(e.card, e.element, e.number + elements, e.nodes + nodes) for e in other.elements]
         before = key(prefix)
@@ -114,13 +117,13 @@ class Scope:
 
 
 def raised(members: Members, by: int, prefix: str) -> Members:
-    """Members with numbers raised, and names after a prefix."""
+    """Members with numbers raised by `by`, and names preceded by a prefix."""
     ranges = tuple(Range(r.first + by, r.last + by, r.step) for r in members.ranges)
     return Members(members.numbers + by, ranges, tuple(prefix + key(n) for n in members.names))
 
 
 class Resolver:
-    """Finds the numbers in sets, sets of sets followed; `present`: numbers that exist, sorted, as "node", "element"."""
+    """Resolves sets, nested ones too, into numbers; `present`: existing numbers, sorted, of "node" and "element"."""
 
     def __init__(self, scope: Scope, present: dict[str, Ints], nodes_of: NodesOf) -> None:
         self.scope = scope
@@ -132,7 +135,7 @@ class Resolver:
         self.strays = 0
 
     def numbers(self, of: str, name: str, card: Card) -> Ints:
-        """The numbers in a set, sorted; `card`: where it is asked for. Raises ReadError."""
+        """Sorted numbers in a set; `card`: the card that refers to it, for the error. Raises ReadError."""
         known_as = self._known(of, name, card)
         at = (of, known_as)
         if at in self._found:
@@ -161,7 +164,7 @@ class Resolver:
         raise card.error(f"there is no set of {of}s named {name!r}{did_you_mean(name, shown)}")
 
     def existing(self, of: str, numbers: Ints) -> Ints:
-        """Those of the numbers that exist."""
+        """Select the numbers that exist; the others are counted in `strays`."""
         present = self.present[of]
         if not len(present) or not len(numbers):
             self.strays += len(numbers)
@@ -180,7 +183,7 @@ class Resolver:
 
 
 def ordered(numbers: Ints) -> Ints:
-    """Numbers sorted, each once; np.unique takes ten times as long for millions."""
+    """Distinct numbers, sorted; np.unique takes ten times as long for millions."""
     if (numbers[1:] > numbers[:-1]).all():
         return numbers
     numbers = np.sort(numbers)
@@ -188,13 +191,13 @@ def ordered(numbers: Ints) -> Ints:
 
 
 class NodesOf:
-    """The nodes of some elements, all by number."""
+    """Lookup of the nodes of elements, all by number."""
 
     def __init__(self, elements: Iterable[Elements]) -> None:
         self._cells = [e for e in elements if e.element is not None]
 
     def __call__(self, numbers: Ints) -> Ints:
-        """Sorted numbers of the nodes of the elements `numbers`, which are all there."""
+        """Sorted numbers of the nodes of the elements `numbers`, all of which must exist."""
         number, begin, width, nodes = self._rows
         row = np.searchsorted(number, numbers)
         count = width[row]

@@ -1,7 +1,7 @@
-"""Surfaces of an .inp file as skin cells: a face of an element becomes a cell, where none lies on it yet.
+"""Surfaces of an .inp file as skin cells: a face of an element becomes a cell unless a cell lies on it already.
 
-A surface that names a shell's own side means the shell itself. Faces are known by their corners; two surfaces, or two
-elements, that name the same face get the same cell.
+A surface that names a shell's own side means the shell itself. Faces are identified by their corners; two surfaces, or
+two elements, that name the same face get the same cell.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces, find_owners, find_
 
 
 class Block(NamedTuple):
-    """All cells of one type: their nodes (k, n) as indices, and what each is (k,) (`inp.types`)."""
+    """All cells of one type: their nodes (k, n) as indices, and the kind (k,) of each, SOLID ... (`inp.types`)."""
 
     type: str
     nodes: Ints
@@ -53,7 +53,7 @@ class _Side(NamedTuple):
 
 @dataclass
 class Skin:
-    """Surfaces as they are found: existing cells, and faces, of each surface; `unknown`: labels that mean nothing."""
+    """Collector of surfaces: the existing cells and the faces of each; `unknown`: face labels without a meaning."""
 
     cells: Cells
     existing: list[Ints] = field(default_factory=list)
@@ -79,7 +79,7 @@ class Skin:
                 )
 
     def _add_side(self, card: Card, label: str, block: Block, kind: int, which: Ints, rows: Ints) -> None:
-        """One face of cells of one block that are all of one kind."""
+        """Add one face of cells of one block that are all of one kind. Raises ReadError."""
         if kind == SHELL and label in SIDES:
             self.existing[-1] = np.append(self.existing[-1], which)
             return
@@ -93,7 +93,7 @@ class Skin:
         self.faces.append((self.n_surfaces - 1, _Side(side.type, block.nodes[rows][:, side.nodes])))
 
     def _add_free(self, which: Ints) -> None:
-        """All faces of some cells that no other cell shares; shells themselves."""
+        """Add all faces of some cells that no other cell shares, and shells themselves."""
         parts = []
         for block, found in self.cells.parts(which):
             here = found - self.cells.offsets[self.cells.blocks.index(block)] if len(found) else found
@@ -120,10 +120,10 @@ class Skin:
         return found
 
     def finish(self, members: list[Ints]) -> tuple[list[tuple[str, Ints]], list[Ints]]:
-        """New cells, (type, nodes) one a type, and for each surface its cells: an index, those of new cells following.
+        """Return the new cells, one (type, nodes) per type, and the cell indices of each surface.
 
-        New cells are counted through their types in this order. `members`: for each surface the cells of the set of
-        elements of its name: where one of them lies on a face, no other is added for it.
+        The indices of new cells follow the existing ones, counted through their types in this order. `members`: for
+        each surface the cells of the element set of its name; a face on which one of them lies adds no other cell.
         """
         faces = Faces.join([side for _, side in self.faces])
         of_surface = np.repeat([s for s, _ in self.faces] or [0], [len(side.nodes) for _, side in self.faces] or [0])
@@ -148,7 +148,7 @@ class Skin:
 
 
 def first_of_each(faces: Faces) -> tuple[Ints, Ints]:
-    """Of faces with the same corners the first, in order, and for each face which of these it is."""
+    """First face of each set of faces with the same corners, in order, and for each face its position among these."""
     labels, n = label_rows(np.sort(faces.corners, axis=1))
     first = np.full(n, len(labels))
     np.minimum.at(first, labels, np.arange(len(labels)))
@@ -159,7 +159,7 @@ def first_of_each(faces: Faces) -> tuple[Ints, Ints]:
 
 
 def _facet(cell: str, kind: int, label: str) -> int | None:
-    """Which facet of a cell a label means, or None."""
+    """Index of the facet of a cell that a face label means; None for an unknown label."""
     family = CELLS[cell].family
     number = int(label[1:]) if label[1:].isdigit() and len(label) < 4 else 0
     if kind in (SOLID, PLANE) and label[0] == "S" and 1 <= number <= len(FACETS[family]):

@@ -1,4 +1,4 @@
-"""The elements of Abaqus and CalculiX: which cell each one is, the order of its nodes, the numbers of its faces.
+"""Elements of Abaqus and CalculiX: their cell types, the order of their nodes, the numbers of their faces.
 
 Names are a shape and letters for what is computed in it (R, H, T ...), so that they are described by patterns here.
 Orders are those of the elements' pictures in Abaqus's Elements Guide and CalculiX's manual; the order of C3D15V's 18
@@ -18,9 +18,9 @@ SOLID, PLANE, SHELL, LINE, POINT = range(5)
 
 
 class Element(NamedTuple):
-    """An element's cell type, what it is, whether it lives in 2 or 3 dimensions (0: either), and its nodes' places.
+    """Cell type of an element, its kind (SOLID ...), its space of 2 or 3 dimensions (0: either), and its node order.
 
-    `nodes[k]`: our place of the node that is listed k-th.
+    `nodes[k]`: position in lacmesh's order of the node that is listed k-th.
     """
 
     type: str
@@ -73,7 +73,7 @@ NO_CELL = re.compile(r"D[A-Z]{0,7}|DCOUP[23]D|DASHPOTT?|DIST\w*|ESPRNG\w*|U\d+\w
 
 @cache
 def element(name: str) -> Element | None:
-    """What an element is, by its name in capitals; None for a name that is not known.
+    """Look up an element by its name in capitals; None for an unknown name.
 
     >>> element("C3D20R").type, element("CPS4").space, element("C3D7")
     ('HEXA20', 2, None)

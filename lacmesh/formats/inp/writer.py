@@ -1,7 +1,8 @@
 """Writing .inp: nodes, elements, sets, and skin groups as surfaces.
 
-A skin cell is no element: it tells which face of its parent a *SURFACE has. So a skin group becomes a surface of its
-name, with a set of its nodes. Sets of elements, surfaces and sets of nodes are named apart: a name may mean all three.
+A skin cell is not written as an element: it gives the face of its parent in a *SURFACE. A skin group thus becomes a
+surface of its name, with a set of its nodes. Element sets, surfaces and node sets have separate names: one name may
+mean all three.
 """
 
 from __future__ import annotations
@@ -41,10 +42,10 @@ _ALLOWED = {"calculix": "A-Za-z0-9_-", "abaqus": " !#-~"}
 def write(
     path: Path, mesh: Mesh, *, target: str = "calculix", plane: str | None = None, all_cells: bool = False
 ) -> None:
-    """Write a mesh as an .inp file for `target`, "calculix" or "abaqus", over what is there.
+    """Write a mesh as an .inp file for `target`, "calculix" or "abaqus", replacing any content.
 
     `plane`: the elements of plane meshes: CPS (plane stress), CPE (plane strain) or CAX (axisymmetric); by default
-    `mesh.plane`, else CPS, which is said. Skin cells are written as faces of *SURFACEs, other cells below the mesh's
+    `mesh.plane`, else CPS, with a warning. Skin cells are written as faces of *SURFACEs, other cells below the mesh's
     dimension as sets of nodes; with `all_cells` all of them are elements as well. Raises WriteError for a cell that the
     target has no element for, RequestError for an option; one LacmeshWarning names what is changed or left out.
     """
@@ -81,7 +82,7 @@ def write(
 
 @dataclass(frozen=True)
 class _Roles:
-    """What each cell is in the file: an element, a face of `parent` (a cell, -1 for none) with facet `facet`."""
+    """Role of each cell in the file: an element; for skin, the face `facet` of the cell `parent` (-1 for none)."""
 
     element: NDArray[np.bool_]
     parent: Ints
@@ -89,15 +90,15 @@ class _Roles:
 
     @property
     def skin(self) -> NDArray[np.bool_]:
-        """(n_cells,): which cells are skin."""
+        """(n_cells,): True for skin cells, which lie on a face of another cell."""
         return self.parent >= 0
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """What goes into a file: the element for cells of a type, skin or not; groups' names; numbers of both kinds.
+    """Content of a file: the element for each cell type, skin or not; labels of the groups; numbers of nodes and cells.
 
-    `of_cells`: groups of cells that give a set of their nodes; `apart`: names of such sets that are not the group's.
+    `of_cells`: nodes of the cell groups that give a set of nodes; `apart`: names of such sets that are not the group's.
     """
 
     mesh: Mesh
@@ -112,7 +113,7 @@ class _Plan:
 
 
 def _roles(mesh: Mesh, all_cells: bool) -> _Roles:
-    """Which cells are skin, and of which cells: of two behind a face the one whose facet turns the same way."""
+    """Find the skin cells and the cell behind each; of two, the one whose facet has the same orientation."""
     parent, facet = np.full(mesh.n_cells, -1), np.full(mesh.n_cells, -1)
     below = np.flatnonzero(mesh.cell_dim == mesh.dim - 1) if mesh.dim > 1 else np.empty(0, np.int64)
     solid = [
@@ -157,7 +158,7 @@ def _facets(mesh: Mesh, cells: Ints, facets: Ints) -> Faces:
 
 
 def _cards(path: Path, mesh: Mesh, roles: _Roles, target: str, plane: str) -> dict[tuple[str, bool], str]:
-    """The element for each type of cell, skin or not. Raises WriteError where one is lacking."""
+    """Element for each type of cell, skin or not. Raises WriteError if the target has none."""
     flat = plane if _is_plane(mesh) else None
     found = {}
     for block, (lo, hi) in zip(mesh.blocks, pairwise(mesh.offsets), strict=True):
@@ -179,7 +180,7 @@ def _is_plane(mesh: Mesh) -> bool:
 
 
 def _nodes_of_groups(mesh: Mesh, roles: _Roles) -> dict[str, Ints]:
-    """The nodes of each group's cells that are skin, or no elements."""
+    """Nodes of the cells in each group that are skin, or no elements."""
     found = {}
     for name, members in mesh.cell_groups.items():
         some = members[roles.skin[members] | ~roles.element[members]]
@@ -189,7 +190,7 @@ def _nodes_of_groups(mesh: Mesh, roles: _Roles) -> dict[str, Ints]:
 
 
 def _labels(mesh: Mesh, target: str, said: list[str]) -> dict[str, str]:
-    """What each group is called in the file; a group of cells and one of nodes may share a name."""
+    """Name of each group in the file; a group of cells and one of nodes may share a name."""
     made = labels(_names(mesh), _ALLOWED[target], _NAME)
     if changed := changes(made):
         said.append(f"names of groups that an .inp file cannot hold: {changed}")
@@ -197,7 +198,7 @@ def _labels(mesh: Mesh, target: str, said: list[str]) -> dict[str, str]:
 
 
 def _labels_apart(mesh: Mesh, target: str, of_cells: dict[str, Ints], said: list[str]) -> dict[str, str]:
-    """What the set of nodes of a group of cells is called where a group of other nodes has its name."""
+    """Name of the node set of each group of cells whose own name belongs to a group of other nodes."""
     own = mesh.node_groups
     clash = [n for n in of_cells if len(own.get(n, ())) and not np.array_equal(own[n], of_cells[n])]
     taken = labels(_names(mesh), _ALLOWED[target], _NAME).values()
@@ -214,14 +215,14 @@ def _names(mesh: Mesh) -> dict[str, None]:
 
 
 def _quoted(made: dict[str, str], target: str) -> dict[str, str]:
-    """Labels; for Abaqus between quotes where they are more than a word."""
+    """Put labels for Abaqus between quotes if they are more than a plain word."""
     if target != "abaqus":
         return made
     return {name: text if _PLAIN.fullmatch(text) else f'"{text}"' for name, text in made.items()}
 
 
 def _numbers(numbers: Ints, which: NDArray[np.bool_], what: str, said: list[str]) -> Ints:
-    """The mesh's numbers; those of `which` 1, 2 ... where they are not distinct, or too large."""
+    """Numbers of the mesh; if those of `which` are not distinct, or out of range, these become 1, 2 ..."""
     numbers = np.asarray(numbers, np.int64)
     mine = numbers[which]
     if len(mine) and (mine.min() < 1 or mine.max() > _LARGEST or repeated(mine) is not None):
@@ -237,7 +238,7 @@ def _write_heading(file: BinaryIO, name: str) -> None:
 
 
 def _write_nodes(file: BinaryIO, mesh: Mesh, number: Ints) -> None:
-    """Coordinates have 20 characters at most, which is all that either program reads."""
+    """Write the nodes; coordinates have 20 characters at most, which is all that either program reads."""
     dim = 2 if _is_plane(mesh) else 3
     file.write(b"*NODE\n")
     for a in range(0, mesh.n_nodes, _ROWS):
@@ -248,7 +249,7 @@ def _write_nodes(file: BinaryIO, mesh: Mesh, number: Ints) -> None:
 
 
 def _write_elements(file: BinaryIO, plan: _Plan) -> None:
-    """A card for each type; cells in the file's order."""
+    """Write a card of elements for each type, cells in the file's order."""
     mesh, roles = plan.mesh, plan.roles
     order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
     for block, (lo, hi) in zip(mesh.blocks, pairwise(mesh.offsets), strict=True):
@@ -262,7 +263,7 @@ def _write_elements(file: BinaryIO, plan: _Plan) -> None:
 
 
 def _write_rows(file: BinaryIO, kind: str, nodes: Ints, rows: Ints, node: Ints, number: Ints) -> None:
-    """Lines of an element's number and nodes, 16 numbers on a line."""
+    """Write the number and the nodes of each element, at most 16 numbers on a line."""
     places = list(NODES.get(kind, range(nodes.shape[1])))
     leads = [b"\n"] + [b",\n" if k % _PER_LINE == 0 else b", " for k in range(1, len(places) + 1)]
     for a in range(0, len(rows), _ROWS):
@@ -274,7 +275,7 @@ def _write_rows(file: BinaryIO, kind: str, nodes: Ints, rows: Ints, node: Ints, 
 
 
 def _write_groups(file: BinaryIO, plan: _Plan) -> None:
-    """Sets of elements, surfaces, sets of nodes; a group's cells that are none of these give a set of their nodes."""
+    """Write element sets, surfaces and node sets; cells of a group that are skin, or no elements, give node sets."""
     mesh, roles = plan.mesh, plan.roles
     for name, members in mesh.cell_groups.items():
         elements, skin = members[roles.element[members]], members[roles.skin[members]]
@@ -289,7 +290,7 @@ def _write_groups(file: BinaryIO, plan: _Plan) -> None:
 
 
 def _losses(mesh: Mesh, roles: _Roles) -> list[str]:
-    """What is said of cells and groups that the file does not hold as they are."""
+    """Messages on the cells and groups that the file does not hold as they are."""
     said = []
     lower = ~roles.element & ~roles.skin
     if as_nodes := [name for name, members in mesh.cell_groups.items() if lower[members].any()]:
@@ -318,7 +319,7 @@ def _nodes_of(mesh: Mesh, cells: Ints) -> Ints:
 
 
 def _write_set(file: BinaryIO, head: str, numbers: Ints) -> None:
-    """The keyword line of a set, its members in lines of 16."""
+    """Write the keyword line of a set, and its members in lines of 16."""
     file.write(head.encode())
     whole = len(numbers) // _PER_LINE * _PER_LINE
     for rows in (numbers[:whole].reshape(-1, _PER_LINE), numbers[whole:].reshape(1, -1)):
@@ -328,7 +329,7 @@ def _write_set(file: BinaryIO, head: str, numbers: Ints) -> None:
 
 
 def _write_surface(file: BinaryIO, plan: _Plan, name: str, skin: Ints) -> None:
-    """The faces of a surface, each once, as the number of an element and the label of its face."""
+    """Write the faces of a surface, each once, as the number of an element and the label of its face."""
     mesh, roles = plan.mesh, plan.roles
     at = np.unique(roles.parent[skin] * 8 + roles.facet[skin])
     parent, facet = at // 8, at % 8

@@ -1,4 +1,4 @@
-"""Which element each cell is written as, for CalculiX and for Abaqus, and what to try where there is none."""
+"""Elements that cells are written as, for CalculiX and for Abaqus, and advice for cells that have none."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ _HINTS = {
 
 
 def card(kind: str, target: str, plane: str | None, skin: bool) -> str | None:
-    """The element for a cell of type `kind`; None where the target has none.
+    """Element for a cell of type `kind`; None if the target has none.
 
-    `plane`: how elements of the plane are called, None in space; `skin`: it lies on a face of another cell.
+    `plane`: CPS, CPE or CAX for plane meshes, None in 3D; `skin`: the cell lies on a face of another cell.
 
     >>> card("HEXA8", "calculix", None, False), card("QUAD4", "calculix", "CPE", False)
     ('C3D8', 'CPE4')
@@ -62,7 +62,7 @@ def card(kind: str, target: str, plane: str | None, skin: bool) -> str | None:
 
 
 def hint(kind: str, target: str) -> str:
-    """What to try for a cell without an element."""
+    """Advice for a cell type that has no element in the target."""
     if target == "abaqus" and kind in ("PYRAM13", "PYRAM14"):
         return "cut hexahedra with --hexa hexa, which makes no pyramids"
     return _HINTS.get(kind, "lower their order")

@@ -19,7 +19,7 @@ _KEYWORD = re.compile(rb"\s*(?:%[^\n]*\n\s*)*([A-Z][A-Z0-9_]+)")
 
 
 def begins(head: bytes) -> bool:
-    """Whether a file's first bytes are those of a .mail file: a keyword, after blank lines and comments.
+    """True if a file's first bytes are those of a .mail file: a keyword, after blank lines and comments.
 
     >>> begins(b"% a mesh\\n COOR_2D\\nN1 0. 0."), begins(b"*NODE")
     (True, False)

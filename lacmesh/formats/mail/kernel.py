@@ -1,4 +1,4 @@
-"""The words of a .mail text, letter by letter, compiled: what `mail.names` does with arrays, ten times as fast."""
+"""Compiled scanner of the words of a .mail text: ten times as fast as the array code of `mail.names`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ _MOST_LETTERS, _MOST_DIGITS = 7, 9
 
 @kernel
 def scan(text, kind_of, number, prefix, first):  # type: ignore[no-untyped-def]
-    """Fill in, word by word, its number, the integer of its letters, and whether it begins a line.
+    """Write for each word its number, its letters as an integer, and whether it begins a line; return the word count.
 
-    `text` (n,) bytes, `kind_of` (256,) what each byte is; the outputs hold n // 2 + 1 rows at least. Returns how many
-    words there are; -1 where one is not letters and a number (without leading zeros, of 9 digits at most).
+    `text` (n,) bytes, `kind_of` (256,) the class of each byte; the outputs hold n // 2 + 1 rows at least. Returns -1 if
+    a word is not letters and a number (without leading zeros, of 9 digits at most).
     """
     n_words = 0
     n_letters = n_digits = 0

@@ -34,7 +34,7 @@ _SPACED = bytes(32 if _CLASS[c] == _BLANK and c not in b"\r\n" else c for c in r
 
 
 class Words(NamedTuple):
-    """The words of a text: the text as bytes (n,) and, for each word, where it begins and ends, whether a line does."""
+    """Words of a text: its bytes (n,) and, for each word, its begin, its end, and whether it begins a line."""
 
     text: NDArray[np.uint8]
     begin: Ints
@@ -43,7 +43,7 @@ class Words(NamedTuple):
 
 
 def words(text: bytes) -> Words:
-    """The words of a text whose lines are whole."""
+    """Split a text of whole lines into words."""
     letters = np.frombuffer(text, np.uint8)
     inside = np.zeros(len(letters) + 2, bool)
     np.not_equal(_CLASS[letters], _BLANK, out=inside[1:-1])
@@ -65,7 +65,7 @@ class Scanned(NamedTuple):
 
 
 def scanned(text: bytes) -> Scanned | None:
-    """The words of a text whose lines are whole; None where one is not letters and a number. Compiled."""
+    """Split a text of whole lines into words; None if one is not letters and a number. Compiled."""
     from lacmesh.formats.mail.kernel import scan
 
     size = len(text) // 2 + 1
@@ -75,7 +75,7 @@ def scanned(text: bytes) -> Scanned | None:
 
 
 def scanned_by_arrays(text: bytes) -> Scanned | None:
-    """What `scanned` gives, without a compiler to load."""
+    """Split a text as `scanned` does, by numpy alone: without the time to load the compiler."""
     letters = np.frombuffer(text, np.uint8)
     kind = np.zeros(len(letters) + 2, np.uint8)
     kind[1:-1] = _CLASS[letters]
@@ -121,7 +121,7 @@ class Names:
         return keys, words(text).first
 
     def _with_prefixes(self, numbers: Ints, prefix: Ints) -> Ints | None:
-        """Add to numbers what stands for their prefixes, given as the integer of their letters."""
+        """Add the key offset of each prefix (its letters as an integer) to its number; None for too many prefixes."""
         if not len(numbers):
             return numbers
         left = np.ones(len(prefix), bool)
@@ -151,7 +151,7 @@ class Names:
 
 
 def numbers(keys: Ints) -> Ints | None:
-    """The numbers in the names that have these keys; None where a name has none, or two have the same."""
+    """Numbers in the names with these keys; None if a name has no number, or two names have the same."""
     if not len(keys):
         return keys
     if keys.max() >= _OTHER:

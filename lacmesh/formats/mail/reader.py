@@ -28,7 +28,7 @@ _REAL = bytes.maketrans(b"Dd,=\t", b"ee   ")
 
 @dataclass
 class _Section:
-    """Cells of one keyword that stand together: names (k,) and nodes (k, n) by key, where the cells begin."""
+    """Cells of one sub-file: the keys of their names (k,) and of their nodes (k, n), and the sub-file itself."""
 
     type: str
     part: SubFile
@@ -50,7 +50,7 @@ class _Content:
     left_out: dict[str, None] = field(default_factory=dict)
 
     def check(self, keyword: str, at: int) -> None:
-        """Raises ReadError where a keyword is none, or that of cells which are not read."""
+        """Raise ReadError for an unknown keyword, or that of cells which are not read."""
         known = [*NODES, *_COORDINATES, *_GROUPS, "TITRE"]
         if keyword in NOT_READ:
             raise self.source.error(f"cells of type {keyword} are not read; take them out of the mesh", at)
@@ -59,12 +59,12 @@ class _Content:
             raise self.source.error(f"{keyword[:40]!r} is no keyword of a .mail file{near}", at)
 
     def misplaced(self, part: SubFile, place: int, text: bytes, word: int) -> int:
-        """The byte where a word of a text begins that stands at `place` of a sub-file's body."""
+        """Byte offset in the file of a word of `text`, which stands at `place` in a sub-file's body."""
         return part.begin + place + int(mail_names.words(text).begin[max(0, word)])
 
 
 def read(path: Path) -> Mesh:
-    """The mesh of a .mail file. Raises ReadError, with the line.
+    """Read the mesh of a .mail file. Raises ReadError, with the line.
 
     Names are kept as their numbers where each has one (N12, MA7) and no two have the same; else nodes, or cells, are
     numbered 1, 2 ... in the file's order, with a warning.
@@ -84,7 +84,7 @@ def _warn(path: Path, message: str) -> None:
 
 
 def _take(content: _Content, part: SubFile) -> None:
-    """Take in one sub-file, as its keyword says."""
+    """Process one sub-file according to its keyword."""
     keyword = part.keyword
     if keyword in NODES:
         content.sections.append(_cells(content, part))
@@ -100,7 +100,7 @@ def _take(content: _Content, part: SubFile) -> None:
 
 
 def _take_nodes(content: _Content, part: SubFile, dim: int) -> None:
-    """Names and coordinates: `dim` real numbers after each name, on one line or several."""
+    """Read the names and coordinates of nodes: `dim` real numbers after each name, on one line or several."""
     source = content.source
     if content.dim and content.dim != dim:
         raise source.error(f"nodes have {content.dim} coordinates above, and {dim} here", part.at)
@@ -130,7 +130,7 @@ def _take_nodes(content: _Content, part: SubFile, dim: int) -> None:
 
 
 def _split(found: mail_names.Words, heads: Ints) -> tuple[bytes, bytes]:
-    """A text's words in two texts: the names, which are the words `heads`, and the rest, as real numbers."""
+    """Split the words of a text into two texts: the names, which are the words `heads`, and the coordinates."""
     begin, size = found.begin[heads], (found.end - found.begin)[heads]
     width = int(size.max(initial=0)) + 1
     names = np.full((len(heads), width), 32, np.uint8)
@@ -143,7 +143,7 @@ def _split(found: mail_names.Words, heads: Ints) -> tuple[bytes, bytes]:
 
 
 def _cells(content: _Content, part: SubFile) -> _Section:
-    """The cells of one sub-file: each begins a line, and may go on over several."""
+    """Read the cells of one sub-file; each begins a line, and may continue over several."""
     source = content.source
     width = 1 + len(NODES[part.keyword])
     before = 0
@@ -163,7 +163,7 @@ def _cells(content: _Content, part: SubFile) -> _Section:
 
 
 def _take_group(content: _Content, part: SubFile) -> None:
-    """A group: its name in the header, or else the first word, then its members."""
+    """Read a group: its name, in the header or else the first word, then its members."""
     source, known = content.source, content.groups[_GROUPS[part.keyword]]
     text = body(source, part)
     word = part.name
@@ -223,7 +223,7 @@ def _numbers(path: Path, content: _Content, keys: Ints, what: str) -> Ints:
 
 
 def _blocks(content: _Content, nodes: Index) -> tuple[Ints, list[tuple[str, Ints]]]:
-    """One block a type, in the order in which types first appear; where each cell stands in the file's order."""
+    """Position of each cell in the file, and one block of nodes per type, types in order of first appearance."""
     first = np.cumsum([0, *(len(s.name) for s in content.sections)])
     order: list[Ints] = [np.empty(0, np.int64)]
     blocks: list[tuple[str, Ints]] = []
@@ -240,7 +240,7 @@ def _blocks(content: _Content, nodes: Index) -> tuple[Ints, list[tuple[str, Ints
 
 
 def _place(content: _Content, section: _Section, nodes: Index, out: Ints) -> None:
-    """Write the nodes of a section's cells as indices, in our order. Raises ReadError for a node that is none."""
+    """Write the node indices of a section's cells to `out`, in lacmesh's order. Raises ReadError for unknown nodes."""
     places = np.empty(section.nodes.shape, np.int32)
     bad = nodes.convert(section.nodes, places)
     if bad is not None:
@@ -276,7 +276,7 @@ def _at_row(source: Source, section: _Section, row: int, message: str) -> ReadEr
 
 
 def _groups(content: _Content, what: str, index: Index) -> dict[str, Ints]:
-    """name -> sorted indices. Raises ReadError for a member that is no node, or no cell."""
+    """Sorted indices of the members of each group. Raises ReadError for an unknown node or cell."""
     made = {}
     for name, (part, keys) in content.groups[what].items():
         places = index.places(keys)

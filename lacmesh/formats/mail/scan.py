@@ -1,4 +1,4 @@
-"""A .mail file as sub-files: a keyword, a header, a body, up to FINSF (or FIN, which ends the file).
+"""Split of a .mail file into sub-files: a keyword, a header, a body, up to FINSF (or FIN, which ends the file).
 
 The grammar is code_aster's: FIN and FINSF count at the start of a line only; the header is the rest of the keyword's
 line, or as many lines as its NBLIGE says; of its other words only NOM means anything (NOM=INDEFINI does not); % begins
@@ -22,7 +22,7 @@ _CHUNK = 1 << 22
 
 
 class SubFile(NamedTuple):
-    """`keyword` at byte `at`; `name` from the header; the body is bytes `begin` to `end` of the file."""
+    """A sub-file: its `keyword` at byte `at`, the `name` in its header, its body from byte `begin` to `end`."""
 
     keyword: str
     at: int
@@ -69,7 +69,7 @@ def body(source: Source, part: SubFile) -> bytes:
 
 
 def chunks(text: bytes) -> Iterator[tuple[int, bytes]]:
-    """A text in pieces of whole lines, each with its place."""
+    """Split a text into pieces of whole lines, each with its byte offset."""
     begin = 0
     while begin < len(text):
         end = len(text) if len(text) - begin <= _CHUNK else text.rfind(b"\n", begin, begin + _CHUNK) + 1
@@ -86,7 +86,7 @@ def _line(source: Source, at: int) -> bytes:
 
 
 def _next_word(source: Source) -> int:
-    """Where the next word outside comments begins. Raises ReadError at the end of the file."""
+    """Byte offset of the next word outside comments. Raises ReadError at the end of the file."""
     at = source.position
     while at < source.size:
         line = _line(source, at)
@@ -111,7 +111,7 @@ def _header(source: Source, words: list[bytes]) -> tuple[bytes | None, int]:
 
 
 def _end(source: Source, begin: int, keyword: bytes) -> tuple[int, bool]:
-    """Where the FINSF or FIN that ends a sub-file stands, and whether it is FIN."""
+    """Byte offset of the FINSF or FIN that ends a sub-file, and True if it is FIN. Raises ReadError without either."""
     at = begin
     while True:
         at = source.data.find(b"FIN", at)

@@ -1,7 +1,7 @@
 """The cells of code_aster's mesh files: their keywords, and the order of their nodes (documentation U3.01.00).
 
-Corners turn as gmsh's do, not as MED's; mid-nodes follow the edges of the base, those that leave it, those of the top.
-code_aster's own passage from MED (routine lrmtyp) reverses MED's order into this one, which a test repeats.
+Corners are ordered as in gmsh, not as in MED; mid-nodes follow the edges of the base, those that leave it, those of the
+top. code_aster's own conversion from MED (routine lrmtyp) turns MED's order into this one, which a test repeats.
 """
 
 from __future__ import annotations

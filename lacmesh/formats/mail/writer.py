@@ -24,7 +24,7 @@ _ROWS = 1 << 14
 
 
 def write(path: Path, mesh: Mesh) -> None:
-    """Write a mesh as a .mail file, over what is there.
+    """Write a mesh as a .mail file, replacing any content.
 
     Nodes are N and their number, cells M and theirs. Cells go by type, within a type as in `mesh.file_order`. Raises
     WriteError for cells that code_aster has not; one LacmeshWarning names what is changed or left out.
@@ -113,7 +113,7 @@ def _write_cells(file: BinaryIO, mesh: Mesh, node: Ints, cell: Ints) -> None:
 
 
 def _write_group(file: BinaryIO, head: str, letter: bytes, numbers: Ints) -> None:
-    """The head of a group, its members in lines, its end."""
+    """Write the head of a group, its members in lines, and its end."""
     file.write(head.encode())
     whole = len(numbers) // _PER_LINE * _PER_LINE
     for rows in (numbers[:whole].reshape(-1, _PER_LINE), numbers[whole:].reshape(1, -1)):

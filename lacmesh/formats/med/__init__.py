@@ -1,11 +1,11 @@
 """MED (Salome, code_aster), versions 2.3 to 4.2 read, 4.1.1 written, on h5py.
 
-Why our own, measured on the 1778 MED files of code_aster's tests: meshio turns 3D cells inside out and loses groups,
-gmsh loses node groups and orphan nodes, medcoupling aborts the process on a third of damaged files and has no wheel for
+Why our own, measured on the 1778 MED files of code_aster's tests: meshio inverts 3D cells and loses groups, gmsh
+loses node groups and orphan nodes, medcoupling aborts the process on a third of damaged files and has no wheel for
 macOS and aarch64. Version 4.1.1 is the newest that gmsh reads.
 
 A mesh keeps its name, points, 2 or 3 coordinates, numbers, groups of nodes and cells (empty and overlapping ones too)
-and data; descriptions, units and the names of components are dropped without a word. MED stores cells by type, and
+and data; descriptions, units and the names of components are dropped silently. MED stores cells by type, and
 arrays component by component: all first nodes of the cells, then all second nodes.
 """
 
@@ -52,7 +52,7 @@ _NOT_CARRIED = {
 
 
 def read(path: Path, mesh: str | None = None) -> Mesh:
-    """The mesh of a MED file, or the one that is called `mesh` where it has several.
+    """Read the mesh of a MED file, or the one named `mesh` if it has several.
 
     Raises ReadError for a file that is damaged or holds what a Mesh cannot (polygons, grids); RequestError for the
     choice of the mesh. What is left out is named in one LacmeshWarning.
@@ -139,7 +139,7 @@ def _read_mesh(root: Branch, name: Name, said: list[str]) -> Mesh:
 
 
 def _step(home: Branch, said: list[str]) -> Branch:
-    """Where the nodes and cells are: in the mesh's step without a number, else its first; in MED 2.3 in the mesh."""
+    """Group that holds nodes and cells: the mesh's step without a number, else its first; in MED 2.3 the mesh."""
     if any(home.has(place) for place in ("NOE", *_ENTITIES)):
         return home
     steps = [step for _, step in home.branches() if step.has_attribute("NDT")]
@@ -152,7 +152,7 @@ def _step(home: Branch, said: list[str]) -> Branch:
 
 
 def _read_points(home: Branch, step: Branch) -> tuple[Floats, int]:
-    """(n, 3), and the number of coordinates in the file (2 where it has one)."""
+    """Points (n, 3), and the number of coordinates in the file (2 if it has one)."""
     nodes = step.branch("NOE")
     values = nodes.reals("COO")
     counted = nodes.has_attribute("NBR", of="COO")
@@ -241,7 +241,7 @@ def _family(part: Branch, size: int) -> Ints:
 
 
 def _cell_numbers(cells: list[_Cells], said: list[str]) -> Ints:
-    """(n_cells,): the file's numbers, or by count in libmed's order of types where a type has none."""
+    """Cell numbers (n_cells,): the file's, or counted in libmed's order of types for a type that has none."""
     first: dict[str, int] = {}
     for c in sorted(cells, key=lambda c: c.kind.bit):
         first[c.support] = 1 + sum(len(other.nodes) for other in cells if other.support in first)
@@ -252,7 +252,7 @@ def _cell_numbers(cells: list[_Cells], said: list[str]) -> Ints:
 
 
 def _distinct(number: Ints | None, counted: Ints, what: str, said: list[str]) -> Ints:
-    """The numbers where no two are the same, else the count."""
+    """The file's numbers if they are distinct, else `counted`."""
     if number is None:
         return counted
     if (np.diff(number) > 0).all():
@@ -272,7 +272,7 @@ def _say_not_carried(root: Branch, home: Branch, step: Branch, said: list[str]) 
 
 
 def write(path: Path, mesh: Mesh) -> None:
-    """Write a mesh as MED 4.1.1, over whatever `path` holds.
+    """Write a mesh as MED 4.1.1, replacing what `path` holds.
 
     Cells go by type, within a type as in `mesh.file_order`. Raises WriteError for cells or names that MED cannot hold;
     what is changed or left out is named in one LacmeshWarning.

@@ -22,10 +22,10 @@ NAME_SIZE = 80
 
 
 def derive(groups: Mapping[str, Ints], dim: Ints) -> tuple[Ints, list[tuple[str, ...]]]:
-    """(n,): a family number for each cell or node, and the groups of families 0, 1, 2, ...
+    """Family number (n,) of each cell or node, and the groups of families 0, 1, 2, ...
 
-    One family a dimension `dim` (n,) and combination of groups (of a family with several dimensions gmsh names the
-    highest alone), and one more, without members, that holds all empty groups.
+    One family for each dimension `dim` (n,) and combination of groups (of a family with several dimensions gmsh names
+    only the highest), and one more, without members, for all empty groups.
     """
     family = np.zeros(len(dim), np.int32)
     combined: list[tuple[str, ...]] = [()]
@@ -45,7 +45,7 @@ def derive(groups: Mapping[str, Ints], dim: Ints) -> tuple[Ints, list[tuple[str,
 
 
 def write(parent: h5py.Group, place: str, families: Sequence[tuple[str, ...]], sign: int) -> None:
-    """The families of cells (`place` ELEME, `sign` -1) or nodes (NOEUD, 1), family 0 aside."""
+    """Write the families of cells (`place` ELEME, `sign` -1) or nodes (NOEUD, 1), except family 0."""
     if len(families) < 2:
         return
     home = add_group(parent, place)
@@ -55,7 +55,7 @@ def write(parent: h5py.Group, place: str, families: Sequence[tuple[str, ...]], s
 
 
 def read(root: Branch, mesh: Branch, name: Name, said: list[str]) -> tuple[Families, Families]:
-    """The families of cells and those of nodes of the mesh `name`; MED 2.3 keeps them inside the mesh."""
+    """Read the families of cells and those of nodes of the mesh `name`; MED 2.3 keeps them inside the mesh."""
     of_cells: Families = {}
     of_nodes: Families = {}
     for place, home in _homes(root, mesh, name):
@@ -88,7 +88,7 @@ def _names(family: Branch) -> list[str]:
 
 
 def members(family: Ints, families: Families, what: str, said: list[str]) -> dict[str, Ints]:
-    """Group -> sorted indices, from the family number of each cell or node; a group without members is there too."""
+    """Sorted indices of each group, from the family number of each cell or node; groups without members included."""
     order = np.argsort(family, kind="stable")
     ordered = family[order]
     starts = np.flatnonzero(np.diff(ordered, prepend=ordered[:1] - 1))

@@ -54,7 +54,7 @@ class _Leaf(NamedTuple):
 
 
 class Data(NamedTuple):
-    """What a file says in fields: `Mesh.cell_data`, `node_data` and `steps`."""
+    """Fields of a file as `Mesh.cell_data`, `node_data` and `steps`."""
 
     cell_data: dict[str, NDArray]
     node_data: dict[str, NDArray]
@@ -62,7 +62,7 @@ class Data(NamedTuple):
 
 
 def read(root: Branch, mesh: Name, supports: Mapping[str, Ints], sizes: Mapping[str, int], said: list[str]) -> Data:
-    """The fields on nodes and cells of the mesh.
+    """Read the fields on nodes and cells of the mesh.
 
     `supports`: support -> indices in the mesh of its nodes or cells; `sizes`: numbers of nodes (NOE) and cells (MAI).
     What lies elsewhere (nodes of each cell, Gauss points) is named in `said`. Raises ReadError.
@@ -90,7 +90,7 @@ def read(root: Branch, mesh: Name, supports: Mapping[str, Ints], sizes: Mapping[
 def _field(
     root: Branch, field: Branch, mesh: Name, supports: Mapping[str, Ints], sizes: Mapping[str, int]
 ) -> tuple[dict[tuple[str, Step], NDArray], bool]:
-    """(NOE or MAI, step) -> values of a field on all nodes or cells; and whether that is all there is."""
+    """Values of a field on all nodes or cells, by (NOE or MAI, step); and False if some of its values are left out."""
     width = field.integer("NCO")
     pieces: dict[tuple[str, Step], list[tuple[Ints, NDArray]]] = {}
     whole = at_cells = True
@@ -132,7 +132,7 @@ def _leaves(field: Branch, mesh: Name) -> Iterator[_Leaf]:
 
 
 def _profile(root: Branch, name: Name, size: int) -> Ints:
-    """Places, from 0, of the rows that have a value."""
+    """Indices, from 0, of the rows that a profile lists as having a value."""
     homes = root.branch("PROFILS")
     if not homes.has(name):  # MED 2.3 may fill up the link, or the name of it, with blanks
         name = next((n for n in homes.names() if text(n) == text(name)), name)
@@ -144,7 +144,7 @@ def _profile(root: Branch, name: Name, size: int) -> Ints:
 
 
 def _assembled(field: Branch, parts: list[tuple[Ints, NDArray]], size: int, width: int) -> NDArray:
-    """(size,) or (size, width): NaN, or -1 in integers, where no part has a value."""
+    """Join parts into an array (size,) or (size, width): NaN, or -1 in integers, where no part has a value."""
     kinds = [values.dtype for _, values in parts]
     whole = all(k.kind in "iu" for k in kinds)
     kind = np.dtype(float) if not whole else np.dtype(np.int32 if max(k.itemsize for k in kinds) <= 4 else np.int64)
@@ -187,7 +187,7 @@ def write(root: h5py.Group, mesh: Mesh, name: str, cells: Sequence[tuple[MedType
 
 
 def _fields(path: str, mesh: Mesh, said: list[str]) -> dict[str, list[_Part]]:
-    """Name in the file -> arrays; one field for the arrays that share name, width and kind of number."""
+    """Arrays by the field's name in the file; arrays that share name, width and type of number make one field."""
     alike: dict[tuple[str, str, int], list[_Part]] = {}
     for nodes, data in ((False, mesh.cell_data), (True, mesh.node_data)):
         for key, given in data.items():
@@ -210,7 +210,7 @@ def _fields(path: str, mesh: Mesh, said: list[str]) -> dict[str, list[_Part]]:
 
 
 def _storable(given: NDArray) -> NDArray | None:
-    """(n, width) of float64, int32 or int64; None for what no field can hold."""
+    """Data as (n, width) of float64, int32 or int64; None if no field can hold them."""
     values = np.asarray(given)
     if values.dtype.kind not in "fiub" or not values.size or (values.dtype == np.uint64 and values.max() >= 2**63):
         return None
@@ -219,7 +219,7 @@ def _storable(given: NDArray) -> NDArray | None:
 
 
 def title(path: Any, name: str, what: str, said: list[str], taken: Container[str] = ()) -> str:
-    """A name that an HDF5 link and libmed can hold, and that is not taken. Raises WriteError where it is too long."""
+    """Name that an HDF5 link and libmed can hold, and that is not `taken`. Raises WriteError if it is too long."""
     link = name.replace("/", "_").replace("\0", "_").rstrip(" ")
     link = link if link.strip(".") else f"{link}_"
     link = next(t for t in chain([link], (f"{link}_{k}" for k in count(2))) if t not in taken)
@@ -261,9 +261,9 @@ def _write_field(
 
 
 def _set_masks(holder: h5py.Group, used: Mapping[bool, int]) -> None:
-    """What libmed 4.1 asks first of a field or step: which entities (LEN), and of which types (LGC, LGN).
+    """Set the masks of a field or step that libmed 4.1 reads first: its entities (LEN) and their types (LGC, LGN).
 
-    A field also has how many of its steps have all of that (LAA, LCA, LNA; seen in files that medcoupling writes).
+    A field also has the number of its steps that have all of these (LAA, LCA, LNA; seen in files of medcoupling).
     """
     set_mask(holder, "LEN", sum(_NODES if nodes else _CELLS for nodes in used))
     for nodes, types in used.items():
@@ -273,7 +273,7 @@ def _set_masks(holder: h5py.Group, used: Mapping[bool, int]) -> None:
 def _write_part(
     step: h5py.Group, part: _Part, kind: np.dtype, supports: list[_Support], profiles: dict[bytes, str]
 ) -> int:
-    """Write the values that are there, or all where none is; the mask of the types that have any."""
+    """Write the rows that have a value, or all if none has; return the mask of the types written."""
     values = part.values
     present = ~(np.isnan(values) if kind.kind == "f" else values == -1).all(axis=1)
     if not present.any():

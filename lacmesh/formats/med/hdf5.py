@@ -1,4 +1,4 @@
-"""HDF5 as MED uses it: looking into a file that nobody vouches for, and writing one that libmed accepts.
+"""HDF5 for MED: checked reading of files that may be damaged, and writing of files that libmed accepts.
 
 Whatever is missing, damaged, of the wrong kind or size is a ReadError that names the place inside the file.
 When writing, every group tracks the order in which its links were created, or libmed fails in MEDfamilyCr; attributes
@@ -45,7 +45,7 @@ def text(name: Any) -> str:
 
 
 def reason(error: BaseException) -> str:
-    """What HDF5 has to say, on one line and without what every such sentence begins with; the system's word if any.
+    """Message of an HDF5 error on one line, without its fixed beginning; the system's message if there is one.
 
     >>> reason(OSError("Unable to synchronously open file (truncated file: eof = 96, stored_eof = 2048)"))
     'it is cut short: 96 of its 2048 bytes are there'
@@ -66,7 +66,7 @@ def reason(error: BaseException) -> str:
 
 @contextmanager
 def opened(path: Path) -> Iterator[Branch]:
-    """The root of a file, for reading. Raises ReadError, also for damage met while inside."""
+    """Open a file for reading and yield its root. Raises ReadError, also for damage found inside the block."""
     try:
         size = path.stat().st_size
         with h5py.File(path, "r") as file:
@@ -77,7 +77,7 @@ def opened(path: Path) -> Iterator[Branch]:
 
 @dataclass(frozen=True)
 class Branch:
-    """A group of a file; each look inside gives what was asked for or raises ReadError."""
+    """A group of a file; every access returns what was asked for or raises ReadError."""
 
     path: Path
     group: h5py.Group
@@ -102,12 +102,12 @@ class Branch:
 
     @property
     def ordered(self) -> bool:
-        """Whether the file keeps the order in which the group's links were created."""
+        """True if the file keeps the order in which the group's links were created."""
         with self._looking_at(""):
             return bool(self.group.id.get_create_plist().get_link_creation_order())
 
     def has(self, name: Name) -> bool:
-        """Whether the group has a link of that name."""
+        """True if the group has a link of that name."""
         with self._looking_at(name):
             return name in self.group
 
@@ -128,12 +128,12 @@ class Branch:
         return Branch(self.path, self._open(name, h5py.Group), self.file_size)
 
     def branches(self) -> Iterator[tuple[Name, Branch]]:
-        """All the groups inside, which must be groups."""
+        """Yield all links with their groups. Raises ReadError for a link that is not to a group."""
         for name in self.names():
             yield name, self.branch(name)
 
     def has_attribute(self, name: str, *, of: Name = "") -> bool:
-        """Whether the group, or the dataset `of`, has an attribute of that name."""
+        """True if the group, or the dataset `of`, has an attribute of that name."""
         holder = self._holder(of)
         with self._looking_at(f"{text(of)}@{name}"):
             return name in holder.attrs
@@ -178,7 +178,7 @@ class Branch:
         return text(value.reshape(-1)[0])
 
     def check_room(self, n_bytes: int, name: Name = "", packed: bool = True) -> None:
-        """Refuse an array that the file cannot hold: deflate packs 1032 to 1 at most, and MED itself packs nothing."""
+        """Raise ReadError for an array that the file cannot hold: deflate packs 1032:1 at most, MED packs nothing."""
         if n_bytes > (1032 * self.file_size if packed else self.file_size):
             raise self.error(f"declares {n_bytes} bytes, in a file of {self.file_size}", name)
 
@@ -203,15 +203,15 @@ class Branch:
             return values.astype(values.dtype.newbyteorder("="), copy=False)
 
     def integers(self, name: Name, size: int | None = None) -> Ints:
-        """(size,): the values of a dataset of integers."""
+        """Values of a dataset of integers, (size,)."""
         return self._numbers(name, "iu", size)
 
     def reals(self, name: Name, size: int | None = None) -> Floats:
-        """(size,): the values of a dataset of reals."""
+        """Values of a dataset of reals, (size,)."""
         return self._numbers(name, "f", size).astype(float, copy=False)
 
     def numbers(self, name: Name, size: int | None = None) -> NDArray:
-        """(size,): the values of a dataset of integers or reals."""
+        """Values of a dataset of integers or reals, (size,)."""
         return self._numbers(name, "iuf", size)
 
     def raw(self, name: Name) -> bytes:
@@ -225,7 +225,7 @@ class Branch:
 
 @contextmanager
 def created(path: Path) -> Iterator[h5py.Group]:
-    """The root of a new file. Raises WriteError where the disk refuses."""
+    """Create a file and yield its root. Raises WriteError if it cannot be written."""
     try:
         access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
         access.set_libver_bounds(h5py.h5f.LIBVER_EARLIEST, h5py.h5f.LIBVER_V110)
@@ -238,7 +238,7 @@ def created(path: Path) -> Iterator[h5py.Group]:
 
 
 def add_group(parent: h5py.Group, name: str, **attributes: int | float | str) -> h5py.Group:
-    """A new group, with attributes."""
+    """Create a group with attributes."""
     make = h5py.h5p.create(h5py.h5p.GROUP_CREATE)
     make.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
     group = h5py.Group(h5py.h5g.create(parent.id, encoded(name), gcpl=make))
@@ -247,12 +247,12 @@ def add_group(parent: h5py.Group, name: str, **attributes: int | float | str) ->
 
 
 def add_array(parent: h5py.Group, name: str, values: NDArray, **attributes: int) -> None:
-    """A new dataset, with attributes."""
+    """Create a dataset with attributes."""
     set_attributes(parent.create_dataset(name, data=values), **attributes)
 
 
 def set_attributes(holder: Any, **attributes: int | float | str) -> None:
-    """Attributes as MED wants them: 32-bit integers, 64-bit reals, fixed text."""
+    """Set attributes in the types that MED requires: 32-bit integers, 64-bit reals, text of fixed length."""
     for name, value in attributes.items():
         if isinstance(value, str):
             holder.attrs.create(name, np.bytes_(encoded(value)))
@@ -261,14 +261,14 @@ def set_attributes(holder: Any, **attributes: int | float | str) -> None:
 
 
 def set_mask(group: h5py.Group, name: str, value: int) -> None:
-    """A 32-bit mask as an attribute: MED wants HDF5's bit field, not an integer."""
+    """Set a 32-bit mask as an attribute: MED requires HDF5's bit field, not an integer."""
     kind = h5py.h5t.STD_B32LE
     attribute = h5py.h5a.create(group.id, name.encode(), kind, h5py.h5s.create(h5py.h5s.SCALAR))
     attribute.write(np.array(value, "<u4"), mtype=kind)
 
 
 def add_names(parent: h5py.Group, names: list[str], width: int = 80) -> None:
-    """The dataset NOM of a family's GRO: each name an array of `width` bytes, NUL at the end."""
+    """Write the dataset NOM of a family's GRO: each name as an array of `width` bytes, padded with NUL."""
     values = np.frombuffer(b"".join(encoded(n).ljust(width, b"\0") for n in names), np.int8).reshape(-1, width)
     kind = h5py.h5t.array_create(h5py.h5t.STD_I8LE, (width,))
     dataset = h5py.h5d.create(parent.id, b"NOM", kind, h5py.h5s.create_simple((len(names),)))

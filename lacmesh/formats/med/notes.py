@@ -1,4 +1,4 @@
-"""Our own notes in a MED file: what a mesh has and MED has not, as JSON in the group LACMESH at the root.
+"""Notes of lacmesh in a MED file: data of a mesh that MED has no place for, as JSON in the root group LACMESH.
 
 libmed, medcoupling and gmsh leave that group alone (and drop it when they write). The notes are the names of a cut's
 zones, msh's tags of the groups, and msh's model; where they are gone, the zones' names are derived from the groups.
@@ -20,7 +20,7 @@ HOME, PLACE = "LACMESH", "notes"
 
 
 def write(root: h5py.Group, mesh: Mesh, name: str) -> None:
-    """Write the notes of a mesh that is called `name` in the file, where there is anything to note."""
+    """Write the notes of a mesh that is called `name` in the file, if there is anything to note."""
     notes: dict[str, Any] = {}
     if mesh.zones:
         notes["zones"] = list(mesh.zones)
@@ -34,7 +34,7 @@ def write(root: h5py.Group, mesh: Mesh, name: str) -> None:
 
 
 def read(root: Branch, name: str, n_nodes: int, said: list[str]) -> dict[str, Any]:
-    """The fields `zones`, `group_tags` and `model` of the mesh `name`, as far as the file has them."""
+    """Read the fields `zones`, `group_tags` and `model` of the mesh `name`, as far as the file has them."""
     if not root.has(HOME):
         return {}
     raw = root.branch(HOME).raw(PLACE)

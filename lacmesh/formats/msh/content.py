@@ -1,7 +1,7 @@
-"""What a msh file holds, whatever its version, and the mesh that it makes.
+"""Content of a msh file, independent of its version, and its conversion to a mesh.
 
-The readers of the versions fill a `Content`; `to_mesh` puts the pieces together: numbers become indices, cells one
-block a type, physical tags groups, our notes what msh cannot say.
+The readers of the versions fill a `Content`; `to_mesh` assembles the mesh: numbers become indices, cells one block per
+type, physical tags groups, and our notes add what msh cannot hold.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from lacmesh.mesh import Floats, Ints, Mesh, Model, Periodic, Tag
 class Piece:
     """Cells of one type: `number` (m,), `nodes` (m, n of the type) by number.
 
-    `at`: the place of the first in the file, or of each; `entity` (2,) or (m, 2), (-1, -1) where it is unknown;
+    `at`: the position of the first in the file, or of each; `entity` (2,) or (m, 2), (-1, -1) where it is unknown;
     `partition`: one, or one for each, -1 for none; `groups`: physical groups that all of them are in;
     `physical` (m,): tags of physical groups of the cells' dimension, 0 for none.
     """
@@ -43,7 +43,7 @@ class Piece:
 
 
 class Repeats(NamedTuple):
-    """Elements that repeated another one for a further physical group: their numbers, whose they are, the group."""
+    """Elements that repeated cells `of` for a further physical group: both numbers, dimension and tag of the group."""
 
     number: Ints
     of: Ints
@@ -56,7 +56,7 @@ _NONE = np.empty(0, np.int64)
 
 @dataclass
 class Content:
-    """A file's content. `names`: (dimension or None, tag, name); `repeats`: elements that became one with others.
+    """A file's content. `names`: (dimension or None, tag, name); `repeats`: elements merged into others.
 
     `links`: slave, master, affine map, pairs of node numbers (m, 2). `elements_at`: where the elements begin.
     """
@@ -87,7 +87,7 @@ class _Cells:
 
 
 def to_mesh(content: Content) -> Mesh:
-    """The mesh that a file's content makes. Raises ReadError."""
+    """Convert a file's content to a mesh. Raises ReadError."""
     nodes = _node_index(content)
     notes = _fitting(content)
     _add_extra_cells(content, notes)
@@ -147,7 +147,7 @@ def _node_index(content: Content) -> Index:
 
 
 def _fitting(content: Content) -> Notes:
-    """Our notes, less the numbers where they were written for another mesh."""
+    """Our notes; what they say by number is dropped, with a warning, if they were written for another mesh."""
     notes = content.notes
     n_cells = sum(len(p.number) for p in content.pieces) + sum(len(c.number) for c in notes.extra_cells)
     numbered = notes.node_groups or notes.cell_groups or notes.extra_cells or notes.node_entity is not None
@@ -161,7 +161,7 @@ def _fitting(content: Content) -> Notes:
 
 
 def _add_extra_cells(content: Content, notes: Notes) -> None:
-    """The cells that our notes hold, as pieces, in their places among the others."""
+    """Add the cells that our notes hold, as pieces, at their positions among the others. Raises ReadError."""
     source = content.source
     n = sum(len(p.number) for p in content.pieces)
     extra = sum(len(c.number) for c in notes.extra_cells)
@@ -185,7 +185,7 @@ def _add_extra_cells(content: Content, notes: Notes) -> None:
 
 
 def _cells(content: Content, nodes: Index) -> _Cells:
-    """All pieces together, one block a type, in order of first appearance in the file."""
+    """Join all pieces, one block per type, in order of first appearance in the file. Raises ReadError."""
     pieces = [p for p in content.pieces if len(p.number)]
     kinds: dict[str, int] = {}
     start = [p.at if isinstance(p.at, int) else int(p.at.min()) for p in pieces]
@@ -233,7 +233,7 @@ def _file_order(pieces: list[Piece], first: list[int], total: int) -> Ints | Non
 
 
 def _cell_index(content: Content, cells: _Cells) -> Index:
-    """From numbers of cells, also of those merged into another, to indices."""
+    """Map from cell numbers, also of those merged into another, to indices. Raises ReadError."""
     if len(cells.number) and cells.number.min() < 1:
         number = cells.number.min()
         raise content.source.error(f"a cell has the number {number}; numbers start at 1", content.elements_at)
@@ -253,7 +253,7 @@ def _known(index: Index, number: Ints) -> tuple[Ints, int]:
 def _groups(
     content: Content, cells: _Cells, notes: Notes, index: Index
 ) -> tuple[dict[str, Ints], dict[str, tuple[Tag, ...]]]:
-    """name -> indices, and name -> tags, of the cell groups; a group without a name is named after its tag."""
+    """Indices and tags of the cell groups, by name; a group without a name is named after its tag."""
     members = _members(content, cells.first, index)
     named: dict[Tag, str] = {}
     for dim, tag, name in content.names:
@@ -286,7 +286,7 @@ def _joined(parts: list[Ints]) -> Ints:
 
 
 def _members(content: Content, first: list[int], index: Index) -> dict[Tag, list[Ints]]:
-    """Physical group -> the indices of its cells, in parts."""
+    """Indices of the cells of each physical group, in parts."""
     members: dict[Tag, list[Ints]] = {}
     small = np.int32 if sum(len(p.number) for p in content.pieces) < 2**31 else np.int64
     for p, a in zip(content.pieces, first, strict=True):
@@ -305,7 +305,7 @@ def _members(content: Content, first: list[int], index: Index) -> dict[Tag, list
 
 
 def _by_value(values: Ints) -> Iterator[tuple[int, Ints]]:
-    """Each value other than 0, and the rows that have it."""
+    """Yield each value other than 0, and the rows that have it."""
     order = np.argsort(values, kind="stable")
     ordered = values[order]
     cuts = np.flatnonzero(ordered[1:] != ordered[:-1]) + 1
@@ -315,7 +315,7 @@ def _by_value(values: Ints) -> Iterator[tuple[int, Ints]]:
 
 
 def _node_entity(content: Content, notes: Notes) -> Ints | None:
-    """(n, 2): the entities of nodes, from the file or from our notes."""
+    """Entities of the nodes, (n, 2), from the file or from our notes; None if unknown. Raises ReadError."""
     if content.node_entity is not None or notes.node_entity is None:
         return content.node_entity
     n = len(content.node_number)

@@ -1,4 +1,4 @@
-"""$NodeData and $ElementData: fields, each step a section of its own; between them and the arrays of a mesh.
+"""Conversion between the arrays of a mesh and $NodeData, $ElementData: fields, one section for each step.
 
 A header of text (name; time; step, components, rows, partition) is followed by rows: a number and its values, in binary
 an int of 4 bytes and doubles. Nodes or cells without a row have no value: NaN, or -1 in integers.
@@ -53,7 +53,7 @@ class Rows:
 
 
 def read_rows(source: Source, section: str) -> Rows:
-    """The section that starts here. Raises ReadError."""
+    """Read the section that starts here. Raises ReadError."""
     strings = [source.line() for _ in range(source.count(section))]
     reals = [source.line() for _ in range(source.count(section))]
     at = source.position
@@ -90,7 +90,7 @@ def _payload(source: Source, section: str, n: int, width: int) -> tuple[Ints, Fl
 def keys(heads: Sequence[Head]) -> list[tuple[str, Step | None]]:
     """The key of each array in a mesh, and its entry in `Mesh.steps` where it needs one.
 
-    A field of one step has its name for a key, others `name@0`, `name@1` ... by step and time.
+    The key of a field with one step is its name; with several steps, `name@0`, `name@1` ... by step and time.
 
     >>> keys([Head("node", "U", 0, 0.0), Head("node", "T", 0, 0.0), Head("node", "T", 1, 0.5)])[:2]
     [('U', None), ('T@0', Step(field='T', number=0, order=-1, time=0.0))]
@@ -114,7 +114,7 @@ def keys(heads: Sequence[Head]) -> list[tuple[str, Step | None]]:
 
 
 class Fields(NamedTuple):
-    """What the fields of a file are in a mesh; `stray` counts the rows that belong to nothing in it."""
+    """Fields of a file as arrays of a mesh; `stray` counts the rows of nodes or cells that the mesh lacks."""
 
     cell_data: dict[str, NDArray]
     node_data: dict[str, NDArray]
@@ -128,7 +128,7 @@ def to_mesh(
     index: Mapping[str, Index],
     notes: Mapping[tuple[str, str, int], FieldNote],
 ) -> Fields:
-    """The arrays that sections make; `index`: from numbers of nodes ("node") and cells ("cell") to their indices."""
+    """Convert sections to arrays; `index`: from numbers of nodes ("node") and cells ("cell") to their indices."""
     fields = Fields({}, {}, {}, 0)
     arrays = _joined(rows)
     budget = 64 * source.size + 2**28
@@ -156,7 +156,7 @@ def to_mesh(
 
 
 def _joined(rows: Sequence[Rows]) -> list[tuple[Head, list[Rows]]]:
-    """The sections that make one array together: the same step, on different partitions."""
+    """Group the sections that make one array together: the same step, on different partitions."""
     joined: dict[tuple[Head, int, int], list[Rows]] = {}
     seen: dict[tuple[Head, int, int], int] = {}
     for r in rows:
@@ -195,7 +195,7 @@ def to_file(
     steps: Mapping[str, Step],
     notes: dict[tuple[str, str, int], FieldNote],
 ) -> None:
-    """Write all arrays on nodes or cells; what the sections cannot say is added to `notes`. Raises WriteError."""
+    """Write all arrays on nodes or cells; what the sections cannot hold is added to `notes`. Raises WriteError."""
     section = next(s for s, what in SECTIONS.items() if what == on)
     for _, head, there, values in to_rows(path, on, data, steps, notes):
         width = values.shape[1]
@@ -211,9 +211,9 @@ def to_rows(
     steps: Mapping[str, Step],
     notes: dict[tuple[str, str, int], FieldNote],
 ) -> Iterator[tuple[str, Head, Ints, Floats]]:
-    """Each array on nodes or cells as (its key, its header, (m,) the indices that have values, (m, width) these).
+    """Yield each array on nodes or cells: its key, its header, the indices (m,) with values, these values (m, width).
 
-    What headers cannot say is added to `notes`. Raises WriteError, for `path`.
+    What headers cannot hold is added to `notes`. Raises WriteError, for `path`.
     """
     meant = {key: steps.get(key, Step(key, 0, -1, 0.0)) for key in data}
     heads = _heads(on, meant)
@@ -237,7 +237,7 @@ def to_rows(
 
 
 def _heads(on: str, meant: Mapping[str, Step]) -> list[Head]:
-    """How each array is called in the file; a step's number there is small, since gmsh makes room for all up to it."""
+    """Header of each array in the file; step numbers are kept small, as gmsh makes room for all up to the largest."""
     safe = safe_names(step.field for step in meant.values())
     numbers: dict[str, list[int]] = {}
     for step in meant.values():
@@ -254,7 +254,7 @@ def _heads(on: str, meant: Mapping[str, Step]) -> list[Head]:
 
 
 def _as_reals(path: Path, key: str, array: NDArray) -> tuple[Ints, Floats, bool]:
-    """The rows that have values, these as doubles, and whether they are integers."""
+    """Rows that have values, these values as doubles, and whether the array holds integers. Raises WriteError."""
     if array.dtype.kind not in "iufb":
         raise WriteError(path, f"the field {key!r} holds {array.dtype}, and msh holds numbers only")
     integer = array.dtype.kind in "iub"

@@ -1,7 +1,7 @@
 """Names in a msh file: between double quotes, on one line, short enough for gmsh; the true ones are kept in our notes.
 
-gmsh reads a line of 255 bytes, takes what stands before the second quote, and gives up the whole file where a line is
-longer (measured with 4.15).
+gmsh reads a line of 255 bytes, takes the text before the second quote, and rejects the whole file if a line is longer
+(measured with 4.15).
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ def decoded(raw: bytes) -> str:
 
 
 def quoted(line: bytes) -> str:
-    """What stands between the first and the last quote of a line; the whole line where there are not two."""
+    """Text between the first and the last quote of a line; the whole line if there are not two quotes."""
     found = re.search(rb'"(.*)"', line)
     return decoded(found[1] if found else line.strip().strip(b'"'))
 
 
 def safe_names(names: Iterable[str]) -> dict[str, str]:
-    """name -> name for the file: without quotes and control characters, not too long, distinct and not empty.
+    """Name in the file for each name: without quotes and control characters, not too long, distinct and not empty.
 
     >>> safe_names(["slave", 'a "b"', "a 'b'"])
     {'slave': 'slave', 'a "b"': "a 'b'~2", "a 'b'": "a 'b'"}
@@ -54,7 +54,7 @@ def _safe(name: str) -> str:
 
 
 def physical_names(source: Source) -> list[tuple[int | None, int, str]]:
-    """(dimension, tag, name) of each line of $PhysicalNames; msh 2.0 says no dimension. Raises ReadError."""
+    """Read (dimension, tag, name) of each line of $PhysicalNames; msh 2.0 has no dimension. Raises ReadError."""
     n = source.count("PhysicalNames")
     start = source.position
     lines = [line for line in source.body("PhysicalNames").splitlines() if line.strip()]

@@ -26,7 +26,7 @@ _LINE = 160
 
 
 class FieldNote(NamedTuple):
-    """What the section of a field does not say: its key in the mesh, its true name and step, its shape and type."""
+    """Properties of a field that its section cannot hold: its key in the mesh, true name and step, shape and type."""
 
     key: str
     name: str
@@ -51,7 +51,7 @@ class Notes:
     """The content of the section; `nodes`, `cells` count those of the mesh it belongs to.
 
     `groups`: names (and tags) of groups that $PhysicalNames cannot hold; `node_groups`, `cell_groups`: members by
-    number, for cell groups those that the elements' tags do not say; `node_entity` (r, 3): dimension, tag and how many
+    number, for cell groups those that the elements' tags do not give; `node_entity` (r, 3): dimension, tag and how many
     nodes of $Nodes in a row have it; `boundary`: entities and their signed boundary; `fields`: (on "node" or "cell",
     name in the file, step in the file) -> what is to be added.
     """
@@ -98,7 +98,7 @@ def to_text(notes: Notes) -> str:
 
 
 def _filled(text: str) -> str:
-    """Lines joined as long as they stay short."""
+    """Join lines as long as they stay short."""
     lines: list[str] = []
     room = 0
     for line in text.split("\n"):

@@ -21,7 +21,7 @@ CHUNK = 1 << 14
 
 
 def counts_up(numbers: Ints) -> bool:
-    """Whether numbers are 1, 2, ... n in order."""
+    """True if the numbers are 1, 2, ... n in order."""
     n = len(numbers)
     return n == 0 or (numbers[0] == 1 and numbers[-1] == n and np.array_equal(numbers, np.arange(1, n + 1)))
 
@@ -46,7 +46,7 @@ def _dense(numbers: Ints) -> bool:
 
 
 class Index:
-    """From numbers, (n,) distinct and positive, to their places 0..n-1; `more`: further numbers, for one of those."""
+    """Map from distinct positive numbers (n,) to indices 0..n-1; `more`: further numbers, which stand for `meant`."""
 
     def __init__(self, numbers: Ints, more: Ints | None = None, meant: Ints | None = None) -> None:
         self.n = len(numbers)
@@ -61,7 +61,7 @@ class Index:
 
     @cached_property
     def _table(self) -> Ints | None:
-        """number -> place, the last entry for what is unknown; None where numbers are too scattered for a table."""
+        """Table from number to index, the last entry (-1) for unknown numbers; None if numbers are too scattered."""
         if not _dense(self._numbers):
             return None
         table: Ints = np.full(int(self._numbers.max()) + 2, -1, np.int32 if self.n < 2**31 else np.int64)
@@ -89,7 +89,7 @@ class Index:
         return np.where(ordered[k] == numbers, places[k], -1)
 
     def convert(self, numbers: Ints, out: Ints) -> int | None:
-        """Write the places of rows of numbers to `out`; the first row that has an unknown one, or None."""
+        """Write the indices of rows of numbers to `out`; return the first row that has an unknown number, or None."""
         for a in range(0, len(numbers), CHUNK):
             piece = np.ascontiguousarray(numbers[a : a + CHUNK])
             places = piece - 1 if self._up else self.places(piece)

@@ -1,4 +1,4 @@
-"""Numbers and text into a msh file, in ASCII or binary, so that each section's layout is written down once."""
+"""Output of numbers and text to a msh file, ASCII or binary, so that each section's layout is coded once."""
 
 from __future__ import annotations
 
@@ -22,40 +22,40 @@ class Output:
         self.binary = binary
 
     def text(self, text: str) -> None:
-        """Text as it stands, in both kinds of file."""
+        """Write text unchanged, in ASCII and binary files."""
         self.file.write(text.encode())
 
     def array(self, array: NDArray) -> None:
-        """The bytes of an array, as they stand; for binary files."""
+        """Write the bytes of an array unchanged; for binary files."""
         self.file.write(np.ascontiguousarray(array).data)
 
     def end(self, name: str) -> None:
-        """The line that ends a section."""
+        """Write the line that ends a section."""
         self.text(f"\n$End{name}\n" if self.binary else f"$End{name}\n")
 
     def record(self, layout: str, *values: float) -> None:
-        """A few numbers: a line, or, in binary, bytes in the `layout` of the module struct."""
+        """Write a few numbers: a line, or, in binary, bytes in the `layout` of the module struct."""
         if self.binary:
             self.file.write(struct.pack("<" + layout, *values))
         else:
             self.text(" ".join(map(str, values)) + "\n")
 
     def int_rows(self, rows: Ints) -> None:
-        """Rows of integers (n, m), in binary of 8 bytes."""
+        """Write rows of integers (n, m), of 8 bytes in binary."""
         if self.binary:
             self.array(rows.astype("<i8", copy=False))
         else:
             self._lines("%d", [rows[:, j] for j in range(rows.shape[1])])
 
     def real_rows(self, rows: Floats) -> None:
-        """Rows of doubles (n, m)."""
+        """Write rows of doubles (n, m)."""
         if self.binary:
             self.array(rows.astype("<f8", copy=False))
         else:
             self._lines("%r", [rows[:, j] for j in range(rows.shape[1])])
 
     def numbered_rows(self, number: Ints, values: Floats) -> None:
-        """Rows of a number, in binary of 4 bytes, and doubles (n, m)."""
+        """Write rows of a number, of 4 bytes in binary, and doubles (n, m)."""
         if not self.binary:
             self._lines("%r", [number, *(values[:, j] for j in range(values.shape[1]))])
             return

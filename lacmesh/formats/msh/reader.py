@@ -1,4 +1,4 @@
-"""Reading msh: which version it is, then section by section."""
+"""Reading msh: the version, then section by section."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _SAVE_AS = "open it in gmsh and save it as msh 4.1"
 
 
 def read(path: Path) -> Mesh:
-    """The mesh in a msh file of version 2.0, 2.1, 2.2 or 4.1, ASCII or binary. Raises ReadError.
+    """Read the mesh in a msh file of version 2.0, 2.1, 2.2 or 4.1, ASCII or binary. Raises ReadError.
 
-    Warns of what the mesh has no place for, of sections that are unknown, and of whatever looks wrong.
+    Warns of content that a mesh has no place for, of unknown sections, and of whatever looks wrong.
     """
     source = Source(path)
     read_format(source)
@@ -80,7 +80,7 @@ def _read_version(source: Source) -> None:
 def _sections(
     source: Source, reader: msh_read2.Reader | msh_read4.Reader, dropped: dict[str, None]
 ) -> tuple[dict[str, None], set[str]]:
-    """Read all sections; the names of those that nobody knows, and of those that were there."""
+    """Read all sections; return the names of the unknown ones, and of all that are there. Raises ReadError."""
     content = reader.content
     unknown: dict[str, None] = {}
     seen: set[str] = set()

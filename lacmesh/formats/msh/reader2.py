@@ -42,7 +42,7 @@ class Reader:
         return True
 
     def finish(self) -> Content:
-        """The content, with elements that stood once for each group of a cell made one. Warns of them."""
+        """Complete the content: merge elements that repeat a cell for a group, and warn of them. Raises ReadError."""
         content = self.content
         number = np.concatenate([np.empty(0, np.int64), *(p.number for p in content.pieces)])
         twice = repeated(number) if len(number) and number.min() > 0 else None
@@ -141,7 +141,7 @@ class Reader:
         )
 
     def _read_periodic(self) -> None:
-        """Text in binary files too; `Affine` stands before the 16 numbers of a map, where there is one."""
+        """Read periodic links, text in binary files too; `Affine` precedes the 16 numbers of a map, if there is one."""
         numbers = TextNumbers(self.content.source, "Periodic", True, (b"Affine", b" -16 "))
         for _ in range(int(numbers.ints(1)[0])):
             dim, slave, master, n = numbers.ints(4).tolist()
@@ -157,9 +157,9 @@ class Reader:
 
 
 def _merge(piece: Piece) -> Repeats:
-    """Take out of a piece the elements that repeat another one for a further group; the smallest number stays.
+    """Remove from a piece the elements that repeat another one for a further group; the smallest number is kept.
 
-    They have the same nodes in the same order and the same entity, and each another group.
+    Repeats have the same nodes in the same order and the same entity, and each another group.
     """
     assert piece.physical is not None
     group, rows = _equal(piece)
@@ -186,7 +186,7 @@ def _merge(piece: Piece) -> Repeats:
 
 
 def _equal(piece: Piece) -> tuple[Ints, Ints]:
-    """Elements in a group that have the nodes and the entity of another one: which of them are alike, their rows."""
+    """Elements in a group with the nodes and entity of another one: a label for each set of equals, and their rows."""
     none = np.empty(0, np.int64)
     if piece.physical is None or piece.physical.min() == piece.physical.max():
         return none, none
@@ -207,7 +207,7 @@ def _equal(piece: Piece) -> tuple[Ints, Ints]:
 
 
 def _code(columns: list[Ints]) -> NDArray[np.uint64]:
-    """A number for each row of a table: equal rows have the same, others almost surely not."""
+    """Hash of each row of a table: equal rows have the same, different rows almost surely not."""
     weights = np.random.default_rng(0).integers(2**64, size=len(columns), dtype=np.uint64) | np.uint64(1)
     code = np.zeros(len(columns[0]), np.uint64)
     for column, weight in zip(columns, weights, strict=True):
@@ -216,7 +216,7 @@ def _code(columns: list[Ints]) -> NDArray[np.uint64]:
 
 
 def _close_gaps(pieces: list[Piece]) -> None:
-    """Count places in the file again, without the elements that were merged into others."""
+    """Renumber the positions in the file without the elements that were merged into others."""
     places = np.concatenate([np.asarray(p.at) for p in pieces])
     rank = np.empty(int(places.max()) + 1, np.int64)
     rank[np.sort(places)] = np.arange(len(places))

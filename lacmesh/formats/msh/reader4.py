@@ -20,7 +20,7 @@ _LARGEST = 2**31 - 1
 
 
 class _Entity(NamedTuple):
-    """What $Entities or $PartitionedEntities says of one entity, or of the part of one that lies in a partition."""
+    """Data of one entity in $Entities, or in $PartitionedEntities of the part of one that lies in a partition."""
 
     groups: tuple[Tag, ...] = ()
     boundary: tuple[int, ...] = ()
@@ -56,7 +56,7 @@ class Reader:
         return True
 
     def finish(self) -> Content:
-        """The content, complete: parents for parts of entities, the boundaries where there are any."""
+        """Complete the content: replace parts of entities by their parents, and add the boundaries if there are any."""
         for piece in self.content.pieces:
             entity = self._parts.get(piece.entity) or self._entities.get(piece.entity) or _Entity()
             piece.groups, piece.partition = entity.groups, entity.partition
@@ -89,7 +89,7 @@ class Reader:
         numbers.done()
 
     def _rest(self, numbers: Numbers, dim: int) -> tuple[tuple[Tag, ...], tuple[int, ...]]:
-        """What follows the name of an entity: its box, its physical groups, its boundary."""
+        """Read the rest of an entity, its box, physical groups and boundary; return the groups and the boundary."""
         numbers.reals(6 if dim else 3)
         groups = numbers.ints(_count(numbers)).tolist()
         boundary = numbers.ints(_count(numbers)).tolist() if dim else []
@@ -174,7 +174,7 @@ def _count(numbers: Numbers) -> int:
 
 
 def _upto(n: int) -> range:
-    """As many turns as a file announces; reading past its end stops them."""
+    """Range over a count that a file announces, at least 0; reading past the file's end stops the loop."""
     return range(max(n, 0))
 
 

@@ -1,8 +1,8 @@
-"""Where the elements of a msh 2 file stand, among numbers whose rows have many lengths.
+"""Positions of the elements of a msh 2 file among numbers whose rows have different lengths.
 
-In ASCII a record is one element: number, type, how many tags, tags, nodes. In binary it is a header (type, how many
-elements follow, how many tags) and those elements: number, tags, nodes; gmsh writes one element a header. Records alike
-are found by galloping, in steps that double; where they change all the time, one after the other.
+In ASCII a record is one element: number, type, count of tags, tags, nodes. In binary it is a header (type, count of
+elements that follow, count of tags) and those elements: number, tags, nodes; gmsh writes one element per header. Runs
+of equal records are found by galloping, in steps that double; records that keep changing are read one by one.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _WINDOW, _FEW = 1 << 16, 8
 
 
 class Elements(NamedTuple):
-    """For each element, in the file's order: gmsh's type, number of tags, place of its own number. `end`: after all."""
+    """Elements in the file's order: gmsh's type, number of tags and position of the number of each. `end`: past all."""
 
     kind: Ints
     n_tags: Ints
@@ -32,7 +32,7 @@ class Elements(NamedTuple):
 
 
 class _Key(NamedTuple):
-    """What a record says of itself, and so its length."""
+    """Leading numbers of a record, which fix its length: type, count of elements that follow, count of tags."""
 
     kind: int
     follow: int
@@ -41,7 +41,7 @@ class _Key(NamedTuple):
 
 @dataclass
 class _Found:
-    """Runs of records alike: which key, where the first stands, how many there are."""
+    """Runs of records with equal keys: the key, the position of the first record, and their count."""
 
     keys: dict[_Key, int] = field(default_factory=dict)
     key: list[int] = field(default_factory=list)
@@ -55,7 +55,7 @@ class _Found:
 
 
 def find(table: Ints, n: int, binary: bool, error: Callable[[str, int], ReadError]) -> Elements:
-    """The places of n elements; `error` makes the error for what stands at a place of the table.
+    """Find the positions of n elements; `error` makes the error for a position in the table.
 
     Raises ReadError for an unknown type, an impossible record, or a table that ends too early.
     """
@@ -74,7 +74,7 @@ def find(table: Ints, n: int, binary: bool, error: Callable[[str, int], ReadErro
 
 
 def _key(table: Ints, place: int, left: int, binary: bool, error: Callable[[str, int], ReadError]) -> _Key:
-    """What the record at a place says of itself, once it is known to make sense and to be whole."""
+    """Key of the record at a position, checked to be possible and complete. Raises what `error` makes."""
     if place + 3 > len(table):
         raise error(f"the elements end too early: {left} more were announced", place)
     first, second, third = table[place : place + 3].tolist()
@@ -89,7 +89,7 @@ def _key(table: Ints, place: int, left: int, binary: bool, error: Callable[[str,
 
 
 def _size(key: _Key) -> int:
-    """Tags and nodes of one element."""
+    """Count of tags and nodes of one element."""
     return key.n_tags + ALL_CELLS[TYPE_NAMES[key.kind]].n_nodes
 
 
@@ -98,7 +98,7 @@ def _length(key: _Key, binary: bool) -> int:
 
 
 def _alike(table: Ints, place: int, length: int, most: int, binary: bool) -> int:
-    """How many records from a place on begin as the first does, in at most `most`."""
+    """Number of records, from a position on and at most `most`, that begin as the first does."""
     columns = slice(0, 3) if binary else slice(1, 3)
     begin = table[place : place + 3][columns]
     times, step = 1, _FEW
@@ -114,7 +114,7 @@ def _alike(table: Ints, place: int, length: int, most: int, binary: bool) -> int
 
 
 def _walk(table: Ints, place: int, left: int, binary: bool, found: _Found) -> tuple[int, int]:
-    """Go through the records of a window one after the other; stop at one that is new, or not whole there."""
+    """Go through the records of a window one after the other; stop at one with a new key, or not complete in it."""
     window: list[int] = table[place : place + _WINDOW].tolist()
     lengths = {key: _length(key, binary) for key in found.keys}
     at = 0
@@ -130,7 +130,7 @@ def _walk(table: Ints, place: int, left: int, binary: bool, found: _Found) -> tu
 
 
 def _expanded(found: _Found, binary: bool, end: int) -> Elements:
-    """One row for each element of the runs."""
+    """Expand the runs to one row for each element."""
     keys = np.array(list(found.keys), np.int64).reshape(-1, 3)
     inner = np.array([1 + _size(key) for key in found.keys], np.int64)
     outer = np.array([_length(key, binary) for key in found.keys], np.int64)

@@ -1,8 +1,8 @@
-"""A msh file as sections and numbers: where we are in it, what comes next, and the error that says what is wrong where.
+"""Scanner of a msh file: its sections and numbers from the current position on, and errors that name the position.
 
 A section is `$Name`, its content, `$EndName`. The content is text, or, in a binary file, numbers of fixed sizes that
-only their own counts delimit; section names and lines of text stay text. `BinaryNumbers` and `TextNumbers` answer the
-same questions, so that each section's layout is written down once.
+only their own counts delimit; section names and lines of text stay text. `BinaryNumbers` and `TextNumbers` have the
+same methods, so that each section's layout is coded once.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ _MAPPED = 1 << 20
 
 
 class Source:
-    """The bytes of a file and the place reached; `order` is the byte order of its numbers ("<" or ">")."""
+    """The bytes of a file and the position reached; `order` is the byte order of its numbers ("<" or ">")."""
 
     def __init__(self, path: Path, head: bytes = b"") -> None:
-        """`head`: the first bytes of the file, where they are enough."""
+        """Open a file; `head`: its first bytes, if they are enough."""
         self.path = path
         self.position = 0
         self.section_start = 0
@@ -38,7 +38,7 @@ class Source:
         self.size = len(self.data)
 
     def error(self, message: str, at: int | None = None) -> ReadError:
-        """The error to raise for what stands at byte `at` (here: the start of the section)."""
+        """Make the error for byte `at` (default: the start of the section)."""
         at = self.section_start if at is None else min(at, self.size)
         line = self.data[:at].count(b"\n") + 1
         return ReadError(self.path, message, f"byte {at}" if self.binary else f"line {line}")
@@ -67,7 +67,7 @@ class Source:
         return None
 
     def body(self, name: str) -> bytes:
-        """All that stands before `$EndName`, which is passed. Raises ReadError where that line is missing."""
+        """Everything before `$EndName`, which is skipped. Raises ReadError if that line is missing."""
         mark = b"$End" + name.encode()
         at = self.position - 1
         while True:
@@ -93,7 +93,7 @@ class Source:
         return taken
 
     def end(self, name: str) -> None:
-        """Pass `$EndName`, which must stand here, after the numbers of a binary section."""
+        """Skip `$EndName`, which must stand here, after the numbers of a binary section. Raises ReadError."""
         at = self.position
         while self.data[at : at + 1] in (b"\n", b"\r", b" "):
             at += 1
@@ -144,11 +144,11 @@ class BinaryNumbers:
         return self.source.take(self.source.order + "f8", n)
 
     def error(self, message: str) -> ReadError:
-        """The error to raise for the numbers read last."""
+        """Make the error for the numbers read last."""
         return self.source.error(message, self.source.position)
 
     def done(self) -> None:
-        """Pass the end of the section. Raises ReadError where it should not be."""
+        """Skip the end of the section. Raises ReadError if it does not stand here."""
         self.source.end(self.name)
 
 
@@ -188,7 +188,7 @@ class TextNumbers:
         return self._take(n)
 
     def error(self, message: str) -> ReadError:
-        """The error to raise for the numbers read last."""
+        """Make the error for the numbers read last."""
         at = self.start
         left = self.place
         for line in self.source.data[self.start : self.source.position].splitlines(keepends=True):
@@ -199,12 +199,12 @@ class TextNumbers:
         return self.source.error(message, at)
 
     def error_at(self, message: str, place: int) -> ReadError:
-        """The error to raise for the number at a place, from 0, of the section."""
+        """Make the error for a number of the section, counted from 0."""
         self.place = place + 1
         return self.error(message)
 
     def done(self) -> None:
-        """Raises ReadError where numbers are left over."""
+        """Raise ReadError if numbers are left over."""
         if self.place < len(self.values):
             self.place += 1
             raise self.error(f"the section ${self.name} should end here")
@@ -214,7 +214,7 @@ Numbers: TypeAlias = BinaryNumbers | TextNumbers
 
 
 def _parsed(source: Source, text: bytes, start: int, kind: type) -> NDArray:
-    """The numbers of a text that stands at byte `start`. Raises ReadError at the line of what is no number."""
+    """Numbers of a text that stands at byte `start`. Raises ReadError with the line of the first that is no number."""
     values = _fromstring(text, kind)
     if values is not None:
         return values
@@ -229,7 +229,7 @@ def _parsed(source: Source, text: bytes, start: int, kind: type) -> NDArray:
 
 
 def _fromstring(text: bytes, kind: type) -> NDArray | None:
-    """The numbers of a text, or None where something else is among them."""
+    """Numbers of a text; None if anything else is among them."""
     if not text or text.isspace():
         return np.empty(0, kind)
     try:

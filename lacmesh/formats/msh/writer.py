@@ -1,4 +1,4 @@
-"""Writing msh: what goes into the format, what into our notes, section by section."""
+"""Writing msh, section by section; what the format cannot hold goes into our notes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _LARGEST = 2**31 - 1
 
 
 def write(path: Path, mesh: Mesh, version: str = "4.1", binary: bool = True) -> None:
-    """Write a mesh as msh `version` ("4.1" or "2.2"), binary or ASCII, over what is there.
+    """Write a mesh as msh `version` ("4.1" or "2.2"), binary or ASCII, replacing any content.
 
     Raises WriteError for numbers that the format cannot hold. Warns of what only lacmesh reads again (TRIA7) or what
     changes (partitions in 4.1, numbers that are not distinct).
@@ -76,7 +76,7 @@ def _check_limits(path: Path, version: str, nodes: Ints, cells: Ints, on_nodes: 
 
 
 def _partition(mesh: Mesh) -> Ints | None:
-    """The partition of each cell, -1 for none, where msh 2.2 can hold it as a tag."""
+    """Partition of each cell, -1 for none, if msh 2.2 can hold all of them as tags; else None."""
     values = mesh.cell_data.get("partition")
     if values is None or values.ndim != 1 or values.dtype.kind not in "iu":
         return None
@@ -88,7 +88,7 @@ def _partition(mesh: Mesh) -> Ints | None:
 
 
 def names_of(mesh: Mesh, entities: Assignment, notes: Notes) -> list[tuple[Tag, str]]:
-    """Physical groups and their names; what names cannot hold, and groups that nothing else tells of, is noted."""
+    """Tags and names of the physical groups; altered names, and groups that no other section shows, are noted."""
     names = []
     safe = safe_names(mesh.cell_groups)
     for name, cells in mesh.cell_groups.items():
@@ -107,12 +107,12 @@ def _write_names(out: Output, names: list[tuple[Tag, str]]) -> None:
 
 
 def _nameless(name: str, tags: tuple[Tag, ...]) -> bool:
-    """Whether a group has no name in msh: its key is only its tag."""
+    """True if a group has no name in msh: its key is only its tag."""
     return len(tags) == 1 and name == unnamed(tags[0])
 
 
 def add_numbers(notes: Notes, mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints, version: str) -> None:
-    """Note what the sections of a msh file, or a model of gmsh (as 4.1), cannot hold of the mesh itself."""
+    """Add to the notes what the sections of a msh file, or a model of gmsh (as 4.1), cannot hold of the mesh itself."""
     notes.name = None if mesh.name == "mesh" else mesh.name
     notes.zones = tuple(mesh.zones)
     if Mesh.create(mesh.points, [(b.type, b.nodes[:1]) for b in mesh.blocks]).space_dim != mesh.space_dim:
@@ -150,7 +150,7 @@ def _extra_cells(mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints) -> 
 def _further_members(
     mesh: Mesh, entities: Assignment, cells: Ints, lacking: NDArray[np.bool_], version: str
 ) -> dict[str, Ints]:
-    """Members of groups that the elements' tags do not tell: further groups in msh 2.2, cells that msh lacks."""
+    """Members of groups that the elements' tags do not hold: further groups in msh 2.2, cells that msh lacks."""
     first = msh_write2.first_group(entities)
     further: dict[str, Ints] = {}
     for name, members in mesh.cell_groups.items():
@@ -166,7 +166,7 @@ def _further_members(
 
 
 def _entity_runs(entities: Assignment) -> Ints:
-    """(r, 3): dimension and tag of the entity of nodes in a row, and how many of them."""
+    """Runs of consecutive nodes on one entity, (r, 3): its dimension, its tag, and the number of nodes."""
     row = entities.node
     begin = np.flatnonzero(np.append(True, row[1:] != row[:-1])) if len(row) else np.empty(0, np.int64)
     tags = np.array([(e.dim, e.tag) for e in entities.entities], np.int64).reshape(-1, 2)

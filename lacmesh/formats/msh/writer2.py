@@ -20,7 +20,7 @@ _WINDOW = 1 << 17
 def write_sections(
     out: Output, mesh: Mesh, entities: Assignment, node_number: Ints, cell_number: Ints, partition: Ints | None
 ) -> None:
-    """$Nodes, $Elements, $Periodic; `partition` (n_cells,), or None, becomes tags. Types that msh lacks are passed."""
+    """Write $Nodes, $Elements, $Periodic; `partition` (n_cells,) or None becomes tags. Types msh lacks are skipped."""
     out.text(f"$Nodes\n{mesh.n_nodes}\n")
     out.numbered_rows(node_number, mesh.points)
     out.end("Nodes")
@@ -29,7 +29,7 @@ def write_sections(
 
 
 def first_group(entities: Assignment) -> Ints:
-    """For each entity the tag of the physical group that msh 2.2 has room for, 0 for none."""
+    """Tag of the one physical group of each entity that msh 2.2 has room for, 0 for none."""
     return np.array([e.groups[0] if e.groups else 0 for e in entities.entities], np.int64)
 
 
@@ -98,7 +98,7 @@ class _Rows:
 
 
 def _write_periodic(out: Output, mesh: Mesh, node_number: Ints) -> None:
-    """Text, in binary files too."""
+    """Write the periodic links, as text in binary files too."""
     links = () if mesh.model is None else mesh.model.periodic
     if not links:
         return

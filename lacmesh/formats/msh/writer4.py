@@ -24,7 +24,7 @@ class _Chunk(NamedTuple):
 
 
 def write_sections(out: Output, mesh: Mesh, entities: Assignment, node_number: Ints, cell_number: Ints) -> None:
-    """$Entities, $Nodes, $Elements, $Periodic. Cells of types that msh lacks are passed over."""
+    """Write $Entities, $Nodes, $Elements, $Periodic. Cells of types that msh lacks are skipped."""
     node_chunks = list(_runs(entities.node, np.arange(mesh.n_nodes)))
     chunks = list(_chunks(mesh, entities))
     _write_entities(out, mesh, entities, node_chunks, chunks)
@@ -98,7 +98,7 @@ def _write_entities(
 
 
 def _widen(box: Floats, points: Floats) -> None:
-    """Make a box (6,), least and greatest coordinates, hold points (n, 3) too."""
+    """Enlarge a box (6,), least and greatest coordinates, in place to contain points (n, 3) too."""
     if len(points):
         for axis in range(3):  # numpy takes twenty times as long for the minimum over axis 0 of (n, 3)
             box[axis] = np.fmin(box[axis], points[:, axis].min())
@@ -106,7 +106,7 @@ def _widen(box: Floats, points: Floats) -> None:
 
 
 def _touched(mesh: Mesh, chunk: _Chunk) -> Floats:
-    """The points of a chunk's cells, each once."""
+    """Points of a chunk's cells; those of a small chunk may be repeated."""
     nodes = mesh.blocks[chunk.block].nodes
     if chunk.size * nodes.shape[1] < mesh.n_nodes:
         return mesh.points[nodes[chunk.cells].ravel()]

@@ -1,7 +1,7 @@
 """VTU, the XML files of VTK's unstructured grids, which ParaView, pyvista and dolfinx read and write.
 
 Our own reader and writer, on numpy alone: VTK weighs 600 MB, and meshio joins the names of sets that overlap, and
-crashes on sets that are empty somewhere. What is written is described in `vtu/write.py`; every encoding that VTK
+crashes on sets that are empty somewhere. What is written is described in `vtu/writer.py`; every encoding that VTK
 writes is read (`vtu/xml.py`).
 """
 

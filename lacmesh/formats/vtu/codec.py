@@ -25,15 +25,16 @@ DAMAGE = (ValueError, IndexError, OverflowError, MemoryError, zlib.error, lzma.L
 
 
 class Coding(NamedTuple):
-    """How the arrays of a file are coded: byte order ("<", ">"), type of a header's integers, the compressor's name."""
+    """Coding of a file's arrays: byte order ("<", ">"), type of a header's integers, the compressor's name."""
 
     order: Order
     header: np.dtype
     compressor: str
 
     def array(self, raw: bytes | memoryview, base64_text: bool, most: int | None = None) -> bytes:
-        """The bytes of the array that starts where `raw` does; `most`: of a compressed one that claims more, none are
-        expanded, as a thousand may come of each. Raises ValueError and others of DAMAGE.
+        """Decode the array that starts where `raw` does. Raises ValueError and others of DAMAGE.
+
+        `most`: a compressed array that claims more bytes is not expanded, as each byte may give a thousand.
         """
         return bytes(self._packed(raw, base64_text, most) if self.compressor else self._plain(raw, base64_text))
 
@@ -123,7 +124,7 @@ _EXPAND: dict[str, Callable[[bytes, int], bytes]] = {
 
 
 def numbers(data: bytes, kind: np.dtype, order: Order) -> NDArray:
-    """The values in bytes, of the machine's order. Raises ValueError."""
+    """Values in bytes of some order, as native numbers. Raises ValueError."""
     if len(data) % kind.itemsize:
         raise ValueError(f"{len(data)} bytes are no whole number of {kind}")
     return np.frombuffer(data, kind.newbyteorder(order)).astype(kind)

@@ -12,7 +12,7 @@ Whole = int | np.integer
 
 @kernel
 def _extended(data: NDArray[np.uint8], at: Whole, length: Whole) -> tuple[Whole, Whole]:
-    """A length of 15 goes on in bytes, up to one that is not 255: the length (-1 past the end), and the next place."""
+    """Extend a length of 15 by bytes up to one that is not 255; return it (-1 past the end) and the next position."""
     if length < 15:
         return length, at
     while at < len(data):
@@ -26,7 +26,7 @@ def _extended(data: NDArray[np.uint8], at: Whole, length: Whole) -> tuple[Whole,
 
 @kernel
 def expand(data: NDArray[np.uint8], out: NDArray[np.uint8]) -> Whole:
-    """Fill `out` from the block `data`; how many bytes were filled, -1 where the block makes no sense.
+    """Expand the block `data` into `out`; return the number of bytes written, -1 if the block is damaged.
 
     A block is a row of sequences: a token (length of literals, length of a match less 4, each in 4 bits), more of the
     first length, the literals, how far back the match starts (2 bytes), more of the second length. The last sequence

@@ -1,4 +1,4 @@
-"""Reading VTU: pieces, cells of every type that lacmesh has, arrays (`arrays.py` says what they are in a mesh)."""
+"""Reading VTU: pieces, cells of every type that lacmesh has, arrays (`arrays.py` describes their meaning)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Piece(NamedTuple):
 
 
 def read(path: Path) -> Mesh:
-    """The mesh of a VTU file. Raises ReadError; what is left out is named in one LacmeshWarning."""
+    """Read the mesh of a VTU file. Raises ReadError; what is left out is named in one LacmeshWarning."""
     said: list[str] = []
     document = opened(path)
     grid = document.root.find("UnstructuredGrid")
@@ -90,7 +90,7 @@ def _cells(document: Document, element: Element, n_points: int, k: int) -> Cells
 
 
 def _last(ends: Ints | None) -> int:
-    """Where the last cell ends; 0 where there is none."""
+    """End of the last cell in the connectivity; 0 if there is none."""
     return max(int(ends[-1]), 0) if ends is not None and len(ends) else 0
 
 
@@ -138,13 +138,13 @@ def _mesh(document: Document, grid: Element, pieces: list[_Piece], said: list[st
 
 
 def _is_old(document: Document) -> bool:
-    """Whether the file numbers Lagrange hexahedra as VTK 8 did."""
+    """True if the file orders the nodes of Lagrange hexahedra as VTK 8 did."""
     parts = document.root.get("version", "0.1").split(".")
     return [int(p) for p in parts if p.isdigit()] < [2, 1]
 
 
 def blocks_of(source: Any, cells: Cells, old: bool) -> tuple[dict[str, Ints], Ints]:
-    """Nodes of the cells by type, in our order, and (n_cells,) where each stood; `source.error` makes the error."""
+    """Nodes by type, in lacmesh's order, and the position (n_cells,) of each cell; `source.error` makes the error."""
     width = np.diff(cells.ends, prepend=0)
     code = cells.types.astype(np.int64) << 32 | width
     parts: dict[str, list[tuple[Ints, Ints]]] = {}
@@ -175,7 +175,7 @@ def blocks_of(source: Any, cells: Cells, old: bool) -> tuple[dict[str, Ints], In
 
 
 def _notes(document: Document, grid: Element, n_nodes: int, said: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Fields of the mesh that the notes in FieldData tell, and all that they hold."""
+    """Mesh fields from the notes in FieldData, and the notes themselves."""
     arrays = {array.get("Name", ""): array for array in grid.findall("FieldData/")}
     others = [name for name in arrays if name != NOTES]
     if others:

@@ -145,7 +145,7 @@ OF_NUMBER = {(kind.number, len(kind.nodes)): kind for kind in (*READ_TOO, *VTK_T
 
 
 def lagrange_8_to_9(n_nodes: int) -> Places:
-    """Where VTK 9 and its files of version 2.1 and later look for the nodes of a Lagrange hexahedron of VTK 8.
+    """Permutation of a Lagrange hexahedron's nodes from VTK 8's order to VTK 9's (files of version 2.1 and later).
 
     The last two vertical edges changed places.
 

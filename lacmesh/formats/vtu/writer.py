@@ -42,7 +42,7 @@ def quoted(text: str) -> str:
 
 
 class _Array(NamedTuple):
-    """An array as it stands in the file: its name, values (n,) or (n, m); `field`: it is on no cell or node."""
+    """An array as it stands in the file: its name, values (n,) or (n, m); `field`: it belongs to no cells or nodes."""
 
     name: str
     values: NDArray
@@ -50,7 +50,7 @@ class _Array(NamedTuple):
 
     @property
     def head(self) -> str:
-        """What the element of XML says of it."""
+        """Attributes of the array's XML element."""
         kind = self.values.dtype
         width = self.values.shape[1] if self.values.ndim == 2 else 1
         components = f' NumberOfComponents="{width}"' if width > 1 else ""
@@ -60,7 +60,7 @@ class _Array(NamedTuple):
 
 
 def write(path: Path, mesh: Mesh, *, binary: bool = True, compress: bool = False) -> None:
-    """Write a mesh over what `path` holds; `binary`: or as text; `compress`: with zlib, a third of the size.
+    """Write a mesh, over what `path` holds; `binary`: raw bytes, else text; `compress`: with zlib, a third of the size.
 
     Raises WriteError for a cell that VTK lacks. What is left out is named in a LacmeshWarning.
     """
@@ -83,7 +83,7 @@ def check_types(path: Path, mesh: Mesh, whose: str) -> None:
 
 
 def _sections(mesh: Mesh, said: list[str]) -> dict[str, list[_Array]]:
-    """What stands where in the file."""
+    """Arrays of each section of the file."""
     arrays = to_arrays(mesh, said, legal)
     notes = np.frombuffer(to_json(mesh, **arrays.notes).encode("ascii"), np.uint8)
     return {
@@ -129,7 +129,7 @@ def vtk_cells(mesh: Mesh) -> tuple[Ints, Ints, Ints]:
 
 
 def _version(mesh: Mesh) -> str:
-    """2.1 where a cell has the node order of VTK 9, else one that every ParaView reads."""
+    """Version of the file: 2.1 if a cell has the node order of VTK 9, else one that every ParaView reads."""
     kinds = {OF_TYPE[kind].number for kind in mesh.cells_by_type}
     return "2.1" if LAGRANGE_HEXAHEDRON in kinds else "1.0"
 
@@ -184,7 +184,7 @@ def _little(values: NDArray) -> NDArray:
 
 
 def _packed(values: NDArray) -> list[bytes]:
-    """Blocks compressed by themselves, and before them how many, how large, how large the last, how large packed."""
+    """Blocks compressed one by one, after a header: their number, their size, that of the last, compressed sizes."""
     raw = _little(np.ascontiguousarray(values)).tobytes()
     blocks = [zlib.compress(raw[a : a + BLOCK], 1) for a in range(0, len(raw), BLOCK)]
     head = [len(blocks), BLOCK, len(raw) % BLOCK, *map(len, blocks)]
@@ -192,7 +192,7 @@ def _packed(values: NDArray) -> list[bytes]:
 
 
 def _write_text(put: Callable[[str], None], values: NDArray) -> None:
-    """Values as text, a row a line, reals by the fewest digits that read back the same."""
+    """Write values as text, one row per line, reals with the fewest digits that read back the same."""
     form = "%r" if values.dtype.kind == "f" else "%d"
     if values.dtype == np.float32:
         form = "%.9g"

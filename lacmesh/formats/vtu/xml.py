@@ -1,6 +1,6 @@
-"""The XML of a VTU file: its elements, and the arrays that they stand for, in whatever encoding.
+"""XML of a VTU file: its elements, and their arrays in any encoding.
 
-A file whose arrays stand in one block of raw bytes at its end is no XML from there on: the head is parsed by itself.
+If the arrays stand in one block of raw bytes at the end, the file is not XML from there on: the head is parsed alone.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Document:
         return ReadError(self.path, message, place)
 
     def count(self, element: Element, name: str, default: int | None = None) -> int:
-        """An attribute that counts something."""
+        """Integer value of an attribute that counts something. Raises ReadError."""
         text = element.get(name)
         if text is None and default is not None:
             return default
@@ -59,7 +59,7 @@ class Document:
         return int(text)
 
     def array(self, element: Element, most: int | None = None) -> NDArray:
-        """The values of a DataArray, flat; `most`: how many there may be, where that is known, of a compressed one."""
+        """Values of a DataArray, flat; `most`: the largest possible number of values in a compressed one, if known."""
         kind = _KINDS.get(element.get("type", ""))
         if kind is None:
             raise self.error(f"the type {element.get('type')!r} is not known", _place(element))
@@ -93,7 +93,7 @@ def _place(element: Element) -> str:
 
 
 def opened(path: Path) -> Document:
-    """A VTU file. Raises ReadError."""
+    """Open a VTU file. Raises ReadError."""
     try:
         data = path.read_bytes()
     except OSError as error:

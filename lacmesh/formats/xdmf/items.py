@@ -46,7 +46,7 @@ class Source:
         return self.heavy[name]
 
     def children(self, element: Element) -> list[Element]:
-        """What is in an element, with what it includes from elsewhere in the file."""
+        """Children of an element, including those that it refers to elsewhere in the file. Raises ReadError."""
         found: list[Element] = []
         for child in element:
             if child.tag.endswith("}include") or child.tag == "xi:include":
@@ -73,7 +73,7 @@ class Source:
         return [child for child in place if child.tag in re.findall(r"\w+", found.group(2))]
 
     def item(self, parent: Element) -> tuple[Element, str]:
-        """The DataItem of an element, and where it stands: equal for the same array."""
+        """The DataItem of an element, and its text, which is equal for the same array. Raises ReadError."""
         for child in self.children(parent):
             if child.tag == "DataItem":
                 return child, " ".join("".join(child.itertext()).split())

@@ -1,4 +1,4 @@
-"""Where the cells start in a mixture of XDMF, which only a walk from cell to cell tells: a numba kernel."""
+"""Numba kernel that finds where the cells start in a mixture of XDMF, by a walk from cell to cell."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from lacmesh.kernels import kernel
 
 @kernel
 def starts(values: NDArray[np.int64], width: NDArray[np.int64], found: NDArray[np.int64]) -> int:
-    """Fill `found` with the places in `values` where a cell starts; how many, or -1 - place where none can.
+    """Write the positions in `values` where cells start to `found`; return their number, or -1 - position of an error.
 
-    `width[number]`: how many values a cell of that number of XDMF takes with its number, 0 where there is no such cell.
+    `width[number]`: values that a cell of that number of XDMF takes with its number, 0 where there is no such cell.
     """
     at, n = 0, 0
     while at < len(values):

@@ -32,7 +32,7 @@ _DEEPEST = 50
 
 
 class _Grid(NamedTuple):
-    """A uniform grid: its name and time, its element's children, and what its points and cells are told apart by."""
+    """A uniform grid: its name and time, its element's children, and keys that identify its points and its cells."""
 
     name: str
     time: float | None
@@ -42,14 +42,14 @@ class _Grid(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Cells that came from one grid, where among its cells they stood, and attributes on them."""
+    """Cells that came from one grid, and the attributes on them."""
 
     cells: Cells
     data: dict[str, NDArray]
 
 
 def read(path: Path, mesh: str | None = None) -> Mesh:
-    """The mesh of an XDMF file, or the grid named `mesh`. Raises ReadError, RequestError; warns of what is left out."""
+    """Read the mesh of an XDMF file, or its grid `mesh`. Raises ReadError, RequestError; warns of what is left out."""
     said: list[str] = []
     try:
         text = path.read_bytes()
@@ -71,7 +71,7 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
 
 
 def _told(domain: Element, said: list[str]) -> dict[str, str]:
-    """What lacmesh wrote beside the arrays: name -> text."""
+    """Texts that lacmesh wrote into Information elements beside the arrays, by name."""
     found: dict[str, str] = {}
     for information in domain.iter("Information"):
         name = information.get("Name", "")
@@ -96,7 +96,7 @@ def _check_halves(source: Source, mark: str | None) -> None:
 def _grids(
     source: Source, parent: Element, time: float | None = None, inside: tuple[Element, ...] = ()
 ) -> Iterator[_Grid]:
-    """The uniform grids of a domain or collection, which stands in those of `inside`."""
+    """Yield the uniform grids of a domain or collection; `inside`: the elements that contain it. Raises ReadError."""
     if parent in inside or len(inside) > _DEEPEST:
         raise source.error("includes itself, or stands too deep inside others", f"<Grid Name={parent.get('Name')!r}>")
     for element in (child for child in source.children(parent) if child.tag == "Grid"):
@@ -120,7 +120,7 @@ def _time(source: Source, element: Element) -> float | None:
 
 
 def _key(source: Source, children: list[Element], tag: str) -> str:
-    """What is equal where two grids have the same points, or cells."""
+    """Key that is equal for two grids with the same points (tag Geometry) or cells (Topology)."""
     found = _only(source, children, tag)
     return f"{found.get('TopologyType')} {source.item(found)[1]}"
 
@@ -133,7 +133,7 @@ def _only(source: Source, children: list[Element], tag: str) -> Element:
 
 
 def _chosen(source: Source, grids: list[_Grid], wanted: str | None, said: list[str]) -> list[_Grid]:
-    """The grids that make the mesh: those of the name, or all, which then stand on the same points."""
+    """Grids that make the mesh: those named `wanted`, or all; all share points. Raises ReadError, RequestError."""
     if not grids:
         raise source.error("holds no grid")
     if wanted is not None:
@@ -280,7 +280,7 @@ def _put_together(
     noted: dict[str, Any],
     said: list[str],
 ) -> Mesh:
-    """The mesh of all parts."""
+    """Assemble the mesh from all parts."""
     sizes = [len(p.cells.ends) for p in parts]
     starts = np.cumsum([0, *(len(p.cells.connectivity) for p in parts)])
     cells = Cells(
@@ -298,7 +298,7 @@ def _put_together(
 
 
 def _own(data: dict[str, NDArray], place: Ints, noted: dict[str, Any]) -> tuple[dict[str, NDArray], Ints]:
-    """Without the attributes that are no data of the mesh; the places that our file gave the cells."""
+    """Data without the attributes that lacmesh's writer added, and the cells' positions in the order that it noted."""
     own = noted.get("own", [])
     order = data.get(PLACE)
     data = {name: values for name, values in data.items() if name not in own}
@@ -311,7 +311,7 @@ def _own(data: dict[str, NDArray], place: Ints, noted: dict[str, Any]) -> tuple[
 
 
 def _noted_groups(noted: dict[str, Any]) -> dict[str, Ints]:
-    """Every group that our file tells of, in its order, still empty: one without a cell has no attribute."""
+    """All groups noted in a file of lacmesh, in order and still empty: a group without cells has no attribute."""
     names = noted.get("names", {}).get("cell", {})
     keys = [key for key in noted.get("groups", []) if isinstance(key, str)]
     return {str(names.get(key, key.removeprefix(GROUP))): np.empty(0, np.int64) for key in keys}
@@ -320,7 +320,7 @@ def _noted_groups(noted: dict[str, Any]) -> dict[str, Ints]:
 def _without_repeats(
     blocks: dict[str, Ints], place: Ints, data: dict[str, NDArray], parts: list[_Part], part: Ints
 ) -> tuple[dict[str, Ints], Ints, dict[str, NDArray]]:
-    """Cells that stand in an earlier part left out, their attributes handed to it; `part` (n,): of each cell."""
+    """Leave out cells that repeat one of an earlier part, which gets their attributes; `part` (n,): of each cell."""
     first = np.arange(len(place))
     begin = 0
     for nodes in blocks.values():

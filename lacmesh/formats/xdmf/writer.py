@@ -55,10 +55,10 @@ class _Grid(NamedTuple):
 
 
 class _Sink(Protocol):
-    """Where arrays go."""
+    """Destination of the arrays: the text of the XML, or an HDF5 file."""
 
     def item(self, place: str, values: NDArray, packed: bool) -> str:
-        """Put an array there, and say in XML where it is."""
+        """Store an array, and return the XML of the DataItem that refers to it."""
 
 
 def write(path: Path, mesh: Mesh, *, heavy: Path | None = None, link: str = "", compress: bool = False) -> None:
@@ -90,7 +90,7 @@ def write(path: Path, mesh: Mesh, *, heavy: Path | None = None, link: str = "", 
 
 
 def is_ours(heavy: Path) -> bool:
-    """Whether an HDF5 file is the second half of an XDMF file that lacmesh wrote."""
+    """True if an HDF5 file is the second half of an XDMF file that lacmesh wrote."""
     try:
         with h5py.File(heavy, "r") as file:
             return ID in file.attrs
@@ -124,7 +124,7 @@ class _Heavy:
         self.root, self.link, self.compress, self.digest = root, link, compress, 0
 
     def item(self, place: str, values: NDArray, packed: bool) -> str:
-        """Write the array as the dataset `place`; a DataItem that names it."""
+        """Write the array as the dataset `place`, and return the DataItem that names it."""
         values = np.ascontiguousarray(values)
         options = {}
         if (packed or self.compress) and values.size:
@@ -143,7 +143,7 @@ def _shape(values: NDArray) -> str:
 
 
 def _information(name: str, value: str) -> str:
-    """A text under a name; as an element of XML in the text of an Information, since meshio wants that there."""
+    """Information with a named text, which is wrapped in an XML element of its own, as meshio expects."""
     return f'<Information Name="{name}" Value="">{escape(f"<told value={quoteattr(value)}/>")}</Information>\n'
 
 
@@ -156,7 +156,7 @@ def told(information: ElementTree.Element) -> str:
 
 
 def _domain(mesh: Mesh, sink: _Sink, said: list[str]) -> str:
-    """The grids, and what is told beside them."""
+    """XML of the domain: the grids, with the Information elements in the first."""
     arrays = to_arrays(mesh, said, legal)
     tags, table = _tags(mesh)
     tags_name = TAGS
@@ -186,7 +186,7 @@ def _domain(mesh: Mesh, sink: _Sink, said: list[str]) -> str:
 
 
 def _tags(mesh: Mesh) -> tuple[Ints, dict[str, list[str]]]:
-    """(n_cells,): 0, or a number for each set of groups that a cell is in; and the groups of each number."""
+    """Number of the set of groups that each cell is in (n_cells,), 0 for none; and the groups of each number."""
     family, families = derive(mesh.cell_groups, np.zeros(mesh.n_cells, np.int8))
     used = families[: int(family.max(initial=0)) + 1]
     return family.astype(np.int32), {str(k): list(groups) for k, groups in enumerate(used) if groups}
@@ -200,7 +200,7 @@ def _widened(values: NDArray) -> NDArray:
 
 
 def _says_nothing(name: str, values: NDArray, *, first: bool, own: list[str]) -> bool:
-    """Whether an array can be left out on a grid: no cell in the group, or no value, and not the `first` grid."""
+    """True if an array can be left out on a grid: no cell in the group; or no value, and not the `first` grid."""
     if name in own:
         return False
     if name.startswith(GROUP):
@@ -226,7 +226,7 @@ def _geometry(mesh: Mesh, sink: _Sink) -> str:
 
 
 def _topology(mesh: Mesh, grid: _Grid, sink: _Sink) -> str:
-    """The cells of a grid: a table of nodes where they are of one type, else each with the number of its type."""
+    """Topology of a grid: a table of nodes for cells of one type, else a mixture with the type number of each cell."""
     chosen = [(OF_TYPE[name], cells, n[:, VTK_OF_TYPE[name].nodes]) for name, cells, n in mesh.select(grid.cells)]
     if len(chosen) < 2:
         kind = chosen[0][0] if chosen else XDMF_TYPES[0]
