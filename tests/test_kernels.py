@@ -205,6 +205,15 @@ def test_a_kernel_s_key_changes_with_the_kernels_it_calls_and_what_they_name():
     assert len(keys) == 4
 
 
+def test_a_kernel_s_key_does_not_change_with_its_docstring():
+    def key(words):
+        names = {"kernel": kernels.kernel, "__name__": "some"}
+        exec(f"@kernel\ndef one(x):\n    '{words}'\n    return x + 1\n", names)
+        return Kernel.known.pop().key
+
+    assert key("One word.") == key("Another.")
+
+
 def test_what_cannot_be_kept_beside_the_package_is_kept_for_the_user(tmp_path, monkeypatch):
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "mine"))

@@ -107,9 +107,10 @@ class Kernel:
 
     def parts(self) -> Iterator[bytes]:
         """Yield everything on which the compiled form depends, as bytes."""
+        words = self._function.__doc__  # which changes nothing
         for code in _codes(self._function.__code__):
             yield code.co_code
-            yield repr([c for c in code.co_consts if not isinstance(c, CodeType)]).encode()
+            yield repr([c for c in code.co_consts if not isinstance(c, CodeType) and c != words]).encode()
         for name, value in self.named():
             yield name.encode()
             if isinstance(value, Kernel):
