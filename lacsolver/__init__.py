@@ -1,4 +1,4 @@
-"""The LAC contact solver: a case says what, lacmesh cuts the mesh. Nothing is loaded until it is used."""
+"""The LAC contact solver, for a case file and a mesh cut by lacmesh. Its modules are imported on first use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`lacsolver` and `python -m lacsolver`: the command, interrupted or not while it is still being loaded."""
+"""Entry point of `lacsolver` and `python -m lacsolver`; an interruption while modules load is handled too."""
 
 import gc
 import signal
@@ -6,13 +6,13 @@ import sys
 
 
 def main() -> int:
-    """Run the command; the exit status."""
+    """Run the command and return its exit status."""
     try:
         from lacsolver.cli import main as run
 
         status = run()
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and said
-        gc.freeze()  # nor does Python look for cycles in all that was imported, a fifth of a short run
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # everything is written and printed
+        gc.freeze()  # no garbage collection of all imports at exit, a fifth of a short run
         return status
     except KeyboardInterrupt:
         print("lacsolver: error: interrupted; nothing was written", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Contact matrices for those with a solver of their own: B, G, w of one pair of skins, without material or load."""
+"""Contact matrices for use in another solver: B, G, w of one pair of skins, without material or load."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from lacsolver.space.values import Value
 
 @dataclass(frozen=True, eq=False)
 class ContactMatrices:
-    """Contact of two skins where they stand, a row each macro-element (m,).
+    """Contact matrices of two skins in one configuration, one row per macro-element (m,).
 
     `B` (m, d n_nodes): B v = int (v(x) - v(x_bar)).n; the gap integral at displacement u is `G` - B u. `w`: measure of
-    the covered part, `area`, `coverage` w / area. `normal`, `centre` (m, d). `macro` (m,): the macro-element's number
+    the covered part; `area`; `coverage`: w / area. `normal`, `centre` (m, d). `macro` (m,): number of the macro-element
     in the cut; `node` (n_nodes,): node numbers of the file: columns d i .. d i + d - 1 are those of node i. `mesh`: the
-    cut one. Areas are of the whole circle in axisymmetry, of a unit thickness in a plane.
+    cut mesh. Areas are those of the full circle in axisymmetry, of unit thickness in a plane.
     """
 
     B: csr_array
@@ -41,7 +41,7 @@ class ContactMatrices:
 
     @classmethod
     def of(cls, interface: Interface, mesh: Mesh) -> ContactMatrices:
-        """Those of an interface of a mesh."""
+        """Return the contact matrices of an interface of a mesh."""
         i = interface
         return cls(
             i.B, i.G, i.w, i.area, i.coverage, i.normal, i.centre, i.zone.number, mesh.node_number, mesh,
@@ -62,10 +62,10 @@ def contact_matrices(
     clearance: Value = 0.0,
     x: Floats | None = None,
 ) -> ContactMatrices:
-    """The contact matrices of two groups of skin cells; a slave that is not cut is cut first (`hexa`).
+    """Return the contact matrices of two groups of skin cells; a slave that is not cut is cut first (`hexa`).
 
-    `x` (n_nodes of the cut mesh, 3): where nodes are, if not where the mesh has them. Options as in the case's
-    [[contact]]. Raises GroupNotFoundError, CutError, DataError, RequestError.
+    `x` (n_nodes of the cut mesh, 3): deformed coordinates of the nodes; None for those of the mesh. Other options as in
+    the case's [[contact]]. Raises GroupNotFoundError, CutError, DataError, RequestError.
 
     >>> low = [[0, 0], [1, 0], [1, 1], [0, 1]]
     >>> up = [[0, 1], [1, 1], [1, 2], [0, 2]]
@@ -82,9 +82,9 @@ def contact_matrices(
 
 
 def write_matrices(path: Path, made: ContactMatrices, *, mtx: bool = False) -> None:
-    """Write matrices to `path` (.npz), B in its parts (`B_data`, `B_indices`, `B_indptr`, `B_shape`).
+    """Write matrices to `path` (.npz), with B as its CSR arrays (`B_data`, `B_indices`, `B_indptr`, `B_shape`).
 
-    `mtx`: B also beside it, in Matrix Market's format. Raises WriteError.
+    `mtx`: write B also to a second file, in Matrix Market's format. Raises WriteError.
     """
     B = made.B
     arrays = {

@@ -1,4 +1,4 @@
-"""A run: a case solved from its first step to its last, everything written on the way."""
+"""A run: solution of a case from its first step to its last, with its output."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def run(
     told: Callable[[Told], None] | None = None,
     stepped: Callable[[StepFigures], None] | None = None,
 ) -> Results:
-    """Solve a case and write it into a folder; `start`: a state to go on from.
+    """Solve a case and write its results into a folder; `start`: a state to restart from.
 
-    `told` hears of every iteration, `stepped` of every converged step. Raises NotConvergedError after the last state
-    tried is written, what `Problem.of` and `Writer` raise, and DataError for a state of another case or mesh; an
-    interrupted run leaves what had converged.
+    `told` is called for every iteration, `stepped` for every converged step. Raises NotConvergedError after the last
+    state tried is written, the errors of `Problem.of` and `Writer`, and DataError for a state of another case or mesh.
+    An interrupted run leaves the steps that have converged.
     """
     clock = Clock()
     with clock.phase("mesh"):
@@ -49,11 +49,11 @@ def run(
         if start is not None:
             check_same(start, prints)
     made = _Run(Answer(problem), clock, Results(_version(), sizes=_sizes(problem)), start.number if start else 0)
-    writer: Writer | None = None  # the folder is taken over once there is something to write: nothing is lost before
+    writer: Writer | None = None  # made once there is something to write, so that no earlier results are lost before
     try:
         with clock.phase("solve"):
             for state in march(problem, start=start, told=told):
-                with clock.phase("results"), signals_wait():  # a step is told in all places or in none
+                with clock.phase("results"), signals_wait():  # a step is in all files or in none
                     writer = writer or Writer(folder, case, problem.space, prints)
                     made.add(state)
                     writer.step(made.results, made.fields_of(state), made.restart(state))
@@ -77,7 +77,7 @@ def run(
 
 @dataclass
 class Clock:
-    """Seconds of each phase; one inside another counts for itself alone."""
+    """Seconds of each phase; a phase inside another is not counted in the outer one."""
 
     seconds: dict[str, float] = field(default_factory=dict)
     _open: list[str] = field(default_factory=list)
@@ -85,7 +85,7 @@ class Clock:
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
-        """Time what is done inside."""
+        """Add the time spent in this context to a phase."""
         self._spend()
         self._open.append(name)
         try:
@@ -103,7 +103,7 @@ class Clock:
 
 @dataclass
 class _Run:
-    """What is known of a run so far."""
+    """A run so far: its results, number of steps, and last state."""
 
     answer: Answer
     clock: Clock
@@ -113,11 +113,11 @@ class _Run:
 
     @property
     def problem(self) -> Problem:
-        """What is solved."""
+        """The problem that is solved."""
         return self.answer.problem
 
     def add(self, state: State) -> None:
-        """Take a converged step."""
+        """Add a converged step to the results."""
         self.number += 1
         self.last = state
         step = self.answer.figures(state)
@@ -125,20 +125,23 @@ class _Run:
         self.results = replace(self.told(), steps=(*self.results.steps, step), stress=ranges)
 
     def fields_of(self, state: State) -> Callable[[], Fields]:
-        """What makes the fields of a state, when they are asked for."""
+        """Return a function that computes the fields of a state when it is called."""
         return lambda: self.answer.fields(state)
 
     def restart(self, state: State) -> Restart:
-        """What to go on from."""
+        """Return a converged state for a restart."""
         size = state.next_step if np.isfinite(state.next_step) else self.problem.case.steps.last
         return Restart.of(state, size, self.number)
 
     def told(self) -> Results:
-        """The results with what time and memory came to."""
+        """Return the results with current timings and peak memory."""
         return replace(self.results, timings=dict(self.clock.seconds), memory=peak_memory())
 
     def ended(self, error: BaseException) -> tuple[Results, Callable[[], Fields] | None]:
-        """The results of a run that an error or a signal ended, and the fields of the state that it was at."""
+        """Return the results of a run ended by an error or a signal, and a function for the last state's fields.
+
+        The function is None unless the run did not converge.
+        """
         failed = isinstance(error, Exception)
         results = replace(self.told(), status="failed" if failed else "interrupted", message=str(error))
         if isinstance(error, NotConvergedError):
@@ -147,7 +150,7 @@ class _Run:
 
 
 def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
-    """What looks wrong in the answer of a run that is done."""
+    """Return warnings about doubtful results of a finished run."""
     told = list(_strangers(problem, made.results))
     if made.last is not None:
         told += warnings_of(made.last.held, made.last.prescribed)
@@ -158,7 +161,7 @@ def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
 
 
 def _strangers(problem: Problem, results: Results) -> Iterator[str]:
-    """Zones that moved and at no time had a face of the master in front of one of the slave."""
+    """Yield a warning for each zone whose slave had no master in front of it at any step."""
     for joint in problem.joints:
         seen = [step.contact[joint.name] for step in results.steps]
         if seen and not any(zone.active + zone.open for zone in seen):

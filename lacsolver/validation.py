@@ -1,7 +1,7 @@
-"""What a case finds in its mesh: everything that a run would be refused for, at once, and what it would solve.
+"""Validation of a case on its mesh: every mistake that would prevent a run, at once, and the sizes of the problem.
 
-mesh cut -> groups -> space -> laws, places, loads -> zones paired -> what is free to move. A stage is left out where
-one that it needs has failed; the others are gone through, so that one look tells all.
+groups -> mesh cut -> space -> laws, places, loads -> zones paired -> rigid-body motions. A stage is left out if one
+that it depends on has failed; the others are run in any case, so that one validation reports all mistakes.
 """
 
 from __future__ import annotations
@@ -31,16 +31,17 @@ from lacsolver.problem.skin import check_mesh, prepared
 from lacsolver.space.places import nodes_of
 from lacsolver.space.space import Space
 
-#: sections whose records are forces, each evaluated by itself
+#: sections whose records are loads, each evaluated by itself
 _LOADS = ("pressure", "traction", "force", "body_force", "temperature")
 
 
 @dataclass(frozen=True)
 class ZoneFound:
-    """A zone where the skins stand: names, `macros` and how many are `unpaired`, `covered` part of the slave's area.
+    """A zone in the undeformed configuration.
 
-    `gap`: least and largest mean gap of paired macro-elements, the clearance in it; NaN where there are none.
-    `overlap`: how far the slave lies behind the master where it is deepest, 0 where it does not.
+    `macros`: number of macro-elements; `unpaired`: number of those that are not paired; `covered`: fraction of the
+    slave's area. `gap`: least and largest mean gap of paired macro-elements, clearance included; NaN if there are none.
+    `overlap`: largest penetration of the slave into the master, 0 without overlap.
     """
 
     name: str
@@ -56,11 +57,12 @@ class ZoneFound:
 
 @dataclass
 class Validation:
-    """What was found. `mesh`: cut, `cut_here` if not in the file; `unknowns`: those left by what is prescribed.
+    """Result of a validation.
 
-    `whole`: each slave face is a macro-element as it is, and there is nothing to cut.
+    `mesh`: the cut mesh; `cut_here`: True if the cut was made here and not read from the file; `whole`: True if each
+    slave face is a macro-element by itself, so that nothing has to be cut; `unknowns`: number of unknowns q.
 
-    `held`: motions of bodies that contact alone stops, in words. `problems`: what a run would be refused for.
+    `held`: rigid-body motions that only contact constrains, in words. `problems`: mistakes that would prevent a run.
     """
 
     mesh: Mesh
@@ -74,7 +76,7 @@ class Validation:
 
     @contextmanager
     def looking(self, place: str = "") -> Iterator[None]:
-        """Keep what goes wrong inside; `place`: of the record looked at, for what does not say it itself."""
+        """Collect errors in this context; `place`: file and line of the record, for messages that do not name it."""
         try:
             yield
         except LacmeshError as error:
@@ -83,9 +85,9 @@ class Validation:
 
 
 def validate(case: Case, mesh: Mesh | None = None) -> Validation:
-    """Look at everything that a run of a case needs, short of solving it. Raises ReadError for the mesh's file.
+    """Check everything that a run of a case needs, without solving it. Raises ReadError for the mesh's file.
 
-    What is wrong is in `problems`, and nothing is raised for it.
+    Mistakes are returned in `problems`, and no error is raised for them.
     """
     mesh = lacmesh.read(case.mesh) if mesh is None else mesh
     found = Validation(mesh)
@@ -98,7 +100,7 @@ def validate(case: Case, mesh: Mesh | None = None) -> Validation:
 
 
 def _look(case: Case, found: Validation) -> None:
-    """Everything beyond the names of groups."""
+    """Check everything except the names of groups."""
     before = found.mesh
     with found.looking():
         check_mesh(case, before)
@@ -127,7 +129,7 @@ def _look(case: Case, found: Validation) -> None:
 
 
 def _whole(mesh: Mesh) -> bool:
-    """Whether there are macro-elements, each of one face."""
+    """True if the mesh has macro-elements, each of one face."""
     return is_cut(mesh) and Cut(mesh).n_macros == np.count_nonzero(Cut(mesh).macro_of_face >= 0)
 
 
@@ -148,7 +150,7 @@ def _look_at_laws_and_loads(case: Case, space: Space, found: Validation) -> None
 
 
 def _constraints(case: Case, space: Space, found: Validation) -> Constraints | None:
-    """The constraints, if all that is prescribed has its place."""
+    """Return the constraints, or None if the nodes of a prescribed record are not found or the constraints fail."""
     before = len(found.problems)
     placed: tuple[Displacement | Rigid, ...] = (*case.displacement, *case.rigid)
     for record in placed:
@@ -161,7 +163,7 @@ def _constraints(case: Case, space: Space, found: Validation) -> Constraints | N
 
 
 def _zones(case: Case, space: Space, found: Validation) -> list[tuple[Joint, Interface]]:
-    """The zones as they are paired at the start."""
+    """Return the contact pairs with their interfaces at the start; add the zones and mistakes to `found`."""
     faces: list[tuple[Joint, Interface]] = []
     records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
     for record in records:
@@ -188,7 +190,7 @@ def _zone_found(joint: Joint, face: Interface) -> ZoneFound:
 def _look_at_motions(
     case: Case, constraints: Constraints, faces: list[tuple[Joint, Interface]], found: Validation
 ) -> None:
-    """Motions of bodies that nothing but contact stops, and those that nothing stops at all."""
+    """Find rigid-body motions that only contact constrains, and report those that nothing constrains as a mistake."""
     space = constraints.space
     springs = None
     for probe in case.probe:

@@ -1,8 +1,8 @@
-"""How bodies answer a displacement: forces, tangent, stress, energy, with one signature for small and finite strains.
+"""Internal forces, tangent, stress and energy of bodies, with one interface for small and finite strains.
 
-Everything is asked for at a displacement u (n_dof,) and a time t, since temperatures depend on it. Springs to the
-ground are in forces, tangent and energy. What equilibrium sets against `internal_force` is `acting.load`, in which
-temperature is a load where kinematics are small, and is not where they are finite: there it is in the law.
+Everything is evaluated at a displacement u (n_dof,) and a time t, on which temperatures depend. Springs to the ground
+are included in forces, tangent and energy. In equilibrium `internal_force` balances the loads of `problem.acting`,
+which contain thermal forces under small kinematics; under finite kinematics temperature is part of the law instead.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from lacsolver.space.space import Space
 
 
 class Kinematics(Protocol):
-    """What equilibrium and output ask of bodies. `constant`: the tangent is the same for all u and t."""
+    """Interface of bodies for equilibrium and output. `constant`: the tangent is the same for all u and t."""
 
     @property
     def constant(self) -> bool:
-        """Whether one tangent serves all u and t."""
+        """True if the tangent is the same for all u and t."""
 
     def internal_force(self, u: Floats, t: float) -> NDArray[np.floating]:
-        """f_int (n_dof,). Raises InadmissibleError where u turns a cell inside out."""
+        """Return f_int (n_dof,), spring forces included. Raises InadmissibleError where u inverts a cell."""
 
     def tangent(self, u: Floats, t: float) -> csr_array:
-        """K (n_dof, n_dof) = df_int/du, symmetric. Raises InadmissibleError."""
+        """Return K = df_int/du (n_dof, n_dof), symmetric. Raises InadmissibleError."""
 
     def force_and_tangent(self, u: Floats, t: float) -> tuple[NDArray[np.floating], csr_array]:
-        """Both, for less than one after the other."""
+        """Return f_int and K, at a lower cost than by two calls."""
 
     def stress(self, u: Floats, t: float) -> Field:
-        """(cells, points, 4 or 6) for each block: Cauchy stress, its components those of `space.COMPONENTS`."""
+        """Return the Cauchy stress (cells, points, 4 or 6) of each block, in the components of `space.COMPONENTS`."""
 
     def energy(self, u: Floats, t: float) -> float:
-        """What bodies and springs store."""
+        """Return the energy stored in bodies and springs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,29 +61,29 @@ class Small:
 
     @cached_property
     def K(self) -> csr_array:
-        """(n_dof, n_dof): stiffness of bodies and springs."""
+        """Stiffness of bodies and springs, (n_dof, n_dof)."""
         K = csr_array(assemble_stiffness(self.space, self.materials, self.threads).tocsr())
         return K if self.springs is None else csr_array(K + self.springs)
 
     def internal_force(self, u: Floats, t: float) -> NDArray[np.floating]:
-        """K u."""
+        """Return K u."""
         return np.asarray(self.K @ checked(self.space, u))
 
     def tangent(self, u: Floats, t: float) -> csr_array:
-        """K."""
+        """Return K."""
         return self.K
 
     def force_and_tangent(self, u: Floats, t: float) -> tuple[NDArray[np.floating], csr_array]:
-        """K u, K."""
+        """Return K u and K."""
         return self.internal_force(u, t), self.K
 
     def stress(self, u: Floats, t: float) -> Field:
-        """C (strain - thermal strain)."""
+        """Return the stress C (strain - thermal strain)."""
         space, materials, threads = self.space, self.materials, self.threads
         return assemble.stress(space, materials, u, temperature=self.temperature, t=t, threads=threads)
 
     def energy(self, u: Floats, t: float) -> float:
-        """Half of stress times the strain that causes it, C^-1 stress."""
+        """Return half the integral of stress times elastic strain, C^-1 stress, plus the springs' energy."""
         C, _ = self.materials.tables
         inverse = np.linalg.pinv(C)  # plane stress: C has zeros for zz
         total = _stored(self.springs, u)
@@ -98,7 +98,10 @@ class Small:
 
 @dataclass(frozen=True, eq=False)
 class Finite:
-    """Finite strains: hyperelastic laws, K at every u. Raises RequestError for laws of small strains, when asked."""
+    """Finite strains: hyperelastic laws, and a K that depends on u.
+
+    Its methods raise RequestError for laws of small strains.
+    """
 
     space: Space
     materials: Materials
@@ -110,17 +113,17 @@ class Finite:
     constant = False
 
     def internal_force(self, u: Floats, t: float) -> NDArray[np.floating]:
-        """f_int of the bodies, and the springs' forces."""
+        """Return f_int of the bodies plus the springs' forces."""
         theta, threads = self.stretches(t), self.threads
         f = finite.internal_force(self.space, self.materials, u, stretches=theta, threads=threads)
         return f if self.springs is None else f + self.springs @ u
 
     def tangent(self, u: Floats, t: float) -> csr_array:
-        """K at u."""
+        """Return K at u."""
         return self.force_and_tangent(u, t)[1]
 
     def force_and_tangent(self, u: Floats, t: float) -> tuple[NDArray[np.floating], csr_array]:
-        """Both, in one pass over the cells."""
+        """Return f_int and K, in one pass over the cells."""
         theta, threads, values = self.stretches(t), self.threads, self._values
         f, blocks = finite.force_and_tangent(
             self.space, self.materials, u, stretches=theta, threads=threads, out=values
@@ -129,18 +132,18 @@ class Finite:
         return (f, K) if self.springs is None else (f + self.springs @ u, csr_array(K + self.springs))
 
     def stress(self, u: Floats, t: float) -> Field:
-        """Cauchy stress."""
+        """Return the Cauchy stress."""
         theta, threads = self.stretches(t), self.threads
         return finite.cauchy_stress(self.space, self.materials, u, stretches=theta, threads=threads)
 
     def energy(self, u: Floats, t: float) -> float:
-        """The bodies' energy, and the springs'."""
+        """Return the energy stored in bodies and springs."""
         theta, threads = self.stretches(t), self.threads
         stored = finite.energy(self.space, self.materials, u, stretches=theta, threads=threads)
         return stored + _stored(self.springs, u)
 
     def stretches(self, t: float) -> Field | None:
-        """Thermal stretches at a time; those of the last time asked about are kept."""
+        """Return the thermal stretches at time t; those of the last time are cached."""
         if t not in self._kept:
             self._kept.clear()
             self._kept[t] = finite.thermal_stretches(self.space, self.materials, self.temperature, t)
@@ -148,7 +151,7 @@ class Finite:
 
     @cached_property
     def _values(self) -> NDArray[np.floating]:
-        """Where the blocks of K are written each time."""
+        """Array for the blocks of K, reused by each evaluation."""
         return np.empty((len(self.space.pattern.indices), self.space.dim, self.space.dim))
 
 
@@ -161,7 +164,7 @@ def kinematics_of(
     temperature: Temperature | None = None,
     threads: int = 1,
 ) -> Kinematics:
-    """The kinematics that a case calls `small` or `finite`."""
+    """Return the kinematics for the name that a case gives, `small` or `finite`."""
     if name not in ("small", "finite"):
         raise ValueError(f"kinematics are small or finite, not {name!r}")
     make = Small if name == "small" else Finite

@@ -1,11 +1,10 @@
-"""Laws of small strains, and which cell has which.
+"""Laws of small strains, and the assignment of laws to cells.
 
 A law is a frozen record of constants that gives, in the components of `space.COMPONENTS` (engineering shear),
 C (6, 6): stress = C (strain - (T - T0) alpha), and alpha (6,): thermal strain per degree. A model reduces both: plane
-strain and axisymmetry take the first four components, plane stress eliminates the free zz. What the assembly reads is
-`Materials`: for every cell the number of its law, and one table of C and alpha per law; a law of finite strains comes
-beside it, with its stress and tangent at each point in place of one C for a whole cell, and assembles through the same
-`Model.selector`.
+strain and axisymmetry take the first four components, plane stress eliminates the free zz. The assembly reads
+`Materials`: the number of its law for every cell, and one table of C and alpha per law. Laws of finite strains
+(`bodies.finite`) are stored in `Materials` too, and give stress and tangent at each point instead of one C for a cell.
 
 Units: young, shear and C in stress; expansion in 1 / temperature; density in mass / volume.
 """
@@ -24,14 +23,14 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.space.space import Model, Space
 
-#: place of each component of stress in its tensor
+#: row and column of each component of stress in its tensor
 PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 _ROUNDING = 1e-12
 Three = tuple[float, float, float]
 
 
 class Law(Protocol):
-    """What the assembly asks of a law of small strains."""
+    """Interface of a law of small strains for the assembly."""
 
     @property
     def density(self) -> float:
@@ -39,18 +38,18 @@ class Law(Protocol):
 
     @property
     def reference_temperature(self) -> float:
-        """The temperature without thermal strain."""
+        """Temperature at which there is no thermal strain."""
 
     def elasticity(self) -> NDArray[np.floating]:
-        """C (6, 6), symmetric and positive."""
+        """Return C (6, 6), symmetric and positive definite."""
 
     def thermal_strain(self) -> NDArray[np.floating]:
-        """Alpha (6,): strain per degree, shear doubled."""
+        """Return alpha (6,): strain per degree, with engineering shear."""
 
 
 @dataclass(frozen=True)
 class Elastic:
-    """Isotropic and linear. Raises DataError for a stiffness that is zero or negative.
+    """Isotropic linear elasticity. Raises DataError for a stiffness that is zero or negative.
 
     >>> Elastic(young=200.0, poisson=0.25).elasticity()[0].tolist()
     [240.0, 80.0, 80.0, 0.0, 0.0, 0.0]
@@ -62,7 +61,7 @@ class Elastic:
     expansion: float = 0.0
     reference_temperature: float = 0.0
 
-    finite: ClassVar[bool] = False  # whether strains may be
+    finite: ClassVar[bool] = False  # True for laws of finite strains
 
     def __post_init__(self) -> None:
         _check_common(self.density, (self.expansion,), self.reference_temperature)
@@ -79,25 +78,25 @@ class Elastic:
         return 2 * mu * self.poisson / (1 - 2 * self.poisson), mu
 
     def elasticity(self) -> NDArray[np.floating]:
-        """C (6, 6)."""
+        """Return C (6, 6)."""
         lam, mu = self.lame
         C = np.diag([2 * mu] * 3 + [mu] * 3)
         C[:3, :3] += lam
         return C
 
     def thermal_strain(self) -> NDArray[np.floating]:
-        """Alpha (6,)."""
+        """Return alpha (6,)."""
         return self.expansion * np.array([1.0, 1, 1, 0, 0, 0])
 
 
 @dataclass(frozen=True)
 class Orthotropic:
-    """Linear, with three planes of symmetry.
+    """Orthotropic linear elasticity, with three planes of symmetry.
 
     `young` (E1, E2, E3); `poisson` (nu12, nu13, nu23), nu_ij = -strain_j / strain_i when stress_i acts alone, so that
-    nu_ij / E_i = nu_ji / E_j; `shear` (G12, G13, G23). `axes`: axis 1, and a second vector that with it spans the plane
-    of axes 1 and 2 (it need be neither unit nor square to it); axis 3 follows by the right hand. `expansion`: one
-    number, or one along each axis. Raises DataError where the constants store no energy in some strain.
+    nu_ij / E_i = nu_ji / E_j; `shear` (G12, G13, G23). `axes`: axis 1, and a second vector that spans the plane of axes
+    1 and 2 with it (it need be neither of unit length nor orthogonal); axis 3 follows by the right-hand rule.
+    `expansion`: one number, or one along each axis. Raises DataError where the compliance is not positive definite.
     """
 
     young: Three
@@ -126,7 +125,7 @@ class Orthotropic:
 
     @cached_property
     def directions(self) -> NDArray[np.floating]:
-        """(3, 3): a row each axis, unit, in x, y, z."""
+        """Unit vectors of the axes in x, y, z, one per row, (3, 3)."""
         axes = np.zeros((2, 3))
         if len(self.axes) != 2 or any(len(a) not in (2, 3) for a in self.axes):
             raise DataError(f"axes are two vectors of 2 or 3 components, not {self.axes}")
@@ -139,7 +138,7 @@ class Orthotropic:
         return np.asarray(frame / np.linalg.norm(frame, axis=1, keepdims=True))
 
     def _compliance(self) -> NDArray[np.floating]:
-        """(3, 3): normal strains from normal stresses, along the axes."""
+        """Return the compliance (3, 3) from normal stresses to normal strains, along the axes."""
         E, (nu12, nu13, nu23) = self.young, self.poisson
         S: NDArray[np.floating] = np.diag(1 / np.array(E, float))
         S[0, 1] = S[1, 0] = -nu12 / E[0]
@@ -148,7 +147,7 @@ class Orthotropic:
         return S
 
     def elasticity(self) -> NDArray[np.floating]:
-        """C (6, 6) in x, y, z."""
+        """Return C (6, 6) in x, y, z."""
         G12, G13, G23 = self.shear
         C = np.zeros((6, 6))
         C[:3, :3] = np.linalg.inv(self._compliance())
@@ -158,7 +157,7 @@ class Orthotropic:
         return (turned + turned.T) / 2
 
     def thermal_strain(self) -> NDArray[np.floating]:
-        """Alpha (6,) in x, y, z."""
+        """Return alpha (6,) in x, y, z."""
         Q = self.directions
         alpha = (Q.T * np.broadcast_to(self.expansion, 3)) @ Q
         return np.array([alpha[i, j] * (1 if i == j else 2) for i, j in PLACES])
@@ -173,7 +172,7 @@ def _check_common(density: float, expansion: Iterable[float], reference_temperat
 
 
 def _to_tensor(C: Floats) -> NDArray[np.floating]:
-    """(3, 3, 3, 3) from (6, 6)."""
+    """Return the tensor (3, 3, 3, 3) of a matrix C (6, 6)."""
     out = np.zeros((3, 3, 3, 3))
     for k, (i, j) in enumerate(PLACES):
         for m, (p, q) in enumerate(PLACES):
@@ -182,12 +181,12 @@ def _to_tensor(C: Floats) -> NDArray[np.floating]:
 
 
 def _from_tensor(C: Floats) -> NDArray[np.floating]:
-    """(6, 6) from (3, 3, 3, 3)."""
+    """Return the matrix (6, 6) of a tensor C (3, 3, 3, 3)."""
     return np.array([[C[i, j, p, q] for p, q in PLACES] for i, j in PLACES])
 
 
 def reduced(law: Law, model: Model) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """C (n, n) and alpha (n,) of a law in a model's n components.
+    """Return C (n, n) and alpha (n,) of a law in a model's n components.
 
     In plane stress zz is eliminated (its row and column are 0). Raises DataError for a law that couples a plane model
     with shear across its plane.
@@ -205,7 +204,7 @@ def reduced(law: Law, model: Model) -> tuple[NDArray[np.floating], NDArray[np.fl
 
 
 class Terms(NamedTuple):
-    """The entries of A that are not zero, law by law: law k has rows start[k]:start[k + 1].
+    """Nonzero entries of A, law by law: law k has rows start[k]:start[k + 1].
 
     `at` (m, 2): d s + t with s <= t, and l i + j; `value` (m,): A_sitj. `lame` (laws, 2): lambda and mu of isotropic
     laws; 0, 0 of the others.
@@ -219,7 +218,7 @@ class Terms(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Materials:
-    """The law of every cell: `laws`, and for each block of the space the place (k,) of each cell's law among them."""
+    """The law of every cell: `laws`, and for each block of the space the index (k,) of each cell's law in `laws`."""
 
     model: Model
     laws: tuple[Law, ...]
@@ -227,7 +226,7 @@ class Materials:
 
     @classmethod
     def of(cls, space: Space, given: Law | Sequence[tuple[Law, Sequence[str] | None]]) -> Materials:
-        """One law for the whole mesh, or (law, cell groups) pairs; None in place of groups means every cell.
+        """Assign one law to the whole mesh, or laws to cell groups by pairs; None in place of groups means every cell.
 
         Raises GroupNotFoundError; DataError for cells with no law or with two, or a group without cells of the body.
         """
@@ -253,19 +252,19 @@ class Materials:
 
     @cached_property
     def tables(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-        """C (laws, n, n) and alpha (laws, n), in the model's components."""
+        """Tables C (laws, n, n) and alpha (laws, n) in the model's components."""
         pairs = [reduced(law, self.model) for law in self.laws]
         return np.stack([C for C, _ in pairs]), np.stack([alpha for _, alpha in pairs])
 
     @cached_property
     def tensors(self) -> NDArray[np.floating]:
-        """A (laws, d, l, d, l): A_sitj = sum over k, m of S_kis C_km S_mjt, so that K_ab,st = int A_sitj L_ia L_jb."""
+        """Tensors A (laws, d, l, d, l): A_sitj = sum S_kis C_km S_mjt over k, m; K_ab,st = int A_sitj L_ia L_jb."""
         S = self.model.selector
         return np.einsum("kis,ckm,mjt->csitj", S, self.tables[0], S)
 
     @cached_property
     def terms(self) -> Terms:
-        """The entries of `tensors` that are not zero (above rounding), for s <= t: K is symmetric."""
+        """Entries of `tensors` that are not zero (above rounding), for s <= t only, since K is symmetric."""
         d, rows = self.model.dim, self.model.rows
         A = self.tensors
         used = np.abs(A) > 1e-15 * np.abs(A).max(axis=(1, 2, 3, 4), keepdims=True)
@@ -276,18 +275,18 @@ class Materials:
         return Terms(start, np.stack([d * s + t, rows * i + j], axis=1), A[used], lame)
 
     def check_small(self, instead: str) -> None:
-        """Raises RequestError where a law is one of finite strains; `instead`: the function that takes it."""
+        """Raise RequestError if a law is one of finite strains; `instead` names the function for those."""
         for law in self.laws:
             if getattr(law, "finite", False):
                 message = f"the law {type(law).__name__} is for finite strains, and this is linear elasticity"
                 raise RequestError(f"{message}; call {instead}, or take the law Elastic")
 
     def densities(self, block: int) -> NDArray[np.floating]:
-        """(k,): mass per volume of each cell of a block."""
+        """Return the mass per volume (k,) of each cell of a block."""
         return np.array([law.density for law in self.laws])[self.law[block]]
 
     def stress(self, block: int, cells: slice, strain: Floats, temperature: Floats | None) -> NDArray[np.floating]:
-        """(c, q, n): stress of some cells of a block from strain (c, q, n) and, if there is one, temperature (c, q).
+        """Return the stress (c, q, n) of some cells of a block from strain (c, q, n) and temperature (c, q) or None.
 
         A temperature that is NaN means none: no thermal strain there.
         """

@@ -1,11 +1,11 @@
-"""The case: what is solved, as a record that a TOML file or Python fills.
+"""The case: description of the problem to solve, as a record that is filled from a TOML file or from Python.
 
-    lines, document = the text in TOML, and where its keys stand           (lines, read)
-    drafts = each section, its keys read by the rows of the table          (keys, kinds, value, formula, draft)
-    mistakes = what may not stand together                                 (rules)
-    case = frozen records; every mistake was told at once, with its line   (records, case)
+    lines, document = the TOML text and the lines of its keys                    (lines, read)
+    drafts = each section, its keys read by the rows of the table of keys        (keys, kinds, value, formula, draft)
+    mistakes = combinations of keys that are not allowed                         (rules)
+    case = frozen records; all mistakes are reported at once, with their lines   (records, case)
 
-The rows of the table also make the schemas and the page of docs (schema). numpy is loaded when a value is evaluated.
+The rows of the table also give the schemas and the page of docs (schema). numpy is loaded when a value is evaluated.
 """
 
 from lacsolver.case.case import Case, Output, Probe, Solver, Steps

@@ -1,5 +1,5 @@
 # ruff: noqa: RUF009 (key and section make fields)
-"""The rest of the table of keys: the case as a whole, its steps, its solver, what it writes."""
+"""The rest of the table of keys: the whole case, its steps, solver, output and probes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from lacsolver.case.value import Value, with_values
 
 @dataclass(frozen=True, kw_only=True)
 class Probe(AtNodes):
-    """[[probe]]: a displacement that is kept, step by step."""
+    """[[probe]]: a displacement that is recorded after every step."""
 
     SECTION: ClassVar = Section(
         "probe", True, "displacement kept step by step: the mean over the nodes of a group, or of one node",
@@ -45,7 +45,7 @@ class Probe(AtNodes):
     name: str = key(Text("a name"), "", "what it is called", default=None, default_words="the group's name")
 
     def __post_init__(self) -> None:
-        """Read what was given, and name it."""
+        """Read the given values, and name the probe after its group if it has no name."""
         super().__post_init__()
         if self.name is None:
             object.__setattr__(self, "name", self.group)
@@ -53,7 +53,7 @@ class Probe(AtNodes):
 
 @dataclass(frozen=True, kw_only=True)
 class Steps(Entry):
-    """[steps]: from time 0 to the end. One that does not converge is halved."""
+    """[steps]: the steps from time 0 to the end. A step that does not converge is halved."""
 
     SECTION: ClassVar = Section(
         "steps", False, "times, from 0 on; a step that does not converge is halved",
@@ -74,18 +74,18 @@ class Steps(Entry):
 
     @property
     def planned(self) -> tuple[float, ...]:
-        """The times at which steps end, unless they are halved."""
+        """Times at which steps end, if none is halved."""
         return self.times or tuple(self.end * k / self.count for k in range(1, self.count + 1))
 
     @property
     def last(self) -> float:
-        """The time at which everything ends."""
+        """Time at which the last step ends."""
         return self.times[-1] if self.times else self.end
 
 
 @dataclass(frozen=True, kw_only=True)
 class Solver(Entry):
-    """[solver]: how equations are solved."""
+    """[solver]: linear solver, tolerance, iterations and tangent."""
 
     SECTION: ClassVar = Section("solver", False, "how equations are solved")
     backend: str = key(
@@ -118,7 +118,7 @@ class Solver(Entry):
 
 @dataclass(frozen=True, kw_only=True)
 class Output(Entry):
-    """[output]: what is written."""
+    """[output]: format of the fields, and steps or times at which they are written."""
 
     SECTION: ClassVar = Section("output", False, "what is written", not_both=(("every", "times"),))
     format: str = key(
@@ -132,10 +132,10 @@ class Output(Entry):
 
 @dataclass(frozen=True, kw_only=True)
 class Case(Entry):
-    """All that is to be solved. Checked as a whole when it is made; raises CaseError with every mistake.
+    """The whole problem to solve. It is checked when it is made; raises CaseError with every mistake.
 
-    Numbers under a load are ramped to `steps.last`, and a contact's `geometry` follows the kinematics. `path`: the file
-    it was read from.
+    Plain numbers of loads are ramped up to `steps.last`, and the default of a contact's `geometry` depends on the
+    kinematics. `path`: the file that the case was read from.
     """
 
     SECTION: ClassVar = Section("", False, "what is solved")
@@ -177,7 +177,7 @@ class Case(Entry):
     path: Path | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Check the whole, then say what depends on the whole. Raises CaseError, TypeError."""
+        """Check the whole case, then set the values that depend on it. Raises CaseError, TypeError."""
         super().__post_init__()
         for name, record in sections_of(Case).items():
             object.__setattr__(self, name, _records(name, record, getattr(self, name)))
@@ -190,7 +190,7 @@ class Case(Entry):
             object.__setattr__(self, name, done)
 
     def records(self) -> Iterator[tuple[tuple[str | int, ...], Entry]]:
-        """Every record of the sections, with its path: `("contact", 0)`, `("steps",)`."""
+        """Yield every record of the sections with its path: `("contact", 0)`, `("steps",)`."""
         for name in sections_of(Case):
             held = getattr(self, name)
             if isinstance(held, tuple):
@@ -200,7 +200,7 @@ class Case(Entry):
 
 
 def drafted(record: Entry, path: tuple[str | int, ...]) -> Draft:
-    """A record as the draft that it was."""
+    """Return the draft of a finished record, with the values that differ from their defaults."""
     values = {name: getattr(record, name) for name in keys_of(type(record))}
     whole = Draft(type(record), path, values, values)
     told = whole.told()
@@ -219,7 +219,7 @@ def _records(name: str, record: type, held: Any) -> Any:
 
 
 def _settled(record: Any, case: Case) -> Any:
-    """The record with what follows from the case as a whole: ramps, and the default of a contact's geometry."""
+    """Return the record with the values that depend on the whole case: ramps, default of a contact's geometry."""
     changes: dict[str, Any] = {}
     for name, row in keys_of(type(record)).items():
         if row.load:

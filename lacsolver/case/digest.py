@@ -1,9 +1,9 @@
-"""What makes a case the case that it is: a digest of everything that its solution depends on.
+"""Digest of everything that the solution of a case depends on, so that a restart can check that the case is the same.
 
-A restart goes on with the same case: same mesh, bodies, conditions and loads. [solver], [output], [[probe]] and the
-length of steps may differ. A number under a load counts with the time at which it is reached. A function of Python
-counts by its name. A mesh counts as it is in memory, whatever file it came from: its points, its cells, the records of
-its cut, and the groups that the case names outside [[probe]].
+A restart needs the same mesh, bodies, conditions and loads. [solver], [output], [[probe]] and the length of steps may
+differ. A plain number of a load enters together with the time at which it is reached, a Python function by its name. A
+mesh enters as it is in memory, whatever file it came from: its points, its cells, the records of its cut, and the
+groups that the case names outside [[probe]].
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FREE = ("steps", "solver", "output", "probe")
 
 
 def fingerprint(case: Case, mesh: Mesh) -> dict[str, str]:
-    """A digest of each part of a case, by the part's name (`model`, `pressure` ...), and of the `mesh` it is run on."""
+    """Return a digest of each part of a case, by the part's name (`model`, `pressure` ...), and one of its `mesh`."""
     top = drafted(case, ()).values
     parts: dict[str, Any] = {name: value for name, value in top.items() if name != "mesh"}
     for path, record in case.records():
@@ -41,12 +41,12 @@ def fingerprint(case: Case, mesh: Mesh) -> dict[str, str]:
 
 
 def digest(case: Case, mesh: Mesh) -> str:
-    """One digest of a case as a whole, and of the mesh it is run on."""
+    """Return one digest of a whole case and its mesh."""
     return _digest(json.dumps(fingerprint(case, mesh), sort_keys=True).encode())
 
 
 def changed(before: Mapping[str, str], now: Mapping[str, str]) -> tuple[str, ...]:
-    """The names of the parts in which two fingerprints differ; none if the case is the same."""
+    """Return the names of the parts in which two fingerprints differ, () if the case is the same."""
     return tuple(name for name in dict.fromkeys([*before, *now]) if before.get(name) != now.get(name))
 
 
@@ -63,7 +63,7 @@ def _mesh_digest(case: Case, mesh: Mesh) -> str:
 
 
 def _arrays(case: Case, mesh: Mesh) -> Iterator[tuple[str, NDArray]]:
-    """What of a mesh a solution depends on, each array with its name; integers as wide as one another."""
+    """Yield the arrays of a mesh that a solution depends on, with their names; all integers are 64 bits wide."""
     yield "points", mesh.points + 0.0  # -0.0 is 0.0
     for block in mesh.blocks:
         yield f"cells {block.type}", block.nodes.astype("int64")
@@ -79,7 +79,7 @@ def _arrays(case: Case, mesh: Mesh) -> Iterator[tuple[str, NDArray]]:
 
 
 def _plain(part: Any) -> Any:
-    """The part in what JSON has."""
+    """Return the part in types that JSON has."""
     if isinstance(part, Value):
         ramp = part.ramp_end if part.source != 0 else None
         return [_plain(part.source), ramp]

@@ -1,4 +1,4 @@
-"""A record before it is made: what was given, what of it could be read, and what the table alone says is wrong."""
+"""Draft of a record: the values given, those that could be read, and the mistakes that the table of keys can tell."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Path = tuple[str | int, ...]
 
 
 class Found(NamedTuple):
-    """A mistake and where it stands: the path leads to a line, the message begins with its subject."""
+    """A mistake: the path of its key, which leads to a line, and a message that begins with its subject."""
 
     path: Path
     message: str
@@ -26,7 +26,10 @@ class Found(NamedTuple):
 
 @dataclass(frozen=True)
 class Draft:
-    """A record to be made of `given`; `values`: those that could be read. `path`: `("contact", 0)`, () for the top."""
+    """A record to be made of the keys `given`.
+
+    `values`: those values that could be read. `path`: `("contact", 0)`, or () for the top of the file.
+    """
 
     record: type
     path: Path
@@ -35,33 +38,33 @@ class Draft:
 
     @property
     def section(self) -> str:
-        """The name of its section."""
+        """Name of the record's section."""
         return section_of(self.record).name
 
     def has(self, key: str) -> bool:
-        """Whether a key was given, well or not."""
+        """True if a key was given, valid or not."""
         return key in self.given
 
     def get(self, key: str) -> Any:
-        """What a key holds: as given, or its default; None where it has none or could not be read."""
+        """Return the value of a key, or its default; None if it has no default or could not be read."""
         if key in self.given:
             return self.values.get(key)
         default = defaults_of(self.record)[key]
         return None if default is MISSING else default
 
     def told(self) -> dict[str, Any]:
-        """The values that were read and say something else than the default."""
+        """Return the values that could be read and that differ from their defaults."""
         defaults = defaults_of(self.record)
         return {name: value for name, value in self.values.items() if not same(value, defaults[name])}
 
     def wrong(self, message: str, key: str | None = None, inside: Path = ()) -> Found:
-        """A mistake of the whole, or of one key."""
+        """Return a mistake of the whole record, or of one key."""
         path = self.path if key is None else (*self.path, key, *inside)
         return Found(path, f"{subject(self.record, key)} {message}")
 
 
 def subject(record: type, key: str | None = None) -> str:
-    """What a message is about: `[[pressure]]`, `pressure.value`, `model`."""
+    """Return the subject of a message: `[[pressure]]`, `pressure.value`, `model`."""
     section = section_of(record)
     if key is None:
         return section.header
@@ -69,12 +72,12 @@ def subject(record: type, key: str | None = None) -> str:
 
 
 def same(value: Any, default: Any) -> bool:
-    """Whether a value is the default."""
+    """True if a value is the default."""
     return value is default or (type(value) is type(default) and bool(value == default))
 
 
 def draft(record: type, path: Path, given: Mapping[str, Any]) -> tuple[Draft, list[Found]]:
-    """Read what was given for one record, and check it as far as the record alone can tell."""
+    """Read the values given for one record; return its draft, and the mistakes within this record."""
     keys, values, mistakes = keys_of(record), {}, []
     for name in [n for n in given if n in keys]:
         try:
@@ -131,7 +134,7 @@ def _needs(made: Draft) -> Iterator[Found]:
 
 
 def check_context(made: Draft, model: str | None, kinematics: str | None) -> Iterator[Found]:
-    """What a record may not hold under this model and these kinematics (None: not known, nothing is said)."""
+    """Yield the mistakes of a record under this model and these kinematics (None: not known, so not checked)."""
     told = made.told()
     for name, key in keys_of(made.record).items():
         if kinematics is not None and made.get(name) is not None:
@@ -141,7 +144,7 @@ def check_context(made: Draft, model: str | None, kinematics: str | None) -> Ite
 
 
 def _against_kinematics(made: Draft, name: str, key: Key, kinematics: str) -> Iterator[Found]:
-    """A default counts too where it is an option: the law that a material has without saying so is a law."""
+    """Yield mistakes against the kinematics; options are checked for defaults too, such as a material's default law."""
     if key.kinematics not in (ANY, kinematics) and name in made.told():
         yield made.wrong(f'means something only with kinematics = "{key.kinematics}"; leave it out, or say that', name)
     if not isinstance(key.kind, Choice):
@@ -179,7 +182,7 @@ def _dimensions(key: Key, value: Any, dim: int) -> Iterator[str]:
 
 
 def by_section(drafts: Iterable[Draft]) -> dict[str, list[Draft]]:
-    """The drafts of each section, in their order."""
+    """Return the drafts of each section, in their order."""
     sorted_: dict[str, list[Draft]] = {}
     for made in drafts:
         sorted_.setdefault(made.section, []).append(made)

@@ -1,4 +1,4 @@
-"""What can be wrong with a case: every mistake has its line, and all of them are told at once."""
+"""Errors of cases: every mistake has its line, and all mistakes are reported at once."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ __all__ = ["CaseError", "EvaluationError", "Mistake", "Problem", "ReadError"]
 
 
 class Problem(NamedTuple):
-    """One mistake of a case: what is wrong and what to do, and the line of the file (None: from Python, or absent)."""
+    """One mistake of a case: a message with a remedy, and the line of the file (None for cases from Python)."""
 
     message: str
     line: int | None = None
 
 
 class CaseError(LacmeshError):
-    """A case that cannot be meant so: `problems` has every mistake, in the order of their lines; `path`, the file.
+    """An invalid case. `problems`: all mistakes, in the order of their lines; `path`: the file.
 
     The message has one line for each: `press.toml, line 12: pressure.value is missing`.
     """
@@ -35,11 +35,11 @@ class CaseError(LacmeshError):
 
 
 class EvaluationError(LacmeshError):
-    """A value of a case that is no finite number at some place and time; the message says which, where and when."""
+    """A value of a case is not finite at some place and time; the message says which value, where and when."""
 
 
 class Mistake(Exception):  # noqa: N818 (never leaves this package: it becomes a Problem)
-    """One value that is not what its key takes: the end of a sentence, and where inside the value it stands."""
+    """A value that its key does not take: the end of a sentence, and the position of the fault inside the value."""
 
     def __init__(self, message: str, inside: tuple[int | str, ...] = ()) -> None:
         super().__init__(message)

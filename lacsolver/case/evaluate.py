@@ -1,7 +1,7 @@
 """Run the program of a formula on arrays.
 
-Everything is a real number: true is 1, false is 0. What is not a number (0/0, the root of -1) stays so through every
-operation, comparisons included, so that it cannot hide; only `where` may drop it, with the branch that is not taken.
+Everything is a real number: true is 1, false is 0. Every operation on NaN (0/0, the root of -1) gives NaN, comparisons
+included, so that undefined values cannot go unnoticed; only `where` may drop them, with the branch that is not taken.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ from lacsolver.case.formula import FUNCTIONS, OPERATORS, Formula
 
 
 def evaluate(formula: Formula, variables: Mapping[str, Any]) -> Floats:
-    """The formula's value; `variables`: x, y, z, t as floats or arrays of one shape. Not finite where undefined."""
+    """Return the value of a formula, not finite where it is undefined.
+
+    `variables`: x, y, z, t as floats or arrays of one shape.
+    """
     stack: list[Any] = []
     with np.errstate(all="ignore"):
         for step in formula.program:
@@ -40,7 +43,7 @@ def _apply(operation: str, arguments: list[Any]) -> Any:
 
 
 def _strict(operation: Callable[..., Any]) -> Callable[..., Any]:
-    """The operation, undefined wherever an argument is: numpy's own pow(nan, 0) is 1, and nan < 1 is false."""
+    """Return the operation with NaN wherever an argument is NaN: numpy's own pow(nan, 0) is 1, and nan < 1 is false."""
 
     def apply(*arguments: Any) -> Any:
         result = operation(*arguments)
@@ -57,7 +60,7 @@ def _where(test: Any, yes: Any, no: Any) -> Any:
 
 
 def _power(a: Any, b: Any) -> Any:
-    """Numpy is quick for squares and roots where the exponent is a plain number; 0 is left to the strict way."""
+    """Return a to the power b; numpy is fast for plain-number exponents, of which only 0 needs the strict operation."""
     return np.asarray(a) ** b if type(b) is float and b else _strict(np.power)(a, b)
 
 

@@ -1,8 +1,8 @@
-"""Formulas of x, y, z, t: read as Python's grammar reads them, but only what is listed here is let through.
+"""Formulas of x, y, z, t in Python's grammar, restricted to the names and operations listed here.
 
-A formula becomes a program for a stack: names and numbers push an array, an operation takes its arguments from the top
-and pushes its result. `evaluate.py` runs it; it alone needs numpy. There is no way from a formula to Python: no
-attribute, no index, no string, no assignment, no name beyond the tables below.
+A formula becomes a program for a stack machine: names and numbers push an array, an operation takes its arguments from
+the top of the stack and pushes its result. `evaluate.py` runs the program; only that module needs numpy. A formula
+cannot reach Python: it has no attributes, indices, strings or assignments, and no names beyond the tables below.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lacsolver.case.errors import Mistake
 
 
 class Function(NamedTuple):
-    """How many arguments a function takes (None: any number from `least` on), and what it gives."""
+    """Least and most arguments of a function (`most` None: no limit), and the meaning of its result."""
 
     least: int
     most: int | None
@@ -64,7 +64,7 @@ _BINARY = {
 }
 _UNARY = {ast.USub: "neg", ast.UAdd: "pos", ast.Not: "not"}
 _COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-#: operations that have no function's name, and how many arguments each takes
+#: operations other than functions, and the number of arguments of each
 OPERATORS = {
     **{name: 2 for name in ("+", "-", "*", "/", "//", *_COMPARE.values(), "and", "or")},
     **{name: 1 for name in _UNARY.values()},
@@ -73,7 +73,7 @@ LONGEST = 100_000
 
 
 class Step(NamedTuple):
-    """One step of a program: push a number or a variable, or apply an operation, which `takes` some off it."""
+    """One step of a program: push a number or a variable, or apply an operation to the top `takes` items."""
 
     operation: str
     takes: int = 0
@@ -82,14 +82,14 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Formula:
-    """A formula that was read: its text, and the program that computes it."""
+    """A parsed formula: its text, and the program that computes it."""
 
     text: str
     program: tuple[Step, ...]
 
     @property
     def variables(self) -> frozenset[str]:
-        """Which of x, y, z, t it uses."""
+        """The variables among x, y, z, t that the formula uses."""
         return frozenset(step.operation for step in self.program) & frozenset(VARIABLES)
 
 
@@ -119,7 +119,7 @@ def _tree(text: str) -> ast.expr:
 
 
 def _program(tree: ast.expr) -> list[Step]:
-    """The steps of a tree, arguments before what takes them; no recursion: a sum of a thousand terms is deep."""
+    """Return the steps of a tree in postfix order; without recursion, since a sum of a thousand terms is deep."""
     steps: list[Step] = []
     waiting: list[ast.expr | Step] = [tree]
     while waiting:
@@ -132,7 +132,7 @@ def _program(tree: ast.expr) -> list[Step]:
 
 
 def _expand(node: ast.expr) -> list[ast.expr | Step]:
-    """What stands for one node: its arguments, then its own step."""
+    """Return the replacement of one node in postfix order: its arguments, then its own step."""
     match node:
         case ast.Constant(value=value):
             return [_number(value)]
@@ -184,7 +184,7 @@ def _suggest(name: str) -> str:
 
 
 def _comparison(node: ast.Compare) -> list[ast.expr | Step]:
-    """`a < b < c` takes each argument once: a step named `< <` on three of them."""
+    """Return the arguments of a comparison and its step: `a < b < c` is one step named `< <` on three arguments."""
     if any(type(op) not in _COMPARE for op in node.ops):
         raise Mistake("has a comparison in its formula that is none of < <= > >= == !=")
     words = " ".join(_COMPARE[type(op)] for op in node.ops)

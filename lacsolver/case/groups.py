@@ -1,4 +1,4 @@
-"""The groups that a case names, looked up in a mesh: all that are missing are told at once, each with its line."""
+"""Look up the groups that a case names in a mesh; all missing groups are reported at once, each with its line."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 def check_groups(case: Case, mesh: Mesh) -> None:
-    """Raises CaseError if the mesh lacks a group that the case names, as cells or, where these will do, as nodes."""
+    """Raise CaseError if the mesh lacks a group that the case names, as cells or, where allowed, as nodes."""
     problems = [problem for _, record in case.records() for problem in _missing(record, mesh)]
     if problems:
         raise CaseError(problems, None)
 
 
 def named_groups(record: Entry) -> Iterator[tuple[str, str]]:
-    """The groups of the mesh that a record names, each with its key: `("slave", "top")`."""
+    """Yield the groups of the mesh that a record names, each with its key: `("slave", "top")`."""
     for name, key in keys_of(type(record)).items():
         held = getattr(record, name)
         if isinstance(key.kind, (Group, Groups)) and held is not None:
@@ -42,7 +42,7 @@ def _missing(record: Entry, mesh: Mesh) -> Iterator[Problem]:
 
 
 def _lookup(group: str, mesh: Mesh, *, cells: bool, nodes: bool) -> str | None:
-    """What is wrong with a group's name, if anything."""
+    """Return a message if the mesh has no such group, else None."""
     if nodes and group in mesh.node_groups:
         return None
     if not cells:

@@ -1,9 +1,9 @@
-"""What the table of keys is made of: a key is a field of a record, and its row stands in the field's metadata.
+"""The table of keys: each key is a field of a record, and its row of the table is stored in the field's metadata.
 
     young: float = key(Number(POSITIVE), "stress", "Young's modulus")
 
-The record's field has the key's name and default; `Key` the rest. The parser, `validate`, the schemas, the page of
-docs and the checks of records made from Python all read these rows, and nothing else.
+The record's field has the key's name and default; `Key` has the other columns. The parser, `validate`, the schemas, the
+page of docs and the checks of records made from Python all read these rows, and nothing else.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from lacsolver.case.kinds import Kind
 
 MODELS = ("3d", "plane_strain", "plane_stress", "axisymmetric")
 PLANE = MODELS[1:]
-#: kinematics of a key or an option that is for all
+#: kinematics of a key or an option that is valid for all kinematics
 ANY = "any"
 
 
 class Needs(NamedTuple):
-    """A key that means something only where another has one of some values (also by default)."""
+    """Condition for a key to have a meaning: another `key` has one of these `values` (also by default)."""
 
     key: str
     values: tuple[str, ...]
 
 
 class Key(NamedTuple):
-    """A row of the table, without its name, which is the field's.
+    """A row of the table; the key's name is that of the field.
 
     `unit`: a dimension (units are the user's own, consistent ones). `load`: a plain number is ramped from 0 (a
-    temperature: from the material's reference) over the steps. `models`, `kinematics`: where the key may stand.
-    `default_words`: what happens without it, where the stored default (None) does not say so.
+    temperature: from the material's reference) over the steps. `models`, `kinematics`: those for which the key is
+    allowed. `default_words`: description of the default, where the stored default (None) does not describe it.
     """
 
     kind: Kind
@@ -45,14 +45,14 @@ class Key(NamedTuple):
 
 
 def key(kind: Kind, unit: str, meaning: str, *, default: Any = MISSING, **rest: Any) -> Any:
-    """A field that is a key; without a default it is required. `rest`: other columns of Key."""
+    """Return a field that is a key; without a default it is required. `rest`: other columns of Key."""
     return field(default=default, metadata={"key": Key(kind, unit, meaning, **rest)})
 
 
 class Section(NamedTuple):
-    """A table of the file: `[[name]]`, several, or `[name]`, one.
+    """A table of the file: `[[name]]` if there may be several, `[name]` if there is one.
 
-    `one_of`: of each of these sets exactly one key is given; `some_of`: at least one; `not_both`: never both.
+    `one_of`: exactly one key of each of these sets is given; `some_of`: at least one; `not_both`: never both.
     """
 
     name: str
@@ -64,40 +64,40 @@ class Section(NamedTuple):
 
     @property
     def header(self) -> str:
-        """As it stands in a file."""
+        """Header of the section in a file, or words for the top of the file."""
         if not self.name:
             return "the top of the file"
         return f"[[{self.name}]]" if self.several else f"[{self.name}]"
 
 
 def keys_of(record: Any) -> dict[str, Key]:
-    """The keys of a record, by name, in the order of the table."""
+    """Return the keys of a record, by name, in the order of the table."""
     return {f.name: f.metadata["key"] for f in fields(record) if "key" in f.metadata}
 
 
 def defaults_of(record: Any) -> dict[str, Any]:
-    """The defaults of a record's keys; MISSING for those that are required."""
+    """Return the defaults of a record's keys; MISSING for required keys."""
     return {f.name: f.default for f in fields(record) if "key" in f.metadata}
 
 
 def section(record: type, default: Any = None) -> Any:
-    """A field of the case that holds the records of a section: a tuple of them, or one or `default`."""
+    """Return a field of the case for the records of a section: a tuple of them, or a single one or `default`."""
     return field(default=() if section_of(record).several else default, metadata={"section": record})
 
 
 def section_of(record: Any) -> Section:
-    """What a record's table of the file is."""
+    """Return the section of a record."""
     made: Section = record.SECTION
     return made
 
 
 def sections_of(case: Any) -> dict[str, type]:
-    """The sections of a case: name -> record."""
+    """Return the record of each section of a case, by the section's name."""
     return {f.name: f.metadata["section"] for f in fields(case) if "section" in f.metadata}
 
 
 def told_default(key: Key, default: Any) -> str:
-    """The default in the words of the file."""
+    """Return the default as it is written in a file, or its description."""
     if default is MISSING:
         return "required"
     if key.default_words:

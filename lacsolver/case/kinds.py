@@ -1,7 +1,8 @@
 # ruff: noqa: D102 (Kind says what each method of a kind does)
-"""The kinds of values that keys take: how each is read from a file or from Python, said in words, and in JSON Schema.
+"""Types of values that keys take: each reads a value from a file or from Python, and describes itself.
 
-`read` gives what a record stores, or raises Mistake with the end of a sentence that begins with the key's name.
+A type describes itself in words and in JSON Schema. `read` returns the value that a record stores, or raises Mistake
+with the end of a sentence that begins with the key's name.
 """
 
 from __future__ import annotations
@@ -21,22 +22,22 @@ Schema = dict[str, Any]
 
 
 class Kind(Protocol):
-    """What a key takes."""
+    """Interface of the types of values."""
 
     @property
     def words(self) -> str:
-        """In a few words: `a number > 0`."""
+        """Short description: `a number > 0`."""
 
     def read(self, given: Any) -> Any:
-        """What is stored for what is given. Raises Mistake."""
+        """Return the value to store for a given value. Raises Mistake."""
 
     def schema(self) -> Schema:
-        """The same in JSON Schema."""
+        """Return the description in JSON Schema."""
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """An interval that a number must lie in; `None` where it has no end, `open` ends are not allowed themselves."""
+    """Interval that a number must lie in; None for an end without limit. `open`: True if the ends are excluded."""
 
     low: float | None = None
     high: float | None = None
@@ -44,21 +45,21 @@ class Bounds:
 
     @property
     def words(self) -> str:
-        """As ` > 0`, or nothing."""
+        """Description of the limits: `> 0`, or an empty string."""
         less, more = ("<", ">") if self.open else ("<=", ">=")
         parts = [f"{more} {self.low:g}"] if self.low is not None else []
         parts += [f"{less} {self.high:g}"] if self.high is not None else []
         return " and ".join(parts)
 
     def check(self, number: float) -> None:
-        """Raises Mistake for a number outside."""
+        """Raise Mistake for a number outside the interval."""
         below = self.low is not None and (number <= self.low if self.open else number < self.low)
         above = self.high is not None and (number >= self.high if self.open else number > self.high)
         if below or above:
             raise Mistake(f"is {number:g}; it must be {self.words}")
 
     def schema(self) -> Schema:
-        """The limits in JSON Schema."""
+        """Return the limits in JSON Schema."""
         low, high = ("exclusiveMinimum", "exclusiveMaximum") if self.open else ("minimum", "maximum")
         return {name: end for name, end in ((low, self.low), (high, self.high)) if end is not None}
 
@@ -127,7 +128,7 @@ class Flag:
 
 @dataclass(frozen=True)
 class Text:
-    """A text that is not empty; `what` says of what."""
+    """A text that is not empty; `what` describes it in messages."""
 
     what: str = "a text"
 
@@ -161,7 +162,7 @@ class MeshFile:
 
 @dataclass(frozen=True)
 class Group:
-    """A group of the mesh by name or, of msh, by tag (`5`, `"2:5"`)."""
+    """A group of the mesh, by name, or by tag in an msh file (`5`, `"2:5"`)."""
 
     words = "a group"
 
@@ -197,7 +198,7 @@ class Groups:
 
 @dataclass(frozen=True)
 class Option:
-    """One of the words that a key takes, what it means, and the kinematics that it is for."""
+    """One of the words that a key takes, its meaning, and the kinematics for which it is allowed."""
 
     word: str
     meaning: str
@@ -212,7 +213,7 @@ class Choice:
 
     @property
     def known(self) -> tuple[str, ...]:
-        """The words."""
+        """The words that may be chosen."""
         return tuple(option.word for option in self.options)
 
     @property
@@ -232,7 +233,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Three:
-    """Three numbers, or (`alone`) one that stands for all."""
+    """Three numbers, or, if `alone`, a single number too."""
 
     bounds: Bounds = FREE
     alone: bool = True
@@ -256,7 +257,7 @@ class Three:
 
 @dataclass(frozen=True)
 class Point:
-    """A place: a coordinate for each dimension of the model (checked where the model is known)."""
+    """A point: one coordinate for each dimension of the model (checked once the model is known)."""
 
     words = "[x, y, z]; [x, y] in a plane"
 
@@ -316,7 +317,10 @@ class Times:
 
 @dataclass(frozen=True)
 class Varying:
-    """A number, a formula, or a table of times. `place`: it may depend on x, y, z; `normals`: a function takes them."""
+    """A number, a formula, a table of times, or a function.
+
+    `place`: True if it may depend on x, y, z; `normals`: True if a function takes normals too.
+    """
 
     place: bool = True
     normals: bool = False
@@ -340,7 +344,7 @@ class Varying:
 
 @dataclass(frozen=True)
 class Turning:
-    """A rotation or a moment: a vector of three values of time in 3d, one value in a plane."""
+    """A rotation or a moment: a vector of three values that depend on time in 3d, one such value in a plane."""
 
     words = "three values of time; one in a plane"
 
@@ -359,7 +363,7 @@ class Turning:
 
 @dataclass(frozen=True)
 class Reserved:
-    """A number that is 0 until the thing exists."""
+    """A reserved key, whose only value is 0 until the feature exists."""
 
     why: str
     words = "0"
@@ -374,13 +378,13 @@ class Reserved:
 
 
 def _is_row(given: Any) -> bool:
-    """Whether this is a row [t, value] of a table of times."""
+    """True for a row [t, value] of a table of times."""
     numbers = isinstance(given, (list, tuple)) and len(given) == 2
     return numbers and not any(isinstance(g, (list, tuple, str)) for g in given)
 
 
 def _each(read: Callable[[Any], Any], given: Sequence[Any]) -> tuple[Any, ...]:
-    """Read every item; a mistake says which one, counted from 1, and keeps its place."""
+    """Read every item; a mistake names the item, counted from 1, and keeps its position."""
     made = []
     for k, item in enumerate(given):
         try:

@@ -1,8 +1,8 @@
 """The line of every key of a TOML text.
 
-`tomllib` judges and reads the text, but keeps no positions. This walks a text that it has accepted, so that nothing has
-to be judged again: enough to tell keys, strings, brackets and comments apart. A path is what leads to a value in the
-document that tomllib returns: `("contact", 0, "slave")` is the slave of the first [[contact]].
+`tomllib` checks and reads the text, but keeps no positions. This module scans a text that tomllib has accepted, so that
+it need not be checked again: it is enough to tell keys, strings, brackets and comments apart. A path leads to a value
+in the document that tomllib returns: `("contact", 0, "slave")` is the slave of the first [[contact]].
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _PLAIN = re.compile(r"[^,\]}#\r\n]+")
 
 
 class Lines:
-    """Where the keys of a text stand."""
+    """The lines of the keys of a TOML text."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -38,7 +38,10 @@ class Lines:
         self._read()
 
     def __getitem__(self, path: Path) -> int | None:
-        """The line of a path, counted from 1; of the nearest table around it if it is absent; None outside of all."""
+        """Return the line of a path, counted from 1.
+
+        If the path is absent, the line is that of the nearest table around it; None if there is none.
+        """
         for size in range(len(path), 0, -1):
             if path[:size] in self._line:
                 return self._line[path[:size]]
@@ -63,7 +66,7 @@ class Lines:
             at = _end(_BLANK, self._text, at)
 
     def _header(self, start: int) -> tuple[int, Path]:
-        """`[a.b]` or `[[a.b]]`: a name that stands for several tables means the last of them."""
+        """Read `[a.b]` or `[[a.b]]`; return its end and the path. A name of several tables means the last of them."""
         several = self._text.startswith("[[", start)
         keys, at = self._key(_end(_SPACE, self._text, start + 1 + several))
         path: Path = ()
@@ -80,13 +83,13 @@ class Lines:
         return (*path, self._count[path] - 1) if path in self._count else path
 
     def _pair(self, start: int, table: Path) -> int:
-        """`a.b = value`; returns where it ends."""
+        """Read `a.b = value` and return the position of its end."""
         keys, at = self._key(start)
         self._mark((*table, *keys), start)
         return self._value(_end(_SPACE, self._text, at + 1), (*table, *keys))
 
     def _key(self, at: int) -> tuple[Path, int]:
-        """The parts of a dotted key, and where the next mark (`=` or `]`) stands."""
+        """Return the parts of a dotted key, and the position of the next mark (`=` or `]`)."""
         parts: Path = ()
         while True:
             found = _BARE.match(self._text, at) or _STRING.match(self._text, at)
@@ -120,7 +123,7 @@ class Lines:
         return at + 1
 
     def _next(self, at: int) -> int:
-        """Past the comma, if there is one, to the next item or the end of the list."""
+        """Return the position of the next item or the end of the list, past the comma if there is one."""
         at = _end(_BLANK, self._text, at)
         return _end(_BLANK, self._text, at + 1) if self._text[at] == "," else at
 

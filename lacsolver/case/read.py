@@ -1,4 +1,4 @@
-"""From a TOML file to a Case: every key is read by its row of the table, and every mistake is told with its line."""
+"""Read a Case from a TOML file: each key by its row of the table, and every mistake reported with its line."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from lacsolver.case.value import described, with_values
 
 
 def read_case(path: str | Path, *, matrices: bool = False) -> Case:
-    """Read a case file. `matrices`: only contact matrices are wanted, which need no material.
+    """Read a case file. `matrices`: the case is only for contact matrices, which need no material.
 
-    Raises ReadError where the file is no TOML text (with the line), CaseError with every other mistake.
+    Raises ReadError (with the line) if the file is not TOML text, CaseError with every other mistake.
     """
     path = Path(path)
     try:
@@ -36,7 +36,7 @@ def read_case(path: str | Path, *, matrices: bool = False) -> Case:
 
 
 def parse_case(text: str, path: str | Path = "case.toml", *, matrices: bool = False) -> Case:
-    """The case that a text in TOML is; `path` is where it would stand. Raises as `read_case`."""
+    """Return the case of a text in TOML, as if it were the file at `path`. Raises as `read_case`."""
     path = Path(path)
     document, lines = _document(text, path)
     top, drafts, found = _drafts(document)
@@ -47,7 +47,7 @@ def parse_case(text: str, path: str | Path = "case.toml", *, matrices: bool = Fa
 
 
 def _document(text: str, path: Path) -> tuple[dict[str, Any], Lines]:
-    """What the text holds, and where its keys stand. Raises ReadError."""
+    """Return the document of a TOML text, and the lines of its keys. Raises ReadError."""
     try:
         return tomllib.loads(text), Lines(text)
     except RecursionError:
@@ -64,7 +64,7 @@ def _document(text: str, path: Path) -> tuple[dict[str, Any], Lines]:
 
 
 def _drafts(document: Mapping[str, Any]) -> tuple[Draft, list[Draft], list[Found]]:
-    """The top of the file and every section, read; and what is wrong with each by itself."""
+    """Read the top of the file and every section; return their drafts, and the mistakes within each of them."""
     sections = sections_of(Case)
     top, found = draft(Case, (), {k: v for k, v in document.items() if k in keys_of(Case)})
     drafts = []
@@ -84,7 +84,7 @@ def _drafts(document: Mapping[str, Any]) -> tuple[Draft, list[Draft], list[Found
 
 
 def _tables(name: str, record: type, given: Any) -> tuple[list[tuple[tuple[str | int, ...], Any]], list[Found]]:
-    """The tables of a section with their paths; a mistake if it stands once for several times, or is no table."""
+    """Return the tables of a section with their paths; and a mistake for `[x]` or `[[x]]` confused, or no table."""
     section = section_of(record)
     if section.several and _is_tables(given):
         return [((name, k), table) for k, table in enumerate(given)], []
@@ -103,7 +103,7 @@ def _is_tables(given: Any) -> bool:
 
 
 def _explained(mistakes: list[Found], made: Draft) -> Iterator[Found]:
-    """A key of the top of the file that stands below a header belongs to that section: say so."""
+    """Yield the mistakes; a key that belongs at the top of the file but is below a header gets a hint."""
     elsewhere = {(*made.path, name): name for name in made.given if name in keys_of(Case)}
     for found in mistakes:
         name = elsewhere.get(found.path)
@@ -115,7 +115,7 @@ def _explained(mistakes: list[Found], made: Draft) -> Iterator[Found]:
 
 
 def _needed(top: Draft, drafts: list[Draft], found: list[Found], matrices: bool) -> Iterator[Found]:
-    """What a case cannot do without, unless what was meant for it is already told to be wrong."""
+    """Yield a mistake if a required section is missing, unless a mistake of that section is already reported."""
     there = {made.section for made in drafts} | {f.path[0] for f in found if f.path}
     if matrices:
         if not there & {"contact", "tie"}:
@@ -137,7 +137,7 @@ def _case(top: Draft, drafts: list[Draft], lines: Lines, path: Path) -> Case:
 
 
 def _placed(made: Draft, lines: Lines, path: Path) -> dict[str, Any]:
-    """The values of a draft, each Value called by its file, line and key; and the place of the whole."""
+    """Return the values of a draft, each Value named by its file, line and key, and the record's place."""
 
     def place(*key: str) -> str:
         line = lines[(*made.path, *key)]

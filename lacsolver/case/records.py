@@ -1,10 +1,10 @@
 # ruff: noqa: RUF009 (key and section make fields)
-"""The table of keys: what a case is made of. Every key is a field, with its kind, unit, default and meaning.
+"""The table of keys: the records of a case. Every key is a field, with its type, unit, default and meaning.
 
-The rest of the table, the case as a whole, is in `case.py`. The records are frozen. A TOML file fills them
-(`read_case`), or Python does; both are checked alike, and from Python a value may also be a function
-f(x (n, dim), t) -> (n,), of a traction f(x, n (n, dim), t). Lengths, forces and times are in units of the user's choice
-that fit together; `unit` says what of.
+The rest of the table, for the case as a whole, is in `case.py`. The records are frozen. They are filled from a TOML
+file (`read_case`) or from Python, and both are checked alike. From Python a value may also be a function
+f(x (n, dim), t) -> (n,), for a traction f(x, n (n, dim), t). Lengths, forces and times are in consistent units of the
+user's choice; `unit` gives the dimension.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ _THREE = ("fx", "fy", "fz")
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """What the records have in common. `place`: the file and line it comes from, for messages; empty from Python."""
+    """Base class of the records. `place`: file and line of the record, for messages; empty for records from Python."""
 
     SECTION: ClassVar[Section]
     place: str = field(default="", repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Read what was given, as from a file. Raises CaseError."""
+        """Read and check the given values, as from a file. Raises CaseError."""
         defaults = defaults_of(type(self))
         given = {name: getattr(self, name) for name in defaults}
         given = {name: value for name, value in given.items() if not same(value, defaults[name])}
@@ -128,7 +128,7 @@ _SURFACE = Choice(
 
 @dataclass(frozen=True, kw_only=True)
 class Joint(Entry):
-    """What contacts and ties have in common."""
+    """Base class of contacts and ties."""
 
     name: str = key(Text("a name"), "", "what results are called by", default=None, default_words="the slave's name")
     slave: str = key(Group(), "", "the skin that is cut and carries the pressures")
@@ -147,7 +147,7 @@ class Joint(Entry):
     )
 
     def __post_init__(self) -> None:
-        """Read what was given, and name it."""
+        """Read the given values, and name the record after its slave if it has no name."""
         super().__post_init__()
         if self.name is None:
             object.__setattr__(self, "name", self.slave)
@@ -155,7 +155,7 @@ class Joint(Entry):
 
 @dataclass(frozen=True, kw_only=True)
 class Contact(Joint):
-    """[[contact]]: two skins that may touch. `geometry` follows the kinematics once it is part of a Case."""
+    """[[contact]]: two skins that may touch. A Case sets the default of `geometry` from its kinematics."""
 
     SECTION: ClassVar = Section("contact", True, "two skins that may touch, without friction")
     type: str = key(
@@ -202,7 +202,7 @@ class Tie(Joint):
 
 @dataclass(frozen=True, kw_only=True)
 class AtNodes(Entry):
-    """What acts on the nodes of a group, or on the node at a place."""
+    """Base class of records that act on the nodes of a group, or on the node at a place."""
 
     group: str | None = key(Group(), "", "the nodes of this group, of cells or of nodes", default=None)
     at: tuple[float, ...] | None = key(Point(), "length", "in place of a group: the node there", default=None)
@@ -215,7 +215,7 @@ def _load(unit: str, meaning: str, models: tuple[str, ...] = MODELS, normals: bo
 
 @dataclass(frozen=True, kw_only=True)
 class Displacement(AtNodes):
-    """[[displacement]]: what is prescribed."""
+    """[[displacement]]: prescribed components of displacement."""
 
     SECTION: ClassVar = Section(
         "displacement", True, "prescribed displacement; what is not named is free", one_of=WHERE,
@@ -230,7 +230,7 @@ class Displacement(AtNodes):
 
 @dataclass(frozen=True, kw_only=True)
 class Pressure(Entry):
-    """[[pressure]]: along the inward normal of faces."""
+    """[[pressure]]: pressure on faces, along their inward normal."""
 
     SECTION: ClassVar = Section("pressure", True, "pressure on faces")
     group: str = key(Group(), "", "faces that it acts on")
@@ -251,7 +251,7 @@ class Traction(Entry):
 
 @dataclass(frozen=True, kw_only=True)
 class Force(AtNodes):
-    """[[force]]: on each node."""
+    """[[force]]: force on each node."""
 
     SECTION: ClassVar = Section(
         "force", True, "force on each node of a group, or on one node (axisymmetric: of the full circle)",
@@ -287,7 +287,7 @@ class Gravity(Entry):
 
 @dataclass(frozen=True, kw_only=True)
 class Temperature(Entry):
-    """[[temperature]]: what strains cells that have an expansion."""
+    """[[temperature]]: temperature, which strains cells that have an expansion."""
 
     SECTION: ClassVar = Section("temperature", True, "temperature; needs expansion")
     groups: tuple[str, ...] | None = key(
@@ -300,7 +300,7 @@ class Temperature(Entry):
 
 @dataclass(frozen=True, kw_only=True)
 class Spring(AtNodes):
-    """[[spring]]: between nodes and the ground."""
+    """[[spring]]: springs between nodes and the ground."""
 
     SECTION: ClassVar = Section(
         "spring", True, "springs from nodes of a group, or one node, to the ground (axisymmetric: of the full circle)",
@@ -317,7 +317,10 @@ def _of_body(kind: Varying | Turning, unit: str, meaning: str, models: tuple[str
 
 @dataclass(frozen=True, kw_only=True)
 class Rigid(Entry):
-    """[[rigid]]: a body or a bare skin that moves as one. What is neither prescribed nor loaded is held."""
+    """[[rigid]]: a rigid body, or a rigid surface without parent cells.
+
+    Components of its motion that are neither prescribed nor loaded are held at 0.
+    """
 
     SECTION: ClassVar = Section(
         "rigid", True, "nodes that move as one; each component is held, prescribed, or loaded and then free",

@@ -1,4 +1,4 @@
-"""What may not stand together in a case, beyond what the rows of the table say: one rule a function."""
+"""Rules on combinations of keys in a case, beyond those in the rows of the table; one function per rule."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Sections = dict[str, list[Draft]]
 
 
 def check(top: Draft, drafts: Iterable[Draft]) -> list[Found]:
-    """Every mistake that shows only when the case is seen as a whole."""
+    """Return the mistakes that only the case as a whole shows."""
     drafts = list(drafts)
     model, kinematics = top.get("model"), top.get("kinematics")
     found = [f for made in (top, *drafts) for f in check_context(made, model, kinematics)]
@@ -22,7 +22,7 @@ def check(top: Draft, drafts: Iterable[Draft]) -> list[Found]:
 
 
 def _materials(sections: Sections) -> Iterator[Found]:
-    """Each law has its own constants."""
+    """Check that each material has the constants of its law."""
     for made in sections.get("material", []):
         law, young, poisson = made.get("law"), made.get("young"), made.get("poisson")
         if law == "orthotropic":
@@ -52,14 +52,14 @@ def _orthotropic(made: Draft, young: Any, poisson: Any) -> Iterator[Found]:
 
 
 def _stores_energy(young: tuple[float, ...], poisson: tuple[float, ...]) -> bool:
-    """Whether the compliance is positive definite: of S_ij / sqrt(S_ii S_jj), every leading minor is."""
+    """True if the compliance is positive definite: every leading minor of S_ij / sqrt(S_ii S_jj) is positive."""
     (e1, e2, e3), (nu12, nu13, nu23) = young, poisson
     a, b, c = nu12 * sqrt(e2 / e1), nu13 * sqrt(e3 / e1), nu23 * sqrt(e3 / e2)
     return abs(a) < 1 and 1 - a * a - b * b - c * c - 2 * a * b * c > 0
 
 
 def _groups_once(sections: Sections) -> Iterator[Found]:
-    """A cell has one law and one temperature."""
+    """Check that groups do not give a cell two laws or two temperatures."""
     for name in ("material", "temperature"):
         all_ = sections.get(name, [])
         taken: set[str] = set()
@@ -73,7 +73,7 @@ def _groups_once(sections: Sections) -> Iterator[Found]:
 
 
 def _pairs(sections: Sections) -> Iterator[Found]:
-    """A slave meets one master, which is another skin, and is not rigid."""
+    """Check that each slave has one master, which is another skin, and that no slave is rigid."""
     slaves: set[str] = set()
     rigid = {made.get("group") for made in sections.get("rigid", [])}
     for made in [*sections.get("contact", []), *sections.get("tie", [])]:
@@ -90,7 +90,7 @@ def _pairs(sections: Sections) -> Iterator[Found]:
 
 
 def _creases(sections: Sections) -> Iterator[Found]:
-    """Faces and their own normals know no creases."""
+    """Check that crease_angle is given only where smooth surfaces or smoothed normals use it."""
     for made in (*sections.get("contact", []), *sections.get("tie", [])):
         smoothed = made.section == "contact" and made.get("normals") != "facet"
         if "crease_angle" in made.told() and made.get("surface") == "faces" and not smoothed:
@@ -100,7 +100,7 @@ def _creases(sections: Sections) -> Iterator[Found]:
 
 
 def _contacts(sections: Sections) -> Iterator[Found]:
-    """The deformed area is known where the deformed skins are looked at."""
+    """Check that the deformed area is the measure only of contact on the deformed skins."""
     usual = "current" if sections[""][0].get("kinematics") == "finite" else "reference"
     for made in sections.get("contact", []):
         if made.get("measure") == "current" and (made.get("geometry") or usual) == "reference":
@@ -108,7 +108,7 @@ def _contacts(sections: Sections) -> Iterator[Found]:
 
 
 def _names(sections: Sections) -> Iterator[Found]:
-    """Results are called by these names."""
+    """Check that the names, by which results are called, are given and unique."""
     for kinds, default in ((("contact", "tie"), "slave"), (("probe",), "group")):
         taken: set[str] = set()
         for made in [m for kind in kinds for m in sections.get(kind, [])]:
@@ -123,7 +123,7 @@ def _names(sections: Sections) -> Iterator[Found]:
 
 
 def _prescribed_once(sections: Sections) -> Iterator[Found]:
-    """A component of a group is prescribed once, and a rigid group by [[rigid]]."""
+    """Check that each component of a group is prescribed once, and that of a rigid group only by [[rigid]]."""
     taken: set[tuple[Any, ...]] = set()
     rigid = {made.get("group") for made in sections.get("rigid", [])}
     for made in sections.get("displacement", []):
@@ -150,7 +150,7 @@ def _rigid_once(sections: Sections) -> Iterator[Found]:
 
 
 def _fields(sections: Sections) -> Iterator[Found]:
-    """A load that the materials cannot feel was not meant so."""
+    """Check that gravity and temperature have a material that they act on."""
     materials = sections.get("material", [])
     for section, constant, effect in (("gravity", "density", "weighs"), ("temperature", "expansion", "expands")):
         if materials and not any(constant in made.told() for made in materials):
@@ -159,12 +159,12 @@ def _fields(sections: Sections) -> Iterator[Found]:
 
 
 def _article(noun: str) -> str:
-    """The noun with its article."""
+    """Return the noun with its indefinite article."""
     return f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
 
 
 def _output(sections: Sections) -> Iterator[Found]:
-    """What is written at some time is a time of the steps."""
+    """Check that no output time is after the end of the steps."""
     steps, outputs = sections.get("steps", []), sections.get("output", [])
     if not outputs or outputs[0].get("times") is None:
         return

@@ -1,4 +1,4 @@
-"""The table of keys as people and editors read it: a text, JSON Schema, and the tables of the page of docs."""
+"""The table of keys for people and editors: as text, as JSON Schema, and as the tables of docs/case.md."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ _WIDE = 118
 
 
 def records() -> list[type]:
-    """The records of the table: the top of the file, then every section."""
+    """Return the records of the table: the top of the file, then every section."""
     return [Case, *sections_of(Case).values()]
 
 
 def schema_text() -> str:
-    """Every section and key: what it takes, in what unit, what it is without, what it means."""
+    """Return a text with every section and key: its meaning, type of value, unit and default."""
     parts = [textwrap.fill(_INTRODUCTION, _WIDE), *("\n".join(_section_text(record)) for record in records())]
     return "\n\n".join(parts) + "\n"
 
@@ -64,7 +64,7 @@ def _section_text(record: type) -> Iterator[str]:
 
 
 def _conditions(key: Key) -> list[str]:
-    """Where a key may stand, in words."""
+    """Return the conditions under which a key is allowed, in words."""
     told = [] if key.models == MODELS else [f"models {', '.join(key.models)}"]
     told += [] if key.kinematics == ANY else [f"kinematics {key.kinematics}"]
     return told + ([_needs_words(key.needs)] if key.needs else [])
@@ -75,16 +75,16 @@ def _needs_words(needs: Needs) -> str:
 
 
 def _rules(section: Section) -> list[str]:
-    """Which keys go together, in words."""
+    """Return the rules for combinations of a section's keys, in words."""
     told = [f"exactly one of {', '.join(names)}" for names in section.one_of]
     told += [f"at least one of {', '.join(names)}" for names in section.some_of]
     return told + [f"not both {one} and {other}" for one, other in section.not_both]
 
 
 def json_schema() -> Schema:
-    """The table in JSON Schema (draft 7), which editors check and complete TOML by.
+    """Return the table in JSON Schema (draft 7), by which editors check and complete TOML.
 
-    It says what a row of the table says; what depends on the model or on other sections, `validate` alone tells.
+    It holds the rules of each row and section; only `validate` checks rules on the model or between sections.
     """
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
@@ -124,7 +124,7 @@ def _key_schema(key: Key, default: Any) -> Schema:
 
 
 def page_tables() -> dict[str, str]:
-    """The tables of docs/case.md, by the names of their markers."""
+    """Return the tables of docs/case.md, by the names of their markers."""
     tables = {section_of(r).name or "top": "\n".join(_key_table(r)) for r in records()}
     return {**tables, "formulas": "\n".join(_formula_table())}
 

@@ -1,4 +1,4 @@
-"""A value of a case: a number, a formula of x, y, z, t, a table of times, or from Python a function."""
+"""A value of a case: a number, a formula of x, y, z, t, a table of times, or, from Python, a function."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ Source = float | Formula | Table | Callable[..., Any]
 
 @dataclass(frozen=True)
 class Value:
-    """What a load, a clearance or a prescribed displacement is worth, at places and times.
+    """Value of a load, a clearance or a prescribed displacement, as a function of place and time.
 
-    `source`: a number, a Formula, a table ((t, v), ...) with times increasing, linear in between and held at its ends,
-    or a function f(x (n, dim), t) -> (n,) (`takes_normals`, of a traction: f(x, n (n, dim), t)). `ramp_end`: a number
-    grows from `start` at t = 0 to itself at that time; None: it is not ramped. `placeless`: of a whole body, so that a
-    function's points do not matter. `name` says in messages which value this is.
+    `source`: a number, a Formula, a table ((t, v), ...) with increasing times, linear in between and constant beyond
+    its ends, or a function f(x (n, dim), t) -> (n,) (with `takes_normals`, for a traction: f(x, n (n, dim), t)).
+    `ramp_end`: time at which a number that is ramped from `start` at t = 0 is reached; None: not ramped. `placeless`:
+    one value for a whole body, so that a function's points do not matter. `name`: name of the value in messages.
     """
 
     source: Source
@@ -37,7 +37,7 @@ class Value:
 
     @classmethod
     def of(cls, given: Any) -> Value:
-        """A value from what a case may give: number, formula as text, table of times, function. Raises ValueError."""
+        """Make a value from a number, a formula as text, a table of times or a function. Raises ValueError."""
         try:
             return cls(value_from(given))
         except Mistake as mistake:
@@ -45,14 +45,14 @@ class Value:
 
     @cached_property
     def depends_on_place(self) -> bool:
-        """Whether it may differ from point to point; a function of Python always may."""
+        """True if the value may vary in space; always for a Python function, unless `placeless`."""
         if isinstance(self.source, Formula):
             return bool(self.source.variables & {"x", "y", "z"})
         return callable(self.source) and not self.placeless
 
     @cached_property
     def depends_on_time(self) -> bool:
-        """Whether it may differ from time to time, as a ramped number does; a function of Python always may."""
+        """True if the value may vary in time, as a ramped number does; always for a Python function."""
         if isinstance(self.source, Formula):
             return "t" in self.source.variables
         if isinstance(self.source, tuple):
@@ -62,10 +62,10 @@ class Value:
     def __call__(
         self, points: Floats, t: float, *, start: float | Floats = 0.0, normals: Floats | None = None
     ) -> Floats:
-        """(n,): the value at `points` (n, 2 or 3; z is 0 in a plane) and time t.
+        """Return the value (n,) at `points` (n, 2 or 3; z is 0 in a plane) and time t.
 
-        `start`: what a ramped number starts from (a temperature, from the material's reference). `normals` (n, dim)
-        for a function of a traction. Raises EvaluationError where the value is not finite, naming place and time.
+        `start`: initial value of a ramped number (for a temperature, the material's reference). `normals` (n, dim): for
+        a function of a traction. Raises EvaluationError, with place and time, where the value is not finite.
         """
         import numpy as np
 
@@ -80,7 +80,10 @@ class Value:
         return self._checked(result, points, t)
 
     def at(self, t: float) -> float:
-        """The value at time t where it does not depend on place (a rigid body's displacement). Raises ValueError."""
+        """Return the value at time t of a value that is uniform in space, such as a rigid body's displacement.
+
+        Raises ValueError if it depends on place.
+        """
         import numpy as np
 
         if self.depends_on_place:
@@ -120,7 +123,7 @@ class Value:
 
 
 def interpolate(table: Table, t: float) -> float:
-    """The table's value at time t: linear in between, held before the first time and after the last."""
+    """Return the table's value at time t: linear in between, constant before the first time and after the last."""
     k = bisect_right(table, t, key=lambda row: row[0])
     if k == 0 or k == len(table):
         return table[max(k - 1, 0)][1]
@@ -129,7 +132,7 @@ def interpolate(table: Table, t: float) -> float:
 
 
 def value_from(given: Any) -> Source:
-    """The source of a value from what a file or a program gives. Raises Mistake."""
+    """Return the source of a value that a file or a program gives. Raises Mistake."""
     if isinstance(given, Value):
         source: Source = given.source
         return source
@@ -145,7 +148,7 @@ def value_from(given: Any) -> Source:
 
 
 def number_from(given: Any, wanted: str = "a number") -> float:
-    """A finite number, of Python or numpy. Raises Mistake."""
+    """Return a finite number from a Python or numpy one. Raises Mistake."""
     given = given.item() if getattr(given, "shape", None) == () else given
     if isinstance(given, bool) or not isinstance(given, (int, float)):
         raise Mistake(f"is {described(given)}; it takes {wanted}")
@@ -176,7 +179,7 @@ def _table(given: Sequence[Any]) -> Table:
 
 
 def described(given: Any) -> str:
-    """What something is, in the words of a TOML file, for a message."""
+    """Describe something for a message, in the words of a TOML file."""
     if isinstance(given, bool):
         return "true" if given else "false"
     if isinstance(given, str):
@@ -191,14 +194,14 @@ def described(given: Any) -> str:
 
 
 def values_in(stored: Any) -> tuple[Value, ...]:
-    """The Values that a stored entry holds."""
+    """Return the Values in a stored entry."""
     if isinstance(stored, Value):
         return (stored,)
     return tuple(v for v in stored if isinstance(v, Value)) if isinstance(stored, tuple) else ()
 
 
 def with_values(stored: Any, change: Callable[[Value], Value]) -> Any:
-    """The stored entry with every Value changed."""
+    """Return the stored entry with `change` applied to every Value in it."""
     if isinstance(stored, Value):
         return change(stored)
     if isinstance(stored, tuple) and stored and all(isinstance(v, Value) for v in stored):

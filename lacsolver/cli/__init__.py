@@ -1,4 +1,4 @@
-"""The command `lacsolver`: a module for each of its commands beside it; how it runs is in `lacmesh.cli.program`."""
+"""The command `lacsolver`: each of its commands has a module in this package, run by `lacmesh.cli.program`."""
 
 from __future__ import annotations
 
@@ -15,18 +15,21 @@ COMMANDS = ("run", "validate", "film", "matrices", "schema")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
+    """Run the command and return its exit status."""
     return PROGRAM.main(argv)
 
 
 def _left(args: argparse.Namespace) -> str:
-    """For a command that is stopped: what there is of its output."""
+    """Describe the output that a command has left when it is stopped."""
     left = getattr(args, "left", None)
     return str(left()) if left else written(args)
 
 
 def _told(error: LacmeshError, args: argparse.Namespace) -> list[str]:
-    """What an error says, a line each mistake of a case; where it is about the case and names no file, the case's."""
+    """Return the lines of an error, one for each mistake of a case.
+
+    A line about the case that does not name the case's file gets that name in front.
+    """
     from lacsolver.case.errors import CaseError
 
     lines = str(error).splitlines() if isinstance(error, CaseError) else [str(error)]

@@ -1,4 +1,4 @@
-"""`lacsolver film`: a film, or a sheet of pictures, of what a run wrote."""
+"""`lacsolver film`: a film, or a sheet of pictures, of the results of a run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lacmesh.cli.options import check_place
 from lacsolver.cli.options import add_command
 from lacsolver.cli.ranks import check_alone
 
-#: what bodies may be coloured by: the keys of lacsolver.pictures.shots.COLOURS
+#: quantities that bodies may be coloured by: the keys of lacsolver.pictures.shots.COLOURS
 COLOURS = ("stress", "pressure")
 
 

@@ -1,4 +1,4 @@
-"""`lacsolver matrices`: B, G, w of the zones of a case, for a solver of one's own."""
+"""`lacsolver matrices`: contact matrices B, G, w of the zones of a case, for use in another solver."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _made(case: Case, mesh: Mesh) -> dict[str, ContactMatrices]:
-    """The matrices of each contact and tie, at the end of the steps (where a clearance changes with time)."""
+    """Return the matrices of each contact and tie, with the clearance at the end of the steps."""
     from lacsolver.case import check_groups
     from lacsolver.contact import integrate
     from lacsolver.matrices import ContactMatrices
@@ -87,7 +87,7 @@ def _made(case: Case, mesh: Mesh) -> dict[str, ContactMatrices]:
 
 
 def places(zones: Iterable[str], output: Path) -> dict[str, Path]:
-    """The file of each zone: `output`, or FILE-ZONE.npz where there are several."""
+    """Return the file of each zone: `output`, or FILE-ZONE.npz if there are several."""
     from lacsolver.output.names import CONTACT, contact_stems
 
     stems = contact_stems(zones)

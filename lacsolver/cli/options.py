@@ -1,4 +1,4 @@
-"""How the commands' arguments are declared."""
+"""Declarations of arguments that the commands share."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ Exit status: 0 done, 1 the data are wrong, 2 the command is wrong, 3 a file cann
 
 
 def add_command(commands: Any, name: str, run: Callable[..., None], text: str) -> argparse.ArgumentParser:
-    """Declare a command, with what all of them take; `text` is its line in the help."""
+    """Declare a command, with the arguments that all commands take; `text` is its line in the help."""
     parser = add_lacmesh_command(commands, name, run, text)
     parser.epilog = EPILOG
     return parser
 
 
 def add_case(parser: argparse.ArgumentParser) -> None:
-    """Declare the case file."""
+    """Declare the argument for the case file."""
     parser.add_argument("case", metavar="CASE.toml", help="what is to be solved (lacsolver schema lists its keys)")

@@ -1,4 +1,7 @@
-"""Whether `mpiexec` or `srun` started several processes: each would solve the whole and write the same files."""
+"""Refuse to run as one of several processes of `mpiexec` or `srun`.
+
+Each process would solve the whole problem and write the same files.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +10,12 @@ from collections.abc import Mapping
 
 from lacmesh.errors import RequestError
 
-#: what tells a process how many were started: by Open MPI; by MPICH, Intel MPI and others
+#: environment variables with the number of processes: of Open MPI; of MPICH, Intel MPI and others
 _SIZES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE")
 
 
 def check_alone(environment: Mapping[str, str] = os.environ) -> None:
-    """Raise RequestError where this process is one of several: there is no engine for that yet."""
+    """Raise RequestError if this process is one of several, for which there is no solver yet."""
     for name in (*_SIZES, *_sizes_of_slurm(environment)):
         count = _count(environment.get(name))
         if count > 1:
@@ -23,10 +26,11 @@ def check_alone(environment: Mapping[str, str] = os.environ) -> None:
 
 
 def _sizes_of_slurm(environment: Mapping[str, str]) -> tuple[str, ...]:
-    """Slurm's variable that counts the processes of which this is one; none where it counts what could be started.
+    """Return Slurm's variable with the number of processes that were started, () if none tells it.
 
-    `srun` tells each task how many its step has. Where that is not told, SLURM_NTASKS is of the job: what `salloc` runs
-    has no SLURM_PROCID, and the script of `sbatch` is task 0 of a job of many, but runs alone (ENVIRONMENT is BATCH).
+    `srun` sets SLURM_STEP_NUM_TASKS for each task. Without it SLURM_NTASKS is used, which counts the tasks that a job
+    may start. It is not used where the process runs alone: a command of `salloc` has no SLURM_PROCID, and the script of
+    `sbatch` is task 0 of a job of many tasks (ENVIRONMENT is BATCH).
     """
     if "SLURM_STEP_NUM_TASKS" in environment:
         return ("SLURM_STEP_NUM_TASKS",)

@@ -1,4 +1,4 @@
-"""`lacsolver run`: solve a case, and write all that its results are."""
+"""`lacsolver run`: solve a case and write its results."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Solve a case; raises NotConvergedError once what there is has been written."""
+    """Solve a case. Raises NotConvergedError after the results so far have been written."""
     import lacmesh
     from lacsolver.case import read_case
     from lacsolver.output import create, read_state
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _beside(case: Path) -> Path:
-    """The folder of results when nothing is said: the case's name without its suffix."""
+    """Return the default folder of results: the case's name without its suffix."""
     if not case.suffix:
         raise RequestError(f"{case} has no suffix to leave out for the folder of the results; name one with -o")
     return case.with_suffix("")
@@ -83,7 +83,7 @@ def _solve(
 
 
 def left(watch: Watch, folder: OutputFolder, start: Restart | None) -> str:
-    """What a run that stops leaves behind, and how to go on."""
+    """Describe the results that a stopped run leaves behind, and the option to continue it."""
     if watch.time is None:
         again = f"; --restart {start.folder} goes on from t = {start.time:.9g} again" if start else ""
         return f"no step has converged{again}"
@@ -91,7 +91,7 @@ def left(watch: Watch, folder: OutputFolder, start: Restart | None) -> str:
 
 
 def _check_plot(case: Case, args: argparse.Namespace) -> None:
-    """Say at once what would stop the drawing at the end."""
+    """Raise an error before the run for anything that would stop the drawing at its end."""
     from lacsolver.pictures.drawing import check_plot
 
     target = Path(args.plot)

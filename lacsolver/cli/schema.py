@@ -1,4 +1,4 @@
-"""`lacsolver schema`: every key of a case file, for people, or for editors."""
+"""`lacsolver schema`: every key of a case file, as text for people or as JSON Schema for editors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Print the table."""
+    """Print the table of keys."""
     from lacsolver.case.schema import json_schema, schema_text
 
     if args.json:

@@ -1,4 +1,4 @@
-"""What is said at the end of a run: steps, each zone, balance, time and memory, and where the results are."""
+"""Summary printed at the end of a run: steps, balance, zones, time, memory, and the folder of the results."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def print_summary(results: Results, folder: Path, fields: str) -> None:
-    """Print the summary of a run that is done; `fields`: the format of its fields."""
+    """Print the summary of a finished run; `fields`: the format of its fields."""
     rows = table("run", "")
     for name, value in _figures(results):
         rows.add_row(name, value)
@@ -65,7 +65,7 @@ def _span(low: float, high: float) -> str:
 
 
 def _vector(values: Floats) -> str:
-    """A vector or a number, what is rounding beside its largest component as 0."""
+    """Format a vector or a number; components that are round-off relative to the largest one are shown as 0."""
     values = np.atleast_1d(values)
     rounding = 1e-12 * float(np.abs(values).max(initial=0.0))
     return ", ".join(f"{v if abs(v) > rounding else 0.0:.6g}" for v in values)

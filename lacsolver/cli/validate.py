@@ -1,4 +1,4 @@
-"""`lacsolver validate`: whether a case can be run, and what it would solve."""
+"""`lacsolver validate`: check that a case can be run, and print its sizes, zones, supports and loads."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from lacsolver.case.records import Entry
     from lacsolver.validation import Validation, ZoneFound
 
-#: sections that are told one by one, in this order
+#: sections whose records are listed one by one, in this order
 _ACTING = ("displacement", "rigid", "spring", "pressure", "traction", "force", "body_force", "gravity", "temperature")
-#: keys that say where, not what
+#: keys that tell where a record acts
 _WHERE = ("group", "groups", "at", "kind", "place", "centre")
 
 
@@ -30,7 +30,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Look at a case; raises CaseError with all that a run would be refused for."""
+    """Check a case and print what was found. Raises CaseError with every mistake that would prevent a run."""
     import lacmesh
     from lacsolver.case import CaseError, read_case
     from lacsolver.validation import validate
@@ -67,7 +67,7 @@ def _print(case: Case, found: Validation) -> None:
 
 
 def _figures(case: Case, found: Validation) -> Iterator[tuple[str, str]]:
-    """What is solved, how large it is, and what is free to move."""
+    """Yield the model, the sizes, the steps, and the rigid-body motions that only contact holds."""
     mesh = found.mesh
     cells = ", ".join(f"{count:,} {kind}" for kind, count in mesh.cells_by_type.items())
     yield "model", f"{case.model}, {case.kinematics} strains"
@@ -84,7 +84,7 @@ def _figures(case: Case, found: Validation) -> Iterator[tuple[str, str]]:
 
 
 def _cut(found: Validation) -> str:
-    """Whether a cut is made; what `recognition` finds to be cut is as the mesh has it."""
+    """Describe the cut: none, made for this run, or present in the mesh (also if found by `recognition`)."""
     if not found.zones:
         return "not made"
     if found.whole:
@@ -103,7 +103,7 @@ def _zone(zone: ZoneFound) -> Iterator[tuple[str, str]]:
 
 
 def said(record: Entry) -> str:
-    """Where a record acts and what it says: `top: value = 25, ramped`."""
+    """Describe a record, its group or place first: `top: value = 25, ramped`."""
     from lacsolver.case.keys import keys_of
     from lacsolver.space.places import name_of
 

@@ -1,4 +1,4 @@
-"""What is seen of a run while it goes on: iterations as they come where a person watches, and a line for each step."""
+"""Display of a running solution: the last iterations on a terminal, and a line of output for each step."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ if TYPE_CHECKING:
     from lacsolver.results.results import StepFigures
     from lacsolver.solve.stepping import Told
 
-#: iterations of the step in hand that are shown at a time
+#: iterations of the current step that are shown at a time
 SHOWN = 8
-#: seconds between two pictures of the iterations, at least
+#: least time between two updates of the iterations, in seconds
 _PAUSE = 0.1
-#: of the table of steps: heading, width
+#: columns of the table of steps: heading, width
 _COLUMNS = (("step", 5), ("time", 11), ("iterations", 12), ("halvings", 10), ("balance", 9))
 _OF_ZONES = (("in contact", 16), ("max pressure", 14))
 
 
 class Watch:
-    """Shows a run: `told` of its iterations, `stepped` of its steps. `time`: of the last step that converged, or None.
+    """Shows a run, from the calls `told` for each iteration and `stepped` for each step.
 
-    Iterations are shown on the terminal that errors go to, and leave nothing there; steps are lines of the output.
+    Iterations are shown on the terminal of stderr and removed afterwards; steps are lines of stdout. `time`: time of
+    the last converged step, or None.
     """
 
     def __init__(self, case: Case, *, quiet: bool) -> None:
@@ -61,7 +62,7 @@ class Watch:
             self._live.stop()
 
     def told(self, told: Told) -> None:
-        """Take an iteration."""
+        """Record an iteration, and update the display."""
         if told.number == 1:
             self._iterations.clear()
         self._iterations.append(told)
@@ -71,7 +72,7 @@ class Watch:
             self._live.refresh()
 
     def stepped(self, step: StepFigures) -> None:
-        """Take a step that has converged."""
+        """Record a converged step, and print its line."""
         self.time = step.time
         self._steps += 1
         self._iterations.clear()
@@ -84,7 +85,7 @@ class Watch:
         return "".join(f"{name:>{wide}}" for name, wide in (*_COLUMNS, *(_OF_ZONES if self._zones else ())))
 
     def _line(self, step: StepFigures) -> str:
-        """A row of the table of steps."""
+        """Return a row of the table of steps."""
         cells = [f"{self._steps:,}", f"{step.time:.6g}", f"{step.iterations:,}", f"{step.halvings:,}"]
         cells.append(f"{max(step.balance):.1e}")
         if self._zones:
@@ -95,7 +96,7 @@ class Watch:
         return "".join(f"{cell:>{wide}}" for cell, (_, wide) in zip(cells, columns, strict=True))
 
     def _now(self) -> Any:
-        """The iterations of the step in hand, and what is being done."""
+        """Return the display of the current step and its iterations."""
         from rich.console import Group
         from rich.text import Text
 

@@ -1,9 +1,9 @@
-"""What holds and moves a body: u = T q + u0(t), with q the unknowns that are left.
+"""Prescribed displacements and rigid bodies as linear constraints u = T q + u0(t), with q the remaining unknowns.
 
 conditions = direction . u = value, at nodes                         (conditions; normals, for `un`)
-local bases = what the conditions of each node leave free of it      (local)
-rigid bodies = nodes whose displacement is that of a few motions     (rigid)
-constraints = all of them as T, u0(t), and the forces they carry     (constraints)
+local bases = directions in which each node remains free             (local)
+rigid bodies = nodes that move with a few rigid-body motions         (rigid)
+constraints = all of them as T, u0(t), and their reactions           (constraints)
 """
 
 from lacsolver.constraints.constraints import Constraints

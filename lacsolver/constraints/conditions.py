@@ -1,4 +1,4 @@
-"""Prescribed displacements as conditions d . u = value at nodes, d a unit vector: an axis, or the outward normal."""
+"""Prescribed displacements as conditions d . u = value at nodes; d is a unit vector, an axis or the outward normal."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from lacsolver.space.places import cells_of, nodes_of, wrong
 from lacsolver.space.space import Space
 
 _AXES = ("ux", "uy", "uz")
-#: x of a node on the axis of symmetry, against the bodies' extent
+#: largest x of a node on the axis of symmetry, relative to the bodies' extent
 _ON_AXIS = 1e-9
-#: what holds the nodes on the axis of symmetry, in the place of a record
+#: stands for a record in the conditions of nodes on the axis of symmetry
 AXIS = Displacement(group="the axis of symmetry", ux=Value(0.0))
 
 
 class Prescribed(NamedTuple):
-    """One component of a record: `value` is what direction . u is at each of its nodes.
+    """One prescribed component of a record: direction . u = `value` at each of its nodes.
 
-    `nodes` (k,), `directions` (k, dim) unit vectors; a node stands several times where a skin has an edge.
+    `nodes` (k,), `directions` (k, dim) unit vectors; a node is repeated where a skin has an edge.
     """
 
     record: Displacement
@@ -39,14 +39,15 @@ class Prescribed(NamedTuple):
     directions: NDArray[np.floating]
 
     def at(self, space: Space, t: float) -> NDArray[np.floating]:
-        """(k,): the value at each node at time t. Raises EvaluationError where it is not finite."""
+        """Return the value (k,) at each node at time t. Raises EvaluationError where it is not finite."""
         return self.value(space.mesh.points[self.nodes][:, : space.dim], t)
 
 
 def prescribed(space: Space, records: Sequence[Displacement]) -> tuple[Prescribed, ...]:
-    """What the records prescribe, component by component, in their order.
+    """Return the prescribed components of the records, in their order.
 
-    Raises CaseError for groups and places that are missing, and for `un` of what is no skin: every mistake at once.
+    Raises CaseError, with every mistake at once, for groups and places that are missing, and for `un` of a group that
+    is not a skin.
     """
     problems: list[Problem] = []
     made: list[list[Prescribed]] = []
@@ -69,7 +70,10 @@ def prescribed(space: Space, records: Sequence[Displacement]) -> tuple[Prescribe
 
 
 def on_axis(space: Space, moved: Ints) -> tuple[Prescribed, ...]:
-    """ux = 0 on the axis of an axisymmetric model, where strain would not be finite; not at nodes `moved` otherwise."""
+    """Return the condition ux = 0 on the axis of an axisymmetric model, where strain would not be finite else.
+
+    Nodes `moved` by rigid bodies are left out.
+    """
     if not space.model.axisymmetric:
         return ()
     x = space.mesh.points
@@ -90,7 +94,7 @@ def _along_axes(space: Space, record: Displacement) -> list[Prescribed]:
 
 
 def _skin(space: Space, record: Displacement) -> Surface:
-    """The faces of a record's group, each with one cell of the body behind it."""
+    """Return the faces of a record's group, each with one cell of the body behind it. Raises CaseError for others."""
     mesh = space.mesh
     cells = cells_of(space, record)
     if cells is None:
@@ -113,7 +117,7 @@ def _skin(space: Space, record: Displacement) -> Surface:
 
 
 def _known(space: Space, cells: Ints) -> NDArray[np.bool_]:
-    """(k,): whether cells are of a type that has shape functions."""
+    """Return a mask (k,), True for cells of a type that has shape functions."""
     known = np.zeros(space.mesh.n_cells, bool)
     for kind, chosen, _ in space.mesh.select(cells):
         known[chosen] = kind in CELLS

@@ -1,12 +1,12 @@
-"""All that holds and moves the bodies of a case, as u = T q + u0(t).
+"""Prescribed displacements and rigid bodies of a case, as u = T q + u0(t).
 
-T is constant and known once: columns of the nodes' own unknowns, node by node, then those of the rigid bodies' free
-motions. K on q is T^T K T, forces T^T f + force(t), and the reactions r = f_int - f_ext + B^T p satisfy
-T^T r = force(t): on the nodes' own unknowns nothing is left, on a free motion what is prescribed as its load.
+T is constant and built once: it has columns for the nodes' own unknowns, node by node, then for the rigid bodies' free
+motions. The stiffness on q is T^T K T, the load T^T f + force(t), and the reactions r = f_int - f_ext + B^T p satisfy
+T^T r = force(t): they vanish on the nodes' own unknowns, and equal the prescribed load on a free motion.
 
-Where kinematics are finite and a rigid body turns freely, u(q, t) is not linear: `displacement` is exact, T(q, t) its
+Under finite kinematics with a freely rotating rigid body, u(q, t) is not linear: `displacement` is exact, T(q, t) its
 derivative, and equilibrium is r(q) = T(q)^T (f_int - f_ext + B^T p) - force(q, t) = 0, whose tangent is
-T^T K T + turning(q, t, forces). Everywhere else T(q, t) is T, and turning is None.
+T^T K T + turning(q, t, forces), with the geometric stiffness `turning`. Otherwise T(q, t) is T, and turning is None.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from lacsolver.space.space import Space
 class Constraints:
     """u = T q + u0(t); built by `Constraints.of`.
 
-    `T` (n_dof, n_q): its columns at the nodes' own unknowns are orthonormal. `local`: the prescribed displacements,
+    `T` (n_dof, n_q): its columns at the nodes' own unknowns are orthonormal. `local`: the prescribed displacements;
     `rigid`: the rigid bodies, in the case's order. `names`: each displacement's conditions (rows of `local`), by the
-    name that its reaction has: its group, or `at [x, y, z]`.
+    name of its reaction: its group, or `at [x, y, z]`.
     """
 
     space: Space
@@ -47,14 +47,14 @@ class Constraints:
 
     @classmethod
     def of(cls, space: Space, case: Case) -> Constraints:
-        """The constraints of a case's displacements and rigid bodies.
+        """Build the constraints of a case's displacements and rigid bodies.
 
-        In axisymmetry nodes on the axis have ux = 0, whatever the case says of them. Nodes that no cell of the space
-        holds and no rigid body moves have no unknowns: what is not prescribed there is 0.
+        In axisymmetry nodes on the axis have ux = 0, whatever the case prescribes there. Nodes without a cell of the
+        space that no rigid body moves have no unknowns: components that are not prescribed there are 0.
 
         Raises CaseError, with the lines of the records concerned, for groups and places that are missing or empty, `un`
-        of what is no skin, conditions that contradict each other at a node (looked for at some of the case's times, and
-        by `u0` at every time that is asked), a node in two rigid bodies, or prescribed beside one.
+        of a group that is no skin, conditions that contradict each other at a node (checked at some of the case's times
+        here, and at every time by `u0`), a node in two rigid bodies, or a node of one that is prescribed too.
         """
         parts = prescribed(space, case.displacement)
         rigid = rigid_bodies(space, case.rigid, case.kinematics == "finite")
@@ -70,27 +70,27 @@ class Constraints:
 
     @property
     def n_q(self) -> int:
-        """Number of unknowns that are left."""
+        """Number of unknowns q."""
         return self.T.shape[1]
 
     def u0(self, t: float) -> NDArray[np.floating]:
-        """(n_dof,): the displacement at time t with q = 0. Raises CaseError where conditions contradict each other."""
+        """Return the displacement (n_dof,) at time t with q = 0. Raises CaseError where conditions contradict."""
         u = self.local.P @ self.local.values(t)
         for body in self.rigid:
             u[self.space.dofs(body.nodes).ravel()] = body.displacement(body.held(t))
         return u
 
     def displacement(self, q: Floats, t: float) -> NDArray[np.floating]:
-        """(n_dof,): the displacement at time t with unknowns q (n_q,), exact for finite rotations."""
+        """Return the displacement (n_dof,) at time t with unknowns q (n_q,), exact for finite rotations."""
         u = self.T @ q + self.u0(t)
         for body in self._turning:
             u[self.space.dofs(body.nodes).ravel()] = body.displacement(body.motion(q, t))
         return u
 
     def tangent(self, q: Floats, t: float) -> csr_array:
-        """(n_dof, n_q): du/dq at q (n_q,) and time t: T, but for rigid bodies that turn freely and finitely.
+        """Return du/dq (n_dof, n_q) at q (n_q,) and time t; it is T unless a rigid body has free finite rotations.
 
-        Raises InadmissibleError where a free rotation in space comes to a full turn.
+        Raises InadmissibleError where a free rotation in space comes close to a full turn.
         """
         if not self._turning:
             return self.T
@@ -99,9 +99,9 @@ class Constraints:
         return _map(self.space, self.local, own, n, self.rigid, levers)
 
     def force(self, t: float, q: Floats | None = None) -> NDArray[np.floating]:
-        """(n_q,): forces and moments on the free motions of rigid bodies at time t, 0 elsewhere.
+        """Return the forces and moments on the free motions of rigid bodies at time t, 0 elsewhere, (n_q,).
 
-        `q` (n_q,): where they act; where finite rotations are free, a moment's work on their vectors depends on it.
+        `q` (n_q,): current unknowns; for free finite rotations the force conjugate to a moment depends on them.
         """
         f = np.zeros(self.n_q)
         for body in self.rigid:
@@ -110,10 +110,10 @@ class Constraints:
         return f
 
     def turning(self, q: Floats, t: float, forces: Floats) -> csr_array | None:
-        """(n_q, n_q): the derivative by q of T(q)^T forces - force(t, q), forces (n_dof,) fixed.
+        """Return the geometric stiffness (n_q, n_q): derivative by q of T(q)^T forces - force(t, q), `forces` fixed.
 
-        They are f_int - f_ext + B^T p. None where T and force do not depend on q; not symmetric where a moment turns a
-        body in space.
+        `forces` (n_dof,) are f_int - f_ext + B^T p. None where T and force do not depend on q; not symmetric where a
+        moment rotates a body in space.
         """
         if not self._turning:
             return None
@@ -136,34 +136,34 @@ class Constraints:
         return tuple(body for body in self.rigid if body.turns and body.free[self.space.dim :].any())
 
     def rigid_motion(self, q: Floats, t: float) -> dict[str, NDArray[np.floating]]:
-        """Each rigid body's displacement of its centre, then its rotation (3 in 3D, 1 in a plane), by its group."""
+        """Return each rigid body's displacement of its centre, then its rotation (3 in 3D, 1 in a plane), by group."""
         return {body.name: body.motion(q, t) for body in self.rigid}
 
     @cached_property
     def is_selection(self) -> bool:
-        """Whether T merely picks unknowns, so that T^T K T is K[free][:, free]."""
+        """True if T merely selects unknowns of u, so that T^T K T is K[free][:, free]."""
         one_each = np.diff(self.T.tocsc().indptr) == 1
         return bool(one_each.all() and (self.T.data == 1.0).all() and self.T.has_canonical_format)
 
     @cached_property
     def free(self) -> Ints:
-        """(n_q,): the unknown of u that each of q is. Raises ValueError unless `is_selection`."""
+        """Index (n_q,) into u of each unknown q. Raises ValueError unless `is_selection`."""
         if not self.is_selection:
             raise ValueError("q are no unknowns of u: multiply with T")
         return self.T.tocsc().indices
 
     def reactions(self, reaction: Floats) -> dict[str, NDArray[np.floating]]:
-        """(dim,) of each displacement and rigid body: its share of reactions (n_dof,) at the nodes.
+        """Return the share (dim,) of each displacement and rigid body in the reactions (n_dof,) at the nodes.
 
-        Of two conditions that say the same at a node the earlier one carries the force, so that the shares add up to
-        the whole. A rigid body has all forces on its nodes: what holds it, and the loads on its free motions.
+        If two conditions at a node are dependent, the earlier one carries the force, so that the shares add up to the
+        whole. The share of a rigid body is that of all forces on its nodes, including the loads on its free motions.
         """
         own = self.local.forces(reaction)
         shares = {name: own[rows].sum(axis=0) for name, rows in self.names.items()}
         return shares | {name: m[: self.space.dim] for name, m in self.rigid_reactions(reaction).items()}
 
     def reaction(self, name: str, reaction: Floats) -> NDArray[np.floating]:
-        """(dim,): that of one of `reactions`. Raises RequestError for a name that is none."""
+        """Return one of the `reactions` (dim,), by name. Raises RequestError for an unknown name."""
         found = self.reactions(reaction)
         if name not in found:
             raise RequestError(f"no displacement or rigid body named {name!r}{did_you_mean(name, found)}")
@@ -172,9 +172,10 @@ class Constraints:
     def rigid_reactions(
         self, reaction: Floats, motions: Mapping[str, Floats] | None = None
     ) -> dict[str, NDArray[np.floating]]:
-        """Each rigid body's force, then its moment about the centre (3 in 3D, 1 in a plane), of reactions (n_dof,).
+        """Return each rigid body's force, then its moment about the centre (3 in 3D, 1 in a plane), of reactions.
 
-        `motions`: those of `rigid_motion`, for finite rotations: moments are then about the centre where it is.
+        `reaction` (n_dof,). `motions`: those of `rigid_motion`, for finite rotations: moments are then about the
+        displaced centre.
         """
         at, where = self.space.dofs, motions or {}
         return {
@@ -183,7 +184,7 @@ class Constraints:
 
 
 def _own_unknowns(space: Space, local: LocalBases, rigid: tuple[RigidBody, ...]) -> tuple[Ints, int]:
-    """(n_nodes,): the first unknown of q that is a node's own, -1 where it has none; and how many there are."""
+    """Return the first of each node's own unknowns in q, (n_nodes,), -1 for none, and the number of such unknowns."""
     count = np.where(space.attached, space.dim, 0)
     count[local.nodes] = np.where(space.attached[local.nodes], local.n_free, 0)
     for body in rigid:
@@ -200,7 +201,10 @@ def _map(
     rigid: tuple[RigidBody, ...],
     levers: tuple[NDArray[np.floating], ...] | None = None,
 ) -> csr_array:
-    """T, from each node's first own unknown, n of these, and the rigid bodies, with other levers if they are given."""
+    """Return T from the first own unknown of each node, n own unknowns in all, and the levers of the rigid bodies.
+
+    `levers`: other levers than the bodies' own, for finite rotations.
+    """
     alone = own >= 0
     alone[local.nodes] = False
     whole = np.flatnonzero(alone)
@@ -231,6 +235,6 @@ def _names(local: LocalBases) -> Mapping[str, Ints]:
 
 
 def _probed(case: Case) -> list[float]:
-    """Some times of a case: the first, middle and last of its steps, and one that is none of them."""
+    """Return some times of a case: the first, middle and last of its steps, and one in between."""
     planned = case.steps.planned
     return sorted({planned[0], planned[len(planned) // 2], planned[-1], 0.618 * case.steps.last})

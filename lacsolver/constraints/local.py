@@ -1,9 +1,9 @@
-"""What the conditions of a node leave free of its displacement.
+"""Local bases of the directions in which nodes with prescribed displacements remain free.
 
-At each node with conditions D u = c (D a row a condition, unit vectors) the displacement is u = N^T q + P c: the rows
-of N are an orthonormal basis of what is left, P the pseudo-inverse of D, so that P c is the shortest u that meets them.
-Conditions are taken in the order of the case; one that follows from earlier ones at its node carries nothing, and its
-value must be what they say.
+At each node with conditions D u = c (one row of D, a unit vector, per condition) the displacement is u = N^T q + P c:
+the rows of N are an orthonormal basis of the null space of D, and P is the pseudo-inverse of D, so that P c is the
+shortest u that meets the conditions. Conditions are taken in the order of the case; one that depends on earlier ones at
+its node carries no force, and its value must agree with theirs.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from lacsolver.constraints.conditions import Prescribed
 from lacsolver.space.places import said
 from lacsolver.space.space import Space
 
-#: sine of the angle below which two directions are one
+#: sine of the angle below which two directions count as the same
 _ONE_DIRECTION = 1e-6
-#: values at a node may differ by this much of the largest prescribed one, and of the bodies' extent (round-off)
+#: round-off allowed between values at a node, relative to the largest prescribed value, and to the bodies' extent
 _SAME_VALUE, _SAME_PLACE = 1e-9, 1e-14
 
 
@@ -32,9 +32,9 @@ _SAME_VALUE, _SAME_PLACE = 1e-9, 1e-14
 class LocalBases:
     """The conditions of all nodes, combined; built by `combine`.
 
-    `parts`: the conditions; all of them, in this order, are the rows i of what follows. `node` (i,), `direction`
-    (i, dim). `nodes` (k,): those with conditions, sorted; `basis` (k, dim, dim): its first `n_free[k]` rows are N.
-    `P` (n_dof, i): zero columns for conditions that follow from others.
+    `parts`: the conditions, which are the rows i of the following arrays, in this order. `node` (i,), `direction`
+    (i, dim). `nodes` (k,): nodes with conditions, sorted; `basis` (k, dim, dim): its first `n_free[k]` rows are N.
+    `P` (n_dof, i): zero columns for conditions that depend on others.
     """
 
     space: Space
@@ -48,11 +48,11 @@ class LocalBases:
 
     @cached_property
     def D(self) -> csr_array:
-        """(i, n_dof): D u are the displacements that are prescribed."""
+        """Matrix (i, n_dof) such that D u are the components of displacement that are prescribed."""
         return _sparse(self.space, self.node, self.direction).T.tocsr()
 
     def values(self, t: float) -> NDArray[np.floating]:
-        """(i,): what D u is at time t. Raises CaseError where two conditions at a node contradict each other."""
+        """Return the prescribed values (i,) of D u at time t. Raises CaseError where two conditions contradict."""
         c = np.concatenate([np.empty(0), *(part.at(self.space, t) for part in self.parts)])
         missed = np.abs(self.D @ (self.P @ c) - c)
         if missed.max(initial=0.0) > _SAME_VALUE * np.abs(c).max(initial=0.0) + _SAME_PLACE * self.space.extent:
@@ -60,14 +60,14 @@ class LocalBases:
         return c
 
     def forces(self, reaction: Floats) -> NDArray[np.floating]:
-        """(i, dim): the force of each condition on its node, of reactions (n_dof,) at the nodes.
+        """Return the force (i, dim) of each condition on its node, from reactions (n_dof,) at the nodes.
 
-        Conditions that follow from earlier ones carry nothing, so that the forces add up to the reaction.
+        Conditions that depend on earlier ones carry no force, so that the forces add up to the reaction.
         """
         return (self.P.T @ reaction)[:, None] * self.direction
 
     def _contradiction(self, i: int, c: Floats, t: float) -> None:
-        """The error for a condition that the others at its node do not allow, and the one that is nearest to it."""
+        """Raise the error for condition i, which contradicts others at its node; name the nearest in direction."""
         here = np.flatnonzero((self.node == self.node[i]) & (self._carries | (np.arange(len(c)) == i)))
         others = here[here != i]
         likeness = np.abs(self.direction[others] @ self.direction[i])
@@ -105,10 +105,10 @@ def combine(space: Space, parts: Sequence[Prescribed]) -> LocalBases:
 
 
 def _orthonormal(direction: Floats, place: Ints, n: int, dim: int) -> tuple[Floats, Floats, Ints, Ints]:
-    """Gram and Schmidt's D = L B at each of n nodes, over its conditions in their order.
+    """Factorise D = L B by Gram-Schmidt at each of n nodes, over its conditions in their order.
 
-    B (n, dim, dim), its first rank rows orthonormal, the others 0; inverse of L (n, dim, dim); rank (n,); and the row
-    of D that each condition is (i,), -1 for one that follows from those before it.
+    Returns B (n, dim, dim), its first rank rows orthonormal, the others 0; the inverse of L (n, dim, dim); rank (n,);
+    and for each condition its row (i,) in D, -1 for a condition that depends on those before it.
     """
     B, L = np.zeros((n, dim, dim)), np.tile(np.eye(dim), (n, 1, 1))
     rank, row = np.zeros(n, np.int64), np.full(len(direction), -1)
@@ -133,13 +133,16 @@ def _orthonormal(direction: Floats, place: Ints, n: int, dim: int) -> tuple[Floa
 
 
 def _completed(B: Floats, rank: Ints) -> NDArray[np.floating]:
-    """(n, dim, dim): a basis N of what the rows of B leave, as near to the axes as may be; rows of zeros fill it up."""
+    """Return a basis N (n, dim, dim) of the complement of the rows of B, as close to the axes as possible.
+
+    Unused rows are zero.
+    """
     dim = B.shape[2]
     N = np.zeros_like(B)
     for k in range(dim):
         at = np.flatnonzero(dim - rank > k)
         left = np.eye(dim) - np.einsum("ksd,kse->kde", B[at], B[at]) - np.einsum("ksd,kse->kde", N[at], N[at])
-        length = np.diagonal(left, axis1=1, axis2=2)  # squared: of each axis, as far as it lies in what is left
+        length = np.diagonal(left, axis1=1, axis2=2)  # squared length of each axis's projection on the rest
         axis = (length > length.max(axis=1, keepdims=True) - 1e-12).argmax(axis=1)
         v = np.take_along_axis(left, axis[:, None, None], axis=1)[:, 0]
         N[at, k] = v / np.linalg.norm(v, axis=1, keepdims=True)
@@ -147,7 +150,10 @@ def _completed(B: Floats, rank: Ints) -> NDArray[np.floating]:
 
 
 def _sparse(space: Space, node: Ints, block: Floats, column: Ints | None = None, n: int | None = None) -> csr_array:
-    """(n_dof, n): columns of `block` (k, dim) at the unknowns of nodes; column k is that of row k if None."""
+    """Return a matrix (n_dof, n) with row k of `block` (k, dim) at the unknowns of `node[k]`, in column `column[k]`.
+
+    Without `column` it is column k.
+    """
     column = np.arange(len(node)) if column is None else column
     columns = np.repeat(column, space.dim)
     made = coo_array((block.ravel(), (space.dofs(node).ravel(), columns)), shape=(space.n_dof, n or len(node))).tocsr()

@@ -1,9 +1,9 @@
 """Outward normals at the nodes of skins, for displacements prescribed along them.
 
-Faces at a node that turn from one another by less than the crease angle share one normal, the mean of theirs at the
-node, each weighted with the face's area. So do faces that are linked by others in between: the tip of a blunt cone has
-one normal. What is left of a sharp edge or a corner is one normal for each side. A skin that is split into several
-groups is one skin here, so that a seam in a cylinder is no edge.
+Faces at a node whose normals differ by less than the crease angle share one normal, the mean of theirs at the node,
+each weighted with the face's area. So do faces that are linked by others in between: the tip of a blunt cone has one
+normal. A sharp edge or a corner has one normal for each side. A skin that is split into several groups is one skin
+here, so that a seam in a cylinder is no edge.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from lacmesh.surface.normals import weighted
 from lacmesh.topology.skin import label_rows
 from lacsolver.space.space import Space
 
-#: degrees; faces that turn by more meet in an edge
+#: degrees; faces whose normals differ by more meet in a sharp edge
 CREASE_ANGLE = 40.0
-#: a component of a normal below this is round-off: the normal of a face along x, y is z, not almost z
+#: a component of a normal below this is round-off and set to 0: the normal of a face along x, y is exactly z
 _ROUNDING = 1e-12
 
 
 class Normals(NamedTuple):
-    """Unit outward normals (k, dim) at nodes (k,); a node stands once for each distinct normal that it has."""
+    """Unit outward normals (k, dim) at nodes (k,); a node is listed once for each distinct normal that it has."""
 
     nodes: Ints
     normals: NDArray[np.floating]
 
 
 class _Sides(NamedTuple):
-    """A row for each node of each face: the node, the skin and the face it is of, the face's normal there, its area."""
+    """One row for each node of each face: node, skin, face, the face's normal at the node, the face's area."""
 
     node: Ints
     skin: Ints
@@ -49,7 +49,7 @@ class _Sides(NamedTuple):
 
 
 def nodal_normals(space: Space, skins: Sequence[Surface]) -> list[Normals]:
-    """The normals at the nodes of each of some skins. Raises DataError where a node has none.
+    """Return the normals at the nodes of each of some skins. Raises DataError where a node has none.
 
     >>> from lacmesh import Mesh
     >>> sides = ("SEG2", [[0, 1], [1, 2]])
@@ -100,7 +100,10 @@ def _sides(skins: Sequence[Surface]) -> _Sides:
 
 
 def _at_nodes(skin: Surface, name: str, nodes: Ints) -> tuple[Floats, Floats]:
-    """(k, n, 3) unit normals of faces of one type at their nodes, the mean one where that is 0; (k,) areas."""
+    """Return unit normals (k, n, 3) of faces of one type at their nodes, and areas (k,).
+
+    Where the normal at a node is 0, it is the mean normal of the face.
+    """
     x = skin.x[nodes]
     X, w = rule(CELLS[name].family, 4)
     mean = np.einsum("fps,p->fs", weighted(name, x, X), w)
@@ -113,13 +116,13 @@ def _at_nodes(skin: Surface, name: str, nodes: Ints) -> tuple[Floats, Floats]:
 
 
 def _first(sides: _Sides) -> NDArray[np.bool_]:
-    """(s,): whether a side is the first of its face and node: a face in two groups counts once."""
+    """Return a mask (s,), True for the first row of a face and node, so that a face in two groups counts once."""
     repeated = (sides.node[1:] == sides.node[:-1]) & (sides.face[1:] == sides.face[:-1])
     return np.concatenate([[True], ~repeated])
 
 
 def _shared(sides: _Sides) -> Ints:
-    """(s,): which normal each side has; those of a node that turn by less than the crease angle have the same."""
+    """Return the number of each row's normal, (s,); rows of a node within the crease angle share one."""
     least = np.cos(np.radians(CREASE_ANGLE)) - 1e-12
     end = np.searchsorted(sides.node, sides.node, side="right")
     rows = np.arange(len(end))

@@ -1,12 +1,12 @@
-"""Rigid bodies: nodes whose displacement is that of a few motions, each of them held, prescribed, or loaded and free.
+"""Rigid bodies: nodes that follow a few rigid-body motions, each of them held, prescribed, or loaded and free.
 
 Motions m: displacement of the centre along x, y (and z), then the rotation: a vector in 3D, a number in a plane, none
-in axisymmetry, where only y is left. With small kinematics u_i = U + theta x (X_i - c), linear in theta also where the
-rotation is prescribed; with finite ones u_i = U + (R(theta) - 1)(X_i - c), exact for any angle.
+in axisymmetry, where only y remains. With small kinematics u_i = U + theta x (X_i - c), linear in theta even for a
+prescribed rotation; with finite kinematics u_i = U + (R(theta) - 1)(X_i - c), exact for any angle.
 
-A moment that loads a finite body keeps its axes in space and its size, as a force does. What it works on d theta is
-H^T m (`rotation`), not m, and of such a load H^T m and its derivative depend on theta. A free rotation in space must
-stay short of a full turn, where its vector says no more how to go on; a prescribed one need not.
+A moment on a body under finite kinematics keeps its axes in space and its size, as a force does. The force conjugate to
+d theta is H^T m (`rotation`), not m, and it and its derivative depend on theta. A free rotation in space must stay
+short of a full turn, where the rotation vector is singular; a prescribed rotation need not.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from lacsolver.space.places import name_of, nodes_of, said, wrong
 from lacsolver.space.space import Space
 
 _AXES = "xyz"
-#: singular value of the free motions' displacements, of the largest, below which one moves nothing
+#: relative singular value of the free motions' displacements below which a motion moves no node
 _STILL = 1e-9
-#: angle of a free rotation in space beyond which its vector is too near a full turn
+#: angle of a free rotation in space beyond which its vector is too close to the singular full turn
 _NEARLY_ALL = 1.9 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
 class RigidBody:
-    """Nodes that move as one. `nodes` (k,), `centre` (3,), `lever` (k dim, m): displacements of small unit motions.
+    """Nodes that move rigidly. `nodes` (k,), `centre` (3,), `lever` (k dim, m): displacements of small unit motions.
 
-    `arm` (k, 3): from the centre to the nodes; `finite`: whether rotations are. `moved`: what each of the m motions is
-    prescribed to be, None where it is held or free; `loads`: the force or moment on it, likewise; `free` (m,).
-    `columns` (m,): the unknown of q that each free motion is, -1 for the others; `unit` (m,): the motion that a unit of
-    it is. Unknowns are lengths: a rotation's is that of the node that is farthest from the centre.
+    `arm` (k, 3): vectors from the centre to the nodes; `finite`: True for finite rotations. `moved`: prescribed value
+    of each of the m motions, None where it is held or free; `loads`: force or moment on each free motion, None for
+    others; `free` (m,). `columns` (m,): index in q of each free motion, -1 for the others; `unit` (m,): motion per unit
+    of the unknown. Unknowns are lengths: that of a rotation is the displacement of the node farthest from the centre.
     """
 
     record: Rigid
@@ -59,33 +59,33 @@ class RigidBody:
 
     @property
     def name(self) -> str:
-        """What results call it: the name of its group."""
+        """Name of the body in results: that of its group."""
         return name_of(self.record)
 
     @cached_property
     def free(self) -> NDArray[np.bool_]:
-        """(m,): which motions are free."""
+        """Mask (m,), True for free motions."""
         return np.array([load is not None for load in self.loads])
 
     def motion(self, q: Floats, t: float) -> NDArray[np.floating]:
-        """(m,): the motions at time t, with unknowns q (n_q,) of the constraints."""
+        """Return the motions (m,) at time t, with unknowns q (n_q,) of the constraints."""
         m = _values(self.moved, t)
         m[self.free] = q[self.columns[self.free]] * self.unit[self.free]
         return m
 
     def held(self, t: float) -> NDArray[np.floating]:
-        """(m,): the motions at time t, those that are free left at 0."""
+        """Return the motions (m,) at time t, with 0 for the free ones."""
         return _values(self.moved, t)
 
     def force(self, t: float, motion: Floats | None = None) -> NDArray[np.floating]:
-        """(m,): the forces and moments about the centre at time t, by what they work on changes of motions (m,)."""
+        """Return the forces (m,) at time t that are conjugate to changes of the motions, at `motion` (m,)."""
         f = _values(self.loads, t)
         if motion is not None and self.turns:
             f[self._dim :] = conjugate(self._theta(motion), self._in_space(f[self._dim :]))[self._axes]
         return f
 
     def force_derivative(self, t: float, motion: Floats) -> NDArray[np.floating]:
-        """(m, m): the derivative of `force` by motions (m,)."""
+        """Return the derivative (m, m) of `force` by motions (m,)."""
         out = np.zeros((len(self.loads), len(self.loads)))
         if self.turns:
             m = self._in_space(_values(self.loads, t)[self._dim :])
@@ -94,18 +94,18 @@ class RigidBody:
 
     @property
     def turns(self) -> bool:
-        """Whether displacements are other than linear in the motions: finite rotations."""
+        """True if displacements are not linear in the motions, because rotations are finite."""
         return self.finite and len(self.loads) > self._dim
 
     def displacement(self, motion: Floats) -> NDArray[np.floating]:
-        """(k dim,): displacements of the nodes under motions (m,)."""
+        """Return the displacements (k dim,) of the nodes under motions (m,)."""
         if not self.turns:
             return self.lever @ motion
         turned = self.arm @ turn(self._theta(motion)).T
         return (motion[: self._dim] + turned[:, : self._dim]).ravel()
 
     def lever_at(self, motion: Floats) -> NDArray[np.floating]:
-        """(k dim, m): the derivative of `displacement` at motions (m,)."""
+        """Return the derivative (k dim, m) of `displacement` at motions (m,)."""
         if not self.turns:
             return self.lever
         out = self.lever.reshape(-1, self._dim, len(motion)).copy()
@@ -114,7 +114,7 @@ class RigidBody:
         return out.reshape(self.lever.shape)
 
     def curvature(self, motion: Floats, forces: Floats) -> NDArray[np.floating]:
-        """(m, m): the second derivative, by motions (m,), of the work of forces (k dim,) at the nodes."""
+        """Return the second derivative (m, m), by motions (m,), of the work of forces (k dim,) at the nodes."""
         out = np.zeros((len(motion), len(motion)))
         if self.turns:
             M = np.zeros((3, 3))
@@ -124,7 +124,7 @@ class RigidBody:
         return out
 
     def resultant(self, forces: Floats, motion: Floats | None = None) -> NDArray[np.floating]:
-        """(m,): resultant, and moment about the centre where it is, of forces (k dim,) at the nodes under motions."""
+        """Return resultant and moment (m,), about the centre displaced by `motion`, of forces (k dim,) at the nodes."""
         if motion is None or not self.turns:
             return self.lever.T @ forces
         f = np.zeros((len(self.nodes), 3))
@@ -138,17 +138,17 @@ class RigidBody:
 
     @cached_property
     def _axes(self) -> list[int]:
-        """Axes in space of the rotations."""
+        """Indices of the axes of the rotations."""
         return [0, 1, 2] if self._dim == 3 else [2]
 
     def _in_space(self, turns: Floats) -> NDArray[np.floating]:
-        """(3,): rotations or moments (r,) as a vector."""
+        """Return rotations or moments (r,) as a vector (3,) in space."""
         out = np.zeros(3)
         out[self._axes] = turns
         return out
 
     def _theta(self, motion: Floats) -> NDArray[np.floating]:
-        """(3,): the rotation's vector. Raises InadmissibleError for a free one in space that is nearly a full turn."""
+        """Return the rotation vector (3,). Raises InadmissibleError for a free one in space near a full turn."""
         theta = self._in_space(motion[self._dim :])
         if self._dim == 3 and self.free[3:].any() and np.linalg.norm(theta) > _NEARLY_ALL:
             message = f"{said(self.record)} turns freely by nearly a full turn, where its rotation vector cannot follow"
@@ -157,10 +157,10 @@ class RigidBody:
 
 
 def rigid_bodies(space: Space, records: Sequence[Rigid], finite: bool = False) -> tuple[RigidBody, ...]:
-    """The rigid bodies of a case, under finite kinematics or small ones; their free motions are numbered from 0 on.
+    """Return the rigid bodies of a case, with their free motions numbered from 0; `finite`: finite kinematics.
 
     Raises CaseError for a group that is missing or empty, a node in two of them, and a loaded motion that moves no node
-    (a rotation about the line that all nodes stand on).
+    (a rotation about the line on which all nodes lie).
     """
     made: list[RigidBody] = []
     problems: list[Problem] = []
@@ -177,12 +177,12 @@ def rigid_bodies(space: Space, records: Sequence[Rigid], finite: bool = False) -
 
 
 def numbered(bodies: Sequence[RigidBody], first: int) -> tuple[RigidBody, ...]:
-    """The same bodies, their free motions numbered from `first` on."""
+    """Return the bodies with `first` added to the numbers of their free motions."""
     return tuple(replace(b, columns=np.where(b.free, b.columns + first, -1)) for b in bodies)
 
 
 def check_apart(space: Space, bodies: Sequence[RigidBody], parts: Sequence[Prescribed]) -> None:
-    """Raises CaseError where a node of a rigid body has its displacement prescribed by another record."""
+    """Raise CaseError where a node of a rigid body has its displacement prescribed by another record."""
     owner = _owners(space, bodies)
     for part in parts:
         both = part.nodes[owner[part.nodes] >= 0]
@@ -194,7 +194,7 @@ def check_apart(space: Space, bodies: Sequence[RigidBody], parts: Sequence[Presc
 
 
 def moments(dim: int, x: Floats) -> NDArray[np.floating]:
-    """(k, dim, r): theta x X at places X (k, 3) for unit rotations theta: about x, y, z, or the one about z in 2D."""
+    """Return theta x X (k, dim, r) at places X (k, 3) for unit rotations theta: about x, y, z, or about z in 2D."""
     cross = np.cross(np.eye(3)[None], x[:, None])  # (k, axis, component)
     return np.moveaxis(cross if dim == 3 else cross[:, 2:, :2], 1, 2)
 
@@ -226,7 +226,7 @@ def _components(record: Rigid, letter: str, dim: int) -> tuple[Value | None, ...
 
 
 def _turns(given: tuple[Value, ...] | None, turns: int) -> tuple[Value | None, ...]:
-    """The values of a rotation or a moment; None for each where there is none."""
+    """Return the components of a rotation or a moment, each None if it is not given."""
     return (None,) * turns if given is None else given[:turns]
 
 
@@ -235,7 +235,7 @@ def _values(values: Sequence[Value | None], t: float) -> NDArray[np.floating]:
 
 
 def _check_moves(space: Space, body: RigidBody) -> None:
-    """Every free motion moves nodes, and no combination of them moves none."""
+    """Raise CaseError if a free motion, or a combination of free motions, moves no node."""
     lever = body.lever[:, body.free]
     size = np.linalg.norm(lever, axis=0)
     reach = space.extent * np.sqrt(len(body.nodes))
@@ -251,7 +251,7 @@ def _check_moves(space: Space, body: RigidBody) -> None:
 
 
 def _owners(space: Space, bodies: Sequence[RigidBody]) -> Ints:
-    """(n_nodes,): the rigid body of each node, -1 for none."""
+    """Return the rigid body of each node, (n_nodes,), -1 for none."""
     owner = np.full(space.mesh.n_nodes, -1)
     for k, body in enumerate(bodies):
         owner[body.nodes] = k
@@ -259,7 +259,7 @@ def _owners(space: Space, bodies: Sequence[RigidBody]) -> Ints:
 
 
 def _in_one(space: Space, bodies: Sequence[RigidBody]) -> None:
-    """No node is in two rigid bodies."""
+    """Raise CaseError if a node is in two rigid bodies."""
     node = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in bodies)])
     owner = np.repeat(np.arange(len(bodies)), [len(body.nodes) for body in bodies])
     order = np.argsort(node, kind="stable")

@@ -1,11 +1,11 @@
-"""Finite rotations by their vector theta (axis times angle), and what their derivatives by it are.
+"""Finite rotations as functions of the rotation vector theta (axis times angle), and their derivatives.
 
     R = phi_0 I + phi_1 K + phi_2 theta theta^T,  K v = theta x v                        (Rodrigues)
     H = phi_1 I + phi_2 K + phi_3 theta theta^T:  the spin of a change d theta is H d theta
 
 phi_n(s) = sum over k of (-s)^k / (2k + n)!, s = |theta|^2: cos, sin / |theta|, (1 - cos) / s, ... as functions of s
 that are smooth at 0. They satisfy 2 s phi_n' + n phi_n = phi_(n-1), and phi_0' = -phi_1 / 2. H is singular where the
-angle is a full turn: there d theta does not say every spin.
+angle is a full turn: there d theta cannot represent every spin.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
 
-#: series are summed below this s, to so many terms: the next is below round-off
+#: the series are used below this s, with this number of terms: the next term is below round-off
 _SERIES, _TERMS = 1.0, 12
 
 
 def turn(theta: Floats) -> NDArray[np.floating]:
-    """R - I (3, 3): a rotation's displacements, without the round-off of I."""
+    """Return R - I (3, 3), the displacement gradient of a rotation, without the round-off of subtracting I."""
     phi, _, _ = _phi(float(theta @ theta))
     K = _cross(theta)
     return np.asarray(phi[1] * K + phi[2] * K @ K)
 
 
 def turn_derivative(theta: Floats) -> NDArray[np.floating]:
-    """(3, 3, 3): dR/dtheta_j at [j]."""
+    """Return dR/dtheta_j at [j], (3, 3, 3)."""
     phi, d, _ = _phi(float(theta @ theta))
     K, square, axes = _cross(theta), np.outer(theta, theta), np.eye(3)
     along = 2 * theta[:, None, None] * (d[0] * axes + d[1] * K + d[2] * square)
@@ -38,7 +38,7 @@ def turn_derivative(theta: Floats) -> NDArray[np.floating]:
 
 
 def turn_curvature(theta: Floats, M: Floats) -> NDArray[np.floating]:
-    """(3, 3): the second derivative of R:M by theta, M (3, 3) constant."""
+    """Return the second derivative (3, 3) of R:M by theta, for a constant M (3, 3)."""
     phi, d, dd = _phi(float(theta @ theta))
     trace, w, N = np.trace(M), np.einsum("jsi,si->j", _unit_cross(), M), M + M.T
     whole = np.array([trace, theta @ w, theta @ M @ theta])
@@ -48,13 +48,13 @@ def turn_curvature(theta: Floats, M: Floats) -> NDArray[np.floating]:
 
 
 def conjugate(theta: Floats, m: Floats) -> NDArray[np.floating]:
-    """(3,): H^T m, what a moment m with fixed axes works on changes of theta."""
+    """Return H^T m (3,), the force conjugate to theta of a moment m with fixed axes."""
     phi, _, _ = _phi(float(theta @ theta))
     return np.asarray(phi[1] * m - phi[2] * np.cross(theta, m) + phi[3] * theta * (theta @ m))
 
 
 def conjugate_derivative(theta: Floats, m: Floats) -> NDArray[np.floating]:
-    """(3, 3): d(H^T m)/dtheta, column by column."""
+    """Return d(H^T m)/dtheta (3, 3), column by column."""
     phi, d, _ = _phi(float(theta @ theta))
     along = d[1] * m - d[2] * np.cross(theta, m) + d[3] * theta * (theta @ m)
     # -e_j x m is m x e_j: the cross matrix of m
@@ -63,17 +63,17 @@ def conjugate_derivative(theta: Floats, m: Floats) -> NDArray[np.floating]:
 
 
 def _cross(v: Floats) -> NDArray[np.floating]:
-    """(3, 3): the matrix that takes w to v x w."""
+    """Return the matrix (3, 3) that maps w to v x w."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def _unit_cross() -> NDArray[np.floating]:
-    """(3, 3, 3): the same of each axis."""
+    """Return the cross-product matrices of the three axes, (3, 3, 3)."""
     return np.stack([_cross(axis) for axis in np.eye(3)])
 
 
 def _phi(s: float) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
-    """phi_0 .. phi_3 at s, their first derivatives, and the second ones of the first three."""
+    """Return phi_0 .. phi_3 at s, their first derivatives, and the second derivatives of the first three."""
     if s < _SERIES:
         return _series(s)
     a = sqrt(s)

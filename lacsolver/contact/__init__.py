@@ -1,4 +1,4 @@
-"""Two skins against each other: zones, and what they are as matrices (B, G, w) where they stand.
+"""Contact of two skins: zones, and their contact matrices (B, G, w) in a given configuration.
 
 zone = slave and master skins, the macro-element of each slave face   (zone)
 rows = int q . (v(x) - v(x_bar)) of each macro-element                (rows)

@@ -1,13 +1,15 @@
-"""How the pieces that an interface is integrated over move: their edges that the master makes, and what lies there.
+"""Moving edges of the mortar segments of an interface: quadrature points on the master's edges, and their velocity V.
 
-A piece ends where an edge of a master patch stands along the mean normal e of the slave patch. With y on that edge over
-x, at h = (y - x).e, and nu in the patch's plane across it, out of the piece, the edge moves over the slave by
+A mortar segment ends at the projection of an edge of a master patch along the mean normal e of the slave patch. With y
+on that edge above x on the slave, at the height h = (y - x).e, and nu the outward normal of the segment's edge in the
+plane of the patch, the edge moves over the slave by
 
     V = nu.(dy - dx) - h nu.de,      de = -sum_a a^a (e.dt_a)
 
-where t_a are the chords that the patch's normal is made of and a^a their dual vectors. What is integrated changes by
-what it is there, times V, along the edge (Leibniz). Between two master faces that is left of both which they do not
-share: with normals other than e each is met prolonged. At the master's rim it is all of it.
+where t_a are the chords that define the patch's normal and a^a their dual vectors. An integral over the segment changes
+by the integral of its integrand times V along the edge (Leibniz, or Reynolds). On an edge between two master faces the
+contributions of the two segments cancel, except for the difference between the integrands: with normals other than e
+the rays meet extensions of the two faces beyond their edge. At the boundary of the master nothing cancels.
 """
 
 from __future__ import annotations
@@ -28,26 +30,29 @@ from lacmesh.surface.patches import Patches, patches
 from lacmesh.surface.points import smooth_gap
 from lacsolver.contact.interface import by_type, places, tangents
 
-#: steps of Newton's method for places in faces; after one so small there is no other: it converges quadratically
+#: Newton's method for reference points in faces: most steps, and the step after which none follows, since convergence
+#: is quadratic
 _STEPS, _DONE = 12, 1e-7
 #: Gauss points of an edge, and their weights, on [0, 1]
 _AT, _WEIGHT = (np.polynomial.legendre.leggauss(3) + np.array([[1.0], [0.0]])) / 2
-#: a part of an edge shorter than this, against the patch, is rounding
+#: a part of an edge shorter than this, relative to the patch, is round-off
 _LEAST = 1e-10
-#: rays meet a face, prolonged by so much, or leave the edge out
+#: how far beyond a face, in reference coordinates, a ray may meet its extension; points beyond are left out
 _BEYOND = 0.5
 
 
 class Edges(NamedTuple):
-    """Points of edges (n,), their weight a length times what an area weighs; `moving` (n, n_dof): V."""
+    """Quadrature points on edges (n,), with weights for line integrals; `moving` (n, n_dof): V as a matrix of u."""
 
     points: ContactPoints
     moving: csr_array
 
 
 class _Ends(NamedTuple):
-    """Points of edges, a row each: rows of the slave's and the master's patches, what counts (`size`: a length, 1 in
-    the plane), `s` (n, 2) places in the slave patch, `share` (n, 4) of the master patch's corners, `nu` (n, 3).
+    """Quadrature points on edges, one row each.
+
+    `slave`, `master`: rows of their patches; `size`: length of the edge times the Gauss weight, 1 in the plane; `s`
+    (n, 2): reference points in the slave patch; `share` (n, 4): weights of the master patch's corners; `nu` (n, 3).
     """
 
     slave: Ints
@@ -61,9 +66,10 @@ class _Ends(NamedTuple):
 def edges_of(
     face: Ints, other: Ints, slave: Surface, master: Surface, dim: int, nodal: Floats | None, axisymmetric: bool
 ) -> Edges:
-    """The edges of pieces, those that do more than cancel. `face`, `other`: of slave and master, pairs that share some.
+    """Return quadrature points on the segment edges whose contributions do not cancel between neighbours.
 
-    `nodal` (f, 9, dim): smoothed normals, None for true ones. Macro-elements of the points are slave faces.
+    `face`, `other`: pairs of slave and master faces that have mortar segments in common. `nodal` (f, 9, dim): smoothed
+    normals, None for the faces' own. The field `macro` of the points holds slave faces.
     """
     s, m = patches(slave), patches(master)
     a, b = _pairs(np.unique(face * np.int64(len(master)) + other), s, m, len(master))
@@ -72,7 +78,7 @@ def edges_of(
 
 
 def _pairs(key: Ints, s: Patches, m: Patches, n: int) -> tuple[Ints, Ints]:
-    """Patches of pairs of faces, n times the slave's plus the master's."""
+    """Return the slave and master patches of pairs of faces, whose keys are n times the slave face plus the master."""
     face, other = np.divmod(key, np.int64(n))
     count = _count(m, other)
     each = _count(s, face) * count
@@ -87,9 +93,10 @@ def _count(p: Patches, face: Ints) -> Ints:
 
 
 def _counting(s: Patches, m: Patches, a: Ints, b: Ints, master: Surface, smooth: bool) -> NDArray[np.bool_]:
-    """(pairs, 4): whether the edge from each corner of the master's patch (that corner, in the plane) counts.
+    """Return a mask (pairs, 4) of the master patch's edges, by first corner, that do not cancel (corners in the plane).
 
-    The rim does; all do in front of slave faces whose normals are not those of their plane, and on curved masters.
+    These are edges on the boundary of the master; and all edges if the slave's normals differ from those of its plane,
+    or if the master is curved.
     """
     several = np.bincount(m.face, minlength=len(master)) > 1
     bent = smooth | (s.warp[s.face[a]] > NEARLY_FLAT) | several[m.face[b]]
@@ -98,7 +105,7 @@ def _counting(s: Patches, m: Patches, a: Ints, b: Ints, master: Surface, smooth:
 
 
 def _in_plane(s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_]) -> _Ends:
-    """Corners of the master that stand over the inside of the slave's chord."""
+    """Return the corners of the master that project into the inside of the slave's chord."""
     t = np.einsum("kcs,ks->kc", m.x[b, :2] - s.x[a, :1], s.e[a, 0]) / s.area[a][:, None]
     row, corner = np.nonzero((t > _LEAST) & (t < 1 - _LEAST) & counts[:, :2])
     out = np.sign(t[row, corner] - t[row, 1 - corner])
@@ -107,7 +114,7 @@ def _in_plane(s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_
 
 
 def _in_space(s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_]) -> _Ends:
-    """Gauss points of the parts of the master's edges over the slave's patch."""
+    """Return Gauss points of the parts of the master's edges that project into the slave's patch."""
     row, corner = np.nonzero(counts)
     a, b = a[row], b[row]
     after = (corner + 1) % m.n[b]
@@ -130,7 +137,10 @@ def _in_space(s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_
 
 
 def _within(start: Floats, along: Floats, y: Floats, n: Ints) -> tuple[Floats, Floats]:
-    """From where to where lines start + t along, t in [0, 1], lie in convex polygons y (k, 4, 2) of n corners."""
+    """Return the ends of the interval of t in [0, 1] in which start + t along lies in a convex polygon.
+
+    The polygons y (k, 4, 2) have n (k,) corners.
+    """
     low, high = np.zeros(len(start)), np.ones(len(start))
     k = np.arange(len(start))
     for c in range(4):
@@ -147,7 +157,7 @@ def _within(start: Floats, along: Floats, y: Floats, n: Ints) -> tuple[Floats, F
 
 
 def _in_patch(p: Floats, y: Floats, n: Ints) -> NDArray[np.floating]:
-    """(k, 2): reference places in patches with corners y (k, 4, 2) of points p (k, 2)."""
+    """Return the reference coordinates (k, 2) of points p (k, 2) in patches with corners y (k, 4, 2)."""
     out = np.zeros((len(p), 2))
     for name, count in (("TRIA3", 3), ("QUAD4", 4)):
         rows = np.flatnonzero(n == count)
@@ -167,7 +177,7 @@ def _placed(
     ends: _Ends, s: Patches, m: Patches, slave: Surface, master: Surface, dim: int, nodal: Floats | None,
     axisymmetric: bool,
 ) -> Edges:  # fmt: skip
-    """Points of edges, where rays from the slave meet the master there, and how edges move."""
+    """Return the points on the edges where rays from the slave meet the master, and the edges' V."""
     corners = _corner_shares(s, ends)
     xi = np.einsum("kc,kcx->kx", corners, s.xi[ends.slave])
     face, other = s.face[ends.slave], m.face[ends.master]
@@ -195,7 +205,7 @@ def _placed(
 
 
 def _over(s: Patches, ends: _Ends, slave: Surface, xi: Floats) -> None:
-    """Places in the faces of points over places on the patches' chords, from guesses, which they take the place of."""
+    """Move xi to the points of slave faces above given points of the patches' chords, by Newton's method, in place."""
     a, face = ends.slave, s.face[ends.slave]
     want = s.x[a, 0] + ((1 + ends.s[:, 0]) / 2 * s.area[a])[:, None] * s.e[a, 0]
     for _ in range(_STEPS if len(a) else 0):
@@ -207,7 +217,7 @@ def _over(s: Patches, ends: _Ends, slave: Surface, xi: Floats) -> None:
 
 
 def _corner_shares(s: Patches, ends: _Ends) -> NDArray[np.floating]:
-    """(n, 4): shape functions of the slave patches' corners."""
+    """Return the shape functions (n, 4) of the slave patches' corners."""
     out = np.zeros((len(ends.slave), 4))
     for name, count in (("SEG2", 2), ("TRIA3", 3), ("QUAD4", 4)):
         rows = np.flatnonzero(s.n[ends.slave] == count)
@@ -217,7 +227,7 @@ def _corner_shares(s: Patches, ends: _Ends) -> NDArray[np.floating]:
 
 
 def _ratio(s: Patches, ends: _Ends) -> NDArray[np.floating]:
-    """(n,): area of the face's reference coordinates over that of the patch's plane."""
+    """Return the ratio (n,) of area in the face's reference coordinates to area in the patch's plane."""
     out = np.empty(len(ends.slave))
     for name, count in (("TRIA3", 3), ("QUAD4", 4)):
         rows = np.flatnonzero(s.n[ends.slave] == count)
@@ -232,7 +242,7 @@ def _ratio(s: Patches, ends: _Ends) -> NDArray[np.floating]:
 def _normal(
     slave: Surface, face: Ints, xi: Floats, true: Floats, dim: int, nodal: Floats | None
 ) -> NDArray[np.floating]:
-    """(n, 3): unit normals at points of the slave; `true` (n, 3): those of the faces, of any size."""
+    """Return unit normals (n, 3) at points of the slave; `true` (n, 3): the faces' own normals, of any length."""
     n = true
     if nodal is not None:
         n = np.zeros((len(face), 3))
@@ -246,7 +256,10 @@ def _normal(
 def _meet(
     master: Surface, face: Ints, x: Floats, n: Floats, xi: Floats, dim: int
 ) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.bool_]]:
-    """Where rays from x (k, 3) along n meet faces, prolonged, from guesses xi: places, distances, whether they do."""
+    """Intersect rays from x (k, 3) along n with faces or their extensions, by Newton's method from guesses xi.
+
+    Returns the reference points, the distances, and a mask that is True where an intersection was found.
+    """
     xi, gap, start = xi.copy(), np.zeros(len(x)), xi
     step = np.zeros((len(x), dim))
     for _ in range(_STEPS if len(x) else 0):
@@ -267,7 +280,7 @@ def _meet(
 def _moving(
     ends: _Ends, own: tuple[Floats, Floats], s: Patches, m: Patches, slave: Surface, master: Surface, dim: int
 ) -> csr_array:
-    """(n, n_dof): V. `own`: places in slave faces (n, k, 2) that x is a sum of, and their shares (n, k)."""
+    """Return V as a matrix (n, n_dof). `own`: points in slave faces (n, k, 2) and weights (n, k), whose sum is x."""
     a, b, nu, e = ends.slave, ends.master, ends.nu, s.e[ends.slave, 2]
     y = np.einsum("kc,kcs->ks", ends.share, m.x[b])
     k = own[1].shape[1]
@@ -283,7 +296,7 @@ def _moving(
 
 
 def _chords(n: Ints, dim: int) -> NDArray[np.floating]:
-    """(k, 1 or 2, 4): the chords of patches that their mean normal is made of, by corners."""
+    """Return the chords that define the patches' mean normals, as weights of their corners, (k, 1 or 2, 4)."""
     if dim == 2:
         return np.tile([[[-1.0, 1.0, 0.0, 0.0]]], (len(n), 1, 1))
     three, four = [[-1, 0, 1, 0], [1, -1, 0, 0]], [[-1, 0, 1, 0], [0, -1, 0, 1]]
@@ -291,7 +304,7 @@ def _chords(n: Ints, dim: int) -> NDArray[np.floating]:
 
 
 def _of_nodes(surface: Surface, face: Ints, xi: Floats, value: Floats, dim: int) -> csr_array:
-    """(n, n_dof): the sum of `value` (n, k, 3) times what moves at places xi (n, k, 2) of faces (n,)."""
+    """Return as a matrix (n, n_dof) the sum over k of `value` (n, k, 3) . u at points xi (n, k, 2) of faces (n,)."""
     row, column, data = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
     for rows, name, nodes in by_type(surface, face):
         own = xi[rows]

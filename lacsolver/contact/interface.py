@@ -1,11 +1,12 @@
-"""Pairing and integration: what two skins are to one another, where they stand, as matrices and integrals.
+"""Pairing and integration of two skins in a given configuration: contact matrices and integrals of the gap.
 
 B v = int_{T_m} (v(x) - v(x_bar)).n dGamma, the virtual work of a unit pressure on macro-element m   (26), (35)
 G   = int_{T_m} g dGamma, g = (x_bar - x).n - b_s - b_m + clearance                                  (27)
 
-b_s, b_m are the heights of the smooth surfaces that faces stand for, 0 where these are the surfaces themselves.
-A tie's rows are those of the jump, int_{T_m} (v(x) + r dn(v) - v(x_bar)) e_k dGamma, d a macro-element: with dn, how v
-turns the slave's normal, the lever across r = (x_bar - x).n is part of it and a rigid rotation costs nothing.
+b_s, b_m are the heights of the smooth surfaces above the faces, 0 where the faces are the surfaces themselves.
+A tie has d rows for each macro-element, for the jump int_{T_m} (v(x) + r dn(v) - v(x_bar)) e_k dGamma, where dn is the
+change of the slave's normal under v: this corrects for the moment arm r = (x_bar - x).n, so that the jump of a rigid
+rotation is zero.
 """
 
 from __future__ import annotations
@@ -30,18 +31,18 @@ from lacsolver.contact.zone import Zone
 from lacsolver.space.space import Space
 from lacsolver.space.values import Value, evaluate
 
-#: degree to which a clearance that is a formula is integrated, beside the shape functions
+#: polynomial degree to which a clearance that is a formula is integrated, in addition to the shape functions
 _CLEARANCE = 4
-#: a gap across a tie below this much of the faces' size is rounding
+#: a gap across a tie below this, relative to the size of the faces, is round-off
 _ROUNDING = 1e-13
 
 
 @dataclass(frozen=True)
 class Pairing:
-    """How a zone is paired and measured: the options of `lacmesh.contact_points`, and which area pressures refer to.
+    """Options of the pairing of a zone: those of `lacmesh.contact_points`, the measure, thickness and clearance.
 
-    `measure`: `reference` or `current`; `thickness` of a plane model; `clearance` is added to the gap, a value at
-    points of the undeformed slave.
+    `measure`: area that pressures refer to, `reference` or `current`; `thickness` of a plane model; `clearance`: added
+    to the gap, a value at points of the undeformed slave.
     """
 
     normals: str = "facet"
@@ -55,7 +56,7 @@ class Pairing:
     clearance: Value = 0.0
 
     def within(self, space: Space, search_distance: float | None) -> Pairing:
-        """The same in a model, and to a distance."""
+        """Return the pairing with the axisymmetry and thickness of a space, and with a search distance."""
         return replace(
             self, search_distance=search_distance, axisymmetric=space.model.axisymmetric, thickness=space.thickness
         )
@@ -63,13 +64,13 @@ class Pairing:
 
 @dataclass(frozen=True, eq=False)
 class Interface:
-    """What a zone is at some place, a row each macro-element (m,).
+    """Pairing and contact integrals of a zone in one configuration, one row per macro-element (m,).
 
-    `B` (m, n_dof), or (d m, n_dof) for a tie, row d m + k the jump along axis k; `G` (m,) gap integral, the
-    clearance in it ((d m,) zeros for a tie); `w` covered measure; `area`; `gap` G / w, NaN where nothing is covered;
-    `centre`, `normal` (m, d); `length` (m,): how large each macro-element is. `points`: where it was integrated,
-    `weight` (points,) what they count for, `distance` (points,) their gap with the clearance. `slave`, `master`: the
-    skins where they stand.
+    `B` (m, n_dof), or (d m, n_dof) for a tie, whose row d m + k is the jump along axis k; `G` (m,): integral of the
+    gap, clearance included ((d m,) zeros for a tie); `w`: covered measure; `area`; `gap`: mean gap, integral of the gap
+    over w, NaN where nothing is covered; `centre`, `normal` (m, d); `length` (m,): size of each macro-element.
+    `points`: integration points, with their `weight` (points,) and `distance` (points,), the gap with the clearance.
+    `slave`, `master`: the skins in this configuration.
     """
 
     zone: Zone
@@ -89,14 +90,14 @@ class Interface:
 
     @property
     def coverage(self) -> NDArray[np.floating]:
-        """(m,): w / A, in [0, 1]."""
+        """Covered fraction w / A of each macro-element, in [0, 1], (m,)."""
         return np.clip(np.divide(self.w, self.area, out=np.zeros_like(self.w), where=self.area > 0), 0.0, 1.0)
 
 
 def integrate(
     zone: Zone, dim: int, pairing: Pairing = Pairing(), *, x: Floats | None = None, t: float = 1.0, tie: bool = False
 ) -> Interface:
-    """The interface of a zone whose nodes are at x (n_nodes, 3), or where the mesh has them, at time t."""
+    """Return the interface of a zone with its nodes at x (n_nodes, 3), or undeformed if x is None, at time t."""
     slave, master = (zone.slave, zone.master) if x is None else (zone.slave.at(x), zone.master.at(x))
     points = _points(zone, slave, master, pairing, moved=x is not None)
     weight = points.weight * pairing.thickness
@@ -120,10 +121,10 @@ def integrate(
 
 def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool) -> ContactPoints:
     distance = pairing.search_distance
-    if distance is None:  # of the undeformed skins: it does not change as they move
+    if distance is None:  # that of the undeformed skins, which is constant
         distance = default_distance(zone.slave, zone.master, zone.macro)
     deepest = pairing.max_penetration
-    if deepest is None and moved:  # on the way to equilibrium skins overlap by more than cells are deep
+    if deepest is None and moved:  # during the iterations skins overlap by more than cells are deep
         deepest = distance
     return contact_points(
         slave, master, macro=zone.macro, normals=pairing.normals, crease_angle=pairing.crease_angle,
@@ -133,19 +134,19 @@ def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved
 
 
 def _clearance(zone: Zone, points: ContactPoints, pairing: Pairing, t: float) -> Any:
-    """What is added to the gap at each point."""
+    """Return the clearance, which is added to the gap, at each point."""
     if not callable(pairing.clearance):
         return pairing.clearance
     return evaluate(pairing.clearance, positions(zone.slave, points), t, "clearance")
 
 
 def positions(slave: Surface, points: ContactPoints) -> NDArray[np.floating]:
-    """(points, 3): where the points of the slave are."""
+    """Return the coordinates of the contact points on the slave, (points, 3)."""
     return places(slave, points.slave, points.xi_slave)
 
 
 def places(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
-    """(points, 3): where reference points xi (points, 2) of faces are."""
+    """Return the coordinates (points, 3) of reference points xi (points, 2) of faces."""
     out = np.empty((len(face), 3))
     for rows, name, nodes in by_type(surface, face):
         out[rows] = np.einsum("pn,pns->ps", shape(name, xi[rows, : surface.dim]), surface.x[nodes])
@@ -153,7 +154,7 @@ def places(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
 
 
 def by_type(surface: Surface, face: Ints) -> Iterator[tuple[Any, str, Ints]]:
-    """Points on faces, by the type of their face: (rows, type, nodes (k, n))."""
+    """Yield the points on faces by the type of their face: (rows, type, nodes (k, n))."""
     kind = surface.faces.type[face]
     for code in np.unique(kind):
         rows = np.flatnonzero(kind == code)
@@ -161,7 +162,7 @@ def by_type(surface: Surface, face: Ints) -> Iterator[tuple[Any, str, Ints]]:
 
 
 def tangents(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
-    """(points, 3, dim of the surface): tangents of the faces' maps at their reference points xi (points, 2)."""
+    """Return the tangents (points, 3, dim of the surface) of faces at reference points xi (points, 2)."""
     out = np.empty((len(face), 3, surface.dim))
     for rows, name, nodes in by_type(surface, face):
         out[rows] = np.einsum("pnd,pns->psd", gradient(name, xi[rows, : surface.dim]), surface.x[nodes])
@@ -169,7 +170,7 @@ def tangents(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
 
 
 def stretch(zone: Zone, slave: Surface, points: ContactPoints, axisymmetric: bool) -> NDArray[np.floating]:
-    """(points,): the slave's undeformed measure over its deformed one."""
+    """Return the ratio of undeformed to deformed area (length in a plane) of the slave at each point, (points,)."""
     before, after = (
         np.linalg.norm(normals_of(tangents(s, points.slave, points.xi_slave)), axis=1) for s in (zone.slave, slave)
     )
@@ -179,12 +180,12 @@ def stretch(zone: Zone, slave: Surface, points: ContactPoints, axisymmetric: boo
 
 
 def _pressing(slave: Surface, master: Surface, points: ContactPoints, weight: Floats, n: Floats, m: int) -> csr_array:
-    """(m, n_dof): rows int (v(x) - v(x_bar)).n."""
+    """Return the rows int (v(x) - v(x_bar)).n, (m, n_dof)."""
     return macro_rows(points, slave, master, weight[:, None] * n, m)
 
 
 def _jump(slave: Surface, master: Surface, points: ContactPoints, weight: Floats, dim: int, m: int) -> csr_array:
-    """(d m, n_dof): rows d m + k of the jump along each axis."""
+    """Return the rows d m + k of the jump along each axis k, (d m, n_dof)."""
     scalar = macro_rows(points, slave, master, np.ascontiguousarray(weight[:, None]), m)
     rows = csr_array(kron(scalar, np.eye(dim), format="csr"))
     lever = weight * points.ray
@@ -194,7 +195,10 @@ def _jump(slave: Surface, master: Surface, points: ContactPoints, weight: Floats
 
 
 def _turning(slave: Surface, points: ContactPoints, lever: Floats, dim: int, m: int) -> csr_array:
-    """(d m, n_dof): int g dn(v) e_k, with dn(v) = -sum_a a^a (n . dv/dxi_a): how v turns the slave's normal."""
+    """Return the rows int r dn(v) e_k (d m, n_dof), with the change dn(v) of the slave's normal.
+
+    dn(v) = -sum_a a^a (n . dv/dxi_a). `lever` (points,): weight times r.
+    """
     parts = []
     for rows, name, nodes in by_type(slave, points.slave):
         dN = gradient(name, points.xi_slave[rows, : slave.dim])
@@ -210,7 +214,7 @@ def _turning(slave: Surface, points: ContactPoints, lever: Floats, dim: int, m: 
 
 
 def _places(zone: Zone, slave: Surface, dim: int) -> tuple[Floats, Floats, Floats]:
-    """(m, d): centre and unit normal of each macro-element, means over its faces by area; (m,): their lengths."""
+    """Return centre and unit normal (m, d) of each macro-element, area-weighted means over its faces, and size (m,)."""
     normal, centre = mean_normals(slave)
     size = face_measure(slave)
     whole = zone.sums(size)

@@ -1,7 +1,7 @@
 """Rows of contact matrices: for each macro-element, int q . (v(x) - v(x_bar)) over its contact points.
 
-Both sides use the same points, the same vector q and the same weights, so what one side is given the other gives back:
-forces balance because shape functions add up to 1, and moments because x_bar - x is along the q of `B`, the normal.
+Both sides use the same points, the same vector q and the same weights, so that action equals reaction: forces balance
+because shape functions add up to 1, and moments because x_bar - x is parallel to the q of `B`, the normal.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from lacmesh.topology.skin import FACE_TYPES, N_NODES
 
 
 def macro_rows(points: ContactPoints, slave: Surface, master: Surface, q: Floats, n_macros: int) -> csr_array:
-    """(n_macros, d n_nodes): row m sums q_p . (v(x_p) - v(x_bar_p)) over the points p of macro-element m.
+    """Return a matrix (n_macros, d n_nodes): row m sums q_p . (v(x_p) - v(x_bar_p)) over macro-element m's points p.
 
     `q` (points, d): a vector at each point, with its weight. Columns are those of the unknowns d i + k of node i.
     """
@@ -49,7 +49,7 @@ def macro_rows(points: ContactPoints, slave: Surface, master: Surface, q: Floats
 
 
 def _runs(points: ContactPoints, n_macros: int) -> tuple[Ints, Ints, Ints]:
-    """Runs of points with one slave face and one master face: start (r + 1,), order by macro-element, its start."""
+    """Return runs of points with one slave and one master face: starts (r + 1,), order by macro-element, its starts."""
     n = len(points)
     change = (np.diff(points.slave) != 0) | (np.diff(points.master) != 0)
     start = np.concatenate([np.zeros(min(n, 1), np.int64), np.flatnonzero(change) + 1, [n]])
@@ -59,7 +59,7 @@ def _runs(points: ContactPoints, n_macros: int) -> tuple[Ints, Ints, Ints]:
 
 
 def _numbered(slave: Ints, master: Ints) -> tuple[Ints, Ints, Ints]:
-    """The nodes of both surfaces, each once, and the faces in their places (-1 stays)."""
+    """Return the nodes of both surfaces, each once, and the nodes of the faces as indices into them (-1 stays)."""
     nodes = np.unique(np.concatenate([slave[slave >= 0], master[master >= 0]]))
     place = np.full(int(nodes[-1]) + 2, -1, np.int32)
     place[nodes] = np.arange(len(nodes))
@@ -68,7 +68,7 @@ def _numbered(slave: Ints, master: Ints) -> tuple[Ints, Ints, Ints]:
 
 @cache
 def _bases() -> NDArray[np.floating]:
-    """(types, 9 nodes, 9 monomials): shape functions of every type of face."""
+    """Return the shape functions of every type of face, (types, 9 nodes, 9 monomials)."""
     out = np.zeros((len(FACE_TYPES), max(N_NODES), N_MONOMIALS))
     for code in range(1, len(FACE_TYPES)):
         out[code, : N_NODES[code]] = basis(code).T
@@ -76,7 +76,7 @@ def _bases() -> NDArray[np.floating]:
 
 
 def _matrix(nodes: Ints, first: Ints, count: Ints, column: Ints, value: Floats, d: int, n_nodes: int) -> csr_array:
-    """The rows that were summed, from the places they were given to a matrix without gaps, columns ascending."""
+    """Return the summed rows as a matrix: gaps of unused entries removed, columns ascending."""
     rows = np.repeat(np.arange(len(count)), count)
     at = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first[:-1], count)
     node = nodes[column[at]]
@@ -94,7 +94,7 @@ def _sum_rows(
     run_s: Any, run_m: Any, type_s: Any, type_m: Any, local_s: Any, local_m: Any, bases: Any, n_nodes: Any,
     n_local: int, first: Any, count: Any, column: Any, value: Any,
 ) -> None:  # fmt: skip
-    """Macro-elements `begin` to `end`: nodes in the order in which they are met, their sums beside them."""
+    """Fill the rows of macro-elements `begin` to `end`: nodes in order of first appearance, and their sums."""
     d = q.shape[1]
     at = np.full(n_local, -1, np.int64)
     sums_s, sums_m = np.empty((9, 3)), np.empty((9, 3))
@@ -119,7 +119,7 @@ def _sum_rows(
 
 @kernel
 def _add_moments(u: float, v: float, q: Any, p: int, d: int, sums: Any) -> None:
-    """Add q times the nine monomials at (u, v)."""
+    """Add q times the nine monomials at (u, v) to `sums`."""
     for s in range(d):
         f = q[p, s]
         g, h = u * f, u * u * f
@@ -139,7 +139,7 @@ def _scatter(
     bases: Any, code: int, n_nodes: int, local: Any, face: int, sums: Any, sign: float, d: int, at: Any,
     first: int, n: int, column: Any, value: Any,
 ) -> int:  # fmt: skip
-    """Add a face's share to the row: its nodes' places, new ones at the end. Returns how many nodes the row has."""
+    """Add a face's share to the row, new nodes at its end, and return the number of nodes in the row."""
     for a in range(n_nodes):
         node = local[face, a]
         if at[node] < 0:

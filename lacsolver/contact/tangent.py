@@ -1,21 +1,22 @@
-"""How an interface changes as its skins move: the derivatives of the contact force and of the gaps, whole.
+"""Consistent linearisation of an interface: derivatives of the contact force and of the gaps by the displacement.
 
-At a contact point, where slave coordinates are held and the ray x + g n meets the master at xi_bar,
+At a contact point with fixed slave coordinates, whose ray x + g n meets the master at xi_bar,
 
-    tau_b dxi_bar^b - n dg = dx + g dn - dx_bar          (dx_bar: the master's displacement at xi_bar held)
+    tau_b dxi_bar^b - n dg = dx + g dn - dx_bar          (dx_bar: the master's displacement at fixed xi_bar)
 
-gives how the point moves on the master and how the gap g between the faces changes. That of the smooth surfaces, whose
-heights b move with their faces, changes by dg - (db_m/dxi^b) dxi_bar^b. dn is the turning of the true normal, or of the
-interpolated nodal ones. With w the weight and dw its change (the current measure's),
+gives the motion of the point on the master and the change of the gap g between the faces. The gap of the smooth
+surfaces, whose heights b move with their faces, changes by dg - (db_m/dxi^b) dxi_bar^b. dn is the change of the faces'
+own normal, or of the interpolated nodal normals. With w the weight and dw its change (in the current measure),
 
     d(B^T p).v = sum p w [ dn.(v - v_bar) - (n.dv_bar/dxi^b) dxi_bar^b ] + p dw n.(v - v_bar)
     dG = sum w dg + dw g
 
-Pieces move too, by V across their edges (`edges`), which adds what is integrated, times V, along those:
+The edges of mortar segments move too, by V (`edges`), which adds the line integral of the integrand times V:
 
     d(B^T p).v += sum_edges p w V n.(v - v_bar),     dG += sum_edges w V g
 
-Rows here are points times components, as sparse matrices of the displacement: their products are all there is to do.
+All these derivatives are sparse matrices of the displacement, with rows for points times components; the tangents are
+products of them.
 """
 
 from __future__ import annotations
@@ -37,10 +38,11 @@ from lacsolver.contact.interface import Interface, Pairing, by_type, stretch, ta
 
 
 class Motion(NamedTuple):
-    """What displacements do at contact points, as matrices of u (n_dof,): rows are points, or points times components.
+    """Derivatives at contact points, as matrices of u (n_dof,) with rows for points, or points times components.
 
-    `between`: v(x) - v(x_bar); `turning`: dn; `sliding`: dxi_bar, `closing`: the gap's; `along`: n . dv_bar/dxi^b, rows
-    as `sliding`; `stretching`: dw / w, None where the reference measure holds it.
+    `between`: v(x) - v(x_bar); `turning`: dn; `sliding`: dxi_bar; `closing`: dg; `along`: n . dv_bar/dxi^b, with the
+    rows of `sliding`; `stretching`: dw / w, None for the reference measure, whose weights are constant; `exchange`: the
+    terms of moving segment edges.
     """
 
     between: csr_array
@@ -53,8 +55,10 @@ class Motion(NamedTuple):
 
 
 class Exchange(NamedTuple):
-    """What pieces gain at their edges, a row each point of these: `macro`, `weight`, `distance` (the gap with the mean
-    clearance of the macro-element); `across`: n.(v - v_bar) there, and `moving`: V, as matrices of u.
+    """Boundary terms of moving mortar segments (Reynolds transport), one row per quadrature point of an edge.
+
+    `macro`; `weight`; `distance`: gap with the mean clearance of the macro-element; `across`: n.(v - v_bar), and
+    `moving`: V, as matrices of u.
     """
 
     macro: Ints
@@ -65,7 +69,7 @@ class Exchange(NamedTuple):
 
 
 def tangent(face: Interface, motion: Motion, p: Floats) -> csr_array:
-    """d(B^T p)/du (n_dof, n_dof) at pressures p (m,); not symmetric."""
+    """Return d(B^T p)/du (n_dof, n_dof) at pressures p (m,); it is not symmetric."""
     d = face.normal.shape[1]
     load = p[face.points.macro] * face.weight
     each, slide = np.repeat(load, d), np.repeat(load, d - 1)
@@ -79,7 +83,7 @@ def tangent(face: Interface, motion: Motion, p: Floats) -> csr_array:
 
 
 def gap_derivative(face: Interface, motion: Motion) -> csr_array:
-    """-dG/du (m, n_dof), whole."""
+    """Return -dG/du (m, n_dof), with all terms."""
     points, m = face.points, len(face.G)
     total = csr_array((face.weight, (points.macro, np.arange(len(points)))), shape=(m, len(points)))
     out = total @ motion.closing
@@ -92,7 +96,7 @@ def gap_derivative(face: Interface, motion: Motion) -> csr_array:
 
 
 def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int) -> Motion:
-    """What displacements do at the points of an interface whose skins are these, deformed."""
+    """Return the derivatives at the contact points of an interface; `slave`, `master`: its deformed skins."""
     points = face.points
     n = points.normal[:, :dim]
     here = _interpolation(slave, points.slave, points.xi_slave, dim)
@@ -127,7 +131,7 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
 def _exchange(
     face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int, nodal: Floats | None
 ) -> Exchange:
-    """What pieces gain at their edges."""
+    """Return the boundary terms of moving mortar segments."""
     edges = edges_of(face.points.slave, face.points.master, slave, master, dim, nodal, pairing.axisymmetric)
     at = edges.points
     between = _interpolation(slave, at.slave, at.xi_slave, dim) - _interpolation(master, at.master, at.xi_master, dim)
@@ -141,7 +145,7 @@ def _exchange(
 
 
 def _interpolation(surface: Surface, face: Ints, xi: Floats, dim: int) -> csr_array:
-    """(points dim, n_dof): displacement at points of faces."""
+    """Return the displacement at points of faces, as a matrix (points dim, n_dof) of u."""
     parts = []
     for rows, name, nodes in by_type(surface, face):
         N = shape(name, xi[rows, : surface.dim])
@@ -151,7 +155,7 @@ def _interpolation(surface: Surface, face: Ints, xi: Floats, dim: int) -> csr_ar
 
 
 def _along_master(master: Surface, face: Interface, dim: int) -> csr_array:
-    """(points (dim - 1), n_dof): n . dv/dxi^b on the master."""
+    """Return n . dv/dxi^b on the master, (points (dim - 1), n_dof)."""
     points = face.points
     parts = []
     for rows, name, nodes in by_type(master, points.master):
@@ -161,7 +165,7 @@ def _along_master(master: Surface, face: Interface, dim: int) -> csr_array:
 
 
 def _facet_turning(slave: Surface, face: Interface, dim: int) -> csr_array:
-    """(points dim, n_dof): dn = -sum_a a^a (n . dv/dxi^a)."""
+    """Return the change of the faces' own normals, dn = -sum_a a^a (n . dv/dxi^a), (points dim, n_dof)."""
     points, parts = face.points, []
     for rows, name, nodes in by_type(slave, points.slave):
         dN = gradient(name, points.xi_slave[rows, : slave.dim])
@@ -171,7 +175,7 @@ def _facet_turning(slave: Surface, face: Interface, dim: int) -> csr_array:
 
 
 def _stretching(slave: Surface, face: Interface, pairing: Pairing, dim: int) -> csr_array:
-    """(points, n_dof): dw / w = sum_a a^a . dv/dxi^a, and v_r / r about an axis."""
+    """Return dw / w = sum_a a^a . dv/dxi^a, plus v_r / r in axisymmetry, (points, n_dof)."""
     points, parts = face.points, []
     for rows, name, nodes in by_type(slave, points.slave):
         xi = points.xi_slave[rows, : slave.dim]
@@ -187,7 +191,7 @@ def _stretching(slave: Surface, face: Interface, pairing: Pairing, dim: int) -> 
 
 
 def _smooth_turning(slave: Surface, face: Interface, nodal: Floats, turned: csr_array, dim: int) -> csr_array:
-    """(points dim, n_dof): the turning of interpolated nodal normals n = H / |H|, H = sum_a N_a n_a."""
+    """Return the change dn of interpolated nodal normals n = H / |H|, H = sum_a N_a n_a, (points dim, n_dof)."""
     points, parts = face.points, []
     for rows, name, nodes in by_type(slave, points.slave):
         k = nodes.shape[1]
@@ -201,9 +205,10 @@ def _smooth_turning(slave: Surface, face: Interface, nodal: Floats, turned: csr_
 
 
 def _nodal_normals(slave: Surface, crease_angle: float, dim: int) -> tuple[NDArray[np.floating], csr_array]:
-    """(f, 9, dim) unit normals at the nodes of each face, and their derivative (f 9 dim, n_dof).
+    """Return unit normals (f, 9, dim) at the nodes of each face, and their derivative (f 9 dim, n_dof).
 
-    As `lacmesh.surface.normals.smoothed`: a node's normal is the mean, by area, of those of the faces that meet there.
+    As in `lacmesh.surface.normals.smoothed`, a node's normal is the area-weighted mean of the normals of its faces,
+    without those across a crease.
     """
     f = len(slave)
     own, area = np.zeros((f, 9, dim)), np.zeros(f)
@@ -241,7 +246,7 @@ def _nodal_normals(slave: Surface, crease_angle: float, dim: int) -> tuple[NDArr
 
 
 def _mean_area(name: str, x: Floats, X: Floats, w: Floats, of: int, dim: int) -> tuple[Floats, Floats]:
-    """(f,) size of the mean normal of each face (its vector area), and its derivative (f, nodes, dim)."""
+    """Return the size (f,) of the vector area of each face, and its derivative (f, nodes, dim)."""
     dN = gradient(name, X[:, :of])
     J = np.einsum("qad,fas->fqsd", dN, x)
     vector = np.einsum("q,fqs->fs", w, normals_of(J))
@@ -263,25 +268,25 @@ def _unit_normals(J: Floats) -> NDArray[np.floating]:
 
 
 def _dual(J: Floats) -> NDArray[np.floating]:
-    """(p, 3, d): the dual vectors of tangents (p, 3, d), in their plane."""
+    """Return the dual vectors (p, 3, d) of tangents (p, 3, d), in their plane."""
     return np.einsum("psd,pde->pse", J, np.linalg.inv(np.einsum("psd,pse->pde", J, J)))
 
 
 def _along(n: Floats) -> csr_array:
-    """(points, points dim): what is along n (points, dim)."""
+    """Return the matrix (points, points dim) that takes the components of vectors along n (points, dim)."""
     count, dim = n.shape
     return csr_array((n.ravel(), np.arange(n.size), dim * np.arange(count + 1)), shape=(count, n.size))
 
 
 def _blocks(A: Floats) -> csr_array:
-    """The block diagonal matrix of A (points, d, d)."""
+    """Return the block diagonal matrix of A (points, d, d)."""
     count, d, _ = A.shape
     column = (d * np.arange(count)[:, None, None] + np.broadcast_to(np.arange(d), (d, d))).ravel()
     return csr_array((A.ravel(), column, d * np.arange(count * d + 1)), shape=(count * d, count * d))
 
 
 def _gathered(parts: list, count: int, rows: int, dim: int, n_nodes: int) -> csr_array:
-    """(count rows, dim n_nodes) of entries (points, nodes (p, k), values (p, rows, k, dim))."""
+    """Return a matrix (count rows, dim n_nodes) from entries (points, nodes (p, k), values (p, rows, k, dim))."""
     flat = []
     for points, nodes, value in parts:
         column = (dim * nodes[:, :, None] + np.arange(dim)).reshape(len(nodes), 1, -1)
@@ -290,7 +295,10 @@ def _gathered(parts: list, count: int, rows: int, dim: int, n_nodes: int) -> csr
 
 
 def _rows(parts: list, count: int, rows: int, n: int) -> csr_array:
-    """(count rows, n) of entries (points, columns (p, rows, k), values (p, rows, ..)); a point is in one part."""
+    """Return a matrix (count rows, n) from entries (points, columns (p, rows, k), values (p, rows, ..)).
+
+    Each point is in one entry only.
+    """
     width = np.zeros(count, np.int64)
     for points, column, _ in parts:
         width[points] = column.shape[2]
@@ -304,7 +312,7 @@ def _rows(parts: list, count: int, rows: int, n: int) -> csr_array:
 
 
 def _scattered(row: Ints, column: Ints, value: Floats, f: int, dim: int) -> csr_array:
-    """(9 f dim, 9 f dim) of blocks (k, dim, dim)."""
+    """Return a matrix (9 f dim, 9 f dim) with the sum of blocks (k, dim, dim) at block rows and columns."""
     i = np.broadcast_to(dim * row[:, None, None] + np.arange(dim)[:, None], value.shape)
     j = np.broadcast_to(dim * column[:, None, None] + np.arange(dim), value.shape)
     return coo_array((value.ravel(), (i.ravel(), j.ravel())), shape=(9 * f * dim, 9 * f * dim)).tocsr()

@@ -1,4 +1,4 @@
-"""Zones: the slave and the master of a contact or a tie, and which macro-element each slave face is part of."""
+"""Zones: the slave and the master of a contact or a tie, and the macro-element of each slave face."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from lacmesh.surface import Surface
 
 @dataclass(frozen=True, eq=False)
 class Zone:
-    """Two skins that may meet. `macro` (slave faces,): the macro-element of each, 0 to `n_macros` - 1 in the zone.
+    """Two skins that may touch. `macro` (slave faces,): macro-element of each face, 0 to `n_macros` - 1 in the zone.
 
-    `number` (n_macros,): those macro-elements in the mesh's cut. Both surfaces stand where the mesh has its nodes.
+    `number` (n_macros,): number of each macro-element in the mesh's cut. Both surfaces are undeformed.
     """
 
     name: str
@@ -37,13 +37,13 @@ class Zone:
         surface: str = "smooth",
         crease_angle: float = 40.0,
     ) -> Zone:
-        """The zone between two groups of skin cells of a mesh whose slave is cut.
+        """Return the zone between two groups of skin cells of a mesh whose slave is cut.
 
-        `surface`: what the gap is measured between, `faces` or the `smooth` skins that they stand for; edges that turn
-        by more than `crease_angle` degrees stay sharp.
+        `surface`: the gap is measured between the `faces`, or between `smooth` surfaces through their nodes, on which
+        edges with an angle above `crease_angle` degrees stay sharp.
 
-        Raises GroupNotFoundError; RequestError where slave and master are one or share faces; DataError where faces of
-        the slave belong to no macro-element of the cut, or to one that goes beyond the group.
+        Raises GroupNotFoundError; RequestError if slave and master are the same or share faces; DataError if faces of
+        the slave belong to no macro-element of the cut, or to one that extends beyond the group.
         """
         cells, others = mesh.cells_of(slave), mesh.cells_of(master)
         if slave == master or len(np.intersect1d(cells, others)):
@@ -71,7 +71,7 @@ class Zone:
         return len(self.number)
 
     def sums(self, values: Floats) -> Floats:
-        """(n_macros, ...): sums over the faces of each macro-element of values (faces, ...)."""
+        """Return the sums (n_macros, ...) of values (faces, ...) over the faces of each macro-element."""
         out = np.zeros((self.n_macros, *values.shape[1:]))
         np.add.at(out, self.macro, values)
         return out

@@ -1,12 +1,12 @@
 """Linear systems: K x = b with K sparse, symmetric, positive definite, by the best solver that is installed.
 
 analyse (pattern) -> factor (values) -> solve (right-hand sides), the same for all backends    (analysis, protocol)
-which backends there are, and which one `auto` takes                                            (backends)
-factorisation: pivots, free motions, refinement are common      (direct, regular, refine; one module a backend)
+list of backends, and the choice of `auto`                                                      (backends)
+factorisation, with shared tests for rigid-body modes and refinement   (direct, regular, refine; one module a backend)
 smoothed aggregation and conjugate gradients                                                    (multigrid, conjugate)
 
-There are no saddle systems here: contact is solved by iterations on the factor of K. (SuperLU takes minutes for a
-saddle matrix of 8e4 unknowns that others factorise in seconds.)
+There are no saddle-point systems here: contact is solved by iterations on the factor of K. (SuperLU takes minutes for a
+saddle-point matrix of 8e4 unknowns that others factorise in seconds.)
 """
 
 from lacsolver.linear.analysis import analyse, factorise

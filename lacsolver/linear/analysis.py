@@ -1,4 +1,4 @@
-"""The way in: a matrix and the name of a backend become an analysis, that a factor, that solutions."""
+"""Entry point of the linear solvers: analysis and factorisation of a matrix by the backend of a given name."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ def analyse(
     multigrid_above: int = MULTIGRID_ABOVE,
     definite: bool = True,
 ) -> Analysis:
-    """The analysis of a symmetric positive definite matrix (n, n), sparse, both triangles stored, the diagonal too.
+    """Analyse a sparse, symmetric positive definite matrix (n, n), with both triangles and the whole diagonal stored.
 
-    Where `definite` is false, it may have negative eigenvalues, as the tangent of a structure that buckles: then rslab
-    factorises it, whose L D L^T pivots, whatever the backend.
+    With `definite` false it may have negative eigenvalues, like the tangent of a buckling structure: it is then
+    factorised by rslab, whose L D L^T pivots, whatever the backend.
 
-    `.factor(K)` takes values in the same pattern, again and again; `.factor(K).solve(b)` gives K^-1 b for b (n,) or
-    (n, k): columns solved at once cost a direct backend much less than one by one.
+    `.factor(K)` may be called repeatedly, with values in the same pattern; `.factor(K).solve(b)` gives K^-1 b for b
+    (n,) or (n, k): for a direct backend, columns solved together cost much less than one by one.
 
-    `threads`: cores for all but superlu. `modes` (n, r) and `block` are for multigrid: the rigid motions, at least of
-    every body, and the unknowns a node has (those of a block matrix if None). `auto` takes it above `multigrid_above`
-    unknowns, see `choose`; a direct solution is exact to rounding, one of multigrid to the `tolerance` that `solve`
-    takes.
+    `threads`: cores, for all backends except superlu. `modes` (n, r) and `block` are for multigrid: the rigid-body
+    modes, at least those of every body, and the number of unknowns of a node (that of a block matrix if None). `auto`
+    takes multigrid above `multigrid_above` unknowns, see `choose`. A direct solution is exact to round-off, one of
+    multigrid to the `tolerance` that `solve` takes.
 
-    Raises RequestError for a backend that is wrong or not installed; `factor` raises SingularError.
+    Raises RequestError for a backend that is unknown or not installed; `factor` raises SingularError.
 
     >>> from scipy.sparse import csr_array
     >>> K = csr_array(np.array([[2.0, -1.0], [-1.0, 2.0]]))
@@ -69,6 +69,6 @@ def factorise(
     block: int | None = None,
     multigrid_above: int = MULTIGRID_ABOVE,
 ) -> Factor:
-    """The factor of a matrix that is needed once: `analyse` and `factor` in one."""
+    """Return the factor of a matrix that is factorised only once: `analyse` and `factor` in one call."""
     made = analyse(K, backend=backend, threads=threads, modes=modes, block=block, multigrid_above=multigrid_above)
     return made.factor(K)

@@ -1,4 +1,4 @@
-"""The linear solvers: what each is, whether it is installed, which one `auto` takes."""
+"""The linear solvers: their properties, installation, and the choice of `auto`."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from types import MappingProxyType
 from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.linear.mkl import library
 
-#: above so many unknowns in 3D, contact costs less with multigrid than with a factorisation (docs/solver_backends.md)
+#: above this number of unknowns in 3D, contact costs less with multigrid than with a factorisation
+#: (docs/solver_backends.md)
 MULTIGRID_ABOVE = 80_000
-#: rigid modes of a body in 3D: fewer, and the problem is plane, where a factorisation stays cheap
+#: rigid-body modes of a body in 3D; a problem with fewer is plane, where a factorisation stays cheap
 _MODES_3D = 6
 
 
 @dataclass(frozen=True)
 class Backend:
-    """A linear solver. `module`: what Python imports for it ('' if none); `extra`: the extra of lacmesh it needs."""
+    """A linear solver. `module`: Python module that it needs ('' if none); `extra`: extra of lacmesh that has it."""
 
     name: str
     direct: bool
@@ -28,18 +29,18 @@ class Backend:
 
     @property
     def installed(self) -> bool:
-        """Whether it can be used here."""
+        """True if the solver is installed."""
         if self.name == "pardiso":
             return library() is not None
         return find_spec(self.module) is not None
 
     @property
     def install(self) -> str:
-        """The line that installs it."""
+        """Command that installs the solver."""
         return f"pip install 'lacmesh[{self.extra}]'" if self.extra else "pip install lacmesh"
 
 
-#: every backend by its name, the direct ones in the order in which `auto` wants them
+#: every backend by its name, the direct ones in the order in which `auto` prefers them
 BACKENDS: Mapping[str, Backend] = MappingProxyType(
     {
         b.name: b
@@ -56,7 +57,7 @@ BACKENDS: Mapping[str, Backend] = MappingProxyType(
 
 
 def backends() -> Mapping[str, Backend]:
-    """The backends by name; `.installed` and `.install` say what is there and how to get the rest.
+    """Return the backends by name; `.installed` tells if one can be used, `.install` is the command to install it.
 
     >>> [b.name for b in backends().values() if not b.direct], backends()["superlu"].installed
     (['multigrid'], True)
@@ -65,10 +66,10 @@ def backends() -> Mapping[str, Backend]:
 
 
 def choose(backend: str, n: int, n_modes: int = 0, multigrid_above: int = MULTIGRID_ABOVE) -> Backend:
-    """The backend of a name, or for `auto` the best that is installed for n unknowns.
+    """Return the backend of a name, or for `auto` the best one that is installed for n unknowns.
 
-    `auto` takes multigrid above `multigrid_above` unknowns if the rigid modes of 3D (`n_modes` = 6) are at hand, else
-    the first direct one. Raises RequestError for a name that does not exist, or that is not installed.
+    `auto` takes multigrid above `multigrid_above` unknowns if the rigid-body modes of 3D (`n_modes` >= 6) are given,
+    else the first direct one. Raises RequestError for a name that is unknown or not installed.
 
     >>> choose("superlu", 10).direct
     True

@@ -11,7 +11,7 @@ from lacsolver.linear.triangle import Triangle
 
 
 class _Cholmod:
-    """A factor object of CHOLMOD: analysis and numbers live in it, one at a time."""
+    """A factor object of CHOLMOD, which holds the analysis and one numerical factor at a time."""
 
     def __init__(self, triangle: Triangle, threads: int) -> None:
         from kvxopt import cholmod, matrix, spmatrix
@@ -27,7 +27,7 @@ class _Cholmod:
         with limited(self._threads):
             self._cholmod.numeric(self._A, self._factor)
         try:
-            self._cholmod.diag(self._factor)  # `numeric` does not say that it failed
+            self._cholmod.diag(self._factor)  # `numeric` does not report a failure
         except ValueError:
             raise Breakdown from None
         return self
@@ -40,5 +40,5 @@ class _Cholmod:
 
 
 def analyse(triangle: Triangle, threads: int) -> _Cholmod:
-    """Order the elimination of a triangle."""
+    """Analyse the pattern of a triangle: order its elimination."""
     return _Cholmod(triangle, threads)

@@ -1,4 +1,4 @@
-"""Conjugate gradients with a preconditioner, down to a residual that is checked, not recurred.
+"""Conjugate gradients with a preconditioner, as a generator of iterates; the caller decides when to stop.
 
 Hestenes, Stiefel (1952), in the usual letters: x, r = b - K x, z = M r, p the direction.
 """
@@ -17,14 +17,14 @@ Apply = Callable[[Floats], Floats]
 
 
 class Operator(Protocol):
-    """A matrix, or what multiplies as one."""
+    """Interface of a matrix, or of an operator that multiplies like one."""
 
     def __matmul__(self, x: Floats, /) -> Floats:
-        """K x."""
+        """Return K x."""
 
 
 def iterates(K: Operator, M: Apply, b: Floats, x: Floats) -> Iterator[tuple[Floats, Floats]]:
-    """Yield (x, r) for ever, r by recurrence; both are written over by the next step. Starts with the given x.
+    """Yield (x, r) without end, r by recurrence, from the given x; the next step overwrites both arrays.
 
     Raises Breakdown where the energy p.Kp or r.Mr is not positive: K or M is not positive definite.
     """

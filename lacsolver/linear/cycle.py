@@ -1,12 +1,12 @@
-"""A V-cycle of smoothed aggregation on all cores, in single precision: what multigrid preconditions with.
+"""A V-cycle of smoothed aggregation on all cores, in single precision: the preconditioner of multigrid.
 
 The smoother is Chebyshev's polynomial of the fourth kind on the blocks of the diagonal (Lottes 2023, algorithm 2.3),
-the same before and after the coarse correction, so that the cycle is symmetric and positive definite. It is products
-with the matrix and nothing else: each row is summed by one thread in one order, and the result is the same to the last
-bit for any number of threads. Single precision halves what is read and kept. Its rounding leaves 1e-7 of noise on a
-correction, which is rough and thus weighs 1e-14 times the condition number in energy; what is iterated around the cycle
-is in double precision. Sizes are taken out first, so that units do not matter. The coarsest level is solved in double
-precision.
+the same before and after the coarse correction, so that the cycle is symmetric and positive definite. It consists of
+products with the matrix only: each row is summed by one thread in one order, and the result is the same to the last bit
+for any number of threads. Single precision halves the memory and its traffic. Its round-off leaves 1e-7 of noise on a
+correction, which is rough and thus weighs 1e-14 times the condition number in energy; the iteration around the cycle is
+in double precision. Matrix and residual are scaled first, so that units do not matter. The coarsest level is solved in
+double precision.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from lacmesh.mesh import Floats, Ints
 
 #: degree of the polynomial: 2 takes least time on HEXA8 and TETRA10
 _DEGREE = 2
-#: steps of Lanczos for the largest eigenvalue of D^-1 K, and what is added to what they find, which is from below
+#: steps of Lanczos for the largest eigenvalue of D^-1 K, and the factor on their result, which is a lower bound
 _LANCZOS, _MARGIN = 10, 1.05
-#: rows of blocks that are worth a thread of their own
+#: least number of rows of blocks for a thread
 _WORTH = 2000
-#: numbers of a long vector that are taken at once, which a cache holds; parts that are worth a thread of their own
+#: entries of a part of a long vector, which fits into a cache; least number of such parts for a thread
 _PART, _WORTH_PARTS = 4096, 16
 
 
@@ -40,20 +40,20 @@ class Blocks(NamedTuple):
 
     @staticmethod
     def of(A: bsr_array, dtype: type = np.float64, scale: float = 1.0) -> Blocks:
-        """The blocks of a matrix, as numbers of some precision, times `scale`."""
+        """Return the blocks of a matrix in the given precision, times `scale`."""
         data = A.data if scale == 1 and A.data.dtype == dtype else (A.data * scale).astype(dtype)
         return Blocks(A.indptr, A.indices, data)
 
 
 class Team:
-    """Threads that share the rows of a matrix; results do not depend on how many they are."""
+    """Threads that share the rows of a matrix; results do not depend on their number."""
 
     def __init__(self, threads: int) -> None:
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def run(self, work: Any, n_rows: int, *arguments: Any, worth: int | None = None) -> None:
-        """work(*arguments, first, last) on all rows, of which so many are worth a thread."""
+        """Call work(*arguments, first, last) on all rows, shared among threads with at least `worth` rows each."""
         parts = min(self._threads, n_rows // (worth or _WORTH))
         if self._pool is None or parts < 2:
             work(*arguments, 0, n_rows)
@@ -63,29 +63,32 @@ class Team:
             one.result()
 
     def product(self, A: Blocks, x: NDArray[np.floating]) -> NDArray[np.floating]:
-        """A x."""
+        """Return A x."""
         out = np.empty((len(A.indptr) - 1) * A.data.shape[1], A.data.dtype)
         self.run(_product, len(A.indptr) - 1, *A, x, out)
         return out
 
     def dots(self, A: Floats, x: Floats) -> NDArray[np.floating]:
-        """A x for a few long rows (k, n): summed in parts that do not depend on the threads, in their order."""
+        """Return A x for a few long rows A (k, n), summed in parts that do not depend on the threads, in order."""
         n_parts = -(-len(x) // _PART)
         out = np.zeros((n_parts, len(A)))
         self.run(_dots, n_parts, A, x, out, worth=_WORTH_PARTS)
         return np.asarray(out.sum(axis=0))
 
     def norm(self, x: Floats) -> float:
-        """The length of a vector, the same for any number of threads."""
+        """Return the Euclidean norm of a vector, the same for any number of threads."""
         return float(np.sqrt(self.dots(x[None], x)[0]))
 
     def subtract(self, c: Floats, A: Floats, x: Floats) -> None:
-        """x -= c A for a few long rows (k, n), in place."""
+        """Subtract c A from x in place, for a few long rows A (k, n)."""
         self.run(_subtract, -(-len(x) // _PART), c, A, x, worth=_WORTH_PARTS)
 
 
 class Level(NamedTuple):
-    """K, the inverses of its diagonal blocks over the largest eigenvalue of D^-1 K, the ways down and up."""
+    """Level of the hierarchy: K, inverses of its diagonal blocks over the largest eigenvalue of D^-1 K, R and P.
+
+    R restricts a residual to the next coarser level, P prolongs a correction from it.
+    """
 
     K: Blocks
     inverse: NDArray[np.floating]
@@ -94,21 +97,21 @@ class Level(NamedTuple):
 
     @staticmethod
     def of(K: bsr_array, P: bsr_array, inverse: Floats, unit: float) -> Level:
-        """A level of `unit` K in single precision."""
+        """Make a level of `unit` K in single precision."""
         R = bsr_array(P.T.tobsr(P.blocksize[::-1]))
         single = Blocks.of(R, np.float32), Blocks.of(P, np.float32)
         return Level(Blocks.of(K, np.float32, unit), (inverse / unit).astype(np.float32), *single)
 
 
 class Cycle:
-    """One V-cycle as a function of a residual (n,). Levels, and the coarsest matrix, are of `unit` K."""
+    """One V-cycle as a function of a residual (n,). Levels and the coarsest matrix are those of `unit` K."""
 
     def __init__(self, levels: list[Level], coarsest: Floats, unit: float, team: Team) -> None:
         self._levels, self._unit, self._team = levels, unit, team
         self._coarsest = np.linalg.pinv(coarsest, hermitian=True) if coarsest.size else coarsest
 
     def __call__(self, r: Floats) -> NDArray[np.floating]:
-        """About K^-1 r."""
+        """Return an approximation of K^-1 r."""
         size = float(np.abs(r).max(initial=0.0))
         if not (size > 0 and np.isfinite(size)):
             return np.asarray(r * self._unit)
@@ -127,7 +130,7 @@ class Cycle:
     def _smooth(
         self, level: Level, r: NDArray[np.floating], x: NDArray[np.floating], last: bool = False
     ) -> NDArray[np.floating]:
-        """Add the polynomial of the residual r to x; the residual after it, unless it is the `last`."""
+        """Add the smoothing polynomial of the residual r to x; return the new residual, or any if it is the `last`."""
         rows = len(level.K.indptr) - 1
         z, new = np.zeros_like(r), np.empty_like(r)
         for k in range(1, _DEGREE + 1):
@@ -141,13 +144,13 @@ class Cycle:
 
 
 def jacobi(K: bsr_array, team: Team) -> tuple[NDArray[np.floating], float]:
-    """D^-1 (rows, b, b), and a little more than the largest eigenvalue of D^-1 K."""
+    """Return D^-1 (rows, b, b), and an estimate slightly above the largest eigenvalue of D^-1 K."""
     inverse = np.linalg.pinv(_diagonal_blocks(K), hermitian=True)
     return inverse, _MARGIN * _largest(Blocks.of(K), inverse, team)
 
 
 def _largest(K: Blocks, inverse: Floats, team: Team) -> float:
-    """The largest eigenvalue of D^-1 K, from below, by Lanczos (as conjugate gradients know it)."""
+    """Return a lower bound of the largest eigenvalue of D^-1 K, by Lanczos from the conjugate gradient coefficients."""
     r = np.random.default_rng(0).normal(size=len(inverse) * inverse.shape[1])
     p = z = _apply(inverse, r)
     rz = float(r @ z)
@@ -172,7 +175,7 @@ def _largest(K: Blocks, inverse: Floats, team: Team) -> float:
 
 
 def _diagonal_blocks(K: bsr_array) -> NDArray[np.floating]:
-    """(rows, b, b); zero where there is none."""
+    """Return the diagonal blocks (rows, b, b), zero where none is stored."""
     b = K.blocksize[0]
     out = np.zeros((K.shape[0] // b, b, b))
     row = np.repeat(np.arange(len(out)), np.diff(K.indptr))
@@ -182,13 +185,13 @@ def _diagonal_blocks(K: bsr_array) -> NDArray[np.floating]:
 
 
 def _apply(inverse: Floats, r: Floats) -> NDArray[np.floating]:
-    """Blocks (n, b, b) times r."""
+    """Return the product of diagonal blocks (n, b, b) with r."""
     return np.asarray(np.einsum("nij,nj->ni", inverse, r.reshape(len(inverse), -1)).ravel())
 
 
 @kernel
 def _row(indptr: Any, indices: Any, data: Any, x: Any, i: int, out: Any) -> None:
-    """out (b,) = row i of A x."""
+    """Fill out (b,) with block row i of A x."""
     b, c = data.shape[1], data.shape[2]
     if b == 3 and c == 3:
         s0 = s1 = s2 = out.dtype.type(0)
@@ -212,7 +215,7 @@ def _row(indptr: Any, indices: Any, data: Any, x: Any, i: int, out: Any) -> None
 
 @kernel
 def _product(indptr: Any, indices: Any, data: Any, x: Any, out: Any, first: int, last: int) -> None:
-    """out = A x, in rows of blocks first to last."""
+    """Fill block rows first to last of out = A x."""
     b = data.shape[1]
     for i in range(first, last):
         _row(indptr, indices, data, x, i, out[b * i : b * i + b])
@@ -220,7 +223,7 @@ def _product(indptr: Any, indices: Any, data: Any, x: Any, out: Any, first: int,
 
 @kernel
 def _start(inverse: Any, r: Any, z: Any, x: Any, fresh: float, first: int, last: int) -> None:
-    """z = `fresh` D^-1 r, added to x."""
+    """Fill z = `fresh` D^-1 r, and add it to x."""
     b = inverse.shape[1]
     for i in range(first, last):
         for s in range(b):
@@ -236,7 +239,7 @@ def _advance(
     indptr: Any, indices: Any, data: Any, inverse: Any, z: Any, r: Any, new: Any, x: Any, old: float, fresh: float,
     first: int, last: int,
 ) -> None:  # fmt: skip
-    """r -= K z; new = `old` z + `fresh` D^-1 r, added to x."""
+    """Subtract K z from r, fill new = `old` z + `fresh` D^-1 r, and add it to x."""
     b = inverse.shape[1]
     Kz = np.empty(b, r.dtype)
     for i in range(first, last):
@@ -253,7 +256,7 @@ def _advance(
 
 @kernel
 def _dots(A: Any, x: Any, out: Any, first: int, last: int) -> None:
-    """Parts first to last of A x, a row of `out` each."""
+    """Fill rows first to last of `out`, each with one part of the sums A x."""
     for part in range(first, last):
         low, high = part * _PART, min((part + 1) * _PART, len(x))
         for k in range(len(A)):
@@ -262,7 +265,7 @@ def _dots(A: Any, x: Any, out: Any, first: int, last: int) -> None:
 
 @kernel
 def _subtract(c: Any, A: Any, x: Any, first: int, last: int) -> None:
-    """x -= c A, in parts first to last."""
+    """Subtract c A from x, in parts first to last."""
     for part in range(first, last):
         low, high = part * _PART, min((part + 1) * _PART, len(x))
         for k in range(len(A)):

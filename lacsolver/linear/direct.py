@@ -1,4 +1,4 @@
-"""Direct solution: what is the same for every backend that factorises."""
+"""Direct solution: the code that all factorising backends share."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from lacsolver.linear.regular import check_regular, indefinite, least_motion, po
 from lacsolver.linear.sides import by_rows, right_hand_sides
 from lacsolver.linear.triangle import Triangle
 
-#: of the diagonal: what is added to a singular matrix to find out what is free; the less, the better it is told apart
+#: shifts, relative to the diagonal, that make a singular matrix factorisable to find its null motion; the smaller the
+#: shift, the clearer the motion
 _SHIFTS = (1e-13, 1e-11, 1e-9)
 
 
 class DirectFactor:
-    """A factor of K, and K itself for residuals. `n_refined`: solves that took refinement."""
+    """A factor of K, with K itself for residuals. `n_solves`: right-hand sides solved so far."""
 
     def __init__(self, K: Matrix, d: Floats, numeric: Numeric) -> None:
         self.n_solves = 0
@@ -32,7 +33,7 @@ class DirectFactor:
         self._numeric: Numeric | None = numeric
 
     def solve(self, b: Floats, *, tolerance: float = TOLERANCE, x0: Floats | None = None) -> Floats:
-        """K^-1 b to rounding; tolerance and x0 are for iterative solvers."""
+        """Return K^-1 b to round-off; tolerance and x0 are for iterative solvers."""
         b = right_hand_sides(b, len(self._scale))
         if self._numeric is None:
             raise RequestError("this factor was replaced by a newer one of the same analysis; solve with that one")
@@ -40,7 +41,7 @@ class DirectFactor:
         return refined(self._K, self._scale, self._backend_solve, b)
 
     def release(self) -> None:
-        """Give the backend's memory back; the factor cannot be used any more."""
+        """Free the backend's memory; the factor cannot be used afterwards."""
         self._numeric = None
 
     def _backend_solve(self, b: Floats) -> Floats:
@@ -49,9 +50,9 @@ class DirectFactor:
 
 
 class DirectAnalysis:
-    """The analysis of a pattern by a direct backend; every factor takes the place of the one before.
+    """The analysis of a pattern by a direct backend; every factor replaces the one before.
 
-    `definite`: whether a matrix that is not positive definite is an error. `asked`: the backend's name and that.
+    `definite`: True if a matrix that is not positive definite is an error. `asked`: the backend's name and `definite`.
     """
 
     def __init__(self, backend: str, K: Matrix, analyse: Callable[[Triangle], Symbolic], definite: bool = True) -> None:
@@ -64,7 +65,10 @@ class DirectAnalysis:
         self._last: Callable[[], DirectFactor | None] = lambda: None
 
     def factor(self, K: Matrix) -> DirectFactor:
-        """The factor of K. Raises SingularError, and RequestError for another pattern than the one analysed."""
+        """Return the factor of K, and release the previous one.
+
+        Raises SingularError, and RequestError for another pattern than the one analysed.
+        """
         csr = by_rows(K)
         if not all(map(np.array_equal, self._pattern, (csr.indptr, csr.indices))):
             raise RequestError("the matrix does not have the pattern that was analysed; analyse it again")
@@ -76,7 +80,7 @@ class DirectAnalysis:
         return made
 
     def _numbers(self, csr: csr_array) -> tuple[Floats, Numeric]:
-        """The diagonal of a matrix, and its factor."""
+        """Return the diagonal of a matrix, and its factor."""
         d = positive_diagonal(csr) if self._definite else _size(csr)
         values = self._triangle.values(csr)
         try:
@@ -88,7 +92,7 @@ class DirectAnalysis:
         return d, numeric
 
     def _explained(self, csr: csr_array, values: Floats, d: Floats, dof: int | None) -> SingularError:
-        """Why K has no factor: a free motion if a tiny shift gives it one, else a negative stiffness."""
+        """Return the error for a K without a factor: a free motion if a tiny shift helps, else negative stiffness."""
         for shift in _SHIFTS:
             values[self._triangle.indptr[:-1]] = (1 + shift) * d
             try:
@@ -100,13 +104,13 @@ class DirectAnalysis:
 
 
 def _size(K: csr_array) -> NDArray[np.floating]:
-    """(n,): a positive diagonal to scale K with."""
+    """Return a positive diagonal (n,) to scale K with."""
     d = np.abs(K.diagonal())
     return np.where(d > 0, d, d.mean() or 1.0)
 
 
 class _Nothing:
-    """The analysis, and the factor, of a matrix without rows."""
+    """Analysis and factor of a matrix without rows."""
 
     def factor(self, values: Floats) -> Numeric:
         return self

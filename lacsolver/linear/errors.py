@@ -1,4 +1,4 @@
-"""What can go wrong with a linear system."""
+"""Errors of linear systems: singular matrices and insufficient accuracy."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from lacmesh.mesh import Floats
 
 
 class LinearError(LacmeshError):
-    """A linear system that could not be solved to the accuracy that was asked for."""
+    """A linear system could not be solved to the required accuracy."""
 
     status = 4
 
 
 class SingularError(LinearError):
-    """A matrix that is singular to rounding, or not positive definite.
+    """A matrix is singular to round-off, or not positive definite.
 
-    `dof`: the row where it shows most, None if that is not known. `mode` (n,): a motion that costs no energy, its
-    largest entry 1, at `dof`; None where no such motion was found (a matrix that is not positive definite at all).
+    `dof`: the row that is most affected, None if not known. `mode` (n,): a motion that costs no energy, whose largest
+    entry is 1, at `dof`; None if no such motion was found (a matrix that is not positive definite at all).
     """
 
     status = 1

@@ -1,4 +1,4 @@
-"""Intel's MKL as a shared library: where pip or the system put it."""
+"""Intel's MKL as a shared library, found where pip or the system installed it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NAME = re.compile(r"libmkl_rt\.so[.\d]*|libmkl_rt[.\d]*\.dylib|mkl_rt[.\d]*\.dl
 
 @cache
 def library() -> ctypes.CDLL | None:
-    """The library mkl_rt, loaded; None if there is none."""
+    """Load and return the library mkl_rt; None if it is not installed."""
     for path in _candidates():
         with suppress(OSError):
             return ctypes.CDLL(path)

@@ -1,8 +1,9 @@
-"""Smoothed aggregation (PyAMG) on the blocks of the nodes, its near-null space the rigid modes, and CG around it.
+"""Conjugate gradients preconditioned by smoothed aggregation (PyAMG) on nodal blocks, with the rigid-body modes.
 
-Vanek, Mandel, Brezina (1996). The hierarchy is built once for a matrix and serves all its right-hand sides, and
-matrices that are like it, until it has worn: until these take half as many iterations again as it took at first. Rows
-of the identity in place of prescribed displacements keep the blocks whole; they cost no iterations (measured).
+Vanek, Mandel, Brezina (1996); the rigid-body modes are the near-null space. The hierarchy is built once for a matrix.
+It serves all right-hand sides, and similar matrices too, until it is stale: until they take 1.5 times as many
+iterations as at its first use. Rows of the identity for prescribed displacements keep the blocks complete; they cost no
+iterations (measured).
 """
 
 from __future__ import annotations
@@ -23,48 +24,48 @@ from lacsolver.linear.refine import backward_error
 from lacsolver.linear.regular import CLEAR, is_free, positive_diagonal, singular
 from lacsolver.linear.sides import right_hand_sides
 
-#: couplings weaker than this (of the diagonals) do not join nodes; 0.03 took least time on HEXA8 and TETRA10
+#: couplings weaker than this, relative to the diagonals, do not join nodes; 0.03 took least time on HEXA8 and TETRA10
 _STRENGTH = 0.03
-#: nodes (of six unknowns) that are solved for directly, by a dense inverse
+#: most nodes (of six unknowns) of the coarsest level, which is solved by a dense inverse
 _COARSEST = 60
 _LEVELS = 12
-#: how far prolongations are smoothed, over the largest eigenvalue of D^-1 K
+#: damping of the smoothing of prolongations, times the largest eigenvalue of D^-1 K
 _SMOOTHING = 4 / 3
-#: iterations, and times that the true residual is looked at
+#: most iterations, and most evaluations of the true residual
 _MOST = 300
 _LOOKS = 4
-#: a backward error below which a residual is rounding
+#: backward error below which a residual is round-off
 _ROUNDING = 1e-15
-#: no tolerance is taken to be less
+#: lower bound of the tolerance
 _LEAST = 1e-16
 _TINY = 1e-300
-#: a hierarchy has worn where iterations for a tenth of the residual are so many times those of its first use
+#: a hierarchy is stale when it takes this many times the iterations per decade of the residual of its first use
 _WORN = 1.5
-#: tenths by which a residual has to fall for its iterations to count in that
+#: only solves that reduce the residual by at least this many decades count for that
 _TELLING = 3.0
 
 
 class Hierarchy:
-    """A V-cycle, and how well it did for the matrices that it was used with."""
+    """A V-cycle, with its first and last rates of convergence."""
 
     def __init__(self, cycle: Cycle) -> None:
         self.cycle = cycle
         self._rates: dict[str, tuple[float, float]] = {}
 
     def note(self, use: str, iterations: int, tenths: float) -> None:
-        """That a kind of use took so many iterations to bring a residual down by powers of ten."""
+        """Record that a kind of use took `iterations` to reduce a residual by `tenths` decades."""
         if tenths >= _TELLING:
             rate = iterations / tenths
             self._rates[use] = self._rates.get(use, (rate, rate))[0], rate
 
     @property
     def worn(self) -> bool:
-        """Whether another one would pay."""
+        """True if the hierarchy is stale, so that building a new one pays."""
         return any(last > _WORN * first for first, last in self._rates.values())
 
 
 class MultigridFactor:
-    """A matrix and a hierarchy for it, or for one like it. `n_iterations`: of the last right-hand side."""
+    """A matrix, and a hierarchy of it or of a similar one. `n_iterations`: those of the last right-hand side."""
 
     def __init__(self, K: bsr_array, d: Floats, hierarchy: Hierarchy, team: Team) -> None:
         self.n_solves = 0
@@ -74,14 +75,14 @@ class MultigridFactor:
         self._scale, self._blocks, self.team = 1 / np.sqrt(d), Blocks.of(K), team
 
     def __matmul__(self, x: Floats) -> Floats:
-        """K x, on all threads."""
+        """Return K x, computed on all threads."""
         return self.team.product(self._blocks, x)
 
     def solve(self, b: Floats, *, tolerance: float = TOLERANCE, x0: Floats | None = None) -> Floats:
-        """x with |b - K x| <= tolerance |b|, each column from its own x0.
+        """Return x with |b - K x| <= tolerance |b|, each column from its own x0.
 
-        Raises LinearError if that is not reached, nor a residual of rounding, and SingularError if a direction without
-        energy is met.
+        Raises LinearError if neither that nor a residual at round-off is reached, and SingularError if a direction
+        without energy is met.
         """
         b = right_hand_sides(b, len(self._scale))
         x = np.zeros_like(b) if x0 is None else right_hand_sides(x0, len(b))
@@ -113,7 +114,10 @@ class MultigridFactor:
         raise LinearError(f"{message}; try a direct backend, and look for a part that is hardly held, or thin cells")
 
     def _go(self, b: Floats, x: Floats, goal: float) -> tuple[Floats, bool]:
-        """The first iterate whose recurred residual meets the goal, or the last one allowed; whether it was met."""
+        """Iterate until the recurrence residual meets the goal, or to the last allowed iteration.
+
+        Returns the iterate, and True if the goal was met.
+        """
         steps, start = iterates(self, self.hierarchy.cycle, b, x), 0.0
         try:
             for k, (x, r) in enumerate(islice(steps, _MOST + 1 - self.n_iterations)):
@@ -129,8 +133,11 @@ class MultigridFactor:
 
 
 class MultigridAnalysis:
-    """The modes and blocks from which hierarchies are built. modes (n, r): motions that cost no energy in a free body,
-    translations if None; block: unknowns of a node, in succession."""
+    """The rigid-body modes and the size of nodal blocks, from which hierarchies are built.
+
+    `modes` (n, r): motions that cost no energy in a free body, translations if None; `block`: number of unknowns of a
+    node, numbered consecutively.
+    """
 
     backend = "multigrid"
 
@@ -146,9 +153,10 @@ class MultigridAnalysis:
         self._modes, self._team = modes, Team(threads)
 
     def factor(self, K: Matrix, like: MultigridFactor | None = None) -> MultigridFactor:
-        """A hierarchy for K, of the size that was analysed, or that of a factor of a matrix `like` it while it serves.
+        """Return a factor of K, whose size is that analysed, with the hierarchy of the factor `like` or a new one.
 
-        Raises SingularError if a body is free to move.
+        The hierarchy of `like`, the factor of a similar matrix, is used until it is stale. Raises SingularError if a
+        body is free to move.
         """
         if K.shape != (len(self._modes),) * 2:
             raise RequestError(f"the matrix is {K.shape}, and {len(self._modes)} unknowns were analysed")
@@ -161,13 +169,13 @@ class MultigridAnalysis:
 
 
 def _check_held(K: bsr_array, d: Floats, modes: Floats) -> None:
-    """Raise SingularError if some motion out of the modes costs a body (what is connected in K) no energy."""
+    """Raise SingularError if a combination of the modes costs a body no energy; bodies are connected parts of K."""
     nodes = csr_array((np.abs(K.data).max(axis=(1, 2)), K.indices, K.indptr), shape=(len(K.indptr) - 1,) * 2)
     nodes.eliminate_zeros()
     n_bodies, body = connected_components(nodes, directed=False)
     body = np.repeat(body, K.blocksize[0])
     forces = K @ modes
-    moving = np.isin(body, np.unique(body[modes.any(axis=1)]))  # not nodes that are held altogether
+    moving = np.isin(body, np.unique(body[modes.any(axis=1)]))  # without fully constrained nodes
     order = np.flatnonzero(moving)[np.argsort(body[moving], kind="stable")]
     for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1) if n_bodies else ():
         M = modes[rows]
@@ -184,7 +192,7 @@ def _check_held(K: bsr_array, d: Floats, modes: Floats) -> None:
 
 
 def _hierarchy(K: bsr_array, modes: Floats, team: Team) -> Hierarchy:
-    """The hierarchy of K: aggregates of nodes, the modes on each orthonormal, smoothed by a step of block Jacobi."""
+    """Build the hierarchy of K: aggregates of nodes with orthonormal modes, smoothed by one step of block Jacobi."""
     levels: list[Level] = []
     unit = 1 / float(K.diagonal().mean()) if K.shape[0] else 1.0
     while len(levels) < _LEVELS and K.shape[0] // K.blocksize[0] > _COARSEST:
@@ -199,7 +207,7 @@ def _hierarchy(K: bsr_array, modes: Floats, team: Team) -> Hierarchy:
 
 
 def _tentative(K: bsr_array, modes: Floats) -> tuple[bsr_array, Floats]:
-    """Aggregates of nodes that are coupled, by PyAMG: (P, coarse modes) with P (coarse modes) = modes."""
+    """Aggregate coupled nodes by PyAMG; return (P, coarse modes) with P (coarse modes) = modes."""
     from pyamg.aggregation import fit_candidates, standard_aggregation
     from pyamg.strength import symmetric_strength_of_connection
 
@@ -209,7 +217,7 @@ def _tentative(K: bsr_array, modes: Floats) -> tuple[bsr_array, Floats]:
 
 
 def _smoothed(K: bsr_array, P: bsr_array, inverse: Floats, factor: float) -> bsr_array:
-    """P - factor D^-1 K P."""
+    """Return the smoothed prolongation P - factor D^-1 K P."""
     step = K @ P
     row = np.repeat(np.arange(len(inverse)), np.diff(step.indptr))
     step = bsr_array((-factor * (inverse[row] @ step.data), step.indices, step.indptr), shape=step.shape)

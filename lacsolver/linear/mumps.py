@@ -12,13 +12,13 @@ from lacsolver.linear.errors import Breakdown, LinearError
 from lacsolver.linear.threads import limited
 from lacsolver.linear.triangle import Triangle
 
-#: INFOG(1): singular in structure, in numbers
+#: values of INFOG(1) for a structurally and for a numerically singular matrix
 _SINGULAR = (-6, -10)
 _NEGATIVE_PIVOTS = 12
 
 
 class _Mumps:
-    """An instance of MUMPS: analysis and factor live in it, one at a time."""
+    """An instance of MUMPS, which holds the analysis and one factor at a time."""
 
     def __init__(self, triangle: Triangle, threads: int) -> None:
         import mumps
@@ -57,5 +57,5 @@ class _Mumps:
 
 
 def analyse(triangle: Triangle, threads: int) -> _Mumps:
-    """Order the elimination of a triangle."""
+    """Analyse the pattern of a triangle: order its elimination."""
     return _Mumps(triangle, threads)

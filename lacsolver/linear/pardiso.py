@@ -1,6 +1,6 @@
 """PARDISO of Intel's MKL: L L^T, supernodal, nested dissection, called in its shared library.
 
-Numbers of `iparm` are those of the reference manual, less one.
+Indices of `iparm` are those of the reference manual minus one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _REASONS = {-2: "the memory does not suffice", -3: "its ordering failed", -8: "i
 
 
 class _Handle(NamedTuple):
-    """What the library is called with every time; it keeps analysis and factor behind `pt`."""
+    """Arguments of every call of the library, which keeps analysis and factor behind `pt`."""
 
     pt: NDArray[np.int64]
     iparm: NDArray[np.int32]
@@ -34,7 +34,7 @@ class _Handle(NamedTuple):
 
 
 class _Pardiso:
-    """Analysis and factor: they live in one handle, one at a time."""
+    """Analysis and one factor at a time, held by one handle."""
 
     def __init__(self, triangle: Triangle, threads: int) -> None:
         ia, ja = ((a + 1).astype(np.int32) for a in (triangle.indptr, triangle.indices))
@@ -85,5 +85,5 @@ def _number(k: int) -> Any:
 
 
 def analyse(triangle: Triangle, threads: int) -> _Pardiso:
-    """Order the elimination of a triangle."""
+    """Analyse the pattern of a triangle: order its elimination."""
     return _Pardiso(triangle, threads)

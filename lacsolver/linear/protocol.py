@@ -1,7 +1,7 @@
-"""What a linear solver offers: the analysis of a pattern, factors of values, solutions of right-hand sides.
+"""Interfaces of a linear solver: analysis of a pattern, factorisation of values, solution for right-hand sides.
 
-The three steps are shared by all backends, direct or not. Inside a direct backend's module they are smaller ones:
-`Symbolic` knows the order of elimination, `Numeric` the factor, and both speak of one triangle and of arrays only.
+All backends, direct or not, implement `Analysis` and `Factor`. The modules of direct backends implement smaller
+interfaces: `Symbolic` for the order of elimination and `Numeric` for the factor, which handle one triangle as arrays.
 """
 
 from __future__ import annotations
@@ -12,40 +12,40 @@ from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats
 
-#: a residual, relative to the right-hand side, that an iterative backend goes down to
+#: default residual of an iterative backend, relative to the right-hand side
 TOLERANCE = 1e-12
 
 Matrix: TypeAlias = csr_array | bsr_array
 
 
 class Factor(Protocol):
-    """A matrix made ready to be solved with."""
+    """A factorised or otherwise prepared matrix."""
 
     #: right-hand sides solved so far
     n_solves: int
 
     def solve(self, b: Floats, *, tolerance: float = TOLERANCE, x0: Floats | None = None) -> Floats:
-        """K^-1 b for b (n,) or (n, k); see `lacsolver.linear.analyse`."""
+        """Return K^-1 b for b (n,) or (n, k); see `lacsolver.linear.analyse`."""
 
 
 class Analysis(Protocol):
-    """A pattern made ready for values."""
+    """The analysis of a pattern."""
 
     backend: str
 
     def factor(self, K: Matrix) -> Factor:
-        """A factor of a matrix that has the pattern which was analysed."""
+        """Return the factor of a matrix with the pattern that was analysed."""
 
 
 class Numeric(Protocol):
     """A direct backend's factor."""
 
     def solve(self, b: Floats) -> Floats:
-        """K^-1 b for b (n,), or (n, k) stored by columns; b may be overwritten."""
+        """Return K^-1 b for b (n,), or (n, k) stored by columns; b may be overwritten."""
 
 
 class Symbolic(Protocol):
     """A direct backend's analysis of a triangle."""
 
     def factor(self, values: Floats) -> Numeric:
-        """The factor of a triangle's values, which may overwrite the one before. Raises Breakdown."""
+        """Return the factor of a triangle's values, which may overwrite the previous one. Raises Breakdown."""

@@ -1,7 +1,7 @@
-"""Iterative refinement: a direct backend's solution, its residual always measured and, where that is poor, reduced.
+"""Iterative refinement: the residual of a direct solution is always measured, and reduced if it is too large.
 
-The measure is the backward error |r| / (|x| + |b|) in the scaling by D = diag K, which knows no units: D^-1/2 r and
-D^-1/2 b against D^1/2 x, column by column. It costs one product with K, a twentieth of a solve.
+The measure is the backward error |r| / (|x| + |b|) in the scaling by D = diag K, which is independent of units:
+D^-1/2 r and D^-1/2 b against D^1/2 x, column by column. It costs one product with K, a twentieth of a solve.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from lacmesh.mesh import Floats
 from lacsolver.linear.errors import LinearError
 from lacsolver.linear.protocol import Matrix
 
-#: a backward error that is not worth a step of refinement, some units of rounding
+#: backward error that needs no refinement, a few units of round-off
 _GOOD = 4e-15
-#: one that is an error of the backend, or of a matrix that is not symmetric
+#: backward error above which the backend has failed, or the matrix is not symmetric
 _WRONG = 1e-11
 _STEPS = 3
 
 
 def refined(K: Matrix, scale: Floats, solve: Callable[[Floats], Floats], b: Floats) -> Floats:
-    """x with K x = b, b (n, ...), from a solver that may be inexact; scale (n,): D^-1/2.
+    """Return x with K x = b, b (n, ...), from a solver that may be inexact; scale (n,): D^-1/2.
 
-    Raises LinearError if refinement does not bring the residual down.
+    Raises LinearError if refinement does not reduce the residual enough.
     """
     if not b.size:
         return b.copy()
@@ -47,7 +47,7 @@ def refined(K: Matrix, scale: Floats, solve: Callable[[Floats], Floats], b: Floa
 
 
 def backward_error(scale: Floats, x: Floats, r: Floats, b: Floats) -> float:
-    """The largest |r| / (|x| + |b|) of all columns, in the scaling; 0 for b = 0."""
+    """Return the largest scaled |r| / (|x| + |b|) of all columns; 0 for a column with r = 0."""
     scale = scale.reshape(-1, *(1,) * (b.ndim - 1))
     size = np.linalg.norm(x / scale, axis=0) + np.linalg.norm(b * scale, axis=0)
     left = np.linalg.norm(r * scale, axis=0)

@@ -9,7 +9,7 @@ from lacmesh.mesh import Floats
 from lacsolver.linear.errors import Breakdown
 from lacsolver.linear.triangle import Triangle
 
-#: rows up to which one thread is as fast as several, which wait for one another
+#: number of rows up to which one thread is as fast as several, which wait for each other
 _ALONE = 5_000
 
 
@@ -43,5 +43,5 @@ class _Symbolic:
 
 
 def analyse(triangle: Triangle, threads: int, definite: bool = True) -> _Symbolic:
-    """Order the elimination of a triangle; where it need not be `definite`, negative pivots are as good as others."""
+    """Analyse the pattern of a triangle: order its elimination. Unless `definite`, negative pivots are accepted."""
     return _Symbolic(triangle, threads, definite)

@@ -1,4 +1,4 @@
-"""What a solver is given: the matrix by rows, and right-hand sides."""
+"""Inputs of a linear solver: the matrix in CSR form, and right-hand sides."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lacsolver.linear.protocol import Matrix
 
 
 def by_rows(K: Matrix) -> csr_array:
-    """The matrix as CSR, its indices sorted and its entries summed; the same one where it is so already."""
+    """Return the matrix as CSR with sorted indices and summed duplicates, without a copy if it is so already."""
     csr = csr_array(K)
     if not csr.has_canonical_format:
         csr = csr.copy() if csr is K else csr
@@ -20,7 +20,7 @@ def by_rows(K: Matrix) -> csr_array:
 
 
 def right_hand_sides(b: Floats, n: int) -> Floats:
-    """b as float64 (n,) or (n, k), all of it finite."""
+    """Return b as float64 (n,) or (n, k). Raises RequestError for another shape, DataError if it is not finite."""
     b = np.asarray(b, float)
     if b.ndim not in (1, 2) or len(b) != n:
         raise RequestError(f"a right-hand side is ({n},) or ({n}, k), not {b.shape}")

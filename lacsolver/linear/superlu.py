@@ -1,4 +1,4 @@
-"""SuperLU, which SciPy brings: L U without pivoting, in one column order; for small models, and for want of another."""
+"""SuperLU, which comes with SciPy: L U without pivoting, for small models, or if no other backend is installed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class _Numeric:
 
 
 class _Symbolic:
-    """SuperLU cannot be analysed apart from its numbers: only the full pattern is kept."""
+    """The pattern alone: SuperLU has no analysis that is separate from the factorisation."""
 
     def __init__(self, triangle: Triangle) -> None:
         self._triangle = triangle
@@ -34,7 +34,7 @@ class _Symbolic:
             made = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
         except RuntimeError:  # an exact zero
             raise Breakdown from None
-        # rows leave their columns only for a zero on the diagonal; the pivots stand on U's
+        # rows are permuted apart from columns only for a zero on the diagonal; the pivots are the diagonal of U
         pivots = made.U.diagonal()
         if (made.perm_r != made.perm_c).any() or (pivots <= 0).any():
             raise Breakdown(_worst(pivots, made.perm_c))
@@ -42,7 +42,7 @@ class _Symbolic:
 
 
 def _worst(pivots: Floats, perm_c: Floats) -> int:
-    """The row of the least pivot: column k of the matrix is eliminated at perm_c[k]."""
+    """Return the row of the least pivot: column k of the matrix is eliminated at perm_c[k]."""
     return int(np.flatnonzero(perm_c == pivots.argmin())[0])
 
 

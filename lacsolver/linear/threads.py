@@ -1,4 +1,4 @@
-"""How many cores the BLAS and OpenMP libraries of a backend use, for as long as it runs."""
+"""Limit of the number of cores that BLAS and OpenMP libraries use while a backend runs."""
 
 from __future__ import annotations
 
@@ -15,5 +15,5 @@ def _controller() -> Any:
 
 
 def limited(threads: int) -> AbstractContextManager[Any]:
-    """A block in which the libraries that were loaded at its first use take so many cores."""
+    """Return a context in which BLAS and OpenMP libraries loaded before the first call use `threads` cores."""
     return _controller().limit(limits=threads)

@@ -1,4 +1,4 @@
-"""One triangle of a symmetric matrix, taken out of its full storage once and again for new values."""
+"""One triangle of a symmetric matrix, extracted from its full storage, repeatedly for new values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from lacmesh.mesh import Floats, Ints
 class Triangle:
     """The lower triangle by columns, which is the upper one by rows: column j holds `indices[indptr[j]:indptr[j + 1]]`.
 
-    Ascending, the diagonal first. `taken` (nnz,): which values of the full matrix, by rows, stand in it.
+    Indices are ascending, the diagonal first. `taken` (nnz,): mask of the values of the full matrix, by rows, that
+    belong to the triangle.
     """
 
     indptr: Ints
@@ -25,7 +26,7 @@ class Triangle:
 
     @classmethod
     def of(cls, K: csr_array) -> Triangle:
-        """The triangle of a symmetric matrix stored in full, its indices sorted, its diagonal stored."""
+        """Return the triangle of a symmetric matrix that is stored in full, with sorted indices and its diagonal."""
         rows = np.repeat(np.arange(K.shape[0], dtype=K.indices.dtype), np.diff(K.indptr))
         taken = K.indices >= rows
         kept = np.concatenate([[0], np.cumsum(taken, dtype=K.indptr.dtype)])
@@ -33,14 +34,14 @@ class Triangle:
 
     @property
     def n(self) -> int:
-        """Rows of the matrix."""
+        """Number of rows of the matrix."""
         return len(self.indptr) - 1
 
     @cached_property
     def columns(self) -> Ints:
-        """(nnz,): the column of every entry."""
+        """Column of every entry, (nnz,)."""
         return np.repeat(np.arange(self.n, dtype=self.indices.dtype), np.diff(self.indptr))
 
     def values(self, K: csr_array) -> Floats:
-        """Values of the triangle of a matrix with the same pattern."""
+        """Return the values of the triangle of a matrix with the same pattern."""
         return K.data[self.taken]

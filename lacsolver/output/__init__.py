@@ -1,14 +1,14 @@
-"""What a run writes, into one folder: tables and figures of every step, fields and states of some (docs/output.md).
+"""Output of a run, in one folder: tables and figures of every step, fields and states of some (docs/output.md).
 
-    folder = where, checked before anything is solved; nothing is written or lost yet   (folder, names)
-    writer = what is written when: after every step, and at the end                     (writer)
+    folder = checked before anything is solved, when nothing is written or lost yet     (folder, names)
+    writer = writes after every step, and at the end                                    (writer)
         results.json                                                                    (summary)
         history.csv, contact_NAME.csv                                                   (tables)
         solid.pvd, contact_NAME.pvd and their VTU files, or results.med                 (parts, vtu, med, journal)
         state_NUMBER.npz                                                                (states)
-    restart = a state that was written, for the same case                               (states)
+    restart = a state of an earlier run of the same case                                (states)
 
-The writers know records (`lacsolver.results.results`), and nothing of how they were found.
+The writers use only the records of `lacsolver.results.results`, and do not depend on the solver.
 """
 
 from lacsolver.output.folder import OutputFolder, create

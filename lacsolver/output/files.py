@@ -1,4 +1,4 @@
-"""Text files that grow: a line is there as a whole, or not at all."""
+"""Text files to which lines are appended: a line is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from lacmesh.errors import WriteError
 
 
 def append(path: Path, content: bytes) -> None:
-    """Put content at the end of a file and on the disk; where it does not fit, the file stays as it was.
+    """Append content to a file and flush it to the disk; if that fails, the file keeps its former content.
 
     Raises WriteError.
     """

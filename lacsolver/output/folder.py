@@ -1,7 +1,7 @@
-"""The folder that a run writes into: checked when the run is asked for, taken over when its first step is solved.
+"""The folder that a run writes into: checked when the run starts, and cleared only once the case can be solved.
 
-Between the two a run may be refused, by its case or its mesh, and then nothing was lost. Files of other names than ours
-stay. A restart into the folder that it came from goes on in its files.
+In between a run may be refused because of its case or its mesh, and then no earlier results are lost. Files whose names
+are not those of results are kept. A restart into the folder that its state came from continues the files there.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from lacsolver.results.results import Restart
 
 @dataclass(frozen=True)
 class OutputFolder:
-    """Where a run writes. `restart`: the state, written there by an earlier run, after which its files go on.
+    """The folder of a run. `restart`: a state of an earlier run in this folder, after which its files are continued.
 
-    `force`: results that are there may be lost.
+    `force`: True if existing results may be lost.
     """
 
     path: Path
@@ -31,9 +31,9 @@ class OutputFolder:
     force: bool = False
 
     def hold(self) -> Callable[[], None]:
-        """Make the folder, and keep other runs out of it until what is returned is called.
+        """Make the folder and lock it against other runs; return the function that unlocks it.
 
-        Raises RequestError where another run writes into it, or has done so since this one was asked for; WriteError.
+        Raises RequestError if another run writes into it, or has done so since this run started; WriteError.
         """
         try:
             self.path.mkdir(exist_ok=True)
@@ -48,7 +48,7 @@ class OutputFolder:
             raise WriteError(self.path, f"cannot be written ({error.strerror or error})") from error
 
     def check(self) -> None:
-        """Raise RequestError where the folder holds results that would be lost (and no `force`), OSError."""
+        """Raise RequestError if the folder holds results that would be lost (unless `force`); OSError."""
         there = results_in(self.path) if self.path.is_dir() and not self.force else []
         if there and self.restart is None:
             raise RequestError(f"{self.path} holds results already; --force replaces them, or -o names another folder")
@@ -56,7 +56,7 @@ class OutputFolder:
             _check_states(self.path, self.restart)
 
     def take(self) -> None:
-        """Remove what an earlier run left in the folder (beyond the state to go on from).
+        """Remove the results of an earlier run from the folder, for a restart only those after its state.
 
         Raises WriteError.
         """
@@ -75,10 +75,11 @@ class OutputFolder:
 
 
 def create(path: str | os.PathLike[str], *, force: bool = False, restart: Restart | None = None) -> OutputFolder:
-    """The folder that a run is to write into; nothing is written, nor removed, until `OutputFolder.take`.
+    """Return the folder that a run is to write into; no file is written or removed until `OutputFolder.take`.
 
-    `restart`: what the run goes on from; its own folder is gone on with. Raises RequestError where the folder holds
-    results that would be lost (and no `force`) or another run writes into it, WriteError where no files can be made.
+    `restart`: state that the run starts from; if it came from the same folder, the files there are continued. Raises
+    RequestError if the folder holds results that would be lost (unless `force`) or another run writes into it,
+    WriteError if no files can be made there.
     """
     path = Path(path)
     continued = restart is not None and restart.folder is not None and _same(path, restart.folder)

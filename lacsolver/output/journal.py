@@ -1,9 +1,9 @@
-"""Changing an HDF5 file so that it is whole before and after, whatever the disk says.
+"""Change an HDF5 file so that it stays valid, even if the disk is full or fails.
 
-What HDF5 appends goes to the file at once: as long as its beginning says nothing of it, nobody looks there. What it
-changes of that beginning is kept aside, page by page, until all that is new is on the disk; then it is written over the
-old, where there is room for it. A disk that is full is met in the first part, and the file is cut back to what it was.
-HDF5 is told of no error: it could not close the file (HDF5 1.14).
+Data that HDF5 appends are written to the file at once: nothing in the old part of the file refers to them yet. Changes
+of the old part are kept in memory, page by page, until all appended data are on the disk; then they overwrite the old
+pages, which needs no new space. A full disk is thus noticed while appending, and the file is truncated to its old
+size. Errors are not passed on to HDF5, which could not close the file then (HDF5 1.14).
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ class Journal:
         self.failed: OSError | None = None
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Go to a place in the file; HDF5 asks for the end with 2."""
+        """Move to a position in the file, as in `io`; HDF5 asks for the end with `whence` 2."""
         self._place = offset + (0, self._place, self._end)[whence]
         return self._place
 
     def tell(self) -> int:
-        """The place reached."""
+        """Return the position in the file."""
         return self._place
 
     def write(self, data: Any) -> int:
-        """Take bytes at the place reached: aside where the file has others, else into the file."""
+        """Write bytes at the position: into memory for the old part of the file, else into the file."""
         rest = memoryview(data).cast("B")
         while len(rest) and self._place < self._old:
             page, at = divmod(self._place, _PAGE)
@@ -58,7 +58,7 @@ class Journal:
         return len(data)
 
     def readinto(self, data: Any) -> int:
-        """Give back what is there, or was written; zeros where it could not be kept."""
+        """Read bytes at the position, changes included; zeros where data could not be written."""
         room = memoryview(data).cast("B")
         start, stop = self._place, self._place + len(room)
         self._file.seek(start)
@@ -73,15 +73,15 @@ class Journal:
         return len(room)
 
     def truncate(self, size: int | None = None) -> int:
-        """Make the file end at a place, once all is done."""
+        """Set the size that `finish` gives the file."""
         self._end = self._place if size is None else size
         return self._end
 
     def flush(self) -> None:
-        """Nothing is put in its place before `finish`."""
+        """Do nothing: changes are written by `finish`."""
 
     def finish(self) -> None:
-        """Put everything in its place. Raises OSError where the disk did not take all; the file is then as it was."""
+        """Write all changes into the file. Raises OSError if the disk failed; the file then has its old content."""
         try:
             if self.failed is not None:
                 raise self.failed
@@ -97,7 +97,7 @@ class Journal:
         os.fsync(self._file.fileno())
 
     def _page(self, page: int) -> bytearray:
-        """A page of what the file held, as it is to be; it ends where that does."""
+        """Return a page of the old part of the file, with its changes; the last page ends where that part ends."""
         if page not in self._pages:
             self._file.seek(page * _PAGE)
             self._pages[page] = bytearray(self._file.read(min(_PAGE, self._old - page * _PAGE)))
@@ -116,7 +116,7 @@ class Journal:
 
 @contextmanager
 def changing(path: Path) -> Iterator[h5py.File]:
-    """An HDF5 file, to be changed: all that is done inside, or nothing, is in it at the end. Raises WriteError."""
+    """Open an HDF5 file for changes, of which all or none are in the file at the end. Raises WriteError."""
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_libver_bounds(h5py.h5f.LIBVER_EARLIEST, h5py.h5f.LIBVER_V110)
     try:

@@ -1,7 +1,7 @@
-"""A folder held by one run: the system lets go of it when the run ends, however that ends.
+"""Lock of a folder by one run; the operating system releases it when the run ends, however it ends.
 
-What is locked is a file in the folder, on which locks work over NFS and on Windows too; it is there as long as the run,
-and one that a killed run left holds nobody up. Where a file system has no locks, nothing is held.
+The lock is on a file in the folder, since locks of files work over NFS and on Windows too. The file exists as long as
+the run; one that is left by a killed run blocks nobody. On a file system without locks, nothing is locked.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ FILE = ".lacsolver.lock"
 
 
 def check_free(folder: Path) -> None:
-    """Raise RequestError where another run holds a folder, OSError where that cannot be known."""
+    """Raise RequestError if another run has locked a folder, OSError if that cannot be found out."""
     with suppress(FileNotFoundError):
         handle = os.open(folder / FILE, os.O_RDWR)
         try:
@@ -27,13 +27,13 @@ def check_free(folder: Path) -> None:
 
 
 def hold(folder: Path) -> Callable[[], None]:
-    """Hold a folder: what lets go of it. Raises RequestError where another run holds it, OSError."""
+    """Lock a folder; return the function that unlocks it. Raises RequestError if another run has locked it; OSError."""
     path = folder / FILE
     while True:
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
             _lock(handle, folder)
-            if _is(handle, path):  # else who held it has just removed the file
+            if _is(handle, path):  # else the former owner has just removed the file
                 return lambda: _let_go(handle, path)
         except BaseException:
             os.close(handle)
@@ -58,7 +58,7 @@ def _lock(handle: int, folder: Path) -> None:
 
 
 def _try(handle: int) -> None:
-    """Lock a file, or raise BlockingIOError (PermissionError on Windows) where another process has."""
+    """Lock a file; raise BlockingIOError (PermissionError on Windows) if another process has locked it."""
     if os.name == "nt":
         import msvcrt
 
@@ -70,7 +70,7 @@ def _try(handle: int) -> None:
 
 
 def _let_go(handle: int, path: Path) -> None:
-    """Remove the file, as long as it is ours, and close it; Windows removes no file that is open."""
+    """Remove the file while it is still locked, and close it; Windows cannot remove an open file."""
     if os.name == "nt":
         os.close(handle)
     with suppress(OSError):

@@ -1,8 +1,8 @@
-"""Fields for Salome: results.med, with the mesh and, for every time that is written, the fields on it.
+"""Fields for Salome: results.med, with the mesh and the fields of every time that is written.
 
-A time is added to a file that is there: MED keeps fields by name, and below by time. A zone's fields stand on its slave
-faces alone, by a profile. The layout is that of MED 4.1 (`lacmesh.formats.med`), the names are code_aster's where it
-has one: DEPL, SIEF_NOEU, REAC_NODA; those of a zone begin with its name.
+Times are added to the existing file: MED stores fields by name, and each field by time. A zone's fields on faces are
+defined on its slave faces only, by a profile. The layout is that of MED 4.1 (`lacmesh.formats.med`); names are those of
+code_aster where it has one: DEPL, SIEF_NOEU, REAC_NODA; the names of a zone's fields begin with its name.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.space.space import COMPONENTS, Space
 
 _AXES = "XYZ"
-#: MED's numbers of the kinds of values; bits of cells and nodes in the mask LEN; bytes of a component's name
+#: MED's codes of types of values; bits of cells and nodes in the mask LEN; bytes of a component's name
 _KINDS = {"float64": 6, "int32": 24}
 _CELLS, _NODES, _SHORT = 1, 8, 16
-#: what is added to the name of a zone, at most
+#: longest suffix to the name of a zone
 _LONGEST = "pressure_recovered.nodes"
 _OF_TYPE = {kind.type: kind for kind in MED_TYPES}
 
 
 class _Support(NamedTuple):
-    """Where values stand: MED's name and bit, the rows of the values, and the places (from 0) of them; None: all."""
+    """Entities that carry values: MED's name and bit, the rows of the values, and the entities' indices (None: all)."""
 
     name: str
     bit: int
@@ -50,7 +50,7 @@ class _Support(NamedTuple):
 
 
 class _Field(NamedTuple):
-    """A field at a time: name, components, on nodes or cells, values (n, m), and where they stand."""
+    """A field at one time: name, components, `nodes` (else cells), values (n, m), and the entities that carry them."""
 
     name: str
     components: tuple[str, ...]
@@ -60,7 +60,10 @@ class _Field(NamedTuple):
 
 
 class MedSeries:
-    """results.med of a folder; one that is there is gone on with, without times after `end`. Raises WriteError."""
+    """The file results.med of a folder; for a restart, an existing one is continued after the time `end`.
+
+    Raises WriteError.
+    """
 
     def __init__(self, folder: Path, space: Space, zones: Iterable[str], end: float | None = None) -> None:
         self._path, self._space = folder / MED, space
@@ -72,7 +75,7 @@ class MedSeries:
             _cut_off(self._path, end)
 
     def write(self, fields: Fields, number: int) -> None:
-        """Add a time: the fields after a number of steps. Raises WriteError."""
+        """Add the fields after `number` steps. Raises WriteError."""
         told = list(_fields(fields, self._part, self._space))
         names = _names(self._path, [field.name for field in told])
         if not self._path.exists():
@@ -84,7 +87,7 @@ class MedSeries:
 
 
 def _names(path: Path, names: Iterable[str]) -> list[str]:
-    """What the fields of these names are called in the file. Raises WriteError where one is too long."""
+    """Return the names of fields in the file, adapted to MED. Raises WriteError for a name that is too long."""
     made: list[str] = []
     for name in names:
         made.append(title(path, name, "field", [], made))
@@ -122,7 +125,7 @@ def _zone_fields(
 
 
 def _face_supports(zone: ZoneFields, part: Part) -> Iterator[_Support]:
-    """The zone's faces, type by type, in the order of the file."""
+    """Yield the zone's faces, type by type, in the order of the file."""
     place = np.full(part.mesh.n_cells, -1)
     place[part.cells] = np.arange(len(part.cells))
     where = place[zone.surface.cell]
@@ -136,7 +139,7 @@ def _face_supports(zone: ZoneFields, part: Part) -> Iterator[_Support]:
 
 
 def _home(root: h5py.Group, name: str, mesh: str, field: _Field) -> h5py.Group:
-    """The field's group, made where it is not there."""
+    """Return the field's group, which is made if it does not exist."""
     fields = root["CHA"] if "CHA" in root else add_group(root, "CHA")
     if name in fields:
         return fields[name]
@@ -150,7 +153,7 @@ def _home(root: h5py.Group, name: str, mesh: str, field: _Field) -> h5py.Group:
 
 
 def _set_masks(holder: h5py.Group, field: _Field) -> None:
-    """What libmed 4.1 asks first of a field or time: on which entities (LEN), of which types (LGN, LGC)."""
+    """Set the masks that libmed 4.1 reads first in a field or time: its entities (LEN) and their types (LGN, LGC)."""
     set_mask(holder, "LEN", _NODES if field.nodes else _CELLS)
     set_mask(holder, "LGN" if field.nodes else "LGC", reduce(or_, (s.bit for s in field.supports), 0))
 
@@ -168,12 +171,12 @@ def _add_time(root: h5py.Group, home: h5py.Group, field: _Field, time: float, nu
 
 
 def _count_times(home: h5py.Group, nodes: bool) -> None:
-    """How many times have all that the field has: here each of them."""
+    """Set the number of times that have all entities of the field, which are all times here."""
     set_attributes(home, **{"LAA": len(home), "LNA" if nodes else "LCA": len(home)})
 
 
 def _profile(root: h5py.Group, places: Ints) -> str:
-    """The name of the profile of these places, which is made where it is not there."""
+    """Return the name of the profile of these entities, which is made if it does not exist."""
     numbers = (places + 1).astype(np.int32 if places.max() < 2**31 - 1 else np.int64)
     name = "places_" + hashlib.sha256(numbers.tobytes()).hexdigest()[:24]
     profiles = root["PROFILS"] if "PROFILS" in root else add_group(root, "PROFILS")
@@ -183,7 +186,7 @@ def _profile(root: h5py.Group, places: Ints) -> str:
 
 
 def _cut_off(path: Path, end: float) -> None:
-    """Take the times after the end out of a file. Raises WriteError."""
+    """Remove the times after `end` from a file. Raises WriteError."""
     with changing(path) as root:
         for home in _branches(root["CHA"]) if "CHA" in root else ():
             later = [name for name, step in home.items() if not until(float(step.attrs["PDT"]), end)]

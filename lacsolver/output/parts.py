@@ -1,8 +1,8 @@
-"""What is shown of a mesh: the body, the slave skin of a zone, the whole; each a mesh of its own, with its numbers.
+"""Parts of a mesh for output: the bodies, the slave skin of a zone, or the whole mesh, each as a mesh of its own.
 
-The body's cells are those that carry displacements, and the bare skins of rigid bodies. Cells and nodes keep the file's
-numbers, groups and the records of a cut; other data of the mesh's file are not repeated. PYRAM14, which neither VTK nor
-MED has, becomes PYRAM13 without the centre of its base, and a warning says so.
+The bodies are the cells that carry displacements, and rigid surfaces without parent cells. Cells and nodes keep the
+numbers of the file, the groups and the records of a cut; other data of the mesh's file are not repeated. PYRAM14, which
+neither VTK nor MED has, becomes PYRAM13 without the centre of its base, with a warning.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from lacsolver.space.space import Space
 
 
 class Part(NamedTuple):
-    """Some cells of a mesh as a mesh; `nodes` and `cells`: which of the whole's each of its nodes and cells is."""
+    """Some cells of a mesh as a mesh; `nodes` and `cells`: indices of its nodes and cells in the whole mesh."""
 
     mesh: Mesh
     nodes: Ints
@@ -38,7 +38,7 @@ class _Rows(NamedTuple):
 
 
 def body(space: Space) -> Part:
-    """The cells that carry displacements, and skins with a node that no such cell holds."""
+    """Return the cells that carry displacements, and skin cells with a node that belongs to no such cell."""
     mesh = space.mesh
     rows = [_Rows(*block) for block in space.blocks]
     for k, (kind, nodes) in enumerate(mesh.blocks):
@@ -50,14 +50,14 @@ def body(space: Space) -> Part:
 
 
 def skin(mesh: Mesh, surface: Surface) -> Part:
-    """The faces of a surface, in the order of `Surface.by_type`; `cells` are its rows."""
+    """Return the faces of a surface, in the order of `Surface.by_type`; `cells` are rows of the surface."""
     rows = [_Rows(kind, nodes, surface.cell[at]) for kind, at, nodes in surface.by_type()]
     order = [at for _, at, _ in surface.by_type()]
     return _part(mesh, rows)._replace(cells=np.concatenate([np.empty(0, np.int64), *order]))
 
 
 def whole(mesh: Mesh) -> Part:
-    """All cells and nodes."""
+    """Return all cells and nodes."""
     index = [np.arange(lo, lo + len(b.nodes)) for b, lo in zip(mesh.blocks, mesh.offsets[:-1], strict=True)]
     rows = [_Rows(*block, at) for block, at in zip(mesh.blocks, index, strict=True)]
     return _part(mesh, rows, all_nodes=True)
@@ -88,7 +88,7 @@ def _part(mesh: Mesh, rows: Iterable[_Rows], all_nodes: bool = False) -> Part:
 
 
 def _storable(rows: list[_Rows]) -> list[_Rows]:
-    """One entry a type, PYRAM14 among PYRAM13."""
+    """Return one entry per type of cell, with PYRAM14 turned into PYRAM13."""
     by_type: dict[str, list[_Rows]] = {}
     for r in rows:
         if r.type == "PYRAM14":
@@ -103,7 +103,7 @@ def _storable(rows: list[_Rows]) -> list[_Rows]:
 
 
 def _groups(groups: Mapping[str, Ints], members: Ints, size: int) -> dict[str, Ints]:
-    """The groups among some members of the whole, by their place there; groups that have none are left out."""
+    """Return the groups restricted to some members of the whole, as indices into these; empty groups are left out."""
     place = np.full(size, -1)
     place[members] = np.arange(len(members))
     told = {name: place[ids][place[ids] >= 0] for name, ids in groups.items()}
@@ -111,7 +111,7 @@ def _groups(groups: Mapping[str, Ints], members: Ints, size: int) -> dict[str, I
 
 
 def on_faces(values: NDArray, macro: Ints, missing: float) -> NDArray:
-    """Values of macro-elements (n, ...) on their faces (n_faces, ...)."""
+    """Return values of macro-elements (n, ...) on their faces (n_faces, ...), `missing` for faces of none."""
     told = np.full((len(macro), *values.shape[1:]), missing, values.dtype)
     told[macro >= 0] = values[macro[macro >= 0]]
     return told

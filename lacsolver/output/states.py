@@ -1,7 +1,7 @@
-"""States that a run can go on from: state_NUMBER.npz, one for every time that is written.
+"""States for a restart: a file state_NUMBER.npz for every time that is written.
 
 A file holds the arrays of a `Restart`, and, as JSON in the bytes of `about`, its numbers, the names of its zones and
-rigid bodies, and what makes the case (`lacsolver.case.fingerprint`).
+rigid bodies, and the fingerprint of the case (`lacsolver.case.fingerprint`).
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from lacsolver.output.tables import same_time
 from lacsolver.results.results import Restart
 from lacsolver.results.state import Iterate
 
-#: raised when what a state keeps changes its meaning; 3: the mesh in memory, rotations of rigid bodies in lengths
+#: raised when the meaning of a state's data changes; 3: the mesh in memory, rotations of rigid bodies as lengths
 VERSION = 3
 _ABOUT = "about"
-#: what numpy raises on a damaged file
+#: errors that numpy raises for a damaged file
 _DAMAGE = (
     *(OSError, ValueError, KeyError, TypeError, EOFError, IndexError, RuntimeError, MemoryError),
     *(zipfile.BadZipFile, zlib.error, struct.error),
@@ -40,7 +40,10 @@ _DAMAGE = (
 
 
 def write_state(folder: Path, state: Restart, prints: Mapping[str, str]) -> None:
-    """Write a state; `prints`: the fingerprint of its case. Raises WriteError; an older file is there until then."""
+    """Write a state; `prints`: the fingerprint of its case. An existing file is replaced at the end.
+
+    Raises WriteError.
+    """
     about = {
         **{"version": VERSION, "time": float(state.time), "step_size": float(state.step_size)},
         **{"number": state.number, "case": dict(prints)},
@@ -61,11 +64,11 @@ def write_state(folder: Path, state: Restart, prints: Mapping[str, str]) -> None
 def read_state(
     folder: str | os.PathLike[str], case: Case, from_time: float | None = None, *, mesh: Mesh | None = None
 ) -> Restart:
-    """A state that an earlier run of the same case wrote: the last one, or the one at a time.
+    """Read a state that an earlier run of the same case wrote: the last one, or the one at time `from_time`.
 
-    `mesh`: the one that the case is run on, as for `run`; its file is read if None. Raises RequestError where there is
-    no state (of that time: those there are, are listed), DataError where the case or the mesh is another one (what
-    changed is named), ReadError for a folder or file that cannot be read.
+    `mesh`: the mesh of the run, as for `run`; the case's file is read if None. Raises RequestError if there is no state
+    (or none at that time; the message lists the others), DataError if the case or the mesh differs (the message names
+    the differences), ReadError for a folder or file that cannot be read.
     """
     folder = Path(folder)
     try:
@@ -83,7 +86,7 @@ def read_state(
 
 
 def check_same(state: Restart, prints: Mapping[str, str]) -> None:
-    """Raises DataError where a state is of another case, or of another mesh, than `prints` are the fingerprint of."""
+    """Raise DataError if a state belongs to another case or mesh than the one with the fingerprint `prints`."""
     differs = changed(state.case, prints) if state.case is not None else ()
     if differs:
         whose = "the state to go on from is" if state.folder is None else f"the states in {state.folder} are"
@@ -122,7 +125,7 @@ def _about(path: Path, file: Mapping[str, NDArray]) -> dict[str, Any]:
 
 
 def _at(folder: Path, paths: list[Path], time: float) -> Path:
-    """The state at a time."""
+    """Return the file of the state at a time. Raises RequestError."""
     times = {path: _time(path) for path in paths}
     found = [path for path, there in times.items() if there is not None and same_time(there, time)]
     if not found:
@@ -132,7 +135,7 @@ def _at(folder: Path, paths: list[Path], time: float) -> Path:
 
 
 def _time(path: Path) -> float | None:
-    """When a state was; None where its file is damaged."""
+    """Return the time of a state, None if its file is damaged."""
     try:
         with _opened(path) as file:
             return float(json.loads(file[_ABOUT].tobytes())["time"])
@@ -141,14 +144,14 @@ def _time(path: Path) -> float | None:
 
 
 def _others(folder: Path, paths: list[Path], path: Path) -> str:
-    """What to do where one state is damaged."""
+    """Return advice for a damaged state: an earlier time to restart from, if there is one."""
     times = [f"{there:.9g}" for other in paths if other != path and (there := _time(other)) is not None]
     return f"go on from an earlier time, --from {times[-1]}" if times else f"no other state is in {folder}: start anew"
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Mapping[str, NDArray]]:
-    """The arrays of a file, opened here: numpy leaves open what it cannot read."""
+    """Open the arrays of a file; it is opened here because numpy does not close a file that it cannot read."""
     with path.open("rb") as raw, np.load(raw) as file:
         yield file
 

@@ -1,6 +1,6 @@
-"""results.json: the figures of a run, written anew after every step (a reader finds it whole, whatever happens).
+"""results.json: the figures of a run, replaced as a whole after every step, so that it is valid at any time.
 
-What is not a finite number is null. Each step is told once, and its line kept.
+Values that are not finite are null. Each step is converted once, and its line is kept.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from lacsolver.output.names import RESULTS
 from lacsolver.output.tables import until
 from lacsolver.results.results import Results, StepFigures, ZoneFigures
 
-#: what results.json tells of a step
+#: figures of a step in results.json
 STEP_KEYS = ("time", "iterations", "halvings", "residuals", "reactions", "probes")
 _BALANCE = ("force", "moment")
 
 
 class Summary:
-    """results.json of a folder. `end`: go on after this time, with the steps that are there up to it."""
+    """The file results.json of a folder. `end`: keep the steps of an existing file up to this time, and add to them."""
 
     def __init__(self, folder: Path, end: float | None = None) -> None:
         self._path = folder / RESULTS
@@ -36,7 +36,7 @@ class Summary:
         self._told: list[str] = []
 
     def write(self, results: Results) -> None:
-        """Tell the results up to now. Raises WriteError."""
+        """Write the results so far. Raises WriteError."""
         self._told += [_line(_step(step)) for step in results.steps[len(self._told) :]]
         parts = {name: _line(value) for name, value in _whole(results, self._worst).items()}
         parts["steps"] = "[" + ",".join(f"\n  {line}" for line in (*self._before, *self._told)) + "\n ]"
@@ -45,7 +45,7 @@ class Summary:
 
 
 def _whole(results: Results, worst: Mapping[str, Any]) -> dict[str, Any]:
-    """What the file holds, in its order; `message` only where there is one."""
+    """Return the content of the file, in its order, with `steps` empty; `message` only if there is one."""
     last = results.steps[-1] if results.steps else None
     return {
         "version": results.version,
@@ -71,7 +71,7 @@ def _zone(zone: ZoneFigures) -> dict[str, Any]:
 
 
 def _balance(results: Results, worst: Mapping[str, Any]) -> dict[str, float | None]:
-    """The worst step's; one that is not a number is the worst of all."""
+    """Return the largest imbalance of all steps; NaN counts as the largest."""
     told = {}
     for k, name in enumerate(_BALANCE):
         before = [float("nan") if worst[name] is None else worst[name]] if name in worst else []
@@ -85,7 +85,7 @@ def _line(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """A value in what JSON has: None for NaN and infinity, lists for arrays."""
+    """Return a value in types that JSON has: None for NaN and infinity, lists for arrays."""
     if isinstance(value, Mapping):
         return {str(name): _plain(part) for name, part in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):
@@ -96,7 +96,7 @@ def _plain(value: Any) -> Any:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """What an earlier run told; nothing where it did not come so far. Raises ReadError."""
+    """Read the results of an earlier run; return an empty dict if there are none. Raises ReadError."""
     if not path.exists():
         return {}
     try:

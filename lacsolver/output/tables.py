@@ -1,6 +1,6 @@
-"""The tables: history.csv, a row a step; contact_NAME.csv, a row each macro-element at each step that is written.
+"""Tables: history.csv with a row per step, contact_NAME.csv with a row per macro-element and step that is written.
 
-Reals have the fewest digits that read back the same; what is not there is an empty field.
+Reals have the fewest digits from which the same value is read; missing values are empty fields.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from lacsolver.output.files import append
 from lacsolver.output.names import HISTORY
 from lacsolver.results.results import StepFigures, ZoneFields
 
-#: two times are one if they differ by less than this part of the later
+#: two times are the same if they differ by less than this, relative to the larger
 SAME_TIME = 1e-9
 #: columns of contact_NAME.csv
 CONTACT_COLUMNS = (
@@ -34,19 +34,20 @@ _AXES = "xyz"
 
 
 def same_time(one: float, other: float) -> bool:
-    """Whether two times are one but for round-off."""
+    """True if two times are the same up to round-off."""
     return abs(one - other) <= SAME_TIME * max(abs(one), abs(other))
 
 
 def until(time: float, end: float) -> bool:
-    """Whether a time is not after the end."""
+    """True if a time is not after `end`, up to round-off."""
     return time <= end or same_time(time, end)
 
 
 class History:
-    """history.csv of a folder. `end`: go on after this time, with the rows that are there up to it.
+    """The file history.csv of a folder. `end`: keep the rows of an existing file up to this time, and add to them.
 
-    Where the conditions or probes are not those of the rows before, columns are added, empty where nothing was known.
+    If the conditions or probes differ from those of earlier rows, columns are added, which are empty where no value is
+    known.
     """
 
     def __init__(self, folder: Path, end: float | None = None) -> None:
@@ -55,7 +56,7 @@ class History:
         self._before = [] if end is None else list(_rows_until(self._path, end))
 
     def add(self, step: StepFigures) -> None:
-        """Add a step, on the disk when this returns. Raises WriteError, ValueError where other columns were begun."""
+        """Append the row of a step and flush it to the disk. Raises WriteError, ValueError for new columns."""
         row = history_row(step)
         if not self._columns:
             self._begin(row)
@@ -70,7 +71,7 @@ class History:
 
 
 def history_row(step: StepFigures) -> dict[str, float]:
-    """A step's row, by column."""
+    """Return the row of a step, by column."""
     row = {"time": step.time, "iterations": step.iterations}
     for name, force in step.reactions.items():
         row |= {f"reaction.{name}.{axis}": value for axis, value in zip(_AXES, _list(force), strict=False)}
@@ -83,14 +84,14 @@ def history_row(step: StepFigures) -> dict[str, float]:
 
 
 def add_contact(path: Path, time: float, zone: ZoneFields) -> None:
-    """Add a zone's macro-elements to its table. Raises WriteError."""
+    """Append the rows of a zone's macro-elements to its table. Raises WriteError."""
     if not path.exists():
         replace_file(path, _lines([CONTACT_COLUMNS]))
     append(path, _lines(_contact_rows(time, zone)))
 
 
 def cut_off(path: Path, end: float) -> None:
-    """Keep of a table the rows up to a time. Raises ReadError, WriteError."""
+    """Remove the rows of a table after the time `end`. Raises ReadError, WriteError."""
     rows = list(_rows_until(path, end))
     replace_file(path, _lines([CONTACT_COLUMNS, *(list(row.values()) for row in rows)]))
 
@@ -103,12 +104,12 @@ def _contact_rows(time: float, zone: ZoneFields) -> Iterator[Sequence[Any]]:
 
 
 def _columns(vectors: Floats, z: float) -> list[NDArray]:
-    """x, y and z of vectors (n, d); in a plane the third is `z`."""
+    """Return x, y and z of vectors (n, d); in a plane the third is `z`."""
     return [*vectors.T] if vectors.shape[1] == 3 else [*vectors.T, np.full(len(vectors), z)]
 
 
 def _blank(values: NDArray) -> list[Any]:
-    """Values for csv, None where they are not finite numbers."""
+    """Return values for csv, None where they are not finite."""
     told: list[Any] = values.tolist()
     for k in np.flatnonzero(~np.isfinite(values)):
         told[k] = None
@@ -131,7 +132,7 @@ def _lines(rows: Iterable[Sequence[Any]]) -> bytes:
 
 
 def _rows_until(path: Path, end: float) -> Iterator[dict[str, str]]:
-    """The rows of a table up to a time; none where there is no table. Raises ReadError."""
+    """Yield the rows of a table up to the time `end`; none if there is no table. Raises ReadError."""
     if not path.exists():
         return
     try:

@@ -1,7 +1,7 @@
 """Fields for ParaView: solid.pvd, contact_NAME.pvd on the slave skins, and a VTU file for each time of each.
 
-A displacement, force or normal has three components and a stress six (xx yy zz xy yz xz, VTK's order), also in a plane:
-so ParaView takes them for vectors and tensors. Points stand where the mesh has them, undeformed.
+Displacements, forces and normals have three components, and stresses six (xx yy zz xy yz xz, VTK's order), in plane
+models too, so that ParaView takes them for vectors and tensors. Points are undeformed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class _Entry(NamedTuple):
 
 
 class VtuSeries:
-    """The PVD and VTU files of a folder; those that are there are gone on with. Raises ReadError, WriteError."""
+    """The PVD and VTU files of a folder; existing ones are continued. Raises ReadError, WriteError."""
 
     def __init__(self, folder: Path, space: Space) -> None:
         self._folder, self._space = folder, space
@@ -44,7 +44,7 @@ class VtuSeries:
             _write_pvd(folder / f"{stem}.pvd", entries)
 
     def write(self, fields: Fields, number: int) -> None:
-        """Add a time: the fields after a number of steps. Raises WriteError."""
+        """Add the fields after `number` steps. Raises WriteError."""
         self._add(SOLID, self._part(SOLID, None), _solid(fields), {}, fields.time, number)
         for zone, stem in contact_stems(fields.zones).items():
             told = fields.zones[zone]
@@ -101,7 +101,7 @@ def _by_face(zone: ZoneFields) -> dict[str, NDArray]:
 
 
 def wide(values: Floats, width: int) -> Floats:
-    """Vectors (n, d) with `width` components, those that are added zero.
+    """Return vectors (n, d) with `width` components, zeros appended.
 
     >>> wide(np.array([[1.0, 2.0]]), 3)
     array([[1., 2., 0.]])
@@ -110,7 +110,7 @@ def wide(values: Floats, width: int) -> Floats:
 
 
 def read_pvd(path: Path) -> list[_Entry]:
-    """The times of a PVD whose files are there; none where there is no PVD. Raises ReadError."""
+    """Return the times of a PVD whose files exist; none if there is no PVD. Raises ReadError."""
     if not path.exists():
         return []
     try:

@@ -1,6 +1,7 @@
-"""What is written when: figures after every converged step; fields, contact tables and states as [output] says.
+"""Writer of a run: figures after every converged step; fields, contact tables and states at the steps of [output].
 
-The last converged step of a run has its fields and state whatever [output] says, so that one can look and go on.
+Fields and state of the last converged step of a run are written in any case, to look at them and for a restart; for a
+finished run with times in [output], the state alone.
 """
 
 from __future__ import annotations
@@ -25,25 +26,25 @@ from lacsolver.space.space import Space
 
 
 class Series(Protocol):
-    """Fields in files of some format, one time after the other."""
+    """Interface of files with fields in some format, to which times are added."""
 
     def write(self, fields: Fields, number: int) -> None:
-        """Add a time: the fields after a number of steps. Raises WriteError."""
+        """Add the fields after `number` steps. Raises WriteError."""
 
 
 class _Unwritten(NamedTuple):
-    """The last converged step, where its fields are not written: what would make them, and its state."""
+    """The last converged step, if its fields are not written yet: the function that makes them, and its state."""
 
     fields: Callable[[], Fields]
     state: Restart
 
 
 class Writer:
-    """Writes a run into its folder, which is taken over here: what an earlier run left is removed, or gone on with.
+    """Writes a run into its folder, in which the results of an earlier run are removed here, or continued.
 
-    `prints`: the fingerprint of the case and the mesh it is run on, which states keep. The folder is held against other
-    runs until `finish`. Raises WriteError, RequestError where another run writes there, and ReadError where what is to
-    be gone on with is damaged. A signal waits until what is being written is whole.
+    `prints`: fingerprint of the case and its mesh, stored with states. The folder is locked against other runs until
+    `finish`. Raises WriteError, RequestError if another run writes there, and ReadError if files to be continued are
+    damaged. Signals are delayed until a file is complete.
     """
 
     def __init__(self, folder: OutputFolder, case: Case, space: Space, prints: Mapping[str, str]) -> None:
@@ -61,9 +62,9 @@ class Writer:
         self._unwritten: _Unwritten | None = None
 
     def step(self, results: Results, fields: Callable[[], Fields], state: Restart) -> bool:
-        """Write a converged step, the last of `results.steps`; whether its fields and state were due, and written.
+        """Write a converged step, the last of `results.steps`; return True if its fields and state were written.
 
-        `fields` is called where they are due, or later, by `finish`, if this is the last step.
+        `fields` is called if they are due, or later, by `finish`, if this is the last step.
         """
         with signals_wait():
             self._history.add(results.steps[-1])
@@ -78,10 +79,10 @@ class Writer:
         return True
 
     def finish(self, results: Results, tried: Callable[[], Fields] | None = None) -> None:
-        """Write how it ended, and fields and state of the last converged step where they are not there yet.
+        """Write the status at the end, and fields and state of the last converged step if they are not written yet.
 
-        Where [output] lists times, a run that is done adds the state alone. `tried`: fields of the last state tried, of
-        a run that failed; they go to a folder inside, `unconverged`.
+        For a finished run with times in [output], only the state is added. `tried`: fields of the last state tried by a
+        run that failed, which are written to the subfolder `unconverged`.
         """
         last, self._unwritten = self._unwritten, None
         made = last.fields() if last and not (results.status == "done" and self._output.times) else None
@@ -97,7 +98,7 @@ class Writer:
                 self._fields_to(_made(self._path / UNCONVERGED)).write(failed, 1)
 
     def _fields_to(self, folder: Path, end: float | None = None) -> Series:
-        """The files of fields in a folder; `end`: those that are there are gone on with after this time."""
+        """Return the files of fields in a folder; `end`: existing ones are continued after this time."""
         if self._output.format == "med":
             from lacsolver.output.med import MedSeries  # with h5py, which few runs need
 
@@ -112,7 +113,7 @@ class Writer:
 
 
 def is_due(output: Output, number: int, time: float) -> bool:
-    """Whether the fields and state after a number of steps, at a time, are to be written.
+    """True if the fields and state after `number` steps, at a time, are to be written.
 
     >>> [is_due(Output(every=2), k, 0.25 * k) for k in (1, 2, 3)]
     [False, True, False]

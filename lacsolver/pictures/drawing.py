@@ -1,8 +1,8 @@
-"""The contact pressure of a state as a picture: on the deformed bodies, and in a plane along the contact too.
+"""Picture of the contact pressure of a state, on the deformed bodies, and for plane models along the contact too.
 
-skins = the slaves' faces with their pressures, the faces in sight around them     (scene.seen)
-shown = these faces where the displacement, so many times over, takes them
-picture = drawn off the screen by lacmesh.view; in a plane by matplotlib           (view, figure of the plane)
+skins = the slaves' faces with their pressures, and the visible faces around them  (scene.seen)
+shown = these faces, displaced by the magnified displacement
+picture = rendered off-screen by lacmesh.view; in a plane by matplotlib            (view, figure of the plane)
 """
 
 from __future__ import annotations
@@ -35,31 +35,31 @@ from lacsolver.problem.problem import zone_of
 from lacsolver.problem.skin import prepared
 from lacsolver.results.results import Restart
 
-#: the largest displacement is drawn at most this long, in extents of the mesh, unless it is longer by itself
+#: largest length of a magnified displacement, relative to the extent of the mesh
 _MOVED = 0.04
-#: how far magnified bodies may overlap
+#: largest overlap of magnified bodies, relative to the extent of the mesh
 _OVERLAP = 0.004
-#: parts that an edge of a quadratic cell is drawn in
+#: number of segments that an edge of a cell is drawn with
 _PARTS = 6
 
 
 class Skin(NamedTuple):
-    """A contact zone as it is drawn: its slave faces, and `pressure` (faces,) on each."""
+    """A contact zone to draw, with the `pressure` (faces,) on each of its slave faces."""
 
     zone: Zone
     pressure: Floats
 
 
 class Pressures(Values):
-    """Pressures of cells, none of which is worse than another."""
+    """Pressures of cells, without a list of worst cells."""
 
     def worst(self, count: int) -> Ints:
-        """None."""
+        """Return no cells."""
         return np.empty(0, np.int64)
 
 
 def check_plot(case: Case, path: Path) -> None:
-    """Raises RequestError for what cannot be drawn: no contact, no .png, a package that is missing."""
+    """Raise RequestError if nothing can be drawn: no contact in the case, no .png, a package that is missing."""
     if path.suffix.lower() != ".png":
         raise RequestError(f"{path}: a picture is written as .png")
     if not case.contact:
@@ -72,8 +72,8 @@ def check_plot(case: Case, path: Path) -> None:
 def plot(case: Case, state: Restart, path: Path, mesh: Mesh | None = None) -> None:
     """Draw the pressure of a state's contacts into a PNG file; `mesh` as for `Problem.of`.
 
-    Displacements are magnified so that they can be seen; the title says how often. Raises RequestError as `check_plot`,
-    WriteError where nothing can be drawn (as `lacmesh.view.picture`) or written.
+    Displacements are magnified so that they can be seen; the title gives the factor. Raises RequestError as
+    `check_plot`, WriteError if nothing can be drawn (as `lacmesh.view.picture`) or written.
     """
     check_plot(case, path)
     mesh = prepared(case, mesh)
@@ -92,7 +92,7 @@ def plot(case: Case, state: Restart, path: Path, mesh: Mesh | None = None) -> No
 
 
 def _gap_closed(skins: list[Skin], case: Case, dim: int) -> float:
-    """The largest gap that a macro-element under pressure had at the start."""
+    """Return the largest initial gap of the macro-elements that are under pressure."""
     closed = [0.0]
     for (zone, pressure), record in zip(skins, case.contact, strict=True):
         face = integrate(zone, dim, Pairing(search_distance=record.search_distance))
@@ -102,9 +102,10 @@ def _gap_closed(skins: list[Skin], case: Case, dim: int) -> float:
 
 
 def magnification(mesh: Mesh, u: Floats, closed: float = 0.0) -> float:
-    """How often displacements (n_nodes, 3) are drawn: 1, 2 or 5 times a power of ten, never less than as they are.
+    """Return the factor by which displacements (n_nodes, 3) are magnified: 1, 2 or 5 times a power of ten, at least 1.
 
-    Where a gap `closed` from the start on, magnified bodies overlap by as often that: little enough not to be seen.
+    `closed`: largest initial gap that has closed; magnified bodies overlap by about the factor times this gap, which is
+    limited so that it cannot be seen.
 
     >>> bar = Mesh.create([[0, 0], [2, 0]], [("SEG2", [[0, 1]])])
     >>> magnification(bar, np.array([[0, 0, 0], [0.003, 0, 0]])), magnification(bar, np.ones((2, 3)))
@@ -119,7 +120,7 @@ def magnification(mesh: Mesh, u: Floats, closed: float = 0.0) -> float:
 
 
 def _draw_space(mesh: Mesh, x: Floats, skins: list[Skin], case: Case, path: Path, title: str) -> None:
-    """The faces in sight as a mesh of their own, so that a value on the slave skin is not its parents' too."""
+    """Draw the visible faces in space, as a mesh of their own, so that values of slave faces do not show on parents."""
     slaves, masters = ([getattr(record, role) for record in case.contact] for role in ("slave", "master"))
     seen = find_seen(mesh, slaves, masters)
     pressure = np.full(mesh.n_cells, np.nan)
@@ -145,7 +146,7 @@ def _draw_space(mesh: Mesh, x: Floats, skins: list[Skin], case: Case, path: Path
 
 
 def _plane_figure(mesh: Mesh, x: Floats, skins: list[Skin], title: str) -> bytes:
-    """Above, the deformed mesh with its slave skins; below, the pressure along each of them."""
+    """Return a PNG with the deformed mesh and its slave skins above, and the pressure along each skin below."""
     figure = import_module("matplotlib.figure").Figure(figsize=(10, 10), dpi=130, layout="tight")
     colours = import_module("matplotlib.colors")
     body, profile = figure.subplots(2, 1, height_ratios=(3, 2))
@@ -176,19 +177,19 @@ def _lines(pieces: Any, **style: Any) -> Any:
 
 
 def _edges(mesh: Mesh, x: Floats) -> NDArray[np.floating]:
-    """(e, points, 2): the edges of all plane cells, once for each cell, as polylines."""
+    """Return the edges of all plane cells, once for each cell, as polylines (e, points, 2)."""
     facets = [(f.type, nodes[:, f.nodes]) for kind, nodes, _ in cells_of_dim(mesh, 2) for f in CELLS[kind].facets]
     return np.concatenate([_curves(kind, nodes, x) for kind, nodes in facets])
 
 
 def _curves(kind: str, nodes: Ints, x: Floats) -> NDArray[np.floating]:
-    """(k, points, 2): segments of a type as polylines; straight ones have as many points, so that all go together."""
+    """Return segments of one type as polylines (k, points, 2), with the same number of points for all types."""
     N = shape(kind, np.linspace(-1, 1, _PARTS + 1)[:, None])
     return np.asarray(np.einsum("pn,kns->kps", N, x[nodes, :2]))
 
 
 def _skin_lines(skin: Skin, x: Floats) -> NDArray[np.floating]:
-    """(f, points, 2): the slave faces in the order of their surface, as polylines."""
+    """Return the slave faces, in the order of their surface, as polylines (f, points, 2)."""
     out = np.empty((len(skin.pressure), _PARTS + 1, 2))
     for kind, rows, nodes in skin.zone.slave.by_type():
         out[rows] = _curves(kind, nodes, x)
@@ -196,9 +197,9 @@ def _skin_lines(skin: Skin, x: Floats) -> NDArray[np.floating]:
 
 
 def along(skin: Skin, x: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """(s, pressure) of the slave faces along the skin: steps, with NaN between chains that are not joined.
+    """Return (s, pressure) of the slave faces along the skin, as steps, with NaN between chains that are not joined.
 
-    Each chain begins at its end, or where it is closed at its first face; a chain follows the one before.
+    An open chain starts at its end, a closed one at its first face; s continues from one chain to the next.
     """
     ends = skin.zone.slave.faces.nodes[:, :2]
     order, first = chains(ends)
@@ -211,7 +212,7 @@ def along(skin: Skin, x: Floats) -> tuple[NDArray[np.floating], NDArray[np.float
 
 
 def chains(ends: Ints) -> tuple[Ints, Ints]:
-    """The order in which segments (f, 2), which all run one way, follow one another, and where each chain begins.
+    """Return the order of segments (f, 2), which all run one way, along chains, and the start of each chain in it.
 
     >>> order, first = chains(np.array([[2, 3], [7, 8], [1, 2], [3, 4]]))
     >>> order.tolist(), first.tolist()
@@ -226,7 +227,7 @@ def chains(ends: Ints) -> tuple[Ints, Ints]:
     lowest = np.unique(chain, return_index=True)[1]
     begun = np.isin(chain[lowest], chain[np.setdiff1d(np.arange(n), after)])
     after[np.isin(after, lowest[~begun])] = -1  # a closed chain begins at its first face
-    left = (after >= 0).astype(np.int64)  # how many follow: those up to a jump, which doubles each time
+    left = (after >= 0).astype(np.int64)  # number of segments that follow: up to a jump, which doubles each time
     for _ in range(n.bit_length()):
         on = after >= 0
         left[on] += left[after[on]]

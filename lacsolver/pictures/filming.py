@@ -1,8 +1,8 @@
-"""A run as a film, or a sheet of its pictures: the deforming bodies to scale, and curves that grow beside them.
+"""A run as a film, or as a sheet of pictures: the deforming bodies to scale, and growing curves beside them.
 
 shots = fields of the run's folder, time by time           (shots)
-tones = one scale of colours for all times
-pictures = drawn by matplotlib in a plane, off the screen by pyvista in space   (stage)
+look = one scale of colours for all times
+pictures = drawn by matplotlib in a plane, off-screen by pyvista in space       (stage)
 curves = columns of history.csv, one against the other
 film = an animated GIF of one colour table; or a sheet, PNG
 """
@@ -29,23 +29,23 @@ from lacsolver.output.names import HISTORY
 from lacsolver.pictures.shots import COLOURS, Shot, Shots, Sight, read_shots
 from lacsolver.pictures.stage import CAMERA, Scene, photographs
 
-#: pictures of a sheet and of a film, where nothing is said
+#: default number of pictures of a sheet and of a film
 SHEET, FILM = 6, 60
-#: a logarithmic scale spans so much
+#: default range of a logarithmic scale
 DECADES = 3.0
-#: dots to the inch of a film and of a sheet; inches of a film's bodies and curves side by side, their height, and the
-#: width of a picture of a sheet
+#: dots per inch of a film and of a sheet; in inches, widths of a film's bodies and curves, their height, and the width
+#: of a picture of a sheet
 _DPI, _DPI_SHEET, _WIDE, _HIGH, _TILE = 80, 100, (6.2, 3.8), 4.6, 3.7
 #: colours of a film
 _COLOURS = 128
-#: seconds that the last picture of a film stays
+#: duration of the last picture of a film, in seconds
 _STAYS = 1.5
-#: colours of what has no value, of a bare skin, of lines
+#: colours of faces without a value, of surfaces without parent cells, of lines
 _PLAIN, _BARE, _INK = "#dfe3e6", "#44546a", "#1b1f24"
 
 
 class Curve(NamedTuple):
-    """Two columns of a history, `x` and `y` (steps,) at `time` (steps,), and what they are called."""
+    """Two columns of a history, `x` and `y` (steps,) at `time` (steps,), and their labels `across` and `up`."""
 
     time: Floats
     x: Floats
@@ -56,7 +56,7 @@ class Curve(NamedTuple):
 
 @dataclass(frozen=True)
 class Look:
-    """`colour`: one of COLOURS; `low`, `high`: the ends of its scale; `log`: whether that is logarithmic."""
+    """Scale of colours. `colour`: one of COLOURS; `low`, `high`: ends of the scale; `log`: True if logarithmic."""
 
     colour: str
     low: float
@@ -65,20 +65,20 @@ class Look:
 
     @property
     def scale(self) -> Any:
-        """matplotlib's scale from values to 0 ... 1."""
+        """Scale of matplotlib from values to 0 ... 1."""
         colours = import_module("matplotlib.colors")
         return (colours.LogNorm if self.log else colours.Normalize)(self.low, self.high, clip=True)
 
     @property
     def bar(self) -> Any:
-        """What a bar of colours is made of: light is little."""
+        """Mappable of matplotlib for a bar of colours, whose low values are light."""
         colours = import_module("matplotlib.colors")
         table = colours.LinearSegmentedColormap.from_list("ramp", [f"#{colour}" for colour in reversed(RAMP)])
         return import_module("matplotlib.cm").ScalarMappable(self.scale, table)
 
 
 def check_film(path: Path, folder: Path) -> None:
-    """Raises RequestError for what cannot be filmed: another suffix, no folder, a package that is missing."""
+    """Raise RequestError if no film can be made: another suffix, no folder, a package that is missing."""
     if path.suffix.lower() not in (".gif", ".png"):
         raise RequestError(f"{path}: a film is written as .gif, a sheet of its pictures as .png")
     if not folder.is_dir():
@@ -100,16 +100,16 @@ def film(
     rate: float = 12.0,
     title: str | None = None,
 ) -> None:
-    """Make a film (.gif) or a sheet of pictures (.png) of what `lacsolver.run` wrote into a folder as VTU files.
+    """Make a film (.gif) or a sheet of pictures (.png) from the VTU files that `lacsolver.run` wrote into a folder.
 
     `colour`: the bodies' von Mises `stress`, or the recovered contact `pressure` on slave skins. `curves`: "x:y",
-    columns of history.csv, each with a minus before it where its sign is to be turned; by default `default_curve`.
-    `frames`: how many times are shown at most, evenly (60 of a film, 6 of a sheet). `scale`: the colours' least and
-    largest value, by default of all times; `log`: a logarithmic scale, by default of three decades. `camera`: in space,
-    the direction from the bodies to the eye. `rate`: pictures a second.
+    columns of history.csv, each with a minus in front to change its sign; by default `default_curve`. `frames`: largest
+    number of times shown, evenly spaced (default: 60 for a film, 6 for a sheet). `scale`: least and largest value of
+    the colours, by default those of all times; `log`: a logarithmic scale, by default of three decades. `camera`: in
+    space, the direction from the bodies to the eye. `rate`: pictures per second.
 
-    Raises RequestError for a request that makes no sense, ReadError, DataError for files that cannot be read,
-    WriteError where nothing can be drawn or written.
+    Raises RequestError for an invalid request, ReadError, DataError for files that cannot be read, WriteError if
+    nothing can be drawn or written.
     """
     folder, path = Path(folder), Path(path)
     check_film(path, folder)
@@ -147,7 +147,7 @@ def _curves(folder: Path, named: Sequence[str]) -> list[Curve]:
 
 
 def read_history(path: Path) -> dict[str, NDArray[np.floating]]:
-    """The columns of history.csv; what is empty is NaN. Raises ReadError."""
+    """Return the columns of history.csv, NaN for empty fields. Raises ReadError."""
     try:
         with path.open(encoding="utf-8", errors="surrogateescape", newline="") as file:
             heads, *rows = list(csv.reader(file))
@@ -160,9 +160,9 @@ def read_history(path: Path) -> dict[str, NDArray[np.floating]]:
 
 
 def default_curve(table: dict[str, NDArray[np.floating]]) -> str:
-    """The reaction that varies most, against the motion along it of the probe with its name; else against time.
+    """Return the default curve: the most varying reaction over the displacement of the probe of the same name.
 
-    Empty where there is no reaction.
+    A reaction without such a probe is drawn over time, if no other has one; an empty string if there is no reaction.
 
     >>> default_curve({"time": np.r_[0, 1], "reaction.top.y": np.r_[0, -5], "probe.top.uy": np.r_[0, -1]})
     'probe.top.uy:reaction.top.y'
@@ -195,7 +195,7 @@ def _curve(text: str, table: dict[str, NDArray[np.floating]]) -> Curve:
 
 @dataclass(frozen=True, eq=False)
 class _Sheet:
-    """All that is drawn."""
+    """Everything to be drawn."""
 
     shots: Shots
     look: Look
@@ -206,14 +206,14 @@ class _Sheet:
 
     @property
     def height(self) -> float:
-        """Of the picture of a time, in widths."""
+        """Height of the picture of a time, relative to its width."""
         if self.shots.sight.dim == 3:
             return 0.75
         wide, high, _ = np.diff(self.shots.box, axis=0)[0]
         return float(np.clip(high / wide, 0.25, 1.4))
 
     def photographs(self, inches: tuple[float, float]) -> list[Any]:
-        """In space the picture of each time; in a plane None for each."""
+        """Return the rendered picture of each time in space; None for each in a plane."""
         shots, sight = self.shots.shots, self.shots.sight
         if sight.dim == 2:
             return [None] * len(shots)
@@ -223,13 +223,13 @@ class _Sheet:
         return list(photographs(scene, self.path))
 
     def _rgb(self, shot: Shot) -> NDArray[np.uint8]:
-        """(p, 3): the colour of each point."""
+        """Return the colour of each point, (p, 3)."""
         rgb = self.look.bar.to_rgba(np.nan_to_num(shot.value, nan=self.look.low), bytes=True)[:, :3].copy()
         rgb[np.isnan(shot.value)] = [int(_PLAIN[k : k + 2], 16) for k in (1, 3, 5)]
         return np.asarray(rgb, np.uint8)
 
     def draw(self, axes: Any, shot: Shot, photograph: Any) -> None:
-        """Draw the bodies at a time."""
+        """Draw the bodies at one time."""
         _bare(axes)
         if photograph is not None:
             axes.imshow(photograph)
@@ -240,7 +240,7 @@ class _Sheet:
         axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
 
     def plot(self, axes: Any, marked: Sequence[float]) -> None:
-        """Draw the curves: whole and pale, strong up to the last of the times, which dots mark."""
+        """Draw the curves: pale as a whole, strong up to the last of the times `marked`, which have dots."""
         for k, (time, x, y, _, up) in enumerate(self.curves):
             on = time <= marked[-1] * (1 + 1e-12)
             axes.plot(x, y, color=f"C{k}", linewidth=0.8, alpha=0.3)
@@ -253,12 +253,12 @@ class _Sheet:
             axes.legend(frameon=False, fontsize=8)
 
     def add_bar(self, figure: Any, axes: Any, **place: Any) -> None:
-        """Add the bar that says what colours mean."""
+        """Add the bar of colours with its label."""
         figure.colorbar(self.look.bar, ax=axes, label=COLOURS[self.look.colour], **place)
 
 
 def _draw_plane(axes: Any, sight: Sight, shot: Shot, look: Look) -> None:
-    """Faces by their values, where there are some; edges, outlines, bare skins, and pressures along a slave skin."""
+    """Draw faces coloured by values, edges, outlines, surfaces without parent cells, and pressures on slave skins."""
     x, valued = shot.x[:, :2], np.isfinite(shot.value)
     whole = valued[sight.triangles].all(axis=1)
     lines = import_module("matplotlib.collections").LineCollection
@@ -289,14 +289,14 @@ def _figure(wide: float, high: float, dpi: int = _DPI) -> Any:
 
 
 def _image(figure: Any) -> Any:
-    """A figure as an image of Pillow's."""
+    """Return a figure as an image of Pillow."""
     out = io.BytesIO()
     figure.savefig(out, format="png")
     return import_module("PIL.Image").open(out).convert("RGB")
 
 
 def _moving(sheet: _Sheet, rate: float) -> bytes:
-    """The film: the bodies of each time, and the curves beside them up to it."""
+    """Return the film: the bodies at each time, and the curves up to that time beside them."""
     images, n = [], 1 + bool(sheet.curves)
     for shot, photograph in zip(sheet.shots.shots, sheet.photographs((_WIDE[0], _HIGH)), strict=True):
         figure = _figure(sum(_WIDE[:n]), _HIGH)
@@ -311,7 +311,7 @@ def _moving(sheet: _Sheet, rate: float) -> bytes:
 
 
 def _gif(images: list[Any], rate: float) -> bytes:
-    """An animated GIF; all images have one table of colours, so that nothing flickers."""
+    """Return an animated GIF; all images share one table of colours, so that nothing flickers."""
     pil = import_module("PIL.Image")
     few = [images[k] for k in np.unique(np.linspace(0, len(images) - 1, 5).round().astype(int))]
     strip = pil.new("RGB", (few[0].width, few[0].height * len(few)))
@@ -326,7 +326,7 @@ def _gif(images: list[Any], rate: float) -> bytes:
 
 
 def _still(sheet: _Sheet) -> bytes:
-    """The sheet: pictures in rows under their times, below them the curves with these times as dots."""
+    """Return the sheet: rows of pictures titled by their times, and below them the curves with dots at these times."""
     shots, n = sheet.shots.shots, 1 + bool(sheet.curves)
     across = min(3, len(shots))
     down = -(-len(shots) // across)
@@ -348,7 +348,7 @@ def _still(sheet: _Sheet) -> bytes:
 
 
 def _png(image: Any) -> bytes:
-    """An image as a PNG file with a table of colours, a third of the size of one without."""
+    """Return an image as a PNG file with a table of colours, which takes a third of the size of one without."""
     out, pil = io.BytesIO(), import_module("PIL.Image")
     image.quantize(2 * _COLOURS, method=pil.Quantize.MEDIANCUT, dither=pil.Dither.NONE).save(out, "PNG", optimize=True)
     return out.getvalue()

@@ -1,7 +1,7 @@
-"""What the fields of a run look like, time by time: where its bodies are, their faces in sight, a value at each node.
+"""Frames of a film of a run: at each time the deformed bodies, their visible faces, and a value at each node.
 
-fields = the VTU files that solid.pvd and contact_NAME.pvd name                           (read_shots)
-faces in sight, once for all times: each fanned about its centre, which has the mean      (Sight)
+fields = the VTU files named by solid.pvd and contact_NAME.pvd                            (read_shots)
+visible faces, once for all times: split into triangles around their centres              (Sight)
 value = von Mises' stress, or the recovered pressure on the slave skins; NaN elsewhere    (COLOURS)
 """
 
@@ -22,19 +22,19 @@ from lacmesh.topology.faces import cells_of_dim
 from lacsolver.output.names import CONTACT, SOLID
 from lacsolver.output.vtu import read_pvd
 
-#: what bodies may be coloured by, and what that is called beside the scale
+#: quantities that bodies may be coloured by, and their labels beside the scale
 COLOURS = {"stress": "von Mises stress", "pressure": "contact pressure"}
-#: children of a cell whose normals' cosine is larger lie in one face of it
+#: children of a cell lie in the same face of it if the cosine between their normals is larger than this
 _FLAT = 0.9
 
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """The faces in sight of a mesh of `n_nodes`. Points are its nodes, then the centre of each face.
+    """The visible faces of a mesh of `n_nodes` nodes. Points are the nodes, then the centre of each face.
 
-    `triangles` (t, 3) cover the faces; `edges` (e, 2) are those of the cells that were cut, not of their children,
-    `rims` (r, 2) those of one face alone (in a plane the outlines of bodies; none in space); `bare` (b, 2) the segments
-    of bare skins in a plane. `centres`: for each type of face its nodes (f, k), row by row one centre.
+    `triangles` (t, 3) cover the faces; `edges` (e, 2): edges of cells, without those between flat children of a cell
+    that was cut; `rims` (r, 2): edges of one face only (the outlines of bodies in a plane, none in space); `bare`
+    (b, 2): segments of skin cells in a plane. `centres`: for each type of face the nodes (f, k) whose mean is a centre.
     """
 
     dim: int
@@ -47,7 +47,7 @@ class Sight:
 
     @classmethod
     def of(cls, mesh: Mesh) -> Sight:
-        """What is in sight: in a plane all cells, in space the outer faces and bare skins."""
+        """Find the visible faces: all cells in a plane, the outer faces and the skin cells of the mesh in space."""
         faces = list(_outer(mesh) if mesh.dim == 3 else cells_of_dim(mesh, 2))
         first = mesh.n_nodes + np.cumsum([0, *(len(nodes) for _, nodes, _ in faces)])
         fans = [_fan(nodes, _ring(kind), k) for (kind, nodes, _), k in zip(faces, first, strict=False)]
@@ -62,13 +62,13 @@ class Sight:
         return cls(mesh.dim, mesh.n_nodes, triangles, edges, rims, np.concatenate([edges[:0], *bare]), centres)
 
     def points(self, nodal: Floats) -> NDArray[np.floating]:
-        """Values at nodes (n_nodes, ...), and after them their means over each face."""
+        """Return values at nodes (n_nodes, ...), followed by their means over each face."""
         return _with_means(nodal, self.centres)
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A time: `x` (p, 3) where the points of the sight are, and `value` (p,) there, NaN where there is none."""
+    """A frame: at a time the coordinates `x` (p, 3) of the points, and the `value` (p,), NaN where there is none."""
 
     time: float
     x: Floats
@@ -77,29 +77,29 @@ class Shot:
 
 @dataclass(frozen=True, eq=False)
 class Shots:
-    """What is seen, and the times at which."""
+    """The visible faces, and the frames at all times."""
 
     sight: Sight
     shots: tuple[Shot, ...]
 
     @property
     def box(self) -> NDArray[np.floating]:
-        """(2, 3): the least and the largest coordinates at any time."""
+        """The least and the largest coordinates over all times, (2, 3)."""
         x = np.concatenate([shot.x for shot in self.shots])
         return np.stack([x.min(axis=0), x.max(axis=0)])
 
     @property
     def span(self) -> tuple[float, float]:
-        """The least and the largest value at any time; 0 to 1 where there is none."""
+        """The least and the largest value over all times; 0 and 1 if there is no value."""
         found = np.concatenate([shot.value for shot in self.shots])
         found = found[np.isfinite(found)]
         return (float(found.min()), float(found.max())) if len(found) else (0.0, 1.0)
 
 
 def read_shots(folder: Path, colour: str, count: int | None = None) -> Shots:
-    """All times that a run's folder has fields of, or at most `count` of them: the first, the last, evenly between.
+    """Read the frames of all times with fields in a run's folder, or of at most `count` of them, evenly spaced.
 
-    Raises RequestError for another colour and where there are no fields, ReadError, DataError for damaged files.
+    Raises RequestError for an unknown colour and if there are no fields, ReadError, DataError for damaged files.
     """
     if colour not in COLOURS:
         raise RequestError(f"bodies are coloured by {' or '.join(COLOURS)}, not by {colour!r}")
@@ -125,7 +125,7 @@ def read_shots(folder: Path, colour: str, count: int | None = None) -> Shots:
 
 
 def _zones(folder: Path) -> list[Mapping[float, str]]:
-    """For each zone the file of each time."""
+    """Return the file of each time, for each zone. Raises RequestError if there is no zone."""
     found: list[Mapping[float, str]] = [
         {e.time: e.file for e in read_pvd(p)} for p in sorted(folder.glob(f"{CONTACT}*.pvd"))
     ]
@@ -141,14 +141,14 @@ def _field(mesh: Mesh, name: str, path: Path) -> NDArray[np.floating]:
 
 
 def _mises(mesh: Mesh) -> NDArray[np.floating]:
-    """(n_nodes,): of the stress with components XX YY ZZ XY YZ XZ."""
+    """Return the von Mises stress (n_nodes,) of the stress with components XX YY ZZ XY YZ XZ."""
     xx, yy, zz, xy, yz, xz = _field(mesh, "stress", Path(SOLID)).T
     normal = (xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2
     return np.asarray(np.sqrt(normal / 2 + 3 * (xy**2 + yz**2 + xz**2)))
 
 
 def _pressure(mesh: Mesh, folder: Path, time: float, zones: Iterable[Mapping[float, str]]) -> NDArray[np.floating]:
-    """(n_nodes,): the recovered pressure of all zones, each on its slave skin; the larger where two meet."""
+    """Return the recovered pressure (n_nodes,) on the slave skins of all zones, the larger one where two meet."""
     value = np.full(mesh.n_nodes, np.nan)
     order = np.argsort(mesh.node_number)
     for files in zones:
@@ -165,12 +165,12 @@ def _with_means(nodal: Floats, faces: Iterable[Ints]) -> NDArray[np.floating]:
 
 
 def _parents(mesh: Mesh) -> Ints:
-    """(n_cells,): the cell that each is a child of, -1 for none."""
+    """Return the parent of each cell, (n_cells,), -1 for none."""
     return np.asarray(mesh.cell_data.get("lac_parent", np.full(mesh.n_cells, -1)), np.int64)
 
 
 def _outer(mesh: Mesh) -> Iterable[tuple[str, Ints, Ints]]:
-    """The faces of one solid alone, by their type, with its index; and the cells of bare skins."""
+    """Yield (type, nodes, cells): the faces that belong to one solid only, and the mesh's skin cells."""
     faces: dict[str, list[tuple[Ints, Ints]]] = {}
     for kind, nodes, cells in cells_of_dim(mesh, 3):
         for facet in CELLS[kind].facets:
@@ -184,20 +184,23 @@ def _outer(mesh: Mesh) -> Iterable[tuple[str, Ints, Ints]]:
 
 
 def _ring(kind: str) -> Ints:
-    """The nodes around a face, one after another."""
+    """Return the nodes around a face, in order."""
     facets = [np.asarray(facet.nodes) for facet in CELLS[kind].facets]
     return np.concatenate([[nodes[0], *nodes[2:]] for nodes in facets])
 
 
 def _fan(nodes: Ints, ring: Ints, first: int) -> Ints:
-    """(f k, 3): triangles from the centre of each face, points `first` on, to its edges."""
+    """Return triangles (f k, 3) between the centre of each face, numbered from `first`, and its edges."""
     around = nodes[:, ring]
     centre = np.broadcast_to(first + np.arange(len(nodes))[:, None], around.shape)
     return np.stack([centre, around, np.roll(around, -1, axis=1)], axis=-1).reshape(-1, 3)
 
 
 def _edges(triangles: Ints, normal: Floats, parent: Ints) -> tuple[Ints, Ints]:
-    """(e, 2), (e,): the outer edge of each triangle, once, and how many share it; none between flat children of one."""
+    """Return the outer edges (e, 2) of triangles, each once, and the number of triangles (e,) that share each.
+
+    Edges between two children of the same cell that lie in one of its faces are left out.
+    """
     n = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     ends = np.sort(triangles[:, 1:], axis=1)
     ends, first, of, count = np.unique(ends, axis=0, return_index=True, return_inverse=True, return_counts=True)
@@ -208,6 +211,6 @@ def _edges(triangles: Ints, normal: Floats, parent: Ints) -> tuple[Ints, Ints]:
 
 
 def _split(kind: str, nodes: Ints) -> Ints:
-    """(s, 2): segments by their ends, those with a node between as two."""
+    """Return the ends of segments, (s, 2); a segment with a node in between is split in two."""
     path = nodes[:, [0, *range(2, CELLS[kind].n_nodes), 1]]
     return np.concatenate([path[:, k : k + 2] for k in range(path.shape[1] - 1)])

@@ -1,6 +1,6 @@
-"""Pictures of bodies in space, one after another from the same place: drawn off the screen, in a child process.
+"""Pictures of bodies in space, all from the same camera, rendered off-screen in a subprocess.
 
-VTK ends the process where it finds no renderer, so that it is given one of its own (as in `lacmesh.view`).
+VTK ends the process if it finds no renderer, which is why it runs in a process of its own (as in `lacmesh.view`).
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from lacmesh.origin import origin_of
 from lacmesh.view.draw import LIGHTS
 from lacmesh.view.png import ADVICE, draw_apart, windows
 
-#: seconds that all pictures together may take
+#: time limit for all pictures together, in seconds
 _TIMEOUT = 1800.0
-#: where the eye is, from the bodies
+#: default direction from the bodies to the eye
 CAMERA = (-0.55, -1.0, 0.6)
 
 
 class Scene(NamedTuple):
-    """`triangles` (t, 3) and `edges` (e, 2) of points; each picture's `x` (k, p, 3) and colours `rgb` (k, p, 3)."""
+    """Input of the renderer: `triangles` (t, 3) and `edges` (e, 2); `x` and colours `rgb` (k, p, 3) of k pictures."""
 
     triangles: Ints
     edges: Ints
@@ -38,7 +38,7 @@ class Scene(NamedTuple):
 
 
 def photographs(scene: Scene, place: Path) -> list[NDArray[np.uint8]]:
-    """(height, width, 3) for each of the scene's pictures; `place`: what they are for, which a WriteError names."""
+    """Return the scene's pictures, (height, width, 3) each. Raises WriteError, which names the output `place`."""
     image = import_module("matplotlib.image")
     said = ""
     with temporary_folder() as folder:
@@ -57,7 +57,7 @@ def photographs(scene: Scene, place: Path) -> list[NDArray[np.uint8]]:
 
 
 def draw(folder: str) -> None:
-    """Draw the scene in a folder into its 0.png, 1.png, ..."""
+    """Render the scene of a folder to the files 0.png, 1.png, ... in it."""
     pyvista: Any = import_module("pyvista")
     scene = dict(np.load(Path(folder) / "scene.npz"))
     scene["x"] = scene["x"] - origin_of(scene["x"].reshape(-1, 3))  # a graphics card counts with seven digits
@@ -83,7 +83,7 @@ def draw(folder: str) -> None:
 
 
 def _look(plotter: Any, scene: Any) -> None:
-    """Look from the camera so that all that is ever seen fits in."""
+    """Set the camera so that the points of all pictures are in view."""
     to_eye = scene["camera"] / np.linalg.norm(scene["camera"])
     up = [0.0, 0.0, 1.0] if abs(to_eye[2]) < 0.99 else [0.0, 1.0, 0.0]
     right = np.cross(up, to_eye)

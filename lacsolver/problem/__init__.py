@@ -1,1 +1,1 @@
-"""The problem of a case: its mesh and cut, what acts on its bodies, their rigid-body motions, their overlap."""
+"""The boundary value problem of a case: its mesh and cut, loads, rigid-body motions, and overlap of bodies."""

@@ -1,4 +1,4 @@
-"""What acts on the bodies of a case: the records of loads, springs and temperatures, as vectors and matrices."""
+"""Loads, springs and temperatures of a case: its records as vectors and matrices."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ At = Callable[[Floats, float], Floats]
 
 
 def at_points(space: Space, value: Value) -> At:
-    """A value of the case as a function of points (n, 3), of which it sees the model's coordinates, and time."""
+    """Return a value of the case as a function of points (n, 3) and time; it gets the model's coordinates only."""
     return lambda x, t: value(x[:, : space.dim], t)
 
 
 def at_local_points(space: Space, value: Value) -> At:
-    """The same as a function of points that are counted from the space's origin."""
+    """Return a value of the case as a function of points (n, 3), relative to the space's origin, and time."""
     return lambda x, t: value((x + space.origin)[:, : space.dim], t)
 
 
 def load(
     space: Space, materials: Materials, case: Case, t: float, threads: int = 1, *, u: Floats | None = None
 ) -> NDArray[np.floating]:
-    """f (n_dof,): nodal forces of everything that acts at time t, but for springs and rigid bodies.
+    """Return the nodal forces f (n_dof,) of all loads at time t, except springs and loads on rigid bodies.
 
-    `u` (n_dof,): where followers find their faces; None: where the mesh has them. Temperature is a load where
-    kinematics are small; elsewhere it is in the internal forces (`kinematics.Finite`).
+    `u` (n_dof,): displacement of the faces of follower loads; None: undeformed. Temperature is a load under small
+    kinematics; under finite kinematics it is part of the internal forces (`kinematics.Finite`).
     """
     mesh, f = space.mesh, np.zeros(space.n_dof)
     for pressure in case.pressure:
@@ -65,7 +65,7 @@ def load(
 
 
 def load_tangent(space: Space, case: Case, u: Floats, t: float) -> csr_array | None:
-    """df/du (n_dof, n_dof) of `load` at u (n_dof,) and time t, not symmetric; None if nothing follows."""
+    """Return df/du (n_dof, n_dof) of `load` at u (n_dof,) and time t, not symmetric; None without follower loads."""
     made = None
     for pressure in case.pressure:
         if pressure.follower:
@@ -77,7 +77,7 @@ def load_tangent(space: Space, case: Case, u: Floats, t: float) -> csr_array | N
 
 @contextmanager
 def _said_of(record: Entry) -> Iterator[None]:
-    """Say of what is wrong with a load's cells which record of the case it is, and where."""
+    """Turn errors about a load's cells into CaseErrors that name the record of the case, and its line."""
     try:
         yield
     except (DataError, RequestError) as error:
@@ -85,7 +85,7 @@ def _said_of(record: Entry) -> Iterator[None]:
 
 
 def springs(space: Space, case: Case) -> csr_array | None:
-    """(n_dof, n_dof): springs to the ground; None if there are none."""
+    """Return the stiffness (n_dof, n_dof) of springs to the ground; None if there are none."""
     made = None
     moved = np.concatenate([np.empty(0, np.int64), *(nodes_of(space, body) for body in case.rigid)])
     for spring in case.spring:
@@ -96,14 +96,14 @@ def springs(space: Space, case: Case) -> csr_array | None:
 
 
 def temperature(space: Space, materials: Materials, case: Case) -> Temperature | None:
-    """What `assemble.stress` takes: (value, cells) pairs; None without a [[temperature]]."""
+    """Return the temperature as (value, cells) pairs, as `bodies.small.stress` takes it; None if there is none."""
     if not case.temperature:
         return None
     return [pair for record in case.temperature for pair in _by_law(space, materials, record)]
 
 
 def _by_law(space: Space, materials: Materials, record: Record) -> Iterator[tuple[At, Ints]]:
-    """A temperature on the cells of each law apart: a number is ramped from the law's own reference."""
+    """Yield a temperature for the cells of each law, since a number is ramped from the law's own reference."""
     place = np.full(space.mesh.n_cells, -1)
     for block, which in zip(space.blocks, materials.law, strict=True):
         place[block.cell] = which

@@ -1,4 +1,4 @@
-"""The law of a [[material]] of the case."""
+"""Laws from the [[material]] records of a case."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ _ISOTROPIC = {"elastic": Elastic, "saint_venant_kirchhoff": SaintVenantKirchhoff
 
 
 def law_of(material: Material) -> Law:
-    """The law that a record describes. Raises DataError for constants that store no energy.
+    """Return the law that a record describes. Raises DataError for constants without positive energy.
 
-    A neo-Hookean law that is nearly incompressible takes mean dilatation, where cells allow.
+    A nearly incompressible neo-Hookean law gets mean dilatation, which applies to the cells that allow it.
     """
     given = {name: getattr(material, name) for name in ("young", "poisson", "density", "expansion")}
     given["reference_temperature"] = material.reference_temperature

@@ -1,9 +1,9 @@
 """Loads as nodal forces (n_dof,) at a time t, and springs as matrices.
 
-Forces are those of the whole thickness or circle: the weight of a point has thickness or 2 pi r in it, here and in
-`bodies.small.gradients`. Every value is a number or f(points (n, 3), t) -> (n,) (`lacsolver.space.values`). Rules
-integrate a constant exactly on any cell or face, curved ones too, as far as the integral is a polynomial: a pressure's
-is (the normal is not made unit), a traction's on a curved face is not, and converges with `degree`.
+Forces are those of the whole thickness or circle: the weight of a point includes thickness or 2 pi r, here and in
+`bodies.small.gradients`. Every value is a number or f(points (n, 3), t) -> (n,) (`lacsolver.space.values`). The rules
+integrate a constant exactly on any cell or face, including curved ones, if the integrand is a polynomial: that of a
+pressure is (the normal is not normalised), that of a traction on a curved face is not, and converges with `degree`.
 """
 
 from __future__ import annotations
@@ -33,9 +33,10 @@ from lacsolver.space.values import Value, evaluate, evaluate_vector
 Vector = Sequence[Value]
 Traction = Vector | Callable[[Floats, Floats, float], Floats]
 
-#: by order of the face: N times the normal, with r, of a constant (TRIA7 in all, the others in each coordinate)
+#: by order of the face: degree of N times the normal, with r, for a constant (TRIA7: total degree, the others: degree
+#: in each coordinate)
 _FACE_DEGREE = {0: 1, 1: 5, 2: 10}
-#: by dimension and order of the cell: N times det J, with r
+#: by dimension and order of the cell: degree of N times det J, with r
 _CELL_DEGREE = {(2, 1): 5, (2, 2): 10, (3, 1): 5, (3, 2): 7}
 _PIECE = 1 << 18
 
@@ -43,11 +44,11 @@ _PIECE = 1 << 18
 def pressure(
     space: Space, faces: Ints, value: Value, t: float = 1.0, *, x: Floats | None = None, degree: int | None = None
 ) -> NDArray[np.floating]:
-    """(n_dof,): a pressure on skin cells `faces` (indices), > 0 into the body.
+    """Return the nodal forces (n_dof,) of a pressure on skin cells `faces` (indices), > 0 into the body.
 
-    `x` (n_nodes, 3): where the nodes are, if not where the mesh has them: the force of a follower. The value's points
-    are those of the mesh. Raises DataError for cells that are no faces of the body, or that have not just one cell
-    behind them: the side that the pressure comes from would be unknown.
+    `x` (n_nodes, 3): deformed coordinates of the nodes, for a follower load. The value is evaluated at undeformed
+    points. Raises DataError for cells that are no faces of the body, or that do not have exactly one cell behind them,
+    so that the side of the pressure would be unknown.
     """
 
     def force(at: Floats, normal: Floats) -> NDArray[np.floating]:
@@ -59,14 +60,14 @@ def pressure(
 def pressure_tangent(
     space: Space, faces: Ints, value: Value, t: float = 1.0, *, x: Floats | None = None, degree: int | None = None
 ) -> csr_array:
-    """(n_dof, n_dof): df/du of `pressure` as a follower, its normals and radii those of nodes at x (n_nodes, 3).
+    """Return df/du (n_dof, n_dof) of `pressure` as a follower load, with normals and radii at x (n_nodes, 3).
 
-    With the tangents a_k of the face, n = a_1 x a_2 and f_as = -int p N_a n_s; n turns with them,
+    With the tangents a_k of the face, n = a_1 x a_2 and f_as = -int p N_a n_s; n changes with the tangents,
 
         df_as/du_bt = -int p N_a (N_b,1 e_t x a_2 - N_b,2 e_t x a_1)_s,
 
-    in 2D n = (a_y, -a_x); in axisymmetry the radius in 2 pi r grows by N_b with u_bx. It is symmetric where the
-    pressure is uniform and the faces are closed, or end where they are held; in general it is not.
+    in 2D n = (a_y, -a_x); in axisymmetry the radius in 2 pi r grows by N_b with u_bx. The matrix is symmetric if the
+    pressure is uniform and the surface is closed or its boundary is fixed; in general it is not.
     """
     surface = _pressed(space, faces)
     rows, columns, values = [np.empty(0, int)], [np.empty(0, int)], [np.empty(0)]
@@ -82,7 +83,10 @@ def pressure_tangent(
 
 
 def _turning(space: Space, part: _FacePoints) -> NDArray[np.floating]:
-    """(f, q, n, s, t): the derivative of normals times Jacobian (and radius, over it) by the nodes' displacements."""
+    """Return the derivative (f, q, n, s, t) of the normals, times Jacobian, by the nodes' displacements.
+
+    In axisymmetry it includes the derivative of the radius, relative to the radius.
+    """
     J, dN = part.J, part.gradient
     if space.dim == 3:
         cross = np.cross(np.eye(3)[:, None], J.swapaxes(2, 3)[:, :, None])  # (f, q, t, k, s): e_t x a_k
@@ -101,9 +105,10 @@ def _turning(space: Space, part: _FacePoints) -> NDArray[np.floating]:
 def traction(
     space: Space, faces: Ints, value: Traction, t: float = 1.0, *, degree: int | None = None
 ) -> NDArray[np.floating]:
-    """(n_dof,): a force per area on skin cells `faces` (indices): a value a component, or f(points, normals, t).
+    """Return the nodal forces (n_dof,) of a force per area on skin cells `faces` (indices).
 
-    Normals are those of `lacmesh.Surface`: unit and outward, or the mesh's own on a face between two cells.
+    `value`: one value per component, or f(points, normals, t). Normals are those of `lacmesh.Surface`: unit and
+    outward, or those of the mesh on a face between two cells.
     """
 
     def force(at: Floats, normal: Floats) -> NDArray[np.floating]:
@@ -124,7 +129,10 @@ def traction(
 def body_force(
     space: Space, value: Vector, t: float = 1.0, *, cells: Ints | None = None, degree: int | None = None
 ) -> NDArray[np.floating]:
-    """(n_dof,): a force per volume, a value a component, on some cells of the space (indices; all if None)."""
+    """Return the nodal forces (n_dof,) of a force per volume on some cells of the space (indices; all if None).
+
+    `value`: one value per component.
+    """
 
     def force(at: Floats, _block: int, _rows: Ints) -> NDArray[np.floating]:
         return evaluate_vector(value, at, t, space.dim, "body force")
@@ -135,9 +143,9 @@ def body_force(
 def gravity(
     space: Space, materials: Materials, acceleration: Vector, t: float = 1.0, *, degree: int | None = None
 ) -> NDArray[np.floating]:
-    """(n_dof,): weight, the density of each cell's law times an acceleration (components, as `body_force`).
+    """Return the nodal forces (n_dof,) of weight: each cell's density times an acceleration, one value per component.
 
-    Raises DataError where no law has a density.
+    Raises DataError if no law has a density.
     """
     if not any(law.density for law in materials.laws):
         raise DataError("gravity needs a density, and every material has 0; give at least one its density")
@@ -150,7 +158,7 @@ def gravity(
 
 
 def nodal_force(space: Space, nodes: Ints, value: Vector, t: float = 1.0) -> NDArray[np.floating]:
-    """(n_dof,): a force at each of some nodes, a value a component; in axisymmetry that of the node's whole circle."""
+    """Return the vector (n_dof,) of forces on nodes, one value per component; in axisymmetry of the full circle."""
     nodes = _held(space, nodes, "force")
     out = np.zeros((space.mesh.n_nodes, space.dim))
     out[nodes] = evaluate_vector(value, space.mesh.points[nodes], t, space.dim, "force")
@@ -160,16 +168,16 @@ def nodal_force(space: Space, nodes: Ints, value: Vector, t: float = 1.0) -> NDA
 def thermal_force(
     space: Space, materials: Materials, temperature: Temperature, t: float = 1.0, *, threads: int = 1
 ) -> NDArray[np.floating]:
-    """(n_dof,): int B^T C (T - T0) alpha dV, the load that a temperature is worth: K u = this, if nothing else acts."""
+    """Return the thermal load int B^T C (T - T0) alpha dV (n_dof,): K u equals it if nothing else acts."""
     still = np.zeros(space.n_dof)
     return -internal_force(space, materials, still, temperature=temperature, t=t, threads=threads)
 
 
 def springs(space: Space, nodes: Ints, stiffness: Vector, t: float = 1.0, *, moved: Ints | None = None) -> csr_array:
-    """(n_dof, n_dof), diagonal: a spring to the ground at each of some nodes; force per length along each axis.
+    """Return the diagonal stiffness (n_dof, n_dof) of springs from some nodes to the ground.
 
-    `moved`: nodes of rigid bodies, which need no cell. Raises DataError for a negative stiffness, and for other nodes
-    that no cell holds.
+    `stiffness`: force per length along each axis. `moved`: nodes of rigid bodies, which need no cell. Raises DataError
+    for a negative stiffness, and for other nodes without a cell.
     """
     nodes = _held(space, nodes, "spring", moved)
     k = evaluate_vector(stiffness, space.mesh.points[nodes], t, space.dim, "spring")
@@ -179,7 +187,10 @@ def springs(space: Space, nodes: Ints, stiffness: Vector, t: float = 1.0, *, mov
 
 
 def foundation(space: Space, faces: Ints, stiffness: Vector, t: float = 1.0, *, degree: int | None = None) -> csr_array:
-    """(n_dof, n_dof): springs to the ground spread over skin cells `faces`; stress per length along each axis."""
+    """Return the stiffness (n_dof, n_dof) of an elastic foundation on skin cells `faces`.
+
+    `stiffness`: stress per length along each axis.
+    """
     surface = _skin(space, faces)
     rows, columns, values = [np.empty(0, int)], [np.empty(0, int)], [np.empty(0)]
     for part in _face_points(space, surface, None, degree):
@@ -202,7 +213,7 @@ def _not_negative(k: Floats) -> None:
 
 
 def _pressed(space: Space, faces: Ints) -> Surface:
-    """The surface under skin cells that a pressure acts on, each with one cell behind it."""
+    """Return the surface of skin cells for a pressure. Raises DataError unless each has one cell behind it."""
     surface = _skin(space, faces)
     unknown = surface.cell[np.isnan(surface.depth)]
     if len(unknown):
@@ -212,7 +223,7 @@ def _pressed(space: Space, faces: Ints) -> Surface:
 
 
 def _held(space: Space, nodes: Ints, what: str, moved: Ints | None = None) -> Ints:
-    """Distinct nodes, all of them on cells of the space, or among those that are moved."""
+    """Return distinct nodes. Raises DataError for nodes that are neither on cells of the space nor in `moved`."""
     nodes = np.unique(np.asarray(nodes, dtype=np.int64))
     loose = nodes[~space.attached[nodes]]
     loose = loose if moved is None else np.setdiff1d(loose, moved)
@@ -223,7 +234,7 @@ def _held(space: Space, nodes: Ints, what: str, moved: Ints | None = None) -> In
 
 
 def _skin(space: Space, faces: Ints) -> Surface:
-    """The surface under skin cells; each face once, outward."""
+    """Return the surface of skin cells, each face once, outward. Raises DataError for cells that are no skin."""
     faces = np.asarray(faces, dtype=np.int64)
     wrong = faces[space.mesh.cell_dim[faces] != space.dim - 1]
     if len(wrong) or not len(faces):
@@ -242,8 +253,8 @@ def _skin(space: Space, faces: Ints) -> Surface:
 class _FacePoints(NamedTuple):
     """Faces of one type: nodes (f, n), N (q, n) and its gradient (q, n, k), points (f, q, 3).
 
-    `normal` (f, q, 3): times the Jacobian, `J` (f, q, 3, k): the k tangents, `radius` (f, q): x there. `w` (f, q):
-    weights with thickness or 2 pi r.
+    `normal` (f, q, 3): normals times the Jacobian; `J` (f, q, 3, k): the k tangents; `radius` (f, q): x of the points;
+    `w` (f, q): weights with thickness or 2 pi r.
     """
 
     nodes: Ints
@@ -257,7 +268,7 @@ class _FacePoints(NamedTuple):
 
 
 def _face_points(space: Space, surface: Surface, x: Floats | None, degree: int | None) -> Iterator[_FacePoints]:
-    """The faces of a surface, type by type; their normals and radii are those of `x`, the points those of the mesh."""
+    """Yield the faces of a surface, type by type, with normals and radii at `x`, and undeformed points."""
     where = space.local.points if x is None else np.asarray(x, dtype=float)
     for name, _, nodes in surface.by_type():
         cell = CELLS[name]
@@ -277,7 +288,7 @@ def _on_faces(
     x: Floats | None,
     degree: int | None,
 ) -> NDArray[np.floating]:
-    """Nodal forces of force(points, normals times Jacobian), per reference area (f, q, dim)."""
+    """Return the nodal forces of force(points, normals times Jacobian), which is per reference area, (f, q, dim)."""
     out = np.zeros((space.mesh.n_nodes, space.dim))
     for part in _face_points(space, surface, x, degree):
         f = np.einsum("qn,fq,fqs->fns", part.N, part.w, force(part.at, part.normal), optimize=True)
@@ -291,7 +302,7 @@ def _on_cells(
     force: Callable[[Floats, int, Ints], NDArray[np.floating]],
     degree: int | None,
 ) -> NDArray[np.floating]:
-    """Nodal forces of force(points, block, rows of it), per volume (c, q, dim), on some cells, in pieces."""
+    """Return the nodal forces of force(points, block, rows of it), per volume, (c, q, dim), on some cells."""
     out = np.zeros((space.mesh.n_nodes, space.dim))
     for number, (name, nodes, cell_of) in enumerate(space.blocks):
         cell = CELLS[name]

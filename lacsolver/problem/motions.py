@@ -1,10 +1,10 @@
-"""Motions of whole bodies, and what they are called.
+"""Rigid-body motions of several bodies, and their description in words.
 
-A twist is the displacement t of a body's centre c and its rotation theta, both as vectors of three: u = t + theta x
-(X - c), of which a model has some: in a plane t_x, t_y and theta_z, in axisymmetry t_y. A motion is a twist of each of
-some bodies. A space of motions has many bases; `plain_motions` picks one whose members a person can name: one body
-alone, body by body, then all as one, then what is left; of each, translations before rotations, along the axes where
-these are among them.
+A twist is the displacement t of a body's centre c and its rotation theta, both with three components: u = t + theta x
+(X - c). A model has some of these components: in a plane t_x, t_y and theta_z, in axisymmetry t_y. A motion consists of
+a twist of each of some bodies. A space of motions has many bases; `plain_motions` chooses one that can be described
+simply: motions of one body alone, body by body, then of all bodies together, then the others; in each group
+translations before rotations, along the coordinate axes if possible.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats, Ints
 from lacsolver.space.space import Space
 
-#: of a unit motion: what is below this is none, and what is within it of an axis is along it
+#: tolerance relative to a unit motion: smaller components are 0, and directions closer to an axis are along it
 _NONE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What moves as one: `name` in a sentence, `nodes` that it moves, its `centre` (3,) and `radius`, a length."""
+    """A body that can move rigidly: `name` in a sentence, its `nodes`, `centre` (3,) and `radius`, a length."""
 
     name: str
     nodes: Ints
@@ -35,7 +35,7 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class FreeMotion:
-    """A motion of some bodies of a space: `twists` (b, 6) are t and theta of each. The largest t or r theta is 1."""
+    """A motion of some bodies of a space. `twists` (b, 6): t and theta of each; the largest t or r theta is 1."""
 
     space: Space
     bodies: tuple[Body, ...]
@@ -43,16 +43,16 @@ class FreeMotion:
 
     @cached_property
     def nodes(self) -> Ints:
-        """(k,): the nodes that move, body by body."""
+        """The nodes that move, body by body, (k,)."""
         return np.concatenate([body.nodes for body in self.bodies])
 
     @cached_property
     def at_nodes(self) -> NDArray[np.floating]:
-        """(k, dim): the displacement of `nodes`."""
+        """The displacement of `nodes` in the undeformed configuration, (k, dim)."""
         return self.at(self.space.local.points)
 
     def at(self, x: Floats) -> NDArray[np.floating]:
-        """(k, dim): the same where the mesh's nodes are at x (n_nodes, 3)."""
+        """Return the displacement (k, dim) of `nodes` if the mesh's nodes are at x (n_nodes, 3)."""
         moved = [
             twist[:3] + np.cross(twist[3:], x[body.nodes] - body.centre)
             for body, twist in zip(self.bodies, self.twists, strict=True)
@@ -61,14 +61,14 @@ class FreeMotion:
 
     @property
     def field(self) -> NDArray[np.floating]:
-        """(n_dof,): the displacement of all nodes."""
+        """The displacement of all nodes, (n_dof,)."""
         u = np.zeros((self.space.mesh.n_nodes, self.space.dim))
         u[self.nodes] = self.at_nodes
         return u.ravel()
 
 
 def describe(motion: FreeMotion) -> str:
-    """A motion in words, who and how: `'punch' moves along x`; bodies that move alike are named together."""
+    """Describe a motion in words: `'punch' moves along x`; bodies with the same motion are named together."""
     alike: dict[tuple[str, str], list[str]] = {}
     for body, twist in zip(motion.bodies, motion.twists, strict=True):
         alike.setdefault(_words(motion, body, twist), []).append(body.name)
@@ -80,7 +80,7 @@ def describe(motion: FreeMotion) -> str:
 
 
 def plain_motions(space: Space, bodies: Sequence[Body], twists: Floats) -> Iterator[FreeMotion]:
-    """Motions that span those given (k, b, 6), linearly independent, in plain words: see the module."""
+    """Yield a basis of the space of motions that the given ones (k, b, 6) span, easy to describe: see the module."""
     scale = _scale(bodies)
     Z = _orthonormal((twists * scale).reshape(len(twists), -1))
     found = np.empty((0, Z.shape[1]))
@@ -94,14 +94,14 @@ def plain_motions(space: Space, bodies: Sequence[Body], twists: Floats) -> Itera
 
 
 def _alone(Z: Floats) -> Iterator[Floats]:
-    """The motions of one body while all others stay, that rows Z (k, 6 b), orthonormal, span; body by body."""
+    """Yield the motions of one body alone in the span of the orthonormal rows Z (k, 6 b), body by body."""
     for first in range(0, Z.shape[1], 6):
         for twist in _plain(_shared(np.eye(6), Z[:, first : first + 6])):
             yield np.pad(twist, (first, Z.shape[1] - first - 6))
 
 
 def _as_one(Z: Floats, bodies: Sequence[Body]) -> Iterator[Floats]:
-    """The motions of all bodies as one that rows Z (k, 6 b), orthonormal, span."""
+    """Yield the rigid motions of all bodies together in the span of the orthonormal rows Z (k, 6 b)."""
     unit = np.eye(6) / _scale(bodies[:1]).T
     moved = [unit[:, :3] + np.cross(unit[:, 3:], body.centre - bodies[0].centre) for body in bodies]
     whole = np.hstack([np.hstack([t, unit[:, 3:]]) * scale for t, scale in zip(moved, _scale(bodies), strict=True)])
@@ -112,13 +112,16 @@ def _as_one(Z: Floats, bodies: Sequence[Body]) -> Iterator[Floats]:
 
 
 def _shared(basis: Floats, along: Floats) -> NDArray[np.floating]:
-    """Vectors of an orthonormal basis (r, n) that another space has too, given its own basis along this one (k, r)."""
+    """Return the intersection of the span of an orthonormal basis (r, n) with another space.
+
+    `along` (k, r): products of the other space's orthonormal basis with this one.
+    """
     _, s, Vt = np.linalg.svd(along)
     return Vt[: int((s > 1 - _NONE**2 * 100).sum())] @ basis
 
 
 def _others(rest: Floats) -> Iterator[Floats]:
-    """A basis of what orthonormal rows (k, 6 b) span: those that move the first body, then those that do not, ..."""
+    """Yield a basis of the span of orthonormal rows (k, 6 b): motions of the first body, then those without it, ..."""
     for first in range(0, rest.shape[1], 6):
         U, s, Vt = np.linalg.svd(rest[:, first : first + 6])
         rank = int((s > _NONE).sum())
@@ -128,12 +131,12 @@ def _others(rest: Floats) -> Iterator[Floats]:
 
 
 def _scale(bodies: Sequence[Body]) -> Floats:
-    """(b, 6): makes displacements of twists."""
+    """Return the factors (b, 6) that turn twists into displacements."""
     return np.array([[1.0, 1.0, 1.0, *(3 * [body.radius])] for body in bodies])
 
 
 def _motion(space: Space, bodies: Sequence[Body], twists: Floats) -> FreeMotion:
-    """The motion of those bodies that it moves."""
+    """Return the motion, without the bodies that it does not move."""
     size = np.abs(twists * _scale(bodies))
     twists = np.where(size > _NONE * 1e-3 * size.max(), twists, 0.0) / size.max()
     moved = [k for k in range(len(bodies)) if size[k].max() > _NONE * size.max()]
@@ -141,12 +144,12 @@ def _motion(space: Space, bodies: Sequence[Body], twists: Floats) -> FreeMotion:
 
 
 def _orthonormal(rows: Floats) -> NDArray[np.floating]:
-    """An orthonormal basis of the space that rows (k, n) span; all of them are independent."""
+    """Return an orthonormal basis of the span of linearly independent rows (k, n)."""
     return np.linalg.qr(rows.T)[0].T
 
 
 def _plain(Y: Floats) -> Iterator[Floats]:
-    """A basis of the space of twists of one body that orthonormal rows Y (r, 6) span: translations, then rotations."""
+    """Yield a basis of the span of orthonormal twists Y (r, 6) of one body: translations, then rotations."""
     U, s, Vt = np.linalg.svd(Y[:, 3:])
     turns = int((s > _NONE).sum())
     for axis in _axes((U[:, turns:].T @ Y)[:, :3]):
@@ -156,7 +159,7 @@ def _plain(Y: Floats) -> Iterator[Floats]:
 
 
 def _axes(S: Floats) -> Iterator[Floats]:
-    """Orthonormal directions that span orthonormal rows S (p, 3): the axes among them, then those next to axes."""
+    """Yield an orthonormal basis of the span of orthonormal rows S (p, 3): axes in it, then directions near axes."""
     left = S.T @ S
     found: list[Floats] = []
     while len(found) < len(S):
@@ -170,7 +173,10 @@ def _axes(S: Floats) -> Iterator[Floats]:
 
 
 def _words(motion: FreeMotion, body: Body, twist: Floats) -> tuple[str, str]:
-    """A body's part of a motion: the verb, and how. An axis is given by its point next to the first body's centre."""
+    """Return the verb for a body's part of a motion, and its direction or axis in words.
+
+    An axis is given by its point nearest to the first body's centre.
+    """
     dim, t, theta = motion.space.dim, twist[:3], twist[3:]
     angle = float(np.linalg.norm(theta))
     if angle * body.radius <= _NONE * np.abs(t).max():
@@ -188,7 +194,7 @@ def _words(motion: FreeMotion, body: Body, twist: Floats) -> tuple[str, str]:
 
 
 def _direction(v: Floats, dim: int) -> str:
-    """`x`, `-y`, or the unit vector."""
+    """Return a direction as `x`, `-y`, or the unit vector."""
     unit = v / np.linalg.norm(v)
     k = int(np.abs(unit).argmax())
     if abs(unit[k]) > 1 - _NONE**2:

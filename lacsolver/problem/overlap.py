@@ -1,8 +1,8 @@
-"""Overlap: how deep a slave lies behind its master, and macro-elements that lie inside the master's body unseen.
+"""Initial overlap of bodies: its depth, and macro-elements inside the master's body beyond the search depth.
 
-From a point of the slave a line goes back along its normal, and leaves the master's body where it was inside: what it
-meets first then is a face of that body's skin which is turned the same way as the line. A macro-element that is inside,
-and finds no master as deep as it may look, is not just without a master.
+A ray goes from a point of the slave backwards along its normal. If the point is inside the master's body, the ray
+leaves it: the first face of that body's skin that it meets has its outward normal in the direction of the ray. A
+macro-element inside the body that finds no master within the search depth is an error, not an unpaired macro-element.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from lacsolver.problem.rigid_modes import bodies
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 
-#: part of a macro-element that must be inside, or face the master
+#: fraction of a macro-element that must be inside, or face the master
 _MOST = 0.5
 
 
 def deepest(face: Interface) -> float:
-    """How far the slave lies behind the master where it lies deepest, the clearance in it; 0 where nothing overlaps."""
+    """Return the largest penetration of the slave into the master, with the clearance; 0 if nothing overlaps."""
     return max(0.0, -float(face.distance.min(initial=0.0)))
 
 
 def check_overlap(joint: Joint, face: Interface, space: Space) -> None:
-    """Raises CaseError where macro-elements that find no master lie inside its body, deeper than it is looked for."""
+    """Raise CaseError if macro-elements without a master lie inside its body, deeper than the search depth."""
     depth = depths(joint, face, space)
     deep = np.flatnonzero(depth > _looked(joint, face))
     if not len(deep):
@@ -48,9 +48,9 @@ def check_overlap(joint: Joint, face: Interface, space: Space) -> None:
 
 
 def depths(joint: Joint, face: Interface, space: Space) -> NDArray[np.floating]:
-    """(m,): how deep macro-elements that hardly face the master lie inside its body; 0 for those that do not.
+    """Return the depth (m,) in the master's body of macro-elements that hardly face the master; 0 for the others.
 
-    Nothing is said (0) of a master that has no body, and of one that is the slave's own.
+    All depths are 0 for a tie, for a master without a body, and for one on the slave's own body.
     """
     alone = (face.coverage < _MOST) & (not joint.tie)
     skin = _skin_behind(face, space) if alone.any() else None
@@ -59,13 +59,13 @@ def depths(joint: Joint, face: Interface, space: Space) -> NDArray[np.floating]:
     macro = np.where(alone[face.zone.macro], face.zone.macro, -1)
     other = skin.turned_over(np.arange(len(skin)))
     out, into = (_met(face.slave, one, macro, len(alone)) for one in (skin, other))
-    first = np.where(into.ratio > _MOST, -into.mean_gap, np.inf)  # a line that enters the body before was outside
+    first = np.where(into.ratio > _MOST, -into.mean_gap, np.inf)  # a ray that enters the body first started outside
     depth = np.where(out.ratio > _MOST, -out.mean_gap, 0.0)
     return np.where(depth < first, depth, 0.0)
 
 
 def _looked(joint: Joint, face: Interface) -> NDArray[np.floating]:
-    """(m,): how far behind each macro-element a master was looked for, at least."""
+    """Return a lower bound (m,) of the depth behind each macro-element to which a master was searched for."""
     zone, given = face.zone, joint.pairing.max_penetration
     if given is None and joint.moving:
         given = joint.pairing.search_distance or default_distance(zone.slave, zone.master, zone.macro)
@@ -77,7 +77,7 @@ def _looked(joint: Joint, face: Interface) -> NDArray[np.floating]:
 
 
 def _met(slave: Surface, skin: Surface, macro: Ints, n: int) -> Coverage:
-    """What a skin is to the slave behind it, however deep."""
+    """Return the coverage of the slave's macro-elements by a skin behind them, at any depth."""
     far = float(np.ptp(np.concatenate([slave.x, skin.x]), axis=0).sum())
     found = contact_points(slave, skin, macro=macro, search_distance=0.0, max_penetration=far)
     made = coverage(found, slave, macro)
@@ -86,7 +86,7 @@ def _met(slave: Surface, skin: Surface, macro: Ints, n: int) -> Coverage:
 
 
 def _skin_behind(face: Interface, space: Space) -> Surface | None:
-    """The skin of the bodies that the master is on, where they stand; None if it is on none, or on the slave's."""
+    """Return the deformed skin of the bodies that the master is on; None if it is on none, or on the slave's."""
     body = bodies(space)
     theirs, ours = (np.unique(body[s.faces.nodes[:, 0]]) for s in (face.master, face.slave))
     theirs = theirs[theirs >= 0]
@@ -98,7 +98,7 @@ def _skin_behind(face: Interface, space: Space) -> Surface | None:
 
 
 def _whole_skin(mesh: Mesh) -> Surface:
-    """The skin of all cells of the highest dimension, turned outward."""
+    """Return the skin of all cells of the highest dimension, with outward normals."""
     facets = Facets.of(mesh)
     rows, facet = facets.boundary
     cell = facets.solid.cells[rows].astype(np.int64)

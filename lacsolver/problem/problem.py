@@ -1,6 +1,6 @@
-"""The problem of a case: its mesh, cut where it has to be, and all that stays the same from step to step.
+"""The boundary value problem of a case: its mesh, cut where necessary, and everything that is constant over the steps.
 
-mesh -> space, materials -> kinematics; constraints; joints; loads. What changes is found by `march`.
+mesh -> space, materials -> kinematics; constraints; joints; loads. `march` solves for the rest.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from lacsolver.problem.skin import check_mesh, prepared
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 
-#: what rounding leaves of a coverage
+#: round-off of a coverage
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A zone of the problem and how it is treated. `record`: the case's contact or tie."""
+    """A contact pair or tie: its zone, and the options of its pairing. `record`: the case's contact or tie."""
 
     record: Contact | Tie
     zone: Zone
@@ -43,51 +43,52 @@ class Joint:
 
     @property
     def name(self) -> str:
-        """What results are called by."""
+        """Name of the pair in results."""
         return self.record.name
 
     @property
     def tie(self) -> bool:
-        """Whether all components are joined."""
+        """True for a tie, which joins all components."""
         return isinstance(self.record, Tie)
 
     @property
     def one_sided(self) -> bool:
-        """Whether the pressure is >= 0 and the gap may open."""
+        """True for unilateral contact, whose pressure is >= 0 and whose gap may open."""
         return isinstance(self.record, Contact) and self.record.type == "unilateral"
 
     @property
     def initial(self) -> str:
-        """Which of its rows are closed at the start: `all`, `none`, or those without a gap (`gap`)."""
+        """Rows that are closed at the start: `all`, `none`, or those without a gap (`gap`)."""
         return self.record.initial if isinstance(self.record, Contact) and self.one_sided else "all"
 
     @property
     def timed(self) -> bool:
-        """Whether the clearance changes with time."""
+        """True if the clearance changes with time."""
         return isinstance(self.record, Contact) and self.record.clearance.depends_on_time
 
     @property
     def moving(self) -> bool:
-        """Whether the zone is paired again on the deformed skins."""
+        """True if the zone is paired again on the deformed skins."""
         return isinstance(self.record, Contact) and self.record.geometry == "current"
 
     def places(self, space: Space, u: Floats) -> NDArray[np.floating]:
-        """(n_nodes, 3): where the skins meet when displaced by u (n_dof,): there if they move, else where they were.
+        """Return the coordinates (n_nodes, 3) at which the skins are paired under u (n_dof,).
 
-        Counted from the space's origin.
+        They are displaced if the zone is paired on the deformed skins, else undeformed; relative to the space's origin.
         """
         return space.places(u) if self.moving else space.local.points
 
     def paired(self, face: Interface) -> NDArray[np.bool_]:
-        """(n_macros,): which macro-elements of an interface of the zone have enough of the master in front of them.
+        """Return a mask (n_macros,), True for macro-elements of an interface whose coverage reaches the threshold.
 
-        Those without any never do. What rounding leaves of a coverage is not asked for: all of it is 1.
+        Macro-elements without any coverage are never paired. The threshold is lowered by round-off, since a complete
+        coverage may be slightly below 1.
         """
         coverage = face.coverage
         return np.asarray((coverage >= self.record.coverage_threshold - _ROUNDING) & (coverage > 0))
 
     def check_facing(self, face: Interface) -> None:
-        """Raises CaseError where no macro-element has a master and, since the skins stay where they are, none will."""
+        """Raise CaseError if no macro-element has a master, and the zone is not paired again on deformed skins."""
         if not self.moving and not self.paired(face).any():
             message = f"no face of slave {self.record.slave!r} has master {self.record.master!r} in front of it"
             advice = "check which groups these are and that their faces turn outward, or raise search_distance"
@@ -96,7 +97,7 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What a case asks, on its mesh; built by `Problem.of`. `joints`: contacts, then ties, in the case's order."""
+    """The problem of a case on its mesh; built by `Problem.of`. `joints`: contacts, then ties, in the case's order."""
 
     case: Case
     space: Space
@@ -106,7 +107,7 @@ class Problem:
 
     @classmethod
     def of(cls, case: Case, mesh: Mesh | None = None) -> Problem:
-        """Read the mesh of a case (or take `mesh`), cut what slaves are whole, and check that all of it fits.
+        """Read the mesh of a case (or take `mesh`), cut slaves that are not cut, and check everything against the case.
 
         Raises CaseError, ReadError, CutError, DataError, RequestError, each with a sentence for the user.
         """
@@ -122,7 +123,7 @@ class Problem:
 
     @cached_property
     def kinematics(self) -> Kinematics:
-        """How the bodies, and springs to the ground, answer a displacement."""
+        """Internal forces, tangent, stress and energy of the bodies and the springs to the ground."""
         temperature = acting.temperature(self.space, self.materials, self.case)
         return kinematics_of(
             self.case.kinematics, self.space, self.materials,
@@ -131,21 +132,21 @@ class Problem:
 
     @cached_property
     def springs(self) -> csr_array | None:
-        """(n_dof, n_dof): springs to the ground; None if there are none."""
+        """Stiffness (n_dof, n_dof) of springs to the ground; None if there are none."""
         return acting.springs(self.space, self.case)
 
     @property
     def threads(self) -> int:
-        """Cores to use: those asked for, as far as the process may use them, or all of these."""
+        """Number of cores to use: that of the case, at most those available to the process, which are the default."""
         return min(self.case.solver.threads or available_cores(), available_cores())
 
     def load(self, t: float, u: Floats | None = None) -> NDArray[np.floating]:
-        """f (n_dof,): nodal forces of everything that acts at time t; followers find their faces at u (n_dof,)."""
+        """Return the nodal forces f (n_dof,) of all loads at time t, with the faces of follower loads at u (n_dof,)."""
         return acting.load(self.space, self.materials, self.case, t, self.threads, u=u)
 
 
 def materials_of(case: Case, space: Space) -> Materials:
-    """The laws of a case on its cells; warns of those that lock under finite kinematics.
+    """Return the laws of a case on its cells; warn of cells that lock under finite kinematics.
 
     Raises CaseError, DataError and RequestError as `Materials.of` and the laws do.
     """
@@ -157,14 +158,14 @@ def materials_of(case: Case, space: Space) -> Materials:
 
 
 def zone_of(mesh: Mesh, record: Contact | Tie) -> Zone:
-    """The zone of a contact or a tie. Raises as `Zone.of`."""
+    """Return the zone of a contact or a tie. Raises as `Zone.of`."""
     return Zone.of(
         mesh, record.slave, record.master, record.name, surface=record.surface, crease_angle=record.crease_angle
     )
 
 
 def joint_of(space: Space, record: Contact | Tie) -> Joint:
-    """The joint of a contact or a tie. Raises CaseError, with its line, where the two groups make no zone."""
+    """Return the contact pair of a contact or a tie. Raises CaseError, with its line, if the groups make no zone."""
     try:
         zone = zone_of(space.local, record)
     except LacmeshError as error:

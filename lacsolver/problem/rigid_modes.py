@@ -1,10 +1,10 @@
-"""Connected bodies, and the motions of whole bodies that nothing holds.
+"""Connected bodies, their rigid-body modes, and the rigid-body motions that constraints, springs or contact leave free.
 
-A body's motion is a small one, u = t + theta x (X - c). What constraints and springs leave of the motions of all bodies
-is the null space of one matrix: the prescribed directions at the nodes, the difference between a body and the rigid
-group on its nodes, and the springs' forces, times the bodies' modes and the rigid groups' free motions. It falls apart
-into systems of bodies that share a rigid group, mostly of one body. `still_free` asks the same of contact: what does no
-row of B stop?
+Motions are small, u = t + theta x (X - c). The motions that constraints and springs leave free are the null space of
+one matrix on the amplitudes of the bodies' modes and of the rigid groups' free motions; its rows are the prescribed
+directions at the nodes, the difference between a body and the rigid group on its nodes, and the springs' forces. The
+matrix splits into systems of bodies that share a rigid group, mostly of one body. `still_free` finds those of the free
+motions that no row of B constrains either.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from lacsolver.space.space import Space
 
 __all__ = ["Body", "FreeMotion", "bodies", "describe", "free_motions", "rigid_modes", "still_free"]
 
-#: displacement, of a unit motion, in the mean of a system's rows, below which nothing is stopped
+#: root mean square of a unit motion on the rows of its system, below which the motion is free
 _STOPPED = 1e-9
-#: the same for contact, whose directions come out of an integration
+#: the same threshold for contact, whose directions are integrated
 STOPPED_BY_CONTACT = 1e-8
 
 
 def bodies(space: Space) -> Ints:
-    """(n_nodes,): which connected body each node is of, counted from 0 by their first nodes; -1 where no cell holds it.
+    """Return the connected body of each node, (n_nodes,), counted from 0 by their first nodes; -1 for nodes of no cell.
 
-    Cells that share a node are of one body.
+    Cells that share a node belong to the same body.
     """
     n = space.mesh.n_nodes
     first = np.concatenate([np.repeat(b.nodes[:, 0], b.nodes.shape[1] - 1) for b in space.blocks])
@@ -48,12 +48,12 @@ def bodies(space: Space) -> Ints:
 
 
 def rigid_modes(space: Space, of_node: Ints) -> NDArray[np.floating]:
-    """(n_dof, r): rigid motions of all bodies: 6 in 3D, 3 in a plane, along y in axisymmetry.
+    """Return the rigid-body modes (n_dof, r) of all bodies: 6 in 3D, 3 in a plane, the one along y in axisymmetry.
 
-    `of_node` (n_nodes,): as `bodies` tells it. Each body has its own, orthonormal, in the same columns, and other nodes
-    have 0: memory goes with the nodes, however many bodies there are. The translations come first, then rotations about
-    the principal axes through the mean of a body's nodes; one that moves none of them, about the line that all of them
-    stand on, is left out.
+    `of_node` (n_nodes,): the result of `bodies`. The modes of each body are orthonormal, and all bodies share the same
+    columns, so that memory does not grow with the number of bodies; nodes of no body have 0. Translations come first,
+    then rotations about the principal axes through the mean of a body's nodes. A rotation that moves none of the nodes,
+    about a line on which all of them lie, is left out.
     """
     nodes, start = _body_by_body(of_node)
     blocks = [_rigid_block(space, own) for own in np.split(nodes, start[1:])]
@@ -64,7 +64,7 @@ def rigid_modes(space: Space, of_node: Ints) -> NDArray[np.floating]:
 
 
 def _rigid_block(space: Space, nodes: Ints) -> NDArray[np.floating]:
-    """(k, dim, r): orthonormal rigid motions of some nodes."""
+    """Return orthonormal rigid-body modes (k, dim, r) of some nodes."""
     x = space.local.points[nodes] - space.local.points[nodes].mean(axis=0)
     turns = moments(space.dim, x)
     gram = np.einsum("ksa,ksb->ab", turns, turns)
@@ -76,7 +76,7 @@ def _rigid_block(space: Space, nodes: Ints) -> NDArray[np.floating]:
 
 
 def _body_by_body(of_node: Ints) -> tuple[Ints, Ints]:
-    """The nodes of bodies, one body after the other, and where each begins."""
+    """Return the nodes of bodies, one body after the other, and the start of each body in them."""
     nodes = np.flatnonzero(of_node >= 0)
     nodes = nodes[np.argsort(of_node[nodes], kind="stable")]
     count = np.bincount(of_node[nodes])
@@ -84,10 +84,10 @@ def _body_by_body(of_node: Ints) -> tuple[Ints, Ints]:
 
 
 def free_motions(space: Space, constraints: Constraints, springs: csr_array | None = None) -> tuple[FreeMotion, ...]:
-    """The motions of whole bodies that constraints and springs (n_dof, n_dof) leave free, in plain words (`describe`).
+    """Return the rigid-body motions that constraints and springs (n_dof, n_dof) leave free, easy to `describe`.
 
-    Bodies that hang on one rigid group are looked at together, and a rigid group that no cell holds is a body of its
-    own. A body is called by a cell group that has all its cells and no other's, or by its first node.
+    Bodies that share a rigid group are treated together, and a rigid group without cells is a body of its own. A body
+    is named after a cell group that has all its cells and no cells of others, or after its first node.
     """
     frame = _frame(space, constraints)
     rows = _rows(space, constraints, frame, springs)
@@ -105,11 +105,11 @@ def free_motions(space: Space, constraints: Constraints, springs: csr_array | No
 def still_free(
     B: csr_array, motions: Sequence[FreeMotion], *, least: float = STOPPED_BY_CONTACT, x: Floats | None = None
 ) -> tuple[FreeMotion, ...]:
-    """Those motions, alone or of several bodies together, that no row of B (m, n_dof) stops, in plain words.
+    """Return the motions in the span of those given that no row of B (m, n_dof) constrains, easy to `describe`.
 
-    B's rows are contacts and ties; a row is taken to stop a motion both ways, and all rows of a motion's bodies to stop
-    none that they feel, in the mean, by less than `least` (`felt`). `x` (n_nodes, 3): where nodes are, the mesh's if
-    None.
+    The rows of B are contacts and ties. A row is taken to constrain a motion in both directions; a motion is free if
+    its root mean square over the rows of its bodies is less than `least` (`felt`). `x` (n_nodes, 3): coordinates of the
+    nodes, those of the mesh if None.
     """
     if not motions:
         return ()
@@ -125,16 +125,16 @@ def still_free(
 
 
 def felt(B: csr_array, motions: Sequence[FreeMotion], x: Floats | None = None) -> NDArray[np.floating]:
-    """(k,): how far each motion, of size 1, moves along the rows of its bodies: the root of the mean square over them.
+    """Return the root mean square (k,) of each motion, of size 1, over the rows of B (m, n_dof) on its bodies.
 
-    Rows (m, n_dof) have size 1 here, whatever they integrate over. 0 for bodies without any.
+    Rows are normalised to size 1, whatever area they integrate over. 0 for bodies without any row.
     """
     rows, seen = _rates(B, motions, x)
     return np.sqrt(np.asarray(rows.power(2).sum(axis=0)).ravel() / np.maximum(seen, 1))
 
 
 def displaced_by(motions: Sequence[FreeMotion], u: Floats, x: Floats | None = None) -> NDArray[np.floating]:
-    """(k,): how far the part that each of some motions has in u (n_dof,), by least squares, takes a node at most."""
+    """Return the largest nodal displacement (k,) of each motion's part in u (n_dof,), found by least squares."""
     if not motions:
         return np.empty(0)
     F = _fields(motions, x)
@@ -144,7 +144,7 @@ def displaced_by(motions: Sequence[FreeMotion], u: Floats, x: Floats | None = No
 
 
 def _rates(B: csr_array, motions: Sequence[FreeMotion], x: Floats | None) -> tuple[csr_array, Ints]:
-    """What unit motions do along rows, themselves of size 1 (m, k), and how many rows the bodies of each have (k,)."""
+    """Return the products (m, k) of normalised rows with unit motions, and the number of rows (k,) on their bodies."""
     B = csr_array(B)
     size = np.sqrt(B.power(2).sum(axis=1))
     unit = diags_array(np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)) @ B
@@ -157,10 +157,10 @@ def _rates(B: csr_array, motions: Sequence[FreeMotion], x: Floats | None) -> tup
 
 
 class _Frame(NamedTuple):
-    """The bodies, connected ones and then rigid ones, and the amplitudes of their motions.
+    """The bodies, connected ones and then rigid groups, and the amplitudes of their motions.
 
-    `of_node` (n_nodes,): as `bodies`. `block` (a,): the body that each amplitude is of; `twists` (a, 6): its unit
-    motion, in which a rotation displaces by about 1.
+    `of_node` (n_nodes,): the result of `bodies`. `block` (a,): body of each amplitude; `twists` (a, 6): unit motion of
+    each amplitude, scaled so that a rotation displaces nodes by about 1.
     """
 
     bodies: tuple[Body, ...]
@@ -197,7 +197,7 @@ def _connected(space: Space, of_node: Ints) -> list[Body]:
 
 
 def _names(space: Space, of_node: Ints, first: Ints) -> list[str]:
-    """Each body's name: the smallest cell group that has all its cells, and no other body's; else its first node."""
+    """Return each body's name: the smallest cell group with all its cells and no other body's, or its first node."""
     body = np.full(space.mesh.n_cells, -1)
     for block in space.blocks:
         body[block.cell] = of_node[block.nodes[:, 0]]
@@ -221,13 +221,13 @@ def _lengths(body: Body) -> Floats:
 
 
 def _unit_twists(space: Space) -> Floats:
-    """(m, 6): the motions of a rigid body in the order of `RigidBody`: displacements, rotations."""
+    """Return the unit motions (m, 6) of a rigid body in the order of `RigidBody`: displacements, rotations."""
     chosen = {True: [0, 1], False: [0, 1, 5] if space.dim == 2 else list(range(6))}[space.model.axisymmetric]
     return np.eye(6)[chosen]
 
 
 def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_array | None) -> csr_array:
-    """What every amplitude does to the prescribed directions, between bodies and rigid groups, and to the springs."""
+    """Return the constraint matrix on the amplitudes: prescribed directions, mismatch of bodies and groups, springs."""
     rigid = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in constraints.rigid)])
     sprung = np.empty(0, np.int64) if springs is None else np.flatnonzero(np.diff(springs.indptr)) // space.dim
     nodes = np.unique(np.concatenate([constraints.local.nodes, rigid, sprung]))
@@ -248,7 +248,7 @@ def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_ar
 
 
 def _modes(space: Space, frame: _Frame, nodes: Ints, body: Ints) -> csr_array:
-    """(n_dof, a): the displacements of some nodes under the unit motions of the body that each is of."""
+    """Return the displacements (n_dof, a) of some nodes under the unit motions of the `body` of each."""
     node, amplitude = _amplitudes(frame.block, body)
     centre = np.array([b.centre for b in frame.bodies]).reshape(-1, 3)
     unit = frame.twists[amplitude]
@@ -259,7 +259,7 @@ def _modes(space: Space, frame: _Frame, nodes: Ints, body: Ints) -> csr_array:
 
 
 def _amplitudes(block: Ints, body: Ints) -> tuple[Ints, Ints]:
-    """Each of some bodies with each of its amplitudes: (place in `body`, amplitude), both (k,)."""
+    """Return the pairs of each of some bodies with each of its amplitudes: (index in `body`, amplitude), both (k,)."""
     start, stop = np.searchsorted(block, body), np.searchsorted(block, body, side="right")
     place = np.repeat(np.arange(len(body)), stop - start)
     before = np.cumsum(stop - start) - (stop - start)
@@ -269,10 +269,10 @@ def _amplitudes(block: Ints, body: Ints) -> tuple[Ints, Ints]:
 def _null_spaces(
     rows: csr_array, block: Ints, least: float, *, total: bool = False
 ) -> Iterator[tuple[Ints, Ints, Floats]]:
-    """The null space of rows (m, a), system by system: (blocks, columns (c,), orthonormal basis (k, c)), if k > 0.
+    """Yield the null space of rows (m, a) by systems: (blocks, columns (c,), orthonormal basis (k, c)), if k > 0.
 
-    `block` (a,): columns of one block are of one system, and so are blocks that a row couples. `least`: of the mean of
-    a system's rows, or of their `total`.
+    `block` (a,): columns of one block belong to the same system, and so do blocks that a row couples. `least`:
+    threshold of the root mean square over a system's rows, or of the root of their sum of squares if `total`.
     """
     n = int(block.max(initial=-1)) + 1
     column = coo_array((np.ones(len(block)), (np.arange(len(block)), block)), shape=(len(block), n)).tocsr()
@@ -291,7 +291,7 @@ def _null_spaces(
 
 
 def _null(rows: Floats, least: float) -> NDArray[np.floating]:
-    """(k, c): an orthonormal basis of what rows (m, c) take to less than `least`."""
+    """Return an orthonormal basis (k, c) of the right singular vectors of rows (m, c) up to the value `least`."""
     if not len(rows):
         return np.eye(rows.shape[1])
     R = np.linalg.qr(rows, mode="r")
@@ -300,7 +300,7 @@ def _null(rows: Floats, least: float) -> NDArray[np.floating]:
 
 
 def _by_bodies(motions: Sequence[FreeMotion]) -> Ints:
-    """(k,): the same number for motions that have a body in common, directly or by way of others."""
+    """Return a number (k,) for each motion, the same for motions with a common body, directly or through others."""
     place: dict[Body, int] = {}
     pairs = [(k, place.setdefault(body, len(place))) for k, motion in enumerate(motions) for body in motion.bodies]
     motion, body = np.array(pairs).T
@@ -310,7 +310,7 @@ def _by_bodies(motions: Sequence[FreeMotion]) -> Ints:
 
 
 def _fields(motions: Sequence[FreeMotion], x: Floats | None = None) -> csr_array:
-    """(n_dof, k): the displacements of motions, where nodes are at x (n_nodes, 3)."""
+    """Return the displacements (n_dof, k) of motions, with nodes at x (n_nodes, 3) or undeformed if None."""
     space = motions[0].space
     rows = [space.dofs(motion.nodes).ravel() for motion in motions]
     columns = np.repeat(np.arange(len(rows)), [len(r) for r in rows])
@@ -319,7 +319,7 @@ def _fields(motions: Sequence[FreeMotion], x: Floats | None = None) -> csr_array
 
 
 def _together(motions: Sequence[FreeMotion]) -> tuple[list[Body], Floats]:
-    """The bodies that some motions move, each once, and the motions' twists (k, b, 6)."""
+    """Return the bodies that some motions move, each once, and the motions' twists (k, b, 6)."""
     place: dict[Body, int] = {}
     for motion in motions:
         for body in motion.bodies:

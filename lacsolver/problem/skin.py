@@ -1,4 +1,4 @@
-"""The mesh of a case, its slaves cut: the cut that a file carries is taken as it is, other slaves are cut here."""
+"""The mesh of a case with its slaves cut: a cut in the mesh's file is used as it is, else all slaves are cut here."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lacsolver.case import Case, CaseError, Contact, Problem
 
 
 def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
-    """The mesh that a case's contacts and ties can be solved on. Raises ReadError, CaseError, CutError."""
+    """Return the mesh with the cut that a case's contacts and ties need. Raises ReadError, CaseError, CutError."""
     mesh = lacmesh.read(case.mesh) if mesh is None else mesh
     slaves = {record.slave: record for record in (*case.contact, *case.tie)}
     if is_cut(mesh):
@@ -40,9 +40,9 @@ def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
 
 
 def check_mesh(case: Case, mesh: Mesh) -> None:
-    """Look for what would make the answer of a case on its mesh wrong, and not show: see `find_spoiling`.
+    """Check a case's mesh for defects that would make the solution wrong without a sign: see `find_spoiling`.
 
-    Raises CaseError where no answer can be right, and warns where it may not be.
+    Raises CaseError if the solution is certainly wrong, and warns if it may be.
     """
     records = {(record.slave, record.master): record for record in reversed(case.contact)}
     spoilt = find_spoiling(mesh, [(record.slave, record.master) for record in case.contact])
@@ -55,13 +55,13 @@ def check_mesh(case: Case, mesh: Mesh) -> None:
 
 
 def _said(spoilt: Spoilt, records: Mapping[tuple[str, str], Contact]) -> str:
-    """A finding as the check words it, with the line of the contact that it is about, and the rule."""
+    """Return the message of a finding, with the line of its contact, and the name of the rule."""
     place = "" if spoilt.pair is None else _place(records[spoilt.pair])
     return f"{place}{spoilt.finding.message} (lacmesh check: {spoilt.finding.rule})"
 
 
 def _carried(mesh: Mesh, name: str) -> bool:
-    """Whether every face of a group is part of a macro-element, whatever the zone is called."""
+    """True if every face of a group is part of a macro-element, whatever the name of the zone."""
     cells = mesh.cells_of(name)
     return bool(len(cells)) and bool((Cut(mesh).macro_of_face[cells] >= 0).all())
 

@@ -1,1 +1,1 @@
-"""What comes of a solution: states, figures, fields, the recovered pressure."""
+"""Results of a solution: states, figures, fields, the recovered pressure."""

@@ -1,4 +1,4 @@
-"""What the states of a problem have to tell: figures of a step, fields on the mesh.
+"""Evaluation of the states of a problem: figures of a step, fields on the mesh.
 
 for state in march(problem):
     answer.figures(state)        # forces, contact, balance, energy                 (results.StepFigures)
@@ -24,7 +24,7 @@ from lacsolver.space.places import nodes_of
 
 @dataclass
 class Answer:
-    """A problem, whose states are asked."""
+    """Computes the figures and fields of states of a problem."""
 
     problem: Problem
     _probes: dict[str, Ints] = field(init=False)
@@ -34,13 +34,13 @@ class Answer:
         self._probes = {p.name: nodes_of(self.problem.space, p) for p in self.problem.case.probe}
 
     def stress(self, state: State) -> Field:
-        """Stress at integration points, (cells, points, n) a block of the space; that of the last state is kept."""
+        """Return the stress at integration points, (cells, points, n) for each block; the last result is cached."""
         if self._stress is None or self._stress[0] is not state:
             self._stress = state, self.problem.kinematics.stress(state.u, state.time)
         return self._stress[1]
 
     def figures(self, state: State) -> StepFigures:
-        """The figures of the step that led to a state."""
+        """Return the figures of the step that led to a state."""
         problem, space = self.problem, self.problem.space
         pairs = [
             (zone, joint, self._places(joint, state)) for joint, zone in zip(problem.joints, state.zones, strict=True)
@@ -61,7 +61,7 @@ class Answer:
         )
 
     def fields(self, state: State) -> Fields:
-        """The fields of a state."""
+        """Return the fields of a state."""
         space, joints = self.problem.space, self.problem.joints
         at_nodes = nodal_stress(space, self.stress(state))
         pairs = zip(joints, state.zones, strict=True)
@@ -70,7 +70,7 @@ class Answer:
         return Fields(state.time, u, at_nodes, reaction, zones)
 
     def _places(self, joint: Joint, state: State) -> Floats:
-        """(n_nodes, dim): where a joint's forces act, counted from the space's origin."""
+        """Return the coordinates (n_nodes, dim) at which a pair's forces act, relative to the space's origin."""
         space = self.problem.space
         return joint.places(space, state.u)[:, : space.dim]
 

@@ -1,9 +1,9 @@
-"""Pressures that are those of flat faces, not of the curved skins that these stand for.
+"""Warnings about pressures that show the flat faces of a mesh rather than the curved skins that they approximate.
 
-Flat faces of size h miss a skin of radius R by h^2 / 8R, and a macro-element answers a gap d with a pressure of about
-E d / h: what faces that turn by theta = h / R from one to the next are wrong by is E theta / 8 (docs/theory.md, 'Smooth
-surfaces over flat faces'). Where that is not small beside the pressures that came out, and these alternate from a
-macro-element to its neighbours, they say more of the mesh than of the contact.
+Flat faces of size h deviate from a skin of radius R by h^2 / 8R, and a gap d changes the pressure of a macro-element by
+about E d / h: with an angle theta = h / R between neighbouring faces the error is E theta / 8 (docs/theory.md, 'Smooth
+surfaces over flat faces'). If that is not small compared with the computed pressures, and these alternate between
+neighbouring macro-elements, they reflect the mesh more than the contact.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from lacsolver.contact import Zone
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import State
 
-#: part of the pressures by which neighbours differ, and of the mean pressure of the macro-elements in contact that the
-#: faces are worth: from there on a run says so
+#: a run warns above both of these: relative difference between pressures of neighbours, and error of flat faces
+#: relative to the mean pressure of the macro-elements in contact
 _ALTERNATE, _WORTH = 0.3, 0.5
 
 
 def faceted(problem: Problem, state: State) -> Iterator[str]:
-    """A sentence on each contact of a converged state whose pressures look like those of flat faces."""
+    """Yield a warning for each contact of a converged state whose pressures look like those of flat faces."""
     young = min((float(np.min(material.young)) for material in problem.case.material), default=0.0)
     for joint, zone in zip(problem.joints, state.zones, strict=True):
         part = _differing(joint.zone, zone.pressure)
@@ -50,7 +50,7 @@ def faceted(problem: Problem, state: State) -> Iterator[str]:
 
 
 def _differing(zone: Zone, pressure: Floats) -> float:
-    """By what part of their pressures neighbouring macro-elements differ, pairs that are open left out."""
+    """Return the sum of pressure differences of neighbouring macro-elements, relative to the sum of their pressures."""
     beyond = zone.slave.neighbours
     face, k = np.nonzero(beyond >= 0)
     a, b = zone.macro[face], zone.macro[beyond[face, k]]

@@ -1,7 +1,7 @@
-"""Figures of a converged state: zones, balance, stress ranges, probes. Numbers of a step, for `results`.
+"""Figures of a converged state, for `results`: zones, balance, stress ranges, probes.
 
-Forces and areas are those of the whole thickness or circle. Moments are about the origin where a zone's are told, and
-about the middle of the contact where its balance is measured.
+Forces and areas are those of the whole thickness or circle. The moments in a zone's figures are about the origin, those
+in its balance about the centre of the contact forces.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from lacsolver.space.space import COMPONENTS, Space
 
 
 def zone_figures(zone: ZoneState, slave: Ints, x: Floats) -> ZoneFigures:
-    """The figures of a zone. `slave`: its slave nodes; `x` (n_nodes, dim): where the forces act."""
+    """Return the figures of a zone. `slave`: its slave nodes; `x` (n_nodes, dim): points of action of the forces."""
     paired = zone.status != UNPAIRED
     force = np.zeros_like(zone.force)
     force[slave] = zone.force[slave]
@@ -41,18 +41,19 @@ def zone_figures(zone: ZoneState, slave: Ints, x: Floats) -> ZoneFigures:
 
 
 def moment(force: Floats, x: Floats) -> NDArray[np.floating]:
-    """(3,) in space, () in a plane: the moment of forces (n, dim) at x (n, dim) about the origin."""
+    """Return the moment of forces (n, dim) at x (n, dim) about the origin, (3,) in space, () in a plane."""
     if x.shape[1] == 2:
         return np.asarray(x[:, 0] @ force[:, 1] - x[:, 1] @ force[:, 0])
     return np.asarray(np.cross(x, force).sum(axis=0))
 
 
 def balance(zones: Iterable[tuple[Floats, Floats]]) -> tuple[float, float]:
-    """Relative errors of the balance of forces and of their moments: the worst zone's; 0 where none acts.
+    """Return the relative errors of the balance of forces and of moments, the largest of all zones; 0 without forces.
 
-    `zones`: contact forces on all nodes and where they act, (n_nodes, dim) each. Forces: their sum over slave and
-    master, against half the sum of their sizes. Moments: about the middle of the forces, against half the sum of size
-    times distance. In axisymmetry too, in the plane: both skins' forces are those of the slave's circle.
+    `zones`: contact forces on all nodes and their points of action, (n_nodes, dim) each. Forces: their sum over slave
+    and master, relative to half the sum of their magnitudes. Moments: about the centre of the forces, relative to half
+    the sum of magnitude times distance. In axisymmetry they are taken in the plane too: the forces on both skins are
+    those of the slave's circle.
     """
     found = [_balance(force, x) for force, x in zones]
     return max((f for f, _ in found), default=0.0), max((m for _, m in found), default=0.0)
@@ -70,7 +71,7 @@ def _balance(force: Floats, x: Floats) -> tuple[float, float]:
 
 
 def stress_ranges(space: Space, stress: Field) -> Mapping[str, Mapping[str, tuple[float, float]]]:
-    """Least and largest of each component at integration points: of the whole body (''), and of its cell groups."""
+    """Return the range of each stress component at integration points, for all cells ('') and for cell groups."""
     n = space.model.n_stress
     low = np.full((space.mesh.n_cells, n), np.inf)
     high = np.full((space.mesh.n_cells, n), -np.inf)
@@ -86,7 +87,7 @@ def stress_ranges(space: Space, stress: Field) -> Mapping[str, Mapping[str, tupl
 
 
 def probe(space: Space, u: Floats, nodes: Ints) -> NDArray[np.floating]:
-    """(dim,): the mean displacement of some nodes."""
+    """Return the mean displacement (dim,) of some nodes."""
     return np.asarray(u.reshape(-1, space.dim)[nodes].mean(axis=0))
 
 

@@ -1,4 +1,4 @@
-"""The stress at nodes, from the stress at integration points: fitted in each cell, and the mean of a node's cells."""
+"""Stress at nodes: extrapolated from the integration points by a fit in each cell, and averaged over a node's cells."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lacsolver.bodies.small.fields import Field, scatter
 from lacsolver.space.rules import cell_rule
 from lacsolver.space.space import Space
 
-#: products of reference coordinates (by their places) that a stress is fitted with, beside 1, in a family of cells
+#: terms of the fit in a family of cells, in addition to 1: products of reference coordinates, by their indices
 _TERMS: dict[str, tuple[tuple[int, ...], ...]] = {
     "TRIA": ((0,), (1,)),
     "QUAD": ((0,), (1,), (0, 1)),
@@ -26,15 +26,16 @@ _TERMS: dict[str, tuple[tuple[int, ...], ...]] = {
 
 
 def nodal_stress(space: Space, field: Field, cells: Ints | None = None) -> NDArray[np.floating]:
-    """(n_nodes, 4 or 6): a stress given at the integration points of the stiffness (cells, points, n), at the nodes.
+    """Return at the nodes (n_nodes, 4 or 6) a stress given at the integration points of the stiffness.
 
-    In each cell a polynomial is fitted to the points, as rich as the shape functions of the linear cell, and taken to
-    the cell's nodes; a node has the mean of its cells, weighted with their volumes. A constant is met exactly, and a
-    linear stress on affine cells whose points can tell its slope: not where there is one point (TRIA3, TETRA4), nor
-    along the axis of PYRAM5, whose points lie in one plane.
+    `field`: (cells, points, n) for each block. In each cell a polynomial with the terms of the linear cell's shape
+    functions is fitted to the points and evaluated at the cell's nodes; the value at a node is the mean over its cells,
+    weighted with their volumes. A constant is reproduced exactly, and so is a linear stress on affine cells whose
+    points determine its slope: not with a single point (TRIA3, TETRA4), nor along the axis of PYRAM5, whose points lie
+    in one plane.
 
-    The mean is over all the cells of a node, whatever their material; `cells` (indices in the mesh) names those to
-    count, such as one body's, where a stress may jump. Nodes without any have NaN.
+    The mean is over all the cells of a node, whatever their material; `cells` (indices in the mesh) restricts it, for
+    instance to one body where the stress jumps. Nodes without any of these cells have NaN.
     """
     n = space.mesh.n_nodes
     total, volume = np.zeros((n, space.model.n_stress)), np.zeros((n, 1))
@@ -49,13 +50,13 @@ def nodal_stress(space: Space, field: Field, cells: Ints | None = None) -> NDArr
 
 @cache
 def extrapolation(name: str, axisymmetric: bool = False) -> NDArray[np.floating]:
-    """(n_nodes, q): takes values at a cell's integration points to its nodes, by weighted least squares."""
+    """Return the matrix (n_nodes, q) from a cell's integration points to its nodes, by weighted least squares."""
     X, w = cell_rule(name, axisymmetric)
     middle, root = w @ X / w.sum(), np.sqrt(w)
     terms = _TERMS[CELLS[name].family]
 
     def values(at: Floats) -> NDArray[np.floating]:
-        # about the middle of the points: where they cannot tell a slope, the shortest solution has none
+        # about the centre of the points: where they do not determine a slope, the minimum-norm solution has none
         return np.stack([np.ones(len(at)), *((at - middle)[:, t].prod(axis=1) for t in map(list, terms))], axis=1)
 
     fit = np.linalg.pinv(values(X) * root[:, None], rcond=1e-10) * root

@@ -1,32 +1,32 @@
-"""The continuous pressure on the slave that p_m are the means of: a stage after the solution, of p_m and nothing else.
+"""Recovery of a continuous contact pressure on the slave from the means p_m of macro-elements, after the solution.
 
-The pressure p_m of a macro-element is a mean, so as a function it is of first order whatever the cells. Away from rims
-and from the edge of contact the means themselves are better than that. Around each macro-element a parabola (in space
-a quadric) in coordinates s along the surface is fitted to the means,
+The pressure p_m of a macro-element is a mean, so that as a function it is of first order whatever the cells. Away from
+the boundary of the slave and from the edge of contact the means themselves are more accurate. Around each macro-element
+a parabola (in space a quadric) in coordinates s along the surface is fitted to the means,
 
     p(s) = sum of q_t s^t,   sum over the patch of w_m (mean_m(p) - p_m)^2 least,   t: 1, s, s s
 
-and a node has the mean of what its macro-elements' fits say there. A patch is grown, ring by ring, until it has 6
-macro-elements in the plane and 16 in space; with fewer than 3 and 12, planes are fitted. Terms that a patch cannot tell
-from those before them are left out. A linear pressure is met exactly on plane faces.
+and the value at a node is the mean of the fits of its macro-elements. A patch is extended, ring by ring, until it has 6
+macro-elements in the plane and 16 in space; with fewer than 3 and 12, planes are fitted. Terms that the patch does not
+determine independently of those before them are left out. A linear pressure is reproduced exactly on plane faces.
 
-At the rim of the slave p_m is off by a part of order h of the slope of p, alternately, and falling to about a third
-from one macro-element to the next. The weights w_m are those of least squares for such errors: the area A_m, a ninth of
-it for the last but one at the rim, and a ninth of that for the last.
+At the boundary of the slave p_m has errors of order h times the slope of p, which alternate and decrease to about a
+third from one macro-element to the next. The weights w_m are those of least squares for such errors: the area A_m, a
+ninth of it for the last macro-element but one, and a ninth of that for the last.
 
-At the edge of contact p has a square root, and the last macro-element in contact shares its force wrongly with those
-beside it (10 % of the peak; the sum is right). So where p >= 0, near an open macro-element, the last ones in contact
-are merged with those beside them, where 3 (12) are left then, and p is the root of a parabola q whose root has the
-means of p_m. In space patches are wider then, 36 macro-elements, and weights are areas:
+At the edge of contact p behaves as a square root, and the last macro-element in contact shares its force wrongly with
+its neighbours (10 % of the peak; the sum is right). So for p >= 0, near an open macro-element, the last ones in contact
+are merged with their neighbours, if at least 3 (12) remain, and p is the root of a parabola q such that the root has
+the means p_m. In space patches are larger then, 36 macro-elements, and weights are areas:
 
     p(s) = sqrt(q(s)),   sum over the patch of A_g (mean_g(q) - p_g^2 - var_g(sqrt(q)))^2 least     (sqrt(q < 0): 0)
 
-var_g of the last fit, as the mean of a square is that of the mean and the variance. The square of Hertz's pressure is a
-parabola. Last, each connected part of the contact gets the force of its p_m: what straight lines between nodes hold
-less than the root goes to the nodes that open macro-elements share, what they hold more is taken from the last ones in
-contact; the rest is scaled.
+with var_g of the previous fit, since the mean of a square is the square of the mean plus the variance. The square of
+Hertz's pressure is a parabola. Finally, each connected part of the contact gets the force of its p_m: linear
+interpolation between nodes has less or more force than the root; missing force goes to the nodes shared with open
+macro-elements, excess force is taken from the last nodes in contact, and the rest is scaled.
 
-What this is worth, and what no recovery can mend, stands in docs/theory.md.
+The accuracy of this recovery, and errors that no recovery can correct, are described in docs/theory.md.
 """
 
 from __future__ import annotations
@@ -51,20 +51,21 @@ Bools = NDArray[np.bool_]
 
 #: degree of the rule on faces, by their order: N times the Jacobian, with r
 _DEGREE = {1: 5, 2: 8}
-#: macro-elements that a patch grows to, by the surface's dimension, in at most so many rings; that a parabola must have
+#: by the surface's dimension: number of macro-elements that a patch is extended to, in at most so many rings, and least
+#: number for a parabola
 _MANY, _RINGS, _LEAST = {1: 6, 2: 16}, 8, {1: 3, 2: 12}
-#: and where roots are fitted
+#: number of macro-elements of a patch for roots
 _MANY_ROOTS = {1: 6, 2: 36}
-#: a term is left out that is told by those before it but for this part of its square, and a direction of less variance
-#: than this part of the largest
+#: a term is left out if less than this fraction of its square is independent of the terms before it, and a direction if
+#: its variance is less than this fraction of the largest
 _THIN = 1e-2
-#: weight of the macro-elements at the rim of the slave, and of those beside them, over their area
+#: weight of the macro-elements at the boundary of the slave, and of their neighbours, relative to their area
 _RIM = (1 / 81, 1 / 9)
-#: macro-elements that are near to the edge of contact
+#: number of rings of macro-elements that are near the edge of contact
 _NEAR = 9
-#: how often roots are fitted; the most that the last nodes in contact are scaled by
+#: number of fits of roots; largest factor by which the last nodes in contact are scaled
 _TIMES, _MOST = 20, 2.0
-#: patches that are held at once
+#: number of patches that are in memory at once
 _PIECE = 2048
 
 
@@ -77,15 +78,16 @@ def recover_pressure(
     axisymmetric: bool = False,
     unilateral: bool = True,
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """A continuous pressure of higher order: at nodes (n_nodes,), and its mean over each macro-element (n_macros,).
+    """Return a continuous pressure of higher order at nodes (n_nodes,), and its mean over macro-elements (n_macros,).
 
-    `surface`: the slave's faces; `macro` (faces,): the macro-element of each, negative for none; `pressure` p_m and
-    `status` (n_macros,). `unilateral`: no nodal value is below 0, and forces are those of p_m. Raises ValueError where
-    shapes do not agree.
+    `surface`: the slave's faces; `macro` (faces,): macro-element of each face, negative for none; `pressure` p_m and
+    `status` (n_macros,). `unilateral`: nodal values are not negative, and forces are those of p_m. Raises ValueError
+    for shapes that do not agree.
 
-    Between nodes the faces' own shape functions hold. Nodes of no macro-element in contact have 0, nodes off the
-    slave's surface NaN; beyond the edge of contact the pressure falls to 0 in the next macro-element. The mean is the
-    value at the centroid but for terms of second order, and a better one than the value of the shape functions there.
+    Between nodes the pressure is interpolated by the faces' shape functions. Nodes of no macro-element in contact have
+    0, nodes off the slave's surface NaN; beyond the edge of contact the pressure falls to 0 in the next macro-element.
+    The mean equals the value at the centroid up to terms of second order, and is more accurate than the value of the
+    shape functions there.
     """
     macro, pressure, status = np.asarray(macro), np.asarray(pressure, dtype=float), np.asarray(status)
     if macro.shape != (len(surface),) or macro.max(initial=-1) >= len(pressure):
@@ -113,10 +115,11 @@ def recover_pressure(
 
 
 class _Slave(NamedTuple):
-    """A slave surface's nodes (k,) at x (k, 3), and its macro-elements, or what they are merged to.
+    """A slave surface: its nodes (k,) at x (k, 3), and its n macro-elements, or the sets that they are merged to.
 
-    `area` (n,), `centroid` (n, 3), `moment` (n, 3, 3): the mean of d d, d from the centroid; `means` M (n, k); `touch`
-    (k, n): 1 where a face of the macro-element holds the node; `weight` (n,): in fits. `dim` of the surface.
+    `area` (n,); `centroid` (n, 3); `moment` (n, 3, 3): mean of d d with d from the centroid; `means` M (n, k): means of
+    nodal values; `touch` (k, n): 1 if the node belongs to a face of the macro-element; `weight` (n,) in fits; `dim` of
+    the surface.
     """
 
     nodes: Ints
@@ -131,7 +134,7 @@ class _Slave(NamedTuple):
 
 
 def _slave(surface: Surface, macro: Ints, n: int, axisymmetric: bool) -> _Slave:
-    """What the fits need of a surface. A macro-element without extent has an area of 0, and says nothing."""
+    """Compute the data of a surface for the fits. A macro-element without extent has an area and a weight of 0."""
     rows, columns, values = [], [], []
     area, first, second = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
     for name, faces, nodes in surface.by_type():
@@ -157,7 +160,7 @@ def _slave(surface: Surface, macro: Ints, n: int, axisymmetric: bool) -> _Slave:
 
 
 def _trust(touch: csr_array, surface: Surface, macro: Ints) -> NDArray[np.floating]:
-    """(n,): `_RIM` for the macro-elements at the rim and beside them, else 1."""
+    """Return the factors (n,) `_RIM` for macro-elements at the boundary and their neighbours, and 1 for the others."""
     ends = (surface.neighbours < 0) & (np.arange(surface.neighbours.shape[1]) < surface.n_corners[:, None])
     rim = np.isin(np.arange(touch.shape[1]), macro[ends.any(axis=1)])
     steps = np.sum([~_beside(touch, rim, k) for k in range(len(_RIM))], axis=0)
@@ -165,14 +168,15 @@ def _trust(touch: csr_array, surface: Surface, macro: Ints) -> NDArray[np.floati
 
 
 def _smooth(slave: _Slave, means: Floats, contact: Bools) -> NDArray[np.floating]:
-    """(k,): parabolas fitted to the means in contact; 0 at nodes of none."""
+    """Return nodal values (k,) of parabolas fitted to the means in contact, 0 at nodes of no such macro-element."""
     touch = _only(slave.touch, contact)
     return _mean(touch, _fit(slave, touch, means).at(slave.x, touch))
 
 
 def _root(slave: _Slave, means: Floats, contact: Bools, edge: Bools) -> NDArray[np.floating]:
-    """(k,): roots of parabolas, 0 where these are below 0, whose means are those of p_m, the macro-elements at the
-    `edge` of contact merged with those beside them.
+    """Return nodal values (k,) of roots of parabolas, 0 where these are negative, whose means are fitted to p_m.
+
+    The macro-elements at the `edge` of contact are merged with their neighbours.
     """
     merged, W = _merged(slave, contact, edge)
     if len(merged.area) < _LEAST[slave.dim]:
@@ -182,7 +186,10 @@ def _root(slave: _Slave, means: Floats, contact: Bools, edge: Bools) -> NDArray[
 
 
 def _merged(slave: _Slave, contact: Bools, last: Bools) -> tuple[_Slave, csr_array]:
-    """The macro-elements in contact, the `last` of them shared by those beside them; and W, which takes means."""
+    """Merge the `last` macro-elements in contact into their neighbours; return the merged slave, and W, the new means.
+
+    W (merged, n) takes means over macro-elements to means over the merged ones.
+    """
     inner = diags_array((contact & ~last).astype(float))
     shares = (inner @ _ones(slave.touch.T @ slave.touch) @ diags_array(last.astype(float))).tocsr()
     count = shares.sum(axis=0)
@@ -203,10 +210,10 @@ def _merged(slave: _Slave, contact: Bools, last: Bools) -> tuple[_Slave, csr_arr
 def _balanced(
     slave: _Slave, p: Floats, means: Floats, contact: Bools, paired: Bools, last: Bools, outer: Bools
 ) -> NDArray[np.floating]:
-    """(k,): p >= 0, so that in each connected part of the contact its force over what is paired is that of p_m.
+    """Correct nodal values p >= 0 (k,) so that each connected part of the contact has the force of its p_m.
 
-    Force that lacks is given to the `outer` nodes (k,), up to the p_m beside them; then the `last` nodes are scaled,
-    within bounds; then all.
+    Missing force is first given to the `outer` nodes (k,), up to the p_m next to them; then the `last` nodes are
+    scaled, within bounds; then all.
     """
     touch = _only(slave.touch, contact)
     _, part = connected_components(touch.T @ touch, directed=False)
@@ -216,7 +223,7 @@ def _balanced(
     wanted, out = np.bincount(part, slave.area * means), p[held]
 
     def lacking(share: Floats) -> NDArray[np.floating]:
-        """(parts,): the force that lacks, over that of a share of the pressures."""
+        """Return the missing force of each part, (parts,), relative to the force of a share of the pressures."""
         lack = wanted - np.bincount(of_node, integral * out, minlength=len(wanted))
         theirs = np.bincount(of_node, integral * share, minlength=len(wanted))
         return np.divide(lack, theirs, out=np.zeros_like(wanted), where=theirs > 0)
@@ -235,35 +242,35 @@ def _balanced(
 
 
 class _Fit(NamedTuple):
-    """Parabolas (n,), of coordinates s = axis . (x - x_bar): q (n, terms), x_bar (n, 3), axis (n, 3, dim)."""
+    """Parabolas (n,) in coordinates s = axis . (x - x_bar): q (n, terms), x_bar (n, 3), axis (n, 3, dim)."""
 
     q: Floats
     x_bar: Floats
     axis: Floats
 
     def at(self, x: Floats, touch: csr_array) -> NDArray[np.floating]:
-        """What each says at the nodes (k, 3) of its macro-element: in the order of `touch`."""
+        """Return the values of each parabola at the nodes (k, 3) of its macro-element, in the order of `touch`."""
         row, g = np.repeat(np.arange(len(x)), np.diff(touch.indptr)), touch.indices
         s = np.einsum("rs,rsn->rn", x[row] - self.x_bar[g], self.axis[g])
         return np.asarray((_powers(s) * self.q[g]).sum(axis=1))
 
 
 def _fit(slave: _Slave, touch: csr_array, means: Floats, *, root: bool = False) -> _Fit:
-    """Parabolas around each macro-element in `touch`, whose means, or those of their roots, are nearest to these."""
+    """Fit a parabola around each macro-element in `touch` to `means`, by its own means or those of its root."""
     patches = _patches(touch, (_MANY_ROOTS if root else _MANY)[slave.dim])
     pieces = [_fit_piece(slave, patches[k : k + _PIECE], means, root) for k in range(0, patches.shape[0], _PIECE)]
     return _Fit(*map(np.concatenate, zip(*pieces, strict=True)))
 
 
 def _fit_piece(slave: _Slave, patches: csr_array, means: Floats, root: bool) -> _Fit:
-    """Of some patches (k, n)."""
+    """Fit the parabolas of some patches (k, n)."""
     k, dim = patches.shape[0], slave.dim
     row, g = np.repeat(np.arange(k), np.diff(patches.indptr)), patches.indices
     weight = slave.weight[g] / _summed(row, slave.weight[g], k)[row]
     x_bar = _summed(row, weight[:, None] * slave.centroid[g], k)
     d = slave.centroid[g] - x_bar[row]
     axis = _axes(_summed(row, weight[:, None, None] * _square(d), k), dim)
-    # Gauss' points of a macro-element: means of parabolas are met, those of roots nearly
+    # Gauss points of a macro-element: exact for means of parabolas, and nearly so for those of roots
     size, turn = np.linalg.eigh(np.einsum("rsn,rst,rtm->rnm", axis[row], slave.moment[g], axis[row]))
     off = np.swapaxes(np.sqrt(np.maximum(dim * size, 0.0))[:, None] * turn, 1, 2)
     middle = np.einsum("rs,rsn->rn", d, axis[row])[:, None]
@@ -280,13 +287,13 @@ def _fit_piece(slave: _Slave, patches: csr_array, means: Floats, root: bool) -> 
     wanted = given**2 if root else given
     for _ in range(_TIMES if root else 0):
         value = np.sqrt(np.maximum(np.einsum("rpt,rt->rp", points, fit(wanted)[row]), 0.0))
-        # a third of a step: longer ones may turn about the answer
+        # a third of a step: longer steps may oscillate about the solution
         wanted = (2 * wanted + given**2 + value.var(axis=1)) / 3
     return _Fit(fit(wanted), x_bar, axis)
 
 
 def _axes(spread: Floats, dim: int) -> NDArray[np.floating]:
-    """(k, 3, dim): principal axes of patches whose means of d d are given, over the deviations; 0 where it is thin."""
+    """Return principal axes (k, 3, dim) of patches, from means of d d, over their deviations; 0 for thin directions."""
     variance, axes = np.linalg.eigh(spread)
     variance, axes = variance[:, : -1 - dim : -1], axes[:, :, : -1 - dim : -1]
     there = variance > _THIN * variance[:, :1]
@@ -294,14 +301,15 @@ def _axes(spread: Floats, dim: int) -> NDArray[np.floating]:
 
 
 def _powers(s: Floats) -> NDArray[np.floating]:
-    """(..., terms): 1, the coordinates (..., dim), their products."""
+    """Return the terms of a parabola (..., terms): 1, the coordinates (..., dim), their products."""
     a, b = np.triu_indices(s.shape[-1])
     return np.concatenate([np.ones((*s.shape[:-1], 1)), s, s[..., a] * s[..., b]], axis=-1)
 
 
 def _told(normal: Floats, most: Ints) -> NDArray[np.floating]:
-    """The inverse of normal equations (k, t, t) in those of the first `most` (k,) terms that the ones before do not
-    tell already, 0 in the others.
+    """Return the inverse of normal equations (k, t, t), restricted to independent terms, 0 for the others.
+
+    These are the terms among the first `most` (k,) that are independent of those before them.
     """
     kept, left = np.zeros(normal.shape[:2], dtype=bool), normal.copy()
     for t in range(normal.shape[1]):
@@ -316,7 +324,7 @@ def _told(normal: Floats, most: Ints) -> NDArray[np.floating]:
 
 
 def _patches(touch: csr_array, many: int) -> csr_array:
-    """(n, n): the macro-elements in `touch` around each, so many rings that there are enough of them."""
+    """Return the patch of each macro-element in `touch`, (n, n), with as many rings as it takes to have enough."""
     beside = _ones(touch.T @ touch)
     patch = beside
     for _ in range(_RINGS - 1):
@@ -329,24 +337,24 @@ def _patches(touch: csr_array, many: int) -> csr_array:
 
 
 def _nodes(touch: csr_array, macros: Bools) -> Bools:
-    """(k,): the nodes of some macro-elements."""
+    """Return a mask (k,), True for the nodes of some macro-elements."""
     return np.asarray(touch @ macros.astype(float) > 0)
 
 
 def _beside(touch: csr_array, macros: Bools, rings: int) -> Bools:
-    """(n,): macro-elements at most so many steps, from node to node, away from some; these too."""
+    """Return a mask (n,) of some macro-elements and the given number of rings of node neighbours around them."""
     for _ in range(rings):
         macros = touch.T @ _nodes(touch, macros).astype(float) > 0
     return macros
 
 
 def _only(touch: csr_array, macros: Bools) -> csr_array:
-    """The columns of some macro-elements, the others empty."""
+    """Return the matrix with the columns of some macro-elements, and all others empty."""
     return _ones(touch @ diags_array(macros.astype(float)))
 
 
 def _ones(matrix: coo_array | csr_array) -> csr_array:
-    """A matrix with 1 where the given one is not 0."""
+    """Return a matrix with 1 where the given one is not 0."""
     matrix = matrix.tocsr()
     matrix.eliminate_zeros()
     matrix.data[:] = 1.0
@@ -354,19 +362,19 @@ def _ones(matrix: coo_array | csr_array) -> csr_array:
 
 
 def _mean(touch: csr_array, values: Floats) -> NDArray[np.floating]:
-    """(k,): the mean of values given for each macro-element of a node, in the order of `touch`; 0 without any."""
+    """Return the mean (k,) of values of each node's macro-elements, given in the order of `touch`; 0 without any."""
     count = np.diff(touch.indptr)
     total = _summed(np.repeat(np.arange(len(count)), count), values, len(count))
     return np.divide(total, count, out=np.zeros(len(count)), where=count > 0)
 
 
 def _summed(row: Ints, values: Floats, k: int) -> NDArray[np.floating]:
-    """(k, ...): values (r, ...) summed over their rows."""
+    """Return the sums (k, ...) of values (r, ...) with the same row number."""
     out = np.zeros((k, int(np.prod(values.shape[1:]))))
     scatter(out, row[:, None], np.ascontiguousarray(values).reshape(len(row), 1, out.shape[1]))
     return out.reshape(k, *values.shape[1:])
 
 
 def _square(d: Floats) -> NDArray[np.floating]:
-    """(..., n, n): d d of vectors (..., n)."""
+    """Return the dyadic products d d (..., n, n) of vectors (..., n)."""
     return d[..., :, None] * d[..., None, :]

@@ -1,8 +1,8 @@
-"""What a run has to tell: figures of every step, fields of the steps that are written, and what a restart goes on from.
+"""Records of results: figures of every step, fields of the steps that are written, and the state for a restart.
 
-Made by the stages that know them, written by `lacsolver.output`. Vectors have the space's dimension d; a moment has
-three components in space and is one number, shape (), in a plane. Forces and areas are those of the whole thickness or
-circle. Where there is nothing to tell a figure is NaN. Units are the case's own.
+`lacsolver.output` writes them. Vectors have the space's dimension d; a moment has three components in space and is one
+number, shape (), in a plane. Forces and areas are those of the whole thickness or circle. Figures without a value are
+NaN. Units are those of the case.
 """
 
 from __future__ import annotations
@@ -17,16 +17,17 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacsolver.results.state import Iterate, State, ZoneState
 
-#: what `Results.status` may be: a run that was killed stays at the first
+#: values of `Results.status`; a run that was killed keeps the first
 STATUSES = ("running", "done", "interrupted", "failed")
 
 
 @dataclass(frozen=True, eq=False)
 class ZoneFigures:
-    """A zone at a time. Minima and maxima of pressure and gap are over paired macro-elements, of coverage over all.
+    """Figures of a zone at one time.
 
-    `contact_area`: of the covered parts of those in contact. `resultant` (d,), `moment` (3,) or (), about the origin:
-    of the contact forces on the slave. `active`, `open`, `unpaired`: numbers of macro-elements.
+    Minima and maxima of pressure and gap are over paired macro-elements, those of coverage over all. `contact_area`:
+    covered area of the macro-elements in contact. `resultant` (d,) and `moment` (3,) or (), about the origin, of the
+    contact forces on the slave. `active`, `open`, `unpaired`: numbers of macro-elements.
     """
 
     pressure_min: float
@@ -45,11 +46,12 @@ class ZoneFigures:
 
 @dataclass(frozen=True, eq=False)
 class StepFigures:
-    """A converged step that ends at `time`. `iterations`: failed attempts included; `residuals`: of each iteration.
+    """Figures of a converged step that ends at `time`.
 
-    `reactions`: what each displacement condition gives the body (d,); `probes`: their displacements (d,); `contact`:
-    each zone's figures; always the same names. `balance`: relative error of the balance of forces and of moments.
-    `energy`: strain energy. `displacement`: the largest of a node, its size.
+    `iterations`: number of iterations, failed attempts included; `residuals`: residual after each iteration;
+    `reactions`: force (d,) of each displacement condition on the body; `probes`: displacement (d,) of each probe;
+    `contact`: figures of each zone; the names are the same in every step. `balance`: relative error of the balance of
+    forces and of moments. `energy`: strain energy. `displacement`: largest magnitude of a nodal displacement.
     """
 
     time: float
@@ -66,13 +68,13 @@ class StepFigures:
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """All figures of a run up to now. `version`: lacsolver's; `status`: one of STATUSES, `message` why it is not done,
-    or what looks wrong in the answer, a line each.
+    """All figures of a run so far.
 
-    `steps`: those of this run (a restart's first is the one after the state that it goes on from). `stress`: group ->
-    component -> least and largest at integration points, of the last step. `sizes`: how many nodes, cells, unknowns ...
-    `timings`: seconds by phase. `memory`: bytes at the peak. `held`: of a run that is done, motions of bodies that
-    nothing but contact stops, in words.
+    `version`: version of lacsolver; `status`: one of STATUSES; `message`: reason why the run is not done, or doubts
+    about its results, one per line. `steps`: steps of this run (for a restart, those after its initial state).
+    `stress`: group -> component -> least and largest value at integration points, in the last step. `sizes`: numbers
+    of nodes, cells, unknowns ... `timings`: seconds by phase. `memory`: peak memory in bytes. `held`: for a finished
+    run, rigid-body motions that only contact constrains, in words.
     """
 
     version: str
@@ -92,10 +94,10 @@ class Results:
 
 @dataclass(frozen=True, eq=False)
 class ZoneFields:
-    """A zone at a time, on the slave skin; arrays (n,) have a row each macro-element, as in `ZoneState`.
+    """Fields of a zone at one time, on the slave skin; arrays (n,) have one row per macro-element, as in `ZoneState`.
 
-    `surface`: the slave's faces; `macro` (n_faces,): the row of each face's macro-element, -1 for none. `number` (n,):
-    what a macro-element is called (`lac_macro` of the mesh). `recovered`: mean of the recovered pressure over each.
+    `surface`: the slave's faces; `macro` (n_faces,): row of each face's macro-element, -1 for none. `number` (n,):
+    number of each macro-element (`lac_macro` of the mesh). `recovered`: mean of the recovered pressure over each.
     `centre`, `normal` (n, d). On the mesh's nodes: `contact_force` (n_nodes, d), `pressure_recovered` (n_nodes,), NaN
     off the slave.
     """
@@ -118,7 +120,7 @@ class ZoneFields:
     def of(
         cls, state: ZoneState, surface: Surface, macro: Ints, number: Ints, recovered: Floats, nodal: Floats
     ) -> ZoneFields:
-        """The fields of a zone's state; `nodal` is `pressure_recovered`."""
+        """Make the fields of a zone's state; `nodal` is `pressure_recovered`."""
         told = ("pressure", "gap", "status", "coverage", "area", "centre", "normal")
         own = {name: getattr(state, name) for name in told}
         return cls(
@@ -128,9 +130,9 @@ class ZoneFields:
 
 @dataclass(frozen=True, eq=False)
 class Fields:
-    """Fields at a time, on the mesh's nodes: `displacement` and `reaction` (n_nodes, d), `stress` (n_nodes, n_stress).
+    """Fields at one time on the mesh's nodes: `displacement`, `reaction` (n_nodes, d), `stress` (n_nodes, n_stress).
 
-    Stress has the components of `space.COMPONENTS`; NaN on nodes of no cell of the body.
+    Stress has the components of `space.COMPONENTS`; it is NaN on nodes of no cell of the body.
     """
 
     time: float
@@ -142,11 +144,11 @@ class Fields:
 
 @dataclass(frozen=True, eq=False)
 class Restart:
-    """What a run goes on from. `number`: converged steps up to here; `step_size`: of the step that would come next.
+    """State for a restart. `number`: number of converged steps so far; `step_size`: size of the next step.
 
     `u` (n_dof,). By zone, `multipliers`: pressures (n,) of a contact, tractions (n, d) of a tie; and `status` (n,).
-    `rigid`: by body, its dofs. `iterate`, `earlier`: as in `State`. `folder`: where it was read from, None for one of
-    this run. `case`: the fingerprint of its case and mesh, None where nobody took it.
+    `rigid`: motion of each rigid body. `iterate`, `earlier`: as in `State`. `folder`: folder that the state was read
+    from, None for a state of this run. `case`: fingerprint of its case and mesh, None if it was not computed.
     """
 
     time: float
@@ -163,7 +165,7 @@ class Restart:
 
     @classmethod
     def of(cls, state: State, step_size: float, number: int) -> Restart:
-        """What to keep of a converged state, the `number`-th; `step_size`: of the next step."""
+        """Make the restart of a converged state, the `number`-th; `step_size`: size of the next step."""
         multipliers = {zone.name: zone.traction if zone.tie else zone.pressure for zone in state.zones}
         status = {zone.name: zone.status for zone in state.zones}
         assert state.iterate is not None

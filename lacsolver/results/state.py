@@ -1,4 +1,4 @@
-"""What is known at a time: the displacement, what every zone says of its macro-elements, and how it was reached."""
+"""State at one time: displacement, reactions, contact state of every zone, and data of the solution and its restart."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ UNPAIRED, OPEN, CONTACT = -1, 0, 1
 
 
 class Iterate(NamedTuple):
-    """Unknowns q (n,), pressures p (m,), the set of the last solve (m,)."""
+    """Unknowns q (n,), pressures p (m,), and the active set (m,) of the last solve."""
 
     q: NDArray[np.floating]
     p: NDArray[np.floating]
@@ -24,13 +24,13 @@ class Iterate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ZoneState:
-    """A contact zone or a tie, a row each macro-element (n,); vectors have the space's dimension d.
+    """State of a contact zone or a tie, one row per macro-element (n,); vectors have the space's dimension d.
 
-    `pressure`: p_m >= 0 in compression, 0 where open (a tie's: the pull of the slave on the master along -normal).
-    `traction` (n, d): force per area on the slave, -p n for a contact. `gap`: mean gap G / w, NaN where unpaired;
-    for a tie the size of the mean jump. `status`: CONTACT, OPEN, UNPAIRED. `coverage` w / A, `area` A (of the measure
-    that pressures refer to; thickness or 2 pi r in it), `centre` and `normal` (n, d) of the macro-element.
-    `force` (n_nodes, d): contact force on every node, slave's and master's.
+    `pressure`: p_m >= 0 in compression, 0 where open; for a tie -traction . normal. `traction` (n, d): force per area
+    on the slave, -p n for a contact. `gap`: mean gap G / w, NaN where unpaired; for a tie the magnitude of the mean
+    jump. `status`: CONTACT, OPEN, UNPAIRED. `coverage`: w / A; `area`: A, in the measure that pressures refer to, with
+    thickness or 2 pi r; `centre` and `normal` (n, d) of the macro-element. `force` (n_nodes, d): contact force on every
+    node of slave and master.
     """
 
     name: str
@@ -47,10 +47,10 @@ class ZoneState:
 
 
 class Held(NamedTuple):
-    """A motion of bodies that nothing but contact stops, in `words`; `part`: what of contact's stiffness resists it.
+    """A rigid-body motion that only contact constrains, in `words`.
 
-    `moved`: how far it displaced a node of its bodies at most; `size`: the least extent of one of them. `part` is NaN
-    where it was not asked for, because it is enough.
+    `moved`: largest nodal displacement by it; `size`: least extent of its bodies; `part`: fraction of the contact
+    stiffness that resists it, NaN if that was not computed because it is sufficient.
     """
 
     words: str
@@ -63,12 +63,12 @@ class Held(NamedTuple):
 class State:
     """A converged state (or the last one tried). `u` (n_dof,): displacement; `zones`: in the case's order, ties last.
 
-    `reaction` (n_dof,): force that what holds the body gives it. `rigid` (name -> dofs): the motion of rigid bodies,
-    displacement of the centre then rotation. `iterations`, `halvings` of the step that led here, `residuals` of its
-    iterations, the last `settled` of which solved with one set of closed rows; `next_step`: the size of step that would
-    come next. `iterate`, `earlier`: unknowns, pressures and set here and, with its time, a step before: what to go on
-    from. Of the last time of a case, `held`: what came of motions that nothing but contact stops, and `prescribed`: how
-    far what is prescribed moves, at most.
+    `reaction` (n_dof,): forces of the supports on the bodies. `rigid` (name -> dofs): motion of rigid bodies,
+    displacement of the centre, then rotation. `iterations`, `halvings`: numbers of the step that led here; `residuals`:
+    those of its iterations, the last `settled` of which had the same active set; `next_step`: size of the next step.
+    `iterate`, `earlier`: unknowns, pressures and active set of this state and, with its time, of the one before, for
+    extrapolation and restart. At the last time of a case, `held`: rigid-body motions that only contact constrains, and
+    `prescribed`: largest prescribed displacement.
     """
 
     time: float

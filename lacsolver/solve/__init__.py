@@ -1,1 +1,1 @@
-"""Equilibrium, from one linear system to the steps of a case."""
+"""Solution of the equilibrium with contact: linear systems, active sets, Newton's method, steps of a case."""

@@ -1,18 +1,18 @@
-"""Displacements and pressures in one loop, where multigrid stands for K^-1: a V-cycle an iteration, no inner solves.
+"""Solution for displacements and pressures in one Krylov loop, with a multigrid V-cycle in place of K^-1.
 
 Generalised conjugate residuals (GMRES with any preconditioner, Saad 1993) on
 
     [K + C  B_A^T] [dq]   [r_f]
     [D_A    0    ] [dp] = [r_G]
 
-where dp = -M r_G, with M the stiffness of the skins (`saddle`), then dq = V (r_f - B_A^T dp), with V a V-cycle for K.
-With V = K^-1 it takes as many iterations as the loop on the Schur complement; with V some half as many again. Nothing
-but V is built for K, and that serves every set of rows, and stiffnesses that are like it.
+preconditioned by dp = -M r_G, with M the stiffness of the skins (`saddle`), then dq = V (r_f - B_A^T dp), with V a
+V-cycle for K. With V = K^-1 it would take as many iterations as the loop on the Schur complement; with a V-cycle it
+takes about 1.5 times as many. Only V is built for K, and it serves every active set, and similar stiffnesses.
 
-Residuals are weighed such that both are energies: forces over the root of K's diagonal, gaps by the root of the
-stiffness of their own row. They are recurred within a round and computed anew between rounds, so that the last round
-ends at what rounding allows. Where a body moves freely but for contact, its motions are directions from the start, dp
-carries what is not in balance along them, and the springs that make K definite carry nothing.
+Residuals are weighted so that both parts are energies: forces are divided by the root of K's diagonal, gaps multiplied
+by the root of the stiffness of their own row. They follow by recurrence within a restart cycle and are computed anew
+after it, so that the last cycle ends at round-off. For a body that only contact supports, its rigid-body modes are
+search directions from the start, dp balances the load along them, and the springs that make K definite carry no force.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from lacsolver.linear.regular import indefinite
 from lacsolver.solve.saddle import HELD, Goal, Rows, Skins, Solved
 from lacsolver.solve.stiffness import Stiffness
 
-#: directions of a round, which are kept; and iterations in all
+#: most directions of a restart cycle, all of which are stored; most iterations in all
 _ROUND, _MOST = 80, 400
-#: what a round reduces residuals by, until they are computed anew
+#: reduction of the residual in a cycle, after which it is computed anew
 _RECURRED = 1e-9
-#: forces that add up to this much of the largest one are in balance
+#: forces are in balance if their residual is below this fraction of the largest
 _BALANCED = 3e-14
-#: a round that leaves more than this of the residual has met rounding
+#: a cycle that leaves more than this fraction of the residual has reached round-off
 _SLOW = 0.5
-#: forces further than this from balance are no rounding
+#: relative imbalance of forces that is larger than round-off
 _FAILED = 1e-6
-#: an image that keeps less than this of its length when the others are taken out is not orthogonal yet; is noise
+#: orthogonalise a second time when the first pass leaves less than this fraction of the norm; fraction that is noise
 _LOST, _NOISE = 0.1, 1e-12
-#: energies below this, relative to the diagonal's, are negative
+#: energies below this, relative to that of the diagonal, are negative
 _NEGATIVE = -1e-12
 
 
@@ -58,9 +58,9 @@ def solve_coupled(
     goal: Goal,
     turning: csr_array | None = None,
 ) -> Solved:
-    """As `solve_rows`; a loose goal leaves forces off balance too, by as much of the residual.
+    """Solve the system of `solve_rows` by multigrid; an inexact goal leaves an imbalance of forces too.
 
-    Raises LinearError where forces do not come into balance, SingularError where K is seen not to be definite.
+    Raises LinearError if the forces do not reach balance, SingularError if K is found not to be positive definite.
     """
     system = _System(K, rows, active, f, G[active], q, turning)
     held = np.zeros_like(p)
@@ -94,7 +94,7 @@ def solve_coupled(
 
 
 class _Ends(NamedTuple):
-    """Where a loop ends: at the largest gap and force, or, loosely, at sizes of the whole residual and of its gaps."""
+    """Stopping criteria: largest gap and force, or, for an inexact solve, norms of the residual and of its gaps."""
 
     gap: float
     force: float
@@ -102,7 +102,7 @@ class _Ends(NamedTuple):
     gaps: float
 
     def met(self, system: _System, r: Floats) -> bool:
-        """Whether a residual is small enough."""
+        """True if a residual meets the criteria."""
         norm = system.team.norm
         if self.loosely > 0 and norm(r) <= self.loosely and norm(r[system.n :]) <= self.gaps:
             return True
@@ -110,7 +110,7 @@ class _Ends(NamedTuple):
 
 
 class _System:
-    """The matrix, the preconditioner and the weights of a set of rows. Vectors are unknowns and then pressures."""
+    """Matrix, preconditioner and weights of an active set. Vectors have the unknowns first, then the pressures."""
 
     def __init__(
         self, K: Stiffness, rows: Rows, active: Ints, f: Floats, G: Floats, start: Floats, turning: csr_array | None
@@ -128,23 +128,23 @@ class _System:
         self.stopped, self.loose = _told_apart(K.R, self.skins.QD)
 
     def residual(self, x: Floats) -> NDArray[np.floating]:
-        """What is off, weighed."""
+        """Return the weighted residual at x."""
         force = self.f - self.forces(x[: self.n], x[self.n :])
         if self.turning is not None:
             force += self.turning @ self.start
         return np.concatenate([self._balanced(force), self.G - self.D @ x[: self.n]]) * self.weight
 
     def forces(self, q: Floats, p: Floats) -> NDArray[np.floating]:
-        """(K + C) q + B^T p."""
+        """Return (K + C) q + B^T p."""
         made = self.K.times(q) + self.B_T @ p
         return made if self.turning is None else made + self.turning @ q
 
     def _balanced(self, force: Floats) -> NDArray[np.floating]:
-        """Forces without those along motions that no row stops, which are the springs'."""
+        """Return forces without those along rigid-body modes that no row constrains; the springs balance these."""
         return force - self.loose @ (self.loose.T @ force) if self.loose.shape[1] else force
 
     def image(self, z: Floats) -> NDArray[np.floating]:
-        """The matrix times a vector, weighed. Raises SingularError where K gives energy away."""
+        """Return the weighted product of the matrix with a vector. Raises SingularError for a negative energy of K."""
         q, p = z[: self.n], z[self.n :]
         Kq = self.K.times(q)
         energy, most = self.team.dots(np.stack([Kq, self.diagonal * q]), q)
@@ -156,34 +156,34 @@ class _System:
         return np.concatenate([self._balanced(force), self.D @ q]) * self.weight
 
     def precondition(self, r: Floats) -> NDArray[np.floating]:
-        """About what makes a weighed residual, in balance along the free motions."""
+        """Return the preconditioned correction for a weighted residual, in balance along the rigid-body modes."""
         force, gap = r[: self.n] / self.weight[: self.n], r[self.n :] / self.weight[self.n :]
         p = -self.skins.pressing(gap)
         p += self.skins.carrying(self.K.R.T @ force - self.skins.QB.T @ p)
         return np.concatenate([self.K.cycle(force - self.B_T @ p), p])
 
     def free(self) -> NDArray[np.floating]:
-        """(k, ...): the free motions that rows stop."""
+        """Return the rigid-body modes that rows constrain, as search directions (k, unknowns + pressures)."""
         return np.concatenate([self.stopped.T, np.zeros((self.stopped.shape[1], len(self.w)))], axis=1)
 
     def gap(self, r: Floats) -> float:
-        """The largest gap of a weighed residual, as a length."""
+        """Return the largest gap of a weighted residual, as a length."""
         return float(np.abs(r[self.n :] / (self.weight[self.n :] * self.w)).max(initial=0.0))
 
     def force(self, r: Floats) -> float:
-        """The largest force of a weighed residual."""
+        """Return the largest force of a weighted residual."""
         return float(np.abs(r[: self.n] / self.weight[: self.n]).max(initial=0.0))
 
     def largest_force(self, x: Floats) -> float:
-        """What forces are compared with."""
+        """Return the scale of the force balance: the largest load or internal force."""
         q, forces = x[: self.n], [self.f, self.K.times(x[: self.n])]
         if self.turning is not None:
             forces = [self.f + self.turning @ self.start, forces[1] + self.turning @ q]
         return max(float(np.abs(v).max(initial=0.0)) for v in forces)
 
     def check(self, x: Floats, r: Floats, count: int, goal: Goal) -> None:
-        """Raises LinearError where forces stayed off balance."""
-        nothing = goal.absolute * float(self.diagonal.max(initial=0.0))  # moves nodes by lengths of no account
+        """Raise LinearError if the forces are not in balance."""
+        nothing = goal.absolute * float(self.diagonal.max(initial=0.0))  # moves nodes by negligible lengths
         off = self.force(r) / max(self.largest_force(x), nothing, 1e-300)
         if not off <= _FAILED:
             message = f"multigrid with contact stopped at forces {off:.1e} off balance, after {count} V-cycles"
@@ -191,9 +191,9 @@ class _System:
 
 
 def _round(system: _System, r: Floats, ends: _Ends, most: int) -> tuple[NDArray[np.floating], int]:
-    """The step that makes a weighed residual least among all directions, and how many there were.
+    """Return the step that minimises a weighted residual over all directions of a cycle, and their number.
 
-    Directions Z stay as they were made; their images A Z = I T^T have orthonormal rows I.
+    Directions Z are stored as they were computed; their images A Z = I T^T have orthonormal rows I.
     """
     free = system.free()
     known = len(free)
@@ -221,7 +221,7 @@ def _round(system: _System, r: Floats, ends: _Ends, most: int) -> tuple[NDArray[
 
 
 def _orthogonal(image: Floats, others: Floats, team: Team) -> tuple[NDArray[np.floating], float]:
-    """Take orthonormal rows `others` out of an image, in place: how much of each there was, and the length left."""
+    """Orthogonalise an image against orthonormal rows `others`, in place; return the products and the norm left."""
     before = team.norm(image)
     parts = team.dots(others, image)
     team.subtract(parts, others, image)
@@ -234,7 +234,10 @@ def _orthogonal(image: Floats, others: Floats, team: Team) -> tuple[NDArray[np.f
 
 
 def _told_apart(R: Floats, moves: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Free motions that rows stop, which move by moves (a, r), and those that they do not, (n, ...) orthonormal."""
+    """Split the rigid-body modes R (n, r) into those that the active rows constrain and the others, both orthonormal.
+
+    `moves` (a, r): the products D R of the rows with the modes.
+    """
     if not moves.size:
         return R[:, :0], R
     _, size, V = np.linalg.svd(moves)

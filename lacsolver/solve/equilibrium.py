@@ -1,15 +1,15 @@
-"""Equilibrium at one time: which macro-elements are in contact, at what pressure, and the displacement.
+"""Equilibrium at one time for a constant stiffness: active set, pressures and displacement.
 
     K q = f - B^T p                                                    (26), (35)
     0 <= p_m, 0 <= G_m(q), p_m G_m = 0                                 (27), (29)
 
-K, B and D do not change here; `newton` is for those that do. It is a semi-smooth Newton method on p_m - max(0, p_m -
-c_m G_m / w_m) = 0 (32), (33): some rows are held closed, G_m = 0, the others are open, p_m = 0, and one linear system
-gives the next q and p; closed rows that press stay closed, open ones that overlap are closed (which is the sign of
-p_m - c_m G_m / w_m, whatever c_m). That is block principal pivoting (Portugal, Judice and Vicente 1994), kept finite by
-Murty's rule, one change at a time and the first first, where whole exchanges do not get on. Systems are solved loosely
-until a set comes back, then as exactly as numbers allow. What ends the loop is the defect of the conditions and of the
-balance, not that the set stays.
+K, B and D are constant here; `newton` is for those that change. This is a semi-smooth Newton method on p_m - max(0,
+p_m - c_m G_m / w_m) = 0 (32), (33): some rows are held closed, G_m = 0, the others are open, p_m = 0, and one linear
+system gives the next q and p; closed rows under pressure stay closed, open rows that overlap are closed (this is the
+sign of p_m - c_m G_m / w_m, whatever c_m). It is block principal pivoting (Portugal, Judice and Vicente 1994), which is
+made finite by Murty's rule, one exchange at a time, the first row first, where block exchanges make no progress.
+Systems are solved inexactly until an active set is met again, then to round-off. The loop ends when the residuals of
+the contact conditions and of the balance are small enough, and not because the set is unchanged.
 
 c_m = w_m (b K b^T) / (b b^T)^2 with b the row of B: the stiffness of the macro-element's own skin, stress per length,
 so that no constant depends on units.
@@ -30,22 +30,22 @@ from lacsolver.results.state import Iterate
 from lacsolver.solve.schur import Goal, Rows, solve_rows
 from lacsolver.solve.stiffness import Stiffness
 
-#: what a loose solve leaves of the residual, and how many there are
+#: reduction of the residual in an inexact solve, and largest number of such solves
 _LOOSE, _LOOSE_SOLVES = 0.1, 12
-#: exchanges of all rows that want it without fewer of them, before one row alone changes
+#: block exchanges allowed while the number of violated rows does not fall, before Murty's single exchange
 _BLOCKS = 3
-#: gaps are known to this much of the coordinates, and a row of forces to this much of what it sums
+#: relative round-off of gaps, to the coordinates, and of forces, to the terms that they are summed from
 ROUNDING = 1e-14
-#: a free motion is stopped by rows that move with it by this much of those that move most, and a load carried to it
+#: relative tolerance for the rank of the active rows on the rigid-body modes, and for the load left along them
 _STOPPED = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """All rows of all zones at some place, a row each (m,): `rows` (B, D, w), `G` there, `paired`, `held` (equalities).
+    """Contact rows of all zones at some q, (m,): `rows` (B, D, w), `G` at q, `paired`, `held` (equalities).
 
-    `c` (m,): stress per length, see above. `stuck` (m,): rows that would be paired, and that no unknown moves: their
-    gaps are what is prescribed.
+    `c` (m,): stress per length, see above. `stuck` (m,): covered rows that no unknown moves, so that their gaps follow
+    from prescribed displacements.
     """
 
     rows: Rows
@@ -57,33 +57,33 @@ class Contact:
 
     @property
     def covered(self) -> NDArray[np.bool_]:
-        """(m,): rows that face their master."""
+        """Mask (m,) of rows that are covered by their master, with or without unknowns."""
         return self.paired if self.stuck is None else self.paired | self.stuck
 
     def next(self, active: NDArray[np.bool_], p: Floats) -> NDArray[np.bool_]:
-        """(m,): the rows to close after a solve with `active` ones closed: those that press, and those that overlap."""
+        """Return the next active set (m,) after a solve with `active`: rows under pressure, open rows that overlap."""
         return self.paired & (self.held | np.where(active, p > 0, self.G < 0))
 
     def at(self, G: Floats) -> Contact:
-        """The same rows with other gaps."""
+        """Return these rows with other gap integrals G."""
         return replace(self, G=G)
 
     def defects(self, p: Floats) -> NDArray[np.floating]:
-        """(m,): how far p and G of each row are from the conditions, as a gap."""
+        """Return the residual (m,) of the contact conditions for p and G of each row, as a length."""
         gap = np.where(self.paired, self.G / self.rows.w, 0.0)
         free = np.minimum(np.where(self.paired, p / self.c, 0.0), gap)
         return np.where(self.held, gap, free)
 
     def defect(self, p: Floats) -> float:
-        """The largest of them, in size."""
+        """Return the largest magnitude of `defects`."""
         return float(np.abs(self.defects(p)).max(initial=0.0))
 
 
 class Outcome(NamedTuple):
-    """Where a search for equilibrium ended: `converged`, the iterate, its contact, the defects of each iteration.
+    """Result of a search for equilibrium: `converged`, the last iterate, its contact rows, and residuals.
 
-    `defects`: (balance, gap) after each linear solve, relative. `products`: with K^-1. `settled`: the last so many
-    solves were with one set.
+    `defects`: relative residuals (balance, gap) after each linear solve. `products`: number of applications of K^-1.
+    `settled`: number of last solves with the same active set.
     """
 
     converged: bool
@@ -96,10 +96,10 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class Limits:
-    """`tolerance` of both defects, `max_iterations`; `length`, of the coordinates that gaps are found from anew.
+    """Convergence criteria: `tolerance` of both residuals, and `max_iterations`.
 
-    It is 0 where gaps are linear: then they are known to rounding of the displacements alone. `moved`: how far what is
-    prescribed moves, which gaps are compared with beside q.
+    `length`: size of the coordinates from which gaps are recomputed, whose round-off limits them; 0 if gaps are linear,
+    with only the round-off of displacements. `moved`: largest prescribed displacement, part of the scale of gaps.
     """
 
     tolerance: float
@@ -108,35 +108,35 @@ class Limits:
     moved: float = 0.0
 
     def size(self, q: Floats) -> float:
-        """The length that gaps are compared with at q (n,)."""
+        """Return the scale of gaps at q (n,), a length."""
         return max(float(np.abs(q).max(initial=0.0)), self.moved, ROUNDING * self.length, 1e-300)
 
     def allowed(self, q: Floats) -> float:
-        """The gap that may be left at q (n,): the tolerance of that length, or rounding."""
+        """Return the gap that may remain at q (n,): the tolerance times the scale, or round-off."""
         return max(self.tolerance * self.size(q), ROUNDING * max(self.size(q), self.length))
 
     def goal(self, reduction: float, moved: float) -> Goal:
-        """How exactly to solve for gaps."""
+        """Return the tolerance of a linear solve, with a reduction and the scale `moved` of gaps."""
         return Goal(reduction, 1e-3 * self.tolerance, 1e-4 * ROUNDING * self.length, moved)
 
 
 class Terms(NamedTuple):
-    """The sizes (n,) of what each force is summed from, and the diagonal K (n,), in whose scaling solves are exact."""
+    """Sums (n,) of the magnitudes of each force's terms, and the diagonal K (n,), in whose scaling solves are exact."""
 
     size: Floats
     K: Floats
 
     def rounding(self) -> NDArray[np.floating]:
-        """(n,): the force that rounding leaves of each sum, D^1/2 max |D^-1/2 size|."""
+        """Return the round-off of each sum of forces (n,), ROUNDING D^1/2 max |D^-1/2 size|, with D the diagonal."""
         scale = np.sqrt(np.where(self.K > 0, self.K, 1.0))
         return ROUNDING * float((self.size / scale).max(initial=0.0)) * scale
 
 
 def balance(r: Floats, force: float, terms: Callable[[], Terms] | None, tolerance: float) -> float:
-    """How far forces are off, relative to the largest `force`, or to what rounding leaves of the sums.
+    """Return the residual of the force balance relative to the largest `force`, or to the round-off of the sums.
 
-    r (n,): what is left of each sum of forces. `terms()`, None if sums are exact: what is summed, which is asked for
-    only where the tolerance is not met.
+    r (n,): residual of each sum of forces. `terms()`: terms of the sums, computed only if the tolerance is not met;
+    None if the sums are exact.
     """
     off = np.abs(r) / max(force, 1e-300)
     if terms is not None and off.max(initial=0.0) > tolerance:
@@ -144,9 +144,9 @@ def balance(r: Floats, force: float, terms: Callable[[], Terms] | None, toleranc
     return float(off.max(initial=0.0))
 
 
-#: contact at q
+#: function for the contact rows at q
 At = Callable[[Floats], Contact]
-#: told of each iteration: number, closed rows, balance, gap
+#: callback for each iteration: number, closed rows, balance, gap
 Told = Callable[[int, int, float, float], None]
 
 
@@ -161,12 +161,14 @@ def find_equilibrium(
     turning: csr_array | None = None,
     told: Told | None = None,
 ) -> Outcome:
-    """Equilibrium under forces f (n,), from a guess, where rows are the same for all q and gaps linear.
+    """Find the equilibrium under forces f (n,) from a start, for rows that are constant and gaps linear in q.
 
-    The stiffness is that of `K`, and `turning` (n, n) if there is some, on a few unknowns: what was added to K for
-    motions of bodies that cost little energy. `free` (n, r): these and those that cost none, which `K` has as well.
+    The stiffness is `K` plus `turning` (n, n), if given, which acts on few unknowns: it removes the stabilisation added
+    to K for rigid-body motions of little energy. `free` (n, r): these motions and those without energy, `K.R`, which is
+    the default.
 
-    A set that stays after a loose solve is solved exactly in the same iteration: it goes on with the same system.
+    If an inexact solve leaves the active set unchanged, the same system is solved to full accuracy in the same
+    iteration.
     """
     stiffness = K.K if turning is None else csr_array(K.K + turning)
     free = K.R if free is None else free
@@ -207,11 +209,11 @@ def find_equilibrium(
 def stopped(
     R: Floats, contact: Contact, active: NDArray[np.bool_], f: Floats, resistance: Floats | None = None
 ) -> NDArray[np.bool_]:
-    """(m,): a set, with rows added so that no body that is free, by motions R (n, r), moves along its load f (n,).
+    """Return the active set (m,) with rows added until no rigid-body mode R (n, r) moves along its load f (n,).
 
-    Each is the row that is reached first as the body goes, if it is reached before the body comes to rest by itself:
-    `resistance` (r, r), none by default, is the stiffness that turning forces give to the motions. A load that no row
-    stops is left to what follows.
+    Each added row is the first that the moving body reaches, provided that it reaches it before it comes to rest by
+    itself: `resistance` (r, r), none by default, is the stiffness along the modes from follower forces and the like. A
+    load along a mode that no row constrains remains.
     """
     if not R.shape[1]:
         return active
@@ -232,7 +234,7 @@ def stopped(
 
 
 def _null_space(A: Floats) -> NDArray[np.floating]:
-    """(r, k): an orthonormal basis of what A (m, r) does not see."""
+    """Return an orthonormal basis (r, k) of the null space of A (m, r)."""
     if not len(A):
         return np.eye(A.shape[1])
     _, size, V = np.linalg.svd(A)
@@ -240,10 +242,11 @@ def _null_space(A: Floats) -> NDArray[np.floating]:
 
 
 class Pivots:
-    """Which rows change places. Block principal pivoting, kept finite by Murty's rule.
+    """Update of the active set by block principal pivoting, made finite by Murty's rule.
 
-    All rows that want to change do, as long as the number of them falls now and then; else one alone does, the first,
-    until fewer want to than ever before. A set is solved loosely when it is met first, and a few times in all.
+    All violated rows are exchanged as long as their number falls within a few steps; otherwise only the first one is,
+    until fewer rows than ever before are violated. A set is solved inexactly when it is met for the first time, and
+    only a limited number of times in all.
     """
 
     def __init__(self) -> None:
@@ -259,11 +262,11 @@ class Pivots:
         return _LOOSE if loose else 0.0
 
     def next(self, active: NDArray[np.bool_], wanted: NDArray[np.bool_], exact: bool) -> NDArray[np.bool_]:
-        """The next set, after a solve."""
+        """Return the next active set after a solve that asks for the set `wanted`."""
         changes = np.flatnonzero(active != wanted)
         if not exact or not len(changes):
             return wanted
-        self._loose = 0  # from here on numbers of changes are compared
+        self._loose = 0  # from here on the numbers of changes are compared, which needs exact solves
         if len(changes) < self._fewest:
             self._fewest, self._patience = len(changes), _BLOCKS
             return wanted
@@ -278,7 +281,7 @@ class Pivots:
 def _balance(
     K: csr_array, turning: csr_array | None, rows: Rows, f: Floats, q: Floats, p: Floats, tolerance: float
 ) -> float:
-    """How far the forces f - (K + turning) q - B^T p are from 0, see `balance`."""
+    """Return the relative residual of the forces f - (K + turning) q - B^T p, see `balance`."""
     inner, pressing = K @ q + (0.0 if turning is None else turning @ q), rows.B_T @ p
     force = max(float(np.abs(v).max(initial=0.0)) for v in (f, inner, pressing))
 
@@ -290,7 +293,7 @@ def _balance(
 
 
 def stiffness_of_rows(K: Stiffness, rows: Rows) -> NDArray[np.floating]:
-    """c (m,): w (b K b^T) / (b b^T)^2, stress per length; 1 where a row is zero or has no stiffness."""
+    """Return c (m,) = w (b K b^T) / (b b^T)^2, stress per length; 1 where a row is zero or has no stiffness."""
     touched = rows.touched
     B = rows.B[:, touched]
     energy = np.asarray(((B @ K.K[touched][:, touched]).multiply(B)).sum(axis=1)).ravel()
@@ -301,6 +304,6 @@ def stiffness_of_rows(K: Stiffness, rows: Rows) -> NDArray[np.floating]:
 
 
 def at_start(contact: Contact, closed: NDArray[np.bool_]) -> Iterate:
-    """The iterate of an undeformed body whose rows `closed` (m,) are in contact."""
+    """Return the iterate of the undeformed bodies, with the rows `closed` (m,) in contact."""
     m, n = contact.rows.B.shape
     return Iterate(np.zeros(n), np.zeros(m), closed & contact.paired | contact.held & contact.paired)

@@ -1,12 +1,12 @@
-"""Bodies that contact alone holds: how far each of their motions took them, and how much of contact stands against it.
+"""Bodies that only contact supports: the displacement along each rigid-body mode, and the resistance of contact to it.
 
-What a motion of a whole body meets is measured at the closed rows, those of the contacts and ties that hold their gaps
-in the end. A closed row resists what changes its gap, as stiffly as its skin is: a motion along its normal meets all of
-that, one at an angle to it the square of the cosine. So the mean, over the closed rows of a motion's bodies, of the
-squares of how far the motion of size 1 takes the skins along the normals is the part of the stiffness there that
-resists it. It has no unit and needs no solve; rows count alike, whatever their area and their bodies' moduli. A block
-between two others has about 1, whichever way they press, and a wedge the square of its slope; a pin along the axis of
-its bore has the square of what the mesh's roughness tilts normals by.
+The resistance to a rigid-body motion is measured at the closed rows, those of the contacts and ties that are active in
+the end. A closed row resists a change of its gap with the stiffness of its skin: a motion along its normal meets all of
+that stiffness, a motion at an angle the square of the cosine. So the mean square, over the closed rows of a motion's
+bodies, of the normal components of the motion of size 1 is the fraction of the stiffness that resists it. It is
+dimensionless and needs no solve; all rows count equally, whatever their area and their bodies' moduli. It is about 1
+for a block between two others, whichever way they press, and the square of the slope for a wedge; for a pin along the
+axis of its bore it is the square of the angle by which the mesh's roughness tilts normals.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from lacsolver.problem.rigid_modes import STOPPED_BY_CONTACT, FreeMotion, descri
 from lacsolver.results.state import Held
 from lacsolver.space.space import Space
 
-#: of the stiffness of contact: below it, contact hardly holds
+#: fraction of the contact stiffness below which contact hardly constrains a motion
 HARDLY = 1e-6
 
 
 def holdings(
     motions: Sequence[FreeMotion], closed: csr_array, u: Floats, *, x: Floats | None = None
 ) -> tuple[Held, ...]:
-    """What came of motions that nothing but contact stops, at u (n_dof,), where rows `closed` (m, n_dof) hold.
+    """Evaluate rigid-body motions that only contact constrains, at u (n_dof,) with the closed rows (m, n_dof).
 
-    First those that contact hardly stops, alone or together, then the motions as they are given. `x` (n_nodes, 3):
-    where the bodies are, if that is not where the mesh has them.
+    Returns first the motions that contact hardly constrains, alone or combined, then the motions as given. `x`
+    (n_nodes, 3): deformed coordinates; None for the undeformed bodies.
     """
     if not motions:
         return ()
@@ -42,9 +42,10 @@ def holdings(
 
 
 def _loose(motions: Sequence[FreeMotion], closed: csr_array, x: Floats | None) -> Sequence[FreeMotion]:
-    """The motions that contact hardly stops: those among the ones given, by their names, unless more of them together.
+    """Return the motions that contact hardly constrains: those among the given ones, or combinations if there are more.
 
-    A motion that is hardly stopped is known to the root of `HARDLY` alone, too little to tell its axis by.
+    The given ones are preferred, since a combination is only accurate to the root of `HARDLY`, which is too little to
+    describe its axis.
     """
     alone = [m for m, size in zip(motions, felt(closed, motions, x), strict=True) if size**2 < HARDLY]
     together = still_free(closed, motions, least=float(np.sqrt(HARDLY)), x=x)
@@ -52,9 +53,9 @@ def _loose(motions: Sequence[FreeMotion], closed: csr_array, x: Floats | None) -
 
 
 def _moved(motions: Sequence[FreeMotion], u: Floats, x: Floats | None) -> Iterator[tuple[str, float, float]]:
-    """What each motion is called, how far it displaced a node at most, and the least extent of a body that it moves.
+    """Yield the description of each motion, its largest nodal displacement, and the least extent of its bodies.
 
-    A point has no extent that it could be compared with.
+    A body of one point has an infinite extent, so that no displacement is large for it.
     """
     for motion, far in zip(motions, displaced_by(motions, u, x), strict=True):
         sizes = [np.ptp(motion.space.local.points[body.nodes], axis=0).max() for body in motion.bodies]
@@ -62,9 +63,9 @@ def _moved(motions: Sequence[FreeMotion], u: Floats, x: Floats | None) -> Iterat
 
 
 def warnings_of(held: Sequence[Held], prescribed: float) -> Iterator[str]:
-    """Sentences on motions that contact hardly resists, or that took a body farther than its size.
+    """Yield warnings about motions that contact hardly resists, or that displaced a body by more than its size.
 
-    `prescribed`: how far what is prescribed moves; a body that goes along with that goes where it is meant to.
+    `prescribed`: largest prescribed displacement, by which a body may move in addition.
     """
     told: set[str] = set()
     for one in held:
@@ -86,9 +87,9 @@ def _resisted(part: float) -> str:
 
 
 def beyond_a_cell(space: Space, u: Floats) -> str | None:
-    """A sentence on the node that u (n_dof,) takes farthest, if that is farther than the largest cell it is of is long.
+    """Return a warning if the largest nodal displacement of u (n_dof,) exceeds the size of the node's largest cell.
 
-    Small kinematics leaves bodies and contact where they were.
+    Under small kinematics bodies and contact are evaluated undeformed.
     """
     far = np.linalg.norm(u.reshape(-1, space.dim), axis=1)
     node = int(far.argmax())

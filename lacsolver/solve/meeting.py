@@ -1,7 +1,7 @@
-"""All joints of a problem at one displacement: rows, gaps and their derivatives, on the unknowns of all nodes.
+"""All contact pairs of a problem at one displacement: rows, gaps and their derivatives, on the unknowns of all nodes.
 
-B v = int (v(x) - v(x_bar)).n, D = -dG/du; they are one where an interface stays where it was, or its tangent is asked
-to be symmetric.
+B v = int (v(x) - v(x_bar)).n, D = -dG/du; both are the same if an interface is paired only once, or if a symmetric
+tangent is required.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from lacsolver.problem.problem import Joint, Problem
 
 @dataclass(frozen=True, eq=False)
 class Meeting:
-    """Interfaces of joints, and their rows one after the other (m,), a tie's d a macro-element.
+    """Interfaces of the contact pairs, and their rows one after the other (m,); a tie has d rows per macro-element.
 
-    `B`, `D` (m, n_dof); `G` (m,) gap integrals; `w` (m,) what they are integrals over, 1 where nothing is; `covered`
-    (m,): enough of the master is in front; `held` (m,): rows that are equalities. `motions`: how interfaces change,
-    None for those that do not.
+    `B`, `D` (m, n_dof); `G` (m,): gap integrals; `w` (m,): measure that they are integrated over, 1 for uncovered rows;
+    `covered` (m,): True if the coverage reaches the threshold; `held` (m,): True for equalities. `motions`: derivatives
+    of the interfaces, None for those without.
     """
 
     interfaces: tuple[Interface, ...]
@@ -39,11 +39,11 @@ class Meeting:
 
     @property
     def turns(self) -> bool:
-        """Whether contact forces change direction or place with the displacement."""
+        """True if the direction or position of contact forces depends on the displacement."""
         return any(motion is not None for motion in self.motions)
 
     def turning(self, p: Floats) -> csr_array:
-        """(n_dof, n_dof): d(B^T p)/du at pressures p (m,)."""
+        """Return d(B^T p)/du (n_dof, n_dof) at pressures p (m,)."""
         n = self.B.shape[1]
         total, first = csr_array((n, n)), 0
         for face, motion in zip(self.interfaces, self.motions, strict=True):
@@ -55,7 +55,10 @@ class Meeting:
 
 
 def meeting(problem: Problem, interfaces: Sequence[Interface], u: Floats) -> Meeting:
-    """What the joints' interfaces come to at u (n_dof,); gaps of those that stay where they were are linear in u."""
+    """Return contact rows, gaps and derivatives of all contact pairs at u (n_dof,).
+
+    The gaps of pairs that are paired only once are linear in u.
+    """
     d, n = problem.space.dim, problem.space.n_dof
     B: list[csr_array] = [csr_array((0, n))]
     D: list[csr_array] = [csr_array((0, n))]
@@ -80,7 +83,7 @@ def meeting(problem: Problem, interfaces: Sequence[Interface], u: Floats) -> Mee
 
 
 def _motion(problem: Problem, joint: Joint, face: Interface) -> Motion | None:
-    """How a joint's interface moves; None where it does not, or where the tangent asked for leaves that out."""
+    """Return the derivatives of a pair's interface; None if it is paired only once, or for a symmetric tangent."""
     if not joint.moving or problem.case.solver.tangent == "symmetric":
         return None
     return motion_of(face, face.slave, face.master, joint.pairing, problem.space.dim)

@@ -1,10 +1,10 @@
-"""The problem at one time, on the unknowns that are left: forces, tangent and contact wherever the bodies are.
+"""The problem at one time on the constrained unknowns q: forces, tangent and contact at any q.
 
-u = u(q, t), which is T q + u0(t) but for finite rotations of rigid bodies; T = du/dq:
+u = u(q, t) is T q + u0(t), except for finite rotations of rigid bodies; T = du/dq:
 
     r(q) = T^T (f(u, t) - f_int(u)) + forces on rigid bodies,   K_q = T^T K T,   B_q = B T,   D_q = D T
 
-Equilibrium is r = B_q^T p. Where the kinematics are small and the skins stay where they were, all of it is linear in q.
+Equilibrium is r = B_q^T p. Under small kinematics with skins that are paired once, everything is linear in q.
 """
 
 from __future__ import annotations
@@ -33,13 +33,14 @@ from lacsolver.solve.newton import Place
 from lacsolver.solve.schur import Rows
 from lacsolver.solve.stiffness import Stiffness, Whole, hold, leading_unknowns
 
-#: of the bodies' extent: how far a node may be across the axis
+#: how far a node may be across the axis of symmetry, relative to the bodies' extent
 _AXIS = 1e-9
-#: springs are soft that resist a rigid motion by less than this of the bodies' own stiffness
+#: springs are soft if they resist a rigid-body motion by less than this fraction of the bodies' own stiffness
 _SOFT = 1e-4
-#: more motions than these are not looked at for what soft springs hold: they are dense, and iterations do without
+#: largest number of rigid-body motions for which those on soft springs are sought: they are stored densely, and the
+#: iterations converge without them
 _MANY = 300
-#: a unit motion with more than this beside some others is another one
+#: a unit motion is independent of others if its part orthogonal to them is larger than this
 _ANOTHER = 1e-8
 
 
@@ -47,8 +48,8 @@ _ANOTHER = 1e-8
 class Model:
     """A problem on its constrained unknowns.
 
-    `held`: K_q of the undeformed bodies and what solves with it; `motions`: those of whole bodies that nothing but
-    contact stops; `length`: the size of coordinates, whose rounding limits what gaps are known to.
+    `held`: K_q of the undeformed bodies, factorised; `motions`: rigid-body motions that only contact constrains;
+    `length`: size of the coordinates, whose round-off limits the accuracy of gaps.
     """
 
     problem: Problem
@@ -59,17 +60,17 @@ class Model:
 
     @cached_property
     def K(self) -> csr_array:
-        """(n_dof, n_dof): of the undeformed bodies."""
+        """Stiffness (n_dof, n_dof) of the undeformed bodies."""
         return self.problem.kinematics.tangent(np.zeros(self.problem.space.n_dof), 0.0)
 
     @cached_property
     def motions(self) -> tuple[FreeMotion, ...]:
-        """Motions of whole bodies that displacements and springs leave free."""
+        """Rigid-body motions that prescribed displacements and springs leave free."""
         return free_motions(self.problem.space, self.problem.constraints, self.problem.springs)
 
     @cached_property
     def held(self) -> Stiffness:
-        """K_q (n_q, n_q), with what makes it `steady`, factorised."""
+        """K_q (n_q, n_q) of the undeformed bodies with the stabilisation `steady`, factorised."""
         try:
             return self.hold(self.steadied(self.reduced(self.K, self.problem.constraints.T)))
         except SingularError as error:
@@ -77,16 +78,16 @@ class Model:
 
     @cached_property
     def free(self) -> NDArray[np.floating]:
-        """(n_q, r): motions of bodies that hardly cost energy, orthonormal; first those that never cost any.
+        """Orthonormal rigid-body motions (n_q, r) that cost little energy, those that never cost any first.
 
-        Those are `motions`, and what only springs hold that are soft beside the bodies.
+        These are `motions`, and motions that only springs constrain which are soft compared with the bodies.
         """
         always = [m for m in self.motions if self._always_free(m)]
         found = self._orthonormal([*always, *(m for m in self.motions if not self._always_free(m))])
         return np.concatenate([found, self._soft(found)], axis=1)
 
     def _soft(self, free: Floats) -> NDArray[np.floating]:
-        """(n_q, k): orthonormal motions of bodies beside the `free` ones (n_q, r) that soft springs alone hold."""
+        """Return orthonormal motions (n_q, k) on soft springs alone, orthogonal to the `free` ones (n_q, r)."""
         problem = self.problem
         motions = () if problem.springs is None else free_motions(problem.space, problem.constraints)
         if not 0 < len(motions) <= _MANY:
@@ -98,21 +99,21 @@ class Model:
         moved = problem.constraints.T @ held
         energy, axes = np.linalg.eigh(moved.T @ (problem.springs @ moved))
         stiff = self.K.diagonal()
-        stiff = np.where(stiff > 0, stiff, stiff.mean())  # of a rigid body that no cell holds, as of the others
+        stiff = np.where(stiff > 0, stiff, stiff.mean())  # the mean for rigid bodies without cells
         return (held @ axes)[:, energy < _SOFT * (stiff @ np.square(moved @ axes))]
 
     @cached_property
     def R(self) -> NDArray[np.floating]:
-        """(n_q, k): the columns of `free` that K_q takes to 0 wherever the bodies are."""
+        """The columns (n_q, k) of `free` that are in the null space of K_q in any configuration."""
         return self.free[:, : sum(map(self._always_free, self.motions))]
 
     @cached_property
     def steady(self) -> csr_array | None:
-        """(n_q, n_q): springs against motions of whole bodies that cost a little energy, or may gain some.
+        """Stabilisation (n_q, n_q): springs against rigid-body motions whose energy is small or may become negative.
 
-        Those are rotations, where forces turn with the bodies, and what soft springs hold. They act on differences of
-        unknowns, so that motions which cost none do not feel them; they are taken off again as a part of the turning
-        forces. None where there are none.
+        These are rotations, for which the geometric stiffness has either sign, and motions on soft springs. The springs
+        act on differences of unknowns, so that motions without energy are not affected, and they are subtracted again
+        as a part of the geometric stiffness. None if there are no such motions.
         """
         soft = self.free[:, self.R.shape[1] :]
         if not soft.shape[1]:
@@ -130,11 +131,11 @@ class Model:
         return csr_array(size * (w @ w.T))
 
     def steadied(self, K_q: csr_array) -> csr_array:
-        """K_q with `steady`."""
+        """Return K_q plus the stabilisation `steady`."""
         return K_q if self.steady is None else csr_array(K_q + self.steady)
 
     def _always_free(self, motion: FreeMotion) -> bool:
-        """Whether a motion costs no energy wherever the bodies are: any where all is linear, else a translation."""
+        """True for a motion without energy in any configuration: all motions of a linear problem, else translations."""
         return self.linear or not motion.twists[:, 3:].any()
 
     def _orthonormal(self, motions: Sequence[FreeMotion]) -> NDArray[np.floating]:
@@ -143,12 +144,12 @@ class Model:
         return np.linalg.qr(np.stack([self.unknowns(motion.field) for motion in motions], axis=1))[0]
 
     def hold(self, K: csr_array, definite: bool = True, like: Stiffness | None = None) -> Stiffness:
-        """K (n_q, n_q), factorised by the case's backend, with what serves again of an earlier one."""
+        """Factorise K (n_q, n_q) by the case's backend; `like`: an earlier stiffness whose analysis is reused."""
         backend, threads = self.problem.case.solver.backend, self.problem.threads
         return hold(K, self.R, backend=backend, threads=threads, whole=self._whole, definite=definite, like=like)
 
     def _singular(self, error: SingularError) -> SingularError:
-        """The error of a singular stiffness, in words of the mesh: the node that moves most, and along which axis."""
+        """Return the error of a singular stiffness in terms of the mesh: the node that moves most, and its axis."""
         space = self.problem.space
         if error.dof is None:
             return error
@@ -163,7 +164,10 @@ class Model:
 
     @cached_property
     def _whole(self) -> Whole | None:
-        """Where q stands among the unknowns of all nodes, and every body's rigid motions; None if q are others."""
+        """Embedding of q in the unknowns of all nodes, with the rigid-body modes, for multigrid.
+
+        None if T does not merely select unknowns.
+        """
         space, c = self.problem.space, self.problem.constraints
         if not c.is_selection:
             return None
@@ -173,26 +177,26 @@ class Model:
 
     @cached_property
     def length(self) -> float:
-        """The bodies' extent; about an axis the largest radius, if it is more: radii are counted from the axis."""
+        """Extent of the bodies, in axisymmetry at least the largest radius, since radii are measured from the axis."""
         space = self.problem.space
         radius = space.mesh.points[space.attached, 0].max() if space.model.axisymmetric else 0.0
         return max(space.extent, float(radius))
 
     @cached_property
     def longest(self) -> float:
-        """The longest cell's extent."""
+        """Extent of the largest cell."""
         space = self.problem.space
         return max(float(np.ptp(space.local.points[b.nodes], axis=1).max(initial=0.0)) for b in space.blocks)
 
     @cached_property
     def linear(self) -> bool:
-        """Whether forces and gaps are linear in q: small kinematics, and skins that are paired once."""
+        """True if forces and gaps are linear in q: small kinematics, and skins that are paired once."""
         return self.problem.kinematics.constant and not any(joint.moving for joint in self.problem.joints)
 
     def check_beside_axis(self, u: Floats) -> None:
-        """Raises InadmissibleError where u (n_dof,) takes nodes of an axisymmetric model to the other side of the axis.
+        """Raise InadmissibleError if u (n_dof,) moves nodes of an axisymmetric model across the axis.
 
-        Those that are within rounding of it stay there.
+        Nodes within round-off of the axis are accepted.
         """
         space = self.problem.space
         if space.model.axisymmetric:
@@ -203,14 +207,14 @@ class Model:
                 raise InadmissibleError(f"nodes {numbers} are taken across the axis; take smaller steps")
 
     def unknowns(self, u: Floats) -> NDArray[np.floating]:
-        """(n_q,): q with T q = u, (n_dof,), which has one."""
+        """Return q (n_q,) with T q = u, for a u (n_dof,) in the range of T."""
         c, T = self.problem.constraints, self.problem.constraints.T
         if c.is_selection:
             return u[c.free]
         return np.asarray(spsolve(csc_array(T.T @ T), T.T @ u))
 
     def check_held(self, interfaces: Sequence[Interface], paired: NDArray[np.bool_]) -> None:
-        """Raises DataError where a body may move and no contact or tie would stop it: who, and how."""
+        """Raise DataError, with a description, if a rigid-body motion is constrained by nothing, contact included."""
         if not self.motions:
             return
         n = self.K.shape[0]
@@ -221,14 +225,14 @@ class Model:
             raise DataError(f"nothing holds a part of the model: {said}; add a displacement, a spring or a contact")
 
     def reduced(self, K: csr_array, T: csr_array) -> csr_array:
-        """T^T K T."""
+        """Return T^T K T."""
         c = self.problem.constraints
         if c.is_selection:
             return csr_array(K[c.free][:, c.free])
         return csr_array((T.T @ K @ T).tocsr())
 
     def interface(self, joint: Joint, u: Floats, t: float) -> Interface:
-        """A joint's interface: a moving one's where u (n_dof,) takes the skins, a still one's where they were."""
+        """Return a pair's interface, on the skins displaced by u (n_dof,) if it is paired again, else undeformed."""
         space = self.problem.space
         if joint.moving:
             return integrate(joint.zone, space.dim, joint.pairing, x=joint.places(space, u), t=t)
@@ -239,7 +243,7 @@ class Model:
 
 @dataclass(eq=False)
 class Instant:
-    """A time: what acts, what is prescribed, and the bodies and their contact at any q."""
+    """A problem at one time: loads, prescribed displacements, and forces, tangent and contact at any q."""
 
     model: Model
     t: float
@@ -251,35 +255,35 @@ class Instant:
 
     @cached_property
     def u0(self) -> NDArray[np.floating]:
-        """(n_dof,): what is prescribed."""
+        """Displacement (n_dof,) at q = 0, from the prescribed displacements."""
         return self.model.problem.constraints.u0(self.t)
 
     @cached_property
     def dead(self) -> NDArray[np.floating]:
-        """(n_dof,): nodal forces of what acts, followers where the mesh has their faces."""
+        """Nodal forces of the loads (n_dof,), with follower loads on the undeformed faces."""
         return self.model.problem.load(self.t)
 
     def load(self, u: Floats) -> NDArray[np.floating]:
-        """(n_dof,): the same with followers at u (n_dof,)."""
+        """Return the nodal forces of the loads (n_dof,), with follower loads on the faces at u (n_dof,)."""
         follows = any(pressure.follower for pressure in self.model.problem.case.pressure)
         return self.model.problem.load(self.t, u) if follows else self.dead
 
     @cached_property
     def f(self) -> NDArray[np.floating]:
-        """(n_q,): forces of a linear problem, K_q q = f without contact."""
+        """Forces (n_q,) of a linear problem, K_q q = f without contact."""
         c = self.model.problem.constraints
         return np.asarray(c.T.T @ (self.dead - self.model.K @ self.u0) + c.force(self.t))
 
     def u(self, q: Floats) -> NDArray[np.floating]:
-        """(n_dof,)."""
+        """Return the displacement (n_dof,) at q."""
         return self.model.problem.constraints.displacement(q, self.t)
 
     def interfaces(self, q: Floats) -> tuple[Interface, ...]:
-        """Those of all joints at q."""
+        """Return the interfaces of all contact pairs at q."""
         return self._meeting(q).interfaces
 
     def contact(self, q: Floats) -> Contact:
-        """The rows of all joints, and their gaps at q."""
+        """Return the rows of all contact pairs, and their gaps at q."""
         if self._fixed is not None:
             return self._fixed.at(self._fixed.G - self._fixed.rows.D @ q)
         made = self._contact(self._meeting(q), self.model.problem.constraints.tangent(q, self.t))
@@ -288,24 +292,24 @@ class Instant:
         return made
 
     def closed_rows(self, q: Floats, active: NDArray[np.bool_]) -> csr_array:
-        """(k, n_dof): B of the rows that are closed at q."""
+        """Return the rows (k, n_dof) of B at q that are closed, as `active` tells."""
         return csr_array(self._meeting(q).B[np.flatnonzero(active)])
 
     def reaction(self, q: Floats, p: Floats) -> NDArray[np.floating]:
-        """(n_dof,): forces that what holds the bodies gives them: f_int - f + B^T p."""
+        """Return the reactions (n_dof,) of the supports on the bodies, f_int - f + B^T p."""
         u, problem = self.u(q), self.model.problem
         return problem.kinematics.internal_force(u, self.t) - self.load(u) + self._meeting(q).B.T @ p
 
     def place(self, q: Floats) -> Place:
-        """Forces, tangent and contact at q. Raises InadmissibleError where cells are turned inside out."""
+        """Return forces, tangent and contact at q. Raises InadmissibleError where cells are inverted."""
         u = self.u(q)
         self.model.check_beside_axis(u)
         return self._place(q, u)
 
     def foreseen(self, q: Floats, u: Floats, p: Floats) -> Place:
-        """What `place` comes to, linearised about u (n_dof,) where what is prescribed was as it is no more.
+        """Return a first-order prediction of `place`, from a displacement u (n_dof,) with earlier prescribed values.
 
-        Forces and gaps are those at u, and what the rest of the way to u(q, t) adds to them at pressures p (m,).
+        Forces and gaps are those at u, plus their linear change on the way to u(q, t) at pressures p (m,).
         """
         return self._place(q, u, self.u(q) - u, p)
 
@@ -338,7 +342,7 @@ class Instant:
             stiff = np.abs(K_q.diagonal())
             if problem.kinematics.constant:
                 return Terms(abs(K_q) @ np.abs(q) + np.abs(motion) + abs(T).T @ (np.abs(inner) + np.abs(load)), stiff)
-            return Terms(stiff * (float(np.abs(q).max(initial=0.0)) + self.model.longest), stiff)  # strains are of 1
+            return Terms(stiff * (float(np.abs(q).max(initial=0.0)) + self.model.longest), stiff)  # strains of about 1
 
         size = max(float(np.abs(v).max(initial=0.0)) for v in (inner, load, motion, out))
         return Place(
@@ -352,7 +356,7 @@ class Instant:
         )
 
     def _held(self, K_q: csr_array, drag: float, definite: bool) -> Stiffness:
-        """K_q with a part of that of the undeformed bodies, factorised: theirs where it is constant."""
+        """Return K_q plus `drag` times that of the undeformed bodies, factorised; a constant K is the latter alone."""
         model = self.model
         if model.problem.kinematics.constant:
             return model.held
@@ -361,12 +365,12 @@ class Instant:
             with suppress(SingularError):
                 model.last = model.hold(K, like=model.last or model.held)
                 return model.last
-        self._definite = bool(drag)  # bodies that buckle: it is not worth trying again before the next step
+        self._definite = bool(drag)  # bodies that buckle: a definite factor is not tried again before the next step
         model.last = model.hold(K, definite=False, like=model.last)
         return model.last
 
     def _contact(self, met: Meeting, T: csr_array) -> Contact:
-        """Rows on q."""
+        """Return the contact rows on the unknowns q."""
         left = csr_array(met.B @ T)
         rows = Rows(left, left if met.D is met.B else csr_array(met.D @ T), met.w)
         moved = np.diff(left.indptr) > 0
@@ -374,7 +378,7 @@ class Instant:
         return Contact(rows, met.G, met.covered & moved, met.held, c, met.covered & ~moved)
 
     def _meeting(self, q: Floats) -> Meeting:
-        """The joints at q; that of the last q that was asked about is kept, and any will do where they stay."""
+        """Return all contact pairs at q; the last result is cached, and in a linear problem it is valid for every q."""
         if self._last is None or not (self.model.linear or np.array_equal(self._last[0], q)):
             u = self.u(q)
             self._last = q.copy(), meeting(self.model.problem, self._paired(u), u)

@@ -1,17 +1,17 @@
-"""Equilibrium where stiffness or contact change with the displacement: Newton's method on forces, gaps and set at once.
+"""Newton's method for equilibrium with a stiffness or contact that depends on the displacement.
 
-At q, with forces r that nothing but contact balances, one linear system gives the next displacement and pressures:
+At q, with the residual r of forces without contact, one linear system gives the next displacement and pressures:
 
-    K dq + C(p) dq + B_A^T p = r,   D_A dq = G_A              C: how contact, followers, rigid bodies turn forces
+    K dq + C(p) dq + B_A^T p = r,   D_A dq = G_A        C: geometric stiffness of contact, follower loads, rigid bodies
 
-and the set of closed rows follows its signs, as in `equilibrium`. A step that leaves forces and gaps worse than they
-were in the last few, or turns cells inside out, is taken in part: the largest force out of balance, and a part of the
-largest that it takes to close the gaps that should be, by c_m of each, make one number without a unit to choose. Sets
-that come back without that number having fallen are a cycle: then the linear problem is held, and its set found by
-block pivoting, which ends, before anything is linearised again.
+and the signs of p and G give the next active set, as in `equilibrium`. A step is shortened if it inverts cells, or if
+its merit is worse than those of the last few iterations. The merit function is a force: the largest unbalanced force,
+plus a fraction of the largest force that would close the remaining gaps, by c_m of each. An active set that is met
+again although the merit has not fallen indicates a cycle: then the linear problem is kept, and its active set found by
+block pivoting, which is finite, before anything is linearised again.
 
-Systems are solved as exactly as the state is worth: to a part of what forces and gaps are off, so that the last
-iterations converge quadratically.
+Linear systems are solved inexactly, to a fraction of the nonlinear residual, so that the last iterations converge
+quadratically.
 """
 
 from __future__ import annotations
@@ -33,28 +33,28 @@ from lacsolver.solve.equilibrium import Contact, Limits, Outcome, Pivots, Terms,
 from lacsolver.solve.schur import Goal, solve_rows
 from lacsolver.solve.stiffness import Stiffness
 
-#: parts of a step that are tried, one after the other
+#: step lengths that are tried, in this order
 _PARTS = (1.0, 0.5, 0.25, 0.125, 0.0625)
-#: a step may leave things no worse than they were in the worst of so many
+#: number of last iterations whose largest merit a step may not exceed (non-monotone line search)
 _REMEMBERED = 4
-#: stiffness of what is behind a macro-element's own skin, of that skin's: what a gap counts for among forces
+#: weight of gaps in the merit function: stiffness of the body behind a macro-element, as a fraction of its skin's
 _BEHIND = 0.1
-#: steps without a new least defect after which a search is given up: a smaller step in time does better
+#: iterations without a new least merit after which a search is given up, in favour of a smaller time step
 _PATIENCE = 10
-#: what a solve leaves of the residual: at most, and of the defect
+#: relative tolerance of a linear solve: largest value, and factor on the nonlinear residual
 _LOOSE, _PART = 1e-4, 0.1
-#: a held linear problem is given up after so many sets
+#: largest number of active sets of one linear problem
 _SETS = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Bodies and contact at some q. `r` (n,): forces that nothing balances but contact; `size`: the largest there is.
+    """Linearisation at some q. `r` (n,): residual of forces without contact; `size`: the largest force.
 
-    `terms()`, None if forces are exact: what they are summed from, which rounding goes with.
-    `stiffness(drag, definite)`: makes K there, with a part of the undeformed bodies' added, factorised; where it need
-    not be `definite`, with no notice of negative energies. `turning`: makes C (n, n) at pressures p (m,), None where
-    there is none. `free` (n, k): motions of whole bodies that nothing but contact stops.
+    `terms()`: terms that the forces are summed from, for their round-off; None if forces are exact.
+    `stiffness(drag, definite)`: returns K at q plus `drag` times that of the undeformed bodies, factorised; negative
+    energies are accepted unless `definite`. `turning`: returns C (n, n) at pressures p (m,), None if there is none.
+    `free` (n, k): rigid-body motions that only contact constrains.
     """
 
     r: NDArray[np.floating]
@@ -66,12 +66,12 @@ class Place:
     terms: Callable[[], Terms] | None = None
 
 
-#: the place at q; raises InadmissibleError
+#: function for the linearisation at q; raises InadmissibleError
 At = Callable[[Floats], Place]
 
 
 class _Defect(NamedTuple):
-    """How far a state is from equilibrium: forces and gaps, relative; `whole`: both as one force."""
+    """Residuals of a state: relative ones of forces and gaps, and the merit `whole`, which has both as one force."""
 
     balance: float
     gap: float
@@ -95,21 +95,21 @@ def follow(
     drag: float = 0.0,
     told: Told | None = None,
 ) -> Outcome:
-    """Equilibrium from a guess. `first`: what to take for the place there, for instance foreseen from another one.
+    """Find the equilibrium by Newton's method from a start. `first`: linearisation to use there, such as a prediction.
 
-    `exact`: solve each system as exactly as numbers allow, which is worth it where one factor of K serves them all.
-    `drag`: of the undeformed bodies' stiffness, added to K at first, and less as the defect falls: pseudo-transient
-    continuation (Kelley and Keyes 1998), the way of a body in a viscous medium, which goes on to another equilibrium
-    where there is none near by, and takes no notice of forces that grow on the way.
+    `exact`: solve each linear system to round-off, which pays if one factor of K serves them all. `drag`: fraction of
+    the undeformed bodies' stiffness that is added to K at first, and decreases with the residual: pseudo-transient
+    continuation (Kelley and Keyes 1998), the motion of a body in a viscous medium, which reaches a distant equilibrium
+    if there is none close by, and accepts residuals that grow on the way.
 
-    Raises InadmissibleError where the guess itself turns cells inside out.
+    Raises InadmissibleError if the start itself inverts cells.
     """
     place = at(start.q) if first is None else first
     active = place.contact.paired & (start.active | place.contact.held)
     scale, p = _Scale(limits, exact), np.where(active, start.p, 0.0)
     now = _State(start.q, p, place, scale.defect(place, start.q, p))
     sets, products, met, last, settled = _Sets(), 0, False, None, 0
-    history = [np.inf if first is not None else now.defect.whole]  # what is foreseen has defects of its own
+    history = [np.inf if first is not None else now.defect.whole]  # the residual of a prediction is not comparable
     defects: list[tuple[float, float]] = []
     while not met and len(defects) < limits.max_iterations:
         cycles = sets.record(active, now.defect.whole) <= now.defect.whole  # it comes back, and nothing is better
@@ -136,7 +136,7 @@ def follow(
 
 
 class _Made(NamedTuple):
-    """The step of a linear problem: dq, pressures, its set, how many sets were solved, and products with K^-1."""
+    """Step of a linear problem: dq, pressures, its active set, number of sets solved, and of applications of K^-1."""
 
     dq: NDArray[np.floating]
     p: NDArray[np.floating]
@@ -146,7 +146,7 @@ class _Made(NamedTuple):
 
 
 def _solved(now: _State, active: NDArray[np.bool_], scale: _Scale, drag: float, most: int) -> _Made | None:
-    """The step from a state; None where the tangent is singular, or the system cannot be solved."""
+    """Return the step from a state; None if the tangent is singular, or the system cannot be solved."""
     for definite in (True, False):  # an iterative backend finds out late that the tangent is not positive definite
         with suppress(LinearError):
             K = now.place.stiffness(drag, definite)
@@ -156,7 +156,7 @@ def _solved(now: _State, active: NDArray[np.bool_], scale: _Scale, drag: float, 
 
 
 def _stopped(K: Stiffness, now: _State, turning: csr_array | None, active: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """A set, with rows added so that no free body moves along its load farther than to where it comes to rest."""
+    """Return the active set with rows added until no rigid-body mode moves along its load, see `stopped`."""
     R = now.place.free
     resistance = R.T @ (K.K @ R if turning is None else K.K @ R + turning @ R)
     return stopped(R, now.place.contact, active, now.place.r, resistance)
@@ -165,7 +165,7 @@ def _stopped(K: Stiffness, now: _State, turning: csr_array | None, active: NDArr
 def _settled(
     K: Stiffness, now: _State, turning: csr_array | None, active: NDArray[np.bool_], scale: _Scale, most: int
 ) -> _Made:
-    """One solve with `active`, or as many as it takes, up to `most`, to find the set that goes with the step."""
+    """Solve the linear problem with `active`, and update the set until it is consistent, in at most `most` solves."""
     place, contact, goal, pivots, products, p = now.place, now.place.contact, scale.goal(now), Pivots(), 0, now.p
     for count in range(1, most + 1):
         start = np.zeros_like(now.q)
@@ -179,7 +179,10 @@ def _settled(
 
 
 def _best(at: At, now: _State, made: _Made, scale: _Scale, worst: float) -> _State | None:
-    """The first part of a step that leaves things no worse than `worst`, else the best; None if none is admissible."""
+    """Backtracking line search: return the first state whose merit is at most `worst`, else the best one.
+
+    None if all step lengths invert a cell.
+    """
     best = None
     for part in _PARTS:
         q, p = now.q + part * made.dq, now.p + part * (made.p - now.p)
@@ -196,7 +199,7 @@ def _best(at: At, now: _State, made: _Made, scale: _Scale, worst: float) -> _Sta
 
 
 class _Sets:
-    """The sets that were solved, and how far off things were then."""
+    """The active sets that were solved, with the merit at each."""
 
     def __init__(self) -> None:
         self._met: dict[bytes, float] = {}
@@ -211,13 +214,13 @@ class _Sets:
 
 
 class _Scale:
-    """What forces and gaps are compared with."""
+    """Scales of forces and gaps, for residuals and tolerances."""
 
     def __init__(self, limits: Limits, exact: bool) -> None:
         self.limits, self._exact = limits, exact
 
     def defect(self, place: Place, q: Floats, p: Floats) -> _Defect:
-        """How far forces and gaps are off."""
+        """Return the residuals of forces and gaps."""
         pressing = place.contact.rows.B_T @ p
         force = max(place.size, float(np.abs(pressing).max(initial=0.0)))
         off, off_by = place.r - pressing, place.contact.defects(p)
@@ -227,11 +230,11 @@ class _Scale:
         return _Defect(balance(off, force, place.terms, self.limits.tolerance), gap, whole)
 
     def met(self, now: _State) -> bool:
-        """Whether a state is an equilibrium, to the tolerance or to rounding of coordinates."""
+        """True if a state is an equilibrium, to the tolerance or to the round-off of coordinates."""
         limits = self.limits
         return now.defect.balance <= limits.tolerance and now.defect.gap <= limits.allowed(now.q) / limits.size(now.q)
 
     def goal(self, now: _State) -> Goal:
-        """How exactly to solve at a state."""
+        """Return the tolerance of the linear solve at a state."""
         reduction = 0.0 if self._exact else min(_LOOSE, _PART * max(now.defect.balance, now.defect.gap))
         return self.limits.goal(reduction, self.limits.size(now.q))

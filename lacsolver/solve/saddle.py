@@ -1,4 +1,4 @@
-"""The saddle system of a set of rows that are held, what it is asked to, and how the pressures of skins go with gaps.
+"""Saddle-point system of the active contact rows: its data, tolerances and preconditioner.
 
 The system is K q + B_A^T p = f, D_A q = G_A.
 """
@@ -17,13 +17,13 @@ from scipy.sparse.linalg import splu
 from lacmesh.mesh import Floats, Ints
 from lacsolver.solve.stiffness import Stiffness
 
-#: a motion is held by rows that move with it by at least this much of those that move most
+#: relative tolerance for the rank of the active rows on the rigid-body modes
 HELD = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows of contact on the constrained unknowns: B, D (m, n), w (m,) what G is a mean over."""
+    """Contact rows on the constrained unknowns: B, D (m, n), and w (m,), the measure that G is integrated over."""
 
     B: csr_array
     D: csr_array
@@ -31,24 +31,24 @@ class Rows:
 
     @cached_property
     def B_T(self) -> csr_array:
-        """(n, m)."""
+        """The transpose of B, (n, m)."""
         return self.B.T.tocsr()
 
     @cached_property
     def touched(self) -> Ints:
-        """The unknowns that some row moves."""
+        """Indices of the unknowns with an entry in B."""
         return np.unique(self.B.indices)
 
     @cached_property
     def gram(self) -> csr_array:
-        """B B^T."""
+        """The product B B^T."""
         return csr_array(self.B @ self.B_T)
 
 
 class Solved(NamedTuple):
-    """Unknowns q (n,), pressures p (m,), and the largest |G_A - D_A q| / w that is left.
+    """Solution of a system: unknowns q (n,), pressures p (m,), and `left`, the largest remaining |G_A - D_A q| / w.
 
-    `products`: with K^-1, or V-cycles where multigrid stands for it.
+    `products`: number of applications of K^-1, or of V-cycles with multigrid.
     """
 
     q: NDArray[np.floating]
@@ -58,9 +58,9 @@ class Solved(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """Where a solve ends: gaps at `reduction` of what they are off at the start, or at what numbers allow.
+    """Tolerance of a linear solve: residual of gaps at `reduction` times the initial one, or at a lower limit.
 
-    That is `relative` of the largest unknown (or of `moved`), or `absolute`, lengths.
+    The limit is `relative` times the largest unknown (or `moved`), or `absolute`; both are lengths.
     """
 
     reduction: float
@@ -69,15 +69,16 @@ class Goal(NamedTuple):
     moved: float
 
     def least(self, q: Floats) -> float:
-        """The gap that need not be closed further."""
+        """Return the lower limit of the residual of gaps, a length."""
         return max(self.relative * max(float(np.abs(q).max(initial=0.0)), self.moved), self.absolute)
 
 
 class Skins:
-    """The rows that are held, A: which pressures close their gaps, about, and which carry a load on a free motion.
+    """Preconditioner of the active rows A: approximate pressures for given gaps, and pressures that balance a load.
 
-    (B B^T)^-1 B K B^T (B B^T)^-1 is the stiffness of the skins themselves, put in terms of pressures (Farhat and Roux's
-    lumped preconditioner of 1991, with the scaling of the rows). `QB`, `QD` (a, r): what rows feel of free motions.
+    (B B^T)^-1 B K B^T (B B^T)^-1 is the stiffness of the skins in terms of pressures (the lumped preconditioner of
+    Farhat and Roux 1991, with the scaling of the rows). `QB`, `QD` (a, r): products of the rows with the rigid-body
+    modes R.
     """
 
     def __init__(self, K: Stiffness, rows: Rows, active: Ints) -> None:
@@ -91,18 +92,18 @@ class Skins:
         self.inverse = pseudo_inverse(self.QB.T @ self.QD)
 
     def pressing(self, gap: Floats) -> NDArray[np.floating]:
-        """(a,): about the pressures that open gaps (a,) by."""
+        """Return the approximate pressures (a,) that open gaps by `gap` (a,)."""
         if not self.n:
             return gap
         return np.asarray(self.gram.solve(self.B @ (self.inner @ (self.B_T @ self.gram.solve(gap)))))
 
     def carrying(self, load: Floats) -> NDArray[np.floating]:
-        """(a,): pressures that carry a load (r,) along the free motions."""
+        """Return pressures (a,) that balance a load (r,) along the rigid-body modes."""
         return np.asarray(self.QD @ (self.inverse @ load))
 
 
 def pseudo_inverse(A: Floats) -> NDArray[np.floating]:
-    """The inverse of A (r, r) along what it holds."""
+    """Return the pseudo-inverse of A (r, r)."""
     if not A.size:
         return np.zeros(A.shape)
     U, size, V = np.linalg.svd(A)

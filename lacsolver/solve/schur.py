@@ -1,13 +1,13 @@
-"""Pressures and displacements where some rows are held: K q + B_A^T p = f, D_A q = G_A, for any set A on one K.
+"""Solution of K q + B_A^T p = f, D_A q = G_A by the Schur complement, for any active set A with one factor of K.
 
-With a factor of K, pressures are sought on the Schur complement D K^-1 B^T by generalised conjugate residuals, a short
-loop of products with K^-1, and q follows on the way, without a solve of its own. With the preconditioner of `saddle`
-the number of products hardly grows with the mesh: 2 to 5 to a tenth of the residual, 20 to 25 to round-off. With
-multigrid, where K^-1 is a loop itself, both are sought in one loop (`coupled`).
+With a factor of K, the pressures are solved for on the Schur complement D K^-1 B^T by generalised conjugate residuals,
+a short loop of applications of K^-1, and q is updated in the same loop, without a solve of its own. With the
+preconditioner of `saddle` the number of applications hardly grows with the mesh: 2 to 5 for a tenth of the residual, 20
+to 25 to round-off. With multigrid, where K^-1 is itself iterative, both are solved for in one loop (`coupled`).
 
-Where bodies move freely but for contact (`stiffness`), pressures stay in balance with the load along each free motion
-(the coarse projection of FETI, Farhat and Roux), so that the springs which make K definite carry nothing, and the
-motions themselves follow from the gaps.
+For bodies that only contact supports (`stiffness`), pressures are kept in balance with the load along each rigid-body
+mode (the coarse projection of FETI, Farhat and Roux), so that the springs that make K definite carry no force, and the
+rigid-body motions themselves follow from the gaps.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from lacsolver.solve.stiffness import Stiffness
 
 __all__ = ["Goal", "Rows", "Solved", "solve_rows"]
 
-#: products without a new least: residuals stay where they are while the motions that hardly anything resists are found
+#: largest number of applications without a decrease: residuals stagnate while motions of little resistance are found
 _PATIENCE = 40
-#: products in all
+#: largest number of applications of K^-1 in all
 _MOST = 400
-#: the backward error (`linear.refine`) of forces in balance, some units of rounding, and corrections until they are
+#: backward error (`linear.refine`) of forces in balance, a few units of round-off, and most corrections to reach it
 _BALANCED, _CORRECTIONS = 2e-15, 3
-#: a round that leaves more than this of the residual has met rounding
+#: a cycle that leaves more than this fraction of the residual has reached round-off
 _SLOW = 0.5
-#: an image that keeps less than this of its length when the others are taken out is not orthogonal yet; is noise
+#: orthogonalise a second time when the first pass leaves less than this fraction of the norm; fraction that is noise
 _LOST, _NOISE = 0.1, 1e-12
 
 
@@ -49,9 +49,9 @@ def solve_rows(
     goal: Goal,
     turning: csr_array | None = None,
 ) -> Solved:
-    """q and p with K q + B_A^T p + `turning` (q - q_0) = f and D_A q = G_A, from a guess q_0, p, to a goal.
+    """Solve K q + B_A^T p + `turning` (q - q_0) = f and D_A q = G_A for q and p, from a start q_0, p, to a goal.
 
-    `turning` (n, n): how contact forces change as the skins move, small beside K; its forces are unknowns of the loop.
+    `turning` (n, n): geometric stiffness, small compared with K; its forces are further unknowns of the loop.
     """
     if K.cycles:
         return solve_coupled(K, rows, active, f, G, q, p, goal, turning)
@@ -74,9 +74,9 @@ def solve_rows(
 
 
 class _Found(NamedTuple):
-    """Unknowns q (n,), pressures p (m,) and forces of `turned` s in balance; the residual r of gaps, and of s.
+    """An iterate in balance: unknowns q (n,), pressures p (m,), forces s of `turned`; residual r of gaps and of s.
 
-    `force`: the largest of loads and of contact; `products`: solves with K that the balance took.
+    `force`: largest force of loads and contact; `products`: number of solves with K for the balance.
     """
 
     q: NDArray[np.floating]
@@ -88,16 +88,17 @@ class _Found(NamedTuple):
 
 
 def _over(r: Floats, allowed: Floats) -> float:
-    """The largest residual, over what is allowed of it; over its unit, a length."""
+    """Return the largest residual relative to `allowed`; relative to its unit it is a length."""
     return float((np.abs(r) / allowed).max(initial=0.0))
 
 
 def _in_balance(K: Stiffness, f: Floats, terms: Floats, q: Floats) -> tuple[NDArray[np.floating], int]:
-    """q such that K q = f to rounding, and how many solves it took. terms (n,): the sizes of what f is summed from.
+    """Correct q until K q = f to round-off; return q and the number of solves.
 
-    What is in balance is left as it is: another solve would bring noise, which soft bodies turn into gaps.
+    terms (n,): sums of the magnitudes of the terms of f. A q that is in balance is left unchanged: another solve would
+    add noise, which soft bodies turn into gaps.
     """
-    if not f.any():  # what is left of earlier loads is noise, and nothing that it could be compared with
+    if not f.any():  # no load: the rest of q is noise of earlier loads, without a scale to compare it with
         return K.R @ (K.R.T @ q), 0
     scale = 1 / np.sqrt(np.abs(K.diagonal))
     for count in range(_CORRECTIONS):
@@ -109,7 +110,7 @@ def _in_balance(K: Stiffness, f: Floats, terms: Floats, q: Floats) -> tuple[NDAr
 
 
 class _Loop:
-    """What the products of one active set share. Residuals are gaps of the active rows, then forces of `turned`."""
+    """Operators of one active set. Residuals are gaps of the active rows, then forces of the unknowns `turned`."""
 
     def __init__(
         self, K: Stiffness, rows: Rows, active: Ints, turning: csr_array | None, start: Floats, G: Floats
@@ -120,49 +121,49 @@ class _Loop:
         self.turning = csr_array((0, K.K.shape[0])) if turning is None else turning[self.turned]
         self.skins = Skins(K, rows, active)
         stiff = np.abs(K.diagonal[self.turned]) if len(self.turned) else np.empty(0)
-        self.unit = np.concatenate([rows.w[active], stiff])  # residuals over it are lengths
+        self.unit = np.concatenate([rows.w[active], stiff])  # residuals divided by it are lengths
         self.QB, self.QD = self.skins.QB, np.concatenate([self.skins.QD, self.turning @ K.R])
 
     def spread(self, s: Floats) -> NDArray[np.floating]:
-        """(n,): forces of `turned` on all unknowns."""
+        """Return forces s of `turned` on all unknowns, (n,)."""
         out = np.zeros(self.K.K.shape[0])
         out[self.turned] = s
         return out
 
     def balanced(self, p: Floats, f: Floats) -> NDArray[np.floating]:
-        """Pressures of the active rows alone that carry the load along every free motion which these hold."""
+        """Return pressures, 0 on inactive rows, that balance the load along modes that the active rows constrain."""
         out = np.zeros_like(p)
         out[self.active] = p[self.active]
         out[self.active] += self.skins.carrying(self.K.R.T @ (f - self.rows.B_T @ out))
         return out
 
     def precondition(self, r: Floats) -> NDArray[np.floating]:
-        """About what makes the residual r, in balance along the free motions: pressures, then forces."""
+        """Return the preconditioned correction for r, in balance along the rigid-body modes: pressures, then forces."""
         s = r[self.n :]
         z = self.skins.pressing(r[: self.n])
         moment = self.QB.T @ z + self.K.R[self.turned].T @ s
         return np.concatenate([z - self.skins.carrying(moment), s])
 
     def project(self, r: Floats) -> NDArray[np.floating]:
-        """What is left of a residual after the best free motion."""
+        """Return the part of a residual that remains after the best rigid-body motion."""
         return np.asarray(r - self.QD @ self.motion(r))
 
     def motion(self, r: Floats) -> NDArray[np.floating]:
-        """(r,): the free motion that closes the gaps of a residual best."""
+        """Return the amplitudes (r,) of the rigid-body modes that best close the gaps of a residual."""
         return np.asarray(self.skins.inverse @ (self.QB.T @ r[: self.n]))
 
     def moved(self, z: Floats) -> NDArray[np.floating]:
-        """K^-1 (B_A^T p + s)."""
+        """Return K^-1 (B_A^T p + s)."""
         full = np.zeros(self.rows.B.shape[0])
         full[self.active] = z[: self.n]
         return self.K.solve(self.rows.B_T @ full + self.spread(z[self.n :]))
 
     def residual(self, q: Floats, s: Floats) -> NDArray[np.floating]:
-        """How far gaps are open, and how far the forces s are from those that the turning makes."""
+        """Return the residual of gaps, and the difference between the forces of `turning` and s."""
         return np.concatenate([self.D @ q - self.G, self.turning @ (q - self.start) - s])
 
     def settled(self, f: Floats, q: Floats, p: Floats, s: Floats) -> _Found:
-        """Unknowns near q in balance with p and s, moved freely so that gaps are closed best, and what is left."""
+        """Return an iterate near q in balance with p and s, with the rigid-body motion that best closes the gaps."""
         p = self.balanced(p, f - self.spread(s))
         pressing, turned = self.rows.B_T @ p, self.spread(s)
         terms = np.abs(f) + abs(self.rows.B_T) @ np.abs(p) + np.abs(turned)
@@ -174,15 +175,15 @@ class _Loop:
         return _Found(q, p, s, self.residual(q, s), force, products)
 
     def allowed(self, now: _Found, goal: Goal) -> NDArray[np.floating]:
-        """What may be left of each residual: of gaps the least of the goal, of forces as much of the largest one."""
+        """Return the tolerance of each residual: for gaps the lower limit of the goal, for forces a part of `force`."""
         forces = np.full(len(self.turned), max(goal.relative * now.force, 1e-300))
         return np.concatenate([max(goal.least(now.q), 1e-300) * self.unit[: self.n], forces])
 
     def run(self, now: _Found, allowed: Floats, most: int) -> tuple[Floats, Floats, Floats, int]:
-        """Generalised conjugate residuals, of lengths: gaps as means over macro-elements, forces over stiffness.
+        """Run generalised conjugate residuals on lengths: gaps as means over macro-elements, forces over stiffness.
 
-        Returns steps of q, p and s, and how many directions there were. The loop ends where what is left of a residual
-        is `allowed`, or no longer falls, or where a direction is one of those before but for rounding.
+        Returns steps of q, p and s, and the number of directions. The loop ends when the residual is at most `allowed`,
+        when it no longer falls, or when a direction depends on the earlier ones up to round-off.
         """
         unit, ends = self.unit, allowed / self.unit
         r = self.project(now.r) / unit

@@ -1,4 +1,4 @@
-"""From step to step: equilibrium at each time; a step that finds none is halved, and grows again once it does."""
+"""Stepping in time: equilibrium at each step; a step that does not converge is halved, and grows again afterwards."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ from lacsolver.solve.model import Instant, Model
 from lacsolver.solve.newton import Place, follow
 from lacsolver.space.places import wrong
 
-#: times that differ by this much of themselves are one
+#: relative difference below which two times are the same
 _SAME = 1e-9
-#: a gap of this much of the macro-element's size is none, when the initial status is asked for
+#: gap, relative to the macro-element's size, below which a row is closed in the initial status
 _TOUCHING = 1e-6
-#: part of the undeformed bodies' stiffness that the second search for an equilibrium begins with
+#: damping of the second search for an equilibrium at its start, relative to the undeformed bodies' stiffness
 _DRAG = 1.0
-#: displacements below this much of what gaps are known to are too small for pressures that one can trust
+#: displacements below this multiple of the round-off of gaps are too small for reliable pressures
 _CLEAR = 100
 _EPSILON = float(np.finfo(float).eps)
-#: a load along a free motion that contact leaves, against all of it
+#: load along a rigid-body mode that contact does not balance, relative to all forces along it
 _UNCARRIED = 1e-6
 
 
 class NotConvergedError(LacmeshError):
-    """No equilibrium was found at some time. `state`: the last one tried."""
+    """No equilibrium was found at some time. `state`: the last state tried."""
 
     status = 4
 
@@ -51,7 +51,7 @@ class NotConvergedError(LacmeshError):
 
 
 class Told(NamedTuple):
-    """An iteration: time sought, halvings so far, its number, closed rows, relative defects of balance and gap."""
+    """An iteration: target time, halvings so far, its number, closed rows, relative residuals of balance and gap."""
 
     time: float
     halvings: int
@@ -63,7 +63,7 @@ class Told(NamedTuple):
 
 @dataclass
 class _Step:
-    """What was spent on a step so far."""
+    """Iterations, halvings and residuals of a step so far."""
 
     iterations: int = 0
     halvings: int = 0
@@ -78,10 +78,10 @@ class _Step:
 def march(
     problem: Problem, *, start: Restart | None = None, told: Callable[[Told], None] | None = None
 ) -> Iterator[State]:
-    """States that converged, step after step, from the undeformed body or a state that was kept.
+    """Yield the converged states, step by step, from the undeformed bodies or a restart.
 
-    Raises NotConvergedError where a step was halved too often, DataError where something may move freely, CaseError
-    where skins overlap, or are held apart, by what is prescribed alone.
+    Raises NotConvergedError if a step was halved too often, DataError if a rigid-body motion is not constrained,
+    CaseError if prescribed displacements alone make skins overlap, or hold a tie apart.
     """
     model = Model(problem)
     steps = problem.case.steps
@@ -110,18 +110,18 @@ def march(
 
 @dataclass(frozen=True)
 class _Path:
-    """The way so far: what was found at a time, and `earlier` (None if there is none); at first the undeformed body."""
+    """The last converged iterate with its time, and the one before in `earlier`; None for the undeformed bodies."""
 
     time: float = 0.0
     iterate: Iterate | None = None
     earlier: tuple[float, Iterate] | None = None
 
     def then(self, time: float, iterate: Iterate) -> _Path:
-        """One step on."""
+        """Return the path after one more step."""
         return _Path(time, iterate, None if self.iterate is None else (self.time, self.iterate))
 
     def guess(self, t: float) -> Iterate | None:
-        """What comes at time t if things go on as they went; None before two steps are done."""
+        """Return the linear extrapolation of the last two iterates to time t; None if there are fewer."""
         if self.iterate is None or self.earlier is None:
             return None
         now, (then, last) = self.iterate, self.earlier
@@ -130,7 +130,7 @@ class _Path:
 
 
 def _warn_of_rounding(instant: Instant, now: Iterate) -> bool:
-    """Warn where bodies move by hardly more than the gaps between their skins are known to, and say if it did."""
+    """Warn if displacements are hardly larger than the round-off of gaps; return True if it warned."""
     model = instant.model
     moved = float(np.abs(instant.u(now.q)).max(initial=0.0))
     if model.linear:
@@ -147,7 +147,7 @@ def _warn_of_rounding(instant: Instant, now: Iterate) -> bool:
 
 
 def _check_stuck(instant: Instant, q: Floats, contact: Contact) -> None:
-    """Raises CaseError where what is prescribed on both sides decides on a gap, and not as contact or tie has it."""
+    """Raise CaseError if prescribed displacements on both sides fix a gap and violate the contact or tie condition."""
     space, gap, first = instant.model.problem.space, contact.G / contact.rows.w, 0
     wrong_way = np.where(contact.held, np.abs(gap), -gap) * (contact.covered & ~contact.paired)
     for joint, face in zip(instant.model.problem.joints, instant.interfaces(q), strict=True):
@@ -163,15 +163,15 @@ def _check_stuck(instant: Instant, q: Floats, contact: Contact) -> None:
 
 
 def meeting_times(case: Case) -> list[float]:
-    """Times that steps end at: those planned, and those at which fields are asked for."""
+    """Return the times at which steps must end: the planned ones, and those of fields in [output]."""
     asked = [t for t in case.output.times or () if 0 < t <= case.steps.last]
     return sorted({*case.steps.planned, *asked})
 
 
 def _search(instant: Instant, path: _Path, spent: _Step, told: Callable[[Told], None] | None) -> Outcome:
-    """Equilibrium at a time; where kinematics are finite and none is found, a second search is dragged.
+    """Search the equilibrium at one time; under finite kinematics a second, damped search follows a failed first one.
 
-    The iterations of the first one count too.
+    The iterations of both searches are counted.
     """
     model, solver = instant.model, instant.model.problem.case.solver
     moved = float(np.abs(instant.u0).max(initial=0.0))
@@ -203,13 +203,13 @@ def _search(instant: Instant, path: _Path, spent: _Step, told: Callable[[Told], 
 
 
 def _foreseen(instant: Instant, now: Iterate, time: float) -> Place:
-    """The place to come as it looks from what was found at an earlier time, or from the undeformed body."""
+    """Return the predictor: the linearisation at the new time, from the last iterate or the undeformed bodies."""
     u = Instant(instant.model, time).u(now.q) if time else np.zeros_like(instant.u0)
     return instant.foreseen(now.q, u, now.p)
 
 
 def _first(instant: Instant) -> Iterate:
-    """The undeformed body; checks that contact may hold what nothing else does."""
+    """Return the initial iterate at q = 0. Raises errors for overlap, zones without a master, unsupported bodies."""
     problem, q = instant.model.problem, np.zeros(instant.model.problem.constraints.n_q)
     contact, interfaces = instant.contact(q), instant.interfaces(q)
     for joint, face in zip(problem.joints, interfaces, strict=True):
@@ -221,14 +221,14 @@ def _first(instant: Instant) -> Iterate:
 
 
 def _initial(joint: Joint, face: Interface) -> NDArray[np.bool_]:
-    """(rows,): which rows of a joint are closed at the start."""
+    """Return a mask (rows,), True for rows of a pair that are closed at the start."""
     if joint.initial == "gap":
         return _touching(face)
     return np.full(face.B.shape[0], joint.initial == "all")
 
 
 def _touching(face: Interface) -> NDArray[np.bool_]:
-    """(rows,): which rows of a joint have no gap, but for rounding."""
+    """Return a mask (rows,), True for rows of a pair without a gap, up to round-off."""
     return np.asarray(face.gap <= _TOUCHING * face.length)
 
 
@@ -240,7 +240,7 @@ def _state(
     earlier: tuple[float, Iterate] | None = None,
     held: tuple[Held, ...] = (),
 ) -> State:
-    """The state of an outcome, and what a restart needs of the one before."""
+    """Return the state of an outcome, with the data of the one before that a restart needs."""
     problem = instant.model.problem
     q, p, contact = outcome.iterate.q, outcome.iterate.p, outcome.contact
     gap = contact.G / contact.rows.w
@@ -260,7 +260,7 @@ def _state(
 
 
 def _held(instant: Instant, outcome: Outcome) -> tuple[Held, ...]:
-    """What came of motions that nothing but contact stops; where kinematics are finite, of those from there on."""
+    """Evaluate the rigid-body motions that only contact constrains, under finite kinematics on the deformed bodies."""
     model, (q, _, active) = instant.model, outcome.iterate
     if not model.motions:
         return ()
@@ -269,7 +269,7 @@ def _held(instant: Instant, outcome: Outcome) -> tuple[Held, ...]:
     if not model.problem.kinematics.constant:
         x = space.local.points.copy()
         x[:, : space.dim] += u.reshape(-1, space.dim)
-    touching = [  # where nothing presses, rounding alone says which of them are closed
+    touching = [  # without pressure, round-off alone decides which of them are active
         _touching(face) if joint.one_sided else np.zeros(face.B.shape[0], bool)
         for joint, face in zip(model.problem.joints, instant.interfaces(q), strict=True)
     ]
@@ -280,7 +280,7 @@ def _held(instant: Instant, outcome: Outcome) -> tuple[Held, ...]:
 def _pressed(
     joint: Joint, face: Interface, p: NDArray, gap: NDArray, paired: NDArray[np.bool_], force: NDArray
 ) -> ZoneState:
-    p = np.maximum(p, 0.0) if joint.one_sided else p  # rounding leaves some an atom below
+    p = np.maximum(p, 0.0) if joint.one_sided else p  # round-off makes some slightly negative
     closed = (p > 0) | (not joint.one_sided)
     status = np.where(paired, np.where(closed, CONTACT, OPEN), UNPAIRED).astype(np.int8)
     return ZoneState(
@@ -303,7 +303,7 @@ def _tied(
 
 
 def _why(instant: Instant, outcome: Outcome) -> str:
-    """What a user is told of a search that failed: what moves away, or where the balance is off, and what to try."""
+    """Return the message for a failed search: a body that moves away, or the largest imbalance, and what to try."""
     model, problem = instant.model, instant.model.problem
     q, p, rows = outcome.iterate.q, outcome.iterate.p, outcome.contact.rows
     contact, closed = rows.B_T @ p, rows.B[np.flatnonzero(outcome.iterate.active)]

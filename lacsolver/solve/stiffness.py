@@ -1,8 +1,8 @@
-"""K on the constrained unknowns, made regular and factorised.
+"""Stiffness K on the constrained unknowns, regularised and factorised.
 
-A body that only contact holds makes K singular: springs at as many unknowns as it has free motions make it definite,
-and the contact loop (`schur`) sees to it that they carry nothing. Multigrid works on the blocks of whole nodes: for it
-K is put back among all unknowns, with rows of the identity for those that are held.
+A body that only contact supports makes K singular: springs at as many unknowns as it has rigid-body modes make K
+definite, and the contact loop (`schur`) ensures that they carry no force. Multigrid works on blocks of whole nodes: for
+it K is embedded in the unknowns of all nodes, with multiples of identity rows for the constrained ones.
 """
 
 from __future__ import annotations
@@ -25,7 +25,11 @@ from lacsolver.linear.multigrid import MultigridAnalysis, MultigridFactor
 
 
 class Whole(NamedTuple):
-    """Where q stands among the unknowns of all nodes: `free` (n_q,), of `n_dof`, `block` a node; `modes` (n_dof, r)."""
+    """Embedding of q in the unknowns of all nodes.
+
+    `free` (n_q,): indices of q among the `n_dof` unknowns; `block`: unknowns per node; `modes` (n_dof, r): rigid-body
+    modes.
+    """
 
     free: Ints
     n_dof: int
@@ -34,10 +38,10 @@ class Whole(NamedTuple):
 
 
 class Stiffness(NamedTuple):
-    """K (n, n) of the constrained unknowns, what solves with it, and the motions R (n, r) that it does not resist.
+    """K (n, n) on the constrained unknowns, its factor, and the rigid-body modes R (n, r) in its null space.
 
-    `R` has orthonormal columns. `whole`: None where `factor` is that of K itself, with springs (n,). `analysis`: what
-    the factor was made by.
+    `R` has orthonormal columns. `factor`: that of K with the springs `spring` (n,), embedded by `whole` unless that is
+    None. `analysis`: the analysis that the factor was made by.
     """
 
     K: csr_array
@@ -48,21 +52,21 @@ class Stiffness(NamedTuple):
     analysis: Analysis | None = None
 
     def solve(self, f: Floats) -> NDArray[np.floating]:
-        """(n,): K^-1 f; f in balance along R, or the springs take what is left."""
+        """Return K^-1 f (n,); f should be in balance along R, since the springs balance the rest."""
         return self._on_nodes(self.factor.solve, f)
 
     @property
     def cycles(self) -> bool:
-        """Whether `cycle` is all there is, and K^-1 takes many of them."""
+        """True with multigrid, where `cycle` is the basic operation and K^-1 takes many cycles."""
         return isinstance(self.factor, MultigridFactor)
 
     def cycle(self, f: Floats) -> NDArray[np.floating]:
-        """(n,): about K^-1 f, by one V-cycle of multigrid."""
+        """Return an approximation of K^-1 f (n,), by one V-cycle of multigrid."""
         assert isinstance(self.factor, MultigridFactor)
         return self._on_nodes(self.factor.hierarchy.cycle, f)
 
     def times(self, q: Floats) -> NDArray[np.floating]:
-        """(n,): K q, on all threads with multigrid."""
+        """Return K q (n,), computed on all threads with multigrid."""
         if not isinstance(self.factor, MultigridFactor):
             return np.asarray(self.K @ q)
         made = self._on_nodes(self.factor.__matmul__, q)
@@ -70,22 +74,22 @@ class Stiffness(NamedTuple):
 
     @property
     def diagonal(self) -> NDArray[np.floating]:
-        """(n,): of K with its springs; 1 where that is nothing."""
+        """Diagonal (n,) of K with its springs; 1 where it is 0."""
         d = self.K.diagonal() + (0.0 if self.spring is None else self.spring)
         return np.where(d == 0, 1.0, d)
 
     @property
     def team(self) -> Team:
-        """The threads of multigrid."""
+        """Threads of multigrid; a single one for direct backends."""
         return self.factor.team if isinstance(self.factor, MultigridFactor) else Team(1)
 
     def note(self, use: str, cycles: int, first: float, last: float) -> None:
-        """That so many V-cycles brought a residual down from the first size to the last."""
+        """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""
         if isinstance(self.factor, MultigridFactor) and first > 0:
             self.factor.hierarchy.note(use, cycles, float(np.log10(first / max(last, 1e-16 * first))))
 
     def _on_nodes(self, apply: Callable[[Floats], Floats], f: Floats) -> NDArray[np.floating]:
-        """What is done on the unknowns of whole nodes, if it is."""
+        """Apply an operator to f, embedded in the unknowns of all nodes if the operator works on nodal blocks."""
         if self.whole is None:
             return np.asarray(apply(f))
         all_f = np.zeros(self.whole.n_dof)
@@ -103,13 +107,13 @@ def hold(
     definite: bool = True,
     like: Stiffness | None = None,
 ) -> Stiffness:
-    """Factorise K, symmetric, with springs at r unknowns along its free motions R (n, r), so that it is definite.
+    """Factorise a symmetric K, regularised by springs at r unknowns that fix its rigid-body modes R (n, r).
 
-    `whole` lets multigrid see whole nodes. Where `definite` is false, K may be indefinite, see `analyse`. `like`: what
-    was made of an earlier K, much the same, by the same backend: its analysis serves again where the pattern is as it
-    was (its factor is given up then), its hierarchy as long as it is not worn.
+    `whole`: embedding in whole nodes, for multigrid. With `definite` false K may be indefinite, see `analyse`. `like`:
+    stiffness of an earlier, similar K by the same backend: its analysis is reused if the pattern is the same (which
+    releases its factor), its hierarchy until it is stale.
 
-    Raises SingularError where K has more free motions than R.
+    Raises SingularError if K has other motions without energy than R.
     """
     regular, spring = K, None
     if R.shape[1]:
@@ -132,7 +136,7 @@ def hold(
 def _factorised(
     K: csr_array, backend: str, threads: int, like: Stiffness | None, definite: bool
 ) -> tuple[Analysis, Factor]:
-    """An analysis, the one before if it serves, and the factor of K."""
+    """Return an analysis, the previous one if it can be reused, and the factor of K."""
     before = None if like is None else like.analysis
     if isinstance(before, DirectAnalysis) and before.asked == (backend, definite):
         with suppress(RequestError):  # another pattern
@@ -142,7 +146,7 @@ def _factorised(
 
 
 def leading_unknowns(R: Floats) -> Ints:
-    """(r,): unknowns that tell the motions R (n, r) apart best."""
+    """Return r unknowns at which the motions R (n, r) are well distinguished, by QR with column pivoting."""
     if not R.shape[1]:
         return np.empty(0, np.int64)
     *_, order = scipy.linalg.qr(R.T, mode="r", pivoting=True)
@@ -150,7 +154,7 @@ def leading_unknowns(R: Floats) -> Ints:
 
 
 def _put_back(K: csr_array, whole: Whole) -> bsr_array:
-    """K (n_dof, n_dof), rows of its mean diagonal for unknowns that are held."""
+    """Return K embedded in all unknowns, (n_dof, n_dof), with its mean diagonal in the rows of constrained ones."""
     length = np.ones(whole.n_dof, np.int64)
     length[whole.free] = np.diff(K.indptr)
     indptr = np.concatenate([[0], np.cumsum(length)])

@@ -1,1 +1,1 @@
-"""The displacement space: unknowns, quadrature, fields, and where a record of the case acts."""
+"""The displacement space: unknowns, quadrature, fields, and the nodes that a record of the case acts on."""

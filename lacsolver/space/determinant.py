@@ -1,4 +1,4 @@
-"""The determinant of the map of cells at given reference points: volume elements, and which cells are folded."""
+"""Jacobian determinant of cells at given reference points, for volume elements and for the check of inverted cells."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from lacmesh.mesh import Floats, Ints
 
 
 def determinant(nodes: Ints, x: Floats, dN: Floats) -> NDArray[np.floating]:
-    """(c, p): det J of cells with nodes (c, n) at x (n_nodes, 3), for dN (p, n, dim), dim 2 (in x, y) or 3."""
+    """Return det J (c, p) of cells with nodes (c, n) at x (n_nodes, 3), for dN (p, n, dim), dim 2 (in x, y) or 3."""
     n_points, n, dim = dN.shape
     J = np.zeros((dim, dim, n_points, len(nodes)))
     for a in range(n):

@@ -1,6 +1,6 @@
-"""Which nodes share a cell: the blocks of the stiffness that are not zero, in block-CSR form.
+"""Sparsity pattern of the stiffness in block-CSR form: pairs of nodes that share a cell.
 
-The pattern depends on the mesh alone. It is built once, and values are written into it as often as the tangent changes.
+The pattern depends on the mesh alone. It is built once, and values are written into it whenever the tangent changes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Pattern(NamedTuple):
 
 
 def node_pattern(cells: Iterable[Ints], n_nodes: int) -> Pattern:
-    """The pattern of cells given as arrays of nodes (k, n), one array a type.
+    """Return the pattern of cells given as arrays of nodes (k, n), one array per type.
 
     >>> node_pattern([np.array([[0, 2], [2, 1]])], 4)
     Pattern(indptr=array([0, 2, 4, 7, 7], dtype=int32), indices=array([0, 2, 1, 2, 0, 1, 2], dtype=int32))
@@ -42,7 +42,10 @@ def node_pattern(cells: Iterable[Ints], n_nodes: int) -> Pattern:
 
 @kernel
 def cells_of_nodes(first: Any, nodes: Any, n_nodes: int) -> Any:
-    """Start (n_nodes + 1,) and cells: the cells of each node, ascending. Cell e has nodes[first[e]:first[e + 1]]."""
+    """Return the cells of each node, ascending: starts (n_nodes + 1,) and cells.
+
+    Cell e has the nodes nodes[first[e]:first[e + 1]].
+    """
     start = np.zeros(n_nodes + 2, np.int64)
     for k in range(len(nodes)):
         start[nodes[k] + 2] += 1
@@ -59,7 +62,7 @@ def cells_of_nodes(first: Any, nodes: Any, n_nodes: int) -> Any:
 
 @kernel
 def symbolic(first: Any, nodes: Any, n_nodes: int) -> Any:
-    """Row starts (n_nodes + 1,) int64 and ascending columns, int32, of the pattern."""
+    """Return the row starts (n_nodes + 1,), int64, and the ascending columns, int32, of the pattern."""
     start, cells = cells_of_nodes(first, nodes, n_nodes)
     seen = np.full(n_nodes, -1, np.int32)
     indptr = np.zeros(n_nodes + 1, np.int64)

@@ -1,6 +1,6 @@
-"""Where a record of the case acts: the nodes of a group of cells or of nodes, or the node at a place.
+"""Nodes that a record of the case acts on: those of a group of cells or of nodes, or the node at a place.
 
-Displacements, rigid bodies, forces, springs and probes all read their nodes here.
+Displacements, rigid bodies, forces, springs and probes all find their nodes here.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from lacsolver.case.keys import section_of
 from lacsolver.case.records import AtNodes, Entry, Rigid
 from lacsolver.space.space import Space
 
-#: a place may be this much of the bodies' extent away from its node
+#: largest distance of a place from its node, relative to the bodies' extent
 _NEAR = 1e-6
 
 
 def nodes_of(space: Space, record: AtNodes | Rigid) -> Ints:
-    """(k,): the nodes, sorted, that a record names by `group` and `kind`, or by `at`.
+    """Return the sorted nodes (k,) that a record names by `group` and `kind`, or by `at`.
 
-    A group of cells stands for the nodes of its cells, whatever their dimension; without a `kind` a name means cells if
-    both have it. Raises CaseError for a group that is missing or empty, and for a place that has no node, or several
-    (of two bodies that touch): nodes of no cell, as centres of arcs, are taken only where there is no other.
+    A group of cells means the nodes of its cells, whatever their dimension; without a `kind`, a name that both a cell
+    group and a node group have means the cells. Raises CaseError for a group that is missing or empty, and for a place
+    that has no node, or several (of two bodies that touch). Nodes of no cell, such as centres of arcs, are taken only
+    if there is no other node at the place.
     """
     at = getattr(record, "at", None)
     if at is not None:
@@ -39,7 +40,7 @@ def nodes_of(space: Space, record: AtNodes | Rigid) -> Ints:
 
 
 def cells_of(space: Space, record: AtNodes | Rigid) -> Ints | None:
-    """Sorted indices of the cells of a record's group, None where it is a group of nodes.
+    """Return the sorted indices of the cells of a record's group, None if it is a group of nodes.
 
     Raises CaseError for a group that the mesh lacks.
     """
@@ -59,7 +60,7 @@ def cells_of(space: Space, record: AtNodes | Rigid) -> Ints | None:
 
 
 def nodes_on(space: Space, cells: Ints) -> Ints:
-    """(k,): the nodes of some cells (indices), sorted."""
+    """Return the sorted nodes (k,) of some cells (indices)."""
     chosen = np.zeros(space.mesh.n_nodes, bool)
     for _, _, nodes in space.mesh.select(cells):
         chosen[nodes] = True
@@ -67,26 +68,26 @@ def nodes_on(space: Space, cells: Ints) -> Ints:
 
 
 def name_of(record: Entry) -> str:
-    """What a record's results are called by: its name, its group, or `at [x, y, z]`."""
+    """Return the name of a record in results: its name, its group, or `at [x, y, z]`."""
     name = getattr(record, "name", None) or getattr(record, "group", None)
     return str(name) if name else f"at [{_written(getattr(record, 'at', ()))}]"
 
 
 def said(record: Entry) -> str:
-    """A record in a message: `displacement 'left' (press.toml, line 12)`."""
+    """Describe a record in a message: `displacement 'left' (press.toml, line 12)`."""
     name = getattr(record, "group", None)
     which = repr(name) if name else name_of(record)
     return f"{section_of(type(record)).name} {which}" + (f" ({record.place})" if record.place else "")
 
 
 def wrong(record: Entry, message: str) -> CaseError:
-    """The error for a record, with the line it stands on."""
+    """Return the error for a record, with its line in the file."""
     place = f"{record.place}: " if record.place else ""
     return CaseError([Problem(f"{place}{section_of(type(record)).name}: {message}")])
 
 
 def _written(at: Iterable[float]) -> str:
-    """A place as it was written: with all its digits, which may tell it from another."""
+    """Format a place with all its digits, which may distinguish it from another."""
     return ", ".join(repr(float(c)).removesuffix(".0") for c in at)
 
 

@@ -1,9 +1,9 @@
-"""Quadrature for elasticity: the rule of every cell, chosen so that three things hold.
+"""Quadrature for elasticity: the rule of every type of cell, chosen so that three conditions hold.
 
 1. The patch test is passed on any cell, distorted or curved: int dN_a/dx dV is exact. With x = sum N_a x_a and J the
    derivative of that map, it is int cof(J) dN_a dX, a polynomial even where dN_a/dx is not.
 2. The stiffness of an affine cell is exact.
-3. A single cell has no mode without energy but its rigid ones.
+3. A single cell has no modes without energy except its rigid-body modes.
 
 Degrees of cof(J) dN (1.) and dN dN (2.) in each reference coordinate; on TRIA and TETRA in all of them together, on
 PENTA in the triangle and along the axis. In axisymmetry r multiplies both, and N det(J) (the hoop strain) comes in.
@@ -83,7 +83,7 @@ def cell_rule(name: str, axisymmetric: bool = False) -> Rule:
 
 
 def _pyramid(across: int, up: int) -> Rule:
-    """A product rule in (u, v, z), whose weight along z is (1 - z)^2."""
+    """Return a product rule in (u, v, z), whose weight along z is (1 - z)^2."""
     u, wu = np.polynomial.legendre.leggauss(across)
     z, wz = (np.array(values) for values in _JACOBI[up])
     Z, U, V = (axis.ravel() for axis in np.meshgrid(z, u, u, indexing="ij"))

@@ -1,13 +1,13 @@
-"""The displacement space: which cells carry it, how its unknowns are numbered, what a model makes of a strain.
+"""The displacement space: its cells, the numbering of its unknowns, and the strain of each model.
 
 Node i has the unknowns d i, ..., d i + d - 1, its displacement along x, y (and z). Every node of the mesh has them,
-also one that no cell of the model's dimension holds: `attached` tells them apart, and constraints leave such unknowns
-out. Stress and strain have components xx, yy, zz, xy (plane, axisymmetric), and yz, xz (3D): the order of VTK. Shear
-strains are engineering ones, 2 eps_xy.
+including nodes that belong to no cell of the model's dimension: `attached` distinguishes these, and constraints leave
+their unknowns out. Stress and strain have components xx, yy, zz, xy (plane, axisymmetric), and yz, xz (3D), in the
+order of VTK. Shear strains are engineering strains, 2 eps_xy.
 
-A strain is made of the generalised gradient L u: du_s/dX_i, and in axisymmetry, where zz is the hoop, L has a third
-row u_x / r. `Model.slots` says which of its entries each strain component sums; the same table takes stress back to
-forces and a law's matrix to the tensor A that the stiffness needs, so that no model has code of its own.
+The strain is computed from the generalised gradient L u: du_s/dX_i, and in axisymmetry, where zz is the hoop, L has a
+third row u_x / r. `Model.slots` lists the entries of L u that each strain component sums; the same table gives the
+forces of a stress, and the tensor A of the stiffness from a law's matrix, so that no model needs code of its own.
 """
 
 from __future__ import annotations
@@ -32,16 +32,17 @@ from lacsolver.space.rules import cell_rule
 
 #: components of stress and strain, in their order; plane and axisymmetric models have the first four
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
-#: z of a plane mesh, and a negative radius, may be this much of its extent
+#: tolerance for z in a plane mesh, and for a negative radius, relative to the mesh's extent
 _ROUNDING = 1e-9
 _PIECE = 1 << 18
 
 
 @dataclass(frozen=True)
 class Model:
-    """What a model makes of a displacement. `dim` d: components; `rows` l: rows of the generalised gradient L u.
+    """Kinematic model: 3d, plane strain, plane stress or axisymmetric.
 
-    `slots`: (k, i, s) for every entry L_i u_s that strain component k sums. `plane_stress`: zz is free.
+    `dim` d: components of displacement; `rows` l: rows of the generalised gradient L u. `slots`: (k, i, s) for every
+    entry L_i u_s in the sum of strain component k. `plane_stress`: True if the strain zz is free.
     """
 
     name: str
@@ -53,12 +54,12 @@ class Model:
 
     @property
     def n_stress(self) -> int:
-        """Components of stress and strain."""
+        """Number of components of stress and strain."""
         return 6 if self.dim == 3 else 4
 
     @cached_property
     def selector(self) -> NDArray[np.floating]:
-        """S (n_stress, l, d): strain_k = sum over i, s of S_kis L_i u_s; stress in L's form is sum_k S_kis stress_k."""
+        """S (n_stress, l, d): strain_k = sum over i, s of S_kis L_i u_s; sum_k S_kis stress_k is conjugate to L u."""
         S = np.zeros((self.n_stress, self.rows, self.dim))
         for k, i, s in self.slots:
             S[k, i, s] = 1.0
@@ -83,7 +84,7 @@ MODELS: Mapping[str, Model] = MappingProxyType(
 
 
 class Cells(NamedTuple):
-    """Cells of one type that carry displacements: type, nodes (k, n) int32, and the mesh's cell (k,) each row is."""
+    """Cells of one type that carry displacements: type, nodes (k, n) int32, and indices `cell` (k,) in the mesh."""
 
     type: str
     nodes: Ints
@@ -94,9 +95,9 @@ class Cells(NamedTuple):
 class Space:
     """Displacements on the cells of a mesh that have the model's dimension; built by `Space.of`.
 
-    `blocks`: those cells, one block a type, in the mesh's order. `thickness`: of plane stress; 1 elsewhere.
+    `blocks`: these cells, one block per type, in the mesh's order. `thickness`: that of plane stress; 1 for others.
 
-    What is computed reads the points of `local`; formulas, places and whatever a user is told, those of `mesh`.
+    Computations use the points of `local`; formulas, places and messages to the user use those of `mesh`.
     """
 
     mesh: Mesh
@@ -106,11 +107,11 @@ class Space:
 
     @classmethod
     def of(cls, mesh: Mesh, model: str, thickness: float | None = None) -> Space:
-        """The space of a mesh under a model: `3d`, `plane_strain`, `plane_stress` or `axisymmetric` (r = x, axis y).
+        """Make the space of a mesh for a model: `3d`, `plane_strain`, `plane_stress`, `axisymmetric` (r = x, axis y).
 
-        `thickness` belongs to plane stress (1 if None). Raises RequestError for a wrong model or thickness, DataError
-        for a mesh that the model cannot use: no cells of its dimension, cells of order 3, a plane mesh out of its
-        plane, a negative radius, cells that are folded or have no volume (a cell numbered inside out is fine).
+        `thickness` is for plane stress (1 if None). Raises RequestError for a wrong model or thickness, DataError for a
+        mesh that the model cannot use: no cells of its dimension, cells of order 3, a plane mesh out of its plane, a
+        negative radius, cells whose Jacobian changes sign or is 0 (a cell with reversed numbering is fine).
 
         >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
         >>> space = Space.of(square, "plane_strain")
@@ -127,33 +128,33 @@ class Space:
 
     @cached_property
     def origin(self) -> NDArray[np.floating]:
-        """(3,): the point of the mesh that `local` counts from; radii are counted from the axis."""
+        """Origin (3,) of the coordinates of `local`; in axisymmetry it is on the axis, so that x remains the radius."""
         origin = origin_of_mesh(self.mesh)
         return origin * [0.0, 1.0, 1.0] if self.model.axisymmetric else origin
 
     @cached_property
     def local(self) -> Mesh:
-        """The mesh with its points counted from `origin`, so that they keep their digits wherever the model lies."""
+        """The mesh with points relative to `origin`, so that they keep their digits wherever the model lies."""
         return from_origin(self.mesh, self.origin)
 
     def places(self, u: Floats) -> NDArray[np.floating]:
-        """(n_nodes, 3): where u (n_dof,) takes the nodes, counted from `origin`."""
+        """Return the coordinates (n_nodes, 3) of the nodes displaced by u (n_dof,), relative to `origin`."""
         x = self.local.points.copy()
         x[:, : self.dim] += u.reshape(-1, self.dim)
         return x
 
     @cached_property
     def extent(self) -> float:
-        """The largest side of the box around the nodes that cells hold."""
+        """Largest side of the bounding box of the nodes that belong to cells of the space."""
         return float(np.ptp(self.local.points[self.attached], axis=0).max())
 
     def told(self, x: Floats, digits: int = 6) -> list[str]:
-        """A place x (3,) or (dim,) in words, in the model's coordinates."""
+        """Return the formatted coordinates of a place x (3,) or (dim,), those of the model only."""
         return told(x[: self.dim], self.extent, digits)
 
     @property
     def dim(self) -> int:
-        """Components of a displacement."""
+        """Number of components of a displacement."""
         return self.model.dim
 
     @property
@@ -162,12 +163,12 @@ class Space:
         return self.dim * self.mesh.n_nodes
 
     def dofs(self, nodes: Ints) -> Ints:
-        """(k, dim): the unknowns of some nodes."""
+        """Return the unknowns (k, dim) of some nodes."""
         return self.dim * np.asarray(nodes)[:, None] + np.arange(self.dim)
 
     @cached_property
     def attached(self) -> NDArray[np.bool_]:
-        """(n_nodes,): whether a cell of the space holds the node."""
+        """Mask (n_nodes,), True for nodes that belong to a cell of the space."""
         held = np.zeros(self.mesh.n_nodes, bool)
         for block in self.blocks:
             held[block.nodes] = True
@@ -175,17 +176,17 @@ class Space:
 
     @cached_property
     def pattern(self) -> Pattern:
-        """The blocks of the stiffness that are not zero."""
+        """Pattern of the nonzero blocks of the stiffness."""
         return node_pattern((block.nodes for block in self.blocks), self.mesh.n_nodes)
 
     def depth(self, x: Floats) -> NDArray[np.floating]:
-        """(...): what an area or length at points x (..., 3) is multiplied by: thickness, 2 pi r, or 1."""
+        """Return the factor (...) on areas or lengths at points x (..., 3): thickness, 2 pi r, or 1."""
         if self.model.axisymmetric:
             return 2 * np.pi * x[..., 0]
         return np.full(x.shape[:-1], self.thickness)
 
     def cells(self, groups: tuple[str, ...] | None = None) -> Ints:
-        """Sorted indices of the space's cells in some groups of the mesh; all of them if None.
+        """Return the sorted indices of the space's cells in some groups of the mesh; all cells if None.
 
         Raises GroupNotFoundError, and DataError for a group without any cell of the space.
         """
@@ -229,7 +230,7 @@ def _thickness(model: str, thickness: float | None) -> float:
 
 
 def _check_plane(space: Space) -> None:
-    """A plane model's nodes lie in one plane z = constant, an axisymmetric one's at x >= 0."""
+    """Raise DataError unless a plane model's nodes lie in one plane z = constant, an axisymmetric one's at x >= 0."""
     mesh = space.mesh
     if space.dim == 3:
         return
@@ -244,7 +245,7 @@ def _check_plane(space: Space) -> None:
 
 
 def _check_volume(space: Space) -> None:
-    """Every cell's map keeps one orientation at all its points."""
+    """Raise DataError unless det J has the same sign, and is not 0, at all integration points of each cell."""
     wrong: list[Ints] = [np.empty(0, np.int64)]
     for block in space.blocks:
         dN = gradient(block.type, cell_rule(block.type, space.model.axisymmetric)[0])

@@ -1,4 +1,4 @@
-"""Values that loads and temperatures are given as: a number, or a function of position and time."""
+"""Values of loads and temperatures: a number, or a function of position and time."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Value = float | Callable[[Floats, float], Floats]
 
 
 def evaluate(value: Value, points: Floats, t: float, what: str) -> NDArray[np.floating]:
-    """(...): a value at points (..., 3) and time t. `what` names it in errors.
+    """Evaluate a value at points (..., 3) and time t; return an array (...). `what` names it in errors.
 
-    Raises DataError for a value that is not finite (the first place is named) or has the wrong shape.
+    Raises DataError for a value that is not finite (the message names the first place) or has the wrong shape.
 
     >>> evaluate(lambda x, t: t * x[:, 0], np.array([[1.0, 0, 0], [2.0, 0, 0]]), 0.5, "pressure")
     array([0.5, 1. ])
@@ -35,7 +35,7 @@ def evaluate(value: Value, points: Floats, t: float, what: str) -> NDArray[np.fl
 
 
 def evaluate_vector(value: Sequence[Value], points: Floats, t: float, dim: int, what: str) -> NDArray[np.floating]:
-    """(..., dim): a value for each component, at points (..., 3) and time t."""
+    """Evaluate one value per component at points (..., 3) and time t; return an array (..., dim)."""
     if len(value) != dim:
         raise ValueError(f"{what} has {len(value)} components; the model has {dim}")
     return np.stack([evaluate(v, points, t, f"{what}, component {k}") for k, v in enumerate(value)], axis=-1)

@@ -1,8 +1,8 @@
-"""Bodies at finite strains, from the undeformed one (total Lagrangian).
+"""Bodies at finite strains, in the undeformed configuration (total Lagrangian).
 
 laws = hyperelastic energies                                        (laws)
-a law at a point: stress, and what its tangent is made of           (point)
-f_int(u) and K(u), straight into vector and block-CSR               (equations)
+stress and terms of the tangent of a law at a point                 (point)
+f_int(u) and K(u), summed directly into a vector and block-CSR      (equations)
 stress, energy and thermal stretch at integration points            (fields)
 """
 

@@ -1,6 +1,6 @@
-"""Mean dilatation: a neo-Hookean cell whose volume counts once, by the mean of J over it.
+"""Mean dilatation: a neo-Hookean cell with one volume change, the mean of J over the cell.
 
-With j = ln (v / V), v and V the volumes of the cell deformed and not, F is replaced by F (e^j / J)^(1/3), whose
+With j = ln (v / V), v and V the deformed and undeformed volumes of the cell, F is replaced by F (e^j / J)^(1/3), whose
 determinant is e^j at every point. The energy of a cell is
 
     int mu/2 (beta tr C - 3) - mu j + lambda/2 j^2 dV,    beta = (e^j / J)^(2/3)
@@ -27,7 +27,7 @@ from lacsolver.bodies.finite.point import cofactors, gradient, strain
 
 
 class Mean(NamedTuple):
-    """What a cell's points have of their own: `F`, `E` (q, 3, 3), `change` J - 1 and `beta` (q,)."""
+    """Quantities at each integration point q of a cell: `F`, `E` (q, 3, 3), `change` J - 1 and `beta` (q,)."""
 
     F: Floats
     E: Floats
@@ -37,13 +37,16 @@ class Mean(NamedTuple):
 
 @kernel
 def mean_of(n_points: int) -> Any:
-    """Arrays for a cell."""
+    """Allocate the arrays for a cell of `n_points` integration points."""
     return Mean(np.empty((n_points, 3, 3)), np.empty((n_points, 3, 3)), np.empty(n_points), np.empty(n_points))
 
 
 @kernel
 def dilate(nodes: Any, e: int, u: Any, L: Any, W: Any, theta: Any, kind: Any, lam: float, mu: float, mean: Any) -> Any:
-    """Fill `mean` for cell e; (p, b, energy, v, whether it is admissible). L and W as `point.warm` leaves them."""
+    """Fill `mean` for cell e and return (p, b, energy, v, True if J > 0 at every point).
+
+    L and W are those that `point.warm` leaves.
+    """
     V = grown = 0.0
     for q in range(len(W)):
         F, hot = mean.F[q], theta[q] if len(theta) else 1.0
@@ -71,7 +74,7 @@ def dilate(nodes: Any, e: int, u: Any, L: Any, W: Any, theta: Any, kind: Any, la
 
 @kernel
 def _change(H: Any) -> float:
-    """det(I + H) - 1."""
+    """Return det(I + H) - 1."""
     trace = H[0, 0] + H[1, 1] + H[2, 2]
     pairs = H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0] + H[1, 1] * H[2, 2] - H[1, 2] * H[2, 1]
     pairs += H[0, 0] * H[2, 2] - H[0, 2] * H[2, 0]
@@ -85,7 +88,7 @@ def _change(H: Any) -> float:
 
 @kernel
 def respond_mean(q: int, p: float, mu: float, mean: Any, work: Any) -> Any:
-    """Fill `work` at point q of a cell with pressure p; (m, the factor of g in z)."""
+    """Fill `work` at point q of a cell with pressure p, and return (m, the factor of g in z)."""
     F, E, P, Y, X, Z = work
     for s in range(3):
         for i in range(3):
@@ -111,7 +114,7 @@ def put_mean(
     q: int, W: float, p: float, mu: float, factor: float, mean: Any, work: Any, L: Any, dim: int, axisymmetric: bool,
     z: Any, r: Any, gm: Any,
 ) -> None:  # fmt: skip
-    """Fill z (dim, n), times W, and add to r and v gm (dim, n), at point q; `work` as `respond_mean` leaves it."""
+    """Fill W z (dim, n) and add to r and v gm (dim, n) at point q; `work` comes from `respond_mean`."""
     F, _, P, Y, _, _ = work
     J, soft = 1.0 + mean.change[q], mu * mean.beta[q]
     for s in range(dim):

@@ -1,4 +1,4 @@
-"""Internal forces and their tangent at a displacement, straight into vector and block-CSR pattern.
+"""Internal forces and their tangent at a displacement, summed directly into a vector and a block-CSR pattern.
 
     f_as = int P_si L_ia dV,      K_ab,st = int A_sitj L_ia L_jb dV
 
@@ -6,14 +6,15 @@ over the undeformed body (total Lagrangian). With the form of A in `point`, and 
 
     K_ab,st = int lam y_sa y_tb + m y_ta y_sb + delta_st L_ia X_ij L_jb + Z_st L_ia L_ib dV
 
-so that a cell's K is a product of matrices for each of the first three terms, its points stacked; the last is there for
-Saint Venant-Kirchhoff alone. In axisymmetry the hoop adds Y_22 u_x / r to the lam term of s = x, and one more product.
+so that each of the first three terms of a cell's K is one product of matrices, with its points stacked. Only the law of
+Saint Venant-Kirchhoff has the last term. In axisymmetry the hoop adds Y_22 u_x / r to the lam term of s = x, and one
+more product.
 
-In place of the lam term cells with mean dilatation have z_sa v_tb + v_sa z_tb and terms of the whole cell
+Cells with mean dilatation have z_sa v_tb + v_sa z_tb and terms of the whole cell in place of the lam term
 (`dilatation`).
 
-As in `assemble.stiffness` each thread owns some rows and goes through their cells in order: the result is the same to
-the last bit for any number of threads, and K symmetric to the last bit.
+As in `bodies.small.stiffness`, each thread owns some rows and goes through their cells in order: the result is the same
+to the last bit for any number of threads, and K is symmetric to the last bit.
 """
 
 from __future__ import annotations
@@ -45,10 +46,10 @@ Stretches = Sequence[Floats] | None
 def internal_force(
     space: Space, materials: Materials, u: Floats, *, stretches: Stretches = None, threads: int = 1
 ) -> NDArray[np.floating]:
-    """f_int (n_dof,) at u (n_dof,). The same to the last bit for any number of threads.
+    """Return the internal forces f_int (n_dof,) at u (n_dof,), identical to the last bit for any number of threads.
 
-    `stretches`: those of `thermal_stretches`. Raises InadmissibleError where u turns a cell inside out at one of its
-    integration points, RequestError for a law of small strains.
+    `stretches`: those of `thermal_stretches`. Raises InadmissibleError where u inverts a cell at one of its integration
+    points, RequestError for a law of small strains.
     """
     return _assembled(space, materials, u, stretches, threads, np.empty((0, space.dim, space.dim)))
 
@@ -62,9 +63,9 @@ def force_and_tangent(
     threads: int = 1,
     out: NDArray[np.floating] | None = None,
 ) -> tuple[NDArray[np.floating], bsr_array]:
-    """f_int (n_dof,), and K = df_int/du (n_dof, n_dof), symmetric, in blocks of dim x dim; see `internal_force`.
+    """Return f_int (n_dof,) and the symmetric K = df_int/du (n_dof, n_dof) in dim x dim blocks; see `internal_force`.
 
-    `out` (n_blocks, dim, dim): where the values of K are written, if there is a place for them.
+    `out` (n_blocks, dim, dim): array that the values of K are written to; None allocates a new one.
 
     >>> from lacmesh import Mesh
     >>> from lacsolver.bodies.finite.laws import NeoHookean
@@ -87,7 +88,7 @@ def force_and_tangent(
 def _assembled(
     space: Space, materials: Materials, u: Floats, stretches: Stretches, threads: int, out: NDArray[np.floating]
 ) -> NDArray[np.floating]:
-    """f; the blocks of K are added to `out`, unless it is empty."""
+    """Return f_int, and add the blocks of K to `out` unless that array is empty."""
     if threads < 1:
         raise ValueError(f"threads is 1 or more, not {threads}")
     laws, moved = constants(materials), checked(space, u).reshape(-1, space.dim)
@@ -113,7 +114,7 @@ def _assembled(
 
 
 def check_admissible(space: Space, folded: Sequence[NDArray[np.bool_]]) -> None:
-    """Raises InadmissibleError if any cell is folded; `folded` (cells,) for each block."""
+    """Raise InadmissibleError if any cell is inverted, as `folded` (cells,) of each block tells."""
     cells = np.concatenate([block.cell[bad] for block, bad in zip(space.blocks, folded, strict=True)])
     if len(cells):
         message = f"cells {space.mesh.cell_names(cells)} turn inside out under this displacement"
@@ -121,11 +122,11 @@ def check_admissible(space: Space, folded: Sequence[NDArray[np.bool_]]) -> None:
 
 
 class Stack(NamedTuple):
-    """What a cell's K is made of, over its points q, the points' weights in it.
+    """Terms of a cell's K at its points q, multiplied by the points' weights, and arrays for their products.
 
-    `v`, `y` (q, dim, n): of the lam and of the m term, one array but for axisymmetry; `lam`, `m` (q,). `XL` (q, rows,
-    n): X_ij L_jb; `Z` (q, dim^2); `hoop` (q,): of L_2a L_2b, for s = t = x. `z` (q, dim, n), `r`, `gm` (dim, n): of
-    mean dilatation. `weighted`, `M`, `N`, `D`: products.
+    `v`, `y` (q, dim, n): factors of the lam and of the m term, one shared array except in axisymmetry; `lam`, `m` (q,).
+    `XL` (q, rows, n): X_ij L_jb; `Z` (q, dim^2); `hoop` (q,): factor of L_2a L_2b, for s = t = x. `z` (q, dim, n), `r`,
+    `gm` (dim, n): terms of mean dilatation. `weighted`, `M`, `N`, `D`: products.
     """
 
     v: Floats
@@ -190,7 +191,7 @@ def _by_points(
     nodes: Any, e: int, u: Any, L: Any, W: Any, theta: Any, kind: Any, plane_stress: bool, law: int, lam: float,
     mu: float, wanted: bool, place: Any, stack: Any, f: Any,
 ) -> Any:  # fmt: skip
-    """Add to f (n, dim) and fill the stack of cell e, each point for itself; whether it is admissible."""
+    """Add to f (n, dim) and fill the stack of cell e point by point; return True if J > 0 at every point."""
     for q in range(len(W)):
         hot = theta[q] if len(theta) else 1.0
         gradient(nodes, e, u, L[q], kind.dim, kind.axisymmetric, hot, place.F)
@@ -208,7 +209,7 @@ def _cell_at_once(
     nodes: Any, e: int, u: Any, L: Any, W: Any, theta: Any, kind: Any, lam: float, mu: float, wanted: bool, mean: Any,
     place: Any, stack: Any, f: Any,
 ) -> Any:  # fmt: skip
-    """The same with the mean dilatation of the cell; (b, v, whether it is admissible)."""
+    """Do as `_by_points` with the mean dilatation of the cell; return (b, v, True if J > 0 at every point)."""
     p, b, _, v, good = dilate(nodes, e, u, L, W, theta, kind, lam, mu, mean)
     if not good:
         return b, v, False
@@ -227,7 +228,7 @@ def _cell_at_once(
 
 @kernel
 def _stack(n_points: int, n_rows: int, dim: int, n: int, axisymmetric: bool) -> Any:
-    """Arrays for a cell."""
+    """Allocate the arrays for a cell."""
     m = dim * n
     y, z = np.empty((n_points, dim, n)), np.empty((n_points, dim, n))
     v = np.empty((n_points, dim, n)) if axisymmetric else y
@@ -240,7 +241,7 @@ def _stack(n_points: int, n_rows: int, dim: int, n: int, axisymmetric: bool) -> 
 
 @kernel
 def _first_term(stack: Any, mean: bool, b: float, v: float, n_points: int, m: int) -> None:
-    """M (m, m): the lam term, v^T lam v, or what stands for it where dilatation is the cell's."""
+    """Fill M (m, m) with the lam term, v^T lam v, or with the terms that replace it under mean dilatation."""
     M, N = stack.M, stack.N
     if not mean:
         product(stack.v.reshape(n_points, m), stack.lam, stack.weighted, M)
@@ -295,7 +296,7 @@ def _put(q: int, W: float, lam: float, m: float, place: Any, L: Any, dim: int, a
 
 @kernel
 def _times(q: int, Y: Any, X: Any, W: float, L: Any, y: Any, XL: Any) -> None:
-    """Y_si L_ia and W X_si L_ia at point q, in space."""
+    """Fill y with Y_si L_ia and XL with W X_si L_ia at point q, in three dimensions."""
     y00, y01, y02, y10, y11, y12 = Y[0, 0], Y[0, 1], Y[0, 2], Y[1, 0], Y[1, 1], Y[1, 2]
     y20, y21, y22 = Y[2, 0], Y[2, 1], Y[2, 2]
     x00, x01, x02, x11, x12, x22 = W * X[0, 0], W * X[0, 1], W * X[0, 2], W * X[1, 1], W * X[1, 2], W * X[2, 2]
@@ -311,13 +312,13 @@ def _times(q: int, Y: Any, X: Any, W: float, L: Any, y: Any, XL: Any) -> None:
 
 @kernel
 def _combine(L: Any, stack: Any, dim: int, axisymmetric: bool, kirchhoff: bool, K: Any) -> None:
-    """K (dim^2, n^2), for s <= t, from the stack of a cell, its first term in M."""
+    """Fill K (dim^2, n^2), for s <= t, from the stack of a cell, whose first term is in M."""
     n_points, n_rows, n = L.shape
     XL, weighted, M, N, D = stack.XL, stack.weighted, stack.M, stack.N, stack.D
     product(stack.y.reshape(n_points, dim * n), stack.m, weighted, N)
     if n_points > 1:
         np.dot(XL.reshape(n_points * n_rows, n).T, L.reshape(n_points * n_rows, n), D)
-    else:  # not worth a call of BLAS
+    else:  # a single point, for which a call of BLAS would cost more
         for a in range(n):
             for b in range(n):
                 D[a, b] = XL[0, 0, a] * L[0, 0, b] + XL[0, 1, a] * L[0, 1, b]
@@ -341,7 +342,7 @@ def _combine(L: Any, stack: Any, dim: int, axisymmetric: bool, kirchhoff: bool, 
 
 @kernel
 def _sum_solid(M: Any, N: Any, D: Any, n: int, K: Any) -> None:
-    """K_st = M_st + N_ts + delta_st D, in one pass over the cell's K."""
+    """Fill K_st = M_st + N_ts + delta_st D in three dimensions, in one pass over the cell's K."""
     y, z = n, 2 * n
     for a in range(n):
         for b in range(n):
@@ -356,7 +357,7 @@ def _sum_solid(M: Any, N: Any, D: Any, n: int, K: Any) -> None:
 
 @kernel
 def _sum_plane(M: Any, N: Any, D: Any, n: int, K: Any) -> None:
-    """The same in two dimensions."""
+    """Fill K_st = M_st + N_ts + delta_st D in two dimensions."""
     for a in range(n):
         for b in range(n):
             ab = a * n + b
@@ -386,7 +387,7 @@ def _add_Z(L: Any, Z: Any, K: Any) -> None:
 
 @kernel
 def _add_Z_plane(L: Any, Z: Any, K: Any) -> None:
-    """The same in two dimensions: K (4, n^2)."""
+    """Add Z_st L_ia L_ib, i over the two axes, at every point to K (4, n^2), s <= t."""
     n = L.shape[2]
     for q in range(len(L)):
         z0, z1, z3 = Z[q, 0], Z[q, 1], Z[q, 3]

@@ -1,4 +1,4 @@
-"""What a displacement can be that no body can follow."""
+"""The error for a displacement that inverts cells."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from lacmesh.errors import LacmeshError
 
 
 class InadmissibleError(LacmeshError):
-    """A displacement turns cells inside out. `cells`: the file's numbers of them. A smaller step is what helps."""
+    """A displacement inverts cells, whose numbers in the file are `cells`. A smaller step usually helps."""
 
     status = 4
 

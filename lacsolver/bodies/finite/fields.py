@@ -1,7 +1,7 @@
-"""Stress, energy and thermal stretch at integration points, as `assemble.fields` gives them: an array for each block.
+"""Stress, energy and thermal stretch at integration points, one array for each block, as in `bodies.small.fields`.
 
-First Piola stress P_si is force along s per area of the undeformed body across i; Cauchy stress P F^T / J is what acts
-on the deformed one, and what is written for people.
+First Piola stress P_si is force along s per area of the undeformed body across i; Cauchy stress P F^T / J acts on the
+deformed body and is the stress that is written to results.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ from lacsolver.space.space import Space
 def thermal_stretches(
     space: Space, materials: Materials, temperature: Temperature | None, t: float = 1.0, degree: int | None = None
 ) -> Field | None:
-    """(cells, points): 1 + expansion (T - T0) at time t, 1 where there is no temperature; None if there is none at all.
+    """Return the thermal stretches (cells, points) at time t: 1 + expansion (T - T0), and 1 where no T is given.
 
-    `temperature` as `assemble.stress` takes it. Raises DataError for a temperature that leaves nothing of the body.
+    None if no temperature is given at all. `temperature` as in `bodies.small.stress`. Raises DataError for a
+    temperature that shrinks a cell to nothing.
     """
     given = temperatures(space, temperature)
     if not given:
@@ -62,7 +63,7 @@ def cauchy_stress(
     degree: int | None = None,
     threads: int = 1,
 ) -> Field:
-    """(cells, points, 4 or 6): Cauchy stress at u (n_dof,), its components those of `space.COMPONENTS`.
+    """Return the Cauchy stress (cells, points, 4 or 6) at u (n_dof,), in the components of `space.COMPONENTS`.
 
     `stretches`: those of `thermal_stretches` for the same `degree`. Raises InadmissibleError.
     """
@@ -84,12 +85,18 @@ def first_piola(
     degree: int | None = None,
     threads: int = 1,
 ) -> Field:
-    """(cells, points, 3, 3): first Piola stress P_si at u (n_dof,), zz or the hoop at [2, 2]; as `cauchy_stress`."""
+    """Return the first Piola stress P_si (cells, points, 3, 3) at u (n_dof,), with zz or the hoop at [2, 2].
+
+    Arguments and errors as for `cauchy_stress`.
+    """
     return _of_points(space, materials, u, stretches, degree, threads, lambda P, F, w: P)
 
 
 def energy(space: Space, materials: Materials, u: Floats, *, stretches: Stretches = None, threads: int = 1) -> float:
-    """The energy that the bodies store at u (n_dof,), thickness or circle included. Raises InadmissibleError."""
+    """Return the energy stored in the bodies at u (n_dof,), times thickness or around the circle.
+
+    Raises InadmissibleError.
+    """
     made = _of_points(space, materials, u, stretches, None, threads, lambda P, F, w: w)
     return float(sum(part.sum() for part in made))
 
@@ -103,7 +110,7 @@ def _of_points(
     threads: int,
     make: Callable[[Floats, Floats, Floats], Floats],
 ) -> Field:
-    """What `make` makes of P, F (c, q, 3, 3) and the energy of points (c, q), their weight in it."""
+    """Return the results of `make` for P, F (c, q, 3, 3) and the energies (c, q) of points, weights included."""
     laws, moved = constants(materials), checked(space, u).reshape(-1, space.dim)
     folded = [np.zeros(len(block.nodes), bool) for block in space.blocks]
 
@@ -129,7 +136,10 @@ def _fill(
     nodes: Any, L: Any, W: Any, u: Any, kind: Any, plane_stress: bool, law: Any, laws: Any, may: bool, theta: Any,
     P: Any, F: Any, w: Any, folded: Any,
 ) -> None:  # fmt: skip
-    """P and F (c, q, 3, 3) and energies w (c, q) of cells of nodes (c, n). Uses up L (c, q, rows, n) and W (c, q)."""
+    """Fill P and F (c, q, 3, 3) and energies w (c, q) of cells of nodes (c, n).
+
+    Overwrites L (c, q, rows, n) and W (c, q), and sets `folded` (c,) for inverted cells, whose F is set to I.
+    """
     place, mean, hot = work(), mean_of(L.shape[1]), np.empty(0)
     for e in range(len(nodes)):
         k = law[e]

@@ -1,23 +1,25 @@
-"""Laws of finite strains: hyperelastic and isotropic, with the constants of `Elastic`, which they are where strains
-are small.
+"""Laws of finite strains: hyperelastic, isotropic, with the constants of `Elastic`.
+
+For small strains they agree with `Elastic`.
 
 | law | energy per reference volume |
 |---|---|
 | Saint Venant-Kirchhoff | lambda/2 (tr E)^2 + mu E:E |
 | neo-Hookean, compressible | mu/2 (tr C - 3) - mu ln J + lambda/2 (ln J)^2 |
 
-F = I + du/dX, C = F^T F, E = (C - I)/2, J = det F. The neo-Hookean one is that of Bonet and Wood, Nonlinear continuum
-mechanics for finite element analysis, 1997, section 5.4.3: of the several that carry the name, one whose stress has no
-bound in compression, J -> 0, and that needs no constants beyond young and poisson. Saint Venant-Kirchhoff
-softens in compression (a bar has its largest force at a length of 1/sqrt 3 = 58 % and none at 0): it is for large turns
-and small strains.
+F = I + du/dX, C = F^T F, E = (C - I)/2, J = det F. The neo-Hookean law is that of Bonet and Wood, Nonlinear continuum
+mechanics for finite element analysis, 1997, section 5.4.3: of the several laws of that name, one whose stress is
+unbounded in compression, J -> 0, and that needs no constants beyond young and poisson. Saint Venant-Kirchhoff softens
+in compression (the force in a bar is largest at a length of 1/sqrt 3 = 58 % and 0 at a length of 0): it is meant for
+large rotations with small strains.
 
-Nearly incompressible bodies lock in linear cells: each point of a cell asks for its own volume to stay, more than the
-nodes can give. With `mean_dilatation` a linear cell of several points (QUAD4, HEXA8, PENTA6, PYRAM5) asks once, for the
-mean of J over the cell (`dilatation`). TRIA3 and TETRA4 have one point and can do no better; quadratic cells need not.
+Nearly incompressible bodies lock in linear cells: the volume is constrained at each integration point of a cell, and
+the nodes have too few degrees of freedom for that. With `mean_dilatation` a linear cell of several points (QUAD4,
+HEXA8, PENTA6, PYRAM5) has one constraint, on the mean of J over the cell (`dilatation`). TRIA3 and TETRA4 have one
+point, so that nothing is gained; quadratic cells do not need it.
 
-Thermal expansion splits F = F_e theta, theta = 1 + expansion (T - T0), and the energy above, of F_e, is that of a unit
-of the body that is warm and free of stress: W = theta^3 W_e(F / theta).
+Thermal expansion splits F = F_e theta, theta = 1 + expansion (T - T0). The energy above is a function of F_e, per
+volume of the warm, stress-free body: W = theta^3 W_e(F / theta).
 """
 
 from __future__ import annotations
@@ -34,9 +36,9 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.space.space import Space
 
-#: what kernels know the laws by
+#: codes of the laws in kernels
 KIRCHHOFF, NEO_HOOKEAN = 0, 1
-#: Poisson's ratio above which linear cells answer too stiffly to be trusted
+#: Poisson's ratio above which linear cells are too stiff to be trusted
 LOCKING = 0.45
 
 
@@ -51,7 +53,7 @@ class SaintVenantKirchhoff(Elastic):
 class NeoHookean(Elastic):
     """Compressible rubber: S = mu (I - C^-1) + lambda ln J C^-1. Raises DataError as `Elastic` does.
 
-    `mean_dilatation`: whether linear cells that can take J as one for the cell; see the module.
+    `mean_dilatation`: True if linear cells of several points use the mean of J over the cell; see the module.
     """
 
     mean_dilatation: bool = False
@@ -60,7 +62,10 @@ class NeoHookean(Elastic):
 
 
 class Constants(NamedTuple):
-    """What kernels need of the laws, a row each: `kind`, `lame` (laws, 2), lambda and mu, `mean` (laws,) dilatation."""
+    """Constants of the laws for kernels, one row per law.
+
+    `kind` (laws,): code of the law; `lame` (laws, 2): lambda and mu; `mean` (laws,): True for mean dilatation.
+    """
 
     kind: Ints
     lame: Floats
@@ -68,7 +73,7 @@ class Constants(NamedTuple):
 
 
 def constants(materials: Materials) -> Constants:
-    """The constants of materials' laws. Raises RequestError for a law of small strains."""
+    """Return the constants of the materials' laws. Raises RequestError for a law of small strains."""
     kinds = []
     for law in materials.laws:
         if not isinstance(law, (SaintVenantKirchhoff, NeoHookean)):
@@ -82,13 +87,16 @@ def constants(materials: Materials) -> Constants:
 
 
 def may_take_the_mean(space: Space, block: int) -> bool:
-    """Whether cells of a block are linear, of several points, in a model that can lock (plane stress cannot)."""
+    """True if mean dilatation applies to a block: linear cells of several points, and not plane stress.
+
+    Plane stress does not lock, since the strain across the plane is free.
+    """
     cell = CELLS[space.blocks[block].type]
     return cell.order == 1 and cell.family not in ("TRIA", "TETRA") and not space.model.plane_stress
 
 
 def locking(space: Space, materials: Materials) -> tuple[str, ...]:
-    """What to warn of, a sentence each: cells that a nearly incompressible law makes too stiff to be trusted."""
+    """Return a warning for each nearly incompressible law that makes linear cells too stiff to be trusted."""
     told = []
     for k, law in enumerate(materials.laws):
         if not isinstance(law, Elastic) or law.poisson <= LOCKING or space.model.plane_stress:

@@ -1,8 +1,8 @@
-"""A law at a point: from the gradient of displacement to stress, and to what its tangent is made of.
+"""A law at a point: stress, and the terms of its tangent, from the gradient of displacement.
 
-H_si = du_s/dX_i is (3, 3) in every model: H_22 is 0 in plane strain, the hoop u_x / r in axisymmetry, and in plane
-stress what makes P_22 = 0, which is found here. Where it is warm, all is seen from the body warm and free of stress: L
-and W are its (`warm`), and F stands for F_e. The tangent of both laws has one form,
+H_si = du_s/dX_i is (3, 3) in every model: H_22 is 0 in plane strain, and the hoop u_x / r in axisymmetry; in plane
+stress it is solved for here from P_22 = 0. Under thermal expansion the reference is the warm, stress-free body: L and W
+are taken on it (`warm`), and F stands for F_e. The tangents of both laws have one form,
 
     A_sitj = dP_si/dF_tj = lam Y_si Y_tj + m Y_sj Y_ti + delta_st X_ij + Z_st delta_ij
 
@@ -11,11 +11,11 @@ and W are its (`warm`), and F stands for F_e. The tangent of both laws has one f
 | Saint Venant-Kirchhoff | F | mu | S | mu F F^T |
 | neo-Hookean | F^-T | mu - lambda ln J | mu I | 0 |
 
-and so has that of plane stress: F_22 eliminated, lam becomes lambda - (lambda Y_22)^2 / A_2222, and nothing else
-changes, since Y is block-diagonal.
+and so has the tangent of plane stress: when F_22 is eliminated, lam becomes lambda - (lambda Y_22)^2 / A_2222, and
+nothing else changes, since Y is block-diagonal.
 
 Stress is computed from E = (H + H^T + H^T H) / 2 and ln J = ln det(I + 2 E) / 2, by log1p, so that small strains keep
-their digits, and a rotation has none.
+their digits and a rotation causes no stress.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite.laws import NEO_HOOKEAN
 
-#: of the stretch across plane stress: ln F_22 is found to this, in so many steps
+#: Newton's method for the stretch across plane stress: relative tolerance of ln F_22, largest number of iterations
 _CLOSE, _STEPS = 1e-15, 60
 
 
 class Work(NamedTuple):
-    """What `respond` fills, (3, 3) each: `F`, `E`, first Piola stress `P`, and Y, X, Z of the tangent."""
+    """Arrays (3, 3) that `respond` fills: `F`, `E`, first Piola stress `P`, and Y, X, Z of the tangent."""
 
     F: Floats
     E: Floats
@@ -45,14 +45,17 @@ class Work(NamedTuple):
 
 @kernel
 def work() -> Any:
-    """Arrays for `respond`."""
+    """Allocate the arrays for `respond`."""
     F, E, P = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
     return Work(F, E, P, np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)))
 
 
 @kernel
 def warm(theta: Any, L: Any, W: Any) -> None:
-    """Take L (q, rows, n) and W (q) of a cell to its volume warm and free of stress, theta (q,) longer each way."""
+    """Scale gradients L (q, rows, n) and weights W (q,) of a cell, in place, to the warm, stress-free cell.
+
+    theta (q,): thermal stretch, the same in every direction.
+    """
     for q in range(len(W)):
         for i in range(L.shape[1]):
             for a in range(L.shape[2]):
@@ -88,7 +91,7 @@ def gradient(nodes: Any, e: int, u: Any, L: Any, dim: int, axisymmetric: bool, t
 
 @kernel
 def respond(kind: int, lam: float, mu: float, plane_stress: bool, work: Any) -> Any:
-    """Fill `work`, whose F comes as F - I; (lam, m, energy per volume, whether the point is admissible)."""
+    """Fill `work`, whose F comes in as F - I; return (lam, m, energy per volume, True if J > 0)."""
     F, E, P, Y, X, Z = work
     if plane_stress:
         F[2, 2] = 0.0
@@ -112,7 +115,7 @@ def respond(kind: int, lam: float, mu: float, plane_stress: bool, work: Any) -> 
 
 @kernel
 def strain(H: Any, E: Any) -> None:
-    """E = (H + H^T + H^T H) / 2."""
+    """Fill E = (H + H^T + H^T H) / 2."""
     for i in range(3):
         for j in range(i + 1):
             E[i, j] = 0.5 * (H[i, j] + H[j, i] + H[0, i] * H[0, j] + H[1, i] * H[1, j] + H[2, i] * H[2, j])
@@ -121,7 +124,7 @@ def strain(H: Any, E: Any) -> None:
 
 @kernel
 def _change(E: Any) -> float:
-    """det(I + 2 E) - 1."""
+    """Return det(I + 2 E) - 1."""
     trace = E[0, 0] + E[1, 1] + E[2, 2]
     pairs = E[0, 0] * E[1, 1] - E[0, 1] ** 2 + E[1, 1] * E[2, 2] - E[1, 2] ** 2 + E[0, 0] * E[2, 2] - E[0, 2] ** 2
     det = (
@@ -134,11 +137,11 @@ def _change(E: Any) -> float:
 
 @kernel
 def _across(E: Any, kind: int, lam: float, mu: float) -> Any:
-    """E_22 and H_22 of plane stress; E has 0 there. NaN where no stretch leaves P_22 = 0.
+    """Return E_22 and H_22 of plane stress, for an E with 0 there; NaN where no stretch gives P_22 = 0.
 
     Saint Venant-Kirchhoff: lam tr E + 2 mu E_22 = 0. Neo-Hookean, with F_22 = e^x: mu (e^2x - 1) + lam (ln J_2 + x) =
-    0, J_2 of the plane. The left side is convex in x and rises at 0, so that Newton's steps come down to the root
-    after the first, whatever the sign of lam.
+    0, with J_2 of the plane. The left side is convex in x and increasing at 0, so that Newton's iterates descend
+    monotonically to the root after the first, whatever the sign of lam.
     """
     if kind != NEO_HOOKEAN:
         across = -lam / (lam + 2.0 * mu) * (E[0, 0] + E[1, 1])
@@ -154,7 +157,7 @@ def _across(E: Any, kind: int, lam: float, mu: float) -> Any:
 
 @kernel
 def cofactors(F: Any, Y: Any) -> float:
-    """Y = the cofactors of F; det F."""
+    """Fill Y with the cofactors of F and return det F."""
     for s in range(3):
         a, b = (s + 1) % 3, (s + 2) % 3
         for i in range(3):
@@ -165,7 +168,7 @@ def cofactors(F: Any, Y: Any) -> float:
 
 @kernel
 def _neo_hookean(E: Any, J: float, lam: float, mu: float, P: Any, Y: Any, X: Any, Z: Any) -> Any:
-    """P = F^-T (2 mu E + lam ln J I); m and the energy. Y comes with the cofactors of F."""
+    """Fill P = F^-T (2 mu E + lam ln J I), Y, X and Z; return m and the energy. Y comes in as the cofactors of F."""
     log = 0.5 * np.log1p(_change(E))
     trace = E[0, 0] + E[1, 1] + E[2, 2]
     for s in range(3):
@@ -182,7 +185,7 @@ def _neo_hookean(E: Any, J: float, lam: float, mu: float, P: Any, Y: Any, X: Any
 
 @kernel
 def _kirchhoff(F: Any, E: Any, lam: float, mu: float, P: Any, Y: Any, X: Any, Z: Any) -> Any:
-    """P = F S; m and the energy."""
+    """Fill P = F S, Y, X and Z; return m and the energy."""
     trace = E[0, 0] + E[1, 1] + E[2, 2]
     square = 0.0
     for s in range(3):

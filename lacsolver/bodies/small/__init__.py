@@ -1,8 +1,8 @@
 """Assembly: stiffness, strain and stress at integration points, internal forces.
 
-L, W = generalised gradients and weights at a cell's points   (gradients)
-K = int L^T A L, straight into block-CSR                      (stiffness)
-strain, stress, f_int at and from the same points             (fields)
+L, W = generalised gradients and weights at a cell's points    (gradients)
+K = int L^T A L, summed directly into block-CSR                (stiffness)
+strain and stress at the same points, and f_int from stress    (fields)
 """
 
 from lacsolver.bodies.small.fields import (

@@ -1,7 +1,7 @@
-"""What a displacement makes at integration points, and the nodal forces that a stress there is worth.
+"""Displacement, strain and stress at integration points, and nodal forces of a stress there.
 
-Fields come as a tuple with an array for each block of the space, (cells, points, ...); `degree` chooses other points
-than those of the stiffness (a rule of `lacmesh.reference.quadrature`), for norms and output. Components are
+A field is a tuple with one array (cells, points, ...) for each block of the space. `degree` chooses a rule of
+`lacmesh.reference.quadrature` instead of the points of the stiffness, for norms and output. Components are those of
 `space.COMPONENTS`.
 
     f_int(u) = int B^T stress(u) dV, the first term of (35)
@@ -26,28 +26,32 @@ from lacsolver.space.values import Value, evaluate
 T = TypeVar("T")
 #: an array (cells, points, ...) for each block of a space
 Field = tuple[NDArray[np.floating], ...]
-#: a temperature of the whole body, or (temperature, cells) pairs, the later over the earlier; None means all cells
+#: a temperature of the whole body, or (temperature, cells) pairs, where None means all cells and later pairs override
+#: earlier ones
 Temperature = Value | Sequence[tuple[Value, Ints | None]]
 
 
 def points(space: Space, degree: int | None = None) -> Field:
-    """(cells, points, 3): where the integration points are."""
+    """Return the coordinates of the integration points, (cells, points, 3)."""
     return gathered(space, degree, lambda part: coordinates(space, part))
 
 
 def weights(space: Space, degree: int | None = None) -> Field:
-    """(cells, points): weights of the integration points, thickness or 2 pi r in them."""
+    """Return the weights of the integration points, thickness or 2 pi r included, (cells, points)."""
     return gathered(space, degree, lambda part: part.W)
 
 
 def displacement(space: Space, u: Floats, degree: int | None = None) -> Field:
-    """(cells, points, dim): the displacement u (n_dof,) at the integration points."""
+    """Return the displacement u (n_dof,) at the integration points, (cells, points, dim)."""
     u = checked(space, u)
     return gathered(space, degree, lambda part: part.N @ nodal(u, part, space.dim))
 
 
 def displacement_gradient(space: Space, u: Floats, degree: int | None = None) -> Field:
-    """(cells, points, dim, rows): du_s/dX_i at [s, i]; in axisymmetry a third column, whose first entry is u_x / r."""
+    """Return du_s/dX_i at [s, i] of u (n_dof,), (cells, points, dim, rows).
+
+    In axisymmetry there is a third column, whose first entry is u_x / r.
+    """
     u = checked(space, u)
 
     def gradient(part: Piece) -> NDArray[np.floating]:
@@ -60,7 +64,10 @@ def displacement_gradient(space: Space, u: Floats, degree: int | None = None) ->
 
 
 def strain(space: Space, u: Floats, degree: int | None = None) -> Field:
-    """(cells, points, 4 or 6): strain of u (n_dof,), thermal strain included; in plane stress zz is not known and 0."""
+    """Return the total strain of u (n_dof,), thermal strain included, (cells, points, 4 or 6).
+
+    In plane stress zz is not known and is set to 0.
+    """
     u = checked(space, u)
     return gathered(space, degree, lambda part: _strain(space, part, u))
 
@@ -75,9 +82,10 @@ def stress(
     degree: int | None = None,
     threads: int = 1,
 ) -> Field:
-    """(cells, points, 4 or 6): stress C (strain(u) - (T - T0) alpha) of u (n_dof,) at integration points and time t.
+    """Return the stress C (strain(u) - (T - T0) alpha) of u (n_dof,) at time t, (cells, points, 4 or 6).
 
-    `temperature`: a number or f(points, t), or (value, cells) pairs; None, and cells of no pair: no thermal strain.
+    `temperature`: a number or f(points, t), or (value, cells) pairs. There is no thermal strain for None and in cells
+    of no pair.
     Raises RequestError for a law of finite strains.
     """
     materials.check_small("lacsolver.bodies.finite.cauchy_stress")
@@ -95,7 +103,9 @@ def internal_force(
     t: float = 1.0,
     threads: int = 1,
 ) -> NDArray[np.floating]:
-    """f_int (n_dof,): nodal forces of the stress of u (n_dof,). The same to the last bit for any number of threads.
+    """Return f_int (n_dof,), the nodal forces of the stress of u (n_dof,).
+
+    The result is the same to the last bit for any number of threads.
 
     Raises RequestError for a law of finite strains.
     """
@@ -106,7 +116,7 @@ def internal_force(
 
 
 def forces(space: Space, stress: Callable[[Piece], Floats], threads: int = 1) -> NDArray[np.floating]:
-    """(n_dof,): int B^T stress dV, of a stress (c, q, 4 or 6) that is asked for piece by piece."""
+    """Return int B^T stress dV (n_dof,), for a function that gives the stress (c, q, 4 or 6) of one piece of cells."""
     slots = np.array(space.model.slots)
 
     def cell_forces(part: Piece) -> tuple[Ints, NDArray[np.floating]]:
@@ -130,7 +140,7 @@ def scatter(out: Any, nodes: Any, f: Any) -> None:
 
 
 def temperatures(space: Space, given: Temperature | None) -> list[tuple[Value, NDArray[np.bool_] | None]]:
-    """(value, whether each cell of the mesh has it) pairs."""
+    """Return (value, mask) pairs; the mask tells for each cell of the mesh if it has the value, None for all cells."""
     if given is None:
         return []
     if not isinstance(given, Sequence):
@@ -148,7 +158,7 @@ def temperatures(space: Space, given: Temperature | None) -> list[tuple[Value, N
 def temperature_at(
     space: Space, part: Piece, given: list[tuple[Value, NDArray[np.bool_] | None]], t: float
 ) -> NDArray[np.floating] | None:
-    """(c, q) at a piece's points, NaN where there is none; None where there is none anywhere."""
+    """Return the temperature (c, q) at a piece's points, NaN in cells without one; None if nothing is given."""
     if not given:
         return None
     x = coordinates(space, part)
@@ -161,7 +171,7 @@ def temperature_at(
 
 
 def _gradient(part: Piece, u: Floats, dim: int) -> NDArray[np.floating]:
-    """(c, q, rows, dim): L_i u_s."""
+    """Return L_i u_s, (c, q, rows, dim)."""
     n_cells, n_points, rows, n = part.L.shape
     made = part.L.reshape(n_cells, n_points * rows, n) @ nodal(u, part, dim)
     return made.reshape(n_cells, n_points, rows, dim)
@@ -175,7 +185,7 @@ def _strain(space: Space, part: Piece, u: Floats) -> NDArray[np.floating]:
 
 @kernel
 def deform(nodes: Any, L: Any, u: Any, slots: Any, e: Any) -> None:
-    """Add to e (c, q, n_stress) the strain of u (n_nodes, dim), L (c, q, rows, n)."""
+    """Add the strain of u (n_nodes, dim) to e (c, q, n_stress); L (c, q, rows, n)."""
     for c in range(nodes.shape[0]):
         for q in range(L.shape[1]):
             for k, i, s in slots:
@@ -187,7 +197,7 @@ def deform(nodes: Any, L: Any, u: Any, slots: Any, e: Any) -> None:
 
 @kernel
 def weigh(L: Any, W: Any, stress: Any, slots: Any, f: Any) -> None:
-    """Add to f (c, n, dim) the nodal forces of a stress (c, q, n_stress)."""
+    """Add the nodal forces of a stress (c, q, n_stress) to f (c, n, dim)."""
     for c in range(L.shape[0]):
         for q in range(L.shape[1]):
             for k, i, s in slots:
@@ -211,7 +221,7 @@ def _stress(
 def gathered(
     space: Space, degree: int | None, make: Callable[[Piece], NDArray[np.floating]], threads: int = 1
 ) -> Field:
-    """What `make` gives for every piece, block by block."""
+    """Return the arrays that `make` gives for the pieces, concatenated block by block."""
     made: list[list[NDArray[np.floating]]] = [[] for _ in space.blocks]
     for number, values in mapped(space, degree, lambda part: (part.block, make(part)), threads):
         made[number].append(values)
@@ -219,7 +229,7 @@ def gathered(
 
 
 def mapped(space: Space, degree: int | None, make: Callable[[Piece], T], threads: int) -> Iterator[T]:
-    """What `make` gives for every piece of the space, in their order."""
+    """Yield the result of `make` for every piece of the space, in order."""
     if threads < 1:
         raise ValueError(f"threads is 1 or more, not {threads}")
 
@@ -234,7 +244,7 @@ def mapped(space: Space, degree: int | None, make: Callable[[Piece], T], threads
 
 
 def checked(space: Space, u: Floats) -> NDArray[np.floating]:
-    """U as an array. Raises ValueError if it is not (n_dof,)."""
+    """Return u as an array. Raises ValueError if its shape is not (n_dof,)."""
     u = np.asarray(u, dtype=float)
     if u.shape != (space.n_dof,):
         raise ValueError(f"a displacement must be ({space.n_dof},), not {u.shape}")

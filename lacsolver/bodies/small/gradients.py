@@ -1,8 +1,8 @@
-"""The generalised gradient of the shape functions at integration points: what strain, force and stiffness are made of.
+"""Generalised gradient of the shape functions at integration points, used by strain, force and stiffness.
 
 L (rows, n): L_ia = dN_a/dX_i for i < dim, and in axisymmetry L_2a = N_a / r. W: weight of the point, with |det J| and
-the thickness or 2 pi r. A plane cell is mapped as a solid whose third axis stays what it is, so that one kernel serves
-both dimensions, and every type of cell: the number of nodes is that of the arrays.
+the thickness or 2 pi r. A plane cell is mapped as a solid whose third axis maps to itself, so that one kernel serves
+both dimensions and every type of cell; the number of nodes is taken from the arrays.
 """
 
 from __future__ import annotations
@@ -22,12 +22,15 @@ from lacmesh.reference.shapes import gradient, shape
 from lacsolver.space.rules import cell_rule
 from lacsolver.space.space import Space
 
-#: numbers of L in one piece of cells: some of it stays in the cache
+#: entries of L in one piece of cells, so that part of it stays in the cache
 _PIECE = 1 << 18
 
 
 class Table(NamedTuple):
-    """A cell type at points of a rule: N (q, n), gradient (q, 3, n) with rows of 0 beyond its dimension, w (q,)."""
+    """Shape functions N (q, n), gradients (q, 3, n), weights w (q,) of a cell type at the points of a rule.
+
+    The rows of the gradients beyond the dimension of the cell are 0.
+    """
 
     N: NDArray[np.floating]
     gradient: NDArray[np.floating]
@@ -36,7 +39,10 @@ class Table(NamedTuple):
 
 @cache
 def table(name: str, axisymmetric: bool = False, degree: int | None = None) -> Table:
-    """The table of a cell type: with the rule of its stiffness, or `lacmesh.reference.quadrature`'s of some degree."""
+    """Return the table of a cell type for the rule of its stiffness, or for a quadrature rule of some degree.
+
+    Rules of a given degree are those of `lacmesh.reference.quadrature`.
+    """
     X, w = cell_rule(name, axisymmetric) if degree is None else rule(CELLS[name].family, degree)
     dN = gradient(name, X).transpose(0, 2, 1)
     padded = np.zeros((len(w), 3, dN.shape[2]))
@@ -45,7 +51,7 @@ def table(name: str, axisymmetric: bool = False, degree: int | None = None) -> T
 
 
 class Kind(NamedTuple):
-    """What a kernel needs of a space."""
+    """The properties of a space that kernels use."""
 
     dim: int
     rows: int
@@ -54,12 +60,12 @@ class Kind(NamedTuple):
 
 
 def kind(space: Space) -> Kind:
-    """A space's kind."""
+    """Return the properties of a space that kernels use."""
     return Kind(space.dim, space.model.rows, space.model.axisymmetric, space.thickness)
 
 
 class Piece(NamedTuple):
-    """Some cells of a block: `block`, `cells` of it, their `nodes` (c, n), N (q, n), L (c, q, rows, n), W (c, q)."""
+    """Some `cells` of a block, with their `nodes` (c, n), N (q, n), L (c, q, rows, n) and W (c, q)."""
 
     block: int
     cells: slice
@@ -70,7 +76,7 @@ class Piece(NamedTuple):
 
 
 def spans(space: Space, degree: int | None = None) -> Iterator[tuple[int, slice]]:
-    """(block, cells of it), some at a time, so that what is made of them does not grow with the mesh."""
+    """Yield (block, slice of its cells), in pieces of limited size, so that memory does not grow with the mesh."""
     for number, block in enumerate(space.blocks):
         made = table(block.type, space.model.axisymmetric, degree)
         size = max(1, _PIECE // (made.N.size * space.model.rows))
@@ -79,7 +85,7 @@ def spans(space: Space, degree: int | None = None) -> Iterator[tuple[int, slice]
 
 
 def piece(space: Space, block: int, cells: slice, degree: int | None = None) -> Piece:
-    """L and W of some cells of a block."""
+    """Return a piece: L and W of some cells of a block."""
     name, nodes, _ = space.blocks[block]
     made = table(name, space.model.axisymmetric, degree)
     L = np.empty((cells.stop - cells.start, len(made.w), space.model.rows, made.N.shape[1]))
@@ -137,10 +143,10 @@ def at_points(nodes: Any, e: int, x: Any, table: Any, kind: Any, L: Any, W: Any)
 
 
 def coordinates(space: Space, part: Piece) -> NDArray[np.floating]:
-    """(c, q, 3): where the points of a piece are."""
+    """Return the coordinates of the integration points of a piece, (c, q, 3)."""
     return np.einsum("qn,cns->cqs", part.N, space.mesh.points[part.nodes], optimize=True)
 
 
 def nodal(values: Floats, part: Piece, dim: int) -> NDArray[np.floating]:
-    """(c, n, dim): a vector of unknowns (n_dof,) at the nodes of a piece's cells."""
+    """Return a vector of unknowns (n_dof,) at the nodes of a piece's cells, (c, n, dim)."""
     return values.reshape(-1, dim)[part.nodes]

@@ -1,10 +1,11 @@
-"""The stiffness K_ab,st = int A_sitj L_ia L_jb dV, written straight into its block-CSR pattern.
+"""The stiffness K_ab,st = int A_sitj L_ia L_jb dV, summed directly into its block-CSR pattern.
 
-A cell's L and L W are stacked over its points; one product M = (L W)^T L gives all int L_ia L_jb, and since A is one
-for the whole cell, K is the few terms A_sitj M_ij that are not zero (`Materials.terms`): 21 of 81 for an isotropic
-solid. Each thread owns some rows (nodes) of K, goes through the cells that touch them in their order, and adds to its
-own rows only. So every entry is summed in one order whatever the number of threads, and the result is the same to the
-last bit; the price is that cells between two threads' nodes are computed by both. K is symmetric to the last bit.
+A cell's L and L W are stacked over its points; one product M = (L W)^T L gives all int L_ia L_jb, and since A is
+constant in a cell, K is the sum of the few terms A_sitj M_ij that are not zero (`Materials.terms`): 21 of 81 for an
+isotropic solid. Each thread owns some rows (nodes) of K, goes through the cells that touch them in their order, and
+adds to its own rows only. So every entry is summed in one order whatever the number of threads, and the result is the
+same to the last bit; the price is that cells between two threads' nodes are computed by both. K is symmetric to the
+last bit.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ from lacsolver.space.space import Space
 
 
 def assemble_stiffness(space: Space, materials: Materials, threads: int = 1) -> bsr_array:
-    """K (n_dof, n_dof): symmetric, blocks of dim x dim, its structure that of `space.pattern` (shared, not copied).
+    """Return K (n_dof, n_dof), symmetric, in dim x dim blocks, with the pattern `space.pattern` (shared, not copied).
 
-    The same to the last bit for any number of threads. `K.tocsr()` and `K.tocsc()` convert it for a solver. Raises
-    RequestError for a law of finite strains.
+    The result is the same to the last bit for any number of threads. `K.tocsr()` and `K.tocsc()` convert it for a
+    solver. Raises RequestError for a law of finite strains.
 
     >>> from lacmesh import Mesh
     >>> from lacsolver.bodies.material import Elastic
@@ -41,7 +42,7 @@ def assemble_stiffness(space: Space, materials: Materials, threads: int = 1) -> 
 
 
 def matrix(space: Space, values: NDArray[np.floating]) -> bsr_array:
-    """The matrix of block values (n_blocks, dim, dim) in the pattern of a space."""
+    """Return the matrix with block values (n_blocks, dim, dim) in the pattern of a space."""
     indptr, indices = space.pattern
     return bsr_array((values, indices, indptr), shape=(space.n_dof, space.n_dof), blocksize=(space.dim, space.dim))
 
@@ -49,7 +50,7 @@ def matrix(space: Space, values: NDArray[np.floating]) -> bsr_array:
 def stiffness_values(
     space: Space, materials: Materials, threads: int = 1, *, out: NDArray[np.floating] | None = None
 ) -> NDArray[np.floating]:
-    """(n_blocks, dim, dim): the blocks of K in the order of `space.pattern`; written over `out` if there is one."""
+    """Return the blocks of K in the order of `space.pattern`, (n_blocks, dim, dim), in `out` if it is given."""
     materials.check_small("lacsolver.bodies.finite.force_and_tangent")
     if threads < 1:
         raise ValueError(f"threads is 1 or more, not {threads}")
@@ -78,7 +79,10 @@ def stiffness_values(
 
 
 def owners(space: Space, threads: int) -> Ints:
-    """(n_nodes,): the thread that owns each node's row: boxes with as many nodes, halved along the longest side."""
+    """Return the thread that owns each node's row, (n_nodes,): boxes of about equal numbers of nodes.
+
+    The boxes come from repeated division along the longest side.
+    """
     owner = np.zeros(space.mesh.n_nodes, np.int16)
     parts = [(np.flatnonzero(space.attached), 0, threads)]
     while parts:
@@ -95,7 +99,7 @@ def owners(space: Space, threads: int) -> Ints:
 
 
 def touching(owner: Ints, nodes: Ints, mine: int, threads: int) -> Ints:
-    """Rows of `nodes` with a node that the thread owns, ascending."""
+    """Return the rows of `nodes` with a node that thread `mine` owns, ascending."""
     if threads == 1:
         return np.arange(len(nodes))
     touched = np.zeros(len(nodes), bool)
@@ -131,7 +135,7 @@ def _add(
 
 @kernel
 def product(H: Any, W: Any, WH: Any, M: Any) -> None:
-    """M = H^T W H. One point is not worth a call of BLAS."""
+    """Fill M = H^T W H. A single point is summed without BLAS, whose call would cost more."""
     m = H.shape[1]
     for q in range(len(W)):
         for r in range(m):
@@ -146,7 +150,7 @@ def product(H: Any, W: Any, WH: Any, M: Any) -> None:
 
 @kernel
 def _combine(M: Any, n: int, n_rows: int, terms: Any, law: int, K: Any) -> None:
-    """K (dim^2, n^2) = the terms A_sitj M_ij, for s <= t."""
+    """Fill K (dim^2, n^2) with the sums of A_sitj M_ij, for s <= t."""
     K[:] = 0.0
     for k in range(terms.start[law], terms.start[law + 1]):
         st, i, j = terms.at[k, 0], terms.at[k, 1] // n_rows * n, terms.at[k, 1] % n_rows * n
@@ -158,7 +162,7 @@ def _combine(M: Any, n: int, n_rows: int, terms: Any, law: int, K: Any) -> None:
 
 @kernel
 def _isotropic(M: Any, n: int, lam: float, mu: float, K: Any) -> None:
-    """The same where A_sitj = lam d_si d_tj + mu (d_st d_ij + d_sj d_it): in one pass over the cell's K."""
+    """Fill K (9, n^2) of an isotropic solid, A_sitj = lam d_si d_tj + mu (d_st d_ij + d_sj d_it), in one pass."""
     y, z = n, 2 * n
     for a in range(n):
         for b in range(n):
@@ -174,7 +178,7 @@ def _isotropic(M: Any, n: int, lam: float, mu: float, K: Any) -> None:
 
 @kernel
 def sort_places(nodes: Any, e: int, order: Any) -> None:
-    """Places of a cell's nodes, by number."""
+    """Fill `order` with the positions of a cell's nodes, sorted by node number."""
     for a in range(len(order)):
         b = a
         while b > 0 and nodes[e, order[b - 1]] > nodes[e, a]:
@@ -185,7 +189,7 @@ def sort_places(nodes: Any, e: int, order: Any) -> None:
 
 @kernel
 def add_row(nodes: Any, e: int, order: Any, a: int, K: Any, pattern: Any, out: Any, dim: int) -> None:
-    """Add row a of a cell's K to its row of blocks, whose columns go up as the nodes in `order` do."""
+    """Add row a of a cell's K to its row of blocks; `order` sorts the cell's nodes as the columns are sorted."""
     at = pattern.indptr[nodes[e, a]]
     for b in order:
         while pattern.indices[at] != nodes[e, b]:
