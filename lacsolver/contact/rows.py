@@ -77,12 +77,10 @@ def _bases() -> NDArray[np.floating]:
 
 def _matrix(nodes: Ints, first: Ints, count: Ints, column: Ints, value: Floats, d: int, n_nodes: int) -> csr_array:
     """Return the summed rows as a matrix: gaps of unused entries removed, columns ascending."""
-    rows = np.repeat(np.arange(len(count)), count)
     at = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first[:-1], count)
     node = nodes[column[at]]
     indptr = np.concatenate([[0], np.cumsum(count)]) * d
     indices = (d * node[:, None] + np.arange(d)).ravel()
-    del rows
     made = csr_array((value[at].ravel(), indices, indptr), shape=(len(count), d * n_nodes))
     made.sort_indices()
     return made
