@@ -23,7 +23,7 @@ from lacsolver.case import Case, Contact, Displacement, Material, Solver
 from lacsolver.contact import Zone, integrate
 from lacsolver.linear import analyse
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.model import Model
+from lacsolver.solve.model import ReducedProblem
 from lacsolver.solve.stepping import march
 
 _ROUND = "0.03*((x-0.5)**2+(y-0.5)**2)"
@@ -49,7 +49,7 @@ def pressed(mesh, backend: str, kinematics: str = "small") -> Problem:
 
 def elastic(problem: Problem) -> tuple[float, float]:
     """Wall and processor seconds of one analysis, factorisation and solution of K."""
-    model = Model(problem)
+    model = ReducedProblem(problem)
     K, b = model.held.K, np.random.default_rng(0).normal(size=problem.constraints.n_q)
     start = time.perf_counter(), time.process_time()
     analyse(K, backend=problem.case.solver.backend, threads=problem.threads).factor(K).solve(b)
@@ -67,7 +67,7 @@ def contact(problem: Problem) -> tuple[float, float, int, int]:
 def compared(name: str, mesh, backend: str) -> str:
     """A line of the table."""
     problem = pressed(mesh, backend)
-    _ = Model(problem).K  # kernels are compiled
+    _ = ReducedProblem(problem).K  # kernels are compiled
     runs = [(elastic(problem), contact(problem)) for _ in range(3)]
     e, c = (median(run[k][0] for run in runs) for k in (0, 1))
     own = median(run[1][1] / run[0][1] for run in runs)

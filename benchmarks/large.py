@@ -42,7 +42,7 @@ from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
 from lacsolver.linear import TOLERANCE
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.model import Instant, Model
+from lacsolver.solve.model import Instant, ReducedProblem
 from lacsolver.solve.schur import Solved
 from lacsolver.solve.stepping import march
 
@@ -145,7 +145,7 @@ def measured(unknowns: int, backend: str, kinematics: str = "small") -> dict[str
 
 def elastic(problem: Problem, clock: Clock) -> int:
     """One multigrid solve of K alone, under the clock; its iterations."""
-    model = Model(problem)
+    model = ReducedProblem(problem)
     f = Instant(model, 1.0).f
     with clock("set-up of K alone"):
         held = model.held

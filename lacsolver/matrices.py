@@ -15,7 +15,7 @@ from lacmesh.errors import WriteError
 from lacmesh.formats.output import replacing
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacsolver.contact import Interface, Pairing, Zone, integrate
-from lacsolver.space.values import Value
+from lacsolver.space.values import ScalarField
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ def contact_matrices(
     surface: str = "smooth",
     search_distance: float | None = None,
     axisymmetric: bool = False,
-    clearance: Value = 0.0,
+    clearance: ScalarField = 0.0,
     x: Floats | None = None,
 ) -> ContactMatrices:
     """Return the contact matrices of two groups of skin cells; a slave that is not cut is cut first (`hexa`).

@@ -18,14 +18,14 @@ import lacmesh
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError
 from lacmesh.mesh import Mesh
-from lacsolver.case import Case, CaseError, Contact, Displacement, Problem, Rigid, Tie, check_groups
+from lacsolver.case import Case, CaseError, Contact, Displacement, Issue, Rigid, Tie, check_groups
 from lacsolver.case.records import Entry
 from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface, integrate
 from lacsolver.linear import choose
 from lacsolver.problem import acting
 from lacsolver.problem.overlap import check_overlap, deepest
-from lacsolver.problem.problem import Joint, joint_of, materials_of
+from lacsolver.problem.problem import ContactPair, joint_of, materials_of
 from lacsolver.problem.rigid_modes import describe, free_motions, still_free
 from lacsolver.problem.skin import check_mesh, prepared
 from lacsolver.space.places import nodes_of
@@ -72,7 +72,7 @@ class Validation:
     unknowns: int = 0
     zones: list[ZoneFound] = field(default_factory=list)
     held: list[str] = field(default_factory=list)
-    problems: list[Problem] = field(default_factory=list)
+    problems: list[Issue] = field(default_factory=list)
 
     @contextmanager
     def looking(self, place: str = "") -> Iterator[None]:
@@ -81,7 +81,7 @@ class Validation:
             yield
         except LacmeshError as error:
             lines = str(error).splitlines() if isinstance(error, CaseError) else [str(error)]
-            self.problems += [Problem(line if place in line else f"{place}: {line}") for line in lines]
+            self.problems += [Issue(line if place in line else f"{place}: {line}") for line in lines]
 
 
 def validate(case: Case, mesh: Mesh | None = None) -> Validation:
@@ -162,9 +162,9 @@ def _constraints(case: Case, space: Space, found: Validation) -> Constraints | N
     return None
 
 
-def _zones(case: Case, space: Space, found: Validation) -> list[tuple[Joint, Interface]]:
+def _zones(case: Case, space: Space, found: Validation) -> list[tuple[ContactPair, Interface]]:
     """Return the contact pairs with their interfaces at the start; add the zones and mistakes to `found`."""
-    faces: list[tuple[Joint, Interface]] = []
+    faces: list[tuple[ContactPair, Interface]] = []
     records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
     for record in records:
         with found.looking(record.place):
@@ -178,7 +178,7 @@ def _zones(case: Case, space: Space, found: Validation) -> list[tuple[Joint, Int
     return faces
 
 
-def _zone_found(joint: Joint, face: Interface) -> ZoneFound:
+def _zone_found(joint: ContactPair, face: Interface) -> ZoneFound:
     record, on = joint.record, joint.paired(face)
     gap = face.gap[on] if on.any() else np.array([np.nan])
     return ZoneFound(
@@ -188,7 +188,7 @@ def _zone_found(joint: Joint, face: Interface) -> ZoneFound:
 
 
 def _look_at_motions(
-    case: Case, constraints: Constraints, faces: list[tuple[Joint, Interface]], found: Validation
+    case: Case, constraints: Constraints, faces: list[tuple[ContactPair, Interface]], found: Validation
 ) -> None:
     """Find rigid-body motions that only contact constrains, and report those that nothing constrains as a mistake."""
     space = constraints.space
@@ -206,11 +206,11 @@ def _look_at_motions(
     if free:
         said = "; ".join(describe(motion) for motion in free)
         message = f"nothing holds a part of the model: {said}; add a displacement, a spring or a contact"
-        found.problems.append(Problem(message))
+        found.problems.append(Issue(message))
     else:
         found.held = [describe(motion) for motion in motions]
 
 
-def _paired_rows(joint: Joint, face: Interface) -> csr_array:
+def _paired_rows(joint: ContactPair, face: Interface) -> csr_array:
     on = joint.paired(face)
     return csr_array(face.B[np.flatnonzero(np.repeat(on, len(face.G) // len(on)))])

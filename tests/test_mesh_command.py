@@ -19,7 +19,7 @@ from lacmesh.cells import CELLS
 from lacmesh.cli import main
 from lacmesh.errors import DataError, LacmeshWarning, ReadError, RequestError
 from lacmesh.gmsh import cad
-from lacmesh.gmsh.cad import Part, list_cad, mesh_cad, parse_group
+from lacmesh.gmsh.cad import EntitySelection, list_cad, mesh_cad, parse_group
 from lacmesh.reference.quadrature import measure
 from lacmesh.topology.orientation import turning
 
@@ -237,7 +237,7 @@ def test_the_list_is_printed(files, capsys):
     assert main(["mesh", str(LUG), "--list", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["file"] == str(LUG) and len(found["shapes"]) == 22
-    assert set(found["shapes"][0]) == set(cad.Shape.__dataclass_fields__)
+    assert set(found["shapes"][0]) == set(cad.CadShape.__dataclass_fields__)
     assert main(["mesh", str(files / "plate.geo"), "--list"]) == 0
     assert "1 surface, 5 curves" in capsys.readouterr().out
 
@@ -292,11 +292,11 @@ def test_groups_by_tag_and_by_box(files, tmp_path, capsys):
 
 
 def test_groups_of_a_script_are_kept(files):
-    mesh = mesh_cad(files / "column.geo", groups={"side": [Part(None, (13,))]}, order=1, size=0.5)
+    mesh = mesh_cad(files / "column.geo", groups={"side": [EntitySelection(None, (13,))]}, order=1, size=0.5)
     assert {n: mesh.group_dim(n) for n in mesh.cell_groups} == {"top": 2, "2:7": 2, "side": 2}
     assert mesh.points[mesh.block("TRIA3")[mesh.cell_groups["top"]]][..., 2].min() == 2
     with pytest.raises(RequestError, match="named 'top' already"):
-        mesh_cad(files / "column.geo", groups={"top": [Part(None, (13,))]})
+        mesh_cad(files / "column.geo", groups={"top": [EntitySelection(None, (13,))]})
 
 
 @pytest.mark.parametrize("size", [0.25, 0.35])
@@ -311,7 +311,7 @@ def test_size_is_the_length_of_edges(files, size):
 @pytest.mark.parametrize(("h", "far"), [(1.5, 5.0), (4.0, 2.0)])
 def test_slave_faces_have_the_size_asked(h, far):
     """And cells that grow away from it, or shrink, where the slave's are the larger ones."""
-    mesh = mesh_cad(LUG, groups={"bore": [Part(None, (13,))]}, slave=["bore"], slave_size=h, size=far)
+    mesh = mesh_cad(LUG, groups={"bore": [EntitySelection(None, (13,))]}, slave=["bore"], slave_size=h, size=far)
     length, _ = edges_of(mesh, mesh.cell_groups["bore"])
     assert length.mean() == pytest.approx(h, rel=0.1)
     assert np.percentile(length, 95) < 1.35 * h
@@ -325,7 +325,9 @@ def test_slave_faces_have_the_size_asked(h, far):
 
 
 def test_slave_size_in_the_plane_and_beside_the_sizes_of_a_script(files):
-    mesh = mesh_cad(files / "plate.geo", groups={"hole": [Part(None, (5,))]}, slave=["hole"], slave_size=0.08)
+    mesh = mesh_cad(
+        files / "plate.geo", groups={"hole": [EntitySelection(None, (5,))]}, slave=["hole"], slave_size=0.08
+    )
     assert edges_of(mesh, mesh.cell_groups["hole"])[0].mean() == pytest.approx(0.08, rel=0.1)
     mesh = mesh_cad(files / "column.geo", slave=["2:7"], slave_size=0.1, order=1)
     assert edges_of(mesh, mesh.cell_groups["2:7"])[0].mean() == pytest.approx(0.1, rel=0.1)
@@ -335,7 +337,7 @@ def test_slave_size_in_the_plane_and_beside_the_sizes_of_a_script(files):
 
 
 def test_second_order_stands_on_the_geometry():
-    bore, pin = Part(None, (13,)), Part(None, (15,))
+    bore, pin = EntitySelection(None, (13,)), EntitySelection(None, (15,))
     mesh = mesh_cad(LUG, groups={"bore": [bore], "pin": [pin]}, size=5, order=2)
     assert set(mesh.cells_by_type) == {"TRIA6", "TETRA10"}
     for group, radius, axis in (("bore", 12, 32), ("pin", 11.8, 31.8)):
@@ -564,9 +566,9 @@ def test_an_interrupt_stops_gmsh_too(tmp_path, number, status):
 
 
 def test_groups_are_parsed():
-    assert parse_group("a=b=1") == ("a=b", Part(None, (1,)))
-    assert parse_group("a=2:box:0,0,0,1,1,1") == ("a", Part(2, (), (0, 0, 0, 1, 1, 1)))
-    assert parse_group("a=1:2,3") == ("a", Part(1, (2, 3)))
+    assert parse_group("a=b=1") == ("a=b", EntitySelection(None, (1,)))
+    assert parse_group("a=2:box:0,0,0,1,1,1") == ("a", EntitySelection(2, (), (0, 0, 0, 1, 1, 1)))
+    assert parse_group("a=1:2,3") == ("a", EntitySelection(1, (2, 3)))
 
 
 FOUR = """Point(1) = {0, 0, 1, .3}; Point(2) = {1, 0, 2, .3}; Point(3) = {1, 1, 3, .3}; Point(4) = {0, 1, 2, .3};
@@ -593,7 +595,7 @@ OCC = 'SetFactory("OpenCASCADE");\n'
 def test_a_tag_alone_is_a_surface_unless_the_file_is_plane(text, dim, tmp_path):
     script = tmp_path / "a.geo"
     script.write_text(text)
-    mesh = mesh_cad(script, groups={"it": [Part(None, (1,))], "curve": [Part(1, (1,))]}, dim=2)
+    mesh = mesh_cad(script, groups={"it": [EntitySelection(None, (1,))], "curve": [EntitySelection(1, (1,))]}, dim=2)
     assert {name: mesh.group_dim(name) for name in mesh.cell_groups} == {"it": dim, "curve": 1}
 
 
@@ -611,7 +613,7 @@ def test_surfaces_of_a_solid_are_slaves_of_a_shell(tmp_path, capsys):
 
 
 def test_dim_2_meshes_a_shell(files):
-    mesh = mesh_cad(files / "open.stl", dim=2, size=0.2, groups={"side": [Part(None, (2,))]})
+    mesh = mesh_cad(files / "open.stl", dim=2, size=0.2, groups={"side": [EntitySelection(None, (2,))]})
     assert mesh.group_dim("side") == 2
     assert set(mesh.cells_by_type) == {"SEG2", "TRIA3"}
     assert area(mesh, np.flatnonzero(mesh.cell_dim == 2)) == pytest.approx(5)

@@ -7,8 +7,8 @@ from lacmesh import Mesh, Surface
 from lacsolver import Case, Displacement, Material, Pairing, Problem, Zone, integrate
 from lacsolver.contact.interface import positions
 from lacsolver.contact.rows import macro_rows
-from lacsolver.solve.equilibrium import Contact, Limits, at_start, find_equilibrium, stiffness_of_rows
-from lacsolver.solve.model import Instant, Model
+from lacsolver.solve.equilibrium import ContactSystem, Limits, at_start, find_equilibrium, stiffness_of_rows
+from lacsolver.solve.model import Instant, ReducedProblem
 from lacsolver.solve.schur import Rows
 
 
@@ -38,7 +38,7 @@ def held(mesh):
         material=[Material(young=1.0, poisson=0.3)],
         displacement=[Displacement(group=name, ux=0.0, uy=0.0) for name in ("bottom", "left", "right")],
     )
-    return Model(Problem.of(case, mesh))
+    return ReducedProblem(Problem.of(case, mesh))
 
 
 def p0_mortar(mesh):
@@ -62,7 +62,7 @@ def contact(model, B, G, w):
     B = (B @ model.problem.constraints.T).tocsr()
     rows = Rows(B, B, w)
     every = np.full(len(G), True)
-    whole = Contact(rows, G, paired=every, held=~every, c=stiffness_of_rows(model.held, rows))
+    whole = ContactSystem(rows, G, paired=every, held=~every, c=stiffness_of_rows(model.held, rows))
     return whole, lambda q: whole.at(G - B @ q)
 
 

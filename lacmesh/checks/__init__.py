@@ -20,7 +20,7 @@ import numpy as np
 
 from lacmesh.checks.findings import Finding, Findings, Where, collect
 from lacmesh.checks.rules import RULES, Rule
-from lacmesh.checks.subject import Part, Subject, make_subject
+from lacmesh.checks.subject import CheckStep, Subject, make_subject
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Mesh, spec_list
@@ -93,7 +93,7 @@ def _listed(specs: Specs | None) -> tuple[str, ...]:
     return () if specs is None else tuple(spec_list(specs))
 
 
-def _parts(mesh: Mesh) -> list[Part]:
+def _parts(mesh: Mesh) -> list[CheckStep]:
     """Return the parts of the check in their order; modules with compiled kernels are imported only if needed."""
     from lacmesh.checks.dofs import check_dofs
     from lacmesh.checks.skins import check_groups, check_parents, check_shape, check_sharing
@@ -105,12 +105,12 @@ def _parts(mesh: Mesh) -> list[Part]:
     from lacmesh.checks.facing import check_facing
     from lacmesh.checks.shapes import check_shapes
 
-    cells: list[Part] = [check_numbers, check_validity, check_facets]
-    skins: list[Part] = [check_groups, check_parents, check_shape, check_sharing, check_dofs]
+    cells: list[CheckStep] = [check_numbers, check_validity, check_facets]
+    skins: list[CheckStep] = [check_groups, check_parents, check_shape, check_sharing, check_dofs]
     return [*cells, *skins, check_shapes, check_bodies, check_skins_in_space, check_facing]
 
 
-def _done(part: Part, subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
+def _done(part: CheckStep, subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Run one part of the check; if it fails on an unusual mesh, a finding says so and the other parts go on."""
     try:
         with np.errstate(all="ignore"):

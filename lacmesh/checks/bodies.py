@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lacmesh.checks.boxes import meeting
 from lacmesh.checks.crossing import crossing
 from lacmesh.checks.findings import Finding, counted
-from lacmesh.checks.subject import PLACE, Side, Subject
+from lacmesh.checks.subject import PLACE, CheckedSkin, Subject
 from lacmesh.mesh import Floats, Ints
 from lacmesh.topology.components import label_components
 from lacmesh.topology.orientation import edge_uses
@@ -192,7 +192,7 @@ def inside_edges(subject: Subject, nodes: Ints, a: Ints, b: Ints) -> tuple[Ints,
     return nodes[order[start[point[hit]] + nth]], edge[hit]
 
 
-def hanging_nodes(subject: Subject, side: Side) -> Ints:
+def hanging_nodes(subject: Subject, side: CheckedSkin) -> Ints:
     """Corners of a skin that lie inside an edge on the boundary of the same skin, on the same body."""
     if subject.dim != 2 or not len(side):
         return np.empty(0, np.int64)
@@ -219,7 +219,7 @@ def check_skins_in_space(subject: Subject) -> tuple[list[Finding], dict[str, Any
     return found, {}
 
 
-def _crossing(subject: Subject, side: Side) -> list[Finding]:
+def _crossing(subject: Subject, side: CheckedSkin) -> list[Finding]:
     mesh = subject.mesh
     if not len(side) or (subject.dim == 1 and mesh.space_dim == 3):  # lines in space hardly ever meet
         return []

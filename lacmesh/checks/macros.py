@@ -17,7 +17,7 @@ from lacmesh.mesh import Ints, Mesh
 from lacmesh.topology.skin import FACE_TYPES
 
 if TYPE_CHECKING:
-    from lacmesh.checks.subject import Side
+    from lacmesh.checks.subject import CheckedSkin
 
 #: types of faces that own an internal dof as they are
 _WHOLE = np.array([name in WHOLE_FACES for name in FACE_TYPES])
@@ -46,7 +46,7 @@ class Macros:
         return some[self.of_face]
 
 
-def macros_of(mesh: Mesh, side: Side, recognise: bool | None = None) -> Macros:
+def macros_of(mesh: Mesh, side: CheckedSkin, recognise: bool | None = None) -> Macros:
     """Return the macro-elements of a skin: from the records, else recognised, else each face by itself.
 
     `recognise`: as in `cut_skin`.

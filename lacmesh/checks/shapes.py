@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from lacmesh.checks.findings import Finding
-from lacmesh.checks.subject import Side, Subject
+from lacmesh.checks.subject import CheckedSkin, Subject
 from lacmesh.errors import DataError
 from lacmesh.smooth.coarse import Faceted, faceted
 from lacmesh.smooth.fitted import fitted_shapes
@@ -38,7 +38,7 @@ def check_shapes(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     return found, {"shapes": shapes}
 
 
-def _coarse(side: Side, coarse: Faceted) -> str:
+def _coarse(side: CheckedSkin, coarse: Faceted) -> str:
     message = side.counted(len(coarse.cells), "is", "are") + " too coarse for a curved skin: they "
     what = [f"turn by up to {coarse.turn:.0f} degrees to the next"]
     if coarse.no_height:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.checks.findings import Finding, counted
-from lacmesh.checks.subject import Side, Subject, is_carried
+from lacmesh.checks.subject import CheckedSkin, Subject, is_carried
 from lacmesh.mesh import Ints
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.orientation import edge_uses, turning
@@ -29,7 +29,7 @@ def check_groups(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     return found, {}
 
 
-def _dimensions(subject: Subject, side: Side) -> Iterator[Finding]:
+def _dimensions(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
     mesh = subject.mesh
     for name, cells in zip(side.names, side.groups, strict=True):
         dims = mesh.cell_dim[cells]
@@ -60,7 +60,7 @@ def _dimensions(subject: Subject, side: Side) -> Iterator[Finding]:
             )
 
 
-def _copies(subject: Subject, side: Side) -> Iterator[Finding]:
+def _copies(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
     if len(side.copies):
         message = (
             f"{side.counted(len(side.copies), 'stands', 'stand')} twice: "
@@ -103,7 +103,7 @@ def _are_recorded(subject: Subject, cells: Ints) -> bool:
     return macro is not None and bool((macro[cells] >= 0).all())
 
 
-def _behind(subject: Subject, side: Side) -> Iterator[Finding]:
+def _behind(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
     count = subject.behind(side)
     on_carried = _on_carried(subject, side)
     bare, carried = side.cells[(count == 0) & ~on_carried], side.cells[(count == 0) & on_carried]
@@ -133,7 +133,7 @@ def _behind(subject: Subject, side: Side) -> Iterator[Finding]:
         yield subject.found("mid-nodes-differ", message, odd, group=side.group)
 
 
-def _on_carried(subject: Subject, side: Side) -> NDArray[np.bool_]:
+def _on_carried(subject: Subject, side: CheckedSkin) -> NDArray[np.bool_]:
     """(f,): True for faces that have the corners of a facet of a cell of order 3 or higher."""
     mesh = subject.mesh
     blocks = []
@@ -146,7 +146,7 @@ def _on_carried(subject: Subject, side: Side) -> NDArray[np.bool_]:
     return out
 
 
-def _turned(subject: Subject, side: Side) -> Iterator[Finding]:
+def _turned(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
     turn = turning(subject.mesh, side.cells)
     bare = np.intersect1d(turn.turned, turn.bare)
     inward = np.setdiff1d(turn.turned, turn.bare)
@@ -170,7 +170,7 @@ def check_shape(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     return found, {}
 
 
-def _branches(subject: Subject, side: Side) -> Iterator[Finding]:
+def _branches(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
     uses = edge_uses(side.faces)
     count = np.bincount(uses.edge)
     rows = np.unique(uses.face[count[uses.edge] > 2])
@@ -183,7 +183,7 @@ def _branches(subject: Subject, side: Side) -> Iterator[Finding]:
         yield subject.found("non-manifold", message, cells, group=side.group)
 
 
-def _orders(subject: Subject, side: Side) -> Iterator[Finding]:
+def _orders(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
     order = _ORDER[side.faces.type]
     if order.min() < order.max():
         few = side.cells[order == (1 if 2 * (order == 1).sum() <= len(order) else 2)]

@@ -19,7 +19,7 @@ from lacmesh.cutting.records import CELL_RECORDS
 from lacmesh.errors import GroupNotFoundError, some
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
-from lacmesh.topology.skin import TYPE_CODE, Faces, Match, find_owners
+from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners
 
 #: at most so many numbers in a sentence
 SHOWN = 8
@@ -28,7 +28,7 @@ PLACE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
+class CheckedSkin:
     """A skin: `what` (slave, master), the groups' `names`, its faces.
 
     `cells` (f,): the first cell on each face; `zone` (f,): the position of its group in `names`; `faces`: the faces,
@@ -71,8 +71,8 @@ class Subject:
 
     mesh: Mesh
     dim: int
-    slave: Side
-    master: Side | None
+    slave: CheckedSkin
+    master: CheckedSkin | None
     fixed: Ints
     dirichlet: tuple[str, ...]
     options: dict[str, Any] = field(default_factory=dict)
@@ -80,7 +80,7 @@ class Subject:
     recognise: bool | None = None
 
     @property
-    def sides(self) -> tuple[Side, ...]:
+    def sides(self) -> tuple[CheckedSkin, ...]:
         """The skins."""
         return (self.slave,) if self.master is None else (self.slave, self.master)
 
@@ -90,7 +90,7 @@ class Subject:
         return np.asarray((np.abs(self.mesh.points) < 1e150).all(axis=1))
 
     @cached_property
-    def parents(self) -> dict[str, Match]:
+    def parents(self) -> dict[str, FaceIncidence]:
         """The parent cells of the faces, for each side."""
         blocks = list(cells_of_dim(self.mesh, self.dim + 1))
         return {side.what: find_owners(side.faces, blocks, self.mesh.n_nodes) for side in self.sides}
@@ -123,7 +123,7 @@ class Subject:
             data["lac_macro"] = macro
         return replace(mesh, cell_data=data)
 
-    def behind(self, side: Side) -> Ints:
+    def behind(self, side: CheckedSkin) -> Ints:
         """(f,): the number of parent cells of each face of a side."""
         return np.bincount(self.parents[side.what].face, minlength=len(side))
 
@@ -163,7 +163,7 @@ class Subject:
 
 
 #: a part of the check: what it finds, and figures for the summary
-Part = Callable[[Subject], tuple[list[Finding], dict[str, Any]]]
+CheckStep = Callable[[Subject], tuple[list[Finding], dict[str, Any]]]
 
 
 def make_subject(
@@ -194,7 +194,7 @@ def _skin_dim(mesh: Mesh, cells: Ints) -> int:
     return 2 if bare else mesh.dim - 1
 
 
-def _side(mesh: Mesh, what: str, names: tuple[str, ...], groups: tuple[Ints, ...], dim: int) -> Side:
+def _side(mesh: Mesh, what: str, names: tuple[str, ...], groups: tuple[Ints, ...], dim: int) -> CheckedSkin:
     known = np.array([b.type in TYPE_CODE and ALL_CELLS[b.type].dim == dim > 0 for b in mesh.blocks] or [False], bool)
     parts = [cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]] for cells in groups]
     cells = np.concatenate([np.empty(0, np.int64), *parts])
@@ -203,7 +203,7 @@ def _side(mesh: Mesh, what: str, names: tuple[str, ...], groups: tuple[Ints, ...
     cells, zone = cells[first], zone[first]
     faces, rows = distinct_faces(mesh, cells) if len(cells) else (Faces.join([]).take(np.empty(0, np.int64)), first)
     copies = np.setdiff1d(cells, cells[rows])
-    return Side(what, names, groups, cells[rows], zone[rows], faces, copies)
+    return CheckedSkin(what, names, groups, cells[rows], zone[rows], faces, copies)
 
 
 def _nodes_of(mesh: Mesh, spec: str) -> Ints:

@@ -12,7 +12,7 @@ from lacmesh.cli.terminal import Stages, as_json, console, table
 from lacmesh.errors import RequestError
 
 if TYPE_CHECKING:
-    from lacmesh.gmsh.cad import Part, Shape
+    from lacmesh.gmsh.cad import CadShape, EntitySelection
 
 TEXT = """\
 list the surfaces of a CAD file, or mesh it with groups
@@ -88,12 +88,12 @@ def _list(args: argparse.Namespace) -> None:
     out.print(_table(skin, dim - 1, of_bodies))
 
 
-def _count(shapes: Sequence[Shape], dim: int) -> str:
+def _count(shapes: Sequence[CadShape], dim: int) -> str:
     what = ("point", "curve", "surface", "volume")[dim]
     return f"{len(shapes)} {what}{'s' if len(shapes) != 1 else ''}"
 
 
-def _table(shapes: Sequence[Shape], dim: int, of_bodies: bool) -> Any:
+def _table(shapes: Sequence[CadShape], dim: int, of_bodies: bool) -> Any:
     """Table of the shapes of one dimension; columns without content are left out."""
     columns = {
         ("", "curve", "surface", "volume")[dim]: [str(s.tag) for s in shapes],
@@ -112,7 +112,7 @@ def _table(shapes: Sequence[Shape], dim: int, of_bodies: bool) -> Any:
     return rows
 
 
-def _facing(shape: Shape) -> str:
+def _facing(shape: CadShape) -> str:
     if shape.normal is not None:
         return _vector(shape.normal)
     if shape.radius is None:
@@ -138,7 +138,7 @@ def _mesh(args: argparse.Namespace) -> None:
     from lacmesh.formats import write
     from lacmesh.gmsh.cad import check_source, mesh_cad, parse_group
 
-    groups: dict[str, list[Part]] = {}
+    groups: dict[str, list[EntitySelection]] = {}
     for text in args.group:
         name, part = parse_group(text)
         groups.setdefault(name, []).append(part)

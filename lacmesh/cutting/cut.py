@@ -20,7 +20,7 @@ import numpy as np
 from lacmesh.cutting.patterns import WHOLE_FACES, internal_points
 from lacmesh.cutting.plan import HEXA, Plan, make_plan
 from lacmesh.cutting.rebuild import Origin, rebuild
-from lacmesh.cutting.recognition import NOT_LAST, Found, find_macros, with_records
+from lacmesh.cutting.recognition import NOT_LAST, RecognisedCut, find_macros, with_records
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
 from lacmesh.cutting.subdivide import KINDS, WHOLE_CODE, subdivide
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
@@ -103,7 +103,7 @@ def _already_cut(mesh: Mesh, specs: list[str]) -> Cut:
     return cut
 
 
-def _taken_for_cut(mesh: Mesh, specs: list[str], recognise: bool | None) -> Found | None:
+def _taken_for_cut(mesh: Mesh, specs: list[str], recognise: bool | None) -> RecognisedCut | None:
     """Macro-elements recognised in slave faces without records; None if the faces are to be cut."""
     if not specs or recognise is False:
         return None
@@ -127,16 +127,16 @@ def _taken_for_cut(mesh: Mesh, specs: list[str], recognise: bool | None) -> Foun
     return found
 
 
-def _say(found: Found, what: str) -> None:
+def _say(found: RecognisedCut, what: str) -> None:
     faces = f"the {len(found.cells):,} face{'' if len(found.cells) == 1 else 's'} of {', '.join(found.names)}"
     warnings.warn(f"{faces} {what}", LacmeshWarning, stacklevel=4)
 
 
-def _macros(found: Found) -> str:
+def _macros(found: RecognisedCut) -> str:
     return f"{found.n_macros:,} macro-element{'' if found.n_macros == 1 else 's'}"
 
 
-def _refuse_half_cut(mesh: Mesh, found: Found) -> None:
+def _refuse_half_cut(mesh: Mesh, found: RecognisedCut) -> None:
     """Raise CutError if half of the slave faces or more look like an earlier cut; fewer may do so by chance."""
     if not found.mostly_cut:
         return

@@ -17,7 +17,7 @@ from lacmesh.quality import corner_jacobian
 from lacmesh.topology.components import label_components
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
 from lacmesh.topology.orientation import turn_outward
-from lacmesh.topology.skin import FACE_TYPES, Faces, Match, find_owners, find_repeats
+from lacmesh.topology.skin import FACE_TYPES, FaceIncidence, Faces, find_owners, find_repeats
 
 HEXA = ("pyramid", "hexa", "auto")
 _WHOLE_TYPES = np.array([name in WHOLE_FACES for name in FACE_TYPES])
@@ -37,8 +37,8 @@ class Plan:
     zones: tuple[str, ...]
     zone: Ints
     slave: Ints
-    skin: Match
-    parents: Match
+    skin: FaceIncidence
+    parents: FaceIncidence
 
 
 def make_plan(
@@ -135,12 +135,14 @@ def _skin_faces(mesh: Mesh, name: str, skin_only: bool) -> Ints:
     return faces
 
 
-def _by_cell(match: Match) -> Match:
+def _by_cell(match: FaceIncidence) -> FaceIncidence:
     order = np.argsort(match.cell, kind="stable")
-    return Match(match.face[order], match.cell[order], match.facet[order], match.same[order])
+    return FaceIncidence(match.face[order], match.cell[order], match.facet[order], match.same[order])
 
 
-def _check_parents(mesh: Mesh, faces: Faces, slave: Ints, parents: Match, interface: str, skin_only: bool) -> None:
+def _check_parents(
+    mesh: Mesh, faces: Faces, slave: Ints, parents: FaceIncidence, interface: str, skin_only: bool
+) -> None:
     def fail(which: Ints, message: str) -> None:
         names = mesh.cell_names(slave[which])
         raise CutError(f"slave faces {names} {message}", mesh.cell_number[slave[which]])
@@ -188,12 +190,18 @@ def _warn_of_twins(mesh: Mesh, cells: Ints, first: Ints) -> None:
 
 
 def _choose(
-    mesh: Mesh, faces: Faces, skin: Match, parents: Match, hexa: str, skin_only: bool, shape: tuple[float, float]
+    mesh: Mesh,
+    faces: Faces,
+    skin: FaceIncidence,
+    parents: FaceIncidence,
+    hexa: str,
+    skin_only: bool,
+    shape: tuple[float, float],
 ) -> Ints:
     """Choose the pattern of every face before anything is cut: a parent uses one variant for all its slave faces."""
     if skin_only:
         ring = _RING_TYPES[faces.type] & (faces.type != FACE_TYPES.index("SEG2"))
-        alone = Match(*(np.empty(0, np.int64),) * 3, np.empty(0, bool))
+        alone = FaceIncidence(*(np.empty(0, np.int64),) * 3, np.empty(0, bool))
         if hexa == "auto":
             return _better(mesh, faces, skin, alone, ring, np.arange(len(faces)), shape)
         return _kinds(faces, ring & (hexa == "hexa"))
@@ -220,7 +228,7 @@ def _ring_able(mesh: Mesh, cells: Ints, hexa: str) -> Ints:
     return np.array(types, bool)[np.searchsorted(mesh.offsets, cells, side="right") - 1]
 
 
-def _components(n_faces: int, parents: Match, able: Ints) -> Ints:
+def _components(n_faces: int, parents: FaceIncidence, able: Ints) -> Ints:
     """(n_faces,): labels of faces that must be cut alike because parents that allow the ring connect them."""
     _, cell = np.unique(parents.cell[able], return_inverse=True)
     face = parents.face[able]
@@ -230,7 +238,13 @@ def _components(n_faces: int, parents: Match, able: Ints) -> Ints:
 
 
 def _better(
-    mesh: Mesh, faces: Faces, skin: Match, parents: Match, ring: Ints, component: Ints, shape: tuple[float, float]
+    mesh: Mesh,
+    faces: Faces,
+    skin: FaceIncidence,
+    parents: FaceIncidence,
+    ring: Ints,
+    component: Ints,
+    shape: tuple[float, float],
 ) -> Ints:
     """Choose the variant whose worst child is better, for each set of faces that must be cut alike; ring on a tie."""
     worst = []

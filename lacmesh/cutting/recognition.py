@@ -50,7 +50,7 @@ NOT_LAST = "the last nodes of the mesh are not those that a cut would have made"
 
 
 @dataclass(frozen=True)
-class Family:
+class MacroGroup:
     """Macro-elements of one pattern: `parts` (m, k), the faces E1 ... Ek; `frame` (m, n), the nodes of its frame."""
 
     face: str
@@ -71,7 +71,7 @@ class Family:
 
 
 @dataclass(frozen=True)
-class Found:
+class RecognisedCut:
     """Recognised macro-elements of a slave skin: its faces, each once, as `cells` (f,), their `zone` (f,), `families`.
 
     `left`: rows of `cells` that belong to no macro-element. `doubt`: a sentence on what contradicts a cut; empty if
@@ -81,7 +81,7 @@ class Found:
     names: tuple[str, ...]
     cells: Ints
     zone: Ints
-    families: tuple[Family, ...]
+    families: tuple[MacroGroup, ...]
     left: Ints
     doubt: str = ""
 
@@ -137,11 +137,11 @@ def group_names(mesh: Mesh, slave: str | int | Sequence[str | int]) -> list[str]
     return specs
 
 
-def find_macros(mesh: Mesh, specs: list[str]) -> Found:
+def find_macros(mesh: Mesh, specs: list[str]) -> RecognisedCut:
     """Recognise the macro-elements in some groups; cells that are no skin faces of supported types are ignored."""
     cells, zone = _slave_cells(mesh, specs)
     if not len(cells):
-        return Found(tuple(specs), cells, zone, (), np.empty(0, np.int64))
+        return RecognisedCut(tuple(specs), cells, zone, (), np.empty(0, np.int64))
     faces, first = distinct_faces(mesh, cells)
     cells, zone = cells[first], zone[first]
     place = _places_in_file(mesh, cells)
@@ -150,15 +150,15 @@ def find_macros(mesh: Mesh, specs: list[str]) -> Found:
     for family in families:
         covered[family.parts] = True
     doubt = _doubt(mesh, families, faces, cells)
-    return Found(tuple(specs), cells, zone, families, np.flatnonzero(~covered), doubt)
+    return RecognisedCut(tuple(specs), cells, zone, families, np.flatnonzero(~covered), doubt)
 
 
-def _families(mesh: Mesh, faces: Faces, place: Ints) -> tuple[Family, ...]:
+def _families(mesh: Mesh, faces: Faces, place: Ints) -> tuple[MacroGroup, ...]:
     """Recognise the macro-elements among distinct faces; `place` (f,): the position of each face in the file."""
     families = _whole(faces)
     if (N_CORNERS[faces.type] == 2).any():
         families += [
-            Family("SEG2", kind, parts, nodes, ring)
+            MacroGroup("SEG2", kind, parts, nodes, ring)
             for kind, parts, nodes, ring in regroup_segments(mesh, faces, place, PLACE)
         ]
     else:
@@ -166,7 +166,7 @@ def _families(mesh: Mesh, faces: Faces, place: Ints) -> tuple[Family, ...]:
     return tuple(_without_conflicts([f for f in families if len(f.parts)], len(faces)))
 
 
-def with_records(mesh: Mesh, found: Found) -> Mesh:
+def with_records(mesh: Mesh, found: RecognisedCut) -> Mesh:
     """Return the mesh with the records of the recognised macro-elements (`docs/conventions.md`)."""
     zone_of = [found.zone[family.parts[:, 0]] for family in found.families]
     first = [found.cells[family.parts[:, 0]] for family in found.families]
@@ -192,7 +192,7 @@ def with_records(mesh: Mesh, found: Found) -> Mesh:
     )
 
 
-def _carriers(family: Family) -> list[int]:
+def _carriers(family: MacroGroup) -> list[int]:
     """Positions in the frame of the nodes that carry an internal dof."""
     if family.kind == WHOLE:
         return [WHOLE_FACES[family.face]]
@@ -228,12 +228,12 @@ def _places_in_file(mesh: Mesh, cells: Ints) -> Ints:
     return rank[cells]
 
 
-def _whole(faces: Faces) -> list[Family]:
+def _whole(faces: Faces) -> list[MacroGroup]:
     rows = {name: np.flatnonzero(faces.type == TYPE_CODE[name]) for name in WHOLE_FACES}
-    return [Family(n, WHOLE, r[:, None], faces.nodes[r][:, : CELLS[n].n_nodes]) for n, r in rows.items()]
+    return [MacroGroup(n, WHOLE, r[:, None], faces.nodes[r][:, : CELLS[n].n_nodes]) for n, r in rows.items()]
 
 
-def _without_conflicts(families: list[Family], n_faces: int) -> list[Family]:
+def _without_conflicts(families: list[MacroGroup], n_faces: int) -> list[MacroGroup]:
     """Remove the macro-elements that share a face with another one."""
     count = np.zeros(n_faces, np.int64)
     for family in families:
@@ -245,7 +245,7 @@ def _without_conflicts(families: list[Family], n_faces: int) -> list[Family]:
 # ---- what only a cut has
 
 
-def _doubt(mesh: Mesh, families: tuple[Family, ...], faces: Faces, cells: Ints) -> str:
+def _doubt(mesh: Mesh, families: tuple[MacroGroup, ...], faces: Faces, cells: Ints) -> str:
     """Reason to doubt that the faces were cut, as a sentence; "" if none. `families`: parts of `faces`, of `cells`."""
     made = [family for family in families if family.kind != WHOLE]
     if not made:
@@ -258,7 +258,7 @@ def _doubt(mesh: Mesh, families: tuple[Family, ...], faces: Faces, cells: Ints) 
     return NOT_LAST
 
 
-def _all_made(mesh: Mesh, faces: Faces) -> tuple[list[Family], Faces, Ints]:
+def _all_made(mesh: Mesh, faces: Faces) -> tuple[list[MacroGroup], Faces, Ints]:
     """Recognise the macro-elements of the whole skin, whatever the group; return (families, faces, their cells).
 
     The nodes made by the cuts of other groups may lie, in the numbering, among those of the groups asked for.
@@ -270,12 +270,12 @@ def _all_made(mesh: Mesh, faces: Faces) -> tuple[list[Family], Faces, Ints]:
     return [family for family in found if family.kind != WHOLE], skin, cells[first]
 
 
-def _new_nodes_last(mesh: Mesh, made: list[Family], faces: Faces, cells: Ints) -> bool:
+def _new_nodes_last(mesh: Mesh, made: list[MacroGroup], faces: Faces, cells: Ints) -> bool:
     """True if the new nodes are the last of the mesh, or of each entity of the skin (gmsh renumbers by entity)."""
     return bool(made) and (_last_of_mesh(mesh, made, faces) or _last_of_entities(mesh, made, cells))
 
 
-def _last_of_mesh(mesh: Mesh, made: list[Family], faces: Faces) -> bool:
+def _last_of_mesh(mesh: Mesh, made: list[MacroGroup], faces: Faces) -> bool:
     """True if the last of the nodes that cells use are those that the cut made on its faces and behind them.
 
     Their number, and the number of cells with such nodes, must agree with the new nodes and children of the cut.
@@ -294,7 +294,7 @@ def _last_of_mesh(mesh: Mesh, made: list[Family], faces: Faces) -> bool:
     return bool(first_made > last_old and np.count_nonzero(young) <= most[0] and least[1] <= n_cells <= most[1])
 
 
-def _last_of_entities(mesh: Mesh, made: list[Family], cells: Ints) -> bool:
+def _last_of_entities(mesh: Mesh, made: list[MacroGroup], cells: Ints) -> bool:
     """True if each macro-element lies in one entity of msh, and the new nodes of an entity follow all its others."""
     entity = mesh.entity_of_cell
     if not len(entity) or any((np.ptp(entity[cells[f.parts], 1], axis=1) > 0).any() for f in made):
@@ -310,7 +310,7 @@ def _last_of_entities(mesh: Mesh, made: list[Family], cells: Ints) -> bool:
     return not (late[:-1] & ~late[1:] & (tag[:-1] == tag[1:])).any()
 
 
-def _n_made(mesh: Mesh, made: list[Family], faces: Faces) -> tuple[Ints, Ints]:
+def _n_made(mesh: Mesh, made: list[MacroGroup], faces: Faces) -> tuple[Ints, Ints]:
     """Bounds (2,), (2,): least and largest numbers of new nodes, and of new cells behind the faces, that a cut made.
 
     Each face replaces one cell by children: the first slave face of a parent replaces the parent, each further one
@@ -340,7 +340,7 @@ def _n_behind(face: str, kind: str) -> Ints:
 # ---- cones: triangles around a node
 
 
-def _cones(mesh: Mesh, faces: Faces, place: Ints) -> list[Family]:
+def _cones(mesh: Mesh, faces: Faces, place: Ints) -> list[MacroGroup]:
     """Recognise cones on triangles and quadrangles: nodes with exactly three or four triangles around them."""
     valence = np.bincount(faces.corners[faces.corners >= 0], minlength=mesh.n_nodes)
     out = []
@@ -366,7 +366,7 @@ def _cones(mesh: Mesh, faces: Faces, place: Ints) -> list[Family]:
     return out
 
 
-def _fan(faces: Faces, parts: Ints, last: Ints, face: str) -> Family:
+def _fan(faces: Faces, parts: Ints, last: Ints, face: str) -> MacroGroup:
     """Keep the closed fans of triangles, sorted E1, E2, ... (E1 is the first in the file).
 
     `parts` (m, n): the triangles around each centre; `last` (m, n): the corner of each that is the centre.
@@ -394,7 +394,7 @@ def _rolled(nodes: Ints, start: Ints, n_corners: int, n_nodes: int) -> Ints:
     return np.take_along_axis(nodes, both, axis=-1)
 
 
-def _framed(face: str, kind: str, parts: Ints, listed: Ints, ring: float) -> Family:
+def _framed(face: str, kind: str, parts: Ints, listed: Ints, ring: float) -> MacroGroup:
     """Keep the macro-elements whose faces, with nodes `listed` (m, k, n) as in the pattern, fit into one frame."""
     pattern = face_pattern(face, kind, ring)
     children = pattern.children[0]
@@ -402,10 +402,10 @@ def _framed(face: str, kind: str, parts: Ints, listed: Ints, ring: float) -> Fam
     frame = np.full((len(parts), CELLS[face].n_nodes + len(pattern.on_face)), -1, np.int64)
     frame[:, places.ravel()] = listed.reshape(len(parts), places.size)
     fits = (frame[:, places] == listed).all(axis=(1, 2)) if len(parts) else np.zeros(0, bool)
-    return Family(face, kind, parts[fits], frame[fits], ring)
+    return MacroGroup(face, kind, parts[fits], frame[fits], ring)
 
 
-def _in_place(mesh: Mesh, family: Family) -> Family:
+def _in_place(mesh: Mesh, family: MacroGroup) -> MacroGroup:
     """Keep the macro-elements whose new nodes lie where the pattern puts them on the map of the outline."""
     n = CELLS[family.face].n_nodes
     at = face_pattern(family.face, family.kind, family.ring).on_face
@@ -417,11 +417,11 @@ def _in_place(mesh: Mesh, family: Family) -> Family:
     return _take(family, off <= PLACE * size)
 
 
-def _take(family: Family, rows: NDArray[np.bool_]) -> Family:
+def _take(family: MacroGroup, rows: NDArray[np.bool_]) -> MacroGroup:
     return replace(family, parts=family.parts[rows], frame=family.frame[rows])
 
 
-def _surely_cut(mesh: Mesh, family: Family, place: Ints) -> NDArray[np.bool_]:
+def _surely_cut(mesh: Mesh, family: MacroGroup, place: Ints) -> NDArray[np.bool_]:
     """True for fans of four triangles made by a cut, not by a mesher.
 
     Either the apex of a pyramid is at the centre, or the numbering is that of a cut, which numbers new nodes after all
@@ -441,7 +441,7 @@ def _surely_cut(mesh: Mesh, family: Family, place: Ints) -> NDArray[np.bool_]:
 # ---- rings: quadrangles around a quadrangle
 
 
-def _rings(mesh: Mesh, faces: Faces, place: Ints) -> list[Family]:
+def _rings(mesh: Mesh, faces: Faces, place: Ints) -> list[MacroGroup]:
     """Recognise rings around quadrangles: at each corner of the inner one, exactly three faces of the skin meet."""
     valence = np.bincount(faces.corners[faces.corners >= 0], minlength=mesh.n_nodes)
     out = []
@@ -480,7 +480,7 @@ def _sides(mesh: Mesh, faces: Faces, rows: Ints, centre: Ints) -> tuple[Ints, In
     return rows[centre[good]], rows[side[good]]
 
 
-def _ring_family(mesh: Mesh, faces: Faces, place: Ints, face: str, centre: Ints, sides: Ints) -> Family:
+def _ring_family(mesh: Mesh, faces: Faces, place: Ints, face: str, centre: Ints, sides: Ints) -> MacroGroup:
     n_nodes = CELLS[face].n_nodes
     first = place[sides].argmin(axis=1)
     turn = (first[:, None] + np.arange(4)) % 4

@@ -17,7 +17,7 @@ from lacmesh.cells import CELLS
 from lacmesh.cutting.patterns import CONE, RING, WHOLE, Template, face_pattern, parent_pattern, turns
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.reference.shapes import shape
-from lacmesh.topology.skin import FACE_TYPES, Faces, Match, find_owners, turn
+from lacmesh.topology.skin import FACE_TYPES, FaceIncidence, Faces, find_owners, turn
 
 #: kinds of cut, as codes of arrays
 KINDS = (WHOLE, CONE, RING)
@@ -156,7 +156,13 @@ def _children(pattern: Template, frame: Ints, root: Ints, key: Ints | int) -> It
 
 
 def subdivide(
-    mesh: Mesh, faces: Faces, kinds: Ints, skin: Match, parents: Match, ring: float = 1 / 3, depth: float = 1 / 2
+    mesh: Mesh,
+    faces: Faces,
+    kinds: Ints,
+    skin: FaceIncidence,
+    parents: FaceIncidence,
+    ring: float = 1 / 3,
+    depth: float = 1 / 2,
 ) -> Subdivision:
     """Cut `faces` (kinds (f,), codes of KINDS), the skin cells on them and the parents behind (cells of `mesh`)."""
     cutter = Cutter(mesh, faces, kinds, ring, depth)
@@ -168,7 +174,7 @@ def subdivide(
     return Subdivision(cutter.n_nodes, cutter.births, cutter.face_points, leaves)
 
 
-def _cut_parents(cutter: Cutter, parents: Match) -> list[Leaves]:
+def _cut_parents(cutter: Cutter, parents: FaceIncidence) -> list[Leaves]:
     order = np.lexsort((parents.facet, parents.cell))
     order = order[cutter.kinds[parents.face[order]] != WHOLE_CODE]
     face, cell, facet = parents.face[order], parents.cell[order], parents.facet[order]

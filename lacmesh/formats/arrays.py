@@ -121,7 +121,7 @@ def from_arrays(
     return fields
 
 
-class Parts(NamedTuple):
+class MeshArrays(NamedTuple):
     """Parts of a mesh to be assembled: points (n, 3), nodes by type in `blocks`, arrays on cells and on nodes.
 
     `place`: for each cell, block after block, its position in the file, which is its row in the arrays on cells.
@@ -135,7 +135,7 @@ class Parts(NamedTuple):
 
 
 def assembled(
-    parts: Parts,
+    parts: MeshArrays,
     fields: Mapping[str, Any],
     noted: Mapping[str, Any],
     said: list[str],

@@ -15,7 +15,7 @@ from lacmesh.mesh import Floats, Ints, Mesh
 _SOME = 6
 
 
-class Match(NamedTuple):
+class MeshMap(NamedTuple):
     """Index of each cell and node in the mesh read back, -1 if lost; `off`: largest node shift over the mesh's size."""
 
     cell: Ints
@@ -23,7 +23,7 @@ class Match(NamedTuple):
     off: float
 
 
-def match(before: Mesh, after: Mesh, tolerance: float = 1e-5) -> Match | str:
+def match(before: Mesh, after: Mesh, tolerance: float = 1e-5) -> MeshMap | str:
     """Match two meshes whose cells are the same, type by type and in order; else a text that says what differs."""
     size = float(np.ptp(before.points, axis=0).max(initial=0)) if before.n_nodes else 0.0
     cell, node = np.full(before.n_cells, -1), np.full(before.n_nodes, -1)
@@ -43,7 +43,7 @@ def match(before: Mesh, after: Mesh, tolerance: float = 1e-5) -> Match | str:
         alone = np.flatnonzero(node < 0)
         there = _farthest(before.points[alone], after.points[alone]) <= tolerance * size
         node[alone] = alone if there else -1
-    return Match(cell, node, off / size if size else 0.0)
+    return MeshMap(cell, node, off / size if size else 0.0)
 
 
 def _of_type(mesh: Mesh, kind: str) -> Ints:
@@ -57,7 +57,7 @@ def _farthest(a: Floats, b: Floats) -> float:
     return float(np.linalg.norm(a - b, axis=-1).max(initial=0.0))
 
 
-def losses(before: Mesh, after: Mesh, where: Match) -> list[str]:
+def losses(before: Mesh, after: Mesh, where: MeshMap) -> list[str]:
     """Clauses that name what `after` has lost of `before`."""
     lost = []
     if where.off > 1e-14:

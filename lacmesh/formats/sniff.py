@@ -33,21 +33,21 @@ _VTK = {
 }
 
 
-class Found(NamedTuple):
+class DetectedFormat(NamedTuple):
     """The name of a format, and whether the file is binary."""
 
     format: str
     binary: bool = True
 
 
-def sniff(path: Path, head: bytes) -> Found:
+def sniff(path: Path, head: bytes) -> DetectedFormat:
     """Detect the format of a file that begins with `head`. Raises ReadError."""
     text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
     suffix = suffix_of(path)
     if head.startswith(_HDF5):
-        return Found(_in_hdf5(path, suffix))
+        return DetectedFormat(_in_hdf5(path, suffix))
     if text.startswith(b"$") and (suffix not in OF_MESHIO or b"$MeshFormat" in head):  # $ begins a comment of Nastran
-        return Found("msh")
+        return DetectedFormat("msh")
     if text.startswith(b"<"):
         found = _in_xml(path, text, suffix)
         if found:
@@ -58,13 +58,13 @@ def sniff(path: Path, head: bytes) -> Found:
         if head.startswith(begin) and SUFFIXES.get(suffix) not in ("exodus", "netgen"):
             raise ReadError(path, f"is {what}")
     if text.startswith(b"# vtk DataFile"):
-        return Found("vtk")
+        return DetectedFormat("vtk")
     if text.startswith(b"solid ") and suffix not in SUFFIXES:
-        return Found("stl")
+        return DetectedFormat("stl")
     return _by_suffix(path, text, suffix)
 
 
-def _by_suffix(path: Path, text: bytes, suffix: str) -> Found:
+def _by_suffix(path: Path, text: bytes, suffix: str) -> DetectedFormat:
     """Detect a plain-text format: that of the suffix, if the text may be of it, else the one the text looks like."""
     from lacmesh.formats import inp, mail
 
@@ -73,14 +73,14 @@ def _by_suffix(path: Path, text: bytes, suffix: str) -> Found:
     if name in begins:
         other = "inp" if name == "mail" else "mail"
         if not begins[name](text) and begins[other](text):
-            return Found(other, False)
-        return Found(name, False)
+            return DetectedFormat(other, False)
+        return DetectedFormat(name, False)
     if name is not None and name not in {f.name for f in OWN}:
-        return Found(name)
+        return DetectedFormat(name)
     if mail.begins(text):
-        return Found("mail", False)
+        return DetectedFormat("mail", False)
     if text.startswith(b"*") and inp.begins(text):
-        return Found("inp", False)
+        return DetectedFormat("inp", False)
     raise ReadError(
         path,
         "is neither a gmsh msh file ($MeshFormat) nor a MED file (HDF5), nor VTU, XDMF, .mail or .inp; "
@@ -88,18 +88,18 @@ def _by_suffix(path: Path, text: bytes, suffix: str) -> Found:
     )
 
 
-def _in_xml(path: Path, text: bytes, suffix: str) -> Found | None:
+def _in_xml(path: Path, text: bytes, suffix: str) -> DetectedFormat | None:
     """Detect the format of an XML file; None if the suffix may tell it. Raises ReadError."""
     found = re.search(rb"<VTKFile\b[^>]*?\btype\s*=\s*[\"'](\w+)[\"']", text)
     if found:
         kind = found[1].decode()
         if kind in _VTK:
             raise ReadError(path, _VTK[kind].format(files=_listed(path) or "it names none"))
-        return Found("vtu", _binary_vtu(path))
+        return DetectedFormat("vtu", _binary_vtu(path))
     if re.search(rb"<Xdmf\b", text):
-        return Found("xdmf", b'Format="XML"' not in text)
+        return DetectedFormat("xdmf", b'Format="XML"' not in text)
     if re.search(rb"<dolfin\b", text):
-        return Found("dolfin-xml", False)
+        return DetectedFormat("dolfin-xml", False)
     if suffix in (".vtu", ".xdmf", ".xmf", ".xml"):
         raise ReadError(path, "is XML, but neither VTU (<VTKFile>) nor XDMF (<Xdmf>)")
     return None

@@ -43,7 +43,7 @@ _ERRORS: Mapping[str, type[LacmeshError]] = {
 
 
 @dataclass(frozen=True)
-class Shape:
+class CadShape:
     """An entity of a geometry. `measure`: length, area or volume; `centre` of it; `box`: least and greatest corner.
 
     `normal`: out of the first body, where it is the same all over. `radius`: of circles, cylinders, spheres; negative
@@ -63,7 +63,7 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Part:
+class EntitySelection:
     """Part of a group: entities given by tag, or those of dimension `dim` in a box (least and greatest corner).
 
     A dimension of None means 2, and 1 if the geometry is plane: no volumes, and all surfaces in one plane.
@@ -74,7 +74,7 @@ class Part:
     box: tuple[float, ...] = ()
 
 
-def list_cad(path: str | os.PathLike[str], *, dim: int | None = None) -> list[Shape]:
+def list_cad(path: str | os.PathLike[str], *, dim: int | None = None) -> list[CadShape]:
     """List the bodies of a CAD file (volumes; surfaces if there are none, or if `dim` is 2), then their boundaries.
 
     Exact for STEP, IGES and BREP; from a fine mesh of the surfaces for .geo and STL. Raises ReadError, DataError, and
@@ -88,7 +88,7 @@ def list_cad(path: str | os.PathLike[str], *, dim: int | None = None) -> list[Sh
 def mesh_cad(
     path: str | os.PathLike[str],
     *,
-    groups: Mapping[str, Sequence[Part]] | None = None,
+    groups: Mapping[str, Sequence[EntitySelection]] | None = None,
     size: float | None = None,
     order: int | None = None,
     slave: Sequence[str] = (),
@@ -123,7 +123,7 @@ def mesh_cad(
     return mesh
 
 
-def parse_group(text: str) -> tuple[str, Part]:
+def parse_group(text: str) -> tuple[str, EntitySelection]:
     """Parse `NAME=TAG,TAG` or `NAME=box:x0,y0,z0,x1,y1,z1`; `DIM:` after the = sets the dimension. Raises RequestError.
 
     >>> parse_group("bore=17,18")
@@ -142,14 +142,14 @@ def parse_group(text: str) -> tuple[str, Part]:
             box = tuple(float(x) for x in what[4:].split(","))
             if len(box) != 6 or any(a > b for a, b in zip(box[:3], box[3:], strict=True)):
                 raise ValueError
-            return name, Part(dim, box=box)
+            return name, EntitySelection(dim, box=box)
         tags = tuple(int(t) for t in what.split(","))
         if min(tags) < 1:
             raise ValueError
     except ValueError:
         form = "NAME=TAG,TAG or NAME=box:x0,y0,z0,x1,y1,z1 (least, then greatest corner; DIM: before either)"
         raise RequestError(f"{text!r} says no group; write {form}") from None
-    return name, Part(dim, tags)
+    return name, EntitySelection(dim, tags)
 
 
 def check_source(path: str | os.PathLike[str]) -> Path:
@@ -230,6 +230,6 @@ def _complaints(printed: str) -> list[str]:
     return list(dict.fromkeys(re.findall(r"\*\* ERR \w+ : (.*?)\s*\*\*", printed)))
 
 
-def _shape(row: dict[str, Any]) -> Shape:
+def _shape(row: dict[str, Any]) -> CadShape:
     pairs = {key: tuple(value) for key, value in row.items() if isinstance(value, list) and key != "box"}
-    return Shape(**{**row, **pairs, "box": tuple(map(tuple, row["box"]))})
+    return CadShape(**{**row, **pairs, "box": tuple(map(tuple, row["box"]))})

@@ -13,7 +13,7 @@ import numpy as np
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, LacmeshWarning, ReadError, some
 from lacmesh.gmsh import stl
-from lacmesh.gmsh.cad import SUFFIXES, Shape
+from lacmesh.gmsh.cad import SUFFIXES, CadShape
 from lacmesh.gmsh.model import read_model
 from lacmesh.mesh import Floats, Mesh, Tag
 from lacmesh.reference.quadrature import rule
@@ -133,7 +133,7 @@ def boundary(gmsh: Any, dim: int) -> dict[int, list[int]]:
     return {b: [int(tag) for _, tag in found] for b, found in bounds.items()}
 
 
-def shapes(gmsh: Any, dim: int) -> list[Shape]:
+def shapes(gmsh: Any, dim: int) -> list[CadShape]:
     """Shapes of the bodies, of dimension `dim`, and of the entities that bound them."""
     bounds = boundary(gmsh, dim)
     exact = {(int(d), int(t)) for d, t in gmsh.model.occ.getEntities()} if _is_occ(gmsh) else set()
@@ -156,7 +156,7 @@ def shapes(gmsh: Any, dim: int) -> list[Shape]:
     return found
 
 
-_NONE = Shape(0, 0, "", 0.0, (0.0, 0.0, 0.0), ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+_NONE = CadShape(0, 0, "", 0.0, (0.0, 0.0, 0.0), ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
 
 
 def _triple(values: Any) -> tuple[float, float, float]:
@@ -240,7 +240,7 @@ class _Integrals:
     normals: Floats
 
 
-def _from_mesh(gmsh: Any, dim: int, bounds: dict[int, list[int]]) -> dict[Tag, Shape]:
+def _from_mesh(gmsh: Any, dim: int, bounds: dict[int, list[int]]) -> dict[Tag, CadShape]:
     """Measure the shapes on a fine mesh of their surfaces (for an STL, on its own triangles)."""
     mesh = _fine_mesh(gmsh)
     plane = dim == 2 and bool(np.ptp(mesh.points[:, 2]) <= 1e-12 * diagonal(gmsh))
@@ -316,7 +316,7 @@ def _integrate(mesh: Mesh, tag: Tag, plane: bool) -> _Integrals:
     return _Integrals(size.sum(), size @ y, (n * y).sum(), (y * y * n).sum(axis=0), y, unit)
 
 
-def _measured(i: _Integrals, out: float) -> Shape:
+def _measured(i: _Integrals, out: float) -> CadShape:
     """Shape of a surface or curve from its integrals; `out`: 1 if its normal points out of the body, else -1."""
     normal, radius = _facing(i.points, out * i.normals)
     return replace(_NONE, measure=float(i.measure), centre=_triple(i.first / i.measure), normal=normal, radius=radius)

@@ -26,7 +26,7 @@ from lacmesh.formats import read
 from lacmesh.formats.msh import content as msh_content
 from lacmesh.formats.msh.content import Content, Piece
 from lacmesh.formats.msh.numbers import TYPE_NAMES, UNKNOWN_TYPE
-from lacmesh.formats.msh.scan import Source
+from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.gmsh import attribute, session, views
 from lacmesh.mesh import Ints, Mesh, Tag
 
@@ -78,7 +78,7 @@ def read_model(keep: Collection[Tag] | None = None) -> Read:
     """Read the current model. `keep`: cells of these entities only. Raises RequestError, DataError."""
     gmsh = session.running()
     name = gmsh.model.getCurrent()
-    source = Source(Path(f"gmsh's model {name!r}"), b"-")
+    source = MshBytes(Path(f"gmsh's model {name!r}"), b"-")
     source.size = 1 << 40  # no file, whose size would bound what its fields may take
     content = Content(source)
     _add_nodes(gmsh, content)

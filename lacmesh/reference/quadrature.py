@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.reference.shapes import jacobian
 
-Rule = tuple[NDArray[np.floating], NDArray[np.floating]]
+QuadratureRule = tuple[NDArray[np.floating], NDArray[np.floating]]
 Orbits = tuple[tuple[float, tuple[float, ...]], ...]
 
 _R15 = np.sqrt(15.0)
@@ -70,7 +70,7 @@ _TETRAHEDRA: dict[int, Orbits] = {
 }
 
 
-def _gauss(degree: int, power: int = 0) -> Rule:
+def _gauss(degree: int, power: int = 0) -> QuadratureRule:
     """Points on [0, 1] and weights that include (1 - t)^power, exact to `degree` for the rest of the integrand."""
     t, w = np.polynomial.legendre.leggauss((degree + power) // 2 + 1)
     t, w = (t + 1) / 2, w / 2
@@ -82,7 +82,7 @@ _SYMMETRIC: dict[str, Mapping[int, Orbits]] = {"TRIA": _TRIANGLES, "TETRA": _TET
 
 
 @cache
-def rule(family: str, degree: int) -> Rule:
+def rule(family: str, degree: int) -> QuadratureRule:
     """Points (p, dim) and weights (p,) on the reference element of a family, exact to `degree`.
 
     >>> X, w = rule("TETRA", 2)
@@ -115,7 +115,7 @@ def rule(family: str, degree: int) -> Rule:
     raise ValueError(f"no rule for {family!r}")
 
 
-def _orbits(orbits: Orbits) -> Rule:
+def _orbits(orbits: Orbits) -> QuadratureRule:
     """Points and weights of a symmetric rule, from one point of each orbit."""
     points, weights = [], []
     for weight, first in orbits:
@@ -127,7 +127,7 @@ def _orbits(orbits: Orbits) -> Rule:
     return X, np.array(weights) / (2 if X.shape[1] == 2 else 6)
 
 
-def _product(rules: list[Rule]) -> Rule:
+def _product(rules: list[QuadratureRule]) -> QuadratureRule:
     points = np.meshgrid(*(X for X, _ in rules), indexing="ij")
     weights = np.meshgrid(*(w for _, w in rules), indexing="ij")
     return np.stack([p.ravel() for p in points], axis=1), np.prod([w.ravel() for w in weights], axis=0)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from html import escape
 
 from lacmesh.report.charts import svg
-from lacmesh.report.outline import Block, Charts, Fact, Facts, Table, Text, Title
+from lacmesh.report.outline import Charts, Fact, Facts, ReportBlock, Table, Text, Title
 
 #: an option of the command in a sentence, and its value
 _OPTION = re.compile(r"--[a-z]+(?:-[a-z]+)*(?: (?:pyramid|hexa|auto)\b)?")
@@ -51,7 +51,7 @@ footer { margin-top: 40px; color: var(--soft); font-size: 13px; }
 """
 
 
-def html(blocks: Iterable[Block], title: str, footer: str) -> str:
+def html(blocks: Iterable[ReportBlock], title: str, footer: str) -> str:
     """A page of the blocks of `outline`."""
     body = "\n".join(_block(block) for block in blocks)
     return (
@@ -62,7 +62,7 @@ def html(blocks: Iterable[Block], title: str, footer: str) -> str:
     )
 
 
-def _block(block: Block) -> str:
+def _block(block: ReportBlock) -> str:
     match block:
         case Title():
             return f"<h{block.level}>{escape(block.text)}</h{block.level}>"

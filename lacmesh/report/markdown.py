@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from lacmesh.quality.spread import Histogram
-from lacmesh.report.outline import Bars, Block, Charts, Facts, Table, Text, Title
+from lacmesh.report.outline import Bars, Charts, Facts, ReportBlock, Table, Text, Title
 
 _EIGHTHS = " ▏▎▍▌▋▊▉"
 _WIDTH = 24
 
 
-def markdown(blocks: Iterable[Block], footer: str) -> str:
+def markdown(blocks: Iterable[ReportBlock], footer: str) -> str:
     """The blocks of `outline` as Markdown."""
     return "\n\n".join([*("\n".join(_block(block)) for block in blocks), footer]) + "\n"
 
 
-def _block(block: Block) -> Iterator[str]:
+def _block(block: ReportBlock) -> Iterator[str]:
     match block:
         case Title():
             yield f"{'#' * block.level} {_plain(block.text)}"

@@ -84,10 +84,10 @@ class Charts:
     charts: tuple[Bars, ...]
 
 
-Block = Title | Text | Facts | Table | Charts
+ReportBlock = Title | Text | Facts | Table | Charts
 
 
-def outline(report: CutReport, name: str = "") -> Iterator[Block]:
+def outline(report: CutReport, name: str = "") -> Iterator[ReportBlock]:
     """Yield the blocks of a report; `name`: of the mesh, for its title."""
     yield Title(1, f"The cut of {name}" if name else "The cut")
     yield Facts(tuple(_facts(report)))
@@ -193,7 +193,7 @@ def _count(cells: dict[str, int]) -> str:
     return ", ".join(f"{n:,} {kind}" for kind, n in cells.items())
 
 
-def _comparison(c: Comparison) -> Iterator[Block]:
+def _comparison(c: Comparison) -> Iterator[ReportBlock]:
     yield Title(2, f"{_WORDS[c.dim]}: {c.cells[0]:,} before, {c.cells[1]:,} after")
     ordered = sorted(c.after, key=lambda m: (m != "corner_jacobian", m == "validity"))
     charts = [Bars(m, SCALES[m].kind, c.before[m].histogram, c.after[m].histogram) for m in ordered if c.dim > 1]
@@ -233,7 +233,7 @@ def _sizes(report: CutReport) -> Table:
     return Table(("group", "", "before", "after", "relative change"), rows, (False, False, True, True, True))
 
 
-def _type(t: TypeQuality, when: str) -> Iterator[Block]:
+def _type(t: TypeQuality, when: str) -> Iterator[ReportBlock]:
     accepted = ACCEPTED.get(t.type, {})
     measures = {m: s for m, s in t.measures.items() if m in accepted}
     if not measures:

@@ -25,7 +25,7 @@ from lacmesh.quality.determinant import validity_among
 from lacmesh.quality.spread import Spread, spread
 
 
-class Family(NamedTuple):
+class ParentGroup(NamedTuple):
     """Parents of one type and their children: `nodes` (p, n) of the parents, `children` (p, c) indices of cells."""
 
     type: str
@@ -99,7 +99,7 @@ def _ratio(child: Floats, parent: Floats) -> Floats:
     return np.divide(child, parent, out=np.full(child.shape, np.nan), where=parent > 0)
 
 
-def parents_of(cut: Cut) -> Iterator[Family]:
+def parents_of(cut: Cut) -> Iterator[ParentGroup]:
     """Reconstruct the parents of a cut from their children where possible, type by type."""
     mesh = cut.mesh
     for kinds, cells in _broods(cut):
@@ -112,7 +112,7 @@ def parents_of(cut: Cut) -> Iterator[Family]:
             fits &= left
             left &= ~fits
             if fits.any():
-                yield Family(name, found[fits], cells[fits])
+                yield ParentGroup(name, found[fits], cells[fits])
 
 
 def _block(cut: Cut, cell: int) -> int:

@@ -24,7 +24,7 @@ from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.scene.colours import BODIES, DOT, INK, INVALID, MASTER, PALETTE, SEVERITIES, pale, rgb
 from lacmesh.scene.layers import Layer, make_layers
-from lacmesh.scene.marks import Finding, Marks, Values, find_marks
+from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks
 from lacmesh.scene.placing import find_eye, find_opening, frame, opened
 from lacmesh.scene.request import check_placing
 from lacmesh.scene.seen import MASTER as IS_MASTER
@@ -77,7 +77,7 @@ def make_scene(
     slave: Groups = None,
     master: Groups = None,
     *,
-    findings: Iterable[Finding] | None = None,
+    findings: Iterable[MarkedFinding] | None = None,
     values: Values | None = None,
     camera: Vector | None = None,
     explode: float | None = None,

@@ -20,7 +20,7 @@ from lacmesh.topology.skin import Faces
 STRETCH = 10.0
 
 
-class Finding(Protocol):
+class MarkedFinding(Protocol):
     """Interface of a finding of `lacmesh check`; `cells` and `nodes` are the file's numbers."""
 
     @property
@@ -86,7 +86,7 @@ class Values:
         return known[few[np.argsort(away[few], kind="stable")]]
 
 
-def find_marks(mesh: Mesh, findings: Iterable[Finding], kept: NDArray[np.bool_] | None = None) -> Marks:
+def find_marks(mesh: Mesh, findings: Iterable[MarkedFinding], kept: NDArray[np.bool_] | None = None) -> Marks:
     """Look up what findings name; numbers that the mesh lacks, and cells that are not `kept`, are left out."""
     rank = {name: k for k, name in enumerate(SEVERITIES)}
     listed = sorted(findings, key=lambda f: rank.get(f.severity, len(rank)))

@@ -15,7 +15,7 @@ import numpy as np
 from lacmesh.mesh import Floats, Ints
 from lacmesh.smooth.fitting import EXACT, ROUNDED, least_nodes, nearest, simplest, tolerance_of
 from lacmesh.smooth.local import ENOUGH, Fits, Rings, local_fits, rings_of
-from lacmesh.smooth.patches import Bools, Patches
+from lacmesh.smooth.patches import Bools, SmoothPatches
 from lacmesh.smooth.shape import Shape
 from lacmesh.topology.components import label_components
 
@@ -33,7 +33,7 @@ _FAILING, _ALL_FAILING = 12, 120
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FoundShape:
     """A shape that was found, the `faces` (rows) on it, its number of `nodes`, and their largest `distance` from it."""
 
     shape: Shape
@@ -50,14 +50,14 @@ class Sought:
     use the nodes beyond the border of a shape, because a few faces left between shapes would not determine a fit.
     """
 
-    patches: Patches
-    whole: Patches
-    found: tuple[Found, ...]
+    patches: SmoothPatches
+    whole: SmoothPatches
+    found: tuple[FoundShape, ...]
     fits: Fits
     free: Bools
 
 
-def find_shapes(patches: Patches, crease_angle: float) -> Sought:
+def find_shapes(patches: SmoothPatches, crease_angle: float) -> Sought:
     """Find the exact shapes in the patches, and fit the remaining faces of free form locally."""
     budget = [_ALL_FAILING]
     patches, found, free = _with(patches, [], _planes(patches, np.ones(len(patches.patch), bool)))
@@ -73,11 +73,13 @@ def find_shapes(patches: Patches, crease_angle: float) -> Sought:
     return Sought(patches, whole, tuple(found), _fits(whole, free, beyond, 4)[0], free)
 
 
-def _count(patches: Patches) -> int:
+def _count(patches: SmoothPatches) -> int:
     return int(patches.patch.max(initial=-1)) + 1
 
 
-def _with(patches: Patches, found: list[Found], more: list[Found]) -> tuple[Patches, list[Found], Bools]:
+def _with(
+    patches: SmoothPatches, found: list[FoundShape], more: list[FoundShape]
+) -> tuple[SmoothPatches, list[FoundShape], Bools]:
     """Add `more` shapes; return the patches, split to have one shape or none, all shapes, and the free faces (f,)."""
     found = found + more
     shape_of = np.full(len(patches.patch), -1, np.int64)
@@ -86,7 +88,7 @@ def _with(patches: Patches, found: list[Found], more: list[Found]) -> tuple[Patc
     return patches.split(shape_of), found, shape_of < 0
 
 
-def _fits(patches: Patches, asked: Bools, beside: Bools, degree: int) -> tuple[Fits, tuple[Rings, Rings]]:
+def _fits(patches: SmoothPatches, asked: Bools, beside: Bools, degree: int) -> tuple[Fits, tuple[Rings, Rings]]:
     """Fit at the nodes of the faces `asked` (f,), from neighbours on the faces `beside` (f,); return fits and rings.
 
     The rings are those of the nearest neighbours, and those used for the fits.
@@ -100,7 +102,7 @@ def _fits(patches: Patches, asked: Bools, beside: Bools, degree: int) -> tuple[F
 # ---- whole patches
 
 
-def _planes(patches: Patches, free: Bools) -> list[Found]:
+def _planes(patches: SmoothPatches, free: Bools) -> list[FoundShape]:
     """Find the flat patches of free faces (f,), all at once, because a faceted skin has as many patches as faces."""
     n = _count(patches)
     count = np.maximum(np.bincount(patches.owner, minlength=n), 1)[:, None]
@@ -119,12 +121,12 @@ def _planes(patches: Patches, free: Bools) -> list[Found]:
     np.logical_and.at(flat, patches.patch, free)
     none, distance = np.zeros(0), np.maximum(off, _EPS * reach)
     return [
-        Found(Shape("plane", centre[k], normal[k], none), faces, int(count[k, 0]), float(distance[k]))
+        FoundShape(Shape("plane", centre[k], normal[k], none), faces, int(count[k, 0]), float(distance[k]))
         for k, faces in _by_patch(patches, np.flatnonzero(flat))
     ]
 
 
-def _by_patch(patches: Patches, which: Ints) -> Iterator[tuple[int, Ints]]:
+def _by_patch(patches: SmoothPatches, which: Ints) -> Iterator[tuple[int, Ints]]:
     """Iterate over some patches and their faces, the largest first."""
     order = np.argsort(patches.patch, kind="stable")
     start = np.searchsorted(patches.patch[order], np.arange(_count(patches) + 1))
@@ -133,7 +135,7 @@ def _by_patch(patches: Patches, which: Ints) -> Iterator[tuple[int, Ints]]:
         yield k, order[start[k] : start[k + 1]]
 
 
-def _whole_patches(patches: Patches, free: Bools, crease_angle: float, budget: list[int]) -> list[Found]:
+def _whole_patches(patches: SmoothPatches, free: Bools, crease_angle: float, budget: list[int]) -> list[FoundShape]:
     """Find the patches of free faces (f,) that are one shape as a whole, the largest patches first."""
     found = []
     enough = np.bincount(patches.owner, minlength=_count(patches)) >= least_nodes("sphere", patches.dim)
@@ -151,22 +153,22 @@ def _whole_patches(patches: Patches, free: Bools, crease_angle: float, budget: l
     return found
 
 
-def _nodes(patches: Patches, faces: Ints) -> Ints:
+def _nodes(patches: SmoothPatches, faces: Ints) -> Ints:
     node = patches.node[faces]
     return np.unique(node[node >= 0])
 
 
-def _kept(patches: Patches, faces: Ints, shape: Shape, crease_angle: float) -> Found | None:
+def _kept(patches: SmoothPatches, faces: Ints, shape: Shape, crease_angle: float) -> FoundShape | None:
     """Return the shape with its faces if these are tangential to it, not transverse; else None."""
     nodes = _nodes(patches, faces)
     if not _along(patches, faces, shape, crease_angle).all():
         return None
     distance = float(np.abs(shape.distance(patches.x[nodes])[0]).max())
     least = _EPS * float(np.ptp(patches.x[nodes], axis=0).max())  # what is less is rounding of the shape itself
-    return Found(shape, faces, len(nodes), max(distance, least))
+    return FoundShape(shape, faces, len(nodes), max(distance, least))
 
 
-def _along(patches: Patches, faces: Ints, shape: Shape, crease_angle: float) -> Bools:
+def _along(patches: SmoothPatches, faces: Ints, shape: Shape, crease_angle: float) -> Bools:
     """(f,): True for faces whose normal is that of the shape at their centre, within the crease angle."""
     node = patches.node[faces]
     there = node >= 0
@@ -180,8 +182,8 @@ def _along(patches: Patches, faces: Ints, shape: Shape, crease_angle: float) -> 
 
 
 def _grown(
-    patches: Patches, free: Bools, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float, budget: list[int]
-) -> Iterator[Found]:
+    patches: SmoothPatches, free: Bools, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float, budget: list[int]
+) -> Iterator[FoundShape]:
     """Find shapes inside the patches of free faces (f,), each grown from a seed; the largest patches first."""
     rank = _unsteady(patches, fits, rings[0])
     order = np.lexsort((rank, patches.owner))
@@ -195,7 +197,7 @@ def _grown(
             yield from _grown_in(patches, faces, seeds, fits, rings, crease_angle, budget)
 
 
-def _unsteady(patches: Patches, fits: Fits, one: Rings) -> Floats:
+def _unsteady(patches: SmoothPatches, fits: Fits, one: Rings) -> Floats:
     """(n,): largest change of the steadier principal curvature to a neighbour, times its distance; inf without a fit.
 
     Every exact shape has one principal curvature that does not change.
@@ -219,9 +221,9 @@ def _unsteady(patches: Patches, fits: Fits, one: Rings) -> Floats:
 
 
 def _grown_in(
-    patches: Patches, faces: Ints, seeds: Ints, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float,
+    patches: SmoothPatches, faces: Ints, seeds: Ints, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float,
     budget: list[int],
-) -> Iterator[Found]:  # fmt: skip
+) -> Iterator[FoundShape]:  # fmt: skip
     """Find shapes inside one patch with the given faces; `seeds`: its nodes, the most promising first."""
     left = np.zeros(len(patches.patch), bool)
     left[faces] = True
@@ -246,8 +248,8 @@ def _grown_in(
 
 
 def _from_seed(
-    patches: Patches, left: Bools, seed: int, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float
-) -> Found | None:
+    patches: SmoothPatches, left: Bools, seed: int, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float
+) -> FoundShape | None:
     """Fit a shape to the two rings of a seed, or else to one, and grow it over the faces `left` (f,); None if none."""
     for ring in (rings[1], rings[0]):
         nodes = np.append(ring.of(seed), seed)
@@ -261,7 +263,7 @@ def _from_seed(
     return None
 
 
-def _grow(patches: Patches, left: Bools, seed: int, shape: Shape, crease_angle: float) -> Found | None:
+def _grow(patches: SmoothPatches, left: Bools, seed: int, shape: Shape, crease_angle: float) -> FoundShape | None:
     """Grow a shape from a seed over all connected faces that lie on it, and fit it to all of them; None if too few."""
     mine = np.flatnonzero(left & (patches.patch == patches.owner[seed]))
     tolerance, before = tolerance_of(patches.x[_nodes(patches, mine)]), 0
@@ -280,7 +282,7 @@ def _grow(patches: Patches, left: Bools, seed: int, shape: Shape, crease_angle: 
     return _kept(patches, faces, shape, crease_angle)
 
 
-def _on(patches: Patches, faces: Ints, seed: int, shape: Shape, tolerance: float, crease_angle: float) -> Ints:
+def _on(patches: SmoothPatches, faces: Ints, seed: int, shape: Shape, tolerance: float, crease_angle: float) -> Ints:
     """Return the faces that lie on a shape and are connected to the node `seed` by such faces."""
     node = patches.node[faces]
     f = shape.distance(patches.x[node.ravel()])[0].reshape(node.shape)

@@ -10,7 +10,7 @@ import numpy as np
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints, Mesh, Spec
-from lacmesh.smooth.find import Found
+from lacmesh.smooth.find import FoundShape
 from lacmesh.smooth.heights import Smooth, smooth_of
 from lacmesh.surface.record import Surface
 from lacmesh.topology.orientation import skin_cells
@@ -153,7 +153,7 @@ def _exact(smooth: Smooth, surface: Surface) -> Iterator[FittedShape]:
         )
 
 
-def _placed(smooth: Smooth, found: Found) -> tuple[Floats, Floats]:
+def _placed(smooth: Smooth, found: FoundShape) -> tuple[Floats, Floats]:
     """Axis and centre of a shape, normalised so that they do not depend on how it was found."""
     patches, shape = smooth.sought.patches, found.shape
     axis, centre = shape.axis, shape.centre

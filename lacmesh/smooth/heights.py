@@ -11,10 +11,10 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.origin import origin_of
 from lacmesh.reference.shapes import shape
-from lacmesh.smooth.find import Found, Sought, find_shapes
+from lacmesh.smooth.find import FoundShape, Sought, find_shapes
 from lacmesh.smooth.local import centre_heights, edge_heights
 from lacmesh.smooth.parents import Parents, inverse, parents_of
-from lacmesh.smooth.patches import Bools, Patches
+from lacmesh.smooth.patches import Bools, SmoothPatches
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.topology.skin import FACE_TYPES, TYPE_CODE
@@ -49,7 +49,9 @@ def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float) -> Smooth:
     rows = np.flatnonzero(np.isin(parents.faces.faces.type, _LINEAR) & there)
     faces = parents.faces.take(rows)
     origin = origin_of(faces.x[np.unique(faces.faces.nodes[faces.faces.nodes >= 0])])
-    return Smooth(parents, rows, origin, find_shapes(Patches.of(faces, crease_angle, faces.x - origin), crease_angle))
+    return Smooth(
+        parents, rows, origin, find_shapes(SmoothPatches.of(faces, crease_angle, faces.x - origin), crease_angle)
+    )
 
 
 def height_of(mesh: Mesh, surface: Surface, crease_angle: float = 40.0) -> Height | None:
@@ -122,6 +124,6 @@ def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools]:
     return value, lacking
 
 
-def _met(found: Found, x: Floats, way: Floats) -> Floats:
+def _met(found: FoundShape, x: Floats, way: Floats) -> Floats:
     """(n,): distance of the shape from points x (n, 3) along directions (n, 3); 0 where they miss it."""
     return np.nan_to_num(found.shape.meets(x, way))

@@ -43,7 +43,7 @@ def joints_of(surface: Surface, normal: Floats, crease_angle: float) -> Joints:
 
 
 @dataclass(frozen=True, eq=False)
-class Patches:
+class SmoothPatches:
     """Faces (f,) in patches: `patch` (f,) from 0, `node` (f, 4) rows of `x` (n, 3), -1 where a face has fewer corners.
 
     A node that two patches share occurs in `x` once for each. `owner` (n,): its patch; `normal` (f, 3) and `area` (f,)
@@ -60,7 +60,7 @@ class Patches:
     dim: int
 
     @classmethod
-    def of(cls, surface: Surface, crease_angle: float, x: Floats) -> Patches:
+    def of(cls, surface: Surface, crease_angle: float, x: Floats) -> SmoothPatches:
         """Return the patches of a surface of linear faces at coordinates x (n_nodes of the mesh, 3)."""
         surface = surface.at(x)
         normal = mean_normals(surface)[0]
@@ -69,7 +69,7 @@ class Patches:
         return cls(x, node, np.zeros(len(x), int), np.zeros(len(node), int), normal, _areas(surface), joints,
                    surface.dim).split(np.zeros(len(node), int))  # fmt: skip
 
-    def split(self, kind: Ints) -> Patches:
+    def split(self, kind: Ints) -> SmoothPatches:
         """Split the patches into connected ones of faces of the same kind (f,)."""
         i, j = self.joints.i, self.joints.j
         same = kind[i] == kind[j]
@@ -82,7 +82,7 @@ class Patches:
         node = np.full(self.node.shape, -1, np.int64)
         node[there] = inverse
         old, owner = np.divmod(one, max(n_patches, 1))
-        return Patches(self.x[old], node, owner, patch, self.normal, self.area, self.joints, self.dim)
+        return SmoothPatches(self.x[old], node, owner, patch, self.normal, self.area, self.joints, self.dim)
 
     @cached_property
     def node_normal(self) -> Floats:

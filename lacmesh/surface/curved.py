@@ -23,7 +23,7 @@ _STEPS = 30
 _ALONG, _ACROSS = 24, 6
 
 
-class Side(NamedTuple):
+class SegmentFace(NamedTuple):
     """One side of a mortar segment: the map `G` (9, 3) of its face, of a `kind`; its patch; `k` functions to integrate.
 
     The patch has `n` corners, at `xi` (4, 2) in the face and at `y` (4, .) in the slave's plane; `patch`: its

@@ -15,7 +15,7 @@ from lacmesh.surface.polygon import CHORD, ROOM, area_of, centroid, copy, cut_by
 _FRAGMENTS = 64
 
 
-class Parts(NamedTuple):
+class FragmentBuffers(NamedTuple):
     """Buffers for the parts of one slave patch, one per row: polygon `shape` (., ROOM, 2), its `size` and `label`s.
 
     `plane` (., 3): height c0 + c1 p + c2 q of the master over the slave; `who`: the master patch. `low`, `high`
@@ -38,9 +38,9 @@ class Parts(NamedTuple):
     rest_label: NDArray[np.int8]
 
 
-def make_room(n: int) -> Parts:
+def make_room(n: int) -> FragmentBuffers:
     """Allocate buffers for n parts."""
-    return Parts(
+    return FragmentBuffers(
         np.empty((n, ROOM, 2)),
         np.zeros((n, ROOM), np.int8),
         np.zeros(n, np.int64),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.clip import Pieces, mean_plane, project
-from lacmesh.surface.curved import Side, in_plane
+from lacmesh.surface.curved import SegmentFace, in_plane
 from lacmesh.surface.fit import fit
 from lacmesh.surface.maps import AFFINE, CURVED, at
 from lacmesh.surface.moments import Gauss, gauss_rules
@@ -191,9 +191,9 @@ def _raised(
 
 @kernel
 def _side(patch: int, of: Any, y: Any, k: int) -> Any:
-    """Make the `Side` of a piece on a patch with corners y in the slave's plane; k functions of its face are fitted."""
+    """Make the `SegmentFace` of a piece on a patch with corners y in the slave's plane, with k fitted functions."""
     face, n, xi = of.face[patch], of.n[patch], of.xi[patch]
-    return Side(of.G[face], of.kind[face], n, xi, y, inverse(y, n, xi), k)
+    return SegmentFace(of.G[face], of.kind[face], n, xi, y, inverse(y, n, xi), k)
 
 
 @kernel

@@ -20,8 +20,8 @@ from lacmesh.topology.skin import (
     N_CORNERS,
     N_NODES,
     REVERSED,
+    FaceIncidence,
     Faces,
-    Match,
     find_owners,
     label_rows,
     turn,
@@ -67,7 +67,7 @@ class Surface:
         parents = find_owners(faces, cells_of_dim(mesh, dim + 1), mesh.n_nodes)
         alone = np.bincount(parents.face, minlength=len(faces)) == 1
         keep = alone[parents.face]
-        parents = Match(parents.face[keep], parents.cell[keep], parents.facet[keep], parents.same[keep])
+        parents = FaceIncidence(parents.face[keep], parents.cell[keep], parents.facet[keep], parents.same[keep])
         faces = _outward(mesh, faces, parents)
         surface = cls(mesh.points, faces, cells, dim, np.full(len(faces), np.nan))
         return replace(surface, depth=_depth(mesh, surface, parents))
@@ -163,7 +163,7 @@ def _dimension(mesh: Mesh, cells: Ints) -> int:
     return int(dims[0])
 
 
-def _outward(mesh: Mesh, faces: Faces, parents: Match) -> Faces:
+def _outward(mesh: Mesh, faces: Faces, parents: FaceIncidence) -> Faces:
     """Flip the faces with a normal that points into the only cell behind them."""
     back = turn(facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
     back ^= inside_out(mesh, parents.cell, plane=True)
@@ -180,7 +180,7 @@ def _turned_over(faces: Faces, rows: Ints) -> Faces:
     return Faces(faces.type, nodes)
 
 
-def _depth(mesh: Mesh, surface: Surface, parents: Match) -> Floats:
+def _depth(mesh: Mesh, surface: Surface, parents: FaceIncidence) -> Floats:
     """Depth of the cell behind each face, down to its deepest corner; NaN for faces that are not in the match."""
     depth = np.full(len(surface), np.nan)
     normal, centre = mean_normals(surface)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.mesh import Ints, Mesh, codes
 from lacmesh.reference.quadrature import measure, signed_area
-from lacmesh.topology.skin import Faces, Match, label_rows
+from lacmesh.topology.skin import FaceIncidence, Faces, label_rows
 
 
 def cells_of_dim(mesh: Mesh, dim: int) -> Iterator[tuple[str, Ints, Ints]]:
@@ -44,7 +44,7 @@ def distinct_faces(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
     return faces.take(first), first
 
 
-def facets_of(mesh: Mesh, owners: Match) -> Faces:
+def facets_of(mesh: Mesh, owners: FaceIncidence) -> Faces:
     """Return the facets of a match's cells, with the cells' (outward) listing of their nodes, in the match's order."""
     parts, rows = [], [np.empty(0, np.int64)]
     order = np.argsort(owners.cell, kind="stable")

@@ -20,7 +20,7 @@ from lacmesh.errors import DataError
 from lacmesh.mesh import Ints, Mesh, Spec, spec_text
 from lacmesh.topology.components import label_components
 from lacmesh.topology.faces import cells_of_dim, distinct_faces, faces_of, facets_of, inside_out
-from lacmesh.topology.skin import N_CORNERS, REVERSED, Faces, Match, find_owners, find_repeats, label_rows, turn
+from lacmesh.topology.skin import N_CORNERS, REVERSED, FaceIncidence, Faces, find_owners, find_repeats, label_rows, turn
 
 Bools = NDArray[np.bool_]
 
@@ -112,7 +112,7 @@ def turning(mesh: Mesh, cells: Ints) -> Turning:
     )
 
 
-def inward(mesh: Mesh, cells: Ints, faces: Faces, parents: Match) -> Ints:
+def inward(mesh: Mesh, cells: Ints, faces: Faces, parents: FaceIncidence) -> Ints:
     """Return the skin cells (sorted) with a normal that points into the only cell behind them.
 
     `faces`: the faces under `cells`, each once; `parents`: the cells behind (`skin.find_owners`).
@@ -120,7 +120,7 @@ def inward(mesh: Mesh, cells: Ints, faces: Faces, parents: Match) -> Ints:
     own = _cells_on(mesh, cells, faces)
     single = np.bincount(parents.face, minlength=len(faces)) == 1
     mine = single[own.face]
-    own = Match(own.face[mine], own.cell[mine], own.facet[mine], own.same[mine])
+    own = FaceIncidence(own.face[mine], own.cell[mine], own.facet[mine], own.same[mine])
     owner = np.full(len(faces), -1)
     owner[parents.face] = np.arange(len(parents.face))
     outward = facets_of(mesh, parents).take(owner[own.face])
@@ -129,7 +129,7 @@ def inward(mesh: Mesh, cells: Ints, faces: Faces, parents: Match) -> Ints:
     return np.sort(own.cell[back])
 
 
-def turn_outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: Match) -> tuple[Mesh, Faces]:
+def turn_outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: FaceIncidence) -> tuple[Mesh, Faces]:
     """Flip the skin cells that are not outward; return the mesh and its faces (like `faces`, from `cells[first]`)."""
     back = inward(mesh, cells, faces, parents) if len(parents.face) else turning(mesh, cells).turned
     if not len(back):
@@ -182,11 +182,11 @@ def _children(macro: Ints, rank: Ints) -> tuple[Bools, Bools]:
     return child, centre
 
 
-def _cells_on(mesh: Mesh, cells: Ints, faces: Faces) -> Match:
+def _cells_on(mesh: Mesh, cells: Ints, faces: Faces) -> FaceIncidence:
     return find_repeats(faces, [(k, n, c) for k, c, n in mesh.select(np.sort(cells))], mesh.n_nodes)
 
 
-def _listed_back(mesh: Mesh, faces: Faces, own: Match) -> Bools:
+def _listed_back(mesh: Mesh, faces: Faces, own: FaceIncidence) -> Bools:
     """True for cells on faces that have the opposite winding."""
     return turn(faces.take(own.face), faces_of(mesh, own.cell)) % 2 == 1
 

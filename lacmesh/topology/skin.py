@@ -75,7 +75,7 @@ class Faces:
 
 
 @dataclass(frozen=True)
-class Match:
+class FaceIncidence:
     """Incident pairs, one per row: `face`, `cell` (the caller's id), and `facet`, the number of the face in the cell.
 
     Rows are sorted by face, then by cell. `same`: the facet has all nodes of the face, mid-nodes included.
@@ -108,7 +108,7 @@ def label_rows(rows: Ints) -> tuple[Ints, int]:
     return labels, int(new.sum())
 
 
-def find_owners(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int) -> Match:
+def find_owners(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int) -> FaceIncidence:
     """Find the cells that have one of `faces` as a facet. `cells`: parts (type, nodes (k, n), ids (k,)).
 
     >>> square = [("QUAD4", np.array([[0, 1, 2, 3]]), np.array([7]))]
@@ -131,7 +131,7 @@ def find_owners(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: 
     return _match(faces, parts)
 
 
-def find_repeats(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int) -> Match:
+def find_repeats(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int) -> FaceIncidence:
     """Find the cells that lie on one of `faces`: same corners, any order (`facet` is 0). `cells`: as `find_owners`."""
     touched = _touched(faces, n_nodes)
     parts = []
@@ -161,7 +161,7 @@ def _near(touched: NDArray[np.bool_], nodes: Ints, n_corners: int, least: int) -
     return np.concatenate(found)
 
 
-def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> Match:
+def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> FaceIncidence:
     """Pair faces with candidates (type, nodes, ids, facet number) that have the same corners."""
     candidates = Faces.join((kind, nodes) for kind, nodes, _, _ in parts)
     ids = np.concatenate([np.empty(0, np.int64), *(i for _, _, i, _ in parts)])
@@ -175,7 +175,7 @@ def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> Match:
     found = found[np.lexsort((ids[found], face[found]))]
     same = candidates.type[found] == faces.type[face[found]]
     same &= (np.sort(candidates.nodes[found], axis=1) == np.sort(faces.nodes[face[found]], axis=1)).all(axis=1)
-    return Match(face[found], ids[found], facet[found], same)
+    return FaceIncidence(face[found], ids[found], facet[found], same)
 
 
 def turn(faces: Faces, listed: Faces) -> Ints:

@@ -28,7 +28,7 @@ from lacmesh.reference.shapes import shape
 from lacmesh.scene import colours, legend_of, title_of
 from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
 from lacmesh.scene.layers import curved_parts, grid
-from lacmesh.scene.marks import Finding, Marks, Values, find_marks
+from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks
 from lacmesh.scene.placing import find_eye, find_opening
 from lacmesh.scene.request import check_placing
 from lacmesh.scene.seen import BODY, SLAVE, FaceKeys, Groups, Seen, Vector, as_faces, diagonal, find_seen
@@ -42,7 +42,7 @@ PLAIN, CREASE, INNER, OUTLINE, BORDER, SEGMENT = range(6)
 WORST, MOST = 12, 20_000
 SCRIPTS = ("data.js", "graphics.js", "panel.js")
 
-Arrays = dict[str, NDArray]
+PageArrays = dict[str, NDArray]
 
 
 def page(
@@ -51,7 +51,7 @@ def page(
     *,
     slave: Groups = None,
     master: Groups = None,
-    findings: Iterable[Finding] | None = None,
+    findings: Iterable[MarkedFinding] | None = None,
     values: Values | None = None,
     camera: Vector | None = None,
     explode: float | None = None,
@@ -91,7 +91,7 @@ def _worst(mesh: Mesh, values: Values | None) -> list[Any]:
     return [_Worst(int(mesh.cell_number[c]), f"cell {mesh.cell_number[c]}\t{values.values[c]:.4g}") for c in cells]
 
 
-def _content(mesh: Mesh, seen: Seen, marks: Marks, values: Values | None) -> tuple[dict[str, Any], Arrays]:
+def _content(mesh: Mesh, seen: Seen, marks: Marks, values: Values | None) -> tuple[dict[str, Any], PageArrays]:
     """Data of the page: a head of names and small tables, and the arrays."""
     count = len(seen.faces)
     shown = _limited(marks)
@@ -115,7 +115,7 @@ def _content(mesh: Mesh, seen: Seen, marks: Marks, values: Values | None) -> tup
     paint = np.zeros(len(faces), np.uint8)
     paint[slaves] = colours.paint(seen.macro[slaves], seen.faces.corners[slaves])
     kinds = [b.type for b in mesh.blocks]
-    arrays: Arrays = {
+    arrays: PageArrays = {
         "points": ((box - centre) / half).astype(np.float32),
         "nodeNumber": _numbers(mesh.node_number[used]),
         "nodeBody": bodies.astype(np.int32),
@@ -271,7 +271,7 @@ def _numbers(numbers: Ints) -> NDArray:
     return numbers.astype(np.int32 if not len(numbers) or np.abs(numbers).max() < 1 << 31 else np.float64)
 
 
-def _filled(head: dict[str, Any], arrays: Arrays) -> str:
+def _filled(head: dict[str, Any], arrays: PageArrays) -> str:
     """Text of the page: the template with each of its marks replaced once (what is filled in may look like one)."""
     block, places = _packed(arrays)
     said = json.dumps(head | {"arrays": places}, separators=(",", ":"), allow_nan=False)
@@ -289,7 +289,7 @@ def _filled(head: dict[str, Any], arrays: Arrays) -> str:
     return re.sub("%([A-Z]+)%", lambda mark: parts[mark[1]], template)
 
 
-def _packed(arrays: Arrays) -> tuple[bytes, dict[str, tuple[str, int, int]]]:
+def _packed(arrays: PageArrays) -> tuple[bytes, dict[str, tuple[str, int, int]]]:
     """All arrays in one block, little-endian, each at a multiple of 8 bytes: the block, and (type, start, length)."""
     parts, places, start = [], {}, 0
     for name, array in arrays.items():

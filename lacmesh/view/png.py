@@ -18,7 +18,7 @@ from lacmesh.errors import RequestError, WriteError
 from lacmesh.formats.output import replace_file, temporary_folder
 from lacmesh.mesh import Mesh
 from lacmesh.scene import Scene, camera_of, laid_out, make_scene
-from lacmesh.scene.marks import Finding, Values
+from lacmesh.scene.marks import MarkedFinding, Values
 from lacmesh.scene.seen import Groups, Vector
 from lacmesh.view.draw import ARRAYS
 
@@ -35,7 +35,7 @@ def picture(
     *,
     slave: Groups = None,
     master: Groups = None,
-    findings: Iterable[Finding] | None = None,
+    findings: Iterable[MarkedFinding] | None = None,
     values: Values | None = None,
     size: tuple[int, int] = (1600, 1000),
     camera: Vector | None = None,

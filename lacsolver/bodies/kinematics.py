@@ -20,7 +20,7 @@ from lacsolver.bodies import finite
 from lacsolver.bodies import small as assemble
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small import assemble_stiffness
-from lacsolver.bodies.small.fields import Field, Temperature, checked
+from lacsolver.bodies.small.fields import Field, TemperatureField, checked
 from lacsolver.space.space import Space
 
 
@@ -54,7 +54,7 @@ class Small:
     space: Space
     materials: Materials
     springs: csr_array | None = None
-    temperature: Temperature | None = None
+    temperature: TemperatureField | None = None
     threads: int = 1
 
     constant = True
@@ -106,7 +106,7 @@ class Finite:
     space: Space
     materials: Materials
     springs: csr_array | None = None
-    temperature: Temperature | None = None
+    temperature: TemperatureField | None = None
     threads: int = 1
     _kept: dict[float, Field | None] = field(default_factory=dict, repr=False)
 
@@ -161,7 +161,7 @@ def kinematics_of(
     materials: Materials,
     *,
     springs: csr_array | None = None,
-    temperature: Temperature | None = None,
+    temperature: TemperatureField | None = None,
     threads: int = 1,
 ) -> Kinematics:
     """Return the kinematics for the name that a case gives, `small` or `finite`."""

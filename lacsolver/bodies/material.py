@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
-from lacsolver.space.space import Model, Space
+from lacsolver.space.space import ModellingHypothesis, Space
 
 #: row and column of each component of stress in its tensor
 PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 _ROUNDING = 1e-12
-Three = tuple[float, float, float]
+Triple = tuple[float, float, float]
 
 
 class Law(Protocol):
@@ -99,12 +99,12 @@ class Orthotropic:
     `expansion`: one number, or one along each axis. Raises DataError where the compliance is not positive definite.
     """
 
-    young: Three
-    poisson: Three
-    shear: Three
+    young: Triple
+    poisson: Triple
+    shear: Triple
     axes: tuple[Sequence[float], Sequence[float]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     density: float = 0.0
-    expansion: float | Three = 0.0
+    expansion: float | Triple = 0.0
     reference_temperature: float = 0.0
 
     def __post_init__(self) -> None:
@@ -185,7 +185,7 @@ def _from_tensor(C: Floats) -> NDArray[np.floating]:
     return np.array([[C[i, j, p, q] for p, q in PLACES] for i, j in PLACES])
 
 
-def reduced(law: Law, model: Model) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+def reduced(law: Law, model: ModellingHypothesis) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Return C (n, n) and alpha (n,) of a law in a model's n components.
 
     In plane stress zz is eliminated (its row and column are 0). Raises DataError for a law that couples a plane model
@@ -203,7 +203,7 @@ def reduced(law: Law, model: Model) -> tuple[NDArray[np.floating], NDArray[np.fl
     return C, alpha
 
 
-class Terms(NamedTuple):
+class LawTerms(NamedTuple):
     """Nonzero entries of A, law by law: law k has rows start[k]:start[k + 1].
 
     `at` (m, 2): d s + t with s <= t, and l i + j; `value` (m,): A_sitj. `lame` (laws, 2): lambda and mu of isotropic
@@ -220,7 +220,7 @@ class Terms(NamedTuple):
 class Materials:
     """The law of every cell: `laws`, and for each block of the space the index (k,) of each cell's law in `laws`."""
 
-    model: Model
+    model: ModellingHypothesis
     laws: tuple[Law, ...]
     law: tuple[Ints, ...]
 
@@ -263,7 +263,7 @@ class Materials:
         return np.einsum("kis,ckm,mjt->csitj", S, self.tables[0], S)
 
     @cached_property
-    def terms(self) -> Terms:
+    def terms(self) -> LawTerms:
         """Entries of `tensors` that are not zero (above rounding), for s <= t only, since K is symmetric."""
         d, rows = self.model.dim, self.model.rows
         A = self.tensors
@@ -272,7 +272,7 @@ class Materials:
         law, s, i, t, j = np.nonzero(used)
         start = np.searchsorted(law, np.arange(len(self.laws) + 1))
         lame = np.array([law.lame if isinstance(law, Elastic) else (0.0, 0.0) for law in self.laws])
-        return Terms(start, np.stack([d * s + t, rows * i + j], axis=1), A[used], lame)
+        return LawTerms(start, np.stack([d * s + t, rows * i + j], axis=1), A[used], lame)
 
     def check_small(self, instead: str) -> None:
         """Raise RequestError if a law is one of finite strains; `instead` names the function for those."""

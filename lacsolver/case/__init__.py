@@ -10,7 +10,7 @@ The rows of the table also give the schemas and the page of docs (schema). numpy
 
 from lacsolver.case.case import Case, Output, Probe, Solver, Steps
 from lacsolver.case.digest import changed, digest, fingerprint
-from lacsolver.case.errors import CaseError, EvaluationError, Problem
+from lacsolver.case.errors import CaseError, EvaluationError, Issue
 from lacsolver.case.groups import check_groups
 from lacsolver.case.read import parse_case, read_case
 from lacsolver.case.records import (
@@ -38,11 +38,11 @@ __all__ = [
     "EvaluationError",
     "Force",
     "Gravity",
+    "Issue",
     "Material",
     "Output",
     "Pressure",
     "Probe",
-    "Problem",
     "Rigid",
     "Solver",
     "Spring",

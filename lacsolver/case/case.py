@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from lacsolver.case.draft import Draft
-from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.keys import Section, key, keys_of, section, section_of, sections_of
 from lacsolver.case.kinds import POSITIVE, Bounds, Choice, Count, MeshFile, Number, Option, Text, Times
 from lacsolver.case.records import (
@@ -183,7 +183,7 @@ class Case(Entry):
             object.__setattr__(self, name, _records(name, record, getattr(self, name)))
         found = check(drafted(self, ()), (drafted(r, path) for path, r in self.records()))
         if found:
-            raise CaseError([Problem(f.message) for f in found], self.path)
+            raise CaseError([Issue(f.message) for f in found], self.path)
         for name in sections_of(Case):
             held = getattr(self, name)
             done = tuple(_settled(r, self) for r in held) if isinstance(held, tuple) else held and _settled(held, self)

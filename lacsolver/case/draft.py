@@ -12,15 +12,14 @@ from lacsolver.case.errors import Mistake
 from lacsolver.case.formula import Formula
 from lacsolver.case.keys import ANY, PLANE, Key, defaults_of, keys_of, section_of
 from lacsolver.case.kinds import Axes, Choice, Point, Turning
+from lacsolver.case.lines import KeyPath
 from lacsolver.case.value import Value, values_in, with_values
-
-Path = tuple[str | int, ...]
 
 
 class Found(NamedTuple):
     """A mistake: the path of its key, which leads to a line, and a message that begins with its subject."""
 
-    path: Path
+    path: KeyPath
     message: str
 
 
@@ -32,7 +31,7 @@ class Draft:
     """
 
     record: type
-    path: Path
+    path: KeyPath
     given: Mapping[str, Any]
     values: Mapping[str, Any]
 
@@ -57,7 +56,7 @@ class Draft:
         defaults = defaults_of(self.record)
         return {name: value for name, value in self.values.items() if not same(value, defaults[name])}
 
-    def wrong(self, message: str, key: str | None = None, inside: Path = ()) -> Found:
+    def wrong(self, message: str, key: str | None = None, inside: KeyPath = ()) -> Found:
         """Return a mistake of the whole record, or of one key."""
         path = self.path if key is None else (*self.path, key, *inside)
         return Found(path, f"{subject(self.record, key)} {message}")
@@ -76,7 +75,7 @@ def same(value: Any, default: Any) -> bool:
     return value is default or (type(value) is type(default) and bool(value == default))
 
 
-def draft(record: type, path: Path, given: Mapping[str, Any]) -> tuple[Draft, list[Found]]:
+def draft(record: type, path: KeyPath, given: Mapping[str, Any]) -> tuple[Draft, list[Found]]:
     """Read the values given for one record; return its draft, and the mistakes within this record."""
     keys, values, mistakes = keys_of(record), {}, []
     for name in [n for n in given if n in keys]:

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 from lacmesh.errors import LacmeshError, ReadError
 
-__all__ = ["CaseError", "EvaluationError", "Mistake", "Problem", "ReadError"]
+__all__ = ["CaseError", "EvaluationError", "Issue", "Mistake", "ReadError"]
 
 
-class Problem(NamedTuple):
+class Issue(NamedTuple):
     """One mistake of a case: a message with a remedy, and the line of the file (None for cases from Python)."""
 
     message: str
@@ -23,12 +23,12 @@ class CaseError(LacmeshError):
     The message has one line for each: `press.toml, line 12: pressure.value is missing`.
     """
 
-    def __init__(self, problems: Iterable[Problem], path: Any = None) -> None:
+    def __init__(self, problems: Iterable[Issue], path: Any = None) -> None:
         self.path = None if path is None else str(path)
         self.problems = tuple(sorted(problems, key=lambda p: p.line or 0))
         super().__init__("\n".join(self._told(p) for p in self.problems))
 
-    def _told(self, problem: Problem) -> str:
+    def _told(self, problem: Issue) -> str:
         place = [self.path] if self.path else []
         place += [f"line {problem.line}"] if problem.line else []
         return ": ".join([*([", ".join(place)] if place else []), problem.message])

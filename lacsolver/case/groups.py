@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.case.case import Case
-from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.keys import keys_of, section_of
 from lacsolver.case.kinds import Group, Groups
 from lacsolver.case.records import Entry
@@ -31,14 +31,14 @@ def named_groups(record: Entry) -> Iterator[tuple[str, str]]:
             yield from ((name, group) for group in ([held] if isinstance(held, str) else held))
 
 
-def _missing(record: Entry, mesh: Mesh) -> Iterator[Problem]:
+def _missing(record: Entry, mesh: Mesh) -> Iterator[Issue]:
     kind = getattr(record, "kind", None)
     nodes_too = "kind" in keys_of(type(record))
     for key, group in named_groups(record):
         told = _lookup(group, mesh, cells=kind != "node", nodes=nodes_too and kind != "cell")
         if told:
             place = f"{record.place}: " if record.place else ""
-            yield Problem(f"{place}{section_of(type(record)).name}.{key}: {told}")
+            yield Issue(f"{place}{section_of(type(record)).name}.{key}: {told}")
 
 
 def _lookup(group: str, mesh: Mesh, *, cells: bool, nodes: bool) -> str | None:

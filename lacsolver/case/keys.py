@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import MISSING, field, fields
 from typing import Any, NamedTuple
 
-from lacsolver.case.kinds import Kind
+from lacsolver.case.kinds import KeyType
 
 MODELS = ("3d", "plane_strain", "plane_stress", "axisymmetric")
 PLANE = MODELS[1:]
@@ -34,7 +34,7 @@ class Key(NamedTuple):
     allowed. `default_words`: description of the default, where the stored default (None) does not describe it.
     """
 
-    kind: Kind
+    kind: KeyType
     unit: str
     meaning: str
     load: bool = False
@@ -44,7 +44,7 @@ class Key(NamedTuple):
     default_words: str = ""
 
 
-def key(kind: Kind, unit: str, meaning: str, *, default: Any = MISSING, **rest: Any) -> Any:
+def key(kind: KeyType, unit: str, meaning: str, *, default: Any = MISSING, **rest: Any) -> Any:
     """Return a field that is a key; without a default it is required. `rest`: other columns of Key."""
     return field(default=default, metadata={"key": Key(kind, unit, meaning, **rest)})
 

@@ -21,7 +21,7 @@ from lacsolver.case.value import Value, described, number_from, value_from
 Schema = dict[str, Any]
 
 
-class Kind(Protocol):
+class KeyType(Protocol):
     """Interface of the types of values."""
 
     @property
@@ -232,7 +232,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Three:
+class ThreeNumbers:
     """Three numbers, or, if `alone`, a single number too."""
 
     bounds: Bounds = FREE

@@ -12,7 +12,7 @@ import tomllib
 from bisect import bisect_left
 from collections.abc import Iterator
 
-Path = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")
@@ -33,11 +33,11 @@ class Lines:
     def __init__(self, text: str) -> None:
         self._text = text
         self._breaks = [m.start() for m in re.finditer("\n", text)]
-        self._line: dict[Path, int] = {}
-        self._count: dict[Path, int] = {}
+        self._line: dict[KeyPath, int] = {}
+        self._count: dict[KeyPath, int] = {}
         self._read()
 
-    def __getitem__(self, path: Path) -> int | None:
+    def __getitem__(self, path: KeyPath) -> int | None:
         """Return the line of a path, counted from 1.
 
         If the path is absent, the line is that of the nearest table around it; None if there is none.
@@ -47,16 +47,16 @@ class Lines:
                 return self._line[path[:size]]
         return None
 
-    def __iter__(self) -> Iterator[Path]:
+    def __iter__(self) -> Iterator[KeyPath]:
         return iter(self._line)
 
-    def _mark(self, path: Path, at: int) -> None:
+    def _mark(self, path: KeyPath, at: int) -> None:
         line = bisect_left(self._breaks, at) + 1
         for size in range(1, len(path) + 1):
             self._line.setdefault(path[:size], line)
 
     def _read(self) -> None:
-        table: Path = ()
+        table: KeyPath = ()
         at = _end(_BLANK, self._text, 0)
         while at < len(self._text):
             if self._text[at] == "[":
@@ -65,11 +65,11 @@ class Lines:
                 at = self._pair(at, table)
             at = _end(_BLANK, self._text, at)
 
-    def _header(self, start: int) -> tuple[int, Path]:
+    def _header(self, start: int) -> tuple[int, KeyPath]:
         """Read `[a.b]` or `[[a.b]]`; return its end and the path. A name of several tables means the last of them."""
         several = self._text.startswith("[[", start)
         keys, at = self._key(_end(_SPACE, self._text, start + 1 + several))
-        path: Path = ()
+        path: KeyPath = ()
         for key in keys[:-1]:
             path = self._last((*path, key))
         path = (*path, keys[-1])
@@ -79,18 +79,18 @@ class Lines:
         self._mark(path, start)
         return at + 1 + several, path
 
-    def _last(self, path: Path) -> Path:
+    def _last(self, path: KeyPath) -> KeyPath:
         return (*path, self._count[path] - 1) if path in self._count else path
 
-    def _pair(self, start: int, table: Path) -> int:
+    def _pair(self, start: int, table: KeyPath) -> int:
         """Read `a.b = value` and return the position of its end."""
         keys, at = self._key(start)
         self._mark((*table, *keys), start)
         return self._value(_end(_SPACE, self._text, at + 1), (*table, *keys))
 
-    def _key(self, at: int) -> tuple[Path, int]:
+    def _key(self, at: int) -> tuple[KeyPath, int]:
         """Return the parts of a dotted key, and the position of the next mark (`=` or `]`)."""
-        parts: Path = ()
+        parts: KeyPath = ()
         while True:
             found = _BARE.match(self._text, at) or _STRING.match(self._text, at)
             assert found, "tomllib accepted this text"
@@ -101,7 +101,7 @@ class Lines:
                 return parts, at
             at = _end(_SPACE, self._text, at + 1)
 
-    def _value(self, at: int, path: Path) -> int:
+    def _value(self, at: int, path: KeyPath) -> int:
         self._mark(path, at)
         if self._text[at] == "[":
             return self._items(at, path)
@@ -109,14 +109,14 @@ class Lines:
             return self._inline(at, path)
         return _end(_STRING if self._text[at] in "\"'" else _PLAIN, self._text, at)
 
-    def _items(self, at: int, path: Path) -> int:
+    def _items(self, at: int, path: KeyPath) -> int:
         at, item = _end(_BLANK, self._text, at + 1), 0
         while self._text[at] != "]":
             at = self._next(self._value(at, (*path, item)))
             item += 1
         return at + 1
 
-    def _inline(self, at: int, path: Path) -> int:
+    def _inline(self, at: int, path: KeyPath) -> int:
         at = _end(_BLANK, self._text, at + 1)
         while self._text[at] != "}":
             at = self._next(self._pair(at, path))

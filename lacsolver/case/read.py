@@ -12,7 +12,7 @@ from typing import Any
 from lacmesh.errors import ReadError, did_you_mean
 from lacsolver.case.case import Case
 from lacsolver.case.draft import Draft, Found, draft
-from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.keys import keys_of, section_of, sections_of
 from lacsolver.case.lines import Lines
 from lacsolver.case.rules import check
@@ -42,7 +42,7 @@ def parse_case(text: str, path: str | Path = "case.toml", *, matrices: bool = Fa
     top, drafts, found = _drafts(document)
     found += [*check(top, drafts), *_needed(top, drafts, found, matrices)]
     if found:
-        raise CaseError(dict.fromkeys(Problem(f.message, lines[f.path]) for f in found), path)
+        raise CaseError(dict.fromkeys(Issue(f.message, lines[f.path]) for f in found), path)
     return _case(top, drafts, lines, path)
 
 

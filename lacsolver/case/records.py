@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from lacsolver.case.draft import draft, same
-from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.keys import MODELS, Needs, Section, defaults_of, key
 from lacsolver.case.kinds import (
     NOT_NEGATIVE,
@@ -29,7 +29,7 @@ from lacsolver.case.kinds import (
     Point,
     Reserved,
     Text,
-    Three,
+    ThreeNumbers,
     Turning,
     Varying,
 )
@@ -59,7 +59,7 @@ class Entry:
         path = (self.SECTION.name,) if self.SECTION.name else ()
         made, found = draft(type(self), path, given)
         if found:
-            raise CaseError([Problem(f.message) for f in found], self.place or None)
+            raise CaseError([Issue(f.message) for f in found], self.place or None)
         for name, value in made.values.items():
             object.__setattr__(self, name, value)
 
@@ -87,15 +87,15 @@ class Material(Entry):
         default_words='"elastic"; needed if finite',
     )
     young: float | tuple[float, float, float] = key(
-        Three(POSITIVE), "stress", "Young's modulus; orthotropic: [E1, E2, E3]"
+        ThreeNumbers(POSITIVE), "stress", "Young's modulus; orthotropic: [E1, E2, E3]"
     )
     poisson: float | tuple[float, float, float] = key(
-        Three(),
+        ThreeNumbers(),
         "",
         "Poisson's ratio, between -1 and 0.5; orthotropic: [nu12, nu13, nu23], with nu_ij / E_i = nu_ji / E_j",
     )
     shear: tuple[float, float, float] | None = key(
-        Three(POSITIVE, alone=False), "stress", "shear moduli [G12, G13, G23]", default=None,
+        ThreeNumbers(POSITIVE, alone=False), "stress", "shear moduli [G12, G13, G23]", default=None,
         needs=Needs("law", ("orthotropic",)), default_words="required if orthotropic",
     )  # fmt: skip
     axes: tuple[tuple[float, ...], tuple[float, ...]] = key(
@@ -105,7 +105,7 @@ class Material(Entry):
     )  # fmt: skip
     density: float = key(Number(NOT_NEGATIVE), "mass / length³", "mass per volume, for [gravity]", default=0.0)
     expansion: float | tuple[float, float, float] = key(
-        Three(),
+        ThreeNumbers(),
         "1 / temperature",
         "thermal expansion, for [[temperature]]; orthotropic: one, or one for each axis",
         default=0.0,
@@ -127,7 +127,7 @@ _SURFACE = Choice(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Joint(Entry):
+class PairEntry(Entry):
     """Base class of contacts and ties."""
 
     name: str = key(Text("a name"), "", "what results are called by", default=None, default_words="the slave's name")
@@ -154,7 +154,7 @@ class Joint(Entry):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Contact(Joint):
+class Contact(PairEntry):
     """[[contact]]: two skins that may touch. A Case sets the default of `geometry` from its kinematics."""
 
     SECTION: ClassVar = Section("contact", True, "two skins that may touch, without friction")
@@ -194,7 +194,7 @@ class Contact(Joint):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tie(Joint):
+class Tie(PairEntry):
     """[[tie]]: two skins that are glued together, all components."""
 
     SECTION: ClassVar = Section("tie", True, "two skins that are glued together, in all components")

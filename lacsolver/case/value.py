@@ -15,8 +15,8 @@ from lacsolver.case.formula import Formula, parse_formula
 if TYPE_CHECKING:
     from lacmesh.mesh import Floats
 
-Table = tuple[tuple[float, float], ...]
-Source = float | Formula | Table | Callable[..., Any]
+TimeTable = tuple[tuple[float, float], ...]
+Source = float | Formula | TimeTable | Callable[..., Any]
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class Value:
         return np.broadcast_to(result, shape).copy()
 
 
-def interpolate(table: Table, t: float) -> float:
+def interpolate(table: TimeTable, t: float) -> float:
     """Return the table's value at time t: linear in between, constant before the first time and after the last."""
     k = bisect_right(table, t, key=lambda row: row[0])
     if k == 0 or k == len(table):
@@ -161,7 +161,7 @@ def number_from(given: Any, wanted: str = "a number") -> float:
     return number
 
 
-def _table(given: Sequence[Any]) -> Table:
+def _table(given: Sequence[Any]) -> TimeTable:
     if not given:
         raise Mistake("is an empty table of times; write [[t, value], ...]")
     rows: list[tuple[float, float]] = []

@@ -12,7 +12,7 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacmesh.mesh import Ints
 from lacmesh.surface import Surface
-from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.records import Displacement
 from lacsolver.case.value import Value
 from lacsolver.constraints.normals import nodal_normals
@@ -49,7 +49,7 @@ def prescribed(space: Space, records: Sequence[Displacement]) -> tuple[Prescribe
     Raises CaseError, with every mistake at once, for groups and places that are missing, and for `un` of a group that
     is not a skin.
     """
-    problems: list[Problem] = []
+    problems: list[Issue] = []
     made: list[list[Prescribed]] = []
     skins: dict[int, Surface] = {}
     for number, record in enumerate(records):

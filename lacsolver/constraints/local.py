@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.errors import CaseError, Issue
 from lacsolver.constraints.conditions import Prescribed
 from lacsolver.space.places import said
 from lacsolver.space.space import Space
@@ -77,7 +77,7 @@ class LocalBases:
         more = " (with what else is prescribed there)" if likeness.max() < 1 - 1e-9 and len(others) > 1 else ""
         told = f"{self._told(first, c)}, and {self._told(second, c)}{more}"
         message = f"node {number} cannot have {told}, at t = {t:g}; leave one out, or make them agree"
-        raise CaseError([Problem(message)])
+        raise CaseError([Issue(message)])
 
     def _told(self, i: int, c: Floats) -> str:
         ends = np.cumsum([len(part.nodes) for part in self.parts])

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.finite.errors import InadmissibleError
-from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.records import Rigid
 from lacsolver.case.value import Value
 from lacsolver.constraints.conditions import Prescribed
@@ -163,7 +163,7 @@ def rigid_bodies(space: Space, records: Sequence[Rigid], finite: bool = False) -
     (a rotation about the line on which all nodes lie).
     """
     made: list[RigidBody] = []
-    problems: list[Problem] = []
+    problems: list[Issue] = []
     for record in records:
         try:
             first = sum(int(body.free.sum()) for body in made)
@@ -190,7 +190,7 @@ def check_apart(space: Space, bodies: Sequence[RigidBody], parts: Sequence[Presc
             body = bodies[owner[both[0]]]
             numbers = some(np.unique(space.mesh.node_number[both]))
             message = f"{said(part.record)} prescribes {part.component} of nodes {numbers}, which {said(body.record)}"
-            raise CaseError([Problem(f"{message} moves; prescribe the motion of the rigid body instead")])
+            raise CaseError([Issue(f"{message} moves; prescribe the motion of the rigid body instead")])
 
 
 def moments(dim: int, x: Floats) -> NDArray[np.floating]:
@@ -268,6 +268,4 @@ def _in_one(space: Space, bodies: Sequence[RigidBody]) -> None:
         a, b = order[again[0]], order[again[0] + 1]
         numbers = some(space.mesh.node_number[np.unique(node[order[again]])])
         message = f"nodes {numbers} are in {said(bodies[owner[a]].record)} and in {said(bodies[owner[b]].record)}"
-        raise CaseError(
-            [Problem(f"{message}; a node moves with one rigid body, so join the groups or take them apart")]
-        )
+        raise CaseError([Issue(f"{message}; a node moves with one rigid body, so join the groups or take them apart")])

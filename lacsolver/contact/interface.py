@@ -29,7 +29,7 @@ from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.contact.rows import macro_rows
 from lacsolver.contact.zone import Zone
 from lacsolver.space.space import Space
-from lacsolver.space.values import Value, evaluate
+from lacsolver.space.values import ScalarField, evaluate
 
 #: polynomial degree to which a clearance that is a formula is integrated, in addition to the shape functions
 _CLEARANCE = 4
@@ -53,7 +53,7 @@ class Pairing:
     axisymmetric: bool = False
     thickness: float = 1.0
     measure: str = "reference"
-    clearance: Value = 0.0
+    clearance: ScalarField = 0.0
 
     def within(self, space: Space, search_distance: float | None) -> Pairing:
         """Return the pairing with the axisymmetry and thickness of a space, and with a search distance."""

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.material import Materials
-from lacsolver.bodies.small.fields import Temperature
+from lacsolver.bodies.small.fields import TemperatureField
 from lacsolver.case import Case, Traction
 from lacsolver.case import Temperature as Record
 from lacsolver.case.records import Entry
@@ -22,15 +22,15 @@ from lacsolver.space.places import nodes_of, wrong
 from lacsolver.space.space import Space
 
 _AXES = "xyz"
-At = Callable[[Floats, float], Floats]
+PointFunction = Callable[[Floats, float], Floats]
 
 
-def at_points(space: Space, value: Value) -> At:
+def at_points(space: Space, value: Value) -> PointFunction:
     """Return a value of the case as a function of points (n, 3) and time; it gets the model's coordinates only."""
     return lambda x, t: value(x[:, : space.dim], t)
 
 
-def at_local_points(space: Space, value: Value) -> At:
+def at_local_points(space: Space, value: Value) -> PointFunction:
     """Return a value of the case as a function of points (n, 3), relative to the space's origin, and time."""
     return lambda x, t: value((x + space.origin)[:, : space.dim], t)
 
@@ -95,14 +95,14 @@ def springs(space: Space, case: Case) -> csr_array | None:
     return made
 
 
-def temperature(space: Space, materials: Materials, case: Case) -> Temperature | None:
+def temperature(space: Space, materials: Materials, case: Case) -> TemperatureField | None:
     """Return the temperature as (value, cells) pairs, as `bodies.small.stress` takes it; None if there is none."""
     if not case.temperature:
         return None
     return [pair for record in case.temperature for pair in _by_law(space, materials, record)]
 
 
-def _by_law(space: Space, materials: Materials, record: Record) -> Iterator[tuple[At, Ints]]:
+def _by_law(space: Space, materials: Materials, record: Record) -> Iterator[tuple[PointFunction, Ints]]:
     """Yield a temperature for the cells of each law, since a number is ramped from the law's own reference."""
     place = np.full(space.mesh.n_cells, -1)
     for block, which in zip(space.blocks, materials.law, strict=True):
@@ -114,16 +114,16 @@ def _by_law(space: Space, materials: Materials, record: Record) -> Iterator[tupl
             yield _ramped(space, record.value, law.reference_temperature), cells
 
 
-def _ramped(space: Space, value: Value, start: float) -> At:
+def _ramped(space: Space, value: Value, start: float) -> PointFunction:
     return lambda x, t: value(x[:, : space.dim], t, start=start)
 
 
-def _vector(space: Space, record: object, letter: str) -> Sequence[float | At]:
+def _vector(space: Space, record: object, letter: str) -> Sequence[float | PointFunction]:
     values = [getattr(record, f"{letter}{a}") for a in _AXES[: space.dim]]
     return [0.0 if value is None else at_points(space, value) for value in values]
 
 
-def _traction(space: Space, record: Traction) -> loads.Traction:
+def _traction(space: Space, record: Traction) -> loads.TractionField:
     values = [getattr(record, f"t{a}") for a in _AXES[: space.dim]]
 
     def traction(x: Floats, n: Floats, t: float) -> NDArray[np.floating]:

@@ -24,14 +24,14 @@ from lacmesh.surface import Surface
 from lacmesh.surface.normals import normals_of
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small import internal_force
-from lacsolver.bodies.small.fields import Temperature, scatter
+from lacsolver.bodies.small.fields import TemperatureField, scatter
 from lacsolver.space.determinant import determinant
 from lacsolver.space.space import Space
-from lacsolver.space.values import Value, evaluate, evaluate_vector
+from lacsolver.space.values import ScalarField, evaluate, evaluate_vector
 
 #: components of a vector; of a traction also f(points (n, 3), unit outward normals (n, 3), t) -> (n, dim)
-Vector = Sequence[Value]
-Traction = Vector | Callable[[Floats, Floats, float], Floats]
+Vector = Sequence[ScalarField]
+TractionField = Vector | Callable[[Floats, Floats, float], Floats]
 
 #: by order of the face: degree of N times the normal, with r, for a constant (TRIA7: total degree, the others: degree
 #: in each coordinate)
@@ -42,7 +42,7 @@ _PIECE = 1 << 18
 
 
 def pressure(
-    space: Space, faces: Ints, value: Value, t: float = 1.0, *, x: Floats | None = None, degree: int | None = None
+    space: Space, faces: Ints, value: ScalarField, t: float = 1.0, *, x: Floats | None = None, degree: int | None = None
 ) -> NDArray[np.floating]:
     """Return the nodal forces (n_dof,) of a pressure on skin cells `faces` (indices), > 0 into the body.
 
@@ -58,7 +58,7 @@ def pressure(
 
 
 def pressure_tangent(
-    space: Space, faces: Ints, value: Value, t: float = 1.0, *, x: Floats | None = None, degree: int | None = None
+    space: Space, faces: Ints, value: ScalarField, t: float = 1.0, *, x: Floats | None = None, degree: int | None = None
 ) -> csr_array:
     """Return df/du (n_dof, n_dof) of `pressure` as a follower load, with normals and radii at x (n_nodes, 3).
 
@@ -103,7 +103,7 @@ def _turning(space: Space, part: _FacePoints) -> NDArray[np.floating]:
 
 
 def traction(
-    space: Space, faces: Ints, value: Traction, t: float = 1.0, *, degree: int | None = None
+    space: Space, faces: Ints, value: TractionField, t: float = 1.0, *, degree: int | None = None
 ) -> NDArray[np.floating]:
     """Return the nodal forces (n_dof,) of a force per area on skin cells `faces` (indices).
 
@@ -166,7 +166,7 @@ def nodal_force(space: Space, nodes: Ints, value: Vector, t: float = 1.0) -> NDA
 
 
 def thermal_force(
-    space: Space, materials: Materials, temperature: Temperature, t: float = 1.0, *, threads: int = 1
+    space: Space, materials: Materials, temperature: TemperatureField, t: float = 1.0, *, threads: int = 1
 ) -> NDArray[np.floating]:
     """Return the thermal load int B^T C (T - T0) alpha dV (n_dof,): K u equals it if nothing else acts."""
     still = np.zeros(space.n_dof)

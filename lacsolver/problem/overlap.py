@@ -16,9 +16,9 @@ from lacmesh.checks.facets import Facets
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.surface import Coverage, Surface, contact_points, coverage, default_distance
 from lacmesh.topology.faces import facets_of
-from lacmesh.topology.skin import Match
+from lacmesh.topology.skin import FaceIncidence
 from lacsolver.contact import Interface
-from lacsolver.problem.problem import Joint
+from lacsolver.problem.problem import ContactPair
 from lacsolver.problem.rigid_modes import bodies
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
@@ -32,7 +32,7 @@ def deepest(face: Interface) -> float:
     return max(0.0, -float(face.distance.min(initial=0.0)))
 
 
-def check_overlap(joint: Joint, face: Interface, space: Space) -> None:
+def check_overlap(joint: ContactPair, face: Interface, space: Space) -> None:
     """Raise CaseError if macro-elements without a master lie inside its body, deeper than the search depth."""
     depth = depths(joint, face, space)
     deep = np.flatnonzero(depth > _looked(joint, face))
@@ -47,7 +47,7 @@ def check_overlap(joint: Joint, face: Interface, space: Space) -> None:
     raise wrong(joint.record, f"{message}; {advice}")
 
 
-def depths(joint: Joint, face: Interface, space: Space) -> NDArray[np.floating]:
+def depths(joint: ContactPair, face: Interface, space: Space) -> NDArray[np.floating]:
     """Return the depth (m,) in the master's body of macro-elements that hardly face the master; 0 for the others.
 
     All depths are 0 for a tie, for a master without a body, and for one on the slave's own body.
@@ -64,7 +64,7 @@ def depths(joint: Joint, face: Interface, space: Space) -> NDArray[np.floating]:
     return np.where(depth < first, depth, 0.0)
 
 
-def _looked(joint: Joint, face: Interface) -> NDArray[np.floating]:
+def _looked(joint: ContactPair, face: Interface) -> NDArray[np.floating]:
     """Return a lower bound (m,) of the depth behind each macro-element to which a master was searched for."""
     zone, given = face.zone, joint.pairing.max_penetration
     if given is None and joint.moving:
@@ -102,5 +102,5 @@ def _whole_skin(mesh: Mesh) -> Surface:
     facets = Facets.of(mesh)
     rows, facet = facets.boundary
     cell = facets.solid.cells[rows].astype(np.int64)
-    faces = facets_of(mesh, Match(np.arange(len(cell)), cell, facet.astype(np.int64), np.ones(len(cell), bool)))
+    faces = facets_of(mesh, FaceIncidence(np.arange(len(cell)), cell, facet.astype(np.int64), np.ones(len(cell), bool)))
     return Surface(mesh.points, faces, cell, mesh.dim - 1, np.full(len(cell), np.nan))

@@ -34,7 +34,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class ContactPair:
     """A contact pair or tie: its zone, and the options of its pairing. `record`: the case's contact or tie."""
 
     record: Contact | Tie
@@ -103,7 +103,7 @@ class Problem:
     space: Space
     materials: Materials
     constraints: Constraints
-    joints: tuple[Joint, ...]
+    joints: tuple[ContactPair, ...]
 
     @classmethod
     def of(cls, case: Case, mesh: Mesh | None = None) -> Problem:
@@ -164,7 +164,7 @@ def zone_of(mesh: Mesh, record: Contact | Tie) -> Zone:
     )
 
 
-def joint_of(space: Space, record: Contact | Tie) -> Joint:
+def joint_of(space: Space, record: Contact | Tie) -> ContactPair:
     """Return the contact pair of a contact or a tie. Raises CaseError, with its line, if the groups make no zone."""
     try:
         zone = zone_of(space.local, record)
@@ -180,4 +180,4 @@ def joint_of(space: Space, record: Contact | Tie) -> Joint:
             record.normals, record.crease_angle, max_penetration=record.max_penetration, measure=record.measure,
             clearance=clearance,
         )  # fmt: skip
-    return Joint(record, zone, pairing.within(space, record.search_distance))
+    return ContactPair(record, zone, pairing.within(space, record.search_distance))

@@ -11,7 +11,7 @@ from lacmesh.checks.spoiling import Spoilt, find_spoiling
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
 from lacmesh.mesh import Mesh
-from lacsolver.case import Case, CaseError, Contact, Problem
+from lacsolver.case import Case, CaseError, Contact, Issue
 
 
 def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
@@ -24,7 +24,7 @@ def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
         if whole:
             record = slaves[whole[0]]
             message = f"the mesh carries a cut of {', '.join(sorted(zones))}, and none of slave {whole[0]!r}"
-            raise CaseError([Problem(f"{_place(record)}{message}; cut all slaves at once, or give the uncut mesh")])
+            raise CaseError([Issue(f"{_place(record)}{message}; cut all slaves at once, or give the uncut mesh")])
         return mesh
     by_hexa: defaultdict[str, list[str]] = defaultdict(list)
     for name, record in slaves.items():
@@ -35,7 +35,7 @@ def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
         try:
             return lacmesh.cut_skin(mesh, names, hexa=hexa).mesh
         except LacmeshError as error:
-            raise CaseError([Problem(f"{_place(slaves[names[0]])}{error}")]) from None
+            raise CaseError([Issue(f"{_place(slaves[names[0]])}{error}")]) from None
     return mesh
 
 
@@ -46,7 +46,7 @@ def check_mesh(case: Case, mesh: Mesh) -> None:
     """
     records = {(record.slave, record.master): record for record in reversed(case.contact)}
     spoilt = find_spoiling(mesh, [(record.slave, record.master) for record in case.contact])
-    wrong = [Problem(_said(one, records)) for one in spoilt if one.surely]
+    wrong = [Issue(_said(one, records)) for one in spoilt if one.surely]
     for one in spoilt:
         if not one.surely:
             warnings.warn(LacmeshWarning(_said(one, records)), stacklevel=3)

@@ -13,7 +13,7 @@ import numpy as np
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.small.fields import Field
-from lacsolver.problem.problem import Joint, Problem
+from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.results.figures import balance, probe, zone_figures
 from lacsolver.results.nodal import nodal_stress
 from lacsolver.results.recovery import recover_pressure
@@ -69,12 +69,12 @@ class Answer:
         u, reaction = (v.reshape(-1, space.dim) for v in (state.u, state.reaction))
         return Fields(state.time, u, at_nodes, reaction, zones)
 
-    def _places(self, joint: Joint, state: State) -> Floats:
+    def _places(self, joint: ContactPair, state: State) -> Floats:
         """Return the coordinates (n_nodes, dim) at which a pair's forces act, relative to the space's origin."""
         space = self.problem.space
         return joint.places(space, state.u)[:, : space.dim]
 
-    def _zone(self, joint: Joint, zone: ZoneState, u: Floats) -> ZoneFields:
+    def _zone(self, joint: ContactPair, zone: ZoneState, u: Floats) -> ZoneFields:
         slave = joint.zone.slave.at(joint.places(self.problem.space, u))
         nodal, mean = recover_pressure(
             slave, joint.zone.macro, zone.pressure, zone.status,
@@ -84,6 +84,6 @@ class Answer:
         return ZoneFields.of(zone, told, joint.zone.macro, joint.zone.number, mean, nodal)
 
 
-def _nodes(joint: Joint) -> np.ndarray:
+def _nodes(joint: ContactPair) -> np.ndarray:
     nodes = joint.zone.slave.faces.nodes
     return np.unique(nodes[nodes >= 0])

@@ -41,7 +41,7 @@ _STOPPED = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class ContactSystem:
     """Contact rows of all zones at some q, (m,): `rows` (B, D, w), `G` at q, `paired`, `held` (equalities).
 
     `c` (m,): stress per length, see above. `stuck` (m,): covered rows that no unknown moves, so that their gaps follow
@@ -64,7 +64,7 @@ class Contact:
         """Return the next active set (m,) after a solve with `active`: rows under pressure, open rows that overlap."""
         return self.paired & (self.held | np.where(active, p > 0, self.G < 0))
 
-    def at(self, G: Floats) -> Contact:
+    def at(self, G: Floats) -> ContactSystem:
         """Return these rows with other gap integrals G."""
         return replace(self, G=G)
 
@@ -88,7 +88,7 @@ class Outcome(NamedTuple):
 
     converged: bool
     iterate: Iterate
-    contact: Contact
+    contact: ContactSystem
     defects: tuple[tuple[float, float], ...]
     products: int
     settled: int = 0
@@ -120,7 +120,7 @@ class Limits:
         return Goal(reduction, 1e-3 * self.tolerance, 1e-4 * ROUNDING * self.length, moved)
 
 
-class Terms(NamedTuple):
+class ForceTerms(NamedTuple):
     """Sums (n,) of the magnitudes of each force's terms, and the diagonal K (n,), in whose scaling solves are exact."""
 
     size: Floats
@@ -132,7 +132,7 @@ class Terms(NamedTuple):
         return ROUNDING * float((self.size / scale).max(initial=0.0)) * scale
 
 
-def balance(r: Floats, force: float, terms: Callable[[], Terms] | None, tolerance: float) -> float:
+def balance(r: Floats, force: float, terms: Callable[[], ForceTerms] | None, tolerance: float) -> float:
     """Return the residual of the force balance relative to the largest `force`, or to the round-off of the sums.
 
     r (n,): residual of each sum of forces. `terms()`: terms of the sums, computed only if the tolerance is not met;
@@ -145,21 +145,21 @@ def balance(r: Floats, force: float, terms: Callable[[], Terms] | None, toleranc
 
 
 #: function for the contact rows at q
-At = Callable[[Floats], Contact]
+ContactOf = Callable[[Floats], ContactSystem]
 #: callback for each iteration: number, closed rows, balance, gap
-Told = Callable[[int, int, float, float], None]
+IterationCallback = Callable[[int, int, float, float], None]
 
 
 def find_equilibrium(
     K: Stiffness,
     f: Floats,
-    at: At,
+    at: ContactOf,
     start: Iterate,
     limits: Limits,
     *,
     free: Floats | None = None,
     turning: csr_array | None = None,
-    told: Told | None = None,
+    told: IterationCallback | None = None,
 ) -> Outcome:
     """Find the equilibrium under forces f (n,) from a start, for rows that are constant and gaps linear in q.
 
@@ -207,7 +207,7 @@ def find_equilibrium(
 
 
 def stopped(
-    R: Floats, contact: Contact, active: NDArray[np.bool_], f: Floats, resistance: Floats | None = None
+    R: Floats, contact: ContactSystem, active: NDArray[np.bool_], f: Floats, resistance: Floats | None = None
 ) -> NDArray[np.bool_]:
     """Return the active set (m,) with rows added until no rigid-body mode R (n, r) moves along its load f (n,).
 
@@ -285,9 +285,9 @@ def _balance(
     inner, pressing = K @ q + (0.0 if turning is None else turning @ q), rows.B_T @ p
     force = max(float(np.abs(v).max(initial=0.0)) for v in (f, inner, pressing))
 
-    def terms() -> Terms:
+    def terms() -> ForceTerms:
         size = abs(K) @ np.abs(q) + (0.0 if turning is None else abs(turning) @ np.abs(q))
-        return Terms(np.abs(f) + size + abs(rows.B_T) @ np.abs(p), K.diagonal())
+        return ForceTerms(np.abs(f) + size + abs(rows.B_T) @ np.abs(p), K.diagonal())
 
     return balance(f - inner - pressing, force, terms, tolerance)
 
@@ -303,7 +303,7 @@ def stiffness_of_rows(K: Stiffness, rows: Rows) -> NDArray[np.floating]:
     return np.where(np.isfinite(c) & (c > 0), c, 1.0)
 
 
-def at_start(contact: Contact, closed: NDArray[np.bool_]) -> Iterate:
+def at_start(contact: ContactSystem, closed: NDArray[np.bool_]) -> Iterate:
     """Return the iterate of the undeformed bodies, with the rows `closed` (m,) in contact."""
     m, n = contact.rows.B.shape
     return Iterate(np.zeros(n), np.zeros(m), closed & contact.paired | contact.held & contact.paired)

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array, vstack
 from lacmesh.mesh import Floats
 from lacsolver.contact import Interface
 from lacsolver.contact.tangent import Motion, gap_derivative, motion_of, tangent
-from lacsolver.problem.problem import Joint, Problem
+from lacsolver.problem.problem import ContactPair, Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ def meeting(problem: Problem, interfaces: Sequence[Interface], u: Floats) -> Mee
     )  # fmt: skip
 
 
-def _motion(problem: Problem, joint: Joint, face: Interface) -> Motion | None:
+def _motion(problem: Problem, joint: ContactPair, face: Interface) -> Motion | None:
     """Return the derivatives of a pair's interface; None if it is paired only once, or for a symmetric tangent."""
     if not joint.moving or problem.case.solver.tangent == "symmetric":
         return None

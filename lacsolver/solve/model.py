@@ -25,9 +25,9 @@ from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface, integrate
 from lacsolver.linear import SingularError
 from lacsolver.problem import acting
-from lacsolver.problem.problem import Joint, Problem
+from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.problem.rigid_modes import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
-from lacsolver.solve.equilibrium import Contact, Terms, stiffness_of_rows
+from lacsolver.solve.equilibrium import ContactSystem, ForceTerms, stiffness_of_rows
 from lacsolver.solve.meeting import Meeting, meeting
 from lacsolver.solve.newton import Place
 from lacsolver.solve.schur import Rows
@@ -45,7 +45,7 @@ _ANOTHER = 1e-8
 
 
 @dataclass(eq=False)
-class Model:
+class ReducedProblem:
     """A problem on its constrained unknowns.
 
     `held`: K_q of the undeformed bodies, factorised; `motions`: rigid-body motions that only contact constrains;
@@ -231,7 +231,7 @@ class Model:
             return csr_array(K[c.free][:, c.free])
         return csr_array((T.T @ K @ T).tocsr())
 
-    def interface(self, joint: Joint, u: Floats, t: float) -> Interface:
+    def interface(self, joint: ContactPair, u: Floats, t: float) -> Interface:
         """Return a pair's interface, on the skins displaced by u (n_dof,) if it is paired again, else undeformed."""
         space = self.problem.space
         if joint.moving:
@@ -245,12 +245,12 @@ class Model:
 class Instant:
     """A problem at one time: loads, prescribed displacements, and forces, tangent and contact at any q."""
 
-    model: Model
+    model: ReducedProblem
     t: float
 
     def __post_init__(self) -> None:
         self._last: tuple[Floats, Meeting] | None = None
-        self._fixed: Contact | None = None
+        self._fixed: ContactSystem | None = None
         self._definite = True
 
     @cached_property
@@ -282,7 +282,7 @@ class Instant:
         """Return the interfaces of all contact pairs at q."""
         return self._meeting(q).interfaces
 
-    def contact(self, q: Floats) -> Contact:
+    def contact(self, q: Floats) -> ContactSystem:
         """Return the rows of all contact pairs, and their gaps at q."""
         if self._fixed is not None:
             return self._fixed.at(self._fixed.G - self._fixed.rows.D @ q)
@@ -338,11 +338,15 @@ class Instant:
             total += [] if self.model.steady is None else [-self.model.steady]
             return csr_array(sum(total[1:], total[0])) if total else None
 
-        def terms() -> Terms:
+        def terms() -> ForceTerms:
             stiff = np.abs(K_q.diagonal())
             if problem.kinematics.constant:
-                return Terms(abs(K_q) @ np.abs(q) + np.abs(motion) + abs(T).T @ (np.abs(inner) + np.abs(load)), stiff)
-            return Terms(stiff * (float(np.abs(q).max(initial=0.0)) + self.model.longest), stiff)  # strains of about 1
+                return ForceTerms(
+                    abs(K_q) @ np.abs(q) + np.abs(motion) + abs(T).T @ (np.abs(inner) + np.abs(load)), stiff
+                )
+            return ForceTerms(
+                stiff * (float(np.abs(q).max(initial=0.0)) + self.model.longest), stiff
+            )  # strains of about 1
 
         size = max(float(np.abs(v).max(initial=0.0)) for v in (inner, load, motion, out))
         return Place(
@@ -369,13 +373,13 @@ class Instant:
         model.last = model.hold(K, definite=False, like=model.last)
         return model.last
 
-    def _contact(self, met: Meeting, T: csr_array) -> Contact:
+    def _contact(self, met: Meeting, T: csr_array) -> ContactSystem:
         """Return the contact rows on the unknowns q."""
         left = csr_array(met.B @ T)
         rows = Rows(left, left if met.D is met.B else csr_array(met.D @ T), met.w)
         moved = np.diff(left.indptr) > 0
         c = stiffness_of_rows(self.model.held, rows)
-        return Contact(rows, met.G, met.covered & moved, met.held, c, met.covered & ~moved)
+        return ContactSystem(rows, met.G, met.covered & moved, met.held, c, met.covered & ~moved)
 
     def _meeting(self, q: Floats) -> Meeting:
         """Return all contact pairs at q; the last result is cached, and in a linear problem it is valid for every q."""

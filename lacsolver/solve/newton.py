@@ -29,7 +29,16 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.linear import LinearError
 from lacsolver.results.state import Iterate
-from lacsolver.solve.equilibrium import Contact, Limits, Outcome, Pivots, Terms, Told, balance, stopped
+from lacsolver.solve.equilibrium import (
+    ContactSystem,
+    ForceTerms,
+    IterationCallback,
+    Limits,
+    Outcome,
+    Pivots,
+    balance,
+    stopped,
+)
 from lacsolver.solve.schur import Goal, solve_rows
 from lacsolver.solve.stiffness import Stiffness
 
@@ -59,15 +68,15 @@ class Place:
 
     r: NDArray[np.floating]
     size: float
-    contact: Contact
+    contact: ContactSystem
     stiffness: Callable[[float, bool], Stiffness]
     turning: Callable[[Floats], csr_array | None]
     free: NDArray[np.floating]
-    terms: Callable[[], Terms] | None = None
+    terms: Callable[[], ForceTerms] | None = None
 
 
 #: function for the linearisation at q; raises InadmissibleError
-At = Callable[[Floats], Place]
+Linearize = Callable[[Floats], Place]
 
 
 class _Defect(NamedTuple):
@@ -86,14 +95,14 @@ class _State(NamedTuple):
 
 
 def follow(
-    at: At,
+    at: Linearize,
     start: Iterate,
     limits: Limits,
     *,
     first: Place | None = None,
     exact: bool = False,
     drag: float = 0.0,
-    told: Told | None = None,
+    told: IterationCallback | None = None,
 ) -> Outcome:
     """Find the equilibrium by Newton's method from a start. `first`: linearisation to use there, such as a prediction.
 
@@ -178,7 +187,7 @@ def _settled(
     return _Made(made.q, p, active, count, products)
 
 
-def _best(at: At, now: _State, made: _Made, scale: _Scale, worst: float) -> _State | None:
+def _best(at: Linearize, now: _State, made: _Made, scale: _Scale, worst: float) -> _State | None:
     """Backtracking line search: return the first state whose merit is at most `worst`, else the best one.
 
     None if all step lengths invert a cell.

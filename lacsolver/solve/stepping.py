@@ -17,13 +17,13 @@ from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.case import Case
 from lacsolver.contact import Interface
 from lacsolver.problem.overlap import check_overlap
-from lacsolver.problem.problem import Joint, Problem
+from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.problem.rigid_modes import describe
 from lacsolver.results.results import Restart
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED, Held, Iterate, State, ZoneState
-from lacsolver.solve.equilibrium import ROUNDING, Contact, Limits, Outcome, find_equilibrium
+from lacsolver.solve.equilibrium import ROUNDING, ContactSystem, Limits, Outcome, find_equilibrium
 from lacsolver.solve.holding import holdings
-from lacsolver.solve.model import Instant, Model
+from lacsolver.solve.model import Instant, ReducedProblem
 from lacsolver.solve.newton import Place, follow
 from lacsolver.space.places import wrong
 
@@ -83,7 +83,7 @@ def march(
     Raises NotConvergedError if a step was halved too often, DataError if a rigid-body motion is not constrained,
     CaseError if prescribed displacements alone make skins overlap, or hold a tie apart.
     """
-    model = Model(problem)
+    model = ReducedProblem(problem)
     steps = problem.case.steps
     time, size = (start.time, start.step_size) if start else (0.0, np.inf)
     path = _Path(time, start.iterate, start.earlier) if start else _Path()
@@ -146,7 +146,7 @@ def _warn_of_rounding(instant: Instant, now: Iterate) -> bool:
     return True
 
 
-def _check_stuck(instant: Instant, q: Floats, contact: Contact) -> None:
+def _check_stuck(instant: Instant, q: Floats, contact: ContactSystem) -> None:
     """Raise CaseError if prescribed displacements on both sides fix a gap and violate the contact or tie condition."""
     space, gap, first = instant.model.problem.space, contact.G / contact.rows.w, 0
     wrong_way = np.where(contact.held, np.abs(gap), -gap) * (contact.covered & ~contact.paired)
@@ -220,7 +220,7 @@ def _first(instant: Instant) -> Iterate:
     return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.paired)
 
 
-def _initial(joint: Joint, face: Interface) -> NDArray[np.bool_]:
+def _initial(joint: ContactPair, face: Interface) -> NDArray[np.bool_]:
     """Return a mask (rows,), True for rows of a pair that are closed at the start."""
     if joint.initial == "gap":
         return _touching(face)
@@ -278,7 +278,7 @@ def _held(instant: Instant, outcome: Outcome) -> tuple[Held, ...]:
 
 
 def _pressed(
-    joint: Joint, face: Interface, p: NDArray, gap: NDArray, paired: NDArray[np.bool_], force: NDArray
+    joint: ContactPair, face: Interface, p: NDArray, gap: NDArray, paired: NDArray[np.bool_], force: NDArray
 ) -> ZoneState:
     p = np.maximum(p, 0.0) if joint.one_sided else p  # round-off makes some slightly negative
     closed = (p > 0) | (not joint.one_sided)
@@ -290,7 +290,7 @@ def _pressed(
 
 
 def _tied(
-    joint: Joint, face: Interface, p: NDArray, gap: NDArray, paired: NDArray[np.bool_], force: NDArray
+    joint: ContactPair, face: Interface, p: NDArray, gap: NDArray, paired: NDArray[np.bool_], force: NDArray
 ) -> ZoneState:
     d = face.normal.shape[1]
     traction, on = -p.reshape(-1, d), paired.reshape(-1, d).all(axis=1)

@@ -11,7 +11,7 @@ import numpy as np
 
 from lacmesh.errors import GroupNotFoundError, RequestError, did_you_mean, some
 from lacmesh.mesh import Floats, Ints
-from lacsolver.case.errors import CaseError, Problem
+from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.keys import section_of
 from lacsolver.case.records import AtNodes, Entry, Rigid
 from lacsolver.space.space import Space
@@ -83,7 +83,7 @@ def said(record: Entry) -> str:
 def wrong(record: Entry, message: str) -> CaseError:
     """Return the error for a record, with its line in the file."""
     place = f"{record.place}: " if record.place else ""
-    return CaseError([Problem(f"{place}{section_of(type(record)).name}: {message}")])
+    return CaseError([Issue(f"{place}{section_of(type(record)).name}: {message}")])
 
 
 def _written(at: Iterable[float]) -> str:

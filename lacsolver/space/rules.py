@@ -35,7 +35,7 @@ from itertools import permutations
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.reference.quadrature import Rule, rule
+from lacmesh.reference.quadrature import QuadratureRule, rule
 
 #: degree asked of `lacmesh.reference.quadrature.rule`: (plane or solid, axisymmetric)
 _DEGREE = {
@@ -69,7 +69,7 @@ SOLID_CELLS = (*_DEGREE, "TETRA10", *_PYRAMID)
 
 
 @cache
-def cell_rule(name: str, axisymmetric: bool = False) -> Rule:
+def cell_rule(name: str, axisymmetric: bool = False) -> QuadratureRule:
     """Points (q, dim) and weights (q,) that integrate the stiffness of cell type `name`; see the module's table.
 
     >>> len(cell_rule("HEXA8")[1]), len(cell_rule("TRIA3")[1]), len(cell_rule("TRIA3", axisymmetric=True)[1])
@@ -82,7 +82,7 @@ def cell_rule(name: str, axisymmetric: bool = False) -> Rule:
     return rule(CELLS[name].family, _DEGREE[name][axisymmetric])
 
 
-def _pyramid(across: int, up: int) -> Rule:
+def _pyramid(across: int, up: int) -> QuadratureRule:
     """Return a product rule in (u, v, z), whose weight along z is (1 - z)^2."""
     u, wu = np.polynomial.legendre.leggauss(across)
     z, wz = (np.array(values) for values in _JACOBI[up])
@@ -91,7 +91,7 @@ def _pyramid(across: int, up: int) -> Rule:
     return np.stack([U * (1 - Z), V * (1 - Z), Z], axis=1), w
 
 
-def _eight_points() -> Rule:
+def _eight_points() -> QuadratureRule:
     points, weights = [], []
     for a, weight in _TETRA10:
         places = sorted(set(permutations((a, a, a, 1 - 3 * a))))

@@ -6,8 +6,9 @@ their unknowns out. Stress and strain have components xx, yy, zz, xy (plane, axi
 order of VTK. Shear strains are engineering strains, 2 eps_xy.
 
 The strain is computed from the generalised gradient L u: du_s/dX_i, and in axisymmetry, where zz is the hoop, L has a
-third row u_x / r. `Model.slots` lists the entries of L u that each strain component sums; the same table gives the
-forces of a stress, and the tensor A of the stiffness from a law's matrix, so that no model needs code of its own.
+third row u_x / r. `ModellingHypothesis.slots` lists the entries of L u that each strain component sums; the same table
+gives the forces of a stress, and the tensor A of the stiffness from a law's matrix, so that no model needs code of its
+own.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ _PIECE = 1 << 18
 
 
 @dataclass(frozen=True)
-class Model:
+class ModellingHypothesis:
     """Kinematic model: 3d, plane strain, plane stress or axisymmetric.
 
     `dim` d: components of displacement; `rows` l: rows of the generalised gradient L u. `slots`: (k, i, s) for every
@@ -70,14 +71,14 @@ _PLANE = ((0, 0, 0), (1, 1, 1), (3, 0, 1), (3, 1, 0))
 _HOOP = (2, 2, 0)
 _SOLID = (*_PLANE, (2, 2, 2), (4, 1, 2), (4, 2, 1), (5, 0, 2), (5, 2, 0))
 #: the models, by name
-MODELS: Mapping[str, Model] = MappingProxyType(
+MODELS: Mapping[str, ModellingHypothesis] = MappingProxyType(
     {
         m.name: m
         for m in (
-            Model("3d", 3, 3, _SOLID),
-            Model("plane_strain", 2, 2, _PLANE),
-            Model("plane_stress", 2, 2, _PLANE, plane_stress=True),
-            Model("axisymmetric", 2, 3, (*_PLANE, _HOOP), axisymmetric=True),
+            ModellingHypothesis("3d", 3, 3, _SOLID),
+            ModellingHypothesis("plane_strain", 2, 2, _PLANE),
+            ModellingHypothesis("plane_stress", 2, 2, _PLANE, plane_stress=True),
+            ModellingHypothesis("axisymmetric", 2, 3, (*_PLANE, _HOOP), axisymmetric=True),
         )
     }
 )
@@ -101,7 +102,7 @@ class Space:
     """
 
     mesh: Mesh
-    model: Model
+    model: ModellingHypothesis
     blocks: tuple[Cells, ...]
     thickness: float = 1.0
 
@@ -203,7 +204,7 @@ class Space:
         return np.flatnonzero(chosen)
 
 
-def _solid_blocks(mesh: Mesh, model: Model) -> tuple[Cells, ...]:
+def _solid_blocks(mesh: Mesh, model: ModellingHypothesis) -> tuple[Cells, ...]:
     blocks = []
     for k, (kind, nodes) in enumerate(mesh.blocks):
         if ALL_CELLS[kind].dim != model.dim or not len(nodes):

@@ -11,10 +11,10 @@ from lacmesh.errors import DataError
 from lacmesh.mesh import Floats
 
 #: a number, or f(points (n, 3), t) -> (n,)
-Value = float | Callable[[Floats, float], Floats]
+ScalarField = float | Callable[[Floats, float], Floats]
 
 
-def evaluate(value: Value, points: Floats, t: float, what: str) -> NDArray[np.floating]:
+def evaluate(value: ScalarField, points: Floats, t: float, what: str) -> NDArray[np.floating]:
     """Evaluate a value at points (..., 3) and time t; return an array (...). `what` names it in errors.
 
     Raises DataError for a value that is not finite (the message names the first place) or has the wrong shape.
@@ -34,7 +34,9 @@ def evaluate(value: Value, points: Floats, t: float, what: str) -> NDArray[np.fl
     return out.reshape(points.shape[:-1])
 
 
-def evaluate_vector(value: Sequence[Value], points: Floats, t: float, dim: int, what: str) -> NDArray[np.floating]:
+def evaluate_vector(
+    value: Sequence[ScalarField], points: Floats, t: float, dim: int, what: str
+) -> NDArray[np.floating]:
     """Evaluate one value per component at points (..., 3) and time t; return an array (..., dim)."""
     if len(value) != dim:
         raise ValueError(f"{what} has {len(value)} components; the model has {dim}")

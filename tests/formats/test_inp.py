@@ -17,7 +17,7 @@ from lacmesh.cli import main
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import inp
 from lacmesh.formats.inp import data as inp_data
-from lacmesh.formats.inp.scope import Elements, NodesOf
+from lacmesh.formats.inp.scope import ElementCard, NodesOf
 from lacmesh.formats.inp.types import FACETS, element
 from lacmesh.formats.inp.writer_types import card
 from lacmesh.formats.labels import labels
@@ -635,7 +635,7 @@ def test_sets_of_nodes_of_elements_look_at_each_card_once():
     """The cost does not grow with sets times cards; it was quadratic for as many sets as cards."""
     looked = []
 
-    class Card(Elements):
+    class Card(ElementCard):
         def __getattribute__(self, name):
             if name == "number":
                 looked.append(self)

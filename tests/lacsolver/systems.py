@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from lacsolver.solve.equilibrium import Contact
+from lacsolver.solve.equilibrium import ContactSystem
 from lacsolver.solve.schur import Rows
 from lacsolver.solve.stiffness import Stiffness, hold
 
@@ -85,7 +85,7 @@ def contact(s, paired=None, held=None):
     paired = np.ones(m, bool) if paired is None else paired
     held = np.zeros(m, bool) if held is None else held
     rows = s.rows
-    return lambda q: Contact(rows, s.G - s.D @ q, paired, held, np.ones(m))
+    return lambda q: ContactSystem(rows, s.G - s.D @ q, paired, held, np.ones(m))
 
 
 def complementarity(M, r):

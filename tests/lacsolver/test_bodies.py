@@ -16,7 +16,7 @@ from lacsolver.case import Displacement, Rigid
 from lacsolver.constraints.local import combine
 from lacsolver.problem import loads
 from lacsolver.problem.rigid_modes import bodies, describe, free_motions, rigid_modes
-from lacsolver.solve.model import Model
+from lacsolver.solve.model import ReducedProblem
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PLANE_MODELS, cube, distorted, mixture, plane_mixture, square
 from tests.lacsolver.held import held, joined, moved, ring, turn, two, with_sides
@@ -95,7 +95,7 @@ def test_rigid_modes_of_few_nodes():
 def test_modes_of_many_bodies_take_memory_for_their_nodes():
     """Multigrid's modes of many bodies are each body's own, and memory does not grow with the number of bodies."""
     spaces = [held(joined(*[cube("HEXA8", 1)] * n), "3d") for n in (1, 4, 200)]
-    models = [Model(SimpleNamespace(space=space, constraints=constraints)) for space, constraints in spaces]
+    models = [ReducedProblem(SimpleNamespace(space=space, constraints=constraints)) for space, constraints in spaces]
     one, four = (model._whole.modes for model in models[:2])
     np.testing.assert_allclose(four.reshape(4, *one.shape), np.tile(one, (4, 1, 1)), atol=1e-13)
     _ = models[2].problem.constraints.free

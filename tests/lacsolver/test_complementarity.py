@@ -13,7 +13,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from lacsolver.results.state import Iterate
-from lacsolver.solve.equilibrium import Contact, Limits, find_equilibrium, stiffness_of_rows
+from lacsolver.solve.equilibrium import ContactSystem, Limits, find_equilibrium, stiffness_of_rows
 from lacsolver.solve.schur import Rows
 from lacsolver.solve.stiffness import hold
 
@@ -55,7 +55,7 @@ def search(system, *, R=None, held=None, paired=None, iterations=100):
     c = stiffness_of_rows(K, rows)
 
     def contact(q):
-        return Contact(rows, system.G0 - system.B @ q, paired, held, c)
+        return ContactSystem(rows, system.G0 - system.B @ q, paired, held, c)
 
     start = Iterate(np.zeros(n), np.zeros(m), system.start)
     return find_equilibrium(K, system.f, contact, start, Limits(1e-10, iterations, 1.0))

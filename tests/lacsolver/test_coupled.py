@@ -10,7 +10,7 @@ import lacsolver.linear.cycle
 from lacsolver.case import parse_case
 from lacsolver.linear import LinearError
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.model import Instant, Model
+from lacsolver.solve.model import Instant, ReducedProblem
 from lacsolver.solve.schur import Goal, solve_rows
 from lacsolver.solve.stepping import march
 from lacsolver.solve.stiffness import hold
@@ -77,7 +77,7 @@ def moment(count, backend, free=False, threads=1):
     upright = at([0.0, 0.0, 2.0], ux=0.0, uy=0.0) + at([1.0, 0.0, 2.0], uy=0.0) if free else SLIDING
     head = HEAD.format(model="3d").replace("threads = 1", f'threads = {threads}\nbackend = "{backend}"')
     text = head + MATERIAL + JOINT + fixed + upright + pressed("top", "1 + x * y")
-    return Instant(Model(Problem.of(parse_case(text), mesh)), 1.0)
+    return Instant(ReducedProblem(Problem.of(parse_case(text), mesh)), 1.0)
 
 
 def solution(now, reduction=0.0, active=None):

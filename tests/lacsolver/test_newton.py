@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.results.state import Iterate
-from lacsolver.solve.equilibrium import Contact, Limits, at_start, find_equilibrium
+from lacsolver.solve.equilibrium import ContactSystem, Limits, at_start, find_equilibrium
 from lacsolver.solve.newton import Place, follow
 from lacsolver.solve.schur import Rows
 from lacsolver.solve.stiffness import hold
@@ -35,7 +35,7 @@ def nonlinear(s, size):
         turned = Rows(csr_array(bent[:, None] * s.B), csr_array(bent[:, None] * s.D), s.w)
         gap = s.G - s.D @ q + size / 4 * (s.D @ q) ** 2
         every = np.ones(len(gap), bool)
-        made = Contact(turned, gap, every, ~every, np.ones(len(gap)))
+        made = ContactSystem(turned, gap, every, ~every, np.ones(len(gap)))
         r = s.f - s.K @ q - size * q**3
 
         def turning(p):
@@ -92,7 +92,7 @@ def test_a_cycle_of_sets_is_broken():
     held = hold(csr_array(K), np.zeros((3, 0)), backend="superlu")
 
     def at(q):
-        made = Contact(rows, r - M @ q, every, ~every, np.ones(3))
+        made = ContactSystem(rows, r - M @ q, every, ~every, np.ones(3))
         return Place(-q, 1.0, made, lambda drag, *_: held, lambda p: None, np.zeros((3, 0)))
 
     active, seen = np.array([True, False, False]), []
@@ -123,7 +123,7 @@ def truss(load, admissible=lambda q: True):
         y = q[0] - 0.4
         size = np.sqrt(1 + y**2)
         force, slope = 2 * (1 - l0 / size) * y, 2 * (1 - l0 / size**3)
-        made = Contact(Rows(empty, empty, np.zeros(0)), np.zeros(0), none, none, np.zeros(0))
+        made = ContactSystem(Rows(empty, empty, np.zeros(0)), np.zeros(0), none, none, np.zeros(0))
         soft = 2 * (1 - 1 / l0**2)
 
         def stiffness(drag, *_):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacsolver.solve.model import Instant, Model
+from lacsolver.solve.model import Instant, ReducedProblem
 from tests.lacsolver.contact_cases import JOINT, held
 from tests.lacsolver.finite_cases import YOUNG, problem_of, waves
 
@@ -23,7 +23,7 @@ class Moved:
     """A problem at a random displacement, under random pressures."""
 
     def __init__(self, mesh, sections, *, t=1.0, size=SIZE, **options):
-        self.model = Model(problem_of(mesh, sections, **options))
+        self.model = ReducedProblem(problem_of(mesh, sections, **options))
         self.now, self.rng = Instant(self.model, t), np.random.default_rng(0)
         self.q = size * self.direction()
         self.place = self.now.place(self.q)

@@ -24,7 +24,7 @@ from lacsolver.output import create
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
-from lacsolver.solve.model import Instant, Model
+from lacsolver.solve.model import Instant, ReducedProblem
 from tests.lacsolver.key_meshes import punch
 from tests.lacsolver.patch_meshes import three_blocks
 
@@ -266,7 +266,7 @@ def test_what_is_kept_is_in_equilibrium(whole, name):
     """Displacements and pressures as they were, ties' too: there is nothing left for a solve to do."""
     whole(name)
     case = read_case("case.toml")
-    model = Model(Problem.of(case))
+    model = ReducedProblem(Problem.of(case))
     now = Instant(model, 3.0)
     q, p, active = read_state("whole", case).iterate
     contact = now.contact(q)

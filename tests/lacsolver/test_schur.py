@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 
 from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.model import Model
+from lacsolver.solve.model import ReducedProblem
 from lacsolver.solve.schur import Goal, solve_rows
 from lacsolver.solve.stepping import Instant
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, at, held, pressed
@@ -109,7 +109,7 @@ def moment(count, free=False):
     fixed = held("bottom", ux=0.0, uy=0.0, uz=0.0)
     upright = at([0.0, 0.0, 2.0], ux=0.0, uy=0.0) + at([1.0, 0.0, 2.0], uy=0.0) if free else SLIDING
     text = HEAD.format(model="3d") + MATERIAL + JOINT + fixed + upright + pressed("top", "1 + x * y")
-    return Instant(Model(Problem.of(parse_case(text), mesh)), 1.0)
+    return Instant(ReducedProblem(Problem.of(parse_case(text), mesh)), 1.0)
 
 
 @pytest.mark.parametrize("free", [False, True])

@@ -91,7 +91,7 @@ class Profile:
         return cls(force, float(found[0]), (float(found[1]), float(found[2]), float(found[3])))
 
 
-class Pressures(NamedTuple):
+class PressureProfile(NamedTuple):
     """Profile at slave nodes: distance from the axis and pressure, both of the undeformed body; and the total force."""
 
     x: Floats
@@ -107,7 +107,7 @@ class Held(NamedTuple):
     solve: Callable[[Floats], Floats]
 
 
-def cylinder(n: int, *, current: bool = False, growth: float = GROWTH, turns: int = 4) -> Pressures:
+def cylinder(n: int, *, current: bool = False, growth: float = GROWTH, turns: int = 4) -> PressureProfile:
     """The cylinder on the block, n cells to the half-width; with `current`, so many turns of moving the master."""
     a = Hertz.plane(FORCE).radius
     x = lines(CYLINDER[0], a / n, 1.5 * a, growth)
@@ -130,10 +130,10 @@ def cylinder(n: int, *, current: bool = False, growth: float = GROWTH, turns: in
             normal = _outward(moved, along[:count])
             place = _ahead(moved, normal, pushed, lower.points[master, 0])
     area = np.concatenate([[along[1] / 2], (along[2:] - along[:-2]) / 2])
-    return Pressures(start[:, 0], force / area, float(-2 * normal[:, 1] @ force))
+    return PressureProfile(start[:, 0], force / area, float(-2 * normal[:, 1] @ force))
 
 
-def sphere(n: int, *, growth: float = GROWTH) -> Pressures:
+def sphere(n: int, *, growth: float = GROWTH) -> PressureProfile:
     """One of two like spheres, n cells to a radius of 10: by symmetry it stands on a plane that is rigid."""
     arc = np.pi / 4 * SPHERE_RADIUS
     along = lines(arc, 10.0 / n, 13.0, growth)
@@ -149,7 +149,7 @@ def sphere(n: int, *, growth: float = GROWTH) -> Pressures:
     ring = 2 * np.pi * np.linalg.norm(np.diff(r, axis=0), axis=1) / 6
     area = ring * (2 * r[:-1, 0] + r[1:, 0])
     area[1:] += (ring * (r[:-1, 0] + 2 * r[1:, 0]))[:-1]
-    return Pressures(r[:-1, 0], force / area, float(force.sum()))
+    return PressureProfile(r[:-1, 0], force / area, float(force.sum()))
 
 
 def profile(name: str, n: int = 128) -> Profile:

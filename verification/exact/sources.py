@@ -21,7 +21,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 Texts = tuple[str, ...]
-Function = Callable[[NDArray[np.floating]], NDArray[np.floating]]
+SymbolicFunction = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 _X = sp.symbols("x y z")
 
 
@@ -68,7 +68,7 @@ def derive(displacement: Texts, law: Law = Law()) -> Sources:
     return Sources(stress, tuple(map(_text, b)), tuple(map(str, tangential)), str(pressure))
 
 
-def compiled(texts: Sequence[str]) -> Function:
+def compiled(texts: Sequence[str]) -> SymbolicFunction:
     """Function of points (n, dim) that returns the values (n, k) of k texts of x, y(, z)."""
     columns = [sp.lambdify(_X, _read(text), "numpy", cse=True) for text in texts]
 

@@ -20,7 +20,7 @@ from verification.records import Case, Family, Outcome, at_least
 from verification.solving import Solved, balanced, entry, solve
 
 Floats = NDArray[np.floating]
-Pairs = tuple[tuple[str, str], ...]
+CellPairs = tuple[tuple[str, str], ...]
 Keys = tuple[tuple[str, str], ...]
 
 YOUNG, POISSON = 1e3, 0.3
@@ -130,13 +130,19 @@ def _closed(solved: Solved) -> int:
     return min(int((np.abs(zone.pressure) > 0).sum()) for zone in solved.state.zones)
 
 
-_PLANE: Pairs = (("TRIA3", "QUAD8"), ("QUAD4", "TRIA6"), ("TRIA6", "QUAD4"), ("QUAD9", "QUAD8"), ("mixed 1", "mixed 2"))
-_SOLID: Pairs = (
+_PLANE: CellPairs = (
+    ("TRIA3", "QUAD8"),
+    ("QUAD4", "TRIA6"),
+    ("TRIA6", "QUAD4"),
+    ("QUAD9", "QUAD8"),
+    ("mixed 1", "mixed 2"),
+)
+_SOLID: CellPairs = (
     *(("TETRA4", "HEXA8"), ("HEXA8", "TETRA10"), ("TETRA10", "HEXA20"), ("HEXA20", "PENTA6 triangle")),
     *(("HEXA27", "PYRAM5 quadrangle"), ("PENTA15 quadrangle", "HEXA27"), ("PYRAM13 triangle", "TETRA4")),
     *(("PENTA18 triangle", "HEXA8"), ("mixed 2", "mixed 1")),
 )
-_FEW: Pairs = (("HEXA8", "TETRA4"), ("TETRA4", "HEXA20"), ("PENTA15 quadrangle", "HEXA8"))
+_FEW: CellPairs = (("HEXA8", "TETRA4"), ("TETRA4", "HEXA20"), ("PENTA15 quadrangle", "HEXA8"))
 _FACET: Keys = (("normals", "facet"),)
 _SMOOTHED: Keys = (("normals", "smoothed"),)
 _CURRENT: Keys = (("geometry", "current"),)

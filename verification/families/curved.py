@@ -109,7 +109,7 @@ class Curved(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class CurvedSolution:
     """A solution with one of the gaps. Errors of p_m and of the recovered pressure relative to the exact pressure, in
     L2; `open`: macro-elements without contact; `figures`: of the problem's own.
     """
@@ -122,7 +122,7 @@ class Solution:
 
 
 #: the solutions with a gap: a list for each level, of one for each set of meshes
-Levels = list[list[Solution]]
+Levels = list[list[CurvedSolution]]
 Found = dict[str, Levels]
 
 
@@ -138,13 +138,13 @@ def solve_case(case: Case, levels: int) -> Outcome:
     return Outcome((*results(given, found), *balanced(every)), (falling(case, found),))
 
 
-def solution(given: Curved, level: int, gap: str, number: int = 0) -> Solution:
+def solution(given: Curved, level: int, gap: str, number: int = 0) -> CurvedSolution:
     """Solve on one level, on the meshes of a number."""
     problem = Problem.of(given.case("smooth" if gap == "smooth" else "faces"), given.mesh(level, number))
     solved = finished(truly(problem, given) if gap == "true" else problem)
     mesh, (zone,), axial = solved.mesh, solved.state.zones, given.axisymmetric
     recovered = solved.fields.zones[zone.name].pressure_recovered
-    return Solution(
+    return CurvedSolution(
         solved,
         pressure_errors(mesh, zone.pressure, given.pressure, axisymmetric=axial).exact,
         nodal_pressure_error(mesh, recovered, given.pressure, axisymmetric=axial),

@@ -96,7 +96,7 @@ class Given:
 
 
 @dataclass(frozen=True)
-class Body:
+class HalfSpace:
     """A half-space: `side` is 1 above the contact, -1 below; `lift`: what it is moved up by as a whole."""
 
     given: Given
@@ -136,9 +136,9 @@ class Body:
         return np.stack(columns, axis=1)
 
 
-def bodies(given: Given) -> dict[str, Body]:
+def bodies(given: Given) -> dict[str, HalfSpace]:
     """The bodies by their group, the slave `upper`, moved as a whole so that the surfaces meet at the pole."""
-    found = [Body(given, side, *own) for side, own in zip((1, -1), given.bodies, strict=False)]
+    found = [HalfSpace(given, side, *own) for side, own in zip((1, -1), given.bodies, strict=False)]
     pole = np.zeros((1, given.dim))
     closed = sum(float(body.at(pole)[0].u_z[0]) for body in found)
     return {"upper": replace(found[0], lift=-closed), **({} if given.rigid else {"lower": found[1]})}
@@ -170,7 +170,7 @@ def case_of(given: Given) -> lacsolver.Case:
     return replace(case, displacement=(*case.displacement, *held))
 
 
-def _held(group: str, body: Body) -> Displacement:
+def _held(group: str, body: HalfSpace) -> Displacement:
     def component(k: int) -> Value:
         return Value.of(lambda x, t: body.displacement(body.at(x[:, : body.given.dim]))[:, k])
 
@@ -179,12 +179,12 @@ def _held(group: str, body: Body) -> Displacement:
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class HertzSolution:
     """A level and its errors, each relative to the exact value."""
 
     solved: Solved
     h: float
-    u: Errors
+    u: FieldErrors
     p: PressureErrors
     recovered: float
     peak: float
@@ -192,7 +192,7 @@ class Solution:
     approach: float
 
 
-def solve_level(given: Given, level: int) -> Solution:
+def solve_level(given: Given, level: int) -> HertzSolution:
     """Solve on one level."""
     k = given.levels[level]
     solved = solve(case_of(given), half_spaces(given.cell, k, given.fraction, rigid=given.rigid))
@@ -201,7 +201,7 @@ def solve_level(given: Given, level: int) -> Solution:
     round_ = given.model == "axisymmetric"
     nodal = zone.pressure_recovered
     pole = np.flatnonzero(np.isfinite(nodal) & (np.abs(mesh.points).max(axis=1) < 1e-12))
-    return Solution(
+    return HertzSolution(
         solved,
         h=1 / (k + given.fraction),
         u=displacement_errors(given, solved),
@@ -213,14 +213,14 @@ def solve_level(given: Given, level: int) -> Solution:
     )
 
 
-class Errors(NamedTuple):
+class FieldErrors(NamedTuple):
     """Relative errors of u over both bodies: energy norm (sqrt of the integral of sigma : epsilon) and L2 norm."""
 
     energy: float
     u: float
 
 
-def displacement_errors(given: Given, solved: Solved) -> Errors:
+def displacement_errors(given: Given, solved: Solved) -> FieldErrors:
     """The errors of u, by rules of degree `DEGREE` of the cells' order."""
     mesh, round_ = solved.mesh, given.model == "axisymmetric"
     off, whole = np.zeros(2), np.zeros(2)
@@ -238,7 +238,7 @@ def displacement_errors(given: Given, solved: Solved) -> Errors:
             )
             for total, (e, v) in ((off, more), (whole, (strain, u))):
                 total += norms.energy(e, at.w, body.young, body.poisson), norms.squared(v, at.w)
-    return Errors(*map(float, np.sqrt(off / whole)))
+    return FieldErrors(*map(float, np.sqrt(off / whole)))
 
 
 def half_width(centre: Floats, p: Floats, p0: float) -> float:
@@ -275,7 +275,7 @@ def exact_approach(given: Given) -> float:
 
 
 #: figures that are told, by what they are called
-_FIGURES: dict[str, Callable[[Solution], float]] = {
+_FIGURES: dict[str, Callable[[HertzSolution], float]] = {
     "p0 (recovered, at the pole)": lambda s: s.peak,
     "half-width a": lambda s: s.width,
     "approach of the points at depth a": lambda s: s.approach,
@@ -289,10 +289,10 @@ def outcome(case: Case, levels: int) -> Outcome:
     return Outcome(results(given, found), (profile(given, found[min(2, levels - 1)]),), _pictures(case, found))
 
 
-def results(given: Given, found: list[Solution]) -> tuple[Result, ...]:
+def results(given: Given, found: list[HertzSolution]) -> tuple[Result, ...]:
     """Rates and figures of a case."""
 
-    def table(error: Callable[[Solution], float]) -> tuple[Level, ...]:
+    def table(error: Callable[[HertzSolution], float]) -> tuple[Level, ...]:
         return levels_of([s.h for s in found], [s.solved.unknowns for s in found], [error(s) for s in found])
 
     told = "told beside the rates that theory gives: none is asked of it"
@@ -315,7 +315,7 @@ def results(given: Given, found: list[Solution]) -> tuple[Result, ...]:
     )  # fmt: skip
 
 
-def profile(given: Given, at: Solution) -> Plot:
+def profile(given: Given, at: HertzSolution) -> Plot:
     """The pressure along the surface: exact, p_m, recovered."""
     mesh, zone = at.solved.mesh, at.solved.fields.zones["slave"]
     along = np.linspace(0, 1.3, 131)
@@ -338,7 +338,7 @@ def _sorted(label: str, x: Floats, y: Floats, style: Literal["points", "both"]) 
     return line(label, x[order], y[order], style)
 
 
-def _pictures(case: Case, found: list[Solution]) -> tuple[Picture, ...]:
+def _pictures(case: Case, found: list[HertzSolution]) -> tuple[Picture, ...]:
     """Picture of a 3D solution, on the level that is coarse enough to see the cells."""
     return (found[0].solved.picture(case.about),) if case.given.dim == 3 else ()
 

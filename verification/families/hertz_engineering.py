@@ -126,7 +126,7 @@ def measured(x: Floats, p: Floats, half_space: Hertz, exact: Floats, top: float)
 
 
 @dataclass(frozen=True, eq=False)
-class Pressures:
+class MeasuredPressures:
     """Pressures of a solution over the distance from the axis: p_m at the middle of the macro-elements; the recovered
     one at the slave's `nodes`, and at those of them that the mesh had before it was cut, `given`.
     """
@@ -138,7 +138,7 @@ class Pressures:
     given: tuple[Floats, Floats]
 
     @classmethod
-    def of(cls, solved: Solved, half_space: Hertz, uncut: Mesh) -> Pressures:
+    def of(cls, solved: Solved, half_space: Hertz, uncut: Mesh) -> MeasuredPressures:
         """Pressures on the zone `slave` of a solution."""
         zone, x = solved.fields.zones["slave"], solved.mesh.points[:, 0]
         skin = np.flatnonzero(np.isfinite(zone.pressure_recovered))
@@ -210,7 +210,7 @@ def solve_cylinder(given: Cylinder, levels: int) -> Outcome:
     return Outcome((*results, *balanced(every)), (pressure, falling(given, found)))
 
 
-def pushed(given: Cylinder, n: int) -> Pressures:
+def pushed(given: Cylinder, n: int) -> MeasuredPressures:
     """The cylinder on the mesh of n faces to the half-width."""
     lines = ['mesh = "cylinder.msh"', 'model = "plane_strain"']
     for group, young in zip(("upper", "lower"), given.young, strict=True):
@@ -220,10 +220,10 @@ def pushed(given: Cylinder, n: int) -> Pressures:
     mesh = cylinder_on_block(n)
     solved = solve("\n".join([*lines, entry("displacement", group="top", uy=-given.push)]), mesh)
     force = 2 * abs(float(solved.figures.contact["slave"].resultant[1]))
-    return Pressures.of(solved, Hertz.plane(force), mesh)
+    return MeasuredPressures.of(solved, Hertz.plane(force), mesh)
 
 
-def errors(given: Cylinder, n: int, own: Pressures) -> tuple[Result, ...]:
+def errors(given: Cylinder, n: int, own: MeasuredPressures) -> tuple[Result, ...]:
     """Judged error of the recovered pressure, against the best peer's, and the reported errors beside it."""
     found = {at: own.against(given.profile, at) for at in ("given", "nodes", "means")}
     half_space = own.against("half-space")
@@ -246,7 +246,7 @@ def errors(given: Cylinder, n: int, own: Pressures) -> tuple[Result, ...]:
     )
 
 
-def falling(given: Cylinder, found: Mapping[int, Pressures]) -> Plot:
+def falling(given: Cylinder, found: Mapping[int, MeasuredPressures]) -> Plot:
     """Errors over the mesh, ours and the peers'."""
     sizes = np.array(list(found))
     ours = [_line(label, sizes, np.array([own.against(given.profile, at).rms for own in found.values()]))
@@ -275,11 +275,11 @@ def solve_spheres(given: Spheres, levels: int) -> Outcome:
     return Outcome((*results, *balanced([own.solved for own in every])), (plot,), (picture,))
 
 
-def _numbered(given: Spheres, every: Sequence[Pressures]) -> list[tuple[int, Pressures]]:
+def _numbered(given: Spheres, every: Sequence[MeasuredPressures]) -> list[tuple[int, MeasuredPressures]]:
     return [(given.coarsest << level, own) for level, own in enumerate(every)]
 
 
-def pressed(given: Spheres, n: int) -> Pressures:
+def pressed(given: Spheres, n: int) -> MeasuredPressures:
     """The spheres with n faces to a radius of 10."""
     text = "\n".join(
         [
@@ -293,10 +293,10 @@ def pressed(given: Spheres, n: int) -> Pressures:
     )  # fmt: skip
     mesh = spheres(given.cell, n)
     solved = solve(text, mesh)
-    return Pressures.of(solved, Hertz.round(abs(float(solved.figures.contact["slave"].resultant[1]))), mesh)
+    return MeasuredPressures.of(solved, Hertz.round(abs(float(solved.figures.contact["slave"].resultant[1]))), mesh)
 
 
-def axis_stress(given: Spheres, n: int, own: Pressures) -> tuple[Result, ...]:
+def axis_stress(given: Spheres, n: int, own: MeasuredPressures) -> tuple[Result, ...]:
     """Normal stress of both bodies where the axis meets the skins, against the half-space and against the same bodies;
     what the pressures are off by.
     """

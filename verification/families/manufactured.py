@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import CELLS, Mesh
-from verification.exact.sources import Function, compiled, derive
-from verification.families.manufactured_rows import ROWS, Row
+from verification.exact.sources import SymbolicFunction, compiled, derive
+from verification.families.manufactured_rows import ROWS, CellRow
 from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.blocks import block, with_master
 from verification.profiles import line, means, nodal, residuals
@@ -76,7 +76,7 @@ _AWAY = "told: without the layer along the rim"
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class ManufacturedSolution:
     """A row solved on one level: `h` of the mesh, errors in L2, relative; `means`: of p_m against the exact means,
     `recovered`: of the nodal pressure, `away`: of that, away from the rim of the slave.
     """
@@ -92,21 +92,21 @@ class Solution:
 
 def solve_case(case: Case, levels: int) -> Outcome:
     """A row on so many meshes, each of twice as many cells a side."""
-    row: Row = case.given
+    row: CellRow = case.given
     found = [solution(row, level) for level in range(levels)]
     results = (*_rates(row, found), _iterations(found), *balanced([one.solved for one in found]))
     plots = [_pressures(row, found[min(2, levels - 1)])] if row.solution.dim == 2 else []
     return Outcome(results, (*plots, _newton(row, found)), _pictures(row, found))
 
 
-def solution(row: Row, level: int) -> Solution:
+def solution(row: CellRow, level: int) -> ManufacturedSolution:
     """Solve a row on one level. Raises what `solve` raises."""
     given = row.solution
     solved = solve(case_text(row), mesh_of(row, level))
     (zone,), mesh = solved.state.zones, solved.mesh
     exact, recovered = exact_pressure(row), solved.fields.zones[zone.name].pressure_recovered
     p = pressure_errors(mesh, zone.pressure, exact)
-    return Solution(
+    return ManufacturedSolution(
         solved=solved,
         h=1 / cells_a_side(row, level),
         displacement=displacement_error(mesh, solved.u, compiled(given.displacement)),
@@ -117,7 +117,7 @@ def solution(row: Row, level: int) -> Solution:
     )
 
 
-def _away(row: Row, mesh: Mesh) -> NDArray[np.integer]:
+def _away(row: CellRow, mesh: Mesh) -> NDArray[np.integer]:
     """The faces of the slave whose middle is `RIM` and more away from its rim."""
     faces = np.flatnonzero(mesh.cell_data["lac_macro"] >= 0)
     low, high = (np.array(end)[:-1] for end in (row.solution.low, row.solution.high))
@@ -128,17 +128,17 @@ def _away(row: Row, mesh: Mesh) -> NDArray[np.integer]:
     return np.sort(np.concatenate(kept))
 
 
-def exact_pressure(row: Row) -> Function:
+def exact_pressure(row: CellRow) -> SymbolicFunction:
     """Nominal pressure (n, 1) at points of the undeformed slave."""
     return compiled([derive(row.solution.displacement, row.solution.law).pressure])
 
 
-def cells_a_side(row: Row, level: int) -> int:
+def cells_a_side(row: CellRow, level: int) -> int:
     """Number of cells, or of pairs of triangles and the like, along each axis of a block."""
     return _COARSEST[row.solution.dim] << level
 
 
-def mesh_of(row: Row, level: int) -> Mesh:
+def mesh_of(row: CellRow, level: int) -> Mesh:
     """The block of a row's cells and its master, not cut."""
     given = row.solution
     turn = -1 if given.dim == 2 else 1  # the skin's normal, (t_y, -t_x) of a segment along t, faces the block
@@ -147,7 +147,7 @@ def mesh_of(row: Row, level: int) -> Mesh:
     return with_master(block(row.cell, cells_a_side(row, level), given.low, given.high), given.master, points)
 
 
-def case_text(row: Row) -> str:
+def case_text(row: CellRow) -> str:
     """The case of a row, as TOML."""
     given = row.solution
     axes = "xyz"[: given.dim]
@@ -178,7 +178,7 @@ def _vector(table: str, letter: str, texts: Iterable[str], group: str | None = N
     return entry(table, group=group, **components)
 
 
-def _rates(row: Row, found: Sequence[Solution]) -> Iterator[Result]:
+def _rates(row: CellRow, found: Sequence[ManufacturedSolution]) -> Iterator[Result]:
     """The rates of u, p_m, the recovered pressure, and of p_m against the exact means."""
     u, p, recovered = WANTED[row.order]
     yield rate(
@@ -200,17 +200,17 @@ def _rates(row: Row, found: Sequence[Solution]) -> Iterator[Result]:
     yield rate("p_m against the exact means, rate", _levels(found, "means"), None, last=LAST, source="", reason=_MEANS)
 
 
-def _levels(found: Sequence[Solution], error: str) -> tuple[Level, ...]:
+def _levels(found: Sequence[ManufacturedSolution], error: str) -> tuple[Level, ...]:
     return levels_of([s.h for s in found], [s.solved.unknowns for s in found], [getattr(s, error) for s in found])
 
 
-def _theirs(row: Row, value: float | None) -> tuple[Published, ...]:
+def _theirs(row: CellRow, value: float | None) -> tuple[Published, ...]:
     """Rate of code_aster, for comparison only: ours is not judged by it."""
     source = f"{row.test} of its validation suite: the last two of {row.levels} levels"
     return () if value is None else (Published("code_aster, LAC", value, source),)
 
 
-def _iterations(found: Sequence[Solution]) -> Result:
+def _iterations(found: Sequence[ManufacturedSolution]) -> Result:
     states = found[-1].solved.states
     reason = "told: one step, and none that is halved, is what to hope for"
     halved = sum(state.halvings for state in states)
@@ -218,14 +218,14 @@ def _iterations(found: Sequence[Solution]) -> Result:
     return reported(f"Newton iterations on the finest mesh ({halved} halved steps)", total, reason=reason)
 
 
-def _newton(row: Row, found: Sequence[Solution]) -> Plot:
+def _newton(row: CellRow, found: Sequence[ManufacturedSolution]) -> Plot:
     """The residuals of every mesh, iteration by iteration."""
     lines = tuple(residuals(f"h = {one.h:.4g}", one.solved.states) for one in found)
     title = f"{row.name}: residual of each Newton iteration"
     return Plot("Newton", title, "iteration", "relative residual", lines, log_y=True)
 
 
-def _pressures(row: Row, one: Solution) -> Plot:
+def _pressures(row: CellRow, one: ManufacturedSolution) -> Plot:
     """Exact, p_m and recovered pressure along the slave of a plane problem."""
     mesh, (zone,) = one.solved.mesh, one.solved.state.zones
     x = np.linspace(row.solution.low[0], row.solution.high[0], 101)
@@ -241,12 +241,12 @@ def _along(x: NDArray[np.floating]) -> NDArray[np.floating]:
     return x[..., 0]
 
 
-def _pictures(row: Row, found: Sequence[Solution]) -> tuple[Picture, ...]:
+def _pictures(row: CellRow, found: Sequence[ManufacturedSolution]) -> tuple[Picture, ...]:
     one = found[min(len(found) - 1, 2 if row.solution.dim == 2 else 1)]
     return (one.solved.picture(f"{row.name}, {round(1 / one.h)} cells a side"),) if row.pictured else ()
 
 
-def _case(row: Row) -> Case:
+def _case(row: CellRow) -> Case:
     theirs = f", code_aster's {row.test}" if row.test else ""
     return Case(
         family="manufactured",
@@ -258,7 +258,7 @@ def _case(row: Row) -> Case:
     )
 
 
-def _suites(row: Row) -> dict[str, int]:
+def _suites(row: CellRow) -> dict[str, int]:
     """Number of levels in each suite."""
     quick = {"quick": _QUICK[row.name]} if row.name in _QUICK else {}
     if row.solution.dim == 2:

@@ -59,7 +59,7 @@ class Press:
 
 
 @dataclass(frozen=True)
-class Errors:
+class StackErrors:
     """Largest relative errors of one stack: stress at integration points, p_m, displacement at nodes."""
 
     label: str
@@ -75,13 +75,13 @@ class _Figure(NamedTuple):
     published: tuple[Published, ...] = ()
 
 
-def errors(given: Press, slave: str, master: str, slave_below: bool) -> Errors:
+def errors(given: Press, slave: str, master: str, slave_below: bool) -> StackErrors:
     """Solve one stack. Raises what `verification.solving.solve` raises."""
     solved = solve(text(given), mesh_of(given, slave, master, slave_below))
     sigma = np.concatenate([s.reshape(-1, s.shape[-1]) for s in solved.answer.stress(solved.state)])
     exact = exact_displacement(given, solved.mesh.points)
     (zone,) = solved.state.zones
-    return Errors(
+    return StackErrors(
         f"{slave} {'under' if slave_below else 'on'} {master}",
         float(np.abs(sigma - exact_stress(given)[: sigma.shape[1]]).max() / PRESSURE),
         float(np.abs(zone.pressure / PRESSURE - 1).max()),
@@ -141,7 +141,7 @@ def run(case: Case, levels: int) -> Outcome:
     return Outcome((*results, *balanced([one.solved for one in made])), (_matrix(made),))
 
 
-def _worst(figure: _Figure, made: Sequence[Errors]) -> Result:
+def _worst(figure: _Figure, made: Sequence[StackErrors]) -> Result:
     """The largest error of all stacks; NaN above all."""
     found = np.array([getattr(one, figure.attribute) for one in made])
     worst = int(np.where(np.isnan(found), np.inf, found).argmax())
@@ -151,7 +151,7 @@ def _worst(figure: _Figure, made: Sequence[Errors]) -> Result:
     )  # fmt: skip
 
 
-def _matrix(made: Sequence[Errors]) -> Plot:
+def _matrix(made: Sequence[StackErrors]) -> Plot:
     """The errors, stack by stack."""
     place = tuple(float(k) for k in range(1, len(made) + 1))
     lines = tuple(

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lacmesh import CELLS, Mesh
 from verification.exact.lame import Fit, Shape, Shell
-from verification.measures.norms import Function, displacement_error, nodal_pressure_error, pressure_errors
+from verification.measures.norms import ExactField, displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.rings import octant, pair, ring
 from verification.profiles import means, nodal
 from verification.records import (
@@ -118,7 +118,7 @@ _PRESSED = replace(_SHRUNK, shape="plane_stress", normals="smoothed", pressure=1
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class PressFitSolution:
     """A press fit on one level; relative errors. `pressure`, `recovered`: in L2; `mean`: of the force of contact;
     `worst`: of any macro-element; `displacement`: in L2, of the worse body; `between`: of the slave's radial
     displacement, in the mean of its nodes.
@@ -144,7 +144,7 @@ def solve_case(case: Case, levels: int) -> Outcome:
     return Outcome((*results, *balanced([one.solved for one in found])), plots, pictures)
 
 
-def solution(given: PressFit, level: int) -> Solution:
+def solution(given: PressFit, level: int) -> PressFitSolution:
     """Solve a press fit on one level. Raises what `solve` raises."""
     solved, exact = solve(case_text(given), mesh_of(given, level)), given.exact
     mesh, (zone,) = solved.mesh, solved.state.zones
@@ -155,7 +155,7 @@ def solution(given: PressFit, level: int) -> Solution:
     x, u = mesh.points[slave, : given.dim], solved.u[slave]
     wanted = np.linalg.norm(exact.displacement(x, given.slave), axis=1)
     radial = (u * x).sum(axis=1) / np.linalg.norm(x, axis=1)
-    return Solution(
+    return PressFitSolution(
         solved=solved,
         h=given.radii[1] * np.pi / (2 if given.dim == 2 else 4) / (given.counts[given.slave == "around"][1] << level),
         pressure=pressure_errors(mesh, zone.pressure, right, axisymmetric=axial).exact,
@@ -174,7 +174,7 @@ def _displacement(solved: Solved, exact: Fit, body: Literal["within", "around"],
     )
 
 
-def _constant(value: float) -> Function:
+def _constant(value: float) -> ExactField:
     def values(x: Floats) -> Floats:
         return np.full((len(x), 1), value)
 
@@ -207,7 +207,7 @@ def case_text(given: PressFit, surface: str = "smooth") -> str:
     return "\n\n".join([f'mesh = "rings.msh"\nmodel = "{given.model}"', *tables]) + "\n"
 
 
-def _sized(given: PressFit, found: Solution) -> Iterator[Result]:
+def _sized(given: PressFit, found: PressFitSolution) -> Iterator[Result]:
     """Criteria for a mesh of the size of ssnp173a's: smallest and largest p_m, compared with code_aster's."""
     p, right = found.solved.state.zones[0].pressure, given.exact.between
     source = "Lame; code_aster's test file has 4.894178"
@@ -228,7 +228,7 @@ def _theirs(value: float) -> tuple[Published, ...]:
     return (Published("code_aster, LAC", value, "ssnp173a of its validation suite, TRIA6"),)
 
 
-def _rates(given: PressFit, found: Sequence[Solution]) -> Iterator[Result]:
+def _rates(given: PressFit, found: Sequence[PressFitSolution]) -> Iterator[Result]:
     """Rates of p_m, of the mean pressure, of u, and of where the slave is."""
     curved = given.order == 2
     yield rate(
@@ -250,11 +250,11 @@ def _rates(given: PressFit, found: Sequence[Solution]) -> Iterator[Result]:
     yield reported("worst p_m on the finest mesh, relative error", found[-1].worst, reason="told: the rate is judged")
 
 
-def _levels(found: Sequence[Solution], error: str) -> tuple[Level, ...]:
+def _levels(found: Sequence[PressFitSolution], error: str) -> tuple[Level, ...]:
     return levels_of([s.h for s in found], [s.solved.unknowns for s in found], [getattr(s, error) for s in found])
 
 
-def _pressures(name: str, given: PressFit, one: Solution) -> Plot:
+def _pressures(name: str, given: PressFit, one: PressFitSolution) -> Plot:
     """Exact, p_m and recovered pressure along the quarter of the circle where the bodies meet."""
     mesh, (zone,), right = one.solved.mesh, one.solved.state.zones, given.exact.between
     lines = (

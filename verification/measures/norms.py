@@ -19,7 +19,7 @@ from lacmesh.reference.shapes import gradient, jacobian, shape
 Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]
 #: (n, k) at points (n, dim)
-Function = Callable[[Floats], Floats]
+ExactField = Callable[[Floats], Floats]
 #: of the rules, in each reference coordinate or in all together
 DEGREE = 8
 #: cells whose points are held at once
@@ -61,7 +61,7 @@ def points_of(mesh: Mesh, cells: Ints, *, axisymmetric: bool = False, degree: in
 
 
 def displacement_error(
-    mesh: Mesh, u: Floats, exact: Function, *, cells: Ints | None = None, axisymmetric: bool = False
+    mesh: Mesh, u: Floats, exact: ExactField, *, cells: Ints | None = None, axisymmetric: bool = False
 ) -> float:
     """Error |u - u_exact| / |u_exact| in L2 over the body or some cells (sorted indices); u (n_nodes, dim)."""
     body = np.flatnonzero(mesh.cell_dim == mesh.space_dim) if cells is None else cells
@@ -85,7 +85,7 @@ class PressureErrors(NamedTuple):
         return float(np.sqrt(max(self.exact**2 - self.mean**2, 0.0)))
 
 
-def pressure_errors(mesh: Mesh, p: Floats, exact: Function, *, axisymmetric: bool = False) -> PressureErrors:
+def pressure_errors(mesh: Mesh, p: Floats, exact: ExactField, *, axisymmetric: bool = False) -> PressureErrors:
     """Errors over the slave of a cut mesh; p (n_macros,) by the number of the macro-element, `exact` (n, 1)."""
     macro = mesh.cell_data["lac_macro"]
     faces = np.flatnonzero(macro >= 0)
@@ -102,7 +102,7 @@ def pressure_errors(mesh: Mesh, p: Floats, exact: Function, *, axisymmetric: boo
 
 
 def nodal_pressure_error(
-    mesh: Mesh, p: Floats, exact: Function, *, faces: Ints | None = None, axisymmetric: bool = False
+    mesh: Mesh, p: Floats, exact: ExactField, *, faces: Ints | None = None, axisymmetric: bool = False
 ) -> float:
     """Error |p - p_exact| / |p_exact| in L2 of a pressure p (n_nodes,) at the nodes of the slave of a cut mesh.
 
@@ -140,7 +140,7 @@ def energy(strain: Floats, w: Floats, young: float, poisson: float) -> float:
     return float(((lam * trace**2 + 2 * mu * square) * w).sum())
 
 
-def _values(exact: Function, x: Floats, dim: int) -> Floats:
+def _values(exact: ExactField, x: Floats, dim: int) -> Floats:
     """Values (k, p, components) of an exact field at points (k, p, 3)."""
     return exact(x.reshape(-1, 3)[:, :dim]).reshape(*x.shape[:2], -1)
 

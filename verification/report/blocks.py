@@ -66,7 +66,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """A row of a table."""
 
     cells: tuple[Cell, ...]
@@ -78,12 +78,12 @@ class Table:
     """Rows under columns; the rows of `foot` stay below when the others are sorted."""
 
     columns: tuple[Column, ...]
-    rows: tuple[Row, ...]
-    foot: tuple[Row, ...] = ()
+    rows: tuple[TableRow, ...]
+    foot: tuple[TableRow, ...] = ()
 
 
 @dataclass(frozen=True)
-class Pairs:
+class NamedValues:
     """Names and their values."""
 
     pairs: tuple[tuple[str, str], ...]
@@ -139,7 +139,7 @@ class Drawing:
     family: str
 
 
-Simple = Title | Text | Facts | Table | Pairs | Command | Figures | Drawing
+Simple = Title | Text | Facts | Table | NamedValues | Command | Figures | Drawing
 
 
 @dataclass(frozen=True)

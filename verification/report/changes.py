@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from verification.records import Result
 from verification.report import words
-from verification.report.blocks import Cell, Column, Row, Simple, Table, Title
+from verification.report.blocks import Cell, Column, Simple, Table, TableRow, Title
 from verification.report.judging import SAID, verdict
 from verification.report.markdown import blocks
 from verification.running.folder import Done, Run
@@ -138,9 +138,9 @@ def _table(pairs: Iterable[Pair]) -> Table:
     return Table(columns, tuple(_row(p) for p in pairs))
 
 
-def _row(p: Pair) -> Row:
+def _row(p: Pair) -> TableRow:
     ends = finest(p)
     errors = [words.error(e) for e in ends] if ends else ["", ""]
     said = [SAID[verdict(r)] for r in (p.before, p.after) if r is not None]
     values = [words.value_of(r) if r is not None else "" for r in (p.before, p.after)]
-    return Row(tuple(map(Cell, (p.case, p.quantity, *values, *errors, " → ".join(dict.fromkeys(said))))))
+    return TableRow(tuple(map(Cell, (p.case, p.quantity, *values, *errors, " → ".join(dict.fromkeys(said))))))

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from verification.records import Level, Line, Plot, Result
 from verification.report import words
-from verification.report.blocks import Cell, Chart, Column, Row, Table
+from verification.report.blocks import Cell, Chart, Column, Table, TableRow
 from verification.report.charts import COLOURS
 from verification.running.folder import Done
 
@@ -32,16 +32,16 @@ def _table(sizes: Sizes, results: Sequence[Result]) -> Table:
     fitted = [Cell(text) for r in results for text in ("", words.rate(r.value) if words.is_rate(r) else "")]
     wanted = [Cell(text) for r in results for text in ("", _wanted(r))]
     blank = Cell("")
-    foot = (Row((Cell("fitted"), blank, blank, *fitted)), Row((Cell("expected"), blank, blank, *wanted)))
+    foot = (TableRow((Cell("fitted"), blank, blank, *fitted)), TableRow((Cell("expected"), blank, blank, *wanted)))
     return Table(tuple(columns), tuple(rows), foot)
 
 
-def _row(k: int, size: tuple[float, int], levels: Sequence[Level]) -> Row:
+def _row(k: int, size: tuple[float, int], levels: Sequence[Level]) -> TableRow:
     h, unknowns = size
     found: list[Cell] = []
     for level in levels:
         found += [Cell(words.error(level.error), level.error), Cell(words.rate(level.rate), _known(level.rate))]
-    return Row((Cell(str(k + 1), k + 1), Cell(f"{h:.3g}", h), Cell(f"{unknowns:,}", unknowns), *found))
+    return TableRow((Cell(str(k + 1), k + 1), Cell(f"{h:.3g}", h), Cell(f"{unknowns:,}", unknowns), *found))
 
 
 def _wanted(r: Result) -> str:

@@ -25,12 +25,12 @@ from verification.report.blocks import (
     Figure,
     Figures,
     Image,
+    NamedValues,
     Page,
-    Pairs,
-    Row,
     Section,
     Simple,
     Table,
+    TableRow,
     Text,
     Title,
 )
@@ -96,7 +96,7 @@ def _block(block: Simple) -> str:
             return f'<div class="facts">{"".join(map(_fact, block.facts))}</div>'
         case Table():
             return _table(block)
-        case Pairs():
+        case NamedValues():
             found = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in block.pairs)
             return f"<dl>{found}</dl>"
         case Command():
@@ -178,7 +178,7 @@ def _kind(column: Column) -> str:
     return ' class="n"' if column.number else ' class="w"' if column.wide else ""
 
 
-def _row(row: Row, columns: Sequence[Column]) -> str:
+def _row(row: TableRow, columns: Sequence[Column]) -> str:
     marked = f' class="{row.verdict}"' if row.verdict else ""
     return f"<tr{marked}>{''.join(_cell(cell, c) for cell, c in zip(row.cells, columns, strict=True))}</tr>"
 

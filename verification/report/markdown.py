@@ -11,12 +11,12 @@ from verification.report.blocks import (
     Facts,
     Figures,
     Image,
+    NamedValues,
     Page,
-    Pairs,
-    Row,
     Section,
     Simple,
     Table,
+    TableRow,
     Text,
     Title,
 )
@@ -56,7 +56,7 @@ def _block(block: Simple, deeper: int) -> str:
             return "\n".join(f"- {plain(f.label)}: {_bold(f.value, f.note)}" for f in block.facts)
         case Table():
             return _table(block)
-        case Pairs():
+        case NamedValues():
             return "; ".join(f"{plain(name)}: {plain(value)}" for name, value in block.pairs)
         case Command():
             return f"```console\n$ {block.text}\n```"
@@ -95,7 +95,7 @@ def _table(table: Table) -> str:
     return "\n".join([head, rule, *(_row(row) for row in (*table.rows, *table.foot))])
 
 
-def _row(row: Row) -> str:
+def _row(row: TableRow) -> str:
     return f"| {' | '.join(_cell(cell) for cell in row.cells)} |"
 
 

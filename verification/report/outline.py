@@ -19,12 +19,12 @@ from verification.report.blocks import (
     Figure,
     Figures,
     Image,
+    NamedValues,
     Page,
-    Pairs,
-    Row,
     Section,
     Simple,
     Table,
+    TableRow,
     Text,
     Title,
 )
@@ -131,7 +131,7 @@ def _summary(run: Run, n: Count) -> Iterator[Simple]:
         yield Text("Figures of other codes for the same problem. Only those with a bound are compared for better.")
         yield others
     yield Title("Made with")
-    yield Pairs(tuple((name, str(value)) for name, value in run.environment.items()))
+    yield NamedValues(tuple((name, str(value)) for name, value in run.environment.items()))
     yield Command(command(run))
     yield Title("How to read it")
     yield Text(_MEANING)
@@ -147,11 +147,11 @@ def families_table(run: Run) -> Table:
     return Table(columns, tuple(_family_row(name, cases) for name, cases in by_family(run.done).items()))
 
 
-def _family_row(name: str, cases: Sequence[Done]) -> Row:
+def _family_row(name: str, cases: Sequence[Done]) -> TableRow:
     n, time = counted(cases), sum(done.seconds for done in cases)
     counts = (Cell(f"{k:,}", k) for k in (n.cases, n.met, n.missed, n.told, n.failed))
     ends = Cell(words.seconds(time), time), tables.judged(n.verdict)
-    return Row((Cell(name, link=name), Cell(title_of(name)), *counts, *ends), n.verdict)
+    return TableRow((Cell(name, link=name), Cell(title_of(name)), *counts, *ends), n.verdict)
 
 
 def family_page(run: Run, name: str, cases: Sequence[Done]) -> Page:
@@ -279,7 +279,7 @@ def _case(run: Run, done: Done) -> Iterator[Simple]:
     yield Text(f"{levels}, {words.seconds(done.seconds)}, {memory} at most.")
     yield Command(_again(run, done))
     if done.given:
-        yield Pairs(tuple((name, _told(value)) for name, value in done.given.items()))
+        yield NamedValues(tuple((name, _told(value)) for name, value in done.given.items()))
     if done.results:
         yield tables.figures(done.results)
     chart = convergence.chart_of(done)
@@ -295,8 +295,8 @@ def _case(run: Run, done: Done) -> Iterator[Simple]:
         yield others
 
 
-def _to_picture(done: Done, k: int) -> Row:
-    return Row((Cell(done.pictures[k].title, link=f"{done.id}:picture-{k}"),))
+def _to_picture(done: Done, k: int) -> TableRow:
+    return TableRow((Cell(done.pictures[k].title, link=f"{done.id}:picture-{k}"),))
 
 
 def _told(value: Any) -> str:

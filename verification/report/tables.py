@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from verification.records import Published, Result
 from verification.report import words
-from verification.report.blocks import Cell, Column, Row, Table, Verdict
+from verification.report.blocks import Cell, Column, Table, TableRow, Verdict
 from verification.report.judging import SAID, as_good, counted, used, verdict
 from verification.running.folder import Done
 
@@ -33,14 +33,14 @@ def figures(results: Sequence[Result]) -> Table:
     return Table(columns, tuple(_figure(result) for result in results))
 
 
-def _figure(r: Result) -> Row:
+def _figure(r: Result) -> TableRow:
     tolerance = words.bound(r.tolerance or None)
     cells = (
         Cell(r.quantity), Cell(words.value_of(r), r.value), Cell(_BOUNDS[r.bound]),
         Cell(words.expected_of(r), _sort(r.expected)), Cell(tolerance, _sort(r.tolerance)), judged(verdict(r)),
         Cell(r.source), Cell(words.reason_of(r)),
     )  # fmt: skip
-    return Row(cells, verdict(r))
+    return TableRow(cells, verdict(r))
 
 
 def _sort(value: float | None) -> float:
@@ -55,12 +55,12 @@ def missed(cases: Iterable[Done]) -> Table:
     )  # fmt: skip
     cases = tuple(cases)
     rows = [
-        Row((place(d), Cell("no outcome", verdict="none"), Cell(""), Cell(""), Cell(d.failure)), "none")
+        TableRow((place(d), Cell("no outcome", verdict="none"), Cell(""), Cell(""), Cell(d.failure)), "none")
         for d in cases
         if d.failure
     ]
     short = ((done, result) for done in cases for result in done.results if not result.passed)
-    rows += [Row((place(d), *_short(r)), "missed") for d, r in short]
+    rows += [TableRow((place(d), *_short(r)), "missed") for d, r in short]
     return Table(columns, tuple(rows))
 
 
@@ -86,19 +86,21 @@ def worst(cases: Iterable[Done], most: int = 0) -> Table:
     return Table(columns, tuple(_worst(group) for group in held[: most or None]))
 
 
-def _worst(group: list[tuple[Done, Result]]) -> Row:
+def _worst(group: list[tuple[Done, Result]]) -> TableRow:
     results = [r for _, r in group]
     if results[0].bound == "reported":
         span = words.span([r.value for r in results], words.rate if words.is_rate(results[0]) else words.number)
         blank = Cell("")
-        return Row((Cell(results[0].quantity), _whole(len(group)), blank, Cell(span), Cell("told only"), blank), "told")
+        return TableRow(
+            (Cell(results[0].quantity), _whole(len(group)), blank, Cell(span), Cell("told only"), blank), "told"
+        )
     done, r = max(group, key=lambda pair: used(pair[1]))
     met = sum(own.passed for own in results)
     cells = (
         Cell(r.quantity), _whole(len(group)), _whole(met), Cell(words.value_of(r), r.value), Cell(words.must_be(r)),
         Cell(done.case, link=done.id),
     )  # fmt: skip
-    return Row(cells, "met" if met == len(group) else "missed")
+    return TableRow(cells, "met" if met == len(group) else "missed")
 
 
 def _whole(value: int) -> Cell:
@@ -114,13 +116,13 @@ def index(cases: Iterable[Done]) -> Table:
     return Table(columns, tuple(_index(done) for done in cases))
 
 
-def _index(done: Done) -> Row:
+def _index(done: Done) -> TableRow:
     n = counted([done])
     cells = (
         Cell(done.case, link=done.id), Cell(done.about), _whole(n.met), _whole(n.missed), _whole(n.told),
         _whole(done.levels), Cell(words.seconds(done.seconds), done.seconds), judged(n.verdict),
     )  # fmt: skip
-    return Row(cells, n.verdict)
+    return TableRow(cells, n.verdict)
 
 
 def sources(cases: Iterable[Done]) -> Table:
@@ -139,7 +141,7 @@ def sources(cases: Iterable[Done]) -> Table:
         met = sum(passed for _, passed in found)
         names = ", ".join(dict.fromkeys(name for name, _ in found))
         cells = (Cell(source), Cell(names), _whole(len(found)), _whole(met), _whole(len(found) - met))
-        rows.append(Row(cells, "met" if met == len(found) else "missed"))
+        rows.append(TableRow(cells, "met" if met == len(found) else "missed"))
     return Table(columns, tuple(rows))
 
 
@@ -158,7 +160,7 @@ def published(cases: Iterable[Done], *, with_case: bool = True) -> Table:
         Column("by", wide=True), Column("better"), Column("where", wide=True),
     )  # fmt: skip
     start = 0 if with_case else 1
-    return Table(columns[start:], tuple(Row(_published(*row)[start:]) for row in beside(cases)))
+    return Table(columns[start:], tuple(TableRow(_published(*row)[start:]) for row in beside(cases)))
 
 
 def _published(done: Done, r: Result, p: Published) -> tuple[Cell, ...]:
@@ -183,12 +185,12 @@ def ranges(cases: Iterable[Done]) -> Table:
     return Table(columns, tuple(_range(*key, group) for key, group in groups.items()))
 
 
-def _range(family: str, quantity: str, who: str, group: Sequence[tuple[Result, Published]]) -> Row:
+def _range(family: str, quantity: str, who: str, group: Sequence[tuple[Result, Published]]) -> TableRow:
     told = words.rate if words.is_rate(group[0][0]) else words.number
     said = [good for r, p in group if (good := as_good(r, p)) is not None]
     here, theirs = (words.span(values, told) for values in ([r.value for r, _ in group], [p.value for _, p in group]))
     cells = (Cell(family), Cell(quantity), _whole(len(group)), Cell(here), Cell(theirs), Cell(who))
-    return Row((*cells, Cell(f"{sum(said)} of {len(said)}" if said else "")))
+    return TableRow((*cells, Cell(f"{sum(said)} of {len(said)}" if said else "")))
 
 
 def peers(cases: Iterable[Done]) -> Table:
@@ -203,5 +205,5 @@ def peers(cases: Iterable[Done]) -> Table:
     rows = []
     for (family, who), said in groups.items():
         counts = (len(said), said.count(True), said.count(False), said.count(None))
-        rows.append(Row((Cell(family, link=family), Cell(who), *map(_whole, counts))))
+        rows.append(TableRow((Cell(family, link=family), Cell(who), *map(_whole, counts))))
     return Table(columns, tuple(rows))

@@ -11,7 +11,7 @@ import numpy as np
 from lacmesh.formats.inp import data as inp_data
 from lacmesh.formats.inp.data import Members, key
 from lacmesh.formats.inp.scan import Card, cards, label
-from lacmesh.formats.inp.scope import Elements, Nodes, Scope, Surface, raised
+from lacmesh.formats.inp.scope import ElementCard, NodeCard, Scope, SurfaceCard, raised
 from lacmesh.formats.inp.types import LINE, NO_CELL, element
 from lacmesh.formats.text_numbers import decoded
 from lacmesh.mesh import Floats, Ints
@@ -42,7 +42,7 @@ class _Instance:
 
 
 @dataclass
-class Model:
+class InputDeck:
     """Mesh content of a file: its `scope`, the cards left out, other messages, and the heading."""
 
     scope: Scope = field(default_factory=Scope)
@@ -51,9 +51,9 @@ class Model:
     heading: list[str] = field(default_factory=list)
 
 
-def read_model(path: Path) -> Model:
+def read_model(path: Path) -> InputDeck:
     """Read the model in a file, with all instances merged into one scope. Raises ReadError."""
-    model = Model()
+    model = InputDeck()
     listed = cards(path, model.said)
     reader = _Reader(model, sum(c.name == "INSTANCE" for c in listed))
     for card in listed:
@@ -64,7 +64,7 @@ def read_model(path: Path) -> Model:
 class _Reader:
     """Processes cards one by one; those outside parts go to the model's own scope."""
 
-    def __init__(self, model: Model, n_instances: int) -> None:
+    def __init__(self, model: InputDeck, n_instances: int) -> None:
         self.model = model
         self.n_instances = n_instances
         self.parts: dict[str, Scope] = {}
@@ -100,7 +100,7 @@ class _Reader:
         elif card.name not in _FRAMES:
             self.model.left_out[card.shown] = None
 
-    def finish(self) -> Model:
+    def finish(self) -> InputDeck:
         """Complete the model after the last card. Raises ReadError."""
         if self.instance is not None:
             raise self.instance.error("this *INSTANCE has no *END INSTANCE")
@@ -135,7 +135,7 @@ class _Reader:
             angle = np.radians(points[:, 1])
             points = np.stack([points[:, 0] * np.cos(angle), points[:, 0] * np.sin(angle), points[:, 2]], axis=1)
         number = number + self._raise()[0]
-        self.here.nodes.append(Nodes(card, number, points))
+        self.here.nodes.append(NodeCard(card, number, points))
         if card.parameters.get("NSET"):
             self.here.add_to("node", card.parameters["NSET"], card, Members(number, (), ()))
 
@@ -159,7 +159,7 @@ class _Reader:
             raise card.error(f"numbers of elements and nodes run from 1 to {_LARGEST - 1}, and one here is {wrong}")
         by = self._raise()
         number, nodes = rows[:, 0] + by[1], rows[:, 1:] + by[0]
-        self.here.elements.append(Elements(card, found, number, nodes))
+        self.here.elements.append(ElementCard(card, found, number, nodes))
         if card.parameters.get("ELSET"):
             self.here.add_to("element", card.parameters["ELSET"], card, Members(number, (), ()))
 
@@ -231,7 +231,7 @@ class _Reader:
         entries = inp_data.faces(card) if kind == "ELEMENT" else self._of_nodes(card)
         by = 0 if own is None else own.elements if kind == "ELEMENT" else own.nodes
         named = [(face, self._plain(which) if isinstance(which, str) else which + by) for face, which in entries]
-        surface = Surface(shown, card, named, kind == "NODE")
+        surface = SurfaceCard(shown, card, named, kind == "NODE")
         if (kind, known_as) in self.here.surfaces:
             raise card.error(f"there are two surfaces of type {kind} named {shown!r}")
         self.here.surfaces[kind, known_as] = surface
@@ -272,7 +272,7 @@ class _Reader:
             raise card.error("there is no *INSTANCE above this *END INSTANCE")
         begin, scope, whole = self.instance, self.here, self.model.scope
         shown = label(begin.parameters.get("NAME", ""))[0]
-        moved = [Nodes(n.card, n.number, _placed(begin, n.points)) for n in scope.nodes]
+        moved = [NodeCard(n.card, n.number, _placed(begin, n.points)) for n in scope.nodes]
         scope.nodes = moved
         by = whole.largest()
         prefix = f"{shown}." if self.n_instances > 1 else ""

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from lacmesh.cells import CELLS
-from lacmesh.formats.inp.scope import Elements
-from lacmesh.formats.inp.types import PLANE, SHELL, SOLID, Element
+from lacmesh.formats.inp.scope import ElementCard
+from lacmesh.formats.inp.types import PLANE, SHELL, SOLID, DeckElement
 from lacmesh.formats.inp.writer_types import TARGETS, card
 
 
-def plane_of(elements: Iterable[Elements]) -> str:
+def plane_of(elements: Iterable[ElementCard]) -> str:
     """Common hypothesis of all plane elements: CPS, CPE or CAX; empty if there are none, or several kinds."""
     found = _planes(_named(elements))
     return found[0] if len(found) == 1 else ""
 
 
-def losses(elements: Iterable[Elements]) -> list[str]:
+def losses(elements: Iterable[ElementCard]) -> list[str]:
     """Clauses that name what an .inp output will lose of this file; an empty list if nothing is lost."""
     elements = list(elements)
     named = _named(elements)
@@ -38,7 +38,7 @@ def losses(elements: Iterable[Elements]) -> list[str]:
     return said
 
 
-def plain(name: str, e: Element, solid: bool) -> str:
+def plain(name: str, e: DeckElement, solid: bool) -> str:
     """Element type that an element is written as: `name` itself if it is kept, else CalculiX's if it has one.
 
     `solid`: there are solid elements, so that membranes and surface elements may be their skin.
@@ -57,16 +57,16 @@ def plain(name: str, e: Element, solid: bool) -> str:
     return next((known for known in made if known), e.type)
 
 
-def _named(elements: Iterable[Elements]) -> dict[str, Element]:
+def _named(elements: Iterable[ElementCard]) -> dict[str, DeckElement]:
     """The elements that are cells, by the name of their type, in order of first appearance."""
     return {_name(e): e.element for e in elements if e.element is not None and len(e.number)}
 
 
-def _name(e: Elements) -> str:
+def _name(e: ElementCard) -> str:
     return e.card.parameters.get("TYPE", "").strip('"').upper()
 
 
-def _planes(named: dict[str, Element]) -> list[str]:
+def _planes(named: dict[str, DeckElement]) -> list[str]:
     return sorted({_plane(name) for name, e in named.items() if e.kind == PLANE})
 
 

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from lacmesh.errors import LacmeshWarning, ReadError, some
-from lacmesh.formats.inp.cards import Model, read_model
+from lacmesh.formats.inp.cards import InputDeck, read_model
 from lacmesh.formats.inp.plain import losses, plane_of
-from lacmesh.formats.inp.scope import Elements, NodesOf, Resolver, Scope, Surface
-from lacmesh.formats.inp.skin import Block, Cells, Skin
+from lacmesh.formats.inp.scope import ElementCard, NodesOf, Resolver, Scope, SurfaceCard
+from lacmesh.formats.inp.skin import CellBlock, DeckCells, Skin
 from lacmesh.formats.msh.numbers import Index, repeated
 from lacmesh.mesh import Floats, Ints, Mesh
 
@@ -32,7 +32,7 @@ def read(path: Path) -> Mesh:
     number, points = _nodes(model.scope)
     elements = _elements(model.scope, Index(number), said)
     said += losses(model.scope.elements)
-    skin = Skin(Cells(elements.blocks, len(number)))
+    skin = Skin(DeckCells(elements.blocks, len(number)))
     groups = _groups(model.scope, number, elements.number, skin, said)
     new, members = skin.finish([groups.cells.get(name, _NONE) for name in groups.surfaces])
     if skin.unknown:
@@ -58,7 +58,7 @@ def read(path: Path) -> Mesh:
 class _Listed(NamedTuple):
     """Elements of the file: one block per type, and for each cell its position in the file and its number."""
 
-    blocks: list[Block]
+    blocks: list[CellBlock]
     place: Ints
     number: Ints
 
@@ -80,7 +80,7 @@ class _All(NamedTuple):
     of_earlier: Ints
 
 
-def _say(path: Path, model: Model, said: list[str]) -> None:
+def _say(path: Path, model: InputDeck, said: list[str]) -> None:
     if model.left_out:
         said.append(f"left out, as they are no part of a mesh: {', '.join('*' + name for name in model.left_out)}")
     if said:
@@ -111,7 +111,7 @@ def _elements(scope: Scope, nodes: Index, said: list[str]) -> _Listed:
         mine = [k for k, name in enumerate(kinds) if name == kind]
         rows = [_placed(used[k], nodes) for k in mine]
         what = [np.full(len(used[k].number), _what(used[k]), np.int8) for k in mine]
-        blocks.append(Block(kind, np.concatenate(rows), np.concatenate(what)))
+        blocks.append(CellBlock(kind, np.concatenate(rows), np.concatenate(what)))
         order += [np.arange(first[k], first[k + 1]) for k in mine]
     if "SEG3" in kinds:
         blocks = [_lines(b, nodes, scope, said) if b.type == "SEG3" else b for b in blocks]
@@ -120,12 +120,12 @@ def _elements(scope: Scope, nodes: Index, said: list[str]) -> _Listed:
     return _Listed(blocks, place, number[place])
 
 
-def _what(e: Elements) -> int:
+def _what(e: ElementCard) -> int:
     assert e.element is not None
     return e.element.kind
 
 
-def _placed(e: Elements, nodes: Index) -> Ints:
+def _placed(e: ElementCard, nodes: Index) -> Ints:
     """Node indices of a card's elements, in lacmesh's node order. Raises ReadError for an unknown node."""
     assert e.element is not None
     places = np.empty(e.nodes.shape, np.int32)
@@ -138,7 +138,7 @@ def _placed(e: Elements, nodes: Index) -> Ints:
     return rows
 
 
-def _lines(block: Block, nodes: Index, scope: Scope, said: list[str]) -> Block:
+def _lines(block: CellBlock, nodes: Index, scope: Scope, said: list[str]) -> CellBlock:
     """Reorder lines of three nodes whose mid-node is listed last, as gmsh writes them, with a message in `said`."""
     points = np.concatenate([n.points for n in scope.nodes])
     a, b, middle = (points[block.nodes[:, k]] for k in range(3))
@@ -151,7 +151,7 @@ def _lines(block: Block, nodes: Index, scope: Scope, said: list[str]) -> Block:
     return block
 
 
-def _say_repeats(blocks: list[Block], number: Ints, said: list[str]) -> None:
+def _say_repeats(blocks: list[CellBlock], number: Ints, said: list[str]) -> None:
     """Report elements that list a node twice, which is legal (a collapsed brick is a wedge): they are kept."""
     start = 0
     for block in blocks:
@@ -186,7 +186,7 @@ def _groups(scope: Scope, node: Ints, cell: Ints, skin: Skin, said: list[str]) -
     return found
 
 
-def _entry(resolver: Resolver, surface: Surface, which: Ints | str) -> Ints:
+def _entry(resolver: Resolver, surface: SurfaceCard, which: Ints | str) -> Ints:
     of = "node" if surface.of_nodes else "element"
     if isinstance(which, str):
         return resolver.numbers(of, which, surface.card)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lacmesh.errors import ReadError
-from lacmesh.formats.msh.scan import Source
+from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.formats.text_numbers import decoded
 
 #: Files inside files: how deep, and how many in all.
@@ -31,7 +31,7 @@ _WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET")
 class Span(NamedTuple):
     """Data lines: bytes `begin` to `end` of a file."""
 
-    source: Source
+    source: MshBytes
     begin: int
     end: int
 
@@ -43,7 +43,7 @@ class Card:
     name: str
     shown: str
     parameters: dict[str, str]
-    source: Source
+    source: MshBytes
     at: int
     spans: list[Span] = field(default_factory=list)
 
@@ -79,7 +79,7 @@ def label(text: str) -> tuple[str, str]:
 def cards(path: Path, said: list[str]) -> list[Card]:
     """The cards of a file and of those that it includes, in order. Raises ReadError."""
     found = _Walk(path)
-    found.walk(Source(path), ())
+    found.walk(MshBytes(path), ())
     if not found.cards:
         raise ReadError(path, "holds no keyword line (as *NODE)")
     if found.stray:
@@ -96,7 +96,7 @@ class _Walk:
         self.n_files = 0
         self.stray = False
 
-    def walk(self, source: Source, inside: tuple[Path, ...]) -> None:
+    def walk(self, source: MshBytes, inside: tuple[Path, ...]) -> None:
         """Add the cards of one file; `inside`: the files that include it."""
         self.n_files += 1
         if self.n_files > _MOST_FILES:
@@ -117,7 +117,7 @@ class _Walk:
                     self._include(card, source, at, inside)
         self._add_data(source, begin, source.size)
 
-    def _add_data(self, source: Source, begin: int, end: int) -> None:
+    def _add_data(self, source: MshBytes, begin: int, end: int) -> None:
         if not _SOLID.search(source.data, begin, end):
             return
         if not self.cards:
@@ -125,7 +125,7 @@ class _Walk:
             return
         self.cards[-1].spans.append(Span(source, begin, end))
 
-    def _include(self, card: Card, source: Source, at: int, inside: tuple[Path, ...]) -> None:
+    def _include(self, card: Card, source: MshBytes, at: int, inside: tuple[Path, ...]) -> None:
         name = card.parameters.get("INPUT", "").strip('"')
         if not name:
             raise source.error("*INCLUDE should name a file: *INCLUDE, INPUT=name", at)
@@ -136,10 +136,10 @@ class _Walk:
         if path.resolve() in chain or len(chain) >= _DEEPEST:
             what = "includes itself" if path.resolve() in chain else f"is the {_DEEPEST}th file inside others"
             raise source.error(f"the file {name!r}, which is included here, {what}", at)
-        self.walk(Source(path), chain)
+        self.walk(MshBytes(path), chain)
 
 
-def _starred(source: Source) -> Iterator[tuple[int, int]]:
+def _starred(source: MshBytes) -> Iterator[tuple[int, int]]:
     """Yield the offset of the asterisk and the end of each line that begins with one."""
     at = source.data.find(b"*")
     end = 0  # of the line looked at last
@@ -151,7 +151,7 @@ def _starred(source: Source) -> Iterator[tuple[int, int]]:
         at = source.data.find(b"*", end)
 
 
-def _keyword_line(source: Source, at: int, end: int) -> tuple[str, int]:
+def _keyword_line(source: MshBytes, at: int, end: int) -> tuple[str, int]:
     """Text of a keyword line joined with its continuation lines, and the offset where the last of them ends."""
     text = decoded(bytes(source.data[at:end])).strip()
     while text.endswith(",") and end < source.size:
@@ -167,7 +167,7 @@ def _keyword_line(source: Source, at: int, end: int) -> tuple[str, int]:
     return text, end
 
 
-def _card(source: Source, at: int, text: str) -> Card:
+def _card(source: MshBytes, at: int, text: str) -> Card:
     head, _, rest = text[1:].partition(",")
     shown = " ".join(head.split()).upper()
     parameters = {}

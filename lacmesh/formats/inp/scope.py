@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from lacmesh.errors import did_you_mean
-from lacmesh.formats.inp.data import Members, Range, key
+from lacmesh.formats.inp.data import IdRange, Members, key
 from lacmesh.formats.inp.scan import Card, label
-from lacmesh.formats.inp.types import Element
+from lacmesh.formats.inp.types import DeckElement
 from lacmesh.mesh import Floats, Ints
 
 #: Sets inside sets: how deep.
@@ -23,7 +23,7 @@ _DEEPEST = 500
 
 
 @dataclass
-class Nodes:
+class NodeCard:
     """Nodes of one card: numbers (n,), coordinates (n, 3)."""
 
     card: Card
@@ -32,11 +32,11 @@ class Nodes:
 
 
 @dataclass
-class Elements:
+class ElementCard:
     """Elements of one card: their type (None if they are no cells), numbers (k,), nodes (k, n) by number."""
 
     card: Card
-    element: Element | None
+    element: DeckElement | None
     number: Ints
     nodes: Ints
 
@@ -52,7 +52,7 @@ class Set:
 
 
 @dataclass
-class Surface:
+class SurfaceCard:
     """A surface: its name, and for each entry the label of a face, and elements by number or the name of a set.
 
     `of_nodes`: its entries are nodes, or sets of nodes, and have no label.
@@ -72,11 +72,11 @@ class Scope:
     NODE.
     """
 
-    nodes: list[Nodes] = field(default_factory=list)
-    elements: list[Elements] = field(default_factory=list)
+    nodes: list[NodeCard] = field(default_factory=list)
+    elements: list[ElementCard] = field(default_factory=list)
     node_sets: dict[str, Set] = field(default_factory=dict)
     element_sets: dict[str, Set] = field(default_factory=dict)
-    surfaces: dict[tuple[str, str], Surface] = field(default_factory=dict)
+    surfaces: dict[tuple[str, str], SurfaceCard] = field(default_factory=dict)
 
     def sets(self, of: str) -> dict[str, Set]:
         """The sets of nodes ("node") or of elements ("element")."""
@@ -100,8 +100,8 @@ class Scope:
 
     def add(self, other: Scope, prefix: str, nodes: int, elements: int) -> None:
         """Merge another scope into this one: numbers raised by `nodes` and `elements`, names preceded by `prefix`."""
-        self.nodes += [Nodes(n.card, n.number + nodes, n.points) for n in other.nodes]
-        self.elements += [Elements(e.card, e.element, e.number + elements, e.nodes + nodes) for e in other.elements]
+        self.nodes += [NodeCard(n.card, n.number + nodes, n.points) for n in other.nodes]
+        self.elements += [ElementCard(e.card, e.element, e.number + elements, e.nodes + nodes) for e in other.elements]
         before = key(prefix)
         for of, by in (("node", nodes), ("element", elements)):
             for name, old in other.sets(of).items():
@@ -111,14 +111,14 @@ class Scope:
         for (kind, name), surface in other.surfaces.items():
             by = nodes if surface.of_nodes else elements
             entries = [(f, before + key(w) if isinstance(w, str) else w + by) for f, w in surface.entries]
-            self.surfaces[kind, before + name] = Surface(
+            self.surfaces[kind, before + name] = SurfaceCard(
                 prefix + surface.shown, surface.card, entries, surface.of_nodes
             )
 
 
 def raised(members: Members, by: int, prefix: str) -> Members:
     """Members with numbers raised by `by`, and names preceded by a prefix."""
-    ranges = tuple(Range(r.first + by, r.last + by, r.step) for r in members.ranges)
+    ranges = tuple(IdRange(r.first + by, r.last + by, r.step) for r in members.ranges)
     return Members(members.numbers + by, ranges, tuple(prefix + key(n) for n in members.names))
 
 
@@ -176,7 +176,7 @@ class Resolver:
         self.strays += int((~known).sum())
         return numbers[known]
 
-    def _generated(self, of: str, r: Range) -> Ints:
+    def _generated(self, of: str, r: IdRange) -> Ints:
         present = self.present[of]
         inside = present[np.searchsorted(present, r.first) : np.searchsorted(present, r.last, side="right")]
         return inside[(inside - r.first) % r.step == 0]
@@ -193,7 +193,7 @@ def ordered(numbers: Ints) -> Ints:
 class NodesOf:
     """Lookup of the nodes of elements, all by number."""
 
-    def __init__(self, elements: Iterable[Elements]) -> None:
+    def __init__(self, elements: Iterable[ElementCard]) -> None:
         self._cells = [e for e in elements if e.element is not None]
 
     def __call__(self, numbers: Ints) -> Ints:

@@ -18,7 +18,7 @@ from lacmesh.mesh import Ints
 from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces, find_owners, find_repeats, label_rows
 
 
-class Block(NamedTuple):
+class CellBlock(NamedTuple):
     """All cells of one type: their nodes (k, n) as indices, and the kind (k,) of each, SOLID ... (`inp.types`)."""
 
     type: str
@@ -27,16 +27,16 @@ class Block(NamedTuple):
 
 
 @dataclass
-class Cells:
+class DeckCells:
     """The cells of a file, blocks one after the other: a cell's index counts through them."""
 
-    blocks: list[Block]
+    blocks: list[CellBlock]
     n_nodes: int
 
     def __post_init__(self) -> None:
         self.offsets = np.cumsum([0, *(len(b.nodes) for b in self.blocks)])
 
-    def parts(self, which: Ints | None = None) -> list[tuple[Block, Ints]]:
+    def parts(self, which: Ints | None = None) -> list[tuple[CellBlock, Ints]]:
         """Blocks and the indices of their cells, or of those among `which` (sorted)."""
         spans = zip(self.blocks, self.offsets[:-1].tolist(), self.offsets[1:].tolist(), strict=True)
         if which is None:
@@ -55,7 +55,7 @@ class _Side(NamedTuple):
 class Skin:
     """Collector of surfaces: the existing cells and the faces of each; `unknown`: face labels without a meaning."""
 
-    cells: Cells
+    cells: DeckCells
     existing: list[Ints] = field(default_factory=list)
     faces: list[tuple[int, _Side]] = field(default_factory=list)
     n_surfaces: int = 0
@@ -78,7 +78,7 @@ class Skin:
                     card, label, block, kind, found[block.kind[here] == kind], here[block.kind[here] == kind]
                 )
 
-    def _add_side(self, card: Card, label: str, block: Block, kind: int, which: Ints, rows: Ints) -> None:
+    def _add_side(self, card: Card, label: str, block: CellBlock, kind: int, which: Ints, rows: Ints) -> None:
         """Add one face of cells of one block that are all of one kind. Raises ReadError."""
         if kind == SHELL and label in SIDES:
             self.existing[-1] = np.append(self.existing[-1], which)

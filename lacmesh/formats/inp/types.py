@@ -17,7 +17,7 @@ from lacmesh.cells import CELLS
 SOLID, PLANE, SHELL, LINE, POINT = range(5)
 
 
-class Element(NamedTuple):
+class DeckElement(NamedTuple):
     """Cell type of an element, its kind (SOLID ...), its space of 2 or 3 dimensions (0: either), and its node order.
 
     `nodes[k]`: position in lacmesh's order of the node that is listed k-th.
@@ -72,7 +72,7 @@ NO_CELL = re.compile(r"D[A-Z]{0,7}|DCOUP[23]D|DASHPOTT?|DIST\w*|ESPRNG\w*|U\d+\w
 
 
 @cache
-def element(name: str) -> Element | None:
+def element(name: str) -> DeckElement | None:
     """Look up an element by its name in capitals; None for an unknown name.
 
     >>> element("C3D20R").type, element("CPS4").space, element("C3D7")
@@ -88,8 +88,8 @@ def element(name: str) -> Element | None:
     return None
 
 
-def _element(cell: str, kind: int, space: int) -> Element:
-    return Element(cell, kind, space, NODES.get(cell, tuple(range(CELLS[cell].n_nodes))))
+def _element(cell: str, kind: int, space: int) -> DeckElement:
+    return DeckElement(cell, kind, space, NODES.get(cell, tuple(range(CELLS[cell].n_nodes))))
 
 
 #: family -> corners of the faces S1, S2 ... (edges in the plane), by place

@@ -14,7 +14,7 @@ from lacmesh.formats.mail.names import Names
 from lacmesh.formats.mail.scan import SubFile, body, chunks, sub_files
 from lacmesh.formats.mail.types import NODES, NOT_READ
 from lacmesh.formats.msh.numbers import Index, repeated
-from lacmesh.formats.msh.scan import Source
+from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.formats.text_numbers import bad_line, decoded, parsed
 from lacmesh.mesh import Floats, Ints, Mesh
 
@@ -38,7 +38,7 @@ class _Section:
 
 @dataclass
 class _Content:
-    source: Source
+    source: MshBytes
     names: Names = field(default_factory=Names)
     title: list[str] = field(default_factory=list)
     dim: int = 0
@@ -69,7 +69,7 @@ def read(path: Path) -> Mesh:
     Names are kept as their numbers where each has one (N12, MA7) and no two have the same; else nodes, or cells, are
     numbered 1, 2 ... in the file's order, with a warning.
     """
-    content = _Content(Source(path))
+    content = _Content(MshBytes(path))
     for part in sub_files(content.source, content.check):
         _take(content, part)
     if not content.points:
@@ -263,7 +263,7 @@ def _check_repeats(content: _Content, section: _Section, places: Ints) -> None:
         _warn(content.source.path, f"{len(bad)} cells {section.type} have a node twice, the first {', '.join(names)}")
 
 
-def _at_row(source: Source, section: _Section, row: int, message: str) -> ReadError:
+def _at_row(source: MshBytes, section: _Section, row: int, message: str) -> ReadError:
     """The error for one cell of a section: at the line where it begins."""
     text = body(source, section.part)
     words_before = row * (1 + section.nodes.shape[1])

@@ -12,7 +12,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lacmesh.formats.msh.reader import LAYOUTS, read, read_format
-from lacmesh.formats.msh.scan import Source
+from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.formats.msh.writer import write
 
 __all__ = ["header", "read", "write"]
@@ -23,6 +23,6 @@ def header(path: Path, head: bytes) -> tuple[str, bool]:
 
     Raises ReadError for a version that is not read.
     """
-    source = Source(path, head if b"$EndMeshFormat" in head else b"")
+    source = MshBytes(path, head if b"$EndMeshFormat" in head else b"")
     read_format(source)
     return LAYOUTS[source.version], source.binary

@@ -19,7 +19,7 @@ from lacmesh.formats.msh import fields as msh_fields
 from lacmesh.formats.msh.names import unnamed
 from lacmesh.formats.msh.notes import SECTION, Notes
 from lacmesh.formats.msh.numbers import Index, repeated
-from lacmesh.formats.msh.scan import Source
+from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.mesh import Floats, Ints, Mesh, Model, Periodic, Tag
 
 
@@ -61,7 +61,7 @@ class Content:
     `links`: slave, master, affine map, pairs of node numbers (m, 2). `elements_at`: where the elements begin.
     """
 
-    source: Source
+    source: MshBytes
     names: list[tuple[int | None, int, str]] = field(default_factory=list)
     node_number: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     points: Floats = field(default_factory=lambda: np.empty((0, 3)))

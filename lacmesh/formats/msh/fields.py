@@ -20,7 +20,7 @@ from lacmesh.formats.msh.names import quoted, safe_names
 from lacmesh.formats.msh.notes import FieldNote
 from lacmesh.formats.msh.numbers import Index
 from lacmesh.formats.msh.output import Output
-from lacmesh.formats.msh.scan import Source, TextNumbers
+from lacmesh.formats.msh.scan import MshBytes, TextNumbers
 from lacmesh.mesh import Floats, Ints, Step
 
 #: section -> what its rows are on
@@ -52,7 +52,7 @@ class Rows:
     values: Floats
 
 
-def read_rows(source: Source, section: str) -> Rows:
+def read_rows(source: MshBytes, section: str) -> Rows:
     """Read the section that starts here. Raises ReadError."""
     strings = [source.line() for _ in range(source.count(section))]
     reals = [source.line() for _ in range(source.count(section))]
@@ -73,7 +73,7 @@ def read_rows(source: Source, section: str) -> Rows:
     return Rows(head, rest[0] if rest else 0, *_payload(source, section, n, width))
 
 
-def _payload(source: Source, section: str, n: int, width: int) -> tuple[Ints, Floats]:
+def _payload(source: MshBytes, section: str, n: int, width: int) -> tuple[Ints, Floats]:
     if not source.binary:
         text = TextNumbers(source, section, True)
         table = text.reals(n * (width + 1)).reshape(n, width + 1)
@@ -123,7 +123,7 @@ class Fields(NamedTuple):
 
 
 def to_mesh(
-    source: Source,
+    source: MshBytes,
     rows: Sequence[Rows],
     index: Mapping[str, Index],
     notes: Mapping[tuple[str, str, int], FieldNote],
@@ -167,7 +167,7 @@ def _joined(rows: Sequence[Rows]) -> list[tuple[Head, list[Rows]]]:
     return [(head, parts) for (head, _, _), parts in joined.items()]
 
 
-def _shaped(source: Source, key: str, head: Head, values: Floats, note: FieldNote | None) -> NDArray:
+def _shaped(source: MshBytes, key: str, head: Head, values: Floats, note: FieldNote | None) -> NDArray:
     """Values in the shape and type of the mesh's array."""
     shape = (1,) if note is None or note.shape is None else note.shape
     if note is None or note.shape is None:

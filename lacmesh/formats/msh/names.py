@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from lacmesh.formats.msh.scan import Source
+from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.mesh import Tag
 
 _LONGEST = 120  # bytes; gmsh cuts at 128 when it saves
@@ -53,7 +53,7 @@ def _safe(name: str) -> str:
     return short or "_"
 
 
-def physical_names(source: Source) -> list[tuple[int | None, int, str]]:
+def physical_names(source: MshBytes) -> list[tuple[int | None, int, str]]:
     """Read (dimension, tag, name) of each line of $PhysicalNames; msh 2.0 has no dimension. Raises ReadError."""
     n = source.count("PhysicalNames")
     start = source.position

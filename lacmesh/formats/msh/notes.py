@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.formats.msh.scan import Source
+from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.mesh import Ints, Tag
 
 SECTION = "LacMesh"
@@ -111,7 +111,7 @@ def _filled(text: str) -> str:
     return "\n".join(lines)
 
 
-def from_text(text: bytes, source: Source) -> Notes | None:
+def from_text(text: bytes, source: MshBytes) -> Notes | None:
     """The content of a section; None where a newer lacmesh wrote it. Raises ReadError where it makes no sense."""
     try:
         said = json.loads(text.decode())

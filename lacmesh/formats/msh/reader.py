@@ -13,7 +13,7 @@ from lacmesh.formats.msh import names as msh_names
 from lacmesh.formats.msh import notes as msh_notes
 from lacmesh.formats.msh import reader2 as msh_read2
 from lacmesh.formats.msh import reader4 as msh_read4
-from lacmesh.formats.msh.scan import Source
+from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.mesh import Mesh
 
 #: Versions that we read -> the layout they have.
@@ -28,10 +28,10 @@ def read(path: Path) -> Mesh:
 
     Warns of content that a mesh has no place for, of unknown sections, and of whatever looks wrong.
     """
-    source = Source(path)
+    source = MshBytes(path)
     read_format(source)
     dropped: dict[str, None] = {}
-    reader = msh_read4.Reader(source, dropped) if source.version == "4.1" else msh_read2.Reader(source)
+    reader = msh_read4.Reader4(source, dropped) if source.version == "4.1" else msh_read2.Reader2(source)
     unknown, seen = _sections(source, reader, dropped)
     if "Nodes" not in seen:
         raise source.error("the file has no section $Nodes", source.size)
@@ -44,7 +44,7 @@ def read(path: Path) -> Mesh:
     return msh_content.to_mesh(content)
 
 
-def read_format(source: Source) -> None:
+def read_format(source: MshBytes) -> None:
     """Pass $MeshFormat (and comments before it); the source then knows its version and byte order. Raises ReadError."""
     name = source.section()
     while name == "Comments":
@@ -57,7 +57,7 @@ def read_format(source: Source) -> None:
     _read_version(source)
 
 
-def _read_version(source: Source) -> None:
+def _read_version(source: MshBytes) -> None:
     at = source.position
     found = re.fullmatch(rb"\s*(\d+(?:\.\d+)?)\s+([01])\s+(\d{1,4})\s*", source.line())
     if found is None:
@@ -78,7 +78,7 @@ def _read_version(source: Source) -> None:
 
 
 def _sections(
-    source: Source, reader: msh_read2.Reader | msh_read4.Reader, dropped: dict[str, None]
+    source: MshBytes, reader: msh_read2.Reader2 | msh_read4.Reader4, dropped: dict[str, None]
 ) -> tuple[dict[str, None], set[str]]:
     """Read all sections; return the names of the unknown ones, and of all that are there. Raises ReadError."""
     content = reader.content

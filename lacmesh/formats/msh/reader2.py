@@ -15,16 +15,16 @@ from lacmesh.errors import LacmeshWarning, ReadError
 from lacmesh.formats.msh import runs as msh_runs
 from lacmesh.formats.msh.content import Content, Piece, Repeats
 from lacmesh.formats.msh.numbers import TYPE_NAMES, repeated
-from lacmesh.formats.msh.scan import Source, TextNumbers
+from lacmesh.formats.msh.scan import MshBytes, TextNumbers
 from lacmesh.mesh import Ints
 
 _LARGEST = 2**31 - 1
 
 
-class Reader:
+class Reader2:
     """Reads the sections of one file into a `Content`."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: MshBytes) -> None:
         self.content = Content(source)
 
     def read(self, section: str) -> bool:
@@ -111,7 +111,7 @@ class Reader:
         for kind in kinds[np.argsort(first)].tolist():
             self.content.pieces.append(self._piece(table, elements, kind))
 
-    def _piece(self, table: Ints, elements: msh_runs.Elements, kind: int) -> Piece:
+    def _piece(self, table: Ints, elements: msh_runs.ElementRuns, kind: int) -> Piece:
         """The elements of one type."""
         source, cell = self.content.source, ALL_CELLS[TYPE_NAMES[kind]]
         at = np.flatnonzero(elements.kind == kind)

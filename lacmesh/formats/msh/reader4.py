@@ -13,7 +13,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import ReadError
 from lacmesh.formats.msh.content import Content, Piece
 from lacmesh.formats.msh.numbers import TYPE_NAMES, UNKNOWN_TYPE
-from lacmesh.formats.msh.scan import Numbers, Source
+from lacmesh.formats.msh.scan import MshBytes, Numbers
 from lacmesh.mesh import Floats, Ints, Tag
 
 _LARGEST = 2**31 - 1
@@ -28,10 +28,10 @@ class _Entity(NamedTuple):
     partition: int = -1
 
 
-class Reader:
+class Reader4:
     """Reads the sections of one file into a `Content`; `dropped` names what the mesh has no place for."""
 
-    def __init__(self, source: Source, dropped: dict[str, None]) -> None:
+    def __init__(self, source: MshBytes, dropped: dict[str, None]) -> None:
         self.content = Content(source)
         self.dropped = dropped
         self._entities: dict[Tag, _Entity] = {}

@@ -22,7 +22,7 @@ from lacmesh.mesh import Ints
 _WINDOW, _FEW = 1 << 16, 8
 
 
-class Elements(NamedTuple):
+class ElementRuns(NamedTuple):
     """Elements in the file's order: gmsh's type, number of tags and position of the number of each. `end`: past all."""
 
     kind: Ints
@@ -54,7 +54,7 @@ class _Found:
         self.times.append(times)
 
 
-def find(table: Ints, n: int, binary: bool, error: Callable[[str, int], ReadError]) -> Elements:
+def find(table: Ints, n: int, binary: bool, error: Callable[[str, int], ReadError]) -> ElementRuns:
     """Find the positions of n elements; `error` makes the error for a position in the table.
 
     Raises ReadError for an unknown type, an impossible record, or a table that ends too early.
@@ -129,7 +129,7 @@ def _walk(table: Ints, place: int, left: int, binary: bool, found: _Found) -> tu
     return place + at, left
 
 
-def _expanded(found: _Found, binary: bool, end: int) -> Elements:
+def _expanded(found: _Found, binary: bool, end: int) -> ElementRuns:
     """Expand the runs to one row for each element."""
     keys = np.array(list(found.keys), np.int64).reshape(-1, 3)
     inner = np.array([1 + _size(key) for key in found.keys], np.int64)
@@ -141,4 +141,4 @@ def _expanded(found: _Found, binary: bool, end: int) -> Elements:
     follow = keys[which, 1]
     start = np.repeat(place, count) + (3 if binary else 0)
     start += within // follow * outer[which] + within % follow * inner[which]
-    return Elements(keys[which, 0], keys[which, 2], start, end)
+    return ElementRuns(keys[which, 0], keys[which, 2], start, end)

@@ -23,7 +23,7 @@ from lacmesh.mesh import Floats, Ints
 _MAPPED = 1 << 20
 
 
-class Source:
+class MshBytes:
     """The bytes of a file and the position reached; `order` is the byte order of its numbers ("<" or ">")."""
 
     def __init__(self, path: Path, head: bytes = b"") -> None:
@@ -128,7 +128,7 @@ def _content(path: Path) -> bytes | mmap.mmap:
 class BinaryNumbers:
     """The numbers of a section of a binary msh 4.1 file: int (4 bytes), size_t (8) and double."""
 
-    def __init__(self, source: Source, name: str) -> None:
+    def __init__(self, source: MshBytes, name: str) -> None:
         self.source, self.name = source, name
 
     def ints(self, n: int) -> Ints:
@@ -155,7 +155,7 @@ class BinaryNumbers:
 class TextNumbers:
     """The numbers of a section of an ASCII file, parsed as a whole."""
 
-    def __init__(self, source: Source, name: str, real: bool, signs: tuple[bytes, bytes] | None = None) -> None:
+    def __init__(self, source: MshBytes, name: str, real: bool, signs: tuple[bytes, bytes] | None = None) -> None:
         self.source, self.name = source, name
         self.start = source.position
         body = source.body(name)
@@ -213,7 +213,7 @@ class TextNumbers:
 Numbers: TypeAlias = BinaryNumbers | TextNumbers
 
 
-def _parsed(source: Source, text: bytes, start: int, kind: type) -> NDArray:
+def _parsed(source: MshBytes, text: bytes, start: int, kind: type) -> NDArray:
     """Numbers of a text that stands at byte `start`. Raises ReadError with the line of the first that is no number."""
     values = _fromstring(text, kind)
     if values is not None:

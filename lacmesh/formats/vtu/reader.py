@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshWarning, ReadError, some
 from lacmesh.formats import notes
-from lacmesh.formats.arrays import Parts, assembled, merged
+from lacmesh.formats.arrays import MeshArrays, assembled, merged
 from lacmesh.formats.vtu.types import LAGRANGE_HEXAHEDRON, NOT_READ, OF_NUMBER, lagrange_8_to_9
 from lacmesh.formats.vtu.writer import NOTES
-from lacmesh.formats.vtu.xml import Document, Element, opened
+from lacmesh.formats.vtu.xml import Document, XmlElement, opened
 from lacmesh.mesh import Floats, Ints, Mesh
 
 
-class Cells(NamedTuple):
+class VtkCells(NamedTuple):
     """Cells as VTK lists them: nodes one cell after the other, where each cell ends, VTK's numbers of the types."""
 
     connectivity: Ints
@@ -28,7 +28,7 @@ class Cells(NamedTuple):
 
 class _Piece(NamedTuple):
     points: Floats
-    cells: Cells
+    cells: VtkCells
     cell: dict[str, NDArray]
     node: dict[str, NDArray]
 
@@ -49,7 +49,7 @@ def read(path: Path) -> Mesh:
     return mesh
 
 
-def _piece(document: Document, element: Element, said: list[str]) -> _Piece:
+def _piece(document: Document, element: XmlElement, said: list[str]) -> _Piece:
     n, k = document.count(element, "NumberOfPoints"), document.count(element, "NumberOfCells")
     place = element.find("Points/DataArray")
     points = document.array(place, 3 * n) if place is not None else np.empty(0)
@@ -66,7 +66,7 @@ def _piece(document: Document, element: Element, said: list[str]) -> _Piece:
     )
 
 
-def _cells(document: Document, element: Element, n_points: int, k: int) -> Cells:
+def _cells(document: Document, element: XmlElement, n_points: int, k: int) -> VtkCells:
     arrays = {array.get("Name"): array for array in element.findall("Cells/DataArray")}
     found: dict[str, Ints] = {}
     for name in ("offsets", "types", "connectivity"):
@@ -76,7 +76,7 @@ def _cells(document: Document, element: Element, n_points: int, k: int) -> Cells
             if found[name].dtype.kind not in "iu":
                 raise document.error(f"{name} should be integers", "<Cells>")
     none = np.empty(0, np.int64)
-    cells = Cells(*(found.get(name, none) for name in ("connectivity", "offsets", "types")))
+    cells = VtkCells(*(found.get(name, none) for name in ("connectivity", "offsets", "types")))
     if len(cells.ends) == len(cells.types) + 1 and len(cells.ends) and cells.ends[0] == 0:
         cells = cells._replace(ends=cells.ends[1:])
     if len(cells.ends) != k or len(cells.types) != k:
@@ -94,7 +94,7 @@ def _last(ends: Ints | None) -> int:
     return max(int(ends[-1]), 0) if ends is not None and len(ends) else 0
 
 
-def stray_node(source: Any, cells: Cells, n_points: int, place: str) -> ReadError:
+def stray_node(source: Any, cells: VtkCells, n_points: int, place: str) -> ReadError:
     """The error for a cell that has a point which is not there; VTK and XDMF count both from 0."""
     nodes = cells.connectivity
     at = int(((nodes < 0) | (nodes >= n_points)).argmax())
@@ -103,7 +103,7 @@ def stray_node(source: Any, cells: Cells, n_points: int, place: str) -> ReadErro
     return error
 
 
-def _data(document: Document, element: Element, section: str, size: int, said: list[str]) -> dict[str, NDArray]:
+def _data(document: Document, element: XmlElement, section: str, size: int, said: list[str]) -> dict[str, NDArray]:
     arrays: dict[str, NDArray] = {}
     for array in element.findall(f"{section}/"):
         name = array.get("Name", "")
@@ -118,14 +118,14 @@ def _data(document: Document, element: Element, section: str, size: int, said: l
     return arrays
 
 
-def _mesh(document: Document, grid: Element, pieces: list[_Piece], said: list[str]) -> Mesh:
+def _mesh(document: Document, grid: XmlElement, pieces: list[_Piece], said: list[str]) -> Mesh:
     n_nodes = sum(len(p.points) for p in pieces)
     if sum(len(p.points) > 0 for p in pieces) > 1:
         said.append(f"{len(pieces)} pieces are put together; nodes that several have stay apart")
     fields, noted = _notes(document, grid, n_nodes, said)
     first = np.cumsum([0, *(len(p.points) for p in pieces)])
     starts = np.cumsum([0, *(len(p.cells.connectivity) for p in pieces)])
-    cells = Cells(
+    cells = VtkCells(
         np.concatenate([p.cells.connectivity + a for p, a in zip(pieces, first, strict=False)]),
         np.concatenate([p.cells.ends + a for p, a in zip(pieces, starts, strict=False)]),
         np.concatenate([p.cells.types for p in pieces]),
@@ -134,7 +134,7 @@ def _mesh(document: Document, grid: Element, pieces: list[_Piece], said: list[st
     cell = merged(((p.cell, len(p.cells.types)) for p in pieces), said, "cell")
     node = merged(((p.node, len(p.points)) for p in pieces), said, "node")
     points = np.concatenate([p.points for p in pieces])
-    return assembled(Parts(points, blocks, place, cell, node), fields, noted, said)
+    return assembled(MeshArrays(points, blocks, place, cell, node), fields, noted, said)
 
 
 def _is_old(document: Document) -> bool:
@@ -143,7 +143,7 @@ def _is_old(document: Document) -> bool:
     return [int(p) for p in parts if p.isdigit()] < [2, 1]
 
 
-def blocks_of(source: Any, cells: Cells, old: bool) -> tuple[dict[str, Ints], Ints]:
+def blocks_of(source: Any, cells: VtkCells, old: bool) -> tuple[dict[str, Ints], Ints]:
     """Nodes by type, in lacmesh's order, and the position (n_cells,) of each cell; `source.error` makes the error."""
     width = np.diff(cells.ends, prepend=0)
     code = cells.types.astype(np.int64) << 32 | width
@@ -174,7 +174,9 @@ def blocks_of(source: Any, cells: Cells, old: bool) -> tuple[dict[str, Ints], In
     return blocks, np.concatenate(places)
 
 
-def _notes(document: Document, grid: Element, n_nodes: int, said: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _notes(
+    document: Document, grid: XmlElement, n_nodes: int, said: list[str]
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Mesh fields from the notes in FieldData, and the notes themselves."""
     arrays = {array.get("Name", ""): array for array in grid.findall("FieldData/")}
     others = [name for name in arrays if name != NOTES]

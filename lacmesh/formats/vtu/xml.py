@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import ReadError
 from lacmesh.formats.vtu.codec import DAMAGE, Coding, Order, from_text, numbers
 
-Element = ElementTree.Element
+XmlElement = ElementTree.Element
 
 _KINDS = {f"{'U' * u}Int{8 * n}": np.dtype(f"{'u' if u else 'i'}{n}") for u in (0, 1) for n in (1, 2, 4, 8)}
 _KINDS |= {"Float32": np.dtype(np.float32), "Float64": np.dtype(np.float64), "String": np.dtype(np.uint8)}
@@ -25,7 +25,7 @@ _APPENDED = re.compile(rb"<AppendedData\b[^>]*>\s*_")
 _ENCODING = re.compile(rb"encoding\s*=\s*[\"'](\w+)[\"']")
 
 
-def parsed(path: Path, text: bytes) -> Element:
+def parsed(path: Path, text: bytes) -> XmlElement:
     """The root of an XML text. Raises ReadError: for damage, and for entities, which no mesh needs."""
     if b"<!ENTITY" in text:
         raise ReadError(path, "declares XML entities, which are not read")
@@ -40,7 +40,7 @@ class Document:
     """A VTU file: its root, how its arrays are coded, and the block of arrays behind it (`base64`: as text)."""
 
     path: Path
-    root: Element
+    root: XmlElement
     coding: Coding
     appended: memoryview
     base64: bool
@@ -49,7 +49,7 @@ class Document:
         """A ReadError about the file, at an element."""
         return ReadError(self.path, message, place)
 
-    def count(self, element: Element, name: str, default: int | None = None) -> int:
+    def count(self, element: XmlElement, name: str, default: int | None = None) -> int:
         """Integer value of an attribute that counts something. Raises ReadError."""
         text = element.get(name)
         if text is None and default is not None:
@@ -58,7 +58,7 @@ class Document:
             raise self.error(f"{name} should be a number, not {str(text)[:40]!r}", f"<{element.tag}>")
         return int(text)
 
-    def array(self, element: Element, most: int | None = None) -> NDArray:
+    def array(self, element: XmlElement, most: int | None = None) -> NDArray:
         """Values of a DataArray, flat; `most`: the largest possible number of values in a compressed one, if known."""
         kind = _KINDS.get(element.get("type", ""))
         if kind is None:
@@ -71,12 +71,12 @@ class Document:
         except DAMAGE as error:
             raise self.error(f"cannot be read ({error})", _place(element)) from None
 
-    def text(self, element: Element) -> str:
+    def text(self, element: XmlElement) -> str:
         """The text of an array of bytes, or of strings, of which each ends in a NUL; "" where there is none."""
         values = self.array(element)
         return values.tobytes().replace(b"\0", b"").decode("utf-8", "replace") if values.dtype.itemsize == 1 else ""
 
-    def _bytes(self, element: Element, most: int | None) -> bytes:
+    def _bytes(self, element: XmlElement, most: int | None) -> bytes:
         form = element.get("format")
         if form == "appended":
             offset = self.count(element, "offset")
@@ -88,7 +88,7 @@ class Document:
         raise ValueError(f"the format {form!r} is not known")
 
 
-def _place(element: Element) -> str:
+def _place(element: XmlElement) -> str:
     return f"<{element.tag} Name={element.get('Name')!r}>"
 
 

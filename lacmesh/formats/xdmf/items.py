@@ -15,7 +15,7 @@ from lacmesh.errors import ReadError
 from lacmesh.formats.med.hdf5 import Branch, opened
 from lacmesh.formats.vtu.codec import DAMAGE, from_text
 
-Element = ElementTree.Element
+ItemElement = ElementTree.Element
 
 _KINDS = {"Float": "f", "Int": "i", "UInt": "u"}
 _BYTES = {"Float": "48", "Int": "1248", "UInt": "1248"}
@@ -24,11 +24,11 @@ _XPOINTER = re.compile(r"\s*(?:xpointer\()?(/[^()]*?)(?:/\*\[([^\]]*)\])?\)?\s*"
 
 
 @dataclass(frozen=True)
-class Source:
+class XdmfSource:
     """An XDMF file that is being read, with the HDF5 files that it names."""
 
     path: Path
-    root: Element
+    root: ItemElement
     stack: ExitStack
     heavy: dict[str, Branch] = field(default_factory=dict)
 
@@ -45,9 +45,9 @@ class Source:
             self.heavy[name] = self.stack.enter_context(opened(path))
         return self.heavy[name]
 
-    def children(self, element: Element) -> list[Element]:
+    def children(self, element: ItemElement) -> list[ItemElement]:
         """Children of an element, including those that it refers to elsewhere in the file. Raises ReadError."""
-        found: list[Element] = []
+        found: list[ItemElement] = []
         for child in element:
             if child.tag.endswith("}include") or child.tag == "xi:include":
                 found += self._included(child.get("xpointer", ""))
@@ -57,7 +57,7 @@ class Source:
                 found.append(child)
         return found
 
-    def _included(self, pointer: str) -> list[Element]:
+    def _included(self, pointer: str) -> list[ItemElement]:
         found = _XPOINTER.fullmatch(pointer.replace("element(", "xpointer("))
         path = found.group(1).replace("//", "/.//").strip("/") if found else ""
         place = None
@@ -72,14 +72,14 @@ class Source:
             return [place]
         return [child for child in place if child.tag in re.findall(r"\w+", found.group(2))]
 
-    def item(self, parent: Element) -> tuple[Element, str]:
+    def item(self, parent: ItemElement) -> tuple[ItemElement, str]:
         """The DataItem of an element, and its text, which is equal for the same array. Raises ReadError."""
         for child in self.children(parent):
             if child.tag == "DataItem":
                 return child, " ".join("".join(child.itertext()).split())
         raise self.error("has no DataItem", _place(parent))
 
-    def array(self, parent: Element) -> NDArray:
+    def array(self, parent: ItemElement) -> NDArray:
         """The values of an element's DataItem, in the shape that its Dimensions say."""
         item, text = self.item(parent)
         if item.get("ItemType", "Uniform") != "Uniform":
@@ -103,7 +103,7 @@ class Source:
         except DAMAGE as error:
             raise self.error(f"cannot be read ({error})", _place(parent)) from None
 
-    def _dimensions(self, item: Element, parent: Element) -> tuple[int, ...] | None:
+    def _dimensions(self, item: ItemElement, parent: ItemElement) -> tuple[int, ...] | None:
         text = item.get("Dimensions")
         if text is None:
             return None
@@ -111,7 +111,7 @@ class Source:
             raise self.error(f"dimensions {text[:40]!r} are no numbers", _place(parent))
         return tuple(int(n) for n in text.split())
 
-    def _kind(self, item: Element, parent: Element) -> np.dtype:
+    def _kind(self, item: ItemElement, parent: ItemElement) -> np.dtype:
         name = item.get("NumberType", item.get("DataType", "Float"))
         size = item.get("Precision", "4")
         if name in ("Char", "UChar"):
@@ -120,7 +120,7 @@ class Source:
             raise self.error(f"numbers of type {name} and {size} bytes are not known", _place(parent))
         return np.dtype(f"{_KINDS[name]}{size}")
 
-    def _from_hdf5(self, text: str, parent: Element) -> NDArray:
+    def _from_hdf5(self, text: str, parent: ItemElement) -> NDArray:
         name, separator, inside = text.rpartition(":")
         if not separator or not inside.strip("/"):
             raise self.error(f"{text[:60]!r} does not name an array as file:/place", _place(parent))
@@ -130,7 +130,7 @@ class Source:
             branch = branch.branch(group)
         return branch.numbers(last)
 
-    def _from_bytes(self, item: Element, name: str, shape: tuple[int, ...] | None, parent: Element) -> NDArray:
+    def _from_bytes(self, item: ItemElement, name: str, shape: tuple[int, ...] | None, parent: ItemElement) -> NDArray:
         order = _ORDERS.get(item.get("Endian", "Native"))
         if order is None or item.get("Compression", "Raw") != "Raw" or shape is None:
             raise ValueError("such an item of bytes is not read")
@@ -145,6 +145,6 @@ class Source:
             raise ValueError(f"{name}: {error.strerror or error}") from None
 
 
-def _place(element: Element) -> str:
+def _place(element: ItemElement) -> str:
     name = element.get("Name")
     return f"<{element.tag}>" if name is None else f"<{element.tag} Name={name!r}>"

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, did_you_mean, some
 from lacmesh.formats import notes
-from lacmesh.formats.arrays import GROUP, Parts, assembled, merged
-from lacmesh.formats.vtu.reader import Cells, blocks_of, stray_node
+from lacmesh.formats.arrays import GROUP, MeshArrays, assembled, merged
+from lacmesh.formats.vtu.reader import VtkCells, blocks_of, stray_node
 from lacmesh.formats.vtu.types import OF_TYPE as VTK_OF_TYPE
 from lacmesh.formats.vtu.xml import parsed
-from lacmesh.formats.xdmf.items import Element, Source
+from lacmesh.formats.xdmf.items import ItemElement, XdmfSource
 from lacmesh.formats.xdmf.types import ALIASES, OF_NAME, OF_NUMBER, XDMF_TYPES
 from lacmesh.formats.xdmf.writer import ID, NOTES, PLACE, told
 from lacmesh.mesh import Floats, Ints, Mesh, Step
@@ -36,7 +36,7 @@ class _Grid(NamedTuple):
 
     name: str
     time: float | None
-    children: list[Element]
+    children: list[ItemElement]
     points: str
     cells: str
 
@@ -44,7 +44,7 @@ class _Grid(NamedTuple):
 class _Part(NamedTuple):
     """Cells that came from one grid, and the attributes on them."""
 
-    cells: Cells
+    cells: VtkCells
     data: dict[str, NDArray]
 
 
@@ -60,7 +60,7 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     if root.tag != "Xdmf" or domain is None:
         raise ReadError(path, "has no <Xdmf> and <Domain>")
     with ExitStack() as stack:
-        source = Source(path, root, stack)
+        source = XdmfSource(path, root, stack)
         notes_of = _told(domain, said)
         _check_halves(source, notes_of.get(ID))
         grids = _chosen(source, list(_grids(source, domain)), mesh, said)
@@ -70,7 +70,7 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     return found
 
 
-def _told(domain: Element, said: list[str]) -> dict[str, str]:
+def _told(domain: ItemElement, said: list[str]) -> dict[str, str]:
     """Texts that lacmesh wrote into Information elements beside the arrays, by name."""
     found: dict[str, str] = {}
     for information in domain.iter("Information"):
@@ -83,7 +83,7 @@ def _told(domain: Element, said: list[str]) -> dict[str, str]:
     return found
 
 
-def _check_halves(source: Source, mark: str | None) -> None:
+def _check_halves(source: XdmfSource, mark: str | None) -> None:
     """Raise ReadError where the HDF5 file is not the one that was written with this file."""
     if not mark:
         return
@@ -94,7 +94,7 @@ def _check_halves(source: Source, mark: str | None) -> None:
 
 
 def _grids(
-    source: Source, parent: Element, time: float | None = None, inside: tuple[Element, ...] = ()
+    source: XdmfSource, parent: ItemElement, time: float | None = None, inside: tuple[ItemElement, ...] = ()
 ) -> Iterator[_Grid]:
     """Yield the uniform grids of a domain or collection; `inside`: the elements that contain it. Raises ReadError."""
     if parent in inside or len(inside) > _DEEPEST:
@@ -112,27 +112,27 @@ def _grids(
             yield _Grid(element.get("Name", ""), when, children, *keys)
 
 
-def _time(source: Source, element: Element) -> float | None:
+def _time(source: XdmfSource, element: ItemElement) -> float | None:
     try:
         return float(element.get("Value", ""))
     except ValueError:
         return None
 
 
-def _key(source: Source, children: list[Element], tag: str) -> str:
+def _key(source: XdmfSource, children: list[ItemElement], tag: str) -> str:
     """Key that is equal for two grids with the same points (tag Geometry) or cells (Topology)."""
     found = _only(source, children, tag)
     return f"{found.get('TopologyType')} {source.item(found)[1]}"
 
 
-def _only(source: Source, children: list[Element], tag: str) -> Element:
+def _only(source: XdmfSource, children: list[ItemElement], tag: str) -> ItemElement:
     for child in children:
         if child.tag == tag:
             return child
     raise source.error(f"a grid has no <{tag}>")
 
 
-def _chosen(source: Source, grids: list[_Grid], wanted: str | None, said: list[str]) -> list[_Grid]:
+def _chosen(source: XdmfSource, grids: list[_Grid], wanted: str | None, said: list[str]) -> list[_Grid]:
     """Grids that make the mesh: those named `wanted`, or all; all share points. Raises ReadError, RequestError."""
     if not grids:
         raise source.error("holds no grid")
@@ -153,7 +153,7 @@ def _chosen(source: Source, grids: list[_Grid], wanted: str | None, said: list[s
     return grids
 
 
-def _mesh(source: Source, grids: list[_Grid], noted_text: str | None, said: list[str]) -> Mesh:
+def _mesh(source: XdmfSource, grids: list[_Grid], noted_text: str | None, said: list[str]) -> Mesh:
     points = _points(source, _only(source, grids[0].children, "Geometry"))
     fields, noted = notes.from_json(noted_text, len(points), said) if noted_text else ({}, {})
     times = sorted({g.time for g in grids if g.time is not None})
@@ -178,7 +178,7 @@ def _mesh(source: Source, grids: list[_Grid], noted_text: str | None, said: list
     return _put_together(source, points, list(parts.values()), node, fields, noted, said)
 
 
-def _points(source: Source, geometry: Element) -> Floats:
+def _points(source: XdmfSource, geometry: ItemElement) -> Floats:
     kind = geometry.get("GeometryType", geometry.get("Type", "XYZ")).upper()
     if kind not in ("XYZ", "XY"):
         raise source.error(f"points of type {kind} are not read", "<Geometry>")
@@ -194,7 +194,7 @@ def _points(source: Source, geometry: Element) -> Floats:
     return points
 
 
-def _cells(source: Source, topology: Element, n_points: int) -> Cells:
+def _cells(source: XdmfSource, topology: ItemElement, n_points: int) -> VtkCells:
     name = topology.get("TopologyType", topology.get("Type", ""))
     values = source.array(topology).reshape(-1)
     if values.dtype.kind not in "iu":
@@ -208,7 +208,7 @@ def _cells(source: Source, topology: Element, n_points: int) -> Cells:
     return cells._replace(connectivity=nodes)
 
 
-def _uniform(source: Source, topology: Element, name: str, values: NDArray[np.int64]) -> Cells:
+def _uniform(source: XdmfSource, topology: ItemElement, name: str, values: NDArray[np.int64]) -> VtkCells:
     lower = name.lower()
     kind = OF_NAME.get(ALIASES.get(lower, lower))
     if lower == "polygon":
@@ -221,10 +221,10 @@ def _uniform(source: Source, topology: Element, name: str, values: NDArray[np.in
         raise source.error(f"holds {len(values)} nodes for {n[:20]} cells of {width}", f"<Topology {name}>")
     k = len(values) // width
     number = VTK_OF_TYPE[kind.type].number
-    return Cells(values, width * np.arange(1, k + 1), np.full(k, number, np.uint8))
+    return VtkCells(values, width * np.arange(1, k + 1), np.full(k, number, np.uint8))
 
 
-def _mixed(source: Source, topology: Element, values: NDArray[np.int64]) -> Cells:
+def _mixed(source: XdmfSource, topology: ItemElement, values: NDArray[np.int64]) -> VtkCells:
     from lacmesh.formats.xdmf.mixed import starts
 
     before = np.zeros(max(OF_NUMBER) + 1, np.int64)
@@ -250,10 +250,10 @@ def _mixed(source: Source, topology: Element, values: NDArray[np.int64]) -> Cell
     inside = np.ones(len(values), bool)
     inside[first] = False
     inside[first[counted] + 1] = False
-    return Cells(values[inside], np.cumsum(width[number] - before[number]), vtk[number])
+    return VtkCells(values[inside], np.cumsum(width[number] - before[number]), vtk[number])
 
 
-def _attributes(source: Source, grid: _Grid) -> Iterator[tuple[str, Element]]:
+def _attributes(source: XdmfSource, grid: _Grid) -> Iterator[tuple[str, ItemElement]]:
     for child in grid.children:
         if child.tag == "Attribute":
             center = child.get("Center", "Node")
@@ -262,7 +262,7 @@ def _attributes(source: Source, grid: _Grid) -> Iterator[tuple[str, Element]]:
             yield center, child
 
 
-def _values(source: Source, attribute: Element, size: int) -> NDArray:
+def _values(source: XdmfSource, attribute: ItemElement, size: int) -> NDArray:
     values = source.array(attribute)
     if (size and values.size % size) or (not size and values.size):
         place = f"<Attribute Name={attribute.get('Name')!r}>"
@@ -272,7 +272,7 @@ def _values(source: Source, attribute: Element, size: int) -> NDArray:
 
 
 def _put_together(
-    source: Source,
+    source: XdmfSource,
     points: Floats,
     parts: list[_Part],
     node: dict[str, NDArray],
@@ -283,7 +283,7 @@ def _put_together(
     """Assemble the mesh from all parts."""
     sizes = [len(p.cells.ends) for p in parts]
     starts = np.cumsum([0, *(len(p.cells.connectivity) for p in parts)])
-    cells = Cells(
+    cells = VtkCells(
         np.concatenate([p.cells.connectivity for p in parts]),
         np.concatenate([p.cells.ends + a for p, a in zip(parts, starts, strict=False)]),
         np.concatenate([p.cells.types for p in parts]),
@@ -294,7 +294,7 @@ def _put_together(
         data, place = _own(data, place, noted)
     elif len(parts) > 1:
         blocks, place, data = _without_repeats(blocks, place, data, parts, np.repeat(np.arange(len(parts)), sizes))
-    return assembled(Parts(points, blocks, place, data, node), fields, noted, said, {"cell": _noted_groups(noted)})
+    return assembled(MeshArrays(points, blocks, place, data, node), fields, noted, said, {"cell": _noted_groups(noted)})
 
 
 def _own(data: dict[str, NDArray], place: Ints, noted: dict[str, Any]) -> tuple[dict[str, NDArray], Ints]:

@@ -20,13 +20,13 @@ from lacsolver.bodies.finite.equations import Stretches, check_admissible
 from lacsolver.bodies.finite.laws import constants, may_take_the_mean
 from lacsolver.bodies.finite.point import gradient, respond, warm, work
 from lacsolver.bodies.material import PLACES, Elastic, Materials
-from lacsolver.bodies.small.fields import Field, Temperature, checked, gathered, temperature_at, temperatures
+from lacsolver.bodies.small.fields import Field, TemperatureField, checked, gathered, temperature_at, temperatures
 from lacsolver.bodies.small.gradients import Piece, kind
 from lacsolver.space.space import Space
 
 
 def thermal_stretches(
-    space: Space, materials: Materials, temperature: Temperature | None, t: float = 1.0, degree: int | None = None
+    space: Space, materials: Materials, temperature: TemperatureField | None, t: float = 1.0, degree: int | None = None
 ) -> Field | None:
     """Return the thermal stretches (cells, points) at time t: 1 + expansion (T - T0), and 1 where no T is given.
 

@@ -21,14 +21,14 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small.gradients import Piece, coordinates, nodal, piece, spans
 from lacsolver.space.space import Space
-from lacsolver.space.values import Value, evaluate
+from lacsolver.space.values import ScalarField, evaluate
 
 T = TypeVar("T")
 #: an array (cells, points, ...) for each block of a space
 Field = tuple[NDArray[np.floating], ...]
 #: a temperature of the whole body, or (temperature, cells) pairs, where None means all cells and later pairs override
 #: earlier ones
-Temperature = Value | Sequence[tuple[Value, Ints | None]]
+TemperatureField = ScalarField | Sequence[tuple[ScalarField, Ints | None]]
 
 
 def points(space: Space, degree: int | None = None) -> Field:
@@ -77,7 +77,7 @@ def stress(
     materials: Materials,
     u: Floats,
     *,
-    temperature: Temperature | None = None,
+    temperature: TemperatureField | None = None,
     t: float = 1.0,
     degree: int | None = None,
     threads: int = 1,
@@ -99,7 +99,7 @@ def internal_force(
     materials: Materials,
     u: Floats,
     *,
-    temperature: Temperature | None = None,
+    temperature: TemperatureField | None = None,
     t: float = 1.0,
     threads: int = 1,
 ) -> NDArray[np.floating]:
@@ -139,13 +139,13 @@ def scatter(out: Any, nodes: Any, f: Any) -> None:
                 out[nodes[e, a], s] += f[e, a, s]
 
 
-def temperatures(space: Space, given: Temperature | None) -> list[tuple[Value, NDArray[np.bool_] | None]]:
+def temperatures(space: Space, given: TemperatureField | None) -> list[tuple[ScalarField, NDArray[np.bool_] | None]]:
     """Return (value, mask) pairs; the mask tells for each cell of the mesh if it has the value, None for all cells."""
     if given is None:
         return []
     if not isinstance(given, Sequence):
         return [(given, None)]
-    pairs: list[tuple[Value, NDArray[np.bool_] | None]] = []
+    pairs: list[tuple[ScalarField, NDArray[np.bool_] | None]] = []
     for value, cells in given:
         mask = None
         if cells is not None:
@@ -156,7 +156,7 @@ def temperatures(space: Space, given: Temperature | None) -> list[tuple[Value, N
 
 
 def temperature_at(
-    space: Space, part: Piece, given: list[tuple[Value, NDArray[np.bool_] | None]], t: float
+    space: Space, part: Piece, given: list[tuple[ScalarField, NDArray[np.bool_] | None]], t: float
 ) -> NDArray[np.floating] | None:
     """Return the temperature (c, q) at a piece's points, NaN in cells without one; None if nothing is given."""
     if not given:
@@ -211,7 +211,7 @@ def _stress(
     materials: Materials,
     part: Piece,
     u: Floats,
-    given: list[tuple[Value, NDArray[np.bool_] | None]],
+    given: list[tuple[ScalarField, NDArray[np.bool_] | None]],
     t: float,
 ) -> NDArray[np.floating]:
     temperature = temperature_at(space, part, given, t)

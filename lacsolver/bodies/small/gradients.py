@@ -26,7 +26,7 @@ from lacsolver.space.space import Space
 _PIECE = 1 << 18
 
 
-class Table(NamedTuple):
+class ShapeTable(NamedTuple):
     """Shape functions N (q, n), gradients (q, 3, n), weights w (q,) of a cell type at the points of a rule.
 
     The rows of the gradients beyond the dimension of the cell are 0.
@@ -38,7 +38,7 @@ class Table(NamedTuple):
 
 
 @cache
-def table(name: str, axisymmetric: bool = False, degree: int | None = None) -> Table:
+def table(name: str, axisymmetric: bool = False, degree: int | None = None) -> ShapeTable:
     """Return the table of a cell type for the rule of its stiffness, or for a quadrature rule of some degree.
 
     Rules of a given degree are those of `lacmesh.reference.quadrature`.
@@ -47,10 +47,10 @@ def table(name: str, axisymmetric: bool = False, degree: int | None = None) -> T
     dN = gradient(name, X).transpose(0, 2, 1)
     padded = np.zeros((len(w), 3, dN.shape[2]))
     padded[:, : dN.shape[1]] = dN
-    return Table(np.ascontiguousarray(shape(name, X)), padded, w)
+    return ShapeTable(np.ascontiguousarray(shape(name, X)), padded, w)
 
 
-class Kind(NamedTuple):
+class KernelSpace(NamedTuple):
     """The properties of a space that kernels use."""
 
     dim: int
@@ -59,9 +59,9 @@ class Kind(NamedTuple):
     thickness: float
 
 
-def kind(space: Space) -> Kind:
+def kind(space: Space) -> KernelSpace:
     """Return the properties of a space that kernels use."""
-    return Kind(space.dim, space.model.rows, space.model.axisymmetric, space.thickness)
+    return KernelSpace(space.dim, space.model.rows, space.model.axisymmetric, space.thickness)
 
 
 class Piece(NamedTuple):
