@@ -16,6 +16,7 @@ from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT
 from lacsolver.solve.stepping import march
+from tests.lacsolver import finite_cases
 from tests.lacsolver.contact_cases import HEAD, JOINT, check, held, pressed
 from tests.lacsolver.patch_meshes import placed, rotation, stack
 
@@ -33,7 +34,10 @@ def states_of(name, change=lambda text: text):
     states, moved = list(march(problem)), 0.0
     for state in states:
         moved = max(moved, float(np.abs(state.u).max()))
-        check(problem, state, moved)
+        if problem.kinematics.constant:
+            check(problem, state, moved)
+        else:  # Newton's method ends at its tolerance, not at rounding
+            finite_cases.check(problem, state)
     return problem, states
 
 
