@@ -127,9 +127,9 @@ def parse_group(text: str) -> tuple[str, EntitySelection]:
     """Parse `NAME=TAG,TAG` or `NAME=box:x0,y0,z0,x1,y1,z1`; `DIM:` after the = sets the dimension. Raises RequestError.
 
     >>> parse_group("bore=17,18")
-    ('bore', Part(dim=None, tags=(17, 18), box=()))
+    ('bore', EntitySelection(dim=None, tags=(17, 18), box=()))
     >>> parse_group("body=3:1")[1], parse_group("top=box:0,0,1,2,2,1")[1].box
-    (Part(dim=3, tags=(1,), box=()), (0.0, 0.0, 1.0, 2.0, 2.0, 1.0))
+    (EntitySelection(dim=3, tags=(1,), box=()), (0.0, 0.0, 1.0, 2.0, 2.0, 1.0))
     """
     name, equals, said = text.rpartition("=")
     head, colon, rest = said.partition(":")
