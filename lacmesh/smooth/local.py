@@ -27,9 +27,10 @@ _ROUNDS = 3
 LEAST = {1: (2, 3, 4), 2: (5, 12, 20)}
 #: a third ring is taken in where two have fewer neighbours than this, by the degree that is wanted
 ENOUGH = {1: {2: 2, 4: 4}, 2: {2: 5, 4: 24}}
-#: what second derivatives are held back by, of what the neighbours say: where these cannot tell them from the slope (a
-#: strip of one row of faces), the skin is straight; and what terms of higher order are, which give way to the second
-_RIDGE, _HIGHER = 1e-10, 1e-5
+#: penalty on the derivatives of order 1 to 4, per neighbour. That on the second makes the skin straight where
+#: neighbours cannot tell curvature from slope (a strip of one row of faces); a larger one on the third and fourth makes
+#: these give way to the second; the first has as much as keeps the matrix regular
+_PENALTY = (1e-24, 1e-10, 1e-5, 1e-5)
 #: nodes that are fitted at once
 _PIECE = 8192
 
@@ -128,7 +129,7 @@ def _fitted(d: Floats, normal: Floats, count: Ints, begin: Ints, dim: int, degre
             A[:, i, j] = A[:, j, i] = np.add.reduceat(weighted * columns[j], begin)
     for i, one in enumerate(powers):
         often = factorial(sum(one)) / np.prod([factorial(p) for p in one])  # so that it does not hang on the frame
-        A[:, i, i] += count * often * (1e-24, _RIDGE, _HIGHER, _HIGHER)[sum(one) - 1] + 1e-300
+        A[:, i, i] += count * often * _PENALTY[sum(one) - 1] + 1e-300
     c = np.linalg.solve(A, rhs[:, :, None])[:, :, 0]
     turned = normal - np.einsum("nk,nks->ns", c[:, :dim], frame)
     H = np.zeros((len(count), 3, 3))

@@ -203,7 +203,10 @@ def results(given: Curved, found: Found) -> Iterator[Result]:
 
 
 def falls(given: Curved, smooth: Levels, true: Levels) -> Result:
-    """Convergence rate of p_m, judged against that with the true gap or, where it is lower, the theoretical rate."""
+    """Convergence rate of the larger of two errors of p_m, with the smooth and with the true gap.
+
+    It is to be 0.9, or the rate with the true gap alone where that is lower.
+    """
     h = [given.h(level) for level in range(len(true))]
     larger = [max(pair) for pair in zip(means(smooth), means(true), strict=True)]
     wanted, reason = FALLING, _UNEVEN

@@ -176,7 +176,7 @@ def between_faces(given: Dragged, smooth: Solved) -> Iterator[Result]:
     """Alternation and iterations on the coarsest mesh, with the gap between faces and between smooth surfaces."""
     faces = dragged(replace(given, surface="faces"), given.sizes[0], given.steps[0])
     for name, own in (("between faces", faces), ("smooth", smooth)):
-        swings = [alternation(row) for state in own.states if (row := along(state)[1]).max() > 0]
+        swings = [alternation(row) for row in pressed_rows(own.states)]
         count = sum(state.iterations for state in own.states)
         yield reported(f"pressure that alternates, over its peak, coarsest mesh, {name}", max(swings), reason=_BESIDE)
         yield reported(f"Newton iterations, coarsest mesh, {name}", count, reason=_BESIDE)
@@ -254,7 +254,7 @@ def last_pairs(residuals: Sequence[float], tolerance: float) -> list[tuple[float
 
 def evenness(states: Sequence[State], named: str = "") -> tuple[Result, ...]:
     """Criteria for even pressures: alternation from face to face, worst and mean of the steps, and total variation."""
-    rows = [row for state in states if (row := along(state)[1]).max() > 0]
+    rows = pressed_rows(states)
     swings = [alternation(row) for row in rows]
     mean = "the mean of the steps, beside the worst"
     return (
@@ -264,6 +264,11 @@ def evenness(states: Sequence[State], named: str = "") -> tuple[Result, ...]:
         reported(f"total variation over twice the peak, less 1{named}", max(map(variation, rows)),
                  reason="0 for a pressure with one hill, 1 for two of one height that part"),
     )  # fmt: skip
+
+
+def pressed_rows(states: Sequence[State]) -> list[Floats]:
+    """Pressures p_m along the contact (`along`), an array for each state in which some macro-element is pressed."""
+    return [row for state in states if (row := along(state)[1]).max() > 0]
 
 
 def along(state: State) -> tuple[Floats, Floats]:
