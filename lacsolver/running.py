@@ -130,7 +130,7 @@ class _Run:
 
     def restart(self, state: State) -> Restart:
         """Return a converged state for a restart."""
-        size = state.next_step if np.isfinite(state.next_step) else self.problem.case.steps.last
+        size = state.step.step_size if np.isfinite(state.step.step_size) else self.problem.case.steps.last
         return Restart.of(state, size, self.number)
 
     def told(self) -> Results:
@@ -155,7 +155,7 @@ def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
     if made.last is not None:
         told += warnings_of(made.last.held, made.last.prescribed)
         told += faceted(problem, made.last)
-        if problem.kinematics.constant:
+        if not problem.kinematics.finite:
             told += filter(None, [beyond_a_cell(problem.space, made.last.u)])
     return tuple(told)
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.case.draft import draft, same
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.keys import MODELS, Needs, Section, defaults_of, key
@@ -21,6 +22,7 @@ from lacsolver.case.kinds import (
     Axes,
     Bounds,
     Choice,
+    Constants,
     Flag,
     Group,
     Groups,
@@ -79,21 +81,23 @@ class Material(Entry):
                 Option("orthotropic", "linear, three axes of symmetry", "small"),
                 Option("saint_venant_kirchhoff", "linear in the Green-Lagrange strain", "finite"),
                 Option("neo_hookean", "compressible rubber", "finite"),
-            )
+            ),
+            MATERIAL_LAWS,
         ),
         "",
         "how stress follows from strain",
         default="elastic",
         default_words='"elastic"; needed if finite',
     )
-    young: float | tuple[float, float, float] = key(
-        ThreeNumbers(POSITIVE), "stress", "Young's modulus; orthotropic: [E1, E2, E3]"
-    )
-    poisson: float | tuple[float, float, float] = key(
-        ThreeNumbers(),
-        "",
+    young: float | tuple[float, float, float] | None = key(
+        ThreeNumbers(POSITIVE), "stress", "Young's modulus; orthotropic: [E1, E2, E3]", default=None,
+        default_words="required", unless="constants",
+    )  # fmt: skip
+    poisson: float | tuple[float, float, float] | None = key(
+        ThreeNumbers(), "",
         "Poisson's ratio, between -1 and 0.5; orthotropic: [nu12, nu13, nu23], with nu_ij / E_i = nu_ji / E_j",
-    )
+        default=None, default_words="required", unless="constants",
+    )  # fmt: skip
     shear: tuple[float, float, float] | None = key(
         ThreeNumbers(POSITIVE, alone=False), "stress", "shear moduli [G12, G13, G23]", default=None,
         needs=Needs("law", ("orthotropic",)), default_words="required if orthotropic",
@@ -111,6 +115,12 @@ class Material(Entry):
         default=0.0,
     )
     reference_temperature: float = key(Number(), "temperature", "where there is no thermal strain", default=0.0)
+    constants: dict[str, float] | None = key(
+        Constants(),
+        "",
+        "constants of a law that a Python program has added, in place of young and poisson",
+        default=None,
+    )
 
 
 _HEXA = Choice(
@@ -159,9 +169,19 @@ class Contact(PairEntry):
 
     SECTION: ClassVar = Section("contact", True, "two skins that may touch, without friction")
     type: str = key(
-        Choice((Option("unilateral", "pressure or gap"), Option("bilateral", "no gap, pressure of either sign"))),
+        Choice(
+            (Option("unilateral", "pressure or gap"), Option("bilateral", "no gap, pressure of either sign")),
+            CONTACT_LAWS,
+        ),
         "", "what the pressure may be", default="unilateral",
     )  # fmt: skip
+    stiffness: float | None = key(
+        Number(POSITIVE), "stress / length", "pressure per overlap, for soft contact", default=None,
+        default_words="rigid: no overlap", needs=Needs("type", ("unilateral", "bilateral")),
+    )  # fmt: skip
+    constants: dict[str, float] | None = key(
+        Constants(), "", "constants of a contact law that a Python program has added", default=None
+    )
     normals: str = key(_NORMALS, "", "the normals of the slave", default="facet")
     geometry: str = key(
         Choice(

@@ -108,6 +108,11 @@ def _table_schema(record: type) -> Schema:
     rules: list[Schema] = [{"oneOf": [{"required": [name]} for name in names]} for names in section.one_of]
     rules += [{"anyOf": [{"required": [name]} for name in names]} for names in section.some_of]
     rules += [{"not": {"required": list(pair)}} for pair in section.not_both]
+    rules += [
+        {"anyOf": [{"required": [name]}, {"required": [key.unless]}]}
+        for name, key in keys_of(record).items()
+        if key.unless
+    ]
     return made | ({"allOf": rules} if rules else {})
 
 

@@ -78,7 +78,7 @@ class Answer:
         slave = joint.zone.slave.at(joint.places(self.problem.space, u))
         nodal, mean = recover_pressure(
             slave, joint.zone.macro, zone.pressure, zone.status,
-            axisymmetric=self.problem.space.model.axisymmetric, unilateral=joint.one_sided,
+            axisymmetric=self.problem.space.model.axisymmetric, unilateral=joint.law.compressive,
         )  # fmt: skip
         told = joint.zone.slave.at(self.problem.space.mesh.points)
         return ZoneFields.of(zone, told, joint.zone.macro, joint.zone.number, mean, nodal)

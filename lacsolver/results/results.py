@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
-from lacsolver.results.state import Iterate, State, ZoneState
+from lacsolver.results.state import State, StepState, ZoneState
 
 #: values of `Results.status`; a run that was killed keeps the first
 STATUSES = ("running", "done", "interrupted", "failed")
@@ -144,31 +144,35 @@ class Fields:
 
 @dataclass(frozen=True, eq=False)
 class Restart:
-    """State for a restart. `number`: number of converged steps so far; `step_size`: size of the next step.
+    """State for a restart: the `step` that was committed, and what a reader of the file wants to see of it.
 
-    `u` (n_dof,). By zone, `multipliers`: pressures (n,) of a contact, tractions (n, d) of a tie; and `status` (n,).
-    `rigid`: motion of each rigid body. `iterate`, `earlier`: as in `State`. `folder`: folder that the state was read
-    from, None for a state of this run. `case`: fingerprint of its case and mesh, None if it was not computed.
+    `number`: number of converged steps so far. `u` (n_dof,). By zone, `multipliers`: pressures (n,) of a contact,
+    tractions (n, d) of a tie; and `status` (n,). `rigid`: motion of each rigid body. `folder`: folder that the state
+    was read from, None for a state of this run. `case`: fingerprint of its case and mesh, None if it was not computed.
     """
 
-    time: float
-    step_size: float
+    step: StepState
     number: int
     u: NDArray
     multipliers: Mapping[str, NDArray]
     status: Mapping[str, Ints]
     rigid: Mapping[str, NDArray]
-    iterate: Iterate
-    earlier: tuple[float, Iterate] | None = None
     folder: Path | None = None
     case: Mapping[str, str] | None = None
+
+    @property
+    def time(self) -> float:
+        """Time of the state."""
+        return self.step.time
+
+    @property
+    def step_size(self) -> float:
+        """Size of the next step."""
+        return self.step.step_size
 
     @classmethod
     def of(cls, state: State, step_size: float, number: int) -> Restart:
         """Make the restart of a converged state, the `number`-th; `step_size`: size of the next step."""
         multipliers = {zone.name: zone.traction if zone.tie else zone.pressure for zone in state.zones}
         status = {zone.name: zone.status for zone in state.zones}
-        assert state.iterate is not None
-        return cls(
-            state.time, step_size, number, state.u, multipliers, status, state.rigid, state.iterate, state.earlier
-        )
+        return cls(state.step.with_step_size(step_size), number, state.u, multipliers, status, state.rigid)
