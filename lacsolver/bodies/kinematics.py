@@ -19,7 +19,7 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies import finite
 from lacsolver.bodies import small as assemble
 from lacsolver.bodies.material import Materials
-from lacsolver.bodies.pointwise import History, PointwiseBodies
+from lacsolver.bodies.pointwise import LawHistory, PointwiseBodies
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.bodies.small.fields import Field, TemperatureField, checked
 from lacsolver.space.space import Space
@@ -39,19 +39,19 @@ class Kinematics(Protocol):
     def finite(self) -> bool:
         """True if the bodies are in balance where they are displaced to, False if undeformed."""
 
-    def internal_force(self, u: Floats, t: float, history: History = ()) -> NDArray[np.floating]:
+    def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
         """Return f_int (n_dof,), spring forces included. Raises InadmissibleError where u inverts a cell."""
 
-    def tangent(self, u: Floats, t: float, history: History = ()) -> csr_array:
+    def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> csr_array:
         """Return K = df_int/du (n_dof, n_dof), symmetric for hyperelastic laws. Raises InadmissibleError."""
 
-    def commit(self, u: Floats, t: float, history: History = ()) -> History:
+    def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
         """Return the history of the laws at the end of a step; () if no law has one."""
 
-    def stress(self, u: Floats, t: float, history: History = ()) -> Field:
+    def stress(self, u: Floats, t: float, history: LawHistory = ()) -> Field:
         """Return the Cauchy stress (cells, points, 4 or 6) of each block, in the components of `space.COMPONENTS`."""
 
-    def energy(self, u: Floats, t: float, history: History = ()) -> float:
+    def energy(self, u: Floats, t: float, history: LawHistory = ()) -> float:
         """Return the energy stored in bodies and springs."""
 
 
@@ -82,26 +82,26 @@ class Small:
     def _points(self) -> PointwiseBodies:
         return PointwiseBodies(self.space, self.materials, self.threads)
 
-    def internal_force(self, u: Floats, t: float, history: History = ()) -> NDArray[np.floating]:
+    def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
         """Return K u, and the forces of laws at points."""
         f = np.asarray(self._K @ checked(self.space, u))
         return f if self.linear else f + self._points.internal_force(u, history)
 
-    def tangent(self, u: Floats, t: float, history: History = ()) -> csr_array:
+    def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> csr_array:
         """Return K, and the tangent of laws at points."""
         return self._K if self.linear else csr_array(self._K + self._points.tangent(u, history))
 
-    def commit(self, u: Floats, t: float, history: History = ()) -> History:
+    def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
         """Return the history of laws at points."""
         return () if self.linear else self._points.commit(u, history)
 
-    def stress(self, u: Floats, t: float, history: History = ()) -> Field:
+    def stress(self, u: Floats, t: float, history: LawHistory = ()) -> Field:
         """Return the stress C (strain - thermal strain)."""
         space, materials, threads = self.space, self.materials, self.threads
         made = assemble.stress(space, materials, u, temperature=self.temperature, t=t, threads=threads)
         return made if self.linear else self._points.with_stress(made, u, history)
 
-    def energy(self, u: Floats, t: float, history: History = ()) -> float:
+    def energy(self, u: Floats, t: float, history: LawHistory = ()) -> float:
         """Return half the integral of stress times elastic strain, C^-1 stress, plus the springs' energy."""
         C, _ = self.materials.tables
         inverse = np.linalg.pinv(C)  # plane stress: C has zeros for zz; laws at points: zeros
@@ -135,14 +135,14 @@ class Finite:
     def _points(self) -> PointwiseBodies:
         return PointwiseBodies(self.space, self.materials, self.threads, finite=True)
 
-    def internal_force(self, u: Floats, t: float, history: History = ()) -> NDArray[np.floating]:
+    def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
         """Return f_int of the bodies plus the springs' forces."""
         theta, threads = self.stretches(t), self.threads
         f = finite.internal_force(self.space, self.materials, u, stretches=theta, threads=threads)
         f = f if not self.materials.pointwise else f + self._points.internal_force(u, history)
         return f if self.springs is None else f + self.springs @ u
 
-    def tangent(self, u: Floats, t: float, history: History = ()) -> csr_array:
+    def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> csr_array:
         """Return K at u."""
         theta, threads, values = self.stretches(t), self.threads, self._values
         blocks = finite.tangent(self.space, self.materials, u, stretches=theta, threads=threads, out=values)
@@ -150,17 +150,17 @@ class Finite:
         K = K if not self.materials.pointwise else csr_array(K + self._points.tangent(u, history))
         return K if self.springs is None else csr_array(K + self.springs)
 
-    def commit(self, u: Floats, t: float, history: History = ()) -> History:
+    def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
         """Return the history of laws at points."""
         return self._points.commit(u, history) if self.materials.pointwise else ()
 
-    def stress(self, u: Floats, t: float, history: History = ()) -> Field:
+    def stress(self, u: Floats, t: float, history: LawHistory = ()) -> Field:
         """Return the Cauchy stress."""
         theta, threads = self.stretches(t), self.threads
         made = finite.cauchy_stress(self.space, self.materials, u, stretches=theta, threads=threads)
         return made if not self.materials.pointwise else self._points.with_stress(made, u, history)
 
-    def energy(self, u: Floats, t: float, history: History = ()) -> float:
+    def energy(self, u: Floats, t: float, history: LawHistory = ()) -> float:
         """Return the energy stored in bodies and springs."""
         theta, threads = self.stretches(t), self.threads
         stored = finite.energy(self.space, self.materials, u, stretches=theta, threads=threads)

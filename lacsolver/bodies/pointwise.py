@@ -28,7 +28,7 @@ from lacsolver.bodies.small.gradients import Piece, nodal
 from lacsolver.space.space import Space
 
 #: histories of laws: an array (cells, points, n) for each block of the space, () if no law has one
-History = tuple[NDArray[np.floating], ...]
+LawHistory = tuple[NDArray[np.floating], ...]
 #: Newton's method for H_22 of plane stress: relative tolerance of P_22, largest number of iterations
 _CLOSE, _STEPS = 1e-12, 60
 
@@ -83,7 +83,7 @@ class PointwiseBodies:
     threads: int = 1
     finite: bool = False
 
-    def internal_force(self, u: Floats, history: History = ()) -> NDArray[np.floating]:
+    def internal_force(self, u: Floats, history: LawHistory = ()) -> NDArray[np.floating]:
         """Return f_int (n_dof,) of these cells at u (n_dof,). Raises InadmissibleError where u inverts a cell."""
         out = np.zeros((self.space.mesh.n_nodes, self.space.dim))
         for part, points in self._evaluated(u, history):
@@ -92,7 +92,7 @@ class PointwiseBodies:
             scatter(out, part.nodes[points.rows], np.ascontiguousarray(f))
         return out.ravel()
 
-    def tangent(self, u: Floats, history: History = ()) -> csr_array:
+    def tangent(self, u: Floats, history: LawHistory = ()) -> csr_array:
         """Return K = df_int/du (n_dof, n_dof) of these cells at u (n_dof,)."""
         n, dim = self.space.n_dof, self.space.dim
         rows, columns, values = [np.empty(0, int)], [np.empty(0, int)], [np.empty(0)]
@@ -109,14 +109,14 @@ class PointwiseBodies:
         made = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
         return coo_array(made, shape=(n, n)).tocsr()
 
-    def energy(self, u: Floats, history: History = ()) -> float:
+    def energy(self, u: Floats, history: LawHistory = ()) -> float:
         """Return the energy stored in these cells at u (n_dof,)."""
         return sum(
             float((part.W[points.rows] * points.answer.energy.reshape(points.H.shape[:2])).sum())
             for part, points in self._evaluated(u, history)
         )
 
-    def commit(self, u: Floats, history: History = ()) -> History:
+    def commit(self, u: Floats, history: LawHistory = ()) -> LawHistory:
         """Return the history at the end of a step that led to u (n_dof,)."""
         n_points = {part.block: part.W.shape[1] for part, _ in self._evaluated(u, history)}
         blocks = enumerate(self.space.blocks)
@@ -126,7 +126,7 @@ class PointwiseBodies:
             out[part.block][part.cells.start + rows, :, : kept.shape[2]] = kept
         return out if self._n_history else ()
 
-    def with_stress(self, field: Field, u: Floats, history: History = ()) -> Field:
+    def with_stress(self, field: Field, u: Floats, history: LawHistory = ()) -> Field:
         """Return a stress field (cells, points, 4 or 6) with the Cauchy stress of these cells at u (n_dof,)."""
         places = np.array(PLACES[: self.space.model.n_stress])
         out = tuple(values.copy() for values in field)
@@ -159,7 +159,7 @@ class PointwiseBodies:
             out[1, 2] = 0.0
         return out
 
-    def _evaluated(self, u: Floats, history: History) -> Iterator[tuple[Piece, _Points]]:
+    def _evaluated(self, u: Floats, history: LawHistory) -> Iterator[tuple[Piece, _Points]]:
         """Yield the responses, law by law, of every piece of the space, in order."""
         u = checked(self.space, u)
 
@@ -177,7 +177,7 @@ class PointwiseBodies:
                 yield part, points
         check_admissible(self.space, inverted)
 
-    def _answer(self, part: Piece, law: PointLaw, rows: Ints, u: Floats, history: History) -> _Points:
+    def _answer(self, part: Piece, law: PointLaw, rows: Ints, u: Floats, history: LawHistory) -> _Points:
         """Return the response at the points of some cells of a piece."""
         dim, model = self.space.dim, self.space.model
         H = np.zeros((len(rows), part.W.shape[1], 3, 3))

@@ -233,7 +233,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Constants:
+class NumberTable:
     """A table of numbers by name."""
 
     words = "a table of numbers, { a = 1.0, b = 2.0 }"

@@ -22,11 +22,11 @@ from lacsolver.case.kinds import (
     Axes,
     Bounds,
     Choice,
-    Constants,
     Flag,
     Group,
     Groups,
     Number,
+    NumberTable,
     Option,
     Point,
     Reserved,
@@ -116,7 +116,7 @@ class Material(Entry):
     )
     reference_temperature: float = key(Number(), "temperature", "where there is no thermal strain", default=0.0)
     constants: dict[str, float] | None = key(
-        Constants(),
+        NumberTable(),
         "",
         "constants of a law that a Python program has added, in place of young and poisson",
         default=None,
@@ -180,7 +180,7 @@ class Contact(PairEntry):
         default_words="rigid: no overlap", needs=Needs("type", ("unilateral", "bilateral")),
     )  # fmt: skip
     constants: dict[str, float] | None = key(
-        Constants(), "", "constants of a contact law that a Python program has added", default=None
+        NumberTable(), "", "constants of a contact law that a Python program has added", default=None
     )
     normals: str = key(_NORMALS, "", "the normals of the slave", default="facet")
     geometry: str = key(

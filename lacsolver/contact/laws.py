@@ -58,6 +58,10 @@ class ContactLaw(Protocol):
         """True if pressures are never negative."""
 
     @property
+    def exact(self) -> bool:
+        """True if the size of a pressure, not only its sign, decides on the active set: sets are solved exactly."""
+
+    @property
     def n_history(self) -> int:
         """Number of values that a row keeps from step to step."""
 
@@ -90,6 +94,7 @@ class Bilateral:
 
     all_components = False
     compressive = False
+    exact = False
     n_history = 0
 
     def next_active(self, rows: RowState) -> Bools:

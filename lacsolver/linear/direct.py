@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
 from lacsolver.linear.errors import Breakdown, SingularError
-from lacsolver.linear.protocol import TOLERANCE, Matrix, Numeric, Symbolic
+from lacsolver.linear.protocol import TOLERANCE, Factor, Matrix, Numeric, Symbolic
 from lacsolver.linear.refine import refined
 from lacsolver.linear.regular import check_regular, indefinite, least_motion, positive_diagonal, singular
 from lacsolver.linear.sides import by_rows, right_hand_sides
@@ -79,8 +79,8 @@ class DirectAnalysis:
         self._symbolic = analyse(self._triangle) if self._triangle.n else _Nothing()
         self._last: Callable[[], DirectFactor | None] = lambda: None
 
-    def factor(self, K: Matrix) -> DirectFactor:
-        """Return the factor of K, and release the previous one.
+    def factor(self, K: Matrix, reuse: Factor | None = None) -> DirectFactor:
+        """Return the factor of K, and release the previous one; `reuse` is for iterative backends.
 
         Raises SingularError, and RequestError for another pattern than the one analysed.
         """

@@ -19,6 +19,8 @@ from lacsolver.linear.vectors import Vectors
 
 #: orthogonalise a second time when the first pass leaves less than this fraction of the norm; fraction that is noise
 _LOST, _NOISE = 0.1, 1e-12
+#: a residual that is below this fraction of the least before has made progress
+_PROGRESS = 0.9
 #: directions for which memory is taken at first
 _FIRST = 16
 
@@ -46,22 +48,29 @@ class KrylovStep(NamedTuple):
 def minimise(
     system: LinearSystem,
     r: Floats,
-    done: Callable[[Floats], bool],
+    excess: Callable[[Floats], float],
     limit: int,
     *,
     known: Floats | Sequence[Floats] = (),
     least: float = 0.0,
+    patience: int | None = None,
 ) -> KrylovStep:
     """Return the step that minimises the residual r (m,) over `known` directions and at most `limit` others.
 
-    `done(r)`: True if a residual is small enough; it is asked before each direction that is not known. The loop also
-    ends at a norm of `least`, and at a direction that depends on the earlier ones up to round-off.
+    `excess(r)`: a residual relative to its tolerance; the loop ends where it is 1 or less, once the known directions
+    are used. It also ends at a norm of `least`, at a direction that depends on the earlier ones up to round-off, and
+    when the excess has not fallen by a tenth for `patience` directions.
     """
     vectors, k, r = system.vectors, 0, r.copy()
     Z: NDArray[np.floating] = np.empty((0, 0))
     images: NDArray[np.floating] = np.empty((0, 0))
     T, along = np.zeros((len(known) + limit,) * 2), np.zeros(len(known) + limit)
-    while k < len(known) + limit and (k < len(known) or not done(r)) and vectors.norm(r) > least:
+    best, since = np.inf, 0
+    while k < len(known) + limit and vectors.norm(r) > least:
+        left = excess(r) if k >= len(known) else np.inf
+        best, since = (left, 0) if left < _PROGRESS * best else (best, since + 1)
+        if left <= 1 or (patience is not None and since >= patience):
+            break
         z = known[k] if k < len(known) else system.precondition(r)
         image = system.image(z)
         if k == len(Z):

@@ -17,7 +17,7 @@ from lacmesh.mesh import Floats
 from lacsolver.linear.cycle import Blocks, Cycle, Level, Team, jacobi
 from lacsolver.linear.errors import LinearError
 from lacsolver.linear.krylov import minimise
-from lacsolver.linear.protocol import TOLERANCE, Matrix
+from lacsolver.linear.protocol import TOLERANCE, Factor, Matrix
 from lacsolver.linear.refine import backward_error
 from lacsolver.linear.regular import CLEAR, is_free, positive_diagonal, singular
 from lacsolver.linear.sides import right_hand_sides
@@ -39,6 +39,8 @@ _ROUNDING = 1e-15
 #: lower bound of the tolerance
 _LEAST = 1e-16
 _TINY = 1e-300
+#: energy of a direction, relative to the diagonal's, that is round-off
+_FREE = 1e-15
 #: a hierarchy is stale when it takes this many times the iterations per decade of the residual of its first use
 _STALE_RATIO = 1.5
 #: only solves that reduce the residual by at least this many decades count for that
@@ -110,14 +112,13 @@ class MultigridFactor:
     def image(self, z: Floats) -> Floats:
         """Return K z. Raises SingularError for a direction without energy."""
         Kz = self.apply(z)
-        if not z @ Kz > 0 and z.any():
+        if z.any() and not z @ Kz > _FREE * np.square(z / self._scale).sum():
             raise singular(dof=int(np.abs(z).argmax()))
         return Kz
 
     def _one(self, b: Floats, x: Floats, tolerance: float) -> Floats:
         """Return the solution for one right-hand side, by rounds of GCR with the true residual after each."""
-        self.n_solves += 1
-        self.n_iterations = 0
+        self.n_solves, self.n_iterations, b = self.n_solves + 1, 0, np.ascontiguousarray(b)
         if not b.any():
             return np.zeros_like(b)
         norm = self.vectors.norm
@@ -127,11 +128,12 @@ class MultigridFactor:
             if before <= goal or backward_error(self._scale, x, r, b) <= _ROUNDING:
                 return x
             limit = min(_ROUND, _MOST - self.n_iterations)
-            step = minimise(self, r, lambda left: norm(left) <= goal, limit, least=_RECURRED * before)
+            step = minimise(self, r, lambda left: norm(left) / goal, limit, least=_RECURRED * before)
             if not step.directions:
                 break
             self.n_iterations += step.directions
-            x, r = x + step.x, r if not step.directions else b - self.apply(x + step.x)
+            x = x + step.x
+            r = b - self.image(x)
             self.record_convergence("alone", step.directions, float(np.log10(before / max(norm(step.residual), _TINY))))
         if norm(r) <= goal or backward_error(self._scale, x, r, b) <= _ROUNDING:
             return x
@@ -160,7 +162,7 @@ class MultigridAnalysis:
             raise RequestError(f"modes are ({n}, r) finite numbers, not {modes.shape}")
         self._modes, self._team = modes, Team(threads)
 
-    def factor(self, K: Matrix, reuse: MultigridFactor | None = None) -> MultigridFactor:
+    def factor(self, K: Matrix, reuse: Factor | None = None) -> MultigridFactor:
         """Return a factor of K, whose size is that analysed, with the hierarchy of the factor `reuse` or a new one.
 
         The hierarchy of `reuse`, the factor of a similar matrix, is used until it is stale. Raises SingularError if a
@@ -170,7 +172,7 @@ class MultigridAnalysis:
             raise RequestError(f"the matrix is {K.shape}, and {len(self._modes)} unknowns were analysed")
         d = positive_diagonal(K)
         blocks = K.tobsr((self._block, self._block))
-        if reuse is not None and reuse.shape == K.shape and not reuse.hierarchy.is_stale:
+        if isinstance(reuse, MultigridFactor) and reuse.shape == K.shape and not reuse.hierarchy.is_stale:
             return MultigridFactor(blocks, d, reuse.hierarchy, self._team)
         _check_held(blocks, d, self._modes)
         return MultigridFactor(blocks, d, _hierarchy(blocks, self._modes, self._team), self._team)

@@ -49,8 +49,11 @@ class Analysis(Protocol):
 
     backend: str
 
-    def factor(self, K: Matrix) -> Factor:
-        """Return the factor of a matrix with the pattern that was analysed."""
+    def factor(self, K: Matrix, reuse: Factor | None = None) -> Factor:
+        """Return the factor of a matrix with the pattern that was analysed.
+
+        `reuse`: factor of a similar matrix by the same backend, of which an iterative backend keeps what it can.
+        """
 
 
 class Numeric(Protocol):

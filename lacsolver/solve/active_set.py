@@ -74,7 +74,7 @@ def active_set_iterates(
         G, S = contact.equations(p, active)
         problem = SaddleProblem(K, contact.rows, np.flatnonzero(active), f, G + contact.rows.D @ q, S, geometric)
         applications = 0
-        for reduction in (pivots.begin(active), 0.0):
+        for reduction in (0.0 if contact.exact else pivots.begin(active), 0.0):
             q, p, more, _ = solve_saddle(problem, q, p, tolerance.linear(reduction, tolerance.moved))
             contact, applications = contact_at(q), applications + more
             wanted = contact.next_active(active, p)

@@ -103,6 +103,14 @@ class ContactSystem:
     skin: NDArray[np.floating]
     nodal: Rows | None = None
 
+    @classmethod
+    def of(cls, rows: Rows, G: Floats, law: ContactLaw, K: Stiffness) -> ContactSystem:
+        """Return the system of covered rows on the unknowns of a stiffness K that obey one law."""
+        m = len(G)
+        group = RowGroup(law, slice(0, m), np.zeros((m, law.n_history)))
+        every = np.ones(m, bool)
+        return cls(rows, G, (group,), every, every, skin_stiffness(K, rows))
+
     def reduced(self, T: csr_array, K: Stiffness) -> ContactSystem:
         """Return the system on the unknowns q of a stiffness K, with T = du/dq."""
         rows = self.rows.reduced(T)
@@ -156,6 +164,11 @@ class ContactSystem:
     def commit(self, p: Floats, active: Bools) -> tuple[Floats, ...]:
         """Return the history of each pair's law at the end of a step."""
         return tuple(group.law.commit(state) for group, state in self.states(p, active))
+
+    @property
+    def exact(self) -> bool:
+        """True if a law asks for exact solves."""
+        return any(group.law.exact for group in self.groups)
 
     @property
     def moving(self) -> bool:

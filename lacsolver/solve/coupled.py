@@ -64,10 +64,10 @@ def solve_coupled(problem: SaddleProblem, q: Floats, p: Floats, tolerance: Linea
     while count < _MOST:
         limit = tolerance.threshold(system.vectors.largest(x[:n]))
         stop = _StoppingCriteria(system, limit, _BALANCED * system.largest_force(x), loose, gaps)
-        if stop.met(r):
+        if stop.excess(r) <= 1:
             break
         step = minimise(
-            system, r, stop.met, min(_ROUND, _MOST - count), known=system.constrained, least=_RECURRED * norm(r)
+            system, r, stop.excess, min(_ROUND, _MOST - count), known=system.constrained, least=_RECURRED * norm(r)
         )
         count += step.directions
         left = system.residual(x + step.x)
@@ -93,12 +93,18 @@ class _StoppingCriteria(NamedTuple):
     loose: float
     loose_gaps: float
 
-    def met(self, r: Floats) -> bool:
-        """Return True if a residual meets the criteria."""
+    def excess(self, r: Floats) -> float:
+        """Return a residual relative to the criteria; at most 1 if it meets them."""
         system, norm = self.system, self.system.vectors.norm
-        if self.loose > 0 and norm(r) <= self.loose and norm(r[system.n :]) <= self.loose_gaps:
-            return True
-        return system.gap(r) <= self.gap and system.force(r) <= self.force
+        exact = max(_ratio(system.gap(r), self.gap), _ratio(system.force(r), self.force))
+        if not self.loose > 0:
+            return exact
+        return min(exact, max(_ratio(norm(r), self.loose), _ratio(norm(r[system.n :]), self.loose_gaps)))
+
+
+def _ratio(value: float, limit: float) -> float:
+    """Return value / limit, for a limit that may be 0."""
+    return value / limit if limit > 0 else np.inf if value > 0 else 0.0
 
 
 class _System:

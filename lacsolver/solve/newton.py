@@ -123,7 +123,8 @@ def newton_iterates(
         again = sets.record(active, now.residual.merit) <= now.residual.merit  # it comes back, and nothing is better
         limit = min(_MAX_SETS, tolerance.max_iterations - spent) if again else 1
         fraction = 0.0 if damping is None else damping.fraction(merits)
-        step = _newton_step(now, active, tolerance, 0.0 if exact else _reduction(now.residual), fraction, limit)
+        reduction = 0.0 if exact or now.there.contact.exact else _reduction(now.residual)
+        step = _newton_step(now, active, tolerance, reduction, fraction, limit)
         worst = np.inf if damping is not None else max(merits[-_WINDOW:])
         then = None if step is None else _line_search(linearize, now, step, tolerance, worst)
         if step is None or then is None:

@@ -72,7 +72,7 @@ class SchurPreconditioner:
         self.B_T = self.B.T
         if self.n:
             gram = rows.gram[active][:, active]
-            self.gram = splu(csc_array(gram + 1e-13 * gram.diagonal().max() * eye_array(self.n)))
+            self.gram = splu(csc_array(gram + (1e-13 * gram.diagonal().max() or 1.0) * eye_array(self.n)))
         self.QB, self.QD = rows.B[active] @ K.R, rows.D[active] @ K.R
         self.inverse = pseudo_inverse(self.QB.T @ self.QD)
         energy = np.asarray((self.B @ self.inner).multiply(self.B).sum(axis=1)).ravel()

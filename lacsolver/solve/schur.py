@@ -84,7 +84,7 @@ def _in_balance(K: Stiffness, f: Floats, terms: Floats, q: Floats) -> tuple[NDAr
     """
     if not f.any():  # no load: the rest of q is noise of earlier loads, without a scale to compare it with
         return K.R @ (K.R.T @ q), 0
-    scale = 1 / np.sqrt(np.abs(K.diagonal))
+    scale = 1 / np.sqrt(np.abs(K.scaling))
     for count in range(_CORRECTIONS):
         r = f - K.apply(q)
         if backward_error(scale, q, r, terms) <= _BALANCED:
@@ -176,22 +176,9 @@ class _SchurLoop:
 
         The loop ends when the residual is at most `allowed`, or when it no longer falls.
         """
-        step = minimise(self, self.project(now.r) / self.unit, _Stagnation(allowed / self.unit), limit)
+        start, ends = self.project(now.r) / self.unit, allowed / self.unit
+        step = minimise(self, start, lambda r: _relative(r, ends), limit, patience=_PATIENCE)
         dq, dp, ds = np.split(step.x, [len(now.q), len(now.q) + self.n]) if step.directions else (0.0, 0.0, 0.0)
         p = now.p.copy()
         p[self.active] += dp
         return self.balanced_near(now.q - dq, p, now.s + ds), step.directions
-
-
-class _Stagnation:
-    """End of a Krylov loop: a residual of at most `allowed`, or one that has not fallen for a while."""
-
-    def __init__(self, allowed: Floats) -> None:
-        self._allowed, self._best, self._since = allowed, np.inf, -1
-
-    def __call__(self, r: Floats) -> bool:
-        """Return True for a residual at which the loop ends."""
-        left = _relative(r, self._allowed)
-        self._since = 0 if left < 0.9 * self._best else self._since + 1
-        self._best = min(self._best, left)
-        return left <= 1 or self._since >= _PATIENCE

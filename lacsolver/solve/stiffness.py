@@ -19,7 +19,6 @@ from scipy.sparse import bsr_array, csr_array, diags_array
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear import Analysis, Factor, analyse, choose
-from lacsolver.linear.multigrid import MultigridAnalysis, MultigridFactor
 from lacsolver.linear.vectors import Vectors
 
 
@@ -58,11 +57,6 @@ class Stiffness(NamedTuple):
     def vectors(self) -> Vectors:
         """Operations on vectors of the unknowns."""
         return self.factor.vectors
-
-    @property
-    def diagonal(self) -> NDArray[np.floating]:
-        """Diagonal (n,) of K."""
-        return np.asarray(self.K.diagonal())
 
     @property
     def scaling(self) -> NDArray[np.floating]:
@@ -116,7 +110,7 @@ class FactorCache:
     ) -> None:
         self._R, self._backend, self._threads, self._whole = R, backend, threads, whole
         self._analyses: dict[bool, Analysis] = {}
-        self._multigrid: MultigridFactor | None = None
+        self._cycles: Factor | None = None
 
     def factorise(self, K: csr_array, definite: bool = True) -> Stiffness:
         """Factorise a symmetric K, regularised by springs; with `definite` false K may be indefinite, see `analyse`.
@@ -130,14 +124,14 @@ class FactorCache:
             regular = csr_array(K + diags_array(spring))
         chosen = choose(self._backend, K.shape[0], 0 if whole is None else whole.modes.shape[1])
         if chosen.direct or whole is None or not definite:
-            return Stiffness(K, self._direct(regular, chosen.name, definite), R, None, spring)
+            return Stiffness(K, self._analysed(regular, chosen.name, definite), R, None, spring)
         on_nodes = _put_back(regular, whole)
-        made = MultigridAnalysis(on_nodes, whole.modes, whole.block, self._threads)
-        self._multigrid = made.factor(on_nodes, self._multigrid)
-        return Stiffness(K, self._multigrid, R, whole, spring)
+        made = analyse(on_nodes, backend=chosen.name, threads=self._threads, modes=whole.modes, block=whole.block)
+        self._cycles = made.factor(on_nodes, self._cycles)
+        return Stiffness(K, self._cycles, R, whole, spring)
 
-    def _direct(self, K: csr_array, backend: str, definite: bool) -> Factor:
-        """Return a direct factor of K, by the analysis before if the pattern is the same."""
+    def _analysed(self, K: csr_array, backend: str, definite: bool) -> Factor:
+        """Return a factor of K, by the analysis before if the pattern is the same."""
         if definite in self._analyses:
             with suppress(RequestError):  # another pattern
                 return self._analyses[definite].factor(K)

@@ -34,7 +34,7 @@ def states_of(name, change=lambda text: text):
     states, moved = list(march(problem)), 0.0
     for state in states:
         moved = max(moved, float(np.abs(state.u).max()))
-        if problem.kinematics.constant:
+        if problem.kinematics.linear:
             check(problem, state, moved)
         else:  # Newton's method ends at its tolerance, not at rounding
             finite_cases.check(problem, state)
