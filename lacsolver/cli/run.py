@@ -32,6 +32,7 @@ def add(commands: Any) -> None:
         "--from", dest="from_time", type=float, metavar="TIME", help="with --restart: from the state at this time"
     )
     parser.add_argument("--plot", metavar="FILE.png", help="draw the contact pressure on the deformed bodies")
+    parser.add_argument("--zoom", action="store_true", help="with --plot: show only the surroundings of the contact")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -43,6 +44,8 @@ def run(args: argparse.Namespace) -> None:
     check_alone()
     if args.from_time is not None and args.restart is None:
         raise RequestError("--from says where in the folder of --restart to begin; give both")
+    if args.zoom and args.plot is None:
+        raise RequestError("--zoom says what the picture of --plot shows; give both")
     case = read_case(args.case)
     mesh = lacmesh.read(case.mesh) if args.restart is not None else None
     start = read_state(args.restart, case, args.from_time, mesh=mesh) if args.restart is not None else None
@@ -106,6 +109,6 @@ def _plot(case: Case, folder: OutputFolder, args: argparse.Namespace) -> None:
 
     mesh = lacmesh.read(case.mesh)
     state = read_state(folder.path, case, mesh=mesh)
-    plot(case, state, Path(args.plot), mesh)
+    plot(case, state, Path(args.plot), mesh, zoom=args.zoom)
     if not args.quiet:
         print(f"the pressure at t = {state.time:.9g}: {args.plot}")
