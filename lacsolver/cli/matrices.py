@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> None:
             also = f" and {targets[name].with_suffix('.mtx').name}" if args.mtx else ""
             print(f"{name}: B {rows:,} x {columns:,}, {matrices.B.nnz:,} entries: {targets[name]}{also}")
         if not is_cut(mesh):
-            print("the columns are nodes of the mesh as it was cut for this; lacmesh cut writes that mesh")
+            print("the columns follow the nodes of the cut mesh; lacmesh cut writes that mesh")
         times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
         print(f"{args.case}: {times}{memory()}")
 
