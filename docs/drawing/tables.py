@@ -25,7 +25,7 @@ from lacsolver.case.schema import page_tables
 
 
 def counts_table() -> Iterator[str]:
-    """Every pattern: the macro-element, the children, what a slave face adds, and the least corner Jacobian of the children."""
+    """Every pattern: the macro-element, the children, what a slave face adds, and the minimum Jacobian."""
     yield from _head(
         "cell", "slave face", "variant", "macro-element", "children", "nodes added >", "cells added >",
         "internal nodes >", "minimum Jacobian >", "figure",

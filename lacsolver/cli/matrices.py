@@ -22,13 +22,20 @@ if TYPE_CHECKING:
 def add(commands: Any) -> None:
     """Declare the command."""
     parser = add_command(
-        commands, "matrices", run, "write the contact matrices of a case; it needs no material and no load"
+        commands,
+        "matrices",
+        run,
+        "write the contact matrices of a case, for another solver; no material or load is needed",
     )
     add_case(parser)
     parser.add_argument(
-        "-o", "--output", required=True, metavar="FILE.npz", help="of several zones each has a FILE-ZONE.npz"
+        "-o",
+        "--output",
+        required=True,
+        metavar="FILE.npz",
+        help="the output; with several zones one FILE-ZONE.npz for each",
     )
-    parser.add_argument("--mtx", action="store_true", help="write B beside it in Matrix Market's format too")
+    parser.add_argument("--mtx", action="store_true", help="also write B in Matrix Market format")
     parser.add_argument("--force", action="store_true", help="replace existing outputs")
 
 

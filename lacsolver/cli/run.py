@@ -21,15 +21,24 @@ if TYPE_CHECKING:
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    parser = add_command(commands, "run", run, "solve a case, and write fields, tables and figures into a folder")
+    parser = add_command(
+        commands, "run", run, "solve a case, and write fields, tables and summary values into a folder"
+    )
     add_case(parser)
     parser.add_argument(
-        "-o", "--output", metavar="DIR", help="the folder of the results (default: beside the case, without its suffix)"
+        "-o",
+        "--output",
+        metavar="DIR",
+        help="folder of the results (default: next to the case, named like it without suffix)",
     )
-    parser.add_argument("--force", action="store_true", help="replace results that the folder holds")
-    parser.add_argument("--restart", metavar="DIR", help="go on from the last state that an earlier run left in DIR")
+    parser.add_argument("--force", action="store_true", help="replace the results in the folder")
+    parser.add_argument("--restart", metavar="DIR", help="continue from the last state of an earlier run in DIR")
     parser.add_argument(
-        "--from", dest="from_time", type=float, metavar="TIME", help="with --restart: from the state at this time"
+        "--from",
+        dest="from_time",
+        type=float,
+        metavar="TIME",
+        help="with --restart: continue from the state at this time",
     )
     parser.add_argument("--plot", metavar="FILE.png", help="draw the contact pressure on the deformed bodies")
     parser.add_argument("--zoom", action="store_true", help="with --plot: show only the surroundings of the contact")

@@ -23,9 +23,7 @@ _WHERE = ("group", "groups", "at", "kind", "place", "centre")
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    parser = add_command(
-        commands, "validate", run, "read a case and its mesh, and tell every mistake at once, and what would be solved"
-    )
+    parser = add_command(commands, "validate", run, "read a case and its mesh, list all mistakes, and print the model")
     add_case(parser)
 
 

@@ -319,7 +319,7 @@ def test_a_little_warmth_is_that_of_small_strains(model):
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("threads", [1, 3])
-def test_a_cell_inside_out_is_told_by_its_number(law, threads):
+def test_an_inverted_cell_is_told_by_its_number(law, threads):
     mesh = cube("HEXA8", 2)
     mesh = Mesh.create(mesh.points, mesh.blocks, cell_number=np.arange(11, 11 + mesh.n_cells))
     space, materials = made(mesh, "3d", LAWS[law])
@@ -327,7 +327,7 @@ def test_a_cell_inside_out_is_told_by_its_number(law, threads):
     u = np.zeros_like(x)
     u[np.all(x == 1, axis=1)] = -1.6
     for run in (internal_force, force_and_tangent, finite.cauchy_stress, finite.energy):
-        with pytest.raises(InadmissibleError, match=r"cells 18 turn inside out .*smaller steps") as told:
+        with pytest.raises(InadmissibleError, match=r"cells 18 are inverted .*smaller steps") as told:
             run(space, materials, u.ravel(), threads=threads)
         assert told.value.cells == (18,)
         assert told.value.status == 4

@@ -117,7 +117,7 @@ def check_admissible(space: Space, folded: Sequence[NDArray[np.bool_]]) -> None:
     """Raise InadmissibleError if any cell is inverted, as `folded` (cells,) of each block tells."""
     cells = np.concatenate([block.cell[bad] for block, bad in zip(space.blocks, folded, strict=True)])
     if len(cells):
-        message = f"cells {space.mesh.cell_names(cells)} turn inside out under this displacement"
+        message = f"cells {space.mesh.cell_names(cells)} are inverted by this displacement"
         raise InadmissibleError(f"{message}; take smaller steps", space.mesh.cell_number[cells])
 
 
