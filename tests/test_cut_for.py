@@ -88,7 +88,7 @@ def test_a_master_far_away_is_found_where_it_is_looked_for(tmp_path, capsys):
     lacmesh.write(tmp_path / "far.msh", replace(mesh, points=points))
     asked = ["cut", str(tmp_path / "far.msh"), "--slave", "slave", "--master", "master", "-q"]
     assert main([*asked, "-o", str(tmp_path / "out.msh")]) == 1
-    assert "look farther (--search-distance)" in capsys.readouterr().err
+    assert "increase --search-distance" in capsys.readouterr().err
     assert main([*asked, "-o", str(tmp_path / "out.msh"), "--search-distance", "6"]) == 0
     with pytest.raises(SystemExit) as stopped:
         main([*asked, "-o", str(tmp_path / "other.msh"), "--search-distance", "inf"])

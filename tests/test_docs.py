@@ -142,6 +142,7 @@ def test_every_page_is_in_the_index():
 
 #: run with the commands that make the files which the examples read
 RUN_ELSEWHERE = {
+    "overview.md": "tests/test_readme.py",
     "solver.md": "tests/lacsolver/test_solver_docs.py",
     "output.md": "tests/lacsolver/test_output_docs.py",
 }

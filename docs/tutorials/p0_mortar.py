@@ -110,14 +110,14 @@ def draw(name):
 
 def main():
     """Print what the page shows, and draw its picture."""
-    print("faces  method     turns   force  inf-sup constants")
+    print("faces  method   extrema   force  inf-sup constants")
     for n in (9, 25, 49):
         mesh = pad(n)
         for name, stage in (("P0 mortar", p0_mortar), ("LAC", lac)):
             at = mesh if stage is p0_mortar else lacmesh.cut_skin(mesh, "slave").mesh
             p, (first, second) = pressures(at, stage), inf_sup(at, stage)
-            turns = int((np.diff(np.sign(np.diff(p))) != 0).sum())
-            print(f"{n:5}  {name:9} {turns:6} {p.sum() * 2 / n:7.4f}     {first:.3f}  {second:.3f}")
+            extrema = int((np.diff(np.sign(np.diff(p))) != 0).sum())
+            print(f"{n:5}  {name:9} {extrema:6} {p.sum() * 2 / n:7.4f}     {first:.3f}  {second:.3f}")
     draw("p0_mortar.png")
 
 

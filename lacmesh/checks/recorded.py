@@ -32,7 +32,7 @@ def record_faults(cut: Cut) -> list[Fault]:
     beyond = f"lac_macro does not number the {len(numbers):,} macro-elements from 0 to {len(numbers) - 1}"
     ruled = (
         (numbers[macro] >= len(numbers), beyond),
-        (_apart(cut, cells, macro), "faces of one macro-element (lac_macro) do not hang together"),
+        (_apart(cut, cells, macro), "faces of one macro-element (lac_macro) are not connected"),
         (_mixed(cut.zone_of_face[cells], macro), "faces of one macro-element are in several zones (lac_zone)"),
         (_unranked(cut.child_kind[cells], macro), "lac_child does not count the faces of a macro-element from 1"),
     )

@@ -28,8 +28,8 @@ def _told(error: LacmeshError, args: argparse.Namespace) -> list[str]:
 PROGRAM = Program(
     "lacmesh",
     __name__,
-    "Cut meshes for Local Average Contact: each face of the slave skin becomes a macro-element that "
-    "owns a displacement degree of freedom.",
+    "Prepare meshes for Local Average Contact: subdivide the slave faces into macro-elements with an internal "
+    "displacement node, check, measure, draw and convert.",
     EPILOG,
     COMMANDS,
     _told,

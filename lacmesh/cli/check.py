@@ -29,7 +29,7 @@ def add(commands: Any) -> None:
         commands,
         "check",
         run,
-        "say whether a mesh will work with the method, and where not; exit 1 if any finding is an error",
+        "check whether a mesh is usable for LAC, and where not; exit status 1 if any finding is an error",
     )
     parser.add_argument("input", metavar="IN", help="mesh, cut or not")
     parser.add_argument("--slave", action="append", required=True, metavar="GROUP", help="slave skin; may be repeated")
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> None:
     sys.stdout.flush()
     if found.errors:
         rules = ", ".join(dict.fromkeys(f.rule for f in found.errors))
-        raise DataError(f"{args.input} will not do as it is: {_count(found, 'error')} ({rules})")
+        raise DataError(f"{args.input} is not usable for LAC: {_count(found, 'error')} ({rules})")
 
 
 def warn_of(found: Findings) -> None:

@@ -11,7 +11,9 @@ from lacmesh.cli.options import add_command, add_output_options, add_program_opt
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    parser = add_command(commands, "convert", run, "write a mesh in another format, or of another order, groups kept")
+    parser = add_command(
+        commands, "convert", run, "write a mesh in another format, or with elevated order; groups are kept"
+    )
     parser.add_argument("input", metavar="IN")
     parser.add_argument("output", metavar="OUT", help="the suffix says the format (docs/formats.md)")
     parser.add_argument(

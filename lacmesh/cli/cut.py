@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    parser = add_command(commands, "cut", run, "cut the slave skin, and the cells behind it, into macro-elements")
+    parser = add_command(
+        commands, "cut", run, "subdivide the slave faces, and the cells behind them, into macro-elements"
+    )
     parser.add_argument("input", metavar="IN", help="mesh: .msh, .med, .mail, .inp, .vtu, .xdmf and more")
     parser.add_argument("--slave", action="append", required=True, metavar="GROUP", help="slave skin; may be repeated")
     parser.add_argument(
@@ -39,46 +41,48 @@ def add(commands: Any) -> None:
         action="append",
         default=[],
         metavar="GROUP",
-        help="what the slave skin faces; may be repeated: the cut is checked against it (as lacmesh check does), and "
-        "not written where that finds an error",
+        help="master skin; may be repeated: the cut is checked against it (as by lacmesh check), and not written if "
+        "the check finds an error",
     )
     add_facing_options(parser)
-    parser.add_argument("-o", "--output", metavar="OUT", help="default: beside the input, with .lac before its suffix")
+    parser.add_argument("-o", "--output", metavar="OUT", help="default: next to the input, with .lac before its suffix")
     parser.add_argument(
         "--hexa",
         choices=("pyramid", "hexa", "auto"),
         default="pyramid",
-        help="children of hexahedra; auto: those whose worst is better (default: pyramid)",
+        help="subdivision of hexahedra; auto: the variant with the higher minimum Jacobian (default: pyramid)",
     )
     parser.add_argument(
         "--interface",
         choices=("both", "refuse"),
         default="both",
-        help="a slave face between two cells: cut both, or refuse (default: both)",
+        help="internal face: subdivide both sides, or stop (default: both)",
     )
     parser.add_argument(
         "--orient",
         choices=("keep", "outward"),
         default="keep",
-        help="leave slave faces as they turn, or turn them outward (default: keep)",
+        help="orientation of slave faces: keep it, or flip faces that point inward (default: keep)",
     )
-    parser.add_argument("--skin-only", action="store_true", help="cut a skin that has no cells behind it (a shell)")
+    parser.add_argument("--skin-only", action="store_true", help="cut a surface without parent cells (a shell)")
     parser.add_argument(
         "--node-groups",
         choices=("extend", "keep"),
         default="extend",
-        help="new nodes enter node groups that hold all corners around them (default: extend)",
+        help="node sets gain new nodes when all corners belong (default: extend)",
     )
     parser.add_argument(
         "--min-quality",
         type=_number,
         metavar="X",
-        help="write nothing where the least corner Jacobian of a touched cell would be below X (1: ideal, 0: flat)",
+        help="write nothing if the minimum corner Jacobian of the new cells is below X (1: ideal, 0: flat)",
     )
     add_recognition_options(parser)
-    add_program_option(parser, "refuse, before cutting, what would give cells that this program cannot take")
+    add_program_option(parser, "stop before cutting if the cut would have cells that this program does not support")
     parser.add_argument(
-        "--report", metavar="FILE", help="what the cut does to the cells: .html (opens offline), .md, .json"
+        "--report",
+        metavar="FILE",
+        help="report on the effect of the cut on the cells: .html (opens offline), .md, .json",
     )
     add_output_options(parser)
 
@@ -119,7 +123,7 @@ def run(args: argparse.Namespace) -> None:
     if summary is not None:
         _print_summary(summary.result(), source, target, stage)
     elif done and not args.quiet:
-        print(f"{source} is cut already everywhere on {', '.join(args.slave)}: written as it was to {target}")
+        print(f"{source} is already cut on all of {', '.join(args.slave)}: written unchanged to {target}")
     if report is not None and not args.quiet:
         print(f"report: {args.report}")
 
@@ -146,7 +150,7 @@ def _check(cut: Cut, args: argparse.Namespace) -> Findings:
     if found.errors:
         first, more = found.errors[0], len(found.errors) - 1
         others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
-        raise DataError(f"the cut will not do: {first.rule}: {first.message}{others}")
+        raise DataError(f"the cut is not usable for LAC: {first.rule}: {first.message}{others}")
     warn_of(found)
     return found
 

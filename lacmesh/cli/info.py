@@ -16,7 +16,7 @@ LISTED = 60
 def add(commands: Any) -> None:
     """Declare the command."""
     shapes = "also say what shapes curved skins of linear faces have; "
-    parser = add_command(commands, "info", run, "say what is in a file", verbose=shapes)
+    parser = add_command(commands, "info", run, "list the content of a file", verbose=shapes)
     parser.add_argument("input", metavar="IN")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     add_mesh_option(parser)

@@ -82,13 +82,13 @@ def add_recognition_options(parser: argparse.ArgumentParser) -> None:
         dest="recognise",
         action="store_false",
         default=None,
-        help="the slave faces are not yet cut, whatever they look like",
+        help="treat the slave faces as not cut yet, without recognition of an earlier cut",
     )
     either.add_argument(
         "--recognise",
         action="store_true",
         default=None,
-        help="the slave faces are those of an earlier cut, as their pattern says, however its nodes are numbered now",
+        help="recognise an earlier cut by the pattern of its faces alone, whatever the node numbers",
     )
 
 
@@ -99,37 +99,37 @@ def add_facing_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="GROUP",
-        help="cells or nodes whose displacement is imposed; may be repeated",
+        help="cells or nodes with prescribed displacement; may be repeated",
     )
     parser.add_argument(
-        "--axisymmetric", action="store_true", help="a plane mesh about the y axis: measures hold 2 pi x"
+        "--axisymmetric", action="store_true", help="a plane mesh, axisymmetric about y: areas include 2 pi x"
     )
     parser.add_argument(
         "--search-distance",
         type=_length,
         metavar="LENGTH",
-        help="how far the slave looks for the master (default: a quarter of the smaller skin's diagonal, or twice its "
+        help="search distance from slave to master (default: a quarter of the smaller skin's diagonal, or twice its "
         "largest macro-element)",
     )
     parser.add_argument(
         "--max-penetration",
         type=_length,
         metavar="LENGTH",
-        help="how far it looks behind itself, where bodies overlap (default: half of the cells that meet there)",
+        help="largest initial penetration searched (default: half the local element size)",
     )
     parser.add_argument(
         "--surface",
         choices=("smooth", "faces"),
         default="smooth",
-        help="what gaps are measured between, where cells are linear: the curved skins that the nodes lie on, or the "
-        "faces as they are (default: smooth)",
+        help="gaps of linear cells are measured between the curved surfaces on which their nodes lie, or between the "
+        "faces (default: smooth)",
     )
     parser.add_argument(
         "--crease-angle",
         type=_angle,
         default=40.0,
         metavar="DEGREES",
-        help="edges that turn by more stay sharp (default: 40)",
+        help="edges at which the normal turns by more are sharp (default: 40)",
     )
 
 

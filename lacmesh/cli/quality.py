@@ -25,7 +25,7 @@ _PERCENTS = ("1 %", "5 %", "median", "95 %", "99 %")
 def add(commands: Any) -> None:
     """Declare the command."""
     parser = add_command(
-        commands, "quality", run, "measure the cells: invalid ones, how measures are spread, the worst"
+        commands, "quality", run, "quality of the cells: invalid ones, statistics of the measures, the worst cells"
     )
     parser.add_argument("input", metavar="IN", help="mesh, cut or not")
     parser.add_argument("--group", metavar="GROUP", help="the cells of this group only")

@@ -56,11 +56,23 @@ def _document(text: str, path: Path) -> tuple[dict[str, Any], Lines]:
         said = str(error)
         at = re.search(r" \(at line (\d+), column (\d+)\)$", said)
         if at:
-            raise ReadError(path, f"{said[: at.start()]} (column {at[2]})", f"line {at[1]}") from None
+            message = _unquoted(text.split("\n")[int(at[1]) - 1]) or f"{said[: at.start()]} (column {at[2]})"
+            raise ReadError(path, message, f"line {at[1]}") from None
         if said.endswith(" (at end of document)"):
             last = f"line {text.count(chr(10)) + 1}"
             raise ReadError(path, said.removesuffix(" (at end of document)") + " (the file ends)", last) from None
         raise ReadError(path, f"is no TOML text ({said})") from None
+
+
+def _unquoted(line: str) -> str:
+    """Return the message for a line whose value is text without quotes, such as `slave = arc`; "" for other lines."""
+    plain = re.fullmatch(r"\s*([\w.-]+)\s*=\s*([A-Za-z_][\w./-]*)\s*(#.*)?", line)
+    if plain is None:
+        return ""
+    key, word = plain[1], plain[2]
+    if word.lower() in ("true", "false"):
+        return f"{key} = {word} is no TOML; write {key} = {word.lower()}"
+    return f'{key} = {word} is text without quotes; write {key} = "{word}"'
 
 
 def _drafts(document: Mapping[str, Any]) -> tuple[Draft, list[Draft], list[Found]]:

@@ -38,9 +38,9 @@ def schema_text() -> str:
 
 
 _INTRODUCTION = (
-    "A value is a number, a formula of x, y, z, t, or a table of times [[t, v], ...], linear in between. Marked * it "
-    "is a load: a number is ramped from 0 at the start to itself at the end of the steps (a temperature: from the "
-    "material's reference). Units are your own, consistent ones; units here say what of."
+    "A value is a number, a formula of x, y, z, t, or a table of times [[t, v], ...], linear in between. A value "
+    "marked * is a load: a number is ramped from 0 at the start to its value at the end of the steps (a temperature: "
+    "from the material's reference). Use any consistent units; the units listed here are dimensions."
 )
 
 

@@ -40,7 +40,7 @@ def _told(error: LacmeshError, args: argparse.Namespace) -> list[str]:
 PROGRAM = Program(
     "lacsolver",
     __name__,
-    "Solve contact problems with the Local Average Contact method: a case file says what, lacmesh cuts the mesh.",
+    "Solve contact problems with the Local Average Contact method. A case file describes the problem.",
     EPILOG,
     COMMANDS,
     _told,

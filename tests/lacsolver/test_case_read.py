@@ -183,8 +183,10 @@ ux = [[1, 0],
         ("x = " + "[" * 100_000, "is nested too deeply to be read"),
         ("x = 2020-13-45", "line 1: "),
         ("x = 00", "line 1: "),
+        ("[[contact]]\nslave = arc\n", 'line 2: slave = arc is text without quotes; write slave = "arc"'),
+        ("[[pressure]]\nfollower = True # as in Python\n", "line 2: follower = True is no TOML; write follower = true"),
     ],
-    ids=range(10),
+    ids=range(12),
 )
 def test_no_toml(text, said):
     with pytest.raises(ReadError) as error:

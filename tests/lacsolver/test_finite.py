@@ -317,7 +317,7 @@ def test_a_little_warmth_is_that_of_small_strains(model):
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("threads", [1, 3])
-def test_a_cell_inside_out_is_told_by_its_number(law, threads):
+def test_an_inverted_cell_is_told_by_its_number(law, threads):
     mesh = cube("HEXA8", 2)
     mesh = Mesh.create(mesh.points, mesh.blocks, cell_number=np.arange(11, 11 + mesh.n_cells))
     space, materials = made(mesh, "3d", LAWS[law])
