@@ -19,6 +19,7 @@ import pytest
 
 import lacmesh
 from lacmesh import Cut, Mesh, cut_skin
+from lacmesh.cells import CELLS
 from lacmesh.cli import main
 from lacmesh.errors import GroupNotFoundError
 from lacmesh.formats import kind_of
@@ -79,14 +80,14 @@ def test_help_and_version_import_no_numpy(args):
 
 
 def test_importing_the_package_imports_no_numpy():
-    code = "import sys, lacmesh; assert 'numpy' not in sys.modules; assert 'cut_skin' in dir(lacmesh)"
+    code = "import sys, lacmesh; assert 'numpy' not in sys.modules"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
 def test_types_lists_every_pattern(capsys):
     assert main(["types"]) == 0
     out = capsys.readouterr().out
-    for name in lacmesh.CELLS:
+    for name in CELLS:
         assert name in out
     assert "5 PYRAM5" in out and "6 HEXA20" in out
 
@@ -127,7 +128,8 @@ def counts(case, source, suffix, tmp_path, capsys):
 
 def twin(name):
     """One QUAD4, TRIA3 or HEXA8 with all its sides and points, or 12 TETRA4: the meshes of zzzz383a to d."""
-    from lacmesh import CELLS, Mesh
+    from lacmesh import Mesh
+    from lacmesh.cells import CELLS
 
     if name == "zzzz383d":
         return cube_of_tetrahedra()

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lacmesh import CELLS, Mesh, aster_multipliers, cut_skin
+from lacmesh import Mesh, aster_multipliers, cut_skin
+from lacmesh.cells import CELLS
 from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES
 from tests import properties
 from tests.meshes import cell_with_faces

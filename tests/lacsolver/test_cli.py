@@ -67,10 +67,7 @@ def test_help_and_version_import_no_numpy(words):
 
 
 def test_importing_the_package_imports_nothing():
-    code = (
-        "import sys, lacsolver; assert 'numpy' not in sys.modules; assert 'lacsolver.case' not in sys.modules\n"
-        "assert set(lacsolver.__all__) <= set(dir(lacsolver))"
-    )
+    code = "import sys, lacsolver; assert 'numpy' not in sys.modules; assert 'lacsolver.case' not in sys.modules"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 

@@ -9,7 +9,8 @@ import pytest
 
 import lacmesh
 import lacsolver
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from verification.families import family, levels_in
 from verification.families.inf_sup import (
     SIDES,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh import CELLS
+from lacmesh.cells import CELLS
 from verification.exact.sources import compiled
 from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors
 from verification.measures.rates import fitted, pairwise
