@@ -89,6 +89,12 @@ def documentation(thing):
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda p: p.__name__)
+def test_every_public_name_has_an_example(package):
+    """Examples are run where the name is defined, as every doctest."""
+    assert [name for name in package.__all__ if ">>> " not in documentation(getattr(package, name))] == []
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda p: p.__name__)
 def test_errors_that_a_docstring_promises_are_public(package):
     known = {*lacmesh.__all__, *package.__all__, *dir(builtins)}
     for name in package.__all__:

@@ -31,6 +31,12 @@ class ZoneState:
     jump. `status`: CONTACT, OPEN, UNPAIRED. `coverage`: w / A; `area`: A, in the measure that pressures refer to, with
     thickness or 2 pi r; `centre` and `normal` (n, d) of the macro-element. `force` (n_nodes, d): contact force on every
     node of slave and master.
+
+    >>> from lacsolver import Problem, march, read_case
+    >>> *_, state = march(Problem.of(read_case("data/two_blocks.toml")))
+    >>> zone = state.zones[0]
+    >>> zone.name, float((zone.pressure * zone.area).sum().round(6))
+    ('joint', 10.435185)
     """
 
     name: str
@@ -69,6 +75,11 @@ class State:
     `iterate`, `earlier`: unknowns, pressures and active set of this state and, with its time, of the one before, for
     extrapolation and restart. At the last time of a case, `held`: rigid-body motions that only contact constrains, and
     `prescribed`: largest prescribed displacement.
+
+    >>> from lacsolver import Problem, march, read_case
+    >>> *_, state = march(Problem.of(read_case("data/two_blocks.toml")))
+    >>> state.time, state.u.shape, [zone.name for zone in state.zones]
+    (1.0, (1536,), ['joint'])
     """
 
     time: float
