@@ -75,6 +75,11 @@ def check_patch(results: dict, rows: list[dict[str, str]], dim: int, size: float
     assert results["steps"][-1]["iterations"] <= 2  # code_aster's
 
 
+def test_every_patch_of_the_suite_is_there(shared):
+    listed = json.loads((shared / "reference" / "cases.json").read_text())["cases"]
+    assert {row["id"] for row in listed if row["kind"] == "patch"} == set(ROWS)
+
+
 @pytest.mark.shared
 @pytest.mark.parametrize("row", ROWS)
 def test_patch_of_the_suite(shared, tmp_path, row):
