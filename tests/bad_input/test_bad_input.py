@@ -74,7 +74,14 @@ def test_every_command_takes_what_can_be_read(name, defect, tmp_path):
         assert outcome.status in (0, 1, 2) and "not-checked" not in outcome.sentence, (what, outcome)
 
 
-@pytest.mark.parametrize("stop", stop_cases.cases(), ids=lambda c: c.key)
+def stops():
+    """Both signals at every stage, or one of them by turns."""
+    turns = sorted(stop_cases.cases(), key=lambda stop: (stop_cases.STAGES.index(stop.stage) + stop.number) % 2)
+    return one_of_each(turns, lambda stop: stop.stage.what)
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("stop", stops(), ids=lambda c: c.key)
 def test_stopped(stop, tmp_path):
     outcome = stop_cases.run(stop, tmp_path)
     assert len(outcome.lines) == 1

@@ -183,7 +183,7 @@ NAMES = st.lists(
 
 
 @pytest.mark.fuzz
-@settings(max_examples=samples(20, 40), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=samples(10, 40), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     seed=st.integers(0, 10**9),
     types=st.lists(st.sampled_from(sorted(ORDERS)), max_size=6, unique=True),
