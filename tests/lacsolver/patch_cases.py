@@ -16,16 +16,8 @@ from lacsolver.bodies.small import stress
 from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
 from lacsolver.solve.stepping import march
-from tests.lacsolver.patch_meshes import (
-    PLANE_KINDS,
-    SOLID_KINDS,
-    TWO_WAYS,
-    own_places,
-    placed,
-    rotation,
-    side_by_side,
-    stack,
-)
+from tests.lacsolver.patch_meshes import own_places, placed, side_by_side, stack
+from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, tilt
 
 POISSON = 0.3
 #: components of a stress, as pairs of axes
@@ -204,7 +196,7 @@ def sized(press, size, young, pressure):
 
 
 def _pressed(mesh, dim, model, way, tilted, options, zones):
-    turn = rotation(dim) if tilted else None
+    turn = tilt(dim) if tilted else None
     model = model or ("3d" if dim == 3 else "plane_strain")
     if way != "pyramid":
         options = f'hexa = "{way}"\n{options}'

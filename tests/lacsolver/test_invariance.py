@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.lacsolver.invariant_cases import CASES, brought_back, compared, figures
-from tests.lacsolver.patch_meshes import rotation
+from verification.meshes.stacks import tilt
 
 #: of figures, relative; of coordinates that are rounded, against the shift over the size of a cell
 EXACT, ROUNDING = 1e-9, 1e-15
@@ -58,7 +58,7 @@ def test_somewhere_else(name, far):
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.model != "axisymmetric"])
 def test_turned(name):
-    check(name, replace(CASES[name].world, turn=rotation(CASES[name].dim, 2.5)), iterations=False)
+    check(name, replace(CASES[name].world, turn=tilt(CASES[name].dim, 2.5)), iterations=False)
 
 
 @MODELS

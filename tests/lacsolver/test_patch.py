@@ -12,7 +12,8 @@ import pytest
 from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
 from tests.lacsolver.patch_cases import cases, figures, measured, pair, sized, solved, unbalanced
-from tests.lacsolver.patch_meshes import PLANE_KINDS, SOLID_KINDS, rotation, side_by_side, stack
+from tests.lacsolver.patch_meshes import side_by_side, stack
+from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, tilt
 
 #: of the stress, of every p_m, of the displacement, of the gap against the macro-element's size, of the coverage
 EXACT = 1e-10
@@ -105,7 +106,7 @@ def test_stacks_are_apart_and_keep_their_roles():
 
 def test_a_rotation_is_one():
     for dim in (2, 3):
-        turn = rotation(dim)
+        turn = tilt(dim)
         np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-15)
         assert np.linalg.det(turn) == pytest.approx(1)
         assert (np.abs(turn - np.round(turn)) > 0.02).sum() == (4 if dim == 2 else 9)
