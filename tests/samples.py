@@ -14,7 +14,7 @@ def samples(few, all_of_them):
 
 def one_of_each(cases, key):
     """List the first case of every key, or all cases; a test that calls this is marked `fuzz`."""
-    firsts = {}
-    for case in cases:
+    every, firsts = list(cases), {}
+    for case in every:
         firsts.setdefault(key(case), case)
-    return list(cases) if FUZZ else list(firsts.values())
+    return every if FUZZ else list(firsts.values())
