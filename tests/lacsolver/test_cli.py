@@ -179,14 +179,6 @@ def test_restart_goes_on_from_the_last_state_or_from_a_time(folder, capsys):
     assert "there are: 0.25, 0.5, 0.75, 1" in capsys.readouterr().err
 
 
-def test_a_restart_of_another_case_is_refused(folder, capsys):
-    assert main(["run", "case.toml", "-q"]) == 0
-    (folder / "case.toml").write_text(GOOD.replace("1000.0", "2000.0"))
-    assert main(["run", "case.toml", "--restart", "case", "-o", "again"]) == 1
-    assert "material changed; restore it, or start anew" in capsys.readouterr().err
-    assert not (folder / "again").exists()
-
-
 def test_a_closed_error_stream_is_no_internal_error(folder):
     done = subprocess.run(f"{sys.executable} -m lacsolver run case.toml 2>&-", shell=True, capture_output=True)
     assert done.returncode == 0 and results(folder / "case")["status"] == "done"
