@@ -41,6 +41,13 @@ def run(
     `told` is called for every iteration, `stepped` for every converged step. Raises NotConvergedError after the last
     state tried is written, the errors of `Problem.of` and `Writer`, and DataError for a state of another case or mesh.
     An interrupted run leaves the steps that have converged.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from lacsolver import create, read_case
+    >>> with TemporaryDirectory() as folder:
+    ...     results = run(read_case("data/two_blocks.toml"), create(folder))
+    >>> results.status, [step.time for step in results.steps]
+    ('done', [0.5, 1.0])
     """
     clock = Clock()
     with clock.phase("mesh"):

@@ -88,6 +88,10 @@ def validate(case: Case, mesh: Mesh | None = None) -> Validation:
     """Check everything that a run of a case needs, without solving it. Raises ReadError for the mesh's file.
 
     Mistakes are returned in `problems`, and no error is raised for them.
+
+    >>> from lacsolver import read_case
+    >>> validate(read_case("data/two_blocks.toml")).problems
+    []
     """
     mesh = lacmesh.read(case.mesh) if mesh is None else mesh
     found = Validation(mesh)

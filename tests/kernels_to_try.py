@@ -12,6 +12,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 import lacmesh
+from lacmesh.cells import CELLS
 from lacmesh.checks.facets import Solid, find_twins
 from lacmesh.formats.inp.kernel import count_fields, scan_integers
 from lacmesh.formats.mail.names import scanned
@@ -93,7 +94,7 @@ def _facets() -> None:
 
 
 def _quality() -> None:
-    for name, cell in lacmesh.CELLS.items():
+    for name, cell in CELLS.items():
         if cell.dim > 1 and cell.order < 3:
             x = distorted(name, k=5)
             points, nodes = x.reshape(-1, 3), np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lacmesh import CELLS, cut_skin, errors
+from lacmesh import cut_skin, errors
+from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
 from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES, parent_pattern
 from lacmesh.reference.shapes import shape

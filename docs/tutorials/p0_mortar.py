@@ -4,7 +4,9 @@ import numpy as np
 
 import lacmesh
 from lacmesh import Mesh, Surface
-from lacsolver import Case, Displacement, Material, Pairing, Problem, Zone, integrate
+from lacsolver import Case, Problem
+from lacsolver.case import Displacement, Material
+from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.contact.interface import positions
 from lacsolver.contact.laws import Unilateral
 from lacsolver.contact.rows import macro_rows

@@ -48,6 +48,10 @@ def raise_order(mesh: Mesh, order: str = "2", *, extend: bool = True) -> Mesh:
     Cells of that order or higher stay as they are. Numbers, groups and data are kept; new nodes are numbered after the
     largest number, and enter a node group that holds every corner of their edge, face or cell (`extend`). If two types
     become one, their cells keep their order in the file. Raises CutError for a mesh that carries a cut.
+
+    >>> triangle = Mesh.create([[0, 0], [1, 0], [0, 1]], [("TRIA3", [[0, 1, 2]])])
+    >>> raise_order(triangle).blocks[0].type
+    'TRIA6'
     """
     if order not in ORDERS:
         raise RequestError(f"order is one of {', '.join(ORDERS)}, not {order!r}")

@@ -53,7 +53,13 @@ class Multipliers:
 
 
 def aster_multipliers(cut: Cut) -> Multipliers:
-    """code_aster's view of the multipliers of a cut."""
+    """code_aster's view of the multipliers of a cut.
+
+    >>> from lacmesh import cut_skin, read
+    >>> multipliers = aster_multipliers(cut_skin(read("data/two_blocks.msh"), "slave"))
+    >>> len(multipliers.patch_nodes), multipliers.nodes[0].tolist(), float(multipliers.share[0])
+    (36, [476, -1, -1, -1], 1.0)
+    """
     mesh = cut.mesh
     faces = np.flatnonzero(cut.macro_of_face >= 0)
     macro = cut.macro_of_face[faces]

@@ -72,6 +72,10 @@ def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
     `mesh`: name of the mesh to read from a file that holds several (MED, XDMF). Cut records that a format has no place
     for are read from the sidecar NAME.SUFFIX.lac.json; a LacmeshWarning is given if the sidecar does not belong to this
     file. Raises ReadError (RequestError for a wrong `mesh`, or if meshio is missing).
+
+    >>> mesh = read("data/two_blocks.msh")
+    >>> mesh.n_nodes, sorted(mesh.cell_groups)[:3]
+    (476, ['bottom', 'lower', 'master'])
     """
     path = Path(path)
     name = kind_of(path).format
@@ -125,6 +129,13 @@ def write(
     without a cut removes such a file.
     An existing file is replaced at the end, as a whole, unless `force` is False. Raises WriteError, and RequestError,
     for example for an option that the format does not take.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> triangle = Mesh.create([[0, 0], [1, 0], [0, 1]], [("TRIA3", [[0, 1, 2]])])
+    >>> with TemporaryDirectory() as folder:
+    ...     write(f"{folder}/triangle.med", triangle)
+    ...     read(f"{folder}/triangle.med").n_cells
+    1
     """
     path = Path(path)
     form = format_of(path)

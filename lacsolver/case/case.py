@@ -148,6 +148,12 @@ class Case(Entry):
 
     Plain numbers of loads are ramped up to `steps.last`, and the default of a contact's `geometry` depends on the
     kinematics. `path`: the file that the case was read from.
+
+    >>> from lacsolver.case import Displacement, Material, Pressure
+    >>> load = Pressure(group="top", value=25)
+    >>> steel, clamp = Material(young=210e3, poisson=0.3), Displacement(group="bottom", ux=0, uy=0)
+    >>> Case(mesh="a.msh", model="plane_strain", material=steel, displacement=clamp, pressure=load).kinematics
+    'small'
     """
 
     SECTION: ClassVar = Section("", False, "the problem to solve")

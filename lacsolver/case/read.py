@@ -23,6 +23,10 @@ def read_case(path: str | Path, *, matrices: bool = False) -> Case:
     """Read a case file. `matrices`: the case is only for contact matrices, which need no material.
 
     Raises ReadError (with the line) if the file is not TOML text, CaseError with every other mistake.
+
+    >>> case = read_case("data/two_blocks.toml")
+    >>> case.model, case.contact[0].slave, case.steps.count
+    ('3d', 'slave', 2)
     """
     path = Path(path)
     try:
@@ -36,7 +40,13 @@ def read_case(path: str | Path, *, matrices: bool = False) -> Case:
 
 
 def parse_case(text: str, path: str | Path = "case.toml", *, matrices: bool = False) -> Case:
-    """Return the case of a text in TOML, as if it were the file at `path`. Raises as `read_case`."""
+    r"""Return the case of a text in TOML, as if it were the file at `path`. Raises as `read_case`.
+
+    >>> text = "mesh = 'bar.msh'\nmodel = '3d'\nmaterial = [{young = 1.0, poisson = 0.0}]\n"
+    >>> text += "displacement = [{group = 'end', ux = 0.0, uy = 0.0, uz = 0.0}]"
+    >>> parse_case(text).displacement[0].group
+    'end'
+    """
     path = Path(path)
     document, lines = _document(text, path)
     top, drafts, found = _drafts(document)

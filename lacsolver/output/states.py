@@ -75,6 +75,14 @@ def read_state(
     `mesh`: the mesh of the run, as for `run`; the case's file is read if None. Raises RequestError if there is no state
     (or none at that time; the message lists the others), DataError if the case or the mesh differs (the message names
     the differences), ReadError for a folder or file that cannot be read.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from lacsolver import create, read_case, run
+    >>> case = read_case("data/two_blocks.toml")
+    >>> with TemporaryDirectory() as folder:
+    ...     done = run(case, create(folder))
+    ...     read_state(folder, case).time
+    1.0
     """
     folder = Path(folder)
     try:

@@ -77,6 +77,13 @@ def plot(case: Case, state: Restart, path: Path, mesh: Mesh | None = None, *, zo
     Displacements are magnified so that they can be seen; the title gives the factor. `zoom`: show only the surroundings
     of the faces under pressure, to scale. Raises RequestError as `check_plot`, WriteError if nothing can be drawn (as
     `lacmesh.view.picture`) or written.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from lacsolver import create, read_case, read_state, run
+    >>> case = read_case("data/two_blocks.toml")
+    >>> with TemporaryDirectory() as folder:
+    ...     done = run(case, create(folder))
+    ...     plot(case, read_state(folder, case), Path(folder, "pressure.png"))
     """
     check_plot(case, path)
     mesh = prepared(case, mesh)

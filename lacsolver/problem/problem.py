@@ -107,7 +107,13 @@ class ContactPair:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """The problem of a case on its mesh; built by `Problem.of`. `joints`: contacts, then ties, in the case's order."""
+    """The problem of a case on its mesh; built by `Problem.of`. `joints`: contacts, then ties, in the case's order.
+
+    >>> from lacsolver import read_case
+    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
+    >>> problem.space.n_dof, [pair.name for pair in problem.joints]
+    (1536, ['joint'])
+    """
 
     case: Case
     space: Space

@@ -77,6 +77,12 @@ class ZoneState:
     jump. `status`: CONTACT, OPEN, UNPAIRED. `coverage`: w / A; `area`: A, in the measure that pressures refer to, with
     thickness or 2 pi r; `centre` and `normal` (n, d) of the macro-element. `force` (n_nodes, d): contact force on every
     node of slave and master.
+
+    >>> from lacsolver import Problem, march, read_case
+    >>> *_, state = march(Problem.of(read_case("data/two_blocks.toml")))
+    >>> zone = state.zones[0]
+    >>> zone.name, float((zone.pressure * zone.area).sum().round(6))
+    ('joint', 10.435185)
     """
 
     name: str
@@ -114,6 +120,11 @@ class State:
     those of its iterations, the last `settled` of which had the same active set. `step`: what the step committed, for
     the next one and for a restart (for a state that did not converge, what it started from). At the last time of a
     case, `held`: rigid-body motions that only contact constrains, and `prescribed`: largest prescribed displacement.
+
+    >>> from lacsolver import Problem, march, read_case
+    >>> *_, state = march(Problem.of(read_case("data/two_blocks.toml")))
+    >>> state.time, state.u.shape, [zone.name for zone in state.zones]
+    (1.0, (1536,), ['joint'])
     """
 
     time: float

@@ -49,7 +49,18 @@ _UNCARRIED = 1e-6
 
 
 class NotConvergedError(LacmeshError):
-    """No equilibrium was found at some time. `state`: the last state tried."""
+    """No equilibrium was found at some time. `state`: the last state tried.
+
+    >>> from dataclasses import replace
+    >>> from lacsolver import Problem, read_case
+    >>> case = read_case("data/two_blocks.toml")
+    >>> case = replace(case, solver=replace(case.solver, max_iterations=1))
+    >>> try:
+    ...     list(march(Problem.of(case)))
+    ... except NotConvergedError as error:
+    ...     print(error.state.time == 0.5 / 2**6)  # after the last cutback of the first step
+    True
+    """
 
     status = 4
 
@@ -96,6 +107,12 @@ def march(
 
     Raises NotConvergedError if a step was halved too often, DataError if a rigid-body motion is not constrained,
     CaseError if prescribed displacements alone make skins overlap, or hold a tie apart.
+
+    >>> from lacsolver import read_case
+    >>> for state in march(Problem.of(read_case("data/two_blocks.toml"))):
+    ...     print(state.time, (state.zones[0].pressure > 0).all())
+    0.5 True
+    1.0 True
     """
     model = ReducedProblem(problem, scheme or QuasiStatic())
     steps, state = problem.case.steps, start.step if start else StepState()

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lacmesh import CELLS, Cut, Mesh, check, cut_skin, raise_order, read, write
+from lacmesh import Cut, Mesh, check, cut_skin, raise_order, read, write
+from lacmesh.cells import CELLS
 from lacmesh.cli import main
 from lacmesh.cutting.patterns import RING_PARENTS
 from lacmesh.cutting.records import CELL_RECORDS, is_cut

@@ -67,10 +67,7 @@ def test_help_and_version_import_no_numpy(words):
 
 
 def test_importing_the_package_imports_nothing():
-    code = (
-        "import sys, lacsolver; assert 'numpy' not in sys.modules; assert 'lacsolver.case' not in sys.modules\n"
-        "assert set(lacsolver.__all__) <= set(dir(lacsolver))"
-    )
+    code = "import sys, lacsolver; assert 'numpy' not in sys.modules; assert 'lacsolver.case' not in sys.modules"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
@@ -180,14 +177,6 @@ def test_restart_goes_on_from_the_last_state_or_from_a_time(folder, capsys):
     assert [step["time"] for step in results(folder / "case")["steps"]] == [0.25, 0.5, 0.75, 1.0]
     assert main(["run", "case.toml", "--restart", "case", "--from", "0.6", "-o", "third"]) == 2
     assert "there are: 0.25, 0.5, 0.75, 1" in capsys.readouterr().err
-
-
-def test_a_restart_of_another_case_is_refused(folder, capsys):
-    assert main(["run", "case.toml", "-q"]) == 0
-    (folder / "case.toml").write_text(GOOD.replace("1000.0", "2000.0"))
-    assert main(["run", "case.toml", "--restart", "case", "-o", "again"]) == 1
-    assert "material changed; restore it, or start anew" in capsys.readouterr().err
-    assert not (folder / "again").exists()
 
 
 def test_a_closed_error_stream_is_no_internal_error(folder):

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
 from lacsolver.bodies import finite
 from lacsolver.bodies import small as assemble

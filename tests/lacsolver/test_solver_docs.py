@@ -81,8 +81,13 @@ def test_every_option_is_there(name):
 
 
 def test_every_public_name_is_there():
-    rows = re.findall(r"^\| (`[^|]*) \|", part("From Python"), re.MULTILINE)
-    assert {n for row in rows for n in re.findall(r"`(\w+)`", row)} == {*lacsolver.__all__} - {"__version__"}
+    rows = re.findall(r"^\| (`[^|]*) \|", part("From Python").partition("| module |")[0], re.MULTILINE)
+    assert {n for row in rows for n in re.findall(r"`(\w+)`", row)} == {*lacsolver.__all__}
+
+
+def test_every_name_of_a_stage_is_there():
+    rows = re.findall(r"^\| `(lacsolver[.\w]*)` \| (.*) \|$", part("From Python"), re.MULTILINE)
+    assert {n: module for module, words in rows for n in re.findall(r"`(\w+)`", words)} == lacsolver._MOVED
 
 
 def test_every_array_of_matrices_is_there(fresh, monkeypatch):

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lacmesh import CELLS, Mesh, Surface, cut_skin, read, write
+from lacmesh import Mesh, Surface, cut_skin, read, write
+from lacmesh.cells import CELLS
 from lacsolver.case import Case, fingerprint, read_case
 from lacsolver.output import Writer, create
 from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields, ZoneFigures
