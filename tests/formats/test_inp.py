@@ -273,6 +273,22 @@ def test_parts_and_their_instances(tmp_path):
     assert np.allclose(mesh.points[mesh.block("QUAD4")[1]][:, 2], 2)
 
 
+def test_the_assemblys_sets_list_its_own_nodes_wherever_these_stand(tmp_path):
+    """A set, its GENERATE and a surface of nodes before the assembly's *NODE were of the first instance's node 1."""
+    sets = "*Nset, nset=Ref\n1\n*Nset, nset=Run, generate\n1, 1\n*Surface, name=Touch, type=NODE\n1\n"
+    sets += "*Nset, nset=Of, instance=Lower\n1\n*Nset, nset=Named\nLower.1\n"
+    before, after = PARTS.split("*Node\n1, 5., 5., 5.\n")
+    after = after.replace("*Nset, nset=Ref\n1\n", "")
+    node = "*Node\n1, 5., 5., 5.\n"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)
+        first, last = (read_text(tmp_path, before + text + after) for text in (node + sets, sets + node))
+    for mesh in (first, last):
+        at = {name: mesh.points[members].tolist() for name, members in mesh.node_groups.items()}
+        assert at["Ref"] == at["Run"] == at["Touch"] == [[5, 5, 5]] and at["Of"] == at["Named"] == [[0, 0, 0]]
+        assert set(at) == {"Ref", "Run", "Touch", "Of", "Named", "Feet", "Mixed"}
+
+
 def test_one_instance_keeps_its_numbers_and_names(tmp_path):
     text = (
         PARTS.split("*Instance, name=Upper")[0]

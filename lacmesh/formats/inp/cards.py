@@ -29,6 +29,8 @@ _NOT_READ = {
 }
 #: Cards that only say where a part of the file begins or ends.
 _FRAMES = {"ENDPART", "ENDASSEMBLY", "ASSEMBLY"}
+#: Cards whose members are listed by number.
+_OF_MEMBERS = {"NSET", "ELSET", "SURFACE"}
 _LARGEST = 10**9
 
 
@@ -56,9 +58,41 @@ def read_model(path: Path) -> InputDeck:
     model = InputDeck()
     listed = cards(path, model.said)
     reader = _Reader(model, sum(c.name == "INSTANCE" for c in listed))
-    for card in listed:
+    for card in _sets_after_own_nodes(listed):
         reader.take(card)
     return reader.finish()
+
+
+def _sets_after_own_nodes(listed: list[Card]) -> list[Card]:
+    """Cards in the order of reading: an assembly's sets and surfaces stand behind its own first nodes or elements.
+
+    A set without INSTANCE lists the assembly's own nodes, which may follow it in the file; only they tell by how much
+    their numbers are raised. Everything else keeps its place.
+    """
+    of_assembly = _after_instances(listed)
+    places = {name: [k for k in of_assembly if listed[k].name == name] for name in ("NODE", "ELEMENT")}
+    first = (places["NODE"] or places["ELEMENT"] or [0])[0]
+    early = [k for k in of_assembly if k < first and listed[k].name in _OF_MEMBERS]
+    early = [k for k in early if not listed[k].parameters.get("INSTANCE")]
+    if not early:
+        return listed
+    others = [card for k, card in enumerate(listed[: first + 1]) if k not in set(early)]
+    return [*others, *(listed[k] for k in early), *listed[first + 1 :]]
+
+
+def _after_instances(listed: list[Card]) -> list[int]:
+    """Places of the cards of an assembly that follow one of its instances, and are inside none."""
+    places = []
+    inside = follows = False
+    for k, card in enumerate(listed):
+        if card.name in ("PART", "INSTANCE"):
+            inside = True
+        elif card.name in ("ENDPART", "ENDINSTANCE"):
+            inside = False
+            follows = follows or card.name == "ENDINSTANCE"
+        elif follows and not inside:
+            places.append(k)
+    return places
 
 
 class _Reader:
