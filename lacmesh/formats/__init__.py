@@ -81,11 +81,11 @@ def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
     if mesh is not None:
         raise RequestError(f"{path} is a {found.title} file, which holds one mesh: leave out the name {mesh!r}")
     made = _read_alone(path, found)
-    if not found.cut_beside:
+    if not found.sidecar:
         return made
-    from lacmesh.formats.cut_beside import taken_up
+    from lacmesh.formats.sidecar import with_sidecar_records
 
-    return taken_up(path, made)
+    return with_sidecar_records(path, made)
 
 
 def _read_alone(path: Path, form: Format) -> Mesh:
@@ -139,7 +139,7 @@ def write(
     for place in places:
         check_place(place, force=force)
     with replacing(*places) as made:
-        if form.cut_beside:
+        if form.sidecar:
             fill(mesh, made[0])
             for side in made[1:]:
                 _write_records(side, mesh, made[0], form)
@@ -192,11 +192,11 @@ def _second(path: Path, form: Format, mesh: Mesh, binary: bool) -> list[Path]:
 
         second = path.with_suffix(form.beside)
         is_ours: Callable[[Path], bool] = xdmf_write.is_ours
-    elif form.cut_beside:
-        from lacmesh.formats import cut_beside
+    elif form.sidecar:
+        from lacmesh.formats import sidecar
 
-        second, is_ours = cut_beside.place_of(path), cut_beside.is_ours
-        if cut_beside.records_of(mesh) is None and not is_ours(second):
+        second, is_ours = sidecar.place_of(path), sidecar.is_ours
+        if sidecar.records_of(mesh) is None and not is_ours(second):
             return []
     else:
         return []
@@ -209,7 +209,7 @@ def _second(path: Path, form: Format, mesh: Mesh, binary: bool) -> list[Path]:
 
 def _write_records(side: Path, mesh: Mesh, written: Path, form: Format) -> None:
     """Write the sidecar with the cut records for a file that was just written; without records, remove the sidecar."""
-    from lacmesh.formats.cut_beside import UnfitError, records_of, to_json
+    from lacmesh.formats.sidecar import UnfitError, records_of, to_json
 
     text = None
     if records_of(mesh) is not None:

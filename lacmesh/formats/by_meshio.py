@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats.arrays import to_arrays
-from lacmesh.formats.cut_beside import without_records
-from lacmesh.formats.kept import losses, match, unbent
 from lacmesh.formats.meshio_mesh import from_meshio, needed, to_meshio
+from lacmesh.formats.round_trip import match, misplaced_mid_nodes, round_trip_losses
+from lacmesh.formats.sidecar import without_records
+from lacmesh.formats.truncation import check_counts, check_whole, read_watched
 from lacmesh.formats.vtu.types import NOT_READ
-from lacmesh.formats.whole import check_counts, check_whole, read_watched
 from lacmesh.mesh import Mesh
 
 #: Formats of meshio that are not taken, and why.
@@ -78,7 +78,7 @@ def read(path: Path, name: str) -> Mesh:
         found = from_meshio(given)
     except LacmeshError as error:
         raise ReadError(path, str(error)) from error
-    odd = unbent(found)
+    odd = misplaced_mid_nodes(found)
     if odd:
         raise ReadError(path, f"has mid-nodes far from their edges as meshio reads {name} ({odd}); use another format")
     if said:
@@ -105,7 +105,7 @@ def write(path: Path, mesh: Mesh, name: str) -> None:
     if isinstance(where, str):
         message = f"meshio's format {name} does not keep the cells ({where} are left); write .vtu, .med or .msh"
         raise WriteError(path, message)
-    lost = losses(without_records(mesh), found, where)
+    lost = round_trip_losses(without_records(mesh), found, where)
     if lost:
         warnings.warn(f"written by meshio as {name}, which loses " + "; ".join(lost), LacmeshWarning, stacklevel=3)
 

@@ -14,8 +14,8 @@ from lacmesh.cutting.cut import cut_skin
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import kind_of, read, title_of, write
 from lacmesh.formats.fidelity import ROWS
-from lacmesh.formats.kept import losses, match, unbent
 from lacmesh.formats.meshio_mesh import NAMES
+from lacmesh.formats.round_trip import match, misplaced_mid_nodes, round_trip_losses
 from lacmesh.formats.table import OF_MESHIO
 from lacmesh.formats.vtu.types import OF_TYPE
 from lacmesh.mesh import Mesh
@@ -275,9 +275,9 @@ def test_without_meshio_the_line_that_installs_it(tmp_path, monkeypatch):
 
 def test_mid_nodes_far_from_their_edges_are_seen(tmp_path):
     mesh = one_cell("TETRA10")
-    assert unbent(mesh) == ""
+    assert misplaced_mid_nodes(mesh) == ""
     swapped = Mesh.create(mesh.points, [("TETRA10", mesh.block("TETRA10")[:, [0, 1, 2, 3, 5, 4, 6, 7, 8, 9]])])
-    assert unbent(swapped) == "TETRA10 1"
+    assert misplaced_mid_nodes(swapped) == "TETRA10 1"
     meshio.write(tmp_path / "a.bdf", meshio.Mesh(mesh.points, [("tetra10", swapped.block("TETRA10"))]))
     with pytest.raises(ReadError, match="mid-nodes far from their edges as meshio reads nastran"):
         read(tmp_path / "a.bdf")
@@ -295,5 +295,5 @@ def test_names_are_meshios():
 def test_losses_of_nothing_are_none():
     mesh = solid(cell_groups={"slave": [4, 5]}, node_data={"x": np.arange(7.0)})
     where = match(mesh, mesh)
-    assert not isinstance(where, str) and losses(mesh, mesh, where) == []
+    assert not isinstance(where, str) and round_trip_losses(mesh, mesh, where) == []
     assert match(mesh, bare()) == "0 TRIA3 of 3"

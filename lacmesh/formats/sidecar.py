@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
 from lacmesh.errors import CutError, LacmeshWarning
-from lacmesh.formats.kept import match
+from lacmesh.formats.round_trip import match
 from lacmesh.mesh import Ints, Mesh, distinct
 from lacmesh.topology.skin import label_rows
 
@@ -120,7 +120,7 @@ def to_json(mesh: Mesh, back: Mesh) -> str | None:
     return "{\n" + ",\n".join(f"{json.dumps(key)}: {json.dumps(value)}" for key, value in parts.items()) + "\n}\n"
 
 
-def taken_up(path: Path, mesh: Mesh) -> Mesh:
+def with_sidecar_records(path: Path, mesh: Mesh) -> Mesh:
     """Add the records in the sidecar of `path` to its mesh; if they do not belong to it, warn and leave them out."""
     side = place_of(path)
     try:

@@ -57,29 +57,29 @@ def _farthest(a: Floats, b: Floats) -> float:
     return float(np.linalg.norm(a - b, axis=-1).max(initial=0.0))
 
 
-def losses(before: Mesh, after: Mesh, where: MeshMap) -> list[str]:
+def round_trip_losses(before: Mesh, after: Mesh, indices: MeshMap) -> list[str]:
     """Clauses that name what `after` has lost of `before`."""
     lost = []
-    if where.off > 1e-14:
-        lost.append(f"digits of coordinates (moved by up to {where.off:.0e} of the mesh's size)")
-    if (where.node < 0).any():
-        lost.append(f"{int((where.node < 0).sum())} nodes that no cell has")
+    if indices.off > 1e-14:
+        lost.append(f"digits of coordinates (moved by up to {indices.off:.0e} of the mesh's size)")
+    if (indices.node < 0).any():
+        lost.append(f"{int((indices.node < 0).sum())} nodes that no cell has")
     for what, groups, other, to in (
-        ("cell groups", before.cell_groups, after.cell_groups, where.cell),
-        ("node groups", before.node_groups, after.node_groups, where.node),
+        ("cell groups", before.cell_groups, after.cell_groups, indices.cell),
+        ("node groups", before.node_groups, after.node_groups, indices.node),
     ):
         gone = [name for name, members in groups.items() if not _same_group(to[members], other.get(name))]
         if gone:
             lost.append(f"the {what} {_names(gone)}")
     for what, number, other_number, to in (
-        ("nodes", before.node_number, after.node_number, where.node),
-        ("cells", before.cell_number, after.cell_number, where.cell),
+        ("nodes", before.node_number, after.node_number, indices.node),
+        ("cells", before.cell_number, after.cell_number, indices.cell),
     ):
         there = to >= 0
         if not np.array_equal(number[there], other_number[to[there]]):
             lost.append(f"the numbers of {what} (they are 1, 2, ...)")
-    lost += _lost_data("cell", before.cell_data, after.cell_data, where.cell)
-    lost += _lost_data("node", before.node_data, after.node_data, where.node)
+    lost += _lost_data("cell", before.cell_data, after.cell_data, indices.cell)
+    lost += _lost_data("node", before.node_data, after.node_data, indices.node)
     return lost + _lost_rest(before, after)
 
 
@@ -143,7 +143,7 @@ def _types(mesh: Mesh) -> list[Any]:
     return (kinds if mesh.file_order is None else kinds[mesh.file_order]).tolist()
 
 
-def unbent(mesh: Mesh) -> str:
+def misplaced_mid_nodes(mesh: Mesh) -> str:
     """Text that names cells with misplaced mid-nodes, the sign of a wrong node order; "" if there are none.
 
     A mid-node is misplaced if it is farther from the middle of its edge than half the edge's length.
