@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from lacmesh.cli.options import add_command, add_output_options, add_program_option, check_output, write_mesh
+from lacmesh.cli.options import add_command, add_output_options, add_program_option, pending_mesh, write_mesh
 
 
 def add(commands: Any) -> None:
@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> None:
     from lacmesh.formats import read
 
     source, target = Path(args.input), Path(args.output)
-    check_output(target, args)
+    args.left = pending_mesh(target, args).left
     mesh = read(source, mesh=args.mesh)
     if args.order:
         from lacmesh.cutting.order import raise_order

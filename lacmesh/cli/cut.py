@@ -15,8 +15,8 @@ from lacmesh.cli.options import (
     add_output_options,
     add_program_option,
     add_recognition_options,
-    check_output,
     facing_options,
+    pending_mesh,
     write_mesh,
 )
 from lacmesh.cli.terminal import Stages, console, memory, table
@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> None:
     target = Path(args.output) if args.output else _beside(source)
     asked = {"check": args.master, "report": args.report}
     stage = Stages(args, ("read", "cut", *(name for name, wanted in asked.items() if wanted), "write"))
-    check_output(target, args)
+    args.left = pending_mesh(target, args).left
     if args.report:
         _check_report(target, args)
     with stage("read"):
@@ -153,10 +153,10 @@ def _check(cut: Cut, args: argparse.Namespace) -> Findings:
 
 def _beside(source: Path) -> Path:
     """Default output of a cut: the input with `.lac` before its suffix (the format's own suffix if it has none)."""
-    from lacmesh.formats import kind_of
+    from lacmesh.formats import detect_format
 
-    kind = kind_of(source)
-    return source.with_name(f"{source.stem}.lac{source.suffix or f'.{kind.format}'}")
+    suffix = source.suffix or f".{detect_format(source).format}"
+    return source.with_name(f"{source.stem}.lac{suffix}")
 
 
 def _check_report(target: Path, args: argparse.Namespace) -> None:

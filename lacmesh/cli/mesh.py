@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_msh_options, check_output
+from lacmesh.cli.options import add_command, add_msh_options, pending_mesh
 from lacmesh.cli.terminal import Stages, as_json, console, table
 from lacmesh.errors import RequestError
 
@@ -144,7 +144,7 @@ def _mesh(args: argparse.Namespace) -> None:
         groups.setdefault(name, []).append(part)
     check_source(args.cad)
     target = Path(args.output)
-    check_output(target, args)
+    args.left = pending_mesh(target, args).left
     stage = Stages(args, ("mesh", "write"))
     with stage("mesh"):
         mesh = mesh_cad(

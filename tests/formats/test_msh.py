@@ -398,7 +398,7 @@ def test_by_the_door_of_all_formats(tmp_path, version, binary):
     mesh = Mesh.create(np.eye(3), [("TRIA3", [[0, 1, 2]])], cell_groups={"g": [0]})
     path = tmp_path / "mesh.msh"
     formats.write(path, mesh, msh=version, binary=binary)
-    assert formats.kind_of(path) == formats.Kind("msh", version, binary)
+    assert formats.detect_format(path) == formats.DetectedFormat("msh", version, binary)
     assert plain(formats.read(path)) == plain(mesh)
 
 
