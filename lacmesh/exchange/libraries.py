@@ -65,7 +65,7 @@ def to_pyvista(mesh: Mesh, *, groups: bool = True, data: bool = True) -> Any:
         for name, array in values.items():
             if name in wanted or (groups if name.startswith("group:") else data):
                 into[name] = array[rows]
-    grid.field_data[NOTES] = [to_json(mesh, **arrays.notes)]
+    grid.field_data[NOTES] = [to_json(mesh, arrays.notes)]
     return grid
 
 

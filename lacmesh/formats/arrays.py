@@ -104,18 +104,17 @@ def from_arrays(
     """
     fields: dict[str, Any] = {}
     for on, arrays, size in (("cell", cell, sizes[0]), ("node", node, sizes[1])):
-        names = _noted(notes, "names", on)
-        shapes = _noted(notes, "shapes", on)
+        names: Mapping[str, str] = notes.get("names", {}).get(on, {})
+        shapes: Mapping[str, tuple[int, ...]] = notes.get("shapes", {}).get(on, {})
         groups: dict[str, Ints] = {}
         data: dict[str, NDArray] = {}
         for key, values in arrays.items():
-            name = names.get(key)
             if key == _NUMBER[on] and values.shape == (size,):
                 fields[key] = _numbers(values, on, said)
             elif key.startswith(GROUP) and _is_mark(values):
-                groups[name if isinstance(name, str) else key.removeprefix(GROUP)] = np.flatnonzero(values)
+                groups[names.get(key, key.removeprefix(GROUP))] = np.flatnonzero(values)
             else:
-                data[name if isinstance(name, str) else key] = _shaped(values, shapes.get(key))
+                data[names.get(key, key)] = _shaped(values, shapes.get(key))
         fields[f"{on}_groups"] = groups
         fields[f"{on}_data"] = _sound(data, said)
     return fields
@@ -157,12 +156,6 @@ def assembled(
     return fitting(Mesh.create(parts.points, parts.blocks.items(), **made))
 
 
-def _noted(notes: Mapping[str, Any], what: str, on: str) -> dict[str, Any]:
-    found = notes.get(what, {})
-    found = found.get(on, {}) if isinstance(found, dict) else {}
-    return found if isinstance(found, dict) else {}
-
-
 def _is_mark(values: NDArray) -> bool:
     if values.ndim != 1 or values.dtype.kind not in "iu":
         return False
@@ -187,9 +180,9 @@ def _integers(values: NDArray) -> Ints | None:
     return values.astype(np.int64) if (whole == values).all() and (np.abs(whole) < 2.0**53).all() else None
 
 
-def _shaped(values: NDArray, shape: Any) -> NDArray:
+def _shaped(values: NDArray, shape: tuple[int, ...] | None) -> NDArray:
     """Reshape the rows of an array as the notes say, if its size allows."""
-    if not isinstance(shape, list) or not all(isinstance(n, int) and n > 0 for n in shape):
+    if shape is None or any(n <= 0 for n in shape):
         return values
     fits = int(np.prod([len(values), *shape], dtype=object)) == values.size
     return values.reshape(len(values), *shape) if fits else values

@@ -78,8 +78,7 @@ def to_meshio(mesh: Mesh) -> Any:
         point_sets={name: nodes.copy() for name, nodes in mesh.node_groups.items()},
         cell_sets=sets,
     )
-    order = {} if mesh.file_order is None else {"file_order": np.asarray(mesh.file_order).tolist()}
-    found.info = {INFO: notes.to_json(mesh, **arrays.notes, **order)}
+    found.info = {INFO: notes.to_json(mesh, {**arrays.notes, "file_order": mesh.file_order})}
     return found
 
 
@@ -147,9 +146,9 @@ def _noted(given: Any, n_nodes: int, n_cells: int, said: list[str]) -> tuple[dic
     if not text:
         return {}, {}
     fields, noted = notes.from_json(text, n_nodes, said)
-    listed = noted.get("file_order")
-    if isinstance(listed, list) and sorted(listed) == list(range(n_cells)):
-        fields["file_order"] = np.array(listed, np.int64)
+    order = noted.get("file_order")
+    if order is not None and np.array_equal(np.sort(order), np.arange(n_cells)):
+        fields["file_order"] = order
     return fields, noted
 
 

@@ -21,21 +21,21 @@ from numpy.typing import NDArray
 
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
 from lacmesh.errors import CutError, LacmeshWarning
+from lacmesh.formats.note_types import DAMAGE, INTEGER, from_plain, to_plain
+from lacmesh.formats.notes import CUT_NOTES, VERSION
 from lacmesh.formats.round_trip import match
 from lacmesh.mesh import Ints, Mesh, distinct
 from lacmesh.topology.skin import label_rows
 
-SUFFIX, VERSION = ".lac.json", 1
+SUFFIX = ".lac.json"
 _WHAT = "records of a cut"
 _OURS = re.compile(rb'\s*\{\s*"lacmesh"\s*:\s*"records of a cut"')
-#: the columns of `children`, after the cells' numbers
+#: the columns of `children`, after the cells' numbers, that hold the CELL_RECORDS
 _COLUMNS = ("macro", "zone", "child", "parent")
 #: slave faces of a macro-element at most
 _MAX_CHILD = 5
 #: more bytes than a whole file's, and a cell's or node's, records can have
 _ROOM, _ROOM_EACH = 1 << 20, 100
-#: what a damaged text may raise while it is read
-_DAMAGE = (ValueError, TypeError, KeyError, IndexError, RecursionError, OverflowError)
 
 
 class UnfitError(Exception):
@@ -107,16 +107,15 @@ def to_json(mesh: Mesh, back: Mesh) -> str | None:
         _check_values(children, internal, len(there.zones))
     except ValueError as error:
         raise UnfitError(f"there are {error}") from error
-    parts = {
-        "lacmesh": _WHAT,
-        "version": VERSION,
+    notes = {
         "nodes": back.n_nodes,
         "cells": back.cells_by_type,
-        "digest": _digest(back, has, list(there.zones), children, internal),
-        "zones": list(there.zones),
-        "children": {name: values.tolist() for name, values in children.items()},
-        "internal": {name: values.tolist() for name, values in internal.items()},
+        "digest": _digest(back, has, there.zones, children, internal),
+        "zones": there.zones,
+        "children": children,
+        "internal": internal,
     }
+    parts = {"lacmesh": _WHAT, "version": VERSION, **to_plain(notes, CUT_NOTES)}
     return "{\n" + ",\n".join(f"{json.dumps(key)}: {json.dumps(value)}" for key, value in parts.items()) + "\n}\n"
 
 
@@ -131,7 +130,7 @@ def with_sidecar_records(path: Path, mesh: Mesh) -> Mesh:
         why = str(unfit)
     except OSError as error:
         why = f"it cannot be read ({error.strerror or error})"
-    except _DAMAGE:
+    except DAMAGE:
         why = "it is damaged"
     message = f"{side}: the records of a cut are left out: {why}; write the mesh again, or take this file away"
     warnings.warn(LacmeshWarning(message), stacklevel=3)
@@ -250,7 +249,7 @@ def _parents(mesh: Mesh, back: Mesh, cell: Ints, parent: Ints) -> Ints:
     return found
 
 
-def _digest(mesh: Mesh, cells: Ints, zones: list[str], *columns: dict[str, Ints]) -> str:
+def _digest(mesh: Mesh, cells: Ints, zones: tuple[str, ...], *columns: dict[str, Ints]) -> str:
     """SHA-256 digest of the records, and of the cells that have them: types, numbers, nodes by number."""
     said = sha256(json.dumps(zones).encode())
     for values in (values for column in columns for values in column.values()):
@@ -268,7 +267,7 @@ def _feed(said: Any, values: NDArray) -> None:
 
 
 def _loaded(side: Path, mesh: Mesh) -> dict[str, Any]:
-    """Load the sidecar after checks of its size, its origin and its version. Raises UnfitError, OSError, _DAMAGE."""
+    """Load the sidecar after checks of its size, its origin and its version. Raises UnfitError, OSError, DAMAGE."""
     if not side.is_file():
         raise UnfitError("it is no regular file")
     if side.stat().st_size > _ROOM + _ROOM_EACH * (mesh.n_cells + mesh.n_nodes):
@@ -276,28 +275,17 @@ def _loaded(side: Path, mesh: Mesh) -> dict[str, Any]:
     if not is_ours(side):
         raise UnfitError("lacmesh did not write it, or it is damaged")
     held = json.loads(side.read_bytes().decode())
-    if type(held["version"]) is not int or held["version"] < 1:
-        raise ValueError("no version")
-    if held["version"] > VERSION:
+    if INTEGER.value(held["version"]) > VERSION:
         raise UnfitError("a newer lacmesh wrote it")
-    return held
+    return from_plain(held, CUT_NOTES)
 
 
 def _fitting(held: dict[str, Any], path: Path, mesh: Mesh) -> Records:
-    """Records in a loaded sidecar, checked to belong to this mesh. Raises UnfitError, _DAMAGE."""
-    nodes, cells = held["nodes"], held["cells"]
-    if not (isinstance(cells, dict) and all(type(n) is int for n in (nodes, *cells.values()))):
-        raise TypeError("counts are integers")
+    """Records in a loaded sidecar, checked to belong to this mesh. Raises UnfitError, DAMAGE."""
+    nodes, cells, zones = held["nodes"], held["cells"], held["zones"]
+    children, internal = held["children"], held["internal"]
     if (nodes, cells) != (mesh.n_nodes, mesh.cells_by_type):
         raise UnfitError(f"they are of {nodes} nodes and {sum(cells.values())} cells, {_counts(path, mesh, cells)}")
-    children = {name: _column(held["children"][name]) for name in ("cell", *_COLUMNS)}
-    internal = {name: _column(held["internal"][name]) for name in ("node", "macro")}
-    zones = held["zones"]
-    if not (isinstance(zones, list) and all(isinstance(zone, str) for zone in zones)):
-        raise ValueError("zones")
-    of = [len({len(v) for v in columns.values()}) for columns in (children, internal)]
-    if of != [1, 1]:
-        raise ValueError("columns of several lengths")
     at_cell = _places(children["cell"], mesh.cell_number)
     at_node = _places(internal["node"], mesh.node_number)
     if held["digest"] != _digest(mesh, at_cell, zones, children, internal):
@@ -310,22 +298,13 @@ def _fitting(held: dict[str, Any], path: Path, mesh: Mesh) -> Records:
         cell[name][at_cell] = children[column]
     owner = np.full(mesh.n_nodes, -1, np.int32)
     owner[at_node] = internal["macro"]
-    return Records(cell, owner, tuple(zones))
+    return Records(cell, owner, zones)
 
 
 def _counts(path: Path, mesh: Mesh, cells: dict[str, int]) -> str:
     """Clause with the node and cell counts of a mesh; it says that types differ if the numbers of cells agree."""
     same = ", of other types" if sum(cells.values()) == mesh.n_cells else ""
     return f"{path.name} has {mesh.n_nodes} and {mesh.n_cells}{same}"
-
-
-def _column(values: Any) -> Ints:
-    if not isinstance(values, list):
-        raise TypeError("a column is a list")
-    found = np.array(values) if values else np.empty(0, np.int64)
-    if found.ndim != 1 or found.dtype.kind != "i" or found.min(initial=0) < -1:
-        raise ValueError("a column is of integers")
-    return found
 
 
 def _places(numbers: Ints, known: Ints) -> Ints:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.msh.content import Content
 from lacmesh.formats.msh.fields import RESERVED, Head, Rows, keys, to_rows
-from lacmesh.formats.msh.notes import FieldNote
+from lacmesh.formats.notes import FieldNote
 from lacmesh.mesh import Ints, Mesh
 
 _TYPES = {"NodeData": "node", "ElementData": "cell"}

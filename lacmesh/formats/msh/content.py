@@ -156,7 +156,7 @@ def _fitting(content: Content) -> Notes:
             f"the section ${SECTION} was written for {notes.nodes} nodes and {notes.cells} cells, and the file now "
             f"has {len(content.node_number)} and {n_cells}: its node groups and further cells are left out"
         )
-        notes.node_groups, notes.cell_groups, notes.extra_cells, notes.node_entity = {}, {}, [], None
+        notes.node_groups, notes.cell_groups, notes.extra_cells, notes.node_entity = {}, {}, (), None
     return notes
 
 

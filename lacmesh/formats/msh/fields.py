@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import WriteError
 from lacmesh.formats.msh.names import quoted, safe_names
-from lacmesh.formats.msh.notes import FieldNote
 from lacmesh.formats.msh.numbers import Index
 from lacmesh.formats.msh.output import Output
 from lacmesh.formats.msh.scan import MshBytes, TextNumbers
+from lacmesh.formats.notes import FieldNote
 from lacmesh.mesh import Floats, Ints, Step
 
 #: section -> what its rows are on

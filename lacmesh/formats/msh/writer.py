@@ -15,9 +15,10 @@ from lacmesh.formats.msh import writer2 as msh_write2
 from lacmesh.formats.msh import writer4 as msh_write4
 from lacmesh.formats.msh.fields import to_file
 from lacmesh.formats.msh.names import safe_names, unnamed
-from lacmesh.formats.msh.notes import CellsNote, Notes, to_text
+from lacmesh.formats.msh.notes import Notes, to_text
 from lacmesh.formats.msh.numbers import repeated
 from lacmesh.formats.msh.output import Output
+from lacmesh.formats.notes import CellsNote
 from lacmesh.mesh import Ints, Mesh, Tag
 
 _LARGEST = 2**31 - 1
@@ -120,7 +121,7 @@ def add_numbers(notes: Notes, mesh: Mesh, entities: Assignment, nodes: Ints, cel
     notes.node_groups = {name: nodes[members] for name, members in mesh.node_groups.items()}
     lacking = np.repeat(np.array([ALL_CELLS[b.type].msh is None for b in mesh.blocks], bool), np.diff(mesh.offsets))
     if lacking.any():
-        notes.extra_cells = _extra_cells(mesh, entities, nodes, cells)
+        notes.extra_cells = tuple(_extra_cells(mesh, entities, nodes, cells))
     if version == "2.2" or lacking.any():
         notes.cell_groups = _further_members(mesh, entities, cells, lacking, version)
         for name in notes.cell_groups:

@@ -85,7 +85,7 @@ def check_types(path: Path, mesh: Mesh, whose: str) -> None:
 def _sections(mesh: Mesh, said: list[str]) -> dict[str, list[_Array]]:
     """Arrays of each section of the file."""
     arrays = to_arrays(mesh, said, legal)
-    notes = np.frombuffer(to_json(mesh, **arrays.notes).encode("ascii"), np.uint8)
+    notes = np.frombuffer(to_json(mesh, arrays.notes).encode("ascii"), np.uint8)
     return {
         "FieldData": [_Array(NOTES, notes, field=True)],
         "PointData": [_Array(name, values) for name, values in arrays.node.items()],

@@ -313,8 +313,8 @@ def _own(data: dict[str, NDArray], place: Ints, noted: dict[str, Any]) -> tuple[
 def _noted_groups(noted: dict[str, Any]) -> dict[str, Ints]:
     """All groups noted in a file of lacmesh, in order and still empty: a group without cells has no attribute."""
     names = noted.get("names", {}).get("cell", {})
-    keys = [key for key in noted.get("groups", []) if isinstance(key, str)]
-    return {str(names.get(key, key.removeprefix(GROUP))): np.empty(0, np.int64) for key in keys}
+    keys = noted.get("groups", ())
+    return {names.get(key, key.removeprefix(GROUP)): np.empty(0, np.int64) for key in keys}
 
 
 def _without_repeats(

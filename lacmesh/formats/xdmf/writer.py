@@ -171,7 +171,7 @@ def _domain(mesh: Mesh, sink: _Sink, said: list[str]) -> str:
         own.append(PLACE)
     groups = [n for n in arrays.cell if n.startswith(GROUP)]
     information = _information(TAGS, json.dumps(table)) if table else ""
-    information += _information(NOTES, to_json(mesh, **arrays.notes, own=own, groups=groups))
+    information += _information(NOTES, to_json(mesh, {**arrays.notes, "own": own, "groups": groups}))
     parts: list[str] = []
     geometry = _geometry(mesh, sink)
     for k, grid in enumerate(_grids(mesh)):
