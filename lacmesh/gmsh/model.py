@@ -25,8 +25,8 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.formats import read
 from lacmesh.formats.msh import content as msh_content
 from lacmesh.formats.msh.content import Content, Piece
-from lacmesh.formats.msh.numbers import TYPE_NAMES, UNKNOWN_TYPE
 from lacmesh.formats.msh.scan import MshBytes
+from lacmesh.formats.msh.types import TYPE_NAMES, UNKNOWN_TYPE
 from lacmesh.gmsh import attribute, session, views
 from lacmesh.mesh import Ints, Mesh, Tag
 

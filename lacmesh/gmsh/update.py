@@ -25,8 +25,8 @@ from lacmesh.cutting.rebuild import node_entities
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.entities import Assignment, assign
+from lacmesh.formats.ids import Index, repeated
 from lacmesh.formats.msh.notes import Notes
-from lacmesh.formats.msh.numbers import Index, repeated
 from lacmesh.formats.msh.writer import add_numbers, names_of
 from lacmesh.gmsh import session, views
 from lacmesh.gmsh.attribute import write_notes

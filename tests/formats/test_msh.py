@@ -14,8 +14,8 @@ from lacmesh import formats
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import msh
+from lacmesh.formats.ids import Index
 from lacmesh.formats.msh import reader2 as msh_read2
-from lacmesh.formats.msh.numbers import Index
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 from tests.bad_input.case import SECONDS, alarm
 from tests.formats.msh_gmsh import as_seen, by_place, places, seen_by, two_boxes

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from lacmesh.errors import LacmeshWarning, ReadError, some
-from lacmesh.formats.inp.cards import InputDeck, read_model
+from lacmesh.formats.ids import Index, repeated
+from lacmesh.formats.inp.deck import InputDeck, read_model
 from lacmesh.formats.inp.plain import losses, plane_of
 from lacmesh.formats.inp.scope import ElementCard, NodesOf, Resolver, Scope, SurfaceCard
 from lacmesh.formats.inp.skin import CellBlock, DeckCells, Skin
-from lacmesh.formats.msh.numbers import Index, repeated
 from lacmesh.mesh import Floats, Ints, Mesh
 
 _NONE = np.empty(0, np.int64)

@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from lacmesh.errors import did_you_mean
+from lacmesh.formats.inp.cards import Card, label
 from lacmesh.formats.inp.data import IdRange, Members, key
-from lacmesh.formats.inp.scan import Card, label
 from lacmesh.formats.inp.types import DeckElement
 from lacmesh.mesh import Floats, Ints
 

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
+from lacmesh.formats.ids import repeated
 from lacmesh.formats.inp.skin import first_of_each
 from lacmesh.formats.inp.types import FACETS, NODES
 from lacmesh.formats.inp.writer_types import PLANES, TARGETS, card, hint
 from lacmesh.formats.labels import changes, labels
-from lacmesh.formats.msh.numbers import repeated
-from lacmesh.formats.text_numbers import int_rows, joined, reals
+from lacmesh.formats.text import int_rows, joined, reals
 from lacmesh.formats.without_fields import left_out
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.topology.skin import TYPE_CODE, Faces, find_owners, turn

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from lacmesh.errors import LacmeshWarning, ReadError, did_you_mean
+from lacmesh.formats.ids import Index, repeated
 from lacmesh.formats.mail import names as mail_names
 from lacmesh.formats.mail.names import Names
-from lacmesh.formats.mail.scan import SubFile, body, chunks, sub_files
+from lacmesh.formats.mail.sub_files import SubFile, body, sub_files
 from lacmesh.formats.mail.types import NODES, NOT_READ
-from lacmesh.formats.msh.numbers import Index, repeated
-from lacmesh.formats.msh.scan import MshBytes
-from lacmesh.formats.text_numbers import bad_line, decoded, parsed
+from lacmesh.formats.source import SourceFile
+from lacmesh.formats.text import bad_line, chunks, decoded, parsed
 from lacmesh.mesh import Floats, Ints, Mesh
 
 _COORDINATES = {"COOR_1D": 1, "COOR_2D": 2, "COOR_3D": 3}
@@ -38,7 +38,7 @@ class _Section:
 
 @dataclass
 class _Content:
-    source: MshBytes
+    source: SourceFile
     names: Names = field(default_factory=Names)
     title: list[str] = field(default_factory=list)
     dim: int = 0
@@ -69,7 +69,7 @@ def read(path: Path) -> Mesh:
     Names are kept as their numbers where each has one (N12, MA7) and no two have the same; else nodes, or cells, are
     numbered 1, 2 ... in the file's order, with a warning.
     """
-    content = _Content(MshBytes(path))
+    content = _Content(SourceFile(path))
     for part in sub_files(content.source, content.check):
         _take(content, part)
     if not content.points:
@@ -263,7 +263,7 @@ def _check_repeats(content: _Content, section: _Section, places: Ints) -> None:
         _warn(content.source.path, f"{len(bad)} cells {section.type} have a node twice, the first {', '.join(names)}")
 
 
-def _at_row(source: MshBytes, section: _Section, row: int, message: str) -> ReadError:
+def _at_row(source: SourceFile, section: _Section, row: int, message: str) -> ReadError:
     """The error for one cell of a section: at the line where it begins."""
     text = body(source, section.part)
     words_before = row * (1 + section.nodes.shape[1])

@@ -10,10 +10,10 @@ from typing import BinaryIO
 import numpy as np
 
 from lacmesh.errors import LacmeshWarning, WriteError
+from lacmesh.formats.ids import repeated
 from lacmesh.formats.labels import changes, labels
 from lacmesh.formats.mail.types import NODES
-from lacmesh.formats.msh.numbers import repeated
-from lacmesh.formats.text_numbers import int_rows, reals
+from lacmesh.formats.text import int_rows, reals
 from lacmesh.formats.without_fields import left_out
 from lacmesh.mesh import Floats, Ints, Mesh
 

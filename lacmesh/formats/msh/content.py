@@ -15,10 +15,10 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshWarning, some
+from lacmesh.formats.ids import Index, repeated
 from lacmesh.formats.msh import fields as msh_fields
 from lacmesh.formats.msh.names import unnamed
 from lacmesh.formats.msh.notes import SECTION, Notes
-from lacmesh.formats.msh.numbers import Index, repeated
 from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.mesh import Floats, Ints, Mesh, Model, Periodic, Tag
 

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import WriteError
+from lacmesh.formats.ids import Index
 from lacmesh.formats.msh.names import quoted, safe_names
-from lacmesh.formats.msh.numbers import Index
 from lacmesh.formats.msh.output import Output
-from lacmesh.formats.msh.scan import MshBytes, TextNumbers
+from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.formats.notes import FieldNote
 from lacmesh.mesh import Floats, Ints, Step
 
@@ -70,21 +70,10 @@ def read_rows(source: MshBytes, section: str) -> Rows:
     if not 1 <= width <= source.size or n < 0:
         raise source.error(f"a ${section} cannot have {width} components and {n} rows", at)
     head = Head(SECTIONS[section], quoted(strings[0]), step, time)
-    return Rows(head, rest[0] if rest else 0, *_payload(source, section, n, width))
-
-
-def _payload(source: MshBytes, section: str, n: int, width: int) -> tuple[Ints, Floats]:
-    if not source.binary:
-        text = TextNumbers(source, section, True)
-        table = text.reals(n * (width + 1)).reshape(n, width + 1)
-        text.done()
-        with np.errstate(invalid="ignore"):
-            return table[:, 0].astype(np.int64), table[:, 1:]
-    # as bytes: a record of very many components is more than numpy's types allow
-    raw = source.take("u1", n * (4 + 8 * width)).reshape(n, 4 + 8 * width)
-    source.end(section)
-    number = np.ascontiguousarray(raw[:, :4]).view(source.order + "i4").ravel()
-    return number.astype(np.int64), np.ascontiguousarray(raw[:, 4:]).view(source.order + "f8").astype(np.float64)
+    numbers = source.numbers(section, True)
+    rows = Rows(head, rest[0] if rest else 0, *numbers.numbered(n, width, head.on))
+    numbers.done()
+    return rows
 
 
 def keys(heads: Sequence[Head]) -> list[tuple[str, Step | None]]:

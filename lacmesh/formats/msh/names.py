@@ -10,17 +10,10 @@ import re
 from collections.abc import Iterable
 
 from lacmesh.formats.msh.scan import MshBytes
+from lacmesh.formats.text import decoded
 from lacmesh.mesh import Tag
 
 _LONGEST = 120  # bytes; gmsh cuts at 128 when it saves
-
-
-def decoded(raw: bytes) -> str:
-    """A name's text: UTF-8, or Latin-1 where it is not."""
-    try:
-        return raw.decode()
-    except UnicodeDecodeError:
-        return raw.decode("latin-1")
 
 
 def quoted(line: bytes) -> str:

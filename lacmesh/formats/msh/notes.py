@@ -11,9 +11,9 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 
-from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.formats.note_types import DAMAGE, INTEGER, from_plain, to_plain
 from lacmesh.formats.notes import MSH_NOTES, VERSION, CellsNote, FieldNote
+from lacmesh.formats.source import SourceFile
 from lacmesh.mesh import Ints, Tag
 
 SECTION = "LacMesh"
@@ -71,7 +71,7 @@ def _filled(text: str) -> str:
     return "\n".join(lines)
 
 
-def from_text(text: bytes, source: MshBytes) -> Notes | None:
+def from_text(text: bytes, source: SourceFile) -> Notes | None:
     """The content of a section; None where a newer lacmesh wrote it. Raises ReadError where it makes no sense."""
     try:
         data = json.loads(text.decode())

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshWarning, ReadError
+from lacmesh.formats.ids import repeated
 from lacmesh.formats.msh import runs as msh_runs
 from lacmesh.formats.msh.content import Content, Piece, Repeats
-from lacmesh.formats.msh.numbers import TYPE_NAMES, repeated
 from lacmesh.formats.msh.scan import MshBytes, TextNumbers
+from lacmesh.formats.msh.types import TYPE_NAMES
 from lacmesh.mesh import Ints
 
 _LARGEST = 2**31 - 1
@@ -66,22 +67,11 @@ class Reader2:
         return content
 
     def _read_nodes(self) -> None:
-        source, content = self.content.source, self.content
-        n = source.count("Nodes")
-        if source.binary:
-            record = np.dtype([("number", source.order + "i4"), ("xyz", source.order + "f8", 3)])
-            rows = source.take(record, n)
-            source.end("Nodes")
-            content.node_number, content.points = rows["number"].astype(np.int64), rows["xyz"].astype(np.float64)
-            return
-        numbers = TextNumbers(source, "Nodes", True)
-        table = numbers.reals(4 * n).reshape(n, 4)
+        content = self.content
+        n = content.source.count("Nodes")
+        numbers = content.source.numbers("Nodes", True)
+        content.node_number, content.points = numbers.numbered(n, 3, "node")
         numbers.done()
-        with np.errstate(invalid="ignore"):
-            content.node_number = table[:, 0].astype(np.int64)
-        if not (content.node_number == table[:, 0]).all():
-            raise source.error("the number of a node should be an integer")
-        content.points = np.ascontiguousarray(table[:, 1:])
 
     def _read_elements(self) -> None:
         source = self.content.source

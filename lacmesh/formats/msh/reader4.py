@@ -12,8 +12,8 @@ import numpy as np
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import ReadError
 from lacmesh.formats.msh.content import Content, Piece
-from lacmesh.formats.msh.numbers import TYPE_NAMES, UNKNOWN_TYPE
 from lacmesh.formats.msh.scan import MshBytes, Numbers
+from lacmesh.formats.msh.types import TYPE_NAMES, UNKNOWN_TYPE
 from lacmesh.mesh import Floats, Ints, Tag
 
 _LARGEST = 2**31 - 1

@@ -15,7 +15,7 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import ReadError
-from lacmesh.formats.msh.numbers import TYPE_NAMES, UNKNOWN_TYPE
+from lacmesh.formats.msh.types import TYPE_NAMES, UNKNOWN_TYPE
 from lacmesh.mesh import Ints
 
 #: Numbers gone through one record after the other before galloping is tried again, and when that pays.

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshWarning, WriteError
 from lacmesh.formats.entities import Assignment, assign
+from lacmesh.formats.ids import repeated
 from lacmesh.formats.msh import writer2 as msh_write2
 from lacmesh.formats.msh import writer4 as msh_write4
 from lacmesh.formats.msh.fields import to_file
 from lacmesh.formats.msh.names import safe_names, unnamed
 from lacmesh.formats.msh.notes import Notes, to_text
-from lacmesh.formats.msh.numbers import repeated
 from lacmesh.formats.msh.output import Output
 from lacmesh.formats.notes import CellsNote
 from lacmesh.mesh import Ints, Mesh, Tag
