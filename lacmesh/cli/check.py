@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> None:
     sys.stdout.flush()
     if found.errors:
         rules = ", ".join(dict.fromkeys(f.rule for f in found.errors))
-        raise DataError(f"{args.input} will not do as it is: {_count(found, 'error')} ({rules})")
+        raise DataError(f"{args.input} is not usable for LAC: {_count(found, 'error')} ({rules})")
 
 
 def warn_of(found: Findings) -> None:

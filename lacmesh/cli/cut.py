@@ -39,7 +39,7 @@ def add(commands: Any) -> None:
         action="append",
         default=[],
         metavar="GROUP",
-        help="what the slave skin faces; may be repeated: the cut is checked against it (as lacmesh check does), and "
+        help="master skin; may be repeated: the cut is checked against it (as lacmesh check does), and "
         "not written where that finds an error",
     )
     add_facing_options(parser)
@@ -48,26 +48,26 @@ def add(commands: Any) -> None:
         "--hexa",
         choices=("pyramid", "hexa", "auto"),
         default="pyramid",
-        help="children of hexahedra; auto: those whose worst is better (default: pyramid)",
+        help="children of hexahedra; auto: the variant with the higher minimum Jacobian (default: pyramid)",
     )
     parser.add_argument(
         "--interface",
         choices=("both", "refuse"),
         default="both",
-        help="a slave face between two cells: cut both, or refuse (default: both)",
+        help="internal slave face, between two cells: subdivide both sides, or stop (default: both)",
     )
     parser.add_argument(
         "--orient",
         choices=("keep", "outward"),
         default="keep",
-        help="leave slave faces as they turn, or turn them outward (default: keep)",
+        help="keep the orientation of slave faces, or flip them outward (default: keep)",
     )
     parser.add_argument("--skin-only", action="store_true", help="cut a skin that has no cells behind it (a shell)")
     parser.add_argument(
         "--node-groups",
         choices=("extend", "keep"),
         default="extend",
-        help="new nodes enter node groups that hold all corners around them (default: extend)",
+        help="extend: node groups gain new nodes when all corners around them belong (default: extend)",
     )
     parser.add_argument(
         "--min-quality",
@@ -146,7 +146,7 @@ def _check(cut: Cut, args: argparse.Namespace) -> Findings:
     if found.errors:
         first, more = found.errors[0], len(found.errors) - 1
         others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
-        raise DataError(f"the cut will not do: {first.rule}: {first.message}{others}")
+        raise DataError(f"the cut is not usable for LAC: {first.rule}: {first.message}{others}")
     warn_of(found)
     return found
 

@@ -83,13 +83,13 @@ def add_recognition_options(parser: argparse.ArgumentParser) -> None:
         dest="recognise",
         action="store_false",
         default=None,
-        help="the slave faces are not yet cut, whatever they look like",
+        help="take the slave faces as not yet cut, even if they show the pattern of a cut",
     )
     either.add_argument(
         "--recognise",
         action="store_true",
         default=None,
-        help="the slave faces are those of an earlier cut, as their pattern says, however its nodes are numbered now",
+        help="take the slave faces for those of an earlier cut by their pattern, even if nodes have been renumbered",
     )
 
 
@@ -103,34 +103,34 @@ def add_facing_options(parser: argparse.ArgumentParser) -> None:
         help="cells or nodes whose displacement is imposed; may be repeated",
     )
     parser.add_argument(
-        "--axisymmetric", action="store_true", help="a plane mesh about the y axis: measures hold 2 pi x"
+        "--axisymmetric", action="store_true", help="a plane mesh about the y axis: areas include 2 pi x"
     )
     parser.add_argument(
         "--search-distance",
         type=_length,
         metavar="LENGTH",
-        help="how far the slave looks for the master (default: a quarter of the smaller skin's diagonal, or twice its "
-        "largest macro-element)",
+        help="largest distance at which the master is searched (default: a quarter of the smaller skin's diagonal, or "
+        "twice its largest macro-element)",
     )
     parser.add_argument(
         "--max-penetration",
         type=_length,
         metavar="LENGTH",
-        help="how far it looks behind itself, where bodies overlap (default: half of the cells that meet there)",
+        help="largest initial penetration searched (default: half the local element size)",
     )
     parser.add_argument(
         "--surface",
         choices=("smooth", "faces"),
         default="smooth",
-        help="what gaps are measured between, where cells are linear: the curved skins that the nodes lie on, or the "
-        "faces as they are (default: smooth)",
+        help="surfaces that gaps of linear cells are measured between: the smooth ones through their nodes, or the "
+        "flat faces (default: smooth)",
     )
     parser.add_argument(
         "--crease-angle",
         type=_angle,
         default=40.0,
         metavar="DEGREES",
-        help="edges that turn by more stay sharp (default: 40)",
+        help="edges with a larger angle between their faces stay sharp (default: 40)",
     )
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    parser = add_command(commands, "orient", run, "turn the faces of a skin outward")
+    parser = add_command(commands, "orient", run, "flip the faces of a skin outward")
     parser.add_argument("input", metavar="IN", help="mesh")
     parser.add_argument("--group", action="append", required=True, metavar="GROUP", help="the skin; may be repeated")
     parser.add_argument("-o", "--output", metavar="OUT", help="default: beside the input, with .out before its suffix")

@@ -28,8 +28,10 @@ def is_long(text: bytes) -> bool:
     return len(text) >= _COMPILED
 
 
-def parsed(text: bytes, kind: type) -> NDArray | None:
+def parsed(text: bytes, kind: type, *, clip: bool = False) -> NDArray | None:
     """All numbers of a text that holds nothing else, separated by white space; None where something else is there.
+
+    Integers beyond the range of `kind` are something else, or become its ends with `clip`.
 
     >>> parsed(b" 1 2\\n3", int), parsed(b"1 two", int)
     (array([1, 2, 3]), None)
@@ -42,7 +44,7 @@ def parsed(text: bytes, kind: type) -> NDArray | None:
             values: NDArray = np.fromstring(text, kind, sep=" ")
     except (ValueError, DeprecationWarning):
         return None
-    if values.dtype.kind == "i" and len(values) and values.max() == np.iinfo(values.dtype).max:
+    if not clip and values.dtype.kind == "i" and len(values) and values.max() == np.iinfo(values.dtype).max:
         return None  # more digits than an integer holds
     return values
 

@@ -87,7 +87,7 @@ DAMAGES = [
     ("2 1 3 4\n", "2 1 3 9\n", "line 24: the TRIA3 2 has node 9, which $Nodes does not hold"),
     ("2 1 3 4\n", "2 1 3 0\n", "the TRIA3 2 has node 0, which"),
     ("2 1 3 4\n", "2 1 3 -1\n", "the TRIA3 2 has node -1, which"),
-    ("2 1 3 4\n", "2 1 3 99999999999999999999\n", "line 28: '2 1 3 99999999999999999999' should be numbers"),
+    ("2 1 3 4\n", "2 1 3 99999999999999999999\n", "the TRIA3 2 has node 9223372036854775807, which"),
     ("2 1 3 4\n", "1 1 3 4\n", "line 24: two cells have the number 1"),
     ("2 1 3 4\n", "0 1 3 4\n", "line 24: a cell has the number 0"),
     ("2 1 3 4\n", "2 1 3\n", "8 values should follow here, and $Elements ends too early"),
