@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> None:
         check_cells(mesh, args.program)
     write_mesh(target, mesh, source, args)
     if not args.quiet:
-        types = ", ".join(f"{n:,} {kind}" for kind, n in mesh.cells_by_type.items())
+        types = ", ".join(f"{n:,} {cell_type}" for cell_type, n in mesh.cells_by_type.items())
         groups = len(mesh.cell_groups) + len(mesh.node_groups)
         counts = f"{mesh.n_nodes:,} nodes, {mesh.n_cells:,} cells ({types}), {groups} group{'' if groups == 1 else 's'}"
         print(f"{source}: {counts}; written to {target}")

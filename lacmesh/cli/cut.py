@@ -104,13 +104,13 @@ def run(args: argparse.Namespace) -> None:
         cut = _cut(mesh, args)
         if args.min_quality is not None:
             _refuse_poor(None if done else mesh, cut, args.min_quality)
-    report = found = None
+    report = findings = None
     if args.master:
         with stage("check"):
-            found = _check(cut, args)
+            findings = _check(cut, args)
     if args.report:
         with stage("report"):
-            report = _report(None if done else mesh, cut, found)
+            report = _report(None if done else mesh, cut, findings)
     with ThreadPoolExecutor(1) as beside:
         # beside the writing, which waits for the disk
         summary = None if args.quiet or done else beside.submit(_summarise, mesh, cut)
@@ -142,13 +142,13 @@ def _check(cut: Cut, args: argparse.Namespace) -> Findings:
     from lacmesh.checks import check
     from lacmesh.cli.check import warn_of
 
-    found = check(cut, args.slave, args.master, **facing_options(args))
-    if found.errors:
-        first, more = found.errors[0], len(found.errors) - 1
+    findings = check(cut, args.slave, args.master, **facing_options(args))
+    if findings.errors:
+        first, more = findings.errors[0], len(findings.errors) - 1
         others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
         raise DataError(f"the cut is not usable for LAC: {first.rule}: {first.message}{others}")
-    warn_of(found)
-    return found
+    warn_of(findings)
+    return findings
 
 
 def _beside(source: Path) -> Path:
@@ -230,9 +230,9 @@ def _print_summary(summary: CutSummary, source: Path, target: Path, stage: Stage
     for zone, macros in summary.zones.items():
         rows.add_row(f"macro-elements of {zone}", "", f"{macros:,}", "")
     rows.add_section()
-    for kind in dict.fromkeys([*summary.replaced, *summary.children]):
-        old, new = summary.replaced.get(kind, 0), summary.children.get(kind, 0)
-        rows.add_row(f"{kind} touched", f"{old:,}", f"{new:,}", f"{new - old:+,}")
+    for cell_type in dict.fromkeys([*summary.replaced, *summary.children]):
+        old, new = summary.replaced.get(cell_type, 0), summary.children.get(cell_type, 0)
+        rows.add_row(f"{cell_type} touched", f"{old:,}", f"{new:,}", f"{new - old:+,}")
     if summary.replaced:
         rows.add_row("worst quality of the touched cells", *(f"{q:.3f}" for q in summary.worst), "")
     else:

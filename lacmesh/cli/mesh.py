@@ -159,7 +159,7 @@ def _mesh(args: argparse.Namespace) -> None:
     with stage("write"):
         write(target, mesh, msh=args.msh, binary=False if args.ascii else None, force=args.force)
     if not args.quiet:
-        types = ", ".join(f"{n:,} {kind}" for kind, n in mesh.cells_by_type.items())
+        types = ", ".join(f"{n:,} {cell_type}" for cell_type, n in mesh.cells_by_type.items())
         print(f"{target}: {mesh.n_nodes:,} nodes, {mesh.n_cells:,} cells ({types})")
         for name, cells in mesh.cell_groups.items():
             print(f"  {name}: {len(cells):,} cells of dimension {mesh.group_dim(name)}")

@@ -75,8 +75,8 @@ def records_of(mesh: Mesh) -> Records | None:
     cell = dict(
         zip(CELL_RECORDS, (cut.macro_of_face, cut.zone_of_face, cut.child_kind, cut.parent_of_cell), strict=True)
     )
-    found = Records(cell, cut.macro_of_node, cut.zones)
-    return found if all(v.ndim == 1 and v.dtype.kind in "iu" for v in (*cell.values(), found.internal)) else None
+    records = Records(cell, cut.macro_of_node, cut.zones)
+    return records if all(v.ndim == 1 and v.dtype.kind in "iu" for v in (*cell.values(), records.internal)) else None
 
 
 def without_records(mesh: Mesh) -> Mesh:
@@ -93,8 +93,8 @@ def to_json(mesh: Mesh, back: Mesh) -> str | None:
 
     None if `back` has the records already. Raises UnfitError.
     """
-    there, found = moved(mesh, back), records_of(back)
-    if found is not None and _same(there, found):
+    there, has_already = transfer_records(mesh, back), records_of(back)
+    if has_already is not None and _same(there, has_already):
         return None
     has = np.flatnonzero(np.any([values >= 0 for values in there.cell.values()], axis=0))
     nodes = np.flatnonzero(there.internal >= 0)
@@ -140,12 +140,12 @@ def with_sidecar_records(path: Path, mesh: Mesh) -> Mesh:
 def _with(mesh: Mesh, records: Records) -> Mesh:
     cell = {**mesh.cell_data, **records.cell}
     node = {**mesh.node_data, NODE_RECORD: records.internal}
-    made = replace(mesh, cell_data=cell, node_data=node, zones=records.zones)
+    with_records = replace(mesh, cell_data=cell, node_data=node, zones=records.zones)
     try:
-        Cut(made)
+        Cut(with_records)
     except CutError as error:
         raise UnfitError("they are not those of a cut") from error
-    return made
+    return with_records
 
 
 def _same(a: Records, b: Records) -> bool:
@@ -153,7 +153,7 @@ def _same(a: Records, b: Records) -> bool:
     return a.zones == b.zones and all(y.dtype.kind in "iu" and np.array_equal(x, y) for x, y in pairs)
 
 
-def moved(mesh: Mesh, back: Mesh) -> Records:
+def transfer_records(mesh: Mesh, back: Mesh) -> Records:
     """Transfer the cut records of `mesh` to `back`, the same mesh read from a file. Raises UnfitError.
 
     Cells may differ in order, in the order of their nodes, and in number. Cells may be missing, and their parents'
@@ -179,9 +179,9 @@ def moved(mesh: Mesh, back: Mesh) -> Records:
 
 def _placed(values: Ints, rows: Ints, to: Ints, size: int) -> Ints:
     """Array (size,) that has `values[rows]` at `to[rows]` and -1 elsewhere."""
-    found = np.full(size, -1, values.dtype)
-    found[to[rows]] = values[rows]
-    return found
+    placed = np.full(size, -1, values.dtype)
+    placed[to[rows]] = values[rows]
+    return placed
 
 
 def _nodes(mesh: Mesh, back: Mesh) -> Ints:
@@ -189,10 +189,10 @@ def _nodes(mesh: Mesh, back: Mesh) -> Ints:
     size = float(np.ptp(mesh.points, axis=0).max(initial=0.0))
     if back.n_nodes == mesh.n_nodes and np.abs(back.points - mesh.points).max(initial=0.0) <= 1e-5 * size:
         return np.arange(mesh.n_nodes)
-    found = match(mesh, back)
-    if isinstance(found, str):
-        raise UnfitError(f"the file has {found}")
-    return found.node
+    indices = match(mesh, back)
+    if isinstance(indices, str):
+        raise UnfitError(f"the file has {indices}")
+    return indices.node
 
 
 def _cells(mesh: Mesh, back: Mesh, node: Ints) -> Ints:
@@ -202,12 +202,12 @@ def _cells(mesh: Mesh, back: Mesh, node: Ints) -> Ints:
     """
     to = np.full(mesh.n_cells, -1)
     macro = mesh.cell_data["lac_macro"]
-    theirs = {kind: (cells, rows) for kind, cells, rows in back.select(np.arange(back.n_cells))}
-    for kind, cells, rows in mesh.select(np.arange(mesh.n_cells)):
-        if kind not in theirs:
+    theirs = {cell_type: (cells, rows) for cell_type, cells, rows in back.select(np.arange(back.n_cells))}
+    for cell_type, cells, rows in mesh.select(np.arange(mesh.n_cells)):
+        if cell_type not in theirs:
             continue
-        others, found = theirs[kind]
-        label, n = label_rows(np.sort(np.concatenate([node[rows], found]), axis=1))
+        others, their_nodes = theirs[cell_type]
+        label, n = label_rows(np.sort(np.concatenate([node[rows], their_nodes]), axis=1))
         mine, its = label[: len(cells)], label[len(cells) :]
         merged = np.bincount(mine, minlength=n) != np.bincount(its, minlength=n)
         first, second = mesh.cell_number[cells], back.cell_number[others]
@@ -237,33 +237,35 @@ def _parents(mesh: Mesh, back: Mesh, cell: Ints, parent: Ints) -> Ints:
 
     A number that no cell of the mesh has is kept, unless the file gave it to a cell; then it becomes -1.
     """
-    found = parent.astype(np.int64)
-    children = np.flatnonzero(found >= 0)
+    numbers = parent.astype(np.int64)
+    children = np.flatnonzero(numbers >= 0)
     order = np.argsort(mesh.cell_number, kind="stable")
-    at = np.minimum(np.searchsorted(mesh.cell_number, found[children], sorter=order), mesh.n_cells - 1)
+    at = np.minimum(np.searchsorted(mesh.cell_number, numbers[children], sorter=order), mesh.n_cells - 1)
     first = order[at]
-    known = (mesh.cell_number[first] == found[children]) & (cell[first] >= 0)
-    taken = ~known & np.isin(found[children], back.cell_number)
-    found[children[taken]] = -1
-    found[children[known]] = back.cell_number[cell[first[known]]]
-    return found
+    known = (mesh.cell_number[first] == numbers[children]) & (cell[first] >= 0)
+    taken = ~known & np.isin(numbers[children], back.cell_number)
+    numbers[children[taken]] = -1
+    numbers[children[known]] = back.cell_number[cell[first[known]]]
+    return numbers
 
 
 def _digest(mesh: Mesh, cells: Ints, zones: tuple[str, ...], *columns: dict[str, Ints]) -> str:
     """SHA-256 digest of the records, and of the cells that have them: types, numbers, nodes by number."""
-    said = sha256(json.dumps(zones).encode())
+    digest = sha256(json.dumps(zones).encode())
     for values in (values for column in columns for values in column.values()):
-        _feed(said, values)
-    for kind, chosen, rows in sorted(mesh.select(cells), key=lambda part: part[0]):  # wherever the file lists a type
-        said.update(kind.encode())
-        _feed(said, mesh.cell_number[chosen])
-        _feed(said, mesh.node_number[rows])
-    return said.hexdigest()
+        _feed(digest, values)
+    for cell_type, chosen, rows in sorted(
+        mesh.select(cells), key=lambda part: part[0]
+    ):  # wherever the file lists a type
+        digest.update(cell_type.encode())
+        _feed(digest, mesh.cell_number[chosen])
+        _feed(digest, mesh.node_number[rows])
+    return digest.hexdigest()
 
 
-def _feed(said: Any, values: NDArray) -> None:
-    said.update(f"{values.shape}".encode())
-    said.update(np.ascontiguousarray(values, "<i8").tobytes())
+def _feed(digest: Any, values: NDArray) -> None:
+    digest.update(f"{values.shape}".encode())
+    digest.update(np.ascontiguousarray(values, "<i8").tobytes())
 
 
 def _loaded(side: Path, mesh: Mesh) -> dict[str, Any]:

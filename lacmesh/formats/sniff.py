@@ -53,9 +53,9 @@ def sniff(path: Path, head: bytes) -> DetectedFormat:
     if text.startswith(b"$") and (suffix not in OF_MESHIO or b"$MeshFormat" in head):  # $ begins a comment of Nastran
         return DetectedFormat("msh")
     if text.startswith(b"<"):
-        found = _in_xml(path, text, suffix)
-        if found:
-            return found
+        detected = _in_xml(path, text, suffix)
+        if detected:
+            return detected
     if not text.strip():
         raise ReadError(path, "is empty")
     for begin, what in _FOREIGN:
@@ -94,11 +94,11 @@ def _by_suffix(path: Path, text: bytes, suffix: str) -> DetectedFormat:
 
 def _in_xml(path: Path, text: bytes, suffix: str) -> DetectedFormat | None:
     """Detect the format of an XML file; None if the suffix may tell it. Raises ReadError."""
-    found = re.search(rb"<VTKFile\b[^>]*?\btype\s*=\s*[\"'](\w+)[\"']", text)
-    if found:
-        kind = found[1].decode()
-        if kind in _VTK:
-            raise ReadError(path, _VTK[kind].format(files=_listed(path) or "it names none"))
+    root = re.search(rb"<VTKFile\b[^>]*?\btype\s*=\s*[\"'](\w+)[\"']", text)
+    if root:
+        vtk_type = root[1].decode()
+        if vtk_type in _VTK:
+            raise ReadError(path, _VTK[vtk_type].format(files=_listed(path) or "it names none"))
         return DetectedFormat("vtu", binary=_binary_vtu(path))
     if re.search(rb"<Xdmf\b", text):
         return DetectedFormat("xdmf", binary=b'Format="XML"' not in text)

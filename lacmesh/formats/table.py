@@ -83,7 +83,7 @@ def takers(option: str) -> list[Format]:
     >>> [form.title for form in takers("compress")]
     ['VTU', 'XDMF']
     """
-    return [found for found in OWN if option in found.options]
+    return [form for form in OWN if option in form.options]
 
 
 FORMATS = (*OWN, *_of_meshio())

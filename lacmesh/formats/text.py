@@ -28,7 +28,7 @@ def is_long(text: bytes) -> bool:
     return len(text) >= _COMPILED
 
 
-def parsed(text: bytes, kind: type, *, clip: bool = False) -> NDArray | None:
+def parsed(text: bytes, dtype: type, *, clip: bool = False) -> NDArray | None:
     """All numbers of a text that holds nothing else, separated by white space; None where something else is there.
 
     Integers beyond the range of `kind` are something else, or become its ends with `clip`.
@@ -37,11 +37,11 @@ def parsed(text: bytes, kind: type, *, clip: bool = False) -> NDArray | None:
     (array([1, 2, 3]), None)
     """
     if not text or text.isspace():
-        return np.empty(0, kind)
+        return np.empty(0, dtype)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", DeprecationWarning)  # numpy < 2.3 warns, and gives what it had read
-            values: NDArray = np.fromstring(text, kind, sep=" ")
+            values: NDArray = np.fromstring(text, dtype, sep=" ")
     except (ValueError, DeprecationWarning):
         return None
     if not clip and values.dtype.kind == "i" and len(values) and values.max() == np.iinfo(values.dtype).max:
@@ -49,13 +49,13 @@ def parsed(text: bytes, kind: type, *, clip: bool = False) -> NDArray | None:
     return values
 
 
-def bad_line(text: bytes, kind: type) -> int:
+def bad_line(text: bytes, dtype: type) -> int:
     """Byte offset of the first bad line in a text that `parsed` refuses."""
     lines = text.splitlines(keepends=True)
     low, high = 0, len(lines)
     while high - low > 1:
         middle = (low + high) // 2
-        bad = parsed(b"".join(lines[low:middle]), kind) is None
+        bad = parsed(b"".join(lines[low:middle]), dtype) is None
         low, high = (low, middle) if bad else (middle, high)
     return sum(map(len, lines[:low]))
 

@@ -78,13 +78,13 @@ def label(text: str) -> tuple[str, str]:
 
 def cards(path: Path, said: list[str]) -> list[Card]:
     """The cards of a file and of those that it includes, in order. Raises ReadError."""
-    found = _Walk(path)
-    found.walk(SourceFile(path), ())
-    if not found.cards:
+    walk = _Walk(path)
+    walk.walk(SourceFile(path), ())
+    if not walk.cards:
         raise ReadError(path, "holds no keyword line (as *NODE)")
-    if found.stray:
+    if walk.stray:
         said.append("the text before the first keyword line is left out")
-    return found.cards
+    return walk.cards
 
 
 class _Walk:
@@ -172,6 +172,6 @@ def _card(source: SourceFile, at: int, text: str) -> Card:
     shown = " ".join(head.split()).upper()
     parameters = {}
     if rest.strip():
-        for found in _PARAMETER.finditer(rest):
-            parameters["".join(found[1].split()).upper()] = found[2] or ""
+        for parameter in _PARAMETER.finditer(rest):
+            parameters["".join(parameter[1].split()).upper()] = parameter[2] or ""
     return Card(shown.replace(" ", ""), shown, parameters, source, at)

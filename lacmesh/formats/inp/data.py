@@ -191,8 +191,8 @@ def faces(card: Card) -> list[tuple[str, Ints | str]]:
     if len(rows) == int(np.count_nonzero(values_in_lines(text))):
         number = np.array([row[0] for row in rows], dtype="S").astype(np.int64)
         face = np.array([row[1].upper() for row in rows], dtype="S")
-        return [(decoded(bytes(kind)), number[face == kind]) for kind in _distinct(face)]
-    found: list[tuple[str, Ints | str]] = []
+        return [(decoded(bytes(face_label)), number[face == face_label]) for face_label in _distinct(face)]
+    entries: list[tuple[str, Ints | str]] = []
     at = 0
     for line in text.splitlines(keepends=True):
         fields = [f.strip() for f in decoded(line).split(",")]
@@ -201,9 +201,9 @@ def faces(card: Card) -> list[tuple[str, Ints | str]]:
                 raise card.error("a surface's line should begin with an element or a set of elements", at)
             which = fields[1].upper() if len(fields) > 1 else ""
             number_of = int(fields[0]) if _NUMBER.fullmatch(fields[0]) else None
-            found.append((which, fields[0] if number_of is None else np.array([number_of])))
+            entries.append((which, fields[0] if number_of is None else np.array([number_of])))
         at += len(line)
-    return found
+    return entries
 
 
 def _distinct(labels: NDArray) -> list[bytes]:

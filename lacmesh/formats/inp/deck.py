@@ -177,8 +177,8 @@ class _Reader:
         name = card.parameters.get("TYPE", "").strip('"').upper()
         if not name:
             raise card.error("*ELEMENT should say its TYPE")
-        found = element(name)
-        if found is None:
+        cell = element(name)
+        if cell is None:
             if not NO_CELL.fullmatch(name):
                 raise card.error(f"elements of type {name[:40]} are not known to lacmesh; take them out of the file")
             n = int(np.count_nonzero(values_in_lines(card.text())))
@@ -186,14 +186,14 @@ class _Reader:
             if card.parameters.get("ELSET"):
                 self.here.add_to("element", card.parameters["ELSET"], card)
             return
-        rows, lost = inp_data.elements(card, len(found.nodes))
-        self._count_lost(name, found.kind == LINE, lost)
+        rows, lost = inp_data.elements(card, len(cell.nodes))
+        self._count_lost(name, cell.kind == LINE, lost)
         if len(rows) and (rows.min() < 1 or rows.max() >= _LARGEST):
             wrong = rows[(rows < 1) | (rows >= _LARGEST)][0]
             raise card.error(f"numbers of elements and nodes run from 1 to {_LARGEST - 1}, and one here is {wrong}")
         by = self._raise()
         number, nodes = rows[:, 0] + by[1], rows[:, 1:] + by[0]
-        self.here.elements.append(ElementCard(card, found, number, nodes))
+        self.here.elements.append(ElementCard(card, cell, number, nodes))
         if card.parameters.get("ELSET"):
             self.here.add_to("element", card.parameters["ELSET"], card, Members(number, (), ()))
 
@@ -254,30 +254,32 @@ class _Reader:
 
     def _surface(self, card: Card) -> None:
         shown, known_as = label(card.parameters.get("NAME", ""))
-        kind = card.parameters.get("TYPE", "ELEMENT").upper()
+        surface_type = card.parameters.get("TYPE", "ELEMENT").upper()
         if not shown:
             raise card.error("*SURFACE should say the surface's name: *SURFACE, NAME=name")
-        if kind not in ("ELEMENT", "NODE") or {"COMBINE", "CROP"} & set(card.parameters):
-            shown_kind = f"SURFACE of type {kind}" if kind not in ("ELEMENT", "NODE") else "SURFACE, COMBINE"
+        if surface_type not in ("ELEMENT", "NODE") or {"COMBINE", "CROP"} & set(card.parameters):
+            shown_kind = (
+                f"SURFACE of type {surface_type}" if surface_type not in ("ELEMENT", "NODE") else "SURFACE, COMBINE"
+            )
             self.model.left_out[shown_kind] = None
             return
         own = self._of(card)
-        entries = inp_data.faces(card) if kind == "ELEMENT" else self._of_nodes(card)
-        by = 0 if own is None else own.elements if kind == "ELEMENT" else own.nodes
+        entries = inp_data.faces(card) if surface_type == "ELEMENT" else self._of_nodes(card)
+        by = 0 if own is None else own.elements if surface_type == "ELEMENT" else own.nodes
         named = [(face, self._plain(which) if isinstance(which, str) else which + by) for face, which in entries]
-        surface = SurfaceCard(shown, card, named, kind == "NODE")
-        if (kind, known_as) in self.here.surfaces:
-            raise card.error(f"there are two surfaces of type {kind} named {shown!r}")
-        self.here.surfaces[kind, known_as] = surface
+        surface = SurfaceCard(shown, card, named, surface_type == "NODE")
+        if (surface_type, known_as) in self.here.surfaces:
+            raise card.error(f"there are two surfaces of type {surface_type} named {shown!r}")
+        self.here.surfaces[surface_type, known_as] = surface
 
     def _of_nodes(self, card: Card) -> list[tuple[str, Ints | str]]:
         """Entries of a surface of nodes: the node or node set at the start of each line (areas may follow)."""
-        found: list[tuple[str, Ints | str]] = []
+        entries: list[tuple[str, Ints | str]] = []
         for line in card.text().splitlines():
             word = decoded(line.split(b",")[0]).strip()
             if line.strip():
-                found.append(("", np.array([int(word)]) if re.fullmatch(r"[0-9]{1,18}", word) else word))
-        return found
+                entries.append(("", np.array([int(word)]) if re.fullmatch(r"[0-9]{1,18}", word) else word))
+        return entries
 
     def _part(self, card: Card) -> None:
         name = card.parameters.get("NAME", "")

@@ -110,11 +110,11 @@ class Names:
 
     def lines(self, text: bytes) -> tuple[Ints, NDArray[np.bool_]]:
         """The keys of all words of a text whose lines are whole, and which words begin a line."""
-        found = scanned(text) if is_long(text) else scanned_by_arrays(text)
-        if found is not None:
-            keys = self._with_prefixes(found.number, found.prefix)
+        regular = scanned(text) if is_long(text) else scanned_by_arrays(text)
+        if regular is not None:
+            keys = self._with_prefixes(regular.number, regular.prefix)
             if keys is not None:
-                return keys, found.first
+                return keys, regular.first
         keys = np.array([self._key(word) for word in text.translate(_SPACED).split()], np.int64)
         return keys, words(text).first
 
@@ -136,9 +136,9 @@ class Names:
         return STEP * self._prefixes.setdefault(prefix, len(self._prefixes))
 
     def _key(self, word: bytes) -> int:
-        found = _REGULAR.fullmatch(word)
-        if found:
-            return self._base(found[1]) + int(found[2])
+        regular = _REGULAR.fullmatch(word)
+        if regular:
+            return self._base(regular[1]) + int(regular[2])
         return self._others.setdefault(word, _OTHER + len(self._others))
 
     def name(self, key: int) -> str:
@@ -154,6 +154,6 @@ def numbers(keys: Ints) -> Ints | None:
         return keys
     if keys.max() >= _OTHER:
         return None
-    found = keys % STEP
-    ordered = np.sort(found)
-    return None if (ordered[1:] == ordered[:-1]).any() else found
+    ids = keys % STEP
+    ordered = np.sort(ids)
+    return None if (ordered[1:] == ordered[:-1]).any() else ids

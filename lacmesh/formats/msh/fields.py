@@ -234,8 +234,8 @@ def _heads(on: str, meant: Mapping[str, Step]) -> list[Head]:
     heads = []
     count: dict[str, int] = {}
     for step in meant.values():
-        found = numbers[step.field]
-        plain = len(set(found)) == len(found) and min(found) >= 0 and max(found) < _MANY_STEPS
+        used = numbers[step.field]
+        plain = len(set(used)) == len(used) and min(used) >= 0 and max(used) < _MANY_STEPS
         k = count[step.field] = count.get(step.field, -1) + 1
         time = float(step.time)
         heads.append(Head(on, safe[step.field], int(step.number) if plain else k, time if time == time else 0.0))

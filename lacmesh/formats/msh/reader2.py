@@ -97,14 +97,14 @@ class Reader2:
             elements = msh_runs.find(table, n, False, numbers.error_at)
             numbers.place = elements.end
             numbers.done()
-        kinds, first = np.unique(elements.kind, return_index=True)
-        for kind in kinds[np.argsort(first)].tolist():
-            self.content.pieces.append(self._piece(table, elements, kind))
+        gmsh_types, first = np.unique(elements.kind, return_index=True)
+        for gmsh_type in gmsh_types[np.argsort(first)].tolist():
+            self.content.pieces.append(self._piece(table, elements, gmsh_type))
 
-    def _piece(self, table: Ints, elements: msh_runs.ElementRuns, kind: int) -> Piece:
+    def _piece(self, table: Ints, elements: msh_runs.ElementRuns, gmsh_type: int) -> Piece:
         """The elements of one type."""
-        source, cell = self.content.source, ALL_CELLS[TYPE_NAMES[kind]]
-        at = np.flatnonzero(elements.kind == kind)
+        source, cell = self.content.source, ALL_CELLS[TYPE_NAMES[gmsh_type]]
+        at = np.flatnonzero(elements.kind == gmsh_type)
         place, n_tags = elements.place[at], elements.n_tags[at]
         tags_at = place + (1 if source.binary else 3)
 

@@ -194,11 +194,11 @@ class TextNumbers:
 Numbers: TypeAlias = BinaryNumbers | TextNumbers
 
 
-def _parsed(source: MshBytes, text: bytes, start: int, kind: type) -> NDArray:
+def _parsed(source: MshBytes, text: bytes, start: int, dtype: type) -> NDArray:
     """Numbers of a text that stands at byte `start`. Raises ReadError with the line of the first that is no number."""
-    values = parsed(text, kind, clip=True)  # readers say which number is none of a node, a cell or a count
+    values = parsed(text, dtype, clip=True)  # readers say which number is none of a node, a cell or a count
     if values is None:
-        place = bad_line(text, kind)
+        place = bad_line(text, dtype)
         line = text[place:].split(b"\n", 1)[0].decode("ascii", "replace").strip()[:60]
         raise source.error(f"{line!r} should be numbers", start + place)
     return values

@@ -139,13 +139,13 @@ def _extra_cells(mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints) -> 
     if mesh.file_order is not None:
         place[mesh.file_order] = np.arange(mesh.n_cells)
     tags = np.array([(e.dim, e.tag) for e in entities.entities], np.int64)
-    found = []
-    for k, (kind, rows) in enumerate(mesh.blocks):
-        if ALL_CELLS[kind].msh is None and len(rows):
+    extra = []
+    for k, (cell_type, rows) in enumerate(mesh.blocks):
+        if ALL_CELLS[cell_type].msh is None and len(rows):
             here = slice(int(mesh.offsets[k]), int(mesh.offsets[k + 1]))
-            found.append(CellsNote(kind, cells[here], nodes[rows], tags[entities.cell[here]], place[here]))
-            _warn(f"msh has no {kind}: {len(rows)} cells are kept in a section that only lacmesh reads")
-    return found
+            extra.append(CellsNote(cell_type, cells[here], nodes[rows], tags[entities.cell[here]], place[here]))
+            _warn(f"msh has no {cell_type}: {len(rows)} cells are kept in a section that only lacmesh reads")
+    return extra
 
 
 def _further_members(
