@@ -14,8 +14,8 @@ from scipy.sparse import csr_array
 import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.checks.facets import Solid, find_twins
-from lacmesh.formats.inp.kernel import count_fields, scan_integers
 from lacmesh.formats.mail.names import scanned
+from lacmesh.formats.text_kernels import count_fields, scan_integers
 from lacmesh.formats.vtu.lz4 import expand
 from lacmesh.formats.xdmf.mixed import starts
 from lacmesh.kernels import kernel

@@ -21,7 +21,7 @@ from lacmesh import Cut, Mesh, cut_skin
 from lacmesh.cells import CELLS
 from lacmesh.cli import main
 from lacmesh.errors import GroupNotFoundError
-from lacmesh.formats import kind_of
+from lacmesh.formats import detect_format
 from lacmesh.report import describe
 from tests.meshes import cell_with_faces, random_mesh
 
@@ -181,10 +181,10 @@ def test_output_keeps_the_inputs_version_and_kind(tmp_path, mesh, version, ascii
     source = tmp_path / "in.msh"
     lacmesh.write(source, mesh, msh=version, binary=not ascii_)
     assert main(["cut", str(source), "--slave", "slave", "-q"]) == 0
-    kind = kind_of(tmp_path / "in.lac.msh")
+    kind = detect_format(tmp_path / "in.lac.msh")
     assert (kind.version, kind.binary) == (version, not ascii_)
     assert main(["cut", str(source), "--slave", "slave", "-q", "--force", "--msh", "2.2", "--ascii"]) == 0
-    kind = kind_of(tmp_path / "in.lac.msh")
+    kind = detect_format(tmp_path / "in.lac.msh")
     assert (kind.version, kind.binary) == ("2.2", False)
 
 

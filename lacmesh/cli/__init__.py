@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from lacmesh.cli.options import EPILOG, written
+from lacmesh.cli.options import EPILOG
 from lacmesh.cli.program import Program
 from lacmesh.errors import GroupNotFoundError, LacmeshError
 
@@ -33,7 +33,6 @@ PROGRAM = Program(
     EPILOG,
     COMMANDS,
     _told,
-    written,
     "there is not enough memory for this mesh",
     collects=False,  # a short life of large arrays and no cycles: collecting would only cost time
 )

@@ -15,8 +15,8 @@ from lacmesh.cli.options import (
     add_output_options,
     add_program_option,
     add_recognition_options,
-    check_output,
     facing_options,
+    pending_mesh,
     write_mesh,
 )
 from lacmesh.cli.terminal import Stages, console, memory, table
@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> None:
     target = Path(args.output) if args.output else _beside(source)
     asked = {"check": args.master, "report": args.report}
     stage = Stages(args, ("read", "cut", *(name for name, wanted in asked.items() if wanted), "write"))
-    check_output(target, args)
+    args.left = pending_mesh(target, args).left
     if args.report:
         _check_report(target, args)
     with stage("read"):
@@ -108,13 +108,13 @@ def run(args: argparse.Namespace) -> None:
         cut = _cut(mesh, args)
         if args.min_quality is not None:
             _refuse_poor(None if done else mesh, cut, args.min_quality)
-    report = found = None
+    report = findings = None
     if args.master:
         with stage("check"):
-            found = _check(cut, args)
+            findings = _check(cut, args)
     if args.report:
         with stage("report"):
-            report = _report(None if done else mesh, cut, found)
+            report = _report(None if done else mesh, cut, findings)
     with ThreadPoolExecutor(1) as beside:
         # beside the writing, which waits for the disk
         summary = None if args.quiet or done else beside.submit(_summarise, mesh, cut)
@@ -146,21 +146,21 @@ def _check(cut: Cut, args: argparse.Namespace) -> Findings:
     from lacmesh.checks import check
     from lacmesh.cli.check import warn_of
 
-    found = check(cut, args.slave, args.master, **facing_options(args))
-    if found.errors:
-        first, more = found.errors[0], len(found.errors) - 1
+    findings = check(cut, args.slave, args.master, **facing_options(args))
+    if findings.errors:
+        first, more = findings.errors[0], len(findings.errors) - 1
         others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
         raise DataError(f"the cut is not usable for LAC: {first.rule}: {first.message}{others}")
-    warn_of(found)
-    return found
+    warn_of(findings)
+    return findings
 
 
 def _beside(source: Path) -> Path:
     """Default output of a cut: the input with `.lac` before its suffix (the format's own suffix if it has none)."""
-    from lacmesh.formats import kind_of
+    from lacmesh.formats import detect_format
 
-    kind = kind_of(source)
-    return source.with_name(f"{source.stem}.lac{source.suffix or f'.{kind.format}'}")
+    suffix = source.suffix or f".{detect_format(source).format}"
+    return source.with_name(f"{source.stem}.lac{suffix}")
 
 
 def _check_report(target: Path, args: argparse.Namespace) -> None:
@@ -234,9 +234,9 @@ def _print_summary(summary: CutSummary, source: Path, target: Path, stage: Stage
     for zone, macros in summary.zones.items():
         rows.add_row(f"macro-elements of {zone}", "", f"{macros:,}", "")
     rows.add_section()
-    for kind in dict.fromkeys([*summary.replaced, *summary.children]):
-        old, new = summary.replaced.get(kind, 0), summary.children.get(kind, 0)
-        rows.add_row(f"{kind} touched", f"{old:,}", f"{new:,}", f"{new - old:+,}")
+    for cell_type in dict.fromkeys([*summary.replaced, *summary.children]):
+        old, new = summary.replaced.get(cell_type, 0), summary.children.get(cell_type, 0)
+        rows.add_row(f"{cell_type} touched", f"{old:,}", f"{new:,}", f"{new - old:+,}")
     if summary.replaced:
         rows.add_row("worst quality of the touched cells", *(f"{q:.3f}" for q in summary.worst), "")
     else:

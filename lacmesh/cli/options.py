@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -158,55 +159,65 @@ def add_mesh_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mesh", metavar="NAME", help="which mesh, in a file that holds several")
 
 
-def check_output(target: Path, args: argparse.Namespace) -> None:
-    """Check early that a mesh can be written with these options. Raises RequestError, WriteError."""
-    from lacmesh.formats import check_target
-    from lacmesh.formats.table import takers
+@dataclass(frozen=True)
+class PendingOutput:
+    """An output that a command will write: its path, and what identifies the file that stands there before."""
 
-    taken = check_target(target).options
+    path: Path
+    before: tuple[int, int] | None
+
+    def left(self) -> str:
+        """Clause for an interrupted command that says if its output was written, judged by the file on the disk."""
+        if _identity(self.path) == self.before:
+            return "nothing was written"
+        return f"{self.path} was written before that"
+
+
+def pending_output(target: Path, *, force: bool) -> PendingOutput:
+    """Check early that a file can be written; return it as an output to come. Raises RequestError, WriteError."""
+    from lacmesh.formats.output import check_place
+
+    before = _identity(target)
+    check_place(target, force=force)
+    return PendingOutput(target, before)
+
+
+def pending_mesh(target: Path, args: argparse.Namespace) -> PendingOutput:
+    """Check early that a mesh can be written with these options; return it as an output to come.
+
+    Raises RequestError, WriteError.
+    """
+    from lacmesh.formats.table import format_of, takers
+
+    taken = format_of(target).options
     for option, name in _OPTIONS.items():
         if getattr(args, option, None) and name not in taken:
             suffixes = listed([taker.suffixes[0] for taker in takers(name)], "or")
             article = "an" if suffixes.startswith(".i") else "a"
             raise RequestError(f"--{option.replace('_', '-')} is for {article} {suffixes} output, and {target} is none")
-    check_place(target, args)
-
-
-def check_place(target: Path, args: argparse.Namespace) -> None:
-    """Check early that a file can be written, and remember the present file for `written`."""
-    from lacmesh.formats import output
-
-    args.target, args.before = target, _identity(target)
-    output.check_place(target, force=args.force)
-
-
-def written(args: argparse.Namespace) -> str:
-    """Clause for an interrupted command that says if its output was written, judged by the file on the disk."""
-    target = getattr(args, "target", None)
-    if target is None or _identity(target) == args.before:
-        return "nothing was written"
-    return f"{target} was written before that"
+    return pending_output(target, force=args.force)
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
     """Inode and time of modification, which tell a file from one that took its place; None if there is no file."""
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return None
-    return found.st_ino, found.st_mtime_ns
+    return status.st_ino, status.st_mtime_ns
 
 
 def write_mesh(target: Path, mesh: Mesh, source: Path, args: argparse.Namespace) -> None:
     """Write a mesh as the options say; what they leave open is taken from the input."""
-    from lacmesh.formats import check_target, kind_of, write
+    from lacmesh.formats import detect_format, write
+    from lacmesh.formats.table import format_of
 
-    kind, program, taken = kind_of(source), getattr(args, "program", None), check_target(target).options
+    coding, program, taken = detect_format(source), getattr(args, "program", None), format_of(target).options
     write(
         target,
         mesh,
-        msh=(args.msh or kind.version) if "msh" in taken else None,
-        binary=(kind.binary and not args.ascii) if "binary" in taken else None,
+        msh=(args.msh or coding.version or None) if "msh" in taken else None,
+        binary=(coding.binary and not args.ascii) if "binary" in taken else None,
         target=program if "target" in taken and program in ("calculix", "abaqus") else None,
         plane=args.plane,
         all_cells=args.all_cells,

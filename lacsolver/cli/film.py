@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from lacmesh.cli.options import check_place
+from lacmesh.cli.options import pending_output
 from lacsolver.cli.options import add_command
 from lacsolver.cli.ranks import check_alone
 
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> None:
     folder, target = Path(args.folder), Path(args.output)
     folder = folder.with_suffix("") if folder.suffix == ".toml" else folder
     check_film(target, folder)
-    check_place(target, args)
+    args.left = pending_output(target, force=args.force).left
     film(
         folder,
         target,

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import check_place
+from lacmesh.cli.options import pending_output
 from lacmesh.cli.terminal import Stages, memory
 from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.cli.options import add_case, add_command
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> None:
     targets = places([zone.name for zone in (*case.contact, *case.tie)], output)
     for target in targets.values():
         for path in (target, *([target.with_suffix(".mtx")] if args.mtx else [])):
-            check_place(path, args)
+            args.left = pending_output(path, force=args.force).left
     stage = Stages(args, ("pair", "write"))
     with stage("pair"):
         mesh = lacmesh.read(case.mesh)

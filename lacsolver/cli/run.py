@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import check_place
 from lacmesh.errors import RequestError
 from lacsolver.cli.options import add_case, add_command
 from lacsolver.cli.ranks import check_alone
@@ -104,11 +103,12 @@ def left(watch: Watch, folder: OutputFolder, start: Restart | None) -> str:
 
 def _check_plot(case: Case, args: argparse.Namespace) -> None:
     """Raise an error before the run for anything that would stop the drawing at its end."""
+    from lacmesh.formats.output import check_place
     from lacsolver.pictures.drawing import check_plot
 
     target = Path(args.plot)
     check_plot(case, target)
-    check_place(target, args)
+    check_place(target, force=args.force)
 
 
 def _plot(case: Case, folder: OutputFolder, args: argparse.Namespace) -> None:
