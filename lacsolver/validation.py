@@ -1,7 +1,7 @@
 """Validation of a case on its mesh: every mistake that would prevent a run, at once, and the sizes of the problem.
 
-groups -> mesh cut -> space -> laws, places, loads -> zones paired -> rigid-body motions. A stage is left out if one
-that it depends on has failed; the others are run in any case, so that one validation reports all mistakes.
+The problem is built by the same stages as for a run (`problem.build`), which here go on after an error if they do not
+depend on what failed, so that one validation reports all mistakes; then come loads, zones and rigid-body motions.
 """
 
 from __future__ import annotations
@@ -18,18 +18,16 @@ import lacmesh
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError
 from lacmesh.mesh import Mesh
-from lacsolver.case import Case, CaseError, Contact, Displacement, Issue, Rigid, Tie, check_groups
+from lacsolver.case import Case, CaseError, Issue
 from lacsolver.case.records import Entry
 from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface
 from lacsolver.linear import choose
 from lacsolver.problem import acting
 from lacsolver.problem.overlap import check_overlap, deepest
-from lacsolver.problem.problem import ContactPair, joint_of, materials_of
+from lacsolver.problem.problem import ContactPair, ProblemParts, build
 from lacsolver.problem.rigid_modes import describe, free_motions, still_free
-from lacsolver.problem.skin import check_mesh, prepared
 from lacsolver.space.places import nodes_of
-from lacsolver.space.space import Space
 
 #: sections whose records are loads, each evaluated by itself
 _LOADS = ("pressure", "traction", "force", "body_force", "temperature")
@@ -95,41 +93,24 @@ def validate(case: Case, mesh: Mesh | None = None) -> Validation:
     """
     mesh = lacmesh.read(case.mesh) if mesh is None else mesh
     found = Validation(mesh)
-    with found.looking():
-        check_groups(case, mesh)
-    if not found.problems:
-        _look(case, found)
+    parts = build(case, mesh, found.looking)
+    found.mesh, found.cut_here = parts.mesh, parts.mesh.n_cells > mesh.n_cells
+    found.whole = parts.prepared and _whole(parts.mesh)
+    if parts.space is not None:
+        found.dim = parts.space.dim
+        _look_at_loads(case, parts, found)
+    if parts.constraints is not None:
+        found.unknowns = parts.constraints.n_q
+        with found.looking():
+            choose(case.solver.backend, parts.constraints.n_q)
+    if parts.space is not None:
+        before = len(found.problems)
+        faces = _zones(case, parts, found)
+        whole = len(faces) == len(case.contact) + len(case.tie) and len(found.problems) == before
+        if parts.constraints is not None and whole:
+            _look_at_motions(case, parts.constraints, faces, found)
     found.problems = list(dict.fromkeys(found.problems))
     return found
-
-
-def _look(case: Case, found: Validation) -> None:
-    """Check everything except the names of groups."""
-    before = found.mesh
-    with found.looking():
-        check_mesh(case, before)
-    with found.looking():
-        found.mesh = prepared(case, before)
-    cut = not found.problems
-    found.cut_here = found.mesh.n_cells > before.n_cells
-    found.whole = cut and _whole(found.mesh)
-    space = None
-    with found.looking():
-        space = Space.of(found.mesh, case.model, case.thickness)
-    if space is None:
-        return
-    found.dim = space.dim
-    _look_at_laws_and_loads(case, space, found)
-    constraints = _constraints(case, space, found)
-    if constraints is not None:
-        found.unknowns = constraints.n_q
-        with found.looking():
-            choose(case.solver.backend, constraints.n_q)
-    if cut:
-        before_zones = len(found.problems)
-        faces = _zones(case, space, found)
-        if constraints is not None and len(found.problems) == before_zones:
-            _look_at_motions(case, constraints, faces, found)
 
 
 def _whole(mesh: Mesh) -> bool:
@@ -137,47 +118,35 @@ def _whole(mesh: Mesh) -> bool:
     return is_cut(mesh) and Cut(mesh).n_macros == np.count_nonzero(Cut(mesh).macro_of_face >= 0)
 
 
-def _look_at_laws_and_loads(case: Case, space: Space, found: Validation) -> None:
-    materials = None
-    with found.looking():
-        materials = materials_of(case, space)
+def _look_at_loads(case: Case, parts: ProblemParts, found: Validation) -> None:
+    """Evaluate each load by itself at the first and at the last time."""
+    space, materials = parts.space, parts.materials
+    if space is None or materials is None:
+        return
     none: dict[str, Any] = {**dict.fromkeys(_LOADS, ()), "gravity": None}
     bare = replace(case, **none)
-    parts: list[tuple[Entry, dict[str, Any]]]
-    parts = [(record, {name: (record,)}) for name in _LOADS for record in getattr(case, name)]
+    loads: list[tuple[Entry, dict[str, Any]]]
+    loads = [(record, {name: (record,)}) for name in _LOADS for record in getattr(case, name)]
     if case.gravity is not None:
-        parts.append((case.gravity, {"gravity": case.gravity}))
-    for record, only in parts if materials is not None else ():
+        loads.append((case.gravity, {"gravity": case.gravity}))
+    for record, only in loads:
         with found.looking(record.place):
             for t in {case.steps.planned[0], case.steps.last}:
                 acting.load(space, materials, replace(bare, **only), t)
 
 
-def _constraints(case: Case, space: Space, found: Validation) -> Constraints | None:
-    """Return the constraints, or None if the nodes of a prescribed record are not found or the constraints fail."""
-    before = len(found.problems)
-    placed: tuple[Displacement | Rigid, ...] = (*case.displacement, *case.rigid)
-    for record in placed:
-        with found.looking():
-            nodes_of(space, record)
-    if len(found.problems) == before:
-        with found.looking():
-            return Constraints.of(space, case)
-    return None
-
-
-def _zones(case: Case, space: Space, found: Validation) -> list[tuple[ContactPair, Interface]]:
+def _zones(case: Case, parts: ProblemParts, found: Validation) -> list[tuple[ContactPair, Interface]]:
     """Return the contact pairs with their interfaces at the start; add the zones and mistakes to `found`."""
     faces: list[tuple[ContactPair, Interface]] = []
-    records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
-    for record in records:
-        with found.looking(record.place):
-            joint = joint_of(space, record)
-            face = joint.integrate(space, np.zeros(space.n_dof), case.steps.planned[0])
-            found.zones.append(_zone_found(joint, face))
-            faces.append((joint, face))
-            check_overlap(joint, face, space)
-            joint.check_facing(face)
+    space = parts.space
+    for pair in parts.pairs:
+        assert space is not None
+        with found.looking(pair.record.place):
+            face = pair.integrate(space, np.zeros(space.n_dof), case.steps.planned[0])
+            found.zones.append(_zone_found(pair, face))
+            faces.append((pair, face))
+            check_overlap(pair, face, space)
+            pair.check_facing(face)
     return faces
 
 

@@ -15,7 +15,7 @@ from lacsolver.cli.ranks import check_alone
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
-    from lacsolver.case import Case, Contact, Tie
+    from lacsolver.case import Case
     from lacsolver.matrices import ContactMatrices
 
 
@@ -75,21 +75,16 @@ def run(args: argparse.Namespace) -> None:
 
 def _made(case: Case, mesh: Mesh) -> dict[str, ContactMatrices]:
     """Return the matrices of each contact and tie, with the clearance at the end of the steps."""
-    from lacsolver.case import check_groups
     from lacsolver.contact import integrate
     from lacsolver.matrices import ContactMatrices
-    from lacsolver.problem.problem import joint_of
-    from lacsolver.problem.skin import prepared
-    from lacsolver.space.space import Space
+    from lacsolver.problem.problem import build
 
-    check_groups(case, mesh)
-    mesh = prepared(case, mesh)
-    space, made = Space.of(mesh, case.model, case.thickness), {}
-    records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
-    for record in records:
-        joint = joint_of(space, record)
-        face = integrate(joint.zone, space.dim, joint.pairing, t=case.steps.last, tie=joint.tie)
-        made[joint.name] = ContactMatrices.of(face, mesh)
+    parts, made = build(case, mesh, bodies=False), {}
+    for pair in parts.pairs:
+        face = integrate(
+            pair.zone, pair.zone.slave.dim + 1, pair.pairing, t=case.steps.last, tie=pair.law.all_components
+        )
+        made[pair.name] = ContactMatrices.of(face, parts.mesh)
     return made
 
 

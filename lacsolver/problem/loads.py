@@ -186,27 +186,6 @@ def springs(space: Space, nodes: Ints, stiffness: Vector, t: float = 1.0, *, mov
     return coo_array((k.ravel(), (dofs, dofs)), shape=(space.n_dof, space.n_dof)).tocsr()
 
 
-def foundation(space: Space, faces: Ints, stiffness: Vector, t: float = 1.0, *, degree: int | None = None) -> csr_array:
-    """Return the stiffness (n_dof, n_dof) of an elastic foundation on skin cells `faces`.
-
-    `stiffness`: stress per length along each axis.
-    """
-    surface = _skin(space, faces)
-    rows, columns, values = [np.empty(0, int)], [np.empty(0, int)], [np.empty(0)]
-    for part in _face_points(space, surface, None, degree):
-        nodes, N, at = part.nodes, part.N, part.at
-        k = evaluate_vector(stiffness, at, t, space.dim, "foundation")
-        _not_negative(k)
-        weight = (np.linalg.norm(part.normal, axis=-1) * part.w)[..., None] * k
-        K = np.einsum("qa,qb,fqs->fabs", N, N, weight, optimize=True)
-        dofs = space.dofs(nodes.ravel()).reshape(*nodes.shape, space.dim)
-        rows.append(np.broadcast_to(dofs[:, :, None], K.shape).ravel())
-        columns.append(np.broadcast_to(dofs[:, None], K.shape).ravel())
-        values.append(K.ravel())
-    made = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    return coo_array(made, shape=(space.n_dof, space.n_dof)).tocsr()
-
-
 def _not_negative(k: Floats) -> None:
     if (k < 0).any():
         raise DataError(f"a spring's stiffness is 0 or more, and is {k.min():.6g} somewhere")

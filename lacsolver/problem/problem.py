@@ -1,12 +1,15 @@
 """The boundary value problem of a case: its mesh, cut where necessary, and everything that is constant over the steps.
 
-mesh -> space, materials -> kinematics; constraints; joints; loads. `march` solves for the rest.
+mesh -> space, materials -> kinematics; constraints; contact pairs; loads. `build` goes through these stages, for a run
+and for a validation alike; `march` solves for the rest.
 """
 
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -20,14 +23,14 @@ from lacmesh.quality.kernels import available_cores
 from lacsolver.bodies.finite import locking
 from lacsolver.bodies.kinematics import Kinematics, kinematics_of
 from lacsolver.bodies.material import Materials
-from lacsolver.case import Case, Contact, Tie, check_groups
+from lacsolver.case import Case, Contact, Displacement, Rigid, Tie, check_groups
 from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface, Pairing, Zone, integrate
 from lacsolver.contact.laws import ContactLaw
 from lacsolver.problem import acting
 from lacsolver.problem.laws import contact_law_of, law_of
 from lacsolver.problem.skin import check_mesh, prepared
-from lacsolver.space.places import wrong
+from lacsolver.space.places import nodes_of, wrong
 from lacsolver.space.space import Space
 
 #: round-off of a coverage
@@ -127,15 +130,9 @@ class Problem:
 
         Raises CaseError, ReadError, CutError, DataError, RequestError, each with a sentence for the user.
         """
-        mesh = lacmesh.read(case.mesh) if mesh is None else mesh
-        check_groups(case, mesh)
-        check_mesh(case, mesh)
-        mesh = prepared(case, mesh)
-        space = Space.of(mesh, case.model, case.thickness)
-        materials = materials_of(case, space)
-        joined: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
-        joints = tuple(joint_of(space, record) for record in joined)
-        return cls(case, space, materials, Constraints.of(space, case), joints)
+        parts = build(case, lacmesh.read(case.mesh) if mesh is None else mesh)
+        assert parts.space is not None and parts.materials is not None and parts.constraints is not None
+        return cls(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs))
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -159,6 +156,67 @@ class Problem:
     def load(self, t: float, u: Floats | None = None) -> NDArray[np.floating]:
         """Return the nodal forces f (n_dof,) of all loads at time t, with the faces of follower loads at u (n_dof,)."""
         return acting.load(self.space, self.materials, self.case, t, self.threads, u=u)
+
+
+#: context of one stage, which may keep the errors raised in it; `place`: file and line of the record concerned
+Attempt = Callable[[str], AbstractContextManager[None]]
+
+
+@dataclass
+class ProblemParts:
+    """What `build` has made of a case: the mesh, cut if `prepared`, and the parts of a problem, None if they failed."""
+
+    mesh: Mesh
+    prepared: bool = False
+    space: Space | None = None
+    materials: Materials | None = None
+    constraints: Constraints | None = None
+    pairs: list[ContactPair] = field(default_factory=list)
+
+
+def build(case: Case, mesh: Mesh, attempt: Attempt | None = None, *, bodies: bool = True) -> ProblemParts:
+    """Build the parts of a case's problem stage by stage: for a run, for a validation, and for contact matrices.
+
+    `attempt`: context of each stage; by default the first error is raised, and the stages after one that they depend on
+    are left out if it was kept. `bodies`: False for the contact pairs alone, without materials and constraints.
+    """
+    attempt = attempt or (lambda place: nullcontext())
+    parts, named = ProblemParts(mesh), False
+    with attempt(""):
+        check_groups(case, mesh)
+        named = True
+    if not named:
+        return parts
+    with attempt(""):
+        check_mesh(case, mesh)
+    with attempt(""):
+        parts.mesh = prepared(case, mesh)
+        parts.prepared = True
+    with attempt(""):
+        parts.space = Space.of(parts.mesh, case.model, case.thickness)
+    if parts.space is not None and bodies:
+        with attempt(""):
+            parts.materials = materials_of(case, parts.space)
+        parts.constraints = _constraints(case, parts.space, attempt)
+    if parts.space is not None and parts.prepared:
+        records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
+        for record in records:
+            with attempt(record.place):
+                parts.pairs.append(joint_of(parts.space, record))
+    return parts
+
+
+def _constraints(case: Case, space: Space, attempt: Attempt) -> Constraints | None:
+    """Return the constraints; None if the nodes of a prescribed record are not found, or if they contradict."""
+    placed: tuple[Displacement | Rigid, ...] = (*case.displacement, *case.rigid)
+    there = []
+    for record in placed:
+        with attempt(""):
+            there.append(nodes_of(space, record))
+    if len(there) == len(placed):
+        with attempt(""):
+            return Constraints.of(space, case)
+    return None
 
 
 def materials_of(case: Case, space: Space) -> Materials:

@@ -283,18 +283,6 @@ def test_springs_are_diagonal_and_at_their_nodes():
         loads.springs(space, np.array([0]), (-1.0, 0.0))
 
 
-@pytest.mark.parametrize(("name", "model"), PAIRS)
-def test_a_foundation_stores_the_work_of_its_traction(name, model):
-    space, skin = curved(name, model)
-    k = np.array([2.0, 5.0, 0.5])[: space.dim]
-    F = loads.foundation(space, skin, list(k))
-    assert abs(F - F.T).max() < 1e-14 * abs(F).max()
-    assert np.linalg.eigvalsh(F.toarray()).min() > -1e-12
-    shift = np.tile(np.arange(1.0, 1 + space.dim), space.mesh.n_nodes)
-    expected = loads.traction(space, skin, list(k * np.arange(1.0, 1 + space.dim)))
-    np.testing.assert_allclose(F @ shift, expected, atol=1e-13 * np.abs(expected).max())
-
-
 @pytest.mark.parametrize(
     ("load", "error", "says"),
     [
@@ -305,7 +293,7 @@ def test_a_foundation_stores_the_work_of_its_traction(name, model):
         (lambda s: loads.pressure(s, np.array([1]), lambda x, t: np.log(x[:, 0] - 1.55)), DataError, "pressure is nan"),
         (lambda s: loads.traction(s, np.array([1]), (1.0,)), ValueError, "traction has 1 components; the model has 2"),
         (lambda s: loads.traction(s, np.array([1]), lambda x, n, t: n), DataError, r"finite numbers \(3, 2\)"),
-        (lambda s: loads.foundation(s, np.array([1]), (1.0, -2.0)), DataError, "0 or more, and is -2"),
+        (lambda s: loads.springs(s, np.array([1]), (1.0, -2.0)), DataError, "0 or more, and is -2"),
     ],
 )
 @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
