@@ -95,8 +95,8 @@ class Constraints:
         if not self._turning:
             return self.T
         own, n = _own_unknowns(self.space, self.local, self.rigid)
-        levers = tuple(body.lever_at(body.motion(q, t)) for body in self.rigid)
-        return _map(self.space, self.local, own, n, self.rigid, levers)
+        moment_arms = tuple(body.moment_arm_at(body.motion(q, t)) for body in self.rigid)
+        return _map(self.space, self.local, own, n, self.rigid, moment_arms)
 
     def force(self, t: float, q: Floats | None = None) -> NDArray[np.floating]:
         """Return the forces and moments on the free motions of rigid bodies at time t, 0 elsewhere, (n_q,).
@@ -199,11 +199,11 @@ def _map(
     own: Ints,
     n: int,
     rigid: tuple[RigidBody, ...],
-    levers: tuple[NDArray[np.floating], ...] | None = None,
+    moment_arms: tuple[NDArray[np.floating], ...] | None = None,
 ) -> csr_array:
-    """Return T from the first own unknown of each node, n own unknowns in all, and the levers of the rigid bodies.
+    """Return T from the first own unknown of each node, n own unknowns in all, and the moment_arms of the rigid bodies.
 
-    `levers`: other levers than the bodies' own, for finite rotations.
+    `moment_arms`: other moment arms than the bodies' own, for finite rotations.
     """
     alone = own >= 0
     alone[local.nodes] = False
@@ -212,14 +212,14 @@ def _map(
     entries.append((space.dofs(whole), own[whole, None] + np.arange(space.dim), np.ones((len(whole), space.dim))))
     k, j = np.nonzero((own[local.nodes, None] >= 0) & (np.arange(space.dim) < local.n_free[:, None]))
     entries.append((space.dofs(local.nodes[k]), (own[local.nodes[k]] + j)[:, None], local.basis[k, j]))
-    for body, lever in zip(rigid, levers or [body.lever for body in rigid], strict=True):
+    for body, moment_arm in zip(rigid, moment_arms or [body.moment_arm for body in rigid], strict=True):
         rows = space.dofs(body.nodes).reshape(-1, 1)
-        entries.append((rows, body.columns[body.free], (lever * body.unit)[:, body.free]))
+        entries.append((rows, body.columns[body.free], (moment_arm * body.unit)[:, body.free]))
         n += int(body.free.sum())
     spread = [np.broadcast_arrays(*entry) for entry in entries]
     row, column, value = (np.concatenate([part[a].ravel() for part in spread]) for a in range(3))
     T = coo_array((value, (row, column)), shape=(space.n_dof, n)).tocsr()
-    if levers is None:
+    if moment_arms is None:
         T.eliminate_zeros()
     return T
 

@@ -38,7 +38,7 @@ _NEARLY_ALL = 1.9 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class RigidBody:
-    """Nodes that move rigidly. `nodes` (k,), `centre` (3,), `lever` (k dim, m): displacements of small unit motions.
+    """Nodes that move rigidly. `nodes` (k,), `centre` (3,); `moment_arm` (k dim, m): displacements of unit motions.
 
     `arm` (k, 3): vectors from the centre to the nodes; `finite`: True for finite rotations. `moved`: prescribed value
     of each of the m motions, None where it is held or free; `loads`: force or moment on each free motion, None for
@@ -49,7 +49,7 @@ class RigidBody:
     record: Rigid
     nodes: Ints
     centre: Floats
-    lever: NDArray[np.floating]
+    moment_arm: NDArray[np.floating]
     arm: Floats
     moved: tuple[Value | None, ...]
     loads: tuple[Value | None, ...]
@@ -100,18 +100,18 @@ class RigidBody:
     def displacement(self, motion: Floats) -> NDArray[np.floating]:
         """Return the displacements (k dim,) of the nodes under motions (m,)."""
         if not self.turns:
-            return self.lever @ motion
+            return self.moment_arm @ motion
         turned = self.arm @ turn(self._theta(motion)).T
         return (motion[: self._dim] + turned[:, : self._dim]).ravel()
 
-    def lever_at(self, motion: Floats) -> NDArray[np.floating]:
+    def moment_arm_at(self, motion: Floats) -> NDArray[np.floating]:
         """Return the derivative (k dim, m) of `displacement` at motions (m,)."""
         if not self.turns:
-            return self.lever
-        out = self.lever.reshape(-1, self._dim, len(motion)).copy()
+            return self.moment_arm
+        out = self.moment_arm.reshape(-1, self._dim, len(motion)).copy()
         turned = np.einsum("jsi,ki->ksj", turn_derivative(self._theta(motion)), self.arm)
         out[:, :, self._dim :] = turned[:, : self._dim, self._axes]
-        return out.reshape(self.lever.shape)
+        return out.reshape(self.moment_arm.shape)
 
     def curvature(self, motion: Floats, forces: Floats) -> NDArray[np.floating]:
         """Return the second derivative (m, m), by motions (m,), of the work of forces (k dim,) at the nodes."""
@@ -126,7 +126,7 @@ class RigidBody:
     def resultant(self, forces: Floats, motion: Floats | None = None) -> NDArray[np.floating]:
         """Return resultant and moment (m,), about the centre displaced by `motion`, of forces (k dim,) at the nodes."""
         if motion is None or not self.turns:
-            return self.lever.T @ forces
+            return self.moment_arm.T @ forces
         f = np.zeros((len(self.nodes), 3))
         f[:, : self._dim] = forces.reshape(-1, self._dim)
         where = self.arm + self.arm @ turn(self._theta(motion)).T
@@ -134,7 +134,7 @@ class RigidBody:
 
     @cached_property
     def _dim(self) -> int:
-        return len(self.lever) // len(self.nodes)
+        return len(self.moment_arm) // len(self.nodes)
 
     @cached_property
     def _axes(self) -> list[int]:
@@ -205,18 +205,18 @@ def _rigid_body(space: Space, record: Rigid, first: int, finite: bool) -> RigidB
     centre = x.mean(axis=0)
     if record.centre is not None:
         centre[: space.dim] = np.array(record.centre) - space.origin[: space.dim]
-    lever = np.tile(np.eye(space.dim), (len(nodes), 1, 1))
+    moment_arm = np.tile(np.eye(space.dim), (len(nodes), 1, 1))
     if not space.model.axisymmetric:
-        lever = np.concatenate([lever, moments(space.dim, x - centre)], axis=2)
-    lever = lever.reshape(-1, lever.shape[-1])
-    turns = lever.shape[1] - space.dim
+        moment_arm = np.concatenate([moment_arm, moments(space.dim, x - centre)], axis=2)
+    moment_arm = moment_arm.reshape(-1, moment_arm.shape[-1])
+    turns = moment_arm.shape[1] - space.dim
     moved = _components(record, "u", space.dim) + _turns(record.rotation, turns)
     loads = _components(record, "f", space.dim) + _turns(record.moment, turns)
     free = np.array([load is not None for load in loads])
     columns = np.where(free, first + np.cumsum(free) - 1, -1)
     far = float(np.linalg.norm(x - centre, axis=1).max())
     unit = np.repeat([1.0, 1.0 / far if far > 0 else 1.0], [space.dim, turns])
-    body = RigidBody(record, nodes, centre + space.origin, lever, x - centre, moved, loads, columns, unit, finite)
+    body = RigidBody(record, nodes, centre + space.origin, moment_arm, x - centre, moved, loads, columns, unit, finite)
     _check_moves(space, body)
     return body
 
@@ -236,13 +236,15 @@ def _values(values: Sequence[Value | None], t: float) -> NDArray[np.floating]:
 
 def _check_moves(space: Space, body: RigidBody) -> None:
     """Raise CaseError if a free motion, or a combination of free motions, moves no node."""
-    lever = body.lever[:, body.free]
-    size = np.linalg.norm(lever, axis=0)
+    moment_arm = body.moment_arm[:, body.free]
+    size = np.linalg.norm(moment_arm, axis=0)
     reach = space.extent * np.sqrt(len(body.nodes))
     turning = np.flatnonzero(body.free) >= space.dim
-    scaled = lever / np.where(turning, reach, size)
-    rank = int((np.linalg.svd(np.linalg.qr(scaled, mode="r"), compute_uv=False) > _STILL).sum()) if lever.size else 0
-    if rank < lever.shape[1]:
+    scaled = moment_arm / np.where(turning, reach, size)
+    rank = (
+        int((np.linalg.svd(np.linalg.qr(scaled, mode="r"), compute_uv=False) > _STILL).sum()) if moment_arm.size else 0
+    )
+    if rank < moment_arm.shape[1]:
         one = space.dim == 2 or not np.ptp(space.mesh.points[body.nodes], axis=0).any()
         message = f"the nodes of {body.name!r} are {'one point' if one else 'on one line'}"
         raise wrong(

@@ -188,16 +188,16 @@ def _jump(slave: Surface, master: Surface, points: ContactPoints, weight: Floats
     """Return the rows d m + k of the jump along each axis k, (d m, n_dof)."""
     scalar = macro_rows(points, slave, master, np.ascontiguousarray(weight[:, None]), m)
     rows = csr_array(kron(scalar, np.eye(dim), format="csr"))
-    lever = weight * points.ray
+    moment_arm = weight * points.ray
     if np.abs(points.ray).max(initial=0.0) > _ROUNDING * slave.size.max():
-        rows = csr_array(rows + _turning(slave, points, lever, dim, m))
+        rows = csr_array(rows + _turning(slave, points, moment_arm, dim, m))
     return rows
 
 
-def _turning(slave: Surface, points: ContactPoints, lever: Floats, dim: int, m: int) -> csr_array:
+def _turning(slave: Surface, points: ContactPoints, moment_arm: Floats, dim: int, m: int) -> csr_array:
     """Return the rows int r dn(v) e_k (d m, n_dof), with the change dn(v) of the slave's normal.
 
-    dn(v) = -sum_a a^a (n . dv/dxi_a). `lever` (points,): weight times r.
+    dn(v) = -sum_a a^a (n . dv/dxi_a). `moment_arm` (points,): weight times r.
     """
     parts = []
     for rows, name, nodes in by_type(slave, points.slave):
@@ -205,7 +205,7 @@ def _turning(slave: Surface, points: ContactPoints, lever: Floats, dim: int, m: 
         J = np.einsum("pnd,pns->psd", dN, slave.x[nodes])
         metric = np.einsum("psd,pse->pde", J, J)
         dual = np.einsum("psd,pde->pse", J, np.linalg.inv(metric))[:, :dim]
-        entry = -np.einsum("p,pke,pne,pj->pknj", lever[rows], dual, dN, points.normal[rows, :dim])
+        entry = -np.einsum("p,pke,pne,pj->pknj", moment_arm[rows], dual, dN, points.normal[rows, :dim])
         row = (dim * points.macro[rows])[:, None, None, None] + np.arange(dim)[:, None, None]
         column = dim * nodes[:, None, :, None] + np.arange(dim)
         at = np.broadcast_to(row, entry.shape).ravel(), np.broadcast_to(column, entry.shape).ravel()

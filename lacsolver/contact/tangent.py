@@ -40,21 +40,21 @@ from lacsolver.contact.interface import Interface, Pairing, by_type, stretch, ta
 class Motion(NamedTuple):
     """Derivatives at contact points, as matrices of u (n_dof,) with rows for points, or points times components.
 
-    `between`: v(x) - v(x_bar); `turning`: dn; `sliding`: dxi_bar; `closing`: dg; `along`: n . dv_bar/dxi^b, with the
-    rows of `sliding`; `stretching`: dw / w, None for the reference measure, whose weights are constant; `exchange`: the
-    terms of moving segment edges.
+    `jump`: v(x) - v(x_bar); `d_normal`: dn; `d_master_xi`: dxi_bar; `d_gap`: dg; `d_master_normal`: n . dv_bar/dxi^b,
+    with the rows of `d_master_xi`; `d_weight`: dw / w, None for the reference measure, whose weights are constant;
+    `boundary`: the terms of moving segment edges.
     """
 
-    between: csr_array
-    turning: csr_array
-    sliding: csr_array
-    closing: csr_array
-    along: csr_array
-    stretching: csr_array | None
-    exchange: Exchange
+    jump: csr_array
+    d_normal: csr_array
+    d_master_xi: csr_array
+    d_gap: csr_array
+    d_master_normal: csr_array
+    d_weight: csr_array | None
+    boundary: MovingBoundaryTerms
 
 
-class Exchange(NamedTuple):
+class MovingBoundaryTerms(NamedTuple):
     """Boundary terms of moving mortar segments (Reynolds transport), one row per quadrature point of an edge.
 
     `macro`; `weight`; `distance`: gap with the mean clearance of the macro-element; `across`: n.(v - v_bar), and
@@ -73,12 +73,12 @@ def tangent(face: Interface, motion: Motion, p: Floats) -> csr_array:
     d = face.normal.shape[1]
     load = p[face.points.macro] * face.weight
     each, slide = np.repeat(load, d), np.repeat(load, d - 1)
-    K = motion.between.T @ diags_array(each) @ motion.turning
-    K = K - motion.along.T @ diags_array(slide) @ motion.sliding
-    if motion.stretching is not None:
+    K = motion.jump.T @ diags_array(each) @ motion.d_normal
+    K = K - motion.d_master_normal.T @ diags_array(slide) @ motion.d_master_xi
+    if motion.d_weight is not None:
         n = face.points.normal[:, :d]
-        K = K + (_along(n) @ motion.between).T @ diags_array(load) @ motion.stretching
-    gained = motion.exchange
+        K = K + (_along(n) @ motion.jump).T @ diags_array(load) @ motion.d_weight
+    gained = motion.boundary
     return csr_array(K + gained.across.T @ diags_array(p[gained.macro] * gained.weight) @ gained.moving)
 
 
@@ -86,13 +86,15 @@ def gap_derivative(face: Interface, motion: Motion) -> csr_array:
     """Return -dG/du (m, n_dof), with all terms."""
     points, m = face.points, len(face.G)
     total = csr_array((face.weight, (points.macro, np.arange(len(points)))), shape=(m, len(points)))
-    out = total @ motion.closing
-    if motion.stretching is not None:
-        lever = csr_array((face.weight * face.distance, (points.macro, np.arange(len(points)))), shape=(m, len(points)))
-        out = out + lever @ motion.stretching
-    gained = motion.exchange
-    at, lever = np.arange(len(gained.macro)), gained.weight * gained.distance
-    return csr_array(-out - csr_array((lever, (gained.macro, at)), shape=(m, len(at))) @ gained.moving)
+    out = total @ motion.d_gap
+    if motion.d_weight is not None:
+        moment_arm = csr_array(
+            (face.weight * face.distance, (points.macro, np.arange(len(points)))), shape=(m, len(points))
+        )
+        out = out + moment_arm @ motion.d_weight
+    gained = motion.boundary
+    at, moment_arm = np.arange(len(gained.macro)), gained.weight * gained.distance
+    return csr_array(-out - csr_array((moment_arm, (gained.macro, at)), shape=(m, len(at))) @ gained.moving)
 
 
 def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int) -> Motion:
@@ -103,9 +105,9 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
     there = _interpolation(master, points.master, points.xi_master, dim)
     if pairing.normals == "smoothed":
         nodal, turned = _nodal_normals(slave, pairing.crease_angle, dim)
-        turning = _smooth_turning(slave, face, nodal, turned, dim)
+        turning = _smooth_normal_change(slave, face, nodal, turned, dim)
     else:
-        nodal, turning = None, _facet_turning(slave, face, dim)
+        nodal, turning = None, _facet_normal_change(slave, face, dim)
     tau = tangents(master, points.master, points.xi_master)[:, :dim]
     moved = csr_array(here + diags_array(np.repeat(points.ray, dim)) @ turning - there)
     solved = _blocks(np.linalg.inv(np.concatenate([tau, -n[:, :, None]], axis=2))) @ moved
@@ -124,13 +126,13 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
         closing,
         along,
         stretching,
-        _exchange(face, slave, master, pairing, dim, nodal),
+        _moving_boundary_terms(face, slave, master, pairing, dim, nodal),
     )
 
 
-def _exchange(
+def _moving_boundary_terms(
     face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int, nodal: Floats | None
-) -> Exchange:
+) -> MovingBoundaryTerms:
     """Return the boundary terms of moving mortar segments."""
     edges = edges_of(face.points.slave, face.points.master, slave, master, dim, nodal, pairing.axisymmetric)
     at = edges.points
@@ -141,7 +143,7 @@ def _exchange(
     n, macro = np.ascontiguousarray(at.normal[:, :dim]), face.zone.macro[at.macro]
     extra = np.bincount(face.points.macro, face.weight * (face.distance - face.points.gap), len(face.w))
     clearance = np.divide(extra, face.w, out=np.zeros_like(face.w), where=face.w > 0)
-    return Exchange(macro, weight, at.gap + clearance[macro], csr_array(_along(n) @ between), edges.moving)
+    return MovingBoundaryTerms(macro, weight, at.gap + clearance[macro], csr_array(_along(n) @ between), edges.moving)
 
 
 def _interpolation(surface: Surface, face: Ints, xi: Floats, dim: int) -> csr_array:
@@ -164,7 +166,7 @@ def _along_master(master: Surface, face: Interface, dim: int) -> csr_array:
     return _gathered(parts, len(points), dim - 1, dim, len(master.x))
 
 
-def _facet_turning(slave: Surface, face: Interface, dim: int) -> csr_array:
+def _facet_normal_change(slave: Surface, face: Interface, dim: int) -> csr_array:
     """Return the change of the faces' own normals, dn = -sum_a a^a (n . dv/dxi^a), (points dim, n_dof)."""
     points, parts = face.points, []
     for rows, name, nodes in by_type(slave, points.slave):
@@ -190,7 +192,7 @@ def _stretching(slave: Surface, face: Interface, pairing: Pairing, dim: int) -> 
     return _gathered(parts, len(points), 1, dim, len(slave.x))
 
 
-def _smooth_turning(slave: Surface, face: Interface, nodal: Floats, turned: csr_array, dim: int) -> csr_array:
+def _smooth_normal_change(slave: Surface, face: Interface, nodal: Floats, turned: csr_array, dim: int) -> csr_array:
     """Return the change dn of interpolated nodal normals n = H / |H|, H = sum_a N_a n_a, (points dim, n_dof)."""
     points, parts = face.points, []
     for rows, name, nodes in by_type(slave, points.slave):

@@ -65,9 +65,9 @@ def _balance(force: Floats, x: Floats) -> tuple[float, float]:
     if not total > 0:
         return 0.0, 0.0
     arm = x - (size @ x) / total
-    lever = float(size @ np.linalg.norm(arm, axis=1))
+    moment_arm = float(size @ np.linalg.norm(arm, axis=1))
     turned = float(np.linalg.norm(moment(force, arm)))
-    return float(np.linalg.norm(force.sum(axis=0))) / (total / 2), turned / (lever / 2) if lever > 0 else 0.0
+    return float(np.linalg.norm(force.sum(axis=0))) / (total / 2), turned / (moment_arm / 2) if moment_arm > 0 else 0.0
 
 
 def stress_ranges(space: Space, stress: Field) -> Mapping[str, Mapping[str, tuple[float, float]]]:

@@ -117,8 +117,8 @@ def unbalanced(x, force, axisymmetric=False):
         return abs(f[:, 1].sum()) / size, 0.0
     x = x - x[np.abs(f).sum(axis=1) > 0].mean(axis=0)
     moments = np.cross(x, f)
-    lever = (np.linalg.norm(x, axis=1) * np.linalg.norm(f, axis=1)).sum()
-    return np.abs(f.sum(axis=0)).max() / size, np.abs(moments.sum(axis=0)).max() / lever
+    moment_arm = (np.linalg.norm(x, axis=1) * np.linalg.norm(f, axis=1)).sum()
+    return np.abs(f.sum(axis=0)).max() / size, np.abs(moments.sum(axis=0)).max() / moment_arm
 
 
 def strains(press):

@@ -45,8 +45,8 @@ def test_a_plate_that_is_pressed_in_and_turned(dim, normals):
 
 
 def moment_about(x, centre, force):
-    lever = x - centre
-    return float((lever[:, 0] * force[:, 1] - lever[:, 1] * force[:, 0]).sum())
+    moment_arm = x - centre
+    return float((moment_arm[:, 0] * force[:, 1] - moment_arm[:, 1] * force[:, 0]).sum())
 
 
 @pytest.mark.parametrize("moment", [0.0, 4.0, 8.0])

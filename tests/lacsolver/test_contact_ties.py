@@ -58,7 +58,7 @@ def test_a_tie_carries_any_uniform_stress(slave, master, dim, way):
     "slave, master, dim", [("QUAD8", "TRIA3", 2), ("HEXA8", "TETRA10", 3), ("mixed 2", "HEXA8", 3)]
 )
 def test_a_body_that_only_a_tie_holds_turns_with_the_other(slave, master, dim, gap):
-    """A rigid rotation costs nothing, also across a gap: the lever of the rotation is part of the jump."""
+    """A rigid rotation costs nothing, also across a gap: the moment arm of the rotation is part of the jump."""
     mesh = stack(slave, master, dim, gap=gap)
     A = TURN if dim == 3 else TURN * [[1, 1, 0], [1, 1, 0], [0, 0, 0]]
     fixed = held("bottom", **linear(A, dim))

@@ -237,7 +237,7 @@ def test_points_know_where_they_are():
 @pytest.mark.parametrize("slave, master, dim", [("QUAD4", "TRIA3", 2), ("HEXA8", "TETRA4", 3), ("TETRA4", "HEXA8", 3)])
 @pytest.mark.parametrize("gap", [0.0, 0.1])
 def test_a_tie_lets_rigid_motions_be(slave, master, dim, gap):
-    """Also across a gap: the lever of the rotation is part of the jump."""
+    """Also across a gap: the moment_arm of the rotation is part of the jump."""
     mesh, zone = zone_of(placed(stack(slave, master, dim, gap=gap, skew=0.1), tilt(dim)))
     face = integrate(zone, dim, Pairing(search_distance=0.5), tie=True)
     assert face.B.shape == (dim * zone.n_macros, dim * mesh.n_nodes) and (face.G == 0).all()
@@ -249,7 +249,7 @@ def test_a_tie_lets_rigid_motions_be(slave, master, dim, gap):
 
 @pytest.mark.parametrize("slave, master, dim", [("QUAD4", "TRIA3", 2), ("HEXA8", "TETRA4", 3)])
 def test_the_lever_of_a_tie_is_what_a_rotation_costs_without_it(slave, master, dim):
-    """Without the gap's lever a turn by 1 about an axis moves the far side by the gap, w times."""
+    """Without the gap's moment_arm a turn by 1 about an axis moves the far side by the gap, w times."""
     mesh, zone = zone_of(stack(slave, master, dim, gap=0.1))
     face = integrate(zone, dim, Pairing(search_distance=0.5), tie=True)
     plain = macro_rows(face.points, zone.slave, zone.master, face.weight[:, None], zone.n_macros)

@@ -167,4 +167,4 @@ def test_b_is_the_derivative_of_the_gap_of_flat_skins_that_touch(slave, master, 
     motion = motion_of(face, face.slave, face.master, pairing, dim)
     B = face.B.toarray()
     np.testing.assert_allclose(gap_derivative(face, motion).toarray(), B, atol=1e-13 * np.abs(B).max())
-    assert motion.stretching is None and np.abs(tangent(face, motion, np.ones(zone.n_macros))).max() > 0
+    assert motion.d_weight is None and np.abs(tangent(face, motion, np.ones(zone.n_macros))).max() > 0

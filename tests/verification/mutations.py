@@ -71,7 +71,7 @@ def not_cut(patch):
 
 def stiff_normal(patch):
     """The tangent takes normals for fixed: their derivative is left out."""
-    for name in ("_facet_turning", "_smooth_turning"):
+    for name in ("_facet_normal_change", "_smooth_normal_change"):
         right = getattr(tangent, name)
         patch.setattr(tangent, name, _nothing(right))
 

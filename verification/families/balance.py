@@ -3,7 +3,7 @@
 Exact: action and reaction. The forces of both sides come from one rule, at the same points and along the same normal,
 so their resultant vanishes to rounding, however curved, warped or partly covered the skins are; so does their moment,
 since a slave point and its image on the master lie on the normal that the pressure acts along. (The jump of a tie has
-the lever of the gap in it.)
+the moment_arm of the gap in it.)
 """
 
 from __future__ import annotations

@@ -34,6 +34,6 @@ def unbalanced(x: Floats, force: Floats, *, axisymmetric: bool = False) -> Balan
         axial = np.abs(f[:, 1]).sum()
         return Balance(float(abs(f[:, 1].sum()) / axial) if axial else 0.0, 0.0)
     arm = x - x[pushed].mean(axis=0)
-    lever = (np.linalg.norm(arm, axis=1) * np.linalg.norm(f, axis=1)).sum()
+    moment_arm = (np.linalg.norm(arm, axis=1) * np.linalg.norm(f, axis=1)).sum()
     moments = np.cross(arm, f).sum(axis=0)
-    return Balance(float(np.abs(f.sum(axis=0)).max() / np.abs(f).sum()), float(np.abs(moments).max() / lever))
+    return Balance(float(np.abs(f.sum(axis=0)).max() / np.abs(f).sum()), float(np.abs(moments).max() / moment_arm))

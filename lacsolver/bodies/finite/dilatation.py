@@ -45,7 +45,7 @@ def mean_of(n_points: int) -> Any:
 def dilate(nodes: Any, e: int, u: Any, L: Any, W: Any, theta: Any, kind: Any, lam: float, mu: float, mean: Any) -> Any:
     """Fill `mean` for cell e and return (p, b, energy, v, True if J > 0 at every point).
 
-    L and W are those that `point.warm` leaves.
+    L and W are those that `point.apply_thermal_stretch` leaves.
     """
     V = grown = 0.0
     for q in range(len(W)):
@@ -87,7 +87,7 @@ def _change(H: Any) -> float:
 
 
 @kernel
-def respond_mean(q: int, p: float, mu: float, mean: Any, work: Any) -> Any:
+def stress_and_tangent_mean(q: int, p: float, mu: float, mean: Any, work: Any) -> Any:
     """Fill `work` at point q of a cell with pressure p, and return (m, the factor of g in z)."""
     F, E, P, Y, X, Z = work
     for s in range(3):
@@ -114,7 +114,7 @@ def put_mean(
     q: int, W: float, p: float, mu: float, factor: float, mean: Any, work: Any, L: Any, dim: int, axisymmetric: bool,
     z: Any, r: Any, gm: Any,
 ) -> None:  # fmt: skip
-    """Fill W z (dim, n) and add to r and v gm (dim, n) at point q; `work` comes from `respond_mean`."""
+    """Fill W z (dim, n) and add to r and v gm (dim, n) at point q; `work` comes from `stress_and_tangent_mean`."""
     F, _, P, Y, _, _ = work
     J, soft = 1.0 + mean.change[q], mu * mean.beta[q]
     for s in range(dim):

@@ -29,10 +29,10 @@ from scipy.sparse import bsr_array
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
-from lacsolver.bodies.finite.dilatation import dilate, mean_of, put_mean, respond_mean
+from lacsolver.bodies.finite.dilatation import dilate, mean_of, put_mean, stress_and_tangent_mean
 from lacsolver.bodies.finite.errors import InadmissibleError
 from lacsolver.bodies.finite.laws import KIRCHHOFF, POINTWISE, constants, may_take_the_mean
-from lacsolver.bodies.finite.point import gradient, respond, warm, work
+from lacsolver.bodies.finite.point import apply_thermal_stretch, gradient, stress_and_tangent, work
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small.fields import checked
 from lacsolver.bodies.small.gradients import at_points, kind, table
@@ -122,7 +122,7 @@ def check_admissible(space: Space, folded: Sequence[NDArray[np.bool_]]) -> None:
         raise InadmissibleError(f"{message}; take smaller steps", space.mesh.cell_number[cells])
 
 
-class Stack(NamedTuple):
+class TangentWorkspace(NamedTuple):
     """Terms of a cell's K at its points q, multiplied by the points' weights, and arrays for their products.
 
     `v`, `y` (q, dim, n): factors of the lam and of the m term, one shared array except in axisymmetry; `lam`, `m` (q,).
@@ -156,7 +156,7 @@ def _add(
     wanted, axisymmetric = len(out) > 0, kind.axisymmetric
     L, W, hot = np.empty((n_points, n_rows, n)), np.empty(n_points), np.empty(0)
     own, K, order = np.empty((n, dim)), np.empty((dim * dim, n * n)), np.empty(n, np.int64)
-    place, mean, stack = work(), mean_of(n_points), _stack(n_points, n_rows, dim, n, axisymmetric)
+    place, mean, stack = work(), mean_of(n_points), _tangent_workspace(n_points, n_rows, dim, n, axisymmetric)
     for e in rows:
         k = law[e]
         if laws.kind[k] == POINTWISE:
@@ -165,7 +165,7 @@ def _add(
         at_points(nodes, e, x, table, kind, L, W)
         if len(theta):
             hot = theta[e]
-            warm(hot, L, W)
+            apply_thermal_stretch(hot, L, W)
         own[:] = 0.0
         if whole:
             b, v, good = _cell_at_once(nodes, e, u, L, W, hot, kind, lam, mu, wanted, mean, place, stack, own)
@@ -198,7 +198,7 @@ def _by_points(
     for q in range(len(W)):
         hot = theta[q] if len(theta) else 1.0
         gradient(nodes, e, u, L[q], kind.dim, kind.axisymmetric, hot, place.F)
-        lam_q, m, _, good = respond(law, lam, mu, plane_stress, place)
+        lam_q, m, _, good = stress_and_tangent(law, lam, mu, plane_stress, place)
         if not good:
             return False
         _force(W[q], place.P, L[q], kind.dim, kind.axisymmetric, f)
@@ -219,7 +219,7 @@ def _cell_at_once(
     stack.r[:] = 0.0
     stack.gm[:] = 0.0
     for q in range(len(W)):
-        m, factor = respond_mean(q, p, mu, mean, place)
+        m, factor = stress_and_tangent_mean(q, p, mu, mean, place)
         _force(W[q], place.P, L[q], kind.dim, kind.axisymmetric, f)
         if wanted:
             _put(q, W[q], 0.0, m, place, L, kind.dim, kind.axisymmetric, stack)
@@ -230,7 +230,7 @@ def _cell_at_once(
 
 
 @kernel
-def _stack(n_points: int, n_rows: int, dim: int, n: int, axisymmetric: bool) -> Any:
+def _tangent_workspace(n_points: int, n_rows: int, dim: int, n: int, axisymmetric: bool) -> Any:
     """Allocate the arrays for a cell."""
     m = dim * n
     y, z = np.empty((n_points, dim, n)), np.empty((n_points, dim, n))
@@ -239,7 +239,7 @@ def _stack(n_points: int, n_rows: int, dim: int, n: int, axisymmetric: bool) -> 
     lam, m_q, hoop = np.empty(n_points), np.empty(n_points), np.empty(n_points)
     r, gm, weighted = np.empty((dim, n)), np.empty((dim, n)), np.empty((n_points, m))
     M, N, D = np.empty((m, m)), np.empty((m, m)), np.empty((n, n))
-    return Stack(v, y, lam, m_q, XL, Z, hoop, z, r, gm, weighted, M, N, D)
+    return TangentWorkspace(v, y, lam, m_q, XL, Z, hoop, z, r, gm, weighted, M, N, D)
 
 
 @kernel

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from lacmesh.errors import DataError
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
-from lacsolver.bodies.finite.dilatation import dilate, mean_of, respond_mean
+from lacsolver.bodies.finite.dilatation import dilate, mean_of, stress_and_tangent_mean
 from lacsolver.bodies.finite.equations import Stretches, check_admissible
 from lacsolver.bodies.finite.laws import POINTWISE, constants, may_take_the_mean
-from lacsolver.bodies.finite.point import gradient, respond, warm, work
+from lacsolver.bodies.finite.point import apply_thermal_stretch, gradient, stress_and_tangent, work
 from lacsolver.bodies.material import PLACES, Elastic, Materials
 from lacsolver.bodies.small.fields import Field, TemperatureField, checked, gathered, temperature_at, temperatures
 from lacsolver.bodies.small.gradients import Piece, kind
@@ -141,7 +141,7 @@ def _fill(
         lam, mu, p = laws.lame[k, 0], laws.lame[k, 1], 0.0
         if len(theta):
             hot = theta[e]
-            warm(hot, L[e], W[e])
+            apply_thermal_stretch(hot, L[e], W[e])
         whole = may and laws.mean[k]
         if whole:
             p, _, w[e, 0], _, good = dilate(nodes, e, u, L[e], W[e], hot, kind, lam, mu, mean)
@@ -149,10 +149,10 @@ def _fill(
         for q in range(L.shape[1]):
             stretch = hot[q] if len(theta) else 1.0
             if whole:
-                respond_mean(q, p, mu, mean, place)
+                stress_and_tangent_mean(q, p, mu, mean, place)
             else:
                 gradient(nodes, e, u, L[e, q], kind.dim, kind.axisymmetric, stretch, place.F)
-                _, _, energy, good = respond(laws.kind[k], lam, mu, plane_stress, place)
+                _, _, energy, good = stress_and_tangent(laws.kind[k], lam, mu, plane_stress, place)
                 w[e, q] = W[e, q] * energy
                 folded[e] |= not good
             for s in range(3):  # one by one: quicker to compile

@@ -2,7 +2,7 @@
 
 H_si = du_s/dX_i is (3, 3) in every model: H_22 is 0 in plane strain, and the hoop u_x / r in axisymmetry; in plane
 stress it is solved for here from P_22 = 0. Under thermal expansion the reference is the warm, stress-free body: L and W
-are taken on it (`warm`), and F stands for F_e. The tangents of both laws have one form,
+are taken on it (`apply_thermal_stretch`), and F stands for F_e. The tangents of both laws have one form,
 
     A_sitj = dP_si/dF_tj = lam Y_si Y_tj + m Y_sj Y_ti + delta_st X_ij + Z_st delta_ij
 
@@ -33,7 +33,7 @@ _CLOSE, _STEPS = 1e-15, 60
 
 
 class Work(NamedTuple):
-    """Arrays (3, 3) that `respond` fills: `F`, `E`, first Piola stress `P`, and Y, X, Z of the tangent."""
+    """Arrays (3, 3) that `stress_and_tangent` fills: `F`, `E`, first Piola stress `P`, and Y, X, Z of the tangent."""
 
     F: Floats
     E: Floats
@@ -45,13 +45,13 @@ class Work(NamedTuple):
 
 @kernel
 def work() -> Any:
-    """Allocate the arrays for `respond`."""
+    """Allocate the arrays for `stress_and_tangent`."""
     F, E, P = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
     return Work(F, E, P, np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)))
 
 
 @kernel
-def warm(theta: Any, L: Any, W: Any) -> None:
+def apply_thermal_stretch(theta: Any, L: Any, W: Any) -> None:
     """Scale gradients L (q, rows, n) and weights W (q,) of a cell, in place, to the warm, stress-free cell.
 
     theta (q,): thermal stretch, the same in every direction.
@@ -90,7 +90,7 @@ def gradient(nodes: Any, e: int, u: Any, L: Any, dim: int, axisymmetric: bool, t
 
 
 @kernel
-def respond(kind: int, lam: float, mu: float, plane_stress: bool, work: Any) -> Any:
+def stress_and_tangent(kind: int, lam: float, mu: float, plane_stress: bool, work: Any) -> Any:
     """Fill `work`, whose F comes in as F - I; return (lam, m, energy per volume, True if J > 0)."""
     F, E, P, Y, X, Z = work
     if plane_stress:

@@ -121,7 +121,7 @@ def forces(space: Space, stress: Callable[[Piece], Floats], threads: int = 1) ->
 
     def cell_forces(part: Piece) -> tuple[Ints, NDArray[np.floating]]:
         f = np.zeros((*part.nodes.shape, space.dim))
-        weigh(part.L, part.W, stress(part), slots, f)
+        add_nodal_forces(part.L, part.W, stress(part), slots, f)
         return part.nodes, f
 
     out = np.zeros((space.mesh.n_nodes, space.dim))
@@ -179,12 +179,12 @@ def _gradient(part: Piece, u: Floats, dim: int) -> NDArray[np.floating]:
 
 def _strain(space: Space, part: Piece, u: Floats) -> NDArray[np.floating]:
     e = np.zeros((*part.W.shape, space.model.n_stress))
-    deform(part.nodes, part.L, u.reshape(-1, space.dim), np.array(space.model.slots), e)
+    add_strain(part.nodes, part.L, u.reshape(-1, space.dim), np.array(space.model.slots), e)
     return e
 
 
 @kernel
-def deform(nodes: Any, L: Any, u: Any, slots: Any, e: Any) -> None:
+def add_strain(nodes: Any, L: Any, u: Any, slots: Any, e: Any) -> None:
     """Add the strain of u (n_nodes, dim) to e (c, q, n_stress); L (c, q, rows, n)."""
     for c in range(nodes.shape[0]):
         for q in range(L.shape[1]):
@@ -196,7 +196,7 @@ def deform(nodes: Any, L: Any, u: Any, slots: Any, e: Any) -> None:
 
 
 @kernel
-def weigh(L: Any, W: Any, stress: Any, slots: Any, f: Any) -> None:
+def add_nodal_forces(L: Any, W: Any, stress: Any, slots: Any, f: Any) -> None:
     """Add the nodal forces of a stress (c, q, n_stress) to f (c, n, dim)."""
     for c in range(L.shape[0]):
         for q in range(L.shape[1]):
