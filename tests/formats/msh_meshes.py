@@ -199,7 +199,7 @@ def order(mesh):
 
 
 def same(a, b):
-    """What two meshes do not have in common: keys of `plain`, and the order of the file."""
+    """Differences between two meshes: keys of `plain`, and the order of the file."""
     first, second = plain(a), plain(b)
     return [key for key in first if first[key] != second[key]] + ([] if order(a) == order(b) else ["order"])
 
