@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 
 import pytest
@@ -27,3 +28,12 @@ def shared():
     if skips.absence("shared"):
         pytest.skip(skips.absence("shared"))
     return skips.shared_folder()
+
+
+@pytest.fixture
+def fresh(tmp_path, monkeypatch):
+    """A folder with `data/`, as a user's checkout has it."""
+    data = skips.REPOSITORY / "data"
+    shutil.copytree(data, tmp_path / "data", ignore=shutil.ignore_patterns("*.lac.*"))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

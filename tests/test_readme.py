@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -23,14 +22,6 @@ both = pytest.mark.parametrize("page", [README, OVERVIEW], ids=lambda page: page
 
 def blocks(page, language):
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
-
-
-@pytest.fixture
-def fresh(tmp_path, monkeypatch):
-    """A folder with `data/`, as a user's checkout has it."""
-    shutil.copytree(ROOT / "data", tmp_path / "data", ignore=shutil.ignore_patterns("*.lac.*"))
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def run_commands(page):

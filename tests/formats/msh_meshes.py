@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
+from contextlib import contextmanager
+
 import numpy as np
 from hypothesis import strategies as st
 
 from lacmesh.cells import ALL_CELLS
+from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.entities import assign
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 
@@ -192,3 +196,17 @@ def decided(mesh):
 def order(mesh):
     """Numbers of the cells in the order of the file."""
     return mesh.cell_number[slice(None) if mesh.file_order is None else mesh.file_order].tolist()
+
+
+def same(a, b):
+    """Differences between two meshes: keys of `plain`, and the order of the file."""
+    first, second = plain(a), plain(b)
+    return [key for key in first if first[key] != second[key]] + ([] if order(a) == order(b) else ["order"])
+
+
+@contextmanager
+def lenient():
+    """Let our own warnings pass; every other one stays an error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)
+        yield

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import warnings
-from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -24,17 +23,11 @@ from lacmesh.formats.labels import labels
 from lacmesh.mesh import Mesh
 from lacmesh.reference.quadrature import measure
 from tests.formats.inp_texts import DAMAGED, MORE, PARTS, WHOLE
+from tests.formats.msh_meshes import lenient
 from tests.meshes import cell_with_faces, random_mesh
 
 some = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 KINDS = [kind for kind in CELLS if card(kind, "abaqus", None, False)]
-
-
-@contextmanager
-def lenient():
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
-        yield
 
 
 def read_text(folder, text):

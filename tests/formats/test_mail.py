@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -21,17 +19,10 @@ from lacmesh.formats.med.types import MED_TYPES
 from lacmesh.mesh import Mesh, Step
 from lacmesh.reference.quadrature import measure
 from tests.formats.mail_texts import DAMAGED, WHOLE
-from tests.formats.msh_meshes import meshes
+from tests.formats.msh_meshes import lenient, meshes
 from tests.meshes import cell_with_faces, random_mesh
 
 some = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
-
-
-@contextmanager
-def lenient():
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
-        yield
 
 
 def read_text(tmp_path, text):

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -19,7 +17,7 @@ from lacmesh.formats.msh import reader2 as msh_read2
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 from tests.bad_input.case import SECONDS, alarm
 from tests.formats.msh_gmsh import as_seen, by_place, places, seen_by, two_boxes
-from tests.formats.msh_meshes import decided, entities, meshes, plain
+from tests.formats.msh_meshes import decided, entities, lenient, meshes, plain
 from tests.formats.msh_meshes import order as order_of
 from tests.formats.msh_texts import ASCII4, DAMAGES, OLD, swapped
 from tests.samples import samples
@@ -27,14 +25,6 @@ from tests.samples import samples
 KINDS = [("4.1", True), ("4.1", False), ("2.2", True), ("2.2", False)]
 kinds = pytest.mark.parametrize(("version", "binary"), KINDS)
 some = settings(max_examples=samples(15, 40), deadline=None, suppress_health_check=list(HealthCheck))
-
-
-@contextmanager
-def lenient():
-    """Let our own warnings pass; every other one stays an error."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
-        yield
 
 
 def again(tmp_path, mesh, version="4.1", binary=True):

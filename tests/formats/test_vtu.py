@@ -25,17 +25,12 @@ from lacmesh.formats.vtu.lz4 import expand
 from lacmesh.formats.vtu.types import OF_NUMBER, OF_TYPE, READ_TOO, VTK_TYPES
 from lacmesh.mesh import Mesh
 from tests.formats.feature_cases import one_cell, solid
-from tests.formats.msh_meshes import meshes, order, plain
+from tests.formats.msh_meshes import meshes, same
 from tests.meshes import random_mesh
 from tests.samples import samples
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "node_orders.json").read_text())
 KINDS = tuple(OF_TYPE)
-
-
-def same(a, b):
-    first, second = plain(a), plain(b)
-    return [key for key in first if first[key] != second[key]] + ([] if order(a) == order(b) else ["order"])
 
 
 # The table

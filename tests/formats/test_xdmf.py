@@ -27,16 +27,11 @@ from lacmesh.formats.xdmf.types import ALIASES, OF_NAME, OF_NUMBER, OF_TYPE, XDM
 from lacmesh.formats.xdmf.writer import told
 from lacmesh.mesh import Mesh
 from tests.formats.feature_cases import one_cell, solid
-from tests.formats.msh_meshes import meshes, order, plain
+from tests.formats.msh_meshes import meshes, same
 from tests.meshes import box, random_mesh
 from tests.samples import samples
 
 KINDS = tuple(OF_TYPE)
-
-
-def same(a, b):
-    first, second = plain(a), plain(b)
-    return [key for key in first if first[key] != second[key]] + ([] if order(a) == order(b) else ["order"])
 
 
 def test_the_table_is_sound():

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
-
-import pytest
 
 from lacsolver.case import read_case
 from lacsolver.cli import main
@@ -18,14 +15,6 @@ PAGE = (ROOT / "docs" / "case.md").read_text(encoding="utf-8")
 
 def blocks(language):
     return re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
-
-
-@pytest.fixture
-def fresh(tmp_path, monkeypatch):
-    """A folder with `data/`, as a user's checkout has it."""
-    shutil.copytree(ROOT / "data", tmp_path / "data", ignore=shutil.ignore_patterns("*.lac.*"))
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def test_the_first_example_can_be_run(fresh, capsys):

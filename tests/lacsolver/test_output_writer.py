@@ -14,7 +14,6 @@ import pytest
 from lacmesh.errors import ReadError, RequestError, WriteError
 from lacsolver.case import read_case
 from lacsolver.output import create, read_state
-from lacsolver.output import folder as folders
 from lacsolver.output import writer as writers
 from lacsolver.output.lock import FILE
 from lacsolver.output.vtu import read_pvd
@@ -193,22 +192,9 @@ def test_a_folder_with_other_things_in_it_is_taken(tmp_path):
     assert (run.folder / "notes.txt").read_text() == "mine"
 
 
-def test_a_place_that_is_no_folder_is_refused(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(WriteError, match="is a file, and results are a folder"):
-        create(tmp_path / "file", force=True)
-    with pytest.raises(WriteError, match=r"the folder .*none does not exist"):
-        create(tmp_path / "none" / "out")
+def test_a_name_that_no_folder_can_have_is_refused(tmp_path):
     with pytest.raises(WriteError, match="cannot be used"):
         create(tmp_path / ("x" * 300))
-
-
-def test_a_folder_that_takes_no_files_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(folders.os, "access", lambda *_, **__: False)
-    monkeypatch.setattr(folders.os, "supports_effective_ids", set())
-    with pytest.raises(WriteError, match="no file may be made in the folder") as caught:
-        create(tmp_path / "out")
-    assert caught.value.status == 3
 
 
 @pytest.mark.parametrize("kind", FORMATS)
@@ -352,13 +338,6 @@ def test_a_time_without_a_state_is_an_error_that_lists_them(kept):
     with pytest.raises(RequestError, match=r"no state at t = 0.15; there are: 0.1, 0.2, 0.3$") as caught:
         read_state(kept.folder, kept.case, 0.15)
     assert caught.value.status == 2
-
-
-def test_a_folder_without_states(kept, tmp_path):
-    with pytest.raises(RequestError, match="holds no state to go on from"):
-        read_state(tmp_path, kept.case)
-    with pytest.raises(ReadError, match="none: cannot be read"):
-        read_state(tmp_path / "none", kept.case)
 
 
 def test_a_case_that_changed_is_refused_and_the_parts_named(kept, tmp_path):
