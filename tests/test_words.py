@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
@@ -94,3 +95,72 @@ def test_nothing_that_reads_as_a_question_changes_what_it_is_asked_of():
         for line in changed_attributes(node)
     ]
     assert bad == []
+
+
+#: words that pages, messages and docstrings no longer use (docs/conventions.md has what is used instead)
+RETIRED = (
+    r"inside out",
+    r"hangs? together",
+    r"turns? (?:its|their) back",
+    r"bare (?:skin|rigid skin|slave face|master face)s?",
+    r"crowded facets?",
+    r"(?:the|a|its|their|curved) rims?",
+    r"held by contact alone",
+    r"will not do",
+    r"mesh again there",
+    r"raises? the order",
+    r"worst child(?:ren)?",
+    r"dragged (?:search|attempt)|search is dragged|\*dragged\*",
+    r"foreseen (?:place|state)",
+    r"(?:is|are|was|were) told (?:by|in|at|of|as|once)\b",
+    r"quadratic kin",
+    r"frustum",
+)
+#: pages of what was decided, of what changed, and of the old words themselves
+OF_THE_PAST = {"docs/decisions.md", "docs/conventions.md", "CHANGELOG.md"}
+
+
+def pages() -> list[Path]:
+    """The pages for users, without the reports of the verification, which it writes itself."""
+    docs = [path for path in (ROOT / "docs").rglob("*.md") if "verification" not in path.relative_to(ROOT).parts[1]]
+    return sorted(path for path in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *docs]
+                  if str(path.relative_to(ROOT)) not in OF_THE_PAST)  # fmt: skip
+
+
+def texts(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Line and text of every string of a module, docstrings among them."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.lineno, node.value
+
+
+def retired(text: str) -> list[str]:
+    """The retired words of a text."""
+    return re.findall(rf"\b(?:{'|'.join(RETIRED)})\b|\*dragged\*", " ".join(text.split()), re.IGNORECASE)
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda page: page.stem)
+def test_pages_use_the_words_of_the_field(page):
+    assert retired(page.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("package", ["lacmesh", "lacsolver"])
+def test_messages_and_docstrings_use_the_words_of_the_field(package):
+    bad = [f"{path}:{line}: {words}" for path, tree in trees(package) for line, text in texts(tree)
+           if (words := retired(text))]  # fmt: skip
+    assert bad == []
+
+
+def test_retired_words_are_found():
+    assert retired("a cell is inside\nout, and the rim is bare") == ["inside out", "the rim"]
+    assert retired("crowded-facet, primary, trim, and the frame") == []
+
+
+def test_the_conventions_list_every_retired_word():
+    """A row for each, with the word that is used instead."""
+    text = (ROOT / "docs" / "conventions.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| ([^|]+) \| ([^|]+) \|$", text.split("no longer used")[1].split("\n## ")[0], re.MULTILINE)
+    old = " ".join(row[0] for row in rows[1:])
+    assert len(rows) > 20
+    for word in ("inside out", "rim", "bare skin", "crowded facet", "worst child", "held by contact alone", "dragged"):
+        assert word in old

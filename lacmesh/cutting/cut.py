@@ -46,7 +46,7 @@ def cut_skin(
     """Cut the skin faces of the slave groups, and the cells behind them, into macro-elements.
 
     `slave`: one group or several (a zone each), named as `Mesh.group` takes them; an integer is a tag. `hexa`: HEXA8
-    and HEXA20 become pyramids (`pyramid`), hexahedra (`hexa`), or whichever has the better worst child (`auto`).
+    and HEXA20 become pyramids (`pyramid`), hexahedra (`hexa`), or the one with the higher minimum Jacobian (`auto`).
     `interface`: a face between two cells has both cut (`both`) or is an error (`refuse`). `orient`: slave faces are
     left as they are (`keep`) or turned `outward`. `skin_only`: cut a skin that has no cells behind it. `node_groups`: a
     new node enters a node group that holds every corner of the face or cell it lies on (`extend`), or none (`keep`).

@@ -250,7 +250,7 @@ def _better(
     component: Ints,
     shape: tuple[float, float],
 ) -> Ints:
-    """Choose the variant whose worst child is better, for each set of faces that must be cut alike; ring on a tie."""
+    """Choose the variant with the higher minimum Jacobian, for each set of faces to be cut alike; ring on a tie."""
     worst = []
     for kinds in (_kinds(faces, np.zeros_like(ring)), _kinds(faces, ring)):
         made = subdivide(mesh, faces, kinds, skin, parents, *shape)

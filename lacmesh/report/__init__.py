@@ -2,7 +2,7 @@
 
 records = what a mesh holds, what a cut counts, the table of patterns     (`records`)
 touched = the cells that a cut replaced, and those it made               (`touched`)
-report = the mesh against its cut: quality, sizes, the worst children     (`compare`)
+report = the mesh against its cut: quality, sizes, the worst new cells    (`compare`)
 children = the same for a cut whose original mesh is not available        (`parents`)
 files = a report as HTML, Markdown or JSON, quality as a picture          (`writing`, `html`, `drawing`)
 """

@@ -1,4 +1,4 @@
-"""Comparison of a mesh with its cut: quality and size of the touched cells before and after, and the worst children.
+"""Comparison of a mesh with its cut: quality and size of the touched cells before and after, and the worst new cells.
 
 Only touched cells are compared: the others do not change. Solid cells and their skin are compared apart, and so are, in
 a plane mesh, surfaces and lines.
@@ -76,7 +76,7 @@ class Size:
 
 @dataclass(frozen=True)
 class WorstChild:
-    """One of the worst children: its number, parent and place, both least corner Jacobians, its extreme angles.
+    """One of the worst new cells: its number, parent and place, both least corner Jacobians, its extreme angles.
 
     `better`: the variant that would serve its parent better, and the least corner Jacobian of the children then.
     """

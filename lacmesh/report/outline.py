@@ -99,7 +99,7 @@ def outline(report: CutReport, name: str = "") -> Iterator[ReportBlock]:
         if comparison.dim > 1 or any(comparison.invalid):
             yield from _comparison(comparison)
     if report.worst:
-        yield Title(2, "The worst children")
+        yield Title(2, "New cells of lowest quality")
         yield _worst(report)
     if report.sizes:
         yield Title(2, "What the touched cells hold")
@@ -140,7 +140,7 @@ def _facts(report: CutReport) -> Iterator[Fact]:
     if not report.comparisons:
         return
     before, after = s.worst
-    yield Fact("worst child", number(after), f"worst parent {number(before)}", bad=not after >= _HARD)
+    yield Fact("minimum Jacobian", number(after), f"of the parents {number(before)}", bad=not after >= _HARD)
     top = report.comparisons[0]
     yield Fact("child / parent", number(top.ratio.median), f"median; least {number(top.ratio.least)}")
     invalid = [sum(c.invalid[k] for c in report.comparisons) for k in (0, 1)]
@@ -173,7 +173,7 @@ def _variant_sentence(report: CutReport) -> str:
     v = report.variants
     assert v is not None
     found = ", ".join(f"--hexa {name} {number(least)}" for name, least in v.least.items())
-    start = f"The worst child of the {v.hexahedra:,} hexahedra has {number(v.now)} ({found})"
+    start = f"The minimum Jacobian of the children of the {v.hexahedra:,} hexahedra is {number(v.now)} ({found})"
     better = {name: count for name, count in v.better.items() if count}
     if not better:
         return f"{start}: no hexahedron would be better off with the other variant."

@@ -64,7 +64,7 @@ WISHES: list[tuple[str, tuple[str, ...], int, str]] = [
     ("a surface that is not there", ("--group", "x=99"), 2, "no surface 99"),
     ("a volume that is not there", ("--group", "x=3:99"), 2, "no volume 99; it has 1"),
     ("a box in which nothing lies", ("--group", "x=box:8,8,8,9,9,9"), 2, "no surface lies in that box"),
-    ("a box that is inside out", ("--group", "x=box:1,0,0,0,1,1"), 2, "says no group; write"),
+    ("a box with its corners exchanged", ("--group", "x=box:1,0,0,0,1,1"), 2, "says no group; write"),
     ("a group without a tag", ("--group", "x"), 2, "says no group; write"),
     ("a size without a slave", ("--slave-size", "1"), 2, "go together"),
     ("a slave that is not there", ("--slave", "tops", "--slave-size", "1"), 2, "did you mean top"),

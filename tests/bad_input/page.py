@@ -45,7 +45,7 @@ KINDS = {
     "coordinates": (
         "Coordinates",
         "A coordinate that is no finite number is an error when it is read, in every command. A mesh that is flat or "
-        "inside out is a mesh: it is read, cut with a warning, and `lacmesh check` and `lacmesh quality` say where.",
+        "inverted is a mesh: it is read, cut with a warning, and `lacmesh check` and `lacmesh quality` say where.",
     ),
     "nodes of cells": (
         "Nodes of cells",

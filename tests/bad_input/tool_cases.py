@@ -48,11 +48,11 @@ VERDICTS: list[tuple[str, bytes, tuple[str, ...], str]] = [
     ("check: not cut yet", GOOD, (*CHECK, "SLAVE"), "is not usable for LAC: 1 error .no-internal-dof"),
     ("check: a slave face is no facet of a cell", _edited(_without_parent), (*CHECK, "SLAVE"), "no-parent"),
     ("check: a slave group of volumes", GOOD, (*CHECK, "BODY"), "wrong-dimension"),
-    ("check: a cell is inside out", _edited(_inside_out), (*CHECK, "SLAVE"), "inverted-cell"),
+    ("check: a cell is inverted", _edited(_inside_out), (*CHECK, "SLAVE"), "inverted-cell"),
     ("check: slave and master are one", GOOD, (*CHECK, "SLAVE", "--master", "SLAVE"), "shared-nodes"),
     ("check: a mesh of lines only", _edited(_lines), (*CHECK, "SLAVE"), "no-cells"),
     ("cut: cells would be worse than --min-quality", GOOD, (*CUT, "--min-quality", "2"), "below 2"),
-    ("cut: a cell is inside out, and --min-quality", _edited(_inside_out), (*CUT, "--min-quality", "0"), "below 0"),
+    ("cut: a cell is inverted, and --min-quality", _edited(_inside_out), (*CUT, "--min-quality", "0"), "below 0"),
     (
         "cut: the check against the master finds an error",
         GOOD,
