@@ -18,7 +18,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return PROGRAM.main(argv)
 
 
-def _told(error: LacmeshError, args: argparse.Namespace) -> list[str]:
+def _error_lines(error: LacmeshError, args: argparse.Namespace) -> list[str]:
     """Lines of an error message; the file is put before an error about the mesh that does not name it."""
     message, source = str(error), getattr(args, "input", None)
     about_mesh = error.status == 1 or isinstance(error, GroupNotFoundError)
@@ -32,7 +32,7 @@ PROGRAM = Program(
     "displacement node, check, measure, draw and convert.",
     EPILOG,
     COMMANDS,
-    _told,
+    _error_lines,
     "there is not enough memory for this mesh",
     collects=False,  # a short life of large arrays and no cycles: collecting would only cost time
 )

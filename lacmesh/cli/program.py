@@ -39,7 +39,7 @@ SELDOM = 200_000
 class Program:
     """A program called `name`; `commands`, in the order of the help, are modules of `package`.
 
-    `told`: gives the lines of an error message; `too_large`: message for lack of memory. `collects`: whether the
+    `error_lines`: gives the lines of an error message; `too_large`: message for lack of memory. `collects`: whether the
     collector of cycles runs.
     """
 
@@ -48,7 +48,7 @@ class Program:
     description: str
     epilog: str
     commands: tuple[str, ...]
-    told: Callable[[LacmeshError, argparse.Namespace], Sequence[str]]
+    error_lines: Callable[[LacmeshError, argparse.Namespace], Sequence[str]]
     too_large: str
     collects: bool = True
 
@@ -103,7 +103,7 @@ class Program:
                     args.run(args)
                 sys.stdout.flush()
             except LacmeshError as error:
-                return self._fail(self.told(error, args), error.status)
+                return self._fail(self.error_lines(error, args), error.status)
             except BrokenPipeError:  # the reader of our output went away, as `head` does
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
                 return 0

@@ -277,7 +277,10 @@ def _loaded(side: Path, mesh: Mesh) -> dict[str, Any]:
     if not is_ours(side):
         raise UnfitError("lacmesh did not write it, or it is damaged")
     held = json.loads(side.read_bytes().decode())
-    if INTEGER.value(held["version"]) > VERSION:
+    version = INTEGER.value(held["version"])
+    if version < 1:
+        raise ValueError("no version")
+    if version > VERSION:
         raise UnfitError("a newer lacmesh wrote it")
     return from_plain(held, CUT_NOTES)
 

@@ -18,7 +18,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return PROGRAM.main(argv)
 
 
-def _told(error: LacmeshError, args: argparse.Namespace) -> list[str]:
+def _error_lines(error: LacmeshError, args: argparse.Namespace) -> list[str]:
     """Return the lines of an error, one for each mistake of a case.
 
     A line about the case that does not name the case's file gets that name in front.
@@ -36,6 +36,6 @@ PROGRAM = Program(
     "Solve contact problems with the Local Average Contact method. A case file describes the problem.",
     EPILOG,
     COMMANDS,
-    _told,
+    _error_lines,
     'there is not enough memory for this model; a coarser mesh needs less, and so does [solver] backend = "multigrid"',
 )

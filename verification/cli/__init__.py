@@ -20,7 +20,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return PROGRAM.main(argv)
 
 
-def _told(error: LacmeshError, args: argparse.Namespace) -> list[str]:
+def _error_lines(error: LacmeshError, args: argparse.Namespace) -> list[str]:
     return [str(error)]
 
 
@@ -30,6 +30,6 @@ PROGRAM = Program(
     "Reproduce what the LAC method promises: cases with known solutions, and how near lacsolver comes to them.",
     EPILOG,
     COMMANDS,
-    _told,
+    _error_lines,
     "there is not enough memory; run fewer processes at once (-j 1)",
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -114,20 +115,8 @@ class _Reader:
 
     def take(self, card: Card) -> None:
         """Process one card. Raises ReadError."""
-        take = {
-            "NODE": self._node,
-            "ELEMENT": self._element,
-            "NSET": self._set,
-            "ELSET": self._set,
-            "SURFACE": self._surface,
-            "PART": self._part,
-            "ENDPART": self._end_part,
-            "INSTANCE": self._instance,
-            "ENDINSTANCE": self._end_instance,
-            "HEADING": self._heading,
-        }.get(card.name)
-        if take is not None:
-            take(card)
+        if card.name in _HANDLERS:
+            _HANDLERS[card.name](self, card)
         elif card.name in _NOT_READ:
             what = _NOT_READ[card.name]
             raise card.error(f"*{card.shown} {what}, which is not read; write all nodes and elements out")
@@ -320,6 +309,21 @@ class _Reader:
 
     def _heading(self, card: Card) -> None:
         self.model.heading += [line.strip() for line in card.text().decode("latin-1").splitlines() if line.strip()]
+
+
+#: name of a card -> what reads it
+_HANDLERS: Mapping[str, Callable[[_Reader, Card], None]] = {
+    "NODE": _Reader._node,
+    "ELEMENT": _Reader._element,
+    "NSET": _Reader._set,
+    "ELSET": _Reader._set,
+    "SURFACE": _Reader._surface,
+    "PART": _Reader._part,
+    "ENDPART": _Reader._end_part,
+    "INSTANCE": _Reader._instance,
+    "ENDINSTANCE": _Reader._end_instance,
+    "HEADING": _Reader._heading,
+}
 
 
 def _placed(card: Card, points: Floats) -> Floats:
