@@ -1,6 +1,7 @@
 """The command `lacsolver` as a user meets it: what it prints, its statuses, what it leaves on the disk."""
 
-from __future__ import annotations
+from __future__ from importlib import import_module
+import annotations
 
 import json
 import os
@@ -315,7 +316,7 @@ def test_an_internal_error_is_one_line(folder, capsys, monkeypatch):
     def broken(*args):
         raise ZeroDivisionError("of ours")
 
-    monkeypatch.setattr(sys.modules["lacsolver.validation"], "validate", broken)
+    monkeypatch.setattr(import_module("lacsolver.validation"), "validate", broken)
     assert main(["validate", "case.toml"]) == 1
     assert capsys.readouterr().err.startswith(
         "lacsolver: error: internal error (ZeroDivisionError: of ours); --verbose"
@@ -328,7 +329,7 @@ def test_too_little_memory_is_one_line(folder, capsys, monkeypatch):
     def broken(*args):
         raise MemoryError
 
-    monkeypatch.setattr(sys.modules["lacsolver.validation"], "validate", broken)
+    monkeypatch.setattr(import_module("lacsolver.validation"), "validate", broken)
     assert main(["validate", "case.toml"]) == 1
     assert "there is not enough memory for this model" in capsys.readouterr().err
 
