@@ -28,9 +28,9 @@ def test_an_exponent_is_judged(power, passed):
 
 def test_sizes_grow_sixteenfold_and_nothing_runs_beside():
     for case in FAMILY.cases:
-        assert case.alone
+        assert case.exclusive
         for count in case.levels.values():
-            sides = case.given.sides[:count]
+            sides = case.parameters.sides[:count]
             assert len(sides) == count and (sides[-1] / sides[0]) ** 2 >= 16
 
 

@@ -11,7 +11,7 @@ from lacmesh.errors import LacmeshError
 #: in the order of the help
 COMMANDS = ("list", "run", "report", "compare")
 EPILOG = """\
-Exit status: 0 every figure is met, 1 some fall short, 2 the command is wrong, 3 a file cannot be read or written,
+Exit status: 0 every result is met, 1 some fall short, 2 the command is wrong, 3 a file cannot be read or written,
 130 interrupted, 143 terminated."""
 
 
@@ -20,7 +20,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return PROGRAM.main(argv)
 
 
-def _told(error: LacmeshError, args: argparse.Namespace) -> list[str]:
+def _messages(error: LacmeshError, args: argparse.Namespace) -> list[str]:
     return [str(error)]
 
 
@@ -30,6 +30,6 @@ PROGRAM = Program(
     "Reproduce what the LAC method promises: cases with known solutions, and how near lacsolver comes to them.",
     EPILOG,
     COMMANDS,
-    _told,
+    _messages,
     "there is not enough memory; run fewer processes at once (-j 1)",
 )

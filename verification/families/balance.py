@@ -99,7 +99,7 @@ def text(given: Touch) -> str:
 
 def run(case: Case, levels: int) -> Outcome:
     """Solve every pair."""
-    given: Touch = case.given
+    given: Touch = case.parameters
     solutions = [solve(text(given), mesh_of(given, *pair)) for pair in given.pairs]
     closed = min(_closed(solved) for solved in solutions)
     reason = "balance means something only where forces are"
@@ -200,7 +200,7 @@ FAMILY = Family(
     "unilateral and bilateral contact, ties and several zones. Every other case with contact of this report has the "
     "same two results.\n\n"
     "What is left is relative to the sum of the sizes of the forces, and of the forces times their arms; in "
-    "axisymmetry radial forces and moments balance all round, and the axial resultant alone is told.",
+    "axisymmetry radial forces and moments balance all round, and the axial resultant alone is given.",
     tuple(_cases()),
     run,
 )

@@ -20,7 +20,7 @@ import lacmesh
 import lacsolver
 from lacsolver import Problem
 from lacsolver.contact import integrate
-from verification.records import Case, Outcome, Result, at_most, reported
+from verification.records import Case, Outcome, Result, at_most, informative
 from verification.solving import Solved, balanced, entry, finished
 
 Floats = NDArray[np.floating]
@@ -74,7 +74,7 @@ def _judged(gap: str, size: float, off: tuple[float, float], allowed: tuple[floa
         if gap == "smooth":
             yield at_most(quantity, abs(value), bound, source=_SOURCE, reason=_USED)
         else:
-            yield reported(quantity, value, reason="told beside the smooth surfaces'")
+            yield informative(quantity, value, reason="beside the smooth surfaces'")
 
 
 def away(own: Solved) -> tuple[int, float]:

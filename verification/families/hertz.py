@@ -34,9 +34,9 @@ from verification.records import (
     Plot,
     Result,
     at_most,
+    informative,
     levels_of,
     rate,
-    reported,
 )
 from verification.solving import Solved, balanced, entry, solve
 
@@ -274,7 +274,7 @@ def exact_approach(given: Given) -> float:
     return found.get("lower", 0.0) - found["upper"]
 
 
-#: figures that are told, by what they are called
+#: quantities for information, by their names
 _FIGURES: dict[str, Callable[[HertzSolution], float]] = {
     "p0 (recovered, at the pole)": lambda s: s.peak,
     "half-width a": lambda s: s.width,
@@ -284,7 +284,7 @@ _FIGURES: dict[str, Callable[[HertzSolution], float]] = {
 
 def outcome(case: Case, levels: int) -> Outcome:
     """Solve a case on its levels, and hold its errors against the figures."""
-    given: Given = case.given
+    given: Given = case.parameters
     found = [solve_level(given, level) for level in range(levels)]
     return Outcome(results(given, found), (profile(given, found[min(2, levels - 1)]),), _pictures(case, found))
 
@@ -295,20 +295,20 @@ def results(given: Given, found: list[HertzSolution]) -> tuple[Result, ...]:
     def table(error: Callable[[HertzSolution], float]) -> tuple[Level, ...]:
         return levels_of([s.h for s in found], [s.solved.unknowns for s in found], [error(s) for s in found])
 
-    told = "told beside the rates that theory gives: none is asked of it"
+    beside = "beside the rates that theory gives: none is asked of it"
     finest, energy = found[-1], (0.95, 1.4)[given.order - 1]
     return (
         rate("u, energy norm", table(lambda s: s.u.energy), energy, source=THEOREM),
-        rate("u, L2", table(lambda s: s.u.u), None, source="", reason=told),
+        rate("u, L2", table(lambda s: s.u.u), None, source="", reason=beside),
         rate("p_m, L2", table(lambda s: s.p.exact), 0.9, source=EDGE, reason=_EDGES),
         rate("exact means of p, L2", table(lambda s: s.p.best), None, source="", reason="the best that constants do"),
-        rate("recovered pressure, L2", table(lambda s: s.recovered), None, source="", reason=told),
+        rate("recovered pressure, L2", table(lambda s: s.recovered), None, source="", reason=beside),
         at_most(
             "error of the recovered pressure over that of p_m", finest.recovered / finest.p.exact, 0.5,
             source=RECOVERED, reason=_SHAPE,
         ),
         *(
-            reported(f"{name}, relative error", error(finest), reason="on the finest level", levels=table(error))
+            informative(f"{name}, relative error", error(finest), reason="on the finest level", levels=table(error))
             for name, error in _FIGURES.items()
         ),
         *balanced([s.solved for s in found]),
@@ -340,7 +340,7 @@ def _sorted(label: str, x: Floats, y: Floats, style: Literal["points", "both"]) 
 
 def _pictures(case: Case, found: list[HertzSolution]) -> tuple[Picture, ...]:
     """Picture of a 3D solution, on the level that is coarse enough to see the cells."""
-    return (found[0].solved.picture(case.about),) if case.given.dim == 3 else ()
+    return (found[0].solved.picture(case.description),) if case.parameters.dim == 3 else ()
 
 
 PLANE_CELLS = ("TRIA3", "TRIA6", "QUAD4", "QUAD8", "QUAD9")

@@ -17,7 +17,7 @@ from lacmesh import Mesh
 from verification.exact.finite_bodies import ALLOY, POISSON, PROFILES, PUSH, SPHERE, STEEL, Hertz, profile
 from verification.meshes.cylinder import cylinder_on_block
 from verification.meshes.spheres import spheres
-from verification.records import Case, Family, Line, Outcome, Plot, Published, Result, at_most, equal, reported
+from verification.records import Case, Family, Line, Outcome, Plot, Published, Result, at_most, equal, informative
 from verification.solving import Solved, balanced, entry, solve
 
 Floats = NDArray[np.floating]
@@ -182,7 +182,7 @@ def middles(mesh: Mesh) -> Floats:
 
 def solve_case(case: Case, levels: int) -> Outcome:
     """Solve a case on its first levels."""
-    match case.given:
+    match case.parameters:
         case Cylinder() as given:
             return solve_cylinder(given, levels)
         case Spheres() as given:
@@ -200,9 +200,9 @@ def solve_cylinder(given: Cylinder, levels: int) -> Outcome:
     n = 16 if 16 in found else max(found)
     width = found[n].against("half-space").width
     results += [
-        reported(f"half-width against the half-space's, N = {n}", width,
+        informative(f"half-width against the half-space's, N = {n}", width,
                  reason="the half-space has no edge of finite bodies", published=_published(_WIDTH, n)),
-        reported(f"Newton iterations, N = {n}", sum(s.iterations for s in found[n].solved.states),
+        informative(f"Newton iterations, N = {n}", sum(s.iterations for s in found[n].solved.states),
                  reason="one load step; others stop at other tolerances", published=_published(_NEWTON, n, 1.0)),
     ]  # fmt: skip
     pressure = Plot("pressure", f"Cylinder on a block, N = {n}", "x / a", "p / p0", found[n].lines(given.profile))
@@ -232,17 +232,17 @@ def errors(given: Cylinder, n: int, own: MeasuredPressures) -> tuple[Result, ...
     if n in BEST:
         first = at_most(rms, found["given"].rms, BEST[n] / 100, source=_PEERS, reason=_WHY, published=theirs)
     else:
-        first = reported(rms, found["given"].rms, reason="no peer ran this mesh")
+        first = informative(rms, found["given"].rms, reason="no peer ran this mesh")
     against = f"of the recovered pressure against the half-space, N = {n}"
     bodies = "Hertz's half-space is not these bodies; the peers' published figures"
     return (
         first,
-        reported(
+        informative(
             f"the same at all slave nodes, N = {n}", found["nodes"].rms, reason="the cut adds two nodes to a face"
         ),
-        reported(f"rms error of p_m, N = {n}", found["means"].rms, reason="peers have no means", published=theirs),
-        reported(f"rms error {against}", half_space.rms, reason=bodies, published=_published(_RMS, n)),
-        reported(f"error of the peak {against}", half_space.peak, reason=bodies, published=_published(_PEAK, n)),
+        informative(f"rms error of p_m, N = {n}", found["means"].rms, reason="peers have no means", published=theirs),
+        informative(f"rms error {against}", half_space.rms, reason=bodies, published=_published(_RMS, n)),
+        informative(f"error of the peak {against}", half_space.peak, reason=bodies, published=_published(_PEAK, n)),
     )
 
 
@@ -328,9 +328,9 @@ def axis_stress(given: Spheres, n: int, own: MeasuredPressures) -> tuple[Result,
             source=bodies,
             reason="the worse of two points; of code_aster's too, on its mesh, of cells as large on the first level",
         ),
-        reported(f"error of the recovered pressure on the axis, N = {n}", own.nodes[1][0] / -exact - 1, reason=more),
-        reported(f"rms error of the recovered pressure, N = {n}", errors.rms, reason=more),
-        reported(f"rms error of p_m, N = {n}", own.against("spheres", "means").rms, reason=more),
+        informative(f"error of the recovered pressure on the axis, N = {n}", own.nodes[1][0] / -exact - 1, reason=more),
+        informative(f"rms error of the recovered pressure, N = {n}", errors.rms, reason=more),
+        informative(f"rms error of p_m, N = {n}", own.against("spheres", "means").rms, reason=more),
     )
 
 

@@ -34,8 +34,8 @@ from verification.records import (
     Result,
     at_least,
     at_most,
+    informative,
     levels_of,
-    reported,
 )
 from verification.solving import Solved, balanced, entry
 from verification.solving import solve as solved
@@ -107,7 +107,7 @@ class Constants(NamedTuple):
 
 def run(case: Case, levels: int) -> Outcome:
     """Solve a case."""
-    if isinstance(case.given, Pressed):
+    if isinstance(case.parameters, Pressed):
         return _pressed(case, levels)
     return _constants(case, levels)
 
@@ -165,7 +165,7 @@ def _moving(mesh: Mesh) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
 
 
 def _constants(case: Case, levels: int) -> Outcome:
-    given: Skin = case.given
+    given: Skin = case.parameters
     sides = SIDES[given.dim][:levels]
     found = [constants(given, n) for n in sides]
     h = [1 / n for n in sides]
@@ -187,7 +187,7 @@ def _stays(quantity: str, h: Sequence[float], found: Sequence[Constants], beta: 
     value = fitted(h, beta) if len(h) > 1 and min(beta) > NOTHING else math.nan
     if len(h) < 3:
         reason = "an exponent is judged on three meshes or more"
-        return replace(reported(quantity, value, reason=reason, source=_THEORY, levels=levels), passed=True)
+        return replace(informative(quantity, value, reason=reason, source=_THEORY, levels=levels), passed=True)
     reason = "0 is the theory's; a skin that is not stable loses an order of h or more"
     return at_most(quantity, value, STAYS, source=_THEORY, reason=reason, levels=levels)
 
@@ -203,8 +203,8 @@ def _unbounded(given: Skin, h: Sequence[float], found: Sequence[Constants]) -> l
     if given.kind not in ZERO or given.master:
         reason = "the hypothesis is sufficient, not necessary: it fails here, and this is what becomes of the constant"
         return [
-            reported("beta, uncut, rim fixed, finest", fixed[-1], reason=reason),
-            reported("beta, uncut, rim free, finest", free[-1], reason=reason),
+            informative("beta, uncut, rim fixed, finest", fixed[-1], reason=reason),
+            informative("beta, uncut, rim free, finest", free[-1], reason=reason),
         ]
     source = "more faces than nodes that move, or a checkerboard that every node averages to zero"
     zero = "beta, uncut, rim {}: largest"
@@ -212,7 +212,7 @@ def _unbounded(given: Skin, h: Sequence[float], found: Sequence[Constants]) -> l
     if max(free) < NOTHING:
         return [*out, at_most(zero.format("free"), max(free), NOTHING, source=source, reason="the root of rounding")]
     if len(h) < 3:
-        return [*out, reported("beta, uncut, rim free, finest", free[-1], reason="judged on three meshes or more")]
+        return [*out, informative("beta, uncut, rim free, finest", free[-1], reason="judged on three meshes or more")]
     levels = _levels(h, found, free)
     reason = "only the rim tells a checkerboard from zero: the constant falls by an order of h or more"
     quantity = "beta, uncut, rim free: exponent of h"
@@ -221,7 +221,7 @@ def _unbounded(given: Skin, h: Sequence[float], found: Sequence[Constants]) -> l
 
 def _plot(case: Case, h: Sequence[float], found: Sequence[Constants]) -> Plot:
     names = {"cut": "cut, rim fixed", "cut_free": "cut, rim free", "internal": "cut, internal dofs alone"}
-    if case.given.kind not in WHOLE:
+    if case.parameters.kind not in WHOLE:
         names |= {"uncut": f"uncut, rim fixed (zero is drawn at {ZERO_DRAWN:g})", "uncut_free": "uncut, rim free"}
     lines = [
         Line(label, tuple(h), tuple(max(float(getattr(v, name)), ZERO_DRAWN) for v in found))
@@ -274,7 +274,7 @@ def over_best(got: Solved) -> float:
 
 
 def _pressed(case: Case, levels: int) -> Outcome:
-    given: Pressed = case.given
+    given: Pressed = case.parameters
     both = [(pressed(given, n), pressed(given, n, cut=False)) for n in PRESSED[given.dim][:levels]]
     with_, without = ([over_best(pair[k]) for pair in both] for k in (0, 1))
     worst = int(np.argmax(without))
@@ -285,7 +285,7 @@ def _pressed(case: Case, levels: int) -> Outcome:
             "error of p_m over that of the best, uncut over cut", without[worst] / with_[worst], OSCILLATES,
             source=_THEORY, reason="the worst of the meshes: how much there is to oscillate is chance on each of them",
         ),
-        reported("error of p_m over that of the best, uncut", without[worst], reason="how far p_m oscillates"),
+        informative("error of p_m over that of the best, uncut", without[worst], reason="how far p_m oscillates"),
         *balanced([got for pair in both for got in pair]),
     )  # fmt: skip
     names = ("cut", "uncut") if given.dim == 3 else ()
@@ -298,7 +298,7 @@ def _profile(case: Case, cut: Solved, without: Solved) -> Plot:
     x = np.linspace(0, 1, 101)
     exact = Line("exact", tuple(x.tolist()), tuple(exact_pressure(x[:, None])[:, 0].tolist()), "line")
     lines = [_steps(got, name) for got, name in ((without, "uncut"), (cut, "cut"))]
-    where = "" if case.given.dim == 2 else " along y = 0.4"
+    where = "" if case.parameters.dim == 2 else " along y = 0.4"
     return Plot("pressure", f"{case.name}: contact pressure{where}", "x", "p_m", (exact, *lines))
 
 

@@ -31,9 +31,9 @@ from verification.records import (
     Plot,
     Published,
     Result,
+    informative,
     levels_of,
     rate,
-    reported,
 )
 from verification.solving import Solved, balanced, entry, solve
 
@@ -72,8 +72,8 @@ _LAYER = (
     "So it is on plane skins and at small strains too. In L2 such a layer is h^1.5, whatever the cells; it alternates "
     "and falls to about a third from one macro-element to the next, so that the recovery weighs the last two less"
 )
-_MEANS = f"told: p_m as what it stands for, a mean; {_LAYER}"
-_AWAY = "told: without the layer along the rim"
+_MEANS = f"for information: p_m as what it stands for, a mean; {_LAYER}"
+_AWAY = "for information: without the layer along the rim"
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class ManufacturedSolution:
 
 def solve_case(case: Case, levels: int) -> Outcome:
     """A row on so many meshes, each of twice as many cells a side."""
-    row: CellRow = case.given
+    row: CellRow = case.parameters
     found = [solution(row, level) for level in range(levels)]
     results = (*_rates(row, found), _iterations(found), *balanced([one.solved for one in found]))
     plots = [_pressures(row, found[min(2, levels - 1)])] if row.solution.dim == 2 else []
@@ -213,10 +213,10 @@ def _theirs(row: CellRow, value: float | None) -> tuple[Published, ...]:
 
 def _iterations(found: Sequence[ManufacturedSolution]) -> Result:
     states = found[-1].solved.states
-    reason = "told: one step, and none that is halved, is what to hope for"
+    reason = "for information: one step, and none that is halved, is what to hope for"
     halved = sum(state.halvings for state in states)
     total = sum(state.iterations for state in states)
-    return reported(f"Newton iterations on the finest mesh ({halved} halved steps)", total, reason=reason)
+    return informative(f"Newton iterations on the finest mesh ({halved} halved steps)", total, reason=reason)
 
 
 def _newton(row: CellRow, found: Sequence[ManufacturedSolution]) -> Plot:
@@ -252,8 +252,8 @@ def _case(row: CellRow) -> Case:
     return Case(
         family="manufactured",
         name=row.name,
-        about=f"A block of {row.cell} comes down on a curved rigid master{theirs}",
-        given=row,
+        description=f"A block of {row.cell} comes down on a curved rigid master{theirs}",
+        parameters=row,
         levels=_suites(row),
         seconds=_SECONDS[row.name],
     )

@@ -135,7 +135,7 @@ def exact_stress(given: Press) -> NDArray[np.floating]:
 
 def run(case: Case, levels: int) -> Outcome:
     """Solve every pair, with the slave below and above."""
-    given: Press = case.given
+    given: Press = case.parameters
     made = [errors(given, *pair, below) for pair in given.pairs for below in (True, False)]
     results = [_worst(figure, made) for figure in _figures(given)]
     return Outcome((*results, *balanced([one.solved for one in made])), (_matrix(made),))
@@ -295,8 +295,8 @@ FAMILY = Family(
     "of the two skins. Every type of cell is the slave and the master of every other, below and above, along the axes "
     "and in a tilted frame; the grids are uneven, and in some cases the faces are distorted quadrangles.\n\n"
     "Errors are the largest anywhere: of the stress at integration points, of the pressure of each macro-element, of "
-    "the displacement of each node, relative to the largest value of each. What others obtained is told where they ran "
-    "the same problem.",
+    "the displacement of each node, relative to the largest value of each. What others obtained "
+    "stands beside where they ran the same problem.",
     (*_plane(), *_solid(), *_distorted(), *_others()),
     run,
 )

@@ -34,9 +34,9 @@ from verification.records import (
     Published,
     Result,
     equal,
+    informative,
     levels_of,
     rate,
-    reported,
 )
 from verification.solving import Solved, balanced, entry, solve
 
@@ -137,7 +137,7 @@ class PressFitSolution:
 
 def solve_case(case: Case, levels: int) -> Outcome:
     """A press fit on so many meshes, each of twice as many cells along each side."""
-    given: PressFit = case.given
+    given: PressFit = case.parameters
     found = [solution(given, level) for level in range(levels)]
     results = _sized(given, found[-1]) if given.allowed else _rates(given, found)
     plots = (_pressures(case.name, given, found[-1]),) if given.dim == 2 else ()
@@ -216,11 +216,11 @@ def _sized(given: PressFit, found: PressFitSolution) -> Iterator[Result]:
     for quantity, value, theirs in (("largest p_m", p.max(), _LARGEST), ("least p_m", p.min(), _LEAST)):
         tolerance = (given.allowed or 0.0) * right
         yield equal(quantity, value, right, tolerance, source=source, reason=reason, published=_theirs(theirs))
-    yield reported("mean p_m, relative error", found.mean, reason="told: its error is far below that of each p_m")
+    yield informative("mean p_m, relative error", found.mean, reason="far below the error of each p_m")
     recovered = found.solved.fields.zones["slave"].pressure_recovered
     worst = float(np.nanmax(np.abs(recovered / right - 1)))
-    yield reported(
-        "recovered pressure, worst node, relative error", worst, reason="told: no figure is asked of it",
+    yield informative(
+        "recovered pressure, worst node, relative error", worst, reason="for information: no bound is asked of it",
         published=_theirs(abs(_NODAL / right - 1)),
     )  # fmt: skip
 
@@ -241,14 +241,14 @@ def _rates(given: PressFit, found: Sequence[PressFitSolution]) -> Iterator[Resul
         "mean p_m, rate", _levels(found, "mean"), 2.0 if curved else 1.92, last=LAST,
         source="order 2 of the bodies' stiffness, for linear cells less what is not yet asymptotic",
     )  # fmt: skip
-    yield rate("recovered pressure in L2, rate", _levels(found, "recovered"), None, source="", reason="told")
+    yield rate("recovered pressure in L2, rate", _levels(found, "recovered"), None, source="", reason="informative")
     yield rate(
         "displacement in L2, rate", _levels(found, "displacement"), 2.45 if curved else 1.92, last=LAST,
         source="Abbas, Drouet and Hild 2018: h^2 and h^2.5, less what is not yet asymptotic",
     )  # fmt: skip
-    told = "told: held by the displacement in L2"
-    yield rate("displacement of the slave, rate", _levels(found, "between"), None, source="", reason=told)
-    yield reported("worst p_m on the finest mesh, relative error", found[-1].worst, reason="told: the rate is judged")
+    held = "for information: held by the displacement in L2"
+    yield rate("displacement of the slave, rate", _levels(found, "between"), None, source="", reason=held)
+    yield informative("worst p_m on the finest mesh, relative error", found[-1].worst, reason="the rate is judged")
 
 
 def _levels(found: Sequence[PressFitSolution], error: str) -> tuple[Level, ...]:

@@ -27,7 +27,7 @@ from lacsolver.contact import integrate
 from lacsolver.space.space import Space
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack
-from verification.records import Case, Family, Line, Outcome, Plot, Result, at_most, levels_of, reported
+from verification.records import Case, Family, Line, Outcome, Plot, Result, at_most, informative, levels_of
 from verification.solving import entry
 
 #: of the exponents; the five hundredths are for the logarithm of a search, and caches
@@ -119,7 +119,7 @@ _STAGES: dict[str, tuple[str, str, str]] = {
 
 def run(case: Case, levels: int) -> Outcome:
     """Time all stages on plates of some sizes; only the smaller ones are solved."""
-    given: Plates = case.given
+    given: Plates = case.parameters
     small = Stages.of(given, 6)
     _ = timed([small]), seconds_of(small.solve, 0.0)  # compiled and loaded, all that is used
     problems = [Stages.of(given, n) for n in given.sides[:levels]]
@@ -191,7 +191,7 @@ def _judged(stage: str, problems: Sequence[Stages], seconds: Sequence[float]) ->
 def _alone(stage: str, problems: Sequence[Stages], seconds: Sequence[float]) -> Result:
     sizes, words = _sizes(stage, problems)
     reason = f"seconds of the program against {words}, without the kernel's for new memory: says what a miss is due to"
-    return reported(f"exponent of {stage}, program alone", fitted(sizes, seconds), reason=reason)
+    return informative(f"exponent of {stage}, program alone", fitted(sizes, seconds), reason=reason)
 
 
 def _sizes(stage: str, problems: Sequence[Stages]) -> tuple[list[int], str]:
@@ -203,7 +203,7 @@ def _solve(answers: Sequence[Stages], seconds: Sequence[float]) -> Result:
     unknowns = [one.unknowns for one in answers]
     reason = "of seconds against unknowns (h of the levels); the work of a direct solver grows faster than they do"
     levels = levels_of(unknowns, unknowns, seconds)
-    return reported("exponent of the solve", fitted(unknowns, seconds), reason=reason, levels=levels)
+    return informative("exponent of the solve", fitted(unknowns, seconds), reason=reason, levels=levels)
 
 
 def _plot(
@@ -225,7 +225,7 @@ def _cases() -> Iterator[Case]:
         ("HEXA8-hexa", Plates("HEXA8", hexahedra, "hexa"), {"all": 3}),
     ):
         about = f"plates of {given.kind}, the slave cut {given.hexa}"
-        yield Case("scaling", name, about, given, levels, 90.0, alone=True)
+        yield Case("scaling", name, about, given, levels, 90.0, exclusive=True)
 
 
 FAMILY = Family(
@@ -233,9 +233,9 @@ FAMILY = Family(
     "Scaling",
     "The time of each stage against the size of the problem, on two plates whose faces do not match, each two cells "
     "thick, so that skins grow as bodies do. The exponent is the slope of the logarithms by least squares; 1 is "
-    "proportional. The solve is told and not judged.\n\n"
+    "proportional. The solve is for information.\n\n"
     "Seconds are those of the process, without compilation, measured with nothing of the harness beside. The exponents "
-    "of the program alone, without what the kernel spends on new memory, are told too.",
+    "of the program alone, without what the kernel spends on new memory, are given too.",
     tuple(_cases()),
     run,
 )

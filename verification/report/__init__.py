@@ -2,7 +2,7 @@
 
 what is said = pages of blocks: tables, charts, sentences     (`outline`, `brief`, `tables`, `convergence`, `judging`)
 as files = the pages as HTML and as Markdown                  (`writing`, `html`, `markdown`, `charts`, `drawings`)
-two runs = which figures appeared, vanished, changed          (`changes`)
+two runs = which results appeared, vanished, changed          (`changes`)
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from typing import Literal
 from verification.records import Plot
 
 #: how a figure, a case or a row stands; `none`: a case without an outcome
-Verdict = Literal["", "met", "missed", "told", "none"]
+Verdict = Literal["", "met", "missed", "informative", "none"]
 
 
 @dataclass(frozen=True)

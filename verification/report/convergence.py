@@ -9,7 +9,7 @@ from verification.records import Level, Line, Plot, Result
 from verification.report import words
 from verification.report.blocks import Cell, Chart, Column, Table, TableRow
 from verification.report.charts import COLOURS
-from verification.running.folder import Done
+from verification.running.folder import CaseResult
 
 Sizes = tuple[tuple[float, int], ...]
 
@@ -52,7 +52,7 @@ def _known(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def chart_of(done: Done) -> Chart | None:
+def chart_of(done: CaseResult) -> Chart | None:
     """All errors of a case in one chart, beside the rates that are wanted; None where there are none."""
     lines = [_line(r.quantity, r) for r in done.results if len(r.levels) > 1]
     wanted = {r.expected for r in done.results if words.is_rate(r) and r.expected}
@@ -60,9 +60,9 @@ def chart_of(done: Done) -> Chart | None:
     return Chart(_plot(f"{done.case}: errors", lines), ends) if lines else None
 
 
-def charts_of(cases: Iterable[Done]) -> Iterator[Chart]:
+def charts_of(cases: Iterable[CaseResult]) -> Iterator[Chart]:
     """A chart for each quantity and rate that is wanted, with the cases as its lines."""
-    groups: dict[tuple[str, float | None], list[tuple[Done, Result]]] = {}
+    groups: dict[tuple[str, float | None], list[tuple[CaseResult, Result]]] = {}
     for done in cases:
         for r in done.results:
             if len(r.levels) > 1:

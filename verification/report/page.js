@@ -4,7 +4,7 @@
   const pages = [...document.querySelectorAll(".page")];
   const links = [...document.querySelectorAll("nav a")];
   const cases = [...document.querySelectorAll("details.case")];
-  const folded = new Set(cases.filter((c) => c.matches(".met, .told")));
+  const folded = new Set(cases.filter((c) => c.matches(".met, .informative")));
 
   function show() {
     const name = decodeURIComponent(location.hash.slice(1));
