@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
+from lacmesh.report.blocks import Line
 from lacsolver import State
-from verification.records import Line
 
 Floats = NDArray[np.floating]
 #: points (..., 3) -> (...,): where they are along the slave

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from lacmesh.report.blocks import Plot
 from verification.measures.rates import fitted, pairwise
 
 #: each has the cases of those before it
@@ -92,29 +93,6 @@ class Result:
     bound: Bound
     levels: tuple[Level, ...] = ()
     published: tuple[Published, ...] = ()
-
-
-@dataclass(frozen=True)
-class Line:
-    """A line of a plot. `style`: `line` (an exact solution), `points`, `both`, `steps` (constant between its x)."""
-
-    label: str
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    style: Literal["line", "points", "both", "steps"] = "both"
-
-
-@dataclass(frozen=True)
-class Plot:
-    """Lines to draw. `kind`: what the report groups plots by, such as `pressure`, `Newton`, `inf-sup`."""
-
-    kind: str
-    title: str
-    x_label: str
-    y_label: str
-    lines: tuple[Line, ...]
-    log_x: bool = False
-    log_y: bool = False
 
 
 @dataclass(frozen=True)

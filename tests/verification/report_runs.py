@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lacmesh.report.blocks import Line, Plot
 from verification.records import (
     Case,
     Failure,
-    Line,
     Outcome,
     Picture,
-    Plot,
     Published,
     at_least,
     at_most,

@@ -11,12 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lacmesh.report.blocks import Line, Plot
 from verification import families
 from verification.records import (
     SUITES,
     Level,
-    Line,
-    Plot,
     Published,
     Result,
     at_least,

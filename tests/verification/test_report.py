@@ -11,12 +11,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from lacmesh.report import charts
+from lacmesh.report.blocks import Chart, Line, Plot
 from tests.browser import Browser
 from tests.verification.report_runs import NASTY, TYPES, make_run
 from verification import report
-from verification.records import Line, Plot, Published, at_least, at_most, equal, informative, levels_of, rate
-from verification.report import charts, convergence, judging, outline
-from verification.report.blocks import Chart
+from verification.records import Published, at_least, at_most, equal, informative, levels_of, rate
+from verification.report import convergence, judging, outline
 from verification.report.words import reason_of
 
 WIDTHS = {"laptop": (1366, 900), "phone": (390, 844)}

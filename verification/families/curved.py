@@ -23,13 +23,14 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
+from lacmesh.report.blocks import Line, Plot
 from lacsolver import Problem
 from lacsolver.contact import integrate
 from verification.families import curved_fits, curved_hertz, curved_lug, curved_pin
 from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.measures.rates import fitted
 from verification.profiles import line
-from verification.records import Case, Family, Level, Line, Outcome, Plot, Result, at_most, informative, levels_of, rate
+from verification.records import Case, Family, Level, Outcome, Result, at_most, informative, levels_of, rate
 from verification.solving import Solved, balanced, finished
 
 Floats = NDArray[np.floating]

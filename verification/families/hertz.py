@@ -18,26 +18,14 @@ from numpy.typing import NDArray
 import lacsolver
 from lacmesh.cells import CELLS
 from lacsolver.case import Displacement, Value
+from lacmesh.report.blocks import Line, Plot
 from verification.exact import half_space
 from verification.exact.half_space import Strains, contact_modulus, peak_pressure
 from verification.measures import norms
 from verification.measures.norms import PressureErrors, nodal_pressure_error, pressure_errors
 from verification.meshes.half_spaces import half_spaces
 from verification.profiles import line
-from verification.records import (
-    Case,
-    Family,
-    Level,
-    Line,
-    Outcome,
-    Picture,
-    Plot,
-    Result,
-    at_most,
-    informative,
-    levels_of,
-    rate,
-)
+from verification.records import Case, Family, Level, Outcome, Picture, Result, at_most, informative, levels_of, rate
 from verification.solving import Solved, balanced, entry, solve
 
 Floats = NDArray[np.floating]

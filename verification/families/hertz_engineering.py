@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
+from lacmesh.report.blocks import Line, Plot
 from verification.exact.finite_bodies import ALLOY, POISSON, PROFILES, PUSH, SPHERE, STEEL, Hertz, profile
 from verification.meshes.cylinder import cylinder_on_block
 from verification.meshes.spheres import spheres
-from verification.records import Case, Family, Line, Outcome, Plot, Published, Result, at_most, equal, informative
+from verification.records import Case, Family, Outcome, Published, Result, at_most, equal, informative
 from verification.solving import Solved, balanced, entry, solve
 
 Floats = NDArray[np.floating]

@@ -17,24 +17,13 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacmesh.report.blocks import Plot
 from verification.exact.sources import SymbolicFunction, compiled, derive
 from verification.families.manufactured_rows import ROWS, CellRow
 from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.blocks import block, with_master
 from verification.profiles import line, means, nodal, residuals
-from verification.records import (
-    Case,
-    Family,
-    Level,
-    Outcome,
-    Picture,
-    Plot,
-    Published,
-    Result,
-    informative,
-    levels_of,
-    rate,
-)
+from verification.records import Case, Family, Level, Outcome, Picture, Published, Result, informative, levels_of, rate
 from verification.solving import Solved, balanced, entry, solve
 
 #: cells a side on level 0

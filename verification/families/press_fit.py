@@ -20,24 +20,12 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacmesh.report.blocks import Line, Plot
 from verification.exact.lame import Fit, Shape, Shell
 from verification.measures.norms import ExactField, displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.rings import octant, pair, ring
 from verification.profiles import means, nodal
-from verification.records import (
-    Case,
-    Family,
-    Level,
-    Line,
-    Outcome,
-    Plot,
-    Published,
-    Result,
-    equal,
-    informative,
-    levels_of,
-    rate,
-)
+from verification.records import Case, Family, Level, Outcome, Published, Result, equal, informative, levels_of, rate
 from verification.solving import Solved, balanced, entry, solve
 
 Floats = NDArray[np.floating]

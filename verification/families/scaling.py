@@ -25,9 +25,10 @@ from lacsolver import Problem
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
 from lacsolver.space.space import Space
+from lacmesh.report.blocks import Line, Plot
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack
-from verification.records import Case, Family, Line, Outcome, Plot, Result, at_most, informative, levels_of
+from verification.records import Case, Family, Outcome, Result, at_most, informative, levels_of
 from verification.solving import entry
 
 #: of the exponents; the five hundredths are for the logarithm of a search, and caches

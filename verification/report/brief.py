@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from lacmesh.report.blocks import Command, Simple, Table, Text, Title
+from lacmesh.report.markdown import blocks
 from verification.report import tables
-from verification.report.blocks import Command, Simple, Table, Text, Title
-from verification.report.markdown import blocks
 from verification.report.outline import by_family, command, families_table, title_of, verdict_sentence
 from verification.running.folder import Run
 

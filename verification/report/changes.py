@@ -7,11 +7,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
+from lacmesh.report.blocks import Column, Simple, Table, TableRow, Title
+from lacmesh.report.markdown import blocks
 from verification.records import Result
 from verification.report import words
-from verification.report.blocks import Cell, Column, Simple, Table, TableRow, Title
 from verification.report.judging import SAID, verdict
-from verification.report.markdown import blocks
 from verification.running.folder import CaseResult, Run
 
 #: a value that differs by more, of itself, has changed; an error that is greater by more has grown
@@ -143,4 +143,4 @@ def _row(p: Pair) -> TableRow:
     errors = [words.error(e) for e in ends] if ends else ["", ""]
     said = [SAID[verdict(r)] for r in (p.before, p.after) if r is not None]
     values = [words.value_of(r) if r is not None else "" for r in (p.before, p.after)]
-    return TableRow(tuple(map(Cell, (p.case, p.quantity, *values, *errors, " → ".join(dict.fromkeys(said))))))
+    return TableRow.of((p.case, p.quantity, *values, *errors, " → ".join(dict.fromkeys(said))))

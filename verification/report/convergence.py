@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from verification.records import Level, Line, Plot, Result
+from lacmesh.report.blocks import Chart, Column, Line, Plot, Table, TableCell, TableRow
+from lacmesh.report.charts import COLOURS
+from verification.records import Level, Result
 from verification.report import words
-from verification.report.blocks import Cell, Chart, Column, Table, TableRow
-from verification.report.charts import COLOURS
 from verification.running.folder import CaseResult
 
 Sizes = tuple[tuple[float, int], ...]
@@ -29,19 +29,21 @@ def _table(sizes: Sizes, results: Sequence[Result]) -> Table:
     for result in results:
         columns += [Column(result.quantity, number=True), Column("rate", number=True)]
     rows = [_row(k, size, [r.levels[k] for r in results]) for k, size in enumerate(sizes)]
-    fitted = [Cell(text) for r in results for text in ("", words.rate(r.value) if words.is_rate(r) else "")]
-    wanted = [Cell(text) for r in results for text in ("", _wanted(r))]
-    blank = Cell("")
-    foot = (TableRow((Cell("fitted"), blank, blank, *fitted)), TableRow((Cell("expected"), blank, blank, *wanted)))
+    fitted = [text for r in results for text in ("", words.rate(r.value) if words.is_rate(r) else "")]
+    wanted = [text for r in results for text in ("", _wanted(r))]
+    foot = (
+        TableRow.of(("fitted", "", "", *fitted)),
+        TableRow.of(("expected", "", "", *wanted)),
+    )
     return Table(tuple(columns), tuple(rows), foot)
 
 
 def _row(k: int, size: tuple[float, int], levels: Sequence[Level]) -> TableRow:
     h, unknowns = size
-    found: list[Cell] = []
+    cells = [TableCell(str(k + 1), k + 1), TableCell(f"{h:.3g}", h), TableCell(f"{unknowns:,}", unknowns)]
     for level in levels:
-        found += [Cell(words.error(level.error), level.error), Cell(words.rate(level.rate), _known(level.rate))]
-    return TableRow((Cell(str(k + 1), k + 1), Cell(f"{h:.3g}", h), Cell(f"{unknowns:,}", unknowns), *found))
+        cells += TableCell(words.error(level.error), level.error), TableCell(words.rate(level.rate), _known(level.rate))
+    return TableRow.of(cells)
 
 
 def _wanted(r: Result) -> str:

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from lacmesh.report.blocks import Verdict
 from verification.records import Published, Result
-from verification.report.blocks import Verdict
 from verification.running.folder import CaseResult
 
 #: what stands for a verdict in words

@@ -5,11 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from verification.families import MODULES, family
-from verification.records import Line, Plot
-from verification.report import convergence, tables, words
-from verification.report.blocks import (
-    Cell,
+from lacmesh.report.blocks import (
     Chart,
     Column,
     Command,
@@ -19,16 +15,22 @@ from verification.report.blocks import (
     Figure,
     Figures,
     Image,
+    Line,
     NamedValues,
     Page,
+    Plot,
     Section,
     Simple,
     Table,
+    TableCell,
     TableRow,
     Text,
     Title,
 )
-from verification.report.charts import COLOURS
+from lacmesh.report.charts import COLOURS
+from verification.families import MODULES, family
+from verification.report import convergence, tables, words
+from verification.report.drawings import drawing
 from verification.report.judging import Count, counted
 from verification.running.folder import CaseResult, Run
 
@@ -150,9 +152,9 @@ def families_table(run: Run) -> Table:
 
 def _family_row(name: str, cases: Sequence[CaseResult]) -> TableRow:
     n, time = counted(cases), sum(done.seconds for done in cases)
-    counts = (Cell(f"{k:,}", k) for k in (n.cases, n.met, n.missed, n.informative, n.failed))
-    ends = Cell(words.seconds(time), time), tables.judged(n.verdict)
-    return TableRow((Cell(name, link=name), Cell(title_of(name)), *counts, *ends), n.verdict)
+    counts = (TableCell(f"{k:,}", k) for k in (n.cases, n.met, n.missed, n.informative, n.failed))
+    ends = TableCell(words.seconds(time), time), tables.judged(n.verdict)
+    return TableRow.of((TableCell(name, link=name), title_of(name), *counts, *ends), n.verdict)
 
 
 def family_page(run: Run, name: str, cases: Sequence[CaseResult]) -> Page:
@@ -166,7 +168,7 @@ def family_page(run: Run, name: str, cases: Sequence[CaseResult]) -> Page:
 
 def _family_page(run: Run, name: str, cases: Sequence[CaseResult], n: Count) -> Iterator[Simple]:
     found = _family(name)
-    yield Drawing(name)
+    yield Drawing(drawing(name))
     if found:
         yield Text(found.text)
     yield facts(n, sum(done.seconds for done in cases))
@@ -241,19 +243,24 @@ def _joined(kind: str, group: Sequence[tuple[CaseResult, int]]) -> Iterator[Char
 def _common(run: Run, name: str, which: str, chart: Chart) -> Figure:
     """A chart of several cases."""
     place = f"{name}:{'-'.join(which.split())}"
-    return Figure(place, chart.plot.title, name, name, command(run, name), chart)
+    return Figure(chart.plot.title, chart, place, name, name, command(run, name))
 
 
 def _drawn(run: Run, done: CaseResult, k: int, more: str = "") -> Figure:
     """A plot of a case."""
     plot = done.plots[k]
-    return Figure(f"{done.id}:plot-{k}{more}", plot.title, done.id, done.id, _again(run, done), Chart(plot))
+    return _figure(run, done, f"plot-{k}{more}", plot.title, Chart(plot))
 
 
 def _picture(run: Run, done: CaseResult, k: int) -> Figure:
     own = done.pictures[k]
     image = Image(run.path / "cases" / done.family / own.file, own.alt)
-    return Figure(f"{done.id}:picture-{k}", own.title, done.id, done.id, _again(run, done), image)
+    return _figure(run, done, f"picture-{k}", own.title, image)
+
+
+def _figure(run: Run, done: CaseResult, name: str, title: str, content: Chart | Image) -> Figure:
+    """A figure of a case."""
+    return Figure(title, content, f"{done.id}:{name}", done.id, done.id, _again(run, done))
 
 
 def _again(run: Run, done: CaseResult) -> str:
@@ -273,9 +280,9 @@ def case_section(run: Run, done: CaseResult) -> Section:
 
 
 def _case(run: Run, done: CaseResult) -> Iterator[Simple]:
-    yield Text(done.description, signs=True)
+    yield Text(done.description, literal=True)
     if done.failure:
-        yield Text(f"No outcome: {done.failure}", "none", signs=True)
+        yield Text(f"No outcome: {done.failure}", "none", literal=True)
     levels, memory = words.count(done.levels, "level"), words.memory(done.memory)
     yield Text(f"{levels}, {words.seconds(done.seconds)}, {memory} at most.")
     yield Command(_again(run, done))
@@ -284,7 +291,7 @@ def _case(run: Run, done: CaseResult) -> Iterator[Simple]:
     if done.results:
         yield tables.results_of(done.results)
     chart = convergence.chart_of(done)
-    drawn = [Figure(f"{done.id}:errors", "Errors", done.id, done.id, _again(run, done), chart)] if chart else []
+    drawn = [_figure(run, done, "errors", "Errors", chart)] if chart else []
     yield from convergence.tables(done.results)
     drawn += [_drawn(run, done, k) for k in range(len(done.plots))]
     if drawn:
@@ -297,7 +304,7 @@ def _case(run: Run, done: CaseResult) -> Iterator[Simple]:
 
 
 def _to_picture(done: CaseResult, k: int) -> TableRow:
-    return TableRow((Cell(done.pictures[k].title, link=f"{done.id}:picture-{k}"),))
+    return TableRow.of((TableCell(done.pictures[k].title, link=f"{done.id}:picture-{k}"),))
 
 
 def _told(value: Any) -> str:

@@ -62,6 +62,11 @@
   });
   addEventListener("hashchange", show);
 
+  for (const head of document.querySelectorAll("thead th")) {
+    const button = document.createElement("button");
+    button.append(...head.childNodes);
+    head.append(button);
+  }
   for (const c of folded) c.open = false;
   root.classList.add("live");
   show();
