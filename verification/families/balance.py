@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from verification.meshes.stacks import LAYERS, bent, block, joined, moved, skin, stack, tower
+from verification.meshes.blocks import bent, joined
+from verification.meshes.stacks import LAYERS, block, moved, skin, stack, tower
 from verification.records import Case, Family, Outcome, at_least
 from verification.solving import Solved, balanced, entry, solve
 

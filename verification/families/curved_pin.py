@@ -16,7 +16,7 @@ import lacsolver
 from lacmesh import Mesh
 from lacsolver.case import Displacement, Value
 from verification.exact.pin import PinInHole
-from verification.meshes.blocks import assembled, rows_of
+from verification.meshes.blocks import joined
 from verification.meshes.rings import pair, ring
 from verification.records import Case
 from verification.solving import Solved, entry
@@ -57,8 +57,7 @@ class Pin:
         for k, (name, counts) in enumerate(zip(("within", "around"), self.counts, strict=True)):
             own = [n << level for n in counts]
             made = ring(self.cell, own, radii[k : k + 2], jitter=self.jitter, seed=100 * k + level)
-            rows = {(kind, f"x0_{name}" if side == "x0" else side): v for (kind, side), v in rows_of(made).items()}
-            parts.append(assembled(made.points, rows, 2))
+            parts.append(joined([(made, {"x0": f"x0_{name}"})], keep=True))
         return pair(*parts, slave=self.slave)
 
     def h(self, level: int) -> float:

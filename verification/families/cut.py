@@ -20,8 +20,8 @@ import lacmesh
 from lacmesh import Cut, Mesh
 from lacmesh.cells import CELLS
 from verification.measures.cutting import PROPERTIES, facets, same_up_to_numbers, violations
-from verification.meshes.blocks import SPLITS, assembled, divided
-from verification.meshes.stacks import BEND, LAYERS, PLANE_KINDS, SOLID_KINDS, TWO_WAYS, block, joined, moved
+from verification.meshes.blocks import SPLITS, assembled, divided, joined
+from verification.meshes.stacks import BEND, LAYERS, PLANE_KINDS, SOLID_KINDS, TWO_WAYS, block, moved
 from verification.records import Case, Family, Outcome, Result, at_most, equal, informative
 
 Ints = NDArray[np.integer]

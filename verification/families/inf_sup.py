@@ -130,7 +130,7 @@ def block_of(given: Skin | Pressed, n: int) -> Mesh:
         lower = stacks.block(given.master, (round(given.master_ratio * n),) * dim)
         down = stacks.moved(lower, shift=-np.eye(3)[dim - 1])
         up = "xyz"[dim - 1]
-        return stacks.joined([(mesh, {f"{up}0": f"{up}0"}), (down, {f"{up}1": "master"})])
+        return blocks.joined([(mesh, {f"{up}0": f"{up}0"}), (down, {f"{up}1": "master"})])
     plane = "SEG2" if dim == 2 else "QUAD4"
     turn = -1 if dim == 2 else 1  # the skin's normal, (t_y, -t_x) of a segment along t, faces the block
     points = 0.5 + 0.6 * turn * np.array(CELLS[plane].reference, dtype=float)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from verification.grids import box, half_disc, quadrangles
-from verification.meshes.blocks import assembled, block, rows_of
+from verification.meshes.blocks import block, with_skin
+from verification.meshes.blocks import joined as stacked
 from verification.meshes.bodies import Body, Where, body, joined
 
 Floats = NDArray[np.floating]
@@ -40,16 +41,12 @@ def slider(kind: str, n: int, faces: int, wave: float = 0.0) -> Mesh:
     dim = CELLS[kind].dim
     above = block(kind, n, (0.0,) * dim, (1.0,) * dim)
     names = {f"{'xyz'[dim - 1]}0": "slave", f"{'xyz'[dim - 1]}1": "top"}
-    rows = {(type_, names.get(name, name)): nodes for (type_, name), nodes in rows_of(above).items()}
     points = box(*plate_lines(faces)[: dim - 1], np.zeros(1))
     points[..., -1] = wave * (np.cos(2 * np.pi * points[..., 0] / 1.6) - 1)
-    number = above.n_nodes + np.arange(points[..., 0].size).reshape(points.shape[:-1])
-    if dim == 2:
-        rows["SEG2", "plate"] = np.stack([number[1:, 0], number[:-1, 0]], axis=1)
-    else:
-        rows["QUAD4", "plate"] = quadrangles(number[..., 0])
-    points = np.pad(points.reshape(-1, dim), ((0, 0), (0, 3 - dim)))
-    return assembled(np.concatenate([above.points, points]), rows, dim)
+    number = np.arange(points[..., 0].size).reshape(points.shape[:-1])
+    plate = np.stack([number[1:, 0], number[:-1, 0]], axis=1) if dim == 2 else quadrangles(number[..., 0])
+    block_above = stacked([(above, names)], keep=True)
+    return with_skin(block_above, "SEG2" if dim == 2 else "QUAD4", points.reshape(-1, dim), plate, "plate")
 
 
 def ring(segments: int = 30) -> Mesh:
