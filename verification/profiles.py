@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lacmesh import Mesh
 from lacmesh.report.blocks import Line
 from lacsolver import State
+from verification.solving import Solved
 
 Floats = NDArray[np.floating]
 #: points (..., 3) -> (...,): where they are along the slave
@@ -47,6 +48,13 @@ def nodal(mesh: Mesh, p: Floats, along: Along, label: str = "recovered") -> Line
     places = along(mesh.points[there])
     order = np.argsort(places)
     return line(label, places[order], p[there][order], "points")
+
+
+def pressures(solved: Solved, exact: Line, along: Along) -> tuple[Line, ...]:
+    """Exact, p_m and recovered pressure along the slave of the one zone of a plane problem."""
+    mesh, (zone,) = solved.mesh, solved.state.zones
+    recovered = solved.fields.zones[zone.name].pressure_recovered
+    return exact, means(mesh, zone.pressure, along), nodal(mesh, recovered, along)
 
 
 def residuals(label: str, states: Sequence[State]) -> Line:

@@ -126,8 +126,8 @@ def _variant_sentence(report: CutReport) -> str:
     better = {name: count for name, count in v.better.items() if count}
     if not better:
         return f"{start}: no hexahedron would be better off with the other variant."
-    told = "; ".join(f"{count:,} would have better children with --hexa {name}" for name, count in better.items())
-    return f"{start}: {told}. --hexa auto chooses for each set of hexahedra that share slave faces."
+    counts = "; ".join(f"{count:,} would have better children with --hexa {name}" for name, count in better.items())
+    return f"{start}: {counts}. --hexa auto chooses for each set of hexahedra that share slave faces."
 
 
 def _findings(findings: Sequence[Finding]) -> Iterator[Text]:
@@ -195,8 +195,8 @@ def _type(t: TypeQuality, when: str) -> Iterator[Simple]:
     rows = []
     for m, s in measures.items():
         limits = accepted[m]
-        told = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
-        rows.append((*(_spread_row(m, "", s)[0:1] + _spread_row(m, "", s)[2:]), told))
+        allowed = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
+        rows.append((*(_spread_row(m, "", s)[0:1] + _spread_row(m, "", s)[2:]), allowed))
     yield Table.of_words(_columns(columns, 1), rows, folded=f"{t.type} {when}: {t.count:,} cells")
 
 

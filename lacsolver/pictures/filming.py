@@ -174,13 +174,13 @@ def default_curve(table: dict[str, NDArray[np.floating]]) -> str:
     'probe.top.uy:reaction.top.y'
     """
     span = {name: np.ptp(v[np.isfinite(v)]) for name, v in table.items() if np.isfinite(v).any()}
-    told = [name for name in table if name.startswith("reaction.") and name in span]
-    for name in sorted(told, key=lambda name: -span[name]):
+    reactions = [name for name in table if name.startswith("reaction.") and name in span]
+    for name in sorted(reactions, key=lambda name: -span[name]):
         _, _, rest = name.partition(".")
         group, _, axis = rest.rpartition(".")
         if span.get(f"probe.{group}.u{axis}", 0.0) > 0:
             return f"probe.{group}.u{axis}:{name}"
-    return f"time:{max(told, key=lambda name: span[name])}" if told else ""
+    return f"time:{max(reactions, key=lambda name: span[name])}" if reactions else ""
 
 
 def _curve(text: str, table: dict[str, NDArray[np.floating]]) -> Curve:

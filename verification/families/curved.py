@@ -15,7 +15,7 @@ much better; `smooth` may not be much worse, and nowhere worse than `faces`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -25,13 +25,12 @@ import lacsolver
 from lacmesh import Mesh
 from lacmesh.report.blocks import Line, Plot
 from lacsolver import Problem
-from lacsolver.contact import integrate
 from verification.families import curved_fits, curved_hertz, curved_lug, curved_pin
 from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.measures.rates import fitted
 from verification.profiles import line
 from verification.records import Case, Family, Level, Outcome, Result, at_most, informative, levels_of, rate
-from verification.solving import Solved, balanced, finished
+from verification.solving import Solved, balanced, finished, with_true_gap
 
 Floats = NDArray[np.floating]
 
@@ -143,7 +142,9 @@ def solve_case(case: Case, levels: int) -> Outcome:
 def solution(given: Curved, level: int, gap: str, number: int = 0) -> CurvedSolution:
     """Solve on one level, on the meshes of a number."""
     problem = Problem.of(given.case("smooth" if gap == "smooth" else "faces"), given.mesh(level, number))
-    solved = finished(truly(problem, given) if gap == "true" else problem)
+    if gap == "true":
+        problem = with_true_gap(problem, lambda x, n: given.gap(x[:, : problem.space.dim]))
+    solved = finished(problem)
     mesh, (zone,), axial = solved.mesh, solved.state.zones, given.axisymmetric
     recovered = solved.fields.zones[zone.name].pressure_recovered
     return CurvedSolution(
@@ -153,20 +154,6 @@ def solution(given: Curved, level: int, gap: str, number: int = 0) -> CurvedSolu
         int((zone.pressure <= 0).sum()),
         given.figures(solved),
     )
-
-
-def truly(problem: Problem, given: Curved) -> Problem:
-    """The problem with the true gap at every point of its contact, whatever lies between the faces there."""
-    (joint,), dim = problem.joints, problem.space.dim
-    pairing = replace(joint.pairing, clearance=lambda x, t: np.zeros(len(x)))
-    points = integrate(joint.zone, dim, pairing).points
-
-    def clearance(x: Floats, t: float) -> Floats:
-        if len(x) != len(points):
-            raise ValueError("the contact was integrated at other points than its gap was measured at")
-        return given.gap(x[:, :dim]) - points.gap
-
-    return replace(problem, joints=(replace(joint, pairing=replace(pairing, clearance=clearance)),))
 
 
 def results(given: Curved, found: Found) -> Iterator[Result]:

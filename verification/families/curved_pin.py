@@ -16,6 +16,7 @@ import lacsolver
 from lacmesh import Mesh
 from lacsolver.case import Displacement, Value
 from verification.exact.pin import PinInHole
+from verification.measures.edge import edge_of_contact
 from verification.meshes.blocks import joined
 from verification.meshes.rings import pair, ring
 from verification.records import Case
@@ -101,13 +102,8 @@ class Pin:
 
 
 def half_angle(centre: Floats, p: Floats, peak: float) -> float:
-    """Half-angle of contact, degrees: zero of the line fitted to p^2 over the squared angle; NaN with too few faces."""
-    angle = np.degrees(np.arctan2(centre[:, 1], centre[:, 0]))
-    outer = (angle > 30) & (p > 0.15 * peak)
-    if outer.sum() < 2:
-        return float("nan")
-    slope, start = np.polyfit(angle[outer] ** 2, p[outer] ** 2, 1)
-    return float(np.sqrt(-start / slope)) if slope < 0 < start else float("nan")
+    """Half-angle of contact, degrees, from pressures (n,) beyond 30 degrees; NaN with too few faces."""
+    return edge_of_contact(np.degrees(np.arctan2(centre[:, 1], centre[:, 0])), p, peak, 30.0)
 
 
 def cases(family: str) -> Iterator[Case]:

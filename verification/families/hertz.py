@@ -7,7 +7,6 @@ that the mesh is the only error. Lengths are in contact half-widths a = 1, stres
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal, NamedTuple
@@ -22,11 +21,12 @@ from lacmesh.report.blocks import Line, Plot
 from verification.exact import half_space
 from verification.exact.half_space import Strains, contact_modulus, peak_pressure
 from verification.measures import norms
+from verification.measures.edge import edge_of_contact
 from verification.measures.norms import PressureErrors, nodal_pressure_error, pressure_errors
 from verification.meshes.half_spaces import half_spaces
 from verification.profiles import line
-from verification.records import Case, Family, Level, Outcome, Picture, Result, at_most, informative, levels_of, rate
-from verification.solving import Solved, balanced, entry, solve
+from verification.records import Case, Family, Outcome, Picture, Result, at_most, informative, rate
+from verification.solving import Solved, balanced, convergence, entry, solve
 
 Floats = NDArray[np.floating]
 
@@ -34,6 +34,7 @@ THEOREM = (
     "Abbas, Drouet and Hild 2018, Theorem 1: h for linear cells, h^(3/2) for quadratic ones as u is of H^s, s < 5/2"
 )
 EDGE = "the square-root edge of p: means over macro-elements come to no more than h sqrt(log 1/h)"
+_BEST = "the best that constants do"
 _EDGES = "it rises to 1 as h falls; that of the exact pressure's own means, the best that constants do, stands below"
 _SHAPE = (
     "L2 over the slave, finest level; near the edge of contact the recovered pressure is the root of a parabola fitted "
@@ -230,13 +231,8 @@ def displacement_errors(given: Given, solved: Solved) -> FieldErrors:
 
 
 def half_width(centre: Floats, p: Floats, p0: float) -> float:
-    """Half-width of contact: zero of the line fitted to p_m^2 over r^2 in the outer half of contact."""
-    r = np.linalg.norm(centre[:, :-1], axis=1)
-    outer = (r > 0.5) & (p > 0.15 * p0)
-    if outer.sum() < 2:
-        return float("nan")
-    slope, start = np.polyfit(r[outer] ** 2, p[outer] ** 2, 1)
-    return float(np.sqrt(max(-start / slope, 0.0)))
+    """Half-width of contact, from the means p_m (n,) in its outer half."""
+    return edge_of_contact(np.linalg.norm(centre[:, :-1], axis=1), p, p0, 0.5)
 
 
 def approach(solved: Solved) -> float:
@@ -263,10 +259,10 @@ def exact_approach(given: Given) -> float:
 
 
 #: quantities for information, by their names
-_FIGURES: dict[str, Callable[[HertzSolution], float]] = {
-    "p0 (recovered, at the pole)": lambda s: s.peak,
-    "half-width a": lambda s: s.width,
-    "approach of the points at depth a": lambda s: s.approach,
+_QUANTITIES = {
+    "p0 (recovered, at the pole)": "peak",
+    "half-width a": "width",
+    "approach of the points at depth a": "approach",
 }
 
 
@@ -279,25 +275,24 @@ def outcome(case: Case, levels: int) -> Outcome:
 
 def results(given: Given, found: list[HertzSolution]) -> tuple[Result, ...]:
     """Rates and figures of a case."""
-
-    def table(error: Callable[[HertzSolution], float]) -> tuple[Level, ...]:
-        return levels_of([s.h for s in found], [s.solved.unknowns for s in found], [error(s) for s in found])
-
     beside = "beside the rates that theory gives: none is asked of it"
     finest, energy = found[-1], (0.95, 1.4)[given.order - 1]
     return (
-        rate("u, energy norm", table(lambda s: s.u.energy), energy, source=THEOREM),
-        rate("u, L2", table(lambda s: s.u.u), None, source="", reason=beside),
-        rate("p_m, L2", table(lambda s: s.p.exact), 0.9, source=EDGE, reason=_EDGES),
-        rate("exact means of p, L2", table(lambda s: s.p.best), None, source="", reason="the best that constants do"),
-        rate("recovered pressure, L2", table(lambda s: s.recovered), None, source="", reason=beside),
+        rate("u, energy norm", convergence(found, "u.energy"), energy, source=THEOREM),
+        rate("u, L2", convergence(found, "u.u"), None, source="", reason=beside),
+        rate("p_m, L2", convergence(found, "p.exact"), 0.9, source=EDGE, reason=_EDGES),
+        rate("exact means of p, L2", convergence(found, "p.best"), None, source="", reason=_BEST),
+        rate("recovered pressure, L2", convergence(found, "recovered"), None, source="", reason=beside),
         at_most(
             "error of the recovered pressure over that of p_m", finest.recovered / finest.p.exact, 0.5,
             source=RECOVERED, reason=_SHAPE,
         ),
         *(
-            informative(f"{name}, relative error", error(finest), reason="on the finest level", levels=table(error))
-            for name, error in _FIGURES.items()
+            informative(
+                f"{name}, relative error", getattr(finest, error), reason="on the finest level",
+                levels=convergence(found, error),
+            )
+            for name, error in _QUANTITIES.items()
         ),
         *balanced([s.solved for s in found]),
     )  # fmt: skip

@@ -22,9 +22,9 @@ from verification.exact.sources import SymbolicFunction, compiled, derive
 from verification.families.manufactured_rows import ROWS, CellRow
 from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.blocks import block, with_master
-from verification.profiles import line, means, nodal, residuals
-from verification.records import Case, Family, Level, Outcome, Picture, Published, Result, informative, levels_of, rate
-from verification.solving import Solved, balanced, entry, solve
+from verification.profiles import line, pressures, residuals
+from verification.records import Case, Family, Outcome, Picture, Published, Result, informative, rate
+from verification.solving import Solved, balanced, convergence, entry, solve
 
 #: cells a side on level 0
 _COARSEST = {2: 4, 3: 2}
@@ -172,26 +172,24 @@ def _rates(row: CellRow, found: Sequence[ManufacturedSolution]) -> Iterator[Resu
     """The rates of u, p_m, the recovered pressure, and of p_m against the exact means."""
     u, p, recovered = WANTED[row.order]
     yield rate(
-        "displacement in L2, rate", _levels(found, "displacement"), u, last=LAST,
+        "displacement in L2, rate", convergence(found, "displacement"), u, last=LAST,
         source=_DISPLACEMENT[row.order], reason=_RIM if row.order == 2 else "",
         published=_theirs(row, row.displacement_rate),
     )  # fmt: skip
     yield rate(
-        "p_m in L2, rate", _levels(found, "pressure"), p, last=LAST, source=f"order h of constants ({_PAPER})",
+        "p_m in L2, rate", convergence(found, "pressure"), p, last=LAST, source=f"order h of constants ({_PAPER})",
         reason=_CONSTANT, published=_theirs(row, row.pressure_rate),
     )  # fmt: skip
     source = "approximation by the slave's own shape functions"
     yield rate(
-        "recovered pressure in L2, rate", _levels(found, "recovered"), recovered, last=LAST, source=source,
+        "recovered pressure in L2, rate", convergence(found, "recovered"), recovered, last=LAST, source=source,
         reason=_LAYER,
     )  # fmt: skip
     away = f"recovered pressure in L2, {RIM:g} of the width away from the rim, rate"
-    yield rate(away, _levels(found, "away"), None, last=LAST, source="", reason=_AWAY)
-    yield rate("p_m against the exact means, rate", _levels(found, "means"), None, last=LAST, source="", reason=_MEANS)
-
-
-def _levels(found: Sequence[ManufacturedSolution], error: str) -> tuple[Level, ...]:
-    return levels_of([s.h for s in found], [s.solved.unknowns for s in found], [getattr(s, error) for s in found])
+    yield rate(away, convergence(found, "away"), None, last=LAST, source="", reason=_AWAY)
+    yield rate(
+        "p_m against the exact means, rate", convergence(found, "means"), None, last=LAST, source="", reason=_MEANS
+    )
 
 
 def _theirs(row: CellRow, value: float | None) -> tuple[Published, ...]:
@@ -201,11 +199,11 @@ def _theirs(row: CellRow, value: float | None) -> tuple[Published, ...]:
 
 
 def _iterations(found: Sequence[ManufacturedSolution]) -> Result:
-    states = found[-1].solved.states
+    finest = found[-1].solved
     reason = "for information: one step, and none that is halved, is what to hope for"
-    halved = sum(state.halvings for state in states)
-    total = sum(state.iterations for state in states)
-    return informative(f"Newton iterations on the finest mesh ({halved} halved steps)", total, reason=reason)
+    return informative(
+        f"Newton iterations on the finest mesh ({finest.halvings} halved steps)", finest.iterations, reason=reason
+    )
 
 
 def _newton(row: CellRow, found: Sequence[ManufacturedSolution]) -> Plot:
@@ -217,13 +215,9 @@ def _newton(row: CellRow, found: Sequence[ManufacturedSolution]) -> Plot:
 
 def _pressures(row: CellRow, one: ManufacturedSolution) -> Plot:
     """Exact, p_m and recovered pressure along the slave of a plane problem."""
-    mesh, (zone,) = one.solved.mesh, one.solved.state.zones
     x = np.linspace(row.solution.low[0], row.solution.high[0], 101)
-    lines = (
-        line("exact", x, exact_pressure(row)(np.column_stack([x, np.zeros_like(x)]))[:, 0]),
-        means(mesh, zone.pressure, _along),
-        nodal(mesh, one.solved.fields.zones[zone.name].pressure_recovered, _along),
-    )
+    exact = line("exact", x, exact_pressure(row)(np.column_stack([x, np.zeros_like(x)]))[:, 0])
+    lines = pressures(one.solved, exact, _along)
     return Plot("pressure", f"{row.name}: nominal pressure, h = {one.h:.4g}", "x", "pressure", lines)
 
 

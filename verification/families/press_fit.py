@@ -24,9 +24,9 @@ from lacmesh.report.blocks import Line, Plot
 from verification.exact.lame import Fit, Shape, Shell
 from verification.measures.norms import ExactField, displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.rings import octant, pair, ring
-from verification.profiles import means, nodal
-from verification.records import Case, Family, Level, Outcome, Published, Result, equal, informative, levels_of, rate
-from verification.solving import Solved, balanced, entry, solve
+from verification.profiles import pressures
+from verification.records import Case, Family, Outcome, Published, Result, equal, informative, rate
+from verification.solving import Solved, balanced, convergence, entry, solve
 
 Floats = NDArray[np.floating]
 Normals = Literal["facet", "smoothed"]
@@ -221,36 +221,28 @@ def _rates(given: PressFit, found: Sequence[PressFitSolution]) -> Iterator[Resul
     """Rates of p_m, of the mean pressure, of u, and of where the slave is."""
     curved = given.order == 2
     yield rate(
-        "p_m in L2, rate", _levels(found, "pressure"), 2.0 if curved else 0.9, last=LAST,
+        "p_m in L2, rate", convergence(found, "pressure"), 2.0 if curved else 0.9, last=LAST,
         source="order 2: p is constant, the geometry quadratic" if curved else "order 1, less what is not asymptotic",
         reason=_REASON[given.dim] if curved else _STRAIGHT,
     )  # fmt: skip
     yield rate(
-        "mean p_m, rate", _levels(found, "mean"), 2.0 if curved else 1.92, last=LAST,
+        "mean p_m, rate", convergence(found, "mean"), 2.0 if curved else 1.92, last=LAST,
         source="order 2 of the bodies' stiffness, for linear cells less what is not yet asymptotic",
     )  # fmt: skip
-    yield rate("recovered pressure in L2, rate", _levels(found, "recovered"), None, source="", reason="informative")
+    yield rate("recovered pressure in L2, rate", convergence(found, "recovered"), None, source="", reason="informative")
     yield rate(
-        "displacement in L2, rate", _levels(found, "displacement"), 2.45 if curved else 1.92, last=LAST,
+        "displacement in L2, rate", convergence(found, "displacement"), 2.45 if curved else 1.92, last=LAST,
         source="Abbas, Drouet and Hild 2018: h^2 and h^2.5, less what is not yet asymptotic",
     )  # fmt: skip
     held = "for information: held by the displacement in L2"
-    yield rate("displacement of the slave, rate", _levels(found, "between"), None, source="", reason=held)
+    yield rate("displacement of the slave, rate", convergence(found, "between"), None, source="", reason=held)
     yield informative("worst p_m on the finest mesh, relative error", found[-1].worst, reason="the rate is judged")
-
-
-def _levels(found: Sequence[PressFitSolution], error: str) -> tuple[Level, ...]:
-    return levels_of([s.h for s in found], [s.solved.unknowns for s in found], [getattr(s, error) for s in found])
 
 
 def _pressures(name: str, given: PressFit, one: PressFitSolution) -> Plot:
     """Exact, p_m and recovered pressure along the quarter of the circle where the bodies meet."""
-    mesh, (zone,), right = one.solved.mesh, one.solved.state.zones, given.exact.between
-    lines = (
-        Line("exact", (0.0, 90.0), (right, right), "line"),
-        means(mesh, zone.pressure, _angle),
-        nodal(mesh, one.solved.fields.zones[zone.name].pressure_recovered, _angle),
-    )
+    exact = Line("exact", (0.0, 90.0), (given.exact.between,) * 2, "line")
+    lines = pressures(one.solved, exact, _angle)
     return Plot("pressure", f"{name}: pressure, h = {one.h:.3g}", "angle, degrees", "pressure", lines)
 
 
