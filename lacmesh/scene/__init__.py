@@ -25,7 +25,7 @@ from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.scene.colours import BODIES, DOT, INK, INVALID, MASTER, PALETTE, SEVERITIES, pale, rgb
 from lacmesh.scene.layers import Layer, make_layers
 from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks
-from lacmesh.scene.placing import find_eye, find_opening, fit_camera, opened
+from lacmesh.scene.placing import exploded, find_exploded_view, find_eye, fit_camera
 from lacmesh.scene.request import check_placing
 from lacmesh.scene.visible import MASTER as IS_MASTER
 from lacmesh.scene.visible import SLAVE, Groups, Vector, VisibleSurface, find_visible
@@ -90,7 +90,7 @@ def make_scene(
     mesh = from_origin(mesh, origin_of_mesh(mesh))  # a graphics card counts with seven digits
     visible = find_visible(mesh, slave, master, near=near, cutaway=cutaway)
     eye = find_eye(mesh, visible, camera)
-    points = opened(mesh, visible, find_opening(mesh, visible, eye, explode, tilt))
+    points = exploded(mesh, visible, find_exploded_view(mesh, visible, eye, explode, tilt))
     marks = None if findings is None else find_marks(mesh, findings, visible.kept)
     return Scene(
         layers=make_layers(points, visible, eye, marks, values),

@@ -19,7 +19,7 @@ ONE_WAY = 0.3
 
 
 @dataclass(frozen=True)
-class Opening:
+class ExplodedView:
     """Motion of the bodies that carry slave faces: rotation by `angle` about `axis` through `centre`, then a shift.
 
     `shift` (3,) keeps them clear of the other bodies, and leaves a gap.
@@ -63,9 +63,9 @@ def find_outward(points: Floats, visible: VisibleSurface) -> Floats:
     return unit(mean if mean @ (x[:, 0].mean(axis=0) - inside) >= 0 else -mean)
 
 
-def find_opening(
+def find_exploded_view(
     mesh: Mesh, visible: VisibleSurface, eye: Floats, explode: float | None = None, tilt: float | None = None
-) -> Opening | None:
+) -> ExplodedView | None:
     """Find the motion of the bodies that carry slave faces which shows these; None if nothing has to move."""
     points, outward, plane = mesh.points, find_outward(mesh.points, visible), mesh.space_dim == 2
     if not outward.any() or not visible.hidden:
@@ -81,7 +81,7 @@ def find_opening(
     axis = unit(eye if plane else np.cross(outward, eye))
     turned = centre + rotated(points[mine] - centre, axis, np.radians(tilt))
     overlap = (turned @ outward).max() - (points[other] @ outward).min()
-    return Opening(centre, axis, float(np.radians(tilt)), -(overlap + gap * diagonal(shown)) * outward)
+    return ExplodedView(centre, axis, float(np.radians(tilt)), -(overlap + gap * diagonal(shown)) * outward)
 
 
 def moving(visible: VisibleSurface) -> tuple[Any, Any]:
@@ -90,13 +90,13 @@ def moving(visible: VisibleSurface) -> tuple[Any, Any]:
     return mine, np.isin(visible.body_of_node, visible.body) & ~mine
 
 
-def opened(mesh: Mesh, visible: VisibleSurface, opening: Opening | None) -> Floats:
+def exploded(mesh: Mesh, visible: VisibleSurface, view: ExplodedView | None) -> Floats:
     """Points of the mesh, (n_nodes, 3), those of the bodies that carry slave faces moved."""
-    if opening is None:
+    if view is None:
         return mesh.points
     mine, _ = moving(visible)
     points = mesh.points.copy()
-    points[mine] = opening.of(points[mine])
+    points[mine] = view.of(points[mine])
     return points
 
 

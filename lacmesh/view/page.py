@@ -29,7 +29,7 @@ from lacmesh.scene import colours, legend_of, title_of
 from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
 from lacmesh.scene.layers import curved_parts, grid
 from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks
-from lacmesh.scene.placing import find_eye, find_opening
+from lacmesh.scene.placing import find_exploded_view, find_eye
 from lacmesh.scene.request import check_placing
 from lacmesh.scene.visible import (
     BODY,
@@ -267,15 +267,15 @@ def _placing(
     """Direction of the eye, and motion of the bodies with the slave skin that shows it, in the page's own lengths."""
     eye = find_eye(mesh, visible, camera)
     placed: dict[str, Any] = {"eye": eye.tolist(), "opened": explode != 0}
-    opening = find_opening(mesh, visible, eye, explode or None)
-    if opening is not None:
+    view = find_exploded_view(mesh, visible, eye, explode or None)
+    if view is not None:
         mine = np.searchsorted(head["bodies"], visible.slave_bodies)
         placed["opening"] = {
             "bodies": mine.tolist(),
-            "centre": ((opening.centre - head["centre"]) / head["half"]).tolist(),
-            "axis": opening.axis.tolist(),
-            "angle": opening.angle,
-            "shift": (opening.shift / head["half"]).tolist(),
+            "centre": ((view.centre - head["centre"]) / head["half"]).tolist(),
+            "axis": view.axis.tolist(),
+            "angle": view.angle,
+            "shift": (view.shift / head["half"]).tolist(),
         }
     return placed
 

@@ -34,7 +34,7 @@ def test_a_problem_is_judged_and_flat_faces_fall_short(monkeypatch):
 
 def test_the_pin_has_its_force_and_its_angle():
     smooth = solution(CASES["pin-QUAD4-within"].parameters, 1, "smooth")
-    assert abs(smooth.figures["force"]) < 0.006 and abs(smooth.figures["angle of contact"]) < 0.02
+    assert abs(smooth.quantities["force"]) < 0.006 and abs(smooth.quantities["angle of contact"]) < 0.02
     assert smooth.error < 0.035
 
 

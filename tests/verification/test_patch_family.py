@@ -123,9 +123,9 @@ def test_errors_are_seen_and_the_worst_stack_is_named(monkeypatch):
     monkeypatch.setattr(patch, "solve", lambda *_: made.solved)
     wrong = errors(given, "QUAD4", "TRIA3", True)
     assert min(wrong.stress, wrong.displacement) > 1e-3 and wrong.pressure == pytest.approx(1e-6, rel=1e-6)
-    for figure in patch._figures(None):
-        lost = replace(made, label="lost", **{figure.attribute: np.nan})
-        result = patch._worst(figure, [wrong, lost, made])
+    for measured in patch._quantities(None):
+        lost = replace(made, label="lost", **{measured.attribute: np.nan})
+        result = patch._worst(measured, [wrong, lost, made])
         assert not result.passed and result.reason.endswith("lost")
 
 

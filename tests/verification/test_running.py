@@ -37,7 +37,7 @@ from verification.running.folder import (
     write_results,
 )
 from verification.running.junit import junit
-from verification.running.suite import opened, run_suite
+from verification.running.suite import locked_run, run_suite
 
 
 @pytest.fixture
@@ -245,24 +245,24 @@ def test_an_outcome_of_before_is_not_taken_for_one_of_now(prepared, folder):
 def test_a_folder_is_held_by_one_run(tmp_path):
     folder = tmp_path / "deep" / "run"
     with (
-        opened(folder, resume=False),
+        locked_run(folder, resume=False),
         pytest.raises(RequestError, match="another process"),
-        opened(folder, resume=True),
+        locked_run(folder, resume=True),
     ):
         pass
-    with pytest.raises(RequestError, match="holds a run already; --resume"), opened(folder, resume=False):
+    with pytest.raises(RequestError, match="holds a run already; --resume"), locked_run(folder, resume=False):
         pass
     (folder / "cases" / "cut").mkdir()
     (folder / "cases" / "cut" / ".a-0123.png").write_text("half")
     (folder / ".results-0123.json").write_text("half")
     (folder / ".mine").write_text("kept")
-    with opened(folder, resume=True):
+    with locked_run(folder, resume=True):
         assert [path.name for path in folder.rglob(".*")] == [".mine"]
 
 
 def test_a_folder_that_cannot_be_made_is_said(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(WriteError, match="file: cannot be used"), opened(tmp_path / "file", resume=False):
+    with pytest.raises(WriteError, match="file: cannot be used"), locked_run(tmp_path / "file", resume=False):
         pass
 
 

@@ -37,12 +37,12 @@ def run(args: argparse.Namespace) -> None:
     from verification import report
     from verification.running.environment import cores
     from verification.running.plan import plan
-    from verification.running.suite import opened, run_suite
+    from verification.running.suite import locked_run, run_suite
 
     planned = plan(args.suite, args.family, args.case)
     folder = args.output or Path("build") / f"verification-{args.suite}"
     jobs = args.jobs or cores()
-    with opened(folder, resume=args.resume):
+    with locked_run(folder, resume=args.resume):
         args.left = lambda: f"finished cases are kept in {folder}; --resume goes on"
         made = run_suite(planned, args.suite, folder, jobs, *((_quiet, _quiet) if args.quiet else (_begun, _said)))
         report.write(made, folder / "report.html")

@@ -105,21 +105,21 @@ class Curved(Protocol):
     def pressure(self, x: Floats) -> Floats:
         """(n, 1): the exact pressure at points x (n, dim)."""
 
-    def figures(self, solved: Solved) -> dict[str, float]:
+    def quantities(self, solved: Solved) -> dict[str, float]:
         """Further errors of a solution, by name."""
 
 
 @dataclass(frozen=True, eq=False)
 class CurvedSolution:
     """A solution with one of the gaps. Errors of p_m and of the recovered pressure relative to the exact pressure, in
-    L2; `open`: macro-elements without contact; `figures`: of the problem's own.
+    L2; `open`: macro-elements without contact; `quantities`: of the problem's own.
     """
 
     solved: Solved
     error: float
     recovered: float
     open: int
-    figures: dict[str, float]
+    quantities: dict[str, float]
 
 
 #: the solutions with a gap: a list for each level, of one for each set of meshes
@@ -152,7 +152,7 @@ def solution(given: Curved, level: int, gap: str, number: int = 0) -> CurvedSolu
         pressure_errors(mesh, zone.pressure, given.pressure, axisymmetric=axial).exact,
         nodal_pressure_error(mesh, recovered, given.pressure, axisymmetric=axial),
         int((zone.pressure <= 0).sum()),
-        given.figures(solved),
+        given.quantities(solved),
     )
 
 
@@ -185,9 +185,9 @@ def results(given: Curved, found: Found) -> Iterator[Result]:
     for called, own in (("with the true gap", true), ("between faces", faces)):
         rows = table(given, own, means(own))
         yield informative(f"p_m in L2 {called}, finest mesh", rows[-1].error, reason=_OTHER_GAPS, levels=rows)
-    for figure in smooth[-1][0].figures:
-        mine, *theirs = (abs(own[-1][0].figures[figure]) for own in (smooth, faces, true))
-        yield at_most(f"error of the {figure}, finest mesh", mine, max(theirs) + NO_WORSE["error"], source=_SAME,
+    for quantity in smooth[-1][0].quantities:
+        mine, *theirs = (abs(own[-1][0].quantities[quantity]) for own in (smooth, faces, true))
+        yield at_most(f"error of the {quantity}, finest mesh", mine, max(theirs) + NO_WORSE["error"], source=_SAME,
                       reason=_NOWHERE)  # fmt: skip
 
 

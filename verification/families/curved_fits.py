@@ -84,7 +84,7 @@ class Fitted:
         """Exact pressure (n, 1), which is uniform."""
         return np.full((len(x), 1), self.fit.exact.between if self.exact else self.fit.pressure)
 
-    def figures(self, solved: Solved) -> dict[str, float]:
+    def quantities(self, solved: Solved) -> dict[str, float]:
         """No further errors."""
         return {}
 
@@ -121,5 +121,5 @@ def _each(
         for slave in ("within", "around"):
             given = replace(like, fit=replace(like.fit, cell=cell, slave=slave))
             few = {"quick": 3} if cell == quick and slave == "within" else {}
-            about = f"{name} of {cell} that fit, the slave {slave}"
-            yield Case(family, f"{name}-{cell}-{slave}", about, given, {**few, **levels}, seconds)
+            description = f"{name} of {cell} that fit, the slave {slave}"
+            yield Case(family, f"{name}-{cell}-{slave}", description, given, {**few, **levels}, seconds)

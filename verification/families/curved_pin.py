@@ -92,7 +92,7 @@ class Pin:
         """Persson's pressure (n, 1)."""
         return self.pin.pressure(np.arctan2(x[:, 1], x[:, 0]))[:, None]
 
-    def figures(self, solved: Solved) -> dict[str, float]:
+    def quantities(self, solved: Solved) -> dict[str, float]:
         """Relative errors of the force and of the angle."""
         (zone,), force = solved.state.zones, self.pin.force / 2
         resultant = abs(float(solved.figures.contact["slave"].resultant[0]))
@@ -111,5 +111,7 @@ def cases(family: str) -> Iterator[Case]:
     for cell in ("TRIA3", "QUAD4"):
         for slave in ("within", "around"):
             quick = {"quick": 3} if (cell, slave) == ("TRIA3", "within") else {}
-            about = f"a pin in a hole of {cell}, the slave {slave}"
-            yield Case(family, f"pin-{cell}-{slave}", about, Pin(cell, slave), {**quick, "full": 4, "all": 5}, 4.0)
+            description = f"a pin in a hole of {cell}, the slave {slave}"
+            yield Case(
+                family, f"pin-{cell}-{slave}", description, Pin(cell, slave), {**quick, "full": 4, "all": 5}, 4.0
+            )

@@ -299,8 +299,10 @@ def _cases() -> Iterator[Case]:
     for family in ("TRIA", "QUAD", "TETRA", "HEXA", "PENTA", "PYRAM"):
         cells = tuple(name for name, cell in CELLS.items() if cell.family == family)
         blocks = tuple(kind for kind in (*PLANE_KINDS, *SOLID_KINDS) if kind.split()[0] in cells)
-        about = f"{', '.join(cells)}: single cells by every facet, turn and variant, small blocks by several sides"
-        yield Case("cut", family, about, Cuts(CELLS[cells[0]].dim, cells, blocks), {"quick": 1, "full": 2}, 8.0)
+        description = (
+            f"{', '.join(cells)}: single cells by every facet, turn and variant, small blocks by several sides"
+        )
+        yield Case("cut", family, description, Cuts(CELLS[cells[0]].dim, cells, blocks), {"quick": 1, "full": 2}, 8.0)
     for dim, kinds in ((2, PLANE_KINDS), (3, SOLID_KINDS)):
         mixed = tuple(kind for kind in kinds if kind.startswith("mixed"))
         yield Case(

@@ -361,8 +361,8 @@ def _case(given: Given, label: str, full: int, everything: int, seconds: float) 
     start = {"plane_strain": "2d"}.get(given.model, given.model)
     name = f"{start}-{label}-{'rigid' if given.rigid else 'elastic'}".replace(" ", "-")
     quick = {"quick": 3} if (given.model, label, given.rigid) in _QUICK else {}
-    about = f"{shape} on {'a rigid plane' if given.rigid else 'an elastic half-space'}, {label}"
-    return Case("hertz", name, about, given, {**quick, "full": full, "all": everything}, seconds)
+    description = f"{shape} on {'a rigid plane' if given.rigid else 'an elastic half-space'}, {label}"
+    return Case("hertz", name, description, given, {**quick, "full": full, "all": everything}, seconds)
 
 
 TEXT = """\

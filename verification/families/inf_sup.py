@@ -339,8 +339,8 @@ def _skin(name: str, given: Skin) -> Case:
         levels["quick"] = 3
     cut = f", cut {given.hexa}" if given.kind in stacks.TWO_WAYS else ""
     on = f" on a block of {given.master}" if given.master else ""
-    about = f"{given.kind}{cut}{on}: beta against h, cut and uncut"
-    return Case("inf-sup", name, about, given, levels, 3.0 if given.dim == 2 else 5.0)
+    description = f"{given.kind}{cut}{on}: beta against h, cut and uncut"
+    return Case("inf-sup", name, description, given, levels, 3.0 if given.dim == 2 else 5.0)
 
 
 def _skins() -> Iterator[Case]:
@@ -357,8 +357,8 @@ def _skins() -> Iterator[Case]:
 def _pressures() -> Iterator[Case]:
     for kind, dim in (("TRIA3", 2), ("QUAD4", 2), ("TETRA4", 3), ("HEXA8", 3)):
         levels = {"quick": 2, "full": 3} if kind == "TRIA3" else {"full": 3}
-        about = f"{kind} pressed on a rigid plane, nodes moved at random: p_m, cut and uncut"
-        yield Case("inf-sup", f"pressed-{kind}", about, Pressed(kind, dim), levels, 3.0 if dim == 2 else 8.0)
+        description = f"{kind} pressed on a rigid plane, nodes moved at random: p_m, cut and uncut"
+        yield Case("inf-sup", f"pressed-{kind}", description, Pressed(kind, dim), levels, 3.0 if dim == 2 else 8.0)
 
 
 _TEXT = """

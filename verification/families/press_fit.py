@@ -257,25 +257,25 @@ def _cases() -> Iterator[Case]:
             given = PressFit(
                 cell, normals=normals, slave="around", counts=((7, 46), (5, 23)), jitter=0.1, allowed=allowed
             )
-            about = f"Spheres under pressure on a mesh of the size of ssnp173a's, {cell}, {normals} normals"
-            yield Case(FAMILY_NAME, f"ssnp173a-{cell}-{normals}", about, given, {"quick": 1}, 3.0)
+            description = f"Spheres under pressure on a mesh of the size of ssnp173a's, {cell}, {normals} normals"
+            yield Case(FAMILY_NAME, f"ssnp173a-{cell}-{normals}", description, given, {"quick": 1}, 3.0)
     for cell in ("TRIA3", "TRIA6", "QUAD4", "QUAD8", "QUAD9"):
         for normals in NORMALS:
-            about = f"Spheres under pressure, axisymmetric, {cell}, {normals} normals"
-            yield _converging(f"spheres-{cell}-{normals}", about, PressFit(cell, normals=normals))
-        about = f"A cylinder shrunk onto a softer one, plane strain, {cell}"
-        yield _converging(f"cylinders-strain-{cell}", about, replace(_SHRUNK, cell=cell))
-        about = f"Cylinders under pressure and with interference, plane stress, {cell}"
-        yield _converging(f"cylinders-stress-{cell}", about, replace(_PRESSED, cell=cell))
+            description = f"Spheres under pressure, axisymmetric, {cell}, {normals} normals"
+            yield _converging(f"spheres-{cell}-{normals}", description, PressFit(cell, normals=normals))
+        description = f"A cylinder shrunk onto a softer one, plane strain, {cell}"
+        yield _converging(f"cylinders-strain-{cell}", description, replace(_SHRUNK, cell=cell))
+        description = f"Cylinders under pressure and with interference, plane stress, {cell}"
+        yield _converging(f"cylinders-stress-{cell}", description, replace(_PRESSED, cell=cell))
     for cell, seconds in (("TETRA10", 25.0), ("HEXA20", 20.0), ("HEXA27", 20.0)):
         given = PressFit(cell, counts=((1, 3), (1, 4)))
-        about = f"Spheres under pressure, an octant of {cell}"
-        yield Case(FAMILY_NAME, f"octant-{cell}", about, given, {"full": 3, "all": 4}, seconds)
+        description = f"Spheres under pressure, an octant of {cell}"
+        yield Case(FAMILY_NAME, f"octant-{cell}", description, given, {"full": 3, "all": 4}, seconds)
 
 
-def _converging(name: str, about: str, given: PressFit) -> Case:
+def _converging(name: str, description: str, given: PressFit) -> Case:
     quick = {"quick": 3} if name in _QUICK else {}
-    return Case(FAMILY_NAME, name, about, given, {**quick, "full": 5, "all": 6}, 5.0)
+    return Case(FAMILY_NAME, name, description, given, {**quick, "full": 5, "all": 6}, 5.0)
 
 
 FAMILY = Family(

@@ -362,8 +362,8 @@ def _space(normals: str) -> Dragged:
     )  # fmt: skip
 
 
-def _case(name: str, about: str, given: Slider | Dragged, levels: Mapping[str, int], seconds: float) -> Case:
-    return Case("sliding", name, about, given, levels, seconds)
+def _case(name: str, description: str, given: Slider | Dragged, levels: Mapping[str, int], seconds: float) -> Case:
+    return Case("sliding", name, description, given, levels, seconds)
 
 
 TEXT = f"""

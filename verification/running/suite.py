@@ -35,7 +35,7 @@ class Progress:
 
 
 @contextmanager
-def opened(folder: Path, *, resume: bool) -> Iterator[None]:
+def locked_run(folder: Path, *, resume: bool) -> Iterator[None]:
     """Hold the folder of a run, which is made where it is missing.
 
     Raises RequestError where it has a run already (and no `resume`) or another process is at work there, WriteError.
