@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -60,6 +60,11 @@ class Column:
     wide: bool = False
 
 
+def columns(names: Iterable[str], *, numbers: Container[str] = (), wide: Container[str] = ()) -> tuple[Column, ...]:
+    """Columns by their names, those of numbers and of sentences marked."""
+    return tuple(Column(name, number=name in numbers, wide=name in wide) for name in names)
+
+
 @dataclass(frozen=True)
 class TableCell:
     """A word of a table. `sort`: what its column is sorted by, where not by the word; `link`: the id it leads to."""
@@ -97,13 +102,13 @@ class Table:
     folded: str = ""
 
     @classmethod
-    def of_words(cls, columns: Sequence[Column], rows: Iterable[Sequence[str]], folded: str = "") -> Table:
+    def of_words(cls, heads: Sequence[Column], rows: Iterable[Sequence[str]], folded: str = "") -> Table:
         """A table of words alone.
 
-        >>> Table.of_words([Column("a")], [["b"]]).rows[0].cells[0].text
+        >>> Table.of_words(columns(["a"]), [["b"]]).rows[0].cells[0].text
         'b'
         """
-        return cls(tuple(columns), tuple(map(TableRow.of, rows)), folded=folded)
+        return cls(tuple(heads), tuple(map(TableRow.of, rows)), folded=folded)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from lacmesh.quality.survey import TypeQuality
 from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.report.blocks import (
     Bars,
-    Column,
     Fact,
     Facts,
     Figure,
@@ -25,6 +24,7 @@ from lacmesh.report.blocks import (
     Text,
     Title,
     Verdict,
+    columns,
 )
 from lacmesh.report.compare import Comparison, CutReport
 
@@ -153,8 +153,8 @@ def _comparison(c: Comparison) -> Iterator[Simple]:
     rows = [_spread_row(m, when, s) for m in ordered for when, s in (("before", c.before[m]), ("after", c.after[m]))]
     if c.dim > 1:
         rows.insert(2, _spread_row("ratio to the parent", "after", c.ratio))
-    columns = ("measure", "", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean")
-    table = Table.of_words(_columns(columns, 2), rows)
+    names = ("measure", "", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean")
+    table = Table.of_words(columns(names, numbers=names[2:]), rows)
     again = [b[0] == a[0] for a, b in pairwise([("",), *rows])]
     yield replace(table, rows=tuple(replace(row, again=b) for row, b in zip(table.rows, again, strict=True)))
 
@@ -164,8 +164,8 @@ def _spread_row(measure: str, when: str, s: Spread) -> tuple[str, ...]:
 
 
 def _worst(report: CutReport) -> Table:
-    names = ("cell", "type", "corner_jacobian", "of the parent", "parent", "place", "angles", "groups", "better")
-    columns = names if any(w.better for w in report.worst) else names[:-1]
+    names: tuple[str, ...] = ("cell", "type", "corner_jacobian", "of the parent", "parent", "place", "angles", "groups")
+    names += ("better",) if any(w.better for w in report.worst) else ()
     rows = []
     for w in report.worst:
         place = ", ".join(f"{v:.4g}" for v in w.centroid)
@@ -173,9 +173,8 @@ def _worst(report: CutReport) -> Table:
         angles = "" if np.isnan(w.angles[0]) else f"{w.angles[0]:.1f} to {w.angles[1]:.1f}"
         parent = f"{w.parent_type} {w.parent}"
         values = (str(w.number), w.type, number(w.value), number(w.parent_value), parent, place, angles)
-        rows.append((*values, ", ".join(w.groups), better)[: len(columns)])
-    numbers = ("cell", "corner_jacobian", "of the parent")
-    return Table.of_words([Column(name, number=name in numbers) for name in columns], rows)
+        rows.append((*values, ", ".join(w.groups), better)[: len(names)])
+    return Table.of_words(columns(names, numbers=("cell", "corner_jacobian", "of the parent")), rows)
 
 
 def _sizes(report: CutReport) -> Table:
@@ -183,7 +182,8 @@ def _sizes(report: CutReport) -> Table:
         (s.group or "all", _SIZE[s.dim], f"{s.before:.10g}", f"{s.after:.10g}", f"{s.change:+.1e}" if s.change else "0")
         for s in report.sizes
     ]
-    return Table.of_words(_columns(("group", "", "before", "after", "relative change"), 2), rows)
+    names = ("group", "", "before", "after", "relative change")
+    return Table.of_words(columns(names, numbers=names[2:]), rows)
 
 
 def _type(t: TypeQuality, when: str) -> Iterator[Simple]:
@@ -191,18 +191,13 @@ def _type(t: TypeQuality, when: str) -> Iterator[Simple]:
     measures = {m: s for m, s in t.measures.items() if m in accepted}
     if not measures:
         return
-    columns = ("measure", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean", "accepted")
+    names = ("measure", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean", "accepted")
     rows = []
     for m, s in measures.items():
         limits = accepted[m]
         allowed = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
         rows.append((*(_spread_row(m, "", s)[0:1] + _spread_row(m, "", s)[2:]), allowed))
-    yield Table.of_words(_columns(columns, 1), rows, folded=f"{t.type} {when}: {t.count:,} cells")
-
-
-def _columns(names: Sequence[str], words: int) -> list[Column]:
-    """Columns, the first ones of words, the others of numbers."""
-    return [Column(name, number=k >= words) for k, name in enumerate(names)]
+    yield Table.of_words(columns(names, numbers=names[1:]), rows, folded=f"{t.type} {when}: {t.count:,} cells")
 
 
 def number(value: float) -> str:

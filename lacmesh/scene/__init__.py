@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
+from lacmesh.checks.findings import counted
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.origin import from_origin, origin_of_mesh
@@ -146,19 +147,15 @@ def legend_of(visible: VisibleSurface, *, marked: bool = False, valued: bool = F
     entries = []
     if len(slaves):
         macros = len(np.unique(visible.macro[slaves]))
-        cut = f"{_count(macros, 'macro-element')}, made of {_count(len(slaves), 'slave face')}"
-        words = cut if len(visible.internal) else _count(len(slaves), "slave face")
+        cut = f"{counted(macros, 'macro-element')}, made of {counted(len(slaves), 'slave face')}"
+        words = cut if len(visible.internal) else counted(len(slaves), "slave face")
         entries.append(Entry(kind, words, (INK,) if valued else shades))
     if len(masters):
-        entries.append(Entry(kind, _count(len(masters), "master face"), (INK if valued else MASTER,)))
+        entries.append(Entry(kind, counted(len(masters), "master face"), (INK if valued else MASTER,)))
     if len(visible.internal):
-        words = f"{_count(len(visible.internal), 'internal node')}, each with a dof of its own"
+        words = f"{counted(len(visible.internal), 'internal node')}, each with a dof of its own"
         entries.append(Entry("dot", words, (INK if marked else DOT,)))
     return tuple(entries)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
 def _values_legend(mesh: Mesh, values: Values | None) -> list[Entry]:
@@ -172,7 +169,7 @@ def _values_legend(mesh: Mesh, values: Values | None) -> list[Entry]:
     if np.isnan(values.values[mesh.cell_dim > 1]).any():
         entries.append(Entry("area", f"{values.what} is not defined on these cells", (BODIES[0],)))
     if len(cells := np.flatnonzero(values.invalid)):
-        words = f"{_count(len(cells), 'invalid cell')}: {some(mesh.cell_number[cells], 6)}"
+        words = f"{counted(len(cells), 'invalid cell')}: {some(mesh.cell_number[cells], 6)}"
         entries.append(Entry("area", words, (INVALID,)))
     return entries
 

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from lacmesh.report.blocks import Column, Simple, Table, TableRow, Title
+from lacmesh.report.blocks import Simple, Table, TableRow, Title, columns
 from lacmesh.report.markdown import blocks
 from verification.records import Result
 from verification.report import words
@@ -131,11 +131,9 @@ def _versions(before: Run, after: Run) -> str:
 
 
 def _table(pairs: Iterable[Pair]) -> Table:
-    columns = (
-        Column("case"), Column("quantity"), Column("before", number=True), Column("after", number=True),
-        Column("error before", number=True), Column("error after", number=True), Column("verdict"),
-    )  # fmt: skip
-    return Table(columns, tuple(_row(p) for p in pairs))
+    names = ("case", "quantity", "before", "after", "error before", "error after", "verdict")
+    heads = columns(names, numbers=("before", "after", "error before", "error after"))
+    return Table(heads, tuple(_row(p) for p in pairs))
 
 
 def _row(p: Pair) -> TableRow:

@@ -26,6 +26,7 @@ from lacmesh.report.blocks import (
     TableRow,
     Text,
     Title,
+    columns,
 )
 from lacmesh.report.charts import COLOURS
 from verification.families import MODULES, family
@@ -142,12 +143,9 @@ def _summary(run: Run, n: Count) -> Iterator[Simple]:
 
 def families_table(run: Run) -> Table:
     """A line for each family."""
-    columns = (
-        Column("family"), Column("what", wide=True), Column("cases", number=True), Column("met", number=True),
-        Column("missed", number=True), Column("for information", number=True), Column("no outcome", number=True),
-        Column("time", number=True), Column("verdict"),
-    )  # fmt: skip
-    return Table(columns, tuple(_family_row(name, cases) for name, cases in by_family(run.done).items()))
+    names = ("family", "what", "cases", "met", "missed", "for information", "no outcome", "time", "verdict")
+    heads = columns(names, numbers=("cases", "met", "missed", "for information", "no outcome", "time"), wide=("what",))
+    return Table(heads, tuple(_family_row(name, cases) for name, cases in by_family(run.done).items()))
 
 
 def _family_row(name: str, cases: Sequence[CaseResult]) -> TableRow:

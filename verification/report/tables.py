@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from lacmesh.report.blocks import Column, Table, TableCell, TableRow, Verdict
+from lacmesh.report.blocks import Table, TableCell, TableRow, Verdict, columns
 from verification.records import Published, Result
 from verification.report import words
 from verification.report.judging import SAID, as_good, counted, used, verdict
@@ -26,11 +26,9 @@ def judged(said: Verdict) -> TableCell:
 
 def results_of(results: Sequence[Result]) -> Table:
     """All that a case found, and what must come out."""
-    columns = (
-        Column("quantity", wide=True), Column("value", number=True), Column("must be"), Column("expected", number=True),
-        Column("tolerance", number=True), Column("verdict"), Column("source", wide=True), Column("reason", wide=True)
-    )  # fmt: skip
-    return Table(columns, tuple(_result(result) for result in results))
+    names = ("quantity", "value", "must be", "expected", "tolerance", "verdict", "source", "reason")
+    heads = columns(names, numbers=("value", "expected", "tolerance"), wide=("quantity", "source", "reason"))
+    return Table(heads, tuple(_result(result) for result in results))
 
 
 def _result(r: Result) -> TableRow:
@@ -54,10 +52,8 @@ def _sort(value: float | None) -> float:
 
 def missed(cases: Iterable[CaseResult]) -> Table:
     """Table of failures: cases without an outcome, then missed results."""
-    columns = (
-        Column("case"), Column("quantity", wide=True), Column("value", number=True), Column("must be", number=True),
-        Column("reason", wide=True)
-    )  # fmt: skip
+    names = ("case", "quantity", "value", "must be", "reason")
+    heads = columns(names, numbers=("value", "must be"), wide=("quantity", "reason"))
     cases = tuple(cases)
     rows = [
         TableRow.of((place(d), TableCell("no outcome", verdict="none"), "", "", d.failure), "none")
@@ -66,7 +62,7 @@ def missed(cases: Iterable[CaseResult]) -> Table:
     ]
     short = ((done, result) for done in cases for result in done.results if not result.passed)
     rows += [TableRow.of((place(d), *_short(r)), "missed") for d, r in short]
-    return Table(columns, tuple(rows))
+    return Table(heads, tuple(rows))
 
 
 def _short(r: Result) -> tuple[TableCell | str, ...]:
@@ -75,10 +71,8 @@ def _short(r: Result) -> tuple[TableCell | str, ...]:
 
 def worst(cases: Iterable[CaseResult], most: int = 0) -> Table:
     """Table of the worst result of each quantity relative to its bound; the range of informative quantities."""
-    columns = (
-        Column("quantity", wide=True), Column("results", number=True), Column("met", number=True),
-        Column("worst", number=True), Column("must be", number=True), Column("case")
-    )  # fmt: skip
+    names = ("quantity", "results", "met", "worst", "must be", "case")
+    heads = columns(names, numbers=("results", "met", "worst", "must be"), wide=("quantity",))
     groups: dict[tuple[str, str, float | None], list[tuple[CaseResult, Result]]] = {}
     for done in cases:
         for r in done.results:
@@ -88,7 +82,7 @@ def worst(cases: Iterable[CaseResult], most: int = 0) -> Table:
     held = [g for g in sets if g[0][1].bound != "informative"]
     if not most:
         held += [g for g in sets if g[0][1].bound == "informative"]
-    return Table(columns, tuple(_worst(group) for group in held[: most or None]))
+    return Table(heads, tuple(_worst(group) for group in held[: most or None]))
 
 
 def _worst(group: list[tuple[CaseResult, Result]]) -> TableRow:
@@ -118,12 +112,9 @@ def _whole(value: int) -> TableCell:
 
 def index(cases: Iterable[CaseResult]) -> Table:
     """The cases of a family, in a line each."""
-    columns = (
-        Column("case"), Column("what", wide=True), Column("met", number=True), Column("missed", number=True),
-        Column("for information", number=True), Column("levels", number=True), Column("time", number=True),
-        Column("verdict")
-    )  # fmt: skip
-    return Table(columns, tuple(_index(done) for done in cases))
+    names = ("case", "what", "met", "missed", "for information", "levels", "time", "verdict")
+    heads = columns(names, numbers=("met", "missed", "for information", "levels", "time"), wide=("what",))
+    return Table(heads, tuple(_index(done) for done in cases))
 
 
 def _index(done: CaseResult) -> TableRow:
@@ -143,10 +134,8 @@ def _index(done: CaseResult) -> TableRow:
 
 def sources(cases: Iterable[CaseResult]) -> Table:
     """Table of the references that results are compared with, and how many results are met."""
-    columns = (
-        Column("reference", wide=True), Column("families"), Column("results", number=True),
-        Column("met", number=True), Column("missed", number=True)
-    )  # fmt: skip
+    names = ("reference", "families", "results", "met", "missed")
+    heads = columns(names, numbers=("results", "met", "missed"), wide=("reference",))
     compared: dict[str, list[tuple[str, bool]]] = {}
     for done in cases:
         for r in done.results:
@@ -155,10 +144,10 @@ def sources(cases: Iterable[CaseResult]) -> Table:
     rows = []
     for source, found in sorted(compared.items(), key=lambda item: -len(item[1])):
         met = sum(passed for _, passed in found)
-        names = ", ".join(dict.fromkeys(name for name, _ in found))
-        cells = (source, names, _whole(len(found)), _whole(met), _whole(len(found) - met))
+        families = ", ".join(dict.fromkeys(name for name, _ in found))
+        cells = (source, families, _whole(len(found)), _whole(met), _whole(len(found) - met))
         rows.append(TableRow.of(cells, "met" if met == len(found) else "missed"))
-    return Table(columns, tuple(rows))
+    return Table(heads, tuple(rows))
 
 
 def beside(cases: Iterable[CaseResult]) -> Iterator[tuple[CaseResult, Result, Published]]:
@@ -171,12 +160,10 @@ def beside(cases: Iterable[CaseResult]) -> Iterator[tuple[CaseResult, Result, Pu
 
 def published(cases: Iterable[CaseResult], *, with_case: bool = True) -> Table:
     """Results of the run beside those that others published."""
-    columns = (
-        Column("case"), Column("quantity", wide=True), Column("here", number=True), Column("published", number=True),
-        Column("by", wide=True), Column("better"), Column("where", wide=True)
-    )  # fmt: skip
+    names = ("case", "quantity", "here", "published", "by", "better", "where")
+    heads = columns(names, numbers=("here", "published"), wide=("quantity", "by", "where"))
     start = 0 if with_case else 1
-    return Table(columns[start:], tuple(TableRow.of(_published(*row)[start:]) for row in beside(cases)))
+    return Table(heads[start:], tuple(TableRow.of(_published(*row)[start:]) for row in beside(cases)))
 
 
 def _published(done: CaseResult, r: Result, p: Published) -> tuple[TableCell | str, ...]:
@@ -196,14 +183,12 @@ def _published(done: CaseResult, r: Result, p: Published) -> tuple[TableCell | s
 
 def ranges(cases: Iterable[CaseResult]) -> Table:
     """Results of the run beside published ones: a line for each quantity and who published it."""
-    columns = (
-        Column("family"), Column("quantity", wide=True), Column("results", number=True), Column("here", number=True),
-        Column("published", number=True), Column("by", wide=True), Column("as good here", number=True)
-    )  # fmt: skip
+    names = ("family", "quantity", "results", "here", "published", "by", "as good here")
+    heads = columns(names, numbers=("results", "here", "published", "as good here"), wide=("quantity", "by"))
     groups: dict[tuple[str, str, str], list[tuple[Result, Published]]] = {}
     for done, r, p in beside(cases):
         groups.setdefault((done.family, r.quantity, p.who), []).append((r, p))
-    return Table(columns, tuple(_range(*key, group) for key, group in groups.items()))
+    return Table(heads, tuple(_range(*key, group) for key, group in groups.items()))
 
 
 def _range(family: str, quantity: str, who: str, group: Sequence[tuple[Result, Published]]) -> TableRow:
@@ -216,10 +201,8 @@ def _range(family: str, quantity: str, who: str, group: Sequence[tuple[Result, P
 
 def peers(cases: Iterable[CaseResult]) -> Table:
     """Who published results, of what family, and whose are better."""
-    columns = (
-        Column("family"), Column("who", wide=True), Column("results", number=True), Column("as good here", number=True),
-        Column("better there", number=True), Column("only beside", number=True)
-    )  # fmt: skip
+    names = ("family", "who", "results", "as good here", "better there", "only beside")
+    heads = columns(names, numbers=("results", "as good here", "better there", "only beside"), wide=("who",))
     groups: dict[tuple[str, str], list[bool | None]] = {}
     for done, result, theirs in beside(cases):
         groups.setdefault((done.family, theirs.who), []).append(as_good(result, theirs))
@@ -227,4 +210,4 @@ def peers(cases: Iterable[CaseResult]) -> Table:
     for (family, who), said in groups.items():
         counts = (len(said), said.count(True), said.count(False), said.count(None))
         rows.append(TableRow.of((TableCell(family, link=family), who, *map(_whole, counts))))
-    return Table(columns, tuple(rows))
+    return Table(heads, tuple(rows))
