@@ -52,9 +52,7 @@ def nodal(mesh: Mesh, p: Floats, along: Along, label: str = "recovered") -> Line
 
 def pressures(solved: Solved, exact: Line, along: Along) -> tuple[Line, ...]:
     """Exact, p_m and recovered pressure along the slave of the one zone of a plane problem."""
-    mesh, (zone,) = solved.mesh, solved.state.zones
-    recovered = solved.fields.zones[zone.name].pressure_recovered
-    return exact, means(mesh, zone.pressure, along), nodal(mesh, recovered, along)
+    return exact, means(solved.mesh, solved.zone.pressure, along), nodal(solved.mesh, solved.recovered, along)
 
 
 def residuals(label: str, states: Sequence[State]) -> Line:

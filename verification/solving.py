@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
-from lacsolver import Answer, Fields, Problem, Restart, State, StepFigures
+from lacsolver import Answer, Fields, Problem, Restart, State, StepFigures, ZoneState
 from verification.measures.balance import Balance, unbalanced
 from verification.records import Level, Picture, Result, at_most, levels_of
 
@@ -59,6 +59,17 @@ class Solved:
     def unknowns(self) -> int:
         """Number of displacement unknowns."""
         return int(self.problem.constraints.n_q)
+
+    @property
+    def zone(self) -> ZoneState:
+        """State of the one zone at the end."""
+        (zone,) = self.state.zones
+        return zone
+
+    @property
+    def recovered(self) -> NDArray[np.floating]:
+        """Recovered pressure (n_nodes,) at the end, on the slave of the one zone; NaN elsewhere."""
+        return self.fields.zones[self.zone.name].pressure_recovered
 
     @property
     def iterations(self) -> int:

@@ -145,12 +145,11 @@ def solution(given: Curved, level: int, gap: str, number: int = 0) -> CurvedSolu
     if gap == "true":
         problem = with_true_gap(problem, lambda x, n: given.gap(x[:, : problem.space.dim]))
     solved = finished(problem)
-    mesh, (zone,), axial = solved.mesh, solved.state.zones, given.axisymmetric
-    recovered = solved.fields.zones[zone.name].pressure_recovered
+    mesh, zone, axial = solved.mesh, solved.zone, given.axisymmetric
     return CurvedSolution(
         solved,
         pressure_errors(mesh, zone.pressure, given.pressure, axisymmetric=axial).exact,
-        nodal_pressure_error(mesh, recovered, given.pressure, axisymmetric=axial),
+        nodal_pressure_error(mesh, solved.recovered, given.pressure, axisymmetric=axial),
         int((zone.pressure <= 0).sum()),
         given.quantities(solved),
     )

@@ -69,8 +69,7 @@ class Fitted:
 
     def h(self, level: int) -> float:
         """The size of the slave's faces, before they are stretched."""
-        around = self.fit.counts[self.fit.slave == "around"][1]
-        return self.fit.radii[1] * np.pi / (2 if self.fit.dim == 2 else 4) / (around << level)
+        return self.fit.h(level)
 
     def case(self, surface: str) -> lacsolver.Case:
         """The case."""

@@ -76,7 +76,7 @@ class Lifted:
 
     def quantities(self, solved: Solved) -> dict[str, float]:
         """The error of the half-width."""
-        (zone,) = solved.state.zones
+        zone = solved.zone
         return {"half-width": hertz.half_width(zone.centre, zone.pressure, self.hertz.p0) - 1}
 
 

@@ -78,7 +78,7 @@ def _judged(gap: str, size: float, off: tuple[float, float], allowed: tuple[floa
 
 def away(own: Solved) -> tuple[int, float]:
     """Number and mean pressure of the macro-elements in contact away from the bore's edges."""
-    (zone,) = own.state.zones
+    zone = own.zone
     there = (zone.pressure > 0) & (np.abs(zone.centre[:, 1]) < _AWAY)
     return int(there.sum()), float((zone.area * zone.pressure)[there].sum() / zone.area[there].sum())
 

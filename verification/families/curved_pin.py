@@ -94,7 +94,7 @@ class Pin:
 
     def quantities(self, solved: Solved) -> dict[str, float]:
         """Relative errors of the force and of the angle."""
-        (zone,), force = solved.state.zones, self.pin.force / 2
+        zone, force = solved.zone, self.pin.force / 2
         resultant = abs(float(solved.figures.contact["slave"].resultant[0]))
         exact = self.pressure(zone.centre)[:, 0]
         ends = [half_angle(zone.centre, p, exact.max()) for p in (zone.pressure, exact)]

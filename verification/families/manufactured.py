@@ -93,17 +93,16 @@ def solution(row: CellRow, level: int) -> ManufacturedSolution:
     """Solve a row on one level. Raises what `solve` raises."""
     given = row.solution
     solved = solve(case_text(row), mesh_of(row, level))
-    (zone,), mesh = solved.state.zones, solved.mesh
-    exact, recovered = exact_pressure(row), solved.fields.zones[zone.name].pressure_recovered
-    p = pressure_errors(mesh, zone.pressure, exact)
+    mesh, exact = solved.mesh, exact_pressure(row)
+    p = pressure_errors(mesh, solved.zone.pressure, exact)
     return ManufacturedSolution(
         solved=solved,
         h=1 / cells_a_side(row, level),
         displacement=displacement_error(mesh, solved.u, compiled(given.displacement)),
         pressure=p.exact,
         means=p.mean,
-        recovered=nodal_pressure_error(mesh, recovered, exact),
-        away=nodal_pressure_error(mesh, recovered, exact, faces=_away(row, mesh)),
+        recovered=nodal_pressure_error(mesh, solved.recovered, exact),
+        away=nodal_pressure_error(mesh, solved.recovered, exact, faces=_away(row, mesh)),
     )
 
 

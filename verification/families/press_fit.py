@@ -89,6 +89,11 @@ class PressFit:
             return "3d"
         return "axisymmetric" if self.shape == "sphere" else self.shape
 
+    def h(self, level: int) -> float:
+        """The size of the slave's faces on a level."""
+        around = self.counts[self.slave == "around"][1]
+        return self.radii[1] * np.pi / (2 if self.dim == 2 else 4) / (around << level)
+
     @property
     def exact(self) -> Fit:
         """Lame's solution."""
@@ -136,19 +141,18 @@ def solve_case(case: Case, levels: int) -> Outcome:
 def solution(given: PressFit, level: int) -> PressFitSolution:
     """Solve a press fit on one level. Raises what `solve` raises."""
     solved, exact = solve(case_text(given), mesh_of(given, level)), given.exact
-    mesh, (zone,) = solved.mesh, solved.state.zones
+    mesh, zone = solved.mesh, solved.zone
     off = zone.pressure / exact.between - 1
     axial, right = given.model == "axisymmetric", _constant(exact.between)
-    recovered = solved.fields.zones[zone.name].pressure_recovered
     slave = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cell_groups["slave"])]))
     x, u = mesh.points[slave, : given.dim], solved.u[slave]
     wanted = np.linalg.norm(exact.displacement(x, given.slave), axis=1)
     radial = (u * x).sum(axis=1) / np.linalg.norm(x, axis=1)
     return PressFitSolution(
         solved=solved,
-        h=given.radii[1] * np.pi / (2 if given.dim == 2 else 4) / (given.counts[given.slave == "around"][1] << level),
+        h=given.h(level),
         pressure=pressure_errors(mesh, zone.pressure, right, axisymmetric=axial).exact,
-        recovered=nodal_pressure_error(mesh, recovered, right, axisymmetric=axial),
+        recovered=nodal_pressure_error(mesh, solved.recovered, right, axisymmetric=axial),
         mean=float(abs((zone.area * off).sum() / zone.area.sum())),
         worst=float(np.abs(off).max()),
         displacement=max(_displacement(solved, exact, body, axial) for body in ("within", "around")),
@@ -198,15 +202,14 @@ def case_text(given: PressFit, surface: str = "smooth") -> str:
 
 def _sized(given: PressFit, found: PressFitSolution) -> Iterator[Result]:
     """Criteria for a mesh of the size of ssnp173a's: smallest and largest p_m, compared with code_aster's."""
-    p, right = found.solved.state.zones[0].pressure, given.exact.between
+    p, right = found.solved.zone.pressure, given.exact.between
     source = "Lame; code_aster's test file has 4.894178"
     reason = f"{given.allowed:g} of the pressure is what such a mesh allows; code_aster's is off by up to 1.7e-4"
     for quantity, value, theirs in (("largest p_m", p.max(), _LARGEST), ("least p_m", p.min(), _LEAST)):
         tolerance = (given.allowed or 0.0) * right
         yield equal(quantity, value, right, tolerance, source=source, reason=reason, published=_theirs(theirs))
     yield informative("mean p_m, relative error", found.mean, reason="far below the error of each p_m")
-    recovered = found.solved.fields.zones["slave"].pressure_recovered
-    worst = float(np.nanmax(np.abs(recovered / right - 1)))
+    worst = float(np.nanmax(np.abs(found.solved.recovered / right - 1)))
     yield informative(
         "recovered pressure, worst node, relative error", worst, reason="for information: no bound is asked of it",
         published=_theirs(abs(_NODAL / right - 1)),
