@@ -53,7 +53,9 @@ def outline(report: CutReport, name: str = "") -> Iterator[Simple]:
         yield _worst(report)
     if report.sizes:
         yield Title("What the touched cells hold", 2)
-        yield Text("Lengths, areas and volumes of the touched cells, which the cut keeps; other cells are unchanged.")
+        yield Text(
+            "Lengths, areas and volumes of the touched cells, which the cut keeps; the other cells are unchanged."
+        )
         yield _sizes(report)
     if report.types_after.types:
         yield Title("Verdict's measures, type by type", 2)
