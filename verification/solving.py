@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 import lacsolver
 from lacmesh import Mesh
 from lacsolver import Answer, Fields, Problem, Restart, State, StepFigures, ZoneState
+from lacsolver.contact import integrate
 from verification.measures.balance import Balance, unbalanced
 from verification.records import Level, Picture, Result, at_most, levels_of
 

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacmesh import Mesh
+from lacmesh.report.blocks import Line, Plot
 from lacsolver import Problem
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
 from lacsolver.space.space import Space
-from lacmesh.report.blocks import Line, Plot
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack
 from verification.records import Case, Family, Outcome, Result, at_most, informative, levels_of
