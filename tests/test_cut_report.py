@@ -21,7 +21,8 @@ from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES
 from lacmesh.errors import CutError, RequestError, WriteError
 from lacmesh.quality import corner_jacobian
 from lacmesh.report import children_quality, cut_report, refuse_poor, write_report
-from lacmesh.report.outline import Charts, Table, Text, Title, outline
+from lacmesh.report.blocks import Facts, Figures, Table, Text, Title
+from lacmesh.report.outline import outline
 from lacmesh.report.parents import parents_of
 from tests.meshes import cell_with_faces, random_mesh
 
@@ -148,7 +149,7 @@ def test_findings_stand_in_every_form(tmp_path):
     bad = Finding("shared-node", "error", (1, 2), (7,), Where("slave"), "node 7 is <of> both|sides; part them")
     good = Finding("bodies", "info", (), (), Where(), "the cells make 2 bodies")
     page, text, told = checked(tmp_path, bad, good)
-    assert '<b class="bad">error, shared-node in slave</b>: node 7 is &lt;of&gt; both|sides; part them.' in page
+    assert '<b class="missed">error, shared-node in slave</b>: node 7 is &lt;of&gt; both|sides; part them.' in page
     assert "<b>info, bodies</b>: the cells make 2 bodies." in page
     assert "**error, shared-node in slave**: node 7 is \\<of\\> both\\|sides; part them." in text
     assert json.loads(told)["findings"] == [bad.as_dict(), good.as_dict()]
@@ -218,7 +219,7 @@ def test_html_needs_nothing_else(report, tmp_path):
     text = path.read_text(encoding="utf-8")
     assert not re.search(r"https?:|//|src=|href=|@import|url\(|<script", text)
     assert "a &lt;part&gt; &amp; more.msh" in text and "<b>&|*" not in text and "&lt;b&gt;&amp;|*" in text
-    assert text.count("<svg") == sum(len(b.charts) for b in outline(report) if isinstance(b, Charts))
+    assert text.count("<svg") == sum(len(b.figures) for b in outline(report) if isinstance(b, Figures))
     for tag in ("table", "div", "p", "svg", "main", "details", "tr", "td"):
         assert len(re.findall(rf"<{tag}[ >]", text)) == text.count(f"</{tag}>"), tag
     assert len(text) < 200_000
@@ -236,7 +237,7 @@ def test_html_opens_in_a_browser(report, tmp_path):
         browser.ask("Page.navigate", url=path.as_uri())
         browser.wait("location.protocol == 'file:' && document.readyState == 'complete'")
         assert browser.said == [] and browser.value("document.title") == "The cut of part.msh"
-        charts = sum(len(b.charts) for b in outline(report) if isinstance(b, Charts))
+        charts = sum(len(b.figures) for b in outline(report) if isinstance(b, Figures))
         assert (
             browser.value("[...document.querySelectorAll('svg')].filter(s => s.getBBox().width > 200).length") == charts
         )
@@ -263,9 +264,11 @@ def test_markdown_has_every_table_row(report, tmp_path):
     assert text.startswith("# The cut of part.msh")
     rows = [line for line in text.splitlines() if line.startswith("|")]
     tables = [b for b in blocks if isinstance(b, Table)]
-    assert len(rows) == 2 + 6 + sum(2 + len(t.rows) for t in tables)  # six facts
+    assert len(rows) == sum(2 + len(t.rows) for t in tables)
+    (facts,) = (b.facts for b in blocks if isinstance(b, Facts))
+    assert all(f"- {fact.label}: **{fact.value}**" in text for fact in facts) and len(facts) == 6
     for table in tables:
-        assert {len(row) for row in table.rows} == {len(table.columns)} == {len(table.right)}
+        assert {len(row.cells) for row in table.rows} == {len(table.columns)}
     assert "\\<b\\>&\\|\\*" in text and "█" in text
     assert sum(isinstance(b, Title) and b.level == 1 for b in blocks) == 1 and any(isinstance(b, Text) for b in blocks)
 

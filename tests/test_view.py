@@ -20,7 +20,7 @@ from lacmesh.scene.edges import edges_of
 from lacmesh.scene.layers import CURVED, curved_parts
 from lacmesh.scene.marks import Values, cell_values, find_marks
 from lacmesh.scene.placing import SEEN_AT
-from lacmesh.scene.seen import BODY, MASTER, SLAVE, find_seen
+from lacmesh.scene.visible import BODY, MASTER, SLAVE, find_visible
 from lacmesh.topology.skin import Faces
 from tests.meshes import box, cell_with_faces, random_mesh
 
@@ -124,9 +124,9 @@ def test_many_curved_faces_are_drawn_in_fewer_parts():
 @pytest.mark.parametrize("seed", range(4))
 def test_neighbours_have_different_colours(dim, order, seed):
     mesh = random_mesh(np.random.default_rng(seed), dim, order, slaves=100)
-    seen = find_seen(cut_skin(mesh, "slave").mesh)
-    slaves = seen.faces.take(seen.rows(SLAVE))
-    macro = seen.macro[seen.rows(SLAVE)]
+    visible = find_visible(cut_skin(mesh, "slave").mesh)
+    slaves = visible.faces.take(visible.rows(SLAVE))
+    macro = visible.macro[visible.rows(SLAVE)]
     colour = colours.paint(macro, slaves.corners)
     ends, face = edges_of(slaves) if dim == 3 else (slaves.nodes[:, :2], np.arange(len(slaves)))
     for key in {tuple(sorted(e[:2])) for e in ends}:
@@ -144,30 +144,30 @@ def test_what_is_in_sight_is_what_one_cell_alone_has(dim, seed):
 
     rng = np.random.default_rng(100 + seed)
     mesh = random_mesh(rng, dim, slaves=8, interior=True, twins=True)
-    seen = find_seen(mesh, "slave")
+    visible = find_visible(mesh, "slave")
 
     def keys(rows):
-        return sorted(tuple(sorted(c[c >= 0].tolist())) for c in seen.faces.corners[rows])
+        return sorted(tuple(sorted(c[c >= 0].tolist())) for c in visible.faces.corners[rows])
 
     slave_keys = {
         tuple(sorted(nodes[: CELLS[kind].n_corners].tolist()))
         for kind, _, rows in mesh.select(mesh.cell_groups["slave"])
         for nodes in rows
     }
-    assert keys(seen.rows(SLAVE)) == sorted(slave_keys)
+    assert keys(visible.rows(SLAVE)) == sorted(slave_keys)
     if dim == 3:
         single = {key for key, owners in facets_of(mesh).items() if len(owners) == 1}
-        assert keys(seen.rows(BODY)) == sorted(single - slave_keys)
+        assert keys(visible.rows(BODY)) == sorted(single - slave_keys)
     else:
         flat = [
             tuple(sorted(nodes.tolist()))
             for _, _, rows in mesh.select(np.flatnonzero(mesh.cell_dim == 2))
             for nodes in rows
         ]
-        assert keys(seen.rows(BODY)) == sorted(flat)
-    for row in range(len(seen.faces)):
-        ((kind, _, nodes),) = mesh.select(seen.cell[[row]])
-        corners = seen.faces.corners[row]
+        assert keys(visible.rows(BODY)) == sorted(flat)
+    for row in range(len(visible.faces)):
+        ((kind, _, nodes),) = mesh.select(visible.cell[[row]])
+        corners = visible.faces.corners[row]
         assert set(corners[corners >= 0]) <= set(nodes[0])
         assert CELLS[kind].dim == mesh.dim
 
@@ -198,19 +198,19 @@ def test_segments_of_a_plane_cut():
     assert {tuple(p) for p in ends.points} == {(0, 0, 0), (1, 0, 0)}
     assert len(internal.points) == len(cut.internal_nodes[0])
     assert tuple(drawn.eye) == (0, 0, 1)
-    seen = find_seen(cut.mesh)
-    slaves = seen.rows(SLAVE)
+    visible = find_visible(cut.mesh)
+    slaves = visible.rows(SLAVE)
     assert len(slaves) == 3
-    assert (cut.mesh.cell_dim[seen.cell[slaves]] == 2).all()
-    assert (cut.mesh.cell_dim[seen.skin[slaves]] == 1).all()
+    assert (cut.mesh.cell_dim[visible.cell[slaves]] == 2).all()
+    assert (cut.mesh.cell_dim[visible.skin[slaves]] == 1).all()
 
 
 def test_the_master_has_a_colour_of_its_own():
     mesh = cut_skin(two_cubes(), "slave").mesh
-    seen = find_seen(mesh, None, "master")
-    assert [len(seen.rows(role)) for role in (BODY, SLAVE, MASTER)] == [5 * 4 + 5 * 9, 16, 9]
-    assert (seen.skin[seen.role == MASTER] >= 0).all()
-    assert (mesh.cell_dim[seen.cell] == 3).all()
+    visible = find_visible(mesh, None, "master")
+    assert [len(visible.rows(role)) for role in (BODY, SLAVE, MASTER)] == [5 * 4 + 5 * 9, 16, 9]
+    assert (visible.skin[visible.role == MASTER] >= 0).all()
+    assert (mesh.cell_dim[visible.cell] == 3).all()
     drawn = make_scene(mesh, None, "master")
     assert [entry.words for entry in drawn.legend][1] == "9 master faces"
     (master,) = [layer for layer in layers(drawn, "faces") if coloured(layer, colours.MASTER).all()]
@@ -220,8 +220,8 @@ def test_the_master_has_a_colour_of_its_own():
 
 def test_a_face_of_both_groups_is_slave():
     mesh = cube(2)
-    seen = find_seen(mesh, "slave", "slave")
-    assert (len(seen.rows(SLAVE)), len(seen.rows(MASTER))) == (4, 0)
+    visible = find_visible(mesh, "slave", "slave")
+    assert (len(visible.rows(SLAVE)), len(visible.rows(MASTER))) == (4, 0)
 
 
 def test_a_hidden_skin_is_turned_towards_the_eye():
@@ -373,8 +373,8 @@ def test_cells_are_coloured_by_a_value():
     assert np.isnan(values.values[mesh.cell_dim < 2]).all()
     drawn = make_scene(mesh, None, "master", values=values)
     found = np.vstack([layer.rgb for layer in layers(drawn, "faces")])
-    seen = find_seen(mesh, None, "master")
-    expected = np.unique(colours.on_ramp(values.values[seen.cell], 0.0, 1.0), axis=0)
+    visible = find_visible(mesh, None, "master")
+    expected = np.unique(colours.on_ramp(values.values[visible.cell], 0.0, 1.0), axis=0)
     np.testing.assert_array_equal(np.unique(found, axis=0), expected)
     worst = mesh.cell_number[values.worst(1)[0]]
     assert any(f"cell {worst}" in entry.words for entry in drawn.legend)

@@ -230,7 +230,7 @@ def test_an_interruption_ends_the_drawing_too(number, code, blocks, tmp_path):
 
 def test_a_picture_into_a_folder_that_is_not_there(tmp_path, monkeypatch):
     monkeypatch.setattr(png, "find_spec", lambda name: True)
-    monkeypatch.setattr(png, "_drawn", lambda *arguments: b"image")
+    monkeypatch.setattr(png, "render", lambda *arguments, **options: [b"image"])
     with pytest.raises(WriteError, match="nowhere"):
         picture(cube(), tmp_path / "nowhere" / "a.png")
     with pytest.raises(RequestError, match="is written as"):

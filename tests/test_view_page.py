@@ -14,7 +14,7 @@ import pytest
 from lacmesh import Mesh, cut_skin
 from lacmesh.cells import CELLS
 from lacmesh.scene import colours
-from lacmesh.scene.seen import BODY, MASTER, SLAVE
+from lacmesh.scene.visible import BODY, MASTER, SLAVE
 from lacmesh.topology.skin import FACE_TYPES
 from lacmesh.view import page
 from tests.browser import Browser

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
+from lacmesh.report.blocks import Line
 from lacsolver import State
-from verification.records import Line
+from verification.solving import Solved
 
 Floats = NDArray[np.floating]
 #: points (..., 3) -> (...,): where they are along the slave
@@ -47,6 +48,11 @@ def nodal(mesh: Mesh, p: Floats, along: Along, label: str = "recovered") -> Line
     places = along(mesh.points[there])
     order = np.argsort(places)
     return line(label, places[order], p[there][order], "points")
+
+
+def pressures(solved: Solved, exact: Line, along: Along) -> tuple[Line, ...]:
+    """Exact, p_m and recovered pressure along the slave of the one zone of a plane problem."""
+    return exact, means(solved.mesh, solved.zone.pressure, along), nodal(solved.mesh, solved.recovered, along)
 
 
 def residuals(label: str, states: Sequence[State]) -> Line:

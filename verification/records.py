@@ -1,4 +1,4 @@
-"""Records of the harness: a case is data, its outcome figures that are compared with expected values.
+"""Records of the harness: a case is data, its outcome results that are compared with expected values.
 
     family (its cases, how one is solved) -> outcome (results, plots, pictures) -> folder of a run -> report
 
@@ -13,31 +13,32 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from lacmesh.report.blocks import Plot
 from verification.measures.rates import fitted, pairwise
 
 #: each has the cases of those before it
 SUITES = ("quick", "full", "all")
 Suite = Literal["quick", "full", "all"]
-#: how a value is held against `expected`: within `tolerance` of it, at least or at most that, or only told
-Bound = Literal["equal", "at least", "at most", "reported"]
+#: how a value is held against `expected`: within `tolerance` of it, at least or at most that, or for information
+Bound = Literal["equal", "at least", "at most", "informative"]
 
 
 @dataclass(frozen=True)
 class Case:
-    """One problem of a family, as data. `given`: a frozen dataclass of the family's, all that the problem is made of.
+    """One problem of a family, as data. `parameters`: a frozen dataclass of the family's, all that it is made of.
 
-    `about`: what it is, in a line. `levels`: suite -> how many meshes, from the coarsest on; a suite that is not named
-    does without the case. `seconds`: what it takes in `full` (or the first suite that has it), roughly. `alone`: it
+    `description`: a line. `levels`: suite -> how many meshes, from the coarsest on; a suite that is not named does
+    without the case. `seconds`: what it takes in `full` (or the first suite that has it), roughly. `exclusive`: it
     measures time, so that nothing else may run beside it.
     """
 
     family: str
     name: str
-    about: str
-    given: Any
+    description: str
+    parameters: Any
     levels: Mapping[str, int]
     seconds: float = 5.0
-    alone: bool = False
+    exclusive: bool = False
 
     @property
     def id(self) -> str:
@@ -77,9 +78,9 @@ class Published:
 
 @dataclass(frozen=True)
 class Result:
-    """A figure of a case, and what must come out. Made by `equal`, `at_least`, `at_most`, `reported`, `rate`.
+    """A quantity of a case, and what must come out. Made by `equal`, `at_least`, `at_most`, `informative`, `rate`.
 
-    `source`: where `expected` comes from; `reason`: why the tolerance is what it is, or why there is no figure.
+    `source`: where `expected` comes from; `reason`: why the tolerance is what it is, or why there is no bound.
     """
 
     quantity: str
@@ -92,29 +93,6 @@ class Result:
     bound: Bound
     levels: tuple[Level, ...] = ()
     published: tuple[Published, ...] = ()
-
-
-@dataclass(frozen=True)
-class Line:
-    """A line of a plot. `style`: `line` (an exact solution), `points`, `both`, `steps` (constant between its x)."""
-
-    label: str
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    style: Literal["line", "points", "both", "steps"] = "both"
-
-
-@dataclass(frozen=True)
-class Plot:
-    """Lines to draw. `kind`: what the report groups plots by, such as `pressure`, `Newton`, `inf-sup`."""
-
-    kind: str
-    title: str
-    x_label: str
-    y_label: str
-    lines: tuple[Line, ...]
-    log_x: bool = False
-    log_y: bool = False
 
 
 @dataclass(frozen=True)
@@ -135,27 +113,34 @@ class Outcome:
     pictures: tuple[Picture, ...] = field(default=(), repr=False)
 
 
+@dataclass(frozen=True)
+class Failure:
+    """The reason, in a sentence, why a case has no outcome."""
+
+    message: str
+
+
 def equal(
     quantity: str, value: float, expected: float, tolerance: float, *, source: str, reason: str, **more: Any
 ) -> Result:
-    """A value that must be within a tolerance of a figure."""
+    """A value that must be within a tolerance of another."""
     passed = bool(abs(value - expected) <= tolerance)
     return Result(quantity, float(value), expected, tolerance, passed, source, reason, "equal", **more)
 
 
 def at_most(quantity: str, value: float, expected: float, *, source: str, reason: str = "", **more: Any) -> Result:
-    """A value that must not exceed a figure; NaN does."""
+    """A value that must not exceed a bound; NaN does."""
     return Result(quantity, float(value), expected, 0.0, bool(value <= expected), source, reason, "at most", **more)
 
 
 def at_least(quantity: str, value: float, expected: float, *, source: str, reason: str = "", **more: Any) -> Result:
-    """A value that must reach a figure; NaN does not."""
+    """A value that must reach a bound; NaN does not."""
     return Result(quantity, float(value), expected, 0.0, bool(value >= expected), source, reason, "at least", **more)
 
 
-def reported(quantity: str, value: float, *, reason: str, source: str = "", **more: Any) -> Result:
-    """A value that is told and held against nothing; `reason` says why."""
-    return Result(quantity, float(value), None, None, not math.isnan(value), source, reason, "reported", **more)
+def informative(quantity: str, value: float, *, reason: str, source: str = "", **more: Any) -> Result:
+    """A value without a bound; `reason` says why."""
+    return Result(quantity, float(value), None, None, not math.isnan(value), source, reason, "informative", **more)
 
 
 def levels_of(h: Sequence[float], unknowns: Sequence[int], error: Sequence[float]) -> tuple[Level, ...]:
@@ -172,15 +157,15 @@ def rate(
     quantity: str, levels: Sequence[Level], wanted: float | None, *, source: str, reason: str = "",
     last: int | None = None, published: Sequence[Published] = (),
 ) -> Result:  # fmt: skip
-    """The fitted rate of an error, over the `last` few levels or all; it falls short below the figure that is wanted,
-    and where a pairwise rate is below half of it. With one or two levels, or no figure, it is told and not judged.
+    """The fitted rate of an error, over the `last` few levels or all; it falls short below the one that is wanted, and
+    where a pairwise rate is below half of it. With one or two levels, or none wanted, it is informative.
     """
     value = fitted([v.h for v in levels], [v.error for v in levels], last) if len(levels) > 1 else math.nan
     more: dict[str, Any] = {"levels": tuple(levels), "published": tuple(published)}
     if wanted is None or len(levels) < 3:
         why = reason if wanted is None else f"a rate is judged on three levels or more; {reason}"
         passed = all(math.isfinite(v.error) for v in levels)
-        return Result(quantity, value, wanted, None, passed, source, why, "reported", **more)
+        return Result(quantity, value, wanted, None, passed, source, why, "informative", **more)
     steps = [v.rate for v in levels[-last if last else None :] if v.rate is not None]
     passed = value >= wanted and all(step >= wanted / 2 for step in steps)
     return Result(quantity, value, wanted, 0.0, bool(passed), source, reason, "at least", **more)

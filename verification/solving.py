@@ -3,23 +3,40 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
-from lacsolver import Answer, Fields, Problem, Restart, State, StepFigures
+from lacsolver import Answer, Fields, Problem, Restart, State, StepFigures, ZoneState
+from lacsolver.contact import integrate
 from verification.measures.balance import Balance, unbalanced
-from verification.records import Picture, Result, at_most
+from verification.records import Level, Picture, Result, at_most, levels_of
+
+Floats = NDArray[np.floating]
 
 #: what is left of forces and moments, of their own size (design: rounding of some thousand terms)
 BALANCED = 1e-12
 _SOURCE = "action and reaction; one quadrature and one normal for both sides"
+
+
+class LevelSolution(Protocol):
+    """A solution on one mesh of several."""
+
+    @property
+    def solved(self) -> Solved:
+        """The problem and its states."""
+
+    @property
+    def h(self) -> float:
+        """The size of the mesh."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +60,27 @@ class Solved:
     def unknowns(self) -> int:
         """Number of displacement unknowns."""
         return int(self.problem.constraints.n_q)
+
+    @property
+    def zone(self) -> ZoneState:
+        """State of the one zone at the end."""
+        (zone,) = self.state.zones
+        return zone
+
+    @property
+    def recovered(self) -> NDArray[np.floating]:
+        """Recovered pressure (n_nodes,) at the end, on the slave of the one zone; NaN elsewhere."""
+        return self.fields.zones[self.zone.name].pressure_recovered
+
+    @property
+    def iterations(self) -> int:
+        """Number of Newton iterations of all steps."""
+        return sum(state.iterations for state in self.states)
+
+    @property
+    def halvings(self) -> int:
+        """Number of times that a step was halved."""
+        return sum(state.halvings for state in self.states)
 
     @cached_property
     def u(self) -> NDArray[np.floating]:
@@ -97,6 +135,29 @@ def solve(case: lacsolver.Case | str, mesh: Mesh) -> Solved:
 def finished(problem: Problem) -> Solved:
     """Solve a problem. Raises what `march` raises."""
     return Solved(problem, tuple(lacsolver.march(problem)))
+
+
+def with_true_gap(problem: Problem, gap: Callable[[Floats, Floats], Floats]) -> Problem:
+    """The problem with the true gap at every point of its contact, whatever lies between the faces there.
+
+    `gap`: (n,) at points (n, 3) of the slave, in the coordinates of the mesh, along its normals there (n, 3).
+    """
+    (joint,), asked = problem.joints, []
+
+    def none(x: Floats, t: float) -> Floats:
+        asked.append(x + problem.space.origin)
+        return np.zeros(len(x))
+
+    pairing = replace(joint.pairing, clearance=none)
+    points = integrate(joint.zone, problem.space.dim, pairing).points
+    missing = gap(asked[0], points.normal) - points.gap
+    return replace(problem, joints=(replace(joint, pairing=replace(pairing, clearance=lambda x, t: missing)),))
+
+
+def convergence(solutions: Sequence[LevelSolution], error: str) -> tuple[Level, ...]:
+    """Table of convergence of an error, an attribute of solutions on finer and finer meshes (`a.b`: of another)."""
+    errors = list(map(attrgetter(error), solutions))
+    return levels_of([s.h for s in solutions], [s.solved.unknowns for s in solutions], errors)
 
 
 def balanced(solutions: Sequence[Solved], *, moments: bool = True) -> tuple[Result, ...]:

@@ -149,7 +149,7 @@ def _title(of_type: TypeQuality, rank: str) -> str:
 
 def _bars(histogram: Histogram) -> list[str]:
     """Histogram drawn in characters, two bins per line, limited to the part in use."""
-    from lacmesh.report.markdown import bar
+    from lacmesh.report.histograms import bar
 
     edges = histogram.edges[::2]
     counts = [a + b for a, b in zip(histogram.counts[::2], histogram.counts[1::2], strict=True)]

@@ -1,111 +1,254 @@
-"""Histograms as SVG, drawn line by line: no library, so that a report costs no more than its text."""
+"""Charts as SVG, drawn line by line: no library, so that a report of hundreds of them stays light."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lacmesh.quality.spread import Histogram
-from lacmesh.report.outline import Bars
+from lacmesh.report.blocks import Chart, Line, Plot
 
-WIDTH, HEIGHT = 340, 190
-_LEFT, _RIGHT, _TOP, _BOTTOM = 40, 10, 30, 34
-_TICKS = {
-    "unit": ((0, "0"), (0.2, "0.2"), (0.4, "0.4"), (0.6, "0.6"), (0.8, "0.8"), (1, "1")),
-    "ratio": ((1, "1"), (2, "2"), (5, "5"), (10, "10"), (20, "20"), (50, "50"), (100, "100")),
-    "angle": tuple((a, str(a)) for a in range(0, 181, 30)),
-}
-
-
-def svg(chart: Bars) -> str:
-    """A chart: the share of the cells in each bin, before and after side by side, as an <svg> element."""
-    first = chart.before or chart.after
-    low, high = _window(chart)
-    shares = [_shares(h, low, high) for h in (chart.before, chart.after) if h is not None]
-    top = _round_up(max(float(s.max(initial=0)) for s in shares))
-    bins = len(shares[0])
-    width = (WIDTH - _LEFT - _RIGHT) / bins
-    height = HEIGHT - _TOP - _BOTTOM
-    parts = [_frame(chart, top, height)]
-    for which, share in enumerate(shares):
-        name = "before" if len(shares) == 2 and which == 0 else "after"
-        slot = width * 0.86 / len(shares)
-        for k in np.flatnonzero(share > 0).tolist():
-            tall = max(float(share[k]) / top * height, 0.8)
-            x = _LEFT + k * width + 0.07 * width + which * slot
-            y = _TOP + height - tall
-            title = f"{name}: {share[k]:.1%}, {_bin_words(first, k + low)}"
-            parts.append(
-                f'<rect class="{name}" x="{x:.1f}" y="{y:.1f}" width="{slot:.1f}" height="{tall:.1f}">'
-                f"<title>{escape(title)}</title></rect>"
-            )
-    parts.append(_axis(chart, first, low, bins, width, _TOP + height))
-    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(chart.measure)}">{"".join(parts)}</svg>'
+Array: TypeAlias = NDArray[np.float64]
+WIDTH, HEIGHT = 440, 290
+_LEFT, _RIGHT, _TOP, _BOTTOM = 62, 430, 10, 246
+#: number of lines in one chart that can be told apart
+COLOURS = 8
+#: outlines of marks, drawn from their centre
+_MARKS = ("m-3.4 0a3.4 3.4 0 1 0 6.8 0a3.4 3.4 0 1 0-6.8 0z", "m-3 -3h6v6h-6z", "m-3.6 2.6h7.2l-3.6-6.2z",
+          "m-4 0l4-4l4 4l-4 4z")  # fmt: skip
+#: of a line with more points, marks are dots
+_MANY = 40
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def _outer(h: Histogram) -> np.ndarray:
-    """Counts of all bins, with what lies below the first and above the last."""
-    return np.array([h.below, *h.counts, h.above])
+@dataclass(frozen=True)
+class Axis:
+    """From values to places: `low` and `high` (of the logarithm where `log`) lie at `start` and `end`."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+    log: bool
+
+    def at(self, values: Sequence[float] | Array) -> Array:
+        """Positions of values on the axis; NaN where there is none."""
+        scaled = scale(np.asarray(values, dtype=float), self.log)
+        return self.start + (scaled - self.low) / (self.high - self.low) * (self.end - self.start)
+
+    def ticks(self) -> list[tuple[float, str]]:
+        """Values to name, and their names."""
+        if not self.log:
+            return [(v, _name(v)) for v in steps(self.low, self.high)]
+        decades = range(math.ceil(self.low - 1e-9), math.floor(self.high + 1e-9) + 1)
+        if len(decades) > 2:
+            every = math.ceil(len(decades) / 6)
+            return [(10.0**k, _power(k)) for k in decades if k % every == 0]
+        fine = [m * 10.0**k for k in range(math.floor(self.low), math.ceil(self.high) + 1) for m in (1, 2, 5)]
+        inside = [v for v in fine if self.low - 1e-9 <= math.log10(v) <= self.high + 1e-9]
+        if len(inside) < 2:
+            inside = [v for v in steps(10**self.low, 10**self.high) if v > 0]
+        return [(v, _name(v)) for v in inside]
 
 
-def _window(chart: Bars) -> tuple[int, int]:
-    """First and last bin to show, of those that `_outer` counts; of ratios and angles only those in use."""
-    histograms = [h for h in (chart.before, chart.after) if h is not None]
-    used = np.flatnonzero(np.sum([_outer(h) for h in histograms], axis=0))
-    last = len(histograms[0].counts) + 1
-    low = 0 if len(used) and used[0] == 0 else 1
-    high = last if len(used) and used[-1] == last else last - 1
-    if chart.kind == "ratio":
-        high = max(int(used.max(initial=1)), 10)
-    elif chart.kind == "angle" and used.max(initial=1) <= (last - 1) // 2:
-        high = (last - 1) // 2
-    return low, high
+def scale(values: Array, log: bool) -> Array:
+    """Transform values to an axis' scale: NaN where a logarithm does not exist."""
+    finite = np.where(np.isfinite(values), values, np.nan)
+    return np.log10(np.where(finite > 0, finite, np.nan)) if log else finite
 
 
-def _shares(h: Histogram, low: int, high: int) -> np.ndarray:
-    counts = _outer(h)
-    return counts[low : high + 1] / max(int(counts.sum()), 1)
+def steps(low: float, high: float) -> list[float]:
+    """Round values within a range, about five.
+
+    >>> steps(0, 1)
+    [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
+    """
+    rough = (high - low) / 5
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = power * next(m for m in (1, 2, 2.5, 5, 10) if m * power >= rough * 0.999)
+    first = math.ceil(low / step - 1e-9)
+    return [round(k * step, 12) for k in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
-def _round_up(share: float) -> float:
-    """Upper end of the axis for a largest share."""
-    return next(step for step in (0.06, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.01) if share <= step)
+def svg(chart: Chart) -> str:
+    """A chart as an <svg> element."""
+    plot = chart.plot
+    xs, ys = _scaled(plot)
+    label = escape(f"{plot.title}: {plot.y_label} against {plot.x_label}", quote=True)
+    start = f'<svg class="chart" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">'
+    if not len(xs):
+        return f'{start}<text class="tick" x="{WIDTH / 2}" y="{HEIGHT / 2}" text-anchor="middle">no value</text></svg>'
+    corners = [c for k, slope in enumerate(chart.slopes) if (c := _triangle(plot, slope, k)) is not None]
+    x = _axis(xs, plot.log_x, _LEFT, _RIGHT)
+    y = _axis(np.concatenate([ys, *(c[:, 1] for c in corners)]), plot.log_y, _BOTTOM, _TOP)
+    parts = [_frame(x, y, plot)]
+    parts += [_slope(x, y, c, slope) for c, slope in zip(corners, chart.slopes, strict=False)]
+    parts += [_line(x, y, line, k) for k, line in zip(ranks(plot.lines), plot.lines, strict=True)]
+    return f"{start}{''.join(parts)}</svg>"
 
 
-def _bin_words(h: Histogram, k: int) -> str:
-    if k == 0:
-        return f"below {h.edges[0]:.3g}"
-    if k > len(h.counts):
-        return f"above {h.edges[-1]:.3g}"
-    return f"{h.edges[k - 1]:.3g} to {h.edges[k]:.3g}"
+def ranks(lines: Sequence[Line]) -> list[int]:
+    """The colour of each line: -1 of the first exact solution, which is drawn in ink."""
+    styles = [line.style for line in lines]
+    exact = styles.index("line") if "line" in styles else len(lines)
+    return [-1 if k == exact else k - (k > exact) for k in range(len(lines))]
 
 
-def _frame(chart: Bars, top: float, height: float) -> str:
-    """The title, and lines across at half and full height."""
-    out = [f'<text class="name" x="{_LEFT}" y="16">{escape(chart.measure)}</text>']
-    for part in (0, 0.5, 1):
-        y = _TOP + height * (1 - part)
-        out.append(f'<line class="grid" x1="{_LEFT}" x2="{WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>')
-        out.append(
-            f'<text class="tick" x="{_LEFT - 5}" y="{y + 3.5:.1f}" text-anchor="end">{100 * top * part:.3g} %</text>'
-        )
+def swatch(line: Line, rank: int) -> str:
+    """Sample of a line for the legend."""
+    drawn = "" if line.style == "points" else '<path class="stroke" d="M1 6H25"/>'
+    marked = f'<path class="{_mark_class(rank)}" d="M13 6{_mark(rank)}"/>' if line.style in ("points", "both") else ""
+    return f'<svg class="swatch {_class(rank)}" viewBox="0 0 26 12" aria-hidden="true">{drawn}{marked}</svg>'
+
+
+def _scaled(plot: Plot) -> tuple[Array, Array]:
+    """All points that can be drawn, as the axes have them."""
+    xs, ys = [np.empty(0)], [np.empty(0)]
+    for line in plot.lines:
+        n = min(len(line.x), len(line.y))
+        x, y = scale(np.array(line.x[:n]), plot.log_x), scale(np.array(line.y[:n]), plot.log_y)
+        seen = ~(np.isnan(x) | np.isnan(y))
+        xs.append(x[seen])
+        ys.append(y[seen])
+        if line.style == "steps" and len(line.x) > n:
+            xs.append(scale(np.array(line.x[n:]), plot.log_x))
+    return np.concatenate(xs), np.concatenate(ys)
+
+
+def _axis(values: Array, log: bool, start: float, end: float) -> Axis:
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    if high - low <= 1e-12 * max(abs(low), abs(high), 1e-300):
+        room = 0.5 if log else abs(low) * 0.1 or 1.0
+        return Axis(low - room, high + room, start, end, log)
+    room = (high - low) * 0.05
+    return Axis(low - room, high + room, start, end, log)
+
+
+def _name(value: float) -> str:
+    return "0" if value == 0 else f"{value:.4g}"
+
+
+def _power(k: int) -> str:
+    return _name(10.0**k) if -3 < k < 4 else f"10{str(k).translate(_SUPERSCRIPTS)}"
+
+
+def _frame(x: Axis, y: Axis, plot: Plot) -> str:
+    """The grid, names of its lines, and of the axes."""
+    across, down, names = [], [], []
+    for value, name in y.ticks():
+        place = float(y.at([value])[0])
+        across.append(f"M{_LEFT} {place:.1f}H{_RIGHT}")
+        names.append(f'<text class="tick" x="{_LEFT - 6}" y="{place + 3.8:.1f}" text-anchor="end">{name}</text>')
+    for value, name in x.ticks():
+        place = float(x.at([value])[0])
+        down.append(f"M{place:.1f} {_TOP}V{_BOTTOM}")
+        names.append(f'<text class="tick" x="{place:.1f}" y="{_BOTTOM + 15}" text-anchor="middle">{name}</text>')
+    middle = (_LEFT + _RIGHT) / 2, (_TOP + _BOTTOM) / 2
+    return (
+        f'<path class="grid" d="{"".join(across + down)}"/><path class="frame" d="M{_LEFT} {_TOP}V{_BOTTOM}H{_RIGHT}"/>'
+        f'{"".join(names)}<text class="label" x="{middle[0]}" y="{HEIGHT - 8}" text-anchor="middle">'
+        f'{escape(plot.x_label)}</text><text class="label" transform="translate(14 {middle[1]}) rotate(-90)" '
+        f'text-anchor="middle">{escape(plot.y_label)}</text>'
+    )
+
+
+def _line(x: Axis, y: Axis, line: Line, rank: int) -> str:
+    px, py = _places(x, y, line)
+    drawn = "" if line.style == "points" else f'<path class="stroke" d="{_path(px, py)}"/>'
+    marked = ""
+    if line.style in ("points", "both"):
+        seen = ~(np.isnan(px) | np.isnan(py))
+        mark = "h0" if seen.sum() > _MANY else _mark(rank)
+        d = "".join(f"M{a:.1f} {b:.1f}{mark}" for a, b in zip(px[seen], py[seen], strict=True))
+        marked = f'<path class="{"dots" if mark == "h0" else _mark_class(rank)}" d="{d}"/>'
+    return f'<g class="{_class(rank)}">{drawn}{marked}<title>{escape(line.label)}</title></g>'
+
+
+def _places(x: Axis, y: Axis, line: Line) -> tuple[Array, Array]:
+    """Positions of a line's points in the chart; a line of steps holds each value until the next position."""
+    n = min(len(line.x), len(line.y))
+    if line.style != "steps":
+        return _thinned(x.at(line.x[:n]), y.at(line.y[:n]))
+    ends = line.x if len(line.x) > n else (*line.x[:n], line.x[n - 1])
+    return np.repeat(x.at(ends[: n + 1]), 2)[1:-1], np.repeat(y.at(line.y[:n]), 2)
+
+
+def _thinned(px: Array, py: Array) -> tuple[Array, Array]:
+    """Drop points that cannot be seen: nearer than half a unit to the one before."""
+    if len(px) < 200:
+        return px, py
+    step = np.floor(np.nan_to_num(np.cumsum(np.hypot(np.diff(px, prepend=px[0]), np.diff(py, prepend=py[0])))) / 0.5)
+    kept = np.r_[True, np.diff(step) > 0] | np.isnan(px) | np.isnan(py)
+    kept[-1] = True
+    return px[kept], py[kept]
+
+
+def _path(px: Array, py: Array) -> str:
+    """A path through the places, broken where there is none."""
+    out, pen = [], "M"
+    for a, b in zip(px.tolist(), py.tolist(), strict=True):
+        if math.isnan(a) or math.isnan(b):
+            pen = "M"
+            continue
+        out.append(f"{pen}{a:.1f} {b:.1f}")
+        pen = "L"
     return "".join(out)
 
 
-def _axis(chart: Bars, h: Histogram, low: int, bins: int, width: float, y: float) -> str:
-    """Ticks of the bins, and words under what lies outside them."""
-    out = []
-    edges = np.array(h.edges)
-    for value, word in _TICKS.get(chart.kind, ((edges[0], f"{edges[0]:.3g}"), (edges[-1], f"{edges[-1]:.3g}"))):
-        place = float(np.interp(value, edges, np.arange(len(edges)))) + 1 - low
-        if 0 <= place <= bins:
-            x = _LEFT + place * width
-            out.append(f'<line class="mark" x1="{x:.1f}" x2="{x:.1f}" y1="{y:.1f}" y2="{y + 4:.1f}"/>')
-            out.append(f'<text class="tick" x="{x:.1f}" y="{y + 15:.1f}" text-anchor="middle">{word}</text>')
-    if low == 0:
-        out.append(f'<text class="tick" x="{_LEFT + width / 2:.1f}" y="{y + 28:.1f}" text-anchor="middle">below</text>')
-    if low + bins > len(h.counts) + 1:
-        x = _LEFT + (bins - 0.5) * width
-        out.append(f'<text class="tick" x="{x:.1f}" y="{y + 28:.1f}" text-anchor="middle">above</text>')
-    return "".join(out)
+def _triangle(plot: Plot, slope: float, rank: int) -> Array | None:
+    """(3, 2), in logarithms: the ends of a slope and its corner, below all lines, the first at the right end.
+
+    None where there is no room.
+    """
+    if not (plot.log_x and plot.log_y):
+        return None
+    xs, ys = _scaled(plot)
+    width = float(np.ptp(xs))
+    if width == 0 or slope <= 0:
+        return None
+    right = xs.max() - (0.06 + 0.36 * rank) * width
+    left = right - 0.26 * width
+    at = np.linspace(left, right, 9)
+    lines = [_logs(plot, line) for line in plot.lines]
+    below = [np.interp(at, *line, left=np.nan, right=np.nan) for line in lines if len(line[0]) > 1]
+    room = 0.06 * max(float(np.ptp(ys)), 0.5)
+    floor = float(np.nanmin([b - slope * at for b in below], initial=float(ys.max()))) - room
+    low, high = slope * left + floor, slope * right + floor
+    return np.array([[left, low], [right, high], [right, low]])
+
+
+def _logs(plot: Plot, line: Line) -> tuple[Array, Array]:
+    """The points of a line, from the left."""
+    n = min(len(line.x), len(line.y))
+    x, y = scale(np.array(line.x[:n]), True), scale(np.array(line.y[:n]), True)
+    seen = ~(np.isnan(x) | np.isnan(y))
+    order = np.argsort(x[seen])
+    return x[seen][order], y[seen][order]
+
+
+def _slope(x: Axis, y: Axis, corners: Array, slope: float) -> str:
+    px, py = x.at(10.0 ** corners[:, 0]), y.at(10.0 ** corners[:, 1])
+    (a, b, c), (d, e, f) = px, py
+    return (
+        f'<path class="slope" d="M{a:.1f} {d:.1f}L{b:.1f} {e:.1f}L{c:.1f} {f:.1f}Z"/>'
+        f'<text class="tick" x="{b + 5:.1f}" y="{(e + f) / 2 + 4:.1f}">{slope:.3g}</text>'
+        f'<text class="tick" x="{(a + c) / 2:.1f}" y="{min(f + 12, _BOTTOM - 2):.1f}" text-anchor="middle">1</text>'
+    )
+
+
+def _class(rank: int) -> str:
+    return "exact" if rank < 0 else f"c{rank % COLOURS}"
+
+
+def _mark(rank: int) -> str:
+    return _MARKS[rank % len(_MARKS)]
+
+
+def _mark_class(rank: int) -> str:
+    """Marks of a second round of colours are hollow."""
+    return "hollow" if rank >= COLOURS else "mark"

@@ -112,10 +112,10 @@ def _colours(measure: str, edges: tuple[float, ...], accepted: tuple[float, floa
 def _dress(axis: Any, measure: str, spread: Spread) -> None:
     unit = _NAMES.get(SCALES[measure].kind, "")
     axis.set_title(f"{measure}{f' ({unit})' if unit else ''}", fontsize=10.5, loc="left", color=_INK)
-    told = f"min {spread.least:.3g}   median {spread.median:.3g}   max {spread.largest:.3g}"
+    summary = f"min {spread.least:.3g}   median {spread.median:.3g}   max {spread.largest:.3g}"
     if spread.undefined:
-        told += f"   undefined {spread.undefined:,}"
-    axis.set_xlabel(told, fontsize=8.5, color=_SOFT)
+        summary += f"   undefined {spread.undefined:,}"
+    axis.set_xlabel(summary, fontsize=8.5, color=_SOFT)
     axis.tick_params(labelsize=8.5, colors=_SOFT, length=3)
     axis.grid(axis="y", color=_LINE, zorder=0)
     axis.xaxis.set_minor_locator(import_module("matplotlib.ticker").NullLocator())
@@ -126,10 +126,10 @@ def _dress(axis: Any, measure: str, spread: Spread) -> None:
 
 
 def _name(axis: Any, kind: TypeQuality) -> None:
-    told = f"{kind.type}   {kind.count:,} cells, {kind.invalid:,} invalid"
-    told += "" if kind.poor is None else f", {kind.poor:,} poor"
+    title = f"{kind.type}   {kind.count:,} cells, {kind.invalid:,} invalid"
+    title += "" if kind.poor is None else f", {kind.poor:,} poor"
     words = axis.annotate(
-        told, (0, 1), (0, 22), xycoords="axes fraction", textcoords="offset points", fontweight="bold", color=_INK
+        title, (0, 1), (0, 22), xycoords="axes fraction", textcoords="offset points", fontweight="bold", color=_INK
     )
     words.set_in_layout(False)  # it may run over the next chart's column
 

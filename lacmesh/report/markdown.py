@@ -1,87 +1,109 @@
-"""Report as Markdown: tables, and histograms drawn in characters."""
+"""A report as Markdown: tables, and histograms in characters; other charts and pictures are left out."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from lacmesh.quality.spread import Histogram
-from lacmesh.report.outline import Bars, Charts, Facts, ReportBlock, Table, Text, Title
+from lacmesh.report.blocks import (
+    Bars,
+    Command,
+    Drawing,
+    Facts,
+    Figures,
+    Image,
+    NamedValues,
+    Page,
+    Section,
+    Simple,
+    Table,
+    TableCell,
+    TableRow,
+    Text,
+    Title,
+)
+from lacmesh.report.histograms import text
 
-_EIGHTHS = " ▏▎▍▌▋▊▉"
-_WIDTH = 24
+
+def page(content: Iterable[Simple], footer: str) -> str:
+    """A single page as Markdown."""
+    return "\n\n".join([*blocks(content), footer]) + "\n"
 
 
-def markdown(blocks: Iterable[ReportBlock], footer: str) -> str:
-    """The blocks of `outline` as Markdown."""
-    return "\n\n".join([*("\n".join(_block(block)) for block in blocks), footer]) + "\n"
+def pages(content: Iterable[Page], footer: str) -> str:
+    """Several pages as Markdown, one after the other."""
+    parts = [text for page in content for text in _page(page)]
+    return "\n\n".join([*parts, footer]) + "\n"
 
 
-def _block(block: ReportBlock) -> Iterator[str]:
+def blocks(content: Iterable[Simple], deeper: int = 0) -> Iterator[str]:
+    """Blocks as Markdown; `deeper`: levels by which headings are lowered."""
+    yield from filter(None, (_block(block, deeper) for block in content))
+
+
+def _page(page: Page) -> Iterator[str]:
+    yield f"# {plain(page.title)}"
+    for block in page.blocks:
+        if isinstance(block, Section):
+            yield f"### {plain(block.title)} ({plain(block.note)})"
+            yield from blocks(block.blocks, 1)
+        else:
+            yield from blocks([block])
+
+
+def _block(block: Simple, deeper: int) -> str:
     match block:
         case Title():
-            yield f"{'#' * block.level} {_plain(block.text)}"
+            return f"{'#' * (block.level + deeper)} {plain(block.text)}"
         case Text():
-            yield f"**{_plain(block.lead)}**: {_plain(block.text)}" if block.lead else _plain(block.text)
+            lead = f"**{plain(block.lead)}**: " if block.lead else ""
+            return f"{lead}{plain(block.text)}" if block.literal else block.text.strip()
         case Facts():
-            yield from _table(Table(("", "", ""), tuple((f.label, f.value, f.note) for f in block.facts), (False,) * 3))
+            return "\n".join(f"- {plain(f.label)}: {_bold(f.value, f.note)}" for f in block.facts)
         case Table():
-            if block.folded:
-                yield f"**{_plain(block.folded)}**"
-                yield ""
-            yield from _table(block)
-        case Charts():
-            yield "```text"
-            for chart in block.charts:
-                yield from _chart(chart)
-            yield "```"
+            return _table(block)
+        case NamedValues():
+            return "; ".join(f"{plain(name)}: {plain(value)}" for name, value in block.pairs)
+        case Command():
+            return f"```console\n$ {block.text}\n```"
+        case Figures():
+            return _figures(block)
+        case Drawing():
+            return ""
 
 
-def _plain(text: str) -> str:
+def _bold(value: str, note: str) -> str:
+    return f"**{plain(value)}**" + (f" ({plain(note)})" if note else "")
+
+
+def _figures(figures: Figures) -> str:
+    """Histograms in characters, and the files of pictures in the folder of a run."""
+    bars = [text(figure.content) for figure in figures.figures if isinstance(figure.content, Bars)]
+    pictures = [(figure, figure.content) for figure in figures.figures if isinstance(figure.content, Image)]
+    lines = [f"- {plain(f.source)}, {plain(f.title)}: `cases/{i.path.parent.name}/{i.path.name}`" for f, i in pictures]
+    return "\n".join([*(["```text", *bars, "```"] if bars else []), *lines])
+
+
+def plain(text: str) -> str:
+    """Text whose signs are only signs.
+
+    >>> plain("a|b*")
+    'a\\\\|b\\\\*'
+    """
     for sign in "\\`*_<>[]|":
         text = text.replace(sign, "\\" + sign)
     return text.replace("\n", " ")
 
 
-def _table(table: Table) -> Iterator[str]:
-    yield f"| {' | '.join(_plain(name) for name in table.columns)} |"
-    yield f"|{'|'.join('---:' if right else '---' for right in table.right)}|"
-    yield from (f"| {' | '.join(_plain(value) for value in row)} |" for row in table.rows)
+def _table(table: Table) -> str:
+    head = f"| {' | '.join(plain(c.name) for c in table.columns)} |"
+    rule = f"|{'|'.join('---:' if c.number else '---' for c in table.columns)}|"
+    folded = [f"**{plain(table.folded)}**", ""] if table.folded else []
+    return "\n".join([*folded, head, rule, *(_row(row) for row in (*table.rows, *table.foot))])
 
 
-def _chart(chart: Bars) -> Iterator[str]:
-    yield chart.measure
-    histograms = [h for h in (chart.before, chart.after) if h is not None]
-    rows = [lines(h) for h in histograms]
-    seen = [k for k in range(len(rows[0])) if any(r[k][1] for r in rows)]
-    if not seen:
-        yield "  (no cell has it)"
-        return
-    if len(rows) == 2:
-        yield f"  {'':16} {'before':{_WIDTH + 9}} after"
-    for k in range(seen[0], seen[-1] + 1):
-        cells = " ".join(f"{bar(r[k][1], sum(c for _, c in r)):{_WIDTH}} {r[k][1]:8,}" for r in rows)
-        yield f"  {rows[0][k][0]:16} {cells}".rstrip()
-    yield ""
+def _row(row: TableRow) -> str:
+    return f"| {' | '.join(_cell(cell) for cell in row.cells)} |"
 
 
-def lines(h: Histogram) -> list[tuple[str, int]]:
-    """Range and count of every bin, with those below and above the bins first and last.
-
-    >>> lines(Histogram((0.0, 0.5, 1.0), (1, 2), 0, 3))
-    [('below 0', 0), ('0 to 0.5', 1), ('0.5 to 1', 2), ('above 1', 3)]
-    """
-    words = [f"{low:.3g} to {high:.3g}" for low, high in zip(h.edges, h.edges[1:], strict=False)]
-    names = [f"below {h.edges[0]:.3g}", *words, f"above {h.edges[-1]:.3g}"]
-    return list(zip(names, (h.below, *h.counts, h.above), strict=True))
-
-
-def bar(count: int, total: int, width: int = _WIDTH) -> str:
-    """Bar as long as the share of `count` in `total`; any count above 0 is visible.
-
-    >>> bar(1, 4, 8), bar(1, 10**6), bar(0, 4)
-    ('██', '▏', '')
-    """
-    eighths = round(8 * width * count / max(total, 1))
-    if count and not eighths:
-        eighths = 1
-    return "█" * (eighths // 8) + _EIGHTHS[eighths % 8].strip()
+def _cell(cell: TableCell) -> str:
+    return f"**{plain(cell.text)}**" if cell.verdict in ("missed", "none") else plain(cell.text)

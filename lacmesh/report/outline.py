@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lacmesh.quality.measures import SCALES
-from lacmesh.quality.spread import PERCENTS, Histogram, Spread
+from lacmesh.quality.spread import PERCENTS, Spread
 from lacmesh.quality.survey import TypeQuality
 from lacmesh.quality.verdict import ACCEPTED
+from lacmesh.report.blocks import (
+    Bars,
+    Fact,
+    Facts,
+    Figure,
+    Figures,
+    Simple,
+    Table,
+    Text,
+    Title,
+    Verdict,
+    columns,
+)
 from lacmesh.report.compare import Comparison, CutReport
 
 if TYPE_CHECKING:
@@ -23,98 +37,34 @@ _WORDS = {3: "Solid cells", 2: "Surface cells", 1: "Lines"}
 _SIZE = {3: "volume", 2: "area", 1: "length"}
 
 
-@dataclass(frozen=True)
-class Title:
-    """A heading of `level` 1 to 3."""
-
-    level: int
-    text: str
-
-
-@dataclass(frozen=True)
-class Text:
-    """A paragraph; `lead`: the word that it explains. `bad`: it needs attention."""
-
-    text: str
-    lead: str = ""
-    bad: bool = False
-
-
-@dataclass(frozen=True)
-class Fact:
-    """A key figure: its label, its value and a note. `bad`: it needs attention."""
-
-    label: str
-    value: str
-    note: str = ""
-    bad: bool = False
-
-
-@dataclass(frozen=True)
-class Facts:
-    """The key figures, shown first."""
-
-    facts: tuple[Fact, ...]
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of words; columns marked in `right` hold numbers. `folded`: summary of a table that is shown folded."""
-
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    right: tuple[bool, ...]
-    folded: str = ""
-
-
-@dataclass(frozen=True)
-class Bars:
-    """A measure before the cut and after it; `before` is None where there was none (the ratio to the parent)."""
-
-    measure: str
-    kind: str
-    before: Histogram | None
-    after: Histogram
-
-
-@dataclass(frozen=True)
-class Charts:
-    """Charts that stand side by side."""
-
-    charts: tuple[Bars, ...]
-
-
-ReportBlock = Title | Text | Facts | Table | Charts
-
-
-def outline(report: CutReport, name: str = "") -> Iterator[ReportBlock]:
+def outline(report: CutReport, name: str = "") -> Iterator[Simple]:
     """Yield the blocks of a report; `name`: of the mesh, for its title."""
-    yield Title(1, f"The cut of {name}" if name else "The cut")
+    yield Title(f"The cut of {name}" if name else "The cut", 1)
     yield Facts(tuple(_facts(report)))
-    yield Text(" ".join(_sentences(report)))
+    yield Text(" ".join(_sentences(report)), literal=True)
     if report.findings is not None:
-        yield Title(2, "What the check found")
+        yield Title("What the check found", 2)
         yield from _findings(report.findings)
     for comparison in report.comparisons:
         if comparison.dim > 1 or any(comparison.invalid):
             yield from _comparison(comparison)
     if report.worst:
-        yield Title(2, "New cells of lowest quality")
+        yield Title("New cells of lowest quality", 2)
         yield _worst(report)
     if report.sizes:
-        yield Title(2, "What the touched cells hold")
+        yield Title("What the touched cells hold", 2)
         yield Text(
             "Lengths, areas and volumes of the touched cells, which the cut keeps; the other cells are unchanged."
         )
         yield _sizes(report)
     if report.types_after.types:
-        yield Title(2, "Verdict's measures, type by type")
+        yield Title("Verdict's measures, type by type", 2)
         yield Text("As ParaView computes them; Verdict defines none on quadratic cells. Touched cells only.")
         for when, quality in (("before", report.types_before), ("after", report.types_after)):
             for kind in quality.types:
                 yield from _type(kind, when)
-    yield Title(2, "What the numbers mean")
-    yield from (Text(text, lead) for lead, text in _MEANINGS.items())
+    yield Title("What the numbers mean", 2)
+    yield from (Text(text, literal=True, lead=lead) for lead, text in _MEANINGS.items())
 
 
 _MEANINGS = {
@@ -140,11 +90,14 @@ def _facts(report: CutReport) -> Iterator[Fact]:
     if not report.comparisons:
         return
     before, after = s.worst
-    yield Fact("minimum Jacobian", number(after), f"of the parents {number(before)}", bad=not after >= _HARD)
+    yield Fact(
+        "minimum Jacobian", number(after), f"of the parents {number(before)}", "" if after >= _HARD else "missed"
+    )
     top = report.comparisons[0]
     yield Fact("child / parent", number(top.ratio.median), f"median; least {number(top.ratio.least)}")
     invalid = [sum(c.invalid[k] for c in report.comparisons) for k in (0, 1)]
-    yield Fact("invalid children", f"{invalid[1]:,}", f"{invalid[0]:,} invalid parents", bad=invalid[1] > 0)
+    verdict: Verdict = "missed" if invalid[1] else ""
+    yield Fact("invalid children", f"{invalid[1]:,}", f"{invalid[0]:,} invalid parents", verdict)
 
 
 def _sentences(report: CutReport) -> Iterator[str]:
@@ -177,8 +130,8 @@ def _variant_sentence(report: CutReport) -> str:
     better = {name: count for name, count in v.better.items() if count}
     if not better:
         return f"{start}: no hexahedron would be better off with the other variant."
-    told = "; ".join(f"{count:,} would have better children with --hexa {name}" for name, count in better.items())
-    return f"{start}: {told}. --hexa auto chooses for each set of hexahedra that share slave faces."
+    counts = "; ".join(f"{count:,} would have better children with --hexa {name}" for name, count in better.items())
+    return f"{start}: {counts}. --hexa auto chooses for each set of hexahedra that share slave faces."
 
 
 def _findings(findings: Sequence[Finding]) -> Iterator[Text]:
@@ -186,25 +139,28 @@ def _findings(findings: Sequence[Finding]) -> Iterator[Text]:
         yield Text("Nothing.")
     for f in findings:
         group = f" in {f.where.group}" if f.where.group else ""
-        yield Text(f"{f.message}.", f"{f.severity}, {f.rule}{group}", bad=f.severity == "error")
+        verdict: Verdict = "missed" if f.severity == "error" else ""
+        yield Text(f"{f.message}.", verdict, literal=True, lead=f"{f.severity}, {f.rule}{group}")
 
 
 def _count(cells: dict[str, int]) -> str:
     return ", ".join(f"{n:,} {kind}" for kind, n in cells.items())
 
 
-def _comparison(c: Comparison) -> Iterator[ReportBlock]:
-    yield Title(2, f"{_WORDS[c.dim]}: {c.cells[0]:,} before, {c.cells[1]:,} after")
+def _comparison(c: Comparison) -> Iterator[Simple]:
+    yield Title(f"{_WORDS[c.dim]}: {c.cells[0]:,} before, {c.cells[1]:,} after", 2)
     ordered = sorted(c.after, key=lambda m: (m != "corner_jacobian", m == "validity"))
     charts = [Bars(m, SCALES[m].kind, c.before[m].histogram, c.after[m].histogram) for m in ordered if c.dim > 1]
     if c.dim > 1:
         charts.insert(1, Bars("ratio to the parent", "unit", None, c.ratio.histogram))
-        yield Charts(tuple(charts))
+        yield Figures(tuple(Figure(bars.measure, bars) for bars in charts))
     rows = [_spread_row(m, when, s) for m in ordered for when, s in (("before", c.before[m]), ("after", c.after[m]))]
     if c.dim > 1:
         rows.insert(2, _spread_row("ratio to the parent", "after", c.ratio))
-    columns = ("measure", "", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean")
-    yield Table(columns, tuple(rows), (False, False, *(True,) * 8))
+    names = ("measure", "", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean")
+    table = Table.of_words(columns(names, numbers=names[2:]), rows)
+    again = [b[0] == a[0] for a, b in pairwise([("",), *rows])]
+    yield replace(table, rows=tuple(replace(row, again=b) for row, b in zip(table.rows, again, strict=True)))
 
 
 def _spread_row(measure: str, when: str, s: Spread) -> tuple[str, ...]:
@@ -212,8 +168,8 @@ def _spread_row(measure: str, when: str, s: Spread) -> tuple[str, ...]:
 
 
 def _worst(report: CutReport) -> Table:
-    names = ("cell", "type", "corner_jacobian", "of the parent", "parent", "place", "angles", "groups", "better")
-    columns = names if any(w.better for w in report.worst) else names[:-1]
+    names: tuple[str, ...] = ("cell", "type", "corner_jacobian", "of the parent", "parent", "place", "angles", "groups")
+    names += ("better",) if any(w.better for w in report.worst) else ()
     rows = []
     for w in report.worst:
         place = ", ".join(f"{v:.4g}" for v in w.centroid)
@@ -221,30 +177,31 @@ def _worst(report: CutReport) -> Table:
         angles = "" if np.isnan(w.angles[0]) else f"{w.angles[0]:.1f} to {w.angles[1]:.1f}"
         parent = f"{w.parent_type} {w.parent}"
         values = (str(w.number), w.type, number(w.value), number(w.parent_value), parent, place, angles)
-        rows.append((*values, ", ".join(w.groups), better)[: len(columns)])
-    return Table(columns, tuple(rows), (True, False, True, True, *(False,) * (len(columns) - 4)))
+        rows.append((*values, ", ".join(w.groups), better)[: len(names)])
+    return Table.of_words(columns(names, numbers=("cell", "corner_jacobian", "of the parent")), rows)
 
 
 def _sizes(report: CutReport) -> Table:
-    rows = tuple(
+    rows = [
         (s.group or "all", _SIZE[s.dim], f"{s.before:.10g}", f"{s.after:.10g}", f"{s.change:+.1e}" if s.change else "0")
         for s in report.sizes
-    )
-    return Table(("group", "", "before", "after", "relative change"), rows, (False, False, True, True, True))
+    ]
+    names = ("group", "", "before", "after", "relative change")
+    return Table.of_words(columns(names, numbers=names[2:]), rows)
 
 
-def _type(t: TypeQuality, when: str) -> Iterator[ReportBlock]:
+def _type(t: TypeQuality, when: str) -> Iterator[Simple]:
     accepted = ACCEPTED.get(t.type, {})
     measures = {m: s for m, s in t.measures.items() if m in accepted}
     if not measures:
         return
-    columns = ("measure", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean", "accepted")
+    names = ("measure", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean", "accepted")
     rows = []
     for m, s in measures.items():
         limits = accepted[m]
-        told = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
-        rows.append((*(_spread_row(m, "", s)[0:1] + _spread_row(m, "", s)[2:]), told))
-    yield Table(columns, tuple(rows), (False, *(True,) * 9), folded=f"{t.type} {when}: {t.count:,} cells")
+        allowed = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
+        rows.append((*(_spread_row(m, "", s)[0:1] + _spread_row(m, "", s)[2:]), allowed))
+    yield Table.of_words(columns(names, numbers=names[1:]), rows, folded=f"{t.type} {when}: {t.count:,} cells")
 
 
 def number(value: float) -> str:

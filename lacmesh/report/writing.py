@@ -8,10 +8,10 @@ from pathlib import Path
 
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.formats.output import check_place, replace_file
+from lacmesh.report import html, markdown
+from lacmesh.report.blocks import Title
 from lacmesh.report.compare import CutReport
-from lacmesh.report.html import html
-from lacmesh.report.markdown import markdown
-from lacmesh.report.outline import Title, outline
+from lacmesh.report.outline import outline
 
 SUFFIXES = (".html", ".md", ".json")
 
@@ -30,14 +30,15 @@ def write_report(path: str | os.PathLike[str], report: CutReport, *, name: str =
 def report_bytes(suffix: str, report: CutReport, name: str = "") -> bytes:
     """Content of a report in the format of a suffix."""
     if suffix == ".json":
-        told = {"name": name, **report.as_json()}
-        return (json.dumps(told, ensure_ascii=False, indent=1, allow_nan=False) + "\n").encode()
+        content = {"name": name, **report.as_json()}
+        return (json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False) + "\n").encode()
     from lacmesh import __version__
 
     blocks = list(outline(report, name))
     footer = f"lacmesh {__version__}"
     title = next(block.text for block in blocks if isinstance(block, Title))
-    return (html(blocks, title, footer) if suffix == ".html" else markdown(blocks, footer)).encode()
+    text = html.page(blocks, title, footer) if suffix == ".html" else markdown.page(blocks, footer)
+    return text.encode()
 
 
 def check_report(path: Path, *, force: bool = True) -> None:

@@ -1,6 +1,6 @@
 """Scene of a mesh to be drawn: the faces in sight, as triangles, lines and dots with their colours, and the camera.
 
-    seen = the faces of bodies, slave skin and master in sight                 (`seen`)
+    visible = the visible faces of bodies, slave skin and master               (`visible`)
     points = the bodies moved apart, to show the skin between them             (`placing`)
     marks, values = what findings name, a value for each cell                  (`marks`)
     layers = triangles, lines and dots with their colours                      (`layers`)
@@ -19,16 +19,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
+from lacmesh.checks.findings import counted
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.scene.colours import BODIES, DOT, INK, INVALID, MASTER, PALETTE, SEVERITIES, pale, rgb
 from lacmesh.scene.layers import Layer, make_layers
 from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks
-from lacmesh.scene.placing import find_eye, find_opening, frame, opened
+from lacmesh.scene.placing import exploded, find_exploded_view, find_eye, fit_camera
 from lacmesh.scene.request import check_placing
-from lacmesh.scene.seen import MASTER as IS_MASTER
-from lacmesh.scene.seen import SLAVE, Groups, Seen, Vector, find_seen
+from lacmesh.scene.visible import MASTER as IS_MASTER
+from lacmesh.scene.visible import SLAVE, Groups, Vector, VisibleSurface, find_visible
 
 #: the part of the picture's height above which the mesh ends, and what a line of the legend takes below it
 HIGH, FOOT, LEGEND_LINE = 0.93, 0.035, 0.04
@@ -88,16 +89,16 @@ def make_scene(
     """Make the scene that `view.picture` draws, by its options. Raises RequestError, GroupNotFoundError, DataError."""
     check_placing(camera, cutaway, explode, near)
     mesh = from_origin(mesh, origin_of_mesh(mesh))  # a graphics card counts with seven digits
-    seen = find_seen(mesh, slave, master, near=near, cutaway=cutaway)
-    eye = find_eye(mesh, seen, camera)
-    points = opened(mesh, seen, find_opening(mesh, seen, eye, explode, tilt))
-    marks = None if findings is None else find_marks(mesh, findings, seen.kept)
+    visible = find_visible(mesh, slave, master, near=near, cutaway=cutaway)
+    eye = find_eye(mesh, visible, camera)
+    points = exploded(mesh, visible, find_exploded_view(mesh, visible, eye, explode, tilt))
+    marks = None if findings is None else find_marks(mesh, findings, visible.kept)
     return Scene(
-        layers=make_layers(points, seen, eye, marks, values),
+        layers=make_layers(points, visible, eye, marks, values),
         eye=eye,
         title=title_of(mesh),
         legend=(
-            *legend_of(seen, marked=marks is not None and marks.wrong, valued=values is not None),
+            *legend_of(visible, marked=marks is not None and marks.wrong, valued=values is not None),
             *_values_legend(mesh, values),
             *_marks_legend(marks),
         ),
@@ -127,7 +128,7 @@ def unit_of(size: tuple[int, int]) -> float:
 def camera_of(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
     """A camera of parallel rays that looks along -eye, upright, with all in sight and room for the words."""
     points = np.vstack([layer.points for layer in scene.layers])
-    return frame(points, scene.eye, size, scene.low, HIGH)
+    return fit_camera(points, scene.eye, size, scene.low, HIGH)
 
 
 def title_of(mesh: Mesh) -> str:
@@ -136,29 +137,25 @@ def title_of(mesh: Mesh) -> str:
     return f"{mesh.n_nodes:,} nodes, {', '.join(cells)}"
 
 
-def legend_of(seen: Seen, *, marked: bool = False, valued: bool = False) -> tuple[Entry, ...]:
+def legend_of(visible: VisibleSurface, *, marked: bool = False, valued: bool = False) -> tuple[Entry, ...]:
     """Legend of slave, master and dots: paler if findings are `marked`, outlined if cells are coloured by values."""
-    slaves, masters = seen.rows(SLAVE), seen.rows(IS_MASTER)
+    slaves, masters = visible.rows(SLAVE), visible.rows(IS_MASTER)
     kind = "outline" if valued else "area"
     shades: tuple[str, ...] = PALETTE[:3]
     if marked:
         shades = tuple(bytes(colour).hex() for colour in pale(rgb(shades)))
     entries = []
     if len(slaves):
-        macros = len(np.unique(seen.macro[slaves]))
-        cut = f"{_count(macros, 'macro-element')}, made of {_count(len(slaves), 'slave face')}"
-        words = cut if len(seen.internal) else _count(len(slaves), "slave face")
+        macros = len(np.unique(visible.macro[slaves]))
+        cut = f"{counted(macros, 'macro-element')}, made of {counted(len(slaves), 'slave face')}"
+        words = cut if len(visible.internal) else counted(len(slaves), "slave face")
         entries.append(Entry(kind, words, (INK,) if valued else shades))
     if len(masters):
-        entries.append(Entry(kind, _count(len(masters), "master face"), (INK if valued else MASTER,)))
-    if len(seen.internal):
-        words = f"{_count(len(seen.internal), 'internal node')}, each with a dof of its own"
+        entries.append(Entry(kind, counted(len(masters), "master face"), (INK if valued else MASTER,)))
+    if len(visible.internal):
+        words = f"{counted(len(visible.internal), 'internal node')}, each with a dof of its own"
         entries.append(Entry("dot", words, (INK if marked else DOT,)))
     return tuple(entries)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
 def _values_legend(mesh: Mesh, values: Values | None) -> list[Entry]:
@@ -172,7 +169,7 @@ def _values_legend(mesh: Mesh, values: Values | None) -> list[Entry]:
     if np.isnan(values.values[mesh.cell_dim > 1]).any():
         entries.append(Entry("area", f"{values.what} is not defined on these cells", (BODIES[0],)))
     if len(cells := np.flatnonzero(values.invalid)):
-        words = f"{_count(len(cells), 'invalid cell')}: {some(mesh.cell_number[cells], 6)}"
+        words = f"{counted(len(cells), 'invalid cell')}: {some(mesh.cell_number[cells], 6)}"
         entries.append(Entry("area", words, (INVALID,)))
     return entries
 

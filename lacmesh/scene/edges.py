@@ -9,7 +9,7 @@ import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
-from lacmesh.scene.seen import is_segment
+from lacmesh.scene.visible import is_segment
 from lacmesh.topology.skin import FACE_TYPES, Faces, label_rows
 
 #: cosine of the angle from which an edge between two faces is a crease

@@ -30,8 +30,8 @@ from lacmesh.scene.colours import (
 )
 from lacmesh.scene.edges import TINY, body_edges, group_edges, group_ends, segments
 from lacmesh.scene.marks import Marks, Values
-from lacmesh.scene.seen import BODY, SLAVE, Seen, diagonal, is_segment
-from lacmesh.scene.seen import MASTER as IS_MASTER
+from lacmesh.scene.visible import BODY, SLAVE, VisibleSurface, diagonal, is_segment
+from lacmesh.scene.visible import MASTER as IS_MASTER
 from lacmesh.topology.skin import FACE_TYPES, Faces
 
 #: parts that an edge of a curved face is drawn in: most, and how many pieces may be drawn in all
@@ -60,57 +60,57 @@ class Layer:
 
 
 def make_layers(
-    points: Floats, seen: Seen, eye: Floats, marks: Marks | None = None, values: Values | None = None
+    points: Floats, visible: VisibleSurface, eye: Floats, marks: Marks | None = None, values: Values | None = None
 ) -> tuple[Layer, ...]:
     """Layers in the order of drawing: faces first, then lines, then dots, then the marks of findings."""
     marked = marks is not None and marks.wrong
-    body, slave, master = (seen.faces.take(seen.rows(role)) for role in (BODY, SLAVE, IS_MASTER))
-    colour = _face_colours(seen, marked, values)
-    parts = curved_parts(seen.faces)
+    body, slave, master = (visible.faces.take(visible.rows(role)) for role in (BODY, SLAVE, IS_MASTER))
+    colour = _face_colours(visible, marked, values)
+    parts = curved_parts(visible.faces)
     layers = [
-        _surface(points, faces, colour[seen.rows(role)], parts)
+        _surface(points, faces, colour[visible.rows(role)], parts)
         for role, faces in ((BODY, body), (IS_MASTER, master), (SLAVE, slave))
     ]
-    layers += _edge_layers(points, seen, parts)
+    layers += _edge_layers(points, visible, parts)
     for faces, role, width in ((body, BODY, 4.0), (master, IS_MASTER, 12.0), (slave, SLAVE, 18.0)):
         ends, rows = segments(faces)
-        layers.append(_lines(points, ends, colour[seen.rows(role)][rows], width, parts))
-    radius = _dot_radius(points, seen)
-    ends = group_ends(slave, seen.macro[seen.rows(SLAVE)])
+        layers.append(_lines(points, ends, colour[visible.rows(role)][rows], width, parts))
+    radius = _dot_radius(points, visible)
+    ends = group_ends(slave, visible.macro[visible.rows(SLAVE)])
     layers += [
         _dots(points[ends], INK, 0.8 * radius),
-        _dots(points[seen.internal], INK if marked else DOT, radius),
+        _dots(points[visible.internal], INK if marked else DOT, radius),
     ]
     if marks is not None:
-        layers += _mark_layers(points, seen, eye, marks)
+        layers += _mark_layers(points, visible, eye, marks)
     return tuple(layer for layer in layers if len(layer.cells))
 
 
-def _face_colours(seen: Seen, marked: bool, values: Values | None) -> NDArray[np.uint8]:
+def _face_colours(visible: VisibleSurface, marked: bool, values: Values | None) -> NDArray[np.uint8]:
     """Colour of each face in sight, (f, 3)."""
     if values is not None:
-        colours = on_ramp(values.values[seen.cell], values.bad, values.good)
-        colours[values.invalid[seen.cell]] = rgb((INVALID,))
-        lines = is_segment(seen.faces)
+        colours = on_ramp(values.values[visible.cell], values.bad, values.good)
+        colours[values.invalid[visible.cell]] = rgb((INVALID,))
+        lines = is_segment(visible.faces)
         colours[lines] = rgb((INK,))
         return colours
-    colours = rgb(BODIES)[seen.body % len(BODIES)]
-    colours[seen.bare] = rgb((INSIDE,))
-    slaves = seen.rows(SLAVE)
-    colours[slaves] = rgb(PALETTE)[paint(seen.macro[slaves], seen.faces.corners[slaves])]
-    colours[seen.rows(IS_MASTER)] = rgb((MASTER,))
-    colours[(seen.role == BODY) & is_segment(seen.faces)] = rgb((CREASE,))
-    return np.where((seen.role != BODY)[:, None], pale(colours), colours) if marked else colours
+    colours = rgb(BODIES)[visible.body % len(BODIES)]
+    colours[visible.cut_open] = rgb((INSIDE,))
+    slaves = visible.rows(SLAVE)
+    colours[slaves] = rgb(PALETTE)[paint(visible.macro[slaves], visible.faces.corners[slaves])]
+    colours[visible.rows(IS_MASTER)] = rgb((MASTER,))
+    colours[(visible.role == BODY) & is_segment(visible.faces)] = rgb((CREASE,))
+    return np.where((visible.role != BODY)[:, None], pale(colours), colours) if marked else colours
 
 
-def _edge_layers(points: Floats, seen: Seen, parts: int) -> list[Layer]:
-    plain, sharp = body_edges(points, seen.faces.take(seen.rows(BODY)))
-    skin = np.flatnonzero(seen.role != BODY)
-    faces = seen.faces.take(skin)
+def _edge_layers(points: Floats, visible: VisibleSurface, parts: int) -> list[Layer]:
+    plain, sharp = body_edges(points, visible.faces.take(visible.rows(BODY)))
+    skin = np.flatnonzero(visible.role != BODY)
+    faces = visible.faces.take(skin)
     # each macro-element is a group of its own, and the master another
-    inner, outline = group_edges(faces, np.where(seen.role[skin] == SLAVE, seen.macro[skin] + 1, 0))
-    border = group_edges(faces, seen.role[skin])[1]
-    wide, narrow = _thin(points, seen.faces.take(seen.rows(BODY))), _thin(points, faces)
+    inner, outline = group_edges(faces, np.where(visible.role[skin] == SLAVE, visible.macro[skin] + 1, 0))
+    border = group_edges(faces, visible.role[skin])[1]
+    wide, narrow = _thin(points, visible.faces.take(visible.rows(BODY))), _thin(points, faces)
     layers = [
         (plain, EDGE, 1.5 * wide, wide),
         (sharp, CREASE, 3.2 * max(wide, 0.5), 1.0),
@@ -121,9 +121,9 @@ def _edge_layers(points: Floats, seen: Seen, parts: int) -> list[Layer]:
     return [_lines(points, ends, rgb((colour,)), width, parts) for ends, colour, width, thin in layers if thin > FAINT]
 
 
-def _mark_layers(points: Floats, seen: Seen, eye: Floats, marks: Marks) -> list[Layer]:
+def _mark_layers(points: Floats, visible: VisibleSurface, eye: Floats, marks: Marks) -> list[Layer]:
     """Layers of the marks of findings: in front of the faces they lie on, and again, faintly, before everything."""
-    size = diagonal(points[seen.faces.nodes[:, 0]])
+    size = diagonal(points[visible.faces.nodes[:, 0]])
     step = 2e-3 * size * eye
     colours = rgb([SEVERITIES[s] for s in marks.severity])
     shown = np.flatnonzero(np.array([s != "info" for s in marks.severity])[marks.of])[::-1]  # the worst is drawn last
@@ -137,7 +137,7 @@ def _mark_layers(points: Floats, seen: Seen, eye: Floats, marks: Marks) -> list[
         _lines(points + 2 * step, ends, colour[rows], 22.0, parts),
     ]
     ghosts = [replace(layer, points=layer.points + 2 * size * eye, opacity=THROUGH) for layer in (solid, *lines)]
-    radius = 1.3 * _dot_radius(points, seen)
+    radius = 1.3 * _dot_radius(points, visible)
     dots = [
         _dots(points[marks.nodes[here]] + 2.1 * size * eye, SEVERITIES[name], radius)
         for name in ("warning", "error")
@@ -155,12 +155,12 @@ def _thin(points: Floats, faces: Faces) -> float:
     return min(1.0, length / (0.03 * diagonal(points[faces.nodes[:, 0]]) + TINY))
 
 
-def _dot_radius(points: Floats, seen: Seen) -> float:
+def _dot_radius(points: Floats, visible: VisibleSurface) -> float:
     """A radius that suits the picture, and keeps dots apart."""
     from scipy.spatial import cKDTree
 
-    largest = 0.006 * diagonal(points[seen.faces.nodes[:, 0]])
-    x = points[seen.internal]
+    largest = 0.006 * diagonal(points[visible.faces.nodes[:, 0]])
+    x = points[visible.internal]
     if len(x) < 2:
         return largest
     return min(largest, 0.2 * float(np.quantile(cKDTree(x).query(x, k=2)[0][:, 1], 0.25)))

@@ -13,7 +13,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.scene.colours import SEVERITIES
-from lacmesh.scene.seen import as_faces, facets_of
+from lacmesh.scene.visible import as_faces, facets_of
 from lacmesh.topology.skin import Faces
 
 #: a ratio this many times the median has the colour of the worst

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.mesh import Floats, Mesh
-from lacmesh.scene.seen import MASTER, SLAVE, Seen, Vector, diagonal, is_segment, unit
+from lacmesh.scene.visible import MASTER, SLAVE, Vector, VisibleSurface, diagonal, is_segment, unit
 
 #: where the eye is by default, and how far from straight on it may see the slave skin, in degrees
 OBLIQUE, SEEN_AT = (1.0, -1.6, 0.9), 40.0
@@ -19,7 +19,7 @@ ONE_WAY = 0.3
 
 
 @dataclass(frozen=True)
-class Opening:
+class ExplodedView:
     """Motion of the bodies that carry slave faces: rotation by `angle` about `axis` through `centre`, then a shift.
 
     `shift` (3,) keeps them clear of the other bodies, and leaves a gap.
@@ -35,68 +35,68 @@ class Opening:
         return self.centre + rotated(x - self.centre, self.axis, self.angle) + self.shift
 
 
-def find_eye(mesh: Mesh, seen: Seen, camera: Vector | None) -> Floats:
+def find_eye(mesh: Mesh, visible: VisibleSurface, camera: Vector | None) -> Floats:
     """Direction from the mesh towards the eye, (3,)."""
     if camera is not None:
         return unit(camera)
     if mesh.space_dim == 2:
         return np.array([0.0, 0.0, 1.0])
-    outward = find_outward(mesh.points, seen)
-    return unit((0 if seen.hidden else outward) + 0.6 * unit(OBLIQUE))
+    outward = find_outward(mesh.points, visible)
+    return unit((0 if visible.hidden else outward) + 0.6 * unit(OBLIQUE))
 
 
-def find_outward(points: Floats, seen: Seen) -> Floats:
+def find_outward(points: Floats, visible: VisibleSurface) -> Floats:
     """Mean unit normal (3,) of the slave skin, out of its bodies; 0 if the skin faces every way."""
-    rows = seen.rows(SLAVE)
+    rows = visible.rows(SLAVE)
     if not len(rows):
         return np.zeros(3)
-    slaves = seen.faces.take(rows)
+    slaves = visible.faces.take(rows)
     corners = slaves.corners
     x = points[np.where(corners < 0, corners[:, :1], corners)]
     third = np.where(is_segment(slaves)[:, None], x[:, 0] + [0.0, 0.0, 1.0], x[:, 2])
     normals = np.cross(x[:, 1] - x[:, 0], third - x[:, 0])
-    own = (seen.role != SLAVE) & np.isin(seen.body, seen.slave_bodies)
-    inside = points[seen.faces.nodes[own, 0]].mean(axis=0) if own.any() else x[:, 0].mean(axis=0)
+    own = (visible.role != SLAVE) & np.isin(visible.body, visible.slave_bodies)
+    inside = points[visible.faces.nodes[own, 0]].mean(axis=0) if own.any() else x[:, 0].mean(axis=0)
     mean = normals.sum(axis=0)
     if np.linalg.norm(mean) <= ONE_WAY * np.linalg.norm(normals, axis=1).sum():
         return np.zeros(3)
     return unit(mean if mean @ (x[:, 0].mean(axis=0) - inside) >= 0 else -mean)
 
 
-def find_opening(
-    mesh: Mesh, seen: Seen, eye: Floats, explode: float | None = None, tilt: float | None = None
-) -> Opening | None:
+def find_exploded_view(
+    mesh: Mesh, visible: VisibleSurface, eye: Floats, explode: float | None = None, tilt: float | None = None
+) -> ExplodedView | None:
     """Find the motion of the bodies that carry slave faces which shows these; None if nothing has to move."""
-    points, outward, plane = mesh.points, find_outward(mesh.points, seen), mesh.space_dim == 2
-    if not outward.any() or not seen.hidden:
+    points, outward, plane = mesh.points, find_outward(mesh.points, visible), mesh.space_dim == 2
+    if not outward.any() or not visible.hidden:
         return None
     if tilt is None:
         tilt = 0.0 if plane else max(0.0, float(np.degrees(np.arccos(np.clip(outward @ eye, -1, 1)))) - SEEN_AT)
-    shown = points[np.isin(seen.body_of_node, seen.body)]
-    gap = explode if explode is not None else GAP if not plane else PLANE_GAP if (seen.role == MASTER).any() else 0.0
+    shown = points[np.isin(visible.body_of_node, visible.body)]
+    gap = explode if explode is not None else GAP if not plane else PLANE_GAP if (visible.role == MASTER).any() else 0.0
     if tilt == gap == 0:
         return None
-    mine, other = moving(seen)
+    mine, other = moving(visible)
     centre = (points[mine].min(axis=0) + points[mine].max(axis=0)) / 2
     axis = unit(eye if plane else np.cross(outward, eye))
     turned = centre + rotated(points[mine] - centre, axis, np.radians(tilt))
     overlap = (turned @ outward).max() - (points[other] @ outward).min()
-    return Opening(centre, axis, float(np.radians(tilt)), -(overlap + gap * diagonal(shown)) * outward)
+    return ExplodedView(centre, axis, float(np.radians(tilt)), -(overlap + gap * diagonal(shown)) * outward)
 
 
-def moving(seen: Seen) -> tuple[Any, Any]:
+def moving(visible: VisibleSurface) -> tuple[Any, Any]:
     """Masks (n_nodes,) of the nodes of the bodies that carry slave faces, and of the others in sight."""
-    mine = np.isin(seen.body_of_node, seen.slave_bodies)
-    return mine, np.isin(seen.body_of_node, seen.body) & ~mine
+    mine = np.isin(visible.body_of_node, visible.slave_bodies)
+    return mine, np.isin(visible.body_of_node, visible.body) & ~mine
 
 
-def opened(mesh: Mesh, seen: Seen, opening: Opening | None) -> Floats:
+def exploded(mesh: Mesh, visible: VisibleSurface, view: ExplodedView | None) -> Floats:
     """Points of the mesh, (n_nodes, 3), those of the bodies that carry slave faces moved."""
-    if opening is None:
+    if view is None:
         return mesh.points
-    mine, _ = moving(seen)
+    mine, _ = moving(visible)
     points = mesh.points.copy()
-    points[mine] = opening.of(points[mine])
+    points[mine] = view.of(points[mine])
     return points
 
 
@@ -113,14 +113,14 @@ def screen_axes(eye: Floats) -> Floats:
     return np.stack([right, np.cross(eye, right), eye], axis=1)
 
 
-def frame(points: Floats, eye: Floats, size: tuple[int, int], low: float, high: float) -> dict[str, Any]:
+def fit_camera(points: Floats, eye: Floats, size: tuple[int, int], low: float, high: float) -> dict[str, Any]:
     """A camera of parallel rays that looks along -eye, upright, with all points in sight between two heights.
 
     `low`, `high`: the part of the picture's height that the points may take, from 0 at its foot to 1.
     """
     axes = screen_axes(eye)
-    seen = points @ axes
-    extent, middle = np.ptp(seen, axis=0), axes @ (seen.min(axis=0) + seen.max(axis=0)) / 2
+    projected = points @ axes
+    extent, middle = np.ptp(projected, axis=0), axes @ (projected.min(axis=0) + projected.max(axis=0)) / 2
     half = max(extent[1] / (high - low), extent[0] / 0.94 * size[1] / size[0]) / 2
     middle -= (high + low - 1) * half * axes[:, 1]
     distance = float(np.linalg.norm(extent)) or 1.0

@@ -1,4 +1,4 @@
-"""Draws the scene that `png` left in a folder; run in a process of its own, because VTK may end it."""
+"""Drawing of the scene that `png` left in a folder; `offscreen` runs it in a process of its own."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from lacmesh.scene import INDENT, LETTER, unit_of
 from lacmesh.scene.colours import INK, RAMP, on_ramp
+from lacmesh.view.offscreen import add_lines, open_plotter, set_camera
 
+#: name of the file that is drawn
+PICTURE = "picture.png"
 #: arrays of a layer
 ARRAYS = ("points", "cells", "rgb", "normals")
-#: lights that go with the camera: where they stand (right, up, towards the eye), how strong
-LIGHTS = (((-0.5, 0.9, 1.0), 0.55), ((0.9, 0.0, 0.6), 0.22), ((0.0, -0.2, 1.0), 0.33))
 #: triangles that all balls together may have; where that is too few for balls, dots are flat
 BALLS = 2_000_000
 
@@ -33,29 +34,22 @@ class Sheet(NamedTuple):
 
 
 def draw(folder: str) -> None:
-    """Draw the scene in a folder into its `picture.png`."""
+    """Draw the scene in a folder into its file PICTURE."""
     pyvista: Any = import_module("pyvista")
     scene = json.loads((Path(folder) / "scene.json").read_text(encoding="utf-8"))
     arrays = np.load(Path(folder) / "scene.npz")
     width, height = scene["size"]
-    plotter = pyvista.Plotter(off_screen=True, window_size=scene["size"])
+    plotter = open_plotter(scene["size"])
     sheet = Sheet(plotter, pyvista, unit_of((width, height)), scene)
-    plotter.set_background("white")
-    plotter.remove_all_lights()
-    for place, strength in LIGHTS:
-        plotter.add_light(pyvista.Light(position=place, intensity=strength, light_type="camera light"))
     for k, layer in enumerate(scene["layers"]):
         _add_layer(sheet, layer, [arrays[f"{a}{k}"] for a in ARRAYS])
-    camera = scene["camera"]
-    plotter.enable_parallel_projection()
-    plotter.camera_position = [camera["position"], camera["focal"], camera["up"]]
-    plotter.camera.parallel_scale = camera["scale"]
+    set_camera(plotter, scene["camera"])
     plotter.reset_camera_clipping_range()
     if width * height <= 4_000_000:  # this costs four times the memory of the picture
         plotter.enable_anti_aliasing("ssaa")
     _add_words(sheet)
     _add_labels(sheet)
-    plotter.screenshot(Path(folder) / "picture.png")
+    plotter.screenshot(Path(folder) / PICTURE)
 
 
 def _add_layer(sheet: Sheet, layer: tuple[str, float, float], arrays: list[NDArray]) -> None:
@@ -67,10 +61,7 @@ def _add_layer(sheet: Sheet, layer: tuple[str, float, float], arrays: list[NDArr
         _add_dots(sheet, points, rgb[0].tolist(), width)
     elif kind == "lines":
         lines = pyvista.PolyData(points, lines=rows)
-        pixels = width * sheet.unit
-        actor = plotter.add_mesh(lines, scalars=rgb, rgb=True, line_width=pixels, lighting=False, opacity=opacity)
-        actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-        actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-1, -4 * pixels)
+        add_lines(plotter, lines, width * sheet.unit, scalars=rgb, rgb=True, opacity=opacity)
     else:
         faces = pyvista.PolyData(points, faces=rows)
         faces.point_data.active_normals = normals

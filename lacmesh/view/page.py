@@ -29,9 +29,19 @@ from lacmesh.scene import colours, legend_of, title_of
 from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
 from lacmesh.scene.layers import curved_parts, grid
 from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks
-from lacmesh.scene.placing import find_eye, find_opening
+from lacmesh.scene.placing import find_exploded_view, find_eye
 from lacmesh.scene.request import check_placing
-from lacmesh.scene.seen import BODY, SLAVE, FaceKeys, Groups, Seen, Vector, as_faces, diagonal, find_seen
+from lacmesh.scene.visible import (
+    BODY,
+    SLAVE,
+    FaceKeys,
+    Groups,
+    Vector,
+    VisibleSurface,
+    as_faces,
+    diagonal,
+    find_visible,
+)
 from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces
 
 #: the role of a face that a finding names, after BODY, SLAVE, MASTER
@@ -67,10 +77,10 @@ def page(
     if path.suffix.lower() not in (".html", ".htm"):
         raise RequestError(f"{path}: a page is written as .html")
     check_placing(camera, cutaway, explode, near)
-    seen = find_seen(mesh, slave, master, near=near, cutaway=cutaway)
-    marks = find_marks(mesh, [*(findings or ()), *_worst(mesh, values)], seen.kept)
-    head, arrays = _content(mesh, seen, marks, values)
-    head |= _placing(mesh, seen, head, camera, explode)
+    visible = find_visible(mesh, slave, master, near=near, cutaway=cutaway)
+    marks = find_marks(mesh, [*(findings or ()), *_worst(mesh, values)], visible.kept)
+    head, arrays = _content(mesh, visible, marks, values)
+    head |= _placing(mesh, visible, head, camera, explode)
     head |= {"title": title or title_of(mesh), "checked": findings is not None}
     replace_file(path, _filled(head, arrays).encode("utf-8", "replace"))
 
@@ -91,29 +101,33 @@ def _worst(mesh: Mesh, values: Values | None) -> list[Any]:
     return [_Worst(int(mesh.cell_number[c]), f"cell {mesh.cell_number[c]}\t{values.values[c]:.4g}") for c in cells]
 
 
-def _content(mesh: Mesh, seen: Seen, marks: Marks, values: Values | None) -> tuple[dict[str, Any], PageArrays]:
+def _content(
+    mesh: Mesh, visible: VisibleSurface, marks: Marks, values: Values | None
+) -> tuple[dict[str, Any], PageArrays]:
     """Data of the page: a head of names and small tables, and the arrays."""
-    count = len(seen.faces)
+    count = len(visible.faces)
     shown = _limited(marks)
     faces = Faces(
-        np.append(seen.faces.type, marks.faces.type[shown]), np.vstack([seen.faces.nodes, marks.faces.nodes[shown]])
+        np.append(visible.faces.type, marks.faces.type[shown]),
+        np.vstack([visible.faces.nodes, marks.faces.nodes[shown]]),
     )
-    cell = np.append(seen.cell, marks.cell[shown])
-    edges, kind, face = _edges(mesh, seen, marks, shown)
-    ends = group_ends(seen.faces.take(seen.rows(SLAVE)), seen.macro[seen.rows(SLAVE)])
+    cell = np.append(visible.cell, marks.cell[shown])
+    skin = np.where(visible.skin < 0, -1, mesh.cell_number[visible.skin])
+    edges, kind, face = _edges(mesh, visible, marks, shown)
+    ends = group_ends(visible.faces.take(visible.rows(SLAVE)), visible.macro[visible.rows(SLAVE)])
     used = np.zeros(mesh.n_nodes + 1, bool)
-    for nodes in (faces.nodes, seen.internal, ends, marks.nodes):
+    for nodes in (faces.nodes, visible.internal, ends, marks.nodes):
         used[nodes] = True
     used[-1] = False
     place = np.cumsum(used) - 1
     used = used[:-1]
     box = mesh.points[used]
     centre, half = (box.min(axis=0) + box.max(axis=0)) / 2, diagonal(box) / 2 or 1.0
-    names, bodies = np.unique(seen.body_of_node[used], return_inverse=True)
-    combination, combinations = _group_sets(mesh, seen, cell)
-    slaves = seen.rows(SLAVE)
+    names, bodies = np.unique(visible.body_of_node[used], return_inverse=True)
+    combination, combinations = _group_sets(mesh, visible, cell)
+    slaves = visible.rows(SLAVE)
     paint = np.zeros(len(faces), np.uint8)
-    paint[slaves] = colours.paint(seen.macro[slaves], seen.faces.corners[slaves])
+    paint[slaves] = colours.paint(visible.macro[slaves], visible.faces.corners[slaves])
     kinds = [b.type for b in mesh.blocks]
     arrays: PageArrays = {
         "points": ((box - centre) / half).astype(np.float32),
@@ -121,19 +135,19 @@ def _content(mesh: Mesh, seen: Seen, marks: Marks, values: Values | None) -> tup
         "nodeBody": bodies.astype(np.int32),
         "type": faces.type.astype(np.uint8),
         "nodes": place[faces.nodes[np.arange(faces.nodes.shape[1]) < N_NODES[faces.type][:, None]]].astype(np.int32),
-        "role": np.append(seen.role, np.full(len(shown), MARK)).astype(np.uint8),
+        "role": np.append(visible.role, np.full(len(shown), MARK)).astype(np.uint8),
         "of": np.append(np.full(count, -1), marks.of[shown]).astype(np.int32),
-        "macro": np.append(seen.macro, np.full(len(shown), -1)).astype(np.int32),
+        "macro": np.append(visible.macro, np.full(len(shown), -1)).astype(np.int32),
         "paint": paint,
-        "bare": np.append(seen.bare, np.zeros(len(shown), bool)).astype(np.uint8),
+        "cutOpen": np.append(visible.cut_open, np.zeros(len(shown), bool)).astype(np.uint8),
         "cell": _numbers(mesh.cell_number[cell]),
         "cellType": (np.searchsorted(mesh.offsets, cell, side="right") - 1).astype(np.uint8),
-        "skin": _numbers(np.append(np.where(seen.skin < 0, -1, mesh.cell_number[seen.skin]), np.full(len(shown), -1))),
+        "skin": _numbers(np.append(skin, np.full(len(shown), -1))),
         "groups": combination.astype(np.int32),
         "edges": np.where(edges < 0, -1, place[edges]).astype(np.int32),
         "edgeKind": kind.astype(np.uint8),
         "edgeFace": face.astype(np.int32),
-        "internal": place[seen.internal].astype(np.int32),
+        "internal": place[visible.internal].astype(np.int32),
         "ends": place[ends].astype(np.int32),
         "markNodes": place[marks.nodes].astype(np.int32),
         "markOf": marks.node_of.astype(np.int32),
@@ -145,13 +159,13 @@ def _content(mesh: Mesh, seen: Seen, marks: Marks, values: Values | None) -> tup
         "plane": mesh.space_dim == 2,
         "faceTypes": _face_types(faces),
         "cellTypes": kinds,
-        "cut": len(seen.internal) > 0,
+        "cut": len(visible.internal) > 0,
         "nBodies": len(names),
         "bodies": names.tolist(),
         "groups": [{"name": g, "dim": mesh.group_dim(g), "cells": len(ids)} for g, ids in mesh.cell_groups.items()],
         "combinations": combinations,
         "findings": [{"severity": s, "message": m} for s, m in zip(marks.severity, marks.message, strict=True)],
-        "legend": [entry.words for entry in legend_of(seen)],
+        "legend": [entry.words for entry in legend_of(visible)],
         "colours": {
             "palette": colours.PALETTE, "bodies": colours.BODIES, "inside": colours.INSIDE, "master": colours.MASTER,
             "dot": colours.DOT, "ramp": colours.RAMP, "invalid": colours.INVALID, **colours.SEVERITIES,
@@ -170,19 +184,19 @@ def _limited(marks: Marks) -> Ints:
     return np.flatnonzero(np.arange(len(marks.of)) - start[marks.of] < MOST)
 
 
-def _edges(mesh: Mesh, seen: Seen, marks: Marks, shown: Ints) -> tuple[Ints, Ints, Ints]:
+def _edges(mesh: Mesh, visible: VisibleSurface, marks: Marks, shown: Ints) -> tuple[Ints, Ints, Ints]:
     """Lines: ends and mid-node (e, 3), kind, and for a face that is a segment its row (-1 elsewhere)."""
-    plain, sharp = body_edges(mesh.points, seen.faces.take(seen.rows(BODY)))
-    skin = np.flatnonzero(seen.role != BODY)
-    group = np.where(seen.role[skin] == SLAVE, seen.macro[skin] + 1, 0)
-    inner, outline = group_edges(seen.faces.take(skin), group)
-    lines, rows = segments(seen.faces)
+    plain, sharp = body_edges(mesh.points, visible.faces.take(visible.rows(BODY)))
+    skin = np.flatnonzero(visible.role != BODY)
+    group = np.where(visible.role[skin] == SLAVE, visible.macro[skin] + 1, 0)
+    inner, outline = group_edges(visible.faces.take(skin), group)
+    lines, rows = segments(visible.faces)
     marked, marked_rows = segments(marks.faces.take(shown))
-    border = group_edges(seen.faces.take(skin), seen.role[skin])[1]
+    border = group_edges(visible.faces.take(skin), visible.role[skin])[1]
     parts = (plain, sharp, inner, outline, border, np.vstack([lines, marked]))
     kind = np.repeat([PLAIN, CREASE, INNER, OUTLINE, BORDER, SEGMENT], [len(p) for p in parts])
     face = np.full(len(kind), -1)
-    face[kind == SEGMENT] = np.concatenate([rows, marked_rows + len(seen.faces)])
+    face[kind == SEGMENT] = np.concatenate([rows, marked_rows + len(visible.faces)])
     return np.vstack(parts), kind, face
 
 
@@ -208,13 +222,13 @@ def _face_types(faces: Faces) -> dict[int, dict[str, Any]]:
     return found
 
 
-def _group_sets(mesh: Mesh, seen: Seen, cell: Ints) -> tuple[Ints, list[list[int]]]:
+def _group_sets(mesh: Mesh, visible: VisibleSurface, cell: Ints) -> tuple[Ints, list[list[int]]]:
     """Index of each face's set of groups, and the list of these sets.
 
     A face is in the groups of the cell behind it, and of every cell of its own dimension that lies on it.
     """
     names = list(mesh.cell_groups)
-    rows, cells = _on_faces(mesh, seen)
+    rows, cells = _on_faces(mesh, visible)
     rows, cells = np.append(np.arange(len(cell)), rows), np.append(cell, cells)
     weight = np.random.default_rng(3).integers(1, 1 << 63, len(names), np.uint64)
     signature = np.zeros(len(cell), np.uint64)
@@ -235,11 +249,11 @@ def _group_sets(mesh: Mesh, seen: Seen, cell: Ints) -> tuple[Ints, list[list[int
     return combination, sets
 
 
-def _on_faces(mesh: Mesh, seen: Seen) -> tuple[Ints, Ints]:
+def _on_faces(mesh: Mesh, visible: VisibleSurface) -> tuple[Ints, Ints]:
     """Rows of faces in sight, and the cells of lower dimension that lie on them."""
     faces, cells = as_faces(mesh, np.flatnonzero((mesh.cell_dim < mesh.dim) & (mesh.cell_dim > 0)))
     keys = FaceKeys(mesh)
-    mine, theirs = keys.of(seen.faces), keys.of(faces)
+    mine, theirs = keys.of(visible.faces), keys.of(faces)
     order = np.argsort(mine)
     low, high = (np.searchsorted(mine[order], theirs, side=side) for side in ("left", "right"))
     count = high - low
@@ -248,20 +262,20 @@ def _on_faces(mesh: Mesh, seen: Seen) -> tuple[Ints, Ints]:
 
 
 def _placing(
-    mesh: Mesh, seen: Seen, head: dict[str, Any], camera: Vector | None, explode: float | None
+    mesh: Mesh, visible: VisibleSurface, head: dict[str, Any], camera: Vector | None, explode: float | None
 ) -> dict[str, Any]:
     """Direction of the eye, and motion of the bodies with the slave skin that shows it, in the page's own lengths."""
-    eye = find_eye(mesh, seen, camera)
+    eye = find_eye(mesh, visible, camera)
     placed: dict[str, Any] = {"eye": eye.tolist(), "opened": explode != 0}
-    opening = find_opening(mesh, seen, eye, explode or None)
-    if opening is not None:
-        mine = np.searchsorted(head["bodies"], seen.slave_bodies)
+    view = find_exploded_view(mesh, visible, eye, explode or None)
+    if view is not None:
+        mine = np.searchsorted(head["bodies"], visible.slave_bodies)
         placed["opening"] = {
             "bodies": mine.tolist(),
-            "centre": ((opening.centre - head["centre"]) / head["half"]).tolist(),
-            "axis": opening.axis.tolist(),
-            "angle": opening.angle,
-            "shift": (opening.shift / head["half"]).tolist(),
+            "centre": ((view.centre - head["centre"]) / head["half"]).tolist(),
+            "axis": view.axis.tolist(),
+            "angle": view.angle,
+            "shift": (view.shift / head["half"]).tolist(),
         }
     return placed
 

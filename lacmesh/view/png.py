@@ -1,12 +1,10 @@
-"""A picture as a PNG file, drawn off the screen in a child process."""
+"""A picture as a PNG file, rendered off-screen."""
 
 from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,19 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from lacmesh.errors import RequestError, WriteError
+from lacmesh.errors import RequestError
 from lacmesh.formats.output import replace_file, temporary_folder
 from lacmesh.mesh import Mesh
 from lacmesh.scene import Scene, camera_of, laid_out, make_scene
 from lacmesh.scene.marks import MarkedFinding, Values
-from lacmesh.scene.seen import Groups, Vector
-from lacmesh.view.draw import ARRAYS
+from lacmesh.scene.visible import Groups, Vector
+from lacmesh.view.draw import ARRAYS, PICTURE
+from lacmesh.view.offscreen import ADVICE, render
 
-#: what VTK can draw in without a screen (`libegl1`, `libosmesa6`), tried in this order
-WINDOWS = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
 #: the largest side of a picture, in pixels: what renderers allow
 LARGEST = 16384
-ADVICE = "apt-get install libegl1 (or libosmesa6) brings a renderer, and a page (.html) needs none"
+#: what is quicker than a drawing that takes too long, and what to do where nothing can be drawn
+_QUICKER, _ADVICE = "a smaller size, near or a page (.html) is", f"{ADVICE}, and a page (.html) needs none"
 
 
 def picture(
@@ -73,54 +71,10 @@ def picture(
     )  # fmt: skip
     with temporary_folder() as folder:
         _save(folder, laid_out(scene if title is None else replace(scene, title=title), size), size)
-        image = _drawn(path, folder, timeout)
+        (image,) = render(
+            "lacmesh.view.draw", folder, [PICTURE], output=path, timeout=timeout, quicker=_QUICKER, advice=_ADVICE
+        )
     replace_file(path, image)
-
-
-def _drawn(path: Path, folder: Path, timeout: float) -> bytes:
-    """The picture of the scene saved in a folder, from a child process with the first kind of window that works."""
-    said = ""
-    for window in windows():
-        try:
-            child = draw_apart("lacmesh.view.draw", folder, window, timeout)
-        except subprocess.TimeoutExpired as error:
-            message = f"was not drawn within {timeout:g} s; a smaller size, near or a page (.html) is quicker"
-            raise WriteError(path, message) from error
-        image = folder / "picture.png"
-        if child.returncode == 0 and image.exists():
-            return image.read_bytes()
-        last = (child.stderr.strip().splitlines() or [""])[-1]
-        said = f" ({last})" if child.returncode == 1 and last else said
-    raise WriteError(path, f"nothing can be drawn here{said}; {ADVICE}")
-
-
-def windows() -> Iterator[str | None]:
-    """Kinds of window for VTK to try: the user's choice or VTK's own where there is a screen, else those without."""
-    if sys.platform != "linux" or os.environ.get("DISPLAY") or "VTK_DEFAULT_OPENGL_WINDOW" in os.environ:
-        yield None
-    if sys.platform == "linux":
-        yield from WINDOWS
-
-
-def draw_apart(module: str, folder: Path, window: str | None, timeout: float) -> subprocess.CompletedProcess[str]:
-    """Run a module's `draw` on a folder in a child process, which is ended on an interrupt or when time is out.
-
-    Raises subprocess.TimeoutExpired after so many seconds.
-    """
-    env = dict(os.environ, PYTHONPATH=os.pathsep.join(p for p in sys.path if p))
-    if window:
-        env["VTK_DEFAULT_OPENGL_WINDOW"] = window
-    code = f"import sys; from {module} import draw; draw(sys.argv[1])"
-    return subprocess.run(
-        [sys.executable, "-c", code, str(folder)],
-        env=env,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        errors="replace",
-        check=False,
-        timeout=timeout,
-    )
 
 
 def _save(folder: Path, scene: Scene, size: tuple[int, int]) -> None:

@@ -10,7 +10,7 @@ from lacmesh.cli.options import pending_output
 from lacsolver.cli.options import add_command
 from lacsolver.cli.ranks import check_alone
 
-#: quantities that bodies may be coloured by: the keys of lacsolver.pictures.shots.COLOURS
+#: quantities that bodies may be coloured by: the keys of lacsolver.pictures.frames.COLOURS
 COLOURS = ("stress", "pressure")
 
 
@@ -53,7 +53,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> None:
     """Make a film."""
     from lacsolver.pictures.filming import check_film, film
-    from lacsolver.pictures.stage import CAMERA
+    from lacsolver.pictures.offscreen import CAMERA
 
     check_alone()
     folder, target = Path(args.folder), Path(args.output)

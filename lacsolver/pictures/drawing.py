@@ -1,6 +1,6 @@
 """Picture of the contact pressure of a state, on the deformed bodies, and for plane models along the contact too.
 
-skins = the slaves' faces with their pressures, and the visible faces around them  (scene.seen)
+skins = the slaves' faces with their pressures, and the visible faces around them  (scene.visible)
 shown = these faces, displaced by the magnified displacement
 picture = rendered off-screen by lacmesh.view; in a plane by matplotlib            (view, figure of the plane)
 """
@@ -25,7 +25,7 @@ from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.reference.shapes import shape
 from lacmesh.scene.marks import Values
-from lacmesh.scene.seen import MASTER, SLAVE, find_seen
+from lacmesh.scene.visible import MASTER, SLAVE, find_visible
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacmesh.view import picture
@@ -129,7 +129,7 @@ def magnification(mesh: Mesh, u: Floats, closed: float = 0.0) -> float:
     """Return the factor by which displacements (n_nodes, 3) are magnified: 1, 2 or 5 times a power of ten, at least 1.
 
     `closed`: largest initial gap that has closed; magnified bodies overlap by about the factor times this gap, which is
-    limited so that it cannot be seen.
+    limited so that it cannot be visible.
 
     >>> bar = Mesh.create([[0, 0], [2, 0]], [("SEG2", [[0, 1]])])
     >>> magnification(bar, np.array([[0, 0, 0], [0.003, 0, 0]])), magnification(bar, np.ones((2, 3)))
@@ -157,24 +157,24 @@ def _draw_space(
     With a `window`: only the faces that have a corner in it.
     """
     slaves, masters = ([getattr(record, role) for record in case.contact] for role in ("slave", "master"))
-    seen = find_seen(mesh, slaves, masters)
+    visible = find_visible(mesh, slaves, masters)
     pressure = np.full(mesh.n_cells, np.nan)
     for zone, own in skins:
         pressure[zone.slave.cell] = own
-    order = np.argsort(seen.faces.type, kind="stable")
+    order = np.argsort(visible.faces.type, kind="stable")
     if window is not None:
-        corners = seen.faces.corners[order]
+        corners = visible.faces.corners[order]
         inside = ((x[corners] >= window[0]) & (x[corners] <= window[1])).all(axis=2) & (corners >= 0)
         order = order[inside.any(axis=1)]
-    drawn = seen.faces.take(order)
+    drawn = visible.faces.take(order)
     blocks = [(FACE_TYPES[code], drawn.nodes[drawn.type == code, : N_NODES[code]]) for code in np.unique(drawn.type)]
-    role, skin = seen.role[order], seen.skin[order]
+    role, skin = visible.role[order], visible.skin[order]
     faces = Mesh.create(
         x,
         blocks,
         space_dim=3,
         cell_groups={"slave": np.flatnonzero(role == SLAVE), "master": np.flatnonzero(role == MASTER)},
-        cell_data={"lac_macro": np.where(role == SLAVE, seen.macro[order], -1)},
+        cell_data={"lac_macro": np.where(role == SLAVE, visible.macro[order], -1)},
     )
     values = np.where(role == SLAVE, pressure[skin], np.nan)
     low, high = float(np.nanmin(values)), float(np.nanmax(values))

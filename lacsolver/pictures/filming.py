@@ -1,8 +1,8 @@
 """A run as a film, or as a sheet of pictures: the deforming bodies to scale, and growing curves beside them.
 
-shots = fields of the run's folder, time by time           (shots)
-look = one scale of colours for all times
-pictures = drawn by matplotlib in a plane, off-screen by pyvista in space       (stage)
+frames = fields of the run's folder, time by time          (frames)
+scale = one scale of colours for all times
+pictures = drawn by matplotlib in a plane, off-screen by pyvista in space       (offscreen)
 curves = columns of history.csv, one against the other
 film = an animated GIF of one colour table; or a sheet, PNG
 """
@@ -26,8 +26,8 @@ from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats
 from lacmesh.scene.colours import RAMP
 from lacsolver.output.names import HISTORY
-from lacsolver.pictures.shots import COLOURS, Shot, Shots, Sight, read_shots
-from lacsolver.pictures.stage import CAMERA, Scene, photographs
+from lacsolver.pictures.frames import COLOURS, DrawnSurface, Frame, Frames, read_frames
+from lacsolver.pictures.offscreen import CAMERA, Scene, render_frames
 
 #: default number of pictures of a sheet and of a film
 SHEET, FILM = 6, 60
@@ -41,7 +41,7 @@ _COLOURS = 128
 #: duration of the last picture of a film, in seconds
 _STAYS = 1.5
 #: colours of faces without a value, of surfaces without parent cells, of lines
-_PLAIN, _BARE, _INK = "#dfe3e6", "#44546a", "#1b1f24"
+_PLAIN, _SEGMENTS, _INK = "#dfe3e6", "#44546a", "#1b1f24"
 
 
 class Curve(NamedTuple):
@@ -55,7 +55,7 @@ class Curve(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Look:
+class ColourScale:
     """Scale of colours. `colour`: one of COLOURS; `low`, `high`: ends of the scale; `log`: True if logarithmic."""
 
     colour: str
@@ -64,8 +64,8 @@ class Look:
     log: bool
 
     @property
-    def scale(self) -> Any:
-        """Scale of matplotlib from values to 0 ... 1."""
+    def norm(self) -> Any:
+        """Norm of matplotlib from values to 0 ... 1."""
         colours = import_module("matplotlib.colors")
         return (colours.LogNorm if self.log else colours.Normalize)(self.low, self.high, clip=True)
 
@@ -74,7 +74,7 @@ class Look:
         """Mappable of matplotlib for a bar of colours, whose low values are light."""
         colours = import_module("matplotlib.colors")
         table = colours.LinearSegmentedColormap.from_list("ramp", [f"#{colour}" for colour in reversed(RAMP)])
-        return import_module("matplotlib.cm").ScalarMappable(self.scale, table)
+        return import_module("matplotlib.cm").ScalarMappable(self.norm, table)
 
 
 def check_film(path: Path, folder: Path) -> None:
@@ -125,22 +125,22 @@ def film(
         raise RequestError(f"a film shows more than 0 and at most 100 pictures a second, not {rate:g}")
     drawn = _curves(folder, curves)
     moving = path.suffix.lower() == ".gif"
-    shots = read_shots(folder, colour, frames or (FILM if moving else SHEET))
-    if shots.sight.dim == 3 and find_spec("pyvista") is None:
+    shown = read_frames(folder, colour, frames or (FILM if moving else SHEET))
+    if shown.surface.dim == 3 and find_spec("pyvista") is None:
         raise RequestError("a film in space needs pyvista; pip install 'lacmesh[view]' brings it")
-    sheet = _Sheet(shots, _look(shots, colour, scale, log), drawn, readable(title or folder.name), camera, path)
+    sheet = _Sheet(shown, _colour_scale(shown, colour, scale, log), drawn, readable(title or folder.name), camera, path)
     replace_file(path, _moving(sheet, rate) if moving else _still(sheet))
 
 
-def _look(shots: Shots, colour: str, scale: tuple[float, float] | None, log: bool) -> Look:
-    low, high = scale or shots.span
+def _colour_scale(frames: Frames, colour: str, scale: tuple[float, float] | None, log: bool) -> ColourScale:
+    low, high = scale or frames.span
     if scale is None:
         high = high if high > 0 else 1.0
         low = high / 10**DECADES if log else min(low, 0.0)
     if not low < high or (log and low <= 0):
         what = "0 < low < high" if log else "low < high"
         raise RequestError(f"a scale of colours from {low:g} to {high:g} is none; it needs {what}")
-    return Look(colour, float(low), float(high), log)
+    return ColourScale(colour, float(low), float(high), log)
 
 
 # ---- curves
@@ -174,13 +174,13 @@ def default_curve(table: dict[str, NDArray[np.floating]]) -> str:
     'probe.top.uy:reaction.top.y'
     """
     span = {name: np.ptp(v[np.isfinite(v)]) for name, v in table.items() if np.isfinite(v).any()}
-    told = [name for name in table if name.startswith("reaction.") and name in span]
-    for name in sorted(told, key=lambda name: -span[name]):
+    reactions = [name for name in table if name.startswith("reaction.") and name in span]
+    for name in sorted(reactions, key=lambda name: -span[name]):
         _, _, rest = name.partition(".")
         group, _, axis = rest.rpartition(".")
         if span.get(f"probe.{group}.u{axis}", 0.0) > 0:
             return f"probe.{group}.u{axis}:{name}"
-    return f"time:{max(told, key=lambda name: span[name])}" if told else ""
+    return f"time:{max(reactions, key=lambda name: span[name])}" if reactions else ""
 
 
 def _curve(text: str, table: dict[str, NDArray[np.floating]]) -> Curve:
@@ -203,8 +203,8 @@ def _curve(text: str, table: dict[str, NDArray[np.floating]]) -> Curve:
 class _Sheet:
     """Everything to be drawn."""
 
-    shots: Shots
-    look: Look
+    frames: Frames
+    scale: ColourScale
     curves: list[Curve]
     title: str
     camera: tuple[float, float, float]
@@ -213,35 +213,34 @@ class _Sheet:
     @property
     def height(self) -> float:
         """Height of the picture of a time, relative to its width."""
-        if self.shots.sight.dim == 3:
+        if self.frames.surface.dim == 3:
             return 0.75
-        wide, high, _ = np.diff(self.shots.box, axis=0)[0]
+        wide, high, _ = np.diff(self.frames.box, axis=0)[0]
         return float(np.clip(high / wide, 0.25, 1.4))
 
-    def photographs(self, inches: tuple[float, float]) -> list[Any]:
+    def rendered(self, inches: tuple[float, float]) -> list[Any]:
         """Return the rendered picture of each time in space; None for each in a plane."""
-        shots, sight = self.shots.shots, self.shots.sight
-        if sight.dim == 2:
-            return [None] * len(shots)
-        x, rgb = np.stack([shot.x for shot in shots]), np.stack([self._rgb(shot) for shot in shots])
+        frames, surface = self.frames.frames, self.frames.surface
+        if surface.dim == 2:
+            return [None] * len(frames)
+        x, rgb = np.stack([frame.x for frame in frames]), np.stack([self._rgb(frame) for frame in frames])
         size = (round(inches[0] * 2 * _DPI), round(inches[1] * 2 * _DPI))
-        scene = Scene(sight.triangles, sight.edges, x, rgb, np.asarray(self.camera, float), size)
-        return list(photographs(scene, self.path))
+        return list(render_frames(Scene(surface.triangles, surface.edges, x, rgb, self.camera, size), self.path))
 
-    def _rgb(self, shot: Shot) -> NDArray[np.uint8]:
+    def _rgb(self, frame: Frame) -> NDArray[np.uint8]:
         """Return the colour of each point, (p, 3)."""
-        rgb = self.look.bar.to_rgba(np.nan_to_num(shot.value, nan=self.look.low), bytes=True)[:, :3].copy()
-        rgb[np.isnan(shot.value)] = [int(_PLAIN[k : k + 2], 16) for k in (1, 3, 5)]
+        rgb = self.scale.bar.to_rgba(np.nan_to_num(frame.value, nan=self.scale.low), bytes=True)[:, :3].copy()
+        rgb[np.isnan(frame.value)] = [int(_PLAIN[k : k + 2], 16) for k in (1, 3, 5)]
         return np.asarray(rgb, np.uint8)
 
-    def draw(self, axes: Any, shot: Shot, photograph: Any) -> None:
+    def draw(self, axes: Any, frame: Frame, rendered: Any) -> None:
         """Draw the bodies at one time."""
-        _bare(axes)
-        if photograph is not None:
-            axes.imshow(photograph)
+        _without_frame(axes)
+        if rendered is not None:
+            axes.imshow(rendered)
             return
-        _draw_plane(axes, self.shots.sight, shot, self.look)
-        low, high = self.shots.box[:, :2]
+        _draw_plane(axes, self.frames.surface, frame, self.scale)
+        low, high = self.frames.box[:, :2]
         room = 0.02 * max(high - low)
         axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
 
@@ -260,32 +259,32 @@ class _Sheet:
 
     def add_bar(self, figure: Any, axes: Any, **place: Any) -> None:
         """Add the bar of colours with its label."""
-        figure.colorbar(self.look.bar, ax=axes, label=COLOURS[self.look.colour], **place)
+        figure.colorbar(self.scale.bar, ax=axes, label=COLOURS[self.scale.colour], **place)
 
 
-def _draw_plane(axes: Any, sight: Sight, shot: Shot, look: Look) -> None:
+def _draw_plane(axes: Any, surface: DrawnSurface, frame: Frame, scale: ColourScale) -> None:
     """Draw faces coloured by values, edges, outlines, surfaces without parent cells, and pressures on slave skins."""
-    x, valued = shot.x[:, :2], np.isfinite(shot.value)
-    whole = valued[sight.triangles].all(axis=1)
+    x, valued = frame.x[:, :2], np.isfinite(frame.value)
+    whole = valued[surface.triangles].all(axis=1)
     lines = import_module("matplotlib.collections").LineCollection
     if not whole.all():
-        plain = x[sight.triangles[~whole]]
+        plain = x[surface.triangles[~whole]]
         axes.add_collection(import_module("matplotlib.collections").PolyCollection(plain, color=_PLAIN, linewidth=0.3))
     if whole.any():
-        triangles = import_module("matplotlib.tri").Triangulation(*x.T, sight.triangles[whole])
-        value = np.nan_to_num(shot.value, nan=look.low)
-        axes.tripcolor(triangles, value, shading="gouraud", norm=look.scale, cmap=look.bar.cmap, rasterized=True)
-    axes.add_collection(lines(x[sight.edges], color=_INK, linewidth=0.25, alpha=0.35))
-    axes.add_collection(lines(x[sight.rims], color=_INK, linewidth=0.8))
-    axes.add_collection(lines(x[sight.bare], color=_BARE, linewidth=2.5, capstyle="round"))
-    on = valued[sight.rims].all(axis=1)
-    if look.colour == "pressure" and on.any():
-        value = shot.value[sight.rims[on]].mean(axis=1)
-        colours = look.bar.to_rgba(value)
-        axes.add_collection(lines(x[sight.rims[on]], colors=colours, linewidth=4, capstyle="round", zorder=3))
+        triangles = import_module("matplotlib.tri").Triangulation(*x.T, surface.triangles[whole])
+        value = np.nan_to_num(frame.value, nan=scale.low)
+        axes.tripcolor(triangles, value, shading="gouraud", norm=scale.norm, cmap=scale.bar.cmap, rasterized=True)
+    axes.add_collection(lines(x[surface.edges], color=_INK, linewidth=0.25, alpha=0.35))
+    axes.add_collection(lines(x[surface.outline], color=_INK, linewidth=0.8))
+    axes.add_collection(lines(x[surface.segments], color=_SEGMENTS, linewidth=2.5, capstyle="round"))
+    on = valued[surface.outline].all(axis=1)
+    if scale.colour == "pressure" and on.any():
+        value = frame.value[surface.outline[on]].mean(axis=1)
+        colours = scale.bar.to_rgba(value)
+        axes.add_collection(lines(x[surface.outline[on]], colors=colours, linewidth=4, capstyle="round", zorder=3))
 
 
-def _bare(axes: Any) -> None:
+def _without_frame(axes: Any) -> None:
     axes.set(xticks=[], yticks=[])
     axes.spines[:].set_visible(False)
 
@@ -304,14 +303,14 @@ def _image(figure: Any) -> Any:
 def _moving(sheet: _Sheet, rate: float) -> bytes:
     """Return the film: the bodies at each time, and the curves up to that time beside them."""
     images, n = [], 1 + bool(sheet.curves)
-    for shot, photograph in zip(sheet.shots.shots, sheet.photographs((_WIDE[0], _HIGH)), strict=True):
+    for frame, rendered in zip(sheet.frames.frames, sheet.rendered((_WIDE[0], _HIGH)), strict=True):
         figure = _figure(sum(_WIDE[:n]), _HIGH)
         bodies, *rest = figure.subplots(1, n, width_ratios=_WIDE[:n], squeeze=False)[0]
-        sheet.draw(bodies, shot, photograph)
+        sheet.draw(bodies, frame, rendered)
         sheet.add_bar(figure, bodies, location="bottom", shrink=0.7, pad=0.02, aspect=40)
         for axes in rest:
-            sheet.plot(axes, [shot.time])
-        figure.suptitle(f"{sheet.title}, t = {shot.time:.4g}", fontsize=11)
+            sheet.plot(axes, [frame.time])
+        figure.suptitle(f"{sheet.title}, t = {frame.time:.4g}", fontsize=11)
         images.append(_image(figure))
     return _gif(images, rate)
 
@@ -333,22 +332,22 @@ def _gif(images: list[Any], rate: float) -> bytes:
 
 def _still(sheet: _Sheet) -> bytes:
     """Return the sheet: rows of pictures titled by their times, and below them the curves with dots at these times."""
-    shots, n = sheet.shots.shots, 1 + bool(sheet.curves)
-    across = min(3, len(shots))
-    down = -(-len(shots) // across)
+    frames, n = sheet.frames.frames, 1 + bool(sheet.curves)
+    across = min(3, len(frames))
+    down = -(-len(frames) // across)
     tall = _TILE * sheet.height
     high = [down * (tall + 0.25) + 0.8, _TILE * 0.7][:n]
     figure = _figure(_TILE * across, sum(high), _DPI_SHEET)
     upper, *lower = figure.subfigures(n, 1, height_ratios=high, squeeze=False)[:, 0]
     tiles = upper.subplots(down, across, squeeze=False)
     for axes in tiles.flat:
-        _bare(axes)
-    for axes, shot, photograph in zip(tiles.flat, shots, sheet.photographs((_TILE, tall)), strict=False):
-        sheet.draw(axes, shot, photograph)
-        axes.set_title(f"t = {shot.time:.4g}", fontsize=9)
+        _without_frame(axes)
+    for axes, frame, rendered in zip(tiles.flat, frames, sheet.rendered((_TILE, tall)), strict=False):
+        sheet.draw(axes, frame, rendered)
+        axes.set_title(f"t = {frame.time:.4g}", fontsize=9)
     sheet.add_bar(upper, tiles, location="bottom", shrink=0.5, pad=0.02, aspect=40)
     for part in lower:
-        sheet.plot(part.subplots(), [shot.time for shot in shots])
+        sheet.plot(part.subplots(), [frame.time for frame in frames])
     upper.suptitle(sheet.title, fontsize=11)
     return _png(_image(figure))
 

@@ -164,7 +164,7 @@ Attempt = Callable[[str], AbstractContextManager[None]]
 
 @dataclass
 class ProblemParts:
-    """Parts of a problem as `build` returns them: the mesh, cut if `prepared`, and the others, None where they failed."""
+    """Parts of a problem as `build` returns them: the mesh, cut if `prepared`; others are None where they failed."""
 
     mesh: Mesh
     prepared: bool = False

@@ -1,7 +1,6 @@
 """The command `lacsolver` as a user meets it: what it prints, its statuses, what it leaves on the disk."""
 
-from __future__ from importlib import import_module
-import annotations
+from __future__ import annotations
 
 import json
 import os
@@ -12,6 +11,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest

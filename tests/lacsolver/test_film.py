@@ -1,4 +1,4 @@
-"""Films of a run: what is in sight, its colours, the curves, and the pictures themselves."""
+"""Films of a run: what is visible, its colours, the curves, and the pictures themselves."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshError, ReadError, RequestError
 from lacsolver.cli import main
 from lacsolver.pictures.filming import SHEET, default_curve, film, read_history
-from lacsolver.pictures.shots import Sight, read_shots
+from lacsolver.pictures.frames import DrawnSurface, read_frames
 from tests.lacsolver.bad_cases import GOOD, blocks, put
 from tests.lacsolver.patch_meshes import stack
 
@@ -54,11 +54,11 @@ def pictures(path):
     return [picture for picture, _ in found], [stays for _, stays in found]
 
 
-# ---- what is in sight
+# ---- what is visible
 
 
-def area(sight, x):
-    corner = x[sight.triangles]
+def area(surface, x):
+    corner = x[surface.triangles]
     return np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1).sum() / 2
 
 
@@ -66,9 +66,9 @@ def area(sight, x):
 def test_a_plane_cell_is_covered(kind):
     cell = CELLS[kind]
     mesh = Mesh.create(np.array(cell.reference), [(kind, [list(range(cell.n_nodes))])])
-    sight = Sight.of(mesh)
-    assert math.isclose(area(sight, sight.points(mesh.points)), 0.5 if cell.family == "TRIA" else 4.0)
-    assert len(sight.edges) == len(sight.rims) == len(sight.triangles)
+    surface = DrawnSurface.of(mesh)
+    assert math.isclose(area(surface, surface.points(mesh.points)), 0.5 if cell.family == "TRIA" else 4.0)
+    assert len(surface.edges) == len(surface.outline) == len(surface.triangles)
 
 
 @pytest.mark.parametrize(
@@ -77,69 +77,69 @@ def test_a_plane_cell_is_covered(kind):
 def test_the_skin_of_a_solid_is_covered(kind, expected):
     cell = CELLS[kind]
     mesh = Mesh.create(np.array(cell.reference), [(kind, [list(range(cell.n_nodes))])])
-    sight = Sight.of(mesh)
-    assert math.isclose(area(sight, sight.points(mesh.points)), expected)
+    surface = DrawnSurface.of(mesh)
+    assert math.isclose(area(surface, surface.points(mesh.points)), expected)
 
 
 def test_faces_between_solids_are_not_in_sight():
     points = np.stack(np.meshgrid([0.0, 1], [0.0, 1], [0.0, 1, 2], indexing="ij"), axis=-1).reshape(-1, 3)
     lower = [0, 6, 9, 3, 1, 7, 10, 4]
-    sight = Sight.of(Mesh.create(points, [("HEXA8", [lower, [n + 1 for n in lower]])]))
-    assert math.isclose(area(sight, sight.points(points)), 10.0)
-    assert len(sight.edges) == 20 and not len(sight.rims)
+    surface = DrawnSurface.of(Mesh.create(points, [("HEXA8", [lower, [n + 1 for n in lower]])]))
+    assert math.isclose(area(surface, surface.points(points)), 10.0)
+    assert len(surface.edges) == 20 and not len(surface.outline)
 
 
 def test_children_of_a_cell_have_no_edges_between_them():
     points = [[0.0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]]
     children = [("TRIA3", [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])]
-    assert len(Sight.of(Mesh.create(points, children)).edges) == 8
-    assert len(Sight.of(Mesh.create(points, children, cell_data={"lac_parent": [7, 7, 7, 7]})).edges) == 4
-    assert len(Sight.of(Mesh.create(points, children, cell_data={"lac_parent": [7, 7, 8, 8]})).edges) == 6
+    assert len(DrawnSurface.of(Mesh.create(points, children)).edges) == 8
+    assert len(DrawnSurface.of(Mesh.create(points, children, cell_data={"lac_parent": [7, 7, 7, 7]})).edges) == 4
+    assert len(DrawnSurface.of(Mesh.create(points, children, cell_data={"lac_parent": [7, 7, 8, 8]})).edges) == 6
 
 
 def test_a_bare_skin_is_seen_beside_the_body():
     points = [[0.0, 0], [1, 0], [1, 1], [0, 1], [0, 2], [1, 2], [0.5, 2]]
     mesh = Mesh.create(points, [("QUAD4", [[0, 1, 2, 3]]), ("SEG3", [[4, 5, 6]])])
-    assert Sight.of(mesh).bare.tolist() == [[4, 6], [6, 5]]
+    assert DrawnSurface.of(mesh).segments.tolist() == [[4, 6], [6, 5]]
 
 
 # ---- values and places
 
 
 def test_bodies_are_where_the_displacement_takes_them(plane):
-    shots = read_shots(plane, "stress")
-    assert [round(shot.time, 9) for shot in shots.shots] == [k / 8 for k in range(1, 9)]
-    first, last = shots.shots[0], shots.shots[-1]
+    frames = read_frames(plane, "stress")
+    assert [round(frame.time, 9) for frame in frames.frames] == [k / 8 for k in range(1, 9)]
+    first, last = frames.frames[0], frames.frames[-1]
     table = read_history(plane / "history.csv")
-    top = first.x[: shots.sight.n_nodes, 1].max() - last.x[: shots.sight.n_nodes, 1].max()
+    top = first.x[: frames.surface.n_nodes, 1].max() - last.x[: frames.surface.n_nodes, 1].max()
     assert top == pytest.approx(table["probe.top.uy"][0] - table["probe.top.uy"][-1])
 
 
 def test_the_stress_is_von_mises(plane):
     """Uniform uniaxial pressure in plane strain: s = p sqrt(1 - nu + nu^2), with sigma_zz = -nu p."""
-    shots = read_shots(plane, "stress")
+    frames = read_frames(plane, "stress")
     expected = math.sqrt(1 - 0.3 + 0.3**2)
-    assert np.nanmax(np.abs(shots.shots[-1].value - expected)) < 1e-9
-    assert shots.span == (pytest.approx(expected / 8), pytest.approx(expected))
+    assert np.nanmax(np.abs(frames.frames[-1].value - expected)) < 1e-9
+    assert frames.span == (pytest.approx(expected / 8), pytest.approx(expected))
 
 
 def test_pressure_is_on_the_slave_skin_alone(plane):
-    shots = read_shots(plane, "pressure", 8)
-    shot, sight = shots.shots[0], shots.sight
-    valued = np.isfinite(shot.value)
+    frames = read_frames(plane, "pressure", 8)
+    frame, surface = frames.frames[0], frames.surface
+    valued = np.isfinite(frame.value)
     assert 0 < valued.sum() < len(valued) / 2
-    assert shot.value[valued] == pytest.approx(1 / 8)
-    assert np.ptp(shot.x[valued, 1]) < 1e-9 and not valued[sight.n_nodes :].any()
+    assert frame.value[valued] == pytest.approx(1 / 8)
+    assert np.ptp(frame.x[valued, 1]) < 1e-9 and not valued[surface.n_nodes :].any()
 
 
 def test_times_are_chosen_evenly_with_both_ends(plane):
-    assert [shot.time for shot in read_shots(plane, "stress", 3).shots] == [
+    assert [frame.time for frame in read_frames(plane, "stress", 3).frames] == [
         1 / 8,
         1 / 2,
         1.0,
     ]  # of two as near the first
-    assert [shot.time for shot in read_shots(plane, "stress", 1).shots] == [1.0]
-    assert len(read_shots(plane, "stress", 99).shots) == 8
+    assert [frame.time for frame in read_frames(plane, "stress", 1).frames] == [1.0]
+    assert len(read_frames(plane, "stress", 99).frames) == 8
 
 
 # ---- curves
@@ -230,7 +230,9 @@ def test_a_sheet_has_so_many_pictures(plane, tmp_path, monkeypatch):
     drawn = []
     once = filming._draw_plane
     monkeypatch.setattr(
-        filming, "_draw_plane", lambda axes, sight, shot, look: (drawn.append(shot.time), once(axes, sight, shot, look))
+        filming,
+        "_draw_plane",
+        lambda axes, surface, frame, scale: (drawn.append(frame.time), once(axes, surface, frame, scale)),
     )
     film(plane, tmp_path / "f.png")
     assert len(drawn) == SHEET and drawn[-1] == 1.0 and len(pictures(tmp_path / "f.png")[0]) == 1
@@ -253,7 +255,7 @@ def test_bodies_in_space_are_drawn_anew_each_time(space, tmp_path):
 
 @pytest.mark.vtk
 def test_where_nothing_can_be_drawn(space, tmp_path, monkeypatch):
-    monkeypatch.setattr("lacsolver.pictures.stage.windows", lambda: iter(()))
+    monkeypatch.setattr("lacmesh.view.offscreen.windows", lambda: iter(()))
     with pytest.raises(LacmeshError, match="nothing can be drawn here"):
         film(space, tmp_path / "f.gif")
     assert not (tmp_path / "f.gif").exists()

@@ -147,9 +147,9 @@ def test_a_model_in_space_is_drawn(pressed, tmp_path):
 def test_where_nothing_can_be_drawn(pressed, tmp_path, monkeypatch):
     case, state = pressed
     monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "nothing")
-    monkeypatch.setattr("lacmesh.view.png.WINDOWS", ())
+    monkeypatch.setattr("lacmesh.view.offscreen.WINDOWS", ())
     monkeypatch.setattr(
-        "lacmesh.view.png.draw_apart", lambda *a: __import__("subprocess").CompletedProcess([], 1, "", "")
+        "lacmesh.view.offscreen.draw_in_subprocess", lambda *a: __import__("subprocess").CompletedProcess([], 1, "", "")
     )
     with pytest.raises(WriteError, match="nothing can be drawn here"):
         plot(case, state, tmp_path / "p.png")

@@ -14,7 +14,7 @@ import pytest
 
 import lacmesh
 from lacsolver.cli import main
-from lacsolver.pictures.shots import read_shots
+from lacsolver.pictures.frames import read_frames
 
 SLIDING = Path(__file__).resolve().parents[2] / "data" / "sliding"
 CASES = sorted(path.stem for path in SLIDING.glob("*.toml"))
@@ -111,25 +111,25 @@ def test_the_ball_keeps_its_volume(tmp_path, script):
     assert np.abs(table["reaction.at [0, 0].y"]).max() < 1e-9 * np.abs(top).max()
     assert told["balance"]["force"] <= 1e-12
     assert table["probe.top_plate.uy"][-1] == -4.0
-    shots = read_shots(tmp_path / "ball", "stress")
-    x = shots.shots[-1].x
-    own = np.isfinite(shots.shots[-1].value)  # the plates have no stress
+    frames = read_frames(tmp_path / "ball", "stress")
+    x = frames.frames[-1].x
+    own = np.isfinite(frames.frames[-1].value)  # the plates have no stress
     # gaps vanish in the mean of a macro-element: corners of this coarse skin stand 0.05 beyond the plates
     assert np.ptp(x[own, 1]) == pytest.approx(12.0, abs=0.12)
-    before = volume(shots.sight, undeformed(tmp_path / "ball", shots.sight))
-    assert volume(shots.sight, x) == pytest.approx(before, rel=0.01)
+    before = volume(frames.surface, undeformed(tmp_path / "ball", frames.surface))
+    assert volume(frames.surface, x) == pytest.approx(before, rel=0.01)
     area = table["contact.top.area"]
     assert (np.diff(area) > -1e-6 * area[:-1]).all() and area[-1] > 150
     assert table["probe.equator.ux"][-1] > 1.0
 
 
-def undeformed(folder, sight):
-    return sight.points(lacmesh.read(min((folder / "fields").glob("solid_*.vtu"))).points)
+def undeformed(folder, surface):
+    return surface.points(lacmesh.read(min((folder / "fields").glob("solid_*.vtu"))).points)
 
 
-def volume(sight, x):
+def volume(surface, x):
     """Volume of the full revolution, by Pappus for each triangle."""
-    a, b, c = np.moveaxis(x[sight.triangles][..., :2], 1, 0)
+    a, b, c = np.moveaxis(x[surface.triangles][..., :2], 1, 0)
     area = ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
     return 2 * np.pi * (area * (a + b + c)[:, 0] / 3).sum()
 

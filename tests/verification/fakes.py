@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from verification.cli import main
-from verification.records import Case, Outcome, at_most
+from verification.records import Case, Failure, Outcome, at_most
 from verification.running import plan, pool
-from verification.running.folder import done_with
+from verification.running.folder import write_case_result
 from verification.running.plan import Planned, sources
 
 
@@ -24,7 +24,7 @@ class Given:
 def outcome_of(name):
     """`missed...` misses one figure of two, `failed...` has no outcome, others meet both."""
     if name.startswith("failed"):
-        return "ValueError: the\x1b[31m mesh\n is <wrong>"
+        return Failure("ValueError: the\x1b[31m mesh\n is <wrong>")
     missed = 2.0 if name.startswith("missed") else 0.5
     return Outcome((at_most("error", missed, 1.0, source="us"), at_most("balance", 0.0, 1.0, source="us")))
 
@@ -33,10 +33,10 @@ def planned(prepared, names, *, levels=2, digest=None, given=None, alone=()):
     """Cases of family `cut`, and in `prepared` what their worker is to leave."""
     made = []
     for name in names:
-        case = Case("cut", name, f"about {name}", given or Given(), {"quick": levels}, alone=name in alone)
+        case = Case("cut", name, f"about {name}", given or Given(), {"quick": levels}, exclusive=name in alone)
         made.append(Planned(case, levels, digest or sources("cut")))
         if name[:4] not in ("slow", "kill", "exit", "sile"):
-            done_with(case, levels, 0.25, 1000, outcome_of(name), prepared, made[-1].sources)
+            write_case_result(case, levels, 0.25, 1000, outcome_of(name), prepared, made[-1].sources)
     return made
 
 

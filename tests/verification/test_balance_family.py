@@ -22,7 +22,7 @@ def results(given):
 
 @pytest.mark.parametrize("name", ["waves-smoothed-2d", "overhang-3d", "rigid-small-2d", "tie-gap-3d"])
 def test_forces_and_moments_are_in_balance(name):
-    given = CASES[name].given
+    given = CASES[name].parameters
     found = results(replace(given, pairs=given.pairs[:1]))
     assert len(found) == 3 and all(result.passed for result in found.values())
 

@@ -34,11 +34,11 @@ def test_nothing_is_broken(name):
 
 
 def test_every_type_facet_and_variant_is_cut():
-    given = [case.given for case in CASES.values() if not isinstance(case.given, tuple)]
+    given = [case.parameters for case in CASES.values() if not isinstance(case.parameters, tuple)]
     assert {name for one in given for name in one.cells} == {n for n, cell in CELLS.items() if cell.dim > 1}
-    (trial,) = (t for t in family._trials(CASES["HEXA"].given, 1) if t.label == "HEXA20, hexa")
+    (trial,) = (t for t in family._trials(CASES["HEXA"].parameters, 1) if t.label == "HEXA20, hexa")
     assert trial.count == 6 * 4 * 2 and trial.added == (48 * 28, 48 * 9)
-    pairs = next(t for t in family._trials(CASES["TETRA"].given, 2) if "several" in t.label)
+    pairs = next(t for t in family._trials(CASES["TETRA"].parameters, 2) if "several" in t.label)
     assert pairs.count == 2**4 - 5
 
 

@@ -64,9 +64,11 @@ def test_surfaces_meet_inside_the_contact_and_part_beyond(model, cell):
     ("model", "cell", "rigid"), [(*m, r) for m in MODELS for r in (False, True) if m[0] != "3d" or r]
 )
 def test_errors_fall_and_forces_balance(model, cell, rigid):
-    (case,) = (c for c in FAMILY.cases if (c.given.model, c.given.cell, c.given.rigid) == (model, cell, rigid)
-               and c.given.hexa == "pyramid")  # fmt: skip
-    coarse = replace(case, given=replace(case.given, levels=(2, 4) if model == "3d" else case.given.levels))
+    own = {"model": model, "cell": cell, "rigid": rigid, "hexa": "pyramid"}
+    (case,) = (c for c in FAMILY.cases if all(getattr(c.parameters, name) == value for name, value in own.items()))
+    coarse = replace(
+        case, parameters=replace(case.parameters, levels=(2, 4) if model == "3d" else case.parameters.levels)
+    )
     made = {r.quantity: r for r in outcome(coarse, 2).results}
     assert made["u, energy norm"].value > 0.8
     assert made["p_m, L2"].value > 0.6

@@ -103,7 +103,7 @@ def test_the_cylinders_mesh_is_the_peers():
     assert x["slave"][1] == pytest.approx(a / 4) and x["master"][1] == pytest.approx(a / 6)
     ((_, _, nodes),) = mesh.select(mesh.cell_groups["slave"])
     np.testing.assert_allclose(np.hypot(mesh.points[nodes, 0], mesh.points[nodes, 1] - RADIUS), RADIUS, rtol=1e-12)
-    assert case("cylinder").given.young[0] == STEEL
+    assert case("cylinder").parameters.young[0] == STEEL
 
 
 @pytest.mark.parametrize("kind", ["TRIA3", "TRIA6", "QUAD4", "QUAD8"])

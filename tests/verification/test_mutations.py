@@ -25,7 +25,7 @@ def failing(run):
     """Quantities that are missed, by name."""
     (case,) = (case for case in family(run.family).cases if case.name == run.case)
     if run.pairs is not None:
-        case = replace(case, given=replace(case.given, pairs=case.given.pairs[slice(*run.pairs)]))
+        case = replace(case, parameters=replace(case.parameters, pairs=case.parameters.pairs[slice(*run.pairs)]))
     return {result.quantity for result in family(run.family).solve(case, run.levels).results if not result.passed}
 
 

@@ -55,7 +55,9 @@ def test_every_type_is_the_slave_and_the_master_of_every_other():
     for dim, kinds in ((2, PLANE_KINDS), (3, SOLID_KINDS)):
         assert {kind.split()[0] for kind in kinds} - {"mixed"} == {n for n, cell in CELLS.items() if cell.dim == dim}
         for tilted in (False, True):
-            frame = [c.given for c in CASES.values() if c.name.startswith(f"{dim}d") and c.given.tilted == tilted]
+            frame = [
+                c.parameters for c in CASES.values() if c.name.startswith(f"{dim}d") and c.parameters.tilted == tilted
+            ]
             assert {pair for given in frame for pair in given.pairs} == set(product(kinds, kinds))
             ways = {given.contact for given in frame if ("HEXA8", "HEXA8") in given.pairs}
             assert len(ways) == (2 if dim == 3 else 0)
@@ -121,14 +123,14 @@ def test_errors_are_seen_and_the_worst_stack_is_named(monkeypatch):
     monkeypatch.setattr(patch, "solve", lambda *_: made.solved)
     wrong = errors(given, "QUAD4", "TRIA3", True)
     assert min(wrong.stress, wrong.displacement) > 1e-3 and wrong.pressure == pytest.approx(1e-6, rel=1e-6)
-    for figure in patch._figures(None):
-        lost = replace(made, label="lost", **{figure.attribute: np.nan})
-        result = patch._worst(figure, [wrong, lost, made])
+    for measured in patch._quantities(None):
+        lost = replace(made, label="lost", **{measured.attribute: np.nan})
+        result = patch._worst(measured, [wrong, lost, made])
         assert not result.passed and result.reason.endswith("lost")
 
 
 def test_peers_are_told_where_they_ran_the_same_problem():
-    told = {name: patch._published(case.given) for name, case in CASES.items()}
+    told = {name: patch._published(case.parameters) for name, case in CASES.items()}
     assert {name for name, (stress, pressure) in told.items() if pressure} == {
         f"peers-{way}-skew-{skew}" for way in ("pyramid", "hexa") for skew in (0.0, 0.05, 0.2)
     }

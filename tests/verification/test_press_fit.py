@@ -127,12 +127,12 @@ def test_the_test_of_code_aster_on_a_mesh_of_its_size(name):
     results = FAMILY.solve(case, 1).results
     assert all(result.passed for result in results)
     assert [result.published[0].value for result in results[:2]] == [4.89487252903, 4.89334316287]
-    closer = replace(case, given=replace(case.given, allowed=1e-5))
+    closer = replace(case, parameters=replace(case.parameters, allowed=1e-5))
     assert not all(result.passed for result in FAMILY.solve(closer, 1).results[:2])
 
 
 def test_an_interference_alone_presses():
-    given = CASES["cylinders-strain-QUAD8"].given
+    given = CASES["cylinders-strain-QUAD8"].parameters
     case = lacsolver.parse_case(case_text(given))
     assert not case.pressure
     assert case.contact[0].clearance([[30.0, 0.0]], t=1.0) == [-0.1]
@@ -140,14 +140,14 @@ def test_an_interference_alone_presses():
 
 
 def test_an_octant_is_solved_in_space():
-    found = solution(CASES["octant-HEXA20"].given, 0)
+    found = solution(CASES["octant-HEXA20"].parameters, 0)
     assert found.solved.problem.space.dim == 3
     assert found.mean < 0.02
     assert found.displacement < 0.02
 
 
 def test_meshes_of_the_size_of_the_test_are():
-    given = CASES["ssnp173a-TRIA6-facet"].given
+    given = CASES["ssnp173a-TRIA6-facet"].parameters
     mesh = mesh_of(given, 0)
     assert {name: len(mesh.cell_groups[name]) for name in ("slave", "master", "inner")} == {
         "slave": 23, "master": 46, "inner": 46,

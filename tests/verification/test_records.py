@@ -11,22 +11,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lacmesh.report.blocks import Line, Plot
 from verification import families
 from verification.records import (
     SUITES,
     Level,
-    Line,
-    Plot,
     Published,
     Result,
     at_least,
     at_most,
     equal,
+    informative,
     levels_of,
     rate,
-    reported,
 )
-from verification.running.folder import Done, Kept, given_of, made_of, plain
+from verification.running.folder import CaseResult, StoredPicture, made_of, parameters_of, plain
 
 SAID = {"source": "here", "reason": "so"}
 
@@ -41,7 +40,7 @@ def test_figures_are_held_against_their_bounds(number):
         "above": at_most("q", number(1.5), 1.0, **SAID),
         "reached": at_least("q", number(1.0), 1.0, **SAID),
         "short": at_least("q", number(0.5), 1.0, **SAID),
-        "told": reported("q", number(9.0), **SAID),
+        "informative": informative("q", number(9.0), **SAID),
     }
     assert all(type(result.passed) is bool and type(result.value) is float for result in found.values())
     assert {name for name, result in found.items() if not result.passed} == {"off", "above", "short"}
@@ -50,7 +49,7 @@ def test_figures_are_held_against_their_bounds(number):
 def test_nan_meets_nothing():
     nan = math.nan
     found = (equal("q", nan, 1, 1, **SAID), at_most("q", nan, 1, **SAID), at_least("q", nan, 1, **SAID))
-    assert not any(result.passed for result in (*found, reported("q", nan, **SAID)))
+    assert not any(result.passed for result in (*found, informative("q", nan, **SAID)))
 
 
 H = (1.0, 0.5, 0.25, 0.125)
@@ -79,10 +78,10 @@ def test_rates_are_judged_by_slope_and_steps(errors, last, passed):
 
 
 def test_two_levels_make_no_rate():
-    assert rated([1.0, 0.9]).bound == "reported" and rated([1.0, 0.9]).passed and rated([1.0]).passed
+    assert rated([1.0, 0.9]).bound == "informative" and rated([1.0, 0.9]).passed and rated([1.0]).passed
     assert math.isnan(rated([1.0]).value) and rated([1.0, 0.9]).value == pytest.approx(-math.log2(0.9))
     assert not rated([1.0, math.nan]).passed
-    assert rated([1.0, 0.9, 0.8], None).bound == "reported"
+    assert rated([1.0, 0.9, 0.8], None).bound == "informative"
 
 
 def test_each_level_has_the_rate_from_the_one_before():
@@ -94,8 +93,8 @@ def test_each_level_has_the_rate_from_the_one_before():
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 DATA = st.recursive(st.none() | st.booleans() | st.integers() | NUMBERS | st.text(), st.lists, max_leaves=5)
 st.register_type_strategy(float, NUMBERS)
-RECORDS = {kind: st.from_type(kind) for kind in (Level, Published, Result, Line, Plot, Kept)}
-RECORDS[Done] = st.builds(Done, given=st.dictionaries(st.text(), DATA))
+RECORDS = {kind: st.from_type(kind) for kind in (Level, Published, Result, Line, Plot, StoredPicture)}
+RECORDS[CaseResult] = st.builds(CaseResult, parameters=st.dictionaries(st.text(), DATA))
 
 
 @pytest.mark.parametrize("kind", RECORDS, ids=lambda kind: kind.__name__)
@@ -113,7 +112,7 @@ def test_what_is_not_finite_is_null():
     assert line["x"] == [0.0, None, None] and line["y"] == [1.0, None, 2.0]
     back = made_of(Line, line)
     assert np.isnan(back.x).tolist() == [False, True, True]
-    assert plain(reported("q", math.nan, **SAID))["value"] is None
+    assert plain(informative("q", math.nan, **SAID))["value"] is None
 
 
 def test_numbers_of_numpy_are_numbers_in_json():
@@ -136,8 +135,8 @@ def test_the_cases_of_a_family_are_data(name):
     assert all(re.fullmatch(r"[A-Za-z0-9][\w.+-]*", case.name) for case in family.cases)  # they are names of files
     assert len({case.name.lower() for case in family.cases}) == len(family.cases)
     for case in family.cases:
-        assert case.about and case.seconds > 0 and given_of(case), case.id
-        assert json.loads(json.dumps(given_of(case), allow_nan=False)) == given_of(case)
+        assert case.description and case.seconds > 0 and parameters_of(case), case.id
+        assert json.loads(json.dumps(parameters_of(case), allow_nan=False)) == parameters_of(case)
         counts = [families.levels_in(case, suite) for suite in SUITES]
         assert set(case.levels) <= set(SUITES) and counts == sorted(counts) and counts[-1] > 0, case.id
 

@@ -11,12 +11,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from lacmesh.report import charts
+from lacmesh.report.blocks import Chart, Line, Plot
 from tests.browser import Browser
 from tests.verification.report_runs import NASTY, TYPES, make_run
 from verification import report
-from verification.records import Line, Plot, Published, at_least, at_most, equal, levels_of, rate, reported
-from verification.report import charts, convergence, judging, outline
-from verification.report.blocks import Chart
+from verification.records import Published, at_least, at_most, equal, informative, levels_of, rate
+from verification.report import convergence, judging, outline
 from verification.report.words import reason_of
 
 WIDTHS = {"laptop": (1366, 900), "phone": (390, 844)}
@@ -85,7 +86,7 @@ def test_every_case_has_its_section_with_all_it_found(run, page):
     for done in run.done:
         words = page.words[done.id]
         assert f"python -m verification run --family {done.family} --case {done.case} --suite full" in words
-        assert done.given["type"] in words
+        assert done.parameters["type"] in words
         assert done.failure in words
         for result in done.results:
             assert result.quantity in words
@@ -97,7 +98,7 @@ def test_every_case_has_its_section_with_all_it_found(run, page):
 
 
 def test_the_summary_counts_and_names_what_fell_short(run, written):
-    met = sum(r.passed and r.bound != "reported" for done in run.done for r in done.results)
+    met = sum(r.passed and r.bound != "informative" for done in run.done for r in done.results)
     short = [(done.id, r.quantity) for done in run.done for r in done.results if not r.passed]
     failed = [done.id for done in run.done if done.failure]
     said = written.with_suffix(".md").read_text(encoding="utf-8").split("\n# ")[0]
@@ -159,7 +160,7 @@ def test_the_summary_in_short_has_all_families_and_what_others_published(run):
 
 
 def test_two_runs_that_are_the_same(run):
-    assert report.compare(run, run).splitlines()[0] == f"No figure differs, of {figures(run)}."
+    assert report.compare(run, run).splitlines()[0] == f"No result differs, of {figures(run)}."
 
 
 def figures(run):
@@ -170,9 +171,9 @@ def test_two_runs_that_differ(run, tmp_path):
     """In the later run one case of a family misses a figure, the second has larger errors, the third is gone."""
     later = make_run(tmp_path, twist=True)
     forth, back = report.compare(run, later), report.compare(later, run)
-    first = f"10 of {figures(run)} figures differ: 3 fall short now, 6 vanished, 1 errors grown."
+    first = f"10 of {figures(run)} results differ: 3 fall short now, 6 vanished, 1 errors grown."
     assert forth.splitlines()[0] == first
-    assert back.splitlines()[0] == f"9 of {figures(run)} figures differ: 3 met now, 6 appeared."
+    assert back.splitlines()[0] == f"9 of {figures(run)} results differ: 3 met now, 6 appeared."
     assert "| hertz/plane-TRIA3 | u in the energy norm | 1.050 | 1.050 | 2.72e-03 | 2.72e-03 | met → missed |" in forth
     assert "5.86e-04 | 8.78e-04 | met |" in forth.split("### Errors grown")[1]
 
@@ -182,9 +183,9 @@ def test_two_runs_that_differ(run, tmp_path):
     [
         (at_most("a", 1e-13, 1e-10, source=""), at_most("a", 9e-13, 1e-10, source=""), False),
         (at_most("a", 1e-13, 1e-10, source=""), at_most("a", 2e-11, 1e-10, source=""), True),
-        (reported("a", 1.0, reason=""), reported("a", 1.04, reason=""), False),
-        (reported("a", 1.0, reason=""), reported("a", 0.94, reason=""), True),
-        (reported("a", 1.0, reason=""), reported("a", math.nan, reason=""), True),
+        (informative("a", 1.0, reason=""), informative("a", 1.04, reason=""), False),
+        (informative("a", 1.0, reason=""), informative("a", 0.94, reason=""), True),
+        (informative("a", 1.0, reason=""), informative("a", math.nan, reason=""), True),
     ],
 )
 def test_what_counts_as_a_change(old, new, changed):
@@ -201,7 +202,7 @@ def test_what_counts_as_a_change(old, new, changed):
         (at_least("rate", 1.9, 1.0, source=""), 2.0, False),
         (equal("p", 1.01, 1.0, 0.1, source="", reason=""), 0.98, True),
         (equal("p", 1.01, 1.0, 0.1, source="", reason=""), 1.001, False),
-        (reported("p", 1.01, reason=""), 1.001, None),
+        (informative("p", 1.01, reason=""), 1.001, None),
         (at_most("e", math.nan, 1.0, source=""), 0.3, None),
     ],
 )

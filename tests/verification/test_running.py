@@ -22,22 +22,22 @@ from hypothesis import strategies as st
 from lacmesh.errors import RequestError, WriteError
 from tests.verification.fakes import Given, command, planned, ran
 from verification import families
-from verification.records import Case, Family, Outcome, Picture, reported
+from verification.records import Case, Family, Outcome, Picture, informative
 from verification.running import plan, pool, worker
 from verification.running.environment import environment
 from verification.running.folder import (
-    Done,
+    CaseResult,
     FolderError,
     Run,
     forget,
-    read_done,
+    read_case_result,
     read_run,
     rows,
     sweep,
     write_results,
 )
 from verification.running.junit import junit
-from verification.running.suite import opened, run_suite
+from verification.running.suite import locked_run, run_suite
 
 
 @pytest.fixture
@@ -84,8 +84,8 @@ def gone(pid):
 #: how each ends, and what is said of it
 ENDS = {
     "killed": "killed by SIGKILL, perhaps for want of memory; see cases/cut/killed.log",
-    "exits": "the process ended with status 7 and no figures; see cases/cut/exits.log",
-    "silent": "the process ended with status 0 and no figures; see cases/cut/silent.log",
+    "exits": "the process ended with status 7 and no results; see cases/cut/exits.log",
+    "silent": "the process ended with status 0 and no results; see cases/cut/silent.log",
     "slow": "not done in 8 s; see cases/cut/slow.log",
     "failed": "ValueError: the\x1b[31m mesh\n is <wrong>",
 }
@@ -238,31 +238,31 @@ def test_an_outcome_of_before_is_not_taken_for_one_of_now(prepared, folder):
     (prepared / "cases" / "cut" / "a.json").unlink()  # the worker fails
     made, _ = run(cases, folder)
     assert (
-        "status 1 and no figures" in made.done[0].failure and "FileNotFound" in (folder / "cases/cut/a.log").read_text()
+        "status 1 and no results" in made.done[0].failure and "FileNotFound" in (folder / "cases/cut/a.log").read_text()
     )
 
 
 def test_a_folder_is_held_by_one_run(tmp_path):
     folder = tmp_path / "deep" / "run"
     with (
-        opened(folder, resume=False),
+        locked_run(folder, resume=False),
         pytest.raises(RequestError, match="another process"),
-        opened(folder, resume=True),
+        locked_run(folder, resume=True),
     ):
         pass
-    with pytest.raises(RequestError, match="holds a run already; --resume"), opened(folder, resume=False):
+    with pytest.raises(RequestError, match="holds a run already; --resume"), locked_run(folder, resume=False):
         pass
     (folder / "cases" / "cut").mkdir()
     (folder / "cases" / "cut" / ".a-0123.png").write_text("half")
     (folder / ".results-0123.json").write_text("half")
     (folder / ".mine").write_text("kept")
-    with opened(folder, resume=True):
+    with locked_run(folder, resume=True):
         assert [path.name for path in folder.rglob(".*")] == [".mine"]
 
 
 def test_a_folder_that_cannot_be_made_is_said(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(WriteError, match="file: cannot be used"), opened(tmp_path / "file", resume=False):
+    with pytest.raises(WriteError, match="file: cannot be used"), locked_run(tmp_path / "file", resume=False):
         pass
 
 
@@ -282,19 +282,31 @@ def solved(monkeypatch, tmp_path):
     def solve(function):
         monkeypatch.setattr(families, "family", lambda name: Family(name, "", "", (CASE,), function))
         worker.main("cut", "one", 2, tmp_path)
-        return read_done(tmp_path, "cut", "one")
+        return read_case_result(tmp_path, "cut", "one")
 
     return solve
 
 
 def test_a_worker_keeps_what_a_case_yields(solved, tmp_path):
     picture = Picture("a title", "what is seen", b"bytes")
-    done = solved(lambda case, levels: Outcome((reported("levels", levels, reason=""),), (), (picture, picture)))
-    assert done.results[0].value == 2 and done.given == {"sizes": [0.5, 0.25]} and not done.failure
+    done = solved(lambda case, levels: Outcome((informative("levels", levels, reason=""),), (), (picture, picture)))
+    assert done.results[0].value == 2 and done.parameters == {"sizes": [0.5, 0.25]} and not done.failure
     assert (done.sources, done.levels) == (plan.sources("cut"), 2) and done.seconds >= 0 and done.memory > 1e6
     assert [(tmp_path / "cases" / "cut" / kept.file).read_bytes() for kept in done.pictures] == [b"bytes"] * 2
     forget(tmp_path, "cut", "one")
     assert not list((tmp_path / "cases" / "cut").iterdir())
+
+
+def test_a_case_that_an_earlier_version_stored_is_read(solved, tmp_path):
+    now = solved(lambda case, levels: Outcome((informative("levels", levels, reason=""),)))
+    file = tmp_path / "cases" / "cut" / "one.json"
+    words = (("description", "about"), ("parameters", "given"), ("informative", "reported"))
+    text = file.read_text()
+    for new, old in words:
+        assert f'"{new}"' in text
+        text = text.replace(f'"{new}"', f'"{old}"')
+    file.write_text(text)
+    assert read_case_result(tmp_path, "cut", "one") == now
 
 
 def test_a_worker_keeps_why_there_is_nothing(solved, capsys):
@@ -303,7 +315,7 @@ def test_a_worker_keeps_why_there_is_nothing(solved, capsys):
 
     assert solved(fails).failure == "ArithmeticError: no equilibrium"
     assert "Traceback" in capsys.readouterr().err
-    assert solved(lambda case, levels: Outcome(())).failure == "there is no figure"
+    assert solved(lambda case, levels: Outcome(())).failure == "there is no result"
 
 
 def test_a_worker_ends_with_its_run():
@@ -328,7 +340,7 @@ def test_rows_of_a_convergence():
     from verification.records import levels_of, rate
 
     result = rate("u", levels_of((1.0, 0.5), (9, 25), (1.0, 0.25)), 2.0, source="theory")
-    (row,) = rows(Done("cut", "a", "", {}, 2, 1.5, 0, (result,)))
+    (row,) = rows(CaseResult("cut", "a", "", {}, 2, 1.5, 0, (result,)))
     assert row["levels"] == [
         {"h": 1.0, "unknowns": 9, "error": 1.0, "rate": None}, {"h": 0.5, "unknowns": 25, "error": 0.25, "rate": 2.0},
     ]  # fmt: skip
@@ -338,11 +350,11 @@ def test_rows_of_a_convergence():
 @settings(max_examples=30, deadline=None, database=None)
 @given(st.text(), st.text(), st.text())
 def test_junit_is_well_formed_whatever_is_said(failure, quantity, reason):
-    short = replace(reported(quantity, math.nan, reason=reason), passed=False)
+    short = replace(informative(quantity, math.nan, reason=reason), passed=False)
     done = (
-        Done("cut", "a", "", {}, 1, 0.5, 0, (short,)),
-        Done("cut", "b", "", {}, 1, 0.5, 0, failure=failure or "?"),
-        Done("patch", "c", "", {}, 1, 0.5, 0, (reported("q", 1.0, reason=""),)),
+        CaseResult("cut", "a", "", {}, 1, 0.5, 0, (short,)),
+        CaseResult("cut", "b", "", {}, 1, 0.5, 0, failure=failure or "?"),
+        CaseResult("patch", "c", "", {}, 1, 0.5, 0, (informative("q", 1.0, reason=""),)),
     )
     suites = ET.fromstring(junit(Run(None, "1", "quick", {}, 2.0, done)))
     assert [(s.get("name"), s.get("failures"), s.get("errors")) for s in suites] == [

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from verification.families import scaling
-from verification.families.scaling import FAMILY, Plates, Stages, seconds_of, timed
+from verification.families.scaling import FAMILY, BenchmarkStages, Plates, seconds_of, timed
 from verification.records import Case, levels_of
 
 
@@ -28,9 +28,9 @@ def test_an_exponent_is_judged(power, passed):
 
 def test_sizes_grow_sixteenfold_and_nothing_runs_beside():
     for case in FAMILY.cases:
-        assert case.alone
+        assert case.exclusive
         for count in case.levels.values():
-            sides = case.given.sides[:count]
+            sides = case.parameters.sides[:count]
             assert len(sides) == count and (sides[-1] / sides[0]) ** 2 >= 16
 
 
@@ -56,7 +56,7 @@ def test_every_stage_is_timed(monkeypatch):
     names = [result.quantity for result in outcome.results]
     assert names[::2] == [f"exponent of {stage}" for stage in (*scaling._STAGES, "the solve")]
     assert [line.label for line in outcome.plots[0].lines] == [*scaling._STAGES, "solve"]
-    one = Stages.of(given, 4)
+    one = BenchmarkStages.of(given, 4)
     seconds = timed([one])
     assert seconds.shape == (2, 4, 1) and (seconds >= 0).all() and np.isfinite(seconds).all()
     assert one.faces == 4 * 4 * 4 + 3 * 3 and levels_of([1, 2], [1, 2], [1.0, 2.0])[1].rate == 1

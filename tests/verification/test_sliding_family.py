@@ -69,7 +69,7 @@ def test_a_plate_is_longer_than_its_slider_and_turns_up():
 
 @pytest.mark.parametrize("cell, normals", [("QUAD4", "facet"), ("QUAD8", "smoothed")])
 def test_a_block_keeps_its_pressure(cell, normals):
-    given = replace(case(f"block_{cell}_{normals}").given, steps=3, way=0.8)
+    given = replace(case(f"block_{cell}_{normals}").parameters, steps=3, way=0.8)
     outcome = slide(case("block_QUAD4_facet"), given, 1)
     assert len(outcome.results) >= 6 and all(result.passed for result in outcome.results), outcome.results
 
@@ -86,7 +86,7 @@ def test_another_pressure_is_found_out(monkeypatch):
 
 def test_a_ring_meets_its_block():
     """Five of twenty steps: nothing until 20 mm of way, then two faces beside the middle share the force."""
-    given = case("ring").given
+    given = case("ring").parameters
     down = (("ux", ((0.0, 0.0), (1.0, 0.0))), ("uy", ((0.0, 0.0), (0.25, -22.5))))
     own = dragged(replace(given, path=down, end=0.25), 30, 5)
     pressed = [float(state.zones[0].pressure.max()) for state in own.states]

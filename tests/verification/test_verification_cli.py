@@ -51,7 +51,7 @@ def test_one_case_runs_to_its_report(tmp_path, capsys):
     assert main(words) == 0
     told = capsys.readouterr().out.splitlines()
     assert told[0] == "1 cases to run; about 1 s left"
-    assert re.fullmatch(r"\[1/1\] cut/counts: met (\d+) of \1 figures, [\d.]+ s; about 0 s left", told[1])
+    assert re.fullmatch(r"\[1/1\] cut/counts: met (\d+) of \1 results, [\d.]+ s; about 0 s left", told[1])
     assert told[2].startswith("1 cases, ") and told[2].endswith("report.html") and len(told) == 3
     assert "counts" in (folder / "report.html").read_text() and (folder / "report.md").exists()
     assert ET.parse(folder / "junit.xml").getroot().find("testsuite/testcase").get("name") == "counts"
@@ -76,9 +76,9 @@ def test_a_figure_that_falls_short_is_the_exit_status(fakes, tmp_path, capsys):
     fakes("good", "missed", "failed")
     assert main(["run", "-o", str(tmp_path / "run")]) == 1
     told = capsys.readouterr()
-    assert "cut/missed: MISSED 1 of 2 figures, 0.2 s" in told.out and "cut/good: met 2 of 2 figures" in told.out
+    assert "cut/missed: MISSED 1 of 2 results, 0.2 s" in told.out and "cut/good: met 2 of 2 results" in told.out
     assert r"cut/failed: FAILED: ValueError: the\x1b[31m mesh is <wrong>" in told.out
-    assert "2 of the figures fall short (cut/failed has no outcome; cut/missed: error); see the report" in told.err
+    assert "2 of the results fall short (cut/failed has no outcome; cut/missed: error); see the report" in told.err
     assert (tmp_path / "run" / "report.html").exists()
 
 
@@ -86,7 +86,7 @@ def test_a_figure_that_falls_short_is_the_exit_status(fakes, tmp_path, capsys):
 def test_one_that_falls_short_is_enough(fakes, tmp_path, capsys, name, short):
     fakes("good", name)
     assert main(["run", "-q", "-j", "1", "-o", str(tmp_path / "run")]) == 1
-    assert f"1 of the figures fall short ({short})" in capsys.readouterr().err
+    assert f"1 of the results fall short ({short})" in capsys.readouterr().err
 
 
 def test_a_quiet_run_says_nothing(fakes, tmp_path, capsys):

@@ -11,7 +11,7 @@ from lacmesh.errors import LacmeshError
 #: in the order of the help
 COMMANDS = ("list", "run", "report", "compare")
 EPILOG = """\
-Exit status: 0 every figure is met, 1 some fall short, 2 the command is wrong, 3 a file cannot be read or written,
+Exit status: 0 every result is met, 1 some fall short, 2 the command is wrong, 3 a file cannot be read or written,
 130 interrupted, 143 terminated."""
 
 

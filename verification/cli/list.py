@@ -31,17 +31,17 @@ def run(args: argparse.Namespace) -> None:
         return
     rows = table("case", "levels", "what")
     for p in planned:
-        rows.add_row(p.case.id, str(p.levels), p.case.about)
+        rows.add_row(p.case.id, str(p.levels), p.case.description)
     console().print(rows)
     print(f"{len(planned)} cases, about {_minutes(planned)} minutes of one core")
 
 
 def _record(planned: Planned) -> dict[str, Any]:
-    from verification.running.folder import given_of
+    from verification.running.folder import parameters_of
 
     case = planned.case
-    about = {"family": case.family, "case": case.name, "about": case.about, "levels": dict(case.levels)}
-    return {**about, "seconds": case.seconds, "alone": case.alone, "given": given_of(case)}
+    named = {"family": case.family, "case": case.name, "about": case.description, "levels": dict(case.levels)}
+    return {**named, "seconds": case.seconds, "alone": case.exclusive, "given": parameters_of(case)}
 
 
 def _minutes(planned: Sequence[Planned]) -> str:

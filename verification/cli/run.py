@@ -13,12 +13,12 @@ from lacmesh.errors import LacmeshError
 from verification.cli.options import add_choice, add_command
 
 if TYPE_CHECKING:
-    from verification.running.folder import Done, Run
+    from verification.running.folder import CaseResult, Run
     from verification.running.suite import Progress
 
 
 class FallsShortError(LacmeshError):
-    """Figures are not met."""
+    """Results are not met."""
 
 
 def add(commands: Any) -> None:
@@ -33,16 +33,16 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Run, and write results and report. Raises FallsShortError where a figure is not met."""
+    """Run, and write results and report. Raises FallsShortError where a result is not met."""
     from verification import report
     from verification.running.environment import cores
     from verification.running.plan import plan
-    from verification.running.suite import opened, run_suite
+    from verification.running.suite import locked_run, run_suite
 
     planned = plan(args.suite, args.family, args.case)
     folder = args.output or Path("build") / f"verification-{args.suite}"
     jobs = args.jobs or cores()
-    with opened(folder, resume=args.resume):
+    with locked_run(folder, resume=args.resume):
         args.left = lambda: f"finished cases are kept in {folder}; --resume goes on"
         made = run_suite(planned, args.suite, folder, jobs, *((_quiet, _quiet) if args.quiet else (_begun, _said)))
         report.write(made, folder / "report.html")
@@ -55,18 +55,18 @@ def _begun(progress: Progress) -> None:
     print(f"{progress.count} cases to run{kept}; {_left(progress)}", flush=True)
 
 
-def _said(done: Done, progress: Progress) -> None:
+def _said(done: CaseResult, progress: Progress) -> None:
     """A line for a case that has ended."""
     print(f"[{progress.ended}/{progress.count}] {done.id}: {_verdict(done)}, {done.seconds:.1f} s; {_left(progress)}")
     sys.stdout.flush()
 
 
-def _verdict(done: Done) -> str:
+def _verdict(done: CaseResult) -> str:
     if done.failure:
         return f"FAILED: {on_one_line(shorten(done.failure, 200))}"
-    judged = [result.passed for result in done.results if result.bound != "reported" or not result.passed]
+    judged = [result.passed for result in done.results if result.bound != "informative" or not result.passed]
     short = judged.count(False)
-    return f"{f'MISSED {short}' if short else f'met {len(judged)}'} of {len(judged)} figures"
+    return f"{f'MISSED {short}' if short else f'met {len(judged)}'} of {len(judged)} results"
 
 
 def _left(progress: Progress) -> str:
@@ -74,21 +74,21 @@ def _left(progress: Progress) -> str:
     return f"about {progress.left / 60:.0f} min left" if minutes else f"about {progress.left:.0f} s left"
 
 
-def _quiet(*told: object) -> None:
+def _quiet(*progress: object) -> None:
     """Nothing."""
 
 
 def _end(made: Run, *, quiet: bool) -> None:
-    """The last line; FallsShortError where a figure is not met."""
+    """The last line; FallsShortError where a result is not met."""
     results = [result for done in made.done for result in done.results]
     if not quiet:
         page = made.path / "report.html"
-        print(f"{len(made.done)} cases, {len(results)} figures, {made.seconds / 60:.1f} min; {page}", flush=True)
+        print(f"{len(made.done)} cases, {len(results)} results, {made.seconds / 60:.1f} min; {page}", flush=True)
     failed = [f"{done.id} has no outcome" for done in made.done if done.failure]
     short = [*failed, *(f"{done.id}: {r.quantity}" for done in made.done for r in done.results if not r.passed)]
     if short:
-        told = "; ".join(short[:8]) + ("; ..." if len(short) > 8 else "")
-        raise FallsShortError(f"{len(short)} of the figures fall short ({told}); see the report")
+        names = "; ".join(short[:8]) + ("; ..." if len(short) > 8 else "")
+        raise FallsShortError(f"{len(short)} of the results fall short ({names}); see the report")
 
 
 def _jobs(text: str) -> int:

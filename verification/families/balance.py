@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from verification.meshes.stacks import LAYERS, bent, block, joined, moved, skin, stack, tower
+from verification.meshes.blocks import bent, joined
+from verification.meshes.stacks import LAYERS, block, moved, skin, stack, tower
 from verification.records import Case, Family, Outcome, at_least
 from verification.solving import Solved, balanced, entry, solve
 
@@ -99,7 +100,7 @@ def text(given: Touch) -> str:
 
 def run(case: Case, levels: int) -> Outcome:
     """Solve every pair."""
-    given: Touch = case.given
+    given: Touch = case.parameters
     solutions = [solve(text(given), mesh_of(given, *pair)) for pair in given.pairs]
     closed = min(_closed(solved) for solved in solutions)
     reason = "balance means something only where forces are"
@@ -150,29 +151,36 @@ _HEXA: Keys = (("hexa", "hexa"),)
 _BOTH: Keys = (("type", "bilateral"),)
 
 
-def _case(name: str, about: str, given: Touch, seconds: float = 4.0, quick: bool = False) -> Case:
+def _case(name: str, description: str, given: Touch, seconds: float = 4.0, quick: bool = False) -> Case:
     dim = "axisymmetric" if given.model == "axisymmetric" else f"{given.dim}d"
-    return Case("balance", f"{name}-{dim}", f"{about}, {dim}", given, {"quick" if quick else "full": 1}, seconds)
+    return Case("balance", f"{name}-{dim}", f"{description}, {dim}", given, {"quick" if quick else "full": 1}, seconds)
 
 
 def _cases() -> Iterator[Case]:
     for model, pairs in (("plane_strain", _PLANE), ("axisymmetric", _PLANE), ("3d", _SOLID)):
         few, solid = pairs[:3] if model != "3d" else _FEW, model == "3d"
         for name, keys in (("facet", _FACET), ("smoothed", _SMOOTHED)):
-            about = f"interface in waves, {name} normals"
+            description = f"interface in waves, {name} normals"
             quick = model != "axisymmetric"
-            yield _case(f"waves-{name}", about, Touch(pairs, model, "waves", keys), 6.0, quick and not solid)
+            yield _case(f"waves-{name}", description, Touch(pairs, model, "waves", keys), 6.0, quick and not solid)
             now = Touch(few, model, "waves", keys + _CURRENT)
-            yield _case(f"waves-{name}-current", f"{about}, geometry current", now, 4.0, solid)
+            yield _case(f"waves-{name}-current", f"{description}, geometry current", now, 4.0, solid)
             finite = Touch(few, model, "waves", keys, "finite", steps=2)
-            yield _case(f"waves-{name}-finite", f"{about}, finite kinematics", finite, 12.0)
-        for shape, about in (("overhang", "the slave reaches over the master's rim"), ("tucked", "a wider master")):
-            yield _case(shape, about, Touch(few, model, shape), 2.0, solid and shape == "overhang")
-            yield _case(f"{shape}-finite", f"{about}, finite", Touch(few, model, shape, (), "finite", steps=2), 8.0)
+            yield _case(f"waves-{name}-finite", f"{description}, finite kinematics", finite, 12.0)
+        for shape, description in (
+            ("overhang", "the slave reaches over the master's rim"),
+            ("tucked", "a wider master"),
+        ):
+            yield _case(shape, description, Touch(few, model, shape), 2.0, solid and shape == "overhang")
+            yield _case(
+                f"{shape}-finite", f"{description}, finite", Touch(few, model, shape, (), "finite", steps=2), 8.0
+            )
         yield _case("bilateral", "pressure of either sign", Touch(few, model, "waves", _BOTH), 2.0)
         for gap in (0.0, 0.07):
-            words, about = ("tie-gap", "a tie across a gap") if gap else ("tie", "a tie")
-            yield _case(words, about, Touch(few, model, "waves", (), joint="tie", gap=gap), 2.0, solid and gap > 0)
+            words, description = ("tie-gap", "a tie across a gap") if gap else ("tie", "a tie")
+            yield _case(
+                words, description, Touch(few, model, "waves", (), joint="tie", gap=gap), 2.0, solid and gap > 0
+            )
     for name, keys in (("facet", _FACET), ("smoothed", _SMOOTHED)):
         curved = Touch((("TETRA10", "HEXA20"),), "3d", "waves", keys + _CURRENT)
         yield _case(
@@ -180,9 +188,9 @@ def _cases() -> Iterator[Case]:
         )
     for model, on in (("plane_strain", _PLANE[:2]), ("3d", _FEW)):
         for kinematics in ("small", "finite"):
-            about = f"a rigid skin that comes down and turns, {kinematics} kinematics"
+            description = f"a rigid skin that comes down and turns, {kinematics} kinematics"
             given = Touch(on, model, "rigid", (), kinematics, steps=2 if kinematics == "finite" else 1)
-            yield _case(f"rigid-{kinematics}", about, given, 4.0, kinematics == "small" and model == "3d")
+            yield _case(f"rigid-{kinematics}", description, given, 4.0, kinematics == "small" and model == "3d")
     for keys, name in (((), "pyramid"), (_HEXA, "hexa")):
         warped = Touch((("HEXA8", "HEXA8"), ("HEXA20", "HEXA8"), ("HEXA8", "HEXA27")), "3d", "saddle", keys)
         yield _case(f"warped-{name}", f"quadrangles that are not plane, cut {name}", warped, 3.0, name == "hexa")
@@ -200,7 +208,7 @@ FAMILY = Family(
     "unilateral and bilateral contact, ties and several zones. Every other case with contact of this report has the "
     "same two results.\n\n"
     "What is left is relative to the sum of the sizes of the forces, and of the forces times their arms; in "
-    "axisymmetry radial forces and moments balance all round, and the axial resultant alone is told.",
+    "axisymmetry radial forces and moments balance all round, and the axial resultant alone is given.",
     tuple(_cases()),
     run,
 )

@@ -15,7 +15,7 @@ much better; `smooth` may not be much worse, and nowhere worse than `faces`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -23,14 +23,14 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
+from lacmesh.report.blocks import Line, Plot
 from lacsolver import Problem
-from lacsolver.contact import integrate
 from verification.families import curved_fits, curved_hertz, curved_lug, curved_pin
 from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.measures.rates import fitted
 from verification.profiles import line
-from verification.records import Case, Family, Level, Line, Outcome, Plot, Result, at_most, levels_of, rate, reported
-from verification.solving import Solved, balanced, finished
+from verification.records import Case, Family, Level, Outcome, Result, at_most, informative, levels_of, rate
+from verification.solving import Solved, balanced, finished, with_true_gap
 
 Floats = NDArray[np.floating]
 
@@ -61,7 +61,7 @@ _CUBIC = (
     "exact heights at the middles of edges hardly do better on triangles, as a parabola over a face leaves h^3 of the "
     "surface's third derivatives"
 )
-_TOLD = "told beside the smooth surfaces'"
+_OTHER_GAPS = "beside the smooth surfaces'"
 
 
 class Curved(Protocol):
@@ -105,21 +105,21 @@ class Curved(Protocol):
     def pressure(self, x: Floats) -> Floats:
         """(n, 1): the exact pressure at points x (n, dim)."""
 
-    def figures(self, solved: Solved) -> dict[str, float]:
+    def quantities(self, solved: Solved) -> dict[str, float]:
         """Further errors of a solution, by name."""
 
 
 @dataclass(frozen=True, eq=False)
 class CurvedSolution:
     """A solution with one of the gaps. Errors of p_m and of the recovered pressure relative to the exact pressure, in
-    L2; `open`: macro-elements without contact; `figures`: of the problem's own.
+    L2; `open`: macro-elements without contact; `quantities`: of the problem's own.
     """
 
     solved: Solved
     error: float
     recovered: float
     open: int
-    figures: dict[str, float]
+    quantities: dict[str, float]
 
 
 #: the solutions with a gap: a list for each level, of one for each set of meshes
@@ -129,9 +129,9 @@ Found = dict[str, Levels]
 
 def solve_case(case: Case, levels: int) -> Outcome:
     """A problem on so many meshes, with each of the three gaps."""
-    if isinstance(case.given, curved_lug.Lug):
-        return curved_lug.solve_case(case.given, levels)
-    given: Curved = case.given
+    if isinstance(case.parameters, curved_lug.Lug):
+        return curved_lug.solve_case(case.parameters, levels)
+    given: Curved = case.parameters
     found = {
         gap: [[solution(given, n, gap, k) for k in range(given.sets(n, levels))] for n in range(levels)] for gap in GAPS
     }
@@ -142,30 +142,17 @@ def solve_case(case: Case, levels: int) -> Outcome:
 def solution(given: Curved, level: int, gap: str, number: int = 0) -> CurvedSolution:
     """Solve on one level, on the meshes of a number."""
     problem = Problem.of(given.case("smooth" if gap == "smooth" else "faces"), given.mesh(level, number))
-    solved = finished(truly(problem, given) if gap == "true" else problem)
-    mesh, (zone,), axial = solved.mesh, solved.state.zones, given.axisymmetric
-    recovered = solved.fields.zones[zone.name].pressure_recovered
+    if gap == "true":
+        problem = with_true_gap(problem, lambda x, n: given.gap(x[:, : problem.space.dim]))
+    solved = finished(problem)
+    mesh, zone, axial = solved.mesh, solved.zone, given.axisymmetric
     return CurvedSolution(
         solved,
         pressure_errors(mesh, zone.pressure, given.pressure, axisymmetric=axial).exact,
-        nodal_pressure_error(mesh, recovered, given.pressure, axisymmetric=axial),
+        nodal_pressure_error(mesh, solved.recovered, given.pressure, axisymmetric=axial),
         int((zone.pressure <= 0).sum()),
-        given.figures(solved),
+        given.quantities(solved),
     )
-
-
-def truly(problem: Problem, given: Curved) -> Problem:
-    """The problem with the true gap at every point of its contact, whatever lies between the faces there."""
-    (joint,), dim = problem.joints, problem.space.dim
-    pairing = replace(joint.pairing, clearance=lambda x, t: np.zeros(len(x)))
-    points = integrate(joint.zone, dim, pairing).points
-
-    def clearance(x: Floats, t: float) -> Floats:
-        if len(x) != len(points):
-            raise ValueError("the contact was integrated at other points than its gap was measured at")
-        return given.gap(x[:, :dim]) - points.gap
-
-    return replace(problem, joints=(replace(joint, pairing=replace(pairing, clearance=clearance)),))
 
 
 def results(given: Curved, found: Found) -> Iterator[Result]:
@@ -182,24 +169,24 @@ def results(given: Curved, found: Found) -> Iterator[Result]:
         added = [np.sqrt(max(a * a - b * b, 0.0)) for a, b in zip(means(smooth), means(true), strict=True)]
         yield rate("p_m in L2 beyond that with the true gap, rate", table(given, smooth, added), BEYOND,
                    source=_PARABOLAS, reason=f"{_FREE}; {_CUBIC}")  # fmt: skip
-        yield reported("p_m in L2 over that with the true gap, finest mesh", means(smooth)[-1] / means(true)[-1],
+        yield informative("p_m in L2 over that with the true gap, finest mesh", means(smooth)[-1] / means(true)[-1],
                        reason=_CUBIC)  # fmt: skip
     for called, error in (("p_m", "error"), ("recovered pressure", "recovered")):
         ratio, beside = worst(smooth, error, faces, true), worst(smooth, error, faces)
         name = f"{called} in L2 over that between faces"
         yield at_most(f"{name} or with the true gap, worst mesh", ratio, 1 + NO_WORSE[error], source=_SAME,
                       reason=_NOWHERE)  # fmt: skip
-        yield reported(f"{name}, worst mesh", beside, reason=_TOLD)
+        yield informative(f"{name}, worst mesh", beside, reason=_OTHER_GAPS)
     if given.second is not None and len(smooth) > 1:
         yield at_most("p_m in L2, second mesh", means(smooth)[1], given.second, source="what engineers can use")
     if given.uniform:
         yield from opened(given, smooth, faces)
     for called, own in (("with the true gap", true), ("between faces", faces)):
         rows = table(given, own, means(own))
-        yield reported(f"p_m in L2 {called}, finest mesh", rows[-1].error, reason=_TOLD, levels=rows)
-    for figure in smooth[-1][0].figures:
-        mine, *theirs = (abs(own[-1][0].figures[figure]) for own in (smooth, faces, true))
-        yield at_most(f"error of the {figure}, finest mesh", mine, max(theirs) + NO_WORSE["error"], source=_SAME,
+        yield informative(f"p_m in L2 {called}, finest mesh", rows[-1].error, reason=_OTHER_GAPS, levels=rows)
+    for quantity in smooth[-1][0].quantities:
+        mine, *theirs = (abs(own[-1][0].quantities[quantity]) for own in (smooth, faces, true))
+        yield at_most(f"error of the {quantity}, finest mesh", mine, max(theirs) + NO_WORSE["error"], source=_SAME,
                       reason=_NOWHERE)  # fmt: skip
 
 
@@ -224,9 +211,9 @@ def opened(given: Curved, smooth: Levels, faces: Levels) -> Iterator[Result]:
     where = "all meshes" if first == 0 else "all but the coarsest meshes"
     mine, theirs = (sum(s.open for level in own[first:] for s in level) for own in (smooth, faces))
     yield at_most(f"macro-elements that open, {where}", mine, 0, source="p is uniform", reason=_CUBIC if first else "")
-    yield reported(f"macro-elements that open between faces, {where}", theirs, reason=_TOLD)
+    yield informative(f"macro-elements that open between faces, {where}", theirs, reason=_OTHER_GAPS)
     if first:
-        yield reported("macro-elements that open, coarsest meshes", sum(s.open for s in smooth[0]), reason=_CUBIC)
+        yield informative("macro-elements that open, coarsest meshes", sum(s.open for s in smooth[0]), reason=_CUBIC)
 
 
 def means(own: Levels, error: str = "error") -> list[float]:
@@ -248,13 +235,15 @@ def worst(own: Levels, error: str, *others: Levels) -> float:
 
 def falling(case: Case, found: Found) -> Plot:
     """Plot of the errors of p_m over the mesh size, with each gap."""
-    given: Curved = case.given
+    given: Curved = case.parameters
 
     def drawn(gap: str) -> Line:
         own = found[gap]
         return line(gap, np.array([given.h(n) for n in range(len(own))]), np.array(means(own)), "both")
 
-    return Plot("convergence", case.about, "h", "error of p_m in L2", tuple(map(drawn, GAPS)), log_x=True, log_y=True)
+    return Plot(
+        "convergence", case.description, "h", "error of p_m in L2", tuple(map(drawn, GAPS)), log_x=True, log_y=True
+    )
 
 
 _PROBLEMS = (curved_fits, curved_pin, curved_hertz, curved_lug)

@@ -69,8 +69,7 @@ class Fitted:
 
     def h(self, level: int) -> float:
         """The size of the slave's faces, before they are stretched."""
-        around = self.fit.counts[self.fit.slave == "around"][1]
-        return self.fit.radii[1] * np.pi / (2 if self.fit.dim == 2 else 4) / (around << level)
+        return self.fit.h(level)
 
     def case(self, surface: str) -> lacsolver.Case:
         """The case."""
@@ -84,7 +83,7 @@ class Fitted:
         """Exact pressure (n, 1), which is uniform."""
         return np.full((len(x), 1), self.fit.exact.between if self.exact else self.fit.pressure)
 
-    def figures(self, solved: Solved) -> dict[str, float]:
+    def quantities(self, solved: Solved) -> dict[str, float]:
         """No further errors."""
         return {}
 
@@ -121,5 +120,5 @@ def _each(
         for slave in ("within", "around"):
             given = replace(like, fit=replace(like.fit, cell=cell, slave=slave))
             few = {"quick": 3} if cell == quick and slave == "within" else {}
-            about = f"{name} of {cell} that fit, the slave {slave}"
-            yield Case(family, f"{name}-{cell}-{slave}", about, given, {**few, **levels}, seconds)
+            description = f"{name} of {cell} that fit, the slave {slave}"
+            yield Case(family, f"{name}-{cell}-{slave}", description, given, {**few, **levels}, seconds)

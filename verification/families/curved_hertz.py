@@ -74,9 +74,9 @@ class Lifted:
         """Hertz's pressure (n, 1)."""
         return hertz.pressure(self.hertz, x)
 
-    def figures(self, solved: Solved) -> dict[str, float]:
+    def quantities(self, solved: Solved) -> dict[str, float]:
         """The error of the half-width."""
-        (zone,) = solved.state.zones
+        zone = solved.zone
         return {"half-width": hertz.half_width(zone.centre, zone.pressure, self.hertz.p0) - 1}
 
 
@@ -94,5 +94,5 @@ def cases(family: str) -> Iterator[Case]:
                 called = "socket" if socket else "hertz"
                 name = f"{called}-{start}-{cell}"
                 quick = {"quick": 3} if (model, cell, socket) == ("plane_strain", "QUAD4", 4.0) else {}
-                about = f"Hertz on skins of {cell} that are curved, {start}{', in a socket' if socket else ''}"
-                yield Case(family, name, about, Lifted(given, socket), {**quick, "full": len(sizes)}, 10.0)
+                description = f"Hertz on skins of {cell} that are curved, {start}{', in a socket' if socket else ''}"
+                yield Case(family, name, description, Lifted(given, socket), {**quick, "full": len(sizes)}, 10.0)

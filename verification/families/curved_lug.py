@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacsolver import Problem
-from lacsolver.contact import integrate
-from verification.records import Case, Outcome, Result, at_most, reported
-from verification.solving import Solved, balanced, entry, finished
+from verification.records import Case, Outcome, Result, at_most, informative
+from verification.solving import Solved, balanced, entry, finished, with_true_gap
 
 Floats = NDArray[np.floating]
 
@@ -74,12 +73,12 @@ def _judged(gap: str, size: float, off: tuple[float, float], allowed: tuple[floa
         if gap == "smooth":
             yield at_most(quantity, abs(value), bound, source=_SOURCE, reason=_USED)
         else:
-            yield reported(quantity, value, reason="told beside the smooth surfaces'")
+            yield informative(quantity, value, reason="beside the smooth surfaces'")
 
 
 def away(own: Solved) -> tuple[int, float]:
     """Number and mean pressure of the macro-elements in contact away from the bore's edges."""
-    (zone,) = own.state.zones
+    zone = own.zone
     there = (zone.pressure > 0) & (np.abs(zone.centre[:, 1]) < _AWAY)
     return int(there.sum()), float((zone.area * zone.pressure)[there].sum() / zone.area[there].sum())
 
@@ -108,22 +107,13 @@ def solved(mesh: lacmesh.Mesh, gap: str) -> Solved:
         "[steps]\ncount = 2",
     ]
     problem = Problem.of(lacsolver.parse_case("\n".join(lines)), mesh)
-    return finished(_truly(problem) if gap == "true" else problem)
+    return finished(with_true_gap(problem, _between_cylinders) if gap == "true" else problem)
 
 
-def _truly(problem: Problem) -> Problem:
-    (joint,) = problem.joints
-    asked: list[Floats] = []
-
-    def clearance(x: Floats, t: float) -> Floats:
-        asked.append(x + problem.space.origin)
-        return np.zeros(len(x))
-
-    pairing = replace(joint.pairing, clearance=clearance)
-    points, (x,) = integrate(joint.zone, 3, pairing).points, asked
-    bore, pin = (_reached(x - [0.0, 0.0, z], points.normal, r) for r, z in zip((_BORE, _PIN), _AXES, strict=True))
-    missing = pin - bore - points.gap
-    return replace(problem, joints=(replace(joint, pairing=replace(pairing, clearance=lambda x, t: missing)),))
+def _between_cylinders(x: Floats, n: Floats) -> Floats:
+    """The gap (n,) from the bore's cylinder to the pin's, along n (n, 3) from points x (n, 3) near both."""
+    bore, pin = (_reached(x - [0.0, 0.0, z], n, r) for r, z in zip((_BORE, _PIN), _AXES, strict=True))
+    return pin - bore
 
 
 def _reached(x: Floats, n: Floats, radius: float) -> Floats:

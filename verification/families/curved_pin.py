@@ -16,7 +16,8 @@ import lacsolver
 from lacmesh import Mesh
 from lacsolver.case import Displacement, Value
 from verification.exact.pin import PinInHole
-from verification.meshes.blocks import assembled, rows_of
+from verification.measures.edge import edge_of_contact
+from verification.meshes.blocks import joined
 from verification.meshes.rings import pair, ring
 from verification.records import Case
 from verification.solving import Solved, entry
@@ -57,8 +58,7 @@ class Pin:
         for k, (name, counts) in enumerate(zip(("within", "around"), self.counts, strict=True)):
             own = [n << level for n in counts]
             made = ring(self.cell, own, radii[k : k + 2], jitter=self.jitter, seed=100 * k + level)
-            rows = {(kind, f"x0_{name}" if side == "x0" else side): v for (kind, side), v in rows_of(made).items()}
-            parts.append(assembled(made.points, rows, 2))
+            parts.append(joined([(made, {"x0": f"x0_{name}"})], keep=True))
         return pair(*parts, slave=self.slave)
 
     def h(self, level: int) -> float:
@@ -92,9 +92,9 @@ class Pin:
         """Persson's pressure (n, 1)."""
         return self.pin.pressure(np.arctan2(x[:, 1], x[:, 0]))[:, None]
 
-    def figures(self, solved: Solved) -> dict[str, float]:
+    def quantities(self, solved: Solved) -> dict[str, float]:
         """Relative errors of the force and of the angle."""
-        (zone,), force = solved.state.zones, self.pin.force / 2
+        zone, force = solved.zone, self.pin.force / 2
         resultant = abs(float(solved.figures.contact["slave"].resultant[0]))
         exact = self.pressure(zone.centre)[:, 0]
         ends = [half_angle(zone.centre, p, exact.max()) for p in (zone.pressure, exact)]
@@ -102,13 +102,8 @@ class Pin:
 
 
 def half_angle(centre: Floats, p: Floats, peak: float) -> float:
-    """Half-angle of contact, degrees: zero of the line fitted to p^2 over the squared angle; NaN with too few faces."""
-    angle = np.degrees(np.arctan2(centre[:, 1], centre[:, 0]))
-    outer = (angle > 30) & (p > 0.15 * peak)
-    if outer.sum() < 2:
-        return float("nan")
-    slope, start = np.polyfit(angle[outer] ** 2, p[outer] ** 2, 1)
-    return float(np.sqrt(-start / slope)) if slope < 0 < start else float("nan")
+    """Half-angle of contact, degrees, from pressures (n,) beyond 30 degrees; NaN with too few faces."""
+    return edge_of_contact(np.degrees(np.arctan2(centre[:, 1], centre[:, 0])), p, peak, 30.0)
 
 
 def cases(family: str) -> Iterator[Case]:
@@ -116,5 +111,7 @@ def cases(family: str) -> Iterator[Case]:
     for cell in ("TRIA3", "QUAD4"):
         for slave in ("within", "around"):
             quick = {"quick": 3} if (cell, slave) == ("TRIA3", "within") else {}
-            about = f"a pin in a hole of {cell}, the slave {slave}"
-            yield Case(family, f"pin-{cell}-{slave}", about, Pin(cell, slave), {**quick, "full": 4, "all": 5}, 4.0)
+            description = f"a pin in a hole of {cell}, the slave {slave}"
+            yield Case(
+                family, f"pin-{cell}-{slave}", description, Pin(cell, slave), {**quick, "full": 4, "all": 5}, 4.0
+            )

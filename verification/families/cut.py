@@ -2,7 +2,7 @@
 
 Exact: children fill their parent, the mesh conforms, every macro-element owns an internal dof, nothing is lost (Abbas,
 Drouet, Hild, Comput. Methods Appl. Mech. Engrg. 339, 2018; code_aster R5.03.55, 3.1). The properties are counted by
-`verification.measures.cutting`, from the two meshes; the verdict of `lacmesh.check` is told beside them.
+`verification.measures.cutting`, from the two meshes; the verdict of `lacmesh.check` stands beside them.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ import lacmesh
 from lacmesh import Cut, Mesh
 from lacmesh.cells import CELLS
 from verification.measures.cutting import PROPERTIES, facets, same_up_to_numbers, violations
-from verification.meshes.blocks import SPLITS, assembled, divided
-from verification.meshes.stacks import BEND, LAYERS, PLANE_KINDS, SOLID_KINDS, TWO_WAYS, block, joined, moved
-from verification.records import Case, Family, Outcome, Result, at_most, equal, reported
+from verification.meshes.blocks import SPLITS, assembled, divided, joined
+from verification.meshes.stacks import BEND, LAYERS, PLANE_KINDS, SOLID_KINDS, TWO_WAYS, block, moved
+from verification.records import Case, Family, Outcome, Result, at_most, equal, informative
 
 Ints = NDArray[np.integer]
 
@@ -90,11 +90,11 @@ class Trial:
 
 def run(case: Case, levels: int) -> Outcome:
     """Cut everything, and count. A second level has every set of a cell's faces, and slave faces between two cells."""
-    if isinstance(case.given, tuple):
-        return Outcome(tuple(result for row in case.given for result in _rows(row)))
+    if isinstance(case.parameters, tuple):
+        return Outcome(tuple(result for row in case.parameters for result in _rows(row)))
     found: dict[str, Counter[str]] = {name: Counter() for name in _COUNTED}
     trials, worst = 0, np.inf
-    for trial in _trials(case.given, levels):
+    for trial in _trials(case.parameters, levels):
         trials += trial.count
         cut = lacmesh.cut_skin(trial.mesh, trial.slave, hexa=trial.hexa)
         for name, count in broken(trial, cut).items():
@@ -102,7 +102,7 @@ def run(case: Case, levels: int) -> Outcome:
         worst = min(worst, _quality(cut))
     results = [_none(name, found[name], trials) for name in _COUNTED]
     reason = f"of {trials} bodies, in cells that are sheared by up to a quarter: it depends on the cells that are cut"
-    return Outcome((*results, reported("worst corner Jacobian of a cell", worst, reason=reason)))
+    return Outcome((*results, informative("worst corner Jacobian of a cell", worst, reason=reason)))
 
 
 def broken(trial: Trial, cut: Cut) -> dict[str, int]:
@@ -272,10 +272,10 @@ def _none(name: str, found: Counter[str], trials: int) -> Result:
 def _rows(row: Counted) -> tuple[Result, Result]:
     mesh = with_all(row.cell, row.order)
     cut = lacmesh.cut_skin(mesh, [f"facet{k}" for k in row.slaves], hexa=row.hexa or "pyramid").mesh
-    told = partial(equal, tolerance=0, source=_ASTER.format(row.name), reason="a count")
+    count = partial(equal, tolerance=0, source=_ASTER.format(row.name), reason="a count")
     return (
-        told(f"cells of {row.name}", cut.n_cells, row.n_cells),
-        told(f"nodes of {row.name}", cut.n_nodes, row.n_nodes),
+        count(f"cells of {row.name}", cut.n_cells, row.n_cells),
+        count(f"nodes of {row.name}", cut.n_nodes, row.n_nodes),
     )
 
 
@@ -299,8 +299,10 @@ def _cases() -> Iterator[Case]:
     for family in ("TRIA", "QUAD", "TETRA", "HEXA", "PENTA", "PYRAM"):
         cells = tuple(name for name, cell in CELLS.items() if cell.family == family)
         blocks = tuple(kind for kind in (*PLANE_KINDS, *SOLID_KINDS) if kind.split()[0] in cells)
-        about = f"{', '.join(cells)}: single cells by every facet, turn and variant, small blocks by several sides"
-        yield Case("cut", family, about, Cuts(CELLS[cells[0]].dim, cells, blocks), {"quick": 1, "full": 2}, 8.0)
+        description = (
+            f"{', '.join(cells)}: single cells by every facet, turn and variant, small blocks by several sides"
+        )
+        yield Case("cut", family, description, Cuts(CELLS[cells[0]].dim, cells, blocks), {"quick": 1, "full": 2}, 8.0)
     for dim, kinds in ((2, PLANE_KINDS), (3, SOLID_KINDS)):
         mixed = tuple(kind for kind in kinds if kind.startswith("mixed"))
         yield Case(

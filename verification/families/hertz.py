@@ -7,7 +7,6 @@ that the mesh is the only error. Lengths are in contact half-widths a = 1, stres
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal, NamedTuple
@@ -17,28 +16,17 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh.cells import CELLS
+from lacmesh.report.blocks import Line, Plot
 from lacsolver.case import Displacement, Value
 from verification.exact import half_space
 from verification.exact.half_space import Strains, contact_modulus, peak_pressure
 from verification.measures import norms
+from verification.measures.edge import edge_of_contact
 from verification.measures.norms import PressureErrors, nodal_pressure_error, pressure_errors
 from verification.meshes.half_spaces import half_spaces
 from verification.profiles import line
-from verification.records import (
-    Case,
-    Family,
-    Level,
-    Line,
-    Outcome,
-    Picture,
-    Plot,
-    Result,
-    at_most,
-    levels_of,
-    rate,
-    reported,
-)
-from verification.solving import Solved, balanced, entry, solve
+from verification.records import Case, Family, Outcome, Picture, Result, at_most, informative, rate
+from verification.solving import Solved, balanced, convergence, entry, solve
 
 Floats = NDArray[np.floating]
 
@@ -46,6 +34,7 @@ THEOREM = (
     "Abbas, Drouet and Hild 2018, Theorem 1: h for linear cells, h^(3/2) for quadratic ones as u is of H^s, s < 5/2"
 )
 EDGE = "the square-root edge of p: means over macro-elements come to no more than h sqrt(log 1/h)"
+_BEST = "the best that constants do"
 _EDGES = "it rises to 1 as h falls; that of the exact pressure's own means, the best that constants do, stands below"
 _SHAPE = (
     "L2 over the slave, finest level; near the edge of contact the recovered pressure is the root of a parabola fitted "
@@ -242,13 +231,8 @@ def displacement_errors(given: Given, solved: Solved) -> FieldErrors:
 
 
 def half_width(centre: Floats, p: Floats, p0: float) -> float:
-    """Half-width of contact: zero of the line fitted to p_m^2 over r^2 in the outer half of contact."""
-    r = np.linalg.norm(centre[:, :-1], axis=1)
-    outer = (r > 0.5) & (p > 0.15 * p0)
-    if outer.sum() < 2:
-        return float("nan")
-    slope, start = np.polyfit(r[outer] ** 2, p[outer] ** 2, 1)
-    return float(np.sqrt(max(-start / slope, 0.0)))
+    """Half-width of contact, from the means p_m (n,) in its outer half."""
+    return edge_of_contact(np.linalg.norm(centre[:, :-1], axis=1), p, p0, 0.5)
 
 
 def approach(solved: Solved) -> float:
@@ -274,42 +258,41 @@ def exact_approach(given: Given) -> float:
     return found.get("lower", 0.0) - found["upper"]
 
 
-#: figures that are told, by what they are called
-_FIGURES: dict[str, Callable[[HertzSolution], float]] = {
-    "p0 (recovered, at the pole)": lambda s: s.peak,
-    "half-width a": lambda s: s.width,
-    "approach of the points at depth a": lambda s: s.approach,
+#: quantities for information, by their names
+_QUANTITIES = {
+    "p0 (recovered, at the pole)": "peak",
+    "half-width a": "width",
+    "approach of the points at depth a": "approach",
 }
 
 
 def outcome(case: Case, levels: int) -> Outcome:
     """Solve a case on its levels, and hold its errors against the figures."""
-    given: Given = case.given
+    given: Given = case.parameters
     found = [solve_level(given, level) for level in range(levels)]
     return Outcome(results(given, found), (profile(given, found[min(2, levels - 1)]),), _pictures(case, found))
 
 
 def results(given: Given, found: list[HertzSolution]) -> tuple[Result, ...]:
     """Rates and figures of a case."""
-
-    def table(error: Callable[[HertzSolution], float]) -> tuple[Level, ...]:
-        return levels_of([s.h for s in found], [s.solved.unknowns for s in found], [error(s) for s in found])
-
-    told = "told beside the rates that theory gives: none is asked of it"
+    beside = "beside the rates that theory gives: none is asked of it"
     finest, energy = found[-1], (0.95, 1.4)[given.order - 1]
     return (
-        rate("u, energy norm", table(lambda s: s.u.energy), energy, source=THEOREM),
-        rate("u, L2", table(lambda s: s.u.u), None, source="", reason=told),
-        rate("p_m, L2", table(lambda s: s.p.exact), 0.9, source=EDGE, reason=_EDGES),
-        rate("exact means of p, L2", table(lambda s: s.p.best), None, source="", reason="the best that constants do"),
-        rate("recovered pressure, L2", table(lambda s: s.recovered), None, source="", reason=told),
+        rate("u, energy norm", convergence(found, "u.energy"), energy, source=THEOREM),
+        rate("u, L2", convergence(found, "u.u"), None, source="", reason=beside),
+        rate("p_m, L2", convergence(found, "p.exact"), 0.9, source=EDGE, reason=_EDGES),
+        rate("exact means of p, L2", convergence(found, "p.best"), None, source="", reason=_BEST),
+        rate("recovered pressure, L2", convergence(found, "recovered"), None, source="", reason=beside),
         at_most(
             "error of the recovered pressure over that of p_m", finest.recovered / finest.p.exact, 0.5,
             source=RECOVERED, reason=_SHAPE,
         ),
         *(
-            reported(f"{name}, relative error", error(finest), reason="on the finest level", levels=table(error))
-            for name, error in _FIGURES.items()
+            informative(
+                f"{name}, relative error", getattr(finest, error), reason="on the finest level",
+                levels=convergence(found, error),
+            )
+            for name, error in _QUANTITIES.items()
         ),
         *balanced([s.solved for s in found]),
     )  # fmt: skip
@@ -340,7 +323,7 @@ def _sorted(label: str, x: Floats, y: Floats, style: Literal["points", "both"]) 
 
 def _pictures(case: Case, found: list[HertzSolution]) -> tuple[Picture, ...]:
     """Picture of a 3D solution, on the level that is coarse enough to see the cells."""
-    return (found[0].solved.picture(case.about),) if case.given.dim == 3 else ()
+    return (found[0].solved.picture(case.description),) if case.parameters.dim == 3 else ()
 
 
 PLANE_CELLS = ("TRIA3", "TRIA6", "QUAD4", "QUAD8", "QUAD9")
@@ -378,8 +361,8 @@ def _case(given: Given, label: str, full: int, everything: int, seconds: float) 
     start = {"plane_strain": "2d"}.get(given.model, given.model)
     name = f"{start}-{label}-{'rigid' if given.rigid else 'elastic'}".replace(" ", "-")
     quick = {"quick": 3} if (given.model, label, given.rigid) in _QUICK else {}
-    about = f"{shape} on {'a rigid plane' if given.rigid else 'an elastic half-space'}, {label}"
-    return Case("hertz", name, about, given, {**quick, "full": full, "all": everything}, seconds)
+    description = f"{shape} on {'a rigid plane' if given.rigid else 'an elastic half-space'}, {label}"
+    return Case("hertz", name, description, given, {**quick, "full": full, "all": everything}, seconds)
 
 
 TEXT = """\

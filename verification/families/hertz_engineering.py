@@ -14,10 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
+from lacmesh.report.blocks import Line, Plot
 from verification.exact.finite_bodies import ALLOY, POISSON, PROFILES, PUSH, SPHERE, STEEL, Hertz, profile
+from verification.measures.edge import edge_of_contact
 from verification.meshes.cylinder import cylinder_on_block
 from verification.meshes.spheres import spheres
-from verification.records import Case, Family, Line, Outcome, Plot, Published, Result, at_most, equal, reported
+from verification.profiles import line
+from verification.records import Case, Family, Outcome, Published, Result, at_most, equal, informative
 from verification.solving import Solved, balanced, entry, solve
 
 Floats = NDArray[np.floating]
@@ -114,15 +117,11 @@ class Measured(NamedTuple):
 def measured(x: Floats, p: Floats, half_space: Hertz, exact: Floats, top: float) -> Measured:
     """Errors of pressures p at distances x from the axis; `exact` (at x) and `top` are over the half-space's peak.
 
-    The half-width is the zero of the line fitted to p^2 over x^2 in the outer half of contact.
+    The half-width is that of the pressures in the outer half of contact.
     """
     s, p = x / half_space.radius, p / half_space.peak
-    inner, outer = s <= INNER, (s > 0.5) & (p > 0.15)
-    width = np.nan
-    if outer.sum() > 1:
-        slope, start = np.polyfit(s[outer] ** 2, p[outer] ** 2, 1)
-        width = float(np.sqrt(-start / slope)) if slope < 0 else np.nan
-    return Measured(float(np.sqrt(np.mean((p - exact)[inner] ** 2))), float(p.max() / top - 1), width - 1)
+    rms = float(np.sqrt(np.mean((p - exact)[s <= INNER] ** 2)))
+    return Measured(rms, float(p.max() / top - 1), edge_of_contact(s, p, 1.0, 0.5) - 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,9 +162,9 @@ class MeasuredPressures:
         s = np.linspace(0, 1.3, 261)
         a, p0 = self.half_space
         return (
-            _line("finite bodies", s, PROFILES[name](s), "line"),
-            _line("p_m", self.means[0] / a, self.means[1] / p0, "points"),
-            _line("recovered", self.nodes[0] / a, self.nodes[1] / p0),
+            line("finite bodies", s, PROFILES[name](s), "line"),
+            line("p_m", self.means[0] / a, self.means[1] / p0, "points"),
+            line("recovered", self.nodes[0] / a, self.nodes[1] / p0, "both"),
         )
 
 
@@ -182,7 +181,7 @@ def middles(mesh: Mesh) -> Floats:
 
 def solve_case(case: Case, levels: int) -> Outcome:
     """Solve a case on its first levels."""
-    match case.given:
+    match case.parameters:
         case Cylinder() as given:
             return solve_cylinder(given, levels)
         case Spheres() as given:
@@ -200,9 +199,9 @@ def solve_cylinder(given: Cylinder, levels: int) -> Outcome:
     n = 16 if 16 in found else max(found)
     width = found[n].against("half-space").width
     results += [
-        reported(f"half-width against the half-space's, N = {n}", width,
+        informative(f"half-width against the half-space's, N = {n}", width,
                  reason="the half-space has no edge of finite bodies", published=_published(_WIDTH, n)),
-        reported(f"Newton iterations, N = {n}", sum(s.iterations for s in found[n].solved.states),
+        informative(f"Newton iterations, N = {n}", found[n].solved.iterations,
                  reason="one load step; others stop at other tolerances", published=_published(_NEWTON, n, 1.0)),
     ]  # fmt: skip
     pressure = Plot("pressure", f"Cylinder on a block, N = {n}", "x / a", "p / p0", found[n].lines(given.profile))
@@ -232,26 +231,26 @@ def errors(given: Cylinder, n: int, own: MeasuredPressures) -> tuple[Result, ...
     if n in BEST:
         first = at_most(rms, found["given"].rms, BEST[n] / 100, source=_PEERS, reason=_WHY, published=theirs)
     else:
-        first = reported(rms, found["given"].rms, reason="no peer ran this mesh")
+        first = informative(rms, found["given"].rms, reason="no peer ran this mesh")
     against = f"of the recovered pressure against the half-space, N = {n}"
     bodies = "Hertz's half-space is not these bodies; the peers' published figures"
     return (
         first,
-        reported(
+        informative(
             f"the same at all slave nodes, N = {n}", found["nodes"].rms, reason="the cut adds two nodes to a face"
         ),
-        reported(f"rms error of p_m, N = {n}", found["means"].rms, reason="peers have no means", published=theirs),
-        reported(f"rms error {against}", half_space.rms, reason=bodies, published=_published(_RMS, n)),
-        reported(f"error of the peak {against}", half_space.peak, reason=bodies, published=_published(_PEAK, n)),
+        informative(f"rms error of p_m, N = {n}", found["means"].rms, reason="peers have no means", published=theirs),
+        informative(f"rms error {against}", half_space.rms, reason=bodies, published=_published(_RMS, n)),
+        informative(f"error of the peak {against}", half_space.peak, reason=bodies, published=_published(_PEAK, n)),
     )
 
 
 def falling(given: Cylinder, found: Mapping[int, MeasuredPressures]) -> Plot:
     """Errors over the mesh, ours and the peers'."""
     sizes = np.array(list(found))
-    ours = [_line(label, sizes, np.array([own.against(given.profile, at).rms for own in found.values()]))
+    ours = [line(label, sizes, np.array([own.against(given.profile, at).rms for own in found.values()]), "both")
             for label, at in _ASKED]  # fmt: skip
-    peers = [_line(who, np.array(list(f)), np.array(list(f.values())) / 100) for who, f in _MEASURED.items()]
+    peers = [line(who, np.array(list(f)), np.array(list(f.values())) / 100, "both") for who, f in _MEASURED.items()]
     return Plot(
         "convergence", "Cylinder on a block: rms error of the pressure", "faces to the half-width", "error over peak",
         (*ours, *peers), log_x=True, log_y=True,
@@ -264,11 +263,11 @@ def solve_spheres(given: Spheres, levels: int) -> Outcome:
     results = [result for n, own in _numbered(given, every) for result in axis_stress(given, n, own)]
     first = every[0].solved
     results.append(
-        at_most("Newton iterations", sum(s.iterations for s in first.states), given.iterations,
+        at_most("Newton iterations", first.iterations, given.iterations,
                 source=f"reference/peers.md: code_aster {given.twin}, {given.steps} steps",
                 reason="the same steps on cells of the size of its mesh; ours also ends at a tighter tolerance")
     )  # fmt: skip
-    results.append(at_most("halved steps", sum(s.halvings for s in first.states), 0, source="the steps that are given"))
+    results.append(at_most("halved steps", first.halvings, 0, source="the steps that are given"))
     n = given.coarsest << (levels - 1)
     plot = Plot("pressure", f"Two spheres, {given.cell}, N = {n}", "r / a", "p / p0", every[-1].lines("spheres"))
     picture = every[0].solved.picture(f"Two spheres, {given.cell}")
@@ -328,9 +327,9 @@ def axis_stress(given: Spheres, n: int, own: MeasuredPressures) -> tuple[Result,
             source=bodies,
             reason="the worse of two points; of code_aster's too, on its mesh, of cells as large on the first level",
         ),
-        reported(f"error of the recovered pressure on the axis, N = {n}", own.nodes[1][0] / -exact - 1, reason=more),
-        reported(f"rms error of the recovered pressure, N = {n}", errors.rms, reason=more),
-        reported(f"rms error of p_m, N = {n}", own.against("spheres", "means").rms, reason=more),
+        informative(f"error of the recovered pressure on the axis, N = {n}", own.nodes[1][0] / -exact - 1, reason=more),
+        informative(f"rms error of the recovered pressure, N = {n}", errors.rms, reason=more),
+        informative(f"rms error of p_m, N = {n}", own.against("spheres", "means").rms, reason=more),
     )
 
 
@@ -347,17 +346,13 @@ def compare_profiles(given: Reference) -> Outcome:
                     reason="a fifth of the least error that it is to measure, 0.22 %")
         )  # fmt: skip
         space = np.sqrt(1 - s**2)
-        plots.append(_line(name, s, 100 * (kept(s) - space), "line"))
+        plots.append(line(name, s, 100 * (kept(s) - space), "line"))
     title = "Finite bodies against the half-space"
     return Outcome(tuple(results), (Plot("pressure", title, "x / a", "difference, % of the peak", tuple(plots)),))
 
 
 def _published(of: Mapping[str, Mapping[int, float]], n: int, unit: float = 100.0) -> tuple[Published, ...]:
     return tuple(Published(who, figures[n] / unit, _TABLE) for who, figures in of.items() if n in figures)
-
-
-def _line(label: str, x: Floats, y: Floats, style: str = "both") -> Line:
-    return Line(label, tuple(map(float, x)), tuple(map(float, y)), style)  # type: ignore[arg-type]
 
 
 TEXT = """

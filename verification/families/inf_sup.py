@@ -20,23 +20,12 @@ import lacmesh
 import lacsolver
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacmesh.report.blocks import Line, Plot
 from verification.measures.inf_sup import constant, held
 from verification.measures.norms import pressure_errors
 from verification.measures.rates import fitted
 from verification.meshes import blocks, stacks
-from verification.records import (
-    Case,
-    Family,
-    Level,
-    Line,
-    Outcome,
-    Plot,
-    Result,
-    at_least,
-    at_most,
-    levels_of,
-    reported,
-)
+from verification.records import Case, Family, Level, Outcome, Result, at_least, at_most, informative, levels_of
 from verification.solving import Solved, balanced, entry
 from verification.solving import solve as solved
 
@@ -107,7 +96,7 @@ class Constants(NamedTuple):
 
 def run(case: Case, levels: int) -> Outcome:
     """Solve a case."""
-    if isinstance(case.given, Pressed):
+    if isinstance(case.parameters, Pressed):
         return _pressed(case, levels)
     return _constants(case, levels)
 
@@ -141,7 +130,7 @@ def block_of(given: Skin | Pressed, n: int) -> Mesh:
         lower = stacks.block(given.master, (round(given.master_ratio * n),) * dim)
         down = stacks.moved(lower, shift=-np.eye(3)[dim - 1])
         up = "xyz"[dim - 1]
-        return stacks.joined([(mesh, {f"{up}0": f"{up}0"}), (down, {f"{up}1": "master"})])
+        return blocks.joined([(mesh, {f"{up}0": f"{up}0"}), (down, {f"{up}1": "master"})])
     plane = "SEG2" if dim == 2 else "QUAD4"
     turn = -1 if dim == 2 else 1  # the skin's normal, (t_y, -t_x) of a segment along t, faces the block
     points = 0.5 + 0.6 * turn * np.array(CELLS[plane].reference, dtype=float)
@@ -165,7 +154,7 @@ def _moving(mesh: Mesh) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
 
 
 def _constants(case: Case, levels: int) -> Outcome:
-    given: Skin = case.given
+    given: Skin = case.parameters
     sides = SIDES[given.dim][:levels]
     found = [constants(given, n) for n in sides]
     h = [1 / n for n in sides]
@@ -187,7 +176,7 @@ def _stays(quantity: str, h: Sequence[float], found: Sequence[Constants], beta: 
     value = fitted(h, beta) if len(h) > 1 and min(beta) > NOTHING else math.nan
     if len(h) < 3:
         reason = "an exponent is judged on three meshes or more"
-        return replace(reported(quantity, value, reason=reason, source=_THEORY, levels=levels), passed=True)
+        return replace(informative(quantity, value, reason=reason, source=_THEORY, levels=levels), passed=True)
     reason = "0 is the theory's; a skin that is not stable loses an order of h or more"
     return at_most(quantity, value, STAYS, source=_THEORY, reason=reason, levels=levels)
 
@@ -203,8 +192,8 @@ def _unbounded(given: Skin, h: Sequence[float], found: Sequence[Constants]) -> l
     if given.kind not in ZERO or given.master:
         reason = "the hypothesis is sufficient, not necessary: it fails here, and this is what becomes of the constant"
         return [
-            reported("beta, uncut, rim fixed, finest", fixed[-1], reason=reason),
-            reported("beta, uncut, rim free, finest", free[-1], reason=reason),
+            informative("beta, uncut, rim fixed, finest", fixed[-1], reason=reason),
+            informative("beta, uncut, rim free, finest", free[-1], reason=reason),
         ]
     source = "more faces than nodes that move, or a checkerboard that every node averages to zero"
     zero = "beta, uncut, rim {}: largest"
@@ -212,7 +201,7 @@ def _unbounded(given: Skin, h: Sequence[float], found: Sequence[Constants]) -> l
     if max(free) < NOTHING:
         return [*out, at_most(zero.format("free"), max(free), NOTHING, source=source, reason="the root of rounding")]
     if len(h) < 3:
-        return [*out, reported("beta, uncut, rim free, finest", free[-1], reason="judged on three meshes or more")]
+        return [*out, informative("beta, uncut, rim free, finest", free[-1], reason="judged on three meshes or more")]
     levels = _levels(h, found, free)
     reason = "only the rim tells a checkerboard from zero: the constant falls by an order of h or more"
     quantity = "beta, uncut, rim free: exponent of h"
@@ -221,7 +210,7 @@ def _unbounded(given: Skin, h: Sequence[float], found: Sequence[Constants]) -> l
 
 def _plot(case: Case, h: Sequence[float], found: Sequence[Constants]) -> Plot:
     names = {"cut": "cut, rim fixed", "cut_free": "cut, rim free", "internal": "cut, internal dofs alone"}
-    if case.given.kind not in WHOLE:
+    if case.parameters.kind not in WHOLE:
         names |= {"uncut": f"uncut, rim fixed (zero is drawn at {ZERO_DRAWN:g})", "uncut_free": "uncut, rim free"}
     lines = [
         Line(label, tuple(h), tuple(max(float(getattr(v, name)), ZERO_DRAWN) for v in found))
@@ -274,7 +263,7 @@ def over_best(got: Solved) -> float:
 
 
 def _pressed(case: Case, levels: int) -> Outcome:
-    given: Pressed = case.given
+    given: Pressed = case.parameters
     both = [(pressed(given, n), pressed(given, n, cut=False)) for n in PRESSED[given.dim][:levels]]
     with_, without = ([over_best(pair[k]) for pair in both] for k in (0, 1))
     worst = int(np.argmax(without))
@@ -285,7 +274,7 @@ def _pressed(case: Case, levels: int) -> Outcome:
             "error of p_m over that of the best, uncut over cut", without[worst] / with_[worst], OSCILLATES,
             source=_THEORY, reason="the worst of the meshes: how much there is to oscillate is chance on each of them",
         ),
-        reported("error of p_m over that of the best, uncut", without[worst], reason="how far p_m oscillates"),
+        informative("error of p_m over that of the best, uncut", without[worst], reason="how far p_m oscillates"),
         *balanced([got for pair in both for got in pair]),
     )  # fmt: skip
     names = ("cut", "uncut") if given.dim == 3 else ()
@@ -298,7 +287,7 @@ def _profile(case: Case, cut: Solved, without: Solved) -> Plot:
     x = np.linspace(0, 1, 101)
     exact = Line("exact", tuple(x.tolist()), tuple(exact_pressure(x[:, None])[:, 0].tolist()), "line")
     lines = [_steps(got, name) for got, name in ((without, "uncut"), (cut, "cut"))]
-    where = "" if case.given.dim == 2 else " along y = 0.4"
+    where = "" if case.parameters.dim == 2 else " along y = 0.4"
     return Plot("pressure", f"{case.name}: contact pressure{where}", "x", "p_m", (exact, *lines))
 
 
@@ -350,8 +339,8 @@ def _skin(name: str, given: Skin) -> Case:
         levels["quick"] = 3
     cut = f", cut {given.hexa}" if given.kind in stacks.TWO_WAYS else ""
     on = f" on a block of {given.master}" if given.master else ""
-    about = f"{given.kind}{cut}{on}: beta against h, cut and uncut"
-    return Case("inf-sup", name, about, given, levels, 3.0 if given.dim == 2 else 5.0)
+    description = f"{given.kind}{cut}{on}: beta against h, cut and uncut"
+    return Case("inf-sup", name, description, given, levels, 3.0 if given.dim == 2 else 5.0)
 
 
 def _skins() -> Iterator[Case]:
@@ -368,8 +357,8 @@ def _skins() -> Iterator[Case]:
 def _pressures() -> Iterator[Case]:
     for kind, dim in (("TRIA3", 2), ("QUAD4", 2), ("TETRA4", 3), ("HEXA8", 3)):
         levels = {"quick": 2, "full": 3} if kind == "TRIA3" else {"full": 3}
-        about = f"{kind} pressed on a rigid plane, nodes moved at random: p_m, cut and uncut"
-        yield Case("inf-sup", f"pressed-{kind}", about, Pressed(kind, dim), levels, 3.0 if dim == 2 else 8.0)
+        description = f"{kind} pressed on a rigid plane, nodes moved at random: p_m, cut and uncut"
+        yield Case("inf-sup", f"pressed-{kind}", description, Pressed(kind, dim), levels, 3.0 if dim == 2 else 8.0)
 
 
 _TEXT = """

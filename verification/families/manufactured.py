@@ -17,25 +17,14 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacmesh.report.blocks import Plot
 from verification.exact.sources import SymbolicFunction, compiled, derive
 from verification.families.manufactured_rows import ROWS, CellRow
 from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.blocks import block, with_master
-from verification.profiles import line, means, nodal, residuals
-from verification.records import (
-    Case,
-    Family,
-    Level,
-    Outcome,
-    Picture,
-    Plot,
-    Published,
-    Result,
-    levels_of,
-    rate,
-    reported,
-)
-from verification.solving import Solved, balanced, entry, solve
+from verification.profiles import line, pressures, residuals
+from verification.records import Case, Family, Outcome, Picture, Published, Result, informative, rate
+from verification.solving import Solved, balanced, convergence, entry, solve
 
 #: cells a side on level 0
 _COARSEST = {2: 4, 3: 2}
@@ -72,8 +61,8 @@ _LAYER = (
     "So it is on plane skins and at small strains too. In L2 such a layer is h^1.5, whatever the cells; it alternates "
     "and falls to about a third from one macro-element to the next, so that the recovery weighs the last two less"
 )
-_MEANS = f"told: p_m as what it stands for, a mean; {_LAYER}"
-_AWAY = "told: without the layer along the rim"
+_MEANS = f"for information: p_m as what it stands for, a mean; {_LAYER}"
+_AWAY = "for information: without the layer along the rim"
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +82,7 @@ class ManufacturedSolution:
 
 def solve_case(case: Case, levels: int) -> Outcome:
     """A row on so many meshes, each of twice as many cells a side."""
-    row: CellRow = case.given
+    row: CellRow = case.parameters
     found = [solution(row, level) for level in range(levels)]
     results = (*_rates(row, found), _iterations(found), *balanced([one.solved for one in found]))
     plots = [_pressures(row, found[min(2, levels - 1)])] if row.solution.dim == 2 else []
@@ -104,17 +93,16 @@ def solution(row: CellRow, level: int) -> ManufacturedSolution:
     """Solve a row on one level. Raises what `solve` raises."""
     given = row.solution
     solved = solve(case_text(row), mesh_of(row, level))
-    (zone,), mesh = solved.state.zones, solved.mesh
-    exact, recovered = exact_pressure(row), solved.fields.zones[zone.name].pressure_recovered
-    p = pressure_errors(mesh, zone.pressure, exact)
+    mesh, exact = solved.mesh, exact_pressure(row)
+    p = pressure_errors(mesh, solved.zone.pressure, exact)
     return ManufacturedSolution(
         solved=solved,
         h=1 / cells_a_side(row, level),
         displacement=displacement_error(mesh, solved.u, compiled(given.displacement)),
         pressure=p.exact,
         means=p.mean,
-        recovered=nodal_pressure_error(mesh, recovered, exact),
-        away=nodal_pressure_error(mesh, recovered, exact, faces=_away(row, mesh)),
+        recovered=nodal_pressure_error(mesh, solved.recovered, exact),
+        away=nodal_pressure_error(mesh, solved.recovered, exact, faces=_away(row, mesh)),
     )
 
 
@@ -183,26 +171,24 @@ def _rates(row: CellRow, found: Sequence[ManufacturedSolution]) -> Iterator[Resu
     """The rates of u, p_m, the recovered pressure, and of p_m against the exact means."""
     u, p, recovered = WANTED[row.order]
     yield rate(
-        "displacement in L2, rate", _levels(found, "displacement"), u, last=LAST,
+        "displacement in L2, rate", convergence(found, "displacement"), u, last=LAST,
         source=_DISPLACEMENT[row.order], reason=_RIM if row.order == 2 else "",
         published=_theirs(row, row.displacement_rate),
     )  # fmt: skip
     yield rate(
-        "p_m in L2, rate", _levels(found, "pressure"), p, last=LAST, source=f"order h of constants ({_PAPER})",
+        "p_m in L2, rate", convergence(found, "pressure"), p, last=LAST, source=f"order h of constants ({_PAPER})",
         reason=_CONSTANT, published=_theirs(row, row.pressure_rate),
     )  # fmt: skip
     source = "approximation by the slave's own shape functions"
     yield rate(
-        "recovered pressure in L2, rate", _levels(found, "recovered"), recovered, last=LAST, source=source,
+        "recovered pressure in L2, rate", convergence(found, "recovered"), recovered, last=LAST, source=source,
         reason=_LAYER,
     )  # fmt: skip
     away = f"recovered pressure in L2, {RIM:g} of the width away from the rim, rate"
-    yield rate(away, _levels(found, "away"), None, last=LAST, source="", reason=_AWAY)
-    yield rate("p_m against the exact means, rate", _levels(found, "means"), None, last=LAST, source="", reason=_MEANS)
-
-
-def _levels(found: Sequence[ManufacturedSolution], error: str) -> tuple[Level, ...]:
-    return levels_of([s.h for s in found], [s.solved.unknowns for s in found], [getattr(s, error) for s in found])
+    yield rate(away, convergence(found, "away"), None, last=LAST, source="", reason=_AWAY)
+    yield rate(
+        "p_m against the exact means, rate", convergence(found, "means"), None, last=LAST, source="", reason=_MEANS
+    )
 
 
 def _theirs(row: CellRow, value: float | None) -> tuple[Published, ...]:
@@ -212,11 +198,11 @@ def _theirs(row: CellRow, value: float | None) -> tuple[Published, ...]:
 
 
 def _iterations(found: Sequence[ManufacturedSolution]) -> Result:
-    states = found[-1].solved.states
-    reason = "told: one step, and none that is halved, is what to hope for"
-    halved = sum(state.halvings for state in states)
-    total = sum(state.iterations for state in states)
-    return reported(f"Newton iterations on the finest mesh ({halved} halved steps)", total, reason=reason)
+    finest = found[-1].solved
+    reason = "for information: one step, and none that is halved, is what to hope for"
+    return informative(
+        f"Newton iterations on the finest mesh ({finest.halvings} halved steps)", finest.iterations, reason=reason
+    )
 
 
 def _newton(row: CellRow, found: Sequence[ManufacturedSolution]) -> Plot:
@@ -228,13 +214,9 @@ def _newton(row: CellRow, found: Sequence[ManufacturedSolution]) -> Plot:
 
 def _pressures(row: CellRow, one: ManufacturedSolution) -> Plot:
     """Exact, p_m and recovered pressure along the slave of a plane problem."""
-    mesh, (zone,) = one.solved.mesh, one.solved.state.zones
     x = np.linspace(row.solution.low[0], row.solution.high[0], 101)
-    lines = (
-        line("exact", x, exact_pressure(row)(np.column_stack([x, np.zeros_like(x)]))[:, 0]),
-        means(mesh, zone.pressure, _along),
-        nodal(mesh, one.solved.fields.zones[zone.name].pressure_recovered, _along),
-    )
+    exact = line("exact", x, exact_pressure(row)(np.column_stack([x, np.zeros_like(x)]))[:, 0])
+    lines = pressures(one.solved, exact, _along)
     return Plot("pressure", f"{row.name}: nominal pressure, h = {one.h:.4g}", "x", "pressure", lines)
 
 
@@ -252,8 +234,8 @@ def _case(row: CellRow) -> Case:
     return Case(
         family="manufactured",
         name=row.name,
-        about=f"A block of {row.cell} comes down on a curved rigid master{theirs}",
-        given=row,
+        description=f"A block of {row.cell} comes down on a curved rigid master{theirs}",
+        parameters=row,
         levels=_suites(row),
         seconds=_SECONDS[row.name],
     )

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
+from lacmesh.report.blocks import Line, Plot
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, moved, stack, tilt
-from verification.records import Case, Family, Line, Outcome, Plot, Published, Result, at_most
+from verification.records import Case, Family, Outcome, Published, Result, at_most
 from verification.solving import Solved, balanced, entry, solve
 
 #: of every error, relative
@@ -69,7 +70,7 @@ class StackErrors:
     solved: Solved = field(repr=False)
 
 
-class _Figure(NamedTuple):
+class _Quantity(NamedTuple):
     quantity: str
     attribute: str
     published: tuple[Published, ...] = ()
@@ -80,11 +81,10 @@ def errors(given: Press, slave: str, master: str, slave_below: bool) -> StackErr
     solved = solve(text(given), mesh_of(given, slave, master, slave_below))
     sigma = np.concatenate([s.reshape(-1, s.shape[-1]) for s in solved.answer.stress(solved.state)])
     exact = exact_displacement(given, solved.mesh.points)
-    (zone,) = solved.state.zones
     return StackErrors(
         f"{slave} {'under' if slave_below else 'on'} {master}",
         float(np.abs(sigma - exact_stress(given)[: sigma.shape[1]]).max() / PRESSURE),
-        float(np.abs(zone.pressure / PRESSURE - 1).max()),
+        float(np.abs(solved.zone.pressure / PRESSURE - 1).max()),
         float(np.abs(solved.u - exact).max() / np.abs(exact).max()),
         solved,
     )
@@ -135,19 +135,19 @@ def exact_stress(given: Press) -> NDArray[np.floating]:
 
 def run(case: Case, levels: int) -> Outcome:
     """Solve every pair, with the slave below and above."""
-    given: Press = case.given
+    given: Press = case.parameters
     made = [errors(given, *pair, below) for pair in given.pairs for below in (True, False)]
-    results = [_worst(figure, made) for figure in _figures(given)]
+    results = [_worst(measured, made) for measured in _quantities(given)]
     return Outcome((*results, *balanced([one.solved for one in made])), (_matrix(made),))
 
 
-def _worst(figure: _Figure, made: Sequence[StackErrors]) -> Result:
+def _worst(measured: _Quantity, made: Sequence[StackErrors]) -> Result:
     """The largest error of all stacks; NaN above all."""
-    found = np.array([getattr(one, figure.attribute) for one in made])
+    found = np.array([getattr(one, measured.attribute) for one in made])
     worst = int(np.where(np.isnan(found), np.inf, found).argmax())
     reason = f"rounding, times the condition of the stiffness; worst of {len(made)}: {made[worst].label}"
     return at_most(
-        figure.quantity, found[worst], EXACT, source=_SOURCE, reason=reason, published=figure.published
+        measured.quantity, found[worst], EXACT, source=_SOURCE, reason=reason, published=measured.published
     )  # fmt: skip
 
 
@@ -155,21 +155,21 @@ def _matrix(made: Sequence[StackErrors]) -> Plot:
     """The errors, stack by stack."""
     place = tuple(float(k) for k in range(1, len(made) + 1))
     lines = tuple(
-        Line(figure.quantity, place, tuple(max(getattr(one, figure.attribute), 1e-17) for one in made), "points")
-        for figure in _figures(None)
+        Line(measured.quantity, place, tuple(max(getattr(one, measured.attribute), 1e-17) for one in made), "points")
+        for measured in _quantities(None)
     )
     title = f"patch test: {made[0].label} to {made[-1].label}"
     label = "stack: the pairs of the case in their order, slave below then above"
     return Plot("patch", title, label, "relative error", lines, log_y=True)
 
 
-def _figures(given: Press | None) -> tuple[_Figure, ...]:
+def _quantities(given: Press | None) -> tuple[_Quantity, ...]:
     """Measured quantities, with the errors of other codes where these ran the same problem."""
     known = _published(given) if given is not None else ((), ())
     return (
-        _Figure("stress at integration points", "stress", known[0]),
-        _Figure("contact pressure p_m", "pressure", known[1]),
-        _Figure("displacement", "displacement"),
+        _Quantity("stress at integration points", "stress", known[0]),
+        _Quantity("contact pressure p_m", "pressure", known[1]),
+        _Quantity("displacement", "displacement"),
     )
 
 
@@ -240,9 +240,9 @@ def _ways(kind: str) -> tuple[tuple[tuple[str, str], ...], ...]:
     return tuple((("hexa", way),) for way in ("pyramid", "hexa")) if kind in TWO_WAYS else ((),)
 
 
-def _case(words: Sequence[str], about: str, given: Press, quick: bool, seconds: float) -> Case:
+def _case(words: Sequence[str], description: str, given: Press, quick: bool, seconds: float) -> Case:
     name = "-".join(word.replace(" ", "-") for word in words)
-    return Case("patch", name, about, given, {"quick" if quick else "full": 1}, seconds)
+    return Case("patch", name, description, given, {"quick" if quick else "full": 1}, seconds)
 
 
 def _plane() -> Iterator[Case]:
@@ -268,13 +268,13 @@ def _distorted() -> Iterator[Case]:
         counts = (5, 4) if skew else (3, 2)
         for (way,) in _ways("HEXA8"):
             given = Press((("HEXA8", "HEXA8"),), "3d", contact=(way,), counts=counts, bend=0.0, skew=skew)
-            about = f"hexahedra on hexahedra, cut {way[1]}, skew {skew}: the peers' problem"
-            yield _case(["peers", way[1], f"skew-{skew}"], about, given, skew == 0.2, 4.0)
+            description = f"hexahedra on hexahedra, cut {way[1]}, skew {skew}: the peers' problem"
+            yield _case(["peers", way[1], f"skew-{skew}"], description, given, skew == 0.2, 4.0)
         for words, slaves, keys in _QUADRANGLES if skew else ():
             pairs = tuple((slave, master) for slave in slaves for master in ("HEXA8", "HEXA20"))
             given = Press(pairs, "3d", True, keys, counts, skew=skew)
-            about = f"distorted quadrangles, slaves {', '.join(slaves)}, skew {skew}"
-            yield _case(["distorted", *words, f"skew-{skew}"], about, given, False, 5.0)
+            description = f"distorted quadrangles, slaves {', '.join(slaves)}, skew {skew}"
+            yield _case(["distorted", *words, f"skew-{skew}"], description, given, False, 5.0)
 
 
 def _others() -> Iterator[Case]:
@@ -283,8 +283,8 @@ def _others() -> Iterator[Case]:
         yield _case([model], f"a few pairs, {model.replace('_', ' ')}", Press(_FEW[2], model), quick, 3.0)
     for name, keys in _KEYS.items():
         for dim, model in ((2, "plane_strain"), (3, "3d")):
-            about = f"a few pairs in {dim}D, {', '.join(f'{key} = {value}' for key, value in keys)}"
-            yield _case([name, f"{dim}d"], about, Press(_FEW[dim], model, dim == 3, keys), False, 4.0)
+            description = f"a few pairs in {dim}D, {', '.join(f'{key} = {value}' for key, value in keys)}"
+            yield _case([name, f"{dim}d"], description, Press(_FEW[dim], model, dim == 3, keys), False, 4.0)
 
 
 FAMILY = Family(
@@ -295,8 +295,8 @@ FAMILY = Family(
     "of the two skins. Every type of cell is the slave and the master of every other, below and above, along the axes "
     "and in a tilted frame; the grids are uneven, and in some cases the faces are distorted quadrangles.\n\n"
     "Errors are the largest anywhere: of the stress at integration points, of the pressure of each macro-element, of "
-    "the displacement of each node, relative to the largest value of each. What others obtained is told where they ran "
-    "the same problem.",
+    "the displacement of each node, relative to the largest value of each. What others obtained "
+    "stands beside where they ran the same problem.",
     (*_plane(), *_solid(), *_distorted(), *_others()),
     run,
 )

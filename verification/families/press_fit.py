@@ -20,25 +20,13 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacmesh.report.blocks import Line, Plot
 from verification.exact.lame import Fit, Shape, Shell
 from verification.measures.norms import ExactField, displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.rings import octant, pair, ring
-from verification.profiles import means, nodal
-from verification.records import (
-    Case,
-    Family,
-    Level,
-    Line,
-    Outcome,
-    Plot,
-    Published,
-    Result,
-    equal,
-    levels_of,
-    rate,
-    reported,
-)
-from verification.solving import Solved, balanced, entry, solve
+from verification.profiles import pressures
+from verification.records import Case, Family, Outcome, Published, Result, equal, informative, rate
+from verification.solving import Solved, balanced, convergence, entry, solve
 
 Floats = NDArray[np.floating]
 Normals = Literal["facet", "smoothed"]
@@ -101,6 +89,11 @@ class PressFit:
             return "3d"
         return "axisymmetric" if self.shape == "sphere" else self.shape
 
+    def h(self, level: int) -> float:
+        """The size of the slave's faces on a level."""
+        around = self.counts[self.slave == "around"][1]
+        return self.radii[1] * np.pi / (2 if self.dim == 2 else 4) / (around << level)
+
     @property
     def exact(self) -> Fit:
         """Lame's solution."""
@@ -137,7 +130,7 @@ class PressFitSolution:
 
 def solve_case(case: Case, levels: int) -> Outcome:
     """A press fit on so many meshes, each of twice as many cells along each side."""
-    given: PressFit = case.given
+    given: PressFit = case.parameters
     found = [solution(given, level) for level in range(levels)]
     results = _sized(given, found[-1]) if given.allowed else _rates(given, found)
     plots = (_pressures(case.name, given, found[-1]),) if given.dim == 2 else ()
@@ -148,19 +141,18 @@ def solve_case(case: Case, levels: int) -> Outcome:
 def solution(given: PressFit, level: int) -> PressFitSolution:
     """Solve a press fit on one level. Raises what `solve` raises."""
     solved, exact = solve(case_text(given), mesh_of(given, level)), given.exact
-    mesh, (zone,) = solved.mesh, solved.state.zones
+    mesh, zone = solved.mesh, solved.zone
     off = zone.pressure / exact.between - 1
     axial, right = given.model == "axisymmetric", _constant(exact.between)
-    recovered = solved.fields.zones[zone.name].pressure_recovered
     slave = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cell_groups["slave"])]))
     x, u = mesh.points[slave, : given.dim], solved.u[slave]
     wanted = np.linalg.norm(exact.displacement(x, given.slave), axis=1)
     radial = (u * x).sum(axis=1) / np.linalg.norm(x, axis=1)
     return PressFitSolution(
         solved=solved,
-        h=given.radii[1] * np.pi / (2 if given.dim == 2 else 4) / (given.counts[given.slave == "around"][1] << level),
+        h=given.h(level),
         pressure=pressure_errors(mesh, zone.pressure, right, axisymmetric=axial).exact,
-        recovered=nodal_pressure_error(mesh, recovered, right, axisymmetric=axial),
+        recovered=nodal_pressure_error(mesh, solved.recovered, right, axisymmetric=axial),
         mean=float(abs((zone.area * off).sum() / zone.area.sum())),
         worst=float(np.abs(off).max()),
         displacement=max(_displacement(solved, exact, body, axial) for body in ("within", "around")),
@@ -210,17 +202,16 @@ def case_text(given: PressFit, surface: str = "smooth") -> str:
 
 def _sized(given: PressFit, found: PressFitSolution) -> Iterator[Result]:
     """Criteria for a mesh of the size of ssnp173a's: smallest and largest p_m, compared with code_aster's."""
-    p, right = found.solved.state.zones[0].pressure, given.exact.between
+    p, right = found.solved.zone.pressure, given.exact.between
     source = "Lame; code_aster's test file has 4.894178"
     reason = f"{given.allowed:g} of the pressure is what such a mesh allows; code_aster's is off by up to 1.7e-4"
     for quantity, value, theirs in (("largest p_m", p.max(), _LARGEST), ("least p_m", p.min(), _LEAST)):
         tolerance = (given.allowed or 0.0) * right
         yield equal(quantity, value, right, tolerance, source=source, reason=reason, published=_theirs(theirs))
-    yield reported("mean p_m, relative error", found.mean, reason="told: its error is far below that of each p_m")
-    recovered = found.solved.fields.zones["slave"].pressure_recovered
-    worst = float(np.nanmax(np.abs(recovered / right - 1)))
-    yield reported(
-        "recovered pressure, worst node, relative error", worst, reason="told: no figure is asked of it",
+    yield informative("mean p_m, relative error", found.mean, reason="far below the error of each p_m")
+    worst = float(np.nanmax(np.abs(found.solved.recovered / right - 1)))
+    yield informative(
+        "recovered pressure, worst node, relative error", worst, reason="for information: no bound is asked of it",
         published=_theirs(abs(_NODAL / right - 1)),
     )  # fmt: skip
 
@@ -233,36 +224,28 @@ def _rates(given: PressFit, found: Sequence[PressFitSolution]) -> Iterator[Resul
     """Rates of p_m, of the mean pressure, of u, and of where the slave is."""
     curved = given.order == 2
     yield rate(
-        "p_m in L2, rate", _levels(found, "pressure"), 2.0 if curved else 0.9, last=LAST,
+        "p_m in L2, rate", convergence(found, "pressure"), 2.0 if curved else 0.9, last=LAST,
         source="order 2: p is constant, the geometry quadratic" if curved else "order 1, less what is not asymptotic",
         reason=_REASON[given.dim] if curved else _STRAIGHT,
     )  # fmt: skip
     yield rate(
-        "mean p_m, rate", _levels(found, "mean"), 2.0 if curved else 1.92, last=LAST,
+        "mean p_m, rate", convergence(found, "mean"), 2.0 if curved else 1.92, last=LAST,
         source="order 2 of the bodies' stiffness, for linear cells less what is not yet asymptotic",
     )  # fmt: skip
-    yield rate("recovered pressure in L2, rate", _levels(found, "recovered"), None, source="", reason="told")
+    yield rate("recovered pressure in L2, rate", convergence(found, "recovered"), None, source="", reason="informative")
     yield rate(
-        "displacement in L2, rate", _levels(found, "displacement"), 2.45 if curved else 1.92, last=LAST,
+        "displacement in L2, rate", convergence(found, "displacement"), 2.45 if curved else 1.92, last=LAST,
         source="Abbas, Drouet and Hild 2018: h^2 and h^2.5, less what is not yet asymptotic",
     )  # fmt: skip
-    told = "told: held by the displacement in L2"
-    yield rate("displacement of the slave, rate", _levels(found, "between"), None, source="", reason=told)
-    yield reported("worst p_m on the finest mesh, relative error", found[-1].worst, reason="told: the rate is judged")
-
-
-def _levels(found: Sequence[PressFitSolution], error: str) -> tuple[Level, ...]:
-    return levels_of([s.h for s in found], [s.solved.unknowns for s in found], [getattr(s, error) for s in found])
+    held = "for information: held by the displacement in L2"
+    yield rate("displacement of the slave, rate", convergence(found, "between"), None, source="", reason=held)
+    yield informative("worst p_m on the finest mesh, relative error", found[-1].worst, reason="the rate is judged")
 
 
 def _pressures(name: str, given: PressFit, one: PressFitSolution) -> Plot:
     """Exact, p_m and recovered pressure along the quarter of the circle where the bodies meet."""
-    mesh, (zone,), right = one.solved.mesh, one.solved.state.zones, given.exact.between
-    lines = (
-        Line("exact", (0.0, 90.0), (right, right), "line"),
-        means(mesh, zone.pressure, _angle),
-        nodal(mesh, one.solved.fields.zones[zone.name].pressure_recovered, _angle),
-    )
+    exact = Line("exact", (0.0, 90.0), (given.exact.between,) * 2, "line")
+    lines = pressures(one.solved, exact, _angle)
     return Plot("pressure", f"{name}: pressure, h = {one.h:.3g}", "angle, degrees", "pressure", lines)
 
 
@@ -277,25 +260,25 @@ def _cases() -> Iterator[Case]:
             given = PressFit(
                 cell, normals=normals, slave="around", counts=((7, 46), (5, 23)), jitter=0.1, allowed=allowed
             )
-            about = f"Spheres under pressure on a mesh of the size of ssnp173a's, {cell}, {normals} normals"
-            yield Case(FAMILY_NAME, f"ssnp173a-{cell}-{normals}", about, given, {"quick": 1}, 3.0)
+            description = f"Spheres under pressure on a mesh of the size of ssnp173a's, {cell}, {normals} normals"
+            yield Case(FAMILY_NAME, f"ssnp173a-{cell}-{normals}", description, given, {"quick": 1}, 3.0)
     for cell in ("TRIA3", "TRIA6", "QUAD4", "QUAD8", "QUAD9"):
         for normals in NORMALS:
-            about = f"Spheres under pressure, axisymmetric, {cell}, {normals} normals"
-            yield _converging(f"spheres-{cell}-{normals}", about, PressFit(cell, normals=normals))
-        about = f"A cylinder shrunk onto a softer one, plane strain, {cell}"
-        yield _converging(f"cylinders-strain-{cell}", about, replace(_SHRUNK, cell=cell))
-        about = f"Cylinders under pressure and with interference, plane stress, {cell}"
-        yield _converging(f"cylinders-stress-{cell}", about, replace(_PRESSED, cell=cell))
+            description = f"Spheres under pressure, axisymmetric, {cell}, {normals} normals"
+            yield _converging(f"spheres-{cell}-{normals}", description, PressFit(cell, normals=normals))
+        description = f"A cylinder shrunk onto a softer one, plane strain, {cell}"
+        yield _converging(f"cylinders-strain-{cell}", description, replace(_SHRUNK, cell=cell))
+        description = f"Cylinders under pressure and with interference, plane stress, {cell}"
+        yield _converging(f"cylinders-stress-{cell}", description, replace(_PRESSED, cell=cell))
     for cell, seconds in (("TETRA10", 25.0), ("HEXA20", 20.0), ("HEXA27", 20.0)):
         given = PressFit(cell, counts=((1, 3), (1, 4)))
-        about = f"Spheres under pressure, an octant of {cell}"
-        yield Case(FAMILY_NAME, f"octant-{cell}", about, given, {"full": 3, "all": 4}, seconds)
+        description = f"Spheres under pressure, an octant of {cell}"
+        yield Case(FAMILY_NAME, f"octant-{cell}", description, given, {"full": 3, "all": 4}, seconds)
 
 
-def _converging(name: str, about: str, given: PressFit) -> Case:
+def _converging(name: str, description: str, given: PressFit) -> Case:
     quick = {"quick": 3} if name in _QUICK else {}
-    return Case(FAMILY_NAME, name, about, given, {**quick, "full": 5, "all": 6}, 5.0)
+    return Case(FAMILY_NAME, name, description, given, {**quick, "full": 5, "all": 6}, 5.0)
 
 
 FAMILY = Family(

@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacmesh import Mesh
+from lacmesh.report.blocks import Line, Plot
 from lacsolver import Problem
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
 from lacsolver.space.space import Space
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack
-from verification.records import Case, Family, Line, Outcome, Plot, Result, at_most, levels_of, reported
+from verification.records import Case, Family, Outcome, Result, at_most, informative, levels_of
 from verification.solving import entry
 
 #: of the exponents; the five hundredths are for the logarithm of a search, and caches
@@ -55,7 +56,7 @@ class Plates:
 
 
 @dataclass(frozen=True, eq=False)
-class Stages:
+class BenchmarkStages:
     """A problem on plates whose stages can be run again and again; `mesh`: as it is before the cut."""
 
     given: Plates
@@ -63,7 +64,7 @@ class Stages:
     problem: Problem
 
     @classmethod
-    def of(cls, given: Plates, n: int) -> Stages:
+    def of(cls, given: Plates, n: int) -> BenchmarkStages:
         """Plates of n cells a side."""
         mesh = stack(given.kind, given.kind, 3, counts=(n, 3 * n // 4), bend=0.2)
         cut = lacmesh.cut_skin(mesh, "slave", hexa=given.hexa).mesh
@@ -108,7 +109,7 @@ class Stages:
         list(lacsolver.march(self.problem))
 
 
-#: name of a stage -> the method of `Stages` that runs it, the property that it is compared with, and that in words
+#: name of a stage -> the method of `BenchmarkStages` that runs it, the property it is compared with, that in words
 _STAGES: dict[str, tuple[str, str, str]] = {
     "cut": ("cut", "cells", "cells of the mesh"),
     "search": ("search", "faces", "faces of slave and master"),
@@ -119,12 +120,12 @@ _STAGES: dict[str, tuple[str, str, str]] = {
 
 def run(case: Case, levels: int) -> Outcome:
     """Time all stages on plates of some sizes; only the smaller ones are solved."""
-    given: Plates = case.given
-    small = Stages.of(given, 6)
+    given: Plates = case.parameters
+    small = BenchmarkStages.of(given, 6)
     _ = timed([small]), seconds_of(small.solve, 0.0)  # compiled and loaded, all that is used
-    problems = [Stages.of(given, n) for n in given.sides[:levels]]
+    problems = [BenchmarkStages.of(given, n) for n in given.sides[:levels]]
     whole, program = timed(problems)
-    answers = [Stages.of(given, n) for n in _SOLVED]
+    answers = [BenchmarkStages.of(given, n) for n in _SOLVED]
     spent = [seconds_of(one.solve, 0.0)[0] for one in answers]
     results = [
         result
@@ -134,7 +135,7 @@ def run(case: Case, levels: int) -> Outcome:
     return Outcome((*results, _solve(answers, spent)), (_plot(given, problems, whole, answers, spent),))
 
 
-def timed(problems: Sequence[Stages]) -> NDArray[np.floating]:
+def timed(problems: Sequence[BenchmarkStages]) -> NDArray[np.floating]:
     """(2, stages, problems): seconds of the process, and of the program alone, the least of all rounds."""
     rounds = [
         [[seconds_of(getattr(one, name)) for one in problems] for name, _, _ in _STAGES.values()] for _ in range(ROUNDS)
@@ -177,7 +178,7 @@ def text() -> str:
     return "\n".join(tables) + "\n"
 
 
-def _judged(stage: str, problems: Sequence[Stages], seconds: Sequence[float]) -> Result:
+def _judged(stage: str, problems: Sequence[BenchmarkStages], seconds: Sequence[float]) -> Result:
     sizes, words = _sizes(stage, problems)
     reason = (
         f"the slope of the logarithms of seconds and {words} (h of the levels; the error is seconds); the kernel's "
@@ -188,27 +189,27 @@ def _judged(stage: str, problems: Sequence[Stages], seconds: Sequence[float]) ->
     return at_most(f"exponent of {stage}", slope, LINEAR, source=_SOURCE, reason=reason, levels=levels)
 
 
-def _alone(stage: str, problems: Sequence[Stages], seconds: Sequence[float]) -> Result:
+def _alone(stage: str, problems: Sequence[BenchmarkStages], seconds: Sequence[float]) -> Result:
     sizes, words = _sizes(stage, problems)
     reason = f"seconds of the program against {words}, without the kernel's for new memory: says what a miss is due to"
-    return reported(f"exponent of {stage}, program alone", fitted(sizes, seconds), reason=reason)
+    return informative(f"exponent of {stage}, program alone", fitted(sizes, seconds), reason=reason)
 
 
-def _sizes(stage: str, problems: Sequence[Stages]) -> tuple[list[int], str]:
+def _sizes(stage: str, problems: Sequence[BenchmarkStages]) -> tuple[list[int], str]:
     _, size, words = _STAGES[stage]
     return [getattr(one, size) for one in problems], words
 
 
-def _solve(answers: Sequence[Stages], seconds: Sequence[float]) -> Result:
+def _solve(answers: Sequence[BenchmarkStages], seconds: Sequence[float]) -> Result:
     unknowns = [one.unknowns for one in answers]
     reason = "of seconds against unknowns (h of the levels); the work of a direct solver grows faster than they do"
     levels = levels_of(unknowns, unknowns, seconds)
-    return reported("exponent of the solve", fitted(unknowns, seconds), reason=reason, levels=levels)
+    return informative("exponent of the solve", fitted(unknowns, seconds), reason=reason, levels=levels)
 
 
 def _plot(
-    given: Plates, problems: Sequence[Stages], seconds: NDArray[np.floating], answers: Sequence[Stages],
-    spent: Sequence[float],
+    given: Plates, problems: Sequence[BenchmarkStages], seconds: NDArray[np.floating],
+    answers: Sequence[BenchmarkStages], spent: Sequence[float],
 ) -> Plot:  # fmt: skip
     cells = tuple(float(one.cells) for one in problems)
     lines = [Line(stage, cells, tuple(row.tolist())) for stage, row in zip(_STAGES, seconds, strict=True)]
@@ -224,8 +225,8 @@ def _cases() -> Iterator[Case]:
         ("TETRA4", Plates("TETRA4", tetrahedra), {"full": 5}),
         ("HEXA8-hexa", Plates("HEXA8", hexahedra, "hexa"), {"all": 3}),
     ):
-        about = f"plates of {given.kind}, the slave cut {given.hexa}"
-        yield Case("scaling", name, about, given, levels, 90.0, alone=True)
+        description = f"plates of {given.kind}, the slave cut {given.hexa}"
+        yield Case("scaling", name, description, given, levels, 90.0, exclusive=True)
 
 
 FAMILY = Family(
@@ -233,9 +234,9 @@ FAMILY = Family(
     "Scaling",
     "The time of each stage against the size of the problem, on two plates whose faces do not match, each two cells "
     "thick, so that skins grow as bodies do. The exponent is the slope of the logarithms by least squares; 1 is "
-    "proportional. The solve is told and not judged.\n\n"
+    "proportional. The solve is for information.\n\n"
     "Seconds are those of the process, without compilation, measured with nothing of the harness beside. The exponents "
-    "of the program alone, without what the kernel spends on new memory, are told too.",
+    "of the program alone, without what the kernel spends on new memory, are given too.",
     tuple(_cases()),
     run,
 )

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacmesh.report.blocks import Line, Plot
 from lacsolver import State
 from verification.meshes.sliding import ironing_2d, ironing_3d, ring, slider
-from verification.records import Case, Family, Line, Outcome, Plot, Published, Result, at_least, at_most, reported
+from verification.records import Case, Family, Outcome, Published, Result, at_least, at_most, informative
 from verification.solving import Solved, balanced, entry, solve
 
 Floats = NDArray[np.floating]
@@ -108,7 +109,7 @@ class Dragged:
 
 def solve_case(case: Case, levels: int) -> Outcome:
     """Solve a case on its first meshes."""
-    given = case.given
+    given = case.parameters
     return slide(case, given, levels) if isinstance(given, Slider) else drag(case, given, levels)
 
 
@@ -132,7 +133,7 @@ def slide(case: Case, given: Slider, levels: int) -> Outcome:
             at_most("error of the contact force over the load, worst of all steps", off / given.pressure, 1e-10,
                     source=_EXACT, reason="the same; its part along the plate is the drag, which is nothing"),
         ]  # fmt: skip
-    return Outcome((*results, *balanced(found)), (histories(case.about, found[-1].states),))
+    return Outcome((*results, *balanced(found)), (histories(case.description, found[-1].states),))
 
 
 def slid(given: Slider, n: int) -> Solved:
@@ -168,9 +169,9 @@ def drag(case: Case, given: Dragged, levels: int) -> Outcome:
     results.append(_iterations(given, found[-1]))
     if given.surface == "smooth":
         results += between_faces(given, found[0])
-    force, last = forces(case.about, given, found[-1]), found[-1]
-    plots = histories(case.about, last.states), force, profiles(case.about, last.states)
-    return Outcome((*results, *balanced(found)), plots, (last.picture(case.about),))
+    force, last = forces(case.description, given, found[-1]), found[-1]
+    plots = histories(case.description, last.states), force, profiles(case.description, last.states)
+    return Outcome((*results, *balanced(found)), plots, (last.picture(case.description),))
 
 
 def between_faces(given: Dragged, smooth: Solved) -> Iterator[Result]:
@@ -178,9 +179,10 @@ def between_faces(given: Dragged, smooth: Solved) -> Iterator[Result]:
     faces = dragged(replace(given, surface="faces"), given.sizes[0], given.steps[0])
     for name, own in (("between faces", faces), ("smooth", smooth)):
         swings = [alternation(row) for row in pressed_rows(own.states)]
-        count = sum(state.iterations for state in own.states)
-        yield reported(f"pressure that alternates, over its peak, coarsest mesh, {name}", max(swings), reason=_BESIDE)
-        yield reported(f"Newton iterations, coarsest mesh, {name}", count, reason=_BESIDE)
+        yield informative(
+            f"pressure that alternates, over its peak, coarsest mesh, {name}", max(swings), reason=_BESIDE
+        )
+        yield informative(f"Newton iterations, coarsest mesh, {name}", own.iterations, reason=_BESIDE)
 
 
 def dragged(given: Dragged, size: int, steps: int) -> Solved:
@@ -200,13 +202,12 @@ def dragged(given: Dragged, size: int, steps: int) -> Solved:
 
 
 def _iterations(given: Dragged, own: Solved) -> Result:
-    count = sum(state.iterations for state in own.states)
     name = f"Newton iterations, {len(own.states)} steps"
     if given.published is None:
-        return reported(name, count, reason="nobody published it")
-    told = (Published("code_aster, ssnp165c", given.published, "reference/peers.md"),)
-    return at_most(name, count, given.published, source="reference/peers.md: code_aster's LAC, 20 steps",
-                   reason="alike and not the same: another law and another mesh", published=told)  # fmt: skip
+        return informative(name, own.iterations, reason="nobody published it")
+    theirs = (Published("code_aster, ssnp165c", given.published, "reference/peers.md"),)
+    return at_most(name, own.iterations, given.published, source="reference/peers.md: code_aster's LAC, 20 steps",
+                   reason="alike and not the same: another law and another mesh", published=theirs)  # fmt: skip
 
 
 # ---- what is measured
@@ -222,16 +223,16 @@ def newton(states: Sequence[State], tolerance: float, named: str = "") -> tuple[
         return found
     share = float(np.mean([quadratic(own, tolerance) for own in pairs]))
     orders = [np.log(then) / np.log(e) for own in pairs for e, then in own if then > tolerance]
-    told = "log of a residual over log of the one before, both above the tolerance"
+    order = "log of a residual over log of the one before, both above the tolerance"
     found += (
-        reported(f"steps whose last {LAST} iterations tell{named}", len(pairs), reason=f"of {len(states)}"),
+        informative(f"steps whose last {LAST} iterations tell{named}", len(pairs), reason=f"of {len(states)}"),
         at_least(f"share of steps whose last {LAST} iterations are quadratic{named}", share, 1.0,
                  source=_DESIGN, reason=_NEWTON),
     )  # fmt: skip
     if not orders:
         return found
-    return *found, reported(
-        f"order of the last {LAST} iterations, median{named}", float(np.median(orders)), reason=told
+    return *found, informative(
+        f"order of the last {LAST} iterations, median{named}", float(np.median(orders)), reason=order
     )
 
 
@@ -261,8 +262,8 @@ def evenness(states: Sequence[State], named: str = "") -> tuple[Result, ...]:
     return (
         at_most(f"pressure that alternates from face to face, over its peak{named}", max(swings), EVEN,
                 source=_DESIGN, reason=_EVEN),
-        reported(f"the same, mean of the steps{named}", float(np.mean(swings)), reason=mean),
-        reported(f"total variation over twice the peak, less 1{named}", max(map(variation, rows)),
+        informative(f"the same, mean of the steps{named}", float(np.mean(swings)), reason=mean),
+        informative(f"total variation over twice the peak, less 1{named}", max(map(variation, rows)),
                  reason="0 for a pressure with one hill, 1 for two of one height that part"),
     )  # fmt: skip
 
@@ -361,8 +362,8 @@ def _space(normals: str) -> Dragged:
     )  # fmt: skip
 
 
-def _case(name: str, about: str, given: Slider | Dragged, levels: Mapping[str, int], seconds: float) -> Case:
-    return Case("sliding", name, about, given, levels, seconds)
+def _case(name: str, description: str, given: Slider | Dragged, levels: Mapping[str, int], seconds: float) -> Case:
+    return Case("sliding", name, description, given, levels, seconds)
 
 
 TEXT = f"""

@@ -1,14 +1,14 @@
 """Structured blocks of every cell type, their sides as groups, and a master skin beside them.
 
 A block is n cells a side of a box: quadrangles or hexahedra, each split into the cells asked for, order raised by
-lacmesh. Sides are groups x0, x1, y0, ...: the axis, and 0 for its lower end, 1 for its upper. `grid`, `divided`,
-`with_sides`, `rows_of` and `assembled` are the steps of it, for other meshes.
+lacmesh. Sides are groups x0, x1, y0, ...: the axis, and 0 for its lower end, 1 for its upper. `grid`, `boxed`,
+`divided`, `with_sides`, `rows_of` and `assembled` are the steps of it, for other meshes, which `joined` makes one.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,10 +53,20 @@ def block(kind: str, n: int, low: Sequence[float], high: Sequence[float]) -> Mes
     """
     if kind not in _ORDERS:
         raise ValueError(f"blocks are made of {', '.join(BLOCK_TYPES)}, not of {kind}")
-    dim = CELLS[kind].dim
-    points, boxes = grid((n,) * dim, low, high)
-    points, cells = divided(points, boxes, [SPLITS[CELLS[kind].linear]], np.zeros(len(boxes), int))
-    return with_sides(raised(Mesh.create(points, cells.items(), space_dim=dim), kind), low, high)
+    return boxed(kind, *grid((n,) * CELLS[kind].dim, low, high), low, high)
+
+
+def boxed(
+    kind: str, points: Floats, boxes: Ints, low: Sequence[float], high: Sequence[float],
+    patterns: Sequence[Pattern] = (), which: Ints | None = None,
+) -> Mesh:  # fmt: skip
+    """A box of cells of type `kind` from the points and boxes of a grid, its sides as groups.
+
+    `patterns` and `which` as `divided` takes them; by default the one pattern of cells of that type alone.
+    """
+    patterns = patterns or [SPLITS[CELLS[kind].linear]]
+    points, cells = divided(points, boxes, patterns, np.zeros(len(boxes), int) if which is None else which)
+    return with_sides(raised(Mesh.create(points, cells.items(), space_dim=len(low)), kind), low, high)
 
 
 def raised(mesh: Mesh, kind: str) -> Mesh:
@@ -77,10 +87,34 @@ def _centred(mesh: Mesh) -> Mesh:
 
 def with_master(mesh: Mesh, kind: str, points: Floats) -> Mesh:
     """Add one cell of type `kind` with its nodes at `points` (n_nodes, dim), in the group `master`."""
+    return with_skin(mesh, kind, points, np.arange(len(points))[None], "master")
+
+
+def with_skin(mesh: Mesh, kind: str, points: Floats, faces: Ints, group: str) -> Mesh:
+    """Add faces (k, n_nodes), rows of `points` (n, dim), of type `kind` in a group of their own."""
     own = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
-    rows = rows_of(mesh)
-    rows[kind, "master"] = mesh.n_nodes + np.arange(len(own))[None]
+    rows = rows_of(mesh) | {(kind, group): mesh.n_nodes + faces}
     return assembled(np.concatenate([mesh.points, own]), rows, mesh.space_dim)
+
+
+def joined(parts: Sequence[tuple[Mesh, Mapping[str, str]]], *, keep: bool = False) -> Mesh:
+    """Join meshes, each with new names for its groups ("": the cells of no group); groups of one name are merged.
+
+    `keep`: groups without a new name keep theirs; else they are left out.
+    """
+    rows: dict[tuple[str, str], list[Ints]] = defaultdict(list)
+    first = 0
+    for mesh, names in parts:
+        for (kind, name), nodes in rows_of(mesh).items():
+            rows[kind, names.get(name, name if keep else "")].append(nodes + first)
+        first += mesh.n_nodes
+    points = np.concatenate([mesh.points for mesh, _ in parts])
+    return assembled(points, {key: np.concatenate(found) for key, found in rows.items()}, parts[0][0].space_dim)
+
+
+def bent(mesh: Mesh, where: Callable[[Floats], Floats]) -> Mesh:
+    """The mesh with its nodes x (n, 3) at `where(x)`: nodes between others go along, so that faces are curved."""
+    return Mesh.create(where(mesh.points), mesh.blocks, cell_groups=mesh.cell_groups, space_dim=mesh.space_dim)
 
 
 def rows_of(mesh: Mesh) -> dict[tuple[str, str], Ints]:

@@ -59,6 +59,11 @@ def with_skins(of: Body, skins: Mapping[str, Where]) -> Body:
     return of._replace(skins={**of.skins, **found})
 
 
+def at(axis: int, *values: float) -> Where:
+    """Condition that holds where a coordinate has one of some values."""
+    return lambda *x: np.isclose(x[axis][:, None], values, atol=1e-9).any(axis=1)
+
+
 def joined(bodies: Mapping[str, Body], solid: str | None = None) -> Mesh:
     """Join bodies into one mesh: the cells of each form a group of its name, skins of one name a common group.
 

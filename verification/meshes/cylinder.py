@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from lacmesh import Mesh
 from verification.exact.finite_bodies import BLOCK, CYLINDER, FORCE, RADIUS, Hertz
 from verification.grids import box, lines, under_circle
-from verification.meshes.bodies import Where, body, joined
+from verification.meshes.bodies import at, body, joined
 
 Floats = NDArray[np.floating]
 
@@ -30,11 +30,7 @@ def cylinder_on_block(n: int) -> Mesh:
 
     return joined(
         {
-            "upper": body(upper, skins={"slave": under, "top": _at(1, CYLINDER[1]), "x0": _at(0, 0.0)}),
-            "lower": body(lower, skins={"master": _at(1, 0.0), "bottom": _at(1, -BLOCK[1]), "x0": _at(0, 0.0)}),
+            "upper": body(upper, skins={"slave": under, "top": at(1, CYLINDER[1]), "x0": at(0, 0.0)}),
+            "lower": body(lower, skins={"master": at(1, 0.0), "bottom": at(1, -BLOCK[1]), "x0": at(0, 0.0)}),
         }
     )
-
-
-def _at(axis: int, value: float) -> Where:
-    return lambda *x: np.asarray(np.isclose(x[axis], value, atol=1e-9))

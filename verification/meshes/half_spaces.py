@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from verification.meshes.blocks import SPLITS, assembled, divided, grid, raised, rows_of, with_sides
+from verification.meshes.blocks import assembled, boxed, grid, joined
 
 #: how far the pieces reach, in half-widths
 REACH = 2.0
@@ -32,18 +32,15 @@ def half_spaces(kind: str, k: int, fraction: float, *, rigid: bool = False) -> M
     deep = depth_lines(k)
     up = "xyz"[dim - 1]
     upper = piece(kind, [*[aside] * (dim - 1), deep])
-    rows = _named(upper, "upper", {f"{up}0": "slave", f"{up}1": "far_upper"})
+    slave = upper, _roles(upper, "upper", {f"{up}0": "slave"})
     if rigid:
-        x = (np.array(CELLS["SEG2" if dim == 2 else "QUAD4"].reference) + 1) / 2
+        plane = "SEG2" if dim == 2 else "QUAD4"
+        x = (np.array(CELLS[plane].reference) + 1) / 2
         x = np.column_stack([x if dim == 3 else 1 - x, np.zeros(len(x))]) * (REACH + 1)  # it faces up
-        rows["SEG2" if dim == 2 else "QUAD4", "master"] = upper.n_nodes + np.arange(len(x))[None]
-        points = np.concatenate([upper.points, np.pad(x, ((0, 0), (0, 3 - dim)))])
-        return assembled(points, rows, dim)
+        master = assembled(np.pad(x, ((0, 0), (0, 3 - dim))), {(plane, "master"): np.arange(len(x))[None]}, dim)
+        return joined([slave, (master, {"master": "master"})])
     lower = piece(kind, [*[even] * (dim - 1), -deep[::-1]])
-    named = _named(lower, "lower", {f"{up}1": "master", f"{up}0": "far_lower"})
-    for key, nodes in named.items():
-        rows[key] = np.concatenate([*([rows[key]] if key in rows else []), nodes + upper.n_nodes])
-    return assembled(np.concatenate([upper.points, lower.points]), rows, dim)
+    return joined([slave, (lower, _roles(lower, "lower", {f"{up}1": "master"}))])
 
 
 def edge_lines(k: int, fraction: float) -> Floats:
@@ -66,16 +63,11 @@ def piece(kind: str, lines: Sequence[Floats]) -> Mesh:
     counts = [len(line) - 1 for line in lines]
     places, boxes = grid(counts, (0,) * len(lines), counts)
     placed = np.stack([np.interp(places[:, s], np.arange(len(v)), v) for s, v in enumerate(lines)], axis=1)
-    points, cells = divided(placed, boxes, [SPLITS[CELLS[kind].linear]], np.zeros(len(boxes), int))
-    mesh = raised(Mesh.create(points, cells.items(), space_dim=len(lines)), kind)
-    return with_sides(mesh, [line[0] for line in lines], [line[-1] for line in lines])
+    return boxed(kind, placed, boxes, [line[0] for line in lines], [line[-1] for line in lines])
 
 
-def _named(mesh: Mesh, body: str, names: dict[str, str]) -> dict[tuple[str, str], NDArray[np.integer]]:
-    """Cells of a piece by (type, group), with groups named by their role: symmetry, surface, far boundary."""
+def _roles(mesh: Mesh, body: str, names: dict[str, str]) -> dict[str, str]:
+    """New names of the groups of a piece, by their role: symmetry, surface, far boundary."""
     symmetric = ("x0", "y0")[: mesh.space_dim - 1]
     known = {"": body, **{side: f"axis_{side[0]}" for side in symmetric}, **names}
-    rows: dict[tuple[str, str], list[NDArray[np.integer]]] = {}
-    for (kind, name), nodes in rows_of(mesh).items():
-        rows.setdefault((kind, known.get(name, f"far_{body}")), []).append(nodes)
-    return {key: np.concatenate(parts) for key, parts in rows.items()}
+    return {name: known.get(name, f"far_{body}") for name in ("", *mesh.cell_groups)}

@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from verification.meshes.blocks import SPLITS, Pattern, assembled, divided, grid, raised, rows_of, with_sides
+from verification.meshes.blocks import SPLITS, Pattern, assembled, bent, boxed, grid, joined, rows_of
 
 Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]
@@ -39,13 +39,15 @@ def ring(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: fl
     `jitter`: how far corners are moved at random, in cells; those on a side stay on it. Groups: low, high (the faces),
     x0, y0.
     """
-    low, high = (radii[0], 0.0), (radii[1], np.pi / 2)
-    made = _patch(kind, counts, low, high, jitter=jitter, seed=seed)
-    r, angle = made.points[:, 0], made.points[:, 1]
-    rows = {(cell, _RING.get(name, name)): nodes for (cell, name), nodes in rows_of(made).items()}
-    points = np.column_stack([r * np.cos(angle), r * np.sin(angle)])
-    points[np.abs(points) < 1e-12 * radii[1]] = 0.0
-    return assembled(points, rows, 2)
+
+    def around(x: Floats) -> Floats:
+        r, angle, z = x.T
+        points = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+        points[np.abs(points) < 1e-12 * radii[1]] = 0.0
+        return points
+
+    flat = _patch(kind, counts, (radii[0], 0.0), (radii[1], np.pi / 2), jitter=jitter, seed=seed)
+    return bent(joined([(flat, _RING)], keep=True), around)
 
 
 def octant(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: float = 0.0, seed: int = 0) -> Mesh:
@@ -64,25 +66,19 @@ def octant(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: 
     place, number = _merged(np.concatenate([x for x, _ in parts]))
     if jitter:
         place = _shaken(place, jitter * np.pi / 4 / n, np.random.default_rng(seed))
-    joined: dict[tuple[str, str], list[Ints]] = defaultdict(list)
+    merged: dict[tuple[str, str], list[Ints]] = defaultdict(list)
     for (_, turn), own in zip(parts, number.reshape(3, -1), strict=True):
         for (cell, name), nodes in rows.items():
             if name not in ("x1", "y1"):  # the seams
-                joined[cell, _turned(name, turn)].append(own[nodes])
-    return assembled(place, {key: np.concatenate(found) for key, found in joined.items()}, 3)
+                merged[cell, _turned(name, turn)].append(own[nodes])
+    return assembled(place, {key: np.concatenate(nodes) for key, nodes in merged.items()}, 3)
 
 
 def pair(within: Mesh, around: Mesh, *, slave: str = "within") -> Mesh:
     """Two rings or octants, one around the other. `slave`: the body whose face is the slave."""
-    shift = within.n_nodes
     outer, inner = ("slave", "master") if slave == "within" else ("master", "slave")
     names = ({"": "within", "low": "inner", "high": outer}, {"": "around", "low": inner, "high": "outer"})
-    joined: dict[tuple[str, str], list[Ints]] = defaultdict(list)
-    for mesh, first, called in zip((within, around), (0, shift), names, strict=True):
-        for (cell, name), nodes in rows_of(mesh).items():
-            joined[cell, called.get(name, name)].append(nodes + first)
-    points = np.concatenate([within.points, around.points])
-    return assembled(points, {key: np.concatenate(found) for key, found in joined.items()}, within.space_dim)
+    return joined([(within, names[0]), (around, names[1])], keep=True)
 
 
 def _patch(
@@ -96,8 +92,7 @@ def _patch(
     patterns = [SPLITS[CELLS[kind].linear]]
     if jitter and CELLS[kind].linear == "TRIA3":
         patterns.append(_OTHER)
-    points, cells = divided(points, boxes, patterns, random.integers(len(patterns), size=len(boxes)))
-    return with_sides(raised(Mesh.create(points, cells.items(), space_dim=len(low)), kind), low, high)
+    return boxed(kind, points, boxes, low, high, patterns, random.integers(len(patterns), size=len(boxes)))
 
 
 def _moves(

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from verification.grids import box, half_disc, quadrangles
-from verification.meshes.blocks import assembled, block, rows_of
-from verification.meshes.bodies import Body, Where, body, joined
+from verification.meshes.blocks import block, with_skin
+from verification.meshes.blocks import joined as stacked
+from verification.meshes.bodies import Body, Where, at, body, joined
 
 Floats = NDArray[np.floating]
 
@@ -40,16 +41,12 @@ def slider(kind: str, n: int, faces: int, wave: float = 0.0) -> Mesh:
     dim = CELLS[kind].dim
     above = block(kind, n, (0.0,) * dim, (1.0,) * dim)
     names = {f"{'xyz'[dim - 1]}0": "slave", f"{'xyz'[dim - 1]}1": "top"}
-    rows = {(type_, names.get(name, name)): nodes for (type_, name), nodes in rows_of(above).items()}
     points = box(*plate_lines(faces)[: dim - 1], np.zeros(1))
     points[..., -1] = wave * (np.cos(2 * np.pi * points[..., 0] / 1.6) - 1)
-    number = above.n_nodes + np.arange(points[..., 0].size).reshape(points.shape[:-1])
-    if dim == 2:
-        rows["SEG2", "plate"] = np.stack([number[1:, 0], number[:-1, 0]], axis=1)
-    else:
-        rows["QUAD4", "plate"] = quadrangles(number[..., 0])
-    points = np.pad(points.reshape(-1, dim), ((0, 0), (0, 3 - dim)))
-    return assembled(np.concatenate([above.points, points]), rows, dim)
+    number = np.arange(points[..., 0].size).reshape(points.shape[:-1])
+    plate = np.stack([number[1:, 0], number[:-1, 0]], axis=1) if dim == 2 else quadrangles(number[..., 0])
+    block_above = stacked([(above, names)], keep=True)
+    return with_skin(block_above, "SEG2" if dim == 2 else "QUAD4", points.reshape(-1, dim), plate, "plate")
 
 
 def ring(segments: int = 30) -> Mesh:
@@ -60,11 +57,11 @@ def ring(segments: int = 30) -> Mesh:
     radius = np.linspace(OUTER, INNER, 5)
     centre = ABOVE + OUTER
     grid = np.stack([radius * np.cos(angle), centre + radius * np.sin(angle)], axis=-1)
-    made = body(grid, skins={"ends": _at(1, centre), "master": _around(0.0, centre, OUTER)})
+    made = body(grid, skins={"ends": at(1, centre), "master": _around(0.0, centre, OUTER)})
     middle = np.hypot(*(made.points[made.cells].mean(axis=1) - [0.0, centre]).T)
     parts = {"inner": np.flatnonzero(middle < MIDDLE), "outer": np.flatnonzero(middle > MIDDLE)}
     low = box(np.linspace(-WIDE / 2, WIDE / 2, segments + 1), np.linspace(-HIGH, 0, segments // 5 + 1))
-    block = body(low, skins={"slave": _at(1, 0.0), "bottom": _at(1, -HIGH)})
+    block = body(low, skins={"slave": at(1, 0.0), "bottom": at(1, -HIGH)})
     return joined({"block": block, "ring": made._replace(parts=parts)})
 
 
@@ -76,8 +73,8 @@ def ironing_2d(across: int = 60) -> Mesh:
     grids = (grid + np.array([START, flat]) for grid in half_disc(DIE, across // 8, across // 20))
     return joined(
         {
-            "block": body(block, skins={"slave": _at(1, 0.0), "bottom": _at(1, -high)}),
-            "die": body(*grids, skins={"top": _at(1, flat), "master": _around(START, flat, DIE)}),
+            "block": body(block, skins={"slave": at(1, 0.0), "bottom": at(1, -high)}),
+            "die": body(*grids, skins={"top": at(1, flat), "master": _around(START, flat, DIE)}),
         }
     )
 
@@ -93,11 +90,11 @@ def ironing_3d(across: int = 24) -> Mesh:
     counts = across, across // 4, 5 * across // 24
     ends = (-long / 2, long / 2), (0.0, deep), (-high, 0.0)
     block = box(*(np.linspace(*end, n + 1) for end, n in zip(ends, counts, strict=True)))
-    symmetry = {"symmetry": _at(1, 0.0)}
+    symmetry = {"symmetry": at(1, 0.0)}
     return joined(
         {
-            "block": body(block, skins={"master": _at(2, 0.0), "bottom": _at(2, -high), **symmetry}),
-            "die": _die(round(across / 9), skins={"slave": _crowned, "top": _at(2, DIE_3D + GAP), **symmetry}),
+            "block": body(block, skins={"master": at(2, 0.0), "bottom": at(2, -high), **symmetry}),
+            "die": _die(round(across / 9), skins={"slave": _crowned, "top": at(2, DIE_3D + GAP), **symmetry}),
         }
     )
 
@@ -125,8 +122,3 @@ def _crowned(x: Floats, y: Floats, z: Floats) -> NDArray[np.bool_]:
 def _around(x0: float, y0: float, radius: float) -> Where:
     """Condition that holds for points on a circle."""
     return lambda x, y: np.isclose(np.hypot(x - x0, y - y0), radius)
-
-
-def _at(axis: int, *values: float) -> Where:
-    """Condition that holds where a coordinate has one of some values."""
-    return lambda *x: np.isclose(x[axis][:, None], values, atol=1e-9).any(axis=1)

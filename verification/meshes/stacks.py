@@ -7,15 +7,14 @@ in `lower` and `upper`.
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from verification.meshes.blocks import SPLITS, Pattern, assembled, divided, grid, raised, rows_of, with_sides
+from verification.meshes.blocks import SPLITS, Pattern, assembled, bent, divided, grid, joined, raised, with_sides
 
 Ints = NDArray[np.integer]
 Floats = NDArray[np.floating]
@@ -105,18 +104,6 @@ def tower(kinds: Sequence[str], counts: Sequence[int]) -> Mesh:
     return joined(parts)
 
 
-def joined(parts: Sequence[tuple[Mesh, Mapping[str, str]]]) -> Mesh:
-    """Join meshes, each with new names for its groups: groups of one name are merged, unnamed ones are left out."""
-    rows: dict[tuple[str, str], list[Ints]] = defaultdict(list)
-    first = 0
-    for mesh, names in parts:
-        for (kind, name), nodes in rows_of(mesh).items():
-            rows[kind, names.get(name, "")].append(nodes + first)
-        first += mesh.n_nodes
-    points = np.concatenate([mesh.points for mesh, _ in parts])
-    return assembled(points, {key: np.concatenate(found) for key, found in rows.items()}, parts[0][0].space_dim)
-
-
 def skin(mesh: Mesh, group: str) -> Mesh:
     """The cells of a group alone, with their nodes."""
     parts = [(kind, nodes) for kind, _, nodes in mesh.select(mesh.cell_groups[group])]
@@ -128,11 +115,6 @@ def skin(mesh: Mesh, group: str) -> Mesh:
 def moved(mesh: Mesh, turn: Floats | None = None, shift: Floats | None = None) -> Mesh:
     """The mesh turned by a rotation (3, 3), then shifted by (3,)."""
     return bent(mesh, lambda x: (x if turn is None else x @ turn.T) + (0.0 if shift is None else shift))
-
-
-def bent(mesh: Mesh, where: Callable[[Floats], Floats]) -> Mesh:
-    """The mesh with its nodes x (n, 3) at `where(x)`: nodes between others go along, so that faces are curved."""
-    return Mesh.create(where(mesh.points), mesh.blocks, cell_groups=mesh.cell_groups, space_dim=mesh.space_dim)
 
 
 def tilt(dim: int, angle: float = 0.7) -> NDArray[np.floating]:
@@ -169,14 +151,4 @@ def _mixture(counts: Ints, place: Ints) -> tuple[Sequence[Pattern], Ints]:
 def _of_order(mesh: Mesh, kind: str) -> Mesh:
     """Replace linear cells by those of a kind, of its order."""
     name, _, order = kind.partition(" ")
-    if name == "mixed":
-        return raised(mesh, _MIXED[order])
-    return _with_centres(raised(mesh, "TRIA6")) if name == "TRIA7" else raised(mesh, name)
-
-
-def _with_centres(mesh: Mesh) -> Mesh:
-    """Convert TRIA6 to TRIA7."""
-    nodes = mesh.block("TRIA6")
-    centre = mesh.n_nodes + np.arange(len(nodes))
-    points = np.concatenate([mesh.points, mesh.points[nodes[:, :3]].mean(axis=1)])
-    return Mesh.create(points, [("TRIA7", np.column_stack([nodes, centre]))], space_dim=2)
+    return raised(mesh, _MIXED[order] if name == "mixed" else name)

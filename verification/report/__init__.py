@@ -1,8 +1,8 @@
 """The report of a run: a page of HTML that needs nothing else, Markdown beside it; a summary; what changed.
 
 what is said = pages of blocks: tables, charts, sentences     (`outline`, `brief`, `tables`, `convergence`, `judging`)
-as files = the pages as HTML and as Markdown                  (`writing`, `html`, `markdown`, `charts`, `drawings`)
-two runs = which figures appeared, vanished, changed          (`changes`)
+as files = the pages as HTML and as Markdown                  (`writing`, `drawings`; the rest by `lacmesh.report`)
+two runs = which results appeared, vanished, changed          (`changes`)
 """
 
 from __future__ import annotations

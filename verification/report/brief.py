@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from lacmesh.report.blocks import Command, Simple, Table, Text, Title
+from lacmesh.report.markdown import blocks
 from verification.report import tables
-from verification.report.blocks import Command, Simple, Table, Text, Title
-from verification.report.markdown import blocks
 from verification.report.outline import by_family, command, families_table, title_of, verdict_sentence
 from verification.running.folder import Run
 
-#: quantities of a family that are told
+#: quantities of a family that are listed
 MOST = 8
 
 
 def summary(run: Run) -> str:
-    """Markdown: how many figures of each family are met, which are missed, the worst ones, published ones beside."""
+    """Markdown: how many results of each family are met, which are missed, the worst ones, published ones beside."""
     return "\n\n".join(blocks(_summary(run))) + "\n"
 
 
@@ -35,7 +35,7 @@ def _summary(run: Run) -> Iterator[Simple]:
             yield found
     others = tables.ranges(run.done)
     if others.rows:
-        yield Title("Beside what others published", 3)
+        yield Title("Published results", 3)
         yield others
 
 

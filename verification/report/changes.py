@@ -1,4 +1,4 @@
-"""Changes from one run to another, figure by figure."""
+"""Changes from one run to another, result by result."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
+from lacmesh.report.blocks import Simple, Table, TableRow, Title, columns
+from lacmesh.report.markdown import blocks
 from verification.records import Result
 from verification.report import words
-from verification.report.blocks import Cell, Column, Simple, Table, TableRow, Title
 from verification.report.judging import SAID, verdict
-from verification.report.markdown import blocks
-from verification.running.folder import Done, Run
+from verification.running.folder import CaseResult, Run
 
 #: a value that differs by more, of itself, has changed; an error that is greater by more has grown
 CHANGED, GROWN = 0.05, 0.01
@@ -22,7 +22,7 @@ ROUNDING = 0.01
 
 @dataclass(frozen=True)
 class Pair:
-    """A figure of two runs; None where one of them is without it."""
+    """A result of two runs; None where one of them is without it."""
 
     case: str
     quantity: str
@@ -35,9 +35,9 @@ def compare(before: Run, after: Run) -> str:
     pairs = paired(before, after)
     found = [(name, [p for p in pairs if holds(p)]) for name, holds in _KINDS]
     different = {id(p) for _, group in found for p in group}
-    told = ", ".join(f"{len(group)} {name}" for name, group in found if group)
-    first = f"{len(different):,} of {words.count(len(pairs), 'figure')} differ{'' if len(different) != 1 else 's'}"
-    lines = [f"{first}: {told}." if different else f"No figure differs, of {len(pairs):,}.", _versions(before, after)]
+    counts = ", ".join(f"{len(group)} {name}" for name, group in found if group)
+    first = f"{len(different):,} of {words.count(len(pairs), 'result')} differ{'' if len(different) != 1 else 's'}"
+    lines = [f"{first}: {counts}." if different else f"No result differs, of {len(pairs):,}.", _versions(before, after)]
     shown: list[Simple] = []
     for name, group in found:
         shown += [Title(name.capitalize(), 3), _table(group)] if group else []
@@ -45,14 +45,14 @@ def compare(before: Run, after: Run) -> str:
 
 
 def paired(before: Run, after: Run) -> list[Pair]:
-    """All figures of both, in the order of the second, then those that it lacks."""
-    old, new = _figures(before.done), _figures(after.done)
+    """All results of both, in the order of the second, then those that it lacks."""
+    old, new = _results(before.done), _results(after.done)
     keys = dict.fromkeys([*new, *old])
     return [Pair(case, quantity, old.get((case, quantity)), new.get((case, quantity))) for case, quantity in keys]
 
 
-def _figures(cases: Iterable[Done]) -> Mapping[tuple[str, str], Result]:
-    """By case and quantity; of a quantity that a case has twice, the second is told so. No outcome is a figure."""
+def _results(cases: Iterable[CaseResult]) -> Mapping[tuple[str, str], Result]:
+    """By case and quantity; of a quantity that a case has twice, the second is numbered. No outcome is a result."""
     found: dict[tuple[str, str], Result] = {}
     seen: Counter[tuple[str, str]] = Counter()
     for done in cases:
@@ -63,10 +63,10 @@ def _figures(cases: Iterable[Done]) -> Mapping[tuple[str, str], Result]:
     return found
 
 
-def _outcome(done: Done) -> tuple[Result, ...]:
+def _outcome(done: CaseResult) -> tuple[Result, ...]:
     if not done.failure:
         return ()
-    return (Result("outcome", math.nan, None, None, False, "", done.failure, "reported"),)
+    return (Result("outcome", math.nan, None, None, False, "", done.failure, "informative"),)
 
 
 def _appeared(p: Pair) -> bool:
@@ -123,19 +123,17 @@ _KINDS: tuple[tuple[str, Callable[[Pair], bool]], ...] = (
 
 
 def _versions(before: Run, after: Run) -> str:
-    told = [
+    versions = [
         f"{run.version} ({run.environment.get('commit', 'commit unknown')}, suite {run.suite})"
         for run in (before, after)
     ]
-    return f"Before: {told[0]}; after: {told[1]}."
+    return f"Before: {versions[0]}; after: {versions[1]}."
 
 
 def _table(pairs: Iterable[Pair]) -> Table:
-    columns = (
-        Column("case"), Column("quantity"), Column("before", number=True), Column("after", number=True),
-        Column("error before", number=True), Column("error after", number=True), Column("verdict"),
-    )  # fmt: skip
-    return Table(columns, tuple(_row(p) for p in pairs))
+    names = ("case", "quantity", "before", "after", "error before", "error after", "verdict")
+    heads = columns(names, numbers=("before", "after", "error before", "error after"))
+    return Table(heads, tuple(_row(p) for p in pairs))
 
 
 def _row(p: Pair) -> TableRow:
@@ -143,4 +141,4 @@ def _row(p: Pair) -> TableRow:
     errors = [words.error(e) for e in ends] if ends else ["", ""]
     said = [SAID[verdict(r)] for r in (p.before, p.after) if r is not None]
     values = [words.value_of(r) if r is not None else "" for r in (p.before, p.after)]
-    return TableRow(tuple(map(Cell, (p.case, p.quantity, *values, *errors, " → ".join(dict.fromkeys(said))))))
+    return TableRow.of((p.case, p.quantity, *values, *errors, " → ".join(dict.fromkeys(said))))

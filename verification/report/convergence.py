@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from verification.records import Level, Line, Plot, Result
+from lacmesh.report.blocks import Chart, Column, Line, Plot, Table, TableCell, TableRow
+from lacmesh.report.charts import COLOURS
+from verification.records import Level, Result
 from verification.report import words
-from verification.report.blocks import Cell, Chart, Column, Table, TableRow
-from verification.report.charts import COLOURS
-from verification.running.folder import Done
+from verification.running.folder import CaseResult
 
 Sizes = tuple[tuple[float, int], ...]
 
@@ -29,19 +29,21 @@ def _table(sizes: Sizes, results: Sequence[Result]) -> Table:
     for result in results:
         columns += [Column(result.quantity, number=True), Column("rate", number=True)]
     rows = [_row(k, size, [r.levels[k] for r in results]) for k, size in enumerate(sizes)]
-    fitted = [Cell(text) for r in results for text in ("", words.rate(r.value) if words.is_rate(r) else "")]
-    wanted = [Cell(text) for r in results for text in ("", _wanted(r))]
-    blank = Cell("")
-    foot = (TableRow((Cell("fitted"), blank, blank, *fitted)), TableRow((Cell("expected"), blank, blank, *wanted)))
+    fitted = [text for r in results for text in ("", words.rate(r.value) if words.is_rate(r) else "")]
+    wanted = [text for r in results for text in ("", _wanted(r))]
+    foot = (
+        TableRow.of(("fitted", "", "", *fitted)),
+        TableRow.of(("expected", "", "", *wanted)),
+    )
     return Table(tuple(columns), tuple(rows), foot)
 
 
 def _row(k: int, size: tuple[float, int], levels: Sequence[Level]) -> TableRow:
     h, unknowns = size
-    found: list[Cell] = []
+    cells = [TableCell(str(k + 1), k + 1), TableCell(f"{h:.3g}", h), TableCell(f"{unknowns:,}", unknowns)]
     for level in levels:
-        found += [Cell(words.error(level.error), level.error), Cell(words.rate(level.rate), _known(level.rate))]
-    return TableRow((Cell(str(k + 1), k + 1), Cell(f"{h:.3g}", h), Cell(f"{unknowns:,}", unknowns), *found))
+        cells += TableCell(words.error(level.error), level.error), TableCell(words.rate(level.rate), _known(level.rate))
+    return TableRow.of(cells)
 
 
 def _wanted(r: Result) -> str:
@@ -52,7 +54,7 @@ def _known(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def chart_of(done: Done) -> Chart | None:
+def chart_of(done: CaseResult) -> Chart | None:
     """All errors of a case in one chart, beside the rates that are wanted; None where there are none."""
     lines = [_line(r.quantity, r) for r in done.results if len(r.levels) > 1]
     wanted = {r.expected for r in done.results if words.is_rate(r) and r.expected}
@@ -60,9 +62,9 @@ def chart_of(done: Done) -> Chart | None:
     return Chart(_plot(f"{done.case}: errors", lines), ends) if lines else None
 
 
-def charts_of(cases: Iterable[Done]) -> Iterator[Chart]:
+def charts_of(cases: Iterable[CaseResult]) -> Iterator[Chart]:
     """A chart for each quantity and rate that is wanted, with the cases as its lines."""
-    groups: dict[tuple[str, float | None], list[tuple[Done, Result]]] = {}
+    groups: dict[tuple[str, float | None], list[tuple[CaseResult, Result]]] = {}
     for done in cases:
         for r in done.results:
             if len(r.levels) > 1:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from importlib.resources import files
 from itertools import pairwise
 
 WIDTH, HEIGHT = 420, 200
 
 
 def drawing(family: str) -> str:
-    """The drawing of a family as an <svg> element; nothing where there is none."""
+    """The drawing of a family as an <svg> element, which `style` is for; nothing where there is none."""
     if family not in _DRAWN:
         return ""
     seen, make = _DRAWN[family]
@@ -211,3 +212,8 @@ _DRAWN: dict[str, tuple[str, Callable[[], str]]] = {
     "sliding": ("a rounded die pressed on a block and drawn along it", _sliding),
     "scaling": ("seconds against size, both as logarithms, beside a line of slope one", _scaling),
 }
+
+
+def style() -> str:
+    """Rules of CSS for the drawings."""
+    return files("verification.report").joinpath("drawings.css").read_text(encoding="utf-8")

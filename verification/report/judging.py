@@ -1,4 +1,4 @@
-"""Verdicts on figures: met, missed or reported only; distance to the bound; comparison with published values."""
+"""Verdicts on results: met, missed or informative; distance to the bound; comparison with published values."""
 
 from __future__ import annotations
 
@@ -6,50 +6,56 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from lacmesh.report.blocks import Verdict
 from verification.records import Published, Result
-from verification.report.blocks import Verdict
-from verification.running.folder import Done
+from verification.running.folder import CaseResult
 
 #: what stands for a verdict in words
-SAID: dict[Verdict, str] = {"met": "met", "missed": "missed", "told": "told", "none": "no outcome", "": ""}
+SAID: dict[Verdict, str] = {
+    "met": "met",
+    "missed": "missed",
+    "informative": "for information",
+    "none": "no outcome",
+    "": "",
+}
 
 
 @dataclass(frozen=True)
 class Count:
-    """Numbers of figures met, missed and reported only, of `cases`, and of cases without an outcome (`failed`)."""
+    """Numbers of results met, missed and informative, of `cases`, and of cases without an outcome (`failed`)."""
 
     met: int = 0
     missed: int = 0
-    told: int = 0
+    informative: int = 0
     cases: int = 0
     failed: int = 0
 
     @property
     def judged(self) -> int:
-        """Figures that are held against something."""
+        """Results that are held against something."""
         return self.met + self.missed
 
     @property
     def verdict(self) -> Verdict:
-        """Common verdict on all cases and figures."""
-        return "none" if self.failed else "missed" if self.missed else "met" if self.met else "told"
+        """Common verdict on all cases and results."""
+        return "none" if self.failed else "missed" if self.missed else "met" if self.met else "informative"
 
 
 def verdict(result: Result) -> Verdict:
-    """Verdict on one figure."""
-    return "missed" if not result.passed else "told" if result.bound == "reported" else "met"
+    """Verdict on one result."""
+    return "missed" if not result.passed else "informative" if result.bound == "informative" else "met"
 
 
-def counted(done: Iterable[Done]) -> Count:
-    """The figures of some cases."""
+def counted(done: Iterable[CaseResult]) -> Count:
+    """The results of some cases."""
     cases = tuple(done)
     found = [verdict(result) for case in cases for result in case.results]
     failed = sum(bool(case.failure) for case in cases)
-    return Count(found.count("met"), found.count("missed"), found.count("told"), len(cases), failed)
+    return Count(found.count("met"), found.count("missed"), found.count("informative"), len(cases), failed)
 
 
 def used(result: Result) -> float:
-    """The share of what is allowed that a figure uses up: 1 at its bound, above where it is missed; NaN is infinite.
+    """The share of what is allowed that a result uses up: 1 at its bound, above where it is missed; NaN is infinite.
 
     >>> from verification.records import at_least, at_most, equal
     >>> used(at_most("a", 1.0, 4.0, source="")), used(equal("b", 3.5, 3.0, 1.0, source="", reason=""))
@@ -78,12 +84,12 @@ def _share(part: float, whole: float) -> float:
 
 
 def as_good(result: Result, published: Published) -> bool | None:
-    """True if a figure is at least as good as the published one; None if it is reported only.
+    """True if a result is at least as good as the published one; None if it is informative.
 
     For a rate or a lower bound the larger value is better; for an upper bound the smaller; for an equality the
     one that is nearer to the expected value.
     """
-    if result.bound == "reported" or result.expected is None or not math.isfinite(result.value):
+    if result.bound == "informative" or result.expected is None or not math.isfinite(result.value):
         return None
     if result.bound == "equal":
         return abs(result.value - result.expected) <= abs(published.value - result.expected)

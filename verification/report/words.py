@@ -48,14 +48,14 @@ def rate(value: float | None) -> str:
     return "" if value is None else "none" if math.isnan(value) else f"{value:.3f}"
 
 
-def span(values: Sequence[float], told: Callable[[float], str]) -> str:
+def span(values: Sequence[float], form: Callable[[float], str]) -> str:
     """Format a range, from the smallest to the largest value.
 
     >>> span([2.0, 1.0, math.nan], number), span([], number)
     ('1 to 2', 'none')
     """
-    found = [told(v) for v in sorted(v for v in values if not math.isnan(v))]
-    return "none" if not found else found[0] if found[0] == found[-1] else f"{found[0]} to {found[-1]}"
+    texts = [form(v) for v in sorted(v for v in values if not math.isnan(v))]
+    return "none" if not texts else texts[0] if texts[0] == texts[-1] else f"{texts[0]} to {texts[-1]}"
 
 
 def seconds(value: float) -> str:
@@ -92,44 +92,44 @@ def count(many: int, word: str) -> str:
 
 
 def is_rate(result: Result) -> bool:
-    """True if a figure is the slope of the errors listed with it."""
-    fits = len(result.levels) > 1 and result.bound in ("at least", "reported")
+    """True if a result is the slope of the errors listed with it."""
+    fits = len(result.levels) > 1 and result.bound in ("at least", "informative")
     return fits and result.value != result.levels[-1].error
 
 
 def value_of(result: Result) -> str:
-    """Format the value of a figure with as many digits as its tolerance needs."""
+    """Format the value of a result with as many digits as its tolerance needs."""
     if is_rate(result):
         return rate(result.value)
-    return _beside(result, result.value)
+    return _to_tolerance_digits(result, result.value)
 
 
 def reason_of(result: Result) -> str:
-    """Reason for a figure; first, if it missed, the rate between two levels that made it fall short."""
+    """Reason for a result; first, if it missed, the rate between two levels that made it fall short."""
     if result.passed or not is_rate(result) or result.expected is None or not result.value >= result.expected:
         return result.reason
     least = min(level.rate for level in result.levels if level.rate is not None)
-    return f"from one level to the next the rate is {rate(least)}, below half the figure; {result.reason}"
+    return f"from one level to the next the rate is {rate(least)}, below half of what is wanted; {result.reason}"
 
 
 def expected_of(result: Result) -> str:
-    """Format the expected value of a figure."""
+    """Format the expected value of a result."""
     if is_rate(result) and result.expected is not None:
         return rate(result.expected)
-    return bound(result.expected) if result.bound != "equal" else _beside(result, result.expected)
+    return bound(result.expected) if result.bound != "equal" else _to_tolerance_digits(result, result.expected)
 
 
 def must_be(result: Result) -> str:
-    """Format the requirement on a figure: expected value with tolerance or sign of inequality."""
+    """Format the requirement on a result: expected value with tolerance or sign of inequality."""
     expected = expected_of(result)
     if result.bound == "equal":
         return f"{expected} ± {bound(result.tolerance)}" if result.tolerance else expected
-    if result.bound == "reported":
-        return "told only" if result.passed else "a number"
+    if result.bound == "informative":
+        return "for information" if result.passed else "a number"
     return f"{'≤' if result.bound == 'at most' else '≥'} {expected}"
 
 
-def _beside(result: Result, value: float | None) -> str:
+def _to_tolerance_digits(result: Result, value: float | None) -> str:
     """Format a value with enough digits to distinguish it from a value out of tolerance."""
     if (
         value is None

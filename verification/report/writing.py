@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from lacmesh.formats.output import replace_file
-from verification.report.html import html
-from verification.report.markdown import markdown
+from lacmesh.report import html, markdown
+from verification.report.drawings import style
 from verification.report.outline import outline
 from verification.running.folder import RESULTS, Run
 
@@ -18,7 +18,7 @@ def write(run: Run, path: Path) -> None:
     """
     pages = list(outline(run))
     footer = f"lacmesh {run.version}, suite {run.suite}"
-    replace_file(path, html(pages, footer).encode())
-    replace_file(path.with_suffix(".md"), markdown(pages, footer).encode())
+    replace_file(path, html.pages(pages, footer, style()).encode())
+    replace_file(path.with_suffix(".md"), markdown.pages(pages, footer).encode())
     if not (path.parent.exists() and path.parent.samefile(run.path)):
         replace_file(path.with_suffix(".json"), (run.path / RESULTS).read_bytes())

@@ -16,8 +16,8 @@ _PACKAGES = ("numpy", "scipy", "numba", "rslab", "pyamg", "sympy", "gmsh", "pyvi
 
 
 def environment() -> dict[str, str]:
-    """Names and values, in the order in which they are told."""
-    told = {
+    """Names and values, in the order of the report."""
+    versions = {
         "lacmesh": lacmesh.__version__,
         "commit": _commit(),
         "Python": platform.python_version(),
@@ -26,7 +26,7 @@ def environment() -> dict[str, str]:
         "cores": str(cores()),
         "memory": _memory(),
     }
-    return {**told, **{name: _version(name) for name in _PACKAGES}}
+    return {**versions, **{name: _version(name) for name in _PACKAGES}}
 
 
 def cores() -> int:

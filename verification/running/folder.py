@@ -1,6 +1,6 @@
 """The folder of a run: a file for each case, as soon as it is done, and all results in one.
 
-    results.json                version, suite, environment, results: the figures of every case
+    results.json                version, suite, environment, results: the results of every case
     junit.xml                   the same for programs that watch tests
     cases/FAMILY/NAME.json      a case: what it is, its results, plots, names of its pictures
     cases/FAMILY/NAME-K.png     its pictures
@@ -26,12 +26,15 @@ import numpy as np
 
 from lacmesh import LacmeshError
 from lacmesh.formats.output import replace_file
-from verification.records import Case, Outcome, Plot, Result
+from lacmesh.report.blocks import Plot
+from verification.records import Case, Failure, Outcome, Result
 
 #: of the files of a folder; a folder of another format is not resumed
 FORMAT = 1
-#: in a folder: the figures of all cases
+#: in a folder: the results of all cases
 RESULTS = "results.json"
+#: names in the files of cases that earlier versions wrote -> the names now
+_RENAMED = {"about": "description", "given": "parameters"}
 
 
 class FolderError(LacmeshError):
@@ -41,8 +44,8 @@ class FolderError(LacmeshError):
 
 
 @dataclass(frozen=True)
-class Kept:
-    """A picture in the folder: `file` is its name beside the case's file."""
+class StoredPicture:
+    """A stored picture: `file` is its name beside the case's file."""
 
     title: str
     alt: str
@@ -50,22 +53,22 @@ class Kept:
 
 
 @dataclass(frozen=True)
-class Done:
-    """A case that was run. `given`: what the problem is made of; `levels`: on how many meshes; `memory`: bytes.
+class CaseResult:
+    """Stored result of a case. `parameters`: what it is made of; `levels`: on how many meshes; `memory`: bytes.
 
     `failure`: why there is no outcome, in a sentence; it is empty where there is one. `sources`: a digest of the code.
     """
 
     family: str
     case: str
-    about: str
-    given: Mapping[str, Any]
+    description: str
+    parameters: Mapping[str, Any]
     levels: int
     seconds: float
     memory: int
     results: tuple[Result, ...] = ()
     plots: tuple[Plot, ...] = ()
-    pictures: tuple[Kept, ...] = ()
+    pictures: tuple[StoredPicture, ...] = ()
     failure: str = ""
     sources: str = ""
     format: int = FORMAT
@@ -77,7 +80,7 @@ class Done:
 
     @property
     def passed(self) -> bool:
-        """True if there is an outcome and every figure is met."""
+        """True if there is an outcome and every result is met."""
         return not self.failure and all(result.passed for result in self.results)
 
 
@@ -93,36 +96,46 @@ class Run:
     suite: str
     environment: Mapping[str, str]
     seconds: float
-    done: tuple[Done, ...]
+    done: tuple[CaseResult, ...]
 
 
-def done_with(
-    case: Case, levels: int, seconds: float, memory: int, outcome: Outcome | str, path: Path, sources: str
-) -> Done:
-    """Write a case's outcome (or why there is none) into the folder of a run, and what is known of it."""
-    found = outcome if isinstance(outcome, Outcome) else Outcome(())
-    failure = "" if isinstance(outcome, Outcome) else outcome
+def write_case_result(
+    case: Case, levels: int, seconds: float, memory: int, outcome: Outcome | Failure, path: Path, sources: str
+) -> CaseResult:
+    """Write the outcome of a case, or why there is none, into the folder of a run; return the stored result."""
+    solved = outcome if isinstance(outcome, Outcome) else Outcome(())
+    failure = outcome.message if isinstance(outcome, Failure) else ""
     place = _place(path, case.family, case.name)
     place.parent.mkdir(parents=True, exist_ok=True)
-    kept = []
-    for k, picture in enumerate(found.pictures):
-        kept.append(Kept(picture.title, picture.alt, _picture(place, k).name))
+    pictures = []
+    for k, picture in enumerate(solved.pictures):
+        pictures.append(StoredPicture(picture.title, picture.alt, _picture(place, k).name))
         replace_file(_picture(place, k), picture.png)
-    done = Done(
-        case.family, case.name, case.about, given_of(case), levels, seconds, memory,
-        found.results, found.plots, tuple(kept), failure, sources,
+    done = CaseResult(
+        case.family, case.name, case.description, parameters_of(case), levels, seconds, memory,
+        solved.results, solved.plots, tuple(pictures), failure, sources,
     )  # fmt: skip
     replace_file(place, _json(plain(done)))
     return done
 
 
-def read_done(path: Path, family: str, name: str) -> Done | None:
+def read_case_result(path: Path, family: str, name: str) -> CaseResult | None:
     """Read the outcome of a case from a folder; None if there is none that can be read."""
     try:
-        made = json.loads(_place(path, family, name).read_text(encoding="utf-8"))
-        return None if made.get("format") != FORMAT else made_of(Done, made)
+        stored = json.loads(_place(path, family, name).read_text(encoding="utf-8"))
+        return None if stored.get("format") != FORMAT else made_of(CaseResult, _renamed(stored))
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return None
+
+
+def _renamed(stored: Mapping[str, Any]) -> dict[str, Any]:
+    """A stored case, or a stored result, with the names and bounds that earlier versions wrote replaced."""
+    renamed = {_RENAMED.get(name, name): value for name, value in stored.items()}
+    if renamed.get("bound") == "reported":
+        renamed["bound"] = "informative"
+    if "results" in renamed:
+        renamed["results"] = [_renamed(result) for result in renamed["results"]]
+    return renamed
 
 
 def forget(path: Path, family: str, name: str) -> None:
@@ -144,74 +157,74 @@ def sweep(path: Path) -> None:
 def write_results(path: Path, run: Run) -> None:
     """Write `results.json`."""
     listed = [row for done in run.done for row in rows(done)]
-    told = {
+    content = {
         "version": run.version,
         "environment": dict(run.environment),
         "suite": run.suite,
         "seconds": run.seconds,
         "results": listed,
     }
-    replace_file(path / RESULTS, _json(told))
+    replace_file(path / RESULTS, _json(content))
 
 
-def rows(done: Done) -> Iterator[dict[str, Any]]:
-    """The figures of a case as `results.json` has them; a case without an outcome is a figure that fell short."""
-    about = {"family": done.family, "case": done.case}
+def rows(done: CaseResult) -> Iterator[dict[str, Any]]:
+    """The results of a case as `results.json` has them; a case without an outcome is a result that fell short."""
+    case = {"family": done.family, "case": done.case}
     results = done.results
     if done.failure:
-        results = (Result("outcome", math.nan, None, None, False, "", done.failure, "reported"),)
+        results = (Result("outcome", math.nan, None, None, False, "", done.failure, "informative"),)
     for result in results:
-        yield {**about, **plain(result), "seconds": done.seconds}
+        yield {**case, **plain(result), "seconds": done.seconds}
 
 
 def read_run(path: Path) -> Run:
     """Read the folder of a run. Raises FolderError, with what is wrong."""
     try:
-        told = json.loads((path / RESULTS).read_text(encoding="utf-8"))
-        names = dict.fromkeys((row["family"], row["case"]) for row in told["results"])
-        found = [read_done(path, *name) for name in names]
+        stored = json.loads((path / RESULTS).read_text(encoding="utf-8"))
+        names = dict.fromkeys((row["family"], row["case"]) for row in stored["results"])
+        found = [read_case_result(path, *name) for name in names]
         missing = [f"{f}/{c}" for (f, c), done in zip(names, found, strict=True) if done is None]
         if missing:
             raise FolderError(
                 f"{path}: the file of case {missing[0]} is missing or damaged; run it again with --resume"
             )
-        kept = tuple(done for done in found if done is not None)
-        return Run(path, told["version"], told["suite"], told["environment"], told["seconds"], kept)
+        cases = tuple(done for done in found if done is not None)
+        return Run(path, stored["version"], stored["suite"], stored["environment"], stored["seconds"], cases)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise FolderError(f"{path} is not the folder of a run ({error}); name one that `run -o` made") from error
 
 
 def read_results(path: Path) -> Run:
-    """Read a run from `results.json` alone: figures, but neither plots nor the definitions of the cases.
+    """Read a run from `results.json` alone: results, but neither plots nor the definitions of the cases.
 
     Raises FolderError.
     """
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        stored = json.loads(path.read_text(encoding="utf-8"))
         found: dict[tuple[str, str], list[dict[str, Any]]] = {}
-        for row in told["results"]:
+        for row in stored["results"]:
             found.setdefault((row["family"], row["case"]), []).append(row)
-        done = tuple(_told(*name, own) for name, own in found.items())
-        return Run(path.parent, told["version"], told["suite"], told["environment"], told["seconds"], done)
+        done = tuple(_case_of(*name, own) for name, own in found.items())
+        return Run(path.parent, stored["version"], stored["suite"], stored["environment"], stored["seconds"], done)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise FolderError(f"{path} does not hold the results of a run ({error})") from error
 
 
-def _told(family: str, case: str, listed: list[dict[str, Any]]) -> Done:
+def _case_of(family: str, case: str, listed: list[dict[str, Any]]) -> CaseResult:
     """A case from its rows: the inverse of `rows`."""
     own = ("family", "case", "seconds")
-    results = tuple(made_of(Result, {k: v for k, v in row.items() if k not in own}) for row in listed)
+    results = tuple(made_of(Result, {k: v for k, v in _renamed(row).items() if k not in own}) for row in listed)
     levels = max(len(result.levels) for result in results)
     failure = results[0].reason if results[0].quantity == "outcome" else ""
-    return Done(
+    return CaseResult(
         family, case, "", {}, max(levels, 1), listed[0]["seconds"], 0, () if failure else results, failure=failure
     )
 
 
-def given_of(case: Case) -> dict[str, Any]:
+def parameters_of(case: Case) -> dict[str, Any]:
     """Definition of a case, as JSON data."""
-    made = plain(case.given)
-    return made if isinstance(made, dict) else {} if made is None else {"rows": made}
+    parameters = plain(case.parameters)
+    return parameters if isinstance(parameters, dict) else {} if parameters is None else {"rows": parameters}
 
 
 def plain(value: Any) -> Any:

@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 from itertools import groupby
 
 from lacmesh.cli.program import on_one_line
-from verification.running.folder import Done, Run
+from verification.running.folder import CaseResult, Run
 
 
 def junit(run: Run) -> bytes:
@@ -24,11 +24,11 @@ def junit(run: Run) -> bytes:
     return bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True))
 
 
-def _short(done: Done) -> bool:
+def _short(done: CaseResult) -> bool:
     return not done.failure and not done.passed
 
 
-def _case(done: Done) -> ET.Element:
+def _case(done: CaseResult) -> ET.Element:
     made = ET.Element("testcase", classname=done.family, name=done.case, time=f"{done.seconds:.3f}")
     if done.failure:
         ET.SubElement(made, "error", message=on_one_line(done.failure))

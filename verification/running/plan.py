@@ -1,4 +1,4 @@
-"""Which cases a suite has to run, on what code, and in what order they are told."""
+"""The plan of a suite: its cases, the code that each depends on, and the order of their results."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from lacmesh.errors import GroupNotFoundError, RequestError
 from verification import families
 from verification.records import SUITES, Case
-from verification.running.folder import Done, given_of
+from verification.running.folder import CaseResult, parameters_of
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -25,11 +25,11 @@ class Planned:
     levels: int
     sources: str
 
-    def is_done(self, done: Done | None) -> bool:
+    def is_done(self, done: CaseResult | None) -> bool:
         """True if an outcome belongs to this very case (same problem, levels and code) and is no failure."""
         if done is None or done.failure:
             return False
-        return (done.levels, done.given, done.sources) == (self.levels, given_of(self.case), self.sources)
+        return (done.levels, done.parameters, done.sources) == (self.levels, parameters_of(self.case), self.sources)
 
 
 def plan(suite: str, family: str | None = None, name: str | None = None) -> list[Planned]:
@@ -48,7 +48,7 @@ def plan(suite: str, family: str | None = None, name: str | None = None) -> list
     return [Planned(case, _levels(case, suite), sources(case.family)) for case in found]
 
 
-def in_order(found: Iterable[Done]) -> tuple[Done, ...]:
+def in_order(found: Iterable[CaseResult]) -> tuple[CaseResult, ...]:
     """By family, each in the order of its cases."""
     outcomes = list(found)
     names = {done.family for done in outcomes}

@@ -1,4 +1,4 @@
-"""Processes side by side, one a case; one that fails, hangs or is killed is told of, and the others go on."""
+"""Processes side by side, one a case; one that fails, hangs or is killed is reported, and the others go on."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from pathlib import Path
 
 from lacmesh.errors import WriteError
 from lacmesh.formats.output import signals_wait
-from verification.running.folder import Done, done_with, forget, read_done, sweep
+from verification.records import Failure
+from verification.running.folder import CaseResult, forget, read_case_result, sweep, write_case_result
 from verification.running.plan import ROOT, Planned
 
 #: starts a worker; the family, the case, how many levels and the folder follow
@@ -44,19 +45,19 @@ class _Running:
     log: Path
 
 
-def solve_all(planned: Sequence[Planned], folder: Path, jobs: int) -> Generator[Done, None, None]:
+def solve_all(planned: Sequence[Planned], folder: Path, jobs: int) -> Generator[CaseResult, None, None]:
     """Solve cases in so many processes at once, and yield each as it ends; those that measure time come last, alone.
 
     The longest are begun first. When the iterator is closed, or an exception passes, what still runs is killed, and
     leaves nothing. Raises WriteError where no process can be started.
     """
-    together = sorted((p for p in planned if not p.case.alone), key=lambda p: -p.case.seconds)
-    alone = [p for p in planned if p.case.alone]
+    together = sorted((p for p in planned if not p.case.exclusive), key=lambda p: -p.case.seconds)
+    exclusive = [p for p in planned if p.case.exclusive]
     yield from _solve(together, folder, _parts(jobs))
-    yield from _solve(alone, folder, _parts(1))
+    yield from _solve(exclusive, folder, _parts(1))
 
 
-def _solve(waiting: list[Planned], folder: Path, free: list[frozenset[int]]) -> Generator[Done, None, None]:
+def _solve(waiting: list[Planned], folder: Path, free: list[frozenset[int]]) -> Generator[CaseResult, None, None]:
     running: list[_Running] = []
     try:
         while waiting or running:
@@ -86,9 +87,15 @@ def _start(planned: Planned, folder: Path, cores: frozenset[int]) -> _Running:
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
         forget(folder, case.family, case.name)
-        with log.open("wb") as told:
+        with log.open("wb") as output:
             process = subprocess.Popen(
-                command, cwd=ROOT, env=env, stdin=subprocess.DEVNULL, stdout=told, stderr=told, start_new_session=True
+                command,
+                cwd=ROOT,
+                env=env,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                start_new_session=True,
             )
     except OSError as error:
         raise WriteError(log, f"case {case.id} cannot be started ({error.strerror or error})") from error
@@ -108,15 +115,15 @@ def _late(one: _Running) -> bool:
     return time.monotonic() - one.began > PATIENCE
 
 
-def _end(one: _Running, folder: Path) -> Done:
+def _end(one: _Running, folder: Path) -> CaseResult:
     """End a process and return the outcome that it wrote, or one that says why there is none."""
     case, seconds = one.planned.case, time.monotonic() - one.began
     status = one.process.poll()
     _kill(one.process)
-    done = read_done(folder, case.family, case.name)
+    done = read_case_result(folder, case.family, case.name)
     if done is None:
         why = f"{_why(status)}; see {one.log.relative_to(folder)}"
-        return done_with(case, one.planned.levels, seconds, 0, why, folder, one.planned.sources)
+        return write_case_result(case, one.planned.levels, seconds, 0, Failure(why), folder, one.planned.sources)
     if not done.failure:
         one.log.unlink(missing_ok=True)
     return done
@@ -127,7 +134,7 @@ def _why(status: int | None) -> str:
     if status is None:
         return f"not done in {PATIENCE:g} s"
     if status >= 0:
-        return f"the process ended with status {status} and no figures"
+        return f"the process ended with status {status} and no results"
     memory = ", perhaps for want of memory" if -status == signal.SIGKILL else ""
     return f"killed by {_signal(-status)}{memory}"
 

@@ -16,7 +16,7 @@ from lacmesh.errors import RequestError, WriteError
 from lacmesh.formats.output import replace_file
 from verification.families import MODULES
 from verification.running.environment import environment
-from verification.running.folder import RESULTS, Done, Run, read_done, sweep, write_results
+from verification.running.folder import RESULTS, CaseResult, Run, read_case_result, sweep, write_results
 from verification.running.junit import junit
 from verification.running.plan import Planned, in_order, sources
 from verification.running.pool import solve_all
@@ -35,7 +35,7 @@ class Progress:
 
 
 @contextmanager
-def opened(folder: Path, *, resume: bool) -> Iterator[None]:
+def locked_run(folder: Path, *, resume: bool) -> Iterator[None]:
     """Hold the folder of a run, which is made where it is missing.
 
     Raises RequestError where it has a run already (and no `resume`) or another process is at work there, WriteError.
@@ -73,9 +73,9 @@ def run_suite(
     folder: Path,
     jobs: int,
     begun: Callable[[Progress], None],
-    told: Callable[[Done, Progress], None],
+    ended: Callable[[CaseResult, Progress], None],
 ) -> Run:
-    """Run what the folder lacks; `begun` hears how much that is, `told` of each case as it ends.
+    """Run what the folder lacks; `begun` hears how much that is, `ended` of each case as it ends.
 
     `results.json` and `junit.xml` are always whole: they have what is known so far, with the folder's other cases.
     """
@@ -84,43 +84,44 @@ def run_suite(
     before, around = _seconds(folder), environment()
     progress = Progress(len(todo), len(planned) - len(todo), _seconds_of(todo) / jobs)
 
-    def gathered() -> Run:
+    def run_so_far() -> Run:
         seconds = before + time.monotonic() - progress.began
-        return _written(Run(folder, __version__, suite, around, seconds, in_order(known.values())))
+        return Run(folder, __version__, suite, around, seconds, in_order(known.values()))
 
-    made = gathered()
+    run = run_so_far()
+    save_results(run)
     begun(progress)
     with closing(solve_all(todo, folder, jobs)) as outcomes:
         for done in outcomes:
             known[done.id] = done
             _count(progress, todo, done, jobs)
-            made = gathered()
-            told(done, progress)
-    return made
+            run = run_so_far()
+            save_results(run)
+            ended(done, progress)
+    return run
 
 
-def _kept(planned: Sequence[Planned], folder: Path) -> dict[str, Done]:
+def _kept(planned: Sequence[Planned], folder: Path) -> dict[str, CaseResult]:
     """Stored outcomes that are valid for the present code, of all cases; planned cases that failed are left out."""
     mine = {p.case.id: p for p in planned}
     places = sorted((folder / "cases").glob("*/*.json"))
-    found = [done for place in places if (done := read_done(folder, place.parent.name, place.stem))]
+    found = [done for place in places if (done := read_case_result(folder, place.parent.name, place.stem))]
     return {done.id: done for done in found if _stays(done, mine)}
 
 
-def _stays(done: Done, planned: Mapping[str, Planned]) -> bool:
+def _stays(done: CaseResult, planned: Mapping[str, Planned]) -> bool:
     if done.id in planned:
         return planned[done.id].is_done(done)
     return done.family in MODULES and done.sources == sources(done.family)
 
 
-def _written(run: Run) -> Run:
-    """Write the results known so far to files."""
+def save_results(run: Run) -> None:
+    """Write the results of a run, as far as they are known, to `results.json` and `junit.xml`."""
     write_results(run.path, run)
     replace_file(run.path / "junit.xml", junit(run))
-    return run
 
 
-def _count(progress: Progress, todo: Sequence[Planned], done: Done, jobs: int) -> None:
+def _count(progress: Progress, todo: Sequence[Planned], done: CaseResult, jobs: int) -> None:
     """Update the estimate of the remaining time by the time that a case took."""
     progress.ended += 1
     progress.expected += next(p.case.seconds for p in todo if p.case.id == done.id)

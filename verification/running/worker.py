@@ -14,8 +14,8 @@ from pathlib import Path
 
 from lacmesh.cli.terminal import peak_memory
 from verification import families
-from verification.records import Case, Family, Outcome
-from verification.running.folder import done_with
+from verification.records import Case, Failure, Family, Outcome
+from verification.running.folder import write_case_result
 from verification.running.plan import sources
 
 #: seconds between two looks whether the run is still there
@@ -29,17 +29,17 @@ def main(family: str, name: str, levels: int, folder: Path) -> None:
     (case,) = (case for case in found.cases if case.name == name)
     began = time.perf_counter()
     outcome = _solved(found, case, levels)
-    done_with(case, levels, time.perf_counter() - began, peak_memory(), outcome, folder, code)
+    write_case_result(case, levels, time.perf_counter() - began, peak_memory(), outcome, folder, code)
 
 
-def _solved(family: Family, case: Case, levels: int) -> Outcome | str:
-    """Solve a case and return its outcome, or a text that says why there is none."""
+def _solved(family: Family, case: Case, levels: int) -> Outcome | Failure:
+    """Solve a case and return its outcome, or why there is none."""
     try:
         outcome = family.solve(case, levels)
     except Exception as error:  # whatever it is, it is this case's alone
         traceback.print_exc()
-        return f"{type(error).__name__}: {error}".removesuffix(": ")
-    return outcome if outcome.results else "there is no figure"
+        return Failure(f"{type(error).__name__}: {error}".removesuffix(": "))
+    return outcome if outcome.results else Failure("there is no result")
 
 
 def end_with(parent: int) -> None:

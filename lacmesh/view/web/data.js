@@ -133,7 +133,7 @@ function faceColour(f) {
   const role = a.role[f], line = !head.faceTypes[a.type[f]].triangles.length;
   if (role === MARK) return marksShown(a.of[f]) ? [...hex(colours[severity[a.of[f]]]), 254] : [0, 0, 0, 0];
   const named = (role === SLAVE && state.slave) || (role === MASTER && state.master);
-  let colour = a.bare[f] ? inside : bodyColours[bodyOf(f) % bodyColours.length];
+  let colour = a.cutOpen[f] ? inside : bodyColours[bodyOf(f) % bodyColours.length];
   if (line) colour = state.theme === "dark" ? [150, 158, 166] : [92, 100, 108];
   if (named) colour = role === SLAVE ? palette[a.paint[f]] : masterColour;
   if (state.colour === "value" && !line) colour = a.invalid[f] ? invalid : onRamp(a.value[f]);

@@ -1,4 +1,4 @@
-"""Faces of a mesh in sight, and the role of each: of a body, of the slave skin, of the master.
+"""The visible surface of a mesh, and the role of each face: of a body, of the slave skin, of the master.
 
     keys = a number for each facet of each solid cell, the same from both sides      (`FaceKeys`)
     outer = facets of one cell only, cells of surfaces that lie on no solid           (`_outer`, `_loose`)
@@ -33,12 +33,12 @@ BODY, SLAVE, MASTER = range(3)
 
 
 @dataclass(frozen=True)
-class Seen:
-    """The faces in sight, a row each (segments too: slave and master of a plane mesh, and all of a mesh of lines).
+class VisibleSurface:
+    """The visible faces, a row each (segments too: slave and master of a plane mesh, and all of a mesh of lines).
 
     `role` (f,) BODY, SLAVE or MASTER; `cell` (f,) the cell behind the face, or the face's own where there is none;
-    `skin` (f,) the slave or master cell that the face is, -1 in bodies; `body` (f,) which body it is of; `bare` (f,)
-    whether a cutaway laid it bare; `macro` (f,) the macro-element of a slave face, -1 elsewhere (in a mesh that
+    `skin` (f,) the slave or master cell that the face is, -1 in bodies; `body` (f,) which body it is of; `cut_open`
+    (f,) True if a cutaway shows it; `macro` (f,) the macro-element of a slave face, -1 elsewhere (in a mesh that
     carries no cut, each slave face counts for itself). `internal` (n,): nodes that carry an internal dof.
     `body_of_node` (n_nodes,): the body that each node of the mesh is of; `kept` (n_cells,): whether `near` and
     `cutaway` leave a cell.
@@ -49,7 +49,7 @@ class Seen:
     cell: Ints
     skin: Ints
     body: Ints
-    bare: NDArray[np.bool_]
+    cut_open: NDArray[np.bool_]
     macro: Ints
     internal: Ints
     body_of_node: Ints
@@ -70,15 +70,18 @@ class Seen:
         return bool(len(self.slave_bodies)) and not np.isin(self.body, self.slave_bodies).all()
 
 
-def find_seen(
+def find_visible(
     mesh: Mesh,
     slave: Groups = None,
     master: Groups = None,
     *,
     near: float | None = None,
     cutaway: Vector | None = None,
-) -> Seen:
-    """The faces in sight; `view.picture` explains the options. Raises RequestError, GroupNotFoundError, DataError."""
+) -> VisibleSurface:
+    """The visible surface of a mesh; `view.picture` explains the options.
+
+    Raises RequestError, GroupNotFoundError, DataError.
+    """
     far = np.flatnonzero(used_nodes(mesh) & (np.abs(mesh.points) > FARTHEST).any(axis=1))
     if len(far):
         numbers = some(mesh.node_number[far])
@@ -89,7 +92,7 @@ def find_seen(
     keys = FaceKeys(mesh)
     skin, skin_cell, behind = _skin(mesh, np.concatenate([slaves, masters]), kept, keys)
     taken = np.sort(keys.of(skin))
-    solid, solid_cell, bare = _outer(mesh, kept, keys, taken)
+    solid, solid_cell, cut_open = _outer(mesh, kept, keys, taken)
     loose, loose_cell = _loose(mesh, kept, keys, taken)
     faces = stack([solid, loose, skin])
     if not len(faces):
@@ -98,13 +101,13 @@ def find_seen(
     role[len(solid) + len(loose) :][np.isin(skin_cell, masters)] = MASTER
     body = _bodies(mesh)
     plain = np.full(len(solid) + len(loose), -1)
-    return Seen(
+    return VisibleSurface(
         faces=faces,
         role=role,
         cell=np.concatenate([solid_cell, loose_cell, behind]),
         skin=np.concatenate([plain, skin_cell]),
         body=body[faces.nodes[:, 0]],
-        bare=np.concatenate([bare, np.zeros(len(loose) + len(skin), bool)]),
+        cut_open=np.concatenate([cut_open, np.zeros(len(loose) + len(skin), bool)]),
         macro=np.concatenate([plain, _macros(mesh, skin_cell, role[len(plain) :] == SLAVE)]),
         internal=_internal_nodes(mesh, skin.take(np.flatnonzero(role[len(plain) :] == SLAVE))),
         body_of_node=body,
@@ -183,16 +186,16 @@ class FaceKeys:
 def _outer(mesh: Mesh, kept: NDArray[np.bool_], keys: FaceKeys, taken: NDArray) -> tuple[Faces, Ints, NDArray]:
     """Facets of one kept solid only, those in `taken` left out; the cell of each; True if another was cut away."""
     first, second = keys.solid
-    facet, bare = np.arange(len(first)), np.zeros(len(first), bool)
+    facet, cut_open = np.arange(len(first)), np.zeros(len(first), bool)
     solid = _solid_cells(mesh)
     owner = np.concatenate([np.empty(0, np.int64), *(np.tile(ids, n) for ids, n in solid)])
     if not kept.all():
         gone = np.sort(first[~kept[owner]])
         facet = np.flatnonzero(kept[owner])
-        bare = _among(first[facet], gone)
+        cut_open = _among(first[facet], gone)
     once = _single(first[facet], second[facet])
     once = once[~_among(first[facet[once]], taken)]
-    return _pick(mesh, facet[once]), owner[facet[once]], bare[once]
+    return _pick(mesh, facet[once]), owner[facet[once]], cut_open[once]
 
 
 def _solid_cells(mesh: Mesh) -> list[tuple[Ints, int]]:
@@ -261,8 +264,8 @@ def _skin(mesh: Mesh, cells: Ints, kept: NDArray[np.bool_], keys: FaceKeys) -> t
     behind = ids.copy()
     order = np.argsort(kept[found.cell], kind="stable")  # the kept ones last: they stay
     behind[found.face[order]] = found.cell[order]
-    seen = np.flatnonzero(kept[behind])
-    return faces.take(seen), ids[seen], behind[seen]
+    shown = np.flatnonzero(kept[behind])
+    return faces.take(shown), ids[shown], behind[shown]
 
 
 def stack(parts: Sequence[Faces]) -> Faces:
@@ -346,8 +349,8 @@ def _bodies(mesh: Mesh) -> Ints:
     ends = (nodes + n_cells).astype(dtype)
     graph = csr_matrix((np.ones(len(ends), np.int8), ends, starts.astype(dtype)), shape=(size, size))
     label = connected_components(graph, directed=True, connection="weak")[1][n_cells:]
-    seen, first, label = np.unique(label, return_index=True, return_inverse=True)
-    return np.argsort(np.argsort(first))[label] if len(seen) else label  # counted in the order of the nodes
+    _, first, label = np.unique(label, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[label] if len(first) else label  # counted in the order of the nodes
 
 
 def _macros(mesh: Mesh, cells: Ints, slave: NDArray[np.bool_]) -> Ints:

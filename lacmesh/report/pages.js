@@ -4,7 +4,7 @@
   const pages = [...document.querySelectorAll(".page")];
   const links = [...document.querySelectorAll("nav a")];
   const cases = [...document.querySelectorAll("details.case")];
-  const folded = new Set(cases.filter((c) => c.matches(".met, .told")));
+  const folded = new Set(cases.filter((c) => c.matches(".met, .informative")));
 
   function show() {
     const name = decodeURIComponent(location.hash.slice(1));
@@ -62,6 +62,11 @@
   });
   addEventListener("hashchange", show);
 
+  for (const head of document.querySelectorAll("thead th")) {
+    const button = document.createElement("button");
+    button.append(...head.childNodes);
+    head.append(button);
+  }
   for (const c of folded) c.open = false;
   root.classList.add("live");
   show();

@@ -1,7 +1,7 @@
 """Frames of a film of a run: at each time the deformed bodies, their visible faces, and a value at each node.
 
-fields = the VTU files named by solid.pvd and contact_NAME.pvd                            (read_shots)
-visible faces, once for all times: split into triangles around their centres              (Sight)
+fields = the VTU files named by solid.pvd and contact_NAME.pvd                            (read_frames)
+visible surface, once for all times: split into triangles around the faces' centres       (DrawnSurface)
 value = von Mises' stress, or the recovered pressure on the slave skins; NaN elsewhere    (COLOURS)
 """
 
@@ -18,7 +18,8 @@ import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.topology.faces import cells_of_dim
+from lacmesh.scene.visible import find_visible
+from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.output.names import CONTACT, SOLID
 from lacsolver.output.vtu import read_pvd
 
@@ -29,37 +30,45 @@ _FLAT = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """The visible faces of a mesh of `n_nodes` nodes. Points are the nodes, then the centre of each face.
+class DrawnSurface:
+    """The visible surface of a mesh of `n_nodes` nodes, in triangles. Points are the nodes, then the centres of faces.
 
     `triangles` (t, 3) cover the faces; `edges` (e, 2): edges of cells, without those between flat children of a cell
-    that was cut; `rims` (r, 2): edges of one face only (the outlines of bodies in a plane, none in space); `bare`
-    (b, 2): segments of skin cells in a plane. `centres`: for each type of face the nodes (f, k) whose mean is a centre.
+    that was cut; `outline` (r, 2): edges of one face only (of bodies in a plane, none in space); `segments`
+    (s, 2): skin cells in a plane. `centres`: for each type of face the nodes (f, k) whose mean is a centre.
     """
 
     dim: int
     n_nodes: int
     triangles: Ints
     edges: Ints
-    rims: Ints
-    bare: Ints
+    outline: Ints
+    segments: Ints
     centres: tuple[Ints, ...]
 
     @classmethod
-    def of(cls, mesh: Mesh) -> Sight:
-        """Find the visible faces: all cells in a plane, the outer faces and the skin cells of the mesh in space."""
-        faces = list(_outer(mesh) if mesh.dim == 3 else cells_of_dim(mesh, 2))
+    def of(cls, mesh: Mesh) -> DrawnSurface:
+        """Triangulate the visible surface: all cells in a plane; in space outer faces, and skins without solids."""
+        visible = find_visible(mesh, slave=())
+        faces: list[tuple[str, Ints, Ints]] = []
+        lines: list[Ints] = [np.empty((0, 2), np.int64)]
+        for code in np.unique(visible.faces.type):
+            kind, rows = FACE_TYPES[code], np.flatnonzero(visible.faces.type == code)
+            nodes = visible.faces.nodes[rows, : N_NODES[code]]
+            if CELLS[kind].dim == 1:
+                lines.append(_split(kind, nodes))
+            else:
+                faces.append((kind, nodes, visible.cell[rows]))
         first = mesh.n_nodes + np.cumsum([0, *(len(nodes) for _, nodes, _ in faces)])
         fans = [_fan(nodes, _ring(kind), k) for (kind, nodes, _), k in zip(faces, first, strict=False)]
         triangles = np.concatenate([np.empty((0, 3), np.int64), *fans])
         centres = tuple(nodes for _, nodes, _ in faces)
         x = _with_means(mesh.points, centres)[triangles]
-        cut = _parents(mesh)
-        owner = [np.repeat(cut[cells], len(fan) // len(cells)) for (_, _, cells), fan in zip(faces, fans, strict=True)]
+        parent = _parents(mesh)
+        owner = [np.repeat(parent[own[2]], len(fan) // len(own[2])) for own, fan in zip(faces, fans, strict=True)]
         edges, count = _edges(triangles, np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), np.concatenate([[], *owner]))
-        bare = [_split(kind, nodes) for kind, nodes, _ in cells_of_dim(mesh, 1)] if mesh.dim == 2 else []
-        rims = edges[count == 1] if mesh.dim == 2 else edges[:0]
-        return cls(mesh.dim, mesh.n_nodes, triangles, edges, rims, np.concatenate([edges[:0], *bare]), centres)
+        outline = edges[count == 1] if mesh.dim == 2 else edges[:0]
+        return cls(mesh.dim, mesh.n_nodes, triangles, edges, outline, np.concatenate(lines), centres)
 
     def points(self, nodal: Floats) -> NDArray[np.floating]:
         """Return values at nodes (n_nodes, ...), followed by their means over each face."""
@@ -67,7 +76,7 @@ class Sight:
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class Frame:
     """A frame: at a time the coordinates `x` (p, 3) of the points, and the `value` (p,), NaN where there is none."""
 
     time: float
@@ -76,27 +85,27 @@ class Shot:
 
 
 @dataclass(frozen=True, eq=False)
-class Shots:
-    """The visible faces, and the frames at all times."""
+class Frames:
+    """The visible surface, and the frames at all times."""
 
-    sight: Sight
-    shots: tuple[Shot, ...]
+    surface: DrawnSurface
+    frames: tuple[Frame, ...]
 
     @property
     def box(self) -> NDArray[np.floating]:
         """The least and the largest coordinates over all times, (2, 3)."""
-        x = np.concatenate([shot.x for shot in self.shots])
+        x = np.concatenate([frame.x for frame in self.frames])
         return np.stack([x.min(axis=0), x.max(axis=0)])
 
     @property
     def span(self) -> tuple[float, float]:
         """The least and the largest value over all times; 0 and 1 if there is no value."""
-        found = np.concatenate([shot.value for shot in self.shots])
-        found = found[np.isfinite(found)]
-        return (float(found.min()), float(found.max())) if len(found) else (0.0, 1.0)
+        values = np.concatenate([frame.value for frame in self.frames])
+        values = values[np.isfinite(values)]
+        return (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
 
 
-def read_shots(folder: Path, colour: str, count: int | None = None) -> Shots:
+def read_frames(folder: Path, colour: str, count: int | None = None) -> Frames:
     """Read the frames of all times with fields in a run's folder, or of at most `count` of them, evenly spaced.
 
     Raises RequestError for an unknown colour and if there are no fields, ReadError, DataError for damaged files.
@@ -113,25 +122,25 @@ def read_shots(folder: Path, colour: str, count: int | None = None) -> Shots:
         even = np.linspace(times[-1 if count == 1 else 0], times[-1], count)
         entries = [entries[k] for k in np.unique(np.abs(times - even[:, None]).argmin(axis=1)).tolist()]
     first = lacmesh.read(folder / entries[0].file)
-    sight, shots = Sight.of(first), []
+    surface, frames = DrawnSurface.of(first), []
     for entry in entries:
         mesh = lacmesh.read(folder / entry.file)
         if mesh.n_nodes != first.n_nodes:
             raise DataError(f"{folder / entry.file} is of another mesh than the files before; run the case again")
         value = _mises(mesh) if colour == "stress" else _pressure(mesh, folder, entry.time, zones)
         x = mesh.points + _field(mesh, "displacement", folder / entry.file)
-        shots.append(Shot(entry.time, sight.points(x), sight.points(value)))
-    return Shots(sight, tuple(shots))
+        frames.append(Frame(entry.time, surface.points(x), surface.points(value)))
+    return Frames(surface, tuple(frames))
 
 
 def _zones(folder: Path) -> list[Mapping[float, str]]:
     """Return the file of each time, for each zone. Raises RequestError if there is no zone."""
-    found: list[Mapping[float, str]] = [
+    zones: list[Mapping[float, str]] = [
         {e.time: e.file for e in read_pvd(p)} for p in sorted(folder.glob(f"{CONTACT}*.pvd"))
     ]
-    if not found:
+    if not zones:
         raise RequestError(f"{folder} holds no contact to colour by its pressure; --colour stress needs none")
-    return found
+    return zones
 
 
 def _field(mesh: Mesh, name: str, path: Path) -> NDArray[np.floating]:
@@ -155,8 +164,8 @@ def _pressure(mesh: Mesh, folder: Path, time: float, zones: Iterable[Mapping[flo
         if time in files:
             path = folder / files[time]
             skin = lacmesh.read(path)
-            at = order[np.searchsorted(mesh.node_number, skin.node_number, sorter=order)]
-            value[at] = np.fmax(value[at], _field(skin, "pressure_recovered", path))
+            nodes = order[np.searchsorted(mesh.node_number, skin.node_number, sorter=order)]
+            value[nodes] = np.fmax(value[nodes], _field(skin, "pressure_recovered", path))
     return value
 
 
@@ -167,20 +176,6 @@ def _with_means(nodal: Floats, faces: Iterable[Ints]) -> NDArray[np.floating]:
 def _parents(mesh: Mesh) -> Ints:
     """Return the parent of each cell, (n_cells,), -1 for none."""
     return np.asarray(mesh.cell_data.get("lac_parent", np.full(mesh.n_cells, -1)), np.int64)
-
-
-def _outer(mesh: Mesh) -> Iterable[tuple[str, Ints, Ints]]:
-    """Yield (type, nodes, cells): the faces that belong to one solid only, and the mesh's skin cells."""
-    faces: dict[str, list[tuple[Ints, Ints]]] = {}
-    for kind, nodes, cells in cells_of_dim(mesh, 3):
-        for facet in CELLS[kind].facets:
-            faces.setdefault(facet.type, []).append((nodes[:, facet.nodes], cells))
-    for kind, parts in faces.items():
-        nodes, cells = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-        corners = np.sort(nodes[:, : CELLS[kind].n_corners], axis=1)
-        _, first, count = np.unique(corners, axis=0, return_index=True, return_counts=True)
-        yield kind, nodes[first[count == 1]], cells[first[count == 1]]
-    yield from cells_of_dim(mesh, 2)
 
 
 def _ring(kind: str) -> Ints:
