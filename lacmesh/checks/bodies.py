@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.checks.boxes import meeting
 from lacmesh.checks.crossing import crossing
 from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import PLACE, CheckedSkin, Subject
 from lacmesh.mesh import Floats, Ints
+from lacmesh.topology.boxes import meeting
 from lacmesh.topology.components import label_components
 from lacmesh.topology.orientation import edge_uses
 from lacmesh.topology.skin import N_CORNERS

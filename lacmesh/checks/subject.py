@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.checks.facets import Facets, find_bodies
 from lacmesh.checks.findings import Finding, Where, counted
 from lacmesh.checks.macros import Macros, macros_of
 from lacmesh.checks.rules import RULES
 from lacmesh.cutting.records import CELL_RECORDS
 from lacmesh.errors import GroupNotFoundError, some
 from lacmesh.mesh import Ints, Mesh
+from lacmesh.topology.components import label_bodies
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
+from lacmesh.topology.facets import Facets
 from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners
 
 #: at most so many numbers in a sentence
@@ -103,7 +104,7 @@ class Subject:
     @cached_property
     def bodies(self) -> Ints:
         """(n_nodes,): the body of each node, -1 for nodes of no cell."""
-        return find_bodies(self.facets.solid, self.mesh.n_nodes)
+        return label_bodies([self.facets.solid.corners], self.mesh.n_nodes)
 
     @cached_property
     def macros(self) -> Macros:

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.checks.facets import Facets
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.surface import Coverage, Surface, contact_points, coverage, default_distance
 from lacmesh.topology.faces import facets_of
+from lacmesh.topology.facets import Facets
 from lacmesh.topology.skin import FaceIncidence
 from lacsolver.contact import Interface
 from lacsolver.problem.problem import ContactPair

@@ -41,12 +41,6 @@ def meeting_each_other(low: Floats, high: Floats) -> tuple[Ints, Ints]:
     return np.minimum(i, j), np.maximum(i, j)
 
 
-def meeting_plain(low: Floats, high: Floats, other_low: Floats, other_high: Floats) -> tuple[Ints, Ints]:
-    """Compare every box with every other, in numpy: the reference for `meeting`, which is compiled."""
-    i, j = np.nonzero(((low[:, None] <= other_high) & (high[:, None] >= other_low)).all(axis=2))
-    return i, j
-
-
 def _curve(low: Floats, high: Floats) -> Ints:
     return np.argsort(_morton((low + high) / 2), kind="stable")
 
