@@ -23,7 +23,7 @@ from lacmesh.cutting.records import Cut
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
-from lacmesh.topology.orientation import edge_uses
+from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, N_NODES
 
 #: what counts as positive, as a part of the macro-element's measure (round-off, and curved vertices of a TRIA6)

@@ -11,7 +11,7 @@ from lacmesh.cutting.records import Cut
 from lacmesh.errors import some
 from lacmesh.mesh import Ints
 from lacmesh.topology.components import label_components
-from lacmesh.topology.orientation import edge_uses
+from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.skin import Faces
 
 _NONE = np.empty(0, np.int64)

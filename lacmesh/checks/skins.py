@@ -12,8 +12,9 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import CheckedSkin, Subject, is_carried
 from lacmesh.mesh import Ints
+from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.faces import cells_of_dim
-from lacmesh.topology.orientation import edge_uses, turning
+from lacmesh.topology.orientation import turning
 from lacmesh.topology.skin import FACE_TYPES, find_owners, find_repeats
 
 _ORDER = np.array([CELLS[name].order for name in FACE_TYPES])

@@ -13,6 +13,7 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.surface.height import Height
+from lacmesh.topology.edges import neighbours
 from lacmesh.topology.faces import cells_of_dim, distinct_faces, facets_of, inside_out
 from lacmesh.topology.skin import (
     FACE_TYPES,
@@ -23,7 +24,6 @@ from lacmesh.topology.skin import (
     FaceIncidence,
     Faces,
     find_owners,
-    label_rows,
     turn,
 )
 
@@ -124,22 +124,7 @@ class Surface:
 
         At an edge of more than two faces it is one of the others.
         """
-        n = self.n_corners
-        corner = np.broadcast_to(np.arange(MAX_CORNERS), (len(self), MAX_CORNERS))
-        there = corner < n[:, None]
-        a = self.faces.nodes[:, :MAX_CORNERS]
-        b = a if self.dim == 1 else np.take_along_axis(a, (corner + 1) % n[:, None], axis=1)
-        ends = np.sort(np.stack([a[there], b[there]], axis=1), axis=1)
-        label, _ = label_rows(ends)
-        order = np.argsort(label, kind="stable")
-        same = label[order[1:]] == label[order[:-1]]
-        face = np.nonzero(there)[0]
-        beyond = np.full(len(label), -1)
-        beyond[order[1:][same]] = face[order[:-1][same]]
-        beyond[order[:-1][same]] = face[order[1:][same]]
-        out = np.full((len(self), MAX_CORNERS), -1)
-        out[there] = beyond
-        return out
+        return neighbours(self.faces)
 
 
 def _dimension(mesh: Mesh, cells: Ints) -> int:

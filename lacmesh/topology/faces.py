@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.mesh import Ints, Mesh, codes
 from lacmesh.reference.quadrature import measure, signed_area
-from lacmesh.topology.skin import FaceIncidence, Faces, label_rows
+from lacmesh.topology.skin import FaceIncidence, Faces, first_of_each, label_faces
 
 
 def cells_of_dim(mesh: Mesh, dim: int) -> Iterator[tuple[str, Ints, Ints]]:
@@ -37,10 +37,7 @@ def faces_of(mesh: Mesh, cells: Ints) -> Faces:
 def distinct_faces(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
     """Return the faces under some cells, each once, and the index in `cells` of the cell that gives its node order."""
     faces = faces_of(mesh, cells)
-    labels, count = label_rows(np.sort(faces.corners, axis=1))
-    first = np.full(count, len(labels))
-    np.minimum.at(first, labels, np.arange(len(labels)))
-    first.sort()
+    first, _ = first_of_each(*label_faces(faces))
     return faces.take(first), first
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.topology.skin import MAX_CORNERS, label_rows
+from lacmesh.topology.skin import MAX_CORNERS, first_of_each, label_rows
 
 Bools = NDArray[np.bool_]
 #: most facets of a cell
@@ -44,10 +44,8 @@ class Solid:
 
     def copies(self) -> Ints:
         """Rows of duplicate cells: those with the same corners as an earlier one."""
-        labels, count = label_rows(np.sort(self.corners, axis=1) + 1)
-        first = np.full(count, len(labels))
-        np.minimum.at(first, labels, np.arange(len(labels)))
-        return np.setdiff1d(np.arange(len(labels)), first)
+        first, _ = first_of_each(*label_rows(np.sort(self.corners, axis=1) + 1))
+        return np.setdiff1d(np.arange(len(self.corners)), first)
 
     def facets(self) -> Iterator[tuple[int, Ints, list[Ints]]]:
         """Iterate over the facets, family by family: (number in the cell, rows of cells, a column for each corner)."""

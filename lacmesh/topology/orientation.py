@@ -11,7 +11,6 @@ whole connected part of the skin.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +18,9 @@ from numpy.typing import NDArray
 from lacmesh.errors import DataError
 from lacmesh.mesh import Ints, Mesh, Spec, spec_text
 from lacmesh.topology.components import label_components
+from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.faces import cells_of_dim, distinct_faces, faces_of, facets_of, inside_out
-from lacmesh.topology.skin import N_CORNERS, REVERSED, FaceIncidence, Faces, find_owners, find_repeats, label_rows, turn
+from lacmesh.topology.skin import N_CORNERS, REVERSED, FaceIncidence, Faces, find_owners, find_repeats, turn
 
 Bools = NDArray[np.bool_]
 
@@ -196,35 +196,6 @@ def _listed_back(mesh: Mesh, faces: Faces, own: FaceIncidence) -> Bools:
 _CLOSED, _OPEN, _ONE_SIDED = range(3)
 
 
-class EdgeUses(NamedTuple):
-    """One row for each edge of each face, or each end of each segment: `face` (m,), `place` (m,), `edge` (m,) labels.
-
-    `place` k: the edge from corner k to the next, or the end k. `forward` (m,): direction in which the face runs along
-    the edge; two faces have consistent windings if they run along their common edge in opposite directions.
-    """
-
-    face: Ints
-    place: Ints
-    edge: Ints
-    forward: Bools
-
-
-def edge_uses(faces: Faces) -> EdgeUses:
-    """Label the edges of faces, and return the faces at each of them."""
-    n = N_CORNERS[faces.type]
-    corners = faces.corners
-    parts = []
-    for k in range(corners.shape[1]):
-        rows = np.flatnonzero(k < n)
-        a, b = corners[rows, k], corners[rows, (k + 1) % n[rows]]
-        segment = n[rows] == 2
-        b = np.where(segment, -1, b)
-        forward = np.where(segment, k == 0, a < b)
-        parts.append((rows, np.full(len(rows), k), np.minimum(a, b), np.maximum(a, b), forward))
-    face, place, low, high, forward = (np.concatenate(p) for p in zip(*parts, strict=True))
-    return EdgeUses(face, place, label_rows(np.column_stack([low + 1, high + 1]))[0], forward)
-
-
 def _agree(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints]:
     """Consistent orientation: faces to flip (f,), and codes for the closed, open or one-sided component of each (f,).
 
@@ -233,7 +204,8 @@ def _agree(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints]:
     size = len(faces)
     if not size:
         return np.zeros(0, bool), np.zeros(0, int)
-    face, _, edge, forward = edge_uses(faces)
+    uses = edge_uses(faces)
+    face, edge, forward = uses.face, uses.edge, uses.forward
     order = np.argsort(edge, kind="stable")
     count = np.bincount(edge)
     pairs = order[(count == 2)[edge[order]]].reshape(-1, 2)

@@ -6,7 +6,7 @@ cost is one pass over the mesh's nodes and then grows with the faces (no table o
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +62,11 @@ class Faces:
         return corners
 
     @classmethod
+    def stack(cls, parts: Sequence[Faces]) -> Faces:
+        """Lists of faces, one after the other."""
+        return cls(np.concatenate([p.type for p in parts]), np.vstack([p.nodes for p in parts]))
+
+    @classmethod
     def join(cls, parts: Iterable[tuple[str, Ints]]) -> Faces:
         """Join parts (type, nodes (k, n)) into one list of faces, in their order."""
         parts = list(parts)
@@ -106,6 +111,21 @@ def label_rows(rows: Ints) -> tuple[Ints, int]:
     labels = np.empty(len(rows), np.int64)
     labels[order] = np.cumsum(new) - 1
     return labels, int(new.sum())
+
+
+def first_of_each(labels: Ints, count: int) -> tuple[Ints, Ints]:
+    """Return the first row of each label, ascending, and for each row its position among these."""
+    first = np.full(count, len(labels))
+    np.minimum.at(first, labels, np.arange(len(labels)))
+    order = np.argsort(first)
+    rank = np.empty(count, np.int64)
+    rank[order] = np.arange(count)
+    return first[order], rank[labels]
+
+
+def label_faces(faces: Faces) -> tuple[Ints, int]:
+    """Label faces so that those with the same corners get the same label; return (labels (f,), number of labels)."""
+    return label_rows(np.sort(faces.corners, axis=1))
 
 
 def find_owners(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int) -> FaceIncidence:
@@ -166,8 +186,7 @@ def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> FaceIncide
     candidates = Faces.join((kind, nodes) for kind, nodes, _, _ in parts)
     ids = np.concatenate([np.empty(0, np.int64), *(i for _, _, i, _ in parts)])
     facet = np.repeat([j for *_, j in parts] or [0], [len(i) for _, _, i, _ in parts] or [0])
-    corners = np.sort(np.vstack([faces.corners, candidates.corners]), axis=1)
-    labels, count = label_rows(corners)
+    labels, count = label_faces(Faces.stack([faces, candidates]))
     face_of = np.full(count, -1, np.int64)
     face_of[labels[: len(faces)]] = np.arange(len(faces))
     face = face_of[labels[len(faces) :]]

@@ -31,8 +31,8 @@ from lacmesh.scene.layers import curved_parts, grid
 from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks
 from lacmesh.scene.placing import find_eye, find_opening
 from lacmesh.scene.request import check_placing
-from lacmesh.scene.seen import BODY, SLAVE, FaceKeys, Groups, Seen, Vector, as_faces, diagonal, find_seen
-from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces
+from lacmesh.scene.seen import BODY, SLAVE, Groups, Seen, Vector, as_faces, diagonal, find_seen
+from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces, label_faces
 
 #: the role of a face that a finding names, after BODY, SLAVE, MASTER
 MARK = 3
@@ -238,8 +238,8 @@ def _group_sets(mesh: Mesh, seen: Seen, cell: Ints) -> tuple[Ints, list[list[int
 def _on_faces(mesh: Mesh, seen: Seen) -> tuple[Ints, Ints]:
     """Rows of faces in sight, and the cells of lower dimension that lie on them."""
     faces, cells = as_faces(mesh, np.flatnonzero((mesh.cell_dim < mesh.dim) & (mesh.cell_dim > 0)))
-    keys = FaceKeys(mesh)
-    mine, theirs = keys.of(seen.faces), keys.of(faces)
+    label = label_faces(Faces.stack([seen.faces, faces]))[0]
+    mine, theirs = np.split(label, [len(seen.faces)])
     order = np.argsort(mine)
     low, high = (np.searchsorted(mine[order], theirs, side=side) for side in ("left", "right"))
     count = high - low

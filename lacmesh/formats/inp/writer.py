@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
-from lacmesh.formats.inp.skin import first_of_each
 from lacmesh.formats.inp.types import FACETS, NODES
 from lacmesh.formats.inp.writer_types import PLANES, TARGETS, card, hint
 from lacmesh.formats.labels import changes, labels
@@ -27,7 +26,7 @@ from lacmesh.formats.msh.numbers import repeated
 from lacmesh.formats.text_numbers import int_rows, joined, reals
 from lacmesh.formats.without_fields import left_out
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.topology.skin import TYPE_CODE, Faces, find_owners, turn
+from lacmesh.topology.skin import TYPE_CODE, Faces, find_owners, first_of_each, label_faces, turn
 
 _LARGEST = 999_999_999
 _ROWS = 1 << 14
@@ -136,7 +135,7 @@ def _roles(mesh: Mesh, all_cells: bool) -> _Roles:
 
 def _behind(faces: Faces, solid: list[tuple[str, Ints, Ints]], n_nodes: int) -> tuple[Ints, Ints, Ints]:
     """Pairs of a face and a cell behind it: face, cell, facet of the cell; faces may lie on each other."""
-    first, which = first_of_each(faces)
+    first, which = first_of_each(*label_faces(faces))
     found = find_owners(faces.take(first), solid, n_nodes)
     count = np.bincount(found.face, minlength=len(first))
     begin = (np.cumsum(count) - count)[which]
