@@ -17,7 +17,7 @@ import pytest
 from lacmesh import kernels
 from lacmesh.kernels import Kernel, kept
 from lacmesh.kernels.signatures import FILE, compile_signature, declared
-from lacmesh.quality.kernels import in_threads
+from lacmesh.kernels.threads import in_threads
 from tests.kernels_to_try import DATA, double, fractions
 from tools.record_kernels import recorded
 

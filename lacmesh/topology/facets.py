@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.topology.skin import MAX_CORNERS, first_of_each, label_rows
+from lacmesh.topology.faces import facets_of
+from lacmesh.topology.skin import MAX_CORNERS, FaceIncidence, Faces, first_of_each, label_rows
 
 Bools = NDArray[np.bool_]
 #: most facets of a cell
@@ -117,6 +118,14 @@ class Facets:
     def corners(self, rows: Ints, facet: Ints) -> Ints:
         """(k, 4): the corners of some facets, in the order of their cells, padded with -1."""
         return np.column_stack(self.solid.corners_of(rows * FACETS + facet)).astype(np.int64)
+
+
+def boundary_faces(mesh: Mesh) -> tuple[Faces, Ints]:
+    """Return the facets that belong to one cell only, as that cell lists them (outward), and the cells (f,)."""
+    facets = Facets.of(mesh)
+    rows, facet = facets.boundary
+    cell = facets.solid.cells[rows].astype(np.int64)
+    return facets_of(mesh, FaceIncidence(np.arange(len(cell)), cell, facet, np.ones(len(cell), bool))), cell
 
 
 def _table() -> NDArray[np.int8]:

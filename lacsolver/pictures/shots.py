@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.facets import boundary_faces
+from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces
 from lacsolver.output.names import CONTACT, SOLID
 from lacsolver.output.vtu import read_pvd
 
@@ -171,15 +173,10 @@ def _parents(mesh: Mesh) -> Ints:
 
 def _outer(mesh: Mesh) -> Iterable[tuple[str, Ints, Ints]]:
     """Yield (type, nodes, cells): the faces that belong to one solid only, and the mesh's skin cells."""
-    faces: dict[str, list[tuple[Ints, Ints]]] = {}
-    for kind, nodes, cells in cells_of_dim(mesh, 3):
-        for facet in CELLS[kind].facets:
-            faces.setdefault(facet.type, []).append((nodes[:, facet.nodes], cells))
-    for kind, parts in faces.items():
-        nodes, cells = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-        corners = np.sort(nodes[:, : CELLS[kind].n_corners], axis=1)
-        _, first, count = np.unique(corners, axis=0, return_index=True, return_counts=True)
-        yield kind, nodes[first[count == 1]], cells[first[count == 1]]
+    faces, cells = boundary_faces(mesh) if mesh.dim == 3 else (Faces.join([]), np.empty(0, np.int64))
+    for code in codes(faces.type):
+        rows = np.flatnonzero(faces.type == code)
+        yield FACE_TYPES[code], faces.nodes[rows, : N_NODES[code]], cells[rows]
     yield from cells_of_dim(mesh, 2)
 
 
