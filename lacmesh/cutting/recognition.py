@@ -36,6 +36,7 @@ from lacmesh.cutting.patterns import (
 )
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
 from lacmesh.cutting.regroup import regroup_segments
+from lacmesh.cutting.select import SlaveSkin, slave_skin
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, spec_list
 from lacmesh.reference.shapes import shape
@@ -137,15 +138,14 @@ def group_names(mesh: Mesh, slave: str | int | Sequence[str | int]) -> list[str]
     return specs
 
 
-def find_macros(mesh: Mesh, specs: list[str]) -> RecognisedCut:
-    """Recognise the macro-elements in some groups; cells that are no skin faces of supported types are ignored."""
-    cells, zone = _slave_cells(mesh, specs)
-    if not len(cells):
-        return RecognisedCut(tuple(specs), cells, zone, (), np.empty(0, np.int64))
-    faces, first = distinct_faces(mesh, cells)
-    cells, zone = cells[first], zone[first]
-    place = _places_in_file(mesh, cells)
-    families = _families(mesh, faces, place)
+def find_macros(mesh: Mesh, specs: Sequence[str], slave: SlaveSkin | None = None) -> RecognisedCut:
+    """Recognise the macro-elements in some groups; cells that are no skin faces of supported types are ignored.
+
+    `slave`: the skin of the groups, where it is known already.
+    """
+    slave = slave_skin(mesh, specs) if slave is None else slave
+    cells, zone, faces = slave.cells[slave.first], slave.zone[slave.first], slave.faces
+    families = _families(mesh, faces, _places_in_file(mesh, cells)) if len(cells) else ()
     covered = np.zeros(len(faces), bool)
     for family in families:
         covered[family.parts] = True
@@ -198,26 +198,6 @@ def _carriers(family: MacroGroup) -> list[int]:
         return [WHOLE_FACES[family.face]]
     n = CELLS[family.face].n_nodes
     return [n + int(p) for p in internal_points(family.face, family.kind, family.ring)]
-
-
-def _slave_cells(mesh: Mesh, specs: list[str]) -> tuple[Ints, Ints]:
-    """Return the skin faces of some groups, each cell once, and the index of the first group that contains it."""
-    known = np.array([b.type in TYPE_CODE and b.type != "POI1" for b in mesh.blocks], bool)
-    parts = []
-    for spec in specs:
-        cells = np.asarray(mesh.cells_of(spec))
-        dims = mesh.cell_dim[cells]
-        want = mesh.dim - 1 if (dims == mesh.dim - 1).any() else dims.max(initial=0)
-        cells = cells[dims == want]
-        parts.append(cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]])
-    cells = np.concatenate(parts)
-    zone = np.repeat(np.arange(len(parts)), [len(p) for p in parts])
-    if len(parts) > 1:
-        first = np.sort(np.unique(cells, return_index=True)[1])
-        cells, zone = cells[first], zone[first]
-        same = mesh.cell_dim[cells] == mesh.cell_dim[cells].max(initial=0)
-        cells, zone = cells[same], zone[same]
-    return cells, zone
 
 
 def _places_in_file(mesh: Mesh, cells: Ints) -> Ints:

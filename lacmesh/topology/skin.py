@@ -91,6 +91,11 @@ class FaceIncidence:
     facet: Ints
     same: NDArray[np.bool_]
 
+    def by_cell(self) -> FaceIncidence:
+        """All pairs, sorted by cell."""
+        order = np.argsort(self.cell, kind="stable")
+        return FaceIncidence(self.face[order], self.cell[order], self.facet[order], self.same[order])
+
 
 def label_rows(rows: Ints) -> tuple[Ints, int]:
     """Label rows so that equal rows get the same label; return (labels (k,), number of labels).
