@@ -63,16 +63,16 @@ def check_dofs(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     }
     faults = [*macros.faults]
     if (macros.number >= 0).any():
-        faults += internal_faults(Cut(subject.mesh), macros.number, owner, internal, _rim(subject))
+        faults += internal_faults(Cut(subject.mesh), macros.number, owner, internal, _boundary_nodes(subject))
     return [*_broken(subject, faults), *_records(subject), *_lacking(subject, dofs), *_owning(subject, dofs)], figures
 
 
 def _dofs(subject: Subject, owner: Ints, internal: NDArray[np.bool_]) -> _Dofs:
     """Count the internal nodes of the macro-elements that own them."""
-    rim, held = np.zeros((2, subject.mesh.n_nodes), bool)
-    rim[_rim(subject)] = True
+    boundary, held = np.zeros((2, subject.mesh.n_nodes), bool)
+    boundary[_boundary_nodes(subject)] = True
     held[subject.fixed] = True
-    kinds = internal, internal & ~rim, internal & ~held, internal & ~rim & ~held
+    kinds = internal, internal & ~boundary, internal & ~held, internal & ~boundary & ~held
     return _Dofs(*(np.bincount(owner[nodes], minlength=subject.macros.count) for nodes in kinds))
 
 
@@ -104,14 +104,14 @@ def _lacking(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
     uncut[macros.of_face[~macros.cut & ~macros.whole]] = True
     none = (dofs.anywhere == 0) | (uncut & (dofs.inside == 0))
     taken = ~none & (dofs.free == 0)
-    on_rim = ~none & ~taken & (dofs.free_inside == 0)
+    on_boundary = ~none & ~taken & (dofs.free_inside == 0)
     if none.any():
         cells = side.cells[macros.faces(none)]
         what = "macro-elements own" if macros.cut.any() else "slave faces own"
         message = f"{int(none.sum()):,} of {macros.count:,} {what} no internal dof ({subject.numbers(cells)}"
         if (dofs.anywhere[none] > 0).any():
-            message += f"; {int((dofs.anywhere[none] > 0).sum())} of them one on the rim of the skin, where a symmetry "
-            message += "condition would take it"
+            message += f"; {int((dofs.anywhere[none] > 0).sum())} of them one on the boundary of the skin, where a "
+            message += "symmetry condition would take it"
         message += f"); cut the skin: lacmesh cut {' '.join(f'--slave {quote(name)}' for name in side.names)}"
         yield subject.found("no-internal-dof", message, cells, group=side.group)
     if taken.any():
@@ -121,10 +121,10 @@ def _lacking(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
             f"{', '.join(subject.dirichlet)} (slave faces {subject.numbers(cells)}); take these faces out of one "
         )
         yield subject.found("fixed-internal-dof", f"{message}of the groups", cells, group=side.group)
-    if on_rim.any():
-        cells = side.cells[macros.faces(on_rim)]
-        message = counted(int(on_rim.sum()), "macro-element owns", "macro-elements own")
-        message += f" free dofs on the rim of the slave skin only (slave faces {subject.numbers(cells)}), which a "
+    if on_boundary.any():
+        cells = side.cells[macros.faces(on_boundary)]
+        message = counted(int(on_boundary.sum()), "macro-element owns", "macro-elements own")
+        message += f" free dofs on the boundary of the slave skin only (slave faces {subject.numbers(cells)}), which a "
         message += "symmetry condition would take; cut them, or name the conditions with --dirichlet"
         yield subject.found("rim-dof", message, cells, group=side.group)
 
@@ -171,7 +171,7 @@ def _face_integrals(kind: str, x: Floats) -> Floats:
     return (area * w) @ shape(kind, X)
 
 
-def _rim(subject: Subject) -> Ints:
+def _boundary_nodes(subject: Subject) -> Ints:
     """Nodes on the boundary of the slave skin: on edges that belong to one slave face only."""
     faces = subject.slave.faces
     uses = edge_uses(faces)

@@ -38,7 +38,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         ),
         "inverted-cell": Rule(
             "error",
-            "a solid cell is inside out: its nodes are listed the other way round; code_aster takes it, most refuse",
+            "a solid cell is inverted: its nodes are listed the other way round; code_aster takes it, most refuse",
             "list its nodes the other way",
         ),
         "clockwise-cell": Rule(
@@ -121,7 +121,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         ),
         "orientation": Rule(
             "warning",
-            "skin faces turn inward, or, on a bare skin, against their neighbours",
+            "skin faces point inward or, without cells behind them, against their neighbours",
             "lacmesh orient, or cut with --orient outward",
         ),
         "non-manifold": Rule(
@@ -164,7 +164,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         ),
         "rim-dof": Rule(
             "warning",
-            "a macro-element owns dofs only on the rim of the slave skin, which a symmetry condition would take",
+            "a macro-element owns dofs only on the boundary of the slave skin, which a symmetry condition would take",
             "cut the face, or name the conditions with --dirichlet to know",
         ),
         "fixed-internal-dof": Rule(
@@ -182,7 +182,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "broken-records": Rule(
             "error",
             "the data lac_macro, lac_zone, ... of the mesh are not those of a cut: numbers with holes, faces of a "
-            "macro-element that do not hang together, or internal dofs where the integrals find none",
+            "macro-element that are not connected, or internal dofs where the integrals find none",
             "take them out, or cut the original again",
         ),
         # slave against master
@@ -199,7 +199,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "wrong-side": Rule(
             "warning",
             "slave and master normals do not oppose each other where they face, or the master lies behind the slave",
-            "turn the skins outward (lacmesh orient), and check which surfaces face each other",
+            "flip the skins outward (lacmesh orient), and check which surfaces face each other",
         ),
         "gap": Rule("info", "the signed gap between slave and master: open > 0, penetration < 0", "nothing"),
         "size-ratio": Rule(

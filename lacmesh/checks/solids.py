@@ -56,7 +56,7 @@ def check_validity(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     mesh = subject.mesh
     repeated = _with_repeated_nodes(mesh)
     value, poor = np.ones(mesh.n_cells), np.ones(mesh.n_cells)
-    turned = np.zeros(mesh.n_cells, bool)
+    negative = np.zeros(mesh.n_cells, bool)
     for k, block in enumerate(mesh.blocks):
         if block.type not in CELLS or not CELLS[block.type].dim or not len(block.nodes):
             continue
@@ -66,15 +66,15 @@ def check_validity(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
             if CELLS[block.type].dim == mesh.dim:
                 poor[cells] = _quality(mesh, block)
             if CELLS[block.type].dim == 2 == mesh.dim and mesh.space_dim == 2:
-                turned[cells] = signed_area(block.type, mesh.points[block.nodes]) < 0
+                negative[cells] = signed_area(block.type, mesh.points[block.nodes]) < 0
     known = np.ones(mesh.n_cells, bool)
     for k, block in enumerate(mesh.blocks):
         if not subject.finite.all():
             known[mesh.offsets[k] : mesh.offsets[k + 1]] = subject.finite[block.nodes].all(axis=1)
     invalid = np.flatnonzero(~(value > 0) & ~repeated & known)
-    inverted = invalid[_inside_out(subject, invalid) == 1]
+    inverted = invalid[_inversion(subject, invalid) == 1]
     invalid = np.setdiff1d(invalid, inverted)
-    clockwise = np.flatnonzero(turned & (value > 0) & ~repeated & known)
+    clockwise = np.flatnonzero(negative & (value > 0) & ~repeated & known)
     bad = np.flatnonzero((poor < POOR) & (value > 0) & ~repeated & known)
     found = _invalid(subject, np.flatnonzero(repeated), invalid, inverted)
     return found + _doubtful(subject, clockwise, bad, poor), {
@@ -108,7 +108,7 @@ def _invalid(subject: Subject, repeated: Ints, invalid: Ints, inverted: Ints) ->
         found.append(subject.found("invalid-cell", message, invalid))
     if len(inverted):
         message = counted(len(inverted), "cell is", "cells are")
-        message += f" inside out ({subject.numbers(inverted)}); list their nodes the other way"
+        message += f" inverted ({subject.numbers(inverted)}); list their nodes the other way"
         found.append(subject.found("inverted-cell", message, inverted))
     return found
 
@@ -187,7 +187,7 @@ def _overlapping(subject: Subject, solid: Solid, opposite: Ints, same: NDArray[n
     odd = np.flatnonzero(same)
     odd = odd[odd < opposite[odd]]
     a, b = odd // FACETS, opposite[odd] // FACETS
-    sides = [_inside_out(subject, solid.cells[rows]) for rows in (a, b)]
+    sides = [_inversion(subject, solid.cells[rows]) for rows in (a, b)]
     overlap = np.flatnonzero((sides[0] == sides[1]) & (sides[0] != _NEITHER))
     cells = np.unique(solid.cells[np.concatenate([a[overlap], b[overlap]])])
     if not len(cells):
@@ -199,7 +199,7 @@ def _overlapping(subject: Subject, solid: Solid, opposite: Ints, same: NDArray[n
     return [subject.found("overlapping-cells", f"{message}; mesh again there", cells)]
 
 
-def _inside_out(subject: Subject, cells: Ints) -> Ints:
+def _inversion(subject: Subject, cells: Ints) -> Ints:
     """(k,): 1 for cells inverted everywhere (clockwise in the plane), 0 for valid ones, _NEITHER for others."""
     from lacmesh.quality import validity
 

@@ -17,7 +17,7 @@ from lacmesh.checks.rules import RULES
 from lacmesh.cutting.records import CELL_RECORDS
 from lacmesh.errors import GroupNotFoundError, some
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.topology.components import label_bodies
+from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
 from lacmesh.topology.facets import Facets
 from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners

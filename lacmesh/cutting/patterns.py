@@ -232,11 +232,11 @@ def _same(a: Sequence[Point], b: Sequence[Point]) -> bool:
 
 
 @cache
-def turns(face: str, kind: str, ring: float = 1 / 3) -> NDArray[np.intp]:
+def listings(face: str, kind: str, ring: float = 1 / 3) -> NDArray[np.intp]:
     """(2 n_corners, n_points): permutations of the points of a face's pattern for every other listing of its nodes.
 
     Row 2 s + r is for a listing that starts at this face's corner s with the same (r = 0) or the opposite winding
-    (r = 1): point k of that listing's pattern is point `turns[2 s + r, k]` of this face's.
+    (r = 1): point k of that listing's pattern is point `listings[2 s + r, k]` of this face's.
     """
     cell = CELLS[face]
     flat = CELLS[cell.linear]

@@ -17,7 +17,7 @@ from lacmesh.cells import CARRIED, CELLS
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, codes, distinct
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
-from lacmesh.topology.orientation import turn_outward
+from lacmesh.topology.orientation import flip_outward
 from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners, find_repeats
 
 
@@ -95,7 +95,7 @@ def select(
     parents = find_owners(faces, cells_of_dim(mesh, dim + 1), mesh.n_nodes)
     _check_parents(mesh, faces, cells[first], parents, interface, skin_only)
     if orient == "outward":
-        mesh, faces = turn_outward(mesh, cells, faces, first, parents)
+        mesh, faces = flip_outward(mesh, cells, faces, first, parents)
     skin = find_repeats(faces, cells_of_dim(mesh, dim), mesh.n_nodes).by_cell()
     if not skin.same.all():
         odd = skin.cell[~skin.same]

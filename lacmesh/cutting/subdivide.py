@@ -18,10 +18,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.cutting.patterns import CONE, RING, WHOLE, Template, face_pattern, parent_pattern, turns
+from lacmesh.cutting.patterns import CONE, RING, WHOLE, Template, face_pattern, listings, parent_pattern
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.reference.shapes import shape
-from lacmesh.topology.skin import FACE_TYPES, FaceIncidence, Faces, find_owners, turn
+from lacmesh.topology.skin import FACE_TYPES, FaceIncidence, Faces, find_owners
+from lacmesh.topology.winding import relative_listing
 
 #: patterns, as codes of arrays
 PATTERNS = (WHOLE, CONE, RING)
@@ -87,8 +88,8 @@ class CutFaces:
 
     def frame(self, nodes: Ints, listed: Ints, faces: Ints, face_type: str, pattern: str) -> Ints:
         """(k, ...): nodes of cells, then the points of their faces in the cells' listing (`listed`: facet nodes)."""
-        rows = turn(self.faces.take(faces), Faces.join([(face_type, listed)]))
-        places = turns(face_type, pattern, self.ring)[rows]
+        rows = relative_listing(self.faces.take(faces), Faces.join([(face_type, listed)]))
+        places = listings(face_type, pattern, self.ring)[rows]
         return np.hstack([nodes, np.take_along_axis(self.points[faces], places, axis=1)])
 
 

@@ -20,7 +20,7 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import is_cut
 from lacmesh.errors import DataError, RequestError, some
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.topology.components import label_bodies
+from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.facets import ALONE, FACETS, Solid, pair_facets
 from lacmesh.topology.skin import FACE_TYPES, Faces, find_owners, label_faces

@@ -14,18 +14,17 @@ from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.surface.height import Height
 from lacmesh.topology.edges import neighbours
-from lacmesh.topology.faces import cells_of_dim, distinct_faces, facets_of, inside_out
+from lacmesh.topology.faces import cells_of_dim, distinct_faces, facets_of
 from lacmesh.topology.skin import (
     FACE_TYPES,
     MAX_CORNERS,
     N_CORNERS,
     N_NODES,
-    REVERSED,
     FaceIncidence,
     Faces,
     find_owners,
-    turn,
 )
+from lacmesh.topology.winding import REVERSED, is_inverted, relative_listing
 
 #: z of a plane mesh may differ by this much of its extent
 _PLANE = 1e-9
@@ -150,8 +149,8 @@ def _dimension(mesh: Mesh, cells: Ints) -> int:
 
 def _outward(mesh: Mesh, faces: Faces, parents: FaceIncidence) -> Faces:
     """Flip the faces with a normal that points into the only cell behind them."""
-    back = turn(facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
-    back ^= inside_out(mesh, parents.cell, plane=True)
+    back = relative_listing(facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
+    back ^= is_inverted(mesh, parents.cell, plane=True)
     return _turned_over(faces, parents.face[back])
 
 

@@ -1,4 +1,4 @@
-"""Incidence of faces and cells: the cells that own a face, the cells that duplicate it, their relative orientation.
+"""Incidence of faces and cells: the cells that own a face, the cells that duplicate it.
 
 A face is identified by its corners, in any order. Only cells that touch the requested faces are examined, so that the
 cost is one pass over the mesh's nodes and then grows with the faces (no table of all facets is ever built).
@@ -25,19 +25,6 @@ FACE_TYPES = ("POI1", "SEG2", "SEG3", "TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8
 TYPE_CODE = {name: code for code, name in enumerate(FACE_TYPES)}
 N_CORNERS = np.array([CELLS[name].n_corners for name in FACE_TYPES])
 N_NODES = np.array([CELLS[name].n_nodes for name in FACE_TYPES])
-
-#: the same face, turned over: it starts from the same corner and goes round the other way
-REVERSED = {
-    "POI1": (0,),
-    "SEG2": (1, 0),
-    "SEG3": (1, 0, 2),
-    "TRIA3": (0, 2, 1),
-    "TRIA6": (0, 2, 1, 5, 4, 3),
-    "TRIA7": (0, 2, 1, 5, 4, 3, 6),
-    "QUAD4": (0, 3, 2, 1),
-    "QUAD8": (0, 3, 2, 1, 7, 6, 5, 4),
-    "QUAD9": (0, 3, 2, 1, 7, 6, 5, 4, 8),
-}
 
 
 @dataclass(frozen=True)
@@ -200,14 +187,3 @@ def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> FaceIncide
     same = candidates.type[found] == faces.type[face[found]]
     same &= (np.sort(candidates.nodes[found], axis=1) == np.sort(faces.nodes[face[found]], axis=1)).all(axis=1)
     return FaceIncidence(face[found], ids[found], facet[found], same)
-
-
-def turn(faces: Faces, listed: Faces) -> Ints:
-    """(f,): relative orientation 2 s + r of each row of `listed`: it starts at corner s; r = 1 for opposite winding."""
-    corners, other = faces.corners, listed.corners
-    start = (corners == other[:, :1]).argmax(axis=1)
-    n = N_CORNERS[faces.type]
-    following = corners[np.arange(len(faces)), (start + 1) % n]
-    back = following != other[:, 1]
-    segment = n == 2  # two corners only: the start says it all
-    return 2 * start + np.where(segment, start, back)

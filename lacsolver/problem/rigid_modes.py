@@ -18,7 +18,8 @@ from scipy.sparse import coo_array, csr_array, diags_array, vstack
 from scipy.sparse.csgraph import connected_components
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.topology.components import label_bodies, label_components
+from lacmesh.topology.bodies import label_bodies
+from lacmesh.topology.components import label_components
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.rigid import moments
 from lacsolver.problem.motions import Body, FreeMotion, describe, plain_motions

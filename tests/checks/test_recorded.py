@@ -15,7 +15,7 @@ from tests.checks.corpus import CORPUS
 
 NODES, NONE = "lac_internal names nodes", "lac_internal names no node"
 NUMBERS, ZONES = "lac_macro does not number", "in several zones"
-APART, CHILDREN = "do not hang together", "lac_child does not count"
+APART, CHILDREN = "are not connected", "lac_child does not count"
 FAULTS = {
     "an_internal_dof_recorded_at_a_vertex": {NODES},
     "an_internal_dof_recorded_at_a_vertex_of_the_rim": {NODES},

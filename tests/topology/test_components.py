@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from lacmesh.topology import components
+from lacmesh.topology.bodies import label_bodies
 from tests.topology import plain
 
 
@@ -21,5 +22,5 @@ def test_bodies_are_the_components_of_cells_and_nodes(cells):
     nodes = rng.permuted(np.tile(np.arange(200), (cells, 1)), axis=1)[:, :4]
     nodes[rng.random(cells) < 0.5, 3] = -1  # triangles among quadrangles
     expected = plain.bodies(nodes, 200)
-    assert np.array_equal(components.label_bodies([nodes], 200), expected)
-    assert np.array_equal(components.label_bodies([nodes[:7], nodes[7:]], 200), expected)
+    assert np.array_equal(label_bodies([nodes], 200), expected)
+    assert np.array_equal(label_bodies([nodes[:7], nodes[7:]], 200), expected)

@@ -26,7 +26,8 @@ from lacmesh.formats.msh.numbers import repeated
 from lacmesh.formats.text_numbers import int_rows, joined, reals
 from lacmesh.formats.without_fields import left_out
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.topology.skin import TYPE_CODE, Faces, find_owners, first_of_each, label_faces, turn
+from lacmesh.topology.skin import TYPE_CODE, Faces, find_owners, first_of_each, label_faces
+from lacmesh.topology.winding import relative_listing
 
 _LARGEST = 999_999_999
 _ROWS = 1 << 14
@@ -124,7 +125,7 @@ def _roles(mesh: Mesh, all_cells: bool) -> _Roles:
         if kind in TYPE_CODE:
             faces = Faces.join([(kind, nodes)])
             face, cell, side = _behind(faces, solid, mesh.n_nodes)
-            turned = turn(faces.take(face), _facets(mesh, cell, side)) % 2
+            turned = relative_listing(faces.take(face), _facets(mesh, cell, side)) % 2
             best = np.lexsort((turned, face))
             best = best[np.append(True, np.diff(face[best]) != 0)[: len(best)]]
             parent[chosen[face[best]]] = cell[best]
