@@ -96,7 +96,7 @@ def default_measures(name: str) -> tuple[str, ...]:
     return ("validity", verdict[0], *angle, *verdict[1:])
 
 
-def headline(name: str) -> str | None:
+def primary_metric(name: str) -> str | None:
     """Return the measure that ranks the cells of a type; None for points."""
     for measure in ("scaled_jacobian", "corner_jacobian", "validity"):
         if measure in measures_of(name):

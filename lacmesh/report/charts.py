@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-from lacmesh.quality.spread import Histogram
+from lacmesh.quality.statistics import Histogram
 from lacmesh.report.outline import Bars
 
 WIDTH, HEIGHT = 340, 190

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from lacmesh.quality.spread import Histogram
+from lacmesh.quality.statistics import Histogram
 from lacmesh.report.outline import Bars, Charts, Facts, ReportBlock, Table, Text, Title
 
 _EIGHTHS = " ▏▎▍▌▋▊▉"

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lacmesh.quality.measures import SCALES
-from lacmesh.quality.spread import PERCENTS, Histogram, Spread
-from lacmesh.quality.survey import TypeQuality
+from lacmesh.quality.statistics import PERCENTS, Histogram, Statistics
+from lacmesh.quality.summary import TypeQuality
 from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.report.compare import Comparison, CutReport
 
@@ -200,14 +200,14 @@ def _comparison(c: Comparison) -> Iterator[ReportBlock]:
     if c.dim > 1:
         charts.insert(1, Bars("ratio to the parent", "unit", None, c.ratio.histogram))
         yield Charts(tuple(charts))
-    rows = [_spread_row(m, when, s) for m in ordered for when, s in (("before", c.before[m]), ("after", c.after[m]))]
+    rows = [_values_row(m, when, s) for m in ordered for when, s in (("before", c.before[m]), ("after", c.after[m]))]
     if c.dim > 1:
-        rows.insert(2, _spread_row("ratio to the parent", "after", c.ratio))
+        rows.insert(2, _values_row("ratio to the parent", "after", c.ratio))
     columns = ("measure", "", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean")
     yield Table(columns, tuple(rows), (False, False, *(True,) * 8))
 
 
-def _spread_row(measure: str, when: str, s: Spread) -> tuple[str, ...]:
+def _values_row(measure: str, when: str, s: Statistics) -> tuple[str, ...]:
     return (measure, when, *(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean)))
 
 
@@ -243,7 +243,7 @@ def _type(t: TypeQuality, when: str) -> Iterator[ReportBlock]:
     for m, s in measures.items():
         limits = accepted[m]
         told = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
-        rows.append((*(_spread_row(m, "", s)[0:1] + _spread_row(m, "", s)[2:]), told))
+        rows.append((*(_values_row(m, "", s)[0:1] + _values_row(m, "", s)[2:]), told))
     yield Table(columns, tuple(rows), (False, *(True,) * 9), folded=f"{t.type} {when}: {t.count:,} cells")
 
 
