@@ -1,4 +1,7 @@
-"""Compiled kernels for the default measures: the results of the plain modules, many times faster on many cells.
+"""Compiled kernels for the default measures: the results of the plain modules, several times faster on many cells.
+
+Both forms are needed: a million hexahedra take 0.9 s of processor time in these and 3.4 s in numpy, and a small mesh is
+measured in numpy before the compiler's code is loaded, which takes 0.2 s.
 
 A kernel reads points (n, 3) and nodes of cells (k, n_nodes), and fills out (k, m). Its docstring names the plain
 function it reproduces, and a test compares them. Imported only for enough cells to pay for loading the compiler.
