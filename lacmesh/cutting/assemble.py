@@ -105,16 +105,16 @@ def _lay_out(mesh: Mesh, children: list[ChildCells]) -> _Layout:
     blocks, parts, child, index = [], [], [], []
     start = 0
     for kind in dict.fromkeys([*old, *(block.type for block in children)]):
-        made = _joined(kind, [block for block in children if block.type == kind])
+        own = _joined(kind, [block for block in children if block.type == kind])
         span = slice(*mesh.offsets[old[kind] : old[kind] + 2]) if kind in old else slice(0, 0)
         np.cumsum(~gone[span], out=new_index[span])
         kept = int(new_index[span][-1]) if span.stop > span.start else 0
         new_index[span] += start - 1
-        blocks.append(Block(kind, _nodes(mesh, old.get(kind), gone[span], kept, made)))
-        parts.append(_Part(span, kept, made.parent))
-        child.append(np.arange(start + kept, start + kept + len(made.parent), dtype=np.int32))
-        index.append(made.child_index)
-        start += kept + len(made.parent)
+        blocks.append(Block(kind, _nodes(mesh, old.get(kind), gone[span], kept, own)))
+        parts.append(_Part(span, kept, own.parent))
+        child.append(np.arange(start + kept, start + kept + len(own.parent), dtype=np.int32))
+        index.append(own.child_index)
+        start += kept + len(own.parent)
     new_index[gone] = -1
     all_parent, all_index, all_child = (np.concatenate(p) for p in ([p.parents for p in parts], index, child))
     order = np.lexsort((all_index, all_parent))
@@ -131,14 +131,14 @@ def _joined(kind: str, children: list[ChildCells]) -> ChildCells:
     return joined.take(np.lexsort((joined.child_index, joined.parent)))
 
 
-def _nodes(mesh: Mesh, k: int | None, gone: NDArray[np.bool_], kept: int, made: ChildCells) -> Ints:
+def _nodes(mesh: Mesh, k: int | None, gone: NDArray[np.bool_], kept: int, own: ChildCells) -> Ints:
     """Node lists of the cells of one type: first the cells that stay, then the children."""
     if k is None:
-        return made.nodes.astype(mesh.blocks[0].nodes.dtype)
+        return own.nodes.astype(mesh.blocks[0].nodes.dtype)
     old = mesh.blocks[k].nodes
-    nodes = np.empty((kept + len(made.parent), old.shape[1]), old.dtype)
+    nodes = np.empty((kept + len(own.parent), old.shape[1]), old.dtype)
     _copy_kept(old, gone, nodes[:kept])
-    nodes[kept:] = made.nodes
+    nodes[kept:] = own.nodes
     return nodes
 
 

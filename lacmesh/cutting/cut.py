@@ -122,42 +122,46 @@ def _taken_for_cut(mesh: Mesh, specs: list[str], slave: SlaveSkin, recognise: bo
     """Macro-elements recognised in slave faces without records; None if the faces are to be cut."""
     if not specs or recognise is False:
         return None
-    found = find_macros(mesh, specs, slave)
-    if recognise and not found.complete:
-        left = found.cells[found.left]
+    recognised = find_macros(mesh, specs, slave)
+    if recognise and not recognised.complete:
+        left = recognised.cells[recognised.left]
         message = f"no earlier cut is recognised on {', '.join(specs)} (cells {mesh.cell_names(left)} are in none)"
         raise CutError(message, mesh.cell_number[left])
     if recognise:
-        return found
-    if found.mostly_cut and found.doubt == NOT_LAST:
-        _say(found, f"look like {_macros(found)} of an earlier cut, but {NOT_LAST}: they are cut; --recognise "
+        return recognised
+    if not recognised.n_cut:
+        return None
+    macros = _macros(recognised)
+    if recognised.mostly_cut and recognised.doubt == NOT_LAST:
+        _say(recognised, f"look like {macros} of an earlier cut, but {NOT_LAST}: they are cut; --recognise "
              "(recognise=True) takes them for these")  # fmt: skip
-    if not found.n_cut or found.doubt:
+    if recognised.doubt:
         return None
-    if not found.complete:
-        _refuse_half_cut(mesh, found)
+    if not recognised.complete:
+        _refuse_half_cut(mesh, recognised)
         return None
-    _say(found, f"are taken for {_macros(found)} of an earlier cut, whose records are gone, and left as they are; "
+    _say(recognised, f"are taken for {macros} of an earlier cut, whose records are gone, and left as they are; "
          "--recut (recognise=False) cuts them")  # fmt: skip
-    return found
+    return recognised
 
 
-def _say(found: RecognisedCut, what: str) -> None:
-    faces = f"the {len(found.cells):,} face{'' if len(found.cells) == 1 else 's'} of {', '.join(found.names)}"
+def _say(recognised: RecognisedCut, what: str) -> None:
+    count = len(recognised.cells)
+    faces = f"the {count:,} face{'' if count == 1 else 's'} of {', '.join(recognised.names)}"
     warnings.warn(f"{faces} {what}", LacmeshWarning, stacklevel=4)
 
 
-def _macros(found: RecognisedCut) -> str:
-    return f"{found.n_macros:,} macro-element{'' if found.n_macros == 1 else 's'}"
+def _macros(recognised: RecognisedCut) -> str:
+    return f"{recognised.n_macros:,} macro-element{'' if recognised.n_macros == 1 else 's'}"
 
 
-def _refuse_half_cut(mesh: Mesh, found: RecognisedCut) -> None:
+def _refuse_half_cut(mesh: Mesh, recognised: RecognisedCut) -> None:
     """Raise CutError if half of the slave faces or more look like an earlier cut; fewer may do so by chance."""
-    if not found.mostly_cut:
+    if not recognised.mostly_cut:
         return
-    left = found.cells[found.left]
+    left = recognised.cells[recognised.left]
     raise CutError(
-        f"this mesh was cut before (its records are gone), but not everywhere on {', '.join(found.names)} "
+        f"this mesh was cut before (its records are gone), but not everywhere on {', '.join(recognised.names)} "
         f"(cells {mesh.cell_names(left)}); cut the mesh it came from, with every --slave at once, or --recut "
         "(recognise=False) cuts this one",
         mesh.cell_number[left],

@@ -151,8 +151,8 @@ def cut_parents(
     for kind, cells, nodes in mesh.select(cell[starts]):
         rows = starts[np.searchsorted(cell[starts], cells)]
         whole = ChildCells(kind, nodes, cells, np.zeros(len(cells), np.int64))
-        made, inside = _cut_cells(mesh, cut, whole, facet[rows], face[rows], _after(new_nodes, first))
-        children, new_nodes = [*children, *made], [*new_nodes, *inside]
+        more, inside = _cut_cells(mesh, cut, whole, facet[rows], face[rows], _after(new_nodes, first))
+        children, new_nodes = [*children, *more], [*new_nodes, *inside]
     for r in range(1, int(nth.max(initial=0)) + 1):
         now = np.flatnonzero(nth == r)
         children, inside = _cut_again(mesh, cut, children, face[now], cell[now], _after(new_nodes, first))
@@ -176,10 +176,10 @@ def _cut_again(
         rows = np.flatnonzero(mine & (owners.cell >= starts[k]) & (owners.cell < starts[k + 1]))
         local = owners.cell[rows] - starts[k]
         left = block.take(np.setdiff1d(np.arange(len(block.parent)), local, assume_unique=True))
-        made, inside = _cut_cells(
+        more, inside = _cut_cells(
             mesh, cut, block.take(local), owners.facet[rows], wanted[owners.face[rows]], _after(new_nodes, first)
         )
-        out += [replace(left, child_index=left.child_index * _ROOM), *made]
+        out += [replace(left, child_index=left.child_index * _ROOM), *more]
         new_nodes += inside
     return _renumbered(out), new_nodes
 
