@@ -34,16 +34,17 @@ from contact import cut, pressed
 from meshes import blocks
 
 import lacsolver.contact.interface
-import lacsolver.solve.equilibrium
-import lacsolver.solve.model
-import lacsolver.solve.newton
+import lacsolver.problem.problem
+import lacsolver.solve.active_set
+import lacsolver.solve.stiffness
 from lacmesh import Mesh
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
 from lacsolver.linear import TOLERANCE
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.model import Instant, ReducedProblem
-from lacsolver.solve.schur import Solved
+from lacsolver.solve.load_step import LoadStep
+from lacsolver.solve.reduced import ReducedProblem
+from lacsolver.solve.saddle import SaddleSolution
 from lacsolver.solve.stepping import march
 
 SIZES = (50_000, 100_000, 370_000, 1_000_000)
@@ -82,14 +83,13 @@ class Clock:
         return timed
 
 
-def watched(clock: Clock, solved: list[Solved]) -> ExitStack:
+def watched(clock: Clock, solved: list[SaddleSolution]) -> ExitStack:
     """The phases of a contact solve under the clock."""
     places = [
         (lacsolver.contact.interface, "contact_points", "search", None),
-        (lacsolver.solve.model, "integrate", "search and integration", None),
-        (lacsolver.solve.model, "hold", "set-up", None),
-        (lacsolver.solve.equilibrium, "solve_rows", "loops", solved),
-        (lacsolver.solve.newton, "solve_rows", "loops", solved),
+        (lacsolver.problem.problem, "integrate", "search and integration", None),
+        (lacsolver.solve.stiffness.FactorCache, "factorise", "set-up", None),
+        (lacsolver.solve.active_set, "solve_saddle", "loops", solved),
     ]
     stack = ExitStack()
     for module, name, phase, kept in places:
@@ -134,7 +134,7 @@ def measured(unknowns: int, backend: str, kinematics: str = "small") -> dict[str
         "closed": int((state.zones[0].status == 1).sum()),
         "iterations": state.iterations,
         "finite": kinematics == "finite",
-        "cycles": sum(one.products for one in solved),
+        "cycles": sum(one.applications for one in solved),
         "balance": state.residuals[-1],
         "alone": alone,
         "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
@@ -146,9 +146,9 @@ def measured(unknowns: int, backend: str, kinematics: str = "small") -> dict[str
 def elastic(problem: Problem, clock: Clock) -> int:
     """One multigrid solve of K alone, under the clock; its iterations."""
     model = ReducedProblem(problem)
-    f = Instant(model, 1.0).f
+    f = LoadStep(model, 1.0).f
     with clock("set-up of K alone"):
-        held = model.held
+        held = model.reference()
     with clock("solution of K alone"):
         q = held.solve(f)
     assert np.linalg.norm(held.K @ q - f) <= 10 * TOLERANCE * np.linalg.norm(f)

@@ -2,97 +2,96 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-#: public name -> the module that holds it
+#: public name -> the module that holds it: verbs, records, errors
 _PUBLIC = {
-    "Mesh": "lacmesh.mesh",
-    "Block": "lacmesh.mesh",
-    "CELLS": "lacmesh.cells",
     "read": "lacmesh.formats",
     "write": "lacmesh.formats",
-    "Cut": "lacmesh.cutting.records",
     "cut_skin": "lacmesh.cutting.cut",
     "raise_order": "lacmesh.cutting.order",
-    "orient": "lacmesh.topology.orientation",
     "recognise": "lacmesh.cutting.recognition",
-    "aster_multipliers": "lacmesh.exchange.multipliers",
+    "orient": "lacmesh.topology.orientation",
     "check": "lacmesh.checks",
+    "measure_quality": "lacmesh.quality",
+    "contact_points": "lacmesh.surface",
+    "coverage": "lacmesh.surface",
+    "fit_surface": "lacmesh.smooth",
+    "aster_multipliers": "lacmesh.exchange.multipliers",
+    "Mesh": "lacmesh.mesh",
+    "Cut": "lacmesh.cutting.records",
     "Finding": "lacmesh.checks",
     "Findings": "lacmesh.checks",
     "Quality": "lacmesh.quality",
-    "measure_quality": "lacmesh.quality",
     "Surface": "lacmesh.surface",
-    "contact_points": "lacmesh.surface",
-    "coverage": "lacmesh.surface",
     "FittedShape": "lacmesh.smooth",
-    "fit_surface": "lacmesh.smooth",
-    "from_meshio": "lacmesh.exchange.libraries",
-    "to_meshio": "lacmesh.exchange.libraries",
-    "to_pyvista": "lacmesh.exchange.libraries",
-    "to_trimesh": "lacmesh.exchange.libraries",
-    "LacmeshError": "lacmesh.errors",
-    "LacmeshWarning": "lacmesh.errors",
+    **dict.fromkeys(
+        (
+            *("LacmeshError", "DataError", "CutError", "RequestError", "GroupNotFoundError", "ReadError"),
+            *("WriteError", "LacmeshWarning"),
+        ),
+        "lacmesh.errors",
+    ),
 }
-__all__ = [
-    "CELLS",
-    "Block",
-    "Cut",
-    "Finding",
-    "Findings",
-    "FittedShape",
-    "LacmeshError",
-    "LacmeshWarning",
-    "Mesh",
-    "Quality",
-    "Surface",
-    "__version__",
-    "aster_multipliers",
-    "check",
-    "contact_points",
-    "coverage",
-    "cut_skin",
-    "fit_surface",
-    "from_meshio",
-    "measure_quality",
-    "orient",
-    "raise_order",
-    "read",
-    "recognise",
-    "to_meshio",
-    "to_pyvista",
-    "to_trimesh",
-    "write",
-]
+#: names that were public here -> the module to import them from
+_MOVED = {
+    "Block": "lacmesh.mesh",
+    "CELLS": "lacmesh.cells",
+    **dict.fromkeys(("from_meshio", "to_meshio", "to_pyvista", "to_trimesh"), "lacmesh.exchange.libraries"),
+}
+__all__ = sorted(_PUBLIC)
 
 if TYPE_CHECKING:
-    from lacmesh.cells import CELLS
-    from lacmesh.checks import Finding, Findings, check
-    from lacmesh.cutting.cut import cut_skin
-    from lacmesh.cutting.order import raise_order
-    from lacmesh.cutting.recognition import recognise
-    from lacmesh.cutting.records import Cut
-    from lacmesh.errors import LacmeshError, LacmeshWarning
-    from lacmesh.exchange.libraries import from_meshio, to_meshio, to_pyvista, to_trimesh
-    from lacmesh.exchange.multipliers import aster_multipliers
-    from lacmesh.formats import read, write
-    from lacmesh.mesh import Block, Mesh
-    from lacmesh.quality import Quality, measure_quality
-    from lacmesh.smooth import FittedShape, fit_surface
-    from lacmesh.surface import Surface, contact_points
-    from lacmesh.surface.coverage import coverage
-    from lacmesh.topology.orientation import orient
+    from lacmesh.checks import Finding as Finding
+    from lacmesh.checks import Findings as Findings
+    from lacmesh.checks import check as check
+    from lacmesh.cutting.cut import cut_skin as cut_skin
+    from lacmesh.cutting.order import raise_order as raise_order
+    from lacmesh.cutting.recognition import recognise as recognise
+    from lacmesh.cutting.records import Cut as Cut
+    from lacmesh.errors import CutError as CutError
+    from lacmesh.errors import DataError as DataError
+    from lacmesh.errors import GroupNotFoundError as GroupNotFoundError
+    from lacmesh.errors import LacmeshError as LacmeshError
+    from lacmesh.errors import LacmeshWarning as LacmeshWarning
+    from lacmesh.errors import ReadError as ReadError
+    from lacmesh.errors import RequestError as RequestError
+    from lacmesh.errors import WriteError as WriteError
+    from lacmesh.exchange.multipliers import aster_multipliers as aster_multipliers
+    from lacmesh.formats import read as read
+    from lacmesh.formats import write as write
+    from lacmesh.mesh import Mesh as Mesh
+    from lacmesh.quality import Quality as Quality
+    from lacmesh.quality import measure_quality as measure_quality
+    from lacmesh.smooth import FittedShape as FittedShape
+    from lacmesh.smooth import fit_surface as fit_surface
+    from lacmesh.surface import Surface as Surface
+    from lacmesh.surface import contact_points as contact_points
+    from lacmesh.surface import coverage as coverage
+    from lacmesh.topology.orientation import orient as orient
 
 
 def __getattr__(name: str) -> Any:
-    if name in _PUBLIC:
-        return getattr(import_module(_PUBLIC[name]), name)
     if name in _modules():
         return import_module(f"lacmesh.{name}")
-    raise AttributeError(f"module 'lacmesh' has no attribute {name!r}")
+    return _named("lacmesh", name, _PUBLIC, _MOVED)
+
+
+def _named(package: str, name: str, public: Mapping[str, str], moved: Mapping[str, str]) -> Any:
+    """Return what a name of a package stands for; a name that has moved is found with a warning that says where."""
+    if name in public:
+        return getattr(import_module(public[name]), name)
+    if name in moved:
+        import warnings
+
+        message = f"{package}.{name} has moved: from {moved[name]} import {name}"
+        warnings.warn(message, DeprecationWarning, stacklevel=3)
+        return getattr(import_module(moved[name]), name)
+    raise AttributeError(f"module {package!r} has no attribute {name!r}")
 
 
 def _modules() -> set[str]:
@@ -103,4 +102,4 @@ def _modules() -> set[str]:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_PUBLIC, *_modules()})
+    return __all__

@@ -11,17 +11,38 @@ from typing import Any
 
 
 class LacmeshError(Exception):
-    """Root of every error that lacmesh raises for wrong data, a wrong request or a file it cannot use."""
+    """Root of every error that lacmesh raises for wrong data, a wrong request or a file it cannot use.
+
+    >>> from lacmesh import read
+    >>> try:
+    ...     read("missing.msh")
+    ... except LacmeshError as error:
+    ...     print(error, error.status)
+    missing.msh: cannot be read (No such file or directory) 3
+    """
 
     status = 1
 
 
 class LacmeshWarning(UserWarning):
-    """Warning: something was left out or looks wrong, but the work went on."""
+    """Warning: something was left out or looks wrong, but the work went on.
+
+    >>> import warnings
+    >>> from lacmesh import read
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", LacmeshWarning)  # stop where something is left out
+    ...     mesh = read("data/two_blocks.msh")
+    """
 
 
 class DataError(LacmeshError):
-    """The mesh does not allow the requested operation; `cells` holds the ids in the file of the cells at fault."""
+    """The mesh does not allow the requested operation; `cells` holds the ids in the file of the cells at fault.
+
+    >>> from lacmesh import fit_surface, read
+    >>> fit_surface(read("data/two_blocks.msh"), "upper")
+    Traceback (most recent call last):
+    lacmesh.errors.DataError: the group 'upper' holds no skin of lines or of linear or quadratic surface cells, but ...
+    """
 
     def __init__(self, message: str, cells: Iterable[int] = ()) -> None:
         super().__init__(message)
@@ -29,17 +50,33 @@ class DataError(LacmeshError):
 
 
 class CutError(DataError):
-    """The slave skin cannot be cut; `cells` holds the file's numbers of the faces or cells concerned."""
+    """The slave skin cannot be cut; `cells` holds the file's numbers of the faces or cells concerned.
+
+    >>> from lacmesh import cut_skin, raise_order, read
+    >>> raise_order(cut_skin(read("data/two_blocks.msh"), "slave").mesh)
+    Traceback (most recent call last):
+    lacmesh.errors.CutError: this mesh carries a cut, whose macro-elements depend on the order; ...
+    """
 
 
 class RequestError(LacmeshError):
-    """The request itself is wrong: an option, or a group that the file lacks."""
+    """The request itself is wrong: an option, or a group that the file lacks.
+
+    >>> from lacmesh import read
+    >>> read("data/two_blocks.msh", mesh="second")
+    Traceback (most recent call last):
+    lacmesh.errors.RequestError: data/two_blocks.msh is a msh file, which holds one mesh: leave out the name 'second'
+    """
 
     status = 2
 
 
 class GroupNotFoundError(RequestError):
-    """The mesh lacks the group `name`; the message names near matches and ends with `hint`."""
+    """The mesh lacks the group `name`; the message names near matches and ends with `hint`.
+
+    >>> GroupNotFoundError("slav", ["slave", "master"])
+    GroupNotFoundError("no cell group named 'slav'; did you mean slave?")
+    """
 
     def __init__(self, name: str, known: Iterable[str], what: str = "cell group", hint: str = "") -> None:
         self.name = name
@@ -49,7 +86,11 @@ class GroupNotFoundError(RequestError):
 
 
 class ReadError(LacmeshError):
-    """A file that cannot be read; `path` and `place` (a line, a byte, a path inside the file) say where."""
+    """A file that cannot be read; `path` and `place` (a line, a byte, a path inside the file) say where.
+
+    >>> ReadError("part.msh", "is cut short", "line 7")
+    ReadError('part.msh, line 7: is cut short')
+    """
 
     status = 3
 
@@ -60,7 +101,11 @@ class ReadError(LacmeshError):
 
 
 class WriteError(LacmeshError):
-    """A file that cannot be written, or a mesh that the format cannot hold; nothing was left behind."""
+    """A file that cannot be written, or a mesh that the format cannot hold; nothing was left behind.
+
+    >>> WriteError("part.med", "the disk is full")
+    WriteError('part.med: the disk is full')
+    """
 
     status = 3
 

@@ -2,161 +2,91 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from lacmesh import __version__
+from lacmesh import __version__ as __version__
+from lacmesh import _named
 
-#: public name -> the module that holds it, in the order of the stages
+#: public name -> the module that holds it: verbs in the order of the stages, records, errors
 _PUBLIC = {
+    "read_case": "lacsolver.case",
+    "parse_case": "lacsolver.case",
+    "validate": "lacsolver.validation",
+    "contact_matrices": "lacsolver.matrices",
+    "write_matrices": "lacsolver.matrices",
+    "march": "lacsolver.solve.stepping",
+    "create": "lacsolver.output",
+    "run": "lacsolver.running",
+    "read_state": "lacsolver.output",
+    "plot": "lacsolver.pictures.drawing",
+    "film": "lacsolver.pictures.filming",
+    "Case": "lacsolver.case",
+    "Problem": "lacsolver.problem.problem",
+    "ContactMatrices": "lacsolver.matrices",
+    "State": "lacsolver.results.state",
+    "ZoneState": "lacsolver.results.state",
+    "Answer": "lacsolver.results.answer",
+    **dict.fromkeys(
+        ("Fields", "Restart", "Results", "StepFigures", "ZoneFields", "ZoneFigures"), "lacsolver.results.results"
+    ),
+    "CaseError": "lacsolver.case",
+    "EvaluationError": "lacsolver.case.errors",
+    "LinearError": "lacsolver.linear.errors",
+    "SingularError": "lacsolver.linear.errors",
+    "NotConvergedError": "lacsolver.solve.stepping",
+}
+#: names that were public here -> the module to import them from
+_MOVED = {
     **dict.fromkeys(
         (
-            *("BodyForce", "Case", "CaseError", "Contact", "Displacement", "Force", "Gravity", "Material", "Output"),
-            *("Pressure", "Probe", "Rigid", "Solver", "Spring", "Steps", "Temperature", "Tie", "Traction", "Value"),
-            *("parse_case", "read_case"),
+            *("BodyForce", "Contact", "Displacement", "Force", "Gravity", "Material", "Output", "Pressure", "Probe"),
+            *("Rigid", "Solver", "Spring", "Steps", "Temperature", "Tie", "Traction", "Value"),
         ),
         "lacsolver.case",
     ),
     "Space": "lacsolver.space.space",
-    "Elastic": "lacsolver.bodies.material",
-    "Materials": "lacsolver.bodies.material",
-    "Orthotropic": "lacsolver.bodies.material",
-    "assemble_stiffness": "lacsolver.bodies.small",
-    "stress": "lacsolver.bodies.small",
+    **dict.fromkeys(("Elastic", "Materials", "Orthotropic"), "lacsolver.bodies.material"),
+    **dict.fromkeys(("assemble_stiffness", "stress"), "lacsolver.bodies.small"),
     "Constraints": "lacsolver.constraints",
-    "Interface": "lacsolver.contact",
-    "Pairing": "lacsolver.contact",
-    "Zone": "lacsolver.contact",
-    "integrate": "lacsolver.contact",
-    "ContactMatrices": "lacsolver.matrices",
-    "contact_matrices": "lacsolver.matrices",
-    "write_matrices": "lacsolver.matrices",
-    "Problem": "lacsolver.problem.problem",
-    "State": "lacsolver.results.state",
-    "ZoneState": "lacsolver.results.state",
-    "NotConvergedError": "lacsolver.solve.stepping",
-    "march": "lacsolver.solve.stepping",
-    "validate": "lacsolver.validation",
-    "run": "lacsolver.running",
-    "Answer": "lacsolver.results.answer",
+    **dict.fromkeys(("Interface", "Pairing", "Zone", "integrate"), "lacsolver.contact"),
     "OutputFolder": "lacsolver.output",
-    "create": "lacsolver.output",
-    "read_state": "lacsolver.output",
-    "Fields": "lacsolver.results.results",
-    "Restart": "lacsolver.results.results",
-    "Results": "lacsolver.results.results",
-    "StepFigures": "lacsolver.results.results",
-    "ZoneFields": "lacsolver.results.results",
-    "ZoneFigures": "lacsolver.results.results",
-    "plot": "lacsolver.pictures.drawing",
-    "film": "lacsolver.pictures.filming",
 }
-
-__all__ = [
-    "Answer",
-    "BodyForce",
-    "Case",
-    "CaseError",
-    "Constraints",
-    "Contact",
-    "ContactMatrices",
-    "Displacement",
-    "Elastic",
-    "Fields",
-    "Force",
-    "Gravity",
-    "Interface",
-    "Material",
-    "Materials",
-    "NotConvergedError",
-    "Orthotropic",
-    "Output",
-    "OutputFolder",
-    "Pairing",
-    "Pressure",
-    "Probe",
-    "Problem",
-    "Restart",
-    "Results",
-    "Rigid",
-    "Solver",
-    "Space",
-    "Spring",
-    "State",
-    "StepFigures",
-    "Steps",
-    "Temperature",
-    "Tie",
-    "Traction",
-    "Value",
-    "Zone",
-    "ZoneFields",
-    "ZoneFigures",
-    "ZoneState",
-    "__version__",
-    "assemble_stiffness",
-    "contact_matrices",
-    "create",
-    "film",
-    "integrate",
-    "march",
-    "parse_case",
-    "plot",
-    "read_case",
-    "read_state",
-    "run",
-    "stress",
-    "validate",
-    "write_matrices",
-]
+__all__ = sorted(_PUBLIC)
 
 if TYPE_CHECKING:
-    from lacsolver.bodies.material import Elastic, Materials, Orthotropic
-    from lacsolver.bodies.small import assemble_stiffness, stress
-    from lacsolver.case import (
-        BodyForce,
-        Case,
-        CaseError,
-        Contact,
-        Displacement,
-        Force,
-        Gravity,
-        Material,
-        Output,
-        Pressure,
-        Probe,
-        Rigid,
-        Solver,
-        Spring,
-        Steps,
-        Temperature,
-        Tie,
-        Traction,
-        Value,
-        parse_case,
-        read_case,
-    )
-    from lacsolver.constraints import Constraints
-    from lacsolver.contact import Interface, Pairing, Zone, integrate
-    from lacsolver.matrices import ContactMatrices, contact_matrices, write_matrices
-    from lacsolver.output import OutputFolder, create, read_state
-    from lacsolver.pictures.drawing import plot
-    from lacsolver.pictures.filming import film
-    from lacsolver.problem.problem import Problem
-    from lacsolver.results.answer import Answer
-    from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields, ZoneFigures
-    from lacsolver.results.state import State, ZoneState
-    from lacsolver.running import run
-    from lacsolver.solve.stepping import NotConvergedError, march
-    from lacsolver.space.space import Space
-    from lacsolver.validation import validate
+    from lacsolver.case import Case as Case
+    from lacsolver.case import CaseError as CaseError
+    from lacsolver.case import parse_case as parse_case
+    from lacsolver.case import read_case as read_case
+    from lacsolver.case.errors import EvaluationError as EvaluationError
+    from lacsolver.linear.errors import LinearError as LinearError
+    from lacsolver.linear.errors import SingularError as SingularError
+    from lacsolver.matrices import ContactMatrices as ContactMatrices
+    from lacsolver.matrices import contact_matrices as contact_matrices
+    from lacsolver.matrices import write_matrices as write_matrices
+    from lacsolver.output import create as create
+    from lacsolver.output import read_state as read_state
+    from lacsolver.pictures.drawing import plot as plot
+    from lacsolver.pictures.filming import film as film
+    from lacsolver.problem.problem import Problem as Problem
+    from lacsolver.results.answer import Answer as Answer
+    from lacsolver.results.results import Fields as Fields
+    from lacsolver.results.results import Restart as Restart
+    from lacsolver.results.results import Results as Results
+    from lacsolver.results.results import StepFigures as StepFigures
+    from lacsolver.results.results import ZoneFields as ZoneFields
+    from lacsolver.results.results import ZoneFigures as ZoneFigures
+    from lacsolver.results.state import State as State
+    from lacsolver.results.state import ZoneState as ZoneState
+    from lacsolver.running import run as run
+    from lacsolver.solve.stepping import NotConvergedError as NotConvergedError
+    from lacsolver.solve.stepping import march as march
+    from lacsolver.validation import validate as validate
 
 
 def __getattr__(name: str) -> Any:
-    if name in _PUBLIC:
-        return getattr(import_module(_PUBLIC[name]), name)
-    raise AttributeError(f"module 'lacsolver' has no attribute {name!r}")
+    return _named("lacsolver", name, _PUBLIC, _MOVED)
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_PUBLIC})
+    return __all__

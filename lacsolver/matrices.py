@@ -26,6 +26,11 @@ class ContactMatrices:
     the covered part; `area`; `coverage`: w / area. `normal`, `centre` (m, d). `macro` (m,): number of the macro-element
     in the cut; `node` (n_nodes,): node numbers of the file: columns d i .. d i + d - 1 are those of node i. `mesh`: the
     cut mesh. Areas are those of the full circle in axisymmetry, of unit thickness in a plane.
+
+    >>> from lacmesh import read
+    >>> matrices = contact_matrices(read("data/two_blocks.msh"), "slave", "master")
+    >>> matrices.B.shape, matrices.B.shape[1] == 3 * matrices.mesh.n_nodes, float(matrices.w.sum().round(12))
+    ((36, 1536), True, 0.851851851852)
     """
 
     B: csr_array
@@ -85,6 +90,14 @@ def write_matrices(path: Path, made: ContactMatrices, *, mtx: bool = False) -> N
     """Write matrices to `path` (.npz), with B as its CSR arrays (`B_data`, `B_indices`, `B_indptr`, `B_shape`).
 
     `mtx`: write B also to a second file, in Matrix Market's format. Raises WriteError.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from lacmesh import read
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "joint.npz")
+    ...     write_matrices(path, contact_matrices(read("data/two_blocks.msh"), "slave", "master"))
+    ...     len(np.load(path)["G"])
+    36
     """
     B = made.B
     arrays = {

@@ -41,6 +41,13 @@ def run(
     `told` is called for every iteration, `stepped` for every converged step. Raises NotConvergedError after the last
     state tried is written, the errors of `Problem.of` and `Writer`, and DataError for a state of another case or mesh.
     An interrupted run leaves the steps that have converged.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from lacsolver import create, read_case
+    >>> with TemporaryDirectory() as folder:
+    ...     results = run(read_case("data/two_blocks.toml"), create(folder))
+    >>> results.status, [step.time for step in results.steps]
+    ('done', [0.5, 1.0])
     """
     clock = Clock()
     with clock.phase("mesh"):
@@ -130,7 +137,7 @@ class _Run:
 
     def restart(self, state: State) -> Restart:
         """Return a converged state for a restart."""
-        size = state.next_step if np.isfinite(state.next_step) else self.problem.case.steps.last
+        size = state.step.step_size if np.isfinite(state.step.step_size) else self.problem.case.steps.last
         return Restart.of(state, size, self.number)
 
     def told(self) -> Results:
@@ -155,7 +162,7 @@ def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
     if made.last is not None:
         told += warnings_of(made.last.held, made.last.prescribed)
         told += faceted(problem, made.last)
-        if problem.kinematics.constant:
+        if not problem.kinematics.finite:
             told += filter(None, [beyond_a_cell(problem.space, made.last.u)])
     return tuple(told)
 

@@ -21,7 +21,7 @@ from lacmesh.mesh import Mesh
 from lacsolver.case import Case, CaseError, Contact, Displacement, Issue, Rigid, Tie, check_groups
 from lacsolver.case.records import Entry
 from lacsolver.constraints import Constraints
-from lacsolver.contact import Interface, integrate
+from lacsolver.contact import Interface
 from lacsolver.linear import choose
 from lacsolver.problem import acting
 from lacsolver.problem.overlap import check_overlap, deepest
@@ -88,6 +88,10 @@ def validate(case: Case, mesh: Mesh | None = None) -> Validation:
     """Check everything that a run of a case needs, without solving it. Raises ReadError for the mesh's file.
 
     Mistakes are returned in `problems`, and no error is raised for them.
+
+    >>> from lacsolver import read_case
+    >>> validate(read_case("data/two_blocks.toml")).problems
+    []
     """
     mesh = lacmesh.read(case.mesh) if mesh is None else mesh
     found = Validation(mesh)
@@ -169,8 +173,7 @@ def _zones(case: Case, space: Space, found: Validation) -> list[tuple[ContactPai
     for record in records:
         with found.looking(record.place):
             joint = joint_of(space, record)
-            x = joint.places(space, np.zeros(space.n_dof)) if joint.moving else None
-            face = integrate(joint.zone, space.dim, joint.pairing, x=x, t=case.steps.planned[0], tie=joint.tie)
+            face = joint.integrate(space, np.zeros(space.n_dof), case.steps.planned[0])
             found.zones.append(_zone_found(joint, face))
             faces.append((joint, face))
             check_overlap(joint, face, space)
@@ -179,7 +182,7 @@ def _zones(case: Case, space: Space, found: Validation) -> list[tuple[ContactPai
 
 
 def _zone_found(joint: ContactPair, face: Interface) -> ZoneFound:
-    record, on = joint.record, joint.paired(face)
+    record, on = joint.record, joint.covered(face)
     gap = face.gap[on] if on.any() else np.array([np.nan])
     return ZoneFound(
         record.name, joint.tie, record.slave, record.master, len(on), int((~on).sum()),
@@ -212,5 +215,5 @@ def _look_at_motions(
 
 
 def _paired_rows(joint: ContactPair, face: Interface) -> csr_array:
-    on = joint.paired(face)
+    on = joint.covered(face)
     return csr_array(face.B[np.flatnonzero(np.repeat(on, len(face.G) // len(on)))])

@@ -21,15 +21,6 @@ def pytest_configure(config):
     config.pluginmanager.register(skips.Tally(config), "lacmesh-skips")
 
 
-def pytest_runtest_setup(item):
-    lacks = skips.missing(item)
-    refused = [f"{need}: {why}" for need, why in lacks if not skips.forgiven(need)]
-    if refused:
-        pytest.fail(f"LACMESH_ALL=1 asks for every package; {'; '.join(refused)}", pytrace=False)
-    if lacks:
-        pytest.skip("; ".join(why for _, why in lacks))
-
-
 @pytest.fixture(scope="session")
 def shared():
     """The folder `../shared`, or $LACMESH_SHARED: `shared / "reference"` is there."""

@@ -12,8 +12,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 import lacmesh
-from lacmesh.formats.inp.kernel import count_fields, scan_integers
+from lacmesh.cells import CELLS
 from lacmesh.formats.mail.names import scanned
+from lacmesh.formats.text_kernels import count_fields, scan_integers
 from lacmesh.formats.vtu.lz4 import expand
 from lacmesh.formats.xdmf.mixed import starts
 from lacmesh.kernels import kernel
@@ -87,7 +88,7 @@ def _formats() -> None:
 
 
 def _quality() -> None:
-    for name, cell in lacmesh.CELLS.items():
+    for name, cell in CELLS.items():
         if cell.dim > 1 and cell.order < 3:
             x = distorted(name, k=5)
             points, nodes = x.reshape(-1, 3), np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])

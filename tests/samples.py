@@ -1,4 +1,4 @@
-"""Number of cases of a random test: a share in `make test`, all in `make fuzz`, which sets LACMESH_FUZZ."""
+"""Share of the cases of a test in `make test`; `make fuzz`, which sets LACMESH_FUZZ, takes all."""
 
 from __future__ import annotations
 
@@ -10,3 +10,11 @@ FUZZ = os.environ.get("LACMESH_FUZZ") == "1"
 def samples(few, all_of_them):
     """Choose between two numbers of cases; a test that calls this is marked `fuzz`, by which `make fuzz` finds it."""
     return all_of_them if FUZZ else few
+
+
+def one_of_each(cases, key):
+    """List the first case of every key, or all cases; a test that calls this is marked `fuzz`."""
+    every, firsts = list(cases), {}
+    for case in every:
+        firsts.setdefault(key(case), case)
+    return every if FUZZ else list(firsts.values())

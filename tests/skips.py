@@ -80,6 +80,8 @@ def _complaint(code, *arguments):
     return (child.stderr.strip().splitlines() or [f"a child process died ({child.returncode})"])[-1]
 
 
+#: names of the doctests that need pyvista
+DRAWN_EXAMPLES = {"lacsolver.pictures.drawing.plot", "lacsolver.pictures.filming.film"}
 #: mark -> why what it asks for is absent, or None
 NEEDS = {
     "shared": _no_shared,
@@ -117,6 +119,20 @@ class Tally:
     def worker(self):
         """Dictionary in which a worker of pytest-xdist leaves data for its controller; None in other processes."""
         return getattr(self.config, "workeroutput", None)
+
+    def pytest_itemcollected(self, item):
+        """Mark the examples that draw: they stand in docstrings, where no mark can be set."""
+        if item.name in DRAWN_EXAMPLES:
+            item.add_marker("vtk")
+
+    def pytest_runtest_setup(self, item):
+        """Skip a test that lacks something, or fail it if nothing may be lacking."""
+        lacks = missing(item)
+        refused = [f"{need}: {why}" for need, why in lacks if not forgiven(need)]
+        if refused:
+            pytest.fail(f"LACMESH_ALL=1 asks for every package; {'; '.join(refused)}", pytrace=False)
+        if lacks:
+            pytest.skip("; ".join(why for _, why in lacks))
 
     def pytest_collection_finish(self, session):
         """Count what is to be skipped, once deselected tests are gone."""

@@ -246,7 +246,7 @@ def test_face_without_a_parent_is_an_error_that_names_it():
         cell_number=[10, 20, 77],
         cell_groups={"slave": [1, 2]},
     )
-    with pytest.raises(CutError, match="77 have no cell behind") as caught:
+    with pytest.raises(CutError, match="77 have no parent cell") as caught:
         cut_skin(mesh, "slave")
     assert caught.value.cells == (77,)
 

@@ -396,16 +396,6 @@ def test_quality_prints_tables_and_bars(msh, capsys):
     assert main(["quality", str(msh), "-q"]) == 0 and not capsys.readouterr().out
 
 
-def test_quality_names_what_is_wrong_with_the_request(msh, tmp_path, capsys):
-    assert main(["quality", str(msh), "--group", "slav"]) == 2
-    assert main(["quality", str(msh), "--measures", "skw"]) == 2
-    assert main(["quality", str(msh), "--plot", str(tmp_path / "q.pdf")]) == 2
-    assert main(["quality", str(tmp_path / "no.msh")]) == 3
-    told = capsys.readouterr().err
-    for words in ("did you mean slave?", "did you mean skew?", "a plot is written as .png"):
-        assert words in told
-
-
 def test_quality_counts_invalid_cells_and_exits_0(tmp_path, capsys):
     mesh = stretched(0.2)
     points = mesh.points.copy()

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lacmesh import CELLS, cut_skin, errors
+from lacmesh import cut_skin, errors
+from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
 from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES, parent_pattern
 from lacmesh.reference.shapes import shape
@@ -142,6 +143,7 @@ def test_every_page_is_in_the_index():
 
 #: run with the commands that make the files which the examples read
 RUN_ELSEWHERE = {
+    "overview.md": "tests/test_readme.py",
     "solver.md": "tests/lacsolver/test_solver_docs.py",
     "output.md": "tests/lacsolver/test_output_docs.py",
 }

@@ -11,7 +11,8 @@ import lacmesh
 from lacmesh import Mesh, check, cut_skin, measure_quality, orient
 from lacmesh.origin import from_origin, origin_of, origin_of_mesh, size_of, told
 from lacmesh.scene import make_scene
-from tests.lacsolver.patch_meshes import rotation, stack
+from tests.lacsolver.patch_meshes import stack
+from verification.meshes.stacks import tilt
 
 FAR = (1e3, 1e5, 1e7)
 KINDS = {2: ("QUAD8", "TRIA3"), 3: ("HEXA8", "TETRA4")}
@@ -20,7 +21,7 @@ KINDS = {2: ("QUAD8", "TRIA3"), 3: ("HEXA8", "TETRA4")}
 def moved(dim, far):
     """A turned stack (mesh) that lies far off, the same brought back, and the shift; both are rounded alike."""
     mesh = stack(*KINDS[dim], dim, skew=0.1, gap=0.01)
-    mesh = replace(mesh, points=mesh.points @ rotation(dim, 0.3).T)
+    mesh = replace(mesh, points=mesh.points @ tilt(dim, 0.3).T)
     shift = 2 * far * np.array([1.0, -0.7, 0.4 if dim == 3 else 0.0])
     there = replace(mesh, points=mesh.points + shift)
     return there, replace(there, points=there.points - shift), shift

@@ -17,6 +17,7 @@ from lacmesh import Cut, Mesh, cut_skin
 from lacmesh.cells import CELLS
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.gmsh import cut_model, from_mesh, to_mesh, update_model
+from lacmesh.mesh import Block
 from tests import properties
 from tests.meshes import cell_with_faces, random_mesh
 
@@ -662,7 +663,7 @@ def test_groups_moved_nodes_and_reversed_faces_come_back(gmsh):
     k = [b.type for b in mesh.blocks].index("TRIA3")
     nodes = mesh.blocks[k].nodes.copy()
     nodes[faces - mesh.offsets[k]] = nodes[faces - mesh.offsets[k]][:, ::-1]
-    blocks = [b if j != k else lacmesh.Block("TRIA3", nodes) for j, b in enumerate(mesh.blocks)]
+    blocks = [b if j != k else Block("TRIA3", nodes) for j, b in enumerate(mesh.blocks)]
     points = mesh.points.copy()
     points[-1] += 0.01
     groups = {name: cells for name, cells in mesh.cell_groups.items() if name != "upper body"}

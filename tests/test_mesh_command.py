@@ -133,22 +133,10 @@ SCRIPTS = {
     "Point(4) = {0, 1, 0, lc};\nLine(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};\n"
     "Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};\nout[] = Extrude {0, 0, 2} { Surface{1}; };\n"
     'Physical Surface("top") = {out[0]}; Physical Surface(7) = {1};\nMesh.ElementOrder = 2;\n',
-    "syntax.geo": "Point(1) = {0, 0, 0};\nFoo(3;\n",
-    "missing.geo": 'Merge "not_there.step";\n',
-    "wrong.geo": 'SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 1, 1, 1};\nFillet{1}{99}{0.1}\n',
-    "exit.geo": "Exit;\n",
-    "line.geo": "Point(1) = {0, 0, 0};\nPoint(2) = {1, 0, 0};\nLine(1) = {1, 2};\n",
     "three_sides.geo": "Point(1)={0,0,0,.3}; Point(2)={1,0,0,.3}; Point(3)={0,1,0,.3}; Point(4)={0,0,1,.3};\n"
     "Line(1)={1,2}; Line(2)={2,3}; Line(3)={3,1}; Line(4)={1,4}; Line(5)={2,4}; Line(6)={3,4};\n"
     "Curve Loop(1)={1,2,3}; Plane Surface(1)={1}; Curve Loop(2)={1,5,-4}; Plane Surface(2)={2};\n"
     "Curve Loop(3)={2,6,-5}; Plane Surface(3)={3};\nSurface Loop(1)={1,2,3}; Volume(1)={1};\n",
-    "garbage.step": "garbage\n",
-    "garbage.brep": "garbage\n",
-    "garbage.iges": "garbage\n",
-    "garbage.stl": "garbage\n",
-    "empty.step": "",
-    "picture.png": "garbage\n",
-    "mesh.msh": "garbage\n",
 }
 
 
@@ -425,26 +413,14 @@ def test_every_command_takes_every_way_to_name_a_group(tagged, tmp_path, spec, m
         assert main(["orient", str(cut), "--group", spec, "-o", str(tmp_path / "o.msh"), "-q"]) == 0
 
 
-# ---- what is wrong
+# ---- what is wrong (tests/bad_input/cad_cases.py has the others)
 
 
 @pytest.mark.parametrize(
     ("name", "status", "words"),
     [
-        ("syntax.geo", 3, "line 2"),
-        ("missing.geo", 3, "not_there.step"),
-        ("wrong.geo", 3, "99"),
-        ("exit.geo", 3, "died"),
-        ("line.geo", 1, "curves and no surface"),
         ("three_sides.geo", 1, "cannot mesh it|without cells"),
-        ("garbage.step", 3, "STEP"),
-        ("garbage.brep", 3, "no geometry"),
-        ("garbage.iges", 3, "no geometry"),
-        ("garbage.stl", 3, "no geometry|no triangle"),
-        ("empty.step", 3, "is empty"),
         ("nothing.step", 3, "No such file"),
-        ("picture.png", 2, "suffix"),
-        ("mesh.msh", 2, "is a mesh already"),
         ("open.stl", 1, "24 edges .*--dim 2"),
         ("overlapping.stl", 1, "cannot mesh it"),
     ],
@@ -460,20 +436,10 @@ def test_a_bad_file_is_one_sentence(files, tmp_path, name, status, words, capsys
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--group", "x=99"], "no surface 99"),
-        (["--group", "x=3:99"], "no volume 99; it has 1, 2"),
-        (["--group", "x=box:0,0,0,1,1,1"], "no surface lies in that box"),
-        (["--group", "x"], "says no group"),
         (["--group", "=1"], "says no group"),
         (["--group", "x=1,a"], "says no group"),
         (["--group", "x=box:0,0,0,1,1"], "says no group"),
-        (["--group", "x=box:1,0,0,0,1,1"], "says no group"),
         (["--slave", "x"], "go together"),
-        (["--slave-size", "1"], "go together"),
-        (["--slave", "bor", "--slave-size", "1", "--group", "bore=7"], "did you mean bore"),
-        (["--size", "-1"], "positive"),
-        (["--size", "nan"], "positive"),
-        (["--list"], "say --list"),
         (["--json"], "--json goes with"),
     ],
 )

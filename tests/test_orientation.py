@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh import CELLS, Mesh, cut_skin
+from lacmesh import Mesh, cut_skin
+from lacmesh.cells import CELLS
 from lacmesh.cli import main
 from lacmesh.cutting.recognition import recognise
 from lacmesh.errors import DataError, GroupNotFoundError

@@ -1,4 +1,4 @@
-"""Run the commands and examples of the README unchanged."""
+"""Run the commands and examples of the README and of the overview unchanged."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from lacmesh.cli import main as lacmesh
 from lacsolver.cli import main as lacsolver
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text()
+README = ROOT / "README.md"
+OVERVIEW = ROOT / "docs" / "overview.md"
+both = pytest.mark.parametrize("page", [README, OVERVIEW], ids=lambda page: page.stem)
 
 
-def blocks(language):
-    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+def blocks(page, language):
+    return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
 
 
 @pytest.fixture
@@ -31,25 +33,44 @@ def fresh(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_commands_run_in_their_order(fresh):
-    commands = [line[2:] for block in blocks("console") for line in block.splitlines() if line.startswith("$ ")]
-    assert len(commands) >= 5
+def run_commands(page):
+    """Run the commands of a page in their order, and return how many there are."""
+    commands = [line[2:] for block in blocks(page, "console") for line in block.splitlines() if line.startswith("$ ")]
     for command in commands:
         name, *args = shlex.split(command)
         assert {"lacmesh": lacmesh, "lacsolver": lacsolver}[name](args) == 0, command
+    return len(commands)
+
+
+def test_commands_of_the_readme_run(fresh):
+    assert run_commands(README) == 3
+    assert {"two_blocks.lac.msh", "two_blocks_pressure.png", "two_blocks"} <= {p.name for p in fresh.iterdir()}
+    assert (fresh / "two_blocks" / "solid.pvd").is_file()
+
+
+def test_commands_of_the_overview_run(fresh):
+    assert run_commands(OVERVIEW) >= 15
     assert {"two_blocks.med", "quadratic.msh"} <= {p.name for p in fresh.iterdir()}
 
 
-def test_python_runs(fresh):
-    (code,) = blocks("python")
+@both
+def test_python_runs(page, fresh):
+    (code,) = blocks(page, "python")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=fresh)
     assert done.returncode == 0, done.stderr
     assert "macro-elements" in done.stdout
 
 
-def test_make_targets_exist():
+def test_the_readme_fits_on_a_screen():
+    """About sixty lines, with one picture."""
+    text = README.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 75 and text.count("![") == 1
+
+
+@both
+def test_make_targets_exist(page):
     makefile = (ROOT / "Makefile").read_text()
-    for target in re.findall(r"^make (\w+)", "\n".join(blocks("")), re.MULTILINE):
+    for target in re.findall(r"^make (\w+)", "\n".join(blocks(page, "")), re.MULTILINE):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
 
 
@@ -72,9 +93,10 @@ def test_quick_runs_tests_of_every_package():
     assert folders - {path.parent for path in quick} == {Path("tests/bad_input"), Path("tests/fuzz")}
 
 
-def test_links_resolve():
-    for link in re.findall(r"\]\(([^)#]+)\)", README):
-        assert (ROOT / link).exists(), link
+@both
+def test_links_resolve(page):
+    for link in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
+        assert (page.parent / link).exists(), link
 
 
 def test_changelog_has_this_version():

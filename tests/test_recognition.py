@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh import CELLS, Cut, LacmeshWarning, Mesh, cut_skin
+from lacmesh import Cut, LacmeshWarning, Mesh, cut_skin
+from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
 from lacmesh.cutting.recognition import find_macros, recognise
 from lacmesh.errors import CutError, GroupNotFoundError, RequestError

@@ -44,6 +44,13 @@ def script(tutorials, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def own(tutorials, tmp_path_factory):
+    """The folder in which the commands of own_mesh.md have run, and what each printed."""
+    folder = tmp_path_factory.mktemp("own")
+    return folder, list(tutorials.run_page(TUTORIALS / "own_mesh.md", folder))
+
+
+@pytest.fixture(scope="module")
 def step(tutorials, tmp_path_factory):
     """The folder in which the commands of step_to_med.md have run, and what each printed."""
     folder = tmp_path_factory.mktemp("step")
@@ -138,6 +145,33 @@ def test_the_rest_of_the_scripts_page_runs(tutorials, script, monkeypatch, capsy
     assert re.fullmatch(r"[1-9]\d* macro-elements in cube\.msh", in_file)
     assert in_model == in_file.replace("in cube.msh", "in the model cube")
     assert types == "roller has cells of the types [11 17]"
+
+
+# ---- a mesh of one's own
+
+
+@pytest.mark.gmsh
+@pytest.mark.vtk
+def test_own_mesh_is_solved_as_the_page_says(tutorials, own):
+    folder, done = own
+    assert shows_what_the_page_shows(done)
+    printed = {command.words[1]: " ".join(text.split()) for command, text in done if command.words[0] == "lacsolver"}
+    assert "rigid-body mode without support 'cylinder' moves along y" in printed["validate"]
+    assert "11 in contact" in printed["run"] and "contact area 0.32267" in printed["run"]
+    assert size_of(folder / "pressure.png") == size_of(TUTORIALS / "pressure.png")
+    whole = "".join(
+        (TUTORIALS / f"{name}.py").read_text().partition('"""\n\n')[2] for name in ("own_mesh", "half_width")
+    )
+    pieces = tutorials.blocks(TUTORIALS / "own_mesh.md", "python")
+    assert [x for x in "".join(pieces).splitlines() if x] == [x for x in whole.splitlines() if x]
+
+
+@pytest.mark.gmsh
+@pytest.mark.vtk
+def test_its_half_width_is_hertz(own):
+    (printed,) = (text for command, text in own[1] if "half_width" in command.words[-1])
+    (a, p0), (a_hertz, p0_hertz) = np.array(re.findall(r"a = (\S+), p0 = (\S+)", printed), float)
+    assert a == pytest.approx(a_hertz, rel=5e-3) and p0 == pytest.approx(p0_hertz, rel=5e-3)
 
 
 # ---- a pin in a lug

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -20,11 +21,11 @@ ACTIONS = {"step"}
 ALLOWED = {"Array", "Bools", "Complex", "Floats", "Ints"}
 
 
-def trees(*folders: str) -> Iterator[tuple[Path, ast.Module]]:
+@cache
+def trees(*folders: str) -> tuple[tuple[Path, ast.Module], ...]:
     """The modules of some folders, parsed."""
-    for folder in folders:
-        for path in sorted((ROOT / folder).rglob("*.py")):
-            yield path.relative_to(ROOT), ast.parse(path.read_text(encoding="utf-8"))
+    paths = [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
+    return tuple((path.relative_to(ROOT), ast.parse(path.read_text(encoding="utf-8"))) for path in paths)
 
 
 def public_types(tree: ast.Module) -> Iterator[str]:

@@ -25,10 +25,10 @@ from lacsolver.case.schema import page_tables
 
 
 def counts_table() -> Iterator[str]:
-    """Every pattern: the macro-element, the children, what a slave face adds, and the quality of the worst child."""
+    """Every pattern: the macro-element, the children, what a slave face adds, and the minimum Jacobian."""
     yield from _head(
         "cell", "slave face", "variant", "macro-element", "children", "nodes added >", "cells added >",
-        "internal nodes >", "worst child >", "figure",
+        "internal nodes >", "minimum Jacobian >", "figure",
     )  # fmt: skip
     for p in patterns():
         whole = p.kind == WHOLE

@@ -9,7 +9,8 @@ from skfem import Basis, ElementQuad1, ElementTriP1, ElementVector, MeshQuad, Me
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import lacmesh
-from lacsolver import Case, Contact, Displacement, Material, Problem, contact_matrices, march
+from lacsolver import Case, Problem, contact_matrices, march
+from lacsolver.case import Contact, Displacement, Material
 
 YOUNG, POISSON, PRESSED = 1.0, 0.3, 0.1
 

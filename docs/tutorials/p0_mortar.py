@@ -4,12 +4,19 @@ import numpy as np
 
 import lacmesh
 from lacmesh import Mesh, Surface
-from lacsolver import Case, Displacement, Material, Pairing, Problem, Zone, integrate
+from lacsolver import Case, Problem
+from lacsolver.case import Displacement, Material
+from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.contact.interface import positions
+from lacsolver.contact.laws import Unilateral
 from lacsolver.contact.rows import macro_rows
-from lacsolver.solve.equilibrium import ContactSystem, Limits, at_start, find_equilibrium, stiffness_of_rows
-from lacsolver.solve.model import Instant, ReducedProblem
-from lacsolver.solve.schur import Rows
+from lacsolver.results.state import Iterate
+from lacsolver.solve.active_set import active_set_iterates
+from lacsolver.solve.contact_system import ContactSystem, Rows
+from lacsolver.solve.load_step import LoadStep
+from lacsolver.solve.reduced import ReducedProblem
+from lacsolver.solve.search import search
+from lacsolver.solve.tolerances import ConvergenceTolerance
 
 
 def pad(n):
@@ -57,24 +64,23 @@ def lac(mesh):
     return made.B, made.G, made.w
 
 
-def contact(model, B, G, w):
-    """Contact for `find_equilibrium`: rows on the unknowns that are left, and a function that gives the gaps at q."""
-    B = (B @ model.problem.constraints.T).tocsr()
-    rows = Rows(B, B, w)
-    every = np.full(len(G), True)
-    whole = ContactSystem(rows, G, paired=every, held=~every, c=stiffness_of_rows(model.held, rows))
-    return whole, lambda q: whole.at(G - B @ q)
+def contact(step, B, G, w):
+    """Contact of a load step as a function of its unknowns q: rows of unilateral contact, and their gaps at q."""
+    rows = Rows((B @ step.model.problem.constraints.T).tocsr(), w)
+    undeformed = ContactSystem.of(rows, G, Unilateral(), step.reference)
+    return lambda q: undeformed.with_gaps(G - rows.D @ q)
 
 
 def pressures(mesh, stage):
     """Pressures (faces,) from left to right. Raises RuntimeError where no equilibrium is found."""
-    model = held(mesh)
-    whole, at = contact(model, *stage(mesh))
-    start = at_start(whole, whole.G < 0)
-    limits = Limits(tolerance=1e-10, max_iterations=50, length=model.length)
-    found = find_equilibrium(model.held, Instant(model, 1.0).f, at, start, limits)
+    step = LoadStep(held(mesh), 1.0)
+    contact_at = contact(step, *stage(mesh))
+    q = np.zeros(len(step.f))
+    start = Iterate(q, np.zeros(len(contact_at(q).G)), contact_at(q).G < 0)
+    tolerance = ConvergenceTolerance(tolerance=1e-10, max_iterations=50, length=step.model.length)
+    found = search(active_set_iterates(step.reference, step.f, contact_at, start, tolerance), tolerance)
     if not found.converged:
-        balance, gap = found.defects[-1]
+        balance, gap = found.residuals[-1]
         raise RuntimeError(f"no equilibrium: forces are off by {balance:.0e}, gaps by {gap:.0e} of the displacement")
     return found.iterate.p
 
@@ -84,7 +90,7 @@ def inf_sup(mesh, stage):
     model = held(mesh)
     B, _, w = stage(mesh)
     B = (B @ model.problem.constraints.T).toarray()
-    S = B @ model.held.solve(np.ascontiguousarray(B.T))
+    S = B @ model.reference().solve(np.ascontiguousarray(B.T))
     return np.sqrt(np.maximum(np.linalg.eigvalsh(S / np.outer(w, w)), 0))[:2]
 
 
@@ -106,14 +112,14 @@ def draw(name):
 
 def main():
     """Print what the page shows, and draw its picture."""
-    print("faces  method     turns   force  inf-sup constants")
+    print("faces  method   extrema   force  inf-sup constants")
     for n in (9, 25, 49):
         mesh = pad(n)
         for name, stage in (("P0 mortar", p0_mortar), ("LAC", lac)):
             at = mesh if stage is p0_mortar else lacmesh.cut_skin(mesh, "slave").mesh
             p, (first, second) = pressures(at, stage), inf_sup(at, stage)
-            turns = int((np.diff(np.sign(np.diff(p))) != 0).sum())
-            print(f"{n:5}  {name:9} {turns:6} {p.sum() * 2 / n:7.4f}     {first:.3f}  {second:.3f}")
+            extrema = int((np.diff(np.sign(np.diff(p))) != 0).sum())
+            print(f"{n:5}  {name:9} {extrema:6} {p.sum() * 2 / n:7.4f}     {first:.3f}  {second:.3f}")
     draw("p0_mortar.png")
 
 

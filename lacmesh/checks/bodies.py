@@ -73,8 +73,8 @@ def _coincident(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
     if not again.any():
         return []
     what = "the body is torn there, or has a crack" if torn.any() else "the bodies are not joined there"
-    message = f"{np.count_nonzero(again):,} nodes stand at {counted(len(np.unique(place[again])), 'place')}"
-    message += f" ({subject.node_numbers(nodes[again])}): {what}; merge them if not meant"
+    message = f"{np.count_nonzero(again):,} nodes coincide at {counted(len(np.unique(place[again])), 'point')}"
+    message += f" ({subject.node_numbers(nodes[again])}): {what}; merge them if this is not intended"
     return [subject.found("coincident-nodes", message, nodes=nodes[again])]
 
 
@@ -149,7 +149,7 @@ def _torn(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
         return []
     message = counted(len(node), "node lies inside an edge", "nodes lie inside edges")
     message += f" of the body that they belong to ({subject.node_numbers(node)}): its cells do not conform there; "
-    message += "mesh both sides alike, or tie them in the solver"
+    message += "mesh both sides conformingly, or tie them in the solver"
     return [subject.found("torn-body", message, nodes=node)]
 
 

@@ -89,12 +89,12 @@ def _records(subject: Subject) -> Iterator[Finding]:
         message = "the skin is cut, without records: " + counted(
             macros.count, "macro-element was", "macro-elements were"
         )
-        yield subject.found("recognised", f"{message} found again from the faces", side.cells, group=side.group)
+        yield subject.found("recognised", f"{message} recognised from the faces", side.cells, group=side.group)
     left = side.cells[~macros.cut & ~macros.whole]
     if macros.cut[~macros.whole].any() and len(left):
         message = counted(len(left), "slave face is", "slave faces are")
-        message += f" in no macro-element of the cut ({subject.numbers(left)}); cut the mesh it came from, with every "
-        yield subject.found("half-cut", f"{message}slave group at once", left, group=side.group)
+        message += f" in no macro-element of the cut ({subject.numbers(left)}); cut the original mesh, with all "
+        yield subject.found("half-cut", f"{message}slave groups at once", left, group=side.group)
 
 
 def _lacking(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
@@ -111,21 +111,23 @@ def _lacking(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
         message = f"{int(none.sum()):,} of {macros.count:,} {what} no internal dof ({subject.numbers(cells)}"
         if (dofs.anywhere[none] > 0).any():
             message += f"; {int((dofs.anywhere[none] > 0).sum())} of them one on the boundary of the skin, where a "
-            message += "symmetry condition would take it"
+            message += "symmetry condition would constrain it"
         message += f"); cut the skin: lacmesh cut {' '.join(f'--slave {quote(name)}' for name in side.names)}"
         yield subject.found("no-internal-dof", message, cells, group=side.group)
     if taken.any():
         cells = side.cells[macros.faces(taken)]
-        message = f"every internal dof of {counted(int(taken.sum()), 'macro-element')} is held by "
+        message = f"every internal dof of {counted(int(taken.sum()), 'macro-element')} is constrained by "
         message += (
-            f"{', '.join(subject.dirichlet)} (slave faces {subject.numbers(cells)}); take these faces out of one "
+            f"{', '.join(subject.dirichlet)} (slave faces {subject.numbers(cells)}); remove these faces from one "
         )
         yield subject.found("fixed-internal-dof", f"{message}of the groups", cells, group=side.group)
     if on_boundary.any():
         cells = side.cells[macros.faces(on_boundary)]
         message = counted(int(on_boundary.sum()), "macro-element owns", "macro-elements own")
-        message += f" free dofs on the boundary of the slave skin only (slave faces {subject.numbers(cells)}), which a "
-        message += "symmetry condition would take; cut them, or name the conditions with --dirichlet"
+        message += f" free dofs on the boundary of the slave skin only (slave faces {subject.numbers(cells)}), where a "
+        message += (
+            "symmetry condition would constrain them; cut the faces, or give the constrained groups with --dirichlet"
+        )
         yield subject.found("rim-dof", message, cells, group=side.group)
 
 

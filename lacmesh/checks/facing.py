@@ -61,7 +61,7 @@ def check_facing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     if master is None or not len(slave) or not len(master):
         return [], {}
     if not (subject.finite[slave.nodes].all() and subject.finite[master.nodes].all()):
-        return [_left_out(subject, "some coordinates are no numbers")], {}
+        return [_left_out(subject, "some coordinates are not finite")], {}
     try:
         facing = _Facing.of(subject)
     except DataError as error:
@@ -76,7 +76,7 @@ def check_facing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
 
 
 def _left_out(subject: Subject, why: str) -> Finding:
-    return subject.found("facing-left-out", f"gap and coverage were left out: {why}", group=subject.slave.group)
+    return subject.found("facing-left-out", f"gap and coverage were not computed: {why}", group=subject.slave.group)
 
 
 def _coverage(subject: Subject, facing: _Facing) -> Iterator[Finding]:
@@ -88,8 +88,8 @@ def _coverage(subject: Subject, facing: _Facing) -> Iterator[Finding]:
         mine = zone == k
         if mine.any() and unseen[mine].all():
             message = f"no slave face of {name} finds a master face along its normal, up to "
-            message += f"{facing.options['search_distance']:.4g} away; check the groups, their places and their sides, "
-            message += "or look farther (--search-distance)"
+            message += f"{facing.options['search_distance']:.4g} away; check the groups, their positions and their "
+            message += "orientation, or increase --search-distance"
             yield subject.found("no-coverage", message, side.cells[mine[facing.macro]], group=name)
             unseen = unseen & ~mine
     if (unseen | partly).any():
@@ -98,7 +98,7 @@ def _coverage(subject: Subject, facing: _Facing) -> Iterator[Finding]:
         message += (
             f"{partly.sum():,} only in part (slave faces {subject.numbers(cells)}); nothing to do if the slave is "
         )
-        yield subject.found("partial-coverage", f"{message}meant to reach beyond the master", cells, group=side.group)
+        yield subject.found("partial-coverage", f"{message}meant to extend beyond the master", cells, group=side.group)
 
 
 def _facing_away(subject: Subject, facing: _Facing) -> Iterator[Finding]:
@@ -112,8 +112,8 @@ def _facing_away(subject: Subject, facing: _Facing) -> Iterator[Finding]:
     gained = coverage(over, facing.slave, facing.macro).ratio > facing.covered.ratio + 0.5
     if gained.any():
         cells = subject.slave.cells[gained[facing.macro]]
-        message = f"the master faces away from {counted(int(gained.sum()), 'macro-element')} (slave faces "
-        message += f"{subject.numbers(cells)}); flip it: lacmesh orient, or list its faces the other way"
+        message = f"the master's normal points away from {counted(int(gained.sum()), 'macro-element')} (slave faces "
+        message += f"{subject.numbers(cells)}); flip it: lacmesh orient, or reverse the node order of its faces"
         yield subject.found("wrong-side", message, cells, group=subject.slave.group)
 
 
@@ -129,10 +129,8 @@ def _behind(subject: Subject, facing: _Facing) -> Iterator[Finding]:
     deep = unseen | ((covered.ratio > NONE) & (covered.mean_gap < -_macro_sizes(facing)))
     if deep.any():
         cells = subject.slave.cells[deep[facing.macro]]
-        message = (
-            f"the master lies behind {counted(int(deep.sum()), 'macro-element')}, too deep for bodies that merely "
-        )
-        message += f"overlap (slave faces {subject.numbers(cells)}); check that these are the surfaces that meet"
+        message = f"the master lies behind {counted(int(deep.sum()), 'macro-element')}, too deep for an overlap of two "
+        message += f"bodies (slave faces {subject.numbers(cells)}); check that these are the surfaces in contact"
         yield subject.found("wrong-side", message, cells, group=subject.slave.group)
 
 
@@ -170,8 +168,8 @@ def _sizes(subject: Subject, facing: _Facing) -> Iterator[Finding]:
         yield subject.found("size-ratio", f"{text}; refine the {'slave' if ratio > 1 else 'master'}", group=group)
     rigid = np.isnan(facing.master.depth).all()  # the stiffer side, whatever its mesh
     if ratio > HINT and not rigid:
-        message = f"a hint: {text}, and the rule of thumb takes the coarser and stiffer side as master; "
-        yield subject.found("better-slave", f"{message}think of exchanging them", group=group)
+        message = f"a hint: {text}, and by a rule of thumb the master is the coarser and stiffer side; "
+        yield subject.found("better-slave", f"{message}consider exchanging them", group=group)
 
 
 def _macro_sizes(facing: _Facing) -> Floats:

@@ -20,7 +20,13 @@ class Where(NamedTuple):
 
 @dataclass(frozen=True)
 class Finding:
-    """One finding: `rule` (a key of RULES), `severity`, ids of `cells` and `nodes` in the file, `where`, a sentence."""
+    """One finding: `rule` (a key of RULES), `severity`, ids of `cells` and `nodes` in the file, `where`, a sentence.
+
+    >>> from lacmesh import check, read
+    >>> finding = next(iter(check(read("data/two_blocks.msh"), "slave", "master")))
+    >>> finding.rule, finding.severity, len(finding.cells)
+    ('no-internal-dof', 'error', 36)
+    """
 
     rule: str
     severity: str
@@ -43,7 +49,13 @@ class Finding:
 
 @dataclass(frozen=True)
 class Findings:
-    """All findings, errors first; `summary`: counts, and figures of the internal dofs, the gap and the coverage."""
+    """All findings, errors first; `summary`: counts, and figures of the internal dofs, the gap and the coverage.
+
+    >>> from lacmesh import check, read
+    >>> findings = check(read("data/two_blocks.msh"), "slave", "master")
+    >>> len(findings.errors), findings.rules, findings.summary["slave_faces"]
+    (1, ('no-internal-dof', 'bodies', 'gap'), 36)
+    """
 
     findings: tuple[Finding, ...]
     summary: Mapping[str, Any]

@@ -23,68 +23,68 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "no-cells": Rule("error", "the mesh has no cells of dimension 2 or 3", "give the mesh of a body"),
         "not-finite": Rule(
             "error",
-            "a node that cells use has a coordinate that is not a number, or infinite; what needs it is left out",
+            "a coordinate of a node of a cell is not finite; checks that need it are left out",
             "correct the coordinates",
         ),
         "repeated-number": Rule(
             "error", "two cells or two nodes have the same number, or one is negative", "number them again"
         ),
         "repeated-node": Rule("error", "a cell lists a node twice", "replace the cell by one of a simpler type"),
-        "repeated-cell": Rule("error", "two cells stand on the same corners", "remove one of them"),
+        "repeated-cell": Rule("error", "two cells have the same corners", "remove one of them"),
         "invalid-cell": Rule(
             "error",
             "the Jacobian determinant is zero or negative at a corner, a mid-node or an integration point of the cell",
-            "mesh again there, or move the nodes",
+            "remesh there, or move the nodes",
         ),
         "inverted-cell": Rule(
             "error",
-            "a solid cell is inverted: its nodes are listed the other way round; code_aster takes it, most refuse",
-            "list its nodes the other way",
+            "a solid cell is inverted: its nodes are listed in reverse; code_aster accepts it, most solvers do not",
+            "reverse its node order",
         ),
         "clockwise-cell": Rule(
             "warning",
-            "a plane cell is listed clockwise; some solvers refuse it, the cut does not mind",
-            "list its nodes the other way if the solver refuses it",
+            "a plane cell is listed clockwise; some solvers refuse it, the cut accepts it",
+            "reverse its node order if the solver refuses it",
         ),
         "poor-cell": Rule(
             "warning",
             "the scaled Jacobian of the cell is below 0.1 (1: ideal), whatever its type: its stiffness is badly "
             "conditioned, its stresses are inaccurate",
-            "mesh better there, or try the other variant of the cut (--hexa)",
+            "improve the mesh there, or try the other variant of the cut (--hexa)",
         ),
-        "crowded-facet": Rule("error", "more than two cells share a facet", "remove the cell that is too many"),
+        "crowded-facet": Rule("error", "more than two cells share a facet", "remove the surplus cells"),
         "overlapping-cells": Rule(
-            "error", "two valid cells lie on the same side of the facet that they share", "mesh again there"
+            "error", "two valid cells lie on the same side of the facet that they share", "remesh there"
         ),
         "mid-nodes-differ": Rule(
             "error",
-            "two cells, or a skin face and the cell behind it, share the corners of a facet and not its mid-nodes",
-            "raise the order of both alike, and share the mid-nodes",
+            "two cells, or a skin face and its parent cell, share the corners of a facet but not its mid-nodes",
+            "elevate the order of both alike, and share the mid-nodes",
         ),
         "torn-body": Rule(
             "warning",
             "a node lies inside an edge of the boundary of the body that it belongs to: the cells do not conform",
-            "mesh both sides alike, or tie them in the solver",
+            "mesh both sides conformingly, or tie them in the solver",
         ),
         "coincident-nodes": Rule(
             "warning",
-            "two nodes stand at the same place, and slave and master do not explain it: the body is torn, or it is a "
-            "crack or another contact",
+            "two nodes have the same coordinates, and not because slave and master touch there: the body is torn, or "
+            "there is a crack or another contact",
             "merge the nodes, unless the mesh is meant to be open there",
         ),
-        "bodies": Rule("info", "how many separate bodies the cells make", "nothing, if that is the number expected"),
+        "bodies": Rule("info", "number of separate bodies", "nothing, if this is the expected number"),
         "unreferenced-node": Rule(
             "info", "a node belongs to no cell", "remove it if the solver gives it degrees of freedom"
         ),
         # the skins
-        "empty-skin": Rule("error", "a slave or master group holds no skin faces", "name the group of the skin"),
+        "empty-skin": Rule("error", "a slave or master group has no skin faces", "name the group of the skin"),
         "wrong-dimension": Rule(
             "error",
-            "a slave or master group holds cells of the body's own dimension",
+            "a slave or master group has cells of the dimension of the body",
             "name the group of the skin, one dimension lower",
         ),
         "lower-dimension": Rule(
-            "warning", "a slave or master group also holds lines or points, which are passed over", "take them out"
+            "warning", "a slave or master group also has lines or points, which are ignored", "remove them"
         ),
         "unsupported-face": Rule(
             "error",
@@ -93,7 +93,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         ),
         "repeated-face": Rule(
             "error",
-            "a face stands twice in the slave or in the master groups, as two cells on the same nodes",
+            "the slave or the master groups have a face twice, as two cells on the same nodes",
             "remove the copy",
         ),
         "face-in-two-zones": Rule(
@@ -108,37 +108,37 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         ),
         "no-parent": Rule(
             "error",
-            "a slave face has no cell behind it",
-            "take the face out of the group, or mesh the body; a shell is cut with --skin-only",
+            "a slave face has no parent cell",
+            "remove the face from the group, or mesh the body; --skin-only cuts a shell",
         ),
         "bare-master": Rule(
-            "info", "master faces have no cells behind them: a rigid master", "nothing, if the master is rigid"
+            "info", "master faces have no parent cells: a rigid master", "nothing, if the master is rigid"
         ),
         "interface": Rule(
             "warning",
-            "a slave or master face lies between two cells: it is inside the body, where nothing can open",
-            "separate the bodies (double the nodes), or take the face out of the group",
+            "a slave or master face lies between two cells, inside the body, where no gap can open",
+            "separate the bodies (double the nodes), or remove the face from the group",
         ),
         "orientation": Rule(
             "warning",
-            "skin faces point inward or, without cells behind them, against their neighbours",
+            "skin faces point inward, or, on a surface without parent cells, opposite to their neighbours",
             "lacmesh orient, or cut with --orient outward",
         ),
         "non-manifold": Rule(
             "error",
             "three or more faces of one skin meet at an edge",
-            "take the faces that branch off out of the group",
+            "remove the branching faces from the group",
         ),
         "mixed-order": Rule(
             "warning",
             "a skin has linear and quadratic faces",
-            "raise the order of the linear part (lacmesh convert --order), or make two zones",
+            "elevate the order of the linear part (lacmesh convert --order), or make two zones",
         ),
         "faceted": Rule(
             "warning",
-            "a curved skin of linear faces is too coarse to be taken for smooth: faces of no exact shape turn by more "
-            "than 22.5 degrees to the next (fewer than 16 to a turn), or have too few neighbours for a fit",
-            "mesh finer there, or with quadratic cells",
+            "a curved skin of linear faces is too coarse for a smooth fit: neighbouring faces of a free-form surface "
+            "meet at more than 22.5 degrees (fewer than 16 to a full turn), or have too few neighbours",
+            "refine the mesh there, or use quadratic cells",
         ),
         "hanging-node": Rule(
             "error",
@@ -148,8 +148,8 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "self-intersection": Rule("error", "faces of one skin cross or overlap", "repair the geometry there"),
         "shared-nodes": Rule(
             "error",
-            "slave and master share nodes: they cannot open there",
-            "double the nodes, or take the faces that touch out of one group",
+            "slave and master share nodes, where no gap can open",
+            "double the nodes, or remove the faces that touch from one group",
         ),
         "zones-share-nodes": Rule(
             "warning",
@@ -159,65 +159,68 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         # the internal dof
         "no-internal-dof": Rule(
             "error",
-            "a macro-element owns no internal dof: no node whose function lives inside it with a positive integral",
+            "a macro-element has no internal dof: no node whose shape function vanishes outside it and has a positive "
+            "integral",
             "lacmesh cut",
         ),
         "rim-dof": Rule(
             "warning",
-            "a macro-element owns dofs only on the boundary of the slave skin, which a symmetry condition would take",
-            "cut the face, or name the conditions with --dirichlet to know",
+            "a macro-element has internal dofs only on the boundary of the slave skin, where a symmetry condition "
+            "would constrain them",
+            "cut the face, or give the constrained groups with --dirichlet for a definite answer",
         ),
         "fixed-internal-dof": Rule(
             "error",
             "every internal dof of a macro-element is in a Dirichlet group",
-            "take the slave faces out of the Dirichlet group, or out of the slave group",
+            "remove the slave faces from the Dirichlet group, or from the slave group",
         ),
-        "internal-dof": Rule("info", "how many macro-elements own an internal dof", "nothing"),
-        "recognised": Rule("info", "the skin is cut; its records were gone and are found again", "nothing"),
+        "internal-dof": Rule("info", "number of macro-elements with an internal dof", "nothing"),
+        "recognised": Rule(
+            "info", "the skin is cut, but has no records of the cut; the macro-elements were recognised", "nothing"
+        ),
         "half-cut": Rule(
             "warning",
-            "a part of the slave skin is cut, and another is not",
-            "cut the mesh it came from, with every slave group at once",
+            "only a part of the slave skin is cut",
+            "cut the original mesh, with all slave groups at once",
         ),
         "broken-records": Rule(
             "error",
             "the data lac_macro, lac_zone, ... of the mesh are not those of a cut: numbers with holes, faces of a "
             "macro-element that are not connected, or internal dofs where the integrals find none",
-            "take them out, or cut the original again",
+            "remove these data, or cut the original mesh again",
         ),
         # slave against master
         "no-coverage": Rule(
             "error",
-            "no slave face of a zone finds a master face along its normal, as far as it looks",
-            "check the groups, their places and their sides, or look farther (--search-distance)",
+            "no slave face of a zone finds a master face along its normal, within the search distance",
+            "check the groups, their positions and their orientation, or increase --search-distance",
         ),
         "partial-coverage": Rule(
             "warning",
-            "the master covers less than 95 % of a macro-element, or nothing of it",
-            "nothing, if the slave is meant to reach beyond the master; such pressures are zero or act on a part",
+            "the master covers less than 95 % of a macro-element, or none of it",
+            "nothing, if the slave is meant to extend beyond the master; pressures there are zero or act on a part",
         ),
         "wrong-side": Rule(
             "warning",
-            "slave and master normals do not oppose each other where they face, or the master lies behind the slave",
-            "flip the skins outward (lacmesh orient), and check which surfaces face each other",
+            "slave and master normals are not opposite where they face each other, or the master lies behind the slave",
+            "orient the skins outward (lacmesh orient), and check which surfaces face each other",
         ),
         "gap": Rule("info", "the signed gap between slave and master: open > 0, penetration < 0", "nothing"),
         "size-ratio": Rule(
             "warning",
-            "the faces of slave and master differ much in size where they meet",
-            "refine the coarser side: the pressure is no finer than the coarser of both",
+            "the faces of slave and master differ much in size",
+            "refine the coarser side, which limits the resolution of the pressure",
         ),
         "better-slave": Rule(
             "info",
-            "a hint, from the meshes alone: the rule of thumb takes the coarser and stiffer side as master",
-            "exchange slave and master, if the stiffness of the bodies does not speak against it",
+            "a hint from the meshes alone: by a rule of thumb the master is the coarser and stiffer side",
+            "exchange slave and master, if the slave is not the softer body",
         ),
         "facing-left-out": Rule(
             "warning",
-            "slave and master cannot be measured against each other: segments that do not lie in a plane, or places "
-            "that are no numbers",
-            "correct the mesh; everything else was checked",
+            "gap and coverage cannot be computed: segments that are not in one plane, or coordinates not finite",
+            "correct the mesh; all other checks were done",
         ),
-        "not-checked": Rule("error", "a part of the check could not be done", "report it, with the mesh"),
+        "not-checked": Rule("error", "a part of the check failed", "report it, with the mesh"),
     }
 )

@@ -40,7 +40,7 @@ def check_shapes(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
 
 def _coarse(side: CheckedSkin, coarse: Faceted) -> str:
     message = side.counted(len(coarse.cells), "is", "are") + " too coarse for a curved skin: they "
-    what = [f"turn by up to {coarse.turn:.0f} degrees to the next"]
+    what = [f"meet at angles up to {coarse.turn:.0f} degrees"]
     if coarse.no_height:
         what.append(f"{coarse.no_height:,} of them have too few neighbours for a fit")
-    return f"{message}{', and '.join(what)}; mesh finer there (16 faces to a turn or more), or with quadratic cells"
+    return f"{message}{', and '.join(what)}; refine the mesh (16 faces to a full turn or more), or use quadratic cells"

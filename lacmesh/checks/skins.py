@@ -39,18 +39,18 @@ def _dimensions(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
         odd = [c for kind, c, _ in mesh.select(mine) if is_carried(kind)]
         if len(higher):
             message = (
-                f"the {side.what} group {name!r} holds {counted(len(higher), 'cell')} of dimension {int(dims.max())} "
+                f"the {side.what} group {name!r} has {counted(len(higher), 'cell')} of dimension {int(dims.max())} "
                 f"({subject.numbers(higher)}); name the group of its skin, of dimension {subject.dim}"
             )
             yield subject.found("wrong-dimension", message, higher, group=name)
         elif not len(mine):
             message = (
-                f"the {side.what} group {name!r} holds no skin faces (cells of dimension {subject.dim}); name another"
+                f"the {side.what} group {name!r} has no skin faces (cells of dimension {subject.dim}); name another"
             )
             yield subject.found("empty-skin", message, lower, group=name)
         elif len(lower):
-            message = f"the {side.what} group {name!r} also holds {counted(len(lower), 'cell')} of lower dimension "
-            message += f"({subject.numbers(lower)}); take them out"
+            message = f"the {side.what} group {name!r} also has {counted(len(lower), 'cell')} of lower dimension "
+            message += f"({subject.numbers(lower)}); remove them"
             yield subject.found("lower-dimension", message, lower, group=name)
         if odd:
             cells = np.concatenate(odd)
@@ -64,8 +64,8 @@ def _dimensions(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
 def _copies(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
     if len(side.copies):
         message = (
-            f"{side.counted(len(side.copies), 'stands', 'stand')} twice: "
-            f"cells {subject.numbers(side.copies)} lie on the nodes of others in the groups; remove the copies"
+            f"{side.counted(len(side.copies), 'occurs', 'occur')} twice: "
+            f"cells {subject.numbers(side.copies)} have the nodes of others in the groups; remove the copies"
         )
         yield subject.found("repeated-face", message, side.copies, group=side.group)
     if side.what == "slave" and len(side):
@@ -84,7 +84,7 @@ def _in_two_zones(subject: Subject) -> Iterator[Finding]:
     twice = cells[count > 1]
     if len(twice):
         message = counted(len(twice), "cell is", "cells are")
-        message += f" in several slave groups ({subject.numbers(twice)}); the zone of the first has them"
+        message += f" in several slave groups ({subject.numbers(twice)}); they belong to the zone of the first"
         yield subject.found("face-in-two-zones", message, twice, group=subject.slave.group)
 
 
@@ -111,12 +111,12 @@ def _behind(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
     if side.what == "slave" and subject.mesh.dim == 2 and _are_recorded(subject, parentless):
         return  # a shell that was cut as one
     if len(parentless) and side.what == "slave":
-        message = f"{side.counted(len(parentless), 'has', 'have')} no cell behind ({subject.numbers(parentless)}); "
-        message += "take them out of the group, or mesh the body (a shell is cut with --skin-only)"
+        message = f"{side.counted(len(parentless), 'has', 'have')} no parent cell ({subject.numbers(parentless)}); "
+        message += "remove them from the group, or mesh the body (--skin-only cuts a shell)"
         yield subject.found("no-parent", message, parentless, group=side.group)
     elif len(parentless):
         message = (
-            f"{side.counted(len(parentless), 'has', 'have')} no cell behind: the master, or that part of it, is rigid"
+            f"{side.counted(len(parentless), 'has', 'have')} no parent cell: the master, or that part of it, is rigid"
         )
         yield subject.found("bare-master", message, parentless, group=side.group)
     if len(carried):
@@ -126,13 +126,13 @@ def _behind(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
     between = side.cells[count == 2]
     if len(between):
         message = f"{side.counted(len(between), 'lies', 'lie')} between two cells ({subject.numbers(between)}), where "
-        message += "nothing opens; double the nodes, or take them out of the group"
+        message += "no gap can open; double the nodes, or remove them from the group"
         yield subject.found("interface", message, between, group=side.group)
     parents = subject.parents[side.what]
     odd = side.cells[np.unique(parents.face[~parents.same])]
     if len(odd):
-        message = f"{side.counted(len(odd), 'does', 'do')} not have the mid-nodes of the cells behind "
-        message += f"({subject.numbers(odd)}); raise the order of both alike"
+        message = f"{side.counted(len(odd), 'does', 'do')} not have the mid-nodes of their parent cells "
+        message += f"({subject.numbers(odd)}); elevate the order of both alike"
         yield subject.found("mid-nodes-differ", message, odd, group=side.group)
 
 
@@ -158,8 +158,9 @@ def _inward(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
         message = f"{len(inward):,} of {side.counted(len(side), 'points', 'point')} inward ({subject.numbers(inward)})"
         yield subject.found("orientation", f"{message}; {advice}", inward, group=side.group)
     if len(against):
-        message = side.counted(len(against), "without a cell behind points", "without a cell behind point")
-        message += f" against their neighbours, or inward ({subject.numbers(against)})"
+        one, many = f"{side.what} face without parent cell points", f"{side.what} faces without parent cells point"
+        message = counted(len(against), one, many)
+        message += f" opposite to their neighbours, or inward ({subject.numbers(against)})"
         yield subject.found("orientation", f"{message}; {advice}", against, group=side.group)
 
 
@@ -181,7 +182,7 @@ def _branches(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
         cells = side.cells[rows]
         message = (
             f"three or more {side.what} faces meet at {counted(int((count > 2).sum()), 'edge')} (cells "
-            f"{subject.numbers(cells)}); take those that branch off out of the group"
+            f"{subject.numbers(cells)}); remove the branching faces from the group"
         )
         yield subject.found("non-manifold", message, cells, group=side.group)
 
@@ -191,7 +192,7 @@ def _orders(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
     if order.min() < order.max():
         few = side.cells[order == (1 if 2 * (order == 1).sum() <= len(order) else 2)]
         message = f"the {side.what} skin has linear and quadratic faces (fewer of one: {subject.numbers(few)})"
-        advice = "raise the order of the linear part, or make two zones"
+        advice = "elevate the order of the linear part, or make two zones"
         yield subject.found("mixed-order", f"{message}; {advice}", few, group=side.group)
 
 
@@ -203,8 +204,8 @@ def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
         common = np.intersect1d(slave.nodes, master.nodes)
         if len(common):
             message = (
-                f"slave and master share {counted(len(common), 'node')} ({subject.node_numbers(common)}): they cannot "
-                "open there; double the nodes, or take the faces that touch out of one of the groups"
+                f"slave and master share {counted(len(common), 'node')} ({subject.node_numbers(common)}), where no gap "
+                "can open; double the nodes, or remove the faces that touch from one of the groups"
             )
             found.append(subject.found("shared-nodes", message, nodes=common, group=f"{slave.group} / {master.group}"))
     shared = _shared_by_zones(subject)

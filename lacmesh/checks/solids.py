@@ -38,12 +38,12 @@ def check_numbers(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     infinite = np.flatnonzero(used & ~subject.finite)
     if len(infinite):
         message = counted(len(infinite), "node has", "nodes have")
-        message += f" coordinates that are no numbers, or huge ({subject.node_numbers(infinite)}); correct them"
+        message += f" coordinates that are not finite, or huge ({subject.node_numbers(infinite)}); correct them"
         found.append(subject.found("not-finite", message, nodes=infinite))
     free = np.flatnonzero(~used)
     if len(free):
         message = counted(len(free), "node belongs", "nodes belong")
-        message += f" to no cell ({subject.node_numbers(free)}); nothing to do, unless the solver gives them dofs"
+        message += f" to no cell ({subject.node_numbers(free)}); nothing to do unless the solver gives them dofs"
         found.append(subject.found("unreferenced-node", message, nodes=free))
     return found, {"nodes": mesh.n_nodes, "cells": mesh.n_cells}
 
@@ -98,17 +98,17 @@ def _invalid(subject: Subject, repeated: Ints, invalid: Ints, inverted: Ints) ->
     found = []
     if len(repeated):
         message = counted(len(repeated), "cell lists", "cells list")
-        message += f" a node twice ({subject.numbers(repeated)}); give them their simpler type"
+        message += f" a node twice ({subject.numbers(repeated)}); use a simpler type for them"
         found.append(subject.found("repeated-node", message, repeated))
     if len(invalid):
         message = (
             f"the Jacobian determinant of {counted(len(invalid), 'cell')} is not positive where solvers evaluate it "
         )
-        message += f"({subject.numbers(invalid)}); mesh again there, or move the nodes"
+        message += f"({subject.numbers(invalid)}); remesh there, or move the nodes"
         found.append(subject.found("invalid-cell", message, invalid))
     if len(inverted):
         message = counted(len(inverted), "cell is", "cells are")
-        message += f" inverted ({subject.numbers(inverted)}); list their nodes the other way"
+        message += f" inverted ({subject.numbers(inverted)}); reverse their node order"
         found.append(subject.found("inverted-cell", message, inverted))
     return found
 
@@ -120,7 +120,7 @@ def _doubtful(subject: Subject, clockwise: Ints, bad: Ints, quality: NDArray) ->
     if len(clockwise):
         message = counted(len(clockwise), "plane cell is", "plane cells are")
         message += (
-            f" listed clockwise ({subject.numbers(clockwise)}); list them the other way if the solver refuses them"
+            f" listed clockwise ({subject.numbers(clockwise)}); reverse their node order if the solver refuses them"
         )
         found.append(subject.found("clockwise-cell", message, clockwise))
     if len(bad):
@@ -137,10 +137,10 @@ def _advice(subject: Subject, poor: Ints) -> str:
     parent = subject.mesh.cell_data.get("lac_parent")
     made = poor[:0] if parent is None else poor[parent[poor] >= 0]
     if not len(made):
-        return "mesh better there (lacmesh quality says more)"
+        return "improve the mesh there (lacmesh quality says more)"
     families = {CELLS[kind].family for kind, _, _ in subject.mesh.select(made)}
     other = ", or cut with --hexa auto" if families & {"HEXA", "PYRAM"} else ""
-    return f"the cut made {len(made):,} of them: mesh better behind the slave faces{other}"
+    return f"{len(made):,} of them come from subdivision; improve the mesh there{other}"
 
 
 def _with_repeated_nodes(mesh: Mesh) -> NDArray[np.bool_]:
@@ -162,14 +162,14 @@ def check_facets(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     solid, opposite, found = facets.solid, facets.opposite, []
     if len(facets.copies):
         message = (
-            f"{counted(len(facets.copies), 'cell stands', 'cells stand')} on the corners of others "
+            f"{counted(len(facets.copies), 'cell has', 'cells have')} the same corners as others "
             f"({subject.numbers(facets.copies)}); remove them"
         )
         found.append(subject.found("repeated-cell", message, facets.copies))
     crowded = np.unique(np.flatnonzero(opposite == CROWDED) // FACETS)
     if len(crowded):
         cells = solid.cells[crowded]
-        message = f"more than two cells share a facet (cells {subject.numbers(cells)}); remove those that are too many"
+        message = f"more than two cells share a facet (cells {subject.numbers(cells)}); remove the surplus cells"
         found.append(subject.found("crowded-facet", message, cells))
     found += _overlapping(subject, solid, opposite, facets.same)
     found += _other_mid_nodes(subject, solid, opposite)
@@ -196,7 +196,7 @@ def _overlapping(subject: Subject, solid: Solid, opposite: Ints, same: NDArray[n
         f"{counted(len(overlap), 'pair of cells lies', 'pairs of cells lie')} on the same side of the facet that they "
         f"share ({subject.numbers(cells)})"
     )
-    return [subject.found("overlapping-cells", f"{message}; mesh again there", cells)]
+    return [subject.found("overlapping-cells", f"{message}; remesh there", cells)]
 
 
 def _inversion(subject: Subject, cells: Ints) -> Ints:
@@ -252,6 +252,6 @@ def _other_mid_nodes(subject: Subject, solid: Solid, opposite: Ints) -> list[Fin
     cells = np.unique(solid.cells[np.concatenate([at, opposite[at]]) // FACETS])
     if not len(cells):
         return []
-    message = f"the cells on both sides of {counted(len(at), 'facet')} share corners and not mid-nodes "
+    message = f"the cells on both sides of {counted(len(at), 'facet')} share corners but not mid-nodes "
     message += f"({subject.numbers(cells)})"
-    return [subject.found("mid-nodes-differ", f"{message}; raise the order of both alike", cells)]
+    return [subject.found("mid-nodes-differ", f"{message}; elevate the order of both alike", cells)]

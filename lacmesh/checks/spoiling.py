@@ -63,7 +63,7 @@ def _edges_without_length(subject: Subject) -> Iterator[Finding]:
     if len(short):
         nodes = np.unique(short)
         message = (
-            f"{len(nodes):,} nodes stand at one place with another of their cell ({subject.node_numbers(nodes)}): "
+            f"{len(nodes):,} nodes have the coordinates of another node of their cell ({subject.node_numbers(nodes)}): "
         )
         message += f"{counted(len(np.unique(short, axis=0)), 'edge has', 'edges have')} no length; merge the nodes"
         yield subject.found("coincident-nodes", message, nodes=nodes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from lacmesh.cli.options import EPILOG, written
+from lacmesh.cli.options import EPILOG
 from lacmesh.cli.program import Program
 from lacmesh.errors import GroupNotFoundError, LacmeshError
 
@@ -28,12 +28,11 @@ def _told(error: LacmeshError, args: argparse.Namespace) -> list[str]:
 PROGRAM = Program(
     "lacmesh",
     __name__,
-    "Cut meshes for Local Average Contact: each face of the slave skin becomes a macro-element that "
-    "owns a displacement degree of freedom.",
+    "Prepare meshes for Local Average Contact: subdivide the slave faces into macro-elements with an internal "
+    "displacement node, check, measure, draw and convert.",
     EPILOG,
     COMMANDS,
     _told,
-    written,
     "there is not enough memory for this mesh",
     collects=False,  # a short life of large arrays and no cycles: collecting would only cost time
 )

@@ -29,7 +29,7 @@ def add(commands: Any) -> None:
         commands,
         "check",
         run,
-        "say whether a mesh will work with the method, and where not; exit 1 if any finding is an error",
+        "check whether a mesh is usable for LAC, and where not; exit status 1 if any finding is an error",
     )
     parser.add_argument("input", metavar="IN", help="mesh, cut or not")
     parser.add_argument("--slave", action="append", required=True, metavar="GROUP", help="slave skin; may be repeated")
@@ -51,49 +51,49 @@ def run(args: argparse.Namespace) -> None:
     with stage("check"):
         from lacmesh.checks import check
 
-        found = check(mesh, args.slave, args.master, recognise=args.recognise, **facing_options(args))
+        findings = check(mesh, args.slave, args.master, recognise=args.recognise, **facing_options(args))
     if args.json:
-        print(as_json(found.as_dict()))
+        print(as_json(findings.as_dict()))
     elif not args.quiet:
-        _print_findings(found, size_of(mesh))
+        _print_findings(findings, size_of(mesh))
         times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
         print(f"{args.input}: {times}{memory()}")
     else:
-        warn_of(found)
+        warn_of(findings)
     sys.stdout.flush()
-    if found.errors:
-        rules = ", ".join(dict.fromkeys(f.rule for f in found.errors))
-        raise DataError(f"{args.input} will not do as it is: {_count(found, 'error')} ({rules})")
+    if findings.errors:
+        rules = ", ".join(dict.fromkeys(f.rule for f in findings.errors))
+        raise DataError(f"{args.input} is not usable for LAC: {_count(findings, 'error')} ({rules})")
 
 
-def warn_of(found: Findings) -> None:
+def warn_of(findings: Findings) -> None:
     """Issue the findings of severity warning as warnings of the command."""
-    for finding in found.warnings:
+    for finding in findings.warnings:
         warnings.warn(f"{finding.rule}: {finding.message}", LacmeshWarning, stacklevel=1)
 
 
-def _count(found: Findings, severity: str) -> str:
-    n = len(found.of_severity(severity))
+def _count(findings: Findings, severity: str) -> str:
+    n = len(findings.of_severity(severity))
     return f"{n} {severity}{'' if n == 1 else 's'}"
 
 
-def _print_findings(found: Findings, size: float) -> None:
+def _print_findings(findings: Findings, size: float) -> None:
     from rich.text import Text
 
     out = console()
-    if found.findings:
+    if findings.findings:
         rows = table("finding", "rule", "what, where, what to do")
         for column in rows.columns[:2]:
             column.no_wrap = True
-        for f in found:
+        for f in findings:
             rows.add_row(Text(f.severity, _STYLE[f.severity]), f.rule, _sentence(f, size))
         out.print(rows)
     rows = table("summary", "")
-    for name, value in _figures(found.summary):
+    for name, value in _figures(findings.summary):
         rows.add_row(name, value)
     out.print(rows)
-    verdict = _count(found, "error") if found.errors else "no errors"
-    print(f"{verdict}, {_count(found, 'warning')}")
+    verdict = _count(findings, "error") if findings.errors else "no errors"
+    print(f"{verdict}, {_count(findings, 'warning')}")
 
 
 def _sentence(f: Finding, size: float) -> str:

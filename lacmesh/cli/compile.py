@@ -19,7 +19,7 @@ _MOST = 4
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    parser = add_command(commands, "compile", run, "compile all that runs compiled, once, for all that follows")
+    parser = add_command(commands, "compile", run, "compile all kernels once, for all later commands")
     parser.epilog = (
         "Nothing has to be compiled: small work runs without, and larger work compiles what it needs, once.\n"
         "This does it beforehand, for lacmesh and lacsolver. Where it is kept: beside the package, or where that\n"

@@ -6,12 +6,14 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from lacmesh.cli.options import add_command, add_output_options, add_program_option, check_output, write_mesh
+from lacmesh.cli.options import add_command, add_output_options, add_program_option, pending_mesh, write_mesh
 
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    parser = add_command(commands, "convert", run, "write a mesh in another format, or of another order, groups kept")
+    parser = add_command(
+        commands, "convert", run, "write a mesh in another format, or with elevated order; groups are kept"
+    )
     parser.add_argument("input", metavar="IN")
     parser.add_argument("output", metavar="OUT", help="the suffix says the format (docs/formats.md)")
     parser.add_argument(
@@ -28,7 +30,7 @@ def run(args: argparse.Namespace) -> None:
     from lacmesh.formats import read
 
     source, target = Path(args.input), Path(args.output)
-    check_output(target, args)
+    args.left = pending_mesh(target, args).left
     mesh = read(source, mesh=args.mesh)
     if args.order:
         from lacmesh.cutting.order import raise_order
@@ -40,7 +42,7 @@ def run(args: argparse.Namespace) -> None:
         check_cells(mesh, args.program)
     write_mesh(target, mesh, source, args)
     if not args.quiet:
-        types = ", ".join(f"{n:,} {kind}" for kind, n in mesh.cells_by_type.items())
+        types = ", ".join(f"{n:,} {cell_type}" for cell_type, n in mesh.cells_by_type.items())
         groups = len(mesh.cell_groups) + len(mesh.node_groups)
         counts = f"{mesh.n_nodes:,} nodes, {mesh.n_cells:,} cells ({types}), {groups} group{'' if groups == 1 else 's'}"
         print(f"{source}: {counts}; written to {target}")

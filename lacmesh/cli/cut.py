@@ -15,8 +15,8 @@ from lacmesh.cli.options import (
     add_output_options,
     add_program_option,
     add_recognition_options,
-    check_output,
     facing_options,
+    pending_mesh,
     write_mesh,
 )
 from lacmesh.cli.terminal import Stages, console, memory, table
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    parser = add_command(commands, "cut", run, "cut the slave skin, and the cells behind it, into macro-elements")
+    parser = add_command(
+        commands, "cut", run, "subdivide the slave faces, and the cells behind them, into macro-elements"
+    )
     parser.add_argument("input", metavar="IN", help="mesh: .msh, .med, .mail, .inp, .vtu, .xdmf and more")
     parser.add_argument("--slave", action="append", required=True, metavar="GROUP", help="slave skin; may be repeated")
     parser.add_argument(
@@ -39,46 +41,48 @@ def add(commands: Any) -> None:
         action="append",
         default=[],
         metavar="GROUP",
-        help="what the slave skin faces; may be repeated: the cut is checked against it (as lacmesh check does), and "
-        "not written where that finds an error",
+        help="master skin; may be repeated: the cut is checked against it (as by lacmesh check), and not written if "
+        "the check finds an error",
     )
     add_facing_options(parser)
-    parser.add_argument("-o", "--output", metavar="OUT", help="default: beside the input, with .lac before its suffix")
+    parser.add_argument("-o", "--output", metavar="OUT", help="default: next to the input, with .lac before its suffix")
     parser.add_argument(
         "--hexa",
         choices=("pyramid", "hexa", "auto"),
         default="pyramid",
-        help="children of hexahedra; auto: those whose worst is better (default: pyramid)",
+        help="subdivision of hexahedra; auto: the variant with the higher minimum Jacobian (default: pyramid)",
     )
     parser.add_argument(
         "--interface",
         choices=("both", "refuse"),
         default="both",
-        help="a slave face between two cells: cut both, or refuse (default: both)",
+        help="internal face: subdivide both sides, or stop (default: both)",
     )
     parser.add_argument(
         "--orient",
         choices=("keep", "outward"),
         default="keep",
-        help="leave slave faces as they turn, or turn them outward (default: keep)",
+        help="orientation of slave faces: keep it, or flip faces that point inward (default: keep)",
     )
-    parser.add_argument("--skin-only", action="store_true", help="cut a skin that has no cells behind it (a shell)")
+    parser.add_argument("--skin-only", action="store_true", help="cut a surface without parent cells (a shell)")
     parser.add_argument(
         "--node-groups",
         choices=("extend", "keep"),
         default="extend",
-        help="new nodes enter node groups that hold all corners around them (default: extend)",
+        help="node sets gain new nodes when all corners belong (default: extend)",
     )
     parser.add_argument(
         "--min-quality",
         type=_number,
         metavar="X",
-        help="write nothing where the least corner Jacobian of a touched cell would be below X (1: ideal, 0: flat)",
+        help="write nothing if the minimum corner Jacobian of the new cells is below X (1: ideal, 0: flat)",
     )
     add_recognition_options(parser)
-    add_program_option(parser, "refuse, before cutting, what would give cells that this program cannot take")
+    add_program_option(parser, "stop before cutting if the cut would have cells that this program does not support")
     parser.add_argument(
-        "--report", metavar="FILE", help="what the cut does to the cells: .html (opens offline), .md, .json"
+        "--report",
+        metavar="FILE",
+        help="report on the effect of the cut on the cells: .html (opens offline), .md, .json",
     )
     add_output_options(parser)
 
@@ -94,7 +98,7 @@ def run(args: argparse.Namespace) -> None:
     target = Path(args.output) if args.output else _beside(source)
     asked = {"check": args.master, "report": args.report}
     stage = Stages(args, ("read", "cut", *(name for name, wanted in asked.items() if wanted), "write"))
-    check_output(target, args)
+    args.left = pending_mesh(target, args).left
     if args.report:
         _check_report(target, args)
     with stage("read"):
@@ -104,13 +108,13 @@ def run(args: argparse.Namespace) -> None:
         cut = _cut(mesh, args)
         if args.min_quality is not None:
             _refuse_poor(None if done else mesh, cut, args.min_quality)
-    report = found = None
+    report = findings = None
     if args.master:
         with stage("check"):
-            found = _check(cut, args)
+            findings = _check(cut, args)
     if args.report:
         with stage("report"):
-            report = _report(None if done else mesh, cut, found)
+            report = _report(None if done else mesh, cut, findings)
     with ThreadPoolExecutor(1) as beside:
         # beside the writing, which waits for the disk
         summary = None if args.quiet or done else beside.submit(_summarise, mesh, cut)
@@ -119,7 +123,7 @@ def run(args: argparse.Namespace) -> None:
     if summary is not None:
         _print_summary(summary.result(), source, target, stage)
     elif done and not args.quiet:
-        print(f"{source} is cut already everywhere on {', '.join(args.slave)}: written as it was to {target}")
+        print(f"{source} is already cut on all of {', '.join(args.slave)}: written unchanged to {target}")
     if report is not None and not args.quiet:
         print(f"report: {args.report}")
 
@@ -142,21 +146,21 @@ def _check(cut: Cut, args: argparse.Namespace) -> Findings:
     from lacmesh.checks import check
     from lacmesh.cli.check import warn_of
 
-    found = check(cut, args.slave, args.master, **facing_options(args))
-    if found.errors:
-        first, more = found.errors[0], len(found.errors) - 1
+    findings = check(cut, args.slave, args.master, **facing_options(args))
+    if findings.errors:
+        first, more = findings.errors[0], len(findings.errors) - 1
         others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
-        raise DataError(f"the cut will not do: {first.rule}: {first.message}{others}")
-    warn_of(found)
-    return found
+        raise DataError(f"the cut is not usable for LAC: {first.rule}: {first.message}{others}")
+    warn_of(findings)
+    return findings
 
 
 def _beside(source: Path) -> Path:
     """Default output of a cut: the input with `.lac` before its suffix (the format's own suffix if it has none)."""
-    from lacmesh.formats import kind_of
+    from lacmesh.formats import detect_format
 
-    kind = kind_of(source)
-    return source.with_name(f"{source.stem}.lac{source.suffix or f'.{kind.format}'}")
+    suffix = source.suffix or f".{detect_format(source).format}"
+    return source.with_name(f"{source.stem}.lac{suffix}")
 
 
 def _check_report(target: Path, args: argparse.Namespace) -> None:
@@ -230,9 +234,9 @@ def _print_summary(summary: CutSummary, source: Path, target: Path, stage: Stage
     for zone, macros in summary.zones.items():
         rows.add_row(f"macro-elements of {zone}", "", f"{macros:,}", "")
     rows.add_section()
-    for kind in dict.fromkeys([*summary.replaced, *summary.children]):
-        old, new = summary.replaced.get(kind, 0), summary.children.get(kind, 0)
-        rows.add_row(f"{kind} touched", f"{old:,}", f"{new:,}", f"{new - old:+,}")
+    for cell_type in dict.fromkeys([*summary.replaced, *summary.children]):
+        old, new = summary.replaced.get(cell_type, 0), summary.children.get(cell_type, 0)
+        rows.add_row(f"{cell_type} touched", f"{old:,}", f"{new:,}", f"{new - old:+,}")
     if summary.replaced:
         rows.add_row("worst quality of the touched cells", *(f"{q:.3f}" for q in summary.worst), "")
     else:

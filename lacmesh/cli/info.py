@@ -16,7 +16,7 @@ LISTED = 60
 def add(commands: Any) -> None:
     """Declare the command."""
     shapes = "also say what shapes curved skins of linear faces have; "
-    parser = add_command(commands, "info", run, "say what is in a file", verbose=shapes)
+    parser = add_command(commands, "info", run, "list the content of a file", verbose=shapes)
     parser.add_argument("input", metavar="IN")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     add_mesh_option(parser)
@@ -28,52 +28,56 @@ def run(args: argparse.Namespace) -> None:
     from lacmesh.report import describe
 
     mesh = read(args.input, mesh=args.mesh)
-    found = describe(mesh)
+    described = describe(mesh)
     if args.verbose:
         from lacmesh.smooth.fitted import shapes_of_groups
 
-        found["shapes"] = {name: [one.as_dict() for one in shapes] for name, shapes in shapes_of_groups(mesh).items()}
+        described["shapes"] = {
+            name: [one.as_dict() for one in shapes] for name, shapes in shapes_of_groups(mesh).items()
+        }
     if args.json:
-        print(as_json(found))
+        print(as_json(described))
         return
     if not args.quiet:
-        _print_info(args.input, title_of(args.input), found, mesh.group_tags)
+        _print_info(args.input, title_of(args.input), described, mesh.group_tags)
 
 
-def _print_info(path: str, kind: str, found: dict[str, Any], tags: Mapping[str, tuple[tuple[int, int], ...]]) -> None:
+def _print_info(
+    path: str, title: str, described: dict[str, Any], tags: Mapping[str, tuple[tuple[int, int], ...]]
+) -> None:
     from lacmesh.origin import told
 
     out = console()
-    print(f"{path}: {kind}, {found['nodes']:,} nodes, {found['cells']:,} cells")
-    if found["bounding_box"]:
-        low, high = found["bounding_box"]
+    print(f"{path}: {title}, {described['nodes']:,} nodes, {described['cells']:,} cells")
+    if described["bounding_box"]:
+        low, high = described["bounding_box"]
         size = max(b - a for a, b in zip(low, high, strict=True))
         ends = (told(corner, size, 6) for corner in (low, high))
         print("box: " + ", ".join(f"{a} in [{lo}, {hi}]" for a, lo, hi in zip("xyz", *ends, strict=True)))
     rows = table("type", "cells")
-    for name, count in found["cells_by_type"].items():
+    for name, count in described["cells_by_type"].items():
         rows.add_row(name, f"{count:,}")
     out.print(rows)
-    if found["groups"]:
+    if described["groups"]:
         rows = table("group", "dimension", "cells", "tag")
-        for name, group in found["groups"].items():
+        for name, group in described["groups"].items():
             dim = str(group["dim"]) if group["dim"] >= 0 else ""
             rows.add_row(name, dim, f"{group['cells']:,}", ", ".join(f"{d}:{t}" for d, t in tags.get(name, ())))
         out.print(rows)
     else:
-        _print_entities(out, found["entities"])
-    if found["node_groups"]:
+        _print_entities(out, described["entities"])
+    if described["node_groups"]:
         rows = table("node group", "nodes")
-        for name, count in found["node_groups"].items():
+        for name, count in described["node_groups"].items():
             rows.add_row(name, f"{count:,}")
         out.print(rows)
-    if found.get("shapes"):
+    if described.get("shapes"):
         from lacmesh.smooth.fitted import in_words
 
-        for name, shapes in found["shapes"].items():
+        for name, shapes in described["shapes"].items():
             print(f"{name}: {in_words(shapes)}")
-    if found["lac"]:
-        print(f"cut: {found['lac']['macro_elements']:,} macro-elements in {', '.join(found['lac']['zones'])}")
+    if described["lac"]:
+        print(f"cut: {described['lac']['macro_elements']:,} macro-elements in {', '.join(described['lac']['zones'])}")
 
 
 def _print_entities(out: Any, entities: list[dict[str, Any]]) -> None:

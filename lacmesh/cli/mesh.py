@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_msh_options, check_output
+from lacmesh.cli.options import add_command, add_msh_options, pending_mesh
 from lacmesh.cli.terminal import Stages, as_json, console, table
 from lacmesh.errors import RequestError
 
@@ -144,7 +144,7 @@ def _mesh(args: argparse.Namespace) -> None:
         groups.setdefault(name, []).append(part)
     check_source(args.cad)
     target = Path(args.output)
-    check_output(target, args)
+    args.left = pending_mesh(target, args).left
     stage = Stages(args, ("mesh", "write"))
     with stage("mesh"):
         mesh = mesh_cad(
@@ -159,7 +159,7 @@ def _mesh(args: argparse.Namespace) -> None:
     with stage("write"):
         write(target, mesh, msh=args.msh, binary=False if args.ascii else None, force=args.force)
     if not args.quiet:
-        types = ", ".join(f"{n:,} {kind}" for kind, n in mesh.cells_by_type.items())
+        types = ", ".join(f"{n:,} {cell_type}" for cell_type, n in mesh.cells_by_type.items())
         print(f"{target}: {mesh.n_nodes:,} nodes, {mesh.n_cells:,} cells ({types})")
         for name, cells in mesh.cell_groups.items():
             print(f"  {name}: {len(cells):,} cells of dimension {mesh.group_dim(name)}")

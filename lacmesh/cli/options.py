@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -82,13 +83,13 @@ def add_recognition_options(parser: argparse.ArgumentParser) -> None:
         dest="recognise",
         action="store_false",
         default=None,
-        help="the slave faces are not yet cut, whatever they look like",
+        help="treat the slave faces as not cut yet, without recognition of an earlier cut",
     )
     either.add_argument(
         "--recognise",
         action="store_true",
         default=None,
-        help="the slave faces are those of an earlier cut, as their pattern says, however its nodes are numbered now",
+        help="recognise an earlier cut by the pattern of its faces alone, whatever the node numbers",
     )
 
 
@@ -99,37 +100,37 @@ def add_facing_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="GROUP",
-        help="cells or nodes whose displacement is imposed; may be repeated",
+        help="cells or nodes with prescribed displacement; may be repeated",
     )
     parser.add_argument(
-        "--axisymmetric", action="store_true", help="a plane mesh about the y axis: measures hold 2 pi x"
+        "--axisymmetric", action="store_true", help="a plane mesh, axisymmetric about y: areas include 2 pi x"
     )
     parser.add_argument(
         "--search-distance",
         type=_length,
         metavar="LENGTH",
-        help="how far the slave looks for the master (default: a quarter of the smaller skin's diagonal, or twice its "
+        help="search distance from slave to master (default: a quarter of the smaller skin's diagonal, or twice its "
         "largest macro-element)",
     )
     parser.add_argument(
         "--max-penetration",
         type=_length,
         metavar="LENGTH",
-        help="how far it looks behind itself, where bodies overlap (default: half of the cells that meet there)",
+        help="largest initial penetration searched (default: half the local element size)",
     )
     parser.add_argument(
         "--surface",
         choices=("smooth", "faces"),
         default="smooth",
-        help="what gaps are measured between, where cells are linear: the curved skins that the nodes lie on, or the "
-        "faces as they are (default: smooth)",
+        help="gaps of linear cells are measured between the curved surfaces on which their nodes lie, or between the "
+        "faces (default: smooth)",
     )
     parser.add_argument(
         "--crease-angle",
         type=_angle,
         default=40.0,
         metavar="DEGREES",
-        help="edges that turn by more stay sharp (default: 40)",
+        help="edges at which the normal turns by more are sharp (default: 40)",
     )
 
 
@@ -158,55 +159,65 @@ def add_mesh_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mesh", metavar="NAME", help="which mesh, in a file that holds several")
 
 
-def check_output(target: Path, args: argparse.Namespace) -> None:
-    """Check early that a mesh can be written with these options. Raises RequestError, WriteError."""
-    from lacmesh.formats import check_target
-    from lacmesh.formats.table import takers
+@dataclass(frozen=True)
+class PendingOutput:
+    """An output that a command will write: its path, and what identifies the file that stands there before."""
 
-    taken = check_target(target).options
+    path: Path
+    before: tuple[int, int] | None
+
+    def left(self) -> str:
+        """Clause for an interrupted command that says if its output was written, judged by the file on the disk."""
+        if _identity(self.path) == self.before:
+            return "nothing was written"
+        return f"{self.path} was written before that"
+
+
+def pending_output(target: Path, *, force: bool) -> PendingOutput:
+    """Check early that a file can be written; return it as an output to come. Raises RequestError, WriteError."""
+    from lacmesh.formats.output import check_place
+
+    before = _identity(target)
+    check_place(target, force=force)
+    return PendingOutput(target, before)
+
+
+def pending_mesh(target: Path, args: argparse.Namespace) -> PendingOutput:
+    """Check early that a mesh can be written with these options; return it as an output to come.
+
+    Raises RequestError, WriteError.
+    """
+    from lacmesh.formats.table import format_of, takers
+
+    taken = format_of(target).options
     for option, name in _OPTIONS.items():
         if getattr(args, option, None) and name not in taken:
             suffixes = listed([taker.suffixes[0] for taker in takers(name)], "or")
             article = "an" if suffixes.startswith(".i") else "a"
             raise RequestError(f"--{option.replace('_', '-')} is for {article} {suffixes} output, and {target} is none")
-    check_place(target, args)
-
-
-def check_place(target: Path, args: argparse.Namespace) -> None:
-    """Check early that a file can be written, and remember the present file for `written`."""
-    from lacmesh.formats import output
-
-    args.target, args.before = target, _identity(target)
-    output.check_place(target, force=args.force)
-
-
-def written(args: argparse.Namespace) -> str:
-    """Clause for an interrupted command that says if its output was written, judged by the file on the disk."""
-    target = getattr(args, "target", None)
-    if target is None or _identity(target) == args.before:
-        return "nothing was written"
-    return f"{target} was written before that"
+    return pending_output(target, force=args.force)
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
     """Inode and time of modification, which tell a file from one that took its place; None if there is no file."""
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return None
-    return found.st_ino, found.st_mtime_ns
+    return status.st_ino, status.st_mtime_ns
 
 
 def write_mesh(target: Path, mesh: Mesh, source: Path, args: argparse.Namespace) -> None:
     """Write a mesh as the options say; what they leave open is taken from the input."""
-    from lacmesh.formats import check_target, kind_of, write
+    from lacmesh.formats import detect_format, write
+    from lacmesh.formats.table import format_of
 
-    kind, program, taken = kind_of(source), getattr(args, "program", None), check_target(target).options
+    coding, program, taken = detect_format(source), getattr(args, "program", None), format_of(target).options
     write(
         target,
         mesh,
-        msh=(args.msh or kind.version) if "msh" in taken else None,
-        binary=(kind.binary and not args.ascii) if "binary" in taken else None,
+        msh=(args.msh or coding.version or None) if "msh" in taken else None,
+        binary=(coding.binary and not args.ascii) if "binary" in taken else None,
         target=program if "target" in taken and program in ("calculix", "abaqus") else None,
         plane=args.plane,
         all_cells=args.all_cells,

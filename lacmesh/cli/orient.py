@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_output_options, check_output, write_mesh
+from lacmesh.cli.options import add_command, add_output_options, pending_mesh, write_mesh
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    parser = add_command(commands, "orient", run, "turn the faces of a skin outward")
+    parser = add_command(commands, "orient", run, "orient the faces of a skin outward")
     parser.add_argument("input", metavar="IN", help="mesh")
     parser.add_argument("--group", action="append", required=True, metavar="GROUP", help="the skin; may be repeated")
     parser.add_argument("-o", "--output", metavar="OUT", help="default: beside the input, with .out before its suffix")
@@ -24,13 +24,13 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Orient the skins of a file outward."""
-    from lacmesh.formats import kind_of, read
+    from lacmesh.formats import detect_format, read
     from lacmesh.topology.orientation import analyse_orientation, reverse, skin_cells
 
     source = Path(args.input)
-    suffix = source.suffix or f".{kind_of(source).format}"
+    suffix = source.suffix or f".{detect_format(source).format}"
     target = Path(args.output) if args.output else source.with_name(f"{source.stem}.out{suffix}")
-    check_output(target, args)
+    args.left = pending_mesh(target, args).left
     mesh = read(source, mesh=args.mesh)
     said = []
     for group in args.group:

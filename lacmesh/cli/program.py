@@ -1,7 +1,8 @@
 """A command of the project (`lacmesh`, `lacsolver`): its signals, errors and exit statuses.
 
 A program has a module for each of its commands, with `add(commands)`, which declares its arguments, and `run(args)`; it
-imports what it needs when it runs, so that `--help` loads no numpy.
+imports what it needs when it runs, so that `--help` loads no numpy. A command that is interrupted says what it leaves:
+it puts a function that tells into `args.left` (`options.PendingOutput.left`).
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ SELDOM = 200_000
 class Program:
     """A program called `name`; `commands`, in the order of the help, are modules of `package`.
 
-    `told`: gives the lines of an error message; `left`: describes the output that an interrupted command leaves;
-    `too_large`: message for lack of memory. `collects`: whether the collector of cycles runs.
+    `told`: gives the lines of an error message; `too_large`: message for lack of memory. `collects`: whether the
+    collector of cycles runs.
     """
 
     name: str
@@ -48,7 +49,6 @@ class Program:
     epilog: str
     commands: tuple[str, ...]
     told: Callable[[LacmeshError, argparse.Namespace], Sequence[str]]
-    left: Callable[[argparse.Namespace], str]
     too_large: str
     collects: bool = True
 
@@ -89,9 +89,9 @@ class Program:
                 self.parser.parse_args(argv, args)
                 return self._run(args)
             except KeyboardInterrupt:
-                return self._fail([f"interrupted; {self.left(args)}"], 130)
+                return self._fail([f"interrupted; {_left(args)}"], 130)
             except Terminated:
-                return self._fail([f"terminated; {self.left(args)}"], 143)
+                return self._fail([f"terminated; {_left(args)}"], 143)
 
     def _run(self, args: argparse.Namespace) -> int:
         """Run the command that was asked for, and turn every error into a message and an exit status."""
@@ -132,6 +132,12 @@ class Program:
     ) -> None:
         if issubclass(category, LacmeshWarning):
             print(f"{self.name}: warning: {on_one_line(str(message))}", file=sys.stderr)
+
+
+def _left(args: argparse.Namespace) -> str:
+    """Clause on the output of an interrupted command: by `args.left`, which a command sets once it has an output."""
+    left: Callable[[], str] | None = getattr(args, "left", None)
+    return "nothing was written" if left is None else left()
 
 
 def on_one_line(message: str) -> str:

@@ -25,7 +25,7 @@ _PERCENTS = ("1 %", "5 %", "median", "95 %", "99 %")
 def add(commands: Any) -> None:
     """Declare the command."""
     parser = add_command(
-        commands, "quality", run, "measure the cells: invalid ones, statistics of the measures, the worst"
+        commands, "quality", run, "quality of the cells: invalid ones, statistics of the measures, the worst cells"
     )
     parser.add_argument("input", metavar="IN", help="mesh, cut or not")
     parser.add_argument("--group", metavar="GROUP", help="the cells of this group only")
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> None:
     with stage("measure"):
         from lacmesh.quality import measure_quality
 
-        found = measure_quality(mesh, args.group, _measures(args.measures))
+        quality = measure_quality(mesh, args.group, _measures(args.measures))
         children = _children(mesh) if args.group is None else None
     if args.plot:
         with stage("draw"):
@@ -60,12 +60,12 @@ def run(args: argparse.Namespace) -> None:
             from lacmesh.report import plot_quality
 
             name = readable(Path(args.input).name + (f", group {args.group}" if args.group else ""))
-            plot_quality(found, args.plot, title=f"Quality of {name}", force=args.force)
+            plot_quality(quality, args.plot, title=f"Quality of {name}", force=args.force)
     if args.json:
-        told = {"file": str(args.input), **found.as_json(), "cut": children and children.as_json()}
-        print(as_json(told))
+        report = {"file": str(args.input), **quality.as_json(), "cut": children and children.as_json()}
+        print(as_json(report))
     elif not args.quiet:
-        _print(args, found, children)
+        _print(args, quality, children)
         times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
         print(f"{args.plot}: {times}{memory()}" if args.plot else f"{times}{memory()}")
 
@@ -88,63 +88,63 @@ def _children(mesh: Mesh) -> ChildrenQuality | None:
         return None
 
 
-def _print(args: argparse.Namespace, found: Quality, children: ChildrenQuality | None) -> None:
+def _print(args: argparse.Namespace, quality: Quality, children: ChildrenQuality | None) -> None:
     where = f"{args.input}, group {args.group}" if args.group else str(args.input)
-    poor = [t.poor for t in found.types if t.poor is not None]
-    told = f", {sum(poor):,} poor" if poor else ""
-    print(f"{where}: {_count(found.count, 'cell')} measured, {found.invalid:,} invalid{told}")
-    if found.not_measured:
-        print("not measured: " + ", ".join(f"{n:,} {kind}" for kind, n in found.not_measured.items()))
-    for kind in found.types:
-        _print_type(kind)
-    if found.groups:
-        _print_groups(found)
+    poor = [t.poor for t in quality.types if t.poor is not None]
+    poor_cells = f", {sum(poor):,} poor" if poor else ""
+    print(f"{where}: {_count(quality.count, 'cell')} measured, {quality.invalid:,} invalid{poor_cells}")
+    if quality.not_measured:
+        print("not measured: " + ", ".join(f"{n:,} {of_type}" for of_type, n in quality.not_measured.items()))
+    for of_type in quality.types:
+        _print_type(of_type)
+    if quality.groups:
+        _print_groups(quality)
     if children is not None:
         _print_children(children)
 
 
-def _print_type(kind: TypeQuality) -> None:
+def _print_type(of_type: TypeQuality) -> None:
     from lacmesh.quality.measures import primary_metric
     from lacmesh.quality.verdict import ACCEPTED
     from lacmesh.report.outline import number
 
-    rank = primary_metric(kind.type) or ""
-    accepted = ACCEPTED.get(kind.type, {})
-    print(f"\n{_title(kind, rank)}")
+    rank = primary_metric(of_type.type) or ""
+    accepted = ACCEPTED.get(of_type.type, {})
+    print(f"\n{_title(of_type, rank)}")
     rows = table("measure", *(f"+{name}" for name in ("min", *_PERCENTS, "max", "mean")), "accepted", "+outside")
     for column in rows.columns:
         column.header = str(column.header).removeprefix("+")
-    for name, s in kind.measures.items():
+    for name, s in of_type.measures.items():
         limits = accepted.get(name)
-        told = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
+        range_text = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
         outside = "" if s.outside is None else f"{s.outside:,}"
-        rows.add_row(name, *(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean)), told, outside)
+        rows.add_row(name, *(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean)), range_text, outside)
     out = console()
     out.print(rows)
-    if rank in kind.measures and rank != "validity":
+    if rank in of_type.measures and rank != "validity":
         print(rank)
-        for line in _bars(kind.measures[rank].histogram):
+        for line in _bars(of_type.measures[rank].histogram):
             print(f"  {line}")
         print()
-    if kind.invalid or rank != "validity":  # lines are all alike as long as they are valid
-        _print_worst(kind, rank)
+    if of_type.invalid or rank != "validity":  # lines are all alike as long as they are valid
+        _print_worst(of_type, rank)
 
 
 def _count(n: int, noun: str) -> str:
     return f"{n:,} {noun}{'' if n == 1 else 's'}"
 
 
-def _title(kind: TypeQuality, rank: str) -> str:
+def _title(of_type: TypeQuality, rank: str) -> str:
     from lacmesh.quality.measures import POOR
 
-    told = f"{kind.type}: {_count(kind.count, 'cell')}, {kind.invalid:,} invalid"
-    if kind.invalid:
-        told += (
-            f" ({', '.join(f'{n:,} at {_ARTICLES[where[0]]} {where}' for where, n in kind.invalid_at.items() if n)})"
+    title = f"{of_type.type}: {_count(of_type.count, 'cell')}, {of_type.invalid:,} invalid"
+    if of_type.invalid:
+        title += (
+            f" ({', '.join(f'{n:,} at {_ARTICLES[where[0]]} {where}' for where, n in of_type.invalid_at.items() if n)})"
         )
-    if kind.poor is not None:
-        told += f", {kind.poor:,} poor ({rank} below {POOR})"
-    return told
+    if of_type.poor is not None:
+        title += f", {of_type.poor:,} poor ({rank} below {POOR})"
+    return title
 
 
 def _bars(histogram: Histogram) -> list[str]:
@@ -167,27 +167,27 @@ def _bars(histogram: Histogram) -> list[str]:
     return out
 
 
-def _print_worst(kind: TypeQuality, rank: str) -> None:
+def _print_worst(of_type: TypeQuality, rank: str) -> None:
     from lacmesh.report.outline import number
 
     ranks = dict.fromkeys((rank, "validity"))
-    rows = table("worst", *ranks, "centroid", "groups", *(("invalid at",) if kind.invalid else ()))
-    for bad in kind.worst:
+    rows = table("worst", *ranks, "centroid", "groups", *(("invalid at",) if of_type.invalid else ()))
+    for bad in of_type.worst:
         values = {rank: bad.value, "validity": bad.validity}
         place = ", ".join(f"{v:.4g}" for v in bad.centroid)
-        where = (", ".join(bad.invalid_at),) if kind.invalid else ()
+        where = (", ".join(bad.invalid_at),) if of_type.invalid else ()
         rows.add_row(str(bad.number), *(number(values[r]) for r in ranks), place, ", ".join(bad.groups), *where)
     console().print(rows)
 
 
-def _print_groups(found: Quality) -> None:
+def _print_groups(quality: Quality) -> None:
     from lacmesh.quality.measures import primary_metric
     from lacmesh.report.outline import number
 
     rows = table("group", "type", "cells", "+invalid", "+poor", "ranked by", "+min", "+5 %", "+median", "worst cell")
     for column in rows.columns:
         column.header = str(column.header).removeprefix("+")
-    for name, types in found.groups.items():
+    for name, types in quality.groups.items():
         for t in types:
             rank = primary_metric(t.type) or ""
             s = t.measures[rank]

@@ -1,4 +1,4 @@
-"""`lacmesh types`: the supported cells, the patterns and what each costs."""
+"""`lacmesh types`: the supported cells and their subdivisions, with the nodes and elements added."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from lacmesh.cli.terminal import console, table
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    types = add_command(commands, "types", run, "list the supported cells, the patterns and what each costs")
+    types = add_command(
+        commands, "types", run, "list the supported cells and their subdivisions: nodes and elements added"
+    )
     types.epilog = "Nodes and cells are those added for one slave face, skin and volume together."
 
 

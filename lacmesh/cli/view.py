@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_mesh_option, check_place
+from lacmesh.cli.options import add_command, add_mesh_option, pending_output
 from lacmesh.cli.terminal import Stages, memory
 from lacmesh.errors import RequestError, did_you_mean
 
@@ -52,6 +52,7 @@ def run(args: argparse.Namespace) -> None:
     """Draw a file."""
     target = Path(args.output)
     _check_request(target, args)
+    args.left = pending_output(target, force=args.force).left
     from lacmesh.formats import read
 
     stage = Stages(args, ("read", "look", "draw"))
@@ -108,7 +109,6 @@ def _check_request(target: Path, args: argparse.Namespace) -> None:
             check_direction(f"--{name}", getattr(args, name))
     if args.explode is not None:
         check_gap("--explode", args.explode)
-    check_place(target, args)
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -62,6 +62,12 @@ def cut_skin(
     (`lacmesh.recognise`). True: the pattern of the faces is sufficient; CutError if it is absent. False: all faces are
     cut, whatever they look like, and existing records are replaced.
     Raises CutError, GroupNotFoundError, RequestError.
+
+    >>> cells = [("TRIA3", [[0, 2, 1]]), ("TETRA4", [[0, 1, 2, 3]])]
+    >>> corner = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> cut = cut_skin(Mesh.create(corner, cells, cell_groups={"slave": [0]}), "slave")
+    >>> cut.n_macros, cut.mesh.n_nodes, [(block.type, len(block.nodes)) for block in cut.mesh.blocks]
+    (1, 5, [('TRIA3', 3), ('TETRA4', 3)])
     """
     _check_options(hexa=(hexa, HEXA), interface=(interface, ("both", "refuse")))
     _check_options(orient=(orient, ("keep", "outward")), node_groups=(node_groups, ("extend", "keep")))

@@ -1,4 +1,4 @@
-"""Raise the order of a mesh: linear cells to serendipity ("2"), or linear and serendipity ones to full quadratic.
+"""Elevate the order of a mesh: linear cells to serendipity ("2"), or linear and serendipity ones to full quadratic.
 
 New nodes lie at the middle of edges, faces and cells, on the cell's own map if it is quadratic already. Edges and faces
 are identified by their corners, so that the mesh stays conforming; an edge that has a mid-node already keeps it.
@@ -48,11 +48,15 @@ def raise_order(mesh: Mesh, order: str = "2", *, extend: bool = True) -> Mesh:
     Cells of that order or higher stay as they are. Numbers, groups and data are kept; new nodes are numbered after the
     largest number, and enter a node group that holds every corner of their edge, face or cell (`extend`). If two types
     become one, their cells keep their order in the file. Raises CutError for a mesh that carries a cut.
+
+    >>> triangle = Mesh.create([[0, 0], [1, 0], [0, 1]], [("TRIA3", [[0, 1, 2]])])
+    >>> raise_order(triangle).blocks[0].type
+    'TRIA6'
     """
     if order not in ORDERS:
         raise RequestError(f"order is one of {', '.join(ORDERS)}, not {order!r}")
     if (mesh.cell_data.get("lac_macro", np.array([-1])) >= 0).any():
-        raise CutError("this mesh carries a cut, whose macro-elements depend on the order; raise the order, then cut")
+        raise CutError("this mesh carries a cut, whose macro-elements depend on the order; elevate the order, then cut")
     targets = [_target(block.type, ORDERS.index(order)) for block in mesh.blocks]
     wanted = [w for k, target in enumerate(targets) for w in _wanted(mesh.blocks[k], k, target)]
     raised = [_widen(block, target) for block, target in zip(mesh.blocks, targets, strict=True)]

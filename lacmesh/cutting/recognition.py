@@ -115,6 +115,13 @@ def recognise(mesh: Mesh, slave: str | int | Sequence[str | int], *, certain: bo
     left out. `certain`: require all marks of a cut, half-widths of 1/3 and the new nodes last; otherwise the pattern of
     the faces is sufficient, for a cut with another `ring` or a mesh that was renumbered. A skin that is only partly cut
     gives None and a LacmeshWarning with the remaining faces. Raises GroupNotFoundError and RequestError.
+
+    >>> from dataclasses import replace
+    >>> from lacmesh import cut_skin, read
+    >>> mesh = read("data/two_blocks.msh")
+    >>> bare = replace(cut_skin(mesh, "slave").mesh, cell_data={}, node_data={})
+    >>> recognise(bare, "slave").n_macros, recognise(mesh, "slave")
+    (36, None)
     """
     if is_cut(mesh):
         return Cut(mesh)

@@ -21,6 +21,11 @@ class Cut:
     """A view of the records of a cut in its mesh, where they are ordinary data, so that file formats keep them.
 
     Raises CutError if the mesh carries no cut.
+
+    >>> from lacmesh import cut_skin, read
+    >>> cut = Cut(cut_skin(read("data/two_blocks.msh"), "slave").mesh)
+    >>> cut.zones, cut.n_macros, cut.faces_of_macro[0].tolist()
+    (('slave',), 36, [330, 331, 332, 333])
     """
 
     mesh: Mesh

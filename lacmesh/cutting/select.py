@@ -181,15 +181,16 @@ def _check_parents(
         return
     if (count == 0).any():
         fail(
-            np.flatnonzero(count == 0),
-            "have no cell behind them; --skin-only cuts such a surface (a shell)",
+            np.flatnonzero(count == 0), "have no parent cell; --skin-only cuts a surface without parent cells (a shell)"
         )
     if (count > 2).any():
         fail(np.flatnonzero(count > 2), "have more than two cells behind them: the mesh is not a manifold there")
     if not parents.same.all():
         odd = np.unique(parents.face[~parents.same])
         behind = mesh.cell_names(parents.cell[~parents.same])
-        fail(odd, f"and the cells behind them ({behind}) do not have the same mid-nodes: raise the order of both alike")
+        fail(
+            odd, f"and the cells behind them ({behind}) do not have the same mid-nodes: elevate the order of both alike"
+        )
     if interface == "refuse" and (count == 2).any():
         fail(np.flatnonzero(count == 2), "lie between two cells; --interface both cuts both sides")
 

@@ -51,9 +51,9 @@ def to_pyvista(mesh: Mesh, *, groups: bool = True, data: bool = True) -> Any:
     _needed("pyvista", "view")
     import pyvista
 
-    for kind, n in mesh.cells_by_type.items():
-        if kind not in OF_TYPE:
-            raise DataError(f"VTK has no cells of type {kind}, the mesh has {n}; lower their order")
+    for cell_type, n in mesh.cells_by_type.items():
+        if cell_type not in OF_TYPE:
+            raise DataError(f"VTK has no cells of type {cell_type}, the mesh has {n}; lower their order")
     connectivity, ends, types = vtk_cells(mesh)
     first = ends - np.diff(ends, prepend=0)
     cells = np.insert(connectivity.astype(np.int64), first, ends - first)
@@ -65,7 +65,7 @@ def to_pyvista(mesh: Mesh, *, groups: bool = True, data: bool = True) -> Any:
         for name, array in values.items():
             if name in wanted or (groups if name.startswith("group:") else data):
                 into[name] = array[rows]
-    grid.field_data[NOTES] = [to_json(mesh, **arrays.notes)]
+    grid.field_data[NOTES] = [to_json(mesh, arrays.notes)]
     return grid
 
 
@@ -81,8 +81,8 @@ def to_trimesh(mesh: Mesh, group: str) -> Any:
 
     cells = mesh.cells_of(group)
     triangles, owners = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
-    for kind, chosen, nodes in mesh.select(cells[mesh.cell_dim[cells] == 2]):
-        parts = TRIANGLES[kind if kind in TRIANGLES else ALL_CELLS[kind].linear]
+    for cell_type, chosen, nodes in mesh.select(cells[mesh.cell_dim[cells] == 2]):
+        parts = TRIANGLES[cell_type if cell_type in TRIANGLES else ALL_CELLS[cell_type].linear]
         triangles.append(nodes[:, parts].reshape(-1, 3).astype(np.int64))
         owners.append(np.repeat(chosen, len(parts)))
     faces, cell = np.concatenate(triangles), np.concatenate(owners)
@@ -90,11 +90,11 @@ def to_trimesh(mesh: Mesh, group: str) -> Any:
         raise DataError(f"the group {group!r} has no faces of dimension 2")
     used, inverse = np.unique(faces, return_inverse=True)
     place: Ints = inverse.reshape(-1, 3)
-    told = {
+    metadata = {
         "group": group,
         "cell": cell,
         "cell_number": mesh.cell_number[cell],
         "node": used,
         "node_number": mesh.node_number[used],
     }
-    return trimesh.Trimesh(mesh.points[used], place, process=False, validate=False, metadata=told)
+    return trimesh.Trimesh(mesh.points[used], place, process=False, validate=False, metadata=metadata)

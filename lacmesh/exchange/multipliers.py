@@ -53,19 +53,25 @@ class Multipliers:
 
 
 def aster_multipliers(cut: Cut) -> Multipliers:
-    """code_aster's view of the multipliers of a cut."""
+    """code_aster's view of the multipliers of a cut.
+
+    >>> from lacmesh import cut_skin, read
+    >>> multipliers = aster_multipliers(cut_skin(read("data/two_blocks.msh"), "slave"))
+    >>> len(multipliers.patch_nodes), multipliers.nodes[0].tolist(), float(multipliers.share[0])
+    (36, [476, -1, -1, -1], 1.0)
+    """
     mesh = cut.mesh
     faces = np.flatnonzero(cut.macro_of_face >= 0)
     macro = cut.macro_of_face[faces]
     size = np.bincount(macro, minlength=cut.n_macros)
     nodes = np.full((len(faces), 4), -1, np.int64)
     code = np.zeros(cut.n_macros, np.int64)
-    for kind, cells, connectivity in mesh.select(faces):
+    for cell_type, cells, connectivity in mesh.select(faces):
         rows = np.searchsorted(faces, cells)
         key = size[macro[rows]] * 8 + cut.child_kind[cells]
         for value in np.unique(key):
             at = np.flatnonzero(key == value)
-            patch, carriers = _PATCHES[kind, int(value) // 8]
+            patch, carriers = _PATCHES[cell_type, int(value) // 8]
             places = carriers[int(value) % 8 - 1]
             nodes[rows[at], : len(places)] = connectivity[at][:, places]
             code[macro[rows[at]]] = patch
@@ -89,9 +95,9 @@ def _code_segments(cut: Cut, faces: Ints, macro: Ints, code: Ints) -> None:
         return
     (part,) = mesh.select(segments)
     cells = [(b.type, b.nodes, np.full(len(b.nodes), k)) for k, b in enumerate(mesh.blocks) if _plane(b.type)]
-    found = find_owners(Faces.join([("SEG3", part[2])]), cells, mesh.n_nodes)
+    owners = find_owners(Faces.join([("SEG3", part[2])]), cells, mesh.n_nodes)
     codes = np.array([_SEG3_CODE.get(b.type, 0) for b in mesh.blocks])
-    code[macro[np.searchsorted(faces, segments[found.face])]] = codes[found.cell]
+    code[macro[np.searchsorted(faces, segments[owners.face])]] = codes[owners.cell]
 
 
 def _cells_of_type(cut: Cut, name: str) -> Ints:

@@ -41,24 +41,24 @@ _MED_NAMES = {kind.type: kind.name for kind in MED_TYPES}
 _FENICS = ("SEG2", "SEG3", "TRIA3", "TRIA6", "QUAD4", "QUAD9", "TETRA4", "TETRA10", "HEXA8", "HEXA27")
 
 
-def element(kind: str, target: str, plane: bool = False) -> str | None:
+def element(cell_type: str, target: str, plane: bool = False) -> str | None:
     """Name that a target has for a cell of type `kind`, None if it has none; `plane`: in a plane mesh.
 
     >>> element("HEXA8", "calculix"), element("PYRAM5", "calculix"), element("TRIA3", "calculix", plane=True)
     ('C3D8', None, 'CPS3')
     """
     if target == "gmsh":
-        number = ALL_CELLS[kind].msh
+        number = ALL_CELLS[cell_type].msh
         return None if number is None else str(number)
     if target == "aster":
-        return _MED_NAMES.get(kind)
+        return _MED_NAMES.get(cell_type)
     if target == "fenics":
-        return XDMF_OF_TYPE[kind].name if kind in _FENICS else None
-    if kind not in CELLS:
+        return XDMF_OF_TYPE[cell_type].name if cell_type in _FENICS else None
+    if cell_type not in CELLS:
         return None
     if target == "lacsolver":
-        return kind if CELLS[kind].dim else None
-    return card(kind, target, "CPS" if plane else None, skin=False)
+        return cell_type if CELLS[cell_type].dim else None
+    return card(cell_type, target, "CPS" if plane else None, skin=False)
 
 
 def refused(mesh: Mesh, target: str) -> dict[str, int]:
@@ -70,11 +70,11 @@ def refused(mesh: Mesh, target: str) -> dict[str, int]:
     if target not in TARGETS:
         raise RequestError(f"no target {target!r}{did_you_mean(target, TARGETS)}")
     lowest = {"gmsh": 0, "aster": 0, "fenics": mesh.dim - 1}.get(target, mesh.dim)
-    asked = {kind: n for kind, n in mesh.cells_by_type.items() if ALL_CELLS[kind].dim >= lowest}
-    wrong = {kind: n for kind, n in asked.items() if element(kind, target, mesh.space_dim == 2) is None}
+    asked = {cell_type: n for cell_type, n in mesh.cells_by_type.items() if ALL_CELLS[cell_type].dim >= lowest}
+    wrong = {cell_type: n for cell_type, n in asked.items() if element(cell_type, target, mesh.space_dim == 2) is None}
     if target == "fenics" and not wrong:
         for dim in (mesh.dim, mesh.dim - 1):
-            mixed = {kind: n for kind, n in asked.items() if ALL_CELLS[kind].dim == dim}
+            mixed = {cell_type: n for cell_type, n in asked.items() if ALL_CELLS[cell_type].dim == dim}
             if len(mixed) > 1:
                 return mixed
     return wrong
@@ -118,20 +118,23 @@ def check_target_cells(
         advice = f"cut the mesh that it came from with --for {target}, which says what to try"
     else:
         new = ", ".join(
-            f"{n} {kind} ({max(0, n - there.get(kind, 0))} of them new)" for kind, n in sorted(wrong.items())
+            f"{n} {cell_type} ({max(0, n - there.get(cell_type, 0))} of them new)"
+            for cell_type, n in sorted(wrong.items())
         )
         said = f"the mesh that is cut would have {new}, and {_reason(after, wrong, target)}"
         advice = _advice(mesh, there, cut("hexa"), target)
-    bad = [c for kind, cells, _ in after.select(np.arange(after.n_cells)) if kind in wrong for c in cells[:1000]]
+    bad = [
+        c for cell_type, cells, _ in after.select(np.arange(after.n_cells)) if cell_type in wrong for c in cells[:1000]
+    ]
     raise CutError(f"{said}; {advice}", after.cell_number[bad])
 
 
-def _listed(kinds: Mapping[str, int]) -> str:
-    return ", ".join(f"{n} {kind}" for kind, n in sorted(kinds.items()))
+def _listed(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{n} {cell_type}" for cell_type, n in sorted(counts.items()))
 
 
 def _reason(mesh: Mesh, wrong: Mapping[str, int], target: str) -> str:
-    mixture = all(element(kind, target, mesh.space_dim == 2) for kind in wrong)
+    mixture = all(element(cell_type, target, mesh.space_dim == 2) for cell_type in wrong)
     return f"{TARGETS[target]} {'takes no mixture of cells' if mixture else 'has no such cells'}"
 
 
@@ -152,9 +155,9 @@ def _advice(mesh: Mesh, there: Mapping[str, int], with_hexa: Mesh, target: str) 
     if not wrong:
         return "--hexa hexa makes hexahedra instead"
     children = np.concatenate(
-        [cells for kind, cells, _ in with_hexa.select(np.arange(with_hexa.n_cells)) if kind in wrong]
+        [cells for cell_type, cells, _ in with_hexa.select(np.arange(with_hexa.n_cells)) if cell_type in wrong]
     )
     parents = np.flatnonzero(np.isin(mesh.cell_number, with_hexa.cell_data["lac_parent"][children]))
-    behind = _listed({kind: len(cells) for kind, cells, _ in mesh.select(parents)})
+    behind = _listed({cell_type: len(cells) for cell_type, cells, _ in mesh.select(parents)})
     anew = "tetrahedra, or with hexahedra and --hexa hexa"
     return f"no option changes that for the {behind} behind the slave skin: mesh these with {anew}"

@@ -9,34 +9,21 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError, listed, some
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError, some
 from lacmesh.formats.output import check_place, replacing
-from lacmesh.formats.sniff import HEAD, sniff
-from lacmesh.formats.table import OF_NAME, SUFFIXES, Format, format_of, takers
+from lacmesh.formats.sniff import HEAD, DetectedFormat, sniff
+from lacmesh.formats.table import OF_NAME, SUFFIXES, Format, format_of
+from lacmesh.formats.writers import NewFile, WriteOptions, check_options, writer_of
 from lacmesh.mesh import Mesh
 
-__all__ = ["SUFFIXES", "Kind", "check_target", "kind_of", "read", "title_of", "write"]
+__all__ = ["SUFFIXES", "DetectedFormat", "detect_format", "read", "title_of", "write"]
 
 
-@dataclass(frozen=True)
-class Kind:
-    """Coding of a mesh file: its format, for msh the version (4.1 or 2.2), and whether it is binary.
-
-    `binary` is False only for the text form of a format that has a binary form too: msh, VTU and XDMF.
-    """
-
-    format: str
-    version: str = "4.1"
-    binary: bool = True
-
-
-def kind_of(path: str | os.PathLike[str]) -> Kind:
+def detect_format(path: str | os.PathLike[str]) -> DetectedFormat:
     """Detect the format of an existing file by its content, else by its suffix. Raises ReadError."""
     path = Path(path)
     try:
@@ -44,14 +31,14 @@ def kind_of(path: str | os.PathLike[str]) -> Kind:
             raise ReadError(path, "is no regular file; save it as one first")
         with path.open("rb") as file:
             head = file.read(HEAD)
-        found = sniff(path, head)
+        detected = sniff(path, head)
     except OSError as error:
         raise ReadError(path, f"cannot be read ({error.strerror or error})") from error
-    if found.format == "msh":
+    if detected.format == "msh":
         from lacmesh.formats.msh import header
 
-        return Kind("msh", *header(path, head))
-    return Kind(found.format, binary=found.binary or found.format not in ("vtu", "xdmf"))
+        return DetectedFormat("msh", *header(path, head))
+    return detected
 
 
 def title_of(path: str | os.PathLike[str]) -> str:
@@ -59,11 +46,11 @@ def title_of(path: str | os.PathLike[str]) -> str:
 
     For example "msh 4.1 binary", "MED", "VTU ASCII", "stl, by meshio".
     """
-    kind = kind_of(path)
-    title = OF_NAME[kind.format].title + (f" {kind.version}" if kind.format == "msh" else "")
-    if kind.format == "msh" and kind.binary:
-        return title + " binary"
-    return title if kind.binary else title + " ASCII"
+    detected = detect_format(path)
+    title = OF_NAME[detected.format].title
+    if detected.format == "msh":
+        return f"{title} {detected.version} {'binary' if detected.binary else 'ASCII'}"
+    return title if detected.binary else title + " ASCII"
 
 
 def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
@@ -72,20 +59,23 @@ def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
     `mesh`: name of the mesh to read from a file that holds several (MED, XDMF). Cut records that a format has no place
     for are read from the sidecar NAME.SUFFIX.lac.json; a LacmeshWarning is given if the sidecar does not belong to this
     file. Raises ReadError (RequestError for a wrong `mesh`, or if meshio is missing).
+
+    >>> mesh = read("data/two_blocks.msh")
+    >>> mesh.n_nodes, sorted(mesh.cell_groups)[:3]
+    (476, ['bottom', 'lower', 'master'])
     """
     path = Path(path)
-    name = kind_of(path).format
-    found = OF_NAME[name]
-    if name in ("med", "xdmf"):
-        return _reader(name)(path, mesh)
+    form = OF_NAME[detect_format(path).format]
+    if form.name in ("med", "xdmf"):
+        return _reader(form.name)(path, mesh)
     if mesh is not None:
-        raise RequestError(f"{path} is a {found.title} file, which holds one mesh: leave out the name {mesh!r}")
-    made = _read_alone(path, found)
-    if not found.cut_beside:
-        return made
-    from lacmesh.formats.cut_beside import taken_up
+        raise RequestError(f"{path} is a {form.title} file, which holds one mesh: leave out the name {mesh!r}")
+    alone = _read_alone(path, form)
+    if not form.sidecar:
+        return alone
+    from lacmesh.formats.sidecar import with_sidecar_records
 
-    return taken_up(path, made)
+    return with_sidecar_records(path, alone)
 
 
 def _read_alone(path: Path, form: Format) -> Mesh:
@@ -125,78 +115,53 @@ def write(
     without a cut removes such a file.
     An existing file is replaced at the end, as a whole, unless `force` is False. Raises WriteError, and RequestError,
     for example for an option that the format does not take.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> triangle = Mesh.create([[0, 0], [1, 0], [0, 1]], [("TRIA3", [[0, 1, 2]])])
+    >>> with TemporaryDirectory() as folder:
+    ...     write(f"{folder}/triangle.med", triangle)
+    ...     read(f"{folder}/triangle.med").n_cells
+    1
     """
     path = Path(path)
     form = format_of(path)
-    options = {"compress": compress or None, "target": target, "plane": plane, "all_cells": all_cells or None}
-    _check_options(form, {"msh": msh, "binary": binary, **options})
-    binary = binary is None or binary
-    fill = _writer(form, msh or "4.1", binary, {name: value for name, value in options.items() if value})
-    if not np.isfinite(mesh.points).all():
-        nodes = some(mesh.node_number[~np.isfinite(mesh.points).all(axis=1)])
-        raise WriteError(path, f"the coordinates of nodes {nodes} are not finite numbers")
-    places = [path, *_second(path, form, mesh, binary)]
+    options = WriteOptions(msh, binary, compress, target, plane, all_cells)
+    check_options(form, options)
+    write_format = writer_of(form)
+    _check_coordinates(path, mesh)
+    places = [path, *_second(path, form, mesh, options)]
     for place in places:
         check_place(place, force=force)
-    with replacing(*places) as made:
-        if form.cut_beside:
-            fill(mesh, made[0])
-            for side in made[1:]:
-                _write_records(side, mesh, made[0], form)
-        else:
-            fill(mesh, *made, *(place.name for place in places[1:]))
+    with replacing(*places) as paths:
+        files = [NewFile(*pair) for pair in zip(paths, places, strict=True)]
+        write_format(files, mesh, options)
+        if form.sidecar and len(files) > 1:
+            back = _read_back(files[0].path, form, mesh)
+            _write_sidecar(files[1].path, mesh, back)
 
 
-def check_target(path: str | os.PathLike[str]) -> Format:
-    """The format that the suffix of `path` means. Raises RequestError."""
-    return format_of(Path(path))
+def _check_coordinates(path: Path, mesh: Mesh) -> None:
+    finite = np.isfinite(mesh.points)
+    if not finite.all():
+        nodes = some(mesh.node_number[~finite.all(axis=1)])
+        raise WriteError(path, f"the coordinates of nodes {nodes} are not finite numbers")
 
 
-def _check_options(form: Format, options: dict[str, Any]) -> None:
-    """Raise RequestError for an option that is given (not None) and that the format does not take."""
-    for name, value in options.items():
-        if value is not None and name not in form.options:
-            titles = listed([taker.title for taker in takers(name)], "and")
-            raise RequestError(f"the option {name!r} is for {titles}, not for {form.title}")
-
-
-def _writer(form: Format, version: str, binary: bool, options: dict[str, Any]) -> Callable[..., Any]:
-    """Return the function that writes a mesh; it takes the mesh and a path, for binary XDMF also the .h5 file's."""
-    from importlib import import_module
-
-    if form.meshio:
-        from lacmesh.formats.by_meshio import write as write_by_meshio
-        from lacmesh.formats.meshio_mesh import needed
-
-        needed()
-        return lambda mesh, path: write_by_meshio(path, mesh, form.name)
-    module = import_module(f"lacmesh.formats.{form.name}")
-    if form.name == "msh":
-        if version not in ("4.1", "2.2"):
-            raise RequestError(f"msh version {version!r} is not written; choose 4.1 or 2.2")
-        options |= {"version": version}
-    if form.name in ("msh", "vtu"):
-        options |= {"binary": binary}
-    if form.name != "xdmf" or not binary:
-        return lambda mesh, path: module.write(path, mesh, **options)
-    return lambda mesh, path, heavy, link: module.write(path, mesh, heavy=heavy, link=link, **options)
-
-
-def _second(path: Path, form: Format, mesh: Mesh, binary: bool) -> list[Path]:
+def _second(path: Path, form: Format, mesh: Mesh, options: WriteOptions) -> list[Path]:
     """List with the path of the second file that has to be written or removed; empty if there is none.
 
     Raises WriteError if a file that lacmesh did not write stands there.
     """
-    if form.beside and binary:
+    if form.beside and options.in_binary:
         from lacmesh.formats.xdmf import writer as xdmf_write
 
         second = path.with_suffix(form.beside)
         is_ours: Callable[[Path], bool] = xdmf_write.is_ours
-    elif form.cut_beside:
-        from lacmesh.formats import cut_beside
+    elif form.sidecar:
+        from lacmesh.formats import sidecar
 
-        second, is_ours = cut_beside.place_of(path), cut_beside.is_ours
-        if cut_beside.records_of(mesh) is None and not is_ours(second):
+        second, is_ours = sidecar.place_of(path), sidecar.is_ours
+        if sidecar.records_of(mesh) is None and not is_ours(second):
             return []
     else:
         return []
@@ -207,21 +172,38 @@ def _second(path: Path, form: Format, mesh: Mesh, binary: bool) -> list[Path]:
     return [second]
 
 
-def _write_records(side: Path, mesh: Mesh, written: Path, form: Format) -> None:
-    """Write the sidecar with the cut records for a file that was just written; without records, remove the sidecar."""
-    from lacmesh.formats.cut_beside import UnfitError, records_of, to_json
+def _read_back(path: Path, form: Format, mesh: Mesh) -> Mesh | None:
+    """The mesh file just written as it will be read; None, with a warning, if it cannot be, and for a mesh uncut.
+
+    Its sidecar needs it: writers renumber, and faces of *SURFACEs get their numbers from the reader.
+    """
+    from lacmesh.formats.sidecar import records_of
+
+    if records_of(mesh) is None:
+        return None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return _read_alone(path, form)
+    except LacmeshError as error:
+        _warn_of_lost_records(str(error).replace(str(path), "the file"))
+        return None
+
+
+def _write_sidecar(side: Path, mesh: Mesh, back: Mesh | None) -> None:
+    """Write the cut records of `mesh` for its file, which reads as `back`; remove the sidecar if there is nothing."""
+    from lacmesh.formats.sidecar import UnfitError, to_json
 
     text = None
-    if records_of(mesh) is not None:
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                back = _read_alone(written, form)
-            text = to_json(mesh, back)
-        except (UnfitError, LacmeshError) as error:
-            why = str(error).replace(str(written), "the file")
-            warnings.warn(LacmeshWarning(f"the records of the cut are left out: {why}"), stacklevel=3)
+    try:
+        text = None if back is None else to_json(mesh, back)
+    except UnfitError as error:
+        _warn_of_lost_records(str(error))
     if text is None:
         side.unlink()
     else:
         side.write_text(text, encoding="ascii")
+
+
+def _warn_of_lost_records(why: str) -> None:
+    warnings.warn(LacmeshWarning(f"the records of the cut are left out: {why}"), stacklevel=4)

@@ -44,24 +44,24 @@ def to_arrays(mesh: Mesh, said: list[str], tidy: Callable[[str], str] = str) -> 
         ("cell", mesh.cell_groups, mesh.cell_data, mesh.cell_number),
         ("node", mesh.node_groups, mesh.node_data, mesh.node_number),
     ):
-        made: dict[str, NDArray] = {_NUMBER[on]: np.asarray(number, np.int64)}
+        arrays: dict[str, NDArray] = {_NUMBER[on]: np.asarray(number, np.int64)}
         names: dict[str, str] = {}
         for name, members in groups.items():
             inside = np.zeros(len(number), np.uint8)
             inside[members] = 1
-            made[_unique(GROUP, name, tidy, made, names)] = inside
+            arrays[_unique(GROUP, name, tidy, arrays, names)] = inside
         for name, given in data.items():
             values = _storable(given)
             if values is None:
                 said.append(f"data {name!r} ({np.asarray(given).dtype}, shape {np.shape(given)}) are left out")
                 continue
-            key = _unique("" if not name.startswith(GROUP) else "data:", name, tidy, made, names)
-            made[key] = values
+            key = _unique("" if not name.startswith(GROUP) else "data:", name, tidy, arrays, names)
+            arrays[key] = values
             if np.shape(given)[1:] != values.shape[1:] or np.shape(given)[1:] == (1,):
                 notes["shapes"].setdefault(on, {})[key] = list(np.shape(given)[1:])
         if names:
             notes["names"][on] = names
-        parts[on] = made
+        parts[on] = arrays
     return Arrays(parts["cell"], parts["node"], {key: value for key, value in notes.items() if value})
 
 
@@ -104,18 +104,17 @@ def from_arrays(
     """
     fields: dict[str, Any] = {}
     for on, arrays, size in (("cell", cell, sizes[0]), ("node", node, sizes[1])):
-        names = _noted(notes, "names", on)
-        shapes = _noted(notes, "shapes", on)
+        names: Mapping[str, str] = notes.get("names", {}).get(on, {})
+        shapes: Mapping[str, tuple[int, ...]] = notes.get("shapes", {}).get(on, {})
         groups: dict[str, Ints] = {}
         data: dict[str, NDArray] = {}
         for key, values in arrays.items():
-            name = names.get(key)
             if key == _NUMBER[on] and values.shape == (size,):
                 fields[key] = _numbers(values, on, said)
             elif key.startswith(GROUP) and _is_mark(values):
-                groups[name if isinstance(name, str) else key.removeprefix(GROUP)] = np.flatnonzero(values)
+                groups[names.get(key, key.removeprefix(GROUP))] = np.flatnonzero(values)
             else:
-                data[name if isinstance(name, str) else key] = _shaped(values, shapes.get(key))
+                data[names.get(key, key)] = _shaped(values, shapes.get(key))
         fields[f"{on}_groups"] = groups
         fields[f"{on}_data"] = _sound(data, said)
     return fields
@@ -145,22 +144,16 @@ def assembled(
     place = parts.place
     in_order = bool((np.diff(place) > 0).all())
     rows = {name: values if in_order else values[place] for name, values in parts.cell.items()}
-    made = {**fields, **from_arrays(rows, parts.node, (len(place), len(parts.points)), noted, said)}
+    more = {**fields, **from_arrays(rows, parts.node, (len(place), len(parts.points)), noted, said)}
     if not in_order:
-        made["file_order"] = np.argsort(place)
+        more["file_order"] = np.argsort(place)
     for on, given in (groups or {}).items():
-        made[f"{on}_groups"] = {**given, **made[f"{on}_groups"]}
-    known = {*made["cell_data"], *made["node_data"]}
-    made["steps"] = {key: step for key, step in made.get("steps", {}).items() if key in known}
-    if not made.get("zones"):
-        made["zones"] = zone_names(made["cell_data"], made["cell_groups"])
-    return fitting(Mesh.create(parts.points, parts.blocks.items(), **made))
-
-
-def _noted(notes: Mapping[str, Any], what: str, on: str) -> dict[str, Any]:
-    found = notes.get(what, {})
-    found = found.get(on, {}) if isinstance(found, dict) else {}
-    return found if isinstance(found, dict) else {}
+        more[f"{on}_groups"] = {**given, **more[f"{on}_groups"]}
+    known = {*more["cell_data"], *more["node_data"]}
+    more["steps"] = {key: step for key, step in more.get("steps", {}).items() if key in known}
+    if not more.get("zones"):
+        more["zones"] = zone_names(more["cell_data"], more["cell_groups"])
+    return fitting(Mesh.create(parts.points, parts.blocks.items(), **more))
 
 
 def _is_mark(values: NDArray) -> bool:
@@ -187,9 +180,9 @@ def _integers(values: NDArray) -> Ints | None:
     return values.astype(np.int64) if (whole == values).all() and (np.abs(whole) < 2.0**53).all() else None
 
 
-def _shaped(values: NDArray, shape: Any) -> NDArray:
+def _shaped(values: NDArray, shape: tuple[int, ...] | None) -> NDArray:
     """Reshape the rows of an array as the notes say, if its size allows."""
-    if not isinstance(shape, list) or not all(isinstance(n, int) and n > 0 for n in shape):
+    if shape is None or any(n <= 0 for n in shape):
         return values
     fits = int(np.prod([len(values), *shape], dtype=object)) == values.size
     return values.reshape(len(values), *shape) if fits else values
@@ -220,18 +213,18 @@ def merged(parts: Iterable[tuple[Mapping[str, NDArray], int]], said: list[str], 
     names = dict.fromkeys(name for arrays, _ in parts for name in arrays)
     result: dict[str, NDArray] = {}
     for name in names:
-        found = [arrays[name] for arrays, _ in parts if name in arrays]
-        if len({a.shape[1:] for a in found}) > 1:
+        given = [arrays[name] for arrays, _ in parts if name in arrays]
+        if len({a.shape[1:] for a in given}) > 1:
             said.append(f"{what} data {name!r} have other widths in other pieces: they are left out")
             continue
-        kind = np.result_type(*found)
-        if len(found) < len(parts) and kind.kind == "u" and not name.startswith(GROUP):
-            kind = np.result_type(kind, np.int8) if kind.itemsize < 8 else np.dtype(np.int64)
-        blank = 0 if name.startswith(GROUP) else np.nan if kind.kind == "f" else -1
-        shape = found[0].shape[1:]
+        dtype = np.result_type(*given)
+        if len(given) < len(parts) and dtype.kind == "u" and not name.startswith(GROUP):
+            dtype = np.result_type(dtype, np.int8) if dtype.itemsize < 8 else np.dtype(np.int64)
+        blank = 0 if name.startswith(GROUP) else np.nan if dtype.kind == "f" else -1
+        shape = given[0].shape[1:]
         result[name] = np.concatenate(
             [
-                np.asarray(arrays[name], kind) if name in arrays else np.full((size, *shape), blank, kind)
+                np.asarray(arrays[name], dtype) if name in arrays else np.full((size, *shape), blank, dtype)
                 for arrays, size in parts
             ]
         )

@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats.arrays import to_arrays
-from lacmesh.formats.cut_beside import without_records
-from lacmesh.formats.kept import losses, match, unbent
 from lacmesh.formats.meshio_mesh import from_meshio, needed, to_meshio
+from lacmesh.formats.round_trip import match, misplaced_mid_nodes, round_trip_losses
+from lacmesh.formats.sidecar import without_records
+from lacmesh.formats.truncation import check_counts, check_whole, read_watched
 from lacmesh.formats.vtu.types import NOT_READ
-from lacmesh.formats.whole import check_counts, check_whole, read_watched
 from lacmesh.mesh import Mesh
 
 #: Formats of meshio that are not taken, and why.
@@ -75,15 +75,15 @@ def read(path: Path, name: str) -> Mesh:
     check_counts(path, name, len(given.points), sum(len(block.data) for block in given.cells))
     _as_ours(given, name)
     try:
-        found = from_meshio(given)
+        mesh = from_meshio(given)
     except LacmeshError as error:
         raise ReadError(path, str(error)) from error
-    odd = unbent(found)
+    odd = misplaced_mid_nodes(mesh)
     if odd:
         raise ReadError(path, f"has mid-nodes far from their edges as meshio reads {name} ({odd}); use another format")
     if said:
         warnings.warn(f"{path.name} as meshio reads it: {said}", LacmeshWarning, stacklevel=3)
-    return found
+    return mesh
 
 
 def write(path: Path, mesh: Mesh, name: str) -> None:
@@ -105,15 +105,17 @@ def write(path: Path, mesh: Mesh, name: str) -> None:
     if isinstance(where, str):
         message = f"meshio's format {name} does not keep the cells ({where} are left); write .vtu, .med or .msh"
         raise WriteError(path, message)
-    lost = losses(without_records(mesh), found, where)
+    lost = round_trip_losses(without_records(mesh), found, where)
     if lost:
         warnings.warn(f"written by meshio as {name}, which loses " + "; ".join(lost), LacmeshWarning, stacklevel=3)
 
 
 def _check_types(path: Path, mesh: Mesh, name: str) -> None:
-    for kind, n in mesh.cells_by_type.items():
-        if ALL_CELLS[kind].order > 1 and kind not in _QUADRATIC.get(name, ()):
-            message = f"cells of type {kind} (the mesh has {n}) are not written as {name}; write .vtu, .med or .msh"
+    for cell_type, n in mesh.cells_by_type.items():
+        if ALL_CELLS[cell_type].order > 1 and cell_type not in _QUADRATIC.get(name, ()):
+            message = (
+                f"cells of type {cell_type} (the mesh has {n}) are not written as {name}; write .vtu, .med or .msh"
+            )
             raise WriteError(path, message)
 
 
@@ -169,8 +171,8 @@ def _of_vtk(word: str) -> str:
 
 def _colours(path: Path) -> list[str]:
     """Messages on the COLOR_SCALARS that meshio skips silently; VTK saves an active array of bytes in that form."""
-    found = re.findall(rb"^COLOR_SCALARS (\S+) \d+\r?$", path.read_bytes(), re.MULTILINE)
-    return [f"the colours {unquote(name.decode(errors='replace'))!r} are left out" for name in found]
+    colours = re.findall(rb"^COLOR_SCALARS (\S+) \d+\r?$", path.read_bytes(), re.MULTILINE)
+    return [f"the colours {unquote(name.decode(errors='replace'))!r} are left out" for name in colours]
 
 
 def _hint(name: str) -> str:
@@ -205,7 +207,7 @@ def _guarded(call: Callable[[], Any], failed: Callable[[str], LacmeshError], wor
     try:
         with contextlib.redirect_stdout(heard), contextlib.redirect_stderr(heard), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = call()
+            result = call()
     except LacmeshError as error:
         raise failed(f"what meshio made of it cannot be used ({error})") from error
     except (Exception, SystemExit) as error:
@@ -214,7 +216,7 @@ def _guarded(call: Callable[[], Any], failed: Callable[[str], LacmeshError], wor
         raise failed(f"meshio fails ({type(error).__name__}: {why})") from error
     if words is not None:
         words += dict.fromkeys(_warned(heard.getvalue()))
-    return found
+    return result
 
 
 def _warned(printed: str) -> list[str]:

@@ -84,16 +84,16 @@ class Row:
             return BESIDE
         return LOST if feature in self.lost else REFUSED if feature in self.refused else KEPT
 
-    def keeps_cells(self, kind: str) -> str:
+    def keeps_cells(self, cell_type: str) -> str:
         """Fate of a cell type: KEPT, REFUSED or OURS."""
-        return OURS if kind in self.ours else KEPT if kind in self.takes else REFUSED
+        return OURS if cell_type in self.ours else KEPT if cell_type in self.takes else REFUSED
 
     @property
     def variants(self) -> list[dict[str, Any]]:
         """Options of `lacmesh.formats.write` for each coding of the file; all codings keep the same features."""
         codings: dict[str, dict[str, Any]] = {"binary": {"binary": False}, "compress": {"compress": True}}
-        found = [coding for name, coding in codings.items() if name in OF_NAME[self.format].options]
-        return [{**self.options, **coding} for coding in ({}, *found)]
+        chosen = [coding for name, coding in codings.items() if name in OF_NAME[self.format].options]
+        return [{**self.options, **coding} for coding in ({}, *chosen)]
 
 
 def _set(words: str) -> frozenset[str]:

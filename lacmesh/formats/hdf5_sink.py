@@ -82,9 +82,9 @@ def written(path: Path, access: h5py.h5p.PropFAID, make: h5py.h5p.PropFCID) -> I
     access.set_fileobj_driver(h5py.h5fd.fileobj_driver, sink)
     # an exception must not come up inside a write that HDF5 asked for
     with sink.file, signals_wait():
-        made = h5py.h5f.create(os.fsencode(path), h5py.h5f.ACC_TRUNC, make, access)
+        opened = h5py.h5f.create(os.fsencode(path), h5py.h5f.ACC_TRUNC, make, access)
         access.set_fapl_sec2()  # a list that outlives Python must not name an object of Python
-        with h5py.File(made) as file:
+        with h5py.File(opened) as file:
             yield file
         if sink.failed is not None:
             raise sink.failed

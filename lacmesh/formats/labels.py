@@ -17,7 +17,7 @@ def labels(names: Iterable[str], allowed: str, limit: int, reserved: Iterable[st
     """
     names = list(names)
     taken = {word.upper() for word in reserved}
-    made = {}
+    chosen = {}
     plain = {name: _plain(name, allowed, limit) for name in names}
     for name in sorted(names, key=lambda name: plain[name] != name):  # names that fit come first
         label, k = plain[name], 1
@@ -26,17 +26,17 @@ def labels(names: Iterable[str], allowed: str, limit: int, reserved: Iterable[st
             end = f"_{k}"
             label = plain[name][: limit - len(end)] + end
         taken.add(label.upper())
-        made[name] = label
-    return {name: made[name] for name in names}
+        chosen[name] = label
+    return {name: chosen[name] for name in names}
 
 
-def changes(made: dict[str, str]) -> str:
+def changes(chosen: dict[str, str]) -> str:
     """Text that lists the labels that differ from their names, for a warning; empty if none does.
 
     >>> changes({"a": "a", "b c": "b_c"})
     "'b c' is b_c"
     """
-    return ", ".join(f"{name!r} is {label}" for name, label in made.items() if name != label)
+    return ", ".join(f"{name!r} is {label}" for name, label in chosen.items() if name != label)
 
 
 def _plain(name: str, allowed: str, limit: int) -> str:

@@ -70,7 +70,7 @@ def to_meshio(mesh: Mesh) -> Any:
         name: [cells[(cells >= a) & (cells < b)] - a for a, b in bounds] for name, cells in mesh.cell_groups.items()
     }
     cell = {n: [v[a:b] for a, b in bounds] for n, v in arrays.cell.items() if not n.startswith(GROUP)}
-    found = meshio.Mesh(
+    given = meshio.Mesh(
         mesh.points.copy(),
         [_block(meshio, NAMES[b.type], b.nodes[:, places(b.type)]) for b in mesh.blocks],
         point_data={n: v for n, v in arrays.node.items() if not n.startswith(GROUP)},
@@ -78,19 +78,18 @@ def to_meshio(mesh: Mesh) -> Any:
         point_sets={name: nodes.copy() for name, nodes in mesh.node_groups.items()},
         cell_sets=sets,
     )
-    order = {} if mesh.file_order is None else {"file_order": np.asarray(mesh.file_order).tolist()}
-    found.info = {INFO: notes.to_json(mesh, **arrays.notes, **order)}
-    return found
+    given.info = {INFO: notes.to_json(mesh, {**arrays.notes, "file_order": mesh.file_order})}
+    return given
 
 
-def _block(meshio: Any, kind: str, nodes: Ints) -> Any:
+def _block(meshio: Any, name: str, nodes: Ints) -> Any:
     """A block of cells; meshio's own constructor does not know the dimension of wedge15, pyramid13 and others."""
     try:
-        return meshio.CellBlock(kind, nodes)
+        return meshio.CellBlock(name, nodes)
     except KeyError:
         block = meshio.CellBlock.__new__(meshio.CellBlock)
-        block.type, block.data, block.tags = kind, nodes, []
-        block.dim = ALL_CELLS[_OF_NAME[kind]].dim
+        block.type, block.data, block.tags = name, nodes, []
+        block.dim = ALL_CELLS[_OF_NAME[name]].dim
         return block
 
 
@@ -129,14 +128,14 @@ def _blocks(given: Any) -> tuple[dict[str, Ints], Ints]:
     rows: dict[str, list[Ints]] = {}
     place: dict[str, list[Ints]] = {}
     for block, a, b in zip(given.cells, starts, starts[1:], strict=False):
-        kind = _OF_NAME[block.type]
+        cell_type = _OF_NAME[block.type]
         listed = np.asarray(block.data)
         nodes = np.empty(listed.shape, np.int64)
-        nodes[:, places(kind)] = listed
-        rows.setdefault(kind, []).append(nodes)
-        place.setdefault(kind, []).append(np.arange(a, b))
+        nodes[:, places(cell_type)] = listed
+        rows.setdefault(cell_type, []).append(nodes)
+        place.setdefault(cell_type, []).append(np.arange(a, b))
     order = np.concatenate([np.empty(0, np.int64), *(part for parts in place.values() for part in parts)])
-    return {kind: np.concatenate(parts) for kind, parts in rows.items()}, order
+    return {cell_type: np.concatenate(parts) for cell_type, parts in rows.items()}, order
 
 
 def _noted(given: Any, n_nodes: int, n_cells: int, said: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -147,9 +146,9 @@ def _noted(given: Any, n_nodes: int, n_cells: int, said: list[str]) -> tuple[dic
     if not text:
         return {}, {}
     fields, noted = notes.from_json(text, n_nodes, said)
-    listed = noted.get("file_order")
-    if isinstance(listed, list) and sorted(listed) == list(range(n_cells)):
-        fields["file_order"] = np.array(listed, np.int64)
+    order = noted.get("file_order")
+    if order is not None and np.array_equal(np.sort(order), np.arange(n_cells)):
+        fields["file_order"] = order
     return fields, noted
 
 

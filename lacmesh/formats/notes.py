@@ -1,6 +1,14 @@
-"""Notes as JSON text on what most formats have no place for: a mesh's name, zones, group tags, steps, geometry model.
+"""Notes: data of a mesh that a format has no place for, as JSON in its files; one description of all of them.
 
-A format that keeps text can keep them. The names and shapes of its arrays are added to them (`arrays.py`).
+A table lists the notes of a kind of file: the name of each, and how its value becomes JSON and is checked when it is
+read. A format only stores and fetches the text:
+
+    ARRAY_NOTES     VTU, XDMF, objects of pyvista and meshio: what named arrays on cells and nodes do not hold
+    MED_NOTES       MED: the root group LACMESH (`med/notes.py`)
+    MSH_NOTES       msh, and gmsh's model: the section $LacMesh (`msh/notes.py`)
+    CUT_NOTES       formats without fields: the records of a cut, in the sidecar (`sidecar.py`)
+
+In the first two, nodes and cells are given by their index, in the others by their numbers in the file.
 """
 
 from __future__ import annotations
@@ -8,44 +16,84 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.cells import ALL_CELLS
+from lacmesh.formats.note_types import (
+    DAMAGE,
+    FLAG,
+    INTEGER,
+    INTEGERS,
+    PAIRS,
+    REAL,
+    TEXT,
+    NoteTable,
+    columns,
+    from_plain,
+    mapping_of,
+    named,
+    object_of,
+    optional,
+    record_of,
+    to_plain,
+    tuple_of,
+)
 from lacmesh.mesh import Ints, Mesh, Model, Periodic, Step, Tag
 
+#: Of the notes of every format.
 VERSION = 1
-#: What a damaged text may raise while it is read.
-DAMAGE = (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError, OverflowError)
 
 
-def to_json(mesh: Mesh, **rest: Any) -> str:
-    """Notes of a mesh, the names of its zones included, and the entries `rest`, as JSON text."""
-    notes: dict[str, Any] = {"version": VERSION, "name": mesh.name, "space_dim": mesh.space_dim}
-    if mesh.zones:
-        notes["zones"] = list(mesh.zones)
-    if mesh.group_tags:
-        notes["group_tags"] = {group: [list(map(int, t)) for t in tags] for group, tags in mesh.group_tags.items()}
-    if mesh.steps:
-        notes["steps"] = {key: [s.field, s.number, s.order, s.time] for key, s in mesh.steps.items()}
-    if mesh.model is not None:
-        notes["model"] = plain_model(mesh.model)
-    notes |= {key: value for key, value in rest.items() if value}
-    return json.dumps(notes, ensure_ascii=True)
+class FieldNote(NamedTuple):
+    """Properties of a field that a section of msh cannot hold: its key in the mesh, true name and step, shape, type."""
+
+    key: str
+    name: str
+    number: int
+    order: int
+    shape: tuple[int, ...] | None
+    integer: bool
+
+
+class CellsNote(NamedTuple):
+    """Cells of a type that msh lacks: numbers (k,), nodes (k, n) by number, entities (k, 2), places in the file."""
+
+    type: str
+    number: Ints
+    nodes: Ints
+    entity: Ints
+    at: Ints
+
+
+def to_json(mesh: Mesh, more: Mapping[str, Any]) -> str:
+    """JSON text of the ARRAY_NOTES of a mesh; `more`: those that belong to its arrays."""
+    return json.dumps({"version": VERSION, **to_plain({**_of_mesh(mesh), **more}, ARRAY_NOTES)}, ensure_ascii=True)
 
 
 def from_json(text: str, n_nodes: int, said: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Mesh fields in the notes, and the notes themselves; both empty, with a message in `said`, if they are damaged."""
+    """Mesh fields in the ARRAY_NOTES, and these notes; both empty, with a message in `said`, if they are damaged."""
     try:
-        notes = json.loads(text)
-        if notes["version"] > VERSION:
+        data = json.loads(text)
+        if data["version"] > VERSION:
             said.append("the notes of a newer lacmesh are left out")
             return {}, {}
-        return _fields(notes, n_nodes), notes
+        notes = from_plain(data, ARRAY_NOTES)
+        return {"name": "mesh", **mesh_fields(notes, n_nodes)}, notes
     except DAMAGE:
         said.append("lacmesh's own notes are damaged and left out")
         return {}, {}
+
+
+def mesh_fields(notes: Mapping[str, Any], n_nodes: int) -> dict[str, Any]:
+    """The notes that are fields of a mesh. Raises ValueError for a periodic link of nodes that the mesh lacks."""
+    fields = {key: value for key, value in notes.items() if key in _MESH_NOTES}
+    for link in fields["model"].periodic if "model" in fields else ():
+        if link.nodes.size and (link.nodes.min() < 0 or link.nodes.max() >= n_nodes):
+            raise ValueError("a periodic node outside the mesh")
+    return fields
 
 
 def zone_names(cell_data: Mapping[str, NDArray], cell_groups: Mapping[str, Ints]) -> tuple[str, ...]:
@@ -73,55 +121,106 @@ def fitting(mesh: Mesh) -> Mesh:
     return replace(mesh, group_tags={name: t for name, t in mesh.group_tags.items() if name in mesh.cell_groups})
 
 
-def plain_model(model: Model) -> dict[str, Any]:
-    """Geometry model of msh as plain JSON data."""
-    return {
-        "boundary": [[*map(int, tag), *map(int, entities)] for tag, entities in model.boundary.items()],
-        "periodic": [
-            {
-                "slave": [int(n) for n in p.slave],
-                "master": [int(n) for n in p.master],
-                "affine": [float(a) for a in p.affine],
-                "nodes": np.asarray(p.nodes).tolist(),
-            }
-            for p in model.periodic
-        ],
-    }
+def _of_mesh(mesh: Mesh) -> dict[str, Any]:
+    return {key: getattr(mesh, key) for key in _MESH_NOTES}
 
 
-def _fields(notes: dict[str, Any], n_nodes: int) -> dict[str, Any]:
-    fields: dict[str, Any] = {"name": str(notes.get("name", "mesh"))}
-    if notes.get("space_dim") in (1, 2, 3):
-        fields["space_dim"] = int(notes["space_dim"])
-    fields |= common_fields(notes, n_nodes)
-    if "steps" in notes:
-        fields["steps"] = {
-            str(key): Step(str(name), int(number), int(order), float(time))
-            for key, (name, number, order, time) in notes["steps"].items()
-        }
-    return fields
+def _space_dim(dim: int) -> int:
+    if dim not in (1, 2, 3):
+        raise ValueError("space_dim is not 1, 2 or 3")
+    return dim
 
 
-def common_fields(notes: Mapping[str, Any], n_nodes: int) -> dict[str, Any]:
-    """The fields `zones`, `group_tags` and `model` of a mesh, as far as notes have them. Raises one of DAMAGE."""
-    fields: dict[str, Any] = {}
-    if "zones" in notes:
-        fields["zones"] = tuple(str(zone) for zone in notes["zones"])
-    if "group_tags" in notes:
-        fields["group_tags"] = {str(g): tuple(_tag(t) for t in tags) for g, tags in notes["group_tags"].items()}
-    if "model" in notes:
-        boundary = {_tag(b[:2]): tuple(int(e) for e in b[2:]) for b in notes["model"]["boundary"]}
-        fields["model"] = Model(boundary, tuple(_periodic(p, n_nodes) for p in notes["model"]["periodic"]))
-    return fields
+def _bounded(row: tuple[int, ...]) -> tuple[Tag, tuple[int, ...]]:
+    """Entity and its signed boundary, which follow one another in a row."""
+    dim, tag, *signed = row
+    return (dim, tag), tuple(signed)
 
 
-def _tag(pair: Any) -> Tag:
-    dim, tag = pair
-    return int(dim), int(tag)
+def _cells_note(parts: dict[str, Any]) -> CellsNote:
+    if parts["type"] not in ALL_CELLS:
+        raise ValueError(f"there is no cell type {parts['type']!r}")
+    parts["nodes"] = parts["nodes"].reshape(-1, ALL_CELLS[parts["type"]].n_nodes)
+    return CellsNote(**parts)
 
 
-def _periodic(noted: dict[str, Any], n_nodes: int) -> Periodic:
-    nodes = np.array(noted["nodes"], dtype=np.int64).reshape(-1, 2)
-    if nodes.size and (nodes.min() < 0 or nodes.max() >= n_nodes):
-        raise ValueError("a periodic node outside the mesh")
-    return Periodic(_tag(noted["slave"]), _tag(noted["master"]), tuple(float(a) for a in noted["affine"]), nodes)
+def _plain_fields(notes: Mapping[tuple[str, str, int], FieldNote]) -> list[dict[str, Any]]:
+    return [{"on": on, "field": name, "step": step, **note._asdict()} for (on, name, step), note in notes.items()]
+
+
+def _field_notes(entries: tuple[dict[str, Any], ...]) -> dict[tuple[str, str, int], FieldNote]:
+    return {(e.pop("on"), e.pop("field"), e.pop("step")): FieldNote(**e) for e in entries}
+
+
+_TAG = record_of(INTEGER, INTEGER)
+_TAGS = tuple_of(_TAG)
+_STEP = record_of(TEXT, INTEGER, INTEGER, REAL).through(lambda step: vars(step).values(), lambda row: Step(*row))
+_PERIODIC = object_of(slave=_TAG, master=_TAG, affine=tuple_of(REAL), nodes=PAIRS)
+_MODEL = object_of(
+    boundary=tuple_of(tuple_of(INTEGER)).through(
+        lambda boundary: [(*tag, *signed) for tag, signed in boundary.items()],
+        lambda rows: dict(map(_bounded, rows)),
+    ),
+    periodic=tuple_of(_PERIODIC.through(vars, lambda parts: Periodic(**parts))),
+)
+_ROWS_OF_3 = INTEGERS.through(np.asarray, lambda values: values.reshape(-1, 3))
+_PAIRS_IN_A_ROW = INTEGERS.through(np.asarray, lambda values: values.reshape(-1, 2))
+_CELLS = object_of(type=TEXT, number=INTEGERS, nodes=INTEGERS, entity=_PAIRS_IN_A_ROW, at=INTEGERS)
+_FIELD = object_of(
+    on=TEXT,
+    field=TEXT,
+    step=INTEGER,
+    key=TEXT,
+    name=TEXT,
+    number=INTEGER,
+    order=INTEGER,
+    shape=optional(tuple_of(INTEGER)),
+    integer=FLAG,
+)
+
+#: Notes that are fields of a mesh, in formats where all else is in arrays.
+_MESH_NOTES: NoteTable = {
+    "name": TEXT,
+    "space_dim": INTEGER.through(int, _space_dim),
+    "zones": tuple_of(TEXT),
+    "group_tags": mapping_of(_TAGS),
+    "steps": mapping_of(_STEP),
+    "model": _MODEL.through(vars, lambda parts: Model(**parts)),
+}
+ARRAY_NOTES: NoteTable = {
+    **_MESH_NOTES,
+    #: on "cell" or "node": the true names of arrays, and the shape of their rows if these have several dimensions
+    "names": mapping_of(mapping_of(TEXT)),
+    "shapes": mapping_of(mapping_of(tuple_of(INTEGER))),
+    #: of XDMF: arrays that the writer added, and those of all groups
+    "own": tuple_of(TEXT),
+    "groups": tuple_of(TEXT),
+    #: of meshio's objects
+    "file_order": INTEGERS,
+}
+MED_NOTES: NoteTable = {"mesh": TEXT, **{key: _MESH_NOTES[key] for key in ("zones", "group_tags", "model")}}
+MSH_NOTES: NoteTable = {
+    #: how many the mesh has for which the numbers are meant
+    "nodes": INTEGER,
+    "cells": INTEGER,
+    **{key: _MESH_NOTES[key] for key in ("name", "space_dim", "zones")},
+    "groups": named("tags", _TAGS),
+    "node_groups": named("nodes", INTEGERS),
+    "cell_groups": named("cells", INTEGERS),
+    "extra_cells": tuple_of(_CELLS.through(CellsNote._asdict, _cells_note)),
+    "node_entity": _ROWS_OF_3,
+    "boundary": tuple_of(record_of(INTEGER, INTEGER, tuple_of(INTEGER))).through(
+        lambda boundary: [(*tag, signed) for tag, signed in boundary.items()],
+        lambda rows: {(dim, tag): signed for dim, tag, signed in rows},
+    ),
+    "fields": tuple_of(_FIELD).through(_plain_fields, _field_notes),
+}
+CUT_NOTES: NoteTable = {
+    "nodes": INTEGER,
+    "cells": mapping_of(INTEGER),
+    "digest": TEXT,
+    "zones": tuple_of(TEXT),
+    #: slave faces and children by number: macro-element, zone, place among the children of a face, parent's number
+    "children": columns("cell", "macro", "zone", "child", "parent"),
+    "internal": columns("node", "macro"),
+}

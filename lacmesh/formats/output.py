@@ -91,10 +91,10 @@ def is_abandoned(beside: Path, *, held: bool = False) -> bool:
     This is not known of processes on other machines, of files of an older lacmesh, or of a file with this process's own
     number: such a file is abandoned only if the folder is `held`, so that nobody else writes into it.
     """
-    found = re.search(r"-([0-9a-f]{8})([0-9a-f]{8})[0-9a-f]{8}\.[^-]*$", beside.name)
-    if found is None or found[1] != _HOST or os.name != "posix":
+    marks = re.search(r"-([0-9a-f]{8})([0-9a-f]{8})[0-9a-f]{8}\.[^-]*$", beside.name)
+    if marks is None or marks[1] != _HOST or os.name != "posix":
         return held
-    number = int(found[2], 16)
+    number = int(marks[2], 16)
     if number == os.getpid():
         return held
     try:

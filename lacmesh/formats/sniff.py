@@ -34,9 +34,13 @@ _VTK = {
 
 
 class DetectedFormat(NamedTuple):
-    """The name of a format, and whether the file is binary."""
+    """Coding of a mesh file: its format, for msh the version (4.1 or 2.2), and whether it is binary.
+
+    `binary` is False only for the text form of a format that has a binary form too: msh, VTU and XDMF.
+    """
 
     format: str
+    version: str = ""
     binary: bool = True
 
 
@@ -49,9 +53,9 @@ def sniff(path: Path, head: bytes) -> DetectedFormat:
     if text.startswith(b"$") and (suffix not in OF_MESHIO or b"$MeshFormat" in head):  # $ begins a comment of Nastran
         return DetectedFormat("msh")
     if text.startswith(b"<"):
-        found = _in_xml(path, text, suffix)
-        if found:
-            return found
+        detected = _in_xml(path, text, suffix)
+        if detected:
+            return detected
     if not text.strip():
         raise ReadError(path, "is empty")
     for begin, what in _FOREIGN:
@@ -73,14 +77,14 @@ def _by_suffix(path: Path, text: bytes, suffix: str) -> DetectedFormat:
     if name in begins:
         other = "inp" if name == "mail" else "mail"
         if not begins[name](text) and begins[other](text):
-            return DetectedFormat(other, False)
-        return DetectedFormat(name, False)
+            return DetectedFormat(other)
+        return DetectedFormat(name)
     if name is not None and name not in {f.name for f in OWN}:
         return DetectedFormat(name)
     if mail.begins(text):
-        return DetectedFormat("mail", False)
+        return DetectedFormat("mail")
     if text.startswith(b"*") and inp.begins(text):
-        return DetectedFormat("inp", False)
+        return DetectedFormat("inp")
     raise ReadError(
         path,
         "is neither a gmsh msh file ($MeshFormat) nor a MED file (HDF5), nor VTU, XDMF, .mail or .inp; "
@@ -90,16 +94,16 @@ def _by_suffix(path: Path, text: bytes, suffix: str) -> DetectedFormat:
 
 def _in_xml(path: Path, text: bytes, suffix: str) -> DetectedFormat | None:
     """Detect the format of an XML file; None if the suffix may tell it. Raises ReadError."""
-    found = re.search(rb"<VTKFile\b[^>]*?\btype\s*=\s*[\"'](\w+)[\"']", text)
-    if found:
-        kind = found[1].decode()
-        if kind in _VTK:
-            raise ReadError(path, _VTK[kind].format(files=_listed(path) or "it names none"))
-        return DetectedFormat("vtu", _binary_vtu(path))
+    root = re.search(rb"<VTKFile\b[^>]*?\btype\s*=\s*[\"'](\w+)[\"']", text)
+    if root:
+        vtk_type = root[1].decode()
+        if vtk_type in _VTK:
+            raise ReadError(path, _VTK[vtk_type].format(files=_listed(path) or "it names none"))
+        return DetectedFormat("vtu", binary=_binary_vtu(path))
     if re.search(rb"<Xdmf\b", text):
-        return DetectedFormat("xdmf", b'Format="XML"' not in text)
+        return DetectedFormat("xdmf", binary=b'Format="XML"' not in text)
     if re.search(rb"<dolfin\b", text):
-        return DetectedFormat("dolfin-xml", False)
+        return DetectedFormat("dolfin-xml")
     if suffix in (".vtu", ".xdmf", ".xmf", ".xml"):
         raise ReadError(path, "is XML, but neither VTU (<VTKFile>) nor XDMF (<Xdmf>)")
     return None

@@ -46,7 +46,7 @@ class Format(NamedTuple):
     """A format: its `name`, its `title` for people, its suffixes (the first is the usual one).
 
     `options`: what `lacmesh.formats.write` takes for it. `beside`: the suffix of a second file beside the first.
-    `cut_beside`: the records of a cut go to a file beside it (`cut_beside.py`) where it does not keep them itself.
+    `sidecar`: the records of a cut go to a file beside it (`sidecar.py`) where it does not keep them itself.
     """
 
     name: str
@@ -55,14 +55,14 @@ class Format(NamedTuple):
     options: tuple[str, ...] = ()
     beside: str = ""
     meshio: bool = False
-    cut_beside: bool = False
+    sidecar: bool = False
 
 
 OWN = (
     Format("msh", "msh", (".msh",), ("msh", "binary")),
     Format("med", "MED", (".med", ".rmed", ".mmed")),
-    Format("mail", "code_aster .mail", (".mail",), cut_beside=True),
-    Format("inp", ".inp of CalculiX and Abaqus", (".inp",), ("target", "plane", "all_cells"), cut_beside=True),
+    Format("mail", "code_aster .mail", (".mail",), sidecar=True),
+    Format("inp", ".inp of CalculiX and Abaqus", (".inp",), ("target", "plane", "all_cells"), sidecar=True),
     Format("vtu", "VTU", (".vtu",), ("binary", "compress")),
     Format("xdmf", "XDMF", (".xdmf", ".xmf"), ("binary", "compress"), beside=".h5"),
 )
@@ -73,8 +73,7 @@ def _of_meshio() -> tuple[Format, ...]:
     for suffix, name in OF_MESHIO.items():
         suffixes.setdefault(name, []).append(suffix)
     return tuple(
-        Format(name, f"{name}, by meshio", tuple(found), meshio=True, cut_beside=True)
-        for name, found in suffixes.items()
+        Format(name, f"{name}, by meshio", tuple(found), meshio=True, sidecar=True) for name, found in suffixes.items()
     )
 
 
@@ -84,7 +83,7 @@ def takers(option: str) -> list[Format]:
     >>> [form.title for form in takers("compress")]
     ['VTU', 'XDMF']
     """
-    return [found for found in OWN if option in found.options]
+    return [form for form in OWN if option in form.options]
 
 
 FORMATS = (*OWN, *_of_meshio())

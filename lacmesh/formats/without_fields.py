@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lacmesh.formats.cut_beside import without_records
+from lacmesh.formats.sidecar import without_records
 from lacmesh.mesh import Mesh
 
 

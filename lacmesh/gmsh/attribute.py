@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lacmesh.formats.msh.notes import SECTION, Notes, from_text, to_text
-from lacmesh.formats.msh.scan import MshBytes
+from lacmesh.formats.source import SourceFile
 
 
 def read_notes(gmsh: Any, name: str) -> Notes:
@@ -17,7 +17,7 @@ def read_notes(gmsh: Any, name: str) -> Notes:
     if SECTION not in gmsh.model.getAttributeNames():
         return Notes()
     text = "\n".join(gmsh.model.getAttribute(SECTION))
-    return from_text(text.encode(), MshBytes(Path(f"gmsh's model {name!r}"), b"-")) or Notes()
+    return from_text(text.encode(), SourceFile(Path(f"gmsh's model {name!r}"), b"-")) or Notes()
 
 
 def write_notes(gmsh: Any, notes: Notes) -> None:

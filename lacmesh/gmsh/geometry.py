@@ -37,14 +37,14 @@ _FLAT, _ROUND = 1e-4, 0.02
 
 def open_file(gmsh: Any, path: Path, dim: int | None) -> int:
     """Open a file and return the dimension of its bodies. Raises ReadError, DataError."""
-    kind = SUFFIXES[path.suffix.lower()]
+    file_type = SUFFIXES[path.suffix.lower()]
     if path.suffix.lower() == ".geo":
         _check_last_line(path)
-    _open(gmsh, path, kind)
+    _open(gmsh, path, file_type)
     gmsh.option.setNumber("Geometry.OCCBoundsUseStl", 1)  # boxes that fit, where OCC would leave room
-    if kind == "STL":
+    if file_type == "STL":
         stl.make_geometry(gmsh, path, volumes=dim != 2)
-    if kind == "IGES" and dim != 2 and gmsh.model.getDimension() == 2:
+    if file_type == "IGES" and dim != 2 and gmsh.model.getDimension() == 2:
         _sew(gmsh, path)
     there = gmsh.model.getDimension()
     if there < (dim or 2):
@@ -54,14 +54,14 @@ def open_file(gmsh: Any, path: Path, dim: int | None) -> int:
     return dim or there
 
 
-def _open(gmsh: Any, path: Path, kind: str) -> None:
+def _open(gmsh: Any, path: Path, file_type: str) -> None:
     try:
         gmsh.open(str(path))
     except Exception as error:  # gmsh's own class of errors
         said = str(error).replace(f"'{path}', ", "").replace(str(path), path.name)
-        raise ReadError(path, f"gmsh cannot read it as {kind} ({said})") from error
+        raise ReadError(path, f"gmsh cannot read it as {file_type} ({said})") from error
     if not gmsh.model.getEntities():
-        raise ReadError(path, f"there is no geometry in it; is it {kind}?")
+        raise ReadError(path, f"there is no geometry in it; is it {file_type}?")
     if failed := errors(gmsh):
         raise ReadError(path, f"gmsh reads it with errors ({failed[0]})")
 
@@ -139,7 +139,7 @@ def shapes(gmsh: Any, dim: int) -> list[CadShape]:
     exact = {(int(d), int(t)) for d, t in gmsh.model.occ.getEntities()} if _is_occ(gmsh) else set()
     wanted = [(d, int(t)) for d in (dim, dim - 1) for _, t in gmsh.model.getEntities(d)]
     measured = {} if dim == 3 and exact.issuperset(wanted) else _from_mesh(gmsh, dim, bounds)
-    found = []
+    listed = []
     for d, tag in wanted:
         row = replace(measured.get((d, tag), _NONE), dim=d, tag=tag, type=_type(gmsh, d, tag))
         if (d, tag) in exact:
@@ -150,10 +150,10 @@ def shapes(gmsh: Any, dim: int) -> list[CadShape]:
             normal, radius = _turned_outward(gmsh, tag, bodies)
             row = replace(row, normal=normal, radius=radius)
         box = gmsh.model.getBoundingBox(d, tag)
-        found.append(
+        listed.append(
             replace(row, box=(_triple(box[:3]), _triple(box[3:])), bodies=bodies, groups=_groups(gmsh, d, tag))
         )
-    return found
+    return listed
 
 
 _NONE = CadShape(0, 0, "", 0.0, (0.0, 0.0, 0.0), ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
@@ -246,23 +246,23 @@ def _from_mesh(gmsh: Any, dim: int, bounds: dict[int, list[int]]) -> dict[Tag, C
     plane = dim == 2 and bool(np.ptp(mesh.points[:, 2]) <= 1e-12 * diagonal(gmsh))
     if plane:
         mesh = reverse(mesh, analyse_orientation(mesh, np.flatnonzero(mesh.cell_dim == 1)).to_flip)
-    found = {tag: _integrate(mesh, tag, plane) for tag in _entities(mesh) if tag[0] in (1, 2)}
+    integrals = {tag: _integrate(mesh, tag, plane) for tag in _entities(mesh) if tag[0] in (1, 2)}
     if dim == 2:
-        measured = {tag: _measured(i, 1.0) for tag, i in found.items()}
+        measured = {tag: _measured(i, 1.0) for tag, i in integrals.items()}
         return {t: s if plane or t[0] == 2 else replace(s, normal=None, radius=None) for t, s in measured.items()}
-    shapes = {tag: _measured(i, 1.0) for tag, i in found.items()}
+    shapes = {tag: _measured(i, 1.0) for tag, i in integrals.items()}
     first: dict[Tag, int] = {}
     for body, around in bounds.items():
-        tags = [(2, abs(t)) for t in around if (2, abs(t)) in found]
-        out = _outward(gmsh, mesh, tags, found)
-        volume = sum(out[tag] * found[tag].flux for tag in tags) / 3
-        second = np.sum([out[tag] * found[tag].second for tag in tags], axis=0) / 2
+        tags = [(2, abs(t)) for t in around if (2, abs(t)) in integrals]
+        out = _outward(gmsh, mesh, tags, integrals)
+        volume = sum(out[tag] * integrals[tag].flux for tag in tags) / 3
+        second = np.sum([out[tag] * integrals[tag].second for tag in tags], axis=0) / 2
         shapes[3, body] = replace(_NONE, measure=float(volume), centre=_triple(second / volume if volume else second))
-        shapes |= {tag: _measured(found[tag], out[tag]) for tag in tags if first.setdefault(tag, body) == body}
+        shapes |= {tag: _measured(integrals[tag], out[tag]) for tag in tags if first.setdefault(tag, body) == body}
     return shapes
 
 
-def _outward(gmsh: Any, mesh: Mesh, surfaces: list[Tag], found: Mapping[Tag, _Integrals]) -> dict[Tag, float]:
+def _outward(gmsh: Any, mesh: Mesh, surfaces: list[Tag], integrals: Mapping[Tag, _Integrals]) -> dict[Tag, float]:
     """Sign of each surface: 1 if its cells' normals point out of the body that the surfaces enclose, -1 if into it.
 
     A closed shell is oriented out of what it encloses; of several shells the largest is the outer one, others voids.
@@ -272,7 +272,7 @@ def _outward(gmsh: Any, mesh: Mesh, surfaces: list[Tag], found: Mapping[Tag, _In
     turned = analyse_orientation(mesh, np.sort(np.concatenate(list(cells.values())))).to_flip
     out = {tag: -1.0 if here[0] in turned else 1.0 for tag, here in cells.items()}
     shells = stl.connected(gmsh, [tag for _, tag in surfaces])
-    volumes = [sum(out[2, tag] * found[2, tag].flux for tag in shell) for shell in shells]
+    volumes = [sum(out[2, tag] * integrals[2, tag].flux for tag in shell) for shell in shells]
     voids = {(2, tag) for k, shell in enumerate(shells) if k != np.argmax(volumes) for tag in shell}
     return {tag: -sign if tag in voids else sign for tag, sign in out.items()}
 
@@ -300,11 +300,11 @@ def _integrate(mesh: Mesh, tag: Tag, plane: bool) -> _Integrals:
     """Integrals over an entity; n: normal of surfaces, and, in the plane, of curves with the body on their left."""
     cells = np.flatnonzero((mesh.cell_data["entity"] == tag).all(axis=1))
     points, weighted = [], []
-    for kind, _, nodes in mesh.select(cells):
-        X, w = rule(CELLS[kind].family, 6)
+    for cell_type, _, nodes in mesh.select(cells):
+        X, w = rule(CELLS[cell_type].family, 6)
         x = mesh.points[nodes]
-        J = jacobian(kind, x, X)
-        points.append(np.einsum("pn,cns->cps", shape(kind, X), x).reshape(-1, 3))
+        J = jacobian(cell_type, x, X)
+        points.append(np.einsum("pn,cns->cps", shape(cell_type, X), x).reshape(-1, 3))
         if tag[0] == 2:
             n = np.cross(J[..., 0], J[..., 1])
         else:

@@ -25,8 +25,8 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.formats import read
 from lacmesh.formats.msh import content as msh_content
 from lacmesh.formats.msh.content import Content, Piece
-from lacmesh.formats.msh.numbers import TYPE_NAMES, UNKNOWN_TYPE
 from lacmesh.formats.msh.scan import MshBytes
+from lacmesh.formats.msh.types import TYPE_NAMES, UNKNOWN_TYPE
 from lacmesh.gmsh import attribute, session, views
 from lacmesh.mesh import Ints, Mesh, Tag
 
@@ -132,10 +132,10 @@ def _add_cells(gmsh: Any, content: Content, keep: Collection[Tag] | None) -> dic
         if keep is not None and (dim, tag) not in keep:
             continue
         groups = tuple((dim, abs(int(g))) for g in gmsh.model.getPhysicalGroupsForEntity(dim, tag))
-        for kind, number, nodes in zip(*gmsh.model.mesh.getElements(dim, tag), strict=True):
-            name = TYPE_NAMES.get(int(kind))
+        for gmsh_type, number, nodes in zip(*gmsh.model.mesh.getElements(dim, tag), strict=True):
+            name = TYPE_NAMES.get(int(gmsh_type))
             if name is None:
-                raise DataError(UNKNOWN_TYPE.format(kind))
+                raise DataError(UNKNOWN_TYPE.format(gmsh_type))
             rows = nodes.astype(np.int64).reshape(len(number), -1)
             content.pieces.append(Piece(name, number.astype(np.int64), rows, at, (dim, tag), partition, groups))
             at += len(number)
@@ -144,12 +144,12 @@ def _add_cells(gmsh: Any, content: Content, keep: Collection[Tag] | None) -> dic
 
 def _complete(gmsh: Any, content: Content) -> bool:
     """True if the cells found are all cells of the model."""
-    found = dict.fromkeys(_COUNTS.values(), 0)
+    counts = dict.fromkeys(_COUNTS.values(), 0)
     for piece in content.pieces:
         family = ALL_CELLS[piece.type].family
-        if family in found:
-            found[family] += len(piece.number)
-    if any(int(gmsh.option.getNumber(f"Mesh.{option}")) != found[family] for option, family in _COUNTS.items()):
+        if family in counts:
+            counts[family] += len(piece.number)
+    if any(int(gmsh.option.getNumber(f"Mesh.{option}")) != counts[family] for option, family in _COUNTS.items()):
         return False
     number = np.sort(np.concatenate([np.empty(0, np.int64), *(p.number for p in content.pieces)]))
     last = int(gmsh.model.mesh.getMaxElementTag())

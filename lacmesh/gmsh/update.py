@@ -25,8 +25,8 @@ from lacmesh.cutting.assemble import node_entities
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.entities import Assignment, assign
+from lacmesh.formats.ids import Index, repeated
 from lacmesh.formats.msh.notes import Notes
-from lacmesh.formats.msh.numbers import Index, repeated
 from lacmesh.formats.msh.writer import add_numbers, names_of
 from lacmesh.gmsh import session, views
 from lacmesh.gmsh.attribute import write_notes
@@ -121,14 +121,14 @@ def _apply(gmsh: Any, before: Read, mesh: Mesh, left_out: tuple[str, ...]) -> No
         if change.vanished:
             old = _clear(gmsh, old)
             change = _change(old, mesh, tags[table.cell])
-        made = _add_entities(gmsh, table, mesh)
+        added = _add_entities(gmsh, table, mesh)
         _add_nodes(gmsh, table, mesh, change)
         _remove_cells(gmsh, old, change.gone)
         _add_cells(gmsh, table, mesh, change.come)
         _set_groups(gmsh, table, names)
         if not old.n_nodes:
             _add_links(gmsh, mesh)
-        elif made:
+        elif added:
             gmsh.model.mesh.reclassifyNodes()
         notes.fields = views.write_views(gmsh, before.name, mesh, before.held, left_out)
         write_notes(gmsh, notes)
@@ -238,18 +238,18 @@ def _remove_cells(gmsh: Any, old: Mesh, gone: Ints) -> None:
             gmsh.model.mesh.removeElements(dim, tag, old.cell_number[cells])
             continue
         gmsh.model.mesh.removeElements(dim, tag)
-        for kind, stay, nodes in old.select(np.setdiff1d(here, cells, assume_unique=True)):
-            if ALL_CELLS[kind].msh is not None:
+        for cell_type, stay, nodes in old.select(np.setdiff1d(here, cells, assume_unique=True)):
+            if ALL_CELLS[cell_type].msh is not None:
                 rows = old.node_number[nodes].ravel()
-                gmsh.model.mesh.addElementsByType(tag, ALL_CELLS[kind].msh, old.cell_number[stay], rows)
+                gmsh.model.mesh.addElementsByType(tag, ALL_CELLS[cell_type].msh, old.cell_number[stay], rows)
 
 
 def _add_cells(gmsh: Any, table: Assignment, mesh: Mesh, come: Ints) -> None:
-    for kind, cells, nodes in mesh.select(come):
+    for cell_type, cells, nodes in mesh.select(come):
         for row, which in _by_key(table.cell[cells], np.arange(len(cells))):
             numbers = mesh.cell_number[cells[which]]
             rows = mesh.node_number[nodes[which]]
-            gmsh.model.mesh.addElementsByType(table.entities[row].tag, ALL_CELLS[kind].msh, numbers, rows.ravel())
+            gmsh.model.mesh.addElementsByType(table.entities[row].tag, ALL_CELLS[cell_type].msh, numbers, rows.ravel())
 
 
 def _set_groups(gmsh: Any, table: Assignment, names: dict[Tag, str]) -> None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.msh.content import Content
 from lacmesh.formats.msh.fields import RESERVED, Head, Rows, keys, to_rows
-from lacmesh.formats.msh.notes import FieldNote
+from lacmesh.formats.notes import FieldNote
 from lacmesh.mesh import Ints, Mesh
 
 _TYPES = {"NodeData": "node", "ElementData": "cell"}
@@ -45,14 +45,14 @@ class Held:
 def read_views(gmsh: Any, model: str, content: Content) -> list[Held]:
     """Read the views that belong to the current model, called `model`; warns of records of a cut that do not fit it."""
     known = {"node": content.node_number, "cell": _joined(p.number for p in content.pieces)}
-    found = list(_candidates(gmsh, model))
-    ours = [h for h in found if h.ours]
+    candidates = list(_candidates(gmsh, model))
+    ours = [h for h in candidates if h.ours]
     stale = bool(ours) and not (all(_inside(h, known) for h in ours) and _fits(gmsh, content, ours))
     if stale:
         names = ", ".join(dict.fromkeys(h.rows.head.name for h in ours))
         message = f"gmsh's views {names} were made for an earlier mesh of the model {model!r}: left out"
         warnings.warn(LacmeshWarning(message), stacklevel=4)
-    good = [h for h in found if not (stale if h.ours else not _inside(h, known))]
+    good = [h for h in candidates if not (stale if h.ours else not _inside(h, known))]
     named = keys([h.rows.head for h in good])
     kept = [replace(h, key=key) for h, (key, _) in zip(good, named, strict=True)]
     return kept + [replace(h, stale=True) for h in ours if stale]
@@ -76,7 +76,7 @@ def write_views(
     faces = np.flatnonzero(mesh.cell_data.get(_SHOWN, np.empty(0)) >= 0)
     mark = f"{_MARK}:{_digest((mesh.cell_number[c], mesh.node_number[n]) for _, c, n in mesh.select(faces))}:{model}"
     notes: dict[tuple[str, str, int], FieldNote] = {}
-    made: dict[tuple[str, str], int] = {}
+    views: dict[tuple[str, str], int] = {}
     for kind, on in _TYPES.items():
         number = mesh.node_number if on == "node" else mesh.cell_number
         for key, head, there, values in to_rows(Path(model), on, _fields(mesh, on, left_out), mesh.steps, notes):
@@ -84,8 +84,8 @@ def write_views(
                 continue
             other = others.get((on, key))
             if other is None:
-                view = made.get((on, head.name)) or _add_view(gmsh, head, mark)
-                made[on, head.name] = view
+                view = views.get((on, head.name)) or _add_view(gmsh, head, mark)
+                views[on, head.name] = view
                 step, time = head.step, head.time
             else:
                 view, step, time = other.view, other.rows.head.step, other.rows.head.time

@@ -97,7 +97,13 @@ def _range(accepted: tuple[float, float] | None) -> list[float | None] | None:
 
 @dataclass(frozen=True)
 class Quality:
-    """The quality of a mesh, or of one group: `types` of all its cells, and of each group by itself in `groups`."""
+    """The quality of a mesh, or of one group: `types` of all its cells, and of each group by itself in `groups`.
+
+    >>> from lacmesh import read
+    >>> quality = measure_quality(read("data/two_blocks.msh"), "upper")
+    >>> quality.count, quality.invalid, [of_type.type for of_type in quality.types]
+    (144, 0, ['HEXA8'])
+    """
 
     group: str | None
     types: tuple[TypeQuality, ...]

@@ -34,6 +34,11 @@ class FittedShape:
     along the axis, of a cone the apex), `axis` (3,) unit (of a plane or line the outward normal, of a cone from the
     apex into it). `distance`: the largest of a node from the shape. `no_height`: number of faces of free form without
     a fit.
+
+    >>> from lacmesh import read
+    >>> (plane,) = fit_surface(read("data/two_blocks.msh"), "slave")
+    >>> plane.shape, plane.axis.tolist(), plane.nodes
+    ('plane', [0.0, 0.0, -1.0], 49)
     """
 
     shape: str

@@ -41,6 +41,13 @@ def coverage(points: ContactPoints, slave: Surface, macro: Ints | None = None) -
 
     `macro` (faces of slave,): the macro-element of each slave face, as it was given to `contact_points`; if None, each
     face is a macro-element. Faces with a negative entry belong to none.
+
+    >>> from lacmesh import Mesh, contact_points
+    >>> mesh = Mesh.create([[0, 0], [1, 0], [0.5, 0.1], [0, 0.1]], [("SEG2", [[1, 0], [3, 2]])])
+    >>> slave = Surface.of(mesh, [0])
+    >>> covered = coverage(contact_points(slave, Surface.of(mesh, [1])), slave)
+    >>> covered.ratio.round(12).tolist(), covered.mean_gap.round(12).tolist()
+    ([0.5], [0.1])
     """
     macro = np.arange(len(slave)) if macro is None else np.asarray(macro)
     if macro.shape != (len(slave),):

@@ -83,6 +83,12 @@ def contact_points(
     mean depth of the cells behind the slave face and behind the master face (the size of a face without a cell behind),
     and no farther than ahead: so two plates one cell thick may overlap by half of both before their far sides could be
     paired. Of several layers of the master the nearest counts. Raises RequestError, ValueError.
+
+    >>> from lacmesh import Mesh
+    >>> mesh = Mesh.create([[0, 0], [1, 0], [1, 0.1], [0, 0.1]], [("SEG2", [[1, 0], [3, 2]])])
+    >>> points = contact_points(Surface.of(mesh, [0]), Surface.of(mesh, [1]))
+    >>> points.gap.round(12).tolist(), float(points.weight.sum())
+    ([0.1], 1.0)
     """
     _check(slave, master, normals, search, axisymmetric, search_distance, max_penetration)
     macro = np.arange(len(slave)) if macro is None else np.asarray(macro)

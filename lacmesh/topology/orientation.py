@@ -1,11 +1,11 @@
 """Orientation of skin faces, and flipping them outward.
 
-A face with one cell behind it is outward if its normal, by the right-hand rule, points out of that cell. A face between
-two cells has no outward side and stays. For a skin without parent cells (a rigid master, a shell) no cell defines the
-outward side: its faces are given consistent windings across their edges, and a closed skin is oriented so that the
-enclosed volume is positive. Consistent windings are found on the double cover: every face is there twice, as it is and
-flipped, and is joined to the copies of its neighbours that are consistent with it; each connected component is one way
-to orient a whole connected part of the skin.
+A face with one parent cell is outward if its normal, by the right-hand rule, points out of this cell. A face between
+two cells has no outward side and keeps its orientation. A surface without parent cells (a rigid master, a shell) has no
+outward side either: its faces get consistent windings across their edges, and a closed surface is oriented so that the
+enclosed volume is positive. Consistent windings are found on the double cover: it contains every face twice, with its
+own and with the opposite winding, joined to the copies of its neighbours that are consistent with it; each connected
+component is one orientation of a connected part of the skin.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def _listed_back(mesh: Mesh, faces: Faces, own: FaceIncidence) -> Bools:
     return relative_listing(faces.take(own.face), faces_of(mesh, own.cell)) % 2 == 1
 
 
-# ---- skins without parent cells
+# ---- surfaces without parent cells
 
 _CLOSED, _OPEN, _ONE_SIDED = range(3)
 

@@ -7,7 +7,7 @@ which contain thermal forces under small kinematics; under finite kinematics tem
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -19,37 +19,45 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies import finite
 from lacsolver.bodies import small as assemble
 from lacsolver.bodies.material import Materials
+from lacsolver.bodies.pointwise import LawHistory, PointwiseBodies
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.bodies.small.fields import Field, TemperatureField, checked
 from lacsolver.space.space import Space
 
 
 class Kinematics(Protocol):
-    """Interface of bodies for equilibrium and output. `constant`: the tangent is the same for all u and t."""
+    """Interface of bodies for equilibrium and output, at a displacement u (n_dof,) and a time t.
+
+    `history`: what the laws committed at the end of the last step, () for none, see `pointwise`.
+    """
 
     @property
-    def constant(self) -> bool:
+    def linear(self) -> bool:
         """True if the tangent is the same for all u and t."""
 
-    def internal_force(self, u: Floats, t: float) -> NDArray[np.floating]:
+    @property
+    def finite(self) -> bool:
+        """True if the bodies are in balance where they are displaced to, False if undeformed."""
+
+    def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
         """Return f_int (n_dof,), spring forces included. Raises InadmissibleError where u inverts a cell."""
 
-    def tangent(self, u: Floats, t: float) -> csr_array:
-        """Return K = df_int/du (n_dof, n_dof), symmetric. Raises InadmissibleError."""
+    def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> csr_array:
+        """Return K = df_int/du (n_dof, n_dof), symmetric for hyperelastic laws. Raises InadmissibleError."""
 
-    def force_and_tangent(self, u: Floats, t: float) -> tuple[NDArray[np.floating], csr_array]:
-        """Return f_int and K, at a lower cost than by two calls."""
+    def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
+        """Return the history of the laws at the end of a step; () if no law has one."""
 
-    def stress(self, u: Floats, t: float) -> Field:
+    def stress(self, u: Floats, t: float, history: LawHistory = ()) -> Field:
         """Return the Cauchy stress (cells, points, 4 or 6) of each block, in the components of `space.COMPONENTS`."""
 
-    def energy(self, u: Floats, t: float) -> float:
+    def energy(self, u: Floats, t: float, history: LawHistory = ()) -> float:
         """Return the energy stored in bodies and springs."""
 
 
 @dataclass(frozen=True, eq=False)
 class Small:
-    """Small strains: linear laws, and a constant K."""
+    """Small strains: bodies in balance undeformed, and a constant K of the linear laws."""
 
     space: Space
     materials: Materials
@@ -57,37 +65,48 @@ class Small:
     temperature: TemperatureField | None = None
     threads: int = 1
 
-    constant = True
+    finite = False
+
+    @property
+    def linear(self) -> bool:
+        """True without laws that are evaluated at points."""
+        return not self.materials.pointwise
 
     @cached_property
-    def K(self) -> csr_array:
-        """Stiffness of bodies and springs, (n_dof, n_dof)."""
+    def _K(self) -> csr_array:
+        """Stiffness of springs and of cells with linear laws, (n_dof, n_dof)."""
         K = csr_array(assemble_stiffness(self.space, self.materials, self.threads).tocsr())
         return K if self.springs is None else csr_array(K + self.springs)
 
-    def internal_force(self, u: Floats, t: float) -> NDArray[np.floating]:
-        """Return K u."""
-        return np.asarray(self.K @ checked(self.space, u))
+    @cached_property
+    def _points(self) -> PointwiseBodies:
+        return PointwiseBodies(self.space, self.materials, self.threads)
 
-    def tangent(self, u: Floats, t: float) -> csr_array:
-        """Return K."""
-        return self.K
+    def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
+        """Return K u, and the forces of laws at points."""
+        f = np.asarray(self._K @ checked(self.space, u))
+        return f if self.linear else f + self._points.internal_force(u, history)
 
-    def force_and_tangent(self, u: Floats, t: float) -> tuple[NDArray[np.floating], csr_array]:
-        """Return K u and K."""
-        return self.internal_force(u, t), self.K
+    def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> csr_array:
+        """Return K, and the tangent of laws at points."""
+        return self._K if self.linear else csr_array(self._K + self._points.tangent(u, history))
 
-    def stress(self, u: Floats, t: float) -> Field:
+    def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
+        """Return the history of laws at points."""
+        return () if self.linear else self._points.commit(u, history)
+
+    def stress(self, u: Floats, t: float, history: LawHistory = ()) -> Field:
         """Return the stress C (strain - thermal strain)."""
         space, materials, threads = self.space, self.materials, self.threads
-        return assemble.stress(space, materials, u, temperature=self.temperature, t=t, threads=threads)
+        made = assemble.stress(space, materials, u, temperature=self.temperature, t=t, threads=threads)
+        return made if self.linear else self._points.with_stress(made, u, history)
 
-    def energy(self, u: Floats, t: float) -> float:
+    def energy(self, u: Floats, t: float, history: LawHistory = ()) -> float:
         """Return half the integral of stress times elastic strain, C^-1 stress, plus the springs' energy."""
         C, _ = self.materials.tables
-        inverse = np.linalg.pinv(C)  # plane stress: C has zeros for zz
-        total = _stored(self.springs, u)
-        parts = zip(self.stress(u, t), assemble.weights(self.space), self.materials.law, strict=True)
+        inverse = np.linalg.pinv(C)  # plane stress: C has zeros for zz; laws at points: zeros
+        total = _stored(self.springs, u) + (0.0 if self.linear else self._points.energy(u, history))
+        parts = zip(self.stress(u, t, history), assemble.weights(self.space), self.materials.law, strict=True)
         for stress, w, law in parts:
             for k in np.unique(law):
                 rows = law == k
@@ -98,7 +117,7 @@ class Small:
 
 @dataclass(frozen=True, eq=False)
 class Finite:
-    """Finite strains: hyperelastic laws, and a K that depends on u.
+    """Finite strains: bodies in balance where they are displaced to, and a K that depends on u.
 
     Its methods raise RequestError for laws of small strains.
     """
@@ -108,46 +127,56 @@ class Finite:
     springs: csr_array | None = None
     temperature: TemperatureField | None = None
     threads: int = 1
-    _kept: dict[float, Field | None] = field(default_factory=dict, repr=False)
 
-    constant = False
+    finite = True
+    linear = False
 
-    def internal_force(self, u: Floats, t: float) -> NDArray[np.floating]:
+    @cached_property
+    def _points(self) -> PointwiseBodies:
+        return PointwiseBodies(self.space, self.materials, self.threads, finite=True)
+
+    def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
         """Return f_int of the bodies plus the springs' forces."""
         theta, threads = self.stretches(t), self.threads
         f = finite.internal_force(self.space, self.materials, u, stretches=theta, threads=threads)
+        f = f if not self.materials.pointwise else f + self._points.internal_force(u, history)
         return f if self.springs is None else f + self.springs @ u
 
-    def tangent(self, u: Floats, t: float) -> csr_array:
+    def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> csr_array:
         """Return K at u."""
-        return self.force_and_tangent(u, t)[1]
-
-    def force_and_tangent(self, u: Floats, t: float) -> tuple[NDArray[np.floating], csr_array]:
-        """Return f_int and K, in one pass over the cells."""
         theta, threads, values = self.stretches(t), self.threads, self._values
-        f, blocks = finite.force_and_tangent(
-            self.space, self.materials, u, stretches=theta, threads=threads, out=values
-        )
+        blocks = finite.tangent(self.space, self.materials, u, stretches=theta, threads=threads, out=values)
         K = csr_array(blocks.tocsr())
-        return (f, K) if self.springs is None else (f + self.springs @ u, csr_array(K + self.springs))
+        K = K if not self.materials.pointwise else csr_array(K + self._points.tangent(u, history))
+        return K if self.springs is None else csr_array(K + self.springs)
 
-    def stress(self, u: Floats, t: float) -> Field:
+    def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
+        """Return the history of laws at points."""
+        return self._points.commit(u, history) if self.materials.pointwise else ()
+
+    def stress(self, u: Floats, t: float, history: LawHistory = ()) -> Field:
         """Return the Cauchy stress."""
         theta, threads = self.stretches(t), self.threads
-        return finite.cauchy_stress(self.space, self.materials, u, stretches=theta, threads=threads)
+        made = finite.cauchy_stress(self.space, self.materials, u, stretches=theta, threads=threads)
+        return made if not self.materials.pointwise else self._points.with_stress(made, u, history)
 
-    def energy(self, u: Floats, t: float) -> float:
+    def energy(self, u: Floats, t: float, history: LawHistory = ()) -> float:
         """Return the energy stored in bodies and springs."""
         theta, threads = self.stretches(t), self.threads
         stored = finite.energy(self.space, self.materials, u, stretches=theta, threads=threads)
+        stored += self._points.energy(u, history) if self.materials.pointwise else 0.0
         return stored + _stored(self.springs, u)
 
     def stretches(self, t: float) -> Field | None:
         """Return the thermal stretches at time t; those of the last time are cached."""
-        if t not in self._kept:
-            self._kept.clear()
-            self._kept[t] = finite.thermal_stretches(self.space, self.materials, self.temperature, t)
-        return self._kept[t]
+        if t not in self._stretches:
+            self._stretches.clear()
+            self._stretches[t] = finite.thermal_stretches(self.space, self.materials, self.temperature, t)
+        return self._stretches[t]
+
+    @cached_property
+    def _stretches(self) -> dict[float, Field | None]:
+        return {}
 
     @cached_property
     def _values(self) -> NDArray[np.floating]:

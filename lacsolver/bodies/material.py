@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,8 +191,10 @@ def reduced(law: Law, model: ModellingHypothesis) -> tuple[NDArray[np.floating],
     In plane stress zz is eliminated (its row and column are 0). Raises DataError for a law that couples a plane model
     with shear across its plane.
     """
-    C, alpha = law.elasticity(), law.thermal_strain()
     n = model.n_stress
+    if hasattr(law, "respond"):  # evaluated at points
+        return np.zeros((n, n)), np.zeros(n)
+    C, alpha = law.elasticity(), law.thermal_strain()
     if n < 6 and (np.abs(C[:n, n:]).max() > _ROUNDING * np.abs(C).max() or np.any(np.abs(alpha[n:]) > _ROUNDING)):
         message = f"the law's axes couple the plane of the model {model.name} with shear across it"
         raise DataError(f"{message}; let one axis stand along z, or use the model 3d")
@@ -273,6 +275,11 @@ class Materials:
         start = np.searchsorted(law, np.arange(len(self.laws) + 1))
         lame = np.array([law.lame if isinstance(law, Elastic) else (0.0, 0.0) for law in self.laws])
         return LawTerms(start, np.stack([d * s + t, rows * i + j], axis=1), A[used], lame)
+
+    @cached_property
+    def pointwise(self) -> tuple[tuple[int, Any], ...]:
+        """Index and law of those that are evaluated at points (`bodies.pointwise`); their C is 0 in the tables."""
+        return tuple((k, law) for k, law in enumerate(self.laws) if hasattr(law, "respond"))
 
     def check_small(self, instead: str) -> None:
         """Raise RequestError if a law is one of finite strains; `instead` names the function for those."""

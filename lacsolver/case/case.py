@@ -42,7 +42,7 @@ class Probe(AtNodes):
         "probe", True, "displacement kept step by step: the mean over the nodes of a group, or of one node",
         one_of=WHERE, not_both=NOT_KIND_OF_AT,
     )  # fmt: skip
-    name: str = key(Text("a name"), "", "what it is called", default=None, default_words="the group's name")
+    name: str = key(Text("a name"), "", "name in the results", default=None, default_words="the group's name")
 
     def __post_init__(self) -> None:
         """Read the given values, and name the probe after its group if it has no name."""
@@ -60,17 +60,21 @@ class Steps(Entry):
         not_both=(("end", "times"), ("count", "times")),
     )  # fmt: skip
     end: float = key(
-        Number(POSITIVE), "time", "the last time; numbers under a load reach their value there", default=1.0
+        Number(POSITIVE), "time", "end of the analysis; numbers given as loads reach their value then", default=1.0
     )
     count: int = key(Count(1), "", "number of equal steps", default=1)
-    times: tuple[float, ...] | None = key(Times(), "time", "in place of end and count: where steps end", default=None)
+    times: tuple[float, ...] | None = key(
+        Times(), "time", "instead of end and count: the times at which steps end", default=None
+    )
     growth: float = key(
         Number(Bounds(low=1, open=False)),
         "",
-        "a halved step that converges is followed by one this much longer",
+        "factor from a halved step that converged to the step after it",
         default=2.0,
     )
-    max_halvings: int = key(Count(0), "", "how often in a row a step is halved before giving up", default=6)
+    max_halvings: int = key(
+        Count(0), "", "cutbacks in a row, each to half the step, before the run gives up", default=6
+    )
 
     @property
     def planned(self) -> tuple[float, ...]:
@@ -87,11 +91,11 @@ class Steps(Entry):
 class Solver(Entry):
     """[solver]: linear solver, tolerance, iterations and tangent."""
 
-    SECTION: ClassVar = Section("solver", False, "how equations are solved")
+    SECTION: ClassVar = Section("solver", False, "solution of the equations")
     backend: str = key(
         Choice(
             (
-                Option("auto", "the best that is installed, by size"),
+                Option("auto", "the best one installed, by the size of the model"),
                 Option("rslab", "direct"),
                 Option("pardiso", "direct"),
                 Option("mumps", "direct"),
@@ -103,16 +107,21 @@ class Solver(Entry):
         "", "the linear solver", default="auto",
     )  # fmt: skip
     threads: int | None = key(
-        Count(1), "", "cores to use, at most", default=None, default_words="all that the process may use"
+        Count(1), "", "largest number of cores to use", default=None, default_words="all cores that the process may use"
     )
     tolerance: float = key(
-        Number(Bounds(0, 1)), "", "residual, relative to the forces, and complementarity defect at which a step ends",
+        Number(Bounds(0, 1)), "", "for a step: residual relative to forces, and violation of the contact conditions",
         default=1e-10,
     )  # fmt: skip
-    max_iterations: int = key(Count(1), "", "of one search; a step may take two before it is halved", default=50)
+    max_iterations: int = key(Count(1), "", "per attempt; a damped second attempt precedes cutback", default=50)
     tangent: str = key(
-        Choice((Option("consistent", "exact"), Option("symmetric", "without the derivatives of normal and measure"))),
-        "", "what Newton's method iterates with", default="consistent",
+        Choice(
+            (
+                Option("consistent", "exact derivative"),
+                Option("symmetric", "without the derivatives of normal and measure"),
+            )
+        ),
+        "", "tangent matrix of Newton's method", default="consistent",
     )  # fmt: skip
 
 
@@ -120,13 +129,16 @@ class Solver(Entry):
 class Output(Entry):
     """[output]: format of the fields, and steps or times at which they are written."""
 
-    SECTION: ClassVar = Section("output", False, "what is written", not_both=(("every", "times"),))
+    SECTION: ClassVar = Section("output", False, "fields to be written", not_both=(("every", "times"),))
     format: str = key(
-        Choice((Option("vtu", "for ParaView"), Option("med", "for Salome"))), "", "of the fields", default="vtu"
+        Choice((Option("vtu", "for ParaView"), Option("med", "for Salome"))),
+        "",
+        "file format of the fields",
+        default="vtu",
     )
-    every: int = key(Count(1), "", "fields of every k-th step, and of the last", default=1)
+    every: int = key(Count(1), "", "write the fields of every k-th step, and of the last one", default=1)
     times: tuple[float, ...] | None = key(
-        Times(), "time", "in place of every: fields at these times, which steps then meet", default=None
+        Times(), "time", "instead of every: write the fields at these times, at which steps then end", default=None
     )
 
 
@@ -136,27 +148,43 @@ class Case(Entry):
 
     Plain numbers of loads are ramped up to `steps.last`, and the default of a contact's `geometry` depends on the
     kinematics. `path`: the file that the case was read from.
+
+    >>> from lacsolver.case import Displacement, Material, Pressure
+    >>> load = Pressure(group="top", value=25)
+    >>> steel, clamp = Material(young=210e3, poisson=0.3), Displacement(group="bottom", ux=0, uy=0)
+    >>> Case(mesh="a.msh", model="plane_strain", material=steel, displacement=clamp, pressure=load).kinematics
+    'small'
     """
 
-    SECTION: ClassVar = Section("", False, "what is solved")
-    mesh: Path = key(MeshFile(), "", "cut already, or cut when it is read")
+    SECTION: ClassVar = Section("", False, "the problem to solve")
+    mesh: Path = key(MeshFile(), "", "mesh file; lacsolver cuts the slaves where the mesh is not cut yet")
     model: str = key(
         Choice(
             (
-                Option("3d", "a body in space"),
-                Option("plane_strain", "no strain across the plane; forces of a unit of thickness"),
-                Option("plane_stress", "no stress across the plane"),
-                Option("axisymmetric", "r = x, axis y; forces and areas are of the full circle"),
+                Option("3d", "three dimensions"),
+                Option("plane_strain", "no strain normal to the plane; forces are per unit of thickness"),
+                Option("plane_stress", "no stress normal to the plane"),
+                Option("axisymmetric", "r = x, axis y; forces and areas are those of the full circle"),
             )
         ),
-        "", "space, and what is assumed across it",
+        "", "dimension and plane hypothesis",
     )  # fmt: skip
     thickness: float | None = key(
-        Number(POSITIVE), "length", "of the plane", default=None, models=("plane_stress",), default_words="1.0"
+        Number(POSITIVE),
+        "length",
+        "thickness of the plane body",
+        default=None,
+        models=("plane_stress",),
+        default_words="1.0",
     )
     kinematics: str = key(
-        Choice((Option("small", "small strains and rotations"), Option("finite", "any (total Lagrangian)"))),
-        "", "how far things may move", default="small",
+        Choice(
+            (
+                Option("small", "small strains and rotations"),
+                Option("finite", "large strains and rotations (total Lagrangian)"),
+            )
+        ),
+        "", "size of the displacements", default="small",
     )  # fmt: skip
     material: tuple[Material, ...] = section(Material)
     contact: tuple[Contact, ...] = section(Contact)

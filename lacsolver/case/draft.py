@@ -103,8 +103,9 @@ def _unknown(made: Draft) -> Iterator[Found]:
 
 def _missing(made: Draft) -> Iterator[Found]:
     for name, default in defaults_of(made.record).items():
-        if default is MISSING and not made.has(name):
-            key = keys_of(made.record)[name]
+        key = keys_of(made.record)[name]
+        required = default is MISSING or (key.unless and not made.has(key.unless))
+        if required and not made.has(name):
             yield made.wrong(f"needs {name} ({key.meaning}; {key.kind.words})")
 
 
@@ -150,7 +151,7 @@ def _against_kinematics(made: Draft, name: str, key: Key, kinematics: str) -> It
         return
     needs = {option.word: option.kinematics for option in key.kind.options}
     value = made.get(name)
-    if needs[value] not in (ANY, kinematics):
+    if needs.get(value, ANY) not in (ANY, kinematics):
         fitting = [word for word, of in needs.items() if of in (ANY, kinematics)]
         message = f'is "{value}", which needs kinematics = "{needs[value]}"; with "{kinematics}" it is one of'
         yield made.wrong(f"{message} {', '.join(fitting)}", name)

@@ -21,6 +21,11 @@ class CaseError(LacmeshError):
     """An invalid case. `problems`: all mistakes, in the order of their lines; `path`: the file.
 
     The message has one line for each: `press.toml, line 12: pressure.value is missing`.
+
+    >>> from lacsolver.case import Material
+    >>> Material(young=-1.0, poisson=0.3)
+    Traceback (most recent call last):
+    lacsolver.case.errors.CaseError: ...
     """
 
     def __init__(self, problems: Iterable[Issue], path: Any = None) -> None:
@@ -35,7 +40,13 @@ class CaseError(LacmeshError):
 
 
 class EvaluationError(LacmeshError):
-    """A value of a case is not finite at some place and time; the message says which value, where and when."""
+    """A value of a case is not finite at some place and time; the message says which value, where and when.
+
+    >>> from lacsolver.case import Value
+    >>> Value.of("1 / t").at(0.0)
+    Traceback (most recent call last):
+    lacsolver.case.errors.EvaluationError: ...
+    """
 
 
 class Mistake(Exception):  # noqa: N818 (never leaves this package: it becomes a Problem)

@@ -32,6 +32,7 @@ class Key(NamedTuple):
     `unit`: a dimension (units are the user's own, consistent ones). `load`: a plain number is ramped from 0 (a
     temperature: from the material's reference) over the steps. `models`, `kinematics`: those for which the key is
     allowed. `default_words`: description of the default, where the stored default (None) does not describe it.
+    `unless`: another key, without which this one is required.
     """
 
     kind: KeyType
@@ -42,6 +43,7 @@ class Key(NamedTuple):
     kinematics: str = ANY
     needs: Needs | None = None
     default_words: str = ""
+    unless: str = ""
 
 
 def key(kind: KeyType, unit: str, meaning: str, *, default: Any = MISSING, **rest: Any) -> Any:

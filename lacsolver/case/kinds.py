@@ -7,8 +7,8 @@ with the end of a sentence that begins with the key's name.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
@@ -207,14 +207,15 @@ class Option:
 
 @dataclass(frozen=True)
 class Choice:
-    """One word of several."""
+    """One word of several. `added`: others that a program may have added, see `case.added`."""
 
     options: tuple[Option, ...]
+    added: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     @property
     def known(self) -> tuple[str, ...]:
         """The words that may be chosen."""
-        return tuple(option.word for option in self.options)
+        return (*(option.word for option in self.options), *self.added)
 
     @property
     def words(self) -> str:
@@ -229,6 +230,21 @@ class Choice:
 
     def schema(self) -> Schema:
         return {"type": "string", "enum": list(self.known)}
+
+
+@dataclass(frozen=True)
+class NumberTable:
+    """A table of numbers by name."""
+
+    words = "a table of numbers, { a = 1.0, b = 2.0 }"
+
+    def read(self, given: Any) -> dict[str, float]:
+        if not isinstance(given, Mapping) or not given:
+            raise Mistake(f"is {described(given)}; it takes {self.words}")
+        return {str(name): number_from(value) for name, value in given.items()}
+
+    def schema(self) -> Schema:
+        return {"type": "object", "additionalProperties": {"type": "number"}, "minProperties": 1}
 
 
 @dataclass(frozen=True)

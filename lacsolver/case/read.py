@@ -23,6 +23,10 @@ def read_case(path: str | Path, *, matrices: bool = False) -> Case:
     """Read a case file. `matrices`: the case is only for contact matrices, which need no material.
 
     Raises ReadError (with the line) if the file is not TOML text, CaseError with every other mistake.
+
+    >>> case = read_case("data/two_blocks.toml")
+    >>> case.model, case.contact[0].slave, case.steps.count
+    ('3d', 'slave', 2)
     """
     path = Path(path)
     try:
@@ -36,7 +40,13 @@ def read_case(path: str | Path, *, matrices: bool = False) -> Case:
 
 
 def parse_case(text: str, path: str | Path = "case.toml", *, matrices: bool = False) -> Case:
-    """Return the case of a text in TOML, as if it were the file at `path`. Raises as `read_case`."""
+    r"""Return the case of a text in TOML, as if it were the file at `path`. Raises as `read_case`.
+
+    >>> text = "mesh = 'bar.msh'\nmodel = '3d'\nmaterial = [{young = 1.0, poisson = 0.0}]\n"
+    >>> text += "displacement = [{group = 'end', ux = 0.0, uy = 0.0, uz = 0.0}]"
+    >>> parse_case(text).displacement[0].group
+    'end'
+    """
     path = Path(path)
     document, lines = _document(text, path)
     top, drafts, found = _drafts(document)
@@ -56,11 +66,23 @@ def _document(text: str, path: Path) -> tuple[dict[str, Any], Lines]:
         said = str(error)
         at = re.search(r" \(at line (\d+), column (\d+)\)$", said)
         if at:
-            raise ReadError(path, f"{said[: at.start()]} (column {at[2]})", f"line {at[1]}") from None
+            message = _unquoted(text.split("\n")[int(at[1]) - 1]) or f"{said[: at.start()]} (column {at[2]})"
+            raise ReadError(path, message, f"line {at[1]}") from None
         if said.endswith(" (at end of document)"):
             last = f"line {text.count(chr(10)) + 1}"
             raise ReadError(path, said.removesuffix(" (at end of document)") + " (the file ends)", last) from None
         raise ReadError(path, f"is no TOML text ({said})") from None
+
+
+def _unquoted(line: str) -> str:
+    """Return the message for a line whose value is text without quotes, such as `slave = arc`; "" for other lines."""
+    plain = re.fullmatch(r"\s*([\w.-]+)\s*=\s*([A-Za-z_][\w./-]*)\s*(#.*)?", line)
+    if plain is None:
+        return ""
+    key, word = plain[1], plain[2]
+    if word.lower() in ("true", "false"):
+        return f"{key} = {word} is no TOML; write {key} = {word.lower()}"
+    return f'{key} = {word} is text without quotes; write {key} = "{word}"'
 
 
 def _drafts(document: Mapping[str, Any]) -> tuple[Draft, list[Draft], list[Found]]:

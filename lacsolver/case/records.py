@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.case.draft import draft, same
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.keys import MODELS, Needs, Section, defaults_of, key
@@ -25,6 +26,7 @@ from lacsolver.case.kinds import (
     Group,
     Groups,
     Number,
+    NumberTable,
     Option,
     Point,
     Reserved,
@@ -40,7 +42,7 @@ PLANAR = ("3d", "plane_strain", "plane_stress")  # where x is a direction and no
 WHERE = (("group", "at"),)
 NOT_KIND_OF_AT = (("kind", "at"),)
 _KIND = Choice((Option("cell", "a group of cells"), Option("node", "a group of nodes")))
-_EITHER = "the one that has the name; cell if both have"
+_EITHER = "the kind that has this name; cell if both have it"
 _THREE = ("fx", "fy", "fz")
 
 
@@ -70,7 +72,7 @@ class Material(Entry):
 
     SECTION: ClassVar = Section("material", True, "the law of the cells of some groups, or of the whole mesh")
     groups: tuple[str, ...] | None = key(
-        Groups(), "", "groups of cells that it is for", default=None, default_words="the whole mesh"
+        Groups(), "", "groups of cells made of it", default=None, default_words="the whole mesh"
     )
     law: str = key(
         Choice(
@@ -79,27 +81,29 @@ class Material(Entry):
                 Option("orthotropic", "linear, three axes of symmetry", "small"),
                 Option("saint_venant_kirchhoff", "linear in the Green-Lagrange strain", "finite"),
                 Option("neo_hookean", "compressible rubber", "finite"),
-            )
+            ),
+            MATERIAL_LAWS,
         ),
         "",
-        "how stress follows from strain",
+        "constitutive law",
         default="elastic",
         default_words='"elastic"; needed if finite',
     )
-    young: float | tuple[float, float, float] = key(
-        ThreeNumbers(POSITIVE), "stress", "Young's modulus; orthotropic: [E1, E2, E3]"
-    )
-    poisson: float | tuple[float, float, float] = key(
-        ThreeNumbers(),
-        "",
+    young: float | tuple[float, float, float] | None = key(
+        ThreeNumbers(POSITIVE), "stress", "Young's modulus; orthotropic: [E1, E2, E3]", default=None,
+        default_words="required", unless="constants",
+    )  # fmt: skip
+    poisson: float | tuple[float, float, float] | None = key(
+        ThreeNumbers(), "",
         "Poisson's ratio, between -1 and 0.5; orthotropic: [nu12, nu13, nu23], with nu_ij / E_i = nu_ji / E_j",
-    )
+        default=None, default_words="required", unless="constants",
+    )  # fmt: skip
     shear: tuple[float, float, float] | None = key(
         ThreeNumbers(POSITIVE, alone=False), "stress", "shear moduli [G12, G13, G23]", default=None,
         needs=Needs("law", ("orthotropic",)), default_words="required if orthotropic",
     )  # fmt: skip
     axes: tuple[tuple[float, ...], tuple[float, ...]] = key(
-        Axes(), "", "axis 1, and a vector that with it spans the plane of axes 1 and 2",
+        Axes(), "", "axis 1, and a second vector in the plane of axes 1 and 2",
         default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), default_words="[[1, 0, 0], [0, 1, 0]]",
         needs=Needs("law", ("orthotropic",)),
     )  # fmt: skip
@@ -110,19 +114,27 @@ class Material(Entry):
         "thermal expansion, for [[temperature]]; orthotropic: one, or one for each axis",
         default=0.0,
     )
-    reference_temperature: float = key(Number(), "temperature", "where there is no thermal strain", default=0.0)
+    reference_temperature: float = key(Number(), "temperature", "temperature without thermal strain", default=0.0)
+    constants: dict[str, float] | None = key(
+        NumberTable(),
+        "",
+        "constants of a law that a Python program has added, in place of young and poisson",
+        default=None,
+    )
 
 
 _HEXA = Choice(
     (
         Option("pyramid", "into pyramids"),
         Option("hexa", "into hexahedra"),
-        Option("auto", "whichever has the better worst child"),
+        Option("auto", "the variant with the higher minimum Jacobian"),
     )
 )
-_NORMALS = Choice((Option("facet", "of the faces"), Option("smoothed", "of the nodes, averaged")))
+_NORMALS = Choice(
+    (Option("facet", "normals of the faces"), Option("smoothed", "averaged at the nodes and interpolated"))
+)
 _SURFACE = Choice(
-    (Option("smooth", "the curved skins that the nodes lie on"), Option("faces", "the faces of the cells, as they are"))
+    (Option("smooth", "the curved surfaces on which the nodes lie"), Option("faces", "the faces of the cells"))
 )
 
 
@@ -130,20 +142,20 @@ _SURFACE = Choice(
 class PairEntry(Entry):
     """Base class of contacts and ties."""
 
-    name: str = key(Text("a name"), "", "what results are called by", default=None, default_words="the slave's name")
-    slave: str = key(Group(), "", "the skin that is cut and carries the pressures")
-    master: str = key(Group(), "", "the skin that it meets")
-    hexa: str = key(_HEXA, "", "how HEXA8 and HEXA20 are cut, unless the mesh carries a cut", default="pyramid")
+    name: str = key(Text("a name"), "", "name in the results", default=None, default_words="the slave's name")
+    slave: str = key(Group(), "", "the surface that is cut and carries the pressures")
+    master: str = key(Group(), "", "the surface opposite")
+    hexa: str = key(_HEXA, "", "variant of the cut of HEXA8 and HEXA20, if the mesh is not cut yet", default="pyramid")
     search_distance: float | None = key(
-        Number(POSITIVE), "length", "how far from the slave a master is looked for", default=None,
+        Number(POSITIVE), "length", "search distance from the slave to the master", default=None,
         default_words="a quarter of the smaller skin's diagonal, or twice a macro-element's if more",
     )  # fmt: skip
     coverage_threshold: float = key(
-        Number(Bounds(0, 1, open=False)), "", "a macro-element with less coverage is unpaired", default=1e-6
+        Number(Bounds(0, 1, open=False)), "", "macro-elements with less coverage are unpaired", default=1e-6
     )
-    surface: str = key(_SURFACE, "", "what the gap is measured between, where cells are linear", default="smooth")
+    surface: str = key(_SURFACE, "", "surfaces between which the gap of linear cells is measured", default="smooth")
     crease_angle: float = key(
-        Number(Bounds(0, 180, open=False)), "degree", "edges that turn by more stay sharp", default=40.0
+        Number(Bounds(0, 180, open=False)), "degree", "edges at which the normal turns by more are sharp", default=40.0
     )
 
     def __post_init__(self) -> None:
@@ -157,47 +169,69 @@ class PairEntry(Entry):
 class Contact(PairEntry):
     """[[contact]]: two skins that may touch. A Case sets the default of `geometry` from its kinematics."""
 
-    SECTION: ClassVar = Section("contact", True, "two skins that may touch, without friction")
+    SECTION: ClassVar = Section("contact", True, "two surfaces that may touch, without friction")
     type: str = key(
-        Choice((Option("unilateral", "pressure or gap"), Option("bilateral", "no gap, pressure of either sign"))),
-        "", "what the pressure may be", default="unilateral",
+        Choice(
+            (
+                Option("unilateral", "contact that can open"),
+                Option("bilateral", "always closed, pressures of either sign"),
+            ),
+            CONTACT_LAWS,
+        ),
+        "", "contact condition", default="unilateral",
     )  # fmt: skip
-    normals: str = key(_NORMALS, "", "the normals of the slave", default="facet")
+    stiffness: float | None = key(
+        Number(POSITIVE), "stress / length", "pressure per overlap, for soft contact", default=None,
+        default_words="rigid: no overlap", needs=Needs("type", ("unilateral", "bilateral")),
+    )  # fmt: skip
+    constants: dict[str, float] | None = key(
+        NumberTable(), "", "constants of a contact law that a Python program has added", default=None
+    )
+    normals: str = key(_NORMALS, "", "normals of the slave", default="facet")
     geometry: str = key(
         Choice(
             (
-                Option("reference", "pairs, normals, gap on the undeformed skins, once"),
-                Option("current", "on the deformed skins, again and again"),
+                Option("reference", "undeformed configuration, paired once"),
+                Option("current", "deformed configuration, updated during iterations"),
             )
         ),
-        "", "where the contact is looked for", default=None, default_words='"reference" if small, "current" if finite',
+        "", "configuration in which the surfaces are paired", default=None,
+        default_words='"reference" if small, "current" if finite',
     )  # fmt: skip
     measure: str = key(
-        Choice((Option("reference", "the undeformed area: nominal pressure"), Option("current", "the deformed area"))),
-        "", "the area that pressures refer to", default="reference",
+        Choice(
+            (
+                Option("reference", "the undeformed area: nominal pressure"),
+                Option("current", "the deformed area: true pressure"),
+            )
+        ),
+        "", "area to which pressures refer", default="reference",
     )  # fmt: skip
     initial: str = key(
-        Choice((Option("gap", "by the sign of the gap"), Option("all", "in contact"), Option("none", "open"))),
-        "", "the status at the start", default="gap", needs=Needs("type", ("unilateral",)),
+        Choice((Option("gap", "closed where bodies overlap"), Option("all", "closed"), Option("none", "open"))),
+        "", "contact status at the start", default="gap", needs=Needs("type", ("unilateral",)),
     )  # fmt: skip
     max_penetration: float | None = key(
-        Number(POSITIVE), "length", "how far behind the slave, where bodies overlap, a master is looked for",
+        Number(POSITIVE), "length", "largest initial penetration searched",
         default=None,
-        default_words="half the cells behind slave and master; as far as search_distance if geometry = current",
+        default_words="half the local cell size; search_distance if geometry = current",
     )  # fmt: skip
     clearance: Value = key(
         Varying(), "length", "added to the gap; negative: interference", default=Value(0.0), default_words="0.0"
     )
     friction: float = key(
-        Reserved("friction is reserved: contact is without friction, so leave it out"), "", "reserved: 0", default=0.0
+        Reserved("friction is reserved: contact is without friction, so leave it out"),
+        "",
+        "not available yet; leave it out or give 0",
+        default=0.0,
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tie(PairEntry):
-    """[[tie]]: two skins that are glued together, all components."""
+    """[[tie]]: two surfaces bonded together, in all components."""
 
-    SECTION: ClassVar = Section("tie", True, "two skins that are glued together, in all components")
+    SECTION: ClassVar = Section("tie", True, "two surfaces bonded together, in all components")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,8 +239,14 @@ class AtNodes(Entry):
     """Base class of records that act on the nodes of a group, or on the node at a place."""
 
     group: str | None = key(Group(), "", "the nodes of this group, of cells or of nodes", default=None)
-    at: tuple[float, ...] | None = key(Point(), "length", "in place of a group: the node there", default=None)
-    kind: str | None = key(_KIND, "", "which group, where both have the name", default=None, default_words=_EITHER)
+    at: tuple[float, ...] | None = key(Point(), "length", "instead of a group: the node at this point", default=None)
+    kind: str | None = key(
+        _KIND,
+        "",
+        "kind of group, if a group of cells and one of nodes have this name",
+        default=None,
+        default_words=_EITHER,
+    )
 
 
 def _load(unit: str, meaning: str, models: tuple[str, ...] = MODELS, normals: bool = False) -> Any:
@@ -218,7 +258,7 @@ class Displacement(AtNodes):
     """[[displacement]]: prescribed components of displacement."""
 
     SECTION: ClassVar = Section(
-        "displacement", True, "prescribed displacement; what is not named is free", one_of=WHERE,
+        "displacement", True, "prescribed displacement; components that are not given are free", one_of=WHERE,
         some_of=(("ux", "uy", "uz", "un"),),
         not_both=(*NOT_KIND_OF_AT, ("un", "ux"), ("un", "uy"), ("un", "uz"), ("at", "un")),
     )  # fmt: skip
@@ -233,9 +273,9 @@ class Pressure(Entry):
     """[[pressure]]: pressure on faces, along their inward normal."""
 
     SECTION: ClassVar = Section("pressure", True, "pressure on faces")
-    group: str = key(Group(), "", "faces that it acts on")
-    value: Value = key(Varying(), "stress", "> 0 pushes into the body", load=True)
-    follower: bool = key(Flag(), "", "turns and grows with the face", default=False, kinematics="finite")
+    group: str = key(Group(), "", "faces on which it acts")
+    value: Value = key(Varying(), "stress", "positive pressure pushes into the body", load=True)
+    follower: bool = key(Flag(), "", "acts on the deformed face", default=False, kinematics="finite")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,7 +283,7 @@ class Traction(Entry):
     """[[traction]]: force per area on faces."""
 
     SECTION: ClassVar = Section("traction", True, "force per undeformed area, on faces", some_of=(("tx", "ty", "tz"),))
-    group: str = key(Group(), "", "faces that it acts on")
+    group: str = key(Group(), "", "faces on which it acts")
     tx: Value | None = _load("stress", "along x", normals=True)
     ty: Value | None = _load("stress", "along y", normals=True)
     tz: Value | None = _load("stress", "along z", SPACE, normals=True)
@@ -268,7 +308,7 @@ class BodyForce(Entry):
 
     SECTION: ClassVar = Section("body_force", True, "force per undeformed volume", some_of=(_THREE,))
     groups: tuple[str, ...] | None = key(
-        Groups(), "", "groups of cells that it acts on", default=None, default_words="the whole mesh"
+        Groups(), "", "groups of cells on which it acts", default=None, default_words="the whole mesh"
     )
     fx: Value | None = _load("force / length³", "along x")
     fy: Value | None = _load("force / length³", "along y")
@@ -279,7 +319,9 @@ class BodyForce(Entry):
 class Gravity(Entry):
     """[gravity]: acceleration of everything that has a density."""
 
-    SECTION: ClassVar = Section("gravity", False, "acceleration; needs density", some_of=(("gx", "gy", "gz"),))
+    SECTION: ClassVar = Section(
+        "gravity", False, "acceleration of gravity; materials need a density", some_of=(("gx", "gy", "gz"),)
+    )
     gx: Value | None = _load("length / time²", "along x", PLANAR)
     gy: Value | None = _load("length / time²", "along y")
     gz: Value | None = _load("length / time²", "along z", SPACE)
@@ -289,7 +331,7 @@ class Gravity(Entry):
 class Temperature(Entry):
     """[[temperature]]: temperature, which strains cells that have an expansion."""
 
-    SECTION: ClassVar = Section("temperature", True, "temperature; needs expansion")
+    SECTION: ClassVar = Section("temperature", True, "temperature; materials need an expansion")
     groups: tuple[str, ...] | None = key(
         Groups(), "", "groups of cells that have it", default=None, default_words="the whole mesh"
     )
@@ -323,24 +365,34 @@ class Rigid(Entry):
     """
 
     SECTION: ClassVar = Section(
-        "rigid", True, "nodes that move as one; each component is held, prescribed, or loaded and then free",
+        "rigid", True, "rigid body; each component is fixed, prescribed, or free under a given force",
         not_both=(("ux", "fx"), ("uy", "fy"), ("uz", "fz"), ("rotation", "moment")),
     )  # fmt: skip
-    group: str = key(Group(), "", "cells (a bare skin is enough) or nodes that move as one")
-    kind: str | None = key(_KIND, "", "which group, where both have the name", default=None, default_words=_EITHER)
+    group: str = key(Group(), "", "cells (a surface without parent cells is enough) or nodes that move rigidly")
+    kind: str | None = key(
+        _KIND,
+        "",
+        "kind of group, if a group of cells and one of nodes have this name",
+        default=None,
+        default_words=_EITHER,
+    )
     centre: tuple[float, ...] | None = key(
-        Point(), "length", "what it turns about, and where forces act", default=None,
+        Point(), "length", "centre of rotation, at which forces act", default=None,
         models=PLANAR, default_words="the mean of its nodes",
     )  # fmt: skip
-    ux: Value | None = _of_body(Varying(place=False), "length", "displacement of the centre along x", PLANAR, "0: held")
-    uy: Value | None = _of_body(Varying(place=False), "length", "displacement of the centre along y", MODELS, "0: held")
-    uz: Value | None = _of_body(Varying(place=False), "length", "displacement of the centre along z", SPACE, "0: held")
+    ux: Value | None = _of_body(
+        Varying(place=False), "length", "displacement of the centre along x", PLANAR, "0: fixed"
+    )
+    uy: Value | None = _of_body(
+        Varying(place=False), "length", "displacement of the centre along y", MODELS, "0: fixed"
+    )
+    uz: Value | None = _of_body(Varying(place=False), "length", "displacement of the centre along z", SPACE, "0: fixed")
     rotation: tuple[Value, ...] | None = _of_body(
-        Turning(), "radian", "vector of the rotation about the centre; a number in a plane", PLANAR, "0: held"
+        Turning(), "radian", "rotation vector about the centre; one number in a plane", PLANAR, "0: fixed"
     )
     fx: Value | None = _of_body(Varying(place=False), "force", "force along x; x is then free", PLANAR)
     fy: Value | None = _of_body(Varying(place=False), "force", "force along y; y is then free", MODELS)
     fz: Value | None = _of_body(Varying(place=False), "force", "force along z; z is then free", SPACE)
     moment: tuple[Value, ...] | None = _of_body(
-        Turning(), "force × length", "vector of the moment about the centre; the rotation is then free", PLANAR
+        Turning(), "force × length", "moment vector about the centre; the rotation is then free", PLANAR
     )

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from math import sqrt
 from typing import Any
 
+from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.case.draft import Draft, Found, by_section, check_context
 
 #: the drafts of each section; the top of the file is section ""
@@ -27,6 +28,10 @@ def _materials(sections: Sections) -> Iterator[Found]:
         law, young, poisson = made.get("law"), made.get("young"), made.get("poisson")
         if law == "orthotropic":
             yield from _orthotropic(made, young, poisson)
+        elif law in MATERIAL_LAWS:
+            for name in ("young", "poisson", "expansion"):
+                if made.has(name):
+                    yield made.wrong(f'is no key of law = "{law}", which takes constants; give it there', name)
         elif law is not None:
             for name in ("young", "poisson", "expansion"):
                 if isinstance(made.get(name), tuple):
@@ -97,6 +102,16 @@ def _creases(sections: Sections) -> Iterator[Found]:
             also = ' or normals = "smoothed"' if made.section == "contact" else ""
             message = f'means something only with surface = "smooth"{also}; leave it out, or say that'
             yield made.wrong(message, "crease_angle")
+
+
+def _constants(sections: Sections) -> Iterator[Found]:
+    """Check that constants are given to laws that a program has added, and only to these."""
+    for section, key, added in (("material", "law", MATERIAL_LAWS), ("contact", "type", CONTACT_LAWS)):
+        for made in sections.get(section, []):
+            name = made.get(key)
+            if made.has("constants") and name is not None and name not in added:
+                message = f'are of laws that a Python program has added, and {key} is "{name}"; leave them out'
+                yield made.wrong(message, "constants")
 
 
 def _contacts(sections: Sections) -> Iterator[Found]:
@@ -182,6 +197,7 @@ RULES: tuple[Callable[[Sections], Iterator[Found]], ...] = (
     _groups_once,
     _pairs,
     _creases,
+    _constants,
     _contacts,
     _names,
     _prescribed_once,

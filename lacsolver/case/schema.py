@@ -38,9 +38,9 @@ def schema_text() -> str:
 
 
 _INTRODUCTION = (
-    "A value is a number, a formula of x, y, z, t, or a table of times [[t, v], ...], linear in between. Marked * it "
-    "is a load: a number is ramped from 0 at the start to itself at the end of the steps (a temperature: from the "
-    "material's reference). Units are your own, consistent ones; units here say what of."
+    "A value is a number, a formula of x, y, z, t, or a table of times [[t, v], ...], linear in between. A value "
+    "marked * is a load: a number is ramped from 0 at the start to its value at the end of the steps (a temperature: "
+    "from the material's reference). Use any consistent units; the units listed here are dimensions."
 )
 
 
@@ -108,6 +108,11 @@ def _table_schema(record: type) -> Schema:
     rules: list[Schema] = [{"oneOf": [{"required": [name]} for name in names]} for names in section.one_of]
     rules += [{"anyOf": [{"required": [name]} for name in names]} for names in section.some_of]
     rules += [{"not": {"required": list(pair)}} for pair in section.not_both]
+    rules += [
+        {"anyOf": [{"required": [name]}, {"required": [key.unless]}]}
+        for name, key in keys_of(record).items()
+        if key.unless
+    ]
     return made | ({"allOf": rules} if rules else {})
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from lacmesh.cli.options import written
 from lacmesh.cli.program import Program
 from lacmesh.errors import LacmeshError
 from lacsolver.cli.options import EPILOG
@@ -17,12 +16,6 @@ COMMANDS = ("run", "validate", "film", "matrices", "schema")
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command and return its exit status."""
     return PROGRAM.main(argv)
-
-
-def _left(args: argparse.Namespace) -> str:
-    """Describe the output that a command has left when it is stopped."""
-    left = getattr(args, "left", None)
-    return str(left()) if left else written(args)
 
 
 def _told(error: LacmeshError, args: argparse.Namespace) -> list[str]:
@@ -40,10 +33,9 @@ def _told(error: LacmeshError, args: argparse.Namespace) -> list[str]:
 PROGRAM = Program(
     "lacsolver",
     __name__,
-    "Solve contact problems with the Local Average Contact method: a case file says what, lacmesh cuts the mesh.",
+    "Solve contact problems with the Local Average Contact method. A case file describes the problem.",
     EPILOG,
     COMMANDS,
     _told,
-    _left,
     'there is not enough memory for this model; a coarser mesh needs less, and so does [solver] backend = "multigrid"',
 )

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from lacmesh.cli.options import check_place
+from lacmesh.cli.options import pending_output
 from lacsolver.cli.options import add_command
 from lacsolver.cli.ranks import check_alone
 
@@ -16,27 +16,36 @@ COLOURS = ("stress", "pressure")
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    parser = add_command(commands, "film", run, "make a film of a run, or a sheet of its pictures, with its curves")
-    parser.add_argument("folder", metavar="DIR", help="the folder of a run; or its CASE.toml, for the folder beside it")
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", required=True, help="a film, .gif, or a sheet of its pictures, .png"
+    parser = add_command(
+        commands, "film", run, "make a film of a run, or a sheet of pictures, with curves of its history"
     )
     parser.add_argument(
-        "--colour", choices=COLOURS, default="stress", help="von Mises' (default), or the contact pressure on slaves"
+        "folder", metavar="DIR", help="folder of a run; or its CASE.toml, for the folder of the same name"
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", required=True, help="a film (.gif) or a sheet of pictures (.png)"
+    )
+    parser.add_argument(
+        "--colour",
+        choices=COLOURS,
+        default="stress",
+        help="von Mises stress (default), or the contact pressure on slaves",
     )
     parser.add_argument(
         "--curve",
         action="append",
         default=[],
         metavar="X:Y",
-        help="columns of history.csv, each with - before it to turn its sign; may be repeated (default: the reaction "
-        "that varies most, against the motion of the probe with its name, or time)",
+        help="two columns of history.csv; - before a column changes its sign; may be repeated (default: the reaction "
+        "that varies most, against the displacement of the probe of the same name, or time)",
     )
-    parser.add_argument("--frames", type=int, metavar="N", help="how many times are shown, at most (60; 6 of a sheet)")
-    parser.add_argument("--scale", nargs=2, type=float, metavar=("LOW", "HIGH"), help="ends of the scale of colours")
-    parser.add_argument("--log", action="store_true", help="a logarithmic scale of colours")
-    parser.add_argument("--camera", nargs=3, type=float, metavar=("X", "Y", "Z"), help="in space: direction to the eye")
-    parser.add_argument("--rate", type=float, default=12.0, metavar="N", help="frames a second (default: 12)")
+    parser.add_argument(
+        "--frames", type=int, metavar="N", help="largest number of times shown (default: 60 in a film, 6 on a sheet)"
+    )
+    parser.add_argument("--scale", nargs=2, type=float, metavar=("LOW", "HIGH"), help="ends of the colour scale")
+    parser.add_argument("--log", action="store_true", help="a logarithmic colour scale")
+    parser.add_argument("--camera", nargs=3, type=float, metavar=("X", "Y", "Z"), help="in 3D: direction to the eye")
+    parser.add_argument("--rate", type=float, default=12.0, metavar="N", help="frames per second (default: 12)")
     parser.add_argument("--title", help="a line above (default: the folder's name)")
     parser.add_argument("--force", action="store_true", help="replace an existing output")
 
@@ -50,7 +59,7 @@ def run(args: argparse.Namespace) -> None:
     folder, target = Path(args.folder), Path(args.output)
     folder = folder.with_suffix("") if folder.suffix == ".toml" else folder
     check_film(target, folder)
-    check_place(target, args)
+    args.left = pending_output(target, force=args.force).left
     film(
         folder,
         target,

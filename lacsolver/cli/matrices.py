@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import check_place
+from lacmesh.cli.options import pending_output
 from lacmesh.cli.terminal import Stages, memory
 from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.cli.options import add_case, add_command
@@ -22,13 +22,20 @@ if TYPE_CHECKING:
 def add(commands: Any) -> None:
     """Declare the command."""
     parser = add_command(
-        commands, "matrices", run, "write the contact matrices of a case; it needs no material and no load"
+        commands,
+        "matrices",
+        run,
+        "write the contact matrices of a case, for another solver; no material or load is needed",
     )
     add_case(parser)
     parser.add_argument(
-        "-o", "--output", required=True, metavar="FILE.npz", help="of several zones each has a FILE-ZONE.npz"
+        "-o",
+        "--output",
+        required=True,
+        metavar="FILE.npz",
+        help="the output; with several zones one FILE-ZONE.npz for each",
     )
-    parser.add_argument("--mtx", action="store_true", help="write B beside it in Matrix Market's format too")
+    parser.add_argument("--mtx", action="store_true", help="also write B in Matrix Market format")
     parser.add_argument("--force", action="store_true", help="replace existing outputs")
 
 
@@ -47,7 +54,7 @@ def run(args: argparse.Namespace) -> None:
     targets = places([zone.name for zone in (*case.contact, *case.tie)], output)
     for target in targets.values():
         for path in (target, *([target.with_suffix(".mtx")] if args.mtx else [])):
-            check_place(path, args)
+            args.left = pending_output(path, force=args.force).left
     stage = Stages(args, ("pair", "write"))
     with stage("pair"):
         mesh = lacmesh.read(case.mesh)
@@ -61,7 +68,7 @@ def run(args: argparse.Namespace) -> None:
             also = f" and {targets[name].with_suffix('.mtx').name}" if args.mtx else ""
             print(f"{name}: B {rows:,} x {columns:,}, {matrices.B.nnz:,} entries: {targets[name]}{also}")
         if not is_cut(mesh):
-            print("the columns are nodes of the mesh as it was cut for this; lacmesh cut writes that mesh")
+            print("the columns follow the nodes of the cut mesh; lacmesh cut writes that mesh")
         times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
         print(f"{args.case}: {times}{memory()}")
 

@@ -22,4 +22,4 @@ def add_command(commands: Any, name: str, run: Callable[..., None], text: str) -
 
 def add_case(parser: argparse.ArgumentParser) -> None:
     """Declare the argument for the case file."""
-    parser.add_argument("case", metavar="CASE.toml", help="what is to be solved (lacsolver schema lists its keys)")
+    parser.add_argument("case", metavar="CASE.toml", help="the case file (lacsolver schema lists its keys)")

@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import check_place
 from lacmesh.errors import RequestError
 from lacsolver.cli.options import add_case, add_command
 from lacsolver.cli.ranks import check_alone
@@ -21,17 +20,27 @@ if TYPE_CHECKING:
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    parser = add_command(commands, "run", run, "solve a case, and write fields, tables and figures into a folder")
+    parser = add_command(
+        commands, "run", run, "solve a case, and write fields, tables and summary values into a folder"
+    )
     add_case(parser)
     parser.add_argument(
-        "-o", "--output", metavar="DIR", help="the folder of the results (default: beside the case, without its suffix)"
+        "-o",
+        "--output",
+        metavar="DIR",
+        help="folder of the results (default: next to the case, named like it without suffix)",
     )
-    parser.add_argument("--force", action="store_true", help="replace results that the folder holds")
-    parser.add_argument("--restart", metavar="DIR", help="go on from the last state that an earlier run left in DIR")
+    parser.add_argument("--force", action="store_true", help="replace the results in the folder")
+    parser.add_argument("--restart", metavar="DIR", help="continue from the last state of an earlier run in DIR")
     parser.add_argument(
-        "--from", dest="from_time", type=float, metavar="TIME", help="with --restart: from the state at this time"
+        "--from",
+        dest="from_time",
+        type=float,
+        metavar="TIME",
+        help="with --restart: continue from the state at this time",
     )
     parser.add_argument("--plot", metavar="FILE.png", help="draw the contact pressure on the deformed bodies")
+    parser.add_argument("--zoom", action="store_true", help="with --plot: show only the surroundings of the contact")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -43,6 +52,8 @@ def run(args: argparse.Namespace) -> None:
     check_alone()
     if args.from_time is not None and args.restart is None:
         raise RequestError("--from says where in the folder of --restart to begin; give both")
+    if args.zoom and args.plot is None:
+        raise RequestError("--zoom says what the picture of --plot shows; give both")
     case = read_case(args.case)
     mesh = lacmesh.read(case.mesh) if args.restart is not None else None
     start = read_state(args.restart, case, args.from_time, mesh=mesh) if args.restart is not None else None
@@ -92,11 +103,12 @@ def left(watch: Watch, folder: OutputFolder, start: Restart | None) -> str:
 
 def _check_plot(case: Case, args: argparse.Namespace) -> None:
     """Raise an error before the run for anything that would stop the drawing at its end."""
+    from lacmesh.formats.output import check_place
     from lacsolver.pictures.drawing import check_plot
 
     target = Path(args.plot)
     check_plot(case, target)
-    check_place(target, args)
+    check_place(target, force=args.force)
 
 
 def _plot(case: Case, folder: OutputFolder, args: argparse.Namespace) -> None:
@@ -106,6 +118,6 @@ def _plot(case: Case, folder: OutputFolder, args: argparse.Namespace) -> None:
 
     mesh = lacmesh.read(case.mesh)
     state = read_state(folder.path, case, mesh=mesh)
-    plot(case, state, Path(args.plot), mesh)
+    plot(case, state, Path(args.plot), mesh, zoom=args.zoom)
     if not args.quiet:
         print(f"the pressure at t = {state.time:.9g}: {args.plot}")

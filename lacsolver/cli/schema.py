@@ -12,7 +12,9 @@ from lacsolver.cli.options import add_command
 def add(commands: Any) -> None:
     """Declare the command."""
     parser = add_command(commands, "schema", run, "list every section and key of a case file, with units and defaults")
-    parser.add_argument("--json", action="store_true", help="as JSON Schema, which editors check and complete TOML by")
+    parser.add_argument(
+        "--json", action="store_true", help="as JSON Schema, with which editors check and complete TOML"
+    )
 
 
 def run(args: argparse.Namespace) -> None:

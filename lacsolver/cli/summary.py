@@ -38,11 +38,11 @@ def _figures(results: Results) -> Iterator[tuple[str, str]]:
     yield "iterations", f"{iterations:,}"
     if steps:
         force, moment = np.max([step.balance for step in steps], axis=0)
-        yield "balance, the worst step's", f"forces {force:.1e}, moments {moment:.1e}"
+        yield "contact imbalance", f"force {force:.1e}, moment {moment:.1e} (relative, largest over the steps)"
         yield "strain energy", f"{steps[-1].energy:.6g}"
         yield "largest displacement", f"{steps[-1].displacement:.6g}"
     for motion in results.held:
-        yield "held by contact alone", motion
+        yield "rigid-body mode without support", motion
     if results.sizes:
         yield "sizes", ", ".join(f"{count:,} {name.replace('_', '-')}" for name, count in results.sizes.items())
     phases = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in results.timings.items())

@@ -23,9 +23,7 @@ _WHERE = ("group", "groups", "at", "kind", "place", "centre")
 
 def add(commands: Any) -> None:
     """Declare the command."""
-    parser = add_command(
-        commands, "validate", run, "read a case and its mesh, and tell every mistake at once, and what would be solved"
-    )
+    parser = add_command(commands, "validate", run, "read a case and its mesh, list all mistakes, and print the model")
     add_case(parser)
 
 
@@ -80,16 +78,16 @@ def _figures(case: Case, found: Validation) -> Iterator[tuple[str, str]]:
     halved = f"each halved {steps.max_halvings} times at most"
     yield "steps", f"{len(steps.planned)}, to t = {steps.last:g}, {halved}"
     for motion in found.held:
-        yield "held by contact alone", motion
+        yield "rigid-body mode without support", motion
 
 
 def _cut(found: Validation) -> str:
     """Describe the cut: none, made for this run, or present in the mesh (also if found by `recognition`)."""
     if not found.zones:
-        return "not made"
+        return "none, because of the mistakes below"
     if found.whole:
-        return "none is needed: every slave face is a macro-element as it is"
-    return "made here, for this run" if found.cut_here else "as the mesh has it"
+        return "not needed: every slave face is a macro-element as it is"
+    return "made for this run" if found.cut_here else "present in the mesh"
 
 
 def _zone(zone: ZoneFound) -> Iterator[tuple[str, str]]:

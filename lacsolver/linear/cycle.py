@@ -79,6 +79,10 @@ class Team:
         """Return the Euclidean norm of a vector, the same for any number of threads."""
         return float(np.sqrt(self.dots(x[None], x)[0]))
 
+    def largest(self, x: Floats) -> float:
+        """Return the largest magnitude of an entry, 0 for an empty vector."""
+        return float(np.abs(x).max(initial=0.0))
+
     def subtract(self, c: Floats, A: Floats, x: Floats) -> None:
         """Subtract c A from x in place, for a few long rows A (k, n)."""
         self.run(_subtract, -(-len(x) // _PART), c, A, x, worth=_WORTH_PARTS)

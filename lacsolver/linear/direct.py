@@ -12,11 +12,12 @@ from scipy.sparse import csr_array
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
 from lacsolver.linear.errors import Breakdown, SingularError
-from lacsolver.linear.protocol import TOLERANCE, Matrix, Numeric, Symbolic
+from lacsolver.linear.protocol import TOLERANCE, Factor, Matrix, Numeric, Symbolic
 from lacsolver.linear.refine import refined
 from lacsolver.linear.regular import check_regular, indefinite, least_motion, positive_diagonal, singular
 from lacsolver.linear.sides import by_rows, right_hand_sides
 from lacsolver.linear.triangle import Triangle
+from lacsolver.linear.vectors import WHOLE, Vectors
 
 #: shifts, relative to the diagonal, that make a singular matrix factorisable to find its null motion; the smaller the
 #: shift, the clearer the motion
@@ -25,6 +26,9 @@ _SHIFTS = (1e-13, 1e-11, 1e-9)
 
 class DirectFactor:
     """A factor of K, with K itself for residuals. `n_solves`: right-hand sides solved so far."""
+
+    iterative = False
+    vectors: Vectors = WHOLE
 
     def __init__(self, K: Matrix, d: Floats, numeric: Numeric) -> None:
         self.n_solves = 0
@@ -39,6 +43,17 @@ class DirectFactor:
             raise RequestError("this factor was replaced by a newer one of the same analysis; solve with that one")
         self.n_solves += b.shape[1] if b.ndim == 2 else 1
         return refined(self._K, self._scale, self._backend_solve, b)
+
+    def apply(self, x: Floats) -> Floats:
+        """Return K x."""
+        return np.asarray(self._K @ x)
+
+    def cycle(self, b: Floats) -> Floats:
+        """Return K^-1 b."""
+        return self.solve(b)
+
+    def record_convergence(self, use: str, cycles: int, decades: float) -> None:
+        """Do nothing: a direct solution always takes one step."""
 
     def release(self) -> None:
         """Free the backend's memory; the factor cannot be used afterwards."""
@@ -64,8 +79,8 @@ class DirectAnalysis:
         self._symbolic = analyse(self._triangle) if self._triangle.n else _Nothing()
         self._last: Callable[[], DirectFactor | None] = lambda: None
 
-    def factor(self, K: Matrix) -> DirectFactor:
-        """Return the factor of K, and release the previous one.
+    def factor(self, K: Matrix, reuse: Factor | None = None) -> DirectFactor:
+        """Return the factor of K, and release the previous one; `reuse` is for iterative backends.
 
         Raises SingularError, and RequestError for another pattern than the one analysed.
         """

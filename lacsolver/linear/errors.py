@@ -7,7 +7,12 @@ from lacmesh.mesh import Floats
 
 
 class LinearError(LacmeshError):
-    """A linear system could not be solved to the required accuracy."""
+    """A linear system could not be solved to the required accuracy.
+
+    >>> from lacsolver import NotConvergedError
+    >>> LinearError.status == NotConvergedError.status  # of the command: no solution was found
+    True
+    """
 
     status = 4
 
@@ -17,6 +22,16 @@ class SingularError(LinearError):
 
     `dof`: the row that is most affected, None if not known. `mode` (n,): a motion that costs no energy, whose largest
     entry is 1, at `dof`; None if no such motion was found (a matrix that is not positive definite at all).
+
+    >>> import numpy as np
+    >>> from scipy.sparse import csr_array
+    >>> from lacsolver.linear import analyse
+    >>> chain = csr_array(np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    >>> try:
+    ...     analyse(chain, backend="superlu").factor(chain)
+    ... except SingularError as error:
+    ...     print(error.mode)
+    [1. 1.]
     """
 
     status = 1

@@ -1,4 +1,4 @@
-"""Conjugate gradients preconditioned by smoothed aggregation (PyAMG) on nodal blocks, with the rigid-body modes.
+"""Multigrid by smoothed aggregation (PyAMG) on nodal blocks, with the rigid-body modes, as a preconditioner.
 
 Vanek, Mandel, Brezina (1996); the rigid-body modes are the near-null space. The hierarchy is built once for a matrix.
 It serves all right-hand sides, and similar matrices too, until it is stale: until they take 1.5 times as many
@@ -8,21 +8,20 @@ iterations (measured).
 
 from __future__ import annotations
 
-from itertools import islice
-
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
-from lacsolver.linear.conjugate import iterates
 from lacsolver.linear.cycle import Blocks, Cycle, Level, Team, jacobi
-from lacsolver.linear.errors import Breakdown, LinearError
-from lacsolver.linear.protocol import TOLERANCE, Matrix
+from lacsolver.linear.errors import LinearError
+from lacsolver.linear.krylov import minimise
+from lacsolver.linear.protocol import TOLERANCE, Factor, Matrix
 from lacsolver.linear.refine import backward_error
 from lacsolver.linear.regular import CLEAR, is_free, positive_diagonal, singular
 from lacsolver.linear.sides import right_hand_sides
+from lacsolver.linear.vectors import Vectors
 
 #: couplings weaker than this, relative to the diagonals, do not join nodes; 0.03 took least time on HEXA8 and TETRA10
 _STRENGTH = 0.03
@@ -31,18 +30,21 @@ _COARSEST = 60
 _LEVELS = 12
 #: damping of the smoothing of prolongations, times the largest eigenvalue of D^-1 K
 _SMOOTHING = 4 / 3
-#: most iterations, and most evaluations of the true residual
-_MOST = 300
-_LOOKS = 4
+#: most iterations in all and in a round of GCR, whose directions are stored; most rounds
+_MOST, _ROUND, _LOOKS = 300, 80, 12
+#: reduction of the residual in a round, after which it is computed anew
+_RECURRED = 1e-9
 #: backward error below which a residual is round-off
 _ROUNDING = 1e-15
 #: lower bound of the tolerance
 _LEAST = 1e-16
 _TINY = 1e-300
+#: energy of a direction, relative to the diagonal's, that is round-off
+_FREE = 1e-15
 #: a hierarchy is stale when it takes this many times the iterations per decade of the residual of its first use
-_WORN = 1.5
+_STALE_RATIO = 1.5
 #: only solves that reduce the residual by at least this many decades count for that
-_TELLING = 3.0
+_MIN_DECADES = 3.0
 
 
 class Hierarchy:
@@ -52,31 +54,42 @@ class Hierarchy:
         self.cycle = cycle
         self._rates: dict[str, tuple[float, float]] = {}
 
-    def note(self, use: str, iterations: int, tenths: float) -> None:
-        """Record that a kind of use took `iterations` to reduce a residual by `tenths` decades."""
-        if tenths >= _TELLING:
-            rate = iterations / tenths
+    def record_convergence(self, use: str, cycles: int, decades: float) -> None:
+        """Record that a kind of use took `cycles` to reduce a residual by so many decades."""
+        if decades >= _MIN_DECADES:
+            rate = cycles / decades
             self._rates[use] = self._rates.get(use, (rate, rate))[0], rate
 
     @property
-    def worn(self) -> bool:
-        """True if the hierarchy is stale, so that building a new one pays."""
-        return any(last > _WORN * first for first, last in self._rates.values())
+    def is_stale(self) -> bool:
+        """True if building a new hierarchy pays."""
+        return any(last > _STALE_RATIO * first for first, last in self._rates.values())
 
 
 class MultigridFactor:
     """A matrix, and a hierarchy of it or of a similar one. `n_iterations`: those of the last right-hand side."""
+
+    iterative = True
 
     def __init__(self, K: bsr_array, d: Floats, hierarchy: Hierarchy, team: Team) -> None:
         self.n_solves = 0
         self.n_iterations = 0
         self.shape = K.shape
         self.hierarchy = hierarchy
-        self._scale, self._blocks, self.team = 1 / np.sqrt(d), Blocks.of(K), team
+        self.vectors: Vectors = team
+        self._scale, self._blocks, self._team = 1 / np.sqrt(d), Blocks.of(K), team
 
-    def __matmul__(self, x: Floats) -> Floats:
+    def apply(self, x: Floats) -> Floats:
         """Return K x, computed on all threads."""
-        return self.team.product(self._blocks, x)
+        return self._team.product(self._blocks, x)
+
+    def cycle(self, b: Floats) -> Floats:
+        """Return an approximation of K^-1 b (n,), by one V-cycle."""
+        return self.hierarchy.cycle(b)
+
+    def record_convergence(self, use: str, cycles: int, decades: float) -> None:
+        """Record that `cycles` reduced a residual by so many decades, in a kind of use."""
+        self.hierarchy.record_convergence(use, cycles, decades)
 
     def solve(self, b: Floats, *, tolerance: float = TOLERANCE, x0: Floats | None = None) -> Floats:
         """Return x with |b - K x| <= tolerance |b|, each column from its own x0.
@@ -94,42 +107,39 @@ class MultigridFactor:
         made = [self._one(*column, tolerance) for column in columns]
         return np.stack(made, axis=1) if made else b
 
+    precondition = cycle
+
+    def image(self, z: Floats) -> Floats:
+        """Return K z. Raises SingularError for a direction without energy."""
+        Kz = self.apply(z)
+        if z.any() and not z @ Kz > _FREE * np.square(z / self._scale).sum():
+            raise singular(dof=int(np.abs(z).argmax()))
+        return Kz
+
     def _one(self, b: Floats, x: Floats, tolerance: float) -> Floats:
-        self.n_solves += 1
-        self.n_iterations = 0
+        """Return the solution for one right-hand side, by rounds of GCR with the true residual after each."""
+        self.n_solves, self.n_iterations, b = self.n_solves + 1, 0, np.ascontiguousarray(b)
         if not b.any():
             return np.zeros_like(b)
-        goal = max(tolerance, _LEAST) * float(np.linalg.norm(b))
+        norm = self.vectors.norm
+        goal, r = max(tolerance, _LEAST) * norm(b), b - self.apply(x)
         for _ in range(_LOOKS):
-            x, met = self._go(b, x, goal)
-            r = b - self @ x
-            if np.linalg.norm(r) <= goal or backward_error(self._scale, x, r, b) <= _ROUNDING:
+            before = norm(r)
+            if before <= goal or backward_error(self._scale, x, r, b) <= _ROUNDING:
                 return x
-            if not met:
+            limit = min(_ROUND, _MOST - self.n_iterations)
+            step = minimise(self, r, lambda left: norm(left) / goal, limit, least=_RECURRED * before)
+            if not step.directions:
                 break
-        reached = np.linalg.norm(r) / np.linalg.norm(b)
-        message = (
-            f"multigrid stopped at a residual of {reached:.1e} of the forces, after {self.n_iterations} iterations"
-        )
+            self.n_iterations += step.directions
+            x = x + step.x
+            r = b - self.image(x)
+            self.record_convergence("alone", step.directions, float(np.log10(before / max(norm(step.residual), _TINY))))
+        if norm(r) <= goal or backward_error(self._scale, x, r, b) <= _ROUNDING:
+            return x
+        message = f"multigrid stopped at a residual of {norm(r) / norm(b):.1e} of the forces, "
+        message += f"after {self.n_iterations} iterations"
         raise LinearError(f"{message}; try a direct backend, and look for a part that is hardly held, or thin cells")
-
-    def _go(self, b: Floats, x: Floats, goal: float) -> tuple[Floats, bool]:
-        """Iterate until the recurrence residual meets the goal, or to the last allowed iteration.
-
-        Returns the iterate, and True if the goal was met.
-        """
-        steps, start = iterates(self, self.hierarchy.cycle, b, x), 0.0
-        try:
-            for k, (x, r) in enumerate(islice(steps, _MOST + 1 - self.n_iterations)):
-                self.n_iterations += k > 0
-                left = float(np.linalg.norm(r))
-                start = start or left
-                if left <= goal:
-                    self.hierarchy.note("alone", k, float(np.log10(start / max(left, _TINY))))
-                    return x, True
-        except Breakdown as breakdown:
-            raise singular(dof=breakdown.dof) from None
-        return x, False
 
 
 class MultigridAnalysis:
@@ -152,18 +162,18 @@ class MultigridAnalysis:
             raise RequestError(f"modes are ({n}, r) finite numbers, not {modes.shape}")
         self._modes, self._team = modes, Team(threads)
 
-    def factor(self, K: Matrix, like: MultigridFactor | None = None) -> MultigridFactor:
-        """Return a factor of K, whose size is that analysed, with the hierarchy of the factor `like` or a new one.
+    def factor(self, K: Matrix, reuse: Factor | None = None) -> MultigridFactor:
+        """Return a factor of K, whose size is that analysed, with the hierarchy of the factor `reuse` or a new one.
 
-        The hierarchy of `like`, the factor of a similar matrix, is used until it is stale. Raises SingularError if a
+        The hierarchy of `reuse`, the factor of a similar matrix, is used until it is stale. Raises SingularError if a
         body is free to move.
         """
         if K.shape != (len(self._modes),) * 2:
             raise RequestError(f"the matrix is {K.shape}, and {len(self._modes)} unknowns were analysed")
         d = positive_diagonal(K)
         blocks = K.tobsr((self._block, self._block))
-        if like is not None and like.shape == K.shape and not like.hierarchy.worn:
-            return MultigridFactor(blocks, d, like.hierarchy, self._team)
+        if isinstance(reuse, MultigridFactor) and reuse.shape == K.shape and not reuse.hierarchy.is_stale:
+            return MultigridFactor(blocks, d, reuse.hierarchy, self._team)
         _check_held(blocks, d, self._modes)
         return MultigridFactor(blocks, d, _hierarchy(blocks, self._modes, self._team), self._team)
 

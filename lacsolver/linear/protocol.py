@@ -11,6 +11,7 @@ from typing import Protocol, TypeAlias
 from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats
+from lacsolver.linear.vectors import Vectors
 
 #: default residual of an iterative backend, relative to the right-hand side
 TOLERANCE = 1e-12
@@ -19,10 +20,25 @@ Matrix: TypeAlias = csr_array | bsr_array
 
 
 class Factor(Protocol):
-    """A factorised or otherwise prepared matrix."""
+    """A factorised or otherwise prepared matrix.
+
+    `iterative`: True if the basic operation is `cycle`, an approximation of K^-1 b, of which a solution takes many; the
+    cycle of a direct backend is its solution. `vectors`: the operations on its vectors.
+    """
 
     #: right-hand sides solved so far
     n_solves: int
+    iterative: bool
+    vectors: Vectors
+
+    def apply(self, x: Floats) -> Floats:
+        """Return K x."""
+
+    def cycle(self, b: Floats) -> Floats:
+        """Return an approximation of K^-1 b (n,)."""
+
+    def record_convergence(self, use: str, cycles: int, decades: float) -> None:
+        """Record that `cycles` reduced a residual by so many decades, in a kind of use."""
 
     def solve(self, b: Floats, *, tolerance: float = TOLERANCE, x0: Floats | None = None) -> Floats:
         """Return K^-1 b for b (n,) or (n, k); see `lacsolver.linear.analyse`."""
@@ -33,8 +49,11 @@ class Analysis(Protocol):
 
     backend: str
 
-    def factor(self, K: Matrix) -> Factor:
-        """Return the factor of a matrix with the pattern that was analysed."""
+    def factor(self, K: Matrix, reuse: Factor | None = None) -> Factor:
+        """Return the factor of a matrix with the pattern that was analysed.
+
+        `reuse`: factor of a similar matrix by the same backend, of which an iterative backend keeps what it can.
+        """
 
 
 class Numeric(Protocol):

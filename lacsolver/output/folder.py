@@ -80,6 +80,11 @@ def create(path: str | os.PathLike[str], *, force: bool = False, restart: Restar
     `restart`: state that the run starts from; if it came from the same folder, the files there are continued. Raises
     RequestError if the folder holds results that would be lost (unless `force`) or another run writes into it,
     WriteError if no files can be made there.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as place:
+    ...     create(f"{place}/results").path.name
+    'results'
     """
     path = Path(path)
     continued = restart is not None and restart.folder is not None and _same(path, restart.folder)

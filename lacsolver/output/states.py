@@ -27,7 +27,7 @@ from lacsolver.case import Case, changed, fingerprint
 from lacsolver.output.names import state_file, states_in
 from lacsolver.output.tables import same_time
 from lacsolver.results.results import Restart
-from lacsolver.results.state import Iterate
+from lacsolver.results.state import Histories, Iterate, StepState
 
 #: raised when the meaning of a state's data changes; 3: the mesh in memory, rotations of rigid bodies as lengths
 VERSION = 3
@@ -44,19 +44,25 @@ def write_state(folder: Path, state: Restart, prints: Mapping[str, str]) -> None
 
     Raises WriteError.
     """
+    step, histories = state.step, state.step.histories
+    assert step.iterate is not None
     about = {
         **{"version": VERSION, "time": float(state.time), "step_size": float(state.step_size)},
         **{"number": state.number, "case": dict(prints)},
         **{"zones": list(state.multipliers), "rigid": list(state.rigid)},
-        **{"earlier": None if state.earlier is None else float(state.earlier[0])},
+        **{"earlier": None if step.earlier is None else float(step.earlier[0])},
+        **{"scheme": list(step.histories.scheme)},
     }
     arrays = {_ABOUT: np.frombuffer(json.dumps(about).encode(), np.uint8), "u": state.u}
     for k, zone in enumerate(state.multipliers):
         arrays |= {f"multipliers_{k}": state.multipliers[zone], f"status_{k}": state.status[zone]}
     arrays |= {f"rigid_{k}": dofs for k, dofs in enumerate(state.rigid.values())}
-    arrays |= {f"now_{name}": values for name, values in state.iterate._asdict().items()}
-    if state.earlier is not None:
-        arrays |= {f"earlier_{name}": values for name, values in state.earlier[1]._asdict().items()}
+    arrays |= {f"now_{name}": values for name, values in step.iterate._asdict().items()}
+    if step.earlier is not None:
+        arrays |= {f"earlier_{name}": values for name, values in step.earlier[1]._asdict().items()}
+    arrays |= {f"materials_{k}": values for k, values in enumerate(histories.materials)}
+    arrays |= {f"contact_{k}": values for k, values in enumerate(histories.contact)}
+    arrays |= {f"scheme_{k}": values for k, values in enumerate(histories.scheme.values())}
     with replacing(folder / state_file(state.number)) as (beside,), beside.open("wb") as file:
         np.savez(file, **arrays)  # type: ignore[arg-type]
 
@@ -69,6 +75,14 @@ def read_state(
     `mesh`: the mesh of the run, as for `run`; the case's file is read if None. Raises RequestError if there is no state
     (or none at that time; the message lists the others), DataError if the case or the mesh differs (the message names
     the differences), ReadError for a folder or file that cannot be read.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from lacsolver import create, read_case, run
+    >>> case = read_case("data/two_blocks.toml")
+    >>> with TemporaryDirectory() as folder:
+    ...     done = run(case, create(folder))
+    ...     read_state(folder, case).time
+    1.0
     """
     folder = Path(folder)
     try:
@@ -95,16 +109,16 @@ def check_same(state: Restart, prints: Mapping[str, str]) -> None:
 
 def _restart(file: Mapping[str, NDArray], about: Mapping[str, Any], folder: Path) -> Restart:
     zones = list(enumerate(about["zones"]))
+    earlier = None if about["earlier"] is None else (about["earlier"], _iterate(file, "earlier"))
+    scheme = {name: file[f"scheme_{k}"] for k, name in enumerate(about.get("scheme", ()))}
+    histories = Histories(_numbered(file, "materials"), _numbered(file, "contact"), scheme)
     return Restart(
-        time=about["time"],
-        step_size=about["step_size"],
+        step=StepState(about["time"], _iterate(file, "now"), earlier, about["step_size"], histories),
         number=about["number"],
         u=file["u"],
         multipliers={name: file[f"multipliers_{k}"] for k, name in zones},
         status={name: file[f"status_{k}"] for k, name in zones},
         rigid={name: file[f"rigid_{k}"] for k, name in enumerate(about["rigid"])},
-        iterate=_iterate(file, "now"),
-        earlier=None if about["earlier"] is None else (about["earlier"], _iterate(file, "earlier")),
         folder=folder,
         case=about["case"],
     )
@@ -112,6 +126,11 @@ def _restart(file: Mapping[str, NDArray], about: Mapping[str, Any], folder: Path
 
 def _iterate(file: Mapping[str, NDArray], when: str) -> Iterate:
     return Iterate(*(file[f"{when}_{name}"] for name in Iterate._fields))
+
+
+def _numbered(file: Mapping[str, NDArray], what: str) -> tuple[NDArray, ...]:
+    """Return the arrays what_0, what_1 ... of a file; none in files of versions that had no histories."""
+    return tuple(file[f"{what}_{k}"] for k in range(sum(name.startswith(f"{what}_") for name in file)))
 
 
 def _about(path: Path, file: Mapping[str, NDArray]) -> dict[str, Any]:

@@ -40,6 +40,8 @@ _MOVED = 0.04
 _OVERLAP = 0.004
 #: number of segments that an edge of a cell is drawn with
 _PARTS = 6
+#: margin of a zoomed picture on each side of the faces under pressure, relative to their extent
+_MARGIN = 0.5
 
 
 class Skin(NamedTuple):
@@ -68,11 +70,19 @@ def check_plot(case: Case, path: Path) -> None:
         raise RequestError(f"a plot needs {needed}; pip install 'lacmesh[view]' brings it")
 
 
-def plot(case: Case, state: Restart, path: Path, mesh: Mesh | None = None) -> None:
+def plot(case: Case, state: Restart, path: Path, mesh: Mesh | None = None, *, zoom: bool = False) -> None:
     """Draw the pressure of a state's contacts into a PNG file; `mesh` as for `Problem.of`.
 
-    Displacements are magnified so that they can be seen; the title gives the factor. Raises RequestError as
-    `check_plot`, WriteError if nothing can be drawn (as `lacmesh.view.picture`) or written.
+    Displacements are magnified so that they can be seen; the title gives the factor. `zoom`: show only the surroundings
+    of the faces under pressure, to scale. Raises RequestError as `check_plot`, WriteError if nothing can be drawn (as
+    `lacmesh.view.picture`) or written.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from lacsolver import create, read_case, read_state, run
+    >>> case = read_case("data/two_blocks.toml")
+    >>> with TemporaryDirectory() as folder:
+    ...     done = run(case, create(folder))
+    ...     plot(case, read_state(folder, case), Path(folder, "pressure.png"))
     """
     check_plot(case, path)
     mesh = prepared(case, mesh)
@@ -81,13 +91,27 @@ def plot(case: Case, state: Restart, path: Path, mesh: Mesh | None = None) -> No
     u[:, :dim] = state.u.reshape(-1, dim)
     zones = [zone_of(mesh, record) for record in case.contact]
     skins = [Skin(zone, np.asarray(state.multipliers[zone.name])[zone.macro]) for zone in zones]
-    times = magnification(mesh, u, _gap_closed(skins, case, dim))
+    # seen from near by, bodies in contact would overlap if their displacements were magnified
+    times = 1.0 if zoom else magnification(mesh, u, _gap_closed(skins, case, dim))
     scale = f"displacement x {times:g}" if times > 1 else "displacement to scale"
     title = f"pressure at t = {state.time:.6g}, {scale}"
+    x = mesh.points + times * u
+    window = pressed_window(skins, x) if zoom else None
     if dim == 3:
-        _draw_space(mesh, mesh.points + times * u, skins, case, path, title)
+        _draw_space(mesh, x, skins, case, path, title, window)
     else:
-        replace_file(path, _plane_figure(mesh, mesh.points + times * u, skins, title))
+        replace_file(path, _plane_figure(mesh, x, skins, title, window))
+
+
+def pressed_window(skins: list[Skin], x: Floats) -> NDArray[np.floating] | None:
+    """Return the corners (2, 3) of a box around the faces under pressure, with a margin; None if there are none."""
+    pressed = np.concatenate([skin.zone.slave.faces.nodes[skin.pressure != 0] for skin in skins])
+    points = x[pressed[pressed >= 0]]
+    if not len(points):
+        return None
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = _MARGIN * (high - low).max()
+    return np.stack([low - margin, high + margin])
 
 
 def _gap_closed(skins: list[Skin], case: Case, dim: int) -> float:
@@ -118,18 +142,31 @@ def magnification(mesh: Mesh, u: Floats, closed: float = 0.0) -> float:
     return float(power * max(n for n in (1, 2, 5) if n * power <= ratio * (1 + 1e-9)))
 
 
-def _draw_space(mesh: Mesh, x: Floats, skins: list[Skin], case: Case, path: Path, title: str) -> None:
-    """Draw the visible faces in space, as a mesh of their own, so that values of slave faces do not show on parents."""
+def _draw_space(
+    mesh: Mesh,
+    x: Floats,
+    skins: list[Skin],
+    case: Case,
+    path: Path,
+    title: str,
+    window: NDArray[np.floating] | None = None,
+) -> None:
+    """Draw the visible faces in space, as a mesh of their own, so that values of slave faces do not show on parents.
+
+    With a `window`: only the faces that have a corner in it.
+    """
     slaves, masters = ([getattr(record, role) for record in case.contact] for role in ("slave", "master"))
     seen = find_seen(mesh, slaves, masters)
     pressure = np.full(mesh.n_cells, np.nan)
     for zone, own in skins:
         pressure[zone.slave.cell] = own
     order = np.argsort(seen.faces.type, kind="stable")
-    blocks = [
-        (FACE_TYPES[code], seen.faces.nodes[seen.faces.type == code, : N_NODES[code]])
-        for code in np.unique(seen.faces.type)
-    ]
+    if window is not None:
+        corners = seen.faces.corners[order]
+        inside = ((x[corners] >= window[0]) & (x[corners] <= window[1])).all(axis=2) & (corners >= 0)
+        order = order[inside.any(axis=1)]
+    drawn = seen.faces.take(order)
+    blocks = [(FACE_TYPES[code], drawn.nodes[drawn.type == code, : N_NODES[code]]) for code in np.unique(drawn.type)]
     role, skin = seen.role[order], seen.skin[order]
     faces = Mesh.create(
         x,
@@ -144,7 +181,9 @@ def _draw_space(mesh: Mesh, x: Floats, skins: list[Skin], case: Case, path: Path
     picture(faces, path, slave="slave", master="master", values=shown, title=title)
 
 
-def _plane_figure(mesh: Mesh, x: Floats, skins: list[Skin], title: str) -> bytes:
+def _plane_figure(
+    mesh: Mesh, x: Floats, skins: list[Skin], title: str, window: NDArray[np.floating] | None = None
+) -> bytes:
     """Return a PNG with the deformed mesh and its slave skins above, and the pressure along each skin below."""
     figure = import_module("matplotlib.figure").Figure(figsize=(10, 10), dpi=130, layout="tight")
     colours = import_module("matplotlib.colors")
@@ -162,6 +201,9 @@ def _plane_figure(mesh: Mesh, x: Floats, skins: list[Skin], title: str) -> bytes
     figure.colorbar(drawn, ax=body, label="pressure", fraction=0.05)
     body.set_aspect("equal", anchor="C")
     body.autoscale()
+    if window is not None:
+        body.set(xlim=window[:, 0], ylim=window[:, 1])
+        profile.set_xlim(pressed_span(skins, mesh.points))
     body.set(title=title, xlabel="x", ylabel="y")
     profile.set(xlabel="length along the slave skin, undeformed", ylabel="pressure of the macro-elements")
     profile.grid(color="#e2e5e8", linewidth=0.6)
@@ -208,6 +250,15 @@ def along(skin: Skin, x: Floats) -> tuple[NDArray[np.floating], NDArray[np.float
     p = np.repeat(skin.pressure[order], 2).reshape(-1, 2)
     gaps = 2 * first[1:]
     return np.insert(s.ravel(), gaps, np.nan), np.insert(p.ravel(), gaps, np.nan)
+
+
+def pressed_span(skins: list[Skin], x: Floats) -> tuple[float, float]:
+    """Return the interval of length along the skins that is under pressure, with a margin."""
+    lines = [along(skin, x) for skin in skins]
+    pressed = np.concatenate([s[np.isfinite(p) & (p != 0)] for s, p in lines])
+    low, high = float(pressed.min()), float(pressed.max())
+    margin = _MARGIN * (high - low)
+    return max(low - margin, 0.0), high + margin
 
 
 def chains(ends: Ints) -> tuple[Ints, Ints]:

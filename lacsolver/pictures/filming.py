@@ -110,6 +110,12 @@ def film(
 
     Raises RequestError for an invalid request, ReadError, DataError for files that cannot be read, WriteError if
     nothing can be drawn or written.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from lacsolver import create, read_case, run
+    >>> with TemporaryDirectory() as folder:
+    ...     done = run(read_case("data/two_blocks.toml"), create(folder))
+    ...     film(folder, f"{folder}/press.png", colour="pressure", frames=2)
     """
     folder, path = Path(folder), Path(path)
     check_film(path, folder)

@@ -50,7 +50,7 @@ def depths(joint: ContactPair, face: Interface, space: Space) -> NDArray[np.floa
 
     All depths are 0 for a tie, for a master without a body, and for one on the slave's own body.
     """
-    alone = (face.coverage < _MOST) & (not joint.tie)
+    alone = (face.coverage < _MOST) & (not joint.law.all_components)
     skin = _skin_behind(face, space) if alone.any() else None
     if skin is None:
         return np.zeros(len(alone))

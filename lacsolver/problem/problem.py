@@ -22,9 +22,10 @@ from lacsolver.bodies.kinematics import Kinematics, kinematics_of
 from lacsolver.bodies.material import Materials
 from lacsolver.case import Case, Contact, Tie, check_groups
 from lacsolver.constraints import Constraints
-from lacsolver.contact import Interface, Pairing, Zone
+from lacsolver.contact import Interface, Pairing, Zone, integrate
+from lacsolver.contact.laws import ContactLaw
 from lacsolver.problem import acting
-from lacsolver.problem.laws import law_of
+from lacsolver.problem.laws import contact_law_of, law_of
 from lacsolver.problem.skin import check_mesh, prepared
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
@@ -35,11 +36,15 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ContactPair:
-    """A contact pair or tie: its zone, and the options of its pairing. `record`: the case's contact or tie."""
+    """A contact pair or tie: its zone, the options of its pairing, and its contact law.
+
+    `record`: the case's contact or tie.
+    """
 
     record: Contact | Tie
     zone: Zone
     pairing: Pairing
+    law: ContactLaw
 
     @property
     def name(self) -> str:
@@ -49,17 +54,17 @@ class ContactPair:
     @property
     def tie(self) -> bool:
         """True for a tie, which joins all components."""
-        return isinstance(self.record, Tie)
+        return self.law.all_components
 
     @property
     def one_sided(self) -> bool:
-        """True for unilateral contact, whose pressure is >= 0 and whose gap may open."""
-        return isinstance(self.record, Contact) and self.record.type == "unilateral"
+        """True for contact whose pressure is >= 0 and whose gap may open."""
+        return self.law.compressive
 
     @property
     def initial(self) -> str:
         """Rows that are closed at the start: `all`, `none`, or those without a gap (`gap`)."""
-        return self.record.initial if isinstance(self.record, Contact) and self.one_sided else "all"
+        return self.record.initial if isinstance(self.record, Contact) and self.law.compressive else "all"
 
     @property
     def timed(self) -> bool:
@@ -78,7 +83,12 @@ class ContactPair:
         """
         return space.places(u) if self.moving else space.local.points
 
-    def paired(self, face: Interface) -> NDArray[np.bool_]:
+    def integrate(self, space: Space, u: Floats, t: float) -> Interface:
+        """Return the interface of the pair under u (n_dof,) at time t, see `places`."""
+        x = self.places(space, u) if self.moving else None
+        return integrate(self.zone, space.dim, self.pairing, x=x, t=t, tie=self.law.all_components)
+
+    def covered(self, face: Interface) -> NDArray[np.bool_]:
         """Return a mask (n_macros,), True for macro-elements of an interface whose coverage reaches the threshold.
 
         Macro-elements without any coverage are never paired. The threshold is lowered by round-off, since a complete
@@ -89,7 +99,7 @@ class ContactPair:
 
     def check_facing(self, face: Interface) -> None:
         """Raise CaseError if no macro-element has a master, and the zone is not paired again on deformed skins."""
-        if not self.moving and not self.paired(face).any():
+        if not self.moving and not self.covered(face).any():
             message = f"no face of slave {self.record.slave!r} has master {self.record.master!r} in front of it"
             advice = "check which groups these are and that their faces turn outward, or raise search_distance"
             raise wrong(self.record, f"{message}; {advice}")
@@ -97,7 +107,13 @@ class ContactPair:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """The problem of a case on its mesh; built by `Problem.of`. `joints`: contacts, then ties, in the case's order."""
+    """The problem of a case on its mesh; built by `Problem.of`. `joints`: contacts, then ties, in the case's order.
+
+    >>> from lacsolver import read_case
+    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
+    >>> problem.space.n_dof, [pair.name for pair in problem.joints]
+    (1536, ['joint'])
+    """
 
     case: Case
     space: Space
@@ -180,4 +196,4 @@ def joint_of(space: Space, record: Contact | Tie) -> ContactPair:
             record.normals, record.crease_angle, max_penetration=record.max_penetration, measure=record.measure,
             clearance=clearance,
         )  # fmt: skip
-    return ContactPair(record, zone, pairing.within(space, record.search_distance))
+    return ContactPair(record, zone, pairing.within(space, record.search_distance), contact_law_of(record))

@@ -24,7 +24,15 @@ from lacsolver.space.places import nodes_of
 
 @dataclass
 class Answer:
-    """Computes the figures and fields of states of a problem."""
+    """Computes the figures and fields of states of a problem.
+
+    >>> from lacsolver import Problem, march, read_case
+    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
+    >>> *_, state = march(problem)
+    >>> answer = Answer(problem)
+    >>> answer.figures(state).contact["joint"].active, answer.fields(state).stress.shape
+    (36, (512, 6))
+    """
 
     problem: Problem
     _probes: dict[str, Ints] = field(init=False)
@@ -78,7 +86,7 @@ class Answer:
         slave = joint.zone.slave.at(joint.places(self.problem.space, u))
         nodal, mean = recover_pressure(
             slave, joint.zone.macro, zone.pressure, zone.status,
-            axisymmetric=self.problem.space.model.axisymmetric, unilateral=joint.one_sided,
+            axisymmetric=self.problem.space.model.axisymmetric, unilateral=joint.law.compressive,
         )  # fmt: skip
         told = joint.zone.slave.at(self.problem.space.mesh.points)
         return ZoneFields.of(zone, told, joint.zone.macro, joint.zone.number, mean, nodal)

@@ -26,7 +26,8 @@ _ALTERNATE, _WORTH = 0.3, 0.5
 
 def faceted(problem: Problem, state: State) -> Iterator[str]:
     """Yield a warning for each contact of a converged state whose pressures look like those of flat faces."""
-    young = min((float(np.min(material.young)) for material in problem.case.material), default=0.0)
+    moduli = (material.young for material in problem.case.material if material.young is not None)
+    young = min((float(np.min(one)) for one in moduli), default=0.0)
     for joint, zone in zip(problem.joints, state.zones, strict=True):
         part = _differing(joint.zone, zone.pressure)
         if not isinstance(joint.record, Contact) or part <= _ALTERNATE:

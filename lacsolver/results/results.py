@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
-from lacsolver.results.state import Iterate, State, ZoneState
+from lacsolver.results.state import State, StepState, ZoneState
 
 #: values of `Results.status`; a run that was killed keeps the first
 STATUSES = ("running", "done", "interrupted", "failed")
@@ -28,6 +28,13 @@ class ZoneFigures:
     Minima and maxima of pressure and gap are over paired macro-elements, those of coverage over all. `contact_area`:
     covered area of the macro-elements in contact. `resultant` (d,) and `moment` (3,) or (), about the origin, of the
     contact forces on the slave. `active`, `open`, `unpaired`: numbers of macro-elements.
+
+    >>> from lacsolver import Answer, Problem, march, read_case
+    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
+    >>> *_, state = march(problem)
+    >>> zone = Answer(problem).figures(state).contact["joint"]
+    >>> zone.active, zone.open, float(zone.resultant[2].round(6))
+    (36, 0, 10.435185)
     """
 
     pressure_min: float
@@ -52,6 +59,12 @@ class StepFigures:
     `reactions`: force (d,) of each displacement condition on the body; `probes`: displacement (d,) of each probe;
     `contact`: figures of each zone; the names are the same in every step. `balance`: relative error of the balance of
     forces and of moments. `energy`: strain energy. `displacement`: largest magnitude of a nodal displacement.
+
+    >>> from lacsolver import Answer, Problem, march, read_case
+    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
+    >>> figures = [Answer(problem).figures(state) for state in march(problem)]
+    >>> [(step.time, float(step.reactions["bottom"][2].round(6))) for step in figures]
+    [(0.5, 5.217593), (1.0, 10.435185)]
     """
 
     time: float
@@ -75,6 +88,10 @@ class Results:
     `stress`: group -> component -> least and largest value at integration points, in the last step. `sizes`: numbers
     of nodes, cells, unknowns ... `timings`: seconds by phase. `memory`: peak memory in bytes. `held`: for a finished
     run, rigid-body motions that only contact constrains, in words.
+
+    >>> results = Results(version="0.1.0")
+    >>> results.status, len(results.steps)
+    ('running', 0)
     """
 
     version: str
@@ -100,6 +117,13 @@ class ZoneFields:
     number of each macro-element (`lac_macro` of the mesh). `recovered`: mean of the recovered pressure over each.
     `centre`, `normal` (n, d). On the mesh's nodes: `contact_force` (n_nodes, d), `pressure_recovered` (n_nodes,), NaN
     off the slave.
+
+    >>> from lacsolver import Answer, Problem, march, read_case
+    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
+    >>> *_, state = march(problem)
+    >>> zone = Answer(problem).fields(state).zones["joint"]
+    >>> len(zone.pressure), zone.contact_force.shape, bool((zone.status == 1).all())
+    (36, (512, 3), True)
     """
 
     surface: Surface
@@ -133,6 +157,13 @@ class Fields:
     """Fields at one time on the mesh's nodes: `displacement`, `reaction` (n_nodes, d), `stress` (n_nodes, n_stress).
 
     Stress has the components of `space.COMPONENTS`; it is NaN on nodes of no cell of the body.
+
+    >>> from lacsolver import Answer, Problem, march, read_case
+    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
+    >>> *_, state = march(problem)
+    >>> fields = Answer(problem).fields(state)
+    >>> fields.time, fields.displacement.shape, fields.stress.shape
+    (1.0, (512, 3), (512, 6))
     """
 
     time: float
@@ -144,31 +175,44 @@ class Fields:
 
 @dataclass(frozen=True, eq=False)
 class Restart:
-    """State for a restart. `number`: number of converged steps so far; `step_size`: size of the next step.
+    """State for a restart: the `step` that was committed, and what a reader of the file wants to see of it.
 
-    `u` (n_dof,). By zone, `multipliers`: pressures (n,) of a contact, tractions (n, d) of a tie; and `status` (n,).
-    `rigid`: motion of each rigid body. `iterate`, `earlier`: as in `State`. `folder`: folder that the state was read
-    from, None for a state of this run. `case`: fingerprint of its case and mesh, None if it was not computed.
+    `number`: number of converged steps so far. `u` (n_dof,). By zone, `multipliers`: pressures (n,) of a contact,
+    tractions (n, d) of a tie; and `status` (n,). `rigid`: motion of each rigid body. `folder`: folder that the state
+    was read from, None for a state of this run. `case`: fingerprint of its case and mesh, None if it was not computed.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from lacsolver import create, read_case, read_state, run
+    >>> case = read_case("data/two_blocks.toml")
+    >>> with TemporaryDirectory() as folder:
+    ...     done = run(case, create(folder))
+    ...     restart = read_state(folder, case, 0.5)
+    >>> restart.time, restart.number, list(restart.multipliers)
+    (0.5, 1, ['joint'])
     """
 
-    time: float
-    step_size: float
+    step: StepState
     number: int
     u: NDArray
     multipliers: Mapping[str, NDArray]
     status: Mapping[str, Ints]
     rigid: Mapping[str, NDArray]
-    iterate: Iterate
-    earlier: tuple[float, Iterate] | None = None
     folder: Path | None = None
     case: Mapping[str, str] | None = None
+
+    @property
+    def time(self) -> float:
+        """Time of the state."""
+        return self.step.time
+
+    @property
+    def step_size(self) -> float:
+        """Size of the next step."""
+        return self.step.step_size
 
     @classmethod
     def of(cls, state: State, step_size: float, number: int) -> Restart:
         """Make the restart of a converged state, the `number`-th; `step_size`: size of the next step."""
         multipliers = {zone.name: zone.traction if zone.tie else zone.pressure for zone in state.zones}
         status = {zone.name: zone.status for zone in state.zones}
-        assert state.iterate is not None
-        return cls(
-            state.time, step_size, number, state.u, multipliers, status, state.rigid, state.iterate, state.earlier
-        )
+        return cls(state.step.with_step_size(step_size), number, state.u, multipliers, status, state.rigid)

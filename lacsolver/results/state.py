@@ -1,17 +1,18 @@
-"""State at one time: displacement, reactions, contact state of every zone, and data of the solution and its restart."""
+"""States: what a step commits and a restart stores, and what is reported of a time."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
+from lacsolver.contact.laws import CONTACT, OPEN, UNPAIRED
 
-#: status of a macro-element
-UNPAIRED, OPEN, CONTACT = -1, 0, 1
+__all__ = ["CONTACT", "OPEN", "UNPAIRED", "Held", "Histories", "Iterate", "State", "StepState", "ZoneState"]
 
 
 class Iterate(NamedTuple):
@@ -20,6 +21,51 @@ class Iterate(NamedTuple):
     q: NDArray[np.floating]
     p: NDArray[np.floating]
     active: NDArray[np.bool_]
+
+
+class Histories(NamedTuple):
+    """Quantities that laws and the time scheme keep from step to step.
+
+    `materials`: an array (cells, points, n) for each block of the space, () if no law has a history. `contact`: an
+    array (rows, n) for each contact pair, () at the start. `scheme`: arrays of the time scheme, such as velocities, by
+    name.
+    """
+
+    materials: tuple[NDArray[np.floating], ...] = ()
+    contact: tuple[NDArray[np.floating], ...] = ()
+    scheme: Mapping[str, NDArray[np.floating]] = {}
+
+
+@dataclass(frozen=True, eq=False)
+class StepState:
+    """The state that a step starts from: what the step before has committed, and all that a restart needs.
+
+    `iterate`: unknowns, pressures and active set at `time`; None for the undeformed bodies. `earlier`: those of the
+    step before, with their time. `step_size`: size of the next step, unless a planned time is nearer.
+    """
+
+    time: float = 0.0
+    iterate: Iterate | None = None
+    earlier: tuple[float, Iterate] | None = None
+    step_size: float = np.inf
+    histories: Histories = field(default_factory=Histories)
+
+    def commit(self, time: float, iterate: Iterate, step_size: float, histories: Histories) -> StepState:
+        """Return the state after a converged step."""
+        earlier = None if self.iterate is None else (self.time, self.iterate)
+        return StepState(time, iterate, earlier, step_size, histories)
+
+    def with_step_size(self, step_size: float) -> StepState:
+        """Return this state with another size of the next step."""
+        return replace(self, step_size=step_size)
+
+    def extrapolated(self, time: float) -> Iterate | None:
+        """Return the linear extrapolation of the last two iterates to a time; None if there are fewer."""
+        if self.iterate is None or self.earlier is None:
+            return None
+        now, (then, last) = self.iterate, self.earlier
+        part = (time - self.time) / (self.time - then)
+        return Iterate(now.q + part * (now.q - last.q), now.p + part * (now.p - last.p), now.active)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +77,12 @@ class ZoneState:
     jump. `status`: CONTACT, OPEN, UNPAIRED. `coverage`: w / A; `area`: A, in the measure that pressures refer to, with
     thickness or 2 pi r; `centre` and `normal` (n, d) of the macro-element. `force` (n_nodes, d): contact force on every
     node of slave and master.
+
+    >>> from lacsolver import Problem, march, read_case
+    >>> *_, state = march(Problem.of(read_case("data/two_blocks.toml")))
+    >>> zone = state.zones[0]
+    >>> zone.name, float((zone.pressure * zone.area).sum().round(6))
+    ('joint', 10.435185)
     """
 
     name: str
@@ -65,10 +117,14 @@ class State:
 
     `reaction` (n_dof,): forces of the supports on the bodies. `rigid` (name -> dofs): motion of rigid bodies,
     displacement of the centre, then rotation. `iterations`, `halvings`: numbers of the step that led here; `residuals`:
-    those of its iterations, the last `settled` of which had the same active set; `next_step`: size of the next step.
-    `iterate`, `earlier`: unknowns, pressures and active set of this state and, with its time, of the one before, for
-    extrapolation and restart. At the last time of a case, `held`: rigid-body motions that only contact constrains, and
-    `prescribed`: largest prescribed displacement.
+    those of its iterations, the last `settled` of which had the same active set. `step`: what the step committed, for
+    the next one and for a restart (for a state that did not converge, what it started from). At the last time of a
+    case, `held`: rigid-body motions that only contact constrains, and `prescribed`: largest prescribed displacement.
+
+    >>> from lacsolver import Problem, march, read_case
+    >>> *_, state = march(Problem.of(read_case("data/two_blocks.toml")))
+    >>> state.time, state.u.shape, [zone.name for zone in state.zones]
+    (1.0, (1536,), ['joint'])
     """
 
     time: float
@@ -79,9 +135,7 @@ class State:
     iterations: int = 0
     halvings: int = 0
     residuals: tuple[float, ...] = ()
-    next_step: float = np.inf
-    iterate: Iterate | None = None
-    earlier: tuple[float, Iterate] | None = None
+    step: StepState = field(default_factory=StepState)
     settled: int = 0
     held: tuple[Held, ...] = ()
     prescribed: float = 0.0

@@ -1,9 +1,9 @@
 """Solution for displacements and pressures in one Krylov loop, with a multigrid V-cycle in place of K^-1.
 
-Generalised conjugate residuals (GMRES with any preconditioner, Saad 1993) on
+Generalised conjugate residuals (`linear.krylov`) on
 
     [K + C  B_A^T] [dq]   [r_f]
-    [D_A    0    ] [dp] = [r_G]
+    [D_A    -S_A ] [dp] = [r_G]
 
 preconditioned by dp = -M r_G, with M the stiffness of the skins (`saddle`), then dq = V (r_f - B_A^T dp), with V a
 V-cycle for K. With V = K^-1 it would take as many iterations as the loop on the Schur complement; with a V-cycle it
@@ -21,15 +21,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
-from scipy.sparse import csr_array
 
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats
 from lacsolver.linear import LinearError
-from lacsolver.linear.cycle import Team
+from lacsolver.linear.krylov import minimise
 from lacsolver.linear.regular import indefinite
-from lacsolver.solve.saddle import HELD, Goal, Rows, Skins, Solved
-from lacsolver.solve.stiffness import Stiffness
+from lacsolver.solve.saddle import RANK_TOLERANCE, SaddleProblem, SaddleSolution, SchurPreconditioner
+from lacsolver.solve.tolerances import LinearTolerance
 
 #: most directions of a restart cycle, all of which are stored; most iterations in all
 _ROUND, _MOST = 80, 400
@@ -41,199 +39,145 @@ _BALANCED = 3e-14
 _SLOW = 0.5
 #: relative imbalance of forces that is larger than round-off
 _FAILED = 1e-6
-#: orthogonalise a second time when the first pass leaves less than this fraction of the norm; fraction that is noise
-_LOST, _NOISE = 0.1, 1e-12
 #: energies below this, relative to that of the diagonal, are negative
 _NEGATIVE = -1e-12
 
 
-def solve_coupled(
-    K: Stiffness,
-    rows: Rows,
-    active: Ints,
-    f: Floats,
-    G: Floats,
-    q: Floats,
-    p: Floats,
-    goal: Goal,
-    turning: csr_array | None = None,
-) -> Solved:
-    """Solve the system of `solve_rows` by multigrid; an inexact goal leaves an imbalance of forces too.
+def solve_coupled(problem: SaddleProblem, q: Floats, p: Floats, tolerance: LinearTolerance) -> SaddleSolution:
+    """Solve a saddle-point problem by multigrid from a start; an inexact tolerance leaves an imbalance of forces too.
 
     Raises LinearError if the forces do not reach balance, SingularError if K is found not to be positive definite.
     """
-    system = _System(K, rows, active, f, G[active], q, turning)
-    held = np.zeros_like(p)
-    held[active] = p[active]
-    x = np.concatenate([q, p[active] + system.skins.carrying(K.R.T @ (f - rows.B_T @ held))])
-    norm = system.team.norm
+    system = _System(problem)
+    K, rows, active, n = problem.K, problem.rows, problem.active, len(problem.f)
+    pressures = np.zeros_like(p)
+    pressures[active] = p[active]
+    load = K.R.T @ (problem.f - problem.geometric_forces(q) - rows.B_T @ pressures)
+    x = np.concatenate([q, p[active] + system.preconditioner.balancing(load)])
+    norm = system.vectors.norm
     r, from_nothing = system.residual(x), system.residual(np.zeros_like(x))
     if norm(from_nothing) < norm(r) and not K.R.shape[1]:
         x, r = np.zeros_like(x), from_nothing
     first = best = norm(r)
-    loosely = goal.reduction * first
-    gaps, count, paid = goal.reduction * max(norm(r[len(f) :]), loosely), 0, 0
+    loose = tolerance.reduction * first
+    gaps, count, counted = tolerance.reduction * max(norm(r[n:]), loose), 0, 0
     while count < _MOST:
-        ends = _Ends(goal.least(x[: len(f)]), _BALANCED * system.largest_force(x), loosely, gaps)
-        if ends.met(system, r):
+        limit = tolerance.threshold(system.vectors.largest(x[:n]))
+        stop = _StoppingCriteria(system, limit, _BALANCED * system.largest_force(x), loose, gaps)
+        if stop.excess(r) <= 1:
             break
-        step, more = _round(system, r, ends, min(_ROUND, _MOST - count))
-        count += more
-        left = system.residual(x + step)
+        step = minimise(
+            system, r, stop.excess, min(_ROUND, _MOST - count), known=system.constrained, least=_RECURRED * norm(r)
+        )
+        count += step.directions
+        left = system.residual(x + step.x)
         size = norm(left)
         if size < best:
-            x, r = x + step, left
+            x, r = x + step.x, left
         if not size < _SLOW * best:
             break
-        best, paid = size, count
-    held[active] = x[len(f) :]
-    if goal.reduction == 0:
-        system.check(x, r, count, goal)
-        K.note("with rows", paid, first, best)
-    return Solved(x[: len(f)], held, count, system.gap(r))
+        best, counted = size, count
+    pressures[active] = x[n:]
+    if tolerance.reduction == 0:
+        system.check(x, r, count, tolerance)
+        K.record_convergence("with rows", counted, first, best)
+    return SaddleSolution(x[:n], pressures, count, system.gap(r))
 
 
-class _Ends(NamedTuple):
-    """Stopping criteria: largest gap and force, or, for an inexact solve, norms of the residual and of its gaps."""
+class _StoppingCriteria(NamedTuple):
+    """Largest gap and force, or, for an inexact solve, norms of the residual and of its gaps."""
 
+    system: _System
     gap: float
     force: float
-    loosely: float
-    gaps: float
+    loose: float
+    loose_gaps: float
 
-    def met(self, system: _System, r: Floats) -> bool:
-        """True if a residual meets the criteria."""
-        norm = system.team.norm
-        if self.loosely > 0 and norm(r) <= self.loosely and norm(r[system.n :]) <= self.gaps:
-            return True
-        return system.gap(r) <= self.gap and system.force(r) <= self.force
+    def excess(self, r: Floats) -> float:
+        """Return a residual relative to the criteria; at most 1 if it meets them."""
+        system, norm = self.system, self.system.vectors.norm
+        exact = max(_ratio(system.gap(r), self.gap), _ratio(system.force(r), self.force))
+        if not self.loose > 0:
+            return exact
+        return min(exact, max(_ratio(norm(r), self.loose), _ratio(norm(r[system.n :]), self.loose_gaps)))
+
+
+def _ratio(value: float, limit: float) -> float:
+    """Return value / limit, for a limit that may be 0."""
+    return value / limit if limit > 0 else np.inf if value > 0 else 0.0
 
 
 class _System:
-    """Matrix, preconditioner and weights of an active set. Vectors have the unknowns first, then the pressures."""
+    """Matrix, preconditioner and weights of a problem. Vectors have the unknowns first, then the pressures."""
 
-    def __init__(
-        self, K: Stiffness, rows: Rows, active: Ints, f: Floats, G: Floats, start: Floats, turning: csr_array | None
-    ) -> None:
-        self.K, self.skins, self.turning, self.n = K, Skins(K, rows, active), turning, len(f)
-        self.f, self.G, self.start, self.team = f, G, start, K.team
-        self.B, self.D, self.w = rows.B[active], rows.D[active], rows.w[active]
+    def __init__(self, problem: SaddleProblem) -> None:
+        K, rows, active = problem.K, problem.rows, problem.active
+        self.problem, self.K, self.n, self.vectors = problem, K, len(problem.f), K.vectors
+        self.preconditioner = SchurPreconditioner(problem)
+        self.B, self.D, self.w, self.S = rows.B[active], rows.D[active], rows.w[active], problem.S
         self.B_T = self.B.T.tocsr()
-        self.diagonal = np.abs(K.diagonal)
-        B = self.skins.B
-        energy = np.asarray((B @ self.skins.inner).multiply(B).sum(axis=1)).ravel()
-        own = np.asarray(B.multiply(B).sum(axis=1)).ravel()
-        stiff = np.where(energy > 0, energy, 1.0) / np.where(own > 0, own, 1.0) ** 2
-        self.weight = np.concatenate([1 / np.sqrt(self.diagonal), np.sqrt(stiff)])
-        self.stopped, self.loose = _told_apart(K.R, self.skins.QD)
+        self.diagonal = np.abs(K.scaling)
+        self.weight = np.concatenate([1 / np.sqrt(self.diagonal), np.sqrt(self.preconditioner.own)])
+        modes, self.unconstrained = _split_rigid_modes(K.R, self.preconditioner.QD)
+        #: rigid-body modes that rows constrain, as search directions
+        self.constrained = np.concatenate([modes.T, np.zeros((modes.shape[1], len(active)))], axis=1)
 
     def residual(self, x: Floats) -> NDArray[np.floating]:
         """Return the weighted residual at x."""
-        force = self.f - self.forces(x[: self.n], x[self.n :])
-        if self.turning is not None:
-            force += self.turning @ self.start
-        return np.concatenate([self._balanced(force), self.G - self.D @ x[: self.n]]) * self.weight
+        q, p = x[: self.n], x[self.n :]
+        force = self._balanced(self.problem.f - self.forces(q, p))
+        return np.concatenate([force, self.problem.G[self.problem.active] - self.D @ q + self.S * p]) * self.weight
 
     def forces(self, q: Floats, p: Floats) -> NDArray[np.floating]:
         """Return (K + C) q + B^T p."""
-        made = self.K.times(q) + self.B_T @ p
-        return made if self.turning is None else made + self.turning @ q
+        return self.K.apply(q) + self.B_T @ p + self.problem.geometric_forces(q)
 
     def _balanced(self, force: Floats) -> NDArray[np.floating]:
         """Return forces without those along rigid-body modes that no row constrains; the springs balance these."""
-        return force - self.loose @ (self.loose.T @ force) if self.loose.shape[1] else force
+        free = self.unconstrained
+        return force - free @ (free.T @ force) if free.shape[1] else force
 
     def image(self, z: Floats) -> NDArray[np.floating]:
         """Return the weighted product of the matrix with a vector. Raises SingularError for a negative energy of K."""
         q, p = z[: self.n], z[self.n :]
-        Kq = self.K.times(q)
-        energy, most = self.team.dots(np.stack([Kq, self.diagonal * q]), q)
+        Kq = self.K.apply(q)
+        energy, most = self.vectors.dots(np.stack([Kq, self.diagonal * q]), q)
         if energy < _NEGATIVE * most:
             raise indefinite()
-        force = Kq + self.B_T @ p
-        if self.turning is not None:
-            force += self.turning @ q
-        return np.concatenate([self._balanced(force), self.D @ q]) * self.weight
+        force = Kq + self.B_T @ p + self.problem.geometric_forces(q)
+        return np.concatenate([self._balanced(force), self.D @ q - self.S * p]) * self.weight
 
     def precondition(self, r: Floats) -> NDArray[np.floating]:
         """Return the preconditioned correction for a weighted residual, in balance along the rigid-body modes."""
         force, gap = r[: self.n] / self.weight[: self.n], r[self.n :] / self.weight[self.n :]
-        p = -self.skins.pressing(gap)
-        p += self.skins.carrying(self.K.R.T @ force - self.skins.QB.T @ p)
+        p = -self.preconditioner.pressures(gap)
+        p += self.preconditioner.balancing(self.K.R.T @ force - self.preconditioner.QB.T @ p)
         return np.concatenate([self.K.cycle(force - self.B_T @ p), p])
-
-    def free(self) -> NDArray[np.floating]:
-        """Return the rigid-body modes that rows constrain, as search directions (k, unknowns + pressures)."""
-        return np.concatenate([self.stopped.T, np.zeros((self.stopped.shape[1], len(self.w)))], axis=1)
 
     def gap(self, r: Floats) -> float:
         """Return the largest gap of a weighted residual, as a length."""
-        return float(np.abs(r[self.n :] / (self.weight[self.n :] * self.w)).max(initial=0.0))
+        return self.vectors.largest(r[self.n :] / (self.weight[self.n :] * self.w))
 
     def force(self, r: Floats) -> float:
         """Return the largest force of a weighted residual."""
-        return float(np.abs(r[: self.n] / self.weight[: self.n]).max(initial=0.0))
+        return self.vectors.largest(r[: self.n] / self.weight[: self.n])
 
     def largest_force(self, x: Floats) -> float:
         """Return the scale of the force balance: the largest load or internal force."""
-        q, forces = x[: self.n], [self.f, self.K.times(x[: self.n])]
-        if self.turning is not None:
-            forces = [self.f + self.turning @ self.start, forces[1] + self.turning @ q]
-        return max(float(np.abs(v).max(initial=0.0)) for v in forces)
+        q = x[: self.n]
+        inner = self.K.apply(q) + self.problem.geometric_forces(q)
+        return max(self.vectors.largest(v) for v in (self.problem.f, inner))
 
-    def check(self, x: Floats, r: Floats, count: int, goal: Goal) -> None:
+    def check(self, x: Floats, r: Floats, count: int, tolerance: LinearTolerance) -> None:
         """Raise LinearError if the forces are not in balance."""
-        nothing = goal.absolute * float(self.diagonal.max(initial=0.0))  # moves nodes by negligible lengths
+        nothing = tolerance.absolute * self.vectors.largest(self.diagonal)  # moves nodes by negligible lengths
         off = self.force(r) / max(self.largest_force(x), nothing, 1e-300)
         if not off <= _FAILED:
             message = f"multigrid with contact stopped at forces {off:.1e} off balance, after {count} V-cycles"
             raise LinearError(f"{message}; try a direct backend, and look for what is hardly held, or thin cells")
 
 
-def _round(system: _System, r: Floats, ends: _Ends, most: int) -> tuple[NDArray[np.floating], int]:
-    """Return the step that minimises a weighted residual over all directions of a cycle, and their number.
-
-    Directions Z are stored as they were computed; their images A Z = I T^T have orthonormal rows I.
-    """
-    free = system.free()
-    known = len(free)
-    Z, images = np.empty((known + most, len(r))), np.empty((known + most, len(r)))
-    T, along = np.zeros((known + most,) * 2), np.zeros(known + most)
-    norm, dots = system.team.norm, system.team.dots
-    end, k = _RECURRED * norm(r), 0
-    r = r.copy()
-    while k < known + most and (k < known or not ends.met(system, r)) and norm(r) > end:
-        Z[k] = free[k] if k < known else system.precondition(r)
-        image = system.image(Z[k])
-        whole = norm(image)
-        T[k, :k], T[k, k] = _orthogonal(image, images[:k], system.team)
-        if not T[k, k] > _NOISE * whole:
-            break
-        images[k] = image / T[k, k]
-        along[k] = dots(images[k : k + 1], r)[0]
-        r -= along[k] * images[k]
-        k += 1
-    if not k:
-        return np.zeros_like(r), 0
-    step = np.zeros_like(r)
-    system.team.subtract(-solve_triangular(T[:k, :k], along[:k], trans="T", lower=True), Z[:k], step)
-    return step, max(k - known, 0)
-
-
-def _orthogonal(image: Floats, others: Floats, team: Team) -> tuple[NDArray[np.floating], float]:
-    """Orthogonalise an image against orthonormal rows `others`, in place; return the products and the norm left."""
-    before = team.norm(image)
-    parts = team.dots(others, image)
-    team.subtract(parts, others, image)
-    left = team.norm(image)
-    if left < _LOST * before:
-        again = team.dots(others, image)
-        team.subtract(again, others, image)
-        parts, left = parts + again, team.norm(image)
-    return parts, left
-
-
-def _told_apart(R: Floats, moves: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+def _split_rigid_modes(R: Floats, moves: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Split the rigid-body modes R (n, r) into those that the active rows constrain and the others, both orthonormal.
 
     `moves` (a, r): the products D R of the rows with the modes.
@@ -241,5 +185,5 @@ def _told_apart(R: Floats, moves: Floats) -> tuple[NDArray[np.floating], NDArray
     if not moves.size:
         return R[:, :0], R
     _, size, V = np.linalg.svd(moves)
-    k = int((size > HELD * size[0]).sum())
+    k = int((size > RANK_TOLERANCE * size[0]).sum())
     return R @ V[:k].T, R @ V[k:].T

@@ -1,12 +1,10 @@
-"""Saddle-point system of the active contact rows: its data, tolerances and preconditioner.
+"""Saddle-point problem of the active contact rows: its data, and its preconditioner.
 
-The system is K q + B_A^T p = f, D_A q = G_A.
+(K + C) q + B_A^T p = f,    D_A q - S_A p = G_A       S: compliance of the rows, 0 for rigid contact
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -15,89 +13,84 @@ from scipy.sparse import csc_array, csr_array, eye_array
 from scipy.sparse.linalg import splu
 
 from lacmesh.mesh import Floats, Ints
+from lacsolver.solve.contact_system import Rows
 from lacsolver.solve.stiffness import Stiffness
 
 #: relative tolerance for the rank of the active rows on the rigid-body modes
-HELD = 1e-8
+RANK_TOLERANCE = 1e-8
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Contact rows on the constrained unknowns: B, D (m, n), and w (m,), the measure that G is integrated over."""
+class SaddleProblem(NamedTuple):
+    """The linear problem of one active set: a stiffness K, `rows`, indices (a,) of the `active` ones, f (n,), G (m,).
 
-    B: csr_array
-    D: csr_array
-    w: NDArray[np.floating]
+    `compliance` (m,): S, lengths times measure per stress; None for 0. `geometric` (n, n): geometric stiffness C, small
+    compared with K; None for 0.
+    """
 
-    @cached_property
-    def B_T(self) -> csr_array:
-        """The transpose of B, (n, m)."""
-        return self.B.T.tocsr()
+    K: Stiffness
+    rows: Rows
+    active: Ints
+    f: Floats
+    G: Floats
+    compliance: Floats | None = None
+    geometric: csr_array | None = None
 
-    @cached_property
-    def touched(self) -> Ints:
-        """Indices of the unknowns with an entry in B."""
-        return np.unique(self.B.indices)
+    @property
+    def S(self) -> NDArray[np.floating]:
+        """Compliance (a,) of the active rows."""
+        return np.zeros(len(self.active)) if self.compliance is None else self.compliance[self.active]
 
-    @cached_property
-    def gram(self) -> csr_array:
-        """The product B B^T."""
-        return csr_array(self.B @ self.B_T)
+    def geometric_forces(self, q: Floats) -> NDArray[np.floating]:
+        """Return C q (n,)."""
+        return np.zeros_like(q) if self.geometric is None else self.geometric @ q
 
 
-class Solved(NamedTuple):
-    """Solution of a system: unknowns q (n,), pressures p (m,), and `left`, the largest remaining |G_A - D_A q| / w.
+class SaddleSolution(NamedTuple):
+    """Solution of a problem: unknowns q (n,), pressures p (m,), and `left`, the largest remaining residual of gaps.
 
-    `products`: number of applications of K^-1, or of V-cycles with multigrid.
+    `applications`: number of applications of K^-1, or of V-cycles with multigrid.
     """
 
     q: NDArray[np.floating]
     p: NDArray[np.floating]
-    products: int
+    applications: int
     left: float
 
 
-class Goal(NamedTuple):
-    """Tolerance of a linear solve: residual of gaps at `reduction` times the initial one, or at a lower limit.
-
-    The limit is `relative` times the largest unknown (or `moved`), or `absolute`; both are lengths.
-    """
-
-    reduction: float
-    relative: float
-    absolute: float
-    moved: float
-
-    def least(self, q: Floats) -> float:
-        """Return the lower limit of the residual of gaps, a length."""
-        return max(self.relative * max(float(np.abs(q).max(initial=0.0)), self.moved), self.absolute)
-
-
-class Skins:
-    """Preconditioner of the active rows A: approximate pressures for given gaps, and pressures that balance a load.
+class SchurPreconditioner:
+    """Approximate pressures for given gaps of the active rows A, and pressures that balance a load.
 
     (B B^T)^-1 B K B^T (B B^T)^-1 is the stiffness of the skins in terms of pressures (the lumped preconditioner of
-    Farhat and Roux 1991, with the scaling of the rows). `QB`, `QD` (a, r): products of the rows with the rigid-body
-    modes R.
+    Farhat and Roux 1991, with the scaling of the rows); a row with compliance is in series with it. `QB`, `QD` (a, r):
+    products of the rows with the rigid-body modes R. `own` (a,): stiffness of each row alone, force per gap integral.
     """
 
-    def __init__(self, K: Stiffness, rows: Rows, active: Ints) -> None:
+    def __init__(self, problem: SaddleProblem) -> None:
+        K, rows, active = problem.K, problem.rows, problem.active
         self.n = len(active)
-        self.B, self.inner = rows.B[active][:, rows.touched], K.K[rows.touched][:, rows.touched]
+        self.B, self.inner = rows.B[active][:, rows.touched], K.restricted(rows.touched)
         self.B_T = self.B.T
         if self.n:
             gram = rows.gram[active][:, active]
-            self.gram = splu(csc_array(gram + 1e-13 * gram.diagonal().max() * eye_array(self.n)))
+            self.gram = splu(csc_array(gram + (1e-13 * gram.diagonal().max() or 1.0) * eye_array(self.n)))
         self.QB, self.QD = rows.B[active] @ K.R, rows.D[active] @ K.R
         self.inverse = pseudo_inverse(self.QB.T @ self.QD)
+        energy = np.asarray((self.B @ self.inner).multiply(self.B).sum(axis=1)).ravel()
+        size = np.asarray(self.B.multiply(self.B).sum(axis=1)).ravel()
+        stiff = np.where(energy > 0, energy, 1.0) / np.where(size > 0, size, 1.0) ** 2
+        self.series, self.alone = 1 / (1 + stiff * problem.S), np.zeros(self.n)
+        fixed = (size == 0) & (problem.S > 0)  # no unknown moves them: the spring alone answers
+        self.alone[fixed] = 1 / problem.S[fixed]
+        self.own = np.where(fixed, self.alone, stiff * self.series)
 
-    def pressing(self, gap: Floats) -> NDArray[np.floating]:
+    def pressures(self, gap: Floats) -> NDArray[np.floating]:
         """Return the approximate pressures (a,) that open gaps by `gap` (a,)."""
         if not self.n:
             return gap
-        return np.asarray(self.gram.solve(self.B @ (self.inner @ (self.B_T @ self.gram.solve(gap)))))
+        rigid = self.gram.solve(self.B @ (self.inner @ (self.B_T @ self.gram.solve(gap))))
+        return np.where(self.alone > 0, self.alone * gap, self.series * rigid)
 
-    def carrying(self, load: Floats) -> NDArray[np.floating]:
+    def balancing(self, load: Floats) -> NDArray[np.floating]:
         """Return pressures (a,) that balance a load (r,) along the rigid-body modes."""
         return np.asarray(self.QD @ (self.inverse @ load))
 
@@ -107,5 +100,5 @@ def pseudo_inverse(A: Floats) -> NDArray[np.floating]:
     if not A.size:
         return np.zeros(A.shape)
     U, size, V = np.linalg.svd(A)
-    kept = size > HELD**2 * size.max()
+    kept = size > RANK_TOLERANCE**2 * size.max()
     return np.asarray((V[kept].T / size[kept]) @ U[:, kept].T)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,23 +16,31 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.case import Case
 from lacsolver.contact import Interface
+from lacsolver.contact.laws import RowState
 from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.problem.rigid_modes import describe
 from lacsolver.results.results import Restart
-from lacsolver.results.state import CONTACT, OPEN, UNPAIRED, Held, Iterate, State, ZoneState
-from lacsolver.solve.equilibrium import ROUNDING, ContactSystem, Limits, Outcome, find_equilibrium
+from lacsolver.results.state import UNPAIRED, Held, Iterate, State, StepState, ZoneState
+from lacsolver.solve.active_set import active_set_iterates
+from lacsolver.solve.contact_system import ContactSystem, RowGroup
 from lacsolver.solve.holding import holdings
-from lacsolver.solve.model import Instant, ReducedProblem
-from lacsolver.solve.newton import Place, follow
+from lacsolver.solve.load_step import LoadStep
+from lacsolver.solve.newton import Damping, Linearization, newton_iterates
+from lacsolver.solve.reduced import ReducedProblem
+from lacsolver.solve.schemes import QuasiStatic, TimeScheme
+from lacsolver.solve.search import Outcome, Trial, search
+from lacsolver.solve.stabilization import unknowns
+from lacsolver.solve.tolerances import ROUNDING, ConvergenceTolerance
 from lacsolver.space.places import wrong
+from lacsolver.space.space import Space
 
 #: relative difference below which two times are the same
 _SAME = 1e-9
 #: gap, relative to the macro-element's size, below which a row is closed in the initial status
 _TOUCHING = 1e-6
 #: damping of the second search for an equilibrium at its start, relative to the undeformed bodies' stiffness
-_DRAG = 1.0
+_DAMPING = 1.0
 #: displacements below this multiple of the round-off of gaps are too small for reliable pressures
 _CLEAR = 100
 _EPSILON = float(np.finfo(float).eps)
@@ -41,7 +49,18 @@ _UNCARRIED = 1e-6
 
 
 class NotConvergedError(LacmeshError):
-    """No equilibrium was found at some time. `state`: the last state tried."""
+    """No equilibrium was found at some time. `state`: the last state tried.
+
+    >>> from dataclasses import replace
+    >>> from lacsolver import Problem, read_case
+    >>> case = read_case("data/two_blocks.toml")
+    >>> case = replace(case, solver=replace(case.solver, max_iterations=1))
+    >>> try:
+    ...     list(march(Problem.of(case)))
+    ... except NotConvergedError as error:
+    ...     print(error.state.time == 0.5 / 2**6)  # after the last cutback of the first step
+    True
+    """
 
     status = 4
 
@@ -70,161 +89,156 @@ class _Step:
     residuals: list[float] = field(default_factory=list)
 
     def add(self, outcome: Outcome) -> None:
-        self.iterations += len(outcome.defects)
-        self.residuals += [balance for balance, _ in outcome.defects]
+        self.iterations += len(outcome.residuals)
+        self.residuals += [balance for balance, _ in outcome.residuals]
         self.halvings += not outcome.converged
 
 
 def march(
-    problem: Problem, *, start: Restart | None = None, told: Callable[[Told], None] | None = None
+    problem: Problem,
+    *,
+    start: Restart | None = None,
+    told: Callable[[Told], None] | None = None,
+    scheme: TimeScheme | None = None,
 ) -> Iterator[State]:
     """Yield the converged states, step by step, from the undeformed bodies or a restart.
 
+    `told` is called for every iteration. `scheme`: time scheme of the steps, static equilibrium by default.
+
     Raises NotConvergedError if a step was halved too often, DataError if a rigid-body motion is not constrained,
     CaseError if prescribed displacements alone make skins overlap, or hold a tie apart.
+
+    >>> from lacsolver import read_case
+    >>> for state in march(Problem.of(read_case("data/two_blocks.toml"))):
+    ...     print(state.time, (state.zones[0].pressure > 0).all())
+    0.5 True
+    1.0 True
     """
-    model = ReducedProblem(problem)
-    steps = problem.case.steps
-    time, size = (start.time, start.step_size) if start else (0.0, np.inf)
-    path = _Path(time, start.iterate, start.earlier) if start else _Path()
+    model = ReducedProblem(problem, scheme or QuasiStatic())
+    steps, state = problem.case.steps, start.step if start else StepState()
     spent, warned = _Step(), False
-    for target in meeting_times(problem.case):
-        while target - time > _SAME * target:
-            whole = target - time <= size * (1 + _SAME)
-            instant = Instant(model, target if whole else time + size)
-            outcome = _search(instant, path, spent, told)
+    for target in step_end_times(problem.case):
+        while target - state.time > _SAME * target:
+            whole = target - state.time <= state.step_size * (1 + _SAME)
+            step = LoadStep(model, target if whole else state.time + state.step_size, state)
+            outcome = _search(step, spent, told)
             spent.add(outcome)
             if not outcome.converged:
-                size = (instant.t - time) / 2
+                state = state.with_step_size((step.t - state.time) / 2)
                 if spent.halvings > steps.max_halvings:
-                    raise NotConvergedError(_why(instant, outcome), _state(instant, outcome, spent, size))
+                    raise NotConvergedError(_why(step, outcome), _state(step, outcome, spent, state))
                 continue
-            _check_stuck(instant, outcome.iterate.q, outcome.contact)
-            warned = warned or _warn_of_rounding(instant, outcome.iterate)
-            size *= steps.growth
-            path, time = path.then(instant.t, outcome.iterate), instant.t
-            last = steps.last - time <= _SAME * steps.last
-            yield _state(instant, outcome, spent, size, path.earlier, _held(instant, outcome) if last else ())
+            q, p, active = outcome.iterate
+            _check_prescribed_gaps(step, q, outcome.contact)
+            warned = warned or _warn_of_rounding(step, outcome.iterate)
+            histories = step.commit(q, p, active, outcome.contact)
+            state = state.commit(step.t, outcome.iterate, state.step_size * steps.growth, histories)
+            last = steps.last - state.time <= _SAME * steps.last
+            yield _state(step, outcome, spent, state, _held(step, outcome) if last else ())
             spent = _Step()
 
 
-@dataclass(frozen=True)
-class _Path:
-    """The last converged iterate with its time, and the one before in `earlier`; None for the undeformed bodies."""
-
-    time: float = 0.0
-    iterate: Iterate | None = None
-    earlier: tuple[float, Iterate] | None = None
-
-    def then(self, time: float, iterate: Iterate) -> _Path:
-        """Return the path after one more step."""
-        return _Path(time, iterate, None if self.iterate is None else (self.time, self.iterate))
-
-    def guess(self, t: float) -> Iterate | None:
-        """Return the linear extrapolation of the last two iterates to time t; None if there are fewer."""
-        if self.iterate is None or self.earlier is None:
-            return None
-        now, (then, last) = self.iterate, self.earlier
-        part = (t - self.time) / (self.time - then)
-        return Iterate(now.q + part * (now.q - last.q), now.p + part * (now.p - last.p), now.active)
-
-
-def _warn_of_rounding(instant: Instant, now: Iterate) -> bool:
+def _warn_of_rounding(step: LoadStep, now: Iterate) -> bool:
     """Warn if displacements are hardly larger than the round-off of gaps; return True if it warned."""
-    model = instant.model
-    moved = float(np.abs(instant.u(now.q)).max(initial=0.0))
+    model = step.model
+    moved = float(np.abs(step.u(now.q)).max(initial=0.0))
     if model.linear:
-        known = _EPSILON * model.length * any(face.G.any() for face in instant.interfaces(now.q))
+        known = _EPSILON * model.length * any(face.G.any() for face in step.interfaces(now.q))
     else:
         known = ROUNDING * model.length
     if not now.p.any() or moved > _CLEAR * known:
         return False
-    message = f"at time {instant.t:.6g} nothing moves by more than {moved:.1e}, and coordinates of this size give gaps "
+    message = f"at time {step.t:.6g} nothing moves by more than {moved:.1e}, and coordinates of this size give gaps "
     message += f"to {known:.1e} only: pressures may be wrong by {min(known / moved, 1.0):.0%}"
     advice = "load the bodies more" + ("" if model.linear else ', or ask for geometry = "reference"')
     warnings.warn(LacmeshWarning(f"{message}; {advice}"), stacklevel=3)
     return True
 
 
-def _check_stuck(instant: Instant, q: Floats, contact: ContactSystem) -> None:
-    """Raise CaseError if prescribed displacements on both sides fix a gap and violate the contact or tie condition."""
-    space, gap, first = instant.model.problem.space, contact.G / contact.rows.w, 0
-    wrong_way = np.where(contact.held, np.abs(gap), -gap) * (contact.covered & ~contact.paired)
-    for joint, face in zip(instant.model.problem.joints, instant.interfaces(q), strict=True):
-        by = wrong_way[first : first + face.B.shape[0]].reshape(len(face.area), -1).max(axis=1)
-        first += face.B.shape[0]
-        bad = np.flatnonzero(by > _TOUCHING * face.length)
+def _check_prescribed_gaps(step: LoadStep, q: Floats, contact: ContactSystem) -> None:
+    """Raise CaseError if prescribed displacements on both sides fix a gap and violate the contact law."""
+    space, pairs = step.model.problem.space, step.model.problem.joints
+    gap = np.where(contact.covered & ~contact.solvable, contact.G / contact.rows.w, 0.0)
+    for pair, group, face in zip(pairs, contact.groups, step.interfaces(q), strict=True):
+        own = gap[group.rows]
+        wrong_way = (-own if pair.law.compressive else np.abs(own)).reshape(len(face.area), -1).max(axis=1)
+        bad = np.flatnonzero(wrong_way > _TOUCHING * face.length)
         if len(bad):
-            place = ", ".join(space.told(face.centre[by.argmax()] + space.origin[: space.dim]))
-            what = "overlap" if joint.one_sided else "are apart"
-            message = f"{len(bad)} macro-elements {what} by up to {by.max():.6g} at time {instant.t:.6g}"
+            place = ", ".join(space.told(face.centre[wrong_way.argmax()] + space.origin[: space.dim]))
+            what = "overlap" if pair.law.compressive else "are apart"
+            message = f"{len(bad)} macro-elements {what} by up to {wrong_way.max():.6g} at time {step.t:.6g}"
             message += f", most near ({place}), and all nodes of both skins are prescribed there"
-            raise wrong(joint.record, f"{message}; leave some of them free, or prescribe what fits")
+            raise wrong(pair.record, f"{message}; leave some of them free, or prescribe what fits")
 
 
-def meeting_times(case: Case) -> list[float]:
+def step_end_times(case: Case) -> list[float]:
     """Return the times at which steps must end: the planned ones, and those of fields in [output]."""
     asked = [t for t in case.output.times or () if 0 < t <= case.steps.last]
     return sorted({*case.steps.planned, *asked})
 
 
-def _search(instant: Instant, path: _Path, spent: _Step, told: Callable[[Told], None] | None) -> Outcome:
-    """Search the equilibrium at one time; under finite kinematics a second, damped search follows a failed first one.
+def _search(step: LoadStep, spent: _Step, told: Callable[[Told], None] | None) -> Outcome:
+    """Search the equilibrium at one time. The iterations of all attempts are counted."""
+    model, solver = step.model, step.model.problem.case.solver
+    moved = float(np.abs(step.u0).max(initial=0.0))
+    length = 0.0 if model.linear else model.length
+    tolerance = ConvergenceTolerance(solver.tolerance, solver.max_iterations, length, moved)
 
-    The iterations of both searches are counted.
-    """
-    model, solver = instant.model, instant.model.problem.case.solver
-    moved = float(np.abs(instant.u0).max(initial=0.0))
-    limits = Limits(solver.tolerance, solver.max_iterations, 0.0 if model.linear else model.length, moved)
-
-    def tell(number: int, closed: int, balance: float, gap: float) -> None:
+    def report(number: int, closed: int, balance: float, gap: float) -> None:
         if told is not None:
-            told(Told(instant.t, spent.halvings, number, closed, balance, gap))
+            told(Told(step.t, spent.halvings, number, closed, balance, gap))
 
-    now, guess = path.iterate or _first(instant), path.guess(instant.t)
+    def newton(start: Iterate, **how: Any) -> Outcome:
+        return search(newton_iterates(step.linearize, start, tolerance, **how), tolerance, report)
+
+    state, exact, outcome = step.state, model.problem.kinematics.linear, None
+    now, extrapolated = state.iterate or _first(step), model.scheme.predict(state, step.t)
     if model.linear:
-        turning, start = None if model.steady is None else -model.steady, guess or now
-        return find_equilibrium(
-            model.held, instant.f, instant.contact, start, limits, free=model.free, turning=turning, told=tell
-        )
-    constant, outcome = model.problem.kinematics.constant, None
-    if guess is not None:
+        return search(_linear_iterates(step, extrapolated or now, tolerance), tolerance, report)
+    if extrapolated is not None:
         with suppress(InadmissibleError):
-            outcome = follow(instant.place, guess, limits, exact=constant, told=tell)
-    if outcome is not None and (outcome.converged or constant):
-        return outcome
-    first = _foreseen(instant, now, path.time)
+            outcome = newton(extrapolated, exact=exact)
     if outcome is None:
-        outcome = follow(instant.place, now, limits, first=first, exact=constant, told=tell)
-    if outcome.converged or constant:
+        outcome = newton(now, predictor=_predictor(step, now), exact=exact)
+    if outcome.converged or exact:
         return outcome
-    again = follow(instant.place, now, limits, first=first, drag=_DRAG, told=tell)
-    return again._replace(defects=outcome.defects + again.defects, products=outcome.products + again.products)
+    again = newton(now, predictor=_predictor(step, now), damping=Damping(_DAMPING))
+    return again._replace(
+        residuals=outcome.residuals + again.residuals, applications=outcome.applications + again.applications
+    )
 
 
-def _foreseen(instant: Instant, now: Iterate, time: float) -> Place:
-    """Return the predictor: the linearisation at the new time, from the last iterate or the undeformed bodies."""
-    u = Instant(instant.model, time).u(now.q) if time else np.zeros_like(instant.u0)
-    return instant.foreseen(now.q, u, now.p)
+def _linear_iterates(step: LoadStep, start: Iterate, tolerance: ConvergenceTolerance) -> Iterator[Trial]:
+    """Return the iteration of a linear problem: active sets on its only linearisation."""
+    free, _, springs = step.model.stabilization
+    geometric = None if springs is None else -springs
+    return active_set_iterates(step.reference, step.f, step.contact, start, tolerance, free=free, geometric=geometric)
 
 
-def _first(instant: Instant) -> Iterate:
+def _predictor(step: LoadStep, now: Iterate) -> Linearization:
+    """Return the linearisation at the new time, extrapolated from the last iterate or the undeformed bodies."""
+    time = step.state.time
+    u = LoadStep(step.model, time, step.state).u(now.q) if time else np.zeros_like(step.u0)
+    return step.predictor(now.q, u, now.p)
+
+
+def _first(step: LoadStep) -> Iterate:
     """Return the initial iterate at q = 0. Raises errors for overlap, zones without a master, unsupported bodies."""
-    problem, q = instant.model.problem, np.zeros(instant.model.problem.constraints.n_q)
-    contact, interfaces = instant.contact(q), instant.interfaces(q)
-    for joint, face in zip(problem.joints, interfaces, strict=True):
-        check_overlap(joint, face, problem.space)
-        joint.check_facing(face)
-    instant.model.check_held(interfaces, contact.paired)
+    problem, q = step.model.problem, np.zeros(step.model.problem.constraints.n_q)
+    contact, interfaces = step.contact(q), step.interfaces(q)
+    for pair, face in zip(problem.joints, interfaces, strict=True):
+        check_overlap(pair, face, problem.space)
+        pair.check_facing(face)
+    step.model.check_held(interfaces, contact.solvable)
     closed = [np.empty(0, bool), *map(_initial, problem.joints, interfaces)]
-    return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.paired)
+    return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.solvable)
 
 
-def _initial(joint: ContactPair, face: Interface) -> NDArray[np.bool_]:
+def _initial(pair: ContactPair, face: Interface) -> NDArray[np.bool_]:
     """Return a mask (rows,), True for rows of a pair that are closed at the start."""
-    if joint.initial == "gap":
+    if pair.initial == "gap":
         return _touching(face)
-    return np.full(face.B.shape[0], joint.initial == "all")
+    return np.full(face.B.shape[0], pair.initial == "all")
 
 
 def _touching(face: Interface) -> NDArray[np.bool_]:
@@ -232,93 +246,78 @@ def _touching(face: Interface) -> NDArray[np.bool_]:
     return np.asarray(face.gap <= _TOUCHING * face.length)
 
 
-def _state(
-    instant: Instant,
-    outcome: Outcome,
-    spent: _Step,
-    size: float,
-    earlier: tuple[float, Iterate] | None = None,
-    held: tuple[Held, ...] = (),
-) -> State:
-    """Return the state of an outcome, with the data of the one before that a restart needs."""
-    problem = instant.model.problem
-    q, p, contact = outcome.iterate.q, outcome.iterate.p, outcome.contact
-    gap = contact.G / contact.rows.w
-    zones, first = [], 0
-    for joint, face in zip(problem.joints, instant.interfaces(q), strict=True):
-        rows = slice(first, first + face.B.shape[0])
-        own = -(face.B.T @ p[rows])
-        make = _tied if joint.tie else _pressed
-        made = make(joint, face, p[rows], gap[rows], contact.covered[rows], own.reshape(-1, problem.space.dim))
-        zones.append(replace(made, centre=made.centre + problem.space.origin[: problem.space.dim]))
-        first = rows.stop
+def _state(step: LoadStep, outcome: Outcome, spent: _Step, committed: StepState, held: tuple[Held, ...] = ()) -> State:
+    """Return the state of an outcome, with what the step has committed."""
+    problem = step.model.problem
+    q, p, active = outcome.iterate
+    contact, gap = outcome.contact, outcome.contact.G / outcome.contact.rows.w
+    zones = [
+        _zone(group, rows._replace(gap=gap[group.rows]), contact.covered[group.rows], problem.space)
+        for group, rows in contact.states(p, active)
+    ]
     return State(
-        instant.t, instant.u(q), instant.reaction(q, p), tuple(zones), problem.constraints.rigid_motion(q, instant.t),
-        spent.iterations, spent.halvings, tuple(spent.residuals), size, outcome.iterate, earlier, outcome.settled,
-        held, float(np.abs(instant.u0).max(initial=0.0)),
+        step.t, step.u(q), step.reaction(q, p), tuple(zones), problem.constraints.rigid_motion(q, step.t),
+        spent.iterations, spent.halvings, tuple(spent.residuals), committed, outcome.settled,
+        held, float(np.abs(step.u0).max(initial=0.0)),
     )  # fmt: skip
 
 
-def _held(instant: Instant, outcome: Outcome) -> tuple[Held, ...]:
+def _zone(group: RowGroup, rows: RowState, covered: NDArray[np.bool_], space: Space) -> ZoneState:
+    """Return the state of a pair's zone, for one row along the normal or for all components."""
+    pair, face = group.pair, group.face
+    assert pair is not None and face is not None
+    force = -(face.B.T @ rows.pressure).reshape(-1, space.dim)
+    centre = face.centre + space.origin[: space.dim]
+    status = group.law.status(rows)
+    if group.law.all_components:
+        traction = -rows.pressure.reshape(-1, space.dim)
+        on, status = covered.reshape(-1, space.dim).all(axis=1), status.reshape(-1, space.dim).max(axis=1)
+        pressure = -(traction * face.normal).sum(axis=1)
+        gap = np.linalg.norm(rows.gap.reshape(-1, space.dim), axis=1)
+    else:
+        pressure, on = (np.maximum(rows.pressure, 0.0) if group.law.compressive else rows.pressure), covered
+        traction, gap = -pressure[:, None] * face.normal, rows.gap  # round-off makes some slightly negative
+    return ZoneState(
+        pair.name, pair.tie, pressure, traction, np.where(on, gap, np.nan),
+        np.where(on, status, UNPAIRED).astype(np.int8), face.coverage, face.area, centre, face.normal, force,
+    )  # fmt: skip
+
+
+def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
     """Evaluate the rigid-body motions that only contact constrains, under finite kinematics on the deformed bodies."""
-    model, (q, _, active) = instant.model, outcome.iterate
-    if not model.motions:
+    model, (q, _, active) = step.model, outcome.iterate
+    if not model.motions or model.scheme.resists_rigid_motion:
         return ()
-    space, u = model.problem.space, instant.u(q)
+    space, u = model.problem.space, step.u(q)
     x = None
-    if not model.problem.kinematics.constant:
+    if model.problem.kinematics.finite:
         x = space.local.points.copy()
         x[:, : space.dim] += u.reshape(-1, space.dim)
     touching = [  # without pressure, round-off alone decides which of them are active
-        _touching(face) if joint.one_sided else np.zeros(face.B.shape[0], bool)
-        for joint, face in zip(model.problem.joints, instant.interfaces(q), strict=True)
+        _touching(face) if pair.law.compressive else np.zeros(face.B.shape[0], bool)
+        for pair, face in zip(model.problem.joints, step.interfaces(q), strict=True)
     ]
-    closed = active | (np.concatenate(touching) & outcome.contact.paired)
-    return holdings(model.motions, instant.closed_rows(q, closed), u, x=x)
+    closed = active | (np.concatenate(touching) & outcome.contact.solvable)
+    return holdings(model.motions, step.closed_rows(q, closed), u, x=x)
 
 
-def _pressed(
-    joint: ContactPair, face: Interface, p: NDArray, gap: NDArray, paired: NDArray[np.bool_], force: NDArray
-) -> ZoneState:
-    p = np.maximum(p, 0.0) if joint.one_sided else p  # round-off makes some slightly negative
-    closed = (p > 0) | (not joint.one_sided)
-    status = np.where(paired, np.where(closed, CONTACT, OPEN), UNPAIRED).astype(np.int8)
-    return ZoneState(
-        joint.name, False, p, -p[:, None] * face.normal, np.where(paired, gap, np.nan), status, face.coverage,
-        face.area, face.centre, face.normal, force,
-    )  # fmt: skip
-
-
-def _tied(
-    joint: ContactPair, face: Interface, p: NDArray, gap: NDArray, paired: NDArray[np.bool_], force: NDArray
-) -> ZoneState:
-    d = face.normal.shape[1]
-    traction, on = -p.reshape(-1, d), paired.reshape(-1, d).all(axis=1)
-    status = np.where(on, CONTACT, UNPAIRED).astype(np.int8)
-    jump = np.where(on, np.linalg.norm(gap.reshape(-1, d), axis=1), np.nan)
-    return ZoneState(
-        joint.name, True, -(traction * face.normal).sum(axis=1), traction, jump, status, face.coverage, face.area,
-        face.centre, face.normal, force,
-    )  # fmt: skip
-
-
-def _why(instant: Instant, outcome: Outcome) -> str:
+def _why(step: LoadStep, outcome: Outcome) -> str:
     """Return the message for a failed search: a body that moves away, or the largest imbalance, and what to try."""
-    model, problem = instant.model, instant.model.problem
+    model, problem = step.model, step.model.problem
     q, p, rows = outcome.iterate.q, outcome.iterate.p, outcome.contact.rows
     contact, closed = rows.B_T @ p, rows.B[np.flatnonzero(outcome.iterate.active)]
-    said = f"no equilibrium found at time {instant.t:.6g} after {len(outcome.defects)} iterations"
-    off = instant.reaction(q, p)
-    pushed = problem.constraints.T.T @ off - problem.constraints.force(instant.t)
+    said = f"no equilibrium found at time {step.t:.6g} after {len(outcome.residuals)} iterations"
+    off = step.reaction(q, p)
+    pushed = problem.constraints.T.T @ off - problem.constraints.force(step.t)
     for motion in model.motions:
-        along = model.unknowns(motion.field)
+        along = unknowns(problem.constraints, motion.field)
         left, whole = along @ pushed, np.abs(along) @ (np.abs(pushed + contact) + np.abs(contact))
         if abs(left) > _UNCARRIED * whole and not np.abs(closed @ along).any():
             return f"{said}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
     r = problem.constraints.T @ pushed
     node = int(np.abs(r).argmax()) // problem.space.dim
     place = ", ".join(problem.space.told(problem.space.mesh.points[node]))
-    balance, gap = outcome.defects[-1]
+    balance, gap = outcome.residuals[-1]
     number = problem.space.mesh.node_number[node]
     said += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
     said += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"

@@ -19,9 +19,7 @@ from scipy.sparse import bsr_array, csr_array, diags_array
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear import Analysis, Factor, analyse, choose
-from lacsolver.linear.cycle import Team
-from lacsolver.linear.direct import DirectAnalysis
-from lacsolver.linear.multigrid import MultigridAnalysis, MultigridFactor
+from lacsolver.linear.vectors import Vectors
 
 
 class Whole(NamedTuple):
@@ -41,7 +39,7 @@ class Stiffness(NamedTuple):
     """K (n, n) on the constrained unknowns, its factor, and the rigid-body modes R (n, r) in its null space.
 
     `R` has orthonormal columns. `factor`: that of K with the springs `spring` (n,), embedded by `whole` unless that is
-    None. `analysis`: the analysis that the factor was made by.
+    None. The iterative loops use its methods only, so that a distributed matrix may take its place.
     """
 
     K: csr_array
@@ -49,44 +47,46 @@ class Stiffness(NamedTuple):
     R: NDArray[np.floating]
     whole: Whole | None = None
     spring: NDArray[np.floating] | None = None
-    analysis: Analysis | None = None
+
+    @property
+    def iterative(self) -> bool:
+        """True with multigrid, where `cycle` is the basic operation and K^-1 takes many cycles."""
+        return self.factor.iterative
+
+    @property
+    def vectors(self) -> Vectors:
+        """Operations on vectors of the unknowns."""
+        return self.factor.vectors
+
+    @property
+    def scaling(self) -> NDArray[np.floating]:
+        """Diagonal (n,) of K with its springs; 1 where it is 0."""
+        d = self.K.diagonal() + (0.0 if self.spring is None else self.spring)
+        return np.where(d == 0, 1.0, d)
+
+    def apply(self, q: Floats) -> NDArray[np.floating]:
+        """Return K q (n,), computed on all threads with multigrid."""
+        if not self.factor.iterative:
+            return np.asarray(self.K @ q)
+        made = self._on_nodes(self.factor.apply, q)
+        return made if self.spring is None else made - self.spring * q
+
+    def restricted(self, unknowns: Ints) -> csr_array:
+        """Return the rows and columns of K at some unknowns."""
+        return csr_array(self.K[unknowns][:, unknowns])
 
     def solve(self, f: Floats) -> NDArray[np.floating]:
         """Return K^-1 f (n,); f should be in balance along R, since the springs balance the rest."""
         return self._on_nodes(self.factor.solve, f)
 
-    @property
-    def cycles(self) -> bool:
-        """True with multigrid, where `cycle` is the basic operation and K^-1 takes many cycles."""
-        return isinstance(self.factor, MultigridFactor)
-
     def cycle(self, f: Floats) -> NDArray[np.floating]:
-        """Return an approximation of K^-1 f (n,), by one V-cycle of multigrid."""
-        assert isinstance(self.factor, MultigridFactor)
-        return self._on_nodes(self.factor.hierarchy.cycle, f)
+        """Return an approximation of K^-1 f (n,): by one V-cycle with multigrid, else the solution."""
+        return self._on_nodes(self.factor.cycle, f)
 
-    def times(self, q: Floats) -> NDArray[np.floating]:
-        """Return K q (n,), computed on all threads with multigrid."""
-        if not isinstance(self.factor, MultigridFactor):
-            return np.asarray(self.K @ q)
-        made = self._on_nodes(self.factor.__matmul__, q)
-        return made if self.spring is None else made - self.spring * q
-
-    @property
-    def diagonal(self) -> NDArray[np.floating]:
-        """Diagonal (n,) of K with its springs; 1 where it is 0."""
-        d = self.K.diagonal() + (0.0 if self.spring is None else self.spring)
-        return np.where(d == 0, 1.0, d)
-
-    @property
-    def team(self) -> Team:
-        """Threads of multigrid; a single one for direct backends."""
-        return self.factor.team if isinstance(self.factor, MultigridFactor) else Team(1)
-
-    def note(self, use: str, cycles: int, first: float, last: float) -> None:
+    def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
         """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""
-        if isinstance(self.factor, MultigridFactor) and first > 0:
-            self.factor.hierarchy.note(use, cycles, float(np.log10(first / max(last, 1e-16 * first))))
+        if first > 0:
+            self.factor.record_convergence(use, cycles, float(np.log10(first / max(last, 1e-16 * first))))
 
     def _on_nodes(self, apply: Callable[[Floats], Floats], f: Floats) -> NDArray[np.floating]:
         """Apply an operator to f, embedded in the unknowns of all nodes if the operator works on nodal blocks."""
@@ -97,7 +97,50 @@ class Stiffness(NamedTuple):
         return np.asarray(apply(all_f)[self.whole.free])
 
 
-def hold(
+class FactorCache:
+    """Factorises matrices one after the other by one backend, and reuses what it can of the one before.
+
+    A direct backend keeps the analysis of an unchanged pattern and releases the factor before; multigrid keeps its
+    hierarchy until it is stale. R (n, r): rigid-body modes that springs at r unknowns fix. `whole`: embedding in whole
+    nodes, for multigrid.
+    """
+
+    def __init__(
+        self, R: NDArray[np.floating], backend: str = "auto", threads: int = 1, whole: Whole | None = None
+    ) -> None:
+        self._R, self._backend, self._threads, self._whole = R, backend, threads, whole
+        self._analyses: dict[bool, Analysis] = {}
+        self._cycles: Factor | None = None
+
+    def factorise(self, K: csr_array, definite: bool = True) -> Stiffness:
+        """Factorise a symmetric K, regularised by springs; with `definite` false K may be indefinite, see `analyse`.
+
+        Raises SingularError if K has other motions without energy than R.
+        """
+        regular, spring, R, whole = K, None, self._R, self._whole
+        if R.shape[1]:
+            spring = np.zeros(K.shape[0])
+            spring[leading_unknowns(R)] = np.abs(K.diagonal()).mean() or 1.0
+            regular = csr_array(K + diags_array(spring))
+        chosen = choose(self._backend, K.shape[0], 0 if whole is None else whole.modes.shape[1])
+        if chosen.direct or whole is None or not definite:
+            return Stiffness(K, self._analysed(regular, chosen.name, definite), R, None, spring)
+        on_nodes = _put_back(regular, whole)
+        made = analyse(on_nodes, backend=chosen.name, threads=self._threads, modes=whole.modes, block=whole.block)
+        self._cycles = made.factor(on_nodes, self._cycles)
+        return Stiffness(K, self._cycles, R, whole, spring)
+
+    def _analysed(self, K: csr_array, backend: str, definite: bool) -> Factor:
+        """Return a factor of K, by the analysis before if the pattern is the same."""
+        if definite in self._analyses:
+            with suppress(RequestError):  # another pattern
+                return self._analyses[definite].factor(K)
+        analysis = analyse(K, backend=backend, threads=self._threads, definite=definite)
+        self._analyses[definite] = analysis
+        return analysis.factor(K)
+
+
+def factorise_regularised(
     K: csr_array,
     R: NDArray[np.floating],
     *,
@@ -105,44 +148,9 @@ def hold(
     threads: int = 1,
     whole: Whole | None = None,
     definite: bool = True,
-    like: Stiffness | None = None,
 ) -> Stiffness:
-    """Factorise a symmetric K, regularised by springs at r unknowns that fix its rigid-body modes R (n, r).
-
-    `whole`: embedding in whole nodes, for multigrid. With `definite` false K may be indefinite, see `analyse`. `like`:
-    stiffness of an earlier, similar K by the same backend: its analysis is reused if the pattern is the same (which
-    releases its factor), its hierarchy until it is stale.
-
-    Raises SingularError if K has other motions without energy than R.
-    """
-    regular, spring = K, None
-    if R.shape[1]:
-        spring = np.zeros(K.shape[0])
-        spring[leading_unknowns(R)] = np.abs(K.diagonal()).mean() or 1.0
-        regular = csr_array(K + diags_array(spring))
-    n_modes = 0 if whole is None else whole.modes.shape[1]
-    name = choose(backend, K.shape[0], n_modes).name
-    if name != "multigrid" or whole is None or not definite:
-        analysis, factor = _factorised(regular, name, threads, like, definite)
-        return Stiffness(K, factor, R, None, spring, analysis)
-    on_nodes = _put_back(regular, whole)
-    made = analyse(on_nodes, backend=name, threads=threads, modes=whole.modes, block=whole.block)
-    assert isinstance(made, MultigridAnalysis)
-    before = like.factor if like is not None and like.whole is not None else None
-    factor = made.factor(on_nodes, before if isinstance(before, MultigridFactor) else None)
-    return Stiffness(K, factor, R, whole, spring, made)
-
-
-def _factorised(
-    K: csr_array, backend: str, threads: int, like: Stiffness | None, definite: bool
-) -> tuple[Analysis, Factor]:
-    """Return an analysis, the previous one if it can be reused, and the factor of K."""
-    before = None if like is None else like.analysis
-    if isinstance(before, DirectAnalysis) and before.asked == (backend, definite):
-        with suppress(RequestError):  # another pattern
-            return before, before.factor(K)
-    analysis = analyse(K, backend=backend, threads=threads, definite=definite)
-    return analysis, analysis.factor(K)
+    """Return the factor of a symmetric K that is factorised only once; see `FactorCache`."""
+    return FactorCache(R, backend, threads, whole).factorise(K, definite)
 
 
 def leading_unknowns(R: Floats) -> Ints:

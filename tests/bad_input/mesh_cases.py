@@ -99,7 +99,7 @@ NOT_FINITE = {
     "vtu": (3, "<Points>: the coordinates of points 3 .from 0. are not finite"),
     "xdmf": (3, "<Geometry>: the coordinates of points 3 .from 0. are not finite"),
 }
-COLLAPSED = {"any": (1, r"slave faces 103 have no cell behind them")}
+COLLAPSED = {"any": (1, r"slave faces 103 have no parent cell")}
 COUNTED = {
     "vtu": (0, "counted from 1: .*_number is not positive"),
     "xdmf": (0, "counted from 1: .*_number is not positive"),
@@ -225,7 +225,7 @@ DEFECTS = [
         "slave faces",
         "a slave face is no facet of a cell",
         _more(Cell(107, "QUAD4", [11, 13, 21, 17], "SLAVE")),
-        {"any": (1, "slave faces 107 have no cell behind them; .*--skin-only")},
+        {"any": (1, "slave faces 107 have no parent cell; .*--skin-only")},
     ),
     Defect(
         "slave faces",

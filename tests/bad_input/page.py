@@ -72,7 +72,7 @@ KINDS = {
     ),
     "several meshes": ("Several meshes in a file", "None is chosen for the user."),
     "verdicts": (
-        "Meshes that will not do",
+        "Meshes that cannot be used",
         "What a command was asked to see to is not so: nothing is written, and the status is 1. `lacmesh check` prints "
         "its findings first; `lacmesh quality` measures, and its status is 0 whatever it measures.",
     ),

@@ -16,6 +16,7 @@ from tests.bad_input import case, page, stop_cases, tool_cases
 from tests.bad_input.case import Case, listing
 from tests.bad_input.command_cases import GOOD, OUTPUTS
 from tests.bad_input.corpus import all_cases
+from tests.samples import one_of_each
 
 
 @cache
@@ -43,7 +44,13 @@ def folder():
         yield Path(name)
 
 
-@pytest.mark.parametrize("one", parameters(all_cases()))
+def reader_and_error(one):
+    """Key of a case that tries a reader; a case of any format tries the command, and has a key of its own."""
+    return one.format, one.kind, one.command[0], one.status, one.what if one.format == "any" else ""
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("one", parameters(one_of_each(all_cases(), reader_and_error)))
 def test_one_sentence_and_nothing_left(one, folder):
     outcome = case.run(one, folder)
     holds(one, outcome)
@@ -52,8 +59,10 @@ def test_one_sentence_and_nothing_left(one, folder):
         assert any(name in outcome.sentence for name in (*names, tempfile.gettempdir()))
 
 
+@pytest.mark.fuzz
 @pytest.mark.parametrize(
-    ("name", "defect"), [pytest.param(n, d, id=f"{n}: {d.what}") for n, d in tool_cases.readable()]
+    ("name", "defect"),
+    [pytest.param(n, d, id=f"{n}: {d.what}") for n, d in one_of_each(tool_cases.readable(), lambda pair: pair[1].what)],
 )
 def test_every_command_takes_what_can_be_read(name, defect, tmp_path):
     """No exception, one sentence where there is an error, nothing left: whatever is wrong with the mesh."""
@@ -65,7 +74,14 @@ def test_every_command_takes_what_can_be_read(name, defect, tmp_path):
         assert outcome.status in (0, 1, 2) and "not-checked" not in outcome.sentence, (what, outcome)
 
 
-@pytest.mark.parametrize("stop", stop_cases.cases(), ids=lambda c: c.key)
+def stops():
+    """Both signals at every stage, or one of them by turns."""
+    turns = sorted(stop_cases.cases(), key=lambda stop: (stop_cases.STAGES.index(stop.stage) + stop.number) % 2)
+    return one_of_each(turns, lambda stop: stop.stage.what)
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("stop", stops(), ids=lambda c: c.key)
 def test_stopped(stop, tmp_path):
     outcome = stop_cases.run(stop, tmp_path)
     assert len(outcome.lines) == 1

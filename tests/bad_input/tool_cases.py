@@ -45,7 +45,7 @@ def _of_triangles(mesh: Raw) -> None:
 
 #: what is wrong, content, command, words: `lacmesh check` and the limits of `lacmesh cut` say no
 VERDICTS: list[tuple[str, bytes, tuple[str, ...], str]] = [
-    ("check: not cut yet", GOOD, (*CHECK, "SLAVE"), "will not do as it is: 1 error .no-internal-dof"),
+    ("check: not cut yet", GOOD, (*CHECK, "SLAVE"), "is not usable for LAC: 1 error .no-internal-dof"),
     ("check: a slave face is no facet of a cell", _edited(_without_parent), (*CHECK, "SLAVE"), "no-parent"),
     ("check: a slave group of volumes", GOOD, (*CHECK, "BODY"), "wrong-dimension"),
     ("check: a cell is inside out", _edited(_inside_out), (*CHECK, "SLAVE"), "inverted-cell"),
@@ -53,7 +53,12 @@ VERDICTS: list[tuple[str, bytes, tuple[str, ...], str]] = [
     ("check: a mesh of lines only", _edited(_lines), (*CHECK, "SLAVE"), "no-cells"),
     ("cut: cells would be worse than --min-quality", GOOD, (*CUT, "--min-quality", "2"), "below 2"),
     ("cut: a cell is inside out, and --min-quality", _edited(_inside_out), (*CUT, "--min-quality", "0"), "below 0"),
-    ("cut: the check against the master finds an error", GOOD, (*CUT, "--master", "SLAVE"), "the cut will not do: "),
+    (
+        "cut: the check against the master finds an error",
+        GOOD,
+        (*CUT, "--master", "SLAVE"),
+        "the cut is not usable for LAC: ",
+    ),
     ("cut: CalculiX has no pyramids", GOOD, (*CUT, "--for", "calculix"), "--hexa hexa"),
     ("orient: a group of volumes", GOOD, (*ORIENT, "BODY"), "BODY"),
 ]

@@ -159,7 +159,7 @@ def says_what_it_finds(rng):
 
 
 @pytest.mark.fuzz
-@settings(max_examples=samples(50, 150), deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=samples(30, 150), deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.integers(0, 2**32 - 1))
 def test_mangled_meshes(seed):
     says_what_it_finds(np.random.default_rng(seed))
@@ -168,7 +168,7 @@ def test_mangled_meshes(seed):
 @pytest.mark.fuzz
 def test_many_mangled_meshes():
     rules = set()
-    for seed in range(samples(120, 400)):
+    for seed in range(samples(70, 400)):
         rules |= set(says_what_it_finds(np.random.default_rng([7, seed])).rules)
     assert len(rules) > 30, "the mangling is too gentle"
 

@@ -66,7 +66,7 @@ def test_thousands_of_nodes_at_one_place():
     skin = np.column_stack([cells[:, 1], cells[:, 2]])[:1]
     mesh = Mesh.create(points, [("TRIA3", cells), ("SEG2", skin)], cell_groups={"slave": [n]})
     (finding,) = check(mesh, "slave").of_rule("coincident-nodes")
-    assert len(finding.nodes) == n and "1 place " in finding.message
+    assert len(finding.nodes) == n and "1 point " in finding.message
 
 
 def test_every_node_of_a_place_inside_an_edge_is_found():

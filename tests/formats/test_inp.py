@@ -16,7 +16,7 @@ from lacmesh.cells import CELLS
 from lacmesh.cli import main
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import inp
-from lacmesh.formats.inp import data as inp_data
+from lacmesh.formats import text as text_files
 from lacmesh.formats.inp.scope import ElementCard, NodesOf
 from lacmesh.formats.inp.types import FACETS, element
 from lacmesh.formats.inp.writer_types import card
@@ -271,6 +271,22 @@ def test_parts_and_their_instances(tmp_path):
     assert cells["Upper.Top"] == cells["Lid"]
     assert set(cells) == {"Lower.Body", "Upper.Body", "All", "Lower.Top", "Upper.Top", "Lid"}
     assert np.allclose(mesh.points[mesh.block("QUAD4")[1]][:, 2], 2)
+
+
+def test_the_assemblys_sets_list_its_own_nodes_wherever_these_stand(tmp_path):
+    """A set, its GENERATE and a surface of nodes before the assembly's *NODE were of the first instance's node 1."""
+    sets = "*Nset, nset=Ref\n1\n*Nset, nset=Run, generate\n1, 1\n*Surface, name=Touch, type=NODE\n1\n"
+    sets += "*Nset, nset=Of, instance=Lower\n1\n*Nset, nset=Named\nLower.1\n"
+    before, after = PARTS.split("*Node\n1, 5., 5., 5.\n")
+    after = after.replace("*Nset, nset=Ref\n1\n", "")
+    node = "*Node\n1, 5., 5., 5.\n"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)
+        first, last = (read_text(tmp_path, before + text + after) for text in (node + sets, sets + node))
+    for mesh in (first, last):
+        at = {name: mesh.points[members].tolist() for name, members in mesh.node_groups.items()}
+        assert at["Ref"] == at["Run"] == at["Touch"] == [[5, 5, 5]] and at["Of"] == at["Named"] == [[0, 0, 0]]
+        assert set(at) == {"Ref", "Run", "Touch", "Of", "Named", "Feet", "Mixed"}
 
 
 def test_one_instance_keeps_its_numbers_and_names(tmp_path):
@@ -528,10 +544,13 @@ def test_compiled_lines_are_the_plain_ones():
     pieces = [b"1", b"23", b",", b", ", b" ", b"\t", b"\n", b"\r\n", b"999999999", b",\n"]
     for _ in range(500):
         text = b"".join(pieces[k] for k in rng.integers(0, len(pieces), rng.integers(0, 15))) + b"\n"
-        plain = inp_data.values_in_lines_by_arrays(text), inp_data.parsed(text.translate(inp_data._INTEGER), np.int64)
+        plain = (
+            text_files.values_in_lines_by_arrays(text),
+            text_files.parsed(text.translate(text_files.AS_INTEGERS), np.int64),
+        )
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(inp_data, "_COMPILED", 0)
-            compiled = inp_data.values_in_lines(text), inp_data.integers(text)
+            patch.setattr(text_files, "_COMPILED", 0)
+            compiled = text_files.values_in_lines(text), text_files.integers(text)
         assert compiled[0].tolist() == plain[0].tolist()
         assert (compiled[1] is None) == (plain[1] is None)
         assert plain[1] is None or compiled[1].tolist() == plain[1].tolist()
@@ -541,8 +560,8 @@ def test_pieces_of_a_large_file(tmp_path, monkeypatch):
     mesh = random_mesh(np.random.default_rng(4), order=2)
     with lenient():
         whole = again(tmp_path, mesh, target="abaqus")
-        monkeypatch.setattr(inp_data, "_CHUNK", 100)
-        monkeypatch.setattr(inp_data, "_COMPILED", 50)
+        monkeypatch.setattr(text_files, "_CHUNK", 100)
+        monkeypatch.setattr(text_files, "_COMPILED", 50)
         read = inp.read(tmp_path / "again.inp")
     assert np.array_equal(read.points, whole.points)
     assert cells_of(read, np.arange(read.n_cells)) == cells_of(whole, np.arange(whole.n_cells))

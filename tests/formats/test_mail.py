@@ -275,8 +275,8 @@ def test_pieces_of_a_large_file(tmp_path, monkeypatch):
         mesh = random_mesh(np.random.default_rng(len(mesh.points)), order=2)
     with lenient():
         whole = again(tmp_path, mesh)
-    monkeypatch.setattr("lacmesh.formats.mail.scan._CHUNK", 100)
-    monkeypatch.setattr(mail_names, "_COMPILED", 50)
+    monkeypatch.setattr("lacmesh.formats.text._CHUNK", 100)
+    monkeypatch.setattr("lacmesh.formats.text._COMPILED", 50)
     assert kept(mail.read(tmp_path / "again.mail")) == kept(whole) == kept(mesh)
 
 

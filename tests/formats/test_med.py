@@ -183,7 +183,7 @@ NAMES = st.lists(
 
 
 @pytest.mark.fuzz
-@settings(max_examples=samples(20, 40), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=samples(10, 40), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     seed=st.integers(0, 10**9),
     types=st.lists(st.sampled_from(sorted(ORDERS)), max_size=6, unique=True),
@@ -810,15 +810,17 @@ def test_truncated_and_mutated_files(tmp_path, cube, old):
     assert found.count("Mesh") > count / 15
 
 
+@pytest.mark.fuzz
 def test_every_part_missing_or_of_another_kind(tmp_path, cube):
     """Each link and attribute in turn: gone, or replaced by a group, text, reals, too few or very large integers."""
+    step = samples(3, 1)
     source, path = tmp_path / "source.med", tmp_path / "damaged.med"
     med.write(source, replace(cube, zones=("a",)))
     places = []
     with h5py.File(source) as file:
         file.visititems(lambda name, o: places.extend([(name, None), *((name, key) for key in o.attrs)]))
     found = []
-    for number, (name, key) in enumerate(places):
+    for number, (name, key) in list(enumerate(places))[::step]:
         for change in (None, *np.random.default_rng(number).choice(len(SUBSTITUTES), 1)):
             shutil.copy(source, path)
             with h5py.File(path, "r+") as file:
@@ -827,8 +829,8 @@ def test_every_part_missing_or_of_another_kind(tmp_path, cube):
                 if change is not None:
                     SUBSTITUTES[change](holder, link)
             found.append(outcome(path))
-    assert found.count("ReadError") > 100
-    assert found.count("Mesh") > 100
+    assert found.count("ReadError") > 100 / step
+    assert found.count("Mesh") > 100 / step
 
 
 def _group_or_number(holder, name):

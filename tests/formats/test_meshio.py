@@ -12,10 +12,10 @@ import pytest
 from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import cut_skin
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
-from lacmesh.formats import kind_of, read, title_of, write
+from lacmesh.formats import detect_format, read, title_of, write
 from lacmesh.formats.fidelity import ROWS
-from lacmesh.formats.kept import losses, match, unbent
 from lacmesh.formats.meshio_mesh import NAMES
+from lacmesh.formats.round_trip import match, misplaced_mid_nodes, round_trip_losses
 from lacmesh.formats.table import OF_MESHIO
 from lacmesh.formats.vtu.types import OF_TYPE
 from lacmesh.mesh import Mesh
@@ -216,7 +216,7 @@ def test_a_surface_or_solid_goes_there_and_back(suffix, tmp_path):
     assert back.cells_by_type == mesh.cells_by_type
     kind = mesh.blocks[0].type
     np.testing.assert_allclose(back.points[back.block(kind)], mesh.points[mesh.block(kind)], atol=1e-6)
-    assert kind_of(tmp_path / f"a{suffix}").format == OF_MESHIO[suffix]
+    assert detect_format(tmp_path / f"a{suffix}").format == OF_MESHIO[suffix]
 
 
 def test_what_is_lost_is_said(tmp_path):
@@ -259,10 +259,10 @@ def test_files_that_are_not_what_their_suffix_says(tmp_path):
         read(tmp_path / "a.stl")
     write(tmp_path / "a.vtu", bare())
     (tmp_path / "a.vtu").rename(tmp_path / "a.msh")
-    assert kind_of(tmp_path / "a.msh").format == "vtu" and title_of(tmp_path / "a.msh") == "VTU"
+    assert detect_format(tmp_path / "a.msh").format == "vtu" and title_of(tmp_path / "a.msh") == "VTU"
     assert read(tmp_path / "a.msh").cells_by_type == {"TETRA4": 4}
     (tmp_path / "b.nas").write_text("$ a comment\nGRID    1               0.      0.      0.\n")
-    assert kind_of(tmp_path / "b.nas").format == "nastran"
+    assert detect_format(tmp_path / "b.nas").format == "nastran"
 
 
 def test_without_meshio_the_line_that_installs_it(tmp_path, monkeypatch):
@@ -275,9 +275,9 @@ def test_without_meshio_the_line_that_installs_it(tmp_path, monkeypatch):
 
 def test_mid_nodes_far_from_their_edges_are_seen(tmp_path):
     mesh = one_cell("TETRA10")
-    assert unbent(mesh) == ""
+    assert misplaced_mid_nodes(mesh) == ""
     swapped = Mesh.create(mesh.points, [("TETRA10", mesh.block("TETRA10")[:, [0, 1, 2, 3, 5, 4, 6, 7, 8, 9]])])
-    assert unbent(swapped) == "TETRA10 1"
+    assert misplaced_mid_nodes(swapped) == "TETRA10 1"
     meshio.write(tmp_path / "a.bdf", meshio.Mesh(mesh.points, [("tetra10", swapped.block("TETRA10"))]))
     with pytest.raises(ReadError, match="mid-nodes far from their edges as meshio reads nastran"):
         read(tmp_path / "a.bdf")
@@ -295,5 +295,5 @@ def test_names_are_meshios():
 def test_losses_of_nothing_are_none():
     mesh = solid(cell_groups={"slave": [4, 5]}, node_data={"x": np.arange(7.0)})
     where = match(mesh, mesh)
-    assert not isinstance(where, str) and losses(mesh, mesh, where) == []
+    assert not isinstance(where, str) and round_trip_losses(mesh, mesh, where) == []
     assert match(mesh, bare()) == "0 TRIA3 of 3"

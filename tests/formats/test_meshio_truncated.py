@@ -12,7 +12,7 @@ import pytest
 from lacmesh.errors import LacmeshError, ReadError
 from lacmesh.formats import read
 from lacmesh.formats.table import OF_MESHIO, OF_NAME
-from lacmesh.formats.whole import AT_RISK
+from lacmesh.formats.truncation import AT_RISK
 from tests.bad_input.case import SECONDS, alarm
 
 meshio = pytest.importorskip("meshio")

@@ -14,8 +14,8 @@ from lacmesh import formats
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import msh
+from lacmesh.formats.ids import Index
 from lacmesh.formats.msh import reader2 as msh_read2
-from lacmesh.formats.msh.numbers import Index
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 from tests.bad_input.case import SECONDS, alarm
 from tests.formats.msh_gmsh import as_seen, by_place, places, seen_by, two_boxes
@@ -398,7 +398,7 @@ def test_by_the_door_of_all_formats(tmp_path, version, binary):
     mesh = Mesh.create(np.eye(3), [("TRIA3", [[0, 1, 2]])], cell_groups={"g": [0]})
     path = tmp_path / "mesh.msh"
     formats.write(path, mesh, msh=version, binary=binary)
-    assert formats.kind_of(path) == formats.Kind("msh", version, binary)
+    assert formats.detect_format(path) == formats.DetectedFormat("msh", version, binary)
     assert plain(formats.read(path)) == plain(mesh)
 
 

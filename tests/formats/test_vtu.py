@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError
-from lacmesh.formats import kind_of, read, vtu, write
+from lacmesh.formats import detect_format, read, vtu, write
 from lacmesh.formats.meshio_mesh import NAMES, from_meshio
 from lacmesh.formats.vtu.lz4 import expand
 from lacmesh.formats.vtu.types import OF_NUMBER, OF_TYPE, READ_TOO, VTK_TYPES
@@ -68,7 +68,7 @@ def test_what_is_written_is_read(mesh, tmp_path):
             warnings.simplefilter("error")
             vtu.write(path, mesh, **options)
             assert same(mesh, vtu.read(path)) == [], options
-        assert kind_of(path).binary == (k != 1)
+        assert detect_format(path).binary == (k != 1)
 
 
 def test_a_cut_is_kept(tmp_path):

@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, given, settings
 from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError
-from lacmesh.formats import kind_of, read, write, xdmf
+from lacmesh.formats import detect_format, read, write, xdmf
 from lacmesh.formats.vtu.types import OF_TYPE as VTK_OF_TYPE
 from lacmesh.formats.xdmf.mixed import starts
 from lacmesh.formats.xdmf.types import ALIASES, OF_NAME, OF_NUMBER, OF_TYPE, XDMF_TYPES
@@ -109,7 +109,7 @@ def test_the_arrays_alone_are_no_mesh(tmp_path):
     write(tmp_path / "a.xdmf", solid())
     with pytest.raises(ReadError, match=r"holds the arrays of an XDMF file; read the \.xdmf file"):
         read(tmp_path / "a.h5")
-    assert kind_of(tmp_path / "a.xdmf").format == "xdmf"
+    assert detect_format(tmp_path / "a.xdmf").format == "xdmf"
 
 
 # What dolfinx asks for

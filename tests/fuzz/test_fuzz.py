@@ -17,7 +17,7 @@ from tests.fuzz import pool, trial
 from tests.fuzz.seeds import FORMATS, seeds
 from tests.fuzz.trial import FAILED, READ, REFUSED, Outcome, tried
 
-FILES = 40
+FILES = 24
 
 
 @pytest.mark.parametrize("name", FORMATS)

@@ -195,10 +195,6 @@ CASES: list[Bad] = [
     Bad("cells with two materials", changed("poisson = 0.3", 'poisson = 0.3\ngroups = ["lower"]\n[[material]]\nyoung = 1.0\npoisson = 0.3\ngroups = ["upper", "lower"]'), "which an earlier"),
     Bad("a material for faces", changed("young = 1000.0", 'groups = ["slave"]\nyoung = 1000.0'), "group 'slave' has no cell of dimension 2"),
     # stiffness
-    Bad("no stiffness", changed("1000.0", "0"), "line 4: material.young is 0; it must be > 0"),
-    Bad("negative stiffness", changed("1000.0", "-5"), "line 4: material.young is -5; it must be > 0"),
-    Bad("a stiffness that is no number", changed("1000.0", "nan"), "line 4: material.young is nan"),
-    Bad("an incompressible body", changed("0.3", "0.5"), "line 5: material.poisson is 0.5; it must be > -1 and < 0.5"),
     Bad("a spring without stiffness", GOOD + '[[spring]]\ngroup = "top"\nkx = 0.0\n', "spring.kx is 0; it must be > 0"),
     Bad("a hinge inside a body", HINGE, r"the stiffness is singular: a part of a body can move without any force, most of all node \d+ \(.*\) along [xy]; look", make=_hinge, commands=RUN, then=_nothing_written),
     # what is free to move
@@ -216,8 +212,6 @@ CASES: list[Bad] = [
     Bad("a clearance that is no number at a place", changed('master = "master"', 'master = "master"\nclearance = "log(x - 5)"'), r"line 10: contact\.clearance"),
     Bad("a displacement that is no number at a time", changed("ux = 0.0", 'ux = "sqrt(0.5 - t)"'), r"line 15: displacement\.ux"),
     Bad("a formula with an unknown name", changed("value = 1.0", 'value = "2 * radius"'), "line 18: pressure.value has the unknown name 'radius' in its formula"),
-    Bad("a formula with an unknown function", changed("value = 1.0", 'value = "sine(x)"'), "unknown function 'sine' in its formula; did you mean sin"),
-    Bad("a formula that reaches for Python", changed("value = 1.0", "value = \"__import__('os')\""), "line 18: pressure.value"),
     # the mesh
     Bad("the mesh is not there", changed("blocks.msh", "blocs.msh"), r"blocs\.msh: cannot be read \(No such file or directory\)", 3, (*BOTH, *MATRICES)),
     Bad("the mesh is cut short", GOOD, r"blocks\.msh", 3, (*BOTH, *MATRICES), make=_short),

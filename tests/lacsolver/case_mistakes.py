@@ -16,7 +16,7 @@ WOOD = '[[material]]\nlaw = "orthotropic"\nyoung = [1, 1, 1]\nshear = [1, 1, 1]\
 MISTAKES = [
     # the top of the file
     ('model = "3d"\n' + STEEL, "the top of the file needs mesh"),
-    ('mesh = "a.msh"\n' + STEEL, "the top of the file needs model (space, and what is assumed across it; 3d, plane"),
+    ('mesh = "a.msh"\n' + STEEL, "the top of the file needs model (dimension and plane hypothesis; 3d, plane"),
     (BODY.replace('"a.msh"', "3 #!"), "mesh is 3; it takes a path"),
     (BODY.replace('"a.msh"', '"" #!'), "mesh is empty"),
     (BODY.replace('"3d"', '"3D" #!'), 'model is "3D"; did you mean 3d?'),
@@ -76,7 +76,7 @@ MISTAKES = [
     (HEAD + WOOD + "poisson = [0, 0, 0]\naxes = [[1, 0], [0, 1]] #!\n", "has vectors of 2 components; 3d has 3"),
     (PLATE.replace(STEEL, WOOD) + "poisson = [0, 0, 0]\naxes = [[1, 0, 1], [0, 1, 0]] #!\n", "has vectors out of the plane"),
     # contact
-    (BODY + '[[contact]] #!\nmaster = "m"\n', "[[contact]] needs slave (the skin that is cut"),
+    (BODY + '[[contact]] #!\nmaster = "m"\n', "[[contact]] needs slave (the surface that is cut"),
     (BODY + '[[contact]] #!\nslave = "s"\n', "[[contact]] needs master"),
     (BODY + '[[contact]]\nslave = "s"\nmaster = "s" #!\n', "contact.master is 's', the slave itself"),
     (BODY + PAIR + '[[tie]]\nslave = "s" #!\nmaster = "n"\nname = "t"\n', "tie.slave is 's', the slave of an earlier one"),
@@ -133,7 +133,7 @@ MISTAKES = [
     (BODY + '[[spring]] #!\ngroup = "g"\n', "[[spring]] needs at least one of kx, ky, kz"),
     (PLATE + '[[spring]]\ngroup = "g"\nkz = 1.0 #!\n', "spring.kz is of the models 3d"),
     # loads
-    (BODY + '[[pressure]] #!\ngroup = "g"\n', "[[pressure]] needs value (> 0 pushes into the body; a value)"),
+    (BODY + '[[pressure]] #!\ngroup = "g"\n', "[[pressure]] needs value (positive pressure pushes into the body; a value)"),
     (BODY + '[[pressure]]\ngroup = "g"\nvalue = 1.0\nfollower = true #!\n', 'pressure.follower means something only with kinematics = "finite"'),
     (BIG + '[[pressure]]\ngroup = "g"\nvalue = 1.0\nfollower = 1 #!\n', "pressure.follower is 1; it takes true or false"),
     (BODY + '[[traction]] #!\ngroup = "g"\n', "[[traction]] needs at least one of tx, ty, tz"),

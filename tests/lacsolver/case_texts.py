@@ -31,6 +31,7 @@ slave = "Group_1"
 master = "Group_2"
 hexa = "hexa"
 type = "bilateral"
+stiffness = 1e4
 normals = "smoothed"
 surface = "faces"
 crease_angle = 30.0

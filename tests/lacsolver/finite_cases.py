@@ -8,8 +8,8 @@ from lacmesh import Mesh
 from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT, UNPAIRED
-from lacsolver.solve.equilibrium import ROUNDING
 from lacsolver.solve.stepping import march
+from lacsolver.solve.tolerances import ROUNDING
 from tests.lacsolver.contact_cases import nodes_of
 from tests.lacsolver.patch_cases import unbalanced
 from tests.lacsolver.patch_meshes import stack
@@ -49,7 +49,7 @@ def last(mesh, sections, **options):
 
 def check(problem, state):
     """Check equilibrium of the free unknowns, the zones' conditions, and the balance of forces where they act."""
-    c, u, q = problem.constraints, state.u, state.iterate.q
+    c, u, q = problem.constraints, state.u, state.step.iterate.q
     K = problem.kinematics.tangent(u, state.time)
     moved = max(float(np.abs(u).max()), 1e-3)
     acting = problem.kinematics.internal_force(u, state.time), problem.load(state.time, u), state.reaction

@@ -313,6 +313,7 @@ poisson = 0.3
 slave = "slave"
 master = "master"
 type = "bilateral"
+stiffness = 500.0
 [[displacement]]
 group = "bottom"
 uy = 0.0

@@ -6,30 +6,18 @@ plane strain) and the blocks grow freely sideways. In a tilted frame the symmetr
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from functools import partial
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
-import lacmesh
-from lacmesh import Mesh
 from lacsolver.bodies.small import stress
 from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
 from lacsolver.solve.stepping import march
-from tests.lacsolver.patch_meshes import (
-    PLANE_KINDS,
-    SOLID_KINDS,
-    TWO_WAYS,
-    own_places,
-    placed,
-    rotation,
-    side_by_side,
-    stack,
-)
+from tests.lacsolver.patch_meshes import own_places, placed, side_by_side, stack
+from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, tilt
 
 POISSON = 0.3
 #: components of a stress, as pairs of axes
@@ -172,12 +160,11 @@ def exact_stress(press):
 
 
 class Named(NamedTuple):
-    """A patch test of a family. `make`: the test, built when it is asked for; `slow`: left out of a quick run."""
+    """A patch test of a family; `make` builds it when it is asked for."""
 
     family: str
     label: str
     make: Callable[[], Press]
-    slow: bool = False
 
 
 def ways(kind):
@@ -185,17 +172,11 @@ def ways(kind):
     return ("pyramid", "hexa") if kind in TWO_WAYS else ("pyramid",)
 
 
-def some_masters(slave):
-    """A quarter of the kinds in space: slaves and these between them meet every type of face by every other."""
-    return SOLID_KINDS[SOLID_KINDS.index(slave) % 4 :: 4]
-
-
-def every_master(slave, dim, *, way="pyramid", tilted=False, masters=None):
-    """One slave kind under or on every master kind at once, or on some."""
-    masters = masters or (PLANE_KINDS if dim == 2 else SOLID_KINDS)
-    mesh = side_by_side(slave, masters, dim)
+def every_master(slave, dim, *, way="pyramid"):
+    """One slave kind under or on every master kind at once, in a tilted frame."""
+    masters = PLANE_KINDS if dim == 2 else SOLID_KINDS
     zones = tuple((f"slave{k}", f"master{k}") for k in range(len(masters)))
-    return _pressed(mesh, dim, None, way, tilted, "", zones)
+    return _pressed(side_by_side(slave, masters, dim), dim, None, way, True, "", zones)
 
 
 def pair(slave, master, *, dim=3, model=None, way="pyramid", tilted=False, options="", **moves):
@@ -215,7 +196,7 @@ def sized(press, size, young, pressure):
 
 
 def _pressed(mesh, dim, model, way, tilted, options, zones):
-    turn = rotation(dim) if tilted else None
+    turn = tilt(dim) if tilted else None
     model = model or ("3d" if dim == 3 else "plane_strain")
     if way != "pyramid":
         options = f'hexa = "{way}"\n{options}'
@@ -237,102 +218,44 @@ _OPTIONS = {
     "current, current measure": 'geometry = "current"\nmeasure = "current"',
     "current, smoothed": 'geometry = "current"\nnormals = "smoothed"',
 }
-_QUADRANGLES = ("HEXA8", "HEXA20", "HEXA27", "PENTA6 quadrangle", "PENTA15 quadrangle", "PYRAM14 quadrangle")
+#: distorted faces: slave, way of its cut, master, how they are moved
+_DISTORTED = (
+    ("HEXA8", "pyramid", "HEXA20", {"skew": 0.2}),
+    ("HEXA8", "hexa", "HEXA8", {"bulge": 0.2}),
+    ("HEXA20", "hexa", "HEXA8", {"skew": 0.05}),
+    ("HEXA20", "pyramid", "HEXA20", {"bulge": 0.2}),
+    ("HEXA27", "pyramid", "HEXA8", {"bulge": 0.05}),
+    ("PENTA15 quadrangle", "pyramid", "HEXA20", {"bulge": 0.2}),
+    ("PYRAM14 quadrangle", "pyramid", "HEXA8", {"skew": 0.2}),
+)
 
 
 def cases():
-    """Every patch test on generated blocks."""
-    for slave in PLANE_KINDS:
-        for tilted in (False, True):
-            name = f"2D, every pair{', tilted' if tilted else ''}"
-            yield Named(name, slave, partial(every_master, slave, 2, tilted=tilted))
-    for slave in SOLID_KINDS:
-        for way in ways(slave):
-            make = partial(every_master, slave, 3, way=way, tilted=True, masters=some_masters(slave))
-            yield Named("3D, some pairs, tilted", _label(slave, way), make)
-    yield from _of_models()
-    yield from _distorted()
-    yield from _with_options()
-
-
-def _label(slave, way, *more):
-    return " ".join([slave, *([way] if slave in TWO_WAYS else []), *more])
-
-
-def _of_models():
-    for slave, master in (*_FEW[2], ("TRIA6", "TRIA3"), ("QUAD8", "QUAD9")):
+    """Patch tests on generated blocks: what the family `patch` of the verification leaves out, and a few of each."""
+    for slave in ("TRIA7", "QUAD8", "mixed 2"):
+        yield Named("2D, tilted", slave, partial(every_master, slave, 2))
+    for slave, way in (("TETRA10", "pyramid"), ("HEXA8", "hexa"), ("PYRAM13 triangle", "pyramid")):
+        yield Named("3D, tilted", f"{slave} {way}", partial(every_master, slave, 3, way=way))
+    for slave, master in (("TRIA6", "TRIA3"), ("QUAD8", "QUAD9"), ("mixed 2", "QUAD4")):
         label = f"{slave} against {master}"
         for model in ("plane_stress", "axisymmetric"):
             yield Named(model, label, partial(pair, slave, master, dim=2, model=model))
         yield Named("axisymmetric", f"ring, {label}", partial(ring, slave, master))
-
-
-def _distorted():
-    """Every slave, cut each way, meets both masters by each distortion and at each size."""
-    slaves = [(slave, way) for slave in _QUADRANGLES for way in ways(slave)]
-    for (i, size), (j, how), (k, (slave, way)) in product(
-        *map(enumerate, ((0.05, 0.2), ("skew", "bulge"), slaves)),
-    ):
-        master = ("HEXA8", "HEXA20")[(i + j + k) % 2]
-        move = {"counts": (5, 4), "even": True, how: size}
-        yield Named(
-            f"distorted quadrangles, {how} {size}",
-            _label(slave, way, "against", master),
-            partial(pair, slave, master, way=way, tilted=master == "HEXA20", **move),
-            slow=slave not in ("HEXA8", "HEXA20") and master == "HEXA20",
-        )
+    for slave, way, master, move in _DISTORTED:
+        make = partial(pair, slave, master, way=way, tilted=master == "HEXA20", counts=(5, 4), even=True, **move)
+        yield Named("distorted quadrangles", f"{slave} {way} against {master}, {move}", make)
     for slave, way in (("HEXA8", "pyramid"), ("HEXA8", "hexa"), ("HEXA20", "hexa")):
         move = {"counts": (3, 2), "skew": 0.2, "options": 'geometry = "current"'}
-        yield Named(
-            "distorted quadrangles, current", _label(slave, way), partial(pair, slave, "HEXA8", way=way, **move)
-        )
+        make = partial(pair, slave, "HEXA8", way=way, **move)
+        yield Named("distorted quadrangles, current", f"{slave} {way}", make)
+    yield from _with_options()
 
 
 def _with_options():
-    for family, options in _OPTIONS.items():
+    """Every option on a pair in the plane, a ring and a pair in space; all pairs take turns."""
+    for k, (family, options) in enumerate(_OPTIONS.items()):
         for dim, pairs in _FEW.items():
-            for k, (slave, master) in enumerate(pairs):
-                make = partial(pair, slave, master, dim=dim, options=options, tilted=k % 2 == 0)
-                yield Named(family, f"{slave} against {master}", make)
+            slave, master = pairs[k % len(pairs)]
+            make = partial(pair, slave, master, dim=dim, options=options, tilted=k % 2 == 0)
+            yield Named(family, f"{slave} against {master}", make)
         yield Named(family, "ring", partial(ring, "QUAD8", "TRIA3", options))
-
-
-#: code_aster's tests of the patch, and the blocks that are like them: (slave, master, dimension, cut)
-TWINS = {
-    "ssnp170a": ("TRIA3", "TRIA3", 2, "pyramid"),
-    "ssnp170e-1": ("TRIA6", "TRIA3", 2, "pyramid"),
-    "ssnp170e-2": ("TRIA3", "TRIA6", 2, "pyramid"),
-    "ssnp170k": ("TETRA4", "TETRA4", 3, "pyramid"),
-    "ssnp170m": ("HEXA8", "HEXA8", 3, "hexa"),
-}
-
-
-def twin(name):
-    """Blocks like those of one of code_aster's tests, of its size, material and load."""
-    slave, master, dim, way = TWINS[name]
-    return sized(pair(slave, master, dim=dim, way=way, counts=(7, 5)), 50.0, 2000.0, 25.0)
-
-
-def shared_case(row, folder):
-    """One of code_aster's tests on its own mesh, which stands below and above height 0."""
-    mesh = lacmesh.read(folder / row["mesh"])
-    material, (group,) = row["material"], row["pressure"]
-    bottom = next(name for name, axis in row["fixed"].items() if name == "Group_3")
-    names = {group: "top", bottom: "bottom"} | {g: f"{axis[1]}0" for g, axis in row["fixed"].items() if g != bottom}
-    groups = {names.get(name, name): cells for name, cells in mesh.cell_groups.items()}
-    mesh = Mesh.create(mesh.points, mesh.blocks, cell_groups=groups, space_dim=mesh.space_dim)
-    options = f'hexa = "{row["hexa"]}"' if row["hexa"] else ""
-    return Press(
-        mesh,
-        row["model"],
-        ((row["slave"], row["master"]),),
-        options,
-        young=material["young"],
-        pressure=row["pressure"][group],
-    )
-
-
-def shared_rows(folder):
-    """{name: case} of the patch tests among code_aster's in the shared folder."""
-    rows = json.loads((folder / "cases.json").read_text())["cases"]
-    return {row["id"]: row for row in rows if row["kind"] == "patch"}

@@ -15,18 +15,7 @@ from lacmesh.cells import CELLS
 from tests.lacsolver.bodies import cube, mixture, plane_mixture, raised, square
 from tests.lacsolver.held import with_sides
 from tests.meshes import box
-
-#: kinds of blocks: a type of cell, with what it turns to the other block where it has faces of two shapes; mixtures
-PLANE_KINDS = ("TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9", "mixed 1", "mixed 2", "mixed 2-full")
-SOLID_KINDS = (
-    *("TETRA4", "TETRA10", "HEXA8", "HEXA20", "HEXA27"),
-    *(f"{name} {face}" for name in ("PENTA6", "PENTA15", "PENTA18") for face in ("triangle", "quadrangle")),
-    *(f"{name} {face}" for name in ("PYRAM5", "PYRAM13", "PYRAM14") for face in ("triangle", "quadrangle")),
-    *("mixed 1", "mixed 2", "mixed 2-full"),
-)
-#: kinds whose slave faces may be cut in two ways
-TWO_WAYS = ("HEXA8", "HEXA20")
-LAYERS = 2
+from verification.meshes.stacks import LAYERS
 
 
 @cache
@@ -183,13 +172,6 @@ def _places(count, row):
 def own_places(points, dim):
     """(n, 3): places (n, 3) in stacks that are side by side, each from its own corner."""
     return points - 2 * np.floor(points / 2 + 0.25) * [1, dim == 3, 0]
-
-
-def rotation(dim, angle=0.7):
-    """(3, 3): a rotation about an axis that is no coordinate axis; about z in 2D."""
-    axis = np.array([0.0, 0.0, 1.0]) if dim == 2 else np.array([1.0, -2.0, 0.5]) / np.linalg.norm([1, -2, 0.5])
-    cross = np.cross(np.eye(3), axis)
-    return np.eye(3) - np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
 
 def placed(mesh, turn=None, size=1.0, shift=(0, 0, 0)):

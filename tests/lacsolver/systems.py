@@ -8,9 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from lacsolver.solve.equilibrium import ContactSystem
-from lacsolver.solve.schur import Rows
-from lacsolver.solve.stiffness import Stiffness, hold
+from lacsolver.contact.laws import Bilateral, Unilateral
+from lacsolver.solve.active_set import active_set_iterates
+from lacsolver.solve.contact_system import ContactSystem, RowGroup, Rows
+from lacsolver.solve.newton import newton_iterates
+from lacsolver.solve.saddle import SaddleProblem
+from lacsolver.solve.schur import solve_saddle
+from lacsolver.solve.search import search
+from lacsolver.solve.stiffness import Stiffness, factorise_regularised
 
 
 class System(NamedTuple):
@@ -28,12 +33,12 @@ class System(NamedTuple):
     @property
     def held(self) -> Stiffness:
         """K as the solver has it."""
-        return hold(csr_array(self.K), self.R, backend="superlu")
+        return factorise_regularised(csr_array(self.K), self.R, backend="superlu")
 
     @property
     def rows(self) -> Rows:
         """B and D as the solver has them."""
-        return Rows(csr_array(self.B), csr_array(self.D), self.w)
+        return rows(self.B, self.D, self.w)
 
 
 def system(seed, n=30, m=12, free=0, turning=0.0, same=True):
@@ -64,9 +69,9 @@ def saddle(s, active, q0):
     return found[:n], p
 
 
-def enumerated(s, paired, held):
+def enumerated(s, solvable, equality):
     """(q, p) of K q = f - B^T p, 0 <= p, G - B q >= 0, p (G - B q) = 0, looked for among all sets of rows."""
-    must, may = np.flatnonzero(paired & held), np.flatnonzero(paired & ~held)
+    must, may = np.flatnonzero(solvable & equality), np.flatnonzero(solvable & ~equality)
     for k in range(len(may) + 1):
         for chosen in itertools.combinations(may, k):
             active = np.sort(np.concatenate([must, chosen]).astype(int))
@@ -79,13 +84,61 @@ def enumerated(s, paired, held):
     return None
 
 
-def contact(s, paired=None, held=None):
-    """Contact of a system as a function of q, for `find_equilibrium`: the rows, and their gaps at q."""
+def rows(B, D, w):
+    """Return contact rows of dense matrices."""
+    return Rows(csr_array(B), w, lambda: csr_array(D))
+
+
+class _PerRow:
+    """Rows of which some are equalities and the others unilateral."""
+
+    all_components, compressive, exact, n_history = False, False, False, 0
+
+    def __init__(self, equality):
+        self.equality = equality
+
+    def next_active(self, rows):
+        """Close equalities, and the others as `Unilateral` does."""
+        return self.equality | Unilateral().next_active(rows)
+
+    def linearise(self, rows):
+        """Return zeros: no offset and no compliance."""
+        return Bilateral().linearise(rows)
+
+    def residual(self, rows):
+        """Return the residual of each row's own law."""
+        return np.where(self.equality, Bilateral().residual(rows), Unilateral().residual(rows))
+
+
+def contact_system(rows, G, solvable, equality, skin):
+    """Return a contact system whose rows are unilateral, or equalities where `equality` tells."""
+    law = Unilateral() if not equality.any() else _PerRow(equality & solvable)
+    return ContactSystem(rows, G, (RowGroup(law, slice(0, len(G))),), solvable, solvable, skin)
+
+
+def contact(s, solvable=None, equality=None):
+    """Contact of a system as a function of q: the rows, and their gaps at q."""
     m = len(s.B)
-    paired = np.ones(m, bool) if paired is None else paired
-    held = np.zeros(m, bool) if held is None else held
-    rows = s.rows
-    return lambda q: ContactSystem(rows, s.G - s.D @ q, paired, held, np.ones(m))
+    solvable = np.ones(m, bool) if solvable is None else solvable
+    equality = np.zeros(m, bool) if equality is None else equality
+    made = s.rows
+    return lambda q: contact_system(made, s.G - s.D @ q, solvable, equality, np.ones(m))
+
+
+def solve_active_set(K, f, contact_at, start, tolerance, report=None):
+    """Search the equilibrium on one linearisation."""
+    return search(active_set_iterates(K, f, contact_at, start, tolerance), tolerance, report)
+
+
+def solve_newton(linearize, start, tolerance, **options):
+    """Search the equilibrium by Newton's method."""
+    return search(newton_iterates(linearize, start, tolerance, **options), tolerance)
+
+
+def solve_rows(K, rows, active, f, G, q, p, tolerance, geometric=None):
+    """Solve K q + B_A^T p + C (q - q_0) = f, D_A q = G_A from a start q_0, p."""
+    f = f if geometric is None else f + geometric @ q
+    return solve_saddle(SaddleProblem(K, rows, np.asarray(active), f, G, None, geometric), q, p, tolerance)
 
 
 def complementarity(M, r):

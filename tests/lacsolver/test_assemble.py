@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from lacsolver.bodies import small as assemble
 from lacsolver.bodies.material import Elastic, Materials, Orthotropic
 from lacsolver.bodies.small import assemble_stiffness, internal_force, matrix, stiffness_values

@@ -32,7 +32,7 @@ def test_the_first_example_can_be_run(fresh, capsys):
     (text,) = blocks("toml")
     (fresh / "case.toml").write_text(text, encoding="utf-8")
     assert main(["validate", "case.toml"]) == 0
-    assert "held by contact alone" in capsys.readouterr().out
+    assert "rigid-body mode without support" in capsys.readouterr().out
     assert main(["run", "case.toml", "-q"]) == 0
 
 

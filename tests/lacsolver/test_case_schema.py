@@ -81,11 +81,11 @@ def test_json_schema_takes_what_the_parser_takes(text):
     assert errors == []
 
 
-@pytest.mark.parametrize(("text", "said"), MISTAKES, ids=[said for _, said in MISTAKES])
-def test_json_schema_sees_the_mistakes_that_a_row_shows(text, said):
-    document = json.loads(json.dumps(tomllib.loads(text), default=lambda date: {"date": str(date)}))
-    seen = not validator().is_valid(document)
-    assert seen or any(word in said for word in BEYOND), said
+def test_json_schema_sees_the_mistakes_that_a_row_shows():
+    schema = validator()
+    for text, said in MISTAKES:
+        document = json.loads(json.dumps(tomllib.loads(text), default=lambda date: {"date": str(date)}))
+        assert not schema.is_valid(document) or any(word in said for word in BEYOND), said
 
 
 def test_json_schema_has_every_key_with_its_meaning():

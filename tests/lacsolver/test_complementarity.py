@@ -13,9 +13,10 @@ import pytest
 from scipy.sparse import csr_array
 
 from lacsolver.results.state import Iterate
-from lacsolver.solve.equilibrium import ContactSystem, Limits, find_equilibrium, stiffness_of_rows
-from lacsolver.solve.schur import Rows
-from lacsolver.solve.stiffness import hold
+from lacsolver.solve.contact_system import skin_stiffness
+from lacsolver.solve.stiffness import factorise_regularised
+from lacsolver.solve.tolerances import ConvergenceTolerance
+from tests.lacsolver.systems import contact_system, rows, solve_active_set
 
 #: of `random_system`, those on which exchanging all rows that want it goes round in a circle
 CIRCLES = (57, 66, 567, 768, 790, 1180, 1492, 1762, 2407, 2675, 3132, 3173)
@@ -50,15 +51,15 @@ def search(system, *, R=None, held=None, paired=None, iterations=100):
     m, n = system.B.shape
     held = np.zeros(m, bool) if held is None else held
     paired = np.ones(m, bool) if paired is None else paired
-    K = hold(csr_array(system.K), np.zeros((n, 0)) if R is None else R)
-    rows = Rows(csr_array(system.B), csr_array(system.B), np.ones(m))
-    c = stiffness_of_rows(K, rows)
+    K = factorise_regularised(csr_array(system.K), np.zeros((n, 0)) if R is None else R)
+    there = rows(system.B, system.B, np.ones(m))
+    c = skin_stiffness(K, there)
 
     def contact(q):
-        return ContactSystem(rows, system.G0 - system.B @ q, paired, held, c)
+        return contact_system(there, system.G0 - system.B @ q, paired, held, c)
 
     start = Iterate(np.zeros(n), np.zeros(m), system.start)
-    return find_equilibrium(K, system.f, contact, start, Limits(1e-10, iterations, 1.0))
+    return solve_active_set(K, system.f, contact, start, ConvergenceTolerance(1e-10, iterations, 1.0))
 
 
 def by_trying_every_set(system, held=None, paired=None):
@@ -96,7 +97,7 @@ def goes_round(system):
 
 
 def check(outcome, wanted):
-    assert outcome.converged, outcome.defects[-1]
+    assert outcome.converged, outcome.residuals[-1]
     np.testing.assert_allclose(outcome.iterate.p, wanted, atol=1e-8 * max(1.0, np.abs(wanted).max()))
 
 

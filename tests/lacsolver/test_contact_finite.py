@@ -183,8 +183,7 @@ def test_several_zones():
 # ---- off the edge and back on
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("measure", ["reference", "current"])
+@pytest.mark.parametrize(("dim", "measure"), [(2, "reference"), (3, "current")])
 def test_a_plate_goes_off_the_edge_and_comes_back(dim, measure):
     """Coverage falls to 0 macro-element by macro-element, which then press no more; back, all is as it was."""
     up = "xyz"[dim - 1]

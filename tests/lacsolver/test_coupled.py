@@ -8,25 +8,26 @@ from scipy.sparse import csr_array, diags_array
 
 import lacsolver.linear.cycle
 from lacsolver.case import parse_case
-from lacsolver.linear import LinearError
+from lacsolver.linear import LinearError, analyse
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.model import Instant, ReducedProblem
-from lacsolver.solve.schur import Goal, solve_rows
+from lacsolver.solve.load_step import LoadStep
+from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.stepping import march
-from lacsolver.solve.stiffness import hold
+from lacsolver.solve.stiffness import FactorCache, factorise_regularised
+from lacsolver.solve.tolerances import LinearTolerance
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, at, held, pressed
 from tests.lacsolver.patch_cases import figures, pair
 from tests.lacsolver.patch_meshes import stack
-from tests.lacsolver.systems import saddle, system
+from tests.lacsolver.systems import saddle, solve_rows, system
 from tests.lacsolver.test_schur import KINDS
 
-EXACT = Goal(0.0, 1e-14, 1e-18, 0.0)
+EXACT = LinearTolerance(0.0, 1e-14, 1e-18, 0.0)
 MULTIGRID = 'backend = "multigrid"'
 
 
 def held_by_cycles(s):
     """K of a small system with a hierarchy, which is the coarsest level alone."""
-    return hold(csr_array(s.K), s.R, backend="multigrid")
+    return factorise_regularised(csr_array(s.K), s.R, backend="multigrid")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -60,11 +61,11 @@ def test_nothing_to_do_is_nothing_done():
     s = system(0)
     K, active = held_by_cycles(s), np.arange(8)
     once = solve_rows(K, s.rows, active, s.f, s.G, np.zeros(30), np.zeros(12), EXACT)
-    loose = Goal(0.0, 1e-10, 1e-18, 0.0)
+    loose = LinearTolerance(0.0, 1e-10, 1e-18, 0.0)
     again = solve_rows(K, s.rows, active, s.f, s.G, once.q, once.p, loose)
-    assert again.products <= 6 and np.abs(again.q - once.q).max() <= 1e-13 * np.abs(once.q).max()
+    assert again.applications <= 6 and np.abs(again.q - once.q).max() <= 1e-13 * np.abs(once.q).max()
     nothing = solve_rows(K, s.rows, active, 0 * s.f, 0 * s.G, once.q, once.p, EXACT)
-    assert not nothing.q.any() and not nothing.p.any() and nothing.products == 0
+    assert not nothing.q.any() and not nothing.p.any() and nothing.applications == 0
 
 
 # ---- on meshes of several levels
@@ -77,14 +78,14 @@ def moment(count, backend, free=False, threads=1):
     upright = at([0.0, 0.0, 2.0], ux=0.0, uy=0.0) + at([1.0, 0.0, 2.0], uy=0.0) if free else SLIDING
     head = HEAD.format(model="3d").replace("threads = 1", f'threads = {threads}\nbackend = "{backend}"')
     text = head + MATERIAL + JOINT + fixed + upright + pressed("top", "1 + x * y")
-    return Instant(ReducedProblem(Problem.of(parse_case(text), mesh)), 1.0)
+    return LoadStep(ReducedProblem(Problem.of(parse_case(text), mesh)), 1.0)
 
 
 def solution(now, reduction=0.0, active=None):
-    K, found = now.model.held, now.contact(np.zeros(len(now.f)))
+    K, found = now.reference, now.contact(np.zeros(len(now.f)))
     m = len(found.G)
     active = np.arange(m) if active is None else active
-    goal = Goal(reduction, 1e-13, 1e-18, 0.0)
+    goal = LinearTolerance(reduction, 1e-13, 1e-18, 0.0)
     return found, solve_rows(K, found.rows, active, now.f, found.G, np.zeros(len(now.f)), np.zeros(m), goal)
 
 
@@ -97,17 +98,17 @@ def test_as_with_a_factor_and_with_few_cycles(free):
         found, made = solution(now)
         np.testing.assert_allclose(made.q, exact.q, atol=1e-10 * np.abs(exact.q).max())
         np.testing.assert_allclose(made.p, exact.p, atol=1e-10 * np.abs(exact.p).max())
-        left = now.f - now.model.held.K @ made.q - found.rows.B_T @ made.p
+        left = now.f - now.reference.K @ made.q - found.rows.B_T @ made.p
         assert np.abs(left).max() <= 1e-12 * np.abs(now.f).max()
-        now.model.held.solve(now.f - found.rows.B_T @ made.p)
-        assert made.products <= 2.5 * now.model.held.factor.n_iterations
+        now.reference.solve(now.f - found.rows.B_T @ made.p)
+        assert made.applications <= 2.5 * now.reference.factor.n_iterations
 
 
 def test_a_loose_solve_costs_less():
     now = moment(8, "multigrid")
     _, exact = solution(now)
     _, loose = solution(now, 0.1)
-    assert 1 <= loose.products < exact.products / 3
+    assert 1 <= loose.applications < exact.applications / 3
     assert 1e-6 < np.abs(loose.p - exact.p).max() / np.abs(exact.p).max() < 0.5
 
 
@@ -117,7 +118,7 @@ def test_the_number_of_threads_does_not_matter(monkeypatch):
     results = [solution(moment(10, "multigrid", threads=threads))[1] for threads in (1, 2, 3)]
     for one in results[1:]:
         assert (one.q == results[0].q).all() and (one.p == results[0].p).all()
-        assert one.products == results[0].products
+        assert one.applications == results[0].applications
 
 
 def test_hertz_is_as_with_a_factor():
@@ -160,45 +161,50 @@ def changed(K, part):
     return csr_array(K + diags_array(part * K.diagonal() * (np.arange(K.shape[0]) % 3 == 0)))
 
 
+def multigrid_of(now):
+    """Multigrid for stiffnesses like that of a step, whose own is factorised: the cache, and the factor."""
+    cache = FactorCache(now.reference.R[:, :0], "multigrid", 1, now.model._whole)
+    return cache, cache.factorise(changed(now.reference.K, 0.02))
+
+
 def test_a_hierarchy_serves_a_stiffness_that_is_like_its_own():
     now = moment(8, "multigrid")
-    first, whole = now.model.held, now.model._whole
-    other = changed(first.K, 0.05)
-    made = hold(other, first.R[:, :0], backend="multigrid", whole=whole, like=first)
+    cache, first = multigrid_of(now)
+    other = changed(now.reference.K, 0.05)
+    made = cache.factorise(other)
     assert made.factor.hierarchy is first.factor.hierarchy
     f = now.f
     q = made.solve(f)
     assert np.linalg.norm(other @ q - f) <= 1e-11 * np.linalg.norm(f)
     found = now.contact(np.zeros(len(f)))
     m = len(found.G)
-    exact = hold(other, first.R[:, :0], backend="rslab")
+    exact = factorise_regularised(other, first.R[:, :0], backend="rslab")
     one, two = (solve_rows(K, found.rows, np.arange(m), f, found.G, 0 * f, np.zeros(m), EXACT) for K in (made, exact))
     np.testing.assert_allclose(one.q, two.q, atol=1e-9 * np.abs(two.q).max())
     np.testing.assert_allclose(one.p, two.p, atol=1e-9 * np.abs(two.p).max())
 
 
-def test_a_hierarchy_that_has_worn_is_made_anew():
+def test_a_hierarchy_that_is_stale_is_made_anew():
     now = moment(8, "multigrid")
-    first, whole = now.model.held, now.model._whole
+    cache, first = multigrid_of(now)
     first.solve(now.f)
     at_first = first.factor.n_iterations
-    other = changed(first.K, 1.0)
-    worn = hold(other, first.R[:, :0], backend="multigrid", whole=whole, like=first)
-    worn.solve(now.f)
-    assert worn.factor.hierarchy is first.factor.hierarchy and worn.factor.n_iterations > 1.5 * at_first
-    fresh = hold(other, first.R[:, :0], backend="multigrid", whole=whole, like=worn)
-    assert fresh.factor.hierarchy is not worn.factor.hierarchy
+    other = changed(now.reference.K, 1.0)
+    stale = cache.factorise(other)
+    stale.solve(now.f)
+    assert stale.factor.hierarchy is first.factor.hierarchy and stale.factor.n_iterations > 1.5 * at_first
+    fresh = cache.factorise(other)
+    assert fresh.factor.hierarchy is not stale.factor.hierarchy
     fresh.solve(now.f)
-    assert fresh.factor.n_iterations < worn.factor.n_iterations
+    assert fresh.factor.n_iterations < stale.factor.n_iterations
 
 
 def test_a_stiffness_that_is_not_definite_is_an_error():
     """With an older hierarchy too, in a solve and in the loop with rows."""
     now = moment(8, "multigrid")
-    first, whole = now.model.held, now.model._whole
+    cache, first = multigrid_of(now)
     n = first.K.shape[0]
-    other = csr_array(first.K - diags_array(0.05 * first.K.diagonal()))
-    made = hold(other, first.R[:, :0], backend="multigrid", whole=whole, like=first)
+    made = cache.factorise(csr_array(now.reference.K - diags_array(0.05 * first.K.diagonal())))
     with pytest.raises(LinearError):
         made.solve(now.f)
     found = now.contact(np.zeros(n))
@@ -208,14 +214,15 @@ def test_a_stiffness_that_is_not_definite_is_an_error():
 
 
 @pytest.mark.parametrize("backend", ["rslab", "superlu"])
-def test_an_analysis_serves_again(backend):
-    now = moment(3, backend)
-    first, f = now.model.held, now.f
-    other = changed(first.K, 0.5)
-    again = hold(other, first.R[:, :0], backend=backend, like=first)
-    assert again.analysis is first.analysis
-    np.testing.assert_allclose(other @ again.solve(f), f, atol=1e-11 * np.abs(f).max())
+def test_an_analysis_serves_again(backend, monkeypatch):
+    now, made = moment(3, backend), []
+    monkeypatch.setattr("lacsolver.solve.stiffness.analyse", lambda *a, **k: made.append(analyse(*a, **k)) or made[-1])
+    f, K = now.f, now.reference.K
+    cache = FactorCache(now.reference.R[:, :0], backend)
+    for part in (0.2, 0.5):
+        other = changed(K, part)
+        np.testing.assert_allclose(other @ cache.factorise(other).solve(f), f, atol=1e-11 * np.abs(f).max())
+    assert len(made) == 2  # one of the step's own, one of the cache
     wider = csr_array(other + csr_array(([1.0, 1.0], ([0, len(f) - 1], [len(f) - 1, 0])), shape=other.shape))
-    anew = hold(wider, first.R[:, :0], backend=backend, like=again)
-    assert anew.analysis is not again.analysis
-    np.testing.assert_allclose(wider @ anew.solve(f), f, atol=1e-11 * np.abs(f).max())
+    np.testing.assert_allclose(wider @ cache.factorise(wider).solve(f), f, atol=1e-11 * np.abs(f).max())
+    assert len(made) == 3

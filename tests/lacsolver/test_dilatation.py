@@ -7,13 +7,14 @@ import pytest
 
 from lacmesh import Mesh
 from lacsolver.bodies import finite
-from lacsolver.bodies.finite import NeoHookean, SaintVenantKirchhoff, force_and_tangent, internal_force, locking
+from lacsolver.bodies.finite import NeoHookean, SaintVenantKirchhoff, internal_force, locking
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import Material
 from lacsolver.problem.laws import law_of
 from lacsolver.space.space import Space
 from tests.lacsolver import plain_finite
+from tests.lacsolver.assembled import first_piola, force_and_tangent
 from tests.lacsolver.bodies import body, distorted, mixture, one_cell, plane_mixture, rim
 from tests.lacsolver.test_assemble import rigid, solved
 from tests.lacsolver.test_finite import by_differences, shaken
@@ -40,7 +41,7 @@ def test_forces_equal_their_twin_and_the_tangent_is_their_derivative(name, model
     assert abs(K - K.T).max() == 0
     assert np.abs(f - internal_force(space, plain(space, law), u)).max() > 1e-3 * np.abs(f).max()
     by_stress = np.zeros_like(f)
-    for P, (name, nodes, _) in zip(finite.first_piola(space, materials, u), space.blocks, strict=True):
+    for P, (name, nodes, _) in zip(first_piola(space, materials, u), space.blocks, strict=True):
         D, W = plain_finite.variations(space, name, nodes)
         np.add.at(by_stress.reshape(-1, space.dim), nodes, np.einsum("cqsi,cqsiat,cq->cat", P, D, W))
     np.testing.assert_allclose(by_stress, f, rtol=0, atol=1e-12 * np.abs(f).max())

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import lacsolver.solve.equilibrium
+import lacsolver.solve.active_set
 from lacsolver.results.state import Iterate
-from lacsolver.solve.equilibrium import ROUNDING, Limits, find_equilibrium, stiffness_of_rows
-from lacsolver.solve.schur import solve_rows
-from tests.lacsolver.systems import complementarity, contact, enumerated, saddle, system
+from lacsolver.solve.contact_system import skin_stiffness
+from lacsolver.solve.schur import solve_saddle
+from lacsolver.solve.tolerances import ROUNDING, ConvergenceTolerance
+from tests.lacsolver.systems import complementarity, contact, enumerated, saddle, solve_active_set, system
 
-LIMITS = Limits(1e-10, 50, 1.0)
+LIMITS = ConvergenceTolerance(1e-10, 50, 1.0)
 STARTS = ("none", "all", "random")
 
 
@@ -25,15 +26,15 @@ def start(s, kind, seed=0):
 
 def found(s, begin, limits=LIMITS, **rest):
     at = contact(s, **rest)
-    return find_equilibrium(s.held, s.f, at, begin, limits)
+    return solve_active_set(s.held, s.f, at, begin, limits)
 
 
-def check(s, outcome, paired=None, held=None):
+def check(s, outcome, solvable=None, equality=None):
     """Assert that the search converged to the only solution."""
     m = len(s.B)
-    paired = np.ones(m, bool) if paired is None else paired
-    held = np.zeros(m, bool) if held is None else held
-    q, p = enumerated(s, paired, held)
+    solvable = np.ones(m, bool) if solvable is None else solvable
+    equality = np.zeros(m, bool) if equality is None else equality
+    q, p = enumerated(s, solvable, equality)
     assert outcome.converged
     np.testing.assert_allclose(outcome.iterate.q, q, atol=1e-9 * max(np.abs(q).max(), 1e-3))
     np.testing.assert_allclose(outcome.iterate.p, p, atol=1e-9 * max(np.abs(p).max(), 1e-3))
@@ -46,17 +47,17 @@ def test_random_problems_from_any_start(kind):
         s = system(seed, n=12, m=6)
         outcome = found(s, start(s, kind, seed))
         check(s, outcome)
-        assert len(outcome.defects) <= 12
+        assert len(outcome.residuals) <= 12
 
 
 @pytest.mark.parametrize("kind", STARTS)
 def test_rows_that_are_held_and_rows_that_are_not_paired(kind):
     for seed in range(20):
         s, rng = system(seed, n=12, m=7), np.random.default_rng(seed)
-        paired, held = rng.uniform(size=7) < 0.7, rng.uniform(size=7) < 0.3
-        outcome = found(s, start(s, kind, seed), paired=paired, held=held)
-        check(s, outcome, paired, held)
-        assert (outcome.iterate.p[~paired] == 0).all()
+        solvable, equality = rng.uniform(size=7) < 0.7, rng.uniform(size=7) < 0.3
+        outcome = found(s, start(s, kind, seed), solvable=solvable, equality=equality)
+        check(s, outcome, solvable, equality)
+        assert (outcome.iterate.p[~solvable] == 0).all()
 
 
 @pytest.mark.parametrize("kind", STARTS)
@@ -116,9 +117,9 @@ def test_where_plain_exchange_goes_round_the_search_ends():
     for M, r in cycling(10):
         s = complementarity(M, r)
         for kind in STARTS:
-            outcome = found(s, start(s, kind), Limits(1e-10, 200, 1.0))
+            outcome = found(s, start(s, kind), ConvergenceTolerance(1e-10, 200, 1.0))
             check(s, outcome)
-            assert len(outcome.defects) <= 40
+            assert len(outcome.residuals) <= 40
 
 
 def test_matrices_with_positive_minors_that_are_not_symmetric():
@@ -132,7 +133,7 @@ def test_matrices_with_positive_minors_that_are_not_symmetric():
         count += 1
         s = complementarity(np.eye(5), r)._replace(D=M)  # q = -p, G = r - M q
         for kind in STARTS:
-            outcome = find_equilibrium(s.held, s.f, contact(s), start(s, kind), Limits(1e-10, 200, 1.0))
+            outcome = solve_active_set(s.held, s.f, contact(s), start(s, kind), ConvergenceTolerance(1e-10, 200, 1.0))
             p = outcome.iterate.p
             assert outcome.converged and (p >= 0).all() and np.abs(np.minimum(p, M @ p + r)).max() <= 1e-9
 
@@ -142,30 +143,30 @@ def test_matrices_with_positive_minors_that_are_not_symmetric():
 
 def test_it_says_so_if_it_was_not_let_go_on():
     s = system(1, n=12, m=6)
-    outcome = found(s, start(s, "random"), Limits(1e-10, 1, 1.0))
-    assert not outcome.converged and len(outcome.defects) == 1
+    outcome = found(s, start(s, "random"), ConvergenceTolerance(1e-10, 1, 1.0))
+    assert not outcome.converged and len(outcome.residuals) == 1
 
 
 def test_every_iteration_is_told():
     s, told = system(1, n=12, m=6), []
-    outcome = find_equilibrium(
-        s.held, s.f, contact(s), start(s, "all"), LIMITS, told=lambda *figures: told.append(figures)
+    outcome = solve_active_set(
+        s.held, s.f, contact(s), start(s, "all"), LIMITS, report=lambda *figures: told.append(figures)
     )
-    assert [number for number, *_ in told] == list(range(1, len(outcome.defects) + 1))
-    assert [(balance, gap) for *_, balance, gap in told] == list(outcome.defects)
+    assert [number for number, *_ in told] == list(range(1, len(outcome.residuals) + 1))
+    assert [(balance, gap) for *_, balance, gap in told] == list(outcome.residuals)
     assert told[0][1] == 6 and told[-1][1] == (outcome.iterate.p > 0).sum()
 
 
 def test_sets_are_tried_loosely_and_the_last_one_is_exact(monkeypatch):
     goals = []
 
-    def spied(K, rows, active, f, G, q, p, goal, turning=None):
-        goals.append((tuple(active), goal.reduction))
-        return solve_rows(K, rows, active, f, G, q, p, goal, turning)
+    def spied(problem, q, p, tolerance):
+        goals.append((tuple(problem.active), tolerance.reduction))
+        return solve_saddle(problem, q, p, tolerance)
 
-    monkeypatch.setattr(lacsolver.solve.equilibrium, "solve_rows", spied)
+    monkeypatch.setattr(lacsolver.solve.active_set, "solve_saddle", spied)
     s = system(3, n=60, m=30)
-    outcome = find_equilibrium(s.held, s.f, contact(s), start(s, "none"), LIMITS)
+    outcome = solve_active_set(s.held, s.f, contact(s), start(s, "none"), LIMITS)
     assert outcome.converged and goals[-1][1] == 0
     q, p = saddle(s, np.flatnonzero(outcome.iterate.active), np.zeros(60))
     np.testing.assert_allclose(outcome.iterate.q, q, atol=1e-12 * np.abs(q).max())
@@ -180,9 +181,9 @@ def test_gaps_of_rounding_end_it():
     s = system(0, n=12, m=6)
     length = 100.0
     s = s._replace(f=np.zeros(12), G=0.5 * ROUNDING * length * np.array([1, -1, 1, -1, 1, -1]))
-    outcome = found(s, start(s, "none"), Limits(1e-10, 5, length))
+    outcome = found(s, start(s, "none"), ConvergenceTolerance(1e-10, 5, length))
     assert outcome.converged
-    beyond = found(s._replace(G=1e6 * s.G), start(s, "none"), Limits(1e-10, 1, length))
+    beyond = found(s._replace(G=1e6 * s.G), start(s, "none"), ConvergenceTolerance(1e-10, 1, length))
     assert not beyond.converged or beyond.iterate.p.any()
 
 
@@ -191,7 +192,7 @@ def test_a_step_that_is_as_the_one_before_takes_one_solve():
     s = system(2, n=12, m=6)
     first = found(s, start(s, "none"))
     again = found(s, first.iterate)
-    assert len(again.defects) == 1 and again.products <= 2
+    assert len(again.residuals) == 1 and again.applications <= 2
 
 
 def test_scaling_changes_nothing():
@@ -200,8 +201,10 @@ def test_scaling_changes_nothing():
     first = found(s, start(s, "none"))
     for force, length in ((1e9, 1e-3), (1e-6, 1e3)):
         other = s._replace(K=force / length * s.K, f=force * s.f, G=length * s.G, R=s.R)
-        made = find_equilibrium(other.held, other.f, contact(other), start(other, "none"), Limits(1e-10, 50, length))
-        assert made.converged and len(made.defects) == len(first.defects)
+        made = solve_active_set(
+            other.held, other.f, contact(other), start(other, "none"), ConvergenceTolerance(1e-10, 50, length)
+        )
+        assert made.converged and len(made.residuals) == len(first.residuals)
         np.testing.assert_array_equal(made.iterate.active, first.iterate.active)
         np.testing.assert_allclose(made.iterate.q, length * first.iterate.q, rtol=1e-6, atol=1e-9 * length)
 
@@ -212,7 +215,7 @@ def test_the_stiffness_of_a_row_is_that_of_its_own_skin():
     B = s.B.copy()
     B[3] = 0.0
     s = s._replace(B=B, D=B)
-    c = stiffness_of_rows(s.held, s.rows)
+    c = skin_stiffness(s.held, s.rows)
     for m in range(len(B)):
         b = B[m]
         want = s.w[m] * (b @ s.K @ b) / (b @ b) ** 2 if b.any() else 1.0

@@ -9,7 +9,8 @@ import warnings
 import numpy as np
 import pytest
 
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning
 from lacsolver.case import parse_case
 from lacsolver.output import create

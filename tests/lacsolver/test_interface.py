@@ -18,7 +18,8 @@ from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.contact.interface import positions
 from lacsolver.contact.rows import macro_rows
 from tests.lacsolver.key_meshes import nodes_of, overhang
-from tests.lacsolver.patch_meshes import placed, rotation, stack, three_blocks
+from tests.lacsolver.patch_meshes import placed, stack, three_blocks
+from verification.meshes.stacks import tilt
 
 #: (slave, master, dimension): every family of faces, linear and quadratic
 PAIRS = [
@@ -141,7 +142,7 @@ def test_the_gap_to_a_sloping_plane(slave, master, dim):
 def test_measures_of_a_slave_that_has_stretched(slave, master, dim, measure):
     """Both skins twice as wide along x, and turned: the current measure is double, the nominal one as it was."""
     mesh, zone = zone_of(stack(slave, master, dim, gap=0.1, skew=0.1))
-    x = (mesh.points * [2.0, 1.0, 1.0]) @ rotation(dim).T
+    x = (mesh.points * [2.0, 1.0, 1.0]) @ tilt(dim).T
     before = integrate(zone, dim, Pairing(search_distance=0.5))
     after = integrate(zone, dim, Pairing(search_distance=0.5, measure=measure), x=x)
     size = 2.0 if measure == "current" else 1.0
@@ -237,7 +238,7 @@ def test_points_know_where_they_are():
 @pytest.mark.parametrize("gap", [0.0, 0.1])
 def test_a_tie_lets_rigid_motions_be(slave, master, dim, gap):
     """Also across a gap: the lever of the rotation is part of the jump."""
-    mesh, zone = zone_of(placed(stack(slave, master, dim, gap=gap, skew=0.1), rotation(dim)))
+    mesh, zone = zone_of(placed(stack(slave, master, dim, gap=gap, skew=0.1), tilt(dim)))
     face = integrate(zone, dim, Pairing(search_distance=0.5), tie=True)
     assert face.B.shape == (dim * zone.n_macros, dim * mesh.n_nodes) and (face.G == 0).all()
     np.testing.assert_allclose(face.w, face.area, rtol=1e-12)

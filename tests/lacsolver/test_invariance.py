@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from tests.lacsolver.invariant_cases import CASES, brought_back, compared, figures
-from tests.lacsolver.patch_meshes import rotation
+from verification.meshes.stacks import tilt
 
 #: of figures, relative; of coordinates that are rounded, against the shift over the size of a cell
 EXACT, ROUNDING = 1e-9, 1e-15
 #: cells are at least so large, and models so large
 CELL, SIZE = 0.2, 2.0
-LENGTHS, STRESSES = (1e-6, 1e6), (1e-12, 1e12)
+#: factors of lengths and of stresses; forces change by both
+UNITS = ((1e-6, 1e-12), (1e6, 1e12))
 FAR = (1e3, 1e7)
 #: directions of a shift; an axisymmetric model moves along its axis
 AWAY = {"axisymmetric": np.array([0.0, 1.0, 0.0]), "3d": np.array([1.0, -0.7, 0.4])}
@@ -39,15 +40,9 @@ def check(name, world, allowed=EXACT, one=None, iterations=True):
 
 
 @MODELS
-@pytest.mark.parametrize("length", LENGTHS)
-def test_in_other_units_of_length(name, length):
-    check(name, replace(CASES[name].world, length=length))
-
-
-@MODELS
-@pytest.mark.parametrize("stress", STRESSES)
-def test_in_other_units_of_force(name, stress):
-    check(name, replace(CASES[name].world, stress=stress))
+@pytest.mark.parametrize(("length", "stress"), UNITS)
+def test_in_other_units(name, length, stress):
+    check(name, replace(CASES[name].world, length=length, stress=stress))
 
 
 @MODELS
@@ -61,12 +56,9 @@ def test_somewhere_else(name, far):
     check(name, there, np.abs(shift).max() * ROUNDING / CELL, one)
 
 
-@MODELS
-@pytest.mark.parametrize("angle", [0.7, 2.5])
-def test_turned(name, angle):
-    if CASES[name].model == "axisymmetric":
-        return
-    check(name, replace(CASES[name].world, turn=rotation(CASES[name].dim, angle)), iterations=False)
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.model != "axisymmetric"])
+def test_turned(name):
+    check(name, replace(CASES[name].world, turn=tilt(CASES[name].dim, 2.5)), iterations=False)
 
 
 @MODELS
@@ -77,7 +69,6 @@ def test_mirrored(name):
 
 
 @MODELS
-@pytest.mark.parametrize("seed", [1, 2])
-def test_in_another_order(name, seed):
+def test_in_another_order(name):
     """Nodes, cells, blocks, groups and sections."""
-    check(name, replace(CASES[name].world, seed=seed), iterations=False)
+    check(name, replace(CASES[name].world, seed=1), iterations=False)

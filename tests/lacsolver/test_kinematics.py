@@ -41,10 +41,8 @@ def test_tangent_force_and_energy_belong_together(name, model):
     materials = linearised(materials) if name == "small" else materials
     made = kinematics_of(name, space, materials, springs=springs, temperature=WARM, threads=2)
     u, v = shaken(space, 0.02), np.random.default_rng(1).normal(size=space.n_dof)
-    f, K = made.force_and_tangent(u, 1.0)
+    f, K = made.internal_force(u, 1.0), made.tangent(u, 1.0)
     assert isinstance(K, csr_array)
-    assert np.array_equal(f, made.internal_force(u, 1.0))
-    assert abs(K - made.tangent(u, 1.0)).max() == 0
 
     def along(of):
         h = 1e-4
@@ -63,8 +61,8 @@ def test_small_strains_are_the_same_in_both(model):
     laws = {"small": linearised(materials), "finite": materials}
     one, two = (kinematics_of(name, space, of, springs=springs) for name, of in laws.items())
     u = 1e-6 * np.random.default_rng(0).normal(size=space.n_dof)
-    assert one.constant
-    assert not two.constant
+    assert one.linear and not one.finite
+    assert two.finite and not two.linear
     size = np.abs(one.internal_force(u, 0.0)).max()
     np.testing.assert_allclose(two.internal_force(u, 0.0), one.internal_force(u, 0.0), rtol=0, atol=1e-4 * size)
     assert two.energy(u, 0.0) == pytest.approx(one.energy(u, 0.0), rel=1e-4)

@@ -9,9 +9,7 @@ from scipy.sparse.linalg import eigsh
 
 from lacmesh.errors import RequestError
 from lacsolver.linear import LinearError, SingularError, analyse, factorise
-from lacsolver.linear.conjugate import iterates
 from lacsolver.linear.cycle import Blocks, Team, jacobi
-from lacsolver.linear.errors import Breakdown
 from tests.lacsolver.bodies import cube
 from tests.lacsolver.stiffnesses import above, free, held, rigid_modes, stiffness
 
@@ -122,15 +120,6 @@ def test_wrong_modes(modes):
     K, _ = held("hexahedra")
     with pytest.raises(RequestError, match="modes are"):
         analyse(K, backend="multigrid", modes=modes, block=3)
-
-
-def test_conjugate_gradients_end_after_as_many_steps_as_eigenvalues():
-    K = csr_array(np.diag([1.0, 1.0, 4.0, 4.0, 9.0]))
-    b = np.arange(1.0, 6.0)
-    steps = [np.linalg.norm(r) for _, (_, r) in zip(range(4), iterates(K, lambda r: r, b, 0 * b), strict=False)]
-    assert steps[2] > 1e-3 and steps[3] < 1e-12
-    with pytest.raises(Breakdown):
-        list(zip(range(9), iterates(-K, lambda r: r, b, 0 * b), strict=False))
 
 
 # ---- the V-cycle

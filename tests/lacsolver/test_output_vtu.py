@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lacmesh import CELLS, Mesh, Surface, read
+from lacmesh import Mesh, Surface, read
+from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning, ReadError
 from lacsolver.output.names import contact_stems
 from lacsolver.output.parts import body

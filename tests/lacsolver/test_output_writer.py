@@ -334,10 +334,16 @@ def test_a_state_comes_back_as_it_was(kept, from_time, number):
         found, expected = getattr(state, name), getattr(was, name)
         assert list(found) == list(expected)
         assert all(np.array_equal(found[key], expected[key]) for key in expected)
-    assert all(map(np.array_equal, state.iterate, was.iterate))
-    assert (state.earlier is None) == (number == 1)
-    if was.earlier is not None:
-        assert state.earlier[0] == was.earlier[0] and all(map(np.array_equal, state.earlier[1], was.earlier[1]))
+    assert all(map(np.array_equal, state.step.iterate, was.step.iterate))
+    assert (state.step.earlier is None) == (number == 1)
+    one, other = state.step.histories, was.step.histories
+    assert list(one.scheme) == ["velocity"]
+    arrays = [(*h.materials, *h.contact, *h.scheme.values()) for h in (one, other)]
+    assert len(arrays[0]) == 3 and all(map(np.array_equal, *arrays))
+    if was.step.earlier is not None:
+        assert state.step.earlier[0] == was.step.earlier[0] and all(
+            map(np.array_equal, state.step.earlier[1], was.step.earlier[1])
+        )
     joint, glue = state.multipliers.values()
     assert joint.ndim == 1 and glue.shape == (len(joint), 3)  # pressures, tractions of the tie
 

@@ -1,37 +1,23 @@
 """The patch test: contact passes a uniform pressure on exactly, whatever the cells on either side.
 
-In space some pairs are tilted here; every pair, along the axes and tilted, is in the verification's family `patch`.
+Every pair of kinds, along the axes and tilted, is in the verification's family `patch`; every kind is a slave and a
+master in `test_patch_finite`.
 """
 
 from __future__ import annotations
-
-from itertools import product
 
 import numpy as np
 import pytest
 
 from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
-from tests.lacsolver.patch_cases import (
-    TWINS,
-    cases,
-    figures,
-    measured,
-    pair,
-    shared_case,
-    shared_rows,
-    sized,
-    solved,
-    some_masters,
-    twin,
-    unbalanced,
-)
-from tests.lacsolver.patch_meshes import PLANE_KINDS, SOLID_KINDS, rotation, side_by_side, stack
+from tests.lacsolver.patch_cases import cases, figures, measured, pair, sized, solved, unbalanced
+from tests.lacsolver.patch_meshes import side_by_side, stack
+from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, tilt
 
 #: of the stress, of every p_m, of the displacement, of the gap against the macro-element's size, of the coverage
 EXACT = 1e-10
 BALANCED = 1e-12
-_MARKS = {False: (), True: (pytest.mark.slow,)}
 
 
 def check(found):
@@ -39,38 +25,9 @@ def check(found):
     assert max(found.force, found.moment) <= BALANCED, found
 
 
-@pytest.mark.parametrize(
-    "make",
-    [pytest.param(c.make, id=f"{c.family}: {c.label}", marks=_MARKS[c.slow]) for c in cases()],
-)
+@pytest.mark.parametrize("make", [pytest.param(c.make, id=f"{c.family}: {c.label}") for c in cases()])
 def test_uniform_pressure_goes_through(make):
     check(figures(make()))
-
-
-def test_every_type_of_face_meets_every_other_and_every_kind_is_a_master():
-    faces = {}
-    for kind in SOLID_KINDS:
-        mesh = stack(kind, kind, 3)
-        faces[kind] = {name for name, _, _ in mesh.select(mesh.cell_groups["slave"])}
-    types = set().union(*faces.values())
-    met = {pair for kind in SOLID_KINDS for other in some_masters(kind) for pair in product(faces[kind], faces[other])}
-    assert met == set(product(types, types)) and len(types) == 5
-    assert {other for kind in SOLID_KINDS for other in some_masters(kind)} == set(SOLID_KINDS)
-
-
-@pytest.mark.parametrize("name", TWINS)
-def test_blocks_like_those_of_code_aster(name):
-    check(figures(twin(name)))
-
-
-@pytest.mark.parametrize("name", TWINS)
-def test_meshes_of_code_aster(name, shared):
-    folder = shared / "reference"
-    check(figures(shared_case(shared_rows(folder)[name], folder)))
-
-
-def test_every_shared_patch_test_has_a_twin(shared):
-    assert set(shared_rows(shared / "reference")) == set(TWINS)
 
 
 @pytest.mark.parametrize("size, young, pressure", [(1e-3, 2.1e11, 1e8), (1e4, 2.1e5, 25.0), (1.0, 1.0, 1e-6)])
@@ -149,7 +106,7 @@ def test_stacks_are_apart_and_keep_their_roles():
 
 def test_a_rotation_is_one():
     for dim in (2, 3):
-        turn = rotation(dim)
+        turn = tilt(dim)
         np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-15)
         assert np.linalg.det(turn) == pytest.approx(1)
         assert (np.abs(turn - np.round(turn)) > 0.02).sum() == (4 if dim == 2 else 9)

@@ -17,7 +17,8 @@ from lacsolver.solve.stepping import march
 from tests.lacsolver.contact_cases import held
 from tests.lacsolver.finite_cases import YOUNG, problem_of
 from tests.lacsolver.patch_cases import unbalanced, ways
-from tests.lacsolver.patch_meshes import PLANE_KINDS, SOLID_KINDS, placed, rotation, side_by_side, stack
+from tests.lacsolver.patch_meshes import placed, side_by_side, stack
+from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, tilt
 
 EXACT, BALANCED = 1e-10, 1e-12
 POISSON, DOWN = 0.3, 0.85
@@ -133,7 +134,7 @@ def pair(slave, master, k, *, dim=3, model=None, way="pyramid", tilted=False, op
     """A stack of one slave and one master block; measures, normals and laws take turns with k."""
     mesh, turn = stack(slave, master, dim, counts=moves.pop("counts", (2, 1) if dim == 3 else (3, 2)), **moves), None
     if tilted:
-        turn = rotation(dim)
+        turn = tilt(dim)
         mesh = placed(mesh, turn)
     own = (OPTIONS[k % 4] if options is None else options) + (f'hexa = "{way}"\n' if way != "pyramid" else "")
     model = model or ("3d" if dim == 3 else "plane_strain")

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacsolver.solve.model import Instant, ReducedProblem
+from lacsolver.solve.load_step import LoadStep
+from lacsolver.solve.reduced import ReducedProblem
 from tests.lacsolver.contact_cases import JOINT, held
 from tests.lacsolver.finite_cases import YOUNG, problem_of, waves
 
@@ -24,33 +25,33 @@ class Moved:
 
     def __init__(self, mesh, sections, *, t=1.0, size=SIZE, **options):
         self.model = ReducedProblem(problem_of(mesh, sections, **options))
-        self.now, self.rng = Instant(self.model, t), np.random.default_rng(0)
+        self.now, self.rng = LoadStep(self.model, t), np.random.default_rng(0)
         self.q = size * self.direction()
-        self.place = self.now.place(self.q)
-        contact = self.place.contact
+        self.there = self.now.linearize(self.q)
+        contact = self.there.contact
         assert all(face.coverage.min() > 1 - 1e-9 for face in self.now.interfaces(self.q)), "nothing at the rim"
-        self.p = np.where(contact.paired, 0.02 * YOUNG * self.rng.uniform(0.5, 1.5, len(contact.G)), 0.0)
+        self.p = np.where(contact.solvable, 0.02 * YOUNG * self.rng.uniform(0.5, 1.5, len(contact.G)), 0.0)
 
     def direction(self):
         return self.rng.uniform(-1, 1, self.model.problem.constraints.n_q)
 
     def forces(self, q):
         """r - B^T p, and G, at q."""
-        place = self.now.place(q)
-        return place.r - place.contact.rows.B_T @ self.p, place.contact.G
+        there = self.now.linearize(q)
+        return there.r - there.contact.rows.B_T @ self.p, there.contact.G
 
     @property
     def tangent(self):
         """K + C(p)."""
-        turning = self.place.turning(self.p)
-        K = self.place.stiffness(0.0, True).K
+        turning = self.there.geometric_stiffness(self.p)
+        K = self.there.stiffness(0.0, True).K
         return K if turning is None else K + turning
 
     def errors(self):
         """In a random direction, which moves all: the errors of forces' and gaps' derivatives, each of its largest."""
         v = self.direction()
         up, down = self.forces(self.q + STEP * v), self.forces(self.q - STEP * v)
-        made = -(self.tangent @ v), -(self.place.contact.rows.D @ v)
+        made = -(self.tangent @ v), -(self.there.contact.rows.D @ v)
         found = [(b - a) / (2 * STEP) for a, b in zip(down, up, strict=True)]
         return np.array([np.abs(f - m).max() / np.abs(m).max() for f, m in zip(found, made, strict=True)])
 
@@ -96,8 +97,8 @@ def test_a_body_that_only_contact_holds(model):
     """The stabilisation of the factor of K is no part of the tangent."""
     dim = dimension(model)
     made = Moved(waves(*PAIRS[dim], dim, gap=0.1), joint() + ground(dim) + FOLLOWER, model=model)
-    assert made.place.free.shape[1] == {"3d": 6, "axisymmetric": 1}.get(model, 3)
-    assert (made.model.steady is None) == (model == "axisymmetric") and made.errors().max() <= EXACT
+    assert made.there.free.shape[1] == {"3d": 6, "axisymmetric": 1}.get(model, 3)
+    assert (made.model.stabilization.springs is None) == (model == "axisymmetric") and made.errors().max() <= EXACT
 
 
 @pytest.mark.parametrize("model", MODELS[:1] + MODELS[2:])
@@ -132,7 +133,7 @@ def test_rigid_masters(name, measure):
     turns = np.asarray(rigid.columns)[dim:][rigid.free[dim:]]
     assert len(turns) == (0 if "prescribed" in name else 2 * dim - 3)
     made.q[turns] = [0.1, -0.06, 0.2][: len(turns)]
-    made.place = made.now.place(made.q)
+    made.there = made.now.linearize(made.q)
     assert made.now.interfaces(made.q)[0].coverage.min() > 1 - 1e-9 and made.errors().max() <= EXACT
 
 
@@ -199,8 +200,8 @@ def test_what_is_foreseen_is_the_first_order_of_what_comes(name):
     wanted, G = made.forces(made.q)
     off = []
     for ahead in (1e-2, 1e-3, 0.0):
-        u = Instant(made.model, 1.0 - ahead).u(made.q)
-        seen = made.now.foreseen(made.q, u, made.p)
+        u = LoadStep(made.model, 1.0 - ahead).u(made.q)
+        seen = made.now.predictor(made.q, u, made.p)
         forces = seen.r - seen.contact.rows.B_T @ made.p
         off.append(
             (np.abs(forces - wanted).max() / np.abs(wanted).max(), np.abs(seen.contact.G - G).max() / np.abs(G).max())

@@ -15,7 +15,7 @@ from lacmesh.errors import RequestError, WriteError
 from lacsolver import plot, read_case, read_state
 from lacsolver.cli import main
 from lacsolver.contact import Zone
-from lacsolver.pictures.drawing import Skin, along, chains, magnification
+from lacsolver.pictures.drawing import Skin, along, chains, magnification, pressed_span, pressed_window
 from lacsolver.problem.skin import prepared
 from tests.lacsolver.bad_cases import GOOD, blocks, put
 from tests.lacsolver.patch_meshes import stack
@@ -154,6 +154,52 @@ def test_where_nothing_can_be_drawn(pressed, tmp_path, monkeypatch):
     with pytest.raises(WriteError, match="nothing can be drawn here"):
         plot(case, state, tmp_path / "p.png")
     assert not (tmp_path / "p.png").exists()
+
+
+# ---- zoomed
+
+
+def test_a_zoomed_picture_shows_the_surroundings_of_the_contact(disc, tmp_path):
+    case, state = disc
+    zone = Zone.of(prepared(case), "slave", "master", "joint")
+    skin = Skin(zone, state.multipliers["joint"][zone.macro])
+    pressed = skin.zone.slave.x[np.unique(skin.zone.slave.faces.nodes[skin.pressure > 0, :2])]
+    low, high = pressed_window([skin], zone.slave.x)
+    assert (low < pressed.min(axis=0)).all() and (high > pressed.max(axis=0)).all()
+    assert (high - low).max() == pytest.approx(2 * np.ptp(pressed, axis=0).max())
+    begin, end = pressed_span([skin], zone.slave.x)
+    s, p = along(skin, zone.slave.x)
+    assert begin <= s[p > 0].min() and s[p > 0].max() < end < s[-1]
+    plot(case, state, tmp_path / "whole.png")
+    plot(case, state, tmp_path / "zoomed.png", zoom=True)
+    assert size(tmp_path / "zoomed.png") == size(tmp_path / "whole.png")
+    assert tones(tmp_path / "zoomed.png", "fde725")[0] > 1.3 * tones(tmp_path / "whole.png", "fde725")[0]
+
+
+def test_without_pressure_a_zoomed_picture_shows_everything(disc):
+    case, _ = disc
+    zone = Zone.of(prepared(case), "slave", "master", "joint")
+    assert pressed_window([Skin(zone, np.zeros(len(zone.macro)))], zone.slave.x) is None
+
+
+def test_a_zoomed_picture_in_space_has_the_faces_near_the_contact(pressed, tmp_path, monkeypatch):
+    case, state = pressed
+    drawn = []
+    monkeypatch.setattr(module(), "picture", lambda mesh, path, **options: drawn.append((mesh, options)))
+    monkeypatch.setattr(module(), "_MARGIN", 0.1)
+    plot(case, state, tmp_path / "p.png")
+    plot(case, state, tmp_path / "p.png", zoom=True)
+    (whole, _), (near, options) = drawn
+    assert 0 < near.n_cells < whole.n_cells and "to scale" in options["title"]
+    assert (
+        len(near.cell_groups["slave"]) == len(whole.cell_groups["slave"]) == np.isfinite(options["values"].values).sum()
+    )
+
+
+def test_zoom_needs_a_plot(tmp_path, capsys):
+    (tmp_path / "case.toml").write_text(GOOD)
+    assert main(["run", str(tmp_path / "case.toml"), "--zoom"]) == 2
+    assert "--plot" in capsys.readouterr().err
 
 
 # ---- the request

@@ -1,4 +1,6 @@
-"""The patch, press fit and Hertz rows of `cases.json`, as TOML cases through the command, and a twin of each kind.
+"""The patch, press fit and Hertz rows of `cases.json`, as TOML cases through the command, and twins of the patches.
+
+Press fits and spheres on meshes of those sizes are in the verification's families press_fit and hertz_engineering.
 
 Facts of the rows, with their origin (code_aster's validation suite, and `peers.md` for its Newton iterations), are in
 `ROWS`; the meshes are read from the shared folder where it is there.
@@ -16,7 +18,6 @@ import pytest
 import lacmesh
 from lacsolver.cli import main
 from tests.lacsolver.patch_meshes import stack
-from tests.lacsolver.spheres import rings, spheres
 
 PATCH = {"young": 2000.0, "poisson": 0.3, "pressure": 25.0}
 PLANE, SOLID = {"Sym": "ux", "Group_3": "uy"}, {"Symx": "ux", "Symy": "uy", "Group_3": "uz"}
@@ -75,6 +76,11 @@ def check_patch(results: dict, rows: list[dict[str, str]], dim: int, size: float
     assert results["steps"][-1]["iterations"] <= 2  # code_aster's
 
 
+def test_every_patch_of_the_suite_is_there(shared):
+    listed = json.loads((shared / "reference" / "cases.json").read_text())["cases"]
+    assert {row["id"] for row in listed if row["kind"] == "patch"} == set(ROWS)
+
+
 @pytest.mark.shared
 @pytest.mark.parametrize("row", ROWS)
 def test_patch_of_the_suite(shared, tmp_path, row):
@@ -115,12 +121,6 @@ def test_press_fit_of_the_suite(shared, tmp_path):
     check_press_fit(solved(tmp_path, text)[0], 4e-4)
 
 
-def test_press_fit_twin(tmp_path):
-    lacmesh.write(tmp_path / "rings.med", rings(24, 26))
-    text = press_fit_text(tmp_path / "rings.med", "slave", "master", {"axis_x": "ux", "axis_y": "uy"}, "inner")
-    check_press_fit(solved(tmp_path, text)[0], 1e-5)
-
-
 def hertz_text(mesh: Path, slave: str, master: str, up: str, down: str, kind: str) -> str:
     """The spheres as a case, in code_aster's ten steps; its tolerance, of residuals alone, is 1e-6."""
     return f"""
@@ -157,13 +157,3 @@ def test_hertz_of_the_suite(shared, tmp_path, row):
     assert abs(results["contact"]["CON2"]["pressure_max"] / HERTZ - 1) < 0.03
     assert sum(step["iterations"] for step in results["steps"]) <= 0.6 * NEWTON[row]
     assert not any(step["halvings"] for step in results["steps"])
-
-
-@pytest.mark.gmsh
-@pytest.mark.slow
-@pytest.mark.parametrize(("size", "order", "within"), [(0.8, 1, 0.03), (0.8, 2, 0.03), (0.4, 1, 0.01)])
-def test_hertz_twin_and_one_twice_as_fine(tmp_path, size, order, within):
-    lacmesh.write(tmp_path / "spheres.msh", spheres(size, 5.0, order=order))
-    text = hertz_text(tmp_path / "spheres.msh", "slave", "master", "up", "down", "cell")
-    results, _ = solved(tmp_path, text)
-    assert abs(results["contact"]["slave"]["pressure_max"] / HERTZ - 1) < within

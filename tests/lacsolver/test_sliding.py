@@ -7,55 +7,30 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lacmesh import Mesh
 from lacsolver.results.state import CONTACT
 from tests.lacsolver.contact_cases import JOINT, held, resultant
 from tests.lacsolver.finite_cases import solve
-from tests.lacsolver.patch_meshes import block, joined
+from verification.meshes.sliding import slider
 
 MODEL = {2: "plane_strain", 3: "3d"}
 #: of residuals: where Newton's method has come near, and what rounding leaves of sliding bodies
 NEAR, ROUND = 1e-2, 3e-12
 
 
-def plate(dim, wave, count):
-    """A bare skin, rigid, at height 0 under the slider, x in [-0.5, 3.5]: faces up, a wave of this height."""
-    x = np.linspace(-0.5, 3.5, count + 1)
-    if dim == 2:
-        points = np.stack([x, wave * (np.cos(2 * np.pi * x / 1.6) - 1)], axis=1)
-        nodes = np.stack([np.arange(1, count + 1), np.arange(count)], axis=1)
-        return Mesh.create(points, [("SEG2", nodes)], cell_groups={"plate": np.arange(count)}, space_dim=2)
-    z = np.linspace(-0.4, 1.4, 4)
-    X, Y = np.meshgrid(x, z, indexing="ij")
-    g = np.arange(X.size).reshape(X.shape)
-    cells = np.stack([g[:-1, :-1], g[1:, :-1], g[1:, 1:], g[:-1, 1:]], axis=-1).reshape(-1, 4)
-    height = wave * (np.cos(2 * np.pi * X / 1.6) - 1)
-    points = np.stack([X.ravel(), Y.ravel(), height.ravel()], axis=1)
-    return Mesh.create(points, [("QUAD4", cells)], cell_groups={"plate": np.arange(len(cells))}, space_dim=3)
-
-
-def slider(dim, kind, wave, n=3, count=17):
-    """A unit block, its underside the slave, on a rigid plate that is longer."""
-    up = "xyz"[dim - 1]
-    names = {f"{up}0": "slave", f"{up}1": "top"} | {f"{a}{e}": f"{a}{e}" for a in "xy"[: dim - 1] for e in "01"}
-    return joined(
-        [
-            (block(kind, dim, n, f"{up}0"), np.zeros(3), names),
-            (plate(dim, wave, count), np.zeros(3), {"plate": "master"}),
-        ]
-    )
-
-
 def dragged(dim, kind, wave, normals, way=1.5, count=6, walls=False):
     """(problem, states): pressed down in the first step, then dragged; `walls`: its sides keep straight."""
     up, aside = "xyz"[dim - 1], {"uy": 0.0} if dim == 3 else {}
     path = {"ux": [[1.0, 0.0], [float(1 + count), way]], f"u{up}": [[0.0, 0.0], [1.0, -0.05]]}
-    sections = JOINT + f'normals = "{normals}"\nmeasure = "current"\n' + held("top", **path, **aside)
+    sections = (
+        JOINT.replace('"master"', '"plate"')
+        + f'normals = "{normals}"\nmeasure = "current"\n'
+        + held("top", **path, **aside)
+    )
     if walls:
         sections += "".join(held(side, ux=path["ux"]) for side in ("x0", "x1"))
         sections += "".join(held(side, uy=0.0) for side in ("y0", "y1")[: 2 * (dim - 2)])
-    sections += f'[[rigid]]\ngroup = "master"\n[steps]\nend = {float(1 + count)}\ncount = {1 + count}\n'
-    return solve(slider(dim, kind, wave), sections, model=MODEL[dim])
+    sections += f'[[rigid]]\ngroup = "plate"\n[steps]\nend = {float(1 + count)}\ncount = {1 + count}\n'
+    return solve(slider(kind, 3, 17, wave), sections, model=MODEL[dim])
 
 
 def ends(residuals):

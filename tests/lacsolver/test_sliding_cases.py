@@ -154,11 +154,11 @@ def ripple(way, force):
 
 @pytest.mark.slow
 def test_ironing_in_space_begins_well(tmp_path):
-    steps = "times = [0.5, 1.0, 1.1, 1.2]"
+    steps = "times = [0.5, 1.0, 1.2]"
     table, told = solved(tmp_path, "ironing_3d", ("end = 4.0\ncount = 36", steps))
     assert max(told["balance"].values()) <= 1e-12
     push = -table["reaction.top.z"]
-    assert push[0] > 0 and push[1] > push[0] and push[3] == pytest.approx(push[1], rel=0.1)
+    assert push[0] > 0 and push[1] > push[0] and push[2] == pytest.approx(push[1], rel=0.1)
     assert np.abs(table["reaction.top.x"][2:]).max() < 0.02 * push[1]
 
 

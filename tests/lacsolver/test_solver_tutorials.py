@@ -151,8 +151,9 @@ def test_no_solution_has_every_face_closed(p0_mortar):
 
 
 def test_no_equilibrium_is_an_error(p0_mortar, monkeypatch):
-    limits = p0_mortar.Limits
-    monkeypatch.setattr(p0_mortar, "Limits", lambda max_iterations, **rest: limits(max_iterations=1, **rest))
+    tolerance = p0_mortar.ConvergenceTolerance
+    few = lambda max_iterations, **rest: tolerance(max_iterations=1, **rest)  # noqa: E731
+    monkeypatch.setattr(p0_mortar, "ConvergenceTolerance", few)
     with pytest.raises(RuntimeError, match=r"no equilibrium: forces are off by .*, gaps by .* of the displacement"):
         p0_mortar.pressures(p0_mortar.pad(25), p0_mortar.p0_mortar)
 

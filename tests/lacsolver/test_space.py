@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, GroupNotFoundError, RequestError
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient

@@ -121,7 +121,7 @@ def test_an_edge_without_length_is_warned_of():
     refused, warned = told(mesh)
     assert refused == []
     assert warned == [
-        "2 nodes stand at one place with another of their cell (12, 13): 1 edge has no length; merge the nodes "
+        "2 nodes have the coordinates of another node of their cell (12, 13): 1 edge has no length; merge the nodes "
         "(lacmesh check: coincident-nodes)"
     ]
 
@@ -133,6 +133,6 @@ def test_cells_that_share_no_mid_node_are_warned_of():
     cells = [[0, 1, 2, 3, 6, 7, 8, 9], [1, 4, 5, 2, 10, 11, 12, 13]]
     mesh = Mesh.create(points + mid, [("QUAD8", cells)])
     with pytest.warns(
-        LacmeshWarning, match="both sides of 1 facet share corners and not mid-nodes .*; raise the order"
+        LacmeshWarning, match="both sides of 1 facet share corners but not mid-nodes .*; elevate the order"
     ):
         Problem.of(parse_case(CASE[: CASE.index("[[contact]]")]), mesh)

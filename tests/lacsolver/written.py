@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from lacmesh import CELLS, Mesh, Surface, cut_skin, read, write
+from lacmesh import Mesh, Surface, cut_skin, read, write
+from lacmesh.cells import CELLS
 from lacsolver.case import Case, fingerprint, read_case
 from lacsolver.output import Writer, create
 from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields, ZoneFigures
-from lacsolver.results.state import Iterate, State, ZoneState
+from lacsolver.results.state import Histories, Iterate, State, StepState, ZoneState
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube, square
 
@@ -205,5 +206,7 @@ def restart(space, number, time):
     zones = tuple(zone_state(space, time, k) for k in (0, 1))
     now = Iterate(3 * x, np.arange(4.0), np.arange(4) > 1)
     earlier = None if number == 1 else (time / 2, Iterate(2 * x, -np.arange(4.0), np.arange(4) > 2))
-    state = State(time, x, -2 * x, zones, {"ball": np.array([time, 0.0, 1.0])}, 5, 1, (), 0.125, now, earlier)
+    histories = Histories((np.full((2, 3, 1), time),), (np.arange(4.0)[:, None],), {"velocity": -x})
+    step = StepState(time, now, earlier, 0.125, histories)
+    state = State(time, x, -2 * x, zones, {"ball": np.array([time, 0.0, 1.0])}, 5, 1, (), step)
     return Restart.of(state, 0.125, number)

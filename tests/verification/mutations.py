@@ -13,7 +13,7 @@ import lacsolver.problem.problem
 from lacmesh.cutting.records import Cut
 from lacmesh.surface.normals import normals_of
 from lacmesh.surface.rules import CENTROID
-from lacsolver.solve.equilibrium import ContactSystem
+from lacsolver.solve.contact_system import ContactSystem
 from verification.families.inf_sup import uncut
 
 
@@ -45,21 +45,21 @@ def few_points(patch):
 
 def dropped_macro(patch):
     """The first macro-element of each zone never meets its master."""
-    right = lacsolver.problem.problem.ContactPair.paired
+    right = lacsolver.problem.problem.ContactPair.covered
 
-    def paired(joint, face):
+    def covered(joint, face):
         found = right(joint, face)
         found[0] = False
         return found
 
-    patch.setattr(lacsolver.problem.problem.ContactPair, "paired", paired)
+    patch.setattr(lacsolver.problem.problem.ContactPair, "covered", covered)
 
 
 def frozen_set(patch, blind=True):
     """Rows stay as they are, open or closed; `blind`: and the solver does not look at the conditions of contact."""
-    patch.setattr(ContactSystem, "next", lambda self, active, p: active)
+    patch.setattr(ContactSystem, "next_active", lambda self, active, p: active)
     if blind:
-        patch.setattr(ContactSystem, "defects", lambda self, p: np.zeros(len(self.G)))
+        patch.setattr(ContactSystem, "residuals", lambda self, p, active: np.zeros(len(self.G)))
 
 
 def not_cut(patch):

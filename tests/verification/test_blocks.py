@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh import CELLS
+from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
 from lacmesh.reference.shapes import shape
 from verification.families.manufactured import cells_a_side, mesh_of

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh import CELLS, Cut, Mesh
+from lacmesh import Cut, Mesh
+from lacmesh.cells import CELLS
 from verification.families import cut as family
 from verification.families.cut import FAMILY, Trial, backwards, broken, listed, sided, single
 from verification.measures.cutting import PROPERTIES, facets, same_up_to_numbers, sizes, violations

@@ -9,7 +9,8 @@ import pytest
 
 import lacmesh
 import lacsolver
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from verification.families import family, levels_in
 from verification.families.inf_sup import (
     SIDES,
@@ -74,7 +75,7 @@ def test_every_type_has_a_case_and_all_are_of_one_kind():
     assert len({case.name for case in FAMILY.cases}) == len(FAMILY.cases)
 
 
-@pytest.mark.parametrize("name", ["QUAD4", "HEXA8", "TETRA4", "QUAD9", "TRIA3-on-QUAD4", "TETRA10"])
+@pytest.mark.parametrize("name", ["QUAD4", "HEXA8", "QUAD9", "TRIA3-on-QUAD4"])
 def test_a_case_comes_out(name):
     outcome = FAMILY.solve(named(name), 3)
     assert all(result.passed for result in outcome.results)

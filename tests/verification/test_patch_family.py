@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from lacmesh import CELLS
+from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
 from verification.families import patch
 from verification.families.patch import FAMILY, Press, errors, exact_displacement, exact_stress

@@ -10,7 +10,7 @@ import pytest
 
 import lacmesh
 import lacsolver
-from lacmesh import CELLS
+from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
 from verification.exact.lame import Fit, Shell
 from verification.families.press_fit import FAMILY, PressFit, case_text, mesh_of, solution

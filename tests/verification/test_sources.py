@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacsolver import Value, parse_case
+from lacsolver import parse_case
+from lacsolver.case import Value
 from verification.exact.sources import Law, compiled, derive
 from verification.families.manufactured import case_text
 from verification.families.manufactured_rows import LAW, PLANE, ROWS, SOLID

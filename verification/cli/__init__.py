@@ -20,12 +20,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     return PROGRAM.main(argv)
 
 
-def _left(args: argparse.Namespace) -> str:
-    """Sentence for an interrupted command: the state of its output."""
-    folder = getattr(args, "held", None)
-    return "nothing was written" if folder is None else f"finished cases are kept in {folder}; --resume goes on"
-
-
 def _told(error: LacmeshError, args: argparse.Namespace) -> list[str]:
     return [str(error)]
 
@@ -37,6 +31,5 @@ PROGRAM = Program(
     EPILOG,
     COMMANDS,
     _told,
-    _left,
     "there is not enough memory; run fewer processes at once (-j 1)",
 )

@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> None:
     folder = args.output or Path("build") / f"verification-{args.suite}"
     jobs = args.jobs or cores()
     with opened(folder, resume=args.resume):
-        args.held = folder
+        args.left = lambda: f"finished cases are kept in {folder}; --resume goes on"
         made = run_suite(planned, args.suite, folder, jobs, *((_quiet, _quiet) if args.quiet else (_begun, _said)))
         report.write(made, folder / "report.html")
     _end(made, quiet=args.quiet)

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 import lacsolver
 from lacmesh import Mesh
 from lacsolver import Problem
+from lacsolver.contact import integrate
 from verification.families import curved_fits, curved_hertz, curved_lug, curved_pin
 from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.measures.rates import fitted
@@ -157,7 +158,7 @@ def truly(problem: Problem, given: Curved) -> Problem:
     """The problem with the true gap at every point of its contact, whatever lies between the faces there."""
     (joint,), dim = problem.joints, problem.space.dim
     pairing = replace(joint.pairing, clearance=lambda x, t: np.zeros(len(x)))
-    points = lacsolver.integrate(joint.zone, dim, pairing).points
+    points = integrate(joint.zone, dim, pairing).points
 
     def clearance(x: Floats, t: float) -> Floats:
         if len(x) != len(points):

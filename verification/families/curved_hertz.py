@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
+from lacsolver.case import Value
 from verification.families import hertz
 from verification.meshes.half_spaces import half_spaces
 from verification.records import Case
@@ -60,7 +61,7 @@ class Lifted:
         """The case of the half-spaces, without their clearance."""
         case = hertz.case_of(self.hertz)
         (contact,) = case.contact
-        return replace(case, contact=(replace(contact, clearance=lacsolver.Value.of(0.0), surface=surface),))
+        return replace(case, contact=(replace(contact, clearance=Value.of(0.0), surface=surface),))
 
     def gap(self, x: Floats) -> Floats:
         """True gap (n,): r^2 / 2R."""

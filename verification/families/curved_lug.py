@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacsolver import Problem
+from lacsolver.contact import integrate
 from verification.records import Case, Outcome, Result, at_most, reported
 from verification.solving import Solved, balanced, entry, finished
 
@@ -119,7 +120,7 @@ def _truly(problem: Problem) -> Problem:
         return np.zeros(len(x))
 
     pairing = replace(joint.pairing, clearance=clearance)
-    points, (x,) = lacsolver.integrate(joint.zone, 3, pairing).points, asked
+    points, (x,) = integrate(joint.zone, 3, pairing).points, asked
     bore, pin = (_reached(x - [0.0, 0.0, z], points.normal, r) for r, z in zip((_BORE, _PIN), _AXES, strict=True))
     missing = pin - bore - points.gap
     return replace(problem, joints=(replace(joint, pairing=replace(pairing, clearance=lambda x, t: missing)),))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
-from lacsolver import Displacement, Value
+from lacsolver.case import Displacement, Value
 from verification.exact.pin import PinInHole
 from verification.meshes.blocks import assembled, rows_of
 from verification.meshes.rings import pair, ring

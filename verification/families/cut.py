@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lacmesh
-from lacmesh import CELLS, Cut, Mesh
+from lacmesh import Cut, Mesh
+from lacmesh.cells import CELLS
 from verification.measures.cutting import PROPERTIES, facets, same_up_to_numbers, violations
 from verification.meshes.blocks import SPLITS, assembled, divided
 from verification.meshes.stacks import BEND, LAYERS, PLANE_KINDS, SOLID_KINDS, TWO_WAYS, block, joined, moved

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lacsolver
-from lacmesh import CELLS
-from lacsolver import Displacement, Value
+from lacmesh.cells import CELLS
+from lacsolver.case import Displacement, Value
 from verification.exact import half_space
 from verification.exact.half_space import Strains, contact_modulus, peak_pressure
 from verification.measures import norms

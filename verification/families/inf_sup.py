@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 import lacmesh
 import lacsolver
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from verification.measures.inf_sup import constant, held
 from verification.measures.norms import pressure_errors
 from verification.measures.rates import fitted

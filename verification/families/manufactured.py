@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from verification.exact.sources import SymbolicFunction, compiled, derive
 from verification.families.manufactured_rows import ROWS, CellRow
 from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors

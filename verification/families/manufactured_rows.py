@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lacmesh import CELLS
+from lacmesh.cells import CELLS
 from verification.exact.sources import Law, Texts
 
 LAW = Law(young=1.0, poisson=0.0)

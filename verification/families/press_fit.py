@@ -18,7 +18,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from verification.exact.lame import Fit, Shape, Shell
 from verification.measures.norms import ExactField, displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.rings import octant, pair, ring

@@ -21,7 +21,10 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacmesh import Mesh
-from lacsolver import Problem, Space
+from lacsolver import Problem
+from lacsolver.bodies.small import assemble_stiffness
+from lacsolver.contact import integrate
+from lacsolver.space.space import Space
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack
 from verification.records import Case, Family, Line, Outcome, Plot, Result, at_most, levels_of, reported
@@ -93,12 +96,12 @@ class Stages:
 
     def integrate(self) -> None:
         """Search, and the contact matrices."""
-        lacsolver.integrate(self.problem.joints[0].zone, 3)
+        integrate(self.problem.joints[0].zone, 3)
 
     def assemble(self) -> None:
         """The stiffness, with the pattern of its entries, which a space would keep."""
         space = Space.of(self.problem.space.mesh, "3d")
-        lacsolver.assemble_stiffness(space, self.problem.materials, 1)
+        assemble_stiffness(space, self.problem.materials, 1)
 
     def solve(self) -> None:
         """Solve, from the stiffness to the state."""

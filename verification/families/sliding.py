@@ -15,7 +15,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from lacsolver import State
 from verification.meshes.sliding import ironing_2d, ironing_3d, ring, slider
 from verification.records import Case, Family, Line, Outcome, Plot, Published, Result, at_least, at_most, reported

@@ -12,7 +12,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh import CELLS, Cut, Mesh
+from lacmesh import Cut, Mesh
+from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
 

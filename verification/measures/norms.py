@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient, jacobian, shape
 

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lacmesh
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 
 Ints = NDArray[np.integer]
 Floats = NDArray[np.floating]

@@ -13,7 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from verification.meshes.blocks import SPLITS, assembled, divided, grid, raised, rows_of, with_sides
 
 #: how far the pieces reach, in half-widths

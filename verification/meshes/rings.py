@@ -19,7 +19,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from verification.meshes.blocks import SPLITS, Pattern, assembled, divided, grid, raised, rows_of, with_sides
 
 Floats = NDArray[np.floating]

@@ -7,7 +7,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from verification.grids import box, half_disc, quadrangles
 from verification.meshes.blocks import assembled, block, rows_of
 from verification.meshes.bodies import Body, Where, body, joined

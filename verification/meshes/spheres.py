@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lacmesh
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from verification.exact.finite_bodies import SPHERE_RADIUS as RADIUS
 from verification.grids import lines, quarter_disc
 from verification.meshes.blocks import SPLITS

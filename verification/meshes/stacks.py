@@ -13,7 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh import CELLS, Mesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from verification.meshes.blocks import SPLITS, Pattern, assembled, divided, grid, raised, rows_of, with_sides
 
 Ints = NDArray[np.integer]

@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.formats.inp.scan import Card, label
-from lacmesh.formats.text_numbers import bad_line, decoded, parsed
+from lacmesh.formats.inp.cards import Card, label
+from lacmesh.formats.text import AS_INTEGERS, AS_REALS, bad_line, chunks, decoded, integers, parsed, values_in_lines
 from lacmesh.mesh import Floats, Ints
 
-#: Separators become blanks, Fortran's exponents D become E.
-_INTEGER = bytes.maketrans(b",\t", b"  ")
-_REAL = bytes.maketrans(b"Dd,\t", b"ee  ")
-#: Bytes of data looked at in one go.
-_CHUNK = 1 << 22
-#: Texts from this size on are worth the time to load the compiler.
-_COMPILED = 1 << 20
 _LARGEST = 10**9
 _FACE = re.compile(rb"^[ \t]*(\d{1,18})[ \t]*,[ \t]*([A-Za-z]\w*)[ \t]*,?[ \t]*\r?$", re.MULTILINE)
 _NUMBER = re.compile(r"[+-]?\d{1,18}")
@@ -39,17 +31,6 @@ class Members(NamedTuple):
     numbers: Ints
     ranges: tuple[IdRange, ...]
     names: tuple[str, ...]
-
-
-def chunks(text: bytes) -> Iterator[tuple[int, bytes]]:
-    """Split a text of whole lines into pieces of whole lines, each with its byte offset."""
-    begin = 0
-    while begin < len(text):
-        end = len(text) if len(text) - begin <= _CHUNK else text.rfind(b"\n", begin, begin + _CHUNK) + 1
-        if end <= begin:
-            end = text.find(b"\n", begin) + 1 or len(text)
-        yield begin, text[begin:end]
-        begin = end
 
 
 def nodes(card: Card) -> tuple[Ints, Floats]:
@@ -81,7 +62,7 @@ def _even(text: bytes) -> Floats | None:
     """Table of the numbers in lines of equal length, the first 4 columns at most; None if the lengths differ."""
     counts = values_in_lines(text)
     counts = counts[counts > 0]
-    values = parsed(text.translate(_REAL), np.float64)
+    values = parsed(text.translate(AS_REALS), np.float64)
     if values is None or not len(counts) or counts.min() != counts.max() or counts[0] < 2:
         return None
     if len(values) != len(counts) * counts[0]:  # something was left out between commas
@@ -119,43 +100,6 @@ def _line(text: bytes, n: int) -> int:
     return at
 
 
-def values_in_lines(text: bytes) -> Ints:
-    """Number of comma-separated fields in each line of a text; a comma at its end adds none, a blank line has 0."""
-    if len(text) < _COMPILED:
-        return values_in_lines_by_arrays(text)
-    from lacmesh.formats.inp.kernel import count_fields
-
-    counts = np.empty(text.count(b"\n"), np.int64)
-    count_fields(np.frombuffer(text, np.uint8), counts)
-    return counts
-
-
-def integers(text: bytes) -> Ints | None:
-    """Integers in a text; None if it holds anything but integers, commas and blanks."""
-    if len(text) < _COMPILED:
-        return parsed(text.translate(_INTEGER), np.int64)
-    from lacmesh.formats.inp.kernel import scan_integers
-
-    values = np.empty(len(text) // 2 + 1, np.int64)
-    n = scan_integers(np.frombuffer(text, np.uint8), values)
-    return parsed(text.translate(_INTEGER), np.int64) if n < 0 else values[:n]
-
-
-def values_in_lines_by_arrays(text: bytes) -> Ints:
-    """Count fields as `values_in_lines` does, by numpy alone: without the time to load the compiler."""
-    letters = np.frombuffer(text, np.uint8)
-    ends = np.flatnonzero(letters == 10)
-    commas = np.flatnonzero(letters == 44)
-    solid = np.flatnonzero(letters > 32)  # no blank, tab or end of line
-    last = np.searchsorted(solid, ends) - 1  # the last solid byte of each line, if it is one of this line
-    begins = np.append(0, ends[:-1] + 1)[: len(ends)]
-    filled = (last >= 0) & (solid[last] >= begins) if len(solid) else np.zeros(len(ends), bool)
-    count = np.diff(np.searchsorted(commas, ends), prepend=0)
-    trailing = np.zeros(len(ends), bool)
-    trailing[filled] = letters[solid[last[filled]]] == 44
-    return np.where(filled, count + 1 - trailing, 0)
-
-
 def elements(card: Card, n_nodes: int) -> tuple[Ints, Ints]:
     """Elements of a card as rows (k, 1 + n_nodes) of number and nodes; an element may continue over several lines.
 
@@ -170,7 +114,7 @@ def elements(card: Card, n_nodes: int) -> tuple[Ints, Ints]:
     for at, piece in chunks(text):
         values = integers(piece)
         if values is None:
-            place = bad_line(piece.translate(_INTEGER), np.int64)
+            place = bad_line(piece.translate(AS_INTEGERS), np.int64)
             shown = decoded(piece[place:].split(b"\n", 1)[0]).strip()[:60]
             raise card.error(f"{shown!r} should be an element's number and its nodes'", at + place)
         counts = values_in_lines(piece)
@@ -247,8 +191,8 @@ def faces(card: Card) -> list[tuple[str, Ints | str]]:
     if len(rows) == int(np.count_nonzero(values_in_lines(text))):
         number = np.array([row[0] for row in rows], dtype="S").astype(np.int64)
         face = np.array([row[1].upper() for row in rows], dtype="S")
-        return [(decoded(bytes(kind)), number[face == kind]) for kind in _distinct(face)]
-    found: list[tuple[str, Ints | str]] = []
+        return [(decoded(bytes(face_label)), number[face == face_label]) for face_label in _distinct(face)]
+    entries: list[tuple[str, Ints | str]] = []
     at = 0
     for line in text.splitlines(keepends=True):
         fields = [f.strip() for f in decoded(line).split(",")]
@@ -257,9 +201,9 @@ def faces(card: Card) -> list[tuple[str, Ints | str]]:
                 raise card.error("a surface's line should begin with an element or a set of elements", at)
             which = fields[1].upper() if len(fields) > 1 else ""
             number_of = int(fields[0]) if _NUMBER.fullmatch(fields[0]) else None
-            found.append((which, fields[0] if number_of is None else np.array([number_of])))
+            entries.append((which, fields[0] if number_of is None else np.array([number_of])))
         at += len(line)
-    return found
+    return entries
 
 
 def _distinct(labels: NDArray) -> list[bytes]:

@@ -12,8 +12,8 @@ from lacmesh.formats.inp.writer_types import TARGETS, card
 
 def plane_of(elements: Iterable[ElementCard]) -> str:
     """Common hypothesis of all plane elements: CPS, CPE or CAX; empty if there are none, or several kinds."""
-    found = _planes(_named(elements))
-    return found[0] if len(found) == 1 else ""
+    planes = _planes(_named(elements))
+    return planes[0] if len(planes) == 1 else ""
 
 
 def losses(elements: Iterable[ElementCard]) -> list[str]:
@@ -21,13 +21,13 @@ def losses(elements: Iterable[ElementCard]) -> list[str]:
     elements = list(elements)
     named = _named(elements)
     solid = any(e.kind == SOLID for e in named.values())
-    made = {name: plain(name, e, solid) for name, e in named.items()}
+    new_names = {name: plain(name, e, solid) for name, e in named.items()}
     said = []
-    if changed := [f"{name} read as {new}" for name, new in made.items() if new != name]:
+    if changed := [f"{name} read as {new}" for name, new in new_names.items() if new != name]:
         said.append(f"{', '.join(changed)}: what else they are is lost, and an .inp output has the plain elements")
     if len(planes := _planes(named)) > 1:
-        kinds = " and ".join(kind or "others" for kind in planes)
-        said.append(f"elements of the plane are {kinds}: an .inp output has one kind, that of --plane")
+        listed_planes = " and ".join(plane or "others" for plane in planes)
+        said.append(f"elements of the plane are {listed_planes}: an .inp output has one kind, that of --plane")
     dim = {name: CELLS[e.type].dim for name, e in named.items()}
     if lower := [name for name in dim if dim[name] < max(dim.values())]:
         n = sum(len(e.number) for e in elements if _name(e) in lower)
@@ -51,10 +51,10 @@ def plain(name: str, e: DeckElement, solid: bool) -> str:
         plane = _plane(name)
         return (plane and card(e.type, "calculix", plane, False)) or e.type
     skin = solid and e.kind == SHELL and name.startswith(("M3D", "SFM3D"))
-    made = [card(e.type, target, flat, skin) for flat in (None, "CPS") for target in TARGETS]
-    if name in made and name != "S8R":  # the only one of Abaqus; CalculiX has S8 as well
+    cards = [card(e.type, target, flat, skin) for flat in (None, "CPS") for target in TARGETS]
+    if name in cards and name != "S8R":  # the only one of Abaqus; CalculiX has S8 as well
         return name
-    return next((known for known in made if known), e.type)
+    return next((known for known in cards if known), e.type)
 
 
 def _named(elements: Iterable[ElementCard]) -> dict[str, DeckElement]:

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from lacmesh.errors import LacmeshWarning, ReadError, some
-from lacmesh.formats.inp.cards import InputDeck, read_model
+from lacmesh.formats.ids import Index, repeated
+from lacmesh.formats.inp.deck import InputDeck, read_model
 from lacmesh.formats.inp.plain import losses, plane_of
 from lacmesh.formats.inp.scope import ElementCard, NodesOf, Resolver, Scope, SurfaceCard
 from lacmesh.formats.inp.skin import CellBlock, DeckCells, Skin
-from lacmesh.formats.msh.numbers import Index, repeated
 from lacmesh.mesh import Floats, Ints, Mesh
 
 _NONE = np.empty(0, np.int64)
@@ -106,14 +106,14 @@ def _elements(scope: Scope, nodes: Index, said: list[str]) -> _Listed:
         raise owner.error(f"two elements have the number {twice}")
     first = np.cumsum([0, *(len(e.number) for e in used)])
     blocks, order = [], [_NONE]
-    kinds = [e.element.type for e in used if e.element is not None]
-    for kind in dict.fromkeys(kinds):
-        mine = [k for k, name in enumerate(kinds) if name == kind]
+    types = [e.element.type for e in used if e.element is not None]
+    for cell_type in dict.fromkeys(types):
+        mine = [k for k, name in enumerate(types) if name == cell_type]
         rows = [_placed(used[k], nodes) for k in mine]
         what = [np.full(len(used[k].number), _what(used[k]), np.int8) for k in mine]
-        blocks.append(CellBlock(kind, np.concatenate(rows), np.concatenate(what)))
+        blocks.append(CellBlock(cell_type, np.concatenate(rows), np.concatenate(what)))
         order += [np.arange(first[k], first[k + 1]) for k in mine]
-    if "SEG3" in kinds:
+    if "SEG3" in types:
         blocks = [_lines(b, nodes, scope, said) if b.type == "SEG3" else b for b in blocks]
     place = np.concatenate(order)
     _say_repeats(blocks, number[place], said)
@@ -166,7 +166,7 @@ def _groups(scope: Scope, node: Ints, cell: Ints, skin: Skin, said: list[str]) -
     """Convert sets and surfaces of nodes to groups, and add surfaces of faces to the skin. Raises ReadError."""
     resolver = Resolver(scope, {"node": np.sort(node), "element": np.sort(cell)}, NodesOf(scope.elements))
     nodes, elements = Index(node), Index(cell)
-    found = _Groups(
+    groups = _Groups(
         {s.shown: nodes.places(resolver.numbers("node", k, s.card)) for k, s in scope.node_sets.items()},
         {s.shown: elements.places(resolver.numbers("element", k, s.card)) for k, s in scope.element_sets.items()},
         [],
@@ -175,15 +175,15 @@ def _groups(scope: Scope, node: Ints, cell: Ints, skin: Skin, said: list[str]) -
         entries = [_entry(resolver, surface, which) for _, which in surface.entries]
         if surface.of_nodes:
             more = np.concatenate([_NONE, *(nodes.places(e) for e in entries)])
-            found.nodes[surface.shown] = np.append(found.nodes.get(surface.shown, _NONE), more)
+            groups.nodes[surface.shown] = np.append(groups.nodes.get(surface.shown, _NONE), more)
             continue
         skin.begin()
-        found.surfaces.append(surface.shown)
+        groups.surfaces.append(surface.shown)
         for (face, _), which in zip(surface.entries, entries, strict=True):
             skin.add(surface.card, face, np.sort(elements.places(which)))
     if resolver.strays:
         said.append(f"{resolver.strays} members of sets and surfaces are no nodes or cells of the mesh, and left out")
-    return found
+    return groups
 
 
 def _entry(resolver: Resolver, surface: SurfaceCard, which: Ints | str) -> Ints:
@@ -199,9 +199,9 @@ def _with_skin(elements: _Listed, new: list[tuple[str, Ints]]) -> _All:
     blocks = {b.type: b.nodes for b in elements.blocks}
     index = {b.type: np.arange(lo, hi) for b, (lo, hi) in zip(elements.blocks, pairwise(offsets), strict=True)}
     n = int(offsets[-1])
-    for kind, rows in new:
-        index[kind] = np.append(index.get(kind, _NONE), n + np.arange(len(rows)))
-        blocks[kind] = np.concatenate([blocks[kind], rows]) if kind in blocks else rows
+    for cell_type, rows in new:
+        index[cell_type] = np.append(index.get(cell_type, _NONE), n + np.arange(len(rows)))
+        blocks[cell_type] = np.concatenate([blocks[cell_type], rows]) if cell_type in blocks else rows
         n += len(rows)
     before = np.concatenate([_NONE, *index.values()])  # the index that each cell had before new ones came among them
     more = np.arange(n - int(offsets[-1]))

@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from lacmesh.errors import did_you_mean
+from lacmesh.formats.inp.cards import Card, label
 from lacmesh.formats.inp.data import IdRange, Members, key
-from lacmesh.formats.inp.scan import Card, label
 from lacmesh.formats.inp.types import DeckElement
 from lacmesh.mesh import Floats, Ints
 
@@ -85,11 +85,11 @@ class Scope:
     def add_to(self, of: str, name: str, card: Card, members: Members | None = None, elements: str = "") -> None:
         """Add members to a set, which need not exist yet."""
         shown, known_as = label(name)
-        found = self.sets(of).setdefault(known_as, Set(shown, card))
+        known = self.sets(of).setdefault(known_as, Set(shown, card))
         if members is not None:
-            found.members.append(members)
+            known.members.append(members)
         if elements:
-            found.of_elements.append(key(elements))
+            known.of_elements.append(key(elements))
 
     def largest(self) -> tuple[int, int]:
         """The largest number of a node, and of an element; 0 where there is none."""
@@ -105,13 +105,13 @@ class Scope:
         before = key(prefix)
         for of, by in (("node", nodes), ("element", elements)):
             for name, old in other.sets(of).items():
-                made = self.sets(of).setdefault(before + name, Set(prefix + old.shown, old.card))
-                made.members += [raised(m, by, before) for m in old.members]
-                made.of_elements += [before + n for n in old.of_elements]
-        for (kind, name), surface in other.surfaces.items():
+                merged = self.sets(of).setdefault(before + name, Set(prefix + old.shown, old.card))
+                merged.members += [raised(m, by, before) for m in old.members]
+                merged.of_elements += [before + n for n in old.of_elements]
+        for (surface_type, name), surface in other.surfaces.items():
             by = nodes if surface.of_nodes else elements
             entries = [(f, before + key(w) if isinstance(w, str) else w + by) for f, w in surface.entries]
-            self.surfaces[kind, before + name] = SurfaceCard(
+            self.surfaces[surface_type, before + name] = SurfaceCard(
                 prefix + surface.shown, surface.card, entries, surface.of_nodes
             )
 
@@ -143,13 +143,13 @@ class Resolver:
         if at in self._open or len(self._open) >= _DEEPEST:
             raise card.error(f"the set {name!r} contains itself, or too many sets inside one another")
         self._open.append(at)
-        found = self.scope.sets(of)[known_as]
+        listed_set = self.scope.sets(of)[known_as]
         parts: list[Ints] = [np.empty(0, np.int64)]
-        for listed in found.members:
+        for listed in listed_set.members:
             parts.append(self.existing(of, listed.numbers))
             parts += [self._generated(of, r) for r in listed.ranges]
-            parts += [self.numbers(of, n, found.card) for n in listed.names]
-        parts += [self._nodes_of(self.numbers("element", n, found.card)) for n in found.of_elements]
+            parts += [self.numbers(of, n, listed_set.card) for n in listed.names]
+        parts += [self._nodes_of(self.numbers("element", n, listed_set.card)) for n in listed_set.of_elements]
         self._open.pop()
         self._found[at] = ordered(np.concatenate(parts))
         return self._found[at]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.formats.inp.scan import Card
+from lacmesh.formats.inp.cards import Card
 from lacmesh.formats.inp.types import FACETS, LINE, PLANE, SHELL, SIDES, SOLID
 from lacmesh.mesh import Ints
 from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces, find_owners, find_repeats, first_of_each, label_faces

@@ -82,9 +82,9 @@ def element(name: str) -> DeckElement | None:
         if re.fullmatch(pattern, name):
             return _element(cell, kind, space)
     for pattern, cells, kind, space in _PATTERNS:
-        found = re.fullmatch(pattern, name)
-        if found:
-            return _element(cells[int(found[1] or 2)], kind, space)
+        match = re.fullmatch(pattern, name)
+        if match:
+            return _element(cells[int(match[1] or 2)], kind, space)
     return None
 
 

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
+from lacmesh.formats.ids import repeated
 from lacmesh.formats.inp.types import FACETS, NODES
 from lacmesh.formats.inp.writer_types import PLANES, TARGETS, card, hint
 from lacmesh.formats.labels import changes, labels
-from lacmesh.formats.msh.numbers import repeated
-from lacmesh.formats.text_numbers import int_rows, joined, reals
+from lacmesh.formats.text import int_rows, joined, reals
 from lacmesh.formats.without_fields import left_out
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.topology.skin import TYPE_CODE, Faces, find_owners, first_of_each, label_faces
@@ -121,9 +121,9 @@ def _roles(mesh: Mesh, all_cells: bool) -> _Roles:
         for b, (lo, hi) in zip(mesh.blocks, pairwise(mesh.offsets), strict=True)
         if b.type in CELLS and CELLS[b.type].dim == mesh.dim and CELLS[b.type].family in FACETS
     ]
-    for kind, chosen, nodes in mesh.select(below):
-        if kind in TYPE_CODE:
-            faces = Faces.join([(kind, nodes)])
+    for cell_type, chosen, nodes in mesh.select(below):
+        if cell_type in TYPE_CODE:
+            faces = Faces.join([(cell_type, nodes)])
             face, cell, side = _behind(faces, solid, mesh.n_nodes)
             turned = relative_listing(faces.take(face), _facets(mesh, cell, side)) % 2
             best = np.lexsort((turned, face))
@@ -137,12 +137,12 @@ def _roles(mesh: Mesh, all_cells: bool) -> _Roles:
 def _behind(faces: Faces, solid: list[tuple[str, Ints, Ints]], n_nodes: int) -> tuple[Ints, Ints, Ints]:
     """Pairs of a face and a cell behind it: face, cell, facet of the cell; faces may lie on each other."""
     first, which = first_of_each(*label_faces(faces))
-    found = find_owners(faces.take(first), solid, n_nodes)
-    count = np.bincount(found.face, minlength=len(first))
+    owners = find_owners(faces.take(first), solid, n_nodes)
+    count = np.bincount(owners.face, minlength=len(first))
     begin = (np.cumsum(count) - count)[which]
     of = count[which]
     rows = np.repeat(begin - (np.cumsum(of) - of), of) + np.arange(of.sum())
-    return np.repeat(np.arange(len(faces)), of), found.cell[rows], found.facet[rows]
+    return np.repeat(np.arange(len(faces)), of), owners.cell[rows], owners.facet[rows]
 
 
 def _facets(mesh: Mesh, cells: Ints, facets: Ints) -> Faces:

@@ -40,7 +40,7 @@ _HINTS = {
 }
 
 
-def card(kind: str, target: str, plane: str | None, skin: bool) -> str | None:
+def card(cell_type: str, target: str, plane: str | None, skin: bool) -> str | None:
     """Element for a cell of type `kind`; None if the target has none.
 
     `plane`: CPS, CPE or CAX for plane meshes, None in 3D; `skin`: the cell lies on a face of another cell.
@@ -48,21 +48,21 @@ def card(kind: str, target: str, plane: str | None, skin: bool) -> str | None:
     >>> card("HEXA8", "calculix", None, False), card("QUAD4", "calculix", "CPE", False)
     ('C3D8', 'CPE4')
     """
-    if kind in _VOLUMES:
-        return _VOLUMES[kind]
-    if target == "abaqus" and kind in _ABAQUS_VOLUMES:
-        return _ABAQUS_VOLUMES[kind]
-    if kind == "POI1":
+    if cell_type in _VOLUMES:
+        return _VOLUMES[cell_type]
+    if target == "abaqus" and cell_type in _ABAQUS_VOLUMES:
+        return _ABAQUS_VOLUMES[cell_type]
+    if cell_type == "POI1":
         return "MASS"
-    if kind in _LINES:
-        return (_PLANE_LINES[target] if plane else _LINES)[kind]
+    if cell_type in _LINES:
+        return (_PLANE_LINES[target] if plane else _LINES)[cell_type]
     if plane:
-        return plane + _FACES[kind] if kind in _FACES else None
-    return (_SKINS if skin else _SHELLS)[target].get(kind)
+        return plane + _FACES[cell_type] if cell_type in _FACES else None
+    return (_SKINS if skin else _SHELLS)[target].get(cell_type)
 
 
-def hint(kind: str, target: str) -> str:
+def hint(cell_type: str, target: str) -> str:
     """Advice for a cell type that has no element in the target."""
-    if target == "abaqus" and kind in ("PYRAM13", "PYRAM14"):
+    if target == "abaqus" and cell_type in ("PYRAM13", "PYRAM14"):
         return "cut hexahedra with --hexa hexa, which makes no pyramids"
-    return _HINTS.get(kind, "lower their order")
+    return _HINTS.get(cell_type, "lower their order")

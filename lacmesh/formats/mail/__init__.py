@@ -24,8 +24,8 @@ def begins(head: bytes) -> bool:
     >>> begins(b"% a mesh\\n COOR_2D\\nN1 0. 0."), begins(b"*NODE")
     (True, False)
     """
-    found = _KEYWORD.match(head)
-    return found is not None and found[1].decode() in {
+    keyword = _KEYWORD.match(head)
+    return keyword is not None and keyword[1].decode() in {
         *NODES,
         "TITRE",
         "COOR_1D",

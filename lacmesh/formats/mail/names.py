@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.formats.text_numbers import decoded, parsed
+from lacmesh.formats.text import decoded, is_long, parsed
 from lacmesh.mesh import Ints
 
 #: Keys of one prefix are numbers below this; names of no such form have keys from _OTHER on.
@@ -21,8 +21,6 @@ STEP = 10**10
 _OTHER = 10**17
 _REGULAR = re.compile(rb"([A-Za-z_]{1,7})(0|[1-9][0-9]{0,8})")
 _MOST_PREFIXES = 16
-#: Texts from this size on are worth the time to load the compiler.
-_COMPILED = 1 << 20
 #: What a byte is in a name: nothing (a separator), a letter, a digit, something else.
 _BLANK, _LETTER, _DIGIT, _OTHERS = 0, 1, 2, 3
 _CLASS = np.full(256, _OTHERS, np.uint8)
@@ -66,11 +64,11 @@ class Scanned(NamedTuple):
 
 def scanned(text: bytes) -> Scanned | None:
     """Split a text of whole lines into words; None if one is not letters and a number. Compiled."""
-    from lacmesh.formats.mail.kernel import scan
+    from lacmesh.formats.text_kernels import scan_names
 
     size = len(text) // 2 + 1
     number, prefix, first = np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, bool)
-    n = scan(np.frombuffer(text, np.uint8), _CLASS, number, prefix, first)
+    n = scan_names(np.frombuffer(text, np.uint8), _CLASS, number, prefix, first)
     return None if n < 0 else Scanned(number[:n], prefix[:n], first[:n])
 
 
@@ -112,11 +110,11 @@ class Names:
 
     def lines(self, text: bytes) -> tuple[Ints, NDArray[np.bool_]]:
         """The keys of all words of a text whose lines are whole, and which words begin a line."""
-        found = scanned(text) if len(text) >= _COMPILED else scanned_by_arrays(text)
-        if found is not None:
-            keys = self._with_prefixes(found.number, found.prefix)
+        regular = scanned(text) if is_long(text) else scanned_by_arrays(text)
+        if regular is not None:
+            keys = self._with_prefixes(regular.number, regular.prefix)
             if keys is not None:
-                return keys, found.first
+                return keys, regular.first
         keys = np.array([self._key(word) for word in text.translate(_SPACED).split()], np.int64)
         return keys, words(text).first
 
@@ -138,9 +136,9 @@ class Names:
         return STEP * self._prefixes.setdefault(prefix, len(self._prefixes))
 
     def _key(self, word: bytes) -> int:
-        found = _REGULAR.fullmatch(word)
-        if found:
-            return self._base(found[1]) + int(found[2])
+        regular = _REGULAR.fullmatch(word)
+        if regular:
+            return self._base(regular[1]) + int(regular[2])
         return self._others.setdefault(word, _OTHER + len(self._others))
 
     def name(self, key: int) -> str:
@@ -156,6 +154,6 @@ def numbers(keys: Ints) -> Ints | None:
         return keys
     if keys.max() >= _OTHER:
         return None
-    found = keys % STEP
-    ordered = np.sort(found)
-    return None if (ordered[1:] == ordered[:-1]).any() else found
+    ids = keys % STEP
+    ordered = np.sort(ids)
+    return None if (ordered[1:] == ordered[:-1]).any() else ids

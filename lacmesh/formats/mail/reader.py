@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from lacmesh.errors import LacmeshWarning, ReadError, did_you_mean
+from lacmesh.formats.ids import Index, repeated
 from lacmesh.formats.mail import names as mail_names
 from lacmesh.formats.mail.names import Names
-from lacmesh.formats.mail.scan import SubFile, body, chunks, sub_files
+from lacmesh.formats.mail.sub_files import SubFile, body, sub_files
 from lacmesh.formats.mail.types import NODES, NOT_READ
-from lacmesh.formats.msh.numbers import Index, repeated
-from lacmesh.formats.msh.scan import MshBytes
-from lacmesh.formats.text_numbers import bad_line, decoded, parsed
+from lacmesh.formats.source import SourceFile
+from lacmesh.formats.text import bad_line, chunks, decoded, parsed
 from lacmesh.mesh import Floats, Ints, Mesh
 
 _COORDINATES = {"COOR_1D": 1, "COOR_2D": 2, "COOR_3D": 3}
@@ -38,7 +38,7 @@ class _Section:
 
 @dataclass
 class _Content:
-    source: MshBytes
+    source: SourceFile
     names: Names = field(default_factory=Names)
     title: list[str] = field(default_factory=list)
     dim: int = 0
@@ -69,7 +69,7 @@ def read(path: Path) -> Mesh:
     Names are kept as their numbers where each has one (N12, MA7) and no two have the same; else nodes, or cells, are
     numbered 1, 2 ... in the file's order, with a warning.
     """
-    content = _Content(MshBytes(path))
+    content = _Content(SourceFile(path))
     for part in sub_files(content.source, content.check):
         _take(content, part)
     if not content.points:
@@ -109,18 +109,18 @@ def _take_nodes(content: _Content, part: SubFile, dim: int) -> None:
     before = 0  # words of this sub-file passed so far
     keys, values = [], []
     for at, text in chunks(body(source, part)):
-        found = mail_names.words(text)
-        heads = np.arange(-before % width, len(found.begin), width)
-        if not found.first[heads].all():
-            bad = content.misplaced(part, at, text, int(heads[found.first[heads].argmin()]) - width)
+        words = mail_names.words(text)
+        heads = np.arange(-before % width, len(words.begin), width)
+        if not words.first[heads].all():
+            bad = content.misplaced(part, at, text, int(heads[words.first[heads].argmin()]) - width)
             raise source.error(f"each node should begin a line, and have {dim} coordinates", bad)
-        names, reals = _split(found, heads)
+        names, reals = _split(words, heads)
         keys.append(content.names.keys(names))
         numbers = parsed(reals, np.float64)
         if numbers is None:
             raise source.error("coordinates should be real numbers", part.begin + at + bad_line(reals, np.float64))
         values.append(numbers)
-        before += len(found.begin)
+        before += len(words.begin)
     if before % width:
         raise source.error(f"the last node here has fewer than {dim} coordinates", part.end)
     points = np.zeros((before // width, 3))
@@ -129,15 +129,15 @@ def _take_nodes(content: _Content, part: SubFile, dim: int) -> None:
     content.points.append(points)
 
 
-def _split(found: mail_names.Words, heads: Ints) -> tuple[bytes, bytes]:
+def _split(words: mail_names.Words, heads: Ints) -> tuple[bytes, bytes]:
     """Split the words of a text into two texts: the names, which are the words `heads`, and the coordinates."""
-    begin, size = found.begin[heads], (found.end - found.begin)[heads]
+    begin, size = words.begin[heads], (words.end - words.begin)[heads]
     width = int(size.max(initial=0)) + 1
     names = np.full((len(heads), width), 32, np.uint8)
-    rest = found.text.copy()
+    rest = words.text.copy()
     for k in range(width - 1):
         has = size > k
-        names[has, k] = found.text[begin[has] + k]
+        names[has, k] = words.text[begin[has] + k]
         rest[begin[has] + k] = 32
     return names.tobytes(), rest.tobytes().translate(_REAL)
 
@@ -214,9 +214,9 @@ def _check_distinct(content: _Content, keys: Ints, what: str, at: int) -> None:
 
 def _numbers(path: Path, content: _Content, keys: Ints, what: str) -> Ints:
     """The numbers in the names, or 1, 2 ... with a warning."""
-    found = mail_names.numbers(keys)
-    if found is not None:
-        return found
+    ids = mail_names.numbers(keys)
+    if ids is not None:
+        return ids
     example = content.names.name(int(keys.max()))
     _warn(path, f"the names of {what} (as {example}) are not distinct numbers after letters: they become 1, 2 ...")
     return np.arange(1, len(keys) + 1)
@@ -227,15 +227,15 @@ def _blocks(content: _Content, nodes: Index) -> tuple[Ints, list[tuple[str, Ints
     first = np.cumsum([0, *(len(s.name) for s in content.sections)])
     order: list[Ints] = [np.empty(0, np.int64)]
     blocks: list[tuple[str, Ints]] = []
-    for kind in dict.fromkeys(s.type for s in content.sections):
-        mine = [k for k, s in enumerate(content.sections) if s.type == kind]
-        rows = np.empty((sum(len(content.sections[k].name) for k in mine), len(NODES[kind])), np.int32)
+    for cell_type in dict.fromkeys(s.type for s in content.sections):
+        mine = [k for k, s in enumerate(content.sections) if s.type == cell_type]
+        rows = np.empty((sum(len(content.sections[k].name) for k in mine), len(NODES[cell_type])), np.int32)
         start = 0
         for k in mine:
             _place(content, content.sections[k], nodes, rows[start:])
             start += len(content.sections[k].name)
         order += [np.arange(first[k], first[k + 1]) for k in mine]
-        blocks.append((kind, rows))
+        blocks.append((cell_type, rows))
     return np.concatenate(order), blocks
 
 
@@ -263,7 +263,7 @@ def _check_repeats(content: _Content, section: _Section, places: Ints) -> None:
         _warn(content.source.path, f"{len(bad)} cells {section.type} have a node twice, the first {', '.join(names)}")
 
 
-def _at_row(source: MshBytes, section: _Section, row: int, message: str) -> ReadError:
+def _at_row(source: SourceFile, section: _Section, row: int, message: str) -> ReadError:
     """The error for one cell of a section: at the line where it begins."""
     text = body(source, section.part)
     words_before = row * (1 + section.nodes.shape[1])
@@ -277,12 +277,12 @@ def _at_row(source: MshBytes, section: _Section, row: int, message: str) -> Read
 
 def _groups(content: _Content, what: str, index: Index) -> dict[str, Ints]:
     """Sorted indices of the members of each group. Raises ReadError for an unknown node or cell."""
-    made = {}
+    groups = {}
     for name, (part, keys) in content.groups[what].items():
         places = index.places(keys)
         if (places < 0).any():
             wrong = [content.names.name(int(key)) for key in keys[places < 0][:5]]
             message = f"the group {name!r} has members that are not among the {what}: {', '.join(wrong)}"
             raise content.source.error(message, part.at)
-        made[name] = places
-    return made
+        groups[name] = places
+    return groups

@@ -10,10 +10,10 @@ from typing import BinaryIO
 import numpy as np
 
 from lacmesh.errors import LacmeshWarning, WriteError
+from lacmesh.formats.ids import repeated
 from lacmesh.formats.labels import changes, labels
 from lacmesh.formats.mail.types import NODES
-from lacmesh.formats.msh.numbers import repeated
-from lacmesh.formats.text_numbers import int_rows, reals
+from lacmesh.formats.text import int_rows, reals
 from lacmesh.formats.without_fields import left_out
 from lacmesh.mesh import Floats, Ints, Mesh
 
@@ -40,22 +40,22 @@ def write(path: Path, mesh: Mesh) -> None:
             ("GROUP_NO", "N", mesh.node_groups, node),
             ("GROUP_MA", "M", mesh.cell_groups, cell),
         ):
-            made = labels(groups, "A-Za-z0-9_", GROUP_NAME, ["FIN", "FINSF"])
-            if changed := changes(made):
+            chosen = labels(groups, "A-Za-z0-9_", GROUP_NAME, ["FIN", "FINSF"])
+            if changed := changes(chosen):
                 said.append(f"names of {keyword} have {GROUP_NAME} letters, digits and _ at most: {changed}")
             for name, members in groups.items():
-                _write_group(file, f"{keyword}\n{made[name]}", letter.encode(), number[members])
+                _write_group(file, f"{keyword}\n{chosen[name]}", letter.encode(), number[members])
         file.write(b"FIN\n")
     if said:
         warnings.warn(LacmeshWarning(".mail: " + "; ".join(said)), stacklevel=2)
 
 
 def _check(path: Path, mesh: Mesh) -> None:
-    for kind, n in mesh.cells_by_type.items():
-        if kind not in NODES:
-            what = "write them as PYRAM13" if kind == "PYRAM14" else "lower their order"
+    for cell_type, n in mesh.cells_by_type.items():
+        if cell_type not in NODES:
+            what = "write them as PYRAM13" if cell_type == "PYRAM14" else "lower their order"
             raise WriteError(
-                path, f"code_aster has no cells of type {kind}, the mesh has {n}; {what}, or write a .msh file"
+                path, f"code_aster has no cells of type {cell_type}, the mesh has {n}; {what}, or write a .msh file"
             )
 
 

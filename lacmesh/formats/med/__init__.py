@@ -60,9 +60,9 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     said: list[str] = []
     with opened(path) as root:
         _check_version(root)
-        found = _read_mesh(root, _chosen(root, mesh), said)
+        chosen = _read_mesh(root, _chosen(root, mesh), said)
     _say(path, said)
-    return found
+    return chosen
 
 
 def _say(path: Path | None, said: list[str]) -> None:
@@ -177,20 +177,20 @@ def _read_points(home: Branch, step: Branch) -> tuple[Floats, int]:
 
 def _read_cells(step: Branch, n_nodes: int, said: list[str]) -> list[_Cells]:
     """The cells of each type, in the order of the file where it has one, else in libmed's."""
-    found: dict[str, _Cells] = {}
+    cells_of: dict[str, _Cells] = {}
     named = step.branch("NOE").has("NOM")
     for entity in _ENTITIES:
         for link in _in_order(step.branch(entity)) if step.has(entity) else ():
             name = text(link)
             part = step.branch(entity).branch(link)
             named = named or part.has("NOM")
-            if name in found:
-                said.append(f"{entity}/{name} is left out, {found[name].support} has such cells too")
+            if name in cells_of:
+                said.append(f"{entity}/{name} is left out, {cells_of[name].support} has such cells too")
             elif (cells := _read_type(part, entity, name, n_nodes)) is not None:
-                found[name] = cells
+                cells_of[name] = cells
     if named:
         said.append("names of single nodes and cells are left out")
-    return list(found.values())
+    return list(cells_of.values())
 
 
 def _in_order(inside: Branch) -> list[Name]:
@@ -298,10 +298,12 @@ def write(path: Path, mesh: Mesh) -> None:
 
 
 def _check(path: Path, mesh: Mesh) -> None:
-    for kind, n in mesh.cells_by_type.items():
-        if kind not in _OF_TYPE:
-            what = "write them as PYRAM13" if kind == "PYRAM14" else "lower their order"
-            raise WriteError(path, f"MED has no cells of type {kind}, the mesh has {n}; {what}, or write a .msh file")
+    for cell_type, n in mesh.cells_by_type.items():
+        if cell_type not in _OF_TYPE:
+            what = "write them as PYRAM13" if cell_type == "PYRAM14" else "lower their order"
+            raise WriteError(
+                path, f"MED has no cells of type {cell_type}, the mesh has {n}; {what}, or write a .msh file"
+            )
     for name in (*mesh.cell_groups, *mesh.node_groups):
         if len(encoded(name)) > families.NAME_SIZE:
             raise WriteError(path, f"a group's name has {families.NAME_SIZE} bytes at most in MED; shorten {name!r}")

@@ -60,8 +60,8 @@ def reason(error: BaseException) -> str:
         return f"it is cut short: {short[1]} of its {short[2]} bytes are there"
     if "on disk image buffer" in said:  # asked for, and refused, before any of it is used
         return "HDF5: an object of absurd size"
-    found = re.fullmatch(r"[^()]*\((.*)\)", said)
-    return f"HDF5: {found[1] if found else said}"
+    bracketed = re.fullmatch(r"[^()]*\((.*)\)", said)
+    return f"HDF5: {bracketed[1] if bracketed else said}"
 
 
 @contextmanager
@@ -118,10 +118,10 @@ class Branch:
                 raise self.error("is missing", name)
             if isinstance(link, h5py.ExternalLink):
                 raise self.error("points into another file, which is not followed", name)
-            found = self.group[name]
-            if not isinstance(found, kind):
-                raise self.error(f"is a {type(found).__name__.lower()}, expected a {kind.__name__.lower()}", name)
-            return found
+            member = self.group[name]
+            if not isinstance(member, kind):
+                raise self.error(f"is a {type(member).__name__.lower()}, expected a {kind.__name__.lower()}", name)
+            return member
 
     def branch(self, name: Name) -> Branch:
         """The group of that name."""

@@ -1,7 +1,8 @@
 """Notes of lacmesh in a MED file: data of a mesh that MED has no place for, as JSON in the root group LACMESH.
 
-libmed, medcoupling and gmsh leave that group alone (and drop it when they write). The notes are the names of a cut's
-zones, msh's tags of the groups, and msh's model; where they are gone, the zones' names are derived from the groups.
+libmed, medcoupling and gmsh leave that group alone (and drop it when they write). The notes (`formats.notes.MED_NOTES`)
+are the names of a cut's zones, msh's tags of the groups, and msh's model; where they are gone, the zones' names are
+derived from the groups.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ import h5py
 import numpy as np
 
 from lacmesh.formats.med.hdf5 import Branch, add_array, add_group
-from lacmesh.formats.notes import DAMAGE, common_fields, plain_model
+from lacmesh.formats.note_types import DAMAGE, from_plain, to_plain
+from lacmesh.formats.notes import MED_NOTES, mesh_fields
 from lacmesh.mesh import Mesh
 
 HOME, PLACE = "LACMESH", "notes"
@@ -21,15 +23,10 @@ HOME, PLACE = "LACMESH", "notes"
 
 def write(root: h5py.Group, mesh: Mesh, name: str) -> None:
     """Write the notes of a mesh that is called `name` in the file, if there is anything to note."""
-    notes: dict[str, Any] = {}
-    if mesh.zones:
-        notes["zones"] = list(mesh.zones)
-    if mesh.group_tags:
-        notes["group_tags"] = {group: [list(tag) for tag in tags] for group, tags in mesh.group_tags.items()}
-    if mesh.model is not None:
-        notes["model"] = plain_model(mesh.model)
-    if notes:
-        content = json.dumps({"mesh": name, **notes}).encode()
+    notes = {"mesh": name, "zones": mesh.zones, "group_tags": mesh.group_tags, "model": mesh.model}
+    plain = to_plain(notes, MED_NOTES)
+    if len(plain) > 1:
+        content = json.dumps(plain).encode()
         add_array(add_group(root, HOME), PLACE, np.frombuffer(content, np.uint8))
 
 
@@ -39,8 +36,8 @@ def read(root: Branch, name: str, n_nodes: int, said: list[str]) -> dict[str, An
         return {}
     raw = root.branch(HOME).raw(PLACE)
     try:
-        notes = json.loads(raw)
-        return common_fields(notes, n_nodes) if notes["mesh"] == name else {}
+        notes = from_plain(json.loads(raw), MED_NOTES)
+        return mesh_fields(notes, n_nodes) if notes["mesh"] == name else {}
     except DAMAGE:
         said.append("lacmesh's own notes (group LACMESH) are damaged and left out")
         return {}

@@ -15,10 +15,10 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshWarning, some
+from lacmesh.formats.ids import Index, repeated
 from lacmesh.formats.msh import fields as msh_fields
 from lacmesh.formats.msh.names import unnamed
 from lacmesh.formats.msh.notes import SECTION, Notes
-from lacmesh.formats.msh.numbers import Index, repeated
 from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.mesh import Floats, Ints, Mesh, Model, Periodic, Tag
 
@@ -156,7 +156,7 @@ def _fitting(content: Content) -> Notes:
             f"the section ${SECTION} was written for {notes.nodes} nodes and {notes.cells} cells, and the file now "
             f"has {len(content.node_number)} and {n_cells}: its node groups and further cells are left out"
         )
-        notes.node_groups, notes.cell_groups, notes.extra_cells, notes.node_entity = {}, {}, [], None
+        notes.node_groups, notes.cell_groups, notes.extra_cells, notes.node_entity = {}, {}, (), None
     return notes
 
 
@@ -187,18 +187,18 @@ def _add_extra_cells(content: Content, notes: Notes) -> None:
 def _cells(content: Content, nodes: Index) -> _Cells:
     """Join all pieces, one block per type, in order of first appearance in the file. Raises ReadError."""
     pieces = [p for p in content.pieces if len(p.number)]
-    kinds: dict[str, int] = {}
+    sizes_of: dict[str, int] = {}
     start = [p.at if isinstance(p.at, int) else int(p.at.min()) for p in pieces]
     for k in sorted(range(len(pieces)), key=start.__getitem__):
-        kinds.setdefault(pieces[k].type, 0)
+        sizes_of.setdefault(pieces[k].type, 0)
     for p in pieces:
-        kinds[p.type] += len(p.number)
-    sizes = list(kinds.values())
+        sizes_of[p.type] += len(p.number)
+    sizes = list(sizes_of.values())
     total = sum(sizes)
-    following = dict(zip(kinds, np.cumsum([0, *sizes[:-1]]).tolist() if sizes else [], strict=True))
+    following = dict(zip(sizes_of, np.cumsum([0, *sizes[:-1]]).tolist() if sizes else [], strict=True))
     begin = dict(following)
     index = np.int32 if len(content.node_number) < 2**31 else np.int64
-    arrays = {kind: np.empty((n, ALL_CELLS[kind].n_nodes), index) for kind, n in kinds.items()}
+    arrays = {cell_type: np.empty((n, ALL_CELLS[cell_type].n_nodes), index) for cell_type, n in sizes_of.items()}
     number, entity = np.empty(total, np.int64), np.empty((total, 2), np.int32)
     partition = None if all(isinstance(p.partition, int) and p.partition < 0 for p in pieces) else np.empty(total, "i4")
     first = []

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import WriteError
+from lacmesh.formats.ids import Index
 from lacmesh.formats.msh.names import quoted, safe_names
-from lacmesh.formats.msh.notes import FieldNote
-from lacmesh.formats.msh.numbers import Index
 from lacmesh.formats.msh.output import Output
-from lacmesh.formats.msh.scan import MshBytes, TextNumbers
+from lacmesh.formats.msh.scan import MshBytes
+from lacmesh.formats.notes import FieldNote
 from lacmesh.mesh import Floats, Ints, Step
 
 #: section -> what its rows are on
@@ -70,21 +70,10 @@ def read_rows(source: MshBytes, section: str) -> Rows:
     if not 1 <= width <= source.size or n < 0:
         raise source.error(f"a ${section} cannot have {width} components and {n} rows", at)
     head = Head(SECTIONS[section], quoted(strings[0]), step, time)
-    return Rows(head, rest[0] if rest else 0, *_payload(source, section, n, width))
-
-
-def _payload(source: MshBytes, section: str, n: int, width: int) -> tuple[Ints, Floats]:
-    if not source.binary:
-        text = TextNumbers(source, section, True)
-        table = text.reals(n * (width + 1)).reshape(n, width + 1)
-        text.done()
-        with np.errstate(invalid="ignore"):
-            return table[:, 0].astype(np.int64), table[:, 1:]
-    # as bytes: a record of very many components is more than numpy's types allow
-    raw = source.take("u1", n * (4 + 8 * width)).reshape(n, 4 + 8 * width)
-    source.end(section)
-    number = np.ascontiguousarray(raw[:, :4]).view(source.order + "i4").ravel()
-    return number.astype(np.int64), np.ascontiguousarray(raw[:, 4:]).view(source.order + "f8").astype(np.float64)
+    numbers = source.numbers(section, True)
+    rows = Rows(head, rest[0] if rest else 0, *numbers.numbered(n, width, head.on))
+    numbers.done()
+    return rows
 
 
 def keys(heads: Sequence[Head]) -> list[tuple[str, Step | None]]:
@@ -245,8 +234,8 @@ def _heads(on: str, meant: Mapping[str, Step]) -> list[Head]:
     heads = []
     count: dict[str, int] = {}
     for step in meant.values():
-        found = numbers[step.field]
-        plain = len(set(found)) == len(found) and min(found) >= 0 and max(found) < _MANY_STEPS
+        used = numbers[step.field]
+        plain = len(set(used)) == len(used) and min(used) >= 0 and max(used) < _MANY_STEPS
         k = count[step.field] = count.get(step.field, -1) + 1
         time = float(step.time)
         heads.append(Head(on, safe[step.field], int(step.number) if plain else k, time if time == time else 0.0))

@@ -10,23 +10,16 @@ import re
 from collections.abc import Iterable
 
 from lacmesh.formats.msh.scan import MshBytes
+from lacmesh.formats.text import decoded
 from lacmesh.mesh import Tag
 
 _LONGEST = 120  # bytes; gmsh cuts at 128 when it saves
 
 
-def decoded(raw: bytes) -> str:
-    """A name's text: UTF-8, or Latin-1 where it is not."""
-    try:
-        return raw.decode()
-    except UnicodeDecodeError:
-        return raw.decode("latin-1")
-
-
 def quoted(line: bytes) -> str:
     """Text between the first and the last quote of a line; the whole line if there are not two quotes."""
-    found = re.search(rb'"(.*)"', line)
-    return decoded(found[1] if found else line.strip().strip(b'"'))
+    between = re.search(rb'"(.*)"', line)
+    return decoded(between[1] if between else line.strip().strip(b'"'))
 
 
 def safe_names(names: Iterable[str]) -> dict[str, str]:
@@ -63,10 +56,10 @@ def physical_names(source: MshBytes) -> list[tuple[int | None, int, str]]:
     pattern = re.compile(rb'\s*(\d{1,9})\s+"' if source.version == "2.0" else rb'\s*([0-3])\s+(-?\d{1,9})\s+"')
     names: list[tuple[int | None, int, str]] = []
     for line in lines:
-        found = pattern.match(line)
-        if found is None:
+        match = pattern.match(line)
+        if match is None:
             raise source.error(f"{decoded(line)[:60]!r} should be a dimension, a tag and a name in quotes", start)
-        numbers = [int(g) for g in found.groups()]
+        numbers = [int(g) for g in match.groups()]
         names.append((None if len(numbers) == 1 else numbers[0], abs(numbers[-1]), quoted(line)))
     return names
 

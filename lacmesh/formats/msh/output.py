@@ -10,7 +10,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.formats.msh.numbers import CHUNK
+from lacmesh.formats.ids import CHUNK
 from lacmesh.mesh import Floats, Ints
 
 

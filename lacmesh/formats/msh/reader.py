@@ -59,16 +59,16 @@ def read_format(source: MshBytes) -> None:
 
 def _read_version(source: MshBytes) -> None:
     at = source.position
-    found = re.fullmatch(rb"\s*(\d+(?:\.\d+)?)\s+([01])\s+(\d{1,4})\s*", source.line())
-    if found is None:
+    match = re.fullmatch(rb"\s*(\d+(?:\.\d+)?)\s+([01])\s+(\d{1,4})\s*", source.line())
+    if match is None:
         raise source.error("$MeshFormat should hold a version, 0 or 1, and a size", at)
-    version = found[1].decode()
+    version = match[1].decode()
     if version not in LAYOUTS:
         raise source.error(f"msh version {version} is not read (2.0 to 2.2 and 4.1 are); {_SAVE_AS}", at)
-    if int(found[3]) != 8:
-        raise source.error(f"numbers of {int(found[3])} bytes are not read, only of 8; {_SAVE_AS}", at)
+    if int(match[3]) != 8:
+        raise source.error(f"numbers of {int(match[3])} bytes are not read, only of 8; {_SAVE_AS}", at)
     source.version = "2.0" if version == "2" else version
-    if found[2] == b"1":
+    if match[2] == b"1":
         source.binary = True
         mark = bytes(source.take("u1", 4))
         if mark not in (b"\1\0\0\0", b"\0\0\0\1"):

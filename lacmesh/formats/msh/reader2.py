@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshWarning, ReadError
+from lacmesh.formats.ids import repeated
 from lacmesh.formats.msh import runs as msh_runs
 from lacmesh.formats.msh.content import Content, Piece, Repeats
-from lacmesh.formats.msh.numbers import TYPE_NAMES, repeated
 from lacmesh.formats.msh.scan import MshBytes, TextNumbers
+from lacmesh.formats.msh.types import TYPE_NAMES
 from lacmesh.mesh import Ints
 
 _LARGEST = 2**31 - 1
@@ -66,22 +67,11 @@ class Reader2:
         return content
 
     def _read_nodes(self) -> None:
-        source, content = self.content.source, self.content
-        n = source.count("Nodes")
-        if source.binary:
-            record = np.dtype([("number", source.order + "i4"), ("xyz", source.order + "f8", 3)])
-            rows = source.take(record, n)
-            source.end("Nodes")
-            content.node_number, content.points = rows["number"].astype(np.int64), rows["xyz"].astype(np.float64)
-            return
-        numbers = TextNumbers(source, "Nodes", True)
-        table = numbers.reals(4 * n).reshape(n, 4)
+        content = self.content
+        n = content.source.count("Nodes")
+        numbers = content.source.numbers("Nodes", True)
+        content.node_number, content.points = numbers.numbered(n, 3, "node")
         numbers.done()
-        with np.errstate(invalid="ignore"):
-            content.node_number = table[:, 0].astype(np.int64)
-        if not (content.node_number == table[:, 0]).all():
-            raise source.error("the number of a node should be an integer")
-        content.points = np.ascontiguousarray(table[:, 1:])
 
     def _read_elements(self) -> None:
         source = self.content.source
@@ -107,14 +97,14 @@ class Reader2:
             elements = msh_runs.find(table, n, False, numbers.error_at)
             numbers.place = elements.end
             numbers.done()
-        kinds, first = np.unique(elements.kind, return_index=True)
-        for kind in kinds[np.argsort(first)].tolist():
-            self.content.pieces.append(self._piece(table, elements, kind))
+        gmsh_types, first = np.unique(elements.kind, return_index=True)
+        for gmsh_type in gmsh_types[np.argsort(first)].tolist():
+            self.content.pieces.append(self._piece(table, elements, gmsh_type))
 
-    def _piece(self, table: Ints, elements: msh_runs.ElementRuns, kind: int) -> Piece:
+    def _piece(self, table: Ints, elements: msh_runs.ElementRuns, gmsh_type: int) -> Piece:
         """The elements of one type."""
-        source, cell = self.content.source, ALL_CELLS[TYPE_NAMES[kind]]
-        at = np.flatnonzero(elements.kind == kind)
+        source, cell = self.content.source, ALL_CELLS[TYPE_NAMES[gmsh_type]]
+        at = np.flatnonzero(elements.kind == gmsh_type)
         place, n_tags = elements.place[at], elements.n_tags[at]
         tags_at = place + (1 if source.binary else 3)
 

@@ -12,8 +12,8 @@ import numpy as np
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import ReadError
 from lacmesh.formats.msh.content import Content, Piece
-from lacmesh.formats.msh.numbers import TYPE_NAMES, UNKNOWN_TYPE
 from lacmesh.formats.msh.scan import MshBytes, Numbers
+from lacmesh.formats.msh.types import TYPE_NAMES, UNKNOWN_TYPE
 from lacmesh.mesh import Floats, Ints, Tag
 
 _LARGEST = 2**31 - 1
@@ -101,7 +101,7 @@ class Reader4:
 
     def _read_nodes(self, numbers: Numbers) -> None:
         n_blocks, total, _, _ = numbers.sizes(4).tolist()
-        found: list[tuple[Tag, Ints, Floats]] = []
+        blocks: list[tuple[Tag, Ints, Floats]] = []
         for _ in _upto(n_blocks):
             dim, tag, parametric = numbers.ints(3).tolist()
             n = _count(numbers)
@@ -111,16 +111,16 @@ class Reader4:
             xyz = numbers.reals(n * width).reshape(n, width)
             if parametric and n:
                 self.dropped["parametric coordinates of nodes"] = None
-            found.append((entity, number, xyz))
+            blocks.append((entity, number, xyz))
         numbers.done()
-        if sum(len(number) for _, number, _ in found) != total:
+        if sum(len(number) for _, number, _ in blocks) != total:
             raise self.content.source.error(f"$Nodes announces {total} nodes and holds another number")
         content = self.content
         content.node_number = np.empty(total, np.int64)
         content.points = np.empty((total, 3))
         content.node_entity = np.empty((total, 2), np.int32)
         a = 0
-        for entity, number, xyz in found:
+        for entity, number, xyz in blocks:
             b = a + len(number)
             content.node_number[a:b] = number
             content.points[a:b] = xyz[:, :3]
@@ -133,12 +133,12 @@ class Reader4:
         n_blocks, total, _, _ = numbers.sizes(4).tolist()
         at = 0
         for _ in _upto(n_blocks):
-            dim, tag, kind = numbers.ints(3).tolist()
+            dim, tag, gmsh_type = numbers.ints(3).tolist()
             n = _count(numbers)
             entity = _tag(numbers, dim, tag)
-            name = TYPE_NAMES.get(kind)
+            name = TYPE_NAMES.get(gmsh_type)
             if name is None:
-                raise numbers.error(UNKNOWN_TYPE.format(kind))
+                raise numbers.error(UNKNOWN_TYPE.format(gmsh_type))
             width = 1 + ALL_CELLS[name].n_nodes
             rows = numbers.sizes(n * width).reshape(n, width)
             if n:

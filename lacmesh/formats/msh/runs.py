@@ -15,7 +15,7 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import ReadError
-from lacmesh.formats.msh.numbers import TYPE_NAMES, UNKNOWN_TYPE
+from lacmesh.formats.msh.types import TYPE_NAMES, UNKNOWN_TYPE
 from lacmesh.mesh import Ints
 
 #: Numbers gone through one record after the other before galloping is tried again, and when that pays.
@@ -40,7 +40,7 @@ class _Key(NamedTuple):
 
 
 @dataclass
-class _Found:
+class _Runs:
     """Runs of records with equal keys: the key, the position of the first record, and their count."""
 
     keys: dict[_Key, int] = field(default_factory=dict)
@@ -59,18 +59,18 @@ def find(table: Ints, n: int, binary: bool, error: Callable[[str, int], ReadErro
 
     Raises ReadError for an unknown type, an impossible record, or a table that ends too early.
     """
-    found = _Found()
+    runs = _Runs()
     place, left = 0, n
     while left > 0:
         key = _key(table, place, left, binary, error)
         length = _length(key, binary)
         times = _alike(table, place, length, min(left // key.follow, (len(table) - place) // length), binary)
-        found.add(key, place, times)
+        runs.add(key, place, times)
         place += times * length
         left -= times * key.follow
         if times < _FEW:
-            place, left = _walk(table, place, left, binary, found)
-    return _expanded(found, binary, place)
+            place, left = _walk(table, place, left, binary, runs)
+    return _expanded(runs, binary, place)
 
 
 def _key(table: Ints, place: int, left: int, binary: bool, error: Callable[[str, int], ReadError]) -> _Key:
@@ -113,28 +113,28 @@ def _alike(table: Ints, place: int, length: int, most: int, binary: bool) -> int
     return times
 
 
-def _walk(table: Ints, place: int, left: int, binary: bool, found: _Found) -> tuple[int, int]:
+def _walk(table: Ints, place: int, left: int, binary: bool, runs: _Runs) -> tuple[int, int]:
     """Go through the records of a window one after the other; stop at one with a new key, or not complete in it."""
     window: list[int] = table[place : place + _WINDOW].tolist()
-    lengths = {key: _length(key, binary) for key in found.keys}
+    lengths = {key: _length(key, binary) for key in runs.keys}
     at = 0
     while left > 0 and at + 3 <= len(window):
         key = _Key(*window[at : at + 3]) if binary else _Key(window[at + 1], 1, window[at + 2])
         length = lengths.get(key, len(window) + 1)
         if at + length > len(window) or key.follow > left:
             break
-        found.add(key, place + at, 1)
+        runs.add(key, place + at, 1)
         at += length
         left -= key.follow
     return place + at, left
 
 
-def _expanded(found: _Found, binary: bool, end: int) -> ElementRuns:
+def _expanded(runs: _Runs, binary: bool, end: int) -> ElementRuns:
     """Expand the runs to one row for each element."""
-    keys = np.array(list(found.keys), np.int64).reshape(-1, 3)
-    inner = np.array([1 + _size(key) for key in found.keys], np.int64)
-    outer = np.array([_length(key, binary) for key in found.keys], np.int64)
-    key, place, times = (np.array(a, np.int64) for a in (found.key, found.place, found.times))
+    keys = np.array(list(runs.keys), np.int64).reshape(-1, 3)
+    inner = np.array([1 + _size(key) for key in runs.keys], np.int64)
+    outer = np.array([_length(key, binary) for key in runs.keys], np.int64)
+    key, place, times = (np.array(a, np.int64) for a in (runs.key, runs.place, runs.times))
     count = times * keys[key, 1]
     which = np.repeat(key, count)
     within = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)

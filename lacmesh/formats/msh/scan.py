@@ -7,51 +7,23 @@ same methods, so that each section's layout is coded once.
 
 from __future__ import annotations
 
-import mmap
 import re
-import warnings
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from lacmesh.errors import ReadError
+from lacmesh.formats.source import SourceFile
+from lacmesh.formats.text import bad_line, parsed
 from lacmesh.mesh import Floats, Ints
 
-#: A file smaller than this is read, a larger one is mapped.
-_MAPPED = 1 << 20
 
+class MshBytes(SourceFile):
+    """The bytes of a msh file and the position reached; `order` is the byte order of its numbers ("<" or ">")."""
 
-class MshBytes:
-    """The bytes of a file and the position reached; `order` is the byte order of its numbers ("<" or ">")."""
-
-    def __init__(self, path: Path, head: bytes = b"") -> None:
-        """Open a file; `head`: its first bytes, if they are enough."""
-        self.path = path
-        self.position = 0
-        self.section_start = 0
-        self.binary = False
-        self.order = "<"
-        self.version = ""
-        self.data: bytes | mmap.mmap = head or _content(path)
-        self.size = len(self.data)
-
-    def error(self, message: str, at: int | None = None) -> ReadError:
-        """Make the error for byte `at` (default: the start of the section)."""
-        at = self.section_start if at is None else min(at, self.size)
-        line = self.data[:at].count(b"\n") + 1
-        return ReadError(self.path, message, f"byte {at}" if self.binary else f"line {line}")
-
-    def line(self) -> bytes:
-        """The next line, without its end. Raises ReadError at the end of the file."""
-        if self.position >= self.size:
-            raise self.error("the file ends too early", self.size)
-        end = self.data.find(b"\n", self.position)
-        end = self.size if end < 0 else end
-        line = self.data[self.position : end]
-        self.position = end + 1
-        return line.rstrip(b"\r")
+    order = "<"
+    version = ""
 
     def section(self) -> str | None:
         """The name of the section that starts here, blank lines apart; None at the end of the file."""
@@ -83,14 +55,18 @@ class MshBytes:
         self.line()
         return body
 
-    def take(self, kind: DTypeLike, n: int) -> NDArray:
-        """The next n numbers (or records) of a binary file, a view. Raises ReadError where they are not all there."""
-        kind = np.dtype(kind)
-        if n < 0 or n * kind.itemsize > self.size - self.position:
+    def take(self, dtype: DTypeLike, n: int) -> NDArray:
+        """The next n numbers of a binary file, a view. Raises ReadError where they are not all there."""
+        dtype = np.dtype(dtype)
+        return self.records(n, dtype.itemsize).reshape(-1).view(dtype)
+
+    def records(self, n: int, size: int) -> NDArray[np.uint8]:
+        """The next n records of a binary file, of `size` bytes each, a view (n, size). Raises ReadError as `take`."""
+        if n < 0 or n * size > self.size - self.position:
             raise self.error(f"{n} values should stand here, and the file ends too early", self.position)
-        taken = np.frombuffer(self.data, kind, n, self.position) if n else np.empty(0, kind)
-        self.position += n * kind.itemsize
-        return taken
+        taken = np.frombuffer(self.data, np.uint8, n * size, self.position) if n else np.empty(0, np.uint8)
+        self.position += n * size
+        return taken.reshape(n, size)
 
     def end(self, name: str) -> None:
         """Skip `$EndName`, which must stand here, after the numbers of a binary section. Raises ReadError."""
@@ -114,19 +90,8 @@ class MshBytes:
         return BinaryNumbers(self, name) if self.binary else TextNumbers(self, name, real)
 
 
-def _content(path: Path) -> bytes | mmap.mmap:
-    try:
-        with path.open("rb") as file:
-            if file.seek(0, 2) > _MAPPED:
-                return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-            file.seek(0)
-            return file.read()
-    except OSError as error:
-        raise ReadError(path, f"cannot be read ({error.strerror or error})") from error
-
-
 class BinaryNumbers:
-    """The numbers of a section of a binary msh 4.1 file: int (4 bytes), size_t (8) and double."""
+    """The numbers of a section of a binary file: int (4 bytes), in msh 4.1 also size_t (8), and double."""
 
     def __init__(self, source: MshBytes, name: str) -> None:
         self.source, self.name = source, name
@@ -142,6 +107,13 @@ class BinaryNumbers:
     def reals(self, n: int) -> Floats:
         """The next n numbers of type double."""
         return self.source.take(self.source.order + "f8", n)
+
+    def numbered(self, n: int, width: int, what: str) -> tuple[Ints, Floats]:
+        """The next n rows: the number of a node or cell, int, and `width` doubles; as arrays (n,) and (n, width)."""
+        raw = self.source.records(n, 4 + 8 * width)  # as bytes: numpy's types hold no record of very many components
+        number = np.ascontiguousarray(raw[:, :4]).view(self.source.order + "i4").reshape(n)
+        values = np.ascontiguousarray(raw[:, 4:]).view(self.source.order + "f8").reshape(n, width)
+        return number.astype(np.int64), values.astype(np.float64)
 
     def error(self, message: str) -> ReadError:
         """Make the error for the numbers read last."""
@@ -187,6 +159,15 @@ class TextNumbers:
         """The next n numbers."""
         return self._take(n)
 
+    def numbered(self, n: int, width: int, what: str) -> tuple[Ints, Floats]:
+        """The next n rows: the number of a node or cell, `what`, and `width` values; as arrays (n,) and (n, width)."""
+        table = self.reals(n * (width + 1)).reshape(n, width + 1)
+        with np.errstate(invalid="ignore"):
+            number = table[:, 0].astype(np.int64)
+        if not (number == table[:, 0]).all():
+            raise self.source.error(f"the number of a {what} should be an integer")
+        return number, np.ascontiguousarray(table[:, 1:])
+
     def error(self, message: str) -> ReadError:
         """Make the error for the numbers read last."""
         at = self.start
@@ -213,28 +194,11 @@ class TextNumbers:
 Numbers: TypeAlias = BinaryNumbers | TextNumbers
 
 
-def _parsed(source: MshBytes, text: bytes, start: int, kind: type) -> NDArray:
+def _parsed(source: MshBytes, text: bytes, start: int, dtype: type) -> NDArray:
     """Numbers of a text that stands at byte `start`. Raises ReadError with the line of the first that is no number."""
-    values = _fromstring(text, kind)
-    if values is not None:
-        return values
-    lines = text.splitlines(keepends=True)
-    low, high = 0, len(lines)  # a bad line is among lines[low:high]
-    while high - low > 1:
-        middle = (low + high) // 2
-        bad = _fromstring(b"".join(lines[low:middle]), kind) is None
-        low, high = (low, middle) if bad else (middle, high)
-    at = start + sum(map(len, lines[:low]))
-    raise source.error(f"{lines[low].decode('ascii', 'replace').strip()[:60]!r} should be numbers", at)
-
-
-def _fromstring(text: bytes, kind: type) -> NDArray | None:
-    """Numbers of a text; None if anything else is among them."""
-    if not text or text.isspace():
-        return np.empty(0, kind)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # numpy < 2.3 warns, and gives what it had read
-            return np.fromstring(text, kind, sep=" ")
-    except (ValueError, DeprecationWarning):
-        return None
+    values = parsed(text, dtype, clip=True)  # readers say which number is none of a node, a cell or a count
+    if values is None:
+        place = bad_line(text, dtype)
+        line = text[place:].split(b"\n", 1)[0].decode("ascii", "replace").strip()[:60]
+        raise source.error(f"{line!r} should be numbers", start + place)
+    return values

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshWarning, WriteError
 from lacmesh.formats.entities import Assignment, assign
+from lacmesh.formats.ids import repeated
 from lacmesh.formats.msh import writer2 as msh_write2
 from lacmesh.formats.msh import writer4 as msh_write4
 from lacmesh.formats.msh.fields import to_file
 from lacmesh.formats.msh.names import safe_names, unnamed
-from lacmesh.formats.msh.notes import CellsNote, Notes, to_text
-from lacmesh.formats.msh.numbers import repeated
+from lacmesh.formats.msh.notes import Notes, to_text
 from lacmesh.formats.msh.output import Output
+from lacmesh.formats.notes import CellsNote
 from lacmesh.mesh import Ints, Mesh, Tag
 
 _LARGEST = 2**31 - 1
@@ -120,7 +121,7 @@ def add_numbers(notes: Notes, mesh: Mesh, entities: Assignment, nodes: Ints, cel
     notes.node_groups = {name: nodes[members] for name, members in mesh.node_groups.items()}
     lacking = np.repeat(np.array([ALL_CELLS[b.type].msh is None for b in mesh.blocks], bool), np.diff(mesh.offsets))
     if lacking.any():
-        notes.extra_cells = _extra_cells(mesh, entities, nodes, cells)
+        notes.extra_cells = tuple(_extra_cells(mesh, entities, nodes, cells))
     if version == "2.2" or lacking.any():
         notes.cell_groups = _further_members(mesh, entities, cells, lacking, version)
         for name in notes.cell_groups:
@@ -138,13 +139,13 @@ def _extra_cells(mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints) -> 
     if mesh.file_order is not None:
         place[mesh.file_order] = np.arange(mesh.n_cells)
     tags = np.array([(e.dim, e.tag) for e in entities.entities], np.int64)
-    found = []
-    for k, (kind, rows) in enumerate(mesh.blocks):
-        if ALL_CELLS[kind].msh is None and len(rows):
+    extra = []
+    for k, (cell_type, rows) in enumerate(mesh.blocks):
+        if ALL_CELLS[cell_type].msh is None and len(rows):
             here = slice(int(mesh.offsets[k]), int(mesh.offsets[k + 1]))
-            found.append(CellsNote(kind, cells[here], nodes[rows], tags[entities.cell[here]], place[here]))
-            _warn(f"msh has no {kind}: {len(rows)} cells are kept in a section that only lacmesh reads")
-    return found
+            extra.append(CellsNote(cell_type, cells[here], nodes[rows], tags[entities.cell[here]], place[here]))
+            _warn(f"msh has no {cell_type}: {len(rows)} cells are kept in a section that only lacmesh reads")
+    return extra
 
 
 def _further_members(

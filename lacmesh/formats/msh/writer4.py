@@ -9,7 +9,7 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.entities import Assignment
-from lacmesh.formats.msh.numbers import CHUNK, counts_up
+from lacmesh.formats.ids import CHUNK, counts_up
 from lacmesh.formats.msh.output import Output, pieces
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 

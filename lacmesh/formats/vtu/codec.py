@@ -123,20 +123,20 @@ _EXPAND: dict[str, Callable[[bytes, int], bytes]] = {
 }
 
 
-def numbers(data: bytes, kind: np.dtype, order: Order) -> NDArray:
+def numbers(data: bytes, dtype: np.dtype, order: Order) -> NDArray:
     """Values in bytes of some order, as native numbers. Raises ValueError."""
-    if len(data) % kind.itemsize:
-        raise ValueError(f"{len(data)} bytes are no whole number of {kind}")
-    return np.frombuffer(data, kind.newbyteorder(order)).astype(kind)
+    if len(data) % dtype.itemsize:
+        raise ValueError(f"{len(data)} bytes are no whole number of {dtype}")
+    return np.frombuffer(data, dtype.newbyteorder(order)).astype(dtype)
 
 
-def from_text(text: str, kind: np.dtype) -> NDArray:
+def from_text(text: str, dtype: np.dtype) -> NDArray:
     """The values in a text. Raises ValueError."""
     words = text.split()
-    if kind.kind == "f":
-        return np.array(words, np.float64).astype(kind)
-    values: Ints = np.array(words, np.uint64 if kind == np.uint64 else np.int64)
-    held = values.astype(kind)
+    if dtype.kind == "f":
+        return np.array(words, np.float64).astype(dtype)
+    values: Ints = np.array(words, np.uint64 if dtype == np.uint64 else np.int64)
+    held = values.astype(dtype)
     if not (held == values).all():
-        raise ValueError(f"a number is too large for {kind}")
+        raise ValueError(f"a number is too large for {dtype}")
     return held

@@ -151,8 +151,8 @@ def blocks_of(source: Any, cells: VtkCells, old: bool) -> tuple[dict[str, Ints],
     found_codes, first = np.unique(code, return_index=True)
     for value in found_codes[np.argsort(first)]:  # types in the order in which they first appear
         number, n = int(value >> 32), int(value & 0xFFFFFFFF)
-        kind = OF_NUMBER.get((number, n))
-        if kind is None:
+        cell = OF_NUMBER.get((number, n))
+        if cell is None:
             what = NOT_READ.get(number, "cells that lacmesh does not know")
             raise source.error(f"{what} (VTK's type {number}, {n} nodes) are not read", "<Cells>")
         here = np.flatnonzero(code == value)
@@ -163,8 +163,8 @@ def blocks_of(source: Any, cells: VtkCells, old: bool) -> tuple[dict[str, Ints],
         if old and number == LAGRANGE_HEXAHEDRON and n > 8:
             rows = rows[:, lagrange_8_to_9(n)]
         nodes = np.empty_like(rows)
-        nodes[:, kind.nodes] = rows
-        parts.setdefault(kind.type, []).append((here, nodes))
+        nodes[:, cell.nodes] = rows
+        parts.setdefault(cell.type, []).append((here, nodes))
     blocks, places = {}, [np.empty(0, np.int64)]
     for name, found in parts.items():
         here = np.concatenate([h for h, _ in found])

@@ -51,12 +51,12 @@ class _Array(NamedTuple):
     @property
     def head(self) -> str:
         """Attributes of the array's XML element."""
-        kind = self.values.dtype
+        dtype = self.values.dtype
         width = self.values.shape[1] if self.values.ndim == 2 else 1
         components = f' NumberOfComponents="{width}"' if width > 1 else ""
         tuples = f' NumberOfTuples="{len(self.values)}"' if self.field else ""
         name = quoted(self.name)
-        return f'type="{_NAMES[kind.kind]}{8 * kind.itemsize}" Name={name}{components}{tuples}'
+        return f'type="{_NAMES[dtype.kind]}{8 * dtype.itemsize}" Name={name}{components}{tuples}'
 
 
 def write(path: Path, mesh: Mesh, *, binary: bool = True, compress: bool = False) -> None:
@@ -75,17 +75,17 @@ def write(path: Path, mesh: Mesh, *, binary: bool = True, compress: bool = False
 
 def check_types(path: Path, mesh: Mesh, whose: str) -> None:
     """Raise WriteError where the mesh has cells of a type that VTK lacks."""
-    for kind, n in mesh.cells_by_type.items():
-        if kind not in OF_TYPE:
-            what = "write them as PYRAM13" if kind == "PYRAM14" else "lower their order"
-            message = f"{whose} has no cells of type {kind}, the mesh has {n}; {what}, or write a .msh file"
+    for cell_type, n in mesh.cells_by_type.items():
+        if cell_type not in OF_TYPE:
+            what = "write them as PYRAM13" if cell_type == "PYRAM14" else "lower their order"
+            message = f"{whose} has no cells of type {cell_type}, the mesh has {n}; {what}, or write a .msh file"
             raise WriteError(path, message)
 
 
 def _sections(mesh: Mesh, said: list[str]) -> dict[str, list[_Array]]:
     """Arrays of each section of the file."""
     arrays = to_arrays(mesh, said, legal)
-    notes = np.frombuffer(to_json(mesh, **arrays.notes).encode("ascii"), np.uint8)
+    notes = np.frombuffer(to_json(mesh, arrays.notes).encode("ascii"), np.uint8)
     return {
         "FieldData": [_Array(NOTES, notes, field=True)],
         "PointData": [_Array(name, values) for name, values in arrays.node.items()],
@@ -114,24 +114,24 @@ def vtk_cells(mesh: Mesh) -> tuple[Ints, Ints, Ints]:
     types = np.repeat(np.array([OF_TYPE[b.type].number if len(b.nodes) else 0 for b in mesh.blocks], np.uint8), sizes)
     ends = np.cumsum(width[order], dtype=np.int64)
     total = int(ends[-1]) if len(ends) else 0
-    kind = np.int32 if max(mesh.n_nodes, total) < 2**31 else np.int64
-    nodes = [b.nodes[:, OF_TYPE[b.type].nodes].astype(kind, copy=False) for b in mesh.blocks if len(b.nodes)]
+    dtype = np.int32 if max(mesh.n_nodes, total) < 2**31 else np.int64
+    nodes = [b.nodes[:, OF_TYPE[b.type].nodes].astype(dtype, copy=False) for b in mesh.blocks if len(b.nodes)]
     if mesh.file_order is None:
-        flat = np.concatenate([np.empty(0, kind), *(n.ravel() for n in nodes)])
+        flat = np.concatenate([np.empty(0, dtype), *(n.ravel() for n in nodes)])
     else:
-        flat = np.empty(total, kind)
+        flat = np.empty(total, dtype)
         first = np.empty(mesh.n_cells, np.int64)
         first[order] = ends - width[order]
         filled = [pair for pair in pairwise(mesh.offsets) if pair[0] < pair[1]]
         for (lo, hi), rows in zip(filled, nodes, strict=True):
             flat[first[lo:hi, None] + np.arange(rows.shape[1])] = rows
-    return flat, ends.astype(kind), types[order]
+    return flat, ends.astype(dtype), types[order]
 
 
 def _version(mesh: Mesh) -> str:
     """Version of the file: 2.1 if a cell has the node order of VTK 9, else one that every ParaView reads."""
-    kinds = {OF_TYPE[kind].number for kind in mesh.cells_by_type}
-    return "2.1" if LAGRANGE_HEXAHEDRON in kinds else "1.0"
+    numbers = {OF_TYPE[cell_type].number for cell_type in mesh.cells_by_type}
+    return "2.1" if LAGRANGE_HEXAHEDRON in numbers else "1.0"
 
 
 def _write(file: BinaryIO, mesh: Mesh, sections: Mapping[str, list[_Array]], binary: bool, compress: bool) -> None:

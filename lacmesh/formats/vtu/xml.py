@@ -60,14 +60,14 @@ class Document:
 
     def array(self, element: XmlElement, most: int | None = None) -> NDArray:
         """Values of a DataArray, flat; `most`: the largest possible number of values in a compressed one, if known."""
-        kind = _KINDS.get(element.get("type", ""))
-        if kind is None:
+        dtype = _KINDS.get(element.get("type", ""))
+        if dtype is None:
             raise self.error(f"the type {element.get('type')!r} is not known", _place(element))
         try:
             if element.get("format", "ascii") == "ascii":
-                return from_text(element.text or "", kind)
-            n_bytes = None if most is None else most * kind.itemsize
-            return numbers(self._bytes(element, n_bytes), kind, self.coding.order)
+                return from_text(element.text or "", dtype)
+            n_bytes = None if most is None else most * dtype.itemsize
+            return numbers(self._bytes(element, n_bytes), dtype, self.coding.order)
         except DAMAGE as error:
             raise self.error(f"cannot be read ({error})", _place(element)) from None
 

@@ -47,30 +47,30 @@ class XdmfSource:
 
     def children(self, element: ItemElement) -> list[ItemElement]:
         """Children of an element, including those that it refers to elsewhere in the file. Raises ReadError."""
-        found: list[ItemElement] = []
+        items: list[ItemElement] = []
         for child in element:
             if child.tag.endswith("}include") or child.tag == "xi:include":
-                found += self._included(child.get("xpointer", ""))
+                items += self._included(child.get("xpointer", ""))
             elif child.get("Reference") == "XML":
-                found += self._included("".join(child.itertext()))
+                items += self._included("".join(child.itertext()))
             else:
-                found.append(child)
-        return found
+                items.append(child)
+        return items
 
     def _included(self, pointer: str) -> list[ItemElement]:
-        found = _XPOINTER.fullmatch(pointer.replace("element(", "xpointer("))
-        path = found.group(1).replace("//", "/.//").strip("/") if found else ""
+        pointed = _XPOINTER.fullmatch(pointer.replace("element(", "xpointer("))
+        path = pointed.group(1).replace("//", "/.//").strip("/") if pointed else ""
         place = None
         if path.startswith(("Xdmf/", ".//")):
             try:
                 place = self.root.find(path.removeprefix("Xdmf/"))
             except (SyntaxError, KeyError):
                 place = None
-        if place is None or found is None:
+        if place is None or pointed is None:
             raise self.error(f"refers to {pointer[:80]!r}, which is not found")
-        if not found.group(2):
+        if not pointed.group(2):
             return [place]
-        return [child for child in place if child.tag in re.findall(r"\w+", found.group(2))]
+        return [child for child in place if child.tag in re.findall(r"\w+", pointed.group(2))]
 
     def item(self, parent: ItemElement) -> tuple[ItemElement, str]:
         """The DataItem of an element, and its text, which is equal for the same array. Raises ReadError."""

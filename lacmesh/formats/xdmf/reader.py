@@ -64,23 +64,23 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
         notes_of = _told(domain, said)
         _check_halves(source, notes_of.get(ID))
         grids = _chosen(source, list(_grids(source, domain)), mesh, said)
-        found = _mesh(source, grids, notes_of.get(NOTES), said)
+        whole = _mesh(source, grids, notes_of.get(NOTES), said)
     if said:
         warnings.warn(f"{path}: " + "; ".join(dict.fromkeys(said)), LacmeshWarning, stacklevel=3)
-    return found
+    return whole
 
 
 def _told(domain: ItemElement, said: list[str]) -> dict[str, str]:
     """Texts that lacmesh wrote into Information elements beside the arrays, by name."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for information in domain.iter("Information"):
         name = information.get("Name", "")
         if name in (ID, NOTES):
             try:
-                found[name] = told(information)
+                texts[name] = told(information)
             except ValueError:
                 said.append(f"lacmesh's own notes ({name}) are damaged and left out")
-    return found
+    return texts
 
 
 def _check_halves(source: XdmfSource, mark: str | None) -> None:
@@ -100,13 +100,13 @@ def _grids(
     if parent in inside or len(inside) > _DEEPEST:
         raise source.error("includes itself, or stands too deep inside others", f"<Grid Name={parent.get('Name')!r}>")
     for element in (child for child in source.children(parent) if child.tag == "Grid"):
-        kind = element.get("GridType", element.get("CollectionType", "Uniform"))
+        grid_type = element.get("GridType", element.get("CollectionType", "Uniform"))
         children = source.children(element)
         when = next((_time(source, c) for c in children if c.tag == "Time"), time)
-        if kind in ("Collection", "Tree"):
+        if grid_type in ("Collection", "Tree"):
             yield from _grids(source, element, when, (*inside, parent))
-        elif kind != "Uniform":
-            raise source.error(f"grids of type {kind} are not read", f"<Grid Name={element.get('Name')!r}>")
+        elif grid_type != "Uniform":
+            raise source.error(f"grids of type {grid_type} are not read", f"<Grid Name={element.get('Name')!r}>")
         else:
             keys = (_key(source, children, tag) for tag in ("Geometry", "Topology"))
             yield _Grid(element.get("Name", ""), when, children, *keys)
@@ -121,8 +121,8 @@ def _time(source: XdmfSource, element: ItemElement) -> float | None:
 
 def _key(source: XdmfSource, children: list[ItemElement], tag: str) -> str:
     """Key that is equal for two grids with the same points (tag Geometry) or cells (Topology)."""
-    found = _only(source, children, tag)
-    return f"{found.get('TopologyType')} {source.item(found)[1]}"
+    only = _only(source, children, tag)
+    return f"{only.get('TopologyType')} {source.item(only)[1]}"
 
 
 def _only(source: XdmfSource, children: list[ItemElement], tag: str) -> ItemElement:
@@ -179,13 +179,15 @@ def _mesh(source: XdmfSource, grids: list[_Grid], noted_text: str | None, said: 
 
 
 def _points(source: XdmfSource, geometry: ItemElement) -> Floats:
-    kind = geometry.get("GeometryType", geometry.get("Type", "XYZ")).upper()
-    if kind not in ("XYZ", "XY"):
-        raise source.error(f"points of type {kind} are not read", "<Geometry>")
+    geometry_type = geometry.get("GeometryType", geometry.get("Type", "XYZ")).upper()
+    if geometry_type not in ("XYZ", "XY"):
+        raise source.error(f"points of type {geometry_type} are not read", "<Geometry>")
     values = source.array(geometry).reshape(-1)
-    width = len(kind)
+    width = len(geometry_type)
     if values.dtype.kind != "f" or len(values) % width:
-        raise source.error(f"holds {len(values)} values of type {values.dtype} for points {kind}", "<Geometry>")
+        raise source.error(
+            f"holds {len(values)} values of type {values.dtype} for points {geometry_type}", "<Geometry>"
+        )
     points = np.zeros((len(values) // width, 3))
     points[:, :width] = values.reshape(-1, width)
     if not np.isfinite(points).all():
@@ -234,15 +236,15 @@ def _mixed(source: XdmfSource, topology: ItemElement, values: NDArray[np.int64])
         before[kind.number] = 2 if kind.counted else 1
         width[kind.number] = before[kind.number] + len(VTK_OF_TYPE[kind.type].nodes)
         vtk[kind.number] = VTK_OF_TYPE[kind.type].number
-    found = np.empty(len(values) // 2 + 1, np.int64)
-    n = starts(values, width, found)
+    begins = np.empty(len(values) // 2 + 1, np.int64)
+    n = starts(values, width, begins)
     if n < 0:
         number = values[-1 - n]
         raise source.error(f"cells of XDMF's type {number} are not read, or the mixture is damaged", "<Topology Mixed>")
     announced = topology.get("NumberOfElements", topology.get("Dimensions", str(n))).strip()
     if announced != str(n):
         raise source.error(f"holds {n} cells, and announces {announced[:20]}", "<Topology Mixed>")
-    first = found[:n]
+    first = begins[:n]
     number = values[first]
     counted = np.flatnonzero(before[number] == 2)
     if (values[first[counted] + 1] != width[number[counted]] - 2).any():
@@ -313,8 +315,8 @@ def _own(data: dict[str, NDArray], place: Ints, noted: dict[str, Any]) -> tuple[
 def _noted_groups(noted: dict[str, Any]) -> dict[str, Ints]:
     """All groups noted in a file of lacmesh, in order and still empty: a group without cells has no attribute."""
     names = noted.get("names", {}).get("cell", {})
-    keys = [key for key in noted.get("groups", []) if isinstance(key, str)]
-    return {str(names.get(key, key.removeprefix(GROUP))): np.empty(0, np.int64) for key in keys}
+    keys = noted.get("groups", ())
+    return {names.get(key, key.removeprefix(GROUP)): np.empty(0, np.int64) for key in keys}
 
 
 def _without_repeats(
@@ -336,6 +338,8 @@ def _without_repeats(
     kept = np.ones(len(place), bool)
     kept[repeated] = False
     bounds = np.cumsum([0, *(len(n) for n in blocks.values())])
-    left = {kind: n[kept[place[a:b]]] for (kind, n), a, b in zip(blocks.items(), bounds, bounds[1:], strict=False)}
+    left = {
+        cell_type: n[kept[place[a:b]]] for (cell_type, n), a, b in zip(blocks.items(), bounds, bounds[1:], strict=False)
+    }
     renumbered = np.cumsum(kept) - 1
     return left, renumbered[place[kept[place]]], {name: values[kept] for name, values in data.items()}

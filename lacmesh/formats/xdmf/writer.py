@@ -99,10 +99,10 @@ def is_ours(heavy: Path) -> bool:
 
 
 def _check(path: Path, mesh: Mesh) -> None:
-    for kind, n in mesh.cells_by_type.items():
-        if kind not in OF_TYPE:
-            what = {"PYRAM14": "write them as PYRAM13", "TRIA7": "write a .vtu, .med or .msh file"}.get(kind)
-            message = f"XDMF has no cells of type {kind}, the mesh has {n}; {what or 'write a .vtu or .msh file'}"
+    for cell_type, n in mesh.cells_by_type.items():
+        if cell_type not in OF_TYPE:
+            what = {"PYRAM14": "write them as PYRAM13", "TRIA7": "write a .vtu, .med or .msh file"}.get(cell_type)
+            message = f"XDMF has no cells of type {cell_type}, the mesh has {n}; {what or 'write a .vtu or .msh file'}"
             raise WriteError(path, message)
 
 
@@ -137,9 +137,9 @@ class _Heavy:
 
 
 def _shape(values: NDArray) -> str:
-    kind = values.dtype
+    dtype = values.dtype
     dimensions = " ".join(map(str, values.shape))
-    return f'Dimensions="{dimensions}" NumberType="{_NUMBERS[kind.kind]}" Precision="{kind.itemsize}"'
+    return f'Dimensions="{dimensions}" NumberType="{_NUMBERS[dtype.kind]}" Precision="{dtype.itemsize}"'
 
 
 def _information(name: str, value: str) -> str:
@@ -171,7 +171,7 @@ def _domain(mesh: Mesh, sink: _Sink, said: list[str]) -> str:
         own.append(PLACE)
     groups = [n for n in arrays.cell if n.startswith(GROUP)]
     information = _information(TAGS, json.dumps(table)) if table else ""
-    information += _information(NOTES, to_json(mesh, **arrays.notes, own=own, groups=groups))
+    information += _information(NOTES, to_json(mesh, {**arrays.notes, "own": own, "groups": groups}))
     parts: list[str] = []
     geometry = _geometry(mesh, sink)
     for k, grid in enumerate(_grids(mesh)):
@@ -253,5 +253,6 @@ def _attributes(grid: str, center: str, arrays: dict[str, NDArray], sink: _Sink)
     for k, (name, values) in enumerate(arrays.items()):
         packed = name.startswith((GROUP, TAGS))
         item = sink.item(f"{grid}/{center.lower()}/{k}", values, packed)
-        kind = _KINDS.get(values.shape[1] if values.ndim == 2 else 1, "Matrix")
-        yield f'<Attribute Name={quoteattr(name)} AttributeType="{kind}" Center="{center}">\n{item}</Attribute>\n'
+        attribute_type = _KINDS.get(values.shape[1] if values.ndim == 2 else 1, "Matrix")
+        head = f'<Attribute Name={quoteattr(name)} AttributeType="{attribute_type}" Center="{center}">'
+        yield f"{head}\n{item}</Attribute>\n"

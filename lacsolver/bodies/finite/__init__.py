@@ -6,9 +6,9 @@ f_int(u) and K(u), summed directly into a vector and block-CSR      (equations)
 stress, energy and thermal stretch at integration points            (fields)
 """
 
-from lacsolver.bodies.finite.equations import force_and_tangent, internal_force
+from lacsolver.bodies.finite.equations import internal_force, tangent
 from lacsolver.bodies.finite.errors import InadmissibleError
-from lacsolver.bodies.finite.fields import cauchy_stress, energy, first_piola, thermal_stretches
+from lacsolver.bodies.finite.fields import cauchy_stress, energy, thermal_stretches
 from lacsolver.bodies.finite.laws import NeoHookean, SaintVenantKirchhoff, locking
 
 __all__ = [
@@ -17,9 +17,8 @@ __all__ = [
     "SaintVenantKirchhoff",
     "cauchy_stress",
     "energy",
-    "first_piola",
-    "force_and_tangent",
     "internal_force",
     "locking",
+    "tangent",
     "thermal_stretches",
 ]

@@ -31,7 +31,7 @@ from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite.dilatation import dilate, mean_of, put_mean, respond_mean
 from lacsolver.bodies.finite.errors import InadmissibleError
-from lacsolver.bodies.finite.laws import KIRCHHOFF, constants, may_take_the_mean
+from lacsolver.bodies.finite.laws import KIRCHHOFF, POINTWISE, constants, may_take_the_mean
 from lacsolver.bodies.finite.point import gradient, respond, warm, work
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small.fields import checked
@@ -54,7 +54,7 @@ def internal_force(
     return _assembled(space, materials, u, stretches, threads, np.empty((0, space.dim, space.dim)))
 
 
-def force_and_tangent(
+def tangent(
     space: Space,
     materials: Materials,
     u: Floats,
@@ -62,8 +62,8 @@ def force_and_tangent(
     stretches: Stretches = None,
     threads: int = 1,
     out: NDArray[np.floating] | None = None,
-) -> tuple[NDArray[np.floating], bsr_array]:
-    """Return f_int (n_dof,) and the symmetric K = df_int/du (n_dof, n_dof) in dim x dim blocks; see `internal_force`.
+) -> bsr_array:
+    """Return the symmetric K = df_int/du (n_dof, n_dof) at u (n_dof,) in dim x dim blocks; see `internal_force`.
 
     `out` (n_blocks, dim, dim): array that the values of K are written to; None allocates a new one.
 
@@ -71,9 +71,9 @@ def force_and_tangent(
     >>> from lacsolver.bodies.finite.laws import NeoHookean
     >>> bar = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
     >>> space = Space.of(bar, "plane_stress")
+    >>> materials = Materials.of(space, NeoHookean(young=1.0, poisson=0.3))
     >>> turned = np.array([0, 0, -1, 1, -2, 0, -1, -1.0])  # by 90 degrees
-    >>> f, K = force_and_tangent(space, Materials.of(space, NeoHookean(young=1.0, poisson=0.3)), turned)
-    >>> float(abs(f).max()), K.shape
+    >>> float(abs(internal_force(space, materials, turned)).max()), tangent(space, materials, turned).shape
     (0.0, (8, 8))
     """
     shape = (len(space.pattern.indices), space.dim, space.dim)
@@ -82,7 +82,8 @@ def force_and_tangent(
     elif out.shape != shape:
         raise ValueError(f"out must be {shape}, not {out.shape}")
     out[:] = 0.0
-    return _assembled(space, materials, u, stretches, threads, out), matrix(space, out)
+    _assembled(space, materials, u, stretches, threads, out)
+    return matrix(space, out)
 
 
 def _assembled(
@@ -117,7 +118,7 @@ def check_admissible(space: Space, folded: Sequence[NDArray[np.bool_]]) -> None:
     """Raise InadmissibleError if any cell is inverted, as `folded` (cells,) of each block tells."""
     cells = np.concatenate([block.cell[bad] for block, bad in zip(space.blocks, folded, strict=True)])
     if len(cells):
-        message = f"cells {space.mesh.cell_names(cells)} turn inside out under this displacement"
+        message = f"cells {space.mesh.cell_names(cells)} are inverted by this displacement"
         raise InadmissibleError(f"{message}; take smaller steps", space.mesh.cell_number[cells])
 
 
@@ -158,6 +159,8 @@ def _add(
     place, mean, stack = work(), mean_of(n_points), _stack(n_points, n_rows, dim, n, axisymmetric)
     for e in rows:
         k = law[e]
+        if laws.kind[k] == POINTWISE:
+            continue
         lam, mu, whole = laws.lame[k, 0], laws.lame[k, 1], may and laws.mean[k]
         at_points(nodes, e, x, table, kind, L, W)
         if len(theta):

@@ -17,7 +17,7 @@ from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite.dilatation import dilate, mean_of, respond_mean
 from lacsolver.bodies.finite.equations import Stretches, check_admissible
-from lacsolver.bodies.finite.laws import constants, may_take_the_mean
+from lacsolver.bodies.finite.laws import POINTWISE, constants, may_take_the_mean
 from lacsolver.bodies.finite.point import gradient, respond, warm, work
 from lacsolver.bodies.material import PLACES, Elastic, Materials
 from lacsolver.bodies.small.fields import Field, TemperatureField, checked, gathered, temperature_at, temperatures
@@ -36,8 +36,8 @@ def thermal_stretches(
     given = temperatures(space, temperature)
     if not given:
         return None
-    laws = [law for law in materials.laws if isinstance(law, Elastic)]
-    expansion, start = np.array([law.expansion for law in laws]), np.array([law.reference_temperature for law in laws])
+    expansion = np.array([law.expansion if isinstance(law, Elastic) else 0.0 for law in materials.laws])
+    start = np.array([law.reference_temperature for law in materials.laws])
 
     def stretch(part: Piece) -> NDArray[np.floating]:
         T = temperature_at(space, part, given, t)
@@ -73,23 +73,9 @@ def cauchy_stress(
         sigma = P @ F.swapaxes(2, 3) / np.linalg.det(F)[..., None, None]
         return sigma[:, :, places[:, 0], places[:, 1]]
 
-    return _of_points(space, materials, u, stretches, degree, threads, lambda P, F, _: make(P, F))
-
-
-def first_piola(
-    space: Space,
-    materials: Materials,
-    u: Floats,
-    *,
-    stretches: Stretches = None,
-    degree: int | None = None,
-    threads: int = 1,
-) -> Field:
-    """Return the first Piola stress P_si (cells, points, 3, 3) at u (n_dof,), with zz or the hoop at [2, 2].
-
-    Arguments and errors as for `cauchy_stress`.
-    """
-    return _of_points(space, materials, u, stretches, degree, threads, lambda P, F, w: P)
+    return evaluated(
+        space, materials, u, lambda P, F, _: make(P, F), stretches=stretches, degree=degree, threads=threads
+    )
 
 
 def energy(space: Space, materials: Materials, u: Floats, *, stretches: Stretches = None, threads: int = 1) -> float:
@@ -97,20 +83,24 @@ def energy(space: Space, materials: Materials, u: Floats, *, stretches: Stretche
 
     Raises InadmissibleError.
     """
-    made = _of_points(space, materials, u, stretches, None, threads, lambda P, F, w: w)
+    made = evaluated(space, materials, u, lambda P, F, w: w, stretches=stretches, threads=threads)
     return float(sum(part.sum() for part in made))
 
 
-def _of_points(
+def evaluated(
     space: Space,
     materials: Materials,
     u: Floats,
-    stretches: Stretches,
-    degree: int | None,
-    threads: int,
     make: Callable[[Floats, Floats, Floats], Floats],
+    *,
+    stretches: Stretches = None,
+    degree: int | None = None,
+    threads: int = 1,
 ) -> Field:
-    """Return the results of `make` for P, F (c, q, 3, 3) and the energies (c, q) of points, weights included."""
+    """Return the results of `make` for P, F (c, q, 3, 3) and the energies (c, q) of points, weights included.
+
+    P_si is the first Piola stress, with zz or the hoop at [2, 2].
+    """
     laws, moved = constants(materials), checked(space, u).reshape(-1, space.dim)
     folded = [np.zeros(len(block.nodes), bool) for block in space.blocks]
 
@@ -143,6 +133,11 @@ def _fill(
     place, mean, hot = work(), mean_of(L.shape[1]), np.empty(0)
     for e in range(len(nodes)):
         k = law[e]
+        if laws.kind[k] == POINTWISE:
+            for q in range(L.shape[1]):
+                for s in range(3):
+                    F[e, q, s, s] = 1.0
+            continue
         lam, mu, p = laws.lame[k, 0], laws.lame[k, 1], 0.0
         if len(theta):
             hot = theta[e]

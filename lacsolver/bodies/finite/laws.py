@@ -36,8 +36,8 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.space.space import Space
 
-#: codes of the laws in kernels
-KIRCHHOFF, NEO_HOOKEAN = 0, 1
+#: codes of the laws in kernels; cells of laws that are evaluated at points are left out there
+POINTWISE, KIRCHHOFF, NEO_HOOKEAN = -1, 0, 1
 #: Poisson's ratio above which linear cells are too stiff to be trusted
 LOCKING = 0.45
 
@@ -74,16 +74,16 @@ class Constants(NamedTuple):
 
 def constants(materials: Materials) -> Constants:
     """Return the constants of the materials' laws. Raises RequestError for a law of small strains."""
-    kinds = []
+    codes, lame, mean = [], [], []
     for law in materials.laws:
-        if not isinstance(law, (SaintVenantKirchhoff, NeoHookean)):
-            name = type(law).__name__
-            message = f"the law {name} is for small strains"
+        pointwise = hasattr(law, "respond")
+        if not (isinstance(law, (SaintVenantKirchhoff, NeoHookean)) or (pointwise and getattr(law, "finite", False))):
+            message = f"the law {type(law).__name__} is for small strains"
             raise RequestError(f"{message}; finite kinematics take saint_venant_kirchhoff or neo_hookean")
-        kinds.append(KIRCHHOFF if isinstance(law, SaintVenantKirchhoff) else NEO_HOOKEAN)
-    lame = [law.lame for law in materials.laws if isinstance(law, Elastic)]
-    mean = [isinstance(law, NeoHookean) and law.mean_dilatation for law in materials.laws]
-    return Constants(np.array(kinds), np.array(lame), np.array(mean))
+        codes.append(POINTWISE if pointwise else NEO_HOOKEAN if isinstance(law, NeoHookean) else KIRCHHOFF)
+        lame.append(law.lame if isinstance(law, Elastic) else (0.0, 0.0))
+        mean.append(isinstance(law, NeoHookean) and law.mean_dilatation)
+    return Constants(np.array(codes), np.array(lame), np.array(mean))
 
 
 def may_take_the_mean(space: Space, block: int) -> bool:

@@ -51,7 +51,7 @@ def stiffness_values(
     space: Space, materials: Materials, threads: int = 1, *, out: NDArray[np.floating] | None = None
 ) -> NDArray[np.floating]:
     """Return the blocks of K in the order of `space.pattern`, (n_blocks, dim, dim), in `out` if it is given."""
-    materials.check_small("lacsolver.bodies.finite.force_and_tangent")
+    materials.check_small("lacsolver.bodies.finite.tangent")
     if threads < 1:
         raise ValueError(f"threads is 1 or more, not {threads}")
     shape = (len(space.pattern.indices), space.dim, space.dim)

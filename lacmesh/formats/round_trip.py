@@ -28,17 +28,17 @@ def match(before: Mesh, after: Mesh, tolerance: float = 1e-5) -> MeshMap | str:
     size = float(np.ptp(before.points, axis=0).max(initial=0)) if before.n_nodes else 0.0
     cell, node = np.full(before.n_cells, -1), np.full(before.n_nodes, -1)
     off = 0.0
-    for kind in dict.fromkeys([*before.cells_by_type, *after.cells_by_type]):
-        ours, theirs = _of_type(before, kind), _of_type(after, kind)
+    for cell_type in dict.fromkeys([*before.cells_by_type, *after.cells_by_type]):
+        ours, theirs = _of_type(before, cell_type), _of_type(after, cell_type)
         if len(ours) != len(theirs):
-            return f"{len(theirs)} {kind} of {len(ours)}"
-        rows, found = before.block(kind), after.block(kind)
-        away = _farthest(before.points[rows], after.points[found])
+            return f"{len(theirs)} {cell_type} of {len(ours)}"
+        rows, others = before.block(cell_type), after.block(cell_type)
+        away = _farthest(before.points[rows], after.points[others])
         if not away <= tolerance * size:
-            return f"{kind} with other nodes"
+            return f"{cell_type} with other nodes"
         off = max(off, away)
         cell[ours] = theirs
-        node[rows] = found
+        node[rows] = others
     if after.n_nodes == before.n_nodes:
         alone = np.flatnonzero(node < 0)
         there = _farthest(before.points[alone], after.points[alone]) <= tolerance * size
@@ -46,9 +46,9 @@ def match(before: Mesh, after: Mesh, tolerance: float = 1e-5) -> MeshMap | str:
     return MeshMap(cell, node, off / size if size else 0.0)
 
 
-def _of_type(mesh: Mesh, kind: str) -> Ints:
+def _of_type(mesh: Mesh, cell_type: str) -> Ints:
     for k, block in enumerate(mesh.blocks):
-        if block.type == kind:
+        if block.type == cell_type:
             return np.arange(mesh.offsets[k], mesh.offsets[k + 1])
     return np.empty(0, np.int64)
 
@@ -57,34 +57,34 @@ def _farthest(a: Floats, b: Floats) -> float:
     return float(np.linalg.norm(a - b, axis=-1).max(initial=0.0))
 
 
-def losses(before: Mesh, after: Mesh, where: MeshMap) -> list[str]:
+def round_trip_losses(before: Mesh, after: Mesh, indices: MeshMap) -> list[str]:
     """Clauses that name what `after` has lost of `before`."""
     lost = []
-    if where.off > 1e-14:
-        lost.append(f"digits of coordinates (moved by up to {where.off:.0e} of the mesh's size)")
-    if (where.node < 0).any():
-        lost.append(f"{int((where.node < 0).sum())} nodes that no cell has")
+    if indices.off > 1e-14:
+        lost.append(f"digits of coordinates (moved by up to {indices.off:.0e} of the mesh's size)")
+    if (indices.node < 0).any():
+        lost.append(f"{int((indices.node < 0).sum())} nodes that no cell has")
     for what, groups, other, to in (
-        ("cell groups", before.cell_groups, after.cell_groups, where.cell),
-        ("node groups", before.node_groups, after.node_groups, where.node),
+        ("cell groups", before.cell_groups, after.cell_groups, indices.cell),
+        ("node groups", before.node_groups, after.node_groups, indices.node),
     ):
         gone = [name for name, members in groups.items() if not _same_group(to[members], other.get(name))]
         if gone:
             lost.append(f"the {what} {_names(gone)}")
     for what, number, other_number, to in (
-        ("nodes", before.node_number, after.node_number, where.node),
-        ("cells", before.cell_number, after.cell_number, where.cell),
+        ("nodes", before.node_number, after.node_number, indices.node),
+        ("cells", before.cell_number, after.cell_number, indices.cell),
     ):
         there = to >= 0
         if not np.array_equal(number[there], other_number[to[there]]):
             lost.append(f"the numbers of {what} (they are 1, 2, ...)")
-    lost += _lost_data("cell", before.cell_data, after.cell_data, where.cell)
-    lost += _lost_data("node", before.node_data, after.node_data, where.node)
+    lost += _lost_data("cell", before.cell_data, after.cell_data, indices.cell)
+    lost += _lost_data("node", before.node_data, after.node_data, indices.node)
     return lost + _lost_rest(before, after)
 
 
-def _same_group(members: Ints, found: Ints | None) -> bool:
-    return found is not None and np.array_equal(np.sort(members), np.sort(found))
+def _same_group(members: Ints, other: Ints | None) -> bool:
+    return other is not None and np.array_equal(np.sort(members), np.sort(other))
 
 
 def _names(names: list[str]) -> str:
@@ -92,10 +92,10 @@ def _names(names: list[str]) -> str:
     return ", ".join(map(repr, names[:_SOME])) + more
 
 
-def _lost_data(on: str, data: Mapping[str, NDArray], found: Mapping[str, NDArray], to: Ints) -> list[str]:
-    gone, kinds, padded = [], [], []
+def _lost_data(on: str, data: Mapping[str, NDArray], others: Mapping[str, NDArray], to: Ints) -> list[str]:
+    gone, now_real, padded = [], [], []
     for name, values in data.items():
-        other = found.get(name)
+        other = others.get(name)
         there = to >= 0
         if other is not None and (values.shape[1:], other.shape[1:]) == ((2,), (3,)) and not other[:, 2].any():
             other = other[:, :2]
@@ -104,9 +104,9 @@ def _lost_data(on: str, data: Mapping[str, NDArray], found: Mapping[str, NDArray
         if other is None or not same or not _same_values(values[there], other[to[there]]):
             gone.append(name)
         elif values.dtype.kind in "iu" and other.dtype.kind == "f":
-            kinds.append(name)
+            now_real.append(name)
     lost = [f"the {on} data {_names(gone)}"] if gone else []
-    lost += [f"that the {on} data {_names(kinds)} are integers"] if kinds else []
+    lost += [f"that the {on} data {_names(now_real)} are integers"] if now_real else []
     flat = [name for name in padded if name not in gone]
     return lost + ([f"that the {on} data {_names(flat)} have 2 components (a third, 0, is added)"] if flat else [])
 
@@ -139,11 +139,11 @@ def _lost_rest(before: Mesh, after: Mesh) -> list[str]:
 
 def _types(mesh: Mesh) -> list[Any]:
     """The types of the cells in the order of the file."""
-    kinds = np.repeat([b.type for b in mesh.blocks], np.diff(mesh.offsets))
-    return (kinds if mesh.file_order is None else kinds[mesh.file_order]).tolist()
+    types = np.repeat([b.type for b in mesh.blocks], np.diff(mesh.offsets))
+    return (types if mesh.file_order is None else types[mesh.file_order]).tolist()
 
 
-def unbent(mesh: Mesh) -> str:
+def misplaced_mid_nodes(mesh: Mesh) -> str:
     """Text that names cells with misplaced mid-nodes, the sign of a wrong node order; "" if there are none.
 
     A mid-node is misplaced if it is farther from the middle of its edge than half the edge's length.

@@ -1,6 +1,6 @@
-"""The file's numbers of nodes and cells, and the way back from a number to an index.
+"""The ids (numbers) of nodes and cells in a file, and the way back from an id to an index.
 
-Numbers that count 1..n in order need no table; others have one, or a sorted list where they are scattered.
+Ids that count 1..n in order need no table; others have one, or a sorted list where they are scattered.
 """
 
 from __future__ import annotations
@@ -9,13 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from lacmesh.cells import ALL_CELLS
 from lacmesh.mesh import Ints
 
-#: gmsh's number of a type -> our name
-TYPE_NAMES = {cell.msh: name for name, cell in ALL_CELLS.items() if cell.msh is not None}
-#: What to say of a type that has no name.
-UNKNOWN_TYPE = "there are elements of type {} of gmsh, which lacmesh does not know; take them out of the mesh"
 #: Rows converted at a time: a piece stays in the processor's cache.
 CHUNK = 1 << 14
 

@@ -21,21 +21,21 @@ from numpy.typing import NDArray
 
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
 from lacmesh.errors import CutError, LacmeshWarning
-from lacmesh.formats.kept import match
+from lacmesh.formats.note_types import DAMAGE, INTEGER, from_plain, to_plain
+from lacmesh.formats.notes import CUT_NOTES, VERSION
+from lacmesh.formats.round_trip import match
 from lacmesh.mesh import Ints, Mesh, distinct
 from lacmesh.topology.skin import label_rows
 
-SUFFIX, VERSION = ".lac.json", 1
+SUFFIX = ".lac.json"
 _WHAT = "records of a cut"
 _OURS = re.compile(rb'\s*\{\s*"lacmesh"\s*:\s*"records of a cut"')
-#: the columns of `children`, after the cells' numbers
+#: the columns of `children`, after the cells' numbers, that hold the CELL_RECORDS
 _COLUMNS = ("macro", "zone", "child", "parent")
 #: slave faces of a macro-element at most
 _MAX_CHILD = 5
 #: more bytes than a whole file's, and a cell's or node's, records can have
 _ROOM, _ROOM_EACH = 1 << 20, 100
-#: what a damaged text may raise while it is read
-_DAMAGE = (ValueError, TypeError, KeyError, IndexError, RecursionError, OverflowError)
 
 
 class UnfitError(Exception):
@@ -75,8 +75,8 @@ def records_of(mesh: Mesh) -> Records | None:
     cell = dict(
         zip(CELL_RECORDS, (cut.macro_of_face, cut.zone_of_face, cut.child_kind, cut.parent_of_cell), strict=True)
     )
-    found = Records(cell, cut.macro_of_node, cut.zones)
-    return found if all(v.ndim == 1 and v.dtype.kind in "iu" for v in (*cell.values(), found.internal)) else None
+    records = Records(cell, cut.macro_of_node, cut.zones)
+    return records if all(v.ndim == 1 and v.dtype.kind in "iu" for v in (*cell.values(), records.internal)) else None
 
 
 def without_records(mesh: Mesh) -> Mesh:
@@ -93,8 +93,8 @@ def to_json(mesh: Mesh, back: Mesh) -> str | None:
 
     None if `back` has the records already. Raises UnfitError.
     """
-    there, found = moved(mesh, back), records_of(back)
-    if found is not None and _same(there, found):
+    there, has_already = transfer_records(mesh, back), records_of(back)
+    if has_already is not None and _same(there, has_already):
         return None
     has = np.flatnonzero(np.any([values >= 0 for values in there.cell.values()], axis=0))
     nodes = np.flatnonzero(there.internal >= 0)
@@ -107,20 +107,19 @@ def to_json(mesh: Mesh, back: Mesh) -> str | None:
         _check_values(children, internal, len(there.zones))
     except ValueError as error:
         raise UnfitError(f"there are {error}") from error
-    parts = {
-        "lacmesh": _WHAT,
-        "version": VERSION,
+    notes = {
         "nodes": back.n_nodes,
         "cells": back.cells_by_type,
-        "digest": _digest(back, has, list(there.zones), children, internal),
-        "zones": list(there.zones),
-        "children": {name: values.tolist() for name, values in children.items()},
-        "internal": {name: values.tolist() for name, values in internal.items()},
+        "digest": _digest(back, has, there.zones, children, internal),
+        "zones": there.zones,
+        "children": children,
+        "internal": internal,
     }
+    parts = {"lacmesh": _WHAT, "version": VERSION, **to_plain(notes, CUT_NOTES)}
     return "{\n" + ",\n".join(f"{json.dumps(key)}: {json.dumps(value)}" for key, value in parts.items()) + "\n}\n"
 
 
-def taken_up(path: Path, mesh: Mesh) -> Mesh:
+def with_sidecar_records(path: Path, mesh: Mesh) -> Mesh:
     """Add the records in the sidecar of `path` to its mesh; if they do not belong to it, warn and leave them out."""
     side = place_of(path)
     try:
@@ -131,7 +130,7 @@ def taken_up(path: Path, mesh: Mesh) -> Mesh:
         why = str(unfit)
     except OSError as error:
         why = f"it cannot be read ({error.strerror or error})"
-    except _DAMAGE:
+    except DAMAGE:
         why = "it is damaged"
     message = f"{side}: the records of a cut are left out: {why}; write the mesh again, or take this file away"
     warnings.warn(LacmeshWarning(message), stacklevel=3)
@@ -141,12 +140,12 @@ def taken_up(path: Path, mesh: Mesh) -> Mesh:
 def _with(mesh: Mesh, records: Records) -> Mesh:
     cell = {**mesh.cell_data, **records.cell}
     node = {**mesh.node_data, NODE_RECORD: records.internal}
-    made = replace(mesh, cell_data=cell, node_data=node, zones=records.zones)
+    with_records = replace(mesh, cell_data=cell, node_data=node, zones=records.zones)
     try:
-        Cut(made)
+        Cut(with_records)
     except CutError as error:
         raise UnfitError("they are not those of a cut") from error
-    return made
+    return with_records
 
 
 def _same(a: Records, b: Records) -> bool:
@@ -154,7 +153,7 @@ def _same(a: Records, b: Records) -> bool:
     return a.zones == b.zones and all(y.dtype.kind in "iu" and np.array_equal(x, y) for x, y in pairs)
 
 
-def moved(mesh: Mesh, back: Mesh) -> Records:
+def transfer_records(mesh: Mesh, back: Mesh) -> Records:
     """Transfer the cut records of `mesh` to `back`, the same mesh read from a file. Raises UnfitError.
 
     Cells may differ in order, in the order of their nodes, and in number. Cells may be missing, and their parents'
@@ -180,9 +179,9 @@ def moved(mesh: Mesh, back: Mesh) -> Records:
 
 def _placed(values: Ints, rows: Ints, to: Ints, size: int) -> Ints:
     """Array (size,) that has `values[rows]` at `to[rows]` and -1 elsewhere."""
-    found = np.full(size, -1, values.dtype)
-    found[to[rows]] = values[rows]
-    return found
+    placed = np.full(size, -1, values.dtype)
+    placed[to[rows]] = values[rows]
+    return placed
 
 
 def _nodes(mesh: Mesh, back: Mesh) -> Ints:
@@ -190,10 +189,10 @@ def _nodes(mesh: Mesh, back: Mesh) -> Ints:
     size = float(np.ptp(mesh.points, axis=0).max(initial=0.0))
     if back.n_nodes == mesh.n_nodes and np.abs(back.points - mesh.points).max(initial=0.0) <= 1e-5 * size:
         return np.arange(mesh.n_nodes)
-    found = match(mesh, back)
-    if isinstance(found, str):
-        raise UnfitError(f"the file has {found}")
-    return found.node
+    indices = match(mesh, back)
+    if isinstance(indices, str):
+        raise UnfitError(f"the file has {indices}")
+    return indices.node
 
 
 def _cells(mesh: Mesh, back: Mesh, node: Ints) -> Ints:
@@ -203,12 +202,12 @@ def _cells(mesh: Mesh, back: Mesh, node: Ints) -> Ints:
     """
     to = np.full(mesh.n_cells, -1)
     macro = mesh.cell_data["lac_macro"]
-    theirs = {kind: (cells, rows) for kind, cells, rows in back.select(np.arange(back.n_cells))}
-    for kind, cells, rows in mesh.select(np.arange(mesh.n_cells)):
-        if kind not in theirs:
+    theirs = {cell_type: (cells, rows) for cell_type, cells, rows in back.select(np.arange(back.n_cells))}
+    for cell_type, cells, rows in mesh.select(np.arange(mesh.n_cells)):
+        if cell_type not in theirs:
             continue
-        others, found = theirs[kind]
-        label, n = label_rows(np.sort(np.concatenate([node[rows], found]), axis=1))
+        others, their_nodes = theirs[cell_type]
+        label, n = label_rows(np.sort(np.concatenate([node[rows], their_nodes]), axis=1))
         mine, its = label[: len(cells)], label[len(cells) :]
         merged = np.bincount(mine, minlength=n) != np.bincount(its, minlength=n)
         first, second = mesh.cell_number[cells], back.cell_number[others]
@@ -238,37 +237,39 @@ def _parents(mesh: Mesh, back: Mesh, cell: Ints, parent: Ints) -> Ints:
 
     A number that no cell of the mesh has is kept, unless the file gave it to a cell; then it becomes -1.
     """
-    found = parent.astype(np.int64)
-    children = np.flatnonzero(found >= 0)
+    numbers = parent.astype(np.int64)
+    children = np.flatnonzero(numbers >= 0)
     order = np.argsort(mesh.cell_number, kind="stable")
-    at = np.minimum(np.searchsorted(mesh.cell_number, found[children], sorter=order), mesh.n_cells - 1)
+    at = np.minimum(np.searchsorted(mesh.cell_number, numbers[children], sorter=order), mesh.n_cells - 1)
     first = order[at]
-    known = (mesh.cell_number[first] == found[children]) & (cell[first] >= 0)
-    taken = ~known & np.isin(found[children], back.cell_number)
-    found[children[taken]] = -1
-    found[children[known]] = back.cell_number[cell[first[known]]]
-    return found
+    known = (mesh.cell_number[first] == numbers[children]) & (cell[first] >= 0)
+    taken = ~known & np.isin(numbers[children], back.cell_number)
+    numbers[children[taken]] = -1
+    numbers[children[known]] = back.cell_number[cell[first[known]]]
+    return numbers
 
 
-def _digest(mesh: Mesh, cells: Ints, zones: list[str], *columns: dict[str, Ints]) -> str:
+def _digest(mesh: Mesh, cells: Ints, zones: tuple[str, ...], *columns: dict[str, Ints]) -> str:
     """SHA-256 digest of the records, and of the cells that have them: types, numbers, nodes by number."""
-    said = sha256(json.dumps(zones).encode())
+    digest = sha256(json.dumps(zones).encode())
     for values in (values for column in columns for values in column.values()):
-        _feed(said, values)
-    for kind, chosen, rows in sorted(mesh.select(cells), key=lambda part: part[0]):  # wherever the file lists a type
-        said.update(kind.encode())
-        _feed(said, mesh.cell_number[chosen])
-        _feed(said, mesh.node_number[rows])
-    return said.hexdigest()
+        _feed(digest, values)
+    for cell_type, chosen, rows in sorted(
+        mesh.select(cells), key=lambda part: part[0]
+    ):  # wherever the file lists a type
+        digest.update(cell_type.encode())
+        _feed(digest, mesh.cell_number[chosen])
+        _feed(digest, mesh.node_number[rows])
+    return digest.hexdigest()
 
 
-def _feed(said: Any, values: NDArray) -> None:
-    said.update(f"{values.shape}".encode())
-    said.update(np.ascontiguousarray(values, "<i8").tobytes())
+def _feed(digest: Any, values: NDArray) -> None:
+    digest.update(f"{values.shape}".encode())
+    digest.update(np.ascontiguousarray(values, "<i8").tobytes())
 
 
 def _loaded(side: Path, mesh: Mesh) -> dict[str, Any]:
-    """Load the sidecar after checks of its size, its origin and its version. Raises UnfitError, OSError, _DAMAGE."""
+    """Load the sidecar after checks of its size, its origin and its version. Raises UnfitError, OSError, DAMAGE."""
     if not side.is_file():
         raise UnfitError("it is no regular file")
     if side.stat().st_size > _ROOM + _ROOM_EACH * (mesh.n_cells + mesh.n_nodes):
@@ -276,28 +277,17 @@ def _loaded(side: Path, mesh: Mesh) -> dict[str, Any]:
     if not is_ours(side):
         raise UnfitError("lacmesh did not write it, or it is damaged")
     held = json.loads(side.read_bytes().decode())
-    if type(held["version"]) is not int or held["version"] < 1:
-        raise ValueError("no version")
-    if held["version"] > VERSION:
+    if INTEGER.value(held["version"]) > VERSION:
         raise UnfitError("a newer lacmesh wrote it")
-    return held
+    return from_plain(held, CUT_NOTES)
 
 
 def _fitting(held: dict[str, Any], path: Path, mesh: Mesh) -> Records:
-    """Records in a loaded sidecar, checked to belong to this mesh. Raises UnfitError, _DAMAGE."""
-    nodes, cells = held["nodes"], held["cells"]
-    if not (isinstance(cells, dict) and all(type(n) is int for n in (nodes, *cells.values()))):
-        raise TypeError("counts are integers")
+    """Records in a loaded sidecar, checked to belong to this mesh. Raises UnfitError, DAMAGE."""
+    nodes, cells, zones = held["nodes"], held["cells"], held["zones"]
+    children, internal = held["children"], held["internal"]
     if (nodes, cells) != (mesh.n_nodes, mesh.cells_by_type):
         raise UnfitError(f"they are of {nodes} nodes and {sum(cells.values())} cells, {_counts(path, mesh, cells)}")
-    children = {name: _column(held["children"][name]) for name in ("cell", *_COLUMNS)}
-    internal = {name: _column(held["internal"][name]) for name in ("node", "macro")}
-    zones = held["zones"]
-    if not (isinstance(zones, list) and all(isinstance(zone, str) for zone in zones)):
-        raise ValueError("zones")
-    of = [len({len(v) for v in columns.values()}) for columns in (children, internal)]
-    if of != [1, 1]:
-        raise ValueError("columns of several lengths")
     at_cell = _places(children["cell"], mesh.cell_number)
     at_node = _places(internal["node"], mesh.node_number)
     if held["digest"] != _digest(mesh, at_cell, zones, children, internal):
@@ -310,22 +300,13 @@ def _fitting(held: dict[str, Any], path: Path, mesh: Mesh) -> Records:
         cell[name][at_cell] = children[column]
     owner = np.full(mesh.n_nodes, -1, np.int32)
     owner[at_node] = internal["macro"]
-    return Records(cell, owner, tuple(zones))
+    return Records(cell, owner, zones)
 
 
 def _counts(path: Path, mesh: Mesh, cells: dict[str, int]) -> str:
     """Clause with the node and cell counts of a mesh; it says that types differ if the numbers of cells agree."""
     same = ", of other types" if sum(cells.values()) == mesh.n_cells else ""
     return f"{path.name} has {mesh.n_nodes} and {mesh.n_cells}{same}"
-
-
-def _column(values: Any) -> Ints:
-    if not isinstance(values, list):
-        raise TypeError("a column is a list")
-    found = np.array(values) if values else np.empty(0, np.int64)
-    if found.ndim != 1 or found.dtype.kind != "i" or found.min(initial=0) < -1:
-        raise ValueError("a column is of integers")
-    return found
 
 
 def _places(numbers: Ints, known: Ints) -> Ints:

@@ -12,13 +12,11 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
-from lacmesh.formats.msh.scan import MshBytes
-from lacmesh.formats.text_numbers import decoded
+from lacmesh.formats.source import SourceFile
+from lacmesh.formats.text import decoded
 
 _COMMENT = re.compile(rb"%[^\n]*")
 _SEPARATORS = bytes.maketrans(b"=,\t", b"   ")
-#: Bytes of a body that are looked at in one go.
-_CHUNK = 1 << 22
 
 
 class SubFile(NamedTuple):
@@ -31,7 +29,7 @@ class SubFile(NamedTuple):
     end: int
 
 
-def sub_files(source: MshBytes, check: Callable[[str, int], None]) -> Iterator[SubFile]:
+def sub_files(source: SourceFile, check: Callable[[str, int], None]) -> Iterator[SubFile]:
     """The sub-files of a file, up to FIN. Raises ReadError where FINSF or FIN is missing.
 
     `check(keyword, at)` raises the error for a keyword that is none.
@@ -60,7 +58,7 @@ def sub_files(source: MshBytes, check: Callable[[str, int], None]) -> Iterator[S
         source.position = end + len(b"FINSF")
 
 
-def body(source: MshBytes, part: SubFile) -> bytes:
+def body(source: SourceFile, part: SubFile) -> bytes:
     """The text of a sub-file, blanks in place of comments."""
     text = bytes(source.data[part.begin : part.end])
     if b"%" in text:
@@ -68,24 +66,13 @@ def body(source: MshBytes, part: SubFile) -> bytes:
     return text
 
 
-def chunks(text: bytes) -> Iterator[tuple[int, bytes]]:
-    """Split a text into pieces of whole lines, each with its byte offset."""
-    begin = 0
-    while begin < len(text):
-        end = len(text) if len(text) - begin <= _CHUNK else text.rfind(b"\n", begin, begin + _CHUNK) + 1
-        if end <= begin:  # a line longer than a piece
-            end = text.find(b"\n", begin) + 1 or len(text)
-        yield begin, text[begin:end]
-        begin = end
-
-
-def _line(source: MshBytes, at: int) -> bytes:
+def _line(source: SourceFile, at: int) -> bytes:
     """The line that holds byte `at`, from there on, with its end."""
     end = source.data.find(b"\n", at)
     return bytes(source.data[at : source.size if end < 0 else end + 1])
 
 
-def _next_word(source: MshBytes) -> int:
+def _next_word(source: SourceFile) -> int:
     """Byte offset of the next word outside comments. Raises ReadError at the end of the file."""
     at = source.position
     while at < source.size:
@@ -97,7 +84,7 @@ def _next_word(source: MshBytes) -> int:
     raise source.error("the file ends without FIN: it may be cut off", source.size)
 
 
-def _header(source: MshBytes, words: list[bytes]) -> tuple[bytes | None, int]:
+def _header(source: SourceFile, words: list[bytes]) -> tuple[bytes | None, int]:
     """The name in a header, and how many lines the header has."""
     name, lines = None, 1
     for word, value in pairwise([*words, b""]):
@@ -110,7 +97,7 @@ def _header(source: MshBytes, words: list[bytes]) -> tuple[bytes | None, int]:
     return name, lines
 
 
-def _end(source: MshBytes, begin: int, keyword: bytes) -> tuple[int, bool]:
+def _end(source: SourceFile, begin: int, keyword: bytes) -> tuple[int, bool]:
     """Byte offset of the FINSF or FIN that ends a sub-file, and True if it is FIN. Raises ReadError without either."""
     at = begin
     while True:

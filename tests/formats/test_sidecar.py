@@ -10,12 +10,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lacmesh import CELLS, Cut, Mesh, check, cut_skin, raise_order, read, write
+from lacmesh import Cut, Mesh, check, cut_skin, raise_order, read, write
+from lacmesh.cells import CELLS
 from lacmesh.cli import main
 from lacmesh.cutting.patterns import RING_PARENTS
 from lacmesh.cutting.records import CELL_RECORDS, is_cut
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
-from lacmesh.formats import cut_beside
+from lacmesh.formats import sidecar
 from lacmesh.formats.fidelity import BESIDE, ROWS
 from lacmesh.formats.table import FORMATS, OF_NAME
 from lacmesh.topology.skin import FACE_TYPES
@@ -33,7 +34,7 @@ WAYS += [
 #: families whose cut a format cannot take, for want of a type of cell
 LACKS = {".inp for CalculiX": "PENTA", "mdpa": "PENTA", "nastran": "TRIA QUAD HEXA PENTA", "h5m": "QUAD HEXA PENTA"}
 #: formats that may take the cut of skin alone
-SURFACES = [(row.format, OF_NAME[row.format].suffixes[0]) for row in ROWS if OF_NAME[row.format].cut_beside]
+SURFACES = [(row.format, OF_NAME[row.format].suffixes[0]) for row in ROWS if OF_NAME[row.format].sidecar]
 
 
 def one_cell(name, variant):
@@ -91,7 +92,7 @@ def test_every_family_by_every_format_of_cells_and_skin(title, suffix, options, 
         path = tmp_path / f"{k}{suffix}"
         found, said = quiet(path, mesh, **options)
         assert not any("records" in s or "lac_" in s or "zone" in s for s in said)
-        assert cut_beside.place_of(path).exists()
+        assert sidecar.place_of(path).exists()
         same(mesh, found)
         tried.add(CELLS[name].family)
     lacks = LACKS.get(title, LACKS.get(row, ""))
@@ -111,7 +112,7 @@ def test_skin_alone_by_every_format(name, suffix, tmp_path):
         if all(row.keeps_cells(t) != "error" for t in mesh.cells_by_type):
             path = tmp_path / f"{k}{suffix}"
             same(mesh, quiet(path, mesh)[0])
-            assert cut_beside.place_of(path).exists() == (name not in ("vtk", "hmf"))
+            assert sidecar.place_of(path).exists() == (name not in ("vtk", "hmf"))
             tried += 1
     assert tried or name in ("su2", "flac3d")  # formats of volumes
 
@@ -177,7 +178,7 @@ def pair(tmp_path):
     """A .mail file of a cut mesh and its records."""
     path = tmp_path / "part.mail"
     write(path, one_cell("HEXA8", "hexa"))
-    return path, cut_beside.place_of(path)
+    return path, sidecar.place_of(path)
 
 
 def refused(path):
@@ -186,7 +187,7 @@ def refused(path):
         found = read(path)
     assert len(said) == 1 and not is_cut(found) and not found.zones and "lac_internal" not in found.node_data
     text = str(said[0].message)
-    assert text.startswith(f"{cut_beside.place_of(path)}: the records of a cut are left out: ")
+    assert text.startswith(f"{sidecar.place_of(path)}: the records of a cut are left out: ")
     assert text.endswith("; write the mesh again, or take this file away")
     return text
 
@@ -211,7 +212,7 @@ def test_records_go_with_their_own_mesh_alone(tmp_path):
     write(tmp_path / "b.mail", one_cell("TETRA4", "hexa"))
     shutil.copy(tmp_path / "b.mail", path)
     assert "part.mail has 6 and 11" in refused(path)
-    shutil.copy(cut_beside.place_of(tmp_path / "b.mail"), side)
+    shutil.copy(sidecar.place_of(tmp_path / "b.mail"), side)
     assert Cut(read(path)).n_macros == 2
 
 
@@ -274,9 +275,7 @@ def test_what_is_no_record(text, why, tmp_path):
 
 def test_a_folder_and_a_file_that_cannot_be_opened(tmp_path, monkeypatch):
     path, side = pair(tmp_path)
-    monkeypatch.setattr(
-        cut_beside, "_loaded", lambda *_: (_ for _ in ()).throw(PermissionError(13, "Permission denied"))
-    )
+    monkeypatch.setattr(sidecar, "_loaded", lambda *_: (_ for _ in ()).throw(PermissionError(13, "Permission denied")))
     assert "it cannot be read (Permission denied)" in refused(path)
     monkeypatch.undo()
     side.unlink()
@@ -311,7 +310,7 @@ def test_absurd_values_under_a_right_digest(part, column, value, tmp_path, monke
     held[part][column][-1] = value
     side.write_text(json.dumps(held))
     refused(path)
-    monkeypatch.setattr(cut_beside, "_digest", lambda *_: held["digest"])
+    monkeypatch.setattr(sidecar, "_digest", lambda *_: held["digest"])
     why = refused(path)
     assert "is damaged" in why or "has not, or twice" in why
 
@@ -322,7 +321,7 @@ def test_columns_must_fit_each_other(tmp_path, monkeypatch):
         held = json.loads(side.read_text())
         held[part][column].pop()
         side.write_text(json.dumps(held))
-        monkeypatch.setattr(cut_beside, "_digest", lambda *_, held=held: held["digest"])
+        monkeypatch.setattr(sidecar, "_digest", lambda *_, held=held: held["digest"])
         assert "is damaged" in refused(path)
 
 
@@ -364,7 +363,7 @@ def test_a_failure_leaves_both_files_as_they_were(tmp_path, monkeypatch):
     def fails(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(cut_beside, "to_json", fails)
+    monkeypatch.setattr(sidecar, "to_json", fails)
     with pytest.raises(WriteError, match=r"part\.mail: cannot be written \(No space left on device\)"):
         write(path, one_cell("TETRA4", "hexa"))
     assert (path.read_bytes(), side.read_bytes()) == before and len(list(tmp_path.iterdir())) == 2
@@ -380,7 +379,7 @@ def test_records_go_whole_or_not_at_all(tmp_path):
     odd = replace(wrong, cell_data={**wrong.cell_data, "lac_child": wrong.cell_data["lac_child"] + 7})
     with pytest.warns(LacmeshWarning, match="left out: there are records that no cut leaves"):
         write(tmp_path / "b.mail", odd)
-    assert not cut_beside.place_of(tmp_path / "b.mail").exists()
+    assert not sidecar.place_of(tmp_path / "b.mail").exists()
 
 
 def test_skin_on_skin_becomes_one_face_with_the_slaves_record(tmp_path):
@@ -420,12 +419,12 @@ def test_the_warning_names_what_a_user_loses(tmp_path, capsys):
         assert main(args) == 0
         said = [line for line in capsys.readouterr().err.splitlines() if "warning" in line]
         assert said == [f"lacmesh: warning: {suffix}: what only gmsh knows is left out: entities, tags of groups"]
-        assert cut_beside.place_of(tmp_path / f"a{suffix}").exists()
+        assert sidecar.place_of(tmp_path / f"a{suffix}").exists()
 
 
 def test_formats_with_fields_have_no_second_file(tmp_path):
     mesh = one_cell("HEXA8", "hexa")
     for form in FORMATS:
-        if not form.cut_beside:
+        if not form.sidecar:
             write(tmp_path / f"a{form.suffixes[0]}", mesh)
     assert not list(tmp_path.glob("*.lac.json"))

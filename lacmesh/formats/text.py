@@ -1,44 +1,111 @@
-"""Numbers and names in text files: columns of integers to text at once, text to numbers at once, bytes to words."""
+"""Numbers and names in text files: text to numbers at once, columns of numbers to text at once, bytes to words.
+
+Texts of a megabyte and more are scanned by compiled kernels (`text_kernels.py`), shorter ones by numpy alone, which
+takes less time than to load the compiler.
+"""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 
+#: Separators become blanks; in real numbers, Fortran's exponents D become E.
+AS_INTEGERS = bytes.maketrans(b",\t", b"  ")
+AS_REALS = bytes.maketrans(b"Dd,\t", b"ee  ")
+#: Bytes of data looked at in one go.
+_CHUNK = 1 << 22
+#: Texts from this size on are worth the time to load the compiler.
+_COMPILED = 1 << 20
 
-def parsed(text: bytes, kind: type) -> NDArray | None:
+
+def is_long(text: bytes) -> bool:
+    """True if a text is worth the time to load the compiler."""
+    return len(text) >= _COMPILED
+
+
+def parsed(text: bytes, dtype: type, *, clip: bool = False) -> NDArray | None:
     """All numbers of a text that holds nothing else, separated by white space; None where something else is there.
+
+    Integers beyond the range of `kind` are something else, or become its ends with `clip`.
 
     >>> parsed(b" 1 2\\n3", int), parsed(b"1 two", int)
     (array([1, 2, 3]), None)
     """
     if not text or text.isspace():
-        return np.empty(0, kind)
+        return np.empty(0, dtype)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", DeprecationWarning)  # numpy < 2.3 warns, and gives what it had read
-            values: NDArray = np.fromstring(text, kind, sep=" ")
+            values: NDArray = np.fromstring(text, dtype, sep=" ")
     except (ValueError, DeprecationWarning):
         return None
-    if values.dtype.kind == "i" and len(values) and values.max() == np.iinfo(values.dtype).max:
+    if not clip and values.dtype.kind == "i" and len(values) and values.max() == np.iinfo(values.dtype).max:
         return None  # more digits than an integer holds
     return values
 
 
-def bad_line(text: bytes, kind: type) -> int:
+def bad_line(text: bytes, dtype: type) -> int:
     """Byte offset of the first bad line in a text that `parsed` refuses."""
     lines = text.splitlines(keepends=True)
     low, high = 0, len(lines)
     while high - low > 1:
         middle = (low + high) // 2
-        bad = parsed(b"".join(lines[low:middle]), kind) is None
+        bad = parsed(b"".join(lines[low:middle]), dtype) is None
         low, high = (low, middle) if bad else (middle, high)
     return sum(map(len, lines[:low]))
+
+
+def chunks(text: bytes) -> Iterator[tuple[int, bytes]]:
+    """Split a text of whole lines into pieces of whole lines, each with its byte offset."""
+    begin = 0
+    while begin < len(text):
+        end = len(text) if len(text) - begin <= _CHUNK else text.rfind(b"\n", begin, begin + _CHUNK) + 1
+        if end <= begin:  # a line longer than a piece
+            end = text.find(b"\n", begin) + 1 or len(text)
+        yield begin, text[begin:end]
+        begin = end
+
+
+def values_in_lines(text: bytes) -> Ints:
+    """Number of comma-separated fields in each line of a text; a comma at its end adds none, a blank line has 0."""
+    if not is_long(text):
+        return values_in_lines_by_arrays(text)
+    from lacmesh.formats.text_kernels import count_fields
+
+    counts = np.empty(text.count(b"\n"), np.int64)
+    count_fields(np.frombuffer(text, np.uint8), counts)
+    return counts
+
+
+def integers(text: bytes) -> Ints | None:
+    """Integers in a text; None if it holds anything but integers, commas and blanks."""
+    if not is_long(text):
+        return parsed(text.translate(AS_INTEGERS), np.int64)
+    from lacmesh.formats.text_kernels import scan_integers
+
+    values = np.empty(len(text) // 2 + 1, np.int64)
+    n = scan_integers(np.frombuffer(text, np.uint8), values)
+    return parsed(text.translate(AS_INTEGERS), np.int64) if n < 0 else values[:n]
+
+
+def values_in_lines_by_arrays(text: bytes) -> Ints:
+    """Count fields as `values_in_lines` does, by numpy alone: without the time to load the compiler."""
+    letters = np.frombuffer(text, np.uint8)
+    ends = np.flatnonzero(letters == 10)
+    commas = np.flatnonzero(letters == 44)
+    solid = np.flatnonzero(letters > 32)  # no blank, tab or end of line
+    last = np.searchsorted(solid, ends) - 1  # the last solid byte of each line, if it is one of this line
+    begins = np.append(0, ends[:-1] + 1)[: len(ends)]
+    filled = (last >= 0) & (solid[last] >= begins) if len(solid) else np.zeros(len(ends), bool)
+    count = np.diff(np.searchsorted(commas, ends), prepend=0)
+    trailing = np.zeros(len(ends), bool)
+    trailing[filled] = letters[solid[last[filled]]] == 44
+    return np.where(filled, count + 1 - trailing, 0)
 
 
 def decoded(name: bytes) -> str:

@@ -60,11 +60,11 @@ class _Watched:
         """Read as a file does, and count the reads beyond the end."""
         return self._counted(super().read(size))  # type: ignore[misc]
 
-    def _counted(self, found: Any) -> Any:
-        self._beyond += not found
+    def _counted(self, content: Any) -> Any:
+        self._beyond += not content
         if self._beyond > _PATIENCE:
             raise EOFError("the file ends before the mesh does")
-        return found
+        return content
 
 
 class _Bytes(_Watched, io.BufferedReader):
@@ -98,10 +98,10 @@ def check_whole(path: Path, name: str) -> None:
 def check_counts(path: Path, name: str, points: int, cells: int) -> None:
     """Raise ReadError where a file says that it has more points or cells than meshio found."""
     content = path.read_bytes() if name in _COUNTS else b""
-    for pattern, found, what in zip(_COUNTS.get(name, ()), (points, cells), ("points", "cells"), strict=False):
-        said = sum(map(int, re.findall(pattern, content, re.MULTILINE)))
-        if found < said:
-            raise ReadError(path, f"is cut short: it has {found} of the {said} {what} that it announces")
+    for pattern, count, what in zip(_COUNTS.get(name, ()), (points, cells), ("points", "cells"), strict=False):
+        announced = sum(map(int, re.findall(pattern, content, re.MULTILINE)))
+        if count < announced:
+            raise ReadError(path, f"is cut short: it has {count} of the {announced} {what} that it announces")
 
 
 def _check_end(path: Path, name: str, file: BinaryIO) -> None:
@@ -125,17 +125,17 @@ def _is_text(content: bytes) -> bool:
 
 def _check_dolfin(path: Path) -> None:
     """Count the vertices and cells of a mesh of dolfin: each must be there, once."""
-    size, found = 0, set[str]()
+    size, indices = 0, set[str]()
     try:
         for event, element in ElementTree.iterparse(path, events=("start", "end")):
             if event == "start":
                 if element.tag in ("vertices", "cells"):
-                    size, found = int(element.attrib["size"]), set()
+                    size, indices = int(element.attrib["size"]), set()
                 elif "index" in element.attrib:
-                    found.add(element.attrib["index"])
+                    indices.add(element.attrib["index"])
             elif element.tag in ("vertices", "cells"):
-                if found != set(map(str, range(size))):
-                    raise ReadError(path, f"has {len(found)} of {size} {element.tag}, or others than it should")
+                if indices != set(map(str, range(size))):
+                    raise ReadError(path, f"has {len(indices)} of {size} {element.tag}, or others than it should")
                 element.clear()
     except (ElementTree.ParseError, KeyError, ValueError) as error:
         raise ReadError(path, f"is no whole mesh of dolfin ({error})") from error

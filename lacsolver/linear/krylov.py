@@ -1,0 +1,111 @@
+"""Generalised conjugate residuals (GCR): the Krylov loop of all iterative solutions.
+
+For A x = b with any preconditioner, one that changes included (GMRES with a flexible preconditioner, Saad 1993). Each
+direction z is stored with its image A z; the images are made orthonormal, A Z = I T^T with rows I, so that the residual
+is the smallest over all directions, and the step follows from a small triangular system.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from lacmesh.mesh import Floats
+from lacsolver.linear.vectors import Vectors
+
+#: orthogonalise a second time when the first pass leaves less than this fraction of the norm; fraction that is noise
+_LOST, _NOISE = 0.1, 1e-12
+#: a residual that is below this fraction of the least before has made progress
+_PROGRESS = 0.9
+#: directions for which memory is taken at first
+_FIRST = 16
+
+
+class LinearSystem(Protocol):
+    """Interface of a system for `minimise`."""
+
+    vectors: Vectors
+
+    def precondition(self, r: Floats) -> Floats:
+        """Return a direction for a residual."""
+
+    def image(self, z: Floats) -> Floats:
+        """Return A z."""
+
+
+class KrylovStep(NamedTuple):
+    """Step x (n,), the residual (m,) that it leaves by recurrence, and the number of preconditioned directions."""
+
+    x: NDArray[np.floating]
+    residual: NDArray[np.floating]
+    directions: int
+
+
+def minimise(
+    system: LinearSystem,
+    r: Floats,
+    excess: Callable[[Floats], float],
+    limit: int,
+    *,
+    known: Floats | Sequence[Floats] = (),
+    least: float = 0.0,
+    patience: int | None = None,
+) -> KrylovStep:
+    """Return the step that minimises the residual r (m,) over `known` directions and at most `limit` others.
+
+    `excess(r)`: a residual relative to its tolerance; the loop ends where it is 1 or less, once the known directions
+    are used. It also ends at a norm of `least`, at a direction that depends on the earlier ones up to round-off, and
+    when the excess has not fallen by a tenth for `patience` directions.
+    """
+    vectors, k, r = system.vectors, 0, r.copy()
+    Z: NDArray[np.floating] = np.empty((0, 0))
+    images: NDArray[np.floating] = np.empty((0, 0))
+    T, along = np.zeros((len(known) + limit,) * 2), np.zeros(len(known) + limit)
+    best, since = np.inf, 0
+    while k < len(known) + limit and vectors.norm(r) > least:
+        left = excess(r) if k >= len(known) else np.inf
+        best, since = (left, 0) if left < _PROGRESS * best else (best, since + 1)
+        if left <= 1 or (patience is not None and since >= patience):
+            break
+        z = known[k] if k < len(known) else system.precondition(r)
+        image = system.image(z)
+        if k == len(Z):
+            Z, images = _grown(Z, len(z)), _grown(images, len(image))
+        Z[k] = z
+        before = vectors.norm(image)
+        T[k, :k], T[k, k] = _orthogonalise(image, images[:k], vectors)
+        if not T[k, k] > _NOISE * before:
+            break
+        images[k] = image / T[k, k]
+        along[k] = vectors.dots(images[k : k + 1], r)[0]
+        r -= along[k] * images[k]
+        k += 1
+    x = np.zeros(Z.shape[1])
+    if k:
+        vectors.subtract(-solve_triangular(T[:k, :k], along[:k], trans="T", lower=True), Z[:k], x)
+    return KrylovStep(x, r, max(k - len(known), 0))
+
+
+def _grown(rows: Floats, n: int) -> NDArray[np.floating]:
+    """Return an array (twice as many, n) that starts with the given rows."""
+    out = np.empty((max(_FIRST, 2 * len(rows)), n))
+    if len(rows):
+        out[: len(rows)] = rows
+    return out
+
+
+def _orthogonalise(image: Floats, others: Floats, vectors: Vectors) -> tuple[NDArray[np.floating], float]:
+    """Orthogonalise an image against orthonormal rows `others`, in place; return the products and the norm left."""
+    before = vectors.norm(image)
+    parts = vectors.dots(others, image)
+    vectors.subtract(parts, others, image)
+    left = vectors.norm(image)
+    if left < _LOST * before:
+        again = vectors.dots(others, image)
+        vectors.subtract(again, others, image)
+        parts, left = parts + again, vectors.norm(image)
+    return parts, left

@@ -1,0 +1,198 @@
+"""Active set of contact rows for one linearisation: which rows are closed, by semi-smooth Newton steps.
+
+    K q = f - B^T p                                                    (26), (35)
+    0 <= p_m, 0 <= G_m(q), p_m G_m = 0                                 (27), (29)
+
+K, B and D are constant here; `newton` is for those that change. This is a semi-smooth Newton method on p_m - max(0,
+p_m - c_m G_m / w_m) = 0 (32), (33): some rows are held closed, G_m = 0, the others are open, p_m = 0, and one linear
+system gives the next q and p; closed rows under pressure stay closed, open rows that overlap are closed (this is the
+sign of p_m - c_m G_m / w_m, whatever c_m). Other contact laws say themselves which rows they close, and as what. It is
+block principal pivoting (Portugal, Judice and Vicente 1994), which is made finite by Murty's rule, one exchange at a
+time, the first row first, where block exchanges make no progress. Systems are solved inexactly until an active set is
+met again, then to round-off.
+
+c_m = w_m (b K b^T) / (b b^T)^2 with b the row of B: the stiffness of the macro-element's own skin, stress per length,
+so that no constant depends on units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import count
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from lacmesh.mesh import Floats
+from lacsolver.results.state import Iterate
+from lacsolver.solve.contact_system import ContactSystem, Rows
+from lacsolver.solve.saddle import SaddleProblem
+from lacsolver.solve.schur import solve_saddle
+from lacsolver.solve.search import Trial
+from lacsolver.solve.stiffness import Stiffness
+from lacsolver.solve.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance
+
+#: reduction of the residual in an inexact solve, and largest number of such solves
+_LOOSE, _LOOSE_SOLVES = 0.1, 12
+#: block exchanges allowed while the number of violated rows does not fall, before Murty's single exchange
+_BLOCKS = 3
+#: relative tolerance for the rank of the active rows on the rigid-body modes, and for the load left along them
+_STOPPED = 1e-8
+
+Bools = NDArray[np.bool_]
+
+
+def active_set_iterates(
+    K: Stiffness,
+    f: Floats,
+    contact_at: Callable[[Floats], ContactSystem],
+    start: Iterate,
+    tolerance: ConvergenceTolerance,
+    *,
+    free: Floats | None = None,
+    geometric: csr_array | None = None,
+) -> Iterator[Trial]:
+    """Yield trials of the equilibrium under forces f (n,), one active set each, for gaps that are linear in q.
+
+    The stiffness is `K` plus `geometric` (n, n), if given, which acts on few unknowns: it removes the stabilisation
+    added to K for rigid-body motions of little energy. `free` (n, r): these motions and those without energy, `K.R`,
+    which is the default.
+
+    If an inexact solve leaves the active set unchanged, the same system is solved to full accuracy in the same trial.
+    """
+    stiffness = K.K if geometric is None else csr_array(K.K + geometric)
+    free = K.R if free is None else free
+    resistance = free.T @ (stiffness @ free)
+    q, p, _ = start
+    contact = contact_at(q)
+    active = contact.start_active(start.active)
+    p = np.where(active, p, 0.0)
+    pivots = Pivots()
+    while True:
+        active = close_rows_against_rigid_modes(free, contact, active, f - stiffness @ q, resistance)
+        G, S = contact.equations(p, active)
+        problem = SaddleProblem(K, contact.rows, np.flatnonzero(active), f, G + contact.rows.D @ q, S, geometric)
+        applications = 0
+        for reduction in (0.0 if contact.exact else pivots.begin(active), 0.0):
+            q, p, more, _ = solve_saddle(problem, q, p, tolerance.linear(reduction, tolerance.moved))
+            contact, applications = contact_at(q), applications + more
+            wanted = contact.next_active(active, p)
+            if reduction == 0 or not np.array_equal(wanted, active):
+                break
+        off = _balance(K.K, geometric, contact.rows, f, q, p, tolerance.tolerance)
+        gap = float(np.abs(contact.residuals(p, active)).max(initial=0.0)) / tolerance.scale(q)
+        residual = Residual(off, gap)
+        yield Trial(Iterate(q, p, active), contact, residual, applications, exact=reduction == 0)
+        done = tolerance.fulfilled(residual, q)
+        active = wanted if done else pivots.next(active, wanted, reduction == 0)
+
+
+def solve_set(
+    problem: SaddleProblem, contact: ContactSystem, p: Floats, tolerance: ConvergenceTolerance, reduction: float,
+    moved: float, limit: int,
+) -> tuple[Floats, Floats, Bools, int, int]:  # fmt: skip
+    """Solve one linear problem for a step, and update its active set until it is consistent, in at most `limit` solves.
+
+    Returns the step dq (n,), pressures (m,), the active set of the last solve, the numbers of solves and of
+    applications of K^-1. `contact` is the system at dq = 0.
+    """
+    pivots, applications, m = Pivots(), 0, len(p)
+    for number in count(1):
+        active = np.zeros(m, bool)
+        active[problem.active] = True
+        dq, p, more, _ = solve_saddle(problem, np.zeros_like(problem.f), p, tolerance.linear(reduction, moved))
+        applications += more
+        wanted = contact.with_gaps(contact.G - contact.rows.D @ dq).next_active(active, p)
+        if number == limit or np.array_equal(wanted, active):
+            return dq, p, active, number, applications
+        closed = pivots.next(active, wanted, exact=True)
+        G, S = contact.equations(p, closed)
+        problem = problem._replace(active=np.flatnonzero(closed), G=G, compliance=S)
+    raise AssertionError
+
+
+def close_rows_against_rigid_modes(
+    R: Floats, contact: ContactSystem, active: Bools, f: Floats, resistance: Floats | None = None
+) -> Bools:
+    """Return the active set (m,) with rows added until no rigid-body mode R (n, r) moves along its load f (n,).
+
+    Each added row is the first that the moving body reaches, provided that it reaches it before it comes to rest by
+    itself: `resistance` (r, r), none by default, is the stiffness along the modes from follower forces and the like. A
+    load along a mode that no row constrains remains.
+    """
+    if not R.shape[1]:
+        return active
+    active, moves, carried, load = active.copy(), contact.rows.D @ R, contact.rows.B @ R, R.T @ f
+    for _ in range(R.shape[1]):
+        free, loaded = _null_space(moves[active]), _null_space(carried[active])
+        along = free @ (free.T @ (loaded @ (loaded.T @ load)))
+        closing = moves @ along
+        nearing = contact.solvable & ~active & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
+        if not nearing.any() or np.linalg.norm(along) <= _STOPPED * np.linalg.norm(load):
+            break
+        way = np.where(nearing, contact.G / np.where(nearing, closing, 1.0), np.inf)
+        resisted = 0.0 if resistance is None else along @ resistance @ along
+        if resisted > 0 and along @ load < resisted * way.min():
+            break
+        active[way.argmin()] = True
+    return active
+
+
+def _null_space(A: Floats) -> NDArray[np.floating]:
+    """Return an orthonormal basis (r, k) of the null space of A (m, r)."""
+    if not len(A):
+        return np.eye(A.shape[1])
+    _, size, V = np.linalg.svd(A)
+    return np.asarray(V[(size > _STOPPED * size.max(initial=0.0)).sum() :].T)
+
+
+class Pivots:
+    """Update of the active set by block principal pivoting, made finite by Murty's rule.
+
+    All violated rows are exchanged as long as their number falls within a few steps; otherwise only the first one is,
+    until fewer rows than ever before are violated. A set is solved inexactly when it is met for the first time, and
+    only a limited number of times in all.
+    """
+
+    def __init__(self) -> None:
+        self._seen: set[bytes] = set()
+        self._fewest, self._patience, self._loose = np.inf, _BLOCKS, _LOOSE_SOLVES
+
+    def begin(self, active: Bools) -> float:
+        """Take up a set; return the tolerance it is first solved to: 0 (exactly), or a loose one."""
+        key = active.tobytes()
+        loose = key not in self._seen and self._loose > 0
+        self._seen.add(key)
+        self._loose -= loose
+        return _LOOSE if loose else 0.0
+
+    def next(self, active: Bools, wanted: Bools, exact: bool) -> Bools:
+        """Return the next active set after a solve that asks for the set `wanted`."""
+        changes = np.flatnonzero(active != wanted)
+        if not exact or not len(changes):
+            return wanted
+        self._loose = 0  # from here on the numbers of changes are compared, which needs exact solves
+        if len(changes) < self._fewest:
+            self._fewest, self._patience = len(changes), _BLOCKS
+            return wanted
+        if self._patience > 0:
+            self._patience -= 1
+            return wanted
+        out = active.copy()
+        out[changes[0]] = wanted[changes[0]]
+        return out
+
+
+def _balance(
+    K: csr_array, geometric: csr_array | None, rows: Rows, f: Floats, q: Floats, p: Floats, tolerance: float
+) -> float:
+    """Return the relative residual of the forces f - (K + C) q - B^T p, see `balance`."""
+    inner, contact = K @ q + (0.0 if geometric is None else geometric @ q), rows.B_T @ p
+    force = max(float(np.abs(v).max(initial=0.0)) for v in (f, inner, contact))
+
+    def terms() -> ForceTerms:
+        size = abs(K) @ np.abs(q) + (0.0 if geometric is None else abs(geometric) @ np.abs(q))
+        return ForceTerms(np.abs(f) + size + abs(rows.B_T) @ np.abs(p), K.diagonal())
+
+    return balance(f - inner - contact, force, terms, tolerance)

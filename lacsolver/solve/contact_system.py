@@ -1,0 +1,232 @@
+"""Contact system: the contact rows of all pairs in one configuration, from their pairing to the report of a step.
+
+B v = int (v(x) - v(x_bar)).n, D = -dG/du; both are the same if a pair is paired only once, or if a symmetric tangent is
+required. A system is made on the unknowns of all nodes and reduced once to the unknowns q, by B T and D T. What the
+rows obey is left to the contact law of their pair (`lacsolver.contact.laws`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, vstack
+
+from lacmesh.mesh import Floats, Ints
+from lacsolver.contact import Interface
+from lacsolver.contact.laws import ContactLaw, RowState
+from lacsolver.contact.tangent import Motion, gap_derivative, motion_of, tangent
+from lacsolver.problem.problem import ContactPair, Problem
+from lacsolver.solve.stiffness import Stiffness
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Matrices of contact rows: B (m, n), and w (m,), the measure that G is integrated over.
+
+    `derivative()`: returns D (m, n), -dG/dq, once it is needed; None if D is B.
+    """
+
+    B: csr_array
+    w: NDArray[np.floating]
+    derivative: Callable[[], csr_array] | None = None
+
+    @cached_property
+    def D(self) -> csr_array:
+        """The derivative -dG/dq (m, n)."""
+        return self.B if self.derivative is None else self.derivative()
+
+    @cached_property
+    def B_T(self) -> csr_array:
+        """The transpose of B, (n, m)."""
+        return self.B.T.tocsr()
+
+    @cached_property
+    def touched(self) -> Ints:
+        """Indices of the unknowns with an entry in B."""
+        return np.unique(self.B.indices)
+
+    @cached_property
+    def gram(self) -> csr_array:
+        """The product B B^T."""
+        return csr_array(self.B @ self.B_T)
+
+    def reduced(self, T: csr_array) -> Rows:
+        """Return the rows on the unknowns q, with T = du/dq."""
+        derivative = None if self.derivative is None else lambda: csr_array(self.D @ T)
+        return Rows(csr_array(self.B @ T), self.w, derivative)
+
+
+@dataclass(frozen=True, eq=False)
+class RowGroup:
+    """Rows of one contact pair: its `law`, the `rows` that are its own, and their `history` (rows, n_history).
+
+    `pair`, `face`: the contact pair and its interface in this configuration; None for rows without a geometry.
+    `symmetric`: True if the derivatives of the interface are left out of the tangent.
+    """
+
+    law: ContactLaw
+    rows: slice
+    history: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    pair: ContactPair | None = None
+    face: Interface | None = None
+    symmetric: bool = True
+
+    @cached_property
+    def motion(self) -> Motion | None:
+        """Derivatives of the interface; None if it is paired only once, or for a symmetric tangent."""
+        if self.symmetric or self.pair is None or self.face is None:
+            return None
+        return motion_of(self.face, self.face.slave, self.face.master, self.pair.pairing, self.face.normal.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSystem:
+    """Contact rows of all pairs, one after the other (m,), in one configuration.
+
+    `rows`: B, D and w, 1 for rows that are not covered; `G` (m,): gap integrals; `groups`: the rows of each pair, with
+    their law. `covered` (m,): True if the coverage reaches the pair's threshold; `solvable` (m,): those of them whose
+    law can be fulfilled, since some unknown moves them or they are springs. `skin` (m,): stiffness of each row's own
+    skin, stress per length. `nodal`: the rows on the unknowns of all nodes.
+    """
+
+    rows: Rows
+    G: NDArray[np.floating]
+    groups: tuple[RowGroup, ...]
+    covered: Bools
+    solvable: Bools
+    skin: NDArray[np.floating]
+    nodal: Rows | None = None
+
+    @classmethod
+    def of(cls, rows: Rows, G: Floats, law: ContactLaw, K: Stiffness) -> ContactSystem:
+        """Return the system of covered rows on the unknowns of a stiffness K that obey one law."""
+        m = len(G)
+        group = RowGroup(law, slice(0, m), np.zeros((m, law.n_history)))
+        every = np.ones(m, bool)
+        return cls(rows, G, (group,), every, every, skin_stiffness(K, rows))
+
+    def reduced(self, T: csr_array, K: Stiffness) -> ContactSystem:
+        """Return the system on the unknowns q of a stiffness K, with T = du/dq."""
+        rows = self.rows.reduced(T)
+        made = replace(self, rows=rows, skin=skin_stiffness(K, rows), nodal=self.rows)
+        moved = np.diff(rows.B.indptr) > 0
+        none = np.zeros(len(self.G))
+        springs = made.equations(none, none > 0)[1] > 0
+        return replace(made, solvable=self.covered & (moved | springs))
+
+    def with_gaps(self, G: Floats) -> ContactSystem:
+        """Return these rows with other gap integrals G."""
+        return replace(self, G=G)
+
+    def states(self, p: Floats, active: Bools) -> Iterator[tuple[RowGroup, RowState]]:
+        """Yield the groups and the states of their rows at pressures p (m,); rows that are not solvable have zeros."""
+        gap = np.where(self.solvable, self.G / self.rows.w, 0.0)
+        p = np.where(self.solvable, p, 0.0)
+        for group in self.groups:
+            own = group.rows
+            yield group, RowState(gap[own], p[own], active[own], self.skin[own], group.history)
+
+    def next_active(self, active: Bools, p: Floats) -> Bools:
+        """Return the active set (m,) that the laws ask for after a solve with `active`."""
+        out = np.zeros(len(self.G), bool)
+        for group, state in self.states(p, active):
+            out[group.rows] = group.law.next_active(state)
+        return self.solvable & out
+
+    def start_active(self, closed: Bools) -> Bools:
+        """Return the active set (m,) to start from: the rows `closed`, and those that the laws always close."""
+        out = closed.copy()
+        for group, state in self.states(np.zeros(len(self.G)), np.zeros(len(self.G), bool)):
+            if not group.law.compressive:
+                out[group.rows] |= group.law.next_active(state)
+        return self.solvable & out
+
+    def residuals(self, p: Floats, active: Bools) -> NDArray[np.floating]:
+        """Return the residual (m,) of the laws at pressures p, lengths."""
+        out = np.zeros(len(self.G))
+        for group, state in self.states(p, active):
+            out[group.rows] = group.law.residual(state)
+        return np.where(self.solvable, out, 0.0)
+
+    def equations(self, p: Floats, active: Bools) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        """Return (G, S), (m,) each: the laws' equations at these gaps and pressures, D dq - S p = G for active rows."""
+        offset, compliance = np.zeros((2, len(self.G)))
+        for group, state in self.states(p, active):
+            offset[group.rows], compliance[group.rows] = group.law.linearise(state)
+        return self.G - self.rows.w * offset, self.rows.w * compliance
+
+    def commit(self, p: Floats, active: Bools) -> tuple[Floats, ...]:
+        """Return the history of each pair's law at the end of a step."""
+        return tuple(group.law.commit(state) for group, state in self.states(p, active))
+
+    @property
+    def exact(self) -> bool:
+        """True if a law asks for exact solves."""
+        return any(group.law.exact for group in self.groups)
+
+    @property
+    def moving(self) -> bool:
+        """True if the direction or position of contact forces depends on the displacement."""
+        return any(not group.symmetric for group in self.groups)
+
+    def geometric_stiffness(self, p: Floats) -> csr_array:
+        """Return d(B^T p)/du (n_dof, n_dof) at pressures p (m,), on the unknowns of all nodes."""
+        n = (self.nodal or self.rows).B.shape[1]
+        total = csr_array((n, n))
+        for group in self.groups:
+            if group.motion is not None and group.face is not None:
+                total = csr_array(total + tangent(group.face, group.motion, p[group.rows]))
+        return total
+
+
+def contact_system(
+    problem: Problem, interfaces: Sequence[Interface], u: Floats, history: Sequence[Floats] = ()
+) -> ContactSystem:
+    """Return the contact rows of all pairs at u (n_dof,), on the unknowns of all nodes, with their laws' histories.
+
+    The gaps of pairs that are paired only once are linear in u.
+    """
+    n, symmetric = problem.space.n_dof, problem.case.solver.tangent == "symmetric"
+    groups, first = [], 0
+    G: list[Floats] = [np.empty(0)]
+    w: list[Floats] = [np.empty(0)]
+    covered = [np.empty(0, bool)]
+    for k, (pair, face) in enumerate(zip(problem.joints, interfaces, strict=True)):
+        own = slice(first, first + face.B.shape[0])
+        memory = history[k] if history else np.zeros((own.stop - first, pair.law.n_history))
+        groups.append(RowGroup(pair.law, own, memory, pair, face, symmetric or not pair.moving))
+        repeat, first = (own.stop - first) // max(len(face.w), 1), own.stop
+        G.append(face.G if pair.moving else face.G - face.B @ u)
+        w.append(np.repeat(face.w, repeat))
+        covered.append(np.repeat(pair.covered(face), repeat))
+    on = np.concatenate(covered)
+    B = csr_array(vstack([csr_array((0, n)), *(face.B for face in interfaces)]))
+    w_or_1 = np.where(on, np.concatenate(w), 1.0)
+    rows = Rows(B, w_or_1, None if all(g.symmetric for g in groups) else lambda: _derivatives(groups, n))
+    return ContactSystem(rows, np.concatenate(G), tuple(groups), on, on, np.ones(len(on)))
+
+
+def _derivatives(groups: Sequence[RowGroup], n: int) -> csr_array:
+    """Return D (m, n_dof) of all pairs."""
+    parts = [csr_array((0, n))]
+    for group in groups:
+        assert group.face is not None
+        parts.append(group.face.B if group.motion is None else gap_derivative(group.face, group.motion))
+    return csr_array(vstack(parts))
+
+
+def skin_stiffness(K: Stiffness, rows: Rows) -> NDArray[np.floating]:
+    """Return c (m,) = w (b K b^T) / (b b^T)^2, stress per length; 1 where a row is zero or has no stiffness."""
+    touched = rows.touched
+    B = rows.B[:, touched]
+    energy = np.asarray(((B @ K.restricted(touched)).multiply(B)).sum(axis=1)).ravel()
+    size = np.asarray(B.multiply(B).sum(axis=1)).ravel()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        c = rows.w * energy / size**2
+    return np.where(np.isfinite(c) & (c > 0), c, 1.0)

@@ -1,0 +1,172 @@
+"""A problem on its constrained unknowns q: what is constant over its steps.
+
+u = u(q, t) is T q + u0(t), except for finite rotations of rigid bodies; T = du/dq, K_q = T^T K T.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, vstack
+
+from lacmesh.errors import DataError, some
+from lacmesh.mesh import Floats
+from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.contact import Interface
+from lacsolver.linear import SingularError
+from lacsolver.problem.problem import ContactPair, Problem
+from lacsolver.problem.rigid_modes import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
+from lacsolver.solve.schemes import QuasiStatic, TimeScheme
+from lacsolver.solve.stabilization import Stabilization
+from lacsolver.solve.stiffness import FactorCache, Stiffness, Whole
+
+#: how far a node may be across the axis of symmetry, relative to the bodies' extent
+_AXIS = 1e-9
+
+
+@dataclass(eq=False)
+class ReducedProblem:
+    """A problem on its constrained unknowns, and the time scheme of its steps.
+
+    `motions`: rigid-body motions that only contact constrains; `stabilization`: theirs, unless the scheme resists rigid
+    motion; `length`: size of the coordinates, whose round-off limits the accuracy of gaps.
+    """
+
+    problem: Problem
+    scheme: TimeScheme = field(default_factory=QuasiStatic)
+
+    def __post_init__(self) -> None:
+        self._interfaces: dict[str, Interface] = {}
+        self._reference: tuple[csr_array | None, Stiffness] | None = None
+
+    @cached_property
+    def K(self) -> csr_array:
+        """Stiffness (n_dof, n_dof) of the undeformed bodies."""
+        return self.problem.kinematics.tangent(np.zeros(self.problem.space.n_dof), 0.0)
+
+    @cached_property
+    def K_q(self) -> csr_array:
+        """Stiffness (n_q, n_q) of the undeformed bodies, T^T K T."""
+        return self.reduced(self.K, self.problem.constraints.T)
+
+    @cached_property
+    def motions(self) -> tuple[FreeMotion, ...]:
+        """Rigid-body motions that prescribed displacements and springs leave free."""
+        return free_motions(self.problem.space, self.problem.constraints, self.problem.springs)
+
+    @cached_property
+    def stabilization(self) -> Stabilization:
+        """Rigid-body modes that contact alone, or soft springs resist; none if the scheme resists rigid motion."""
+        if self.scheme.resists_rigid_motion:
+            return Stabilization.none(self.problem.constraints.n_q)
+        return Stabilization.of(self.problem, self.motions, self.K, self.linear)
+
+    @cached_property
+    def factors(self) -> FactorCache:
+        """Factorisation of tangents by the case's backend."""
+        solver = self.problem.case.solver
+        return FactorCache(self.stabilization.R, solver.backend, self.problem.threads, self._whole)
+
+    def reference(self, matrix: csr_array | None = None) -> Stiffness:
+        """Return the stabilised K_q of the undeformed bodies plus a scheme's matrix (n_q, n_q), factorised.
+
+        The last one is kept. Raises SingularError, in terms of the mesh.
+        """
+        if self._reference is None or self._reference[0] is not matrix:
+            try:
+                self._reference = matrix, self.factors.factorise(self.stabilized(self.K_q, matrix))
+            except SingularError as error:
+                raise self._singular(error) from error
+        return self._reference[1]
+
+    def stabilized(self, K_q: csr_array, matrix: csr_array | None = None) -> csr_array:
+        """Return K_q with the springs of the stabilisation, and a scheme's matrix."""
+        parts = [part for part in (K_q, self.stabilization.springs, matrix) if part is not None]
+        return K_q if len(parts) == 1 else csr_array(sum(parts[1:], parts[0]))
+
+    def _singular(self, error: SingularError) -> SingularError:
+        """Return the error of a singular stiffness in terms of the mesh: the node that moves most, and its axis."""
+        space = self.problem.space
+        if error.dof is None:
+            return error
+        q = np.eye(1, self.problem.constraints.n_q, error.dof)[0] if error.mode is None else error.mode
+        u = self.problem.constraints.T @ q
+        node, axis = divmod(int(np.abs(u).argmax()), space.dim)
+        place = ", ".join(space.told(space.mesh.points[node]))
+        who = f"node {space.mesh.node_number[node]} ({place}) along {'xyz'[axis]}"
+        message = f"the stiffness is singular: a part of a body can move without any force, most of all {who}"
+        advice = "look how it hangs on the rest there, or hold it by a displacement or a spring"
+        return SingularError(f"{message}; {advice}", error.dof, error.mode)
+
+    @cached_property
+    def _whole(self) -> Whole | None:
+        """Embedding of q in the unknowns of all nodes, with the rigid-body modes, for multigrid.
+
+        None if T does not merely select unknowns.
+        """
+        space, c = self.problem.space, self.problem.constraints
+        if not c.is_selection:
+            return None
+        modes = rigid_modes(space, bodies(space))
+        modes[np.setdiff1d(np.arange(space.n_dof), c.free, assume_unique=True)] = 0.0
+        return Whole(c.free, space.n_dof, space.dim, modes)
+
+    @cached_property
+    def length(self) -> float:
+        """Extent of the bodies, in axisymmetry at least the largest radius, since radii are measured from the axis."""
+        space = self.problem.space
+        radius = space.mesh.points[space.attached, 0].max() if space.model.axisymmetric else 0.0
+        return max(space.extent, float(radius))
+
+    @cached_property
+    def longest(self) -> float:
+        """Extent of the largest cell."""
+        space = self.problem.space
+        return max(float(np.ptp(space.local.points[b.nodes], axis=1).max(initial=0.0)) for b in space.blocks)
+
+    @cached_property
+    def linear(self) -> bool:
+        """True if forces and gaps are linear in q: linear bodies, and skins that are paired once."""
+        return self.problem.kinematics.linear and not any(pair.moving for pair in self.problem.joints)
+
+    def check_beside_axis(self, u: Floats) -> None:
+        """Raise InadmissibleError if u (n_dof,) moves nodes of an axisymmetric model across the axis.
+
+        Nodes within round-off of the axis are accepted.
+        """
+        space = self.problem.space
+        if space.model.axisymmetric:
+            x = space.mesh.points[:, 0] + u[:: space.dim]
+            beyond = np.flatnonzero((x < -_AXIS * space.extent) & (space.mesh.points[:, 0] >= 0))
+            if len(beyond):
+                numbers = some(space.mesh.node_number[beyond])
+                raise InadmissibleError(f"nodes {numbers} are taken across the axis; take smaller steps")
+
+    def check_held(self, interfaces: Sequence[Interface], paired: NDArray[np.bool_]) -> None:
+        """Raise DataError, with a description, if a rigid-body motion is constrained by nothing, contact included."""
+        if not self.motions or self.scheme.resists_rigid_motion:
+            return
+        B = csr_array(vstack([csr_array((0, self.problem.space.n_dof)), *(face.B for face in interfaces)]))
+        free = still_free(csr_array(B[np.flatnonzero(paired)]), self.motions)
+        if free:
+            said = "; ".join(describe(motion) for motion in free)
+            raise DataError(f"nothing holds a part of the model: {said}; add a displacement, a spring or a contact")
+
+    def reduced(self, K: csr_array, T: csr_array) -> csr_array:
+        """Return T^T K T."""
+        c = self.problem.constraints
+        if c.is_selection:
+            return csr_array(K[c.free][:, c.free])
+        return csr_array((T.T @ K @ T).tocsr())
+
+    def interface(self, pair: ContactPair, u: Floats, t: float) -> Interface:
+        """Return a pair's interface, on the skins displaced by u (n_dof,) if it is paired again, else undeformed."""
+        if pair.moving:
+            return pair.integrate(self.problem.space, u, t)
+        if pair.name not in self._interfaces or pair.timed:
+            self._interfaces[pair.name] = pair.integrate(self.problem.space, u, t)
+        return self._interfaces[pair.name]

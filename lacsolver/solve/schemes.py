@@ -1,0 +1,66 @@
+"""Time schemes: what a step adds to static equilibrium.
+
+A scheme answers for the terms of a step beside the static residual and tangent, predicts the next iterate, and commits
+what it keeps, such as velocities. `QuasiStatic` adds nothing. Another scheme is a class with the members of
+`TimeScheme`, and is given to `march`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from lacmesh.mesh import Floats
+from lacsolver.results.state import Iterate, StepState
+
+if TYPE_CHECKING:
+    from lacsolver.solve.reduced import ReducedProblem
+
+
+class StepTerms(NamedTuple):
+    """Terms of a step from one state to one time: the residual is r - force(q), the tangent K_q + matrix.
+
+    `force(q)`: forces (n_q,) of inertia or damping at unknowns q; `matrix` (n_q, n_q): their derivative, constant over
+    the step. The same matrix object for several steps means that its factor may be kept.
+    """
+
+    force: Callable[[Floats], Floats]
+    matrix: csr_array
+
+
+class TimeScheme(Protocol):
+    """Interface of a time scheme."""
+
+    @property
+    def resists_rigid_motion(self) -> bool:
+        """True if the matrix of each step makes the stiffness of free bodies definite, as a mass matrix does."""
+
+    def terms(self, model: ReducedProblem, state: StepState, t: float) -> StepTerms | None:
+        """Return the terms of the step from a state to time t; None if there are none."""
+
+    def predict(self, state: StepState, t: float) -> Iterate | None:
+        """Return an iterate to start from at time t; None for the linear predictor from the last state."""
+
+    def commit(self, model: ReducedProblem, state: StepState, t: float, q: Floats) -> Mapping[str, NDArray]:
+        """Return what the scheme keeps of a converged step from `state` to unknowns q (n_q,) at time t, by name."""
+
+
+class QuasiStatic:
+    """Static equilibrium at each time. Rigid-body modes that only contact stops are stabilised (`stabilization`)."""
+
+    resists_rigid_motion = False
+
+    def terms(self, model: ReducedProblem, state: StepState, t: float) -> StepTerms | None:
+        """Return None."""
+        return None
+
+    def predict(self, state: StepState, t: float) -> Iterate | None:
+        """Return the linear extrapolation of the last two steps."""
+        return state.extrapolated(t)
+
+    def commit(self, model: ReducedProblem, state: StepState, t: float, q: Floats) -> Mapping[str, NDArray]:
+        """Return nothing."""
+        return {}

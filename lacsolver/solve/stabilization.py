@@ -1,0 +1,109 @@
+"""Stabilisation of rigid-body modes that only contact or soft springs resist, which static equilibrium needs.
+
+Modes without energy in any configuration are in the null space of K_q: springs at as many unknowns make its factor
+definite, and the contact loop ensures that they carry no force (`stiffness`). Rotations, for which the geometric
+stiffness has either sign, and motions on soft springs are stabilised by springs that are added to K and subtracted
+again as a part of the geometric stiffness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array, csr_array
+from scipy.sparse.linalg import spsolve
+
+from lacmesh.mesh import Floats
+from lacsolver.constraints import Constraints
+from lacsolver.problem.problem import Problem
+from lacsolver.problem.rigid_modes import FreeMotion, free_motions
+from lacsolver.solve.stiffness import leading_unknowns
+
+#: springs are soft if they resist a rigid-body motion by less than this fraction of the bodies' own stiffness
+_SOFT = 1e-4
+#: largest number of rigid-body motions for which those on soft springs are sought: they are stored densely, and the
+#: iterations converge without them
+_MANY = 300
+#: a unit motion is independent of others if its part orthogonal to them is larger than this
+_ANOTHER = 1e-8
+
+
+class Stabilization(NamedTuple):
+    """Rigid-body modes of a problem on its unknowns q.
+
+    `free` (n_q, r): orthonormal modes that cost little energy; `R` (n_q, k): the first of them, which never cost any.
+    `springs` (n_q, n_q): stiffness that stabilises the others, None if there are none.
+    """
+
+    free: NDArray[np.floating]
+    R: NDArray[np.floating]
+    springs: csr_array | None
+
+    @classmethod
+    def none(cls, n_q: int) -> Stabilization:
+        """Return the stabilisation of a problem in which nothing needs it."""
+        return cls(np.zeros((n_q, 0)), np.zeros((n_q, 0)), None)
+
+    @classmethod
+    def of(cls, problem: Problem, motions: Sequence[FreeMotion], K: csr_array, linear: bool) -> Stabilization:
+        """Return the stabilisation of `motions`, rigid-body modes that only contact constrains, and of soft springs.
+
+        K (n_dof, n_dof): stiffness of the undeformed bodies. In a problem that is not `linear`, only translations are
+        without energy in any configuration.
+        """
+        always = [m for m in motions if linear or not m.twists[:, 3:].any()]
+        others = [m for m in motions if not linear and m.twists[:, 3:].any()]
+        free = _orthonormal(problem.constraints, [*always, *others])
+        free = np.concatenate([free, _soft(problem, K, free)], axis=1)
+        R = free[:, : len(always)]
+        return cls(free, R, _springs(R, free[:, R.shape[1] :], K))
+
+
+def unknowns(constraints: Constraints, u: Floats) -> NDArray[np.floating]:
+    """Return q (n_q,) with T q = u, for a u (n_dof,) in the range of T."""
+    T = constraints.T
+    if constraints.is_selection:
+        return u[constraints.free]
+    return np.asarray(spsolve(csc_array(T.T @ T), T.T @ u))
+
+
+def _orthonormal(constraints: Constraints, motions: Sequence[FreeMotion]) -> NDArray[np.floating]:
+    if not motions:
+        return np.zeros((constraints.n_q, 0))
+    return np.linalg.qr(np.stack([unknowns(constraints, motion.field) for motion in motions], axis=1))[0]
+
+
+def _soft(problem: Problem, K: csr_array, free: Floats) -> NDArray[np.floating]:
+    """Return orthonormal motions (n_q, k) on soft springs alone, orthogonal to the `free` ones (n_q, r)."""
+    motions = () if problem.springs is None else free_motions(problem.space, problem.constraints)
+    if not 0 < len(motions) <= _MANY:
+        return free[:, :0]
+    modes = _orthonormal(problem.constraints, motions)
+    modes = modes - free @ (free.T @ modes)
+    sides, size, _ = np.linalg.svd(modes, full_matrices=False)
+    modes = sides[:, size > _ANOTHER]
+    moved = problem.constraints.T @ modes
+    energy, axes = np.linalg.eigh(moved.T @ (problem.springs @ moved))
+    stiff = K.diagonal()
+    stiff = np.where(stiff > 0, stiff, stiff.mean())  # the mean for rigid bodies without cells
+    return (modes @ axes)[:, energy < _SOFT * (stiff @ np.square(moved @ axes))]
+
+
+def _springs(R: Floats, soft: Floats, K: csr_array) -> csr_array | None:
+    """Return springs (n_q, n_q) against modes `soft` (n_q, k), on differences of unknowns that R leaves unchanged."""
+    if not soft.shape[1]:
+        return None
+    leading = leading_unknowns(R)
+    if len(leading):
+        soft = soft - R @ np.linalg.solve(R[leading], soft[leading])
+    other = leading_unknowns(soft)
+    w = coo_array((np.ones(len(other)), (other, np.arange(len(other)))), shape=soft.shape).tocsr()
+    if len(leading):
+        part = np.linalg.solve(R[leading].T, R[other].T)
+        rows, columns = np.meshgrid(leading, np.arange(len(other)), indexing="ij")
+        w = csr_array(w - coo_array((part.ravel(), (rows.ravel(), columns.ravel())), shape=soft.shape))
+    size = float(np.abs(K.diagonal()).mean()) or 1.0
+    return csr_array(size * (w @ w.T))
