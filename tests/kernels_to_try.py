@@ -13,7 +13,6 @@ from scipy.sparse import csr_array
 
 import lacmesh
 from lacmesh.cells import CELLS
-from lacmesh.checks.facets import Solid, find_twins
 from lacmesh.formats.mail.names import scanned
 from lacmesh.formats.text_kernels import count_fields, scan_integers
 from lacmesh.formats.vtu.lz4 import expand
@@ -56,7 +55,6 @@ def work(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     yield "quality", _quality
     yield "check in space", partial(_check, "two_blocks.msh")
     yield "check in a plane", partial(_check, "sliding/ironing_2d.msh")
-    yield "facets", _facets
     yield "surfaces", _surfaces
     yield "multigrid", _multigrid
     yield "two blocks", lambda: main(["run", str(DATA / "two_blocks.toml"), "-q", "-o", str(folder / "run")])
@@ -87,10 +85,6 @@ def _formats() -> None:
     for data in (b"\x40abcd", b"\x44abcd\x02\x00\x00"):
         expand(np.frombuffer(data, np.uint8), np.empty(12, np.uint8))
     starts(np.array([4, 0, 1, 2, 4, 1, 2, 3]), np.array([0, 0, 0, 0, 4]), np.empty(2, np.int64))
-
-
-def _facets() -> None:
-    find_twins(Solid.of(lacmesh.read(DATA / "two_blocks.msh")))
 
 
 def _quality() -> None:

@@ -15,7 +15,8 @@ from lacmesh.cutting.patterns import internal_points
 from lacmesh.quality import corner_jacobian, worst
 from lacmesh.reference.quadrature import measure, rule
 from lacmesh.reference.shapes import gradient, jacobian, shape
-from lacmesh.topology.skin import FACE_TYPES, REVERSED, label_rows
+from lacmesh.topology.skin import FACE_TYPES, label_rows
+from lacmesh.topology.winding import REVERSED
 from tests.meshes import cell_with_faces, pad
 
 NAMES = list(CELLS)

@@ -17,7 +17,7 @@ import pytest
 from lacmesh import kernels
 from lacmesh.kernels import Kernel, kept
 from lacmesh.kernels.signatures import FILE, compile_signature, declared
-from lacmesh.quality.kernels import in_threads
+from lacmesh.kernels.threads import in_threads
 from tests.kernels_to_try import DATA, double, fractions
 from tools.record_kernels import recorded
 
@@ -180,7 +180,7 @@ def test_kernels_of_a_check_load_nothing_of_scipy_and_no_compiler():
 import sys
 from lacmesh.kernels.signatures import compile_signature, declared
 for signature in declared():
-    if signature.module.startswith(("lacmesh.surface", "lacmesh.checks")):
+    if signature.module.startswith(("lacmesh.surface", "lacmesh.checks", "lacmesh.topology")):
         compile_signature(signature)
 sys.exit(" ".join({"scipy.linalg", "numba.np.arrayobj"} & set(sys.modules)) or None)
 """

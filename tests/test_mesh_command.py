@@ -21,7 +21,7 @@ from lacmesh.errors import DataError, LacmeshWarning, ReadError, RequestError
 from lacmesh.gmsh import cad
 from lacmesh.gmsh.cad import EntitySelection, list_cad, mesh_cad, parse_group
 from lacmesh.reference.quadrature import measure
-from lacmesh.topology.orientation import turning
+from lacmesh.topology.orientation import analyse_orientation
 
 pytestmark = pytest.mark.gmsh
 LUG = Path(__file__).resolve().parents[1] / "data" / "pin_in_lug.step"
@@ -252,7 +252,7 @@ def test_every_kind_of_file_is_meshed(files, name, volume_, kinds):
     assert set(mesh.cells_by_type) == kinds
     assert volume(mesh) == pytest.approx(volume_, rel=0.03)
     skin = np.flatnonzero(mesh.cell_dim == mesh.dim - 1)
-    assert len(skin) and not len(turning(mesh, skin).turned)
+    assert len(skin) and not len(analyse_orientation(mesh, skin).to_flip)
     for kind, x in ((k, mesh.points[n]) for k, n in mesh.blocks if CELLS[k].dim == mesh.dim):
         assert measure(kind, x).min() > 0
 

@@ -14,8 +14,8 @@ from lacmesh.errors import DataError, GroupNotFoundError
 from lacmesh.reference.quadrature import measure, rule, signed_area
 from lacmesh.reference.shapes import jacobian
 from lacmesh.surface import Surface
-from lacmesh.topology.orientation import orient, reverse, skin_cells, turning
-from lacmesh.topology.skin import REVERSED
+from lacmesh.topology.orientation import analyse_orientation, orient, reverse, skin_cells
+from lacmesh.topology.winding import REVERSED
 from tests import properties
 from tests.checks.blocks import SOLIDS, block, join, skin, two_blocks
 from tests.checks.corpus import reversed_group, without_records
@@ -53,7 +53,7 @@ def test_the_top_of_a_block_looks_up(name):
     after = orient(mesh, "slave")
     cells = mesh.cell_groups["slave"]
     assert all(n[up] > 0 for n in normals(after, cells).values())
-    assert set(turning(mesh, cells).turned.tolist()) == set(turned.tolist())
+    assert set(analyse_orientation(mesh, cells).to_flip.tolist()) == set(turned.tolist())
     assert all(n[up] < 0 for n in normals(orient(mesh, "master"), mesh.cell_groups["master"]).values())
 
 
@@ -82,7 +82,7 @@ def test_a_concave_plane_cell(name, back):
         mesh = Mesh.create(
             points, [(kind, [cell]), (facets[0].type, listed)], cell_groups={"s": 1 + np.arange(len(facets))}
         )
-        assert len(turning(mesh, mesh.cell_groups["s"]).turned) == wrong
+        assert len(analyse_orientation(mesh, mesh.cell_groups["s"]).to_flip) == wrong
         assert orient(mesh, "s").block(facets[0].type).tolist() == np.array(right).tolist()
         assert Surface.of(mesh, mesh.cell_groups["s"]).faces.nodes[:, :2].tolist() == np.array(right)[:, :2].tolist()
         found = lacmesh.check(mesh, "s")
@@ -113,7 +113,7 @@ def test_everything_else_is_kept():
     assert all((after.cell_data[k] == v).all() for k, v in mesh.cell_data.items())
     for a, b in zip(after.blocks, mesh.blocks, strict=True):
         assert (np.sort(a.nodes, axis=1) == np.sort(b.nodes, axis=1)).all()
-    assert len(turning(after, after.cell_groups["slave"]).turned) == 0
+    assert len(analyse_orientation(after, after.cell_groups["slave"]).to_flip) == 0
     assert any((a.nodes != b.nodes).any() for a, b in zip(after.blocks, mesh.blocks, strict=True))
 
 
@@ -136,7 +136,7 @@ def test_a_body_inside_out_has_the_same_outward():
     hexa = mesh.block("HEXA8")[:, [4, 5, 6, 7, 0, 1, 2, 3]]
     blocks = [(b.type, hexa if b.type == "HEXA8" else b.nodes) for b in mesh.blocks]
     wrong = Mesh.create(mesh.points, blocks, cell_groups=mesh.cell_groups)
-    assert len(turning(wrong, wrong.cell_groups["slave"]).turned) == 0
+    assert len(analyse_orientation(wrong, wrong.cell_groups["slave"]).to_flip) == 0
 
 
 def test_faces_between_two_cells_stay_and_are_named():
@@ -144,9 +144,9 @@ def test_faces_between_two_cells_stay_and_are_named():
     low = {"HEXA8": cells["HEXA8"][points[cells["HEXA8"]].mean(axis=1)[:, 2] < 0.5]}
     inside = skin(points, low, lambda x: np.abs(x[..., 2] - 0.5) < 1e-9)
     mesh = join([(points, cells, {"inside": inside})])
-    turn = turning(mesh, mesh.cell_groups["inside"])
-    assert set(turn.interface.tolist()) == set(mesh.cell_groups["inside"].tolist())
-    assert not len(turn.turned)
+    found = analyse_orientation(mesh, mesh.cell_groups["inside"])
+    assert set(found.interface.tolist()) == set(mesh.cell_groups["inside"].tolist())
+    assert not len(found.to_flip)
 
 
 # ---- bare skins
@@ -171,8 +171,8 @@ def test_a_closed_bare_skin_encloses_a_positive_volume(seed):
     for cell, n in normals(after, after.cell_groups["s"]).items():
         (_, _, nodes) = next(after.select(np.array([cell])))
         assert n @ (after.points[nodes[0]].mean(axis=0) - 0.5) > 0
-    turn = turning(mesh, mesh.cell_groups["s"])
-    assert len(turn.bare) == len(mesh.cell_groups["s"]) and not len(turn.open) and not len(turn.one_sided)
+    found = analyse_orientation(mesh, mesh.cell_groups["s"])
+    assert len(found.parentless) == len(mesh.cell_groups["s"]) and not len(found.open) and not len(found.one_sided)
 
 
 def test_an_open_bare_skin_is_made_to_agree_with_its_majority():
@@ -180,8 +180,8 @@ def test_an_open_bare_skin_is_made_to_agree_with_its_majority():
     top = skin(points, cells, lambda x: np.abs(x[..., 2] - 1) < 1e-9)["QUAD4"]
     top[:3] = top[:3][:, ::-1]
     mesh = Mesh.create(points, [("QUAD4", top)], cell_groups={"s": np.arange(9)}, space_dim=3)
-    turn = turning(mesh, np.arange(9))
-    assert turn.turned.tolist() == [0, 1, 2] and len(turn.open) == 9
+    found = analyse_orientation(mesh, np.arange(9))
+    assert found.to_flip.tolist() == [0, 1, 2] and len(found.open) == 9
     assert all(n[2] > 0 for n in normals(orient(mesh, "s"), np.arange(9)).values())
 
 
@@ -196,8 +196,8 @@ def test_a_moebius_strip_stays_and_is_named():
     points = np.vstack([ring(-0.5), ring(0.5)])
     quads = [[k, k + 1, n + k + 1, n + k] for k in range(n - 1)] + [[n - 1, n, 0, 2 * n - 1]]
     mesh = Mesh.create(points, [("QUAD4", quads)], cell_groups={"s": np.arange(n)}, space_dim=3)
-    turn = turning(mesh, np.arange(n))
-    assert len(turn.one_sided) == n and not len(turn.turned)
+    found = analyse_orientation(mesh, np.arange(n))
+    assert len(found.one_sided) == n and not len(found.to_flip)
 
 
 @pytest.mark.parametrize("clockwise", [False, True])
@@ -220,7 +220,7 @@ def test_a_bare_skin_cut_by_itself_can_be_turned_too():
     mesh, _ = some_reversed(sphere(3), "s", np.random.default_rng(2))
     cut = cut_skin(mesh, "s", skin_only=True, orient="outward")
     faces = cut.mesh.cell_groups["s"]
-    assert len(turning(cut.mesh, faces).turned) == 0
+    assert len(analyse_orientation(cut.mesh, faces).to_flip) == 0
 
 
 # ---- macro-elements
@@ -282,7 +282,7 @@ def test_groups_that_hold_no_skin():
         [("TRIA10", [range(10)]), ("TETRA4", [[10, 11, 12, 13]])],
         cell_groups={"s": [0]},
     )
-    with pytest.raises(DataError, match="not turned"):
+    with pytest.raises(DataError, match="cannot be flipped"):
         orient(carried, "s")
 
 
@@ -300,7 +300,7 @@ def test_the_command(tmp_path, capsys):
     lacmesh.write(source, mesh)
     assert main(["orient", str(source), "--group", "slave", "--group", "master"]) == 0
     said = capsys.readouterr().out
-    assert "slave: 4 of 4 faces turned" in said and "master: 0 of 9 faces turned" in said
+    assert "slave: 4 of 4 faces flipped" in said and "master: 0 of 9 faces flipped" in said
     after = lacmesh.read(target)
     assert all(n[2] > 0 for n in normals(after, after.cell_groups["slave"]).values())
     assert main(["orient", str(source), "--group", "slave"]) == 2, "an output that exists"

@@ -25,9 +25,9 @@ from lacmesh.quality import (
 from lacmesh.quality import determinant as determinant_module
 from lacmesh.quality import measures as measures_module
 from lacmesh.quality.angles import angles, edge_ratio
-from lacmesh.quality.measures import SCALES, default_measures, headline
-from lacmesh.quality.spread import histogram, spread
-from lacmesh.quality.survey import PLACES
+from lacmesh.quality.measures import SCALES, default_measures, primary_metric
+from lacmesh.quality.statistics import histogram, statistics
+from lacmesh.quality.summary import PLACES
 from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.reference.shapes import gradient, jacobian
 from tests.meshes import box, pad
@@ -63,7 +63,7 @@ def test_every_type_has_its_measures():
         measures = measures_of(name)
         assert len(set(measures)) == len(measures) and set(measures) <= set(SCALES)
         assert set(default_measures(name)) <= set(measures)
-        assert (headline(name) is None) == (not measures)
+        assert (primary_metric(name) is None) == (not measures)
         assert bool(measures) == (name in CELLS and cell.dim > 0)
     assert set(ACCEPTED) == set(LINEAR)
     assert not any(set(measures_of(n)) & {"scaled_jacobian", "condition", "shape"} for n in QUADRATIC)
@@ -368,13 +368,13 @@ def test_the_kernels_are_what_is_used_on_many_cells(monkeypatch):
     assert measure_cells("HEXA8", points, cells, ["shape"])["shape"][0] == pytest.approx(1) and sum(called) == len(many)
 
 
-# ---- spreads
+# ---- statistics
 
 
-def test_a_spread_is_numpys():
+def test_the_statistics_are_numpys():
     rng = np.random.default_rng(8)
     values = rng.uniform(-0.2, 1, 1001)
-    s = spread("scaled_jacobian", values, (0.5, 1))
+    s = statistics("scaled_jacobian", values, (0.5, 1))
     np.testing.assert_allclose(s.percentiles, np.percentile(values, (1, 5, 50, 95, 99)))
     assert (s.least, s.largest) == (values.min(), values.max()) and s.mean == pytest.approx(values.mean())
     assert s.outside == (values < 0.5).sum() and s.median == np.median(values)
@@ -384,9 +384,9 @@ def test_a_spread_is_numpys():
 
 
 def test_infinite_and_missing_values_are_told_apart():
-    s = spread("condition", np.array([1.0, 2.0, 1e30, np.nan, np.inf]), (1, 3))
+    s = statistics("condition", np.array([1.0, 2.0, 1e30, np.nan, np.inf]), (1, 3))
     assert (s.count, s.undefined, s.outside, s.largest) == (2, 3, 3, 2.0)
-    none = spread("condition", np.array([1e30]))
+    none = statistics("condition", np.array([1e30]))
     assert none.count == 0 and np.isnan(none.mean) and none.as_json()["min"] is None
     assert histogram("volume", np.array([2.0, 2.0])).counts[0] == 2
     assert sum(histogram("scaled_jacobian", np.array([1 + 1e-15, -1e-18])).counts) == 2

@@ -128,7 +128,7 @@ def test_neighbours_have_different_colours(dim, order, seed):
     slaves = visible.faces.take(visible.rows(SLAVE))
     macro = visible.macro[visible.rows(SLAVE)]
     colour = colours.paint(macro, slaves.corners)
-    ends, face = edges_of(slaves) if dim == 3 else (slaves.nodes[:, :2], np.arange(len(slaves)))
+    ends, _, face = edges_of(slaves) if dim == 3 else (slaves.nodes[:, :2], None, np.arange(len(slaves)))
     for key in {tuple(sorted(e[:2])) for e in ends}:
         faces = face[[tuple(sorted(e[:2])) == key for e in ends]]
         assert len(set(colour[faces])) == len(set(macro[faces]))

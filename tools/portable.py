@@ -48,7 +48,7 @@ import numba, numpy.linalg, scipy.linalg
 from numba.core.registry import cpu_target
 from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 from threadpoolctl import threadpool_info
-from lacmesh.quality.kernels import available_cores
+from lacmesh.kernels.threads import available_cores
 blas = [lib for lib in threadpool_info() if lib["internal_api"] == "openblas"]
 features = sorted(name for name, there in __cpu_features__.items() if there)
 print(json.dumps({

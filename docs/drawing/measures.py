@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from drawing.solids import ideal
 from lacmesh.cells import CELLS
-from lacmesh.quality.measures import default_measures, headline, measures_of
+from lacmesh.quality.measures import default_measures, measures_of, primary_metric
 from lacmesh.quality.vectors import nodes_first
 from lacmesh.quality.verdict import ACCEPTED, CLASSES
 
@@ -47,7 +47,7 @@ def verdict_table(kind: str) -> Iterator[str]:
         best = f"{round(float(getattr(cell, name)()[0]), 4):g}" if name not in ("area", "volume", "jacobian") else ""
         told = "" if limits is None else f"{limits[0]:.4g} to {limits[1]:.4g}".replace("to inf", "and more")
         shown = f"**`{name}`**" if name in default_measures(kind) else f"`{name}`"
-        ranks = ", ranks" if name == headline(kind) else ""
+        ranks = ", ranks" if name == primary_metric(kind) else ""
         yield f"| {shown}{ranks} | {_sentence(getattr(CLASSES[kind], name))} | {best} | {told} |"
 
 

@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.checks.boxes import meeting
 from lacmesh.checks.crossing import crossing
 from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import PLACE, CheckedSkin, Subject
 from lacmesh.mesh import Floats, Ints
+from lacmesh.topology.boxes import meeting
 from lacmesh.topology.components import label_components
-from lacmesh.topology.orientation import edge_uses
-from lacmesh.topology.skin import N_CORNERS
+from lacmesh.topology.edges import distinct_edges, edge_uses
 
 #: a node is inside an edge when its distance to it is below this part of the edge's length
 ON_EDGE = 1e-6
@@ -101,7 +100,7 @@ def _unexplained(subject: Subject, nodes: Ints, place: Ints) -> tuple[NDArray[np
 
 def _edge_length(subject: Subject, corners: Ints, nodes: Ints) -> float:
     """Median over the boundary nodes of the shortest edge at a node, so that a few stray nodes do not affect it."""
-    a, b = _edges(corners, subject.mesh.n_nodes)
+    a, b = distinct_edges(corners)[0].T
     length = np.linalg.norm(subject.mesh.points[a] - subject.mesh.points[b], axis=1)
     good = subject.finite[a] & subject.finite[b] & (length > 0)
     shortest = np.full(subject.mesh.n_nodes, np.inf)
@@ -139,7 +138,7 @@ def same_place(x: Floats, room: float) -> Ints:
 
 def _torn(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
     """Report boundary nodes that lie inside a boundary edge of the same body."""
-    a, b = _edges(corners, subject.mesh.n_nodes)
+    a, b = distinct_edges(corners)[0].T
     node, edge = inside_edges(subject, nodes, a, b)
     mine = (subject.bodies[node] == subject.bodies[a[edge]]) & ~_on_sides(subject, node, a[edge])
     on_skin = np.zeros(subject.mesh.n_nodes, bool)
@@ -152,18 +151,6 @@ def _torn(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
     message += f" of the body that they belong to ({subject.node_numbers(node)}): its cells do not conform there; "
     message += "mesh both sides conformingly, or tie them in the solver"
     return [subject.found("torn-body", message, nodes=node)]
-
-
-def _edges(corners: Ints, n_nodes: int) -> tuple[Ints, Ints]:
-    """(a, b): the edges of facets (k, 4) given by their corners, each once."""
-    n = (corners >= 0).sum(axis=1)
-    keys = [np.empty(0, np.int64)]
-    for k in range(4):
-        rows = np.flatnonzero((k < n) & ((k == 0) | (n > 2)))
-        u, v = corners[rows, k], corners[rows, (k + 1) % n[rows]]
-        keys.append(np.minimum(u, v) * n_nodes + np.maximum(u, v))
-    key = np.unique(np.concatenate(keys))
-    return key // n_nodes, key % n_nodes
 
 
 def inside_edges(subject: Subject, nodes: Ints, a: Ints, b: Ints) -> tuple[Ints, Ints]:
@@ -199,8 +186,7 @@ def hanging_nodes(subject: Subject, side: CheckedSkin) -> Ints:
     corners = side.faces.corners
     uses = edge_uses(side.faces)
     alone = np.flatnonzero(np.bincount(uses.edge)[uses.edge] == 1)
-    face, place = uses.face[alone], uses.place[alone]
-    a, b = corners[face, place], corners[face, (place + 1) % N_CORNERS[side.faces.type[face]]]
+    a, b = uses.start[alone], uses.stop[alone]
     nodes = np.unique(corners[corners >= 0])
     node, edge = inside_edges(subject, nodes[subject.finite[nodes]], a, b)
     return np.unique(node[subject.bodies[node] == subject.bodies[a[edge]]])

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.checks.boxes import meeting_each_other, meeting_plain
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
+from lacmesh.topology.boxes import meeting_each_other
 from lacmesh.topology.skin import FACE_TYPES, Faces
 
 Array = NDArray[Any]
@@ -44,32 +44,15 @@ PIECES = {
 
 def crossing(points: Floats, faces: Faces) -> Ints:
     """(k, 2): pairs of faces i < j that cross or overlap; points (n, 3), in the plane z = 0 for segments."""
-    return _pairs(points, faces, compiled=True)
-
-
-def crossing_plain(points: Floats, faces: Faces) -> Ints:
-    """Compare all pairs of pieces in numpy: the reference for `crossing`, which is compiled."""
-    return _pairs(points, faces, compiled=False)
-
-
-def _pairs(points: Floats, faces: Faces, compiled: bool) -> Ints:
     nodes, face = pieces_of(faces)
-    x = np.ascontiguousarray(points[nodes])
-    start = np.searchsorted(face, np.arange(len(faces) + 1))
     if not len(face):
         return np.empty((0, 2), np.int64)
-    low, high = (
-        np.asarray(f.reduceat(m(x, axis=1), start[:-1])) for f, m in ((np.minimum, np.min), (np.maximum, np.max))
-    )
+    x = np.ascontiguousarray(points[nodes])
+    start = np.searchsorted(face, np.arange(len(faces) + 1))
+    low, high = np.minimum.reduceat(x.min(axis=1), start[:-1]), np.maximum.reduceat(x.max(axis=1), start[:-1])
     room = EPSILON * (high - low).max(axis=1, keepdims=True)
-    if compiled:
-        pairs = np.column_stack(meeting_each_other(low - room, high + room))
-        hit = _cross_each(x, start, pairs)
-    else:
-        pairs = np.column_stack(meeting_plain(low - room, high + room, low, high))
-        pairs = pairs[pairs[:, 0] < pairs[:, 1]]
-        hit = np.array([_cross_plain(x, start, i, j) for i, j in pairs], bool)
-    pairs = pairs[hit]
+    pairs = np.column_stack(meeting_each_other(low - room, high + room))
+    pairs = pairs[_cross_each(x, start, pairs)]
     return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
 
@@ -86,61 +69,6 @@ def pieces_of(faces: Faces) -> tuple[Ints, Ints]:
     nodes, face = np.concatenate(parts), np.concatenate(owner)
     order = np.argsort(face, kind="stable")
     return nodes[order], face[order]
-
-
-def _cross_plain(x: NDArray, start: Ints, i: int, j: int) -> bool:
-    """True if a piece of face i and a piece of face j cross."""
-    m, n = start[i + 1] - start[i], start[j + 1] - start[j]
-    a, b = np.repeat(start[i] + np.arange(m), n), np.tile(start[j] + np.arange(n), m)
-    return bool((_reach_plain(x[a], x[b]) | _reach_plain(x[b], x[a])).any())
-
-
-def _planes(x: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """First corner, rows (k, c, 3) and size of pieces (k, m, 3).
-
-    The rows times a position relative to the first corner give the signed distance and the barycentric coordinates.
-    """
-    side = x[:, 1] - x[:, 0]
-    if x.shape[1] == 2:
-        square = (side * side).sum(axis=1)
-        normal = np.stack([side[:, 1], -side[:, 0], 0 * side[:, 0]], axis=1)
-        size = np.sqrt(square)
-        with np.errstate(all="ignore"):
-            return x[:, 0], np.stack([normal / size[:, None], side / square[:, None]], axis=1), size
-    other = x[:, 2] - x[:, 0]
-    normal = np.cross(side, other)
-    square = (normal * normal).sum(axis=1)[:, None]
-    size = np.sqrt(np.maximum((side * side).sum(axis=1), (other * other).sum(axis=1)))
-    with np.errstate(all="ignore"):
-        rows = normal / np.sqrt(square), np.cross(other, normal) / square, np.cross(normal, side) / square
-    return x[:, 0], np.stack(rows, axis=1), size
-
-
-def _reach_plain(x: NDArray, other: NDArray) -> NDArray[np.bool_]:
-    """True for pieces x (k, m, 3) of which an edge, or the centre, enters the interior of the other piece."""
-    origin, rows, size = _planes(other)
-    m = x.shape[1]
-    centre = x.mean(axis=1)
-    lines = [(x[:, a], x[:, (a + 1) % m]) for a in range(m if m == 3 else 1)] + [(centre, centre)]
-    out = np.zeros(len(x), bool)
-    for start, stop in lines:
-        low, high = np.zeros(len(x)), np.ones(len(x))
-        at = [np.einsum("kcs,ks->kc", rows, end - origin) for end in (start, stop)]
-        first, last = ([(EPSILON * size) - v[:, 0], (EPSILON * size) + v[:, 0], *_coordinates(v)] for v in at)
-        for f, g in zip(first, last, strict=True):
-            high = np.where((f < 0) & (g < 0) | np.isnan(f) | np.isnan(g), -1.0, high)
-            with np.errstate(all="ignore"):
-                turn = f / (f - g)
-            low = np.where((f < 0) & (g >= 0), np.maximum(low, turn), low)
-            high = np.where((f >= 0) & (g < 0), np.minimum(high, turn), high)
-        out |= low <= high
-    return out
-
-
-def _coordinates(v: NDArray) -> list[NDArray]:
-    """Quantities that are positive inside a piece: the barycentric coordinates, from v = (distance, ...) (k, c)."""
-    rest = 1 - v[:, 1:].sum(axis=1)
-    return [*(v[:, k] - INSIDE for k in range(1, v.shape[1])), rest - INSIDE]
 
 
 @kernel
@@ -173,7 +101,11 @@ def _apart(x: Array, i: int, j: int) -> bool:
 
 @kernel
 def _plane(x: Array, j: int, rows: Array) -> float:
-    """Write the rows of `_planes` for piece j into `rows`; return its size, 0 if it is degenerate."""
+    """Write what maps a position, relative to its first corner, to the distance from piece j and its coordinates there.
+
+    `rows` (c, 3): the row of the signed distance, then those of the barycentric coordinates. Returns the piece's size,
+    0 if it is degenerate.
+    """
     m = x.shape[1]
     a0, a1, a2 = x[j, 1, 0] - x[j, 0, 0], x[j, 1, 1] - x[j, 0, 1], x[j, 1, 2] - x[j, 0, 2]
     if m == 2:

@@ -23,7 +23,7 @@ from lacmesh.cutting.records import Cut
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
-from lacmesh.topology.orientation import edge_uses
+from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, N_NODES
 
 #: what counts as positive, as a part of the macro-element's measure (round-off, and curved vertices of a TRIA6)
@@ -63,16 +63,16 @@ def check_dofs(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     }
     faults = [*macros.faults]
     if (macros.number >= 0).any():
-        faults += internal_faults(Cut(subject.mesh), macros.number, owner, internal, _rim(subject))
+        faults += internal_faults(Cut(subject.mesh), macros.number, owner, internal, _boundary_nodes(subject))
     return [*_broken(subject, faults), *_records(subject), *_lacking(subject, dofs), *_owning(subject, dofs)], figures
 
 
 def _dofs(subject: Subject, owner: Ints, internal: NDArray[np.bool_]) -> _Dofs:
     """Count the internal nodes of the macro-elements that own them."""
-    rim, held = np.zeros((2, subject.mesh.n_nodes), bool)
-    rim[_rim(subject)] = True
+    boundary, held = np.zeros((2, subject.mesh.n_nodes), bool)
+    boundary[_boundary_nodes(subject)] = True
     held[subject.fixed] = True
-    kinds = internal, internal & ~rim, internal & ~held, internal & ~rim & ~held
+    kinds = internal, internal & ~boundary, internal & ~held, internal & ~boundary & ~held
     return _Dofs(*(np.bincount(owner[nodes], minlength=subject.macros.count) for nodes in kinds))
 
 
@@ -104,7 +104,7 @@ def _lacking(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
     uncut[macros.of_face[~macros.cut & ~macros.whole]] = True
     none = (dofs.anywhere == 0) | (uncut & (dofs.inside == 0))
     taken = ~none & (dofs.free == 0)
-    on_rim = ~none & ~taken & (dofs.free_inside == 0)
+    on_boundary = ~none & ~taken & (dofs.free_inside == 0)
     if none.any():
         cells = side.cells[macros.faces(none)]
         what = "macro-elements own" if macros.cut.any() else "slave faces own"
@@ -121,9 +121,9 @@ def _lacking(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
             f"{', '.join(subject.dirichlet)} (slave faces {subject.numbers(cells)}); remove these faces from one "
         )
         yield subject.found("fixed-internal-dof", f"{message}of the groups", cells, group=side.group)
-    if on_rim.any():
-        cells = side.cells[macros.faces(on_rim)]
-        message = counted(int(on_rim.sum()), "macro-element owns", "macro-elements own")
+    if on_boundary.any():
+        cells = side.cells[macros.faces(on_boundary)]
+        message = counted(int(on_boundary.sum()), "macro-element owns", "macro-elements own")
         message += f" free dofs on the boundary of the slave skin only (slave faces {subject.numbers(cells)}), where a "
         message += (
             "symmetry condition would constrain them; cut the faces, or give the constrained groups with --dirichlet"
@@ -173,7 +173,7 @@ def _face_integrals(kind: str, x: Floats) -> Floats:
     return (area * w) @ shape(kind, X)
 
 
-def _rim(subject: Subject) -> Ints:
+def _boundary_nodes(subject: Subject) -> Ints:
     """Nodes on the boundary of the slave skin: on edges that belong to one slave face only."""
     faces = subject.slave.faces
     uses = edge_uses(faces)

@@ -66,7 +66,7 @@ def check_facing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
         facing = _Facing.of(subject)
     except DataError as error:
         return [_left_out(subject, str(error))], {}
-    found = [*_coverage(subject, facing), *_turned_away(subject, facing), *_behind(subject, facing)]
+    found = [*_coverage(subject, facing), *_facing_away(subject, facing), *_behind(subject, facing)]
     if not len(facing.points):
         return found, {"covered": 0.0}
     gap, figures = _gap(subject, facing)
@@ -81,33 +81,33 @@ def _left_out(subject: Subject, why: str) -> Finding:
 
 def _coverage(subject: Subject, facing: _Facing) -> Iterator[Finding]:
     side = subject.slave
-    bare, partly = facing.lacking
-    zone = np.empty(len(bare), np.int64)
+    unseen, partly = facing.lacking
+    zone = np.empty(len(unseen), np.int64)
     zone[facing.macro] = side.zone
-    for k, name in enumerate(side.names):  # a zone that is bare is an error, whatever the others see
+    for k, name in enumerate(side.names):  # a zone that sees no master is an error, whatever the others see
         mine = zone == k
-        if mine.any() and bare[mine].all():
+        if mine.any() and unseen[mine].all():
             message = f"no slave face of {name} finds a master face along its normal, up to "
             message += f"{facing.options['search_distance']:.4g} away; check the groups, their positions and their "
             message += "orientation, or increase --search-distance"
             yield subject.found("no-coverage", message, side.cells[mine[facing.macro]], group=name)
-            bare = bare & ~mine
-    if (bare | partly).any():
-        cells = side.cells[(bare | partly)[facing.macro]]
-        message = f"of {counted(len(bare), 'macro-element')}, {bare.sum():,} do not face the master at all and "
+            unseen = unseen & ~mine
+    if (unseen | partly).any():
+        cells = side.cells[(unseen | partly)[facing.macro]]
+        message = f"of {counted(len(unseen), 'macro-element')}, {unseen.sum():,} do not face the master at all and "
         message += (
             f"{partly.sum():,} only in part (slave faces {subject.numbers(cells)}); nothing to do if the slave is "
         )
         yield subject.found("partial-coverage", f"{message}meant to extend beyond the master", cells, group=side.group)
 
 
-def _turned_away(subject: Subject, facing: _Facing) -> Iterator[Finding]:
+def _facing_away(subject: Subject, facing: _Facing) -> Iterator[Finding]:
     """Report master faces without parent cell whose normal points away from the slave: flipped, they cover more."""
-    bare = np.isnan(facing.master.depth)
-    if not bare.any() or not np.any(facing.lacking):
+    parentless = np.isnan(facing.master.depth)
+    if not parentless.any() or not np.any(facing.lacking):
         return
     over = contact_points(
-        facing.slave, facing.master.turned_over(np.flatnonzero(bare)), macro=facing.macro, **facing.options
+        facing.slave, facing.master.turned_over(np.flatnonzero(parentless)), macro=facing.macro, **facing.options
     )
     gained = coverage(over, facing.slave, facing.macro).ratio > facing.covered.ratio + 0.5
     if gained.any():
@@ -142,13 +142,13 @@ def _gap(subject: Subject, facing: _Facing) -> tuple[Finding, dict[str, Any]]:
     share = min(total / area, 1.0) if area > 0 else 0.0
     message = f"gap from {low:.6g} to {high:.6g}, mean {mean:.6g} (open > 0); "
     message += f"{100 * share:.4g} % of the slave faces the master"
-    bare, partly = facing.lacking
+    unseen, partly = facing.lacking
     figures = {
         "gap": {"min": low, "mean": mean, "max": high},
         "covered": share,
-        "covered_macro_elements": int((~bare & ~partly).sum()),
+        "covered_macro_elements": int((~unseen & ~partly).sum()),
         "partly_covered_macro_elements": int(partly.sum()),
-        "uncovered_macro_elements": int(bare.sum()),
+        "uncovered_macro_elements": int(unseen.sum()),
     }
     return subject.found("gap", message, group=subject.slave.group), figures
 

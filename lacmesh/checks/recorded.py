@@ -11,7 +11,7 @@ from lacmesh.cutting.records import Cut
 from lacmesh.errors import some
 from lacmesh.mesh import Ints
 from lacmesh.topology.components import label_components
-from lacmesh.topology.orientation import edge_uses
+from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.skin import Faces
 
 _NONE = np.empty(0, np.int64)
@@ -69,21 +69,21 @@ def _apart(cut: Cut, cells: Ints, macro: Ints) -> NDArray[np.bool_]:
     return _mixed(label_components(uses.face, len(cells) + edge, size)[: len(cells)], macro)
 
 
-def internal_faults(cut: Cut, number: Ints, owner: Ints, internal: NDArray[np.bool_], rim: Ints) -> list[Fault]:
+def internal_faults(cut: Cut, number: Ints, owner: Ints, internal: NDArray[np.bool_], boundary: Ints) -> list[Fault]:
     """Return the faults of `lac_internal`, compared with the integrals of the shape functions.
 
     `number` (m,): the number in the records of each macro-element that is checked, -1 without one. `owner` (n_nodes,):
     the only macro-element that contains a node, or -1. `internal` (n_nodes,): nodes whose function has a positive
-    integral. `rim`: nodes on the boundary of the skin. If the integrals find no internal node off the boundary for a
+    integral. `boundary`: nodes on the boundary of the skin. If the integrals find no internal node off it for a
     macro-element, its records need not name one, and a node they name need only lie in that macro-element alone: there
     the cut is at fault, not the record.
     """
     mesh, recorded = cut.mesh, cut.macro_of_node
-    off_rim = internal.copy()
-    off_rim[rim] = False
+    off_boundary = internal.copy()
+    off_boundary[boundary] = False
     owning = np.zeros(len(number), bool)
-    owning[owner[off_rim]] = True
-    fitting = (owner >= 0) & (off_rim | ~owning[owner])
+    owning[owner[off_boundary]] = True
+    fitting = (owner >= 0) & (off_boundary | ~owning[owner])
     expected = np.where(fitting, number[owner], -1)
     known = np.isin(recorded, number[number >= 0]) | ~np.isin(recorded, cut.macro_of_face)
     odd = np.flatnonzero((recorded >= 0) & known & (recorded != expected))

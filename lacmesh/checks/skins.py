@@ -12,8 +12,9 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import CheckedSkin, Subject, is_carried
 from lacmesh.mesh import Ints
+from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.faces import cells_of_dim
-from lacmesh.topology.orientation import edge_uses, turning
+from lacmesh.topology.orientation import analyse_orientation
 from lacmesh.topology.skin import FACE_TYPES, find_owners, find_repeats
 
 _ORDER = np.array([CELLS[name].order for name in FACE_TYPES])
@@ -93,7 +94,7 @@ def check_parents(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     for side in subject.sides:
         if len(side):
             found += _behind(subject, side)
-            found += _turned(subject, side)
+            found += _inward(subject, side)
     return found, {}
 
 
@@ -106,16 +107,18 @@ def _are_recorded(subject: Subject, cells: Ints) -> bool:
 def _behind(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
     count = subject.behind(side)
     on_carried = _on_carried(subject, side)
-    bare, carried = side.cells[(count == 0) & ~on_carried], side.cells[(count == 0) & on_carried]
-    if side.what == "slave" and subject.mesh.dim == 2 and _are_recorded(subject, bare):
+    parentless, carried = side.cells[(count == 0) & ~on_carried], side.cells[(count == 0) & on_carried]
+    if side.what == "slave" and subject.mesh.dim == 2 and _are_recorded(subject, parentless):
         return  # a shell that was cut as one
-    if len(bare) and side.what == "slave":
-        message = f"{side.counted(len(bare), 'has', 'have')} no parent cell ({subject.numbers(bare)}); "
+    if len(parentless) and side.what == "slave":
+        message = f"{side.counted(len(parentless), 'has', 'have')} no parent cell ({subject.numbers(parentless)}); "
         message += "remove them from the group, or mesh the body (--skin-only cuts a shell)"
-        yield subject.found("no-parent", message, bare, group=side.group)
-    elif len(bare):
-        message = f"{side.counted(len(bare), 'has', 'have')} no parent cell: the master, or that part of it, is rigid"
-        yield subject.found("bare-master", message, bare, group=side.group)
+        yield subject.found("no-parent", message, parentless, group=side.group)
+    elif len(parentless):
+        message = (
+            f"{side.counted(len(parentless), 'has', 'have')} no parent cell: the master, or that part of it, is rigid"
+        )
+        yield subject.found("bare-master", message, parentless, group=side.group)
     if len(carried):
         message = f"{side.counted(len(carried), 'lies', 'lie')} on cells of order 3 or higher "
         message += f"({subject.numbers(carried)}); mesh with linear or quadratic cells"
@@ -146,20 +149,19 @@ def _on_carried(subject: Subject, side: CheckedSkin) -> NDArray[np.bool_]:
     return out
 
 
-def _turned(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
-    turn = turning(subject.mesh, side.cells)
-    bare = np.intersect1d(turn.turned, turn.bare)
-    inward = np.setdiff1d(turn.turned, turn.bare)
+def _inward(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
+    found = analyse_orientation(subject.mesh, side.cells)
+    against = np.intersect1d(found.to_flip, found.parentless)
+    inward = np.setdiff1d(found.to_flip, found.parentless)
     advice = f"flip them: lacmesh orient {' '.join(f'--group {name}' for name in side.names)}"
     if len(inward):
         message = f"{len(inward):,} of {side.counted(len(side), 'points', 'point')} inward ({subject.numbers(inward)})"
         yield subject.found("orientation", f"{message}; {advice}", inward, group=side.group)
-    if len(bare):
-        message = counted(
-            len(bare), f"{side.what} face without parent cell points", f"{side.what} faces without parent cells point"
-        )
-        message += f" opposite to their neighbours, or inward ({subject.numbers(bare)})"
-        yield subject.found("orientation", f"{message}; {advice}", bare, group=side.group)
+    if len(against):
+        one, many = f"{side.what} face without parent cell points", f"{side.what} faces without parent cells point"
+        message = counted(len(against), one, many)
+        message += f" opposite to their neighbours, or inward ({subject.numbers(against)})"
+        yield subject.found("orientation", f"{message}; {advice}", against, group=side.group)
 
 
 def check_shape(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:

@@ -8,17 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.checks.facets import CROWDED, FACETS, Solid
 from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import Subject
 from lacmesh.errors import some
 from lacmesh.mesh import Block, Ints, Mesh
 from lacmesh.reference.quadrature import signed_area
+from lacmesh.topology.facets import CROWDED, FACETS, Solid, mixed_bits
 
 _WORST = 5
 _NEITHER = -1
 _PIECE = 1 << 14
-_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
 
 def check_numbers(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
@@ -57,7 +56,7 @@ def check_validity(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     mesh = subject.mesh
     repeated = _with_repeated_nodes(mesh)
     value, poor = np.ones(mesh.n_cells), np.ones(mesh.n_cells)
-    turned = np.zeros(mesh.n_cells, bool)
+    negative = np.zeros(mesh.n_cells, bool)
     for k, block in enumerate(mesh.blocks):
         if block.type not in CELLS or not CELLS[block.type].dim or not len(block.nodes):
             continue
@@ -67,15 +66,15 @@ def check_validity(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
             if CELLS[block.type].dim == mesh.dim:
                 poor[cells] = _quality(mesh, block)
             if CELLS[block.type].dim == 2 == mesh.dim and mesh.space_dim == 2:
-                turned[cells] = signed_area(block.type, mesh.points[block.nodes]) < 0
+                negative[cells] = signed_area(block.type, mesh.points[block.nodes]) < 0
     known = np.ones(mesh.n_cells, bool)
     for k, block in enumerate(mesh.blocks):
         if not subject.finite.all():
             known[mesh.offsets[k] : mesh.offsets[k + 1]] = subject.finite[block.nodes].all(axis=1)
     invalid = np.flatnonzero(~(value > 0) & ~repeated & known)
-    inverted = invalid[_inside_out(subject, invalid) == 1]
+    inverted = invalid[_inversion(subject, invalid) == 1]
     invalid = np.setdiff1d(invalid, inverted)
-    clockwise = np.flatnonzero(turned & (value > 0) & ~repeated & known)
+    clockwise = np.flatnonzero(negative & (value > 0) & ~repeated & known)
     bad = np.flatnonzero((poor < POOR) & (value > 0) & ~repeated & known)
     found = _invalid(subject, np.flatnonzero(repeated), invalid, inverted)
     return found + _doubtful(subject, clockwise, bad, poor), {
@@ -160,24 +159,24 @@ def _with_repeated_nodes(mesh: Mesh) -> NDArray[np.bool_]:
 def check_facets(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Check that the cells fit together: each facet has one or two cells, on opposite sides, with the same nodes."""
     facets = subject.facets
-    solid, twin, found = facets.solid, facets.twin, []
+    solid, opposite, found = facets.solid, facets.opposite, []
     if len(facets.copies):
         message = (
             f"{counted(len(facets.copies), 'cell has', 'cells have')} the same corners as others "
             f"({subject.numbers(facets.copies)}); remove them"
         )
         found.append(subject.found("repeated-cell", message, facets.copies))
-    crowded = np.unique(np.flatnonzero(twin == CROWDED) // FACETS)
+    crowded = np.unique(np.flatnonzero(opposite == CROWDED) // FACETS)
     if len(crowded):
         cells = solid.cells[crowded]
         message = f"more than two cells share a facet (cells {subject.numbers(cells)}); remove the surplus cells"
         found.append(subject.found("crowded-facet", message, cells))
-    found += _overlapping(subject, solid, twin, facets.same)
-    found += _other_mid_nodes(subject, solid, twin)
+    found += _overlapping(subject, solid, opposite, facets.same)
+    found += _other_mid_nodes(subject, solid, opposite)
     return found, {}
 
 
-def _overlapping(subject: Subject, solid: Solid, twin: Ints, same: NDArray[np.bool_]) -> list[Finding]:
+def _overlapping(subject: Subject, solid: Solid, opposite: Ints, same: NDArray[np.bool_]) -> list[Finding]:
     """Report cells that overlap: two cells of the same orientation that list their common facet with the same winding.
 
     They lie on the same side of it.
@@ -186,9 +185,9 @@ def _overlapping(subject: Subject, solid: Solid, twin: Ints, same: NDArray[np.bo
     if mesh.dim == 2 and mesh.space_dim == 3:  # a surface in space has no right way out
         return []
     odd = np.flatnonzero(same)
-    odd = odd[odd < twin[odd]]
-    a, b = odd // FACETS, twin[odd] // FACETS
-    sides = [_inside_out(subject, solid.cells[rows]) for rows in (a, b)]
+    odd = odd[odd < opposite[odd]]
+    a, b = odd // FACETS, opposite[odd] // FACETS
+    sides = [_inversion(subject, solid.cells[rows]) for rows in (a, b)]
     overlap = np.flatnonzero((sides[0] == sides[1]) & (sides[0] != _NEITHER))
     cells = np.unique(solid.cells[np.concatenate([a[overlap], b[overlap]])])
     if not len(cells):
@@ -200,7 +199,7 @@ def _overlapping(subject: Subject, solid: Solid, twin: Ints, same: NDArray[np.bo
     return [subject.found("overlapping-cells", f"{message}; remesh there", cells)]
 
 
-def _inside_out(subject: Subject, cells: Ints) -> Ints:
+def _inversion(subject: Subject, cells: Ints) -> Ints:
     """(k,): 1 for cells inverted everywhere (clockwise in the plane), 0 for valid ones, _NEITHER for others."""
     from lacmesh.quality import validity
 
@@ -224,14 +223,14 @@ def _inside_out(subject: Subject, cells: Ints) -> Ints:
     return out
 
 
-def _other_mid_nodes(subject: Subject, solid: Solid, twin: Ints) -> list[Finding]:
+def _other_mid_nodes(subject: Subject, solid: Solid, opposite: Ints) -> list[Finding]:
     """Report facets at which two cells share the corners but not the mid-nodes."""
     mesh = subject.mesh
     orders = {ALL_CELLS[b.type].order for b in mesh.blocks if ALL_CELLS[b.type].dim == mesh.dim and len(b.nodes)}
     if orders <= {1}:
         return []
-    sign = np.zeros(len(twin), np.uint64)
-    known = twin >= 0
+    sign = np.zeros(len(opposite), np.uint64)
+    known = opposite >= 0
     place = np.full(mesh.n_cells, -1, np.int64)
     place[solid.cells] = np.arange(len(solid.cells))
     for k, block in enumerate(mesh.blocks):
@@ -244,22 +243,15 @@ def _other_mid_nodes(subject: Subject, solid: Solid, twin: Ints) -> list[Finding
         if block.type not in CELLS:
             known[(rows[:, None] * FACETS + np.arange(FACETS)).ravel()] = False
             continue
-        mixed = _mixed(nodes)
+        mixed = mixed_bits(nodes)
         for j, facet in enumerate(cell.facets):
             sign[rows * FACETS + j] = mixed[:, facet.nodes].sum(axis=1, dtype=np.uint64)
     at = np.flatnonzero(known)
-    at = at[(at < twin[at]) & known[twin[at]]]
-    at = at[sign[at] != sign[twin[at]]]
-    cells = np.unique(solid.cells[np.concatenate([at, twin[at]]) // FACETS])
+    at = at[(at < opposite[at]) & known[opposite[at]]]
+    at = at[sign[at] != sign[opposite[at]]]
+    cells = np.unique(solid.cells[np.concatenate([at, opposite[at]]) // FACETS])
     if not len(cells):
         return []
     message = f"the cells on both sides of {counted(len(at), 'facet')} share corners but not mid-nodes "
     message += f"({subject.numbers(cells)})"
     return [subject.found("mid-nodes-differ", f"{message}; elevate the order of both alike", cells)]
-
-
-def _mixed(nodes: Ints) -> NDArray[np.uint64]:
-    """Hash node indices to 64 bits, so that the sum over a set of nodes identifies the set."""
-    x = (nodes.astype(np.uint64) + np.uint64(1)) * _GOLDEN
-    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    return x ^ (x >> np.uint64(31))

@@ -11,14 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.checks.facets import Facets, find_bodies
 from lacmesh.checks.findings import Finding, Where, counted
 from lacmesh.checks.macros import Macros, macros_of
 from lacmesh.checks.rules import RULES
 from lacmesh.cutting.records import CELL_RECORDS
+from lacmesh.cutting.select import in_first_group
 from lacmesh.errors import GroupNotFoundError, some
 from lacmesh.mesh import Ints, Mesh
+from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
+from lacmesh.topology.facets import Facets
 from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners
 
 #: at most so many numbers in a sentence
@@ -103,7 +105,7 @@ class Subject:
     @cached_property
     def bodies(self) -> Ints:
         """(n_nodes,): the body of each node, -1 for nodes of no cell."""
-        return find_bodies(self.facets.solid, self.mesh.n_nodes)
+        return label_bodies([self.facets.solid.corners], self.mesh.n_nodes)
 
     @cached_property
     def macros(self) -> Macros:
@@ -197,11 +199,8 @@ def _skin_dim(mesh: Mesh, cells: Ints) -> int:
 def _side(mesh: Mesh, what: str, names: tuple[str, ...], groups: tuple[Ints, ...], dim: int) -> CheckedSkin:
     known = np.array([b.type in TYPE_CODE and ALL_CELLS[b.type].dim == dim > 0 for b in mesh.blocks] or [False], bool)
     parts = [cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]] for cells in groups]
-    cells = np.concatenate([np.empty(0, np.int64), *parts])
-    zone = np.repeat(np.arange(len(parts)), [len(p) for p in parts])
-    first = np.sort(np.unique(cells, return_index=True)[1])
-    cells, zone = cells[first], zone[first]
-    faces, rows = distinct_faces(mesh, cells) if len(cells) else (Faces.join([]).take(np.empty(0, np.int64)), first)
+    cells, zone = in_first_group(parts)
+    faces, rows = distinct_faces(mesh, cells) if len(cells) else (Faces.join([]), np.empty(0, np.int64))
     copies = np.setdiff1d(cells, cells[rows])
     return CheckedSkin(what, names, groups, cells[rows], zone[rows], faces, copies)
 

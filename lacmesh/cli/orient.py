@@ -10,7 +10,7 @@ from lacmesh.cli.options import add_command, add_output_options, pending_mesh, w
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
-    from lacmesh.topology.orientation import Turning
+    from lacmesh.topology.orientation import SkinOrientation
 
 
 def add(commands: Any) -> None:
@@ -25,7 +25,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> None:
     """Orient the skins of a file outward."""
     from lacmesh.formats import detect_format, read
-    from lacmesh.topology.orientation import reverse, skin_cells, turning
+    from lacmesh.topology.orientation import analyse_orientation, reverse, skin_cells
 
     source = Path(args.input)
     suffix = source.suffix or f".{detect_format(source).format}"
@@ -35,21 +35,21 @@ def run(args: argparse.Namespace) -> None:
     said = []
     for group in args.group:
         cells = skin_cells(mesh, group)
-        turn = turning(mesh, cells)
-        mesh = reverse(mesh, turn.turned)
-        said += _report(mesh, group, len(cells), turn)
+        found = analyse_orientation(mesh, cells)
+        mesh = reverse(mesh, found.to_flip)
+        said += _report(mesh, group, len(cells), found)
     write_mesh(target, mesh, source, args)
     if not args.quiet:
         print("\n".join([*said, f"written to {target}"]))
 
 
-def _report(mesh: Mesh, group: str, count: int, turn: Turning) -> list[str]:
+def _report(mesh: Mesh, group: str, count: int, found: SkinOrientation) -> list[str]:
     """Lines that say what was done to the faces of a group."""
-    lines = [f"{group}: {len(turn.turned):,} of {count:,} {'face' if count == 1 else 'faces'} turned"]
+    lines = [f"{group}: {len(found.to_flip):,} of {count:,} {'face' if count == 1 else 'faces'} flipped"]
     for cells, what in (
-        (turn.interface, "between two cells, with no outward side, left as they are"),
-        (turn.open, "with no cell behind and enclosing nothing, made to agree; outward is for you to say"),
-        (turn.one_sided, "on a skin with one side only, which cannot agree, left as they are"),
+        (found.interface, "between two cells, with no outward side, left as they are"),
+        (found.open, "with no cell behind and enclosing nothing, made to agree; outward is for you to say"),
+        (found.one_sided, "on a skin with one side only, which cannot agree, left as they are"),
     ):
         if len(cells):
             lines.append(f"{group}: {what}: {len(cells):,} ({mesh.cell_names(cells)})")

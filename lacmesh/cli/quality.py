@@ -13,8 +13,8 @@ from lacmesh.cli.terminal import Stages, as_json, console, memory, table
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
-    from lacmesh.quality.spread import Histogram
-    from lacmesh.quality.survey import Quality, TypeQuality
+    from lacmesh.quality.statistics import Histogram
+    from lacmesh.quality.summary import Quality, TypeQuality
     from lacmesh.report.parents import ChildrenQuality
 
 _BAR = 40
@@ -104,11 +104,11 @@ def _print(args: argparse.Namespace, quality: Quality, children: ChildrenQuality
 
 
 def _print_type(of_type: TypeQuality) -> None:
-    from lacmesh.quality.measures import headline
+    from lacmesh.quality.measures import primary_metric
     from lacmesh.quality.verdict import ACCEPTED
     from lacmesh.report.outline import number
 
-    rank = headline(of_type.type) or ""
+    rank = primary_metric(of_type.type) or ""
     accepted = ACCEPTED.get(of_type.type, {})
     print(f"\n{_title(of_type, rank)}")
     rows = table("measure", *(f"+{name}" for name in ("min", *_PERCENTS, "max", "mean")), "accepted", "+outside")
@@ -181,7 +181,7 @@ def _print_worst(of_type: TypeQuality, rank: str) -> None:
 
 
 def _print_groups(quality: Quality) -> None:
-    from lacmesh.quality.measures import headline
+    from lacmesh.quality.measures import primary_metric
     from lacmesh.report.outline import number
 
     rows = table("group", "type", "cells", "+invalid", "+poor", "ranked by", "+min", "+5 %", "+median", "worst cell")
@@ -189,7 +189,7 @@ def _print_groups(quality: Quality) -> None:
         column.header = str(column.header).removeprefix("+")
     for name, types in quality.groups.items():
         for t in types:
-            rank = headline(t.type) or ""
+            rank = primary_metric(t.type) or ""
             s = t.measures[rank]
             poor = "" if t.poor is None else f"{t.poor:,}"
             values = (number(s.least), number(s.percentiles[1]), number(s.median))

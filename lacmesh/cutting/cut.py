@@ -1,9 +1,11 @@
 """The cut: from a mesh and its slave skin to a mesh whose slave faces are macro-elements with an internal dof.
 
-    faces = which faces are slave, the cells on them and behind them     (plan)
-    kinds = how each is cut: whole, cone or ring, fixed before any is cut (plan)
-    children = new nodes, and the cells that replace others               (subdivide)
-    mesh = the same mesh with its children, numbers, groups and data      (rebuild)
+    slave, selection = the slave faces, the cells on them and behind them (select)
+    recognised = macro-elements of an earlier cut without records         (recognition)
+    patterns = how each face is cut: whole, cone or ring                  (variants)
+    subdivision = new nodes, and the cells that replace others            (subdivide)
+    new = the mesh with the children, their numbers, groups and data      (assemble)
+    cut = the same with the records of its macro-elements                 (macros)
 
 Method: Abbas, Drouet, Hild, Comput. Methods Appl. Mech. Engrg. 339, 2018, 488-513; code_aster R5.03.55, 3.1.
 `docs/cut.md` has the theory.
@@ -17,15 +19,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from lacmesh.cutting.patterns import WHOLE_FACES, internal_points
-from lacmesh.cutting.plan import HEXA, Plan, make_plan
-from lacmesh.cutting.rebuild import Origin, rebuild
+from lacmesh.cutting.assemble import assemble
+from lacmesh.cutting.macros import internal_nodes, with_macros
 from lacmesh.cutting.recognition import NOT_LAST, RecognisedCut, find_macros, with_records
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
-from lacmesh.cutting.subdivide import KINDS, WHOLE_CODE, subdivide
+from lacmesh.cutting.select import Selection, SlaveSkin, select, slave_skin
+from lacmesh.cutting.subdivide import WHOLE_CODE, Subdivision, subdivide
+from lacmesh.cutting.variants import HEXA, allowed_variants, compare_variants, with_ring
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh, codes, spec_list
-from lacmesh.topology.skin import FACE_TYPES, Faces, find_repeats
+from lacmesh.mesh import Ints, Mesh, spec_list
+from lacmesh.topology.skin import Faces, find_repeats
 
 __all__ = ["CELL_RECORDS", "NODE_RECORD", "Cut", "cut_skin", "is_cut"]
 
@@ -73,18 +76,30 @@ def cut_skin(
     specs = spec_list(slave)
     if is_cut(mesh) and recognise is not False:
         return _already_cut(mesh, specs)
-    found = _taken_for_cut(mesh, specs, recognise)
-    if found is not None:
-        return Cut(with_records(mesh, found))
-    mesh = _without_records(mesh)
-    mesh, plan = make_plan(mesh, specs, hexa, interface, orient, skin_only, (ring, depth))
-    made = subdivide(mesh, plan.faces, plan.kinds, plan.skin, plan.parents, ring, depth)
-    _warn_of_periodic(mesh, plan)
-    face_points = made.face_points
-    new, origin = rebuild(mesh, made, plan.slave, extend=node_groups == "extend")
-    del made  # a large mesh's records are about to need the room
-    internal = _internal(new.n_nodes, plan, face_points, ring)
-    return Cut(_record(mesh, new, plan, origin, internal))
+    slave_faces = slave_skin(mesh, specs, skin_only=skin_only)
+    recognised = _taken_for_cut(mesh, specs, slave_faces, recognise)
+    if recognised is not None:
+        return Cut(with_records(mesh, recognised))
+    mesh, selection = select(
+        _without_records(mesh), specs, slave_faces, interface=interface, orient=orient, skin_only=skin_only
+    )
+    patterns, subdivision = _subdivide(mesh, selection, hexa, skin_only, (ring, depth))
+    _warn_of_periodic(mesh, selection, patterns)
+    internal = internal_nodes(subdivision.n_nodes, selection, patterns, subdivision.face_points, ring)
+    new, origin = assemble(mesh, subdivision, selection.slave, extend=node_groups == "extend")
+    del subdivision  # a large mesh's records are about to need the room
+    return Cut(with_macros(mesh, new, selection, origin, internal))
+
+
+def _subdivide(
+    mesh: Mesh, selection: Selection, hexa: str, skin_only: bool, shape: tuple[float, float]
+) -> tuple[Ints, Subdivision]:
+    """Choose the pattern of every face, and cut; `auto` cuts both ways and keeps the better."""
+    variants = allowed_variants(mesh, selection, hexa, skin_only)
+    if hexa == "auto" and (skin_only or mesh.dim == 3):
+        return compare_variants(mesh, selection, variants, shape)
+    patterns = with_ring(selection.faces, variants.ring)
+    return patterns, subdivide(mesh, selection.faces, patterns, selection.skin, selection.parents, *shape)
 
 
 def _check_options(**options: tuple[str, tuple[str, ...]]) -> None:
@@ -109,46 +124,50 @@ def _already_cut(mesh: Mesh, specs: list[str]) -> Cut:
     return cut
 
 
-def _taken_for_cut(mesh: Mesh, specs: list[str], recognise: bool | None) -> RecognisedCut | None:
+def _taken_for_cut(mesh: Mesh, specs: list[str], slave: SlaveSkin, recognise: bool | None) -> RecognisedCut | None:
     """Macro-elements recognised in slave faces without records; None if the faces are to be cut."""
     if not specs or recognise is False:
         return None
-    found = find_macros(mesh, specs)
-    if recognise and not found.complete:
-        left = found.cells[found.left]
+    recognised = find_macros(mesh, specs, slave)
+    if recognise and not recognised.complete:
+        left = recognised.cells[recognised.left]
         message = f"no earlier cut is recognised on {', '.join(specs)} (cells {mesh.cell_names(left)} are in none)"
         raise CutError(message, mesh.cell_number[left])
     if recognise:
-        return found
-    if found.mostly_cut and found.doubt == NOT_LAST:
-        _say(found, f"look like {_macros(found)} of an earlier cut, but {NOT_LAST}: they are cut; --recognise "
+        return recognised
+    if not recognised.n_cut:
+        return None
+    macros = _macros(recognised)
+    if recognised.mostly_cut and recognised.doubt == NOT_LAST:
+        _say(recognised, f"look like {macros} of an earlier cut, but {NOT_LAST}: they are cut; --recognise "
              "(recognise=True) takes them for these")  # fmt: skip
-    if not found.n_cut or found.doubt:
+    if recognised.doubt:
         return None
-    if not found.complete:
-        _refuse_half_cut(mesh, found)
+    if not recognised.complete:
+        _refuse_half_cut(mesh, recognised)
         return None
-    _say(found, f"are taken for {_macros(found)} of an earlier cut, whose records are gone, and left as they are; "
+    _say(recognised, f"are taken for {macros} of an earlier cut, whose records are gone, and left as they are; "
          "--recut (recognise=False) cuts them")  # fmt: skip
-    return found
+    return recognised
 
 
-def _say(found: RecognisedCut, what: str) -> None:
-    faces = f"the {len(found.cells):,} face{'' if len(found.cells) == 1 else 's'} of {', '.join(found.names)}"
+def _say(recognised: RecognisedCut, what: str) -> None:
+    count = len(recognised.cells)
+    faces = f"the {count:,} face{'' if count == 1 else 's'} of {', '.join(recognised.names)}"
     warnings.warn(f"{faces} {what}", LacmeshWarning, stacklevel=4)
 
 
-def _macros(found: RecognisedCut) -> str:
-    return f"{found.n_macros:,} macro-element{'' if found.n_macros == 1 else 's'}"
+def _macros(recognised: RecognisedCut) -> str:
+    return f"{recognised.n_macros:,} macro-element{'' if recognised.n_macros == 1 else 's'}"
 
 
-def _refuse_half_cut(mesh: Mesh, found: RecognisedCut) -> None:
+def _refuse_half_cut(mesh: Mesh, recognised: RecognisedCut) -> None:
     """Raise CutError if half of the slave faces or more look like an earlier cut; fewer may do so by chance."""
-    if not found.mostly_cut:
+    if not recognised.mostly_cut:
         return
-    left = found.cells[found.left]
+    left = recognised.cells[recognised.left]
     raise CutError(
-        f"this mesh was cut before (its records are gone), but not everywhere on {', '.join(found.names)} "
+        f"this mesh was cut before (its records are gone), but not everywhere on {', '.join(recognised.names)} "
         f"(cells {mesh.cell_names(left)}); cut the mesh it came from, with every --slave at once, or --recut "
         "(recognise=False) cuts this one",
         mesh.cell_number[left],
@@ -175,47 +194,13 @@ def _uncovered(mesh: Mesh, faces: Ints) -> Ints:
     return np.setdiff1d(left, repeats.cell)
 
 
-def _warn_of_periodic(mesh: Mesh, plan: Plan) -> None:
+def _warn_of_periodic(mesh: Mesh, selection: Selection, patterns: Ints) -> None:
     if mesh.model is None or "entity" not in mesh.cell_data or not mesh.model.periodic:
         return
     linked = {tag for link in mesh.model.periodic for tag in (link.slave, link.master)}
-    cut = plan.skin.cell[plan.kinds[plan.skin.face] != WHOLE_CODE]
+    cut = selection.skin.cell[patterns[selection.skin.face] != WHOLE_CODE]
     here = {tuple(int(t) for t in e) for e in np.unique(mesh.cell_data["entity"][cut], axis=0)} & linked
     if here:
         names = ", ".join(f"{dim}:{tag}" for dim, tag in sorted(here))
         message = f"slave faces lie on periodic entities ({names}): their new nodes have no periodic partner"
         warnings.warn(message, LacmeshWarning, stacklevel=3)
-
-
-def _record(mesh: Mesh, new: Mesh, plan: Plan, origin: Origin, internal: Ints) -> Mesh:
-    """Write the cut's records into the data of the new mesh."""
-    wide = int(mesh.cell_number.max(initial=0)) > np.iinfo(np.int32).max
-    macro, zone, child = (np.full(new.n_cells, -1, np.int32) for _ in range(3))
-    parent = np.full(new.n_cells, -1, np.int64 if wide else np.int32)
-    parent[origin.child] = mesh.cell_number[origin.root]
-    order = np.argsort(plan.slave)
-    at = np.minimum(np.searchsorted(plan.slave, origin.root, sorter=order), len(order) - 1)
-    ours = plan.slave[order[at]] == origin.root
-    whole = np.flatnonzero(origin.followed >= 0)
-    faces = np.concatenate([origin.child[ours], origin.followed[whole]])
-    macro[faces] = np.concatenate([order[at[ours]], whole])
-    zone[faces] = plan.zone[macro[faces]]
-    child[faces] = np.concatenate([origin.rank[ours], np.zeros(len(whole), int)]) + 1
-    records = dict(zip(CELL_RECORDS, (macro, zone, child, parent), strict=True))
-    cell_data = {**new.cell_data, **records}
-    node_data = {**new.node_data, NODE_RECORD: internal}
-    return replace(new, cell_data=cell_data, node_data=node_data, zones=plan.zones)
-
-
-def _internal(n_nodes: int, plan: Plan, face_points: Ints, ring: float) -> Ints:
-    """(n_nodes,): the macro-element whose internal dof each node carries, or -1."""
-    owner = np.full(n_nodes, -1, np.int32)
-    code = plan.faces.type * len(KINDS) + plan.kinds
-    for value in codes(code):
-        face, kind = FACE_TYPES[value // len(KINDS)], KINDS[value % len(KINDS)]
-        rows = np.flatnonzero(code == value)
-        if face in WHOLE_FACES:
-            owner[plan.faces.nodes[rows, WHOLE_FACES[face]]] = rows
-        else:
-            owner[face_points[rows][:, internal_points(face, kind, ring)]] = rows[:, None]
-    return owner

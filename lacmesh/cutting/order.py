@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lacmesh.cells import CELLS, Cell
-from lacmesh.cutting.rebuild import more_numbers, node_data, node_entities, node_groups, node_values
-from lacmesh.cutting.subdivide import Birth
+from lacmesh.cutting.assemble import more_numbers, node_data, node_entities, node_groups, node_values
+from lacmesh.cutting.subdivide import NewNodes
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Block, Ints, Mesh
 from lacmesh.topology.skin import label_rows
@@ -60,15 +60,15 @@ def raise_order(mesh: Mesh, order: str = "2", *, extend: bool = True) -> Mesh:
     targets = [_target(block.type, ORDERS.index(order)) for block in mesh.blocks]
     wanted = [w for k, target in enumerate(targets) for w in _wanted(mesh.blocks[k], k, target)]
     raised = [_widen(block, target) for block, target in zip(mesh.blocks, targets, strict=True)]
-    births = _place(mesh, wanted, raised, targets)
-    added = sum(b.ids.size for b in births)
+    new_nodes = _place(mesh, wanted, raised, targets)
+    added = sum(b.ids.size for b in new_nodes)
     new = replace(
         mesh,
-        points=node_values("points", mesh.points, births, added),
+        points=node_values("points", mesh.points, new_nodes, added),
         blocks=tuple(Block(t, nodes) for t, nodes in zip(targets, raised, strict=True)),
         node_number=more_numbers(mesh.node_number, added),
-        node_groups=node_groups(mesh, births, extend),
-        node_data=node_data(mesh, births, added),
+        node_groups=node_groups(mesh, new_nodes, extend),
+        node_data=node_data(mesh, new_nodes, added),
     )
     if "entity" in new.node_data and "entity" in new.cell_data:
         entities = np.split(new.cell_data["entity"], new.offsets[1:-1])
@@ -110,9 +110,9 @@ def _widen(block: Block, target: str) -> Ints:
     return nodes
 
 
-def _place(mesh: Mesh, wanted: list[_Wanted], raised: list[Ints], targets: list[str]) -> list[Birth]:
+def _place(mesh: Mesh, wanted: list[_Wanted], raised: list[Ints], targets: list[str]) -> list[NewNodes]:
     """Write the id of every wanted node into `raised`; the first cell that needs a missing node creates it."""
-    births: list[Birth] = []
+    new_nodes: list[NewNodes] = []
     next_id = mesh.n_nodes
     for width in sorted({w.corners.shape[1] for w in wanted}):  # edges, then faces, then cells
         alike = [w for w in wanted if w.corners.shape[1] == width]
@@ -128,16 +128,16 @@ def _place(mesh: Mesh, wanted: list[_Wanted], raised: list[Ints], targets: list[
             node[mine[rows]] = ids
             next_id += len(rows)
             if len(rows):
-                births.append(_birth(mesh.blocks[w.block], CELLS[targets[w.block]], w.column, rows, ids))
+                new_nodes.append(_nodes_at(mesh.blocks[w.block], CELLS[targets[w.block]], w.column, rows, ids))
             if targets[w.block] != mesh.blocks[w.block].type:
                 raised[w.block][:, w.column] = np.where(w.known >= 0, w.known, node[mine])
-    return births
+    return new_nodes
 
 
-def _birth(block: Block, target: Cell, column: int, rows: Ints, ids: Ints) -> Birth:
+def _nodes_at(block: Block, target: Cell, column: int, rows: Ints, ids: Ints) -> NewNodes:
     sources = block.nodes[rows]
     on = sources[:, target.corners_of_node[column]]
-    return Birth(block.type, sources, np.array([target.reference[column]]), ids[:, None], on)
+    return NewNodes(block.type, sources, np.array([target.reference[column]]), ids[:, None], on)
 
 
 def _merge_blocks(mesh: Mesh) -> Mesh:

@@ -172,13 +172,13 @@ def _template(cell: Cell, children: Sequence[Nodes], points: list[Point], on_fac
     own = [tuple(p) for p in cell.reference]
     # a face's own pattern has all its new points on it
     frame = _Frame(own, points[cell.n_corners :] if on_face is None else [tuple(p) for p in on_face])
-    made: dict[str, list[tuple[int, Nodes]]] = {}
+    by_type: dict[str, list[tuple[int, Nodes]]] = {}
     for rank, corners in enumerate(children):
         kind, places = _child(cell, [points[c] for c in corners])
-        made.setdefault(kind, []).append((rank, tuple(frame.place(p) for p in places)))
+        by_type.setdefault(kind, []).append((rank, tuple(frame.place(p) for p in places)))
     blocks = tuple(
         Children(kind, np.array([nodes for _, nodes in rows]), np.array([rank for rank, _ in rows]))
-        for kind, rows in made.items()
+        for kind, rows in by_type.items()
     )
     new = np.array(frame.points[len(own) :]).reshape(-1, cell.dim)
     split = len(new) if on_face is None else len(on_face)
@@ -232,11 +232,11 @@ def _same(a: Sequence[Point], b: Sequence[Point]) -> bool:
 
 
 @cache
-def turns(face: str, kind: str, ring: float = 1 / 3) -> NDArray[np.intp]:
+def listings(face: str, kind: str, ring: float = 1 / 3) -> NDArray[np.intp]:
     """(2 n_corners, n_points): permutations of the points of a face's pattern for every other listing of its nodes.
 
     Row 2 s + r is for a listing that starts at this face's corner s with the same (r = 0) or the opposite winding
-    (r = 1): point k of that listing's pattern is point `turns[2 s + r, k]` of this face's.
+    (r = 1): point k of that listing's pattern is point `listings[2 s + r, k]` of this face's.
     """
     cell = CELLS[face]
     flat = CELLS[cell.linear]

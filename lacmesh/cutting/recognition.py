@@ -36,6 +36,7 @@ from lacmesh.cutting.patterns import (
 )
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
 from lacmesh.cutting.regroup import regroup_segments
+from lacmesh.cutting.select import SlaveSkin, slave_skin
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, spec_list
 from lacmesh.reference.shapes import shape
@@ -124,11 +125,11 @@ def recognise(mesh: Mesh, slave: str | int | Sequence[str | int], *, certain: bo
     """
     if is_cut(mesh):
         return Cut(mesh)
-    found = find_macros(mesh, group_names(mesh, slave))
-    if found.families and not len(found.left) and not (certain and found.doubt):
-        return Cut(with_records(mesh, found))
-    if found.n_cut and len(found.left) and not (certain and found.doubt):
-        left = mesh.cell_names(found.cells[found.left])
+    recognised = find_macros(mesh, group_names(mesh, slave))
+    if recognised.families and not len(recognised.left) and not (certain and recognised.doubt):
+        return Cut(with_records(mesh, recognised))
+    if recognised.n_cut and len(recognised.left) and not (certain and recognised.doubt):
+        left = mesh.cell_names(recognised.cells[recognised.left])
         message = f"the slave skin is cut in part: cells {left} belong to no macro-element of it"
         warnings.warn(message, LacmeshWarning, stacklevel=2)
     return None
@@ -144,15 +145,14 @@ def group_names(mesh: Mesh, slave: str | int | Sequence[str | int]) -> list[str]
     return specs
 
 
-def find_macros(mesh: Mesh, specs: list[str]) -> RecognisedCut:
-    """Recognise the macro-elements in some groups; cells that are no skin faces of supported types are ignored."""
-    cells, zone = _slave_cells(mesh, specs)
-    if not len(cells):
-        return RecognisedCut(tuple(specs), cells, zone, (), np.empty(0, np.int64))
-    faces, first = distinct_faces(mesh, cells)
-    cells, zone = cells[first], zone[first]
-    place = _places_in_file(mesh, cells)
-    families = _families(mesh, faces, place)
+def find_macros(mesh: Mesh, specs: Sequence[str], slave: SlaveSkin | None = None) -> RecognisedCut:
+    """Recognise the macro-elements in some groups; cells that are no skin faces of supported types are ignored.
+
+    `slave`: the skin of the groups, where it is known already.
+    """
+    slave = slave_skin(mesh, specs) if slave is None else slave
+    cells, zone, faces = slave.cells[slave.first], slave.zone[slave.first], slave.faces
+    families = _families(mesh, faces, _places_in_file(mesh, cells)) if len(cells) else ()
     covered = np.zeros(len(faces), bool)
     for family in families:
         covered[family.parts] = True
@@ -173,20 +173,20 @@ def _families(mesh: Mesh, faces: Faces, place: Ints) -> tuple[MacroGroup, ...]:
     return tuple(_without_conflicts([f for f in families if len(f.parts)], len(faces)))
 
 
-def with_records(mesh: Mesh, found: RecognisedCut) -> Mesh:
+def with_records(mesh: Mesh, recognised: RecognisedCut) -> Mesh:
     """Return the mesh with the records of the recognised macro-elements (`docs/conventions.md`)."""
-    zone_of = [found.zone[family.parts[:, 0]] for family in found.families]
-    first = [found.cells[family.parts[:, 0]] for family in found.families]
+    zone_of = [recognised.zone[family.parts[:, 0]] for family in recognised.families]
+    first = [recognised.cells[family.parts[:, 0]] for family in recognised.families]
     order = np.lexsort((np.concatenate(first), np.concatenate(zone_of)))
     number = np.empty(len(order), np.int32)
     number[order] = np.arange(len(order))
     macro, zone, child = (np.full(mesh.n_cells, -1, np.int32) for _ in range(3))
     internal = np.full(mesh.n_nodes, -1, np.int32)
     done = 0
-    for family, mine in zip(found.families, zone_of, strict=True):
+    for family, mine in zip(recognised.families, zone_of, strict=True):
         ids = number[done : done + len(family.parts)]
         done += len(ids)
-        cells = found.cells[family.parts]
+        cells = recognised.cells[family.parts]
         macro[cells], zone[cells] = ids[:, None], mine[:, None]
         child[cells] = np.arange(1, cells.shape[1] + 1)
         internal[family.frame[:, _carriers(family)]] = ids[:, None]
@@ -195,7 +195,7 @@ def with_records(mesh: Mesh, found: RecognisedCut) -> Mesh:
         mesh,
         cell_data={**mesh.cell_data, **records},
         node_data={**mesh.node_data, NODE_RECORD: internal},
-        zones=found.names,
+        zones=recognised.names,
     )
 
 
@@ -205,26 +205,6 @@ def _carriers(family: MacroGroup) -> list[int]:
         return [WHOLE_FACES[family.face]]
     n = CELLS[family.face].n_nodes
     return [n + int(p) for p in internal_points(family.face, family.kind, family.ring)]
-
-
-def _slave_cells(mesh: Mesh, specs: list[str]) -> tuple[Ints, Ints]:
-    """Return the skin faces of some groups, each cell once, and the index of the first group that contains it."""
-    known = np.array([b.type in TYPE_CODE and b.type != "POI1" for b in mesh.blocks], bool)
-    parts = []
-    for spec in specs:
-        cells = np.asarray(mesh.cells_of(spec))
-        dims = mesh.cell_dim[cells]
-        want = mesh.dim - 1 if (dims == mesh.dim - 1).any() else dims.max(initial=0)
-        cells = cells[dims == want]
-        parts.append(cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]])
-    cells = np.concatenate(parts)
-    zone = np.repeat(np.arange(len(parts)), [len(p) for p in parts])
-    if len(parts) > 1:
-        first = np.sort(np.unique(cells, return_index=True)[1])
-        cells, zone = cells[first], zone[first]
-        same = mesh.cell_dim[cells] == mesh.cell_dim[cells].max(initial=0)
-        cells, zone = cells[same], zone[same]
-    return cells, zone
 
 
 def _places_in_file(mesh: Mesh, cells: Ints) -> Ints:
@@ -254,13 +234,13 @@ def _without_conflicts(families: list[MacroGroup], n_faces: int) -> list[MacroGr
 
 def _doubt(mesh: Mesh, families: tuple[MacroGroup, ...], faces: Faces, cells: Ints) -> str:
     """Reason to doubt that the faces were cut, as a sentence; "" if none. `families`: parts of `faces`, of `cells`."""
-    made = [family for family in families if family.kind != WHOLE]
-    if not made:
+    cut_groups = [family for family in families if family.kind != WHOLE]
+    if not cut_groups:
         return ""
-    odd = [family.ring for family in made if family.kind == RING and family.ring != _THIRD]
+    odd = [family.ring for family in cut_groups if family.kind == RING and family.ring != _THIRD]
     if odd:
         return f"their inner faces have a half-width of {odd[0]:.4g}, and those of a cut have 1/3"
-    if _new_nodes_last(mesh, made, faces, cells) or _new_nodes_last(mesh, *_all_made(mesh, faces)):
+    if _new_nodes_last(mesh, cut_groups, faces, cells) or _new_nodes_last(mesh, *_all_made(mesh, faces)):
         return ""
     return NOT_LAST
 
@@ -273,43 +253,43 @@ def _all_made(mesh: Mesh, faces: Faces) -> tuple[list[MacroGroup], Faces, Ints]:
     dim = CELLS[FACE_TYPES[faces.type[0]]].dim
     cells = np.sort(np.concatenate([cells for kind, _, cells in cells_of_dim(mesh, dim) if kind in TYPE_CODE]))
     skin, first = distinct_faces(mesh, cells)
-    found = _families(mesh, skin, _places_in_file(mesh, cells[first]))
-    return [family for family in found if family.kind != WHOLE], skin, cells[first]
+    families = _families(mesh, skin, _places_in_file(mesh, cells[first]))
+    return [family for family in families if family.kind != WHOLE], skin, cells[first]
 
 
-def _new_nodes_last(mesh: Mesh, made: list[MacroGroup], faces: Faces, cells: Ints) -> bool:
+def _new_nodes_last(mesh: Mesh, cut_groups: list[MacroGroup], faces: Faces, cells: Ints) -> bool:
     """True if the new nodes are the last of the mesh, or of each entity of the skin (gmsh renumbers by entity)."""
-    return bool(made) and (_last_of_mesh(mesh, made, faces) or _last_of_entities(mesh, made, cells))
+    return bool(cut_groups) and (_last_of_mesh(mesh, cut_groups, faces) or _last_of_entities(mesh, cut_groups, cells))
 
 
-def _last_of_mesh(mesh: Mesh, made: list[MacroGroup], faces: Faces) -> bool:
+def _last_of_mesh(mesh: Mesh, cut_groups: list[MacroGroup], faces: Faces) -> bool:
     """True if the last of the nodes that cells use are those that the cut made on its faces and behind them.
 
     Their number, and the number of cells with such nodes, must agree with the new nodes and children of the cut.
     """
-    dim = CELLS[made[0].face].dim
+    dim = CELLS[cut_groups[0].face].dim
     used = np.zeros(mesh.n_nodes, bool)
     for _, nodes, _ in (*cells_of_dim(mesh, dim), *cells_of_dim(mesh, dim + 1)):
         used[nodes] = True
-    least, most = _n_made(mesh, made, faces)
+    least, most = _n_made(mesh, cut_groups, faces)
     number = mesh.node_number
-    first_new = min(number[f.new].min() for f in made)
-    last_old = max(number[f.outline].max() for f in made)
+    first_new = min(number[f.new].min() for f in cut_groups)
+    last_old = max(number[f.outline].max() for f in cut_groups)
     first_made = min(first_new, np.sort(number[used])[-least[0] :][0])
     young = used & (number >= first_made)
     n_cells = sum(np.count_nonzero(young[nodes].any(axis=1)) for _, nodes, _ in cells_of_dim(mesh, dim + 1))
     return bool(first_made > last_old and np.count_nonzero(young) <= most[0] and least[1] <= n_cells <= most[1])
 
 
-def _last_of_entities(mesh: Mesh, made: list[MacroGroup], cells: Ints) -> bool:
+def _last_of_entities(mesh: Mesh, cut_groups: list[MacroGroup], cells: Ints) -> bool:
     """True if each macro-element lies in one entity of msh, and the new nodes of an entity follow all its others."""
     entity = mesh.entity_of_cell
-    if not len(entity) or any((np.ptp(entity[cells[f.parts], 1], axis=1) > 0).any() for f in made):
+    if not len(entity) or any((np.ptp(entity[cells[f.parts], 1], axis=1) > 0).any() for f in cut_groups):
         return False
     new = np.zeros(mesh.n_nodes, bool)
-    for family in made:
+    for family in cut_groups:
         new[family.new] = True
-    skin = [(entity[cells, 1], nodes) for _, nodes, cells in cells_of_dim(mesh, CELLS[made[0].face].dim)]
+    skin = [(entity[cells, 1], nodes) for _, nodes, cells in cells_of_dim(mesh, CELLS[cut_groups[0].face].dim)]
     tag = np.concatenate([np.repeat(tags, nodes.shape[1]) for tags, nodes in skin])
     node = np.concatenate([nodes.ravel() for _, nodes in skin])
     order = np.lexsort((mesh.node_number[node], tag))
@@ -317,14 +297,14 @@ def _last_of_entities(mesh: Mesh, made: list[MacroGroup], cells: Ints) -> bool:
     return not (late[:-1] & ~late[1:] & (tag[:-1] == tag[1:])).any()
 
 
-def _n_made(mesh: Mesh, made: list[MacroGroup], faces: Faces) -> tuple[Ints, Ints]:
+def _n_made(mesh: Mesh, cut_groups: list[MacroGroup], faces: Faces) -> tuple[Ints, Ints]:
     """Bounds (2,), (2,): least and largest numbers of new nodes, and of new cells behind the faces, that a cut made.
 
     Each face replaces one cell by children: the first slave face of a parent replaces the parent, each further one
     replaces one of the children.
     """
     least, most = np.zeros(2, np.int64), np.zeros(2, np.int64)
-    for f in made:
+    for f in cut_groups:
         first = faces.take(f.parts[:, 0])
         behind = len(find_owners(first, cells_of_dim(mesh, CELLS[f.face].dim + 1), mesh.n_nodes).face)
         counts = _n_behind(f.face, f.kind)
@@ -457,9 +437,9 @@ def _rings(mesh: Mesh, faces: Faces, place: Ints) -> list[MacroGroup]:
         corners = faces.nodes[rows, :4]
         centre = np.flatnonzero((valence[corners] == 3).all(axis=1))
         if len(centre):
-            found = _sides(mesh, faces, rows, centre)
-            if found is not None:
-                out.append(_ring_family(mesh, faces, place, name, *found))
+            inner_and_sides = _sides(mesh, faces, rows, centre)
+            if inner_and_sides is not None:
+                out.append(_ring_family(mesh, faces, place, name, *inner_and_sides))
     return out
 
 

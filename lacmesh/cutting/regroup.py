@@ -57,18 +57,18 @@ def regroup_segments(mesh: Mesh, faces: Faces, place: Ints, tolerance: float) ->
     sides_of_pair, sides_of_triple = plane.sides(pairs.nodes), plane.sides(triples.nodes)
     late = triples.nodes[:, 1:3].min(axis=1) > triples.nodes[:, [0, 3]].max(axis=1)
     together = (np.diff(place[triples.parts], axis=1) == 1).all(axis=1)
-    bare = (sides_of_triple == 0) & late & together
+    parentless = (sides_of_triple == 0) & late & together
     merged_pairs, merged_triples = np.zeros_like(sides_of_pair), np.zeros_like(sides_of_triple)
     while True:
-        found = [plane.rings(triples.nodes), *plane.cones(pairs.nodes, sides_of_pair)]
-        if not sum(len(merge.chain) for merge in found):
+        merges = [plane.rings(triples.nodes), *plane.cones(pairs.nodes, sides_of_pair)]
+        if not sum(len(merge.chain) for merge in merges):
             break
-        plane, done = plane.put_together(found)
+        plane, done = plane.put_together(merges)
         np.add.at(merged_triples, done[0], 1)
         np.add.at(merged_pairs, np.concatenate(done[1:]), 1)
     in_a_row = (np.diff(place[pairs.parts], axis=1) == 1).all(axis=1)
     is_pair = (merged_pairs == sides_of_pair) & ((sides_of_pair > 0) | in_a_row)
-    is_triple = (merged_triples == sides_of_triple) & ((sides_of_triple > 0) | bare)
+    is_triple = (merged_triples == sides_of_triple) & ((sides_of_triple > 0) | parentless)
     pairs, triples = pairs.take(is_pair), triples.take(is_triple)
     return [
         (CONE, pairs.parts, pairs.nodes[:, [0, 2, 1]], 1 / 3),
@@ -203,37 +203,41 @@ class _Plane:
     def cones(self, chains: Ints, sides: Ints) -> list[_Merge]:
         """Find pairs whose cells on one side are a triangle cut in two, or a quadrangle cut in three triangles.
 
-        A cut makes the latter only at an interface, or in a cell with another slave edge at an interface.
+        The triangles are a fan around the middle n of a chain a n b: it is walked from the segment a n, over spokes
+        from n, to b. `sides` (m,): the number of cells behind each chain in the mesh.
         """
         chain, cell = self._behind(chains)
         spoke, n, b = (chains[chain, k] for k in range(3))
-        gone, path = [cell], []
-        good = np.ones(len(chain), bool)
-        out = []
-        for step in range(3):
-            triangle = (cell >= 0) & (self.nodes[cell, 3] < 0)
-            good &= triangle
-            third = np.where(good, self.nodes[cell, :3].sum(axis=1) - n - spoke, -1)
-            path.append(third)
-            end = good & (third == b)
-            if step:
-                forced = sides[chain] == 2
-                for part in gone:
-                    forced |= self.first[part] < self.last[part]
-                allowed = end & (self._in_a_row(gone) if step == 1 else forced)
-                rows = np.flatnonzero(allowed)
-                far = path[:-1][::-1] + [np.full(len(chain), -1)] * (2 - step)
+        fan: list[Ints] = []
+        outline: list[Ints] = []  # the ends of the spokes so far
+        walking = np.ones(len(chain), bool)
+        merges = []
+        for size in (1, 2, 3):
+            fan = [*fan, cell]
+            walking &= (cell >= 0) & (self.nodes[cell, 3] < 0)
+            third = np.where(walking, self.nodes[cell, :3].sum(axis=1) - n - spoke, -1)
+            arrived = walking & (third == b)
+            if size > 1:
+                rows = np.flatnonzero(arrived & self._may_merge(fan, sides[chain] == 2))
+                far = [*outline[::-1], *[np.full(len(chain), -1)] * (3 - size)]
                 parent = np.column_stack([chains[chain, 0], b, *far])[rows]
-                out.append(_Merge(chain[rows], np.column_stack(gone)[rows], parent))
-            good &= ~end
-            cell, spoke = np.where(good, self.across(cell, n, third), -1), third
-            gone = [*gone, cell]
-        return out
+                merges.append(_Merge(chain[rows], np.column_stack(fan)[rows], parent))
+            walking &= ~arrived
+            outline = [*outline, third]
+            cell, spoke = np.where(walking, self.across(cell, n, third), -1), third
+        return merges
 
-    def _in_a_row(self, cells: list[Ints]) -> Bools:
-        """True for pairs of cells that are consecutive in the file."""
-        a, b = cells
-        return (self.last[a] + 1 == self.first[b]) | (self.last[b] + 1 == self.first[a])
+    def _may_merge(self, fan: list[Ints], interface: Bools) -> Bools:
+        """(k,): True for fans of two or three triangles that a cut has made; meshers make such fans too.
+
+        Two must follow each other in the file. A cut makes three only at an `interface`, or in a cell with another
+        slave edge at an interface: then one of the three has been merged before.
+        """
+        if len(fan) == 2:
+            a, b = fan
+            return (self.last[a] + 1 == self.first[b]) | (self.last[b] + 1 == self.first[a])
+        merged: Bools = np.any([self.first[cell] < self.last[cell] for cell in fan], axis=0)
+        return interface | merged
 
     def rings(self, chains: Ints) -> _Merge:
         """Find triples whose cells on one side are a quadrangle cut in four."""
@@ -251,18 +255,18 @@ class _Plane:
         gone = np.column_stack([first, middle, last, far])[rows]
         return _Merge(chain[rows], gone, np.column_stack([a, b, v3, v4])[rows])
 
-    def put_together(self, found: list[_Merge]) -> tuple[_Plane, list[Ints]]:
+    def put_together(self, merges: list[_Merge]) -> tuple[_Plane, list[Ints]]:
         """Replace cells by the parents they came from; return all cells, and the chains for which this was done.
 
         A merge that needs a cell of another merge is left for a later round.
         """
         used = np.zeros(len(self.nodes), np.int64)
-        for merge in found:
+        for merge in merges:
             np.add.at(used, merge.gone.ravel(), 1)
-        alone = [merge.take((used[merge.gone] == 1).all(axis=1)) for merge in found]
+        alone = [merge.take((used[merge.gone] == 1).all(axis=1)) for merge in merges]
         if not sum(len(merge.chain) for merge in alone):  # take any one, or nothing would end
-            best = next(k for k, merge in enumerate(found) if len(merge.chain))
-            alone = [m.take((np.arange(len(m.chain)) == 0) & (k == best)) for k, m in enumerate(found)]
+            best = next(k for k, merge in enumerate(merges) if len(merge.chain))
+            alone = [m.take((np.arange(len(m.chain)) == 0) & (k == best)) for k, m in enumerate(merges)]
         kept = np.ones(len(self.nodes), bool)
         for merge in alone:
             kept[merge.gone] = False

@@ -18,7 +18,7 @@ from lacmesh.gmsh.model import read_model
 from lacmesh.mesh import Floats, Mesh, Tag
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
-from lacmesh.topology.orientation import reverse, turning
+from lacmesh.topology.orientation import analyse_orientation, reverse
 
 #: options of the mesh that measures what gmsh's kernels cannot: 40 edges to a circle, curved ones. (Sizes by curvature
 #: are very slow in the built-in kernel: 50 s for gmsh's t2.geo.)
@@ -245,7 +245,7 @@ def _from_mesh(gmsh: Any, dim: int, bounds: dict[int, list[int]]) -> dict[Tag, C
     mesh = _fine_mesh(gmsh)
     plane = dim == 2 and bool(np.ptp(mesh.points[:, 2]) <= 1e-12 * diagonal(gmsh))
     if plane:
-        mesh = reverse(mesh, turning(mesh, np.flatnonzero(mesh.cell_dim == 1)).turned)
+        mesh = reverse(mesh, analyse_orientation(mesh, np.flatnonzero(mesh.cell_dim == 1)).to_flip)
     integrals = {tag: _integrate(mesh, tag, plane) for tag in _entities(mesh) if tag[0] in (1, 2)}
     if dim == 2:
         measured = {tag: _measured(i, 1.0) for tag, i in integrals.items()}
@@ -269,7 +269,7 @@ def _outward(gmsh: Any, mesh: Mesh, surfaces: list[Tag], integrals: Mapping[Tag,
     """
     entity = mesh.cell_data["entity"]
     cells = {tag: np.flatnonzero((entity == tag).all(axis=1)) for tag in surfaces}
-    turned = turning(mesh, np.sort(np.concatenate(list(cells.values())))).turned
+    turned = analyse_orientation(mesh, np.sort(np.concatenate(list(cells.values())))).to_flip
     out = {tag: -1.0 if here[0] in turned else 1.0 for tag, here in cells.items()}
     shells = stl.connected(gmsh, [tag for _, tag in surfaces])
     volumes = [sum(out[2, tag] * integrals[2, tag].flux for tag in shell) for shell in shells]

@@ -14,7 +14,7 @@ from lacmesh.formats import write
 from lacmesh.gmsh import geometry
 from lacmesh.gmsh.model import read_model
 from lacmesh.mesh import Ints, Tag
-from lacmesh.topology.orientation import reverse, turning
+from lacmesh.topology.orientation import analyse_orientation, reverse
 
 #: where nothing is said of sizes, and the file is no script: edges along the diagonal, and around a full turn
 _ALONG, _AROUND = 20, 12
@@ -41,7 +41,7 @@ def write_mesh(gmsh: Any, request: Mapping[str, Any], dim: int, target: Path) ->
     _generate(gmsh, dim)
     check_cells(gmsh, dim)
     mesh = read_model(_kept(gmsh, dim)).raw
-    mesh = reverse(mesh, turning(mesh, np.flatnonzero(mesh.cell_dim == dim - 1)).turned)
+    mesh = reverse(mesh, analyse_orientation(mesh, np.flatnonzero(mesh.cell_dim == dim - 1)).to_flip)
     write(target, mesh)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from lacmesh.errors import DataError, ReadError
 from lacmesh.mesh import Floats, Ints
+from lacmesh.topology.edges import distinct_edges
 
 #: degrees between triangles from which an edge is sharp
 _SHARP = 40.0
@@ -56,8 +57,7 @@ def _corners(gmsh: Any, tag: int = -1) -> Floats:
 
 def _check_closed(gmsh: Any, triangles: Ints) -> None:
     """Raise DataError if an edge does not join exactly two triangles."""
-    edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    distinct, count = np.unique(edges, axis=0, return_counts=True)
+    distinct, count = distinct_edges(triangles)
     for wrong, what, cure in (
         (count == 1, "it is not closed: {} edges have a triangle on one side only", "close it, or mesh it as a shell"),
         (count > 2, "{} edges have more than two triangles", "save its bodies as separate, closed surfaces"),

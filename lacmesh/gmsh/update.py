@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.cutting.rebuild import node_entities
+from lacmesh.cutting.assemble import node_entities
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.entities import Assignment, assign

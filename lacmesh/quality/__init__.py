@@ -3,7 +3,7 @@
 corner = the least corner Jacobian, by which the variants of a cut are ranked     (`corner`)
 validity = the least Jacobian determinant where solvers evaluate it               (`determinant`)
 measures = Verdict's measures of the linear cells, and ours of every cell          (`measures`)
-quality = statistics of the measures, by type and by group, and the worst cells    (`survey`)
+quality = statistics of the measures, by type and by group, and the worst cells    (`summary`)
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from lacmesh.quality.corner import corner_jacobian, worst
 
 #: name -> the module that holds it, imported when it is used: a cut needs the corner Jacobian only, and starts quickly
 _LATE = {
-    "Quality": "survey",
+    "Quality": "summary",
     "Validity": "determinant",
     "measure_cells": "measures",
-    "measure_quality": "survey",
+    "measure_quality": "summary",
     "measures_of": "measures",
     "validity": "determinant",
     "validity_at": "determinant",
@@ -41,7 +41,7 @@ __all__ = [
 if TYPE_CHECKING:
     from lacmesh.quality.determinant import Validity, validity, validity_at, validity_of
     from lacmesh.quality.measures import measure_cells, measures_of
-    from lacmesh.quality.survey import Quality, measure_quality
+    from lacmesh.quality.summary import Quality, measure_quality
 
 
 def __getattr__(name: str) -> Any:

@@ -112,8 +112,8 @@ def validity_among(name: str, points: Floats, nodes: Ints, plane: bool = False) 
 
 def _compiled(dN: NDArray, places: tuple[Ints, Ints, Ints], points: Floats, nodes: Ints, plane: bool) -> NDArray:
     """(k, 3): the columns of a `Validity`."""
+    from lacmesh.kernels.threads import in_threads
     from lacmesh.quality.kernel_determinant import least
-    from lacmesh.quality.kernels import in_threads
 
     out = np.empty((len(nodes), 3))
     in_threads(lambda part: least(points, nodes[part], dN, *places, plane, _ROUND_OFF, out[part]), len(nodes))

@@ -1,4 +1,7 @@
-"""Compiled kernels for the default measures: the results of the plain modules, many times faster on many cells.
+"""Compiled kernels for the default measures: the results of the plain modules, several times faster on many cells.
+
+Both forms are needed: a million hexahedra take 0.9 s of processor time in these and 3.4 s in numpy, and a small mesh is
+measured in numpy before the compiler's code is loaded, which takes 0.2 s.
 
 A kernel reads points (n, 3) and nodes of cells (k, n_nodes), and fills out (k, m). Its docstring names the plain
 function it reproduces, and a test compares them. Imported only for enough cells to pay for loading the compiler.
@@ -9,10 +12,6 @@ Notation as in the plain modules: a, b, c edges that leave a corner; det their d
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.kernels import kernel
+from lacmesh.kernels.threads import in_threads
 from lacmesh.quality.angles import GAUSS_AT, GAUSS_WEIGHT, corners_of
 from lacmesh.quality.corner import IDEAL, frames
 from lacmesh.quality.hexahedron import FRAMES, SIGNS
@@ -31,21 +31,7 @@ _FRAMES, _SIGNS = np.array(FRAMES), np.array(SIGNS)
 _AT_CORNER, _EDGES, _FACES = np.array(AT_CORNER), np.array(EDGES), np.array(FACES)
 _CORNERS, _SIDES, _IDEAL_ASPECT = np.array(CORNERS), np.array(SIDES), float(IDEAL_ASPECT)
 _HEXA_FACES = np.array([f.nodes for f in CELLS["HEXA8"].facets])
-_THREADS = 8
 _LARGEST, _ROUND_OFF = float(LARGEST), float(ROUND_OFF)
-
-
-def available_cores() -> int:
-    """Number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def in_threads(run: Callable[[slice], None], count: int) -> None:
-    """Call `run` on slices of the cells 0 to `count`, one in each thread, with as many threads as available cores."""
-    threads = min(available_cores(), _THREADS)
-    ends = np.linspace(0, count, threads + 1).astype(int).tolist()
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, (slice(a, b) for a, b in pairwise(ends))))
 
 
 @kernel

@@ -96,7 +96,7 @@ def default_measures(name: str) -> tuple[str, ...]:
     return ("validity", verdict[0], *angle, *verdict[1:])
 
 
-def headline(name: str) -> str | None:
+def primary_metric(name: str) -> str | None:
     """Return the measure that ranks the cells of a type; None for points."""
     for measure in ("scaled_jacobian", "corner_jacobian", "validity"):
         if measure in measures_of(name):
@@ -218,6 +218,7 @@ _KERNELS = {
 
 def _compiled(name: str, points: Floats, nodes: Ints, measures: list[str]) -> dict[str, NDArray]:
     """Compute the measures for which there is a compiled kernel; the others are left out."""
+    from lacmesh.kernels.threads import in_threads
     from lacmesh.quality import kernels
 
     found: dict[str, NDArray] = {}
@@ -228,6 +229,6 @@ def _compiled(name: str, points: Floats, nodes: Ints, measures: list[str]) -> di
     if set(measures) & set(filled):
         out = np.empty((len(nodes), len(filled)))
         fill = getattr(kernels, kernel)
-        kernels.in_threads(lambda part: fill(points, nodes[part], out[part]), len(nodes))
+        in_threads(lambda part: fill(points, nodes[part], out[part]), len(nodes))
         found |= dict(zip(filled, out.T, strict=True))
     return {m: values for m, values in found.items() if m in measures}

@@ -16,8 +16,8 @@ from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import Cut
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.quality.measures import measure_cells, measures_of
-from lacmesh.quality.spread import Spread, spread
-from lacmesh.quality.survey import Quality, groups_of, quality_of
+from lacmesh.quality.statistics import Statistics, statistics
+from lacmesh.quality.summary import Quality, groups_of, quality_of
 from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.reference.quadrature import measure
 from lacmesh.report.records import CutSummary, summarise
@@ -43,9 +43,9 @@ class Comparison:
     dim: int
     cells: tuple[int, int]
     invalid: tuple[int, int]
-    before: dict[str, Spread]
-    after: dict[str, Spread]
-    ratio: Spread
+    before: dict[str, Statistics]
+    after: dict[str, Statistics]
+    ratio: Statistics
 
     def as_json(self) -> dict[str, Any]:
         """The comparison as plain data."""
@@ -200,9 +200,9 @@ def _comparisons(before: Mesh, cut: Cut, cells: Touched) -> Iterator[Comparison]
             dim=dim,
             cells=(int((old == dim).sum()), int((new == dim).sum())),
             invalid=(_invalid(was), _invalid(now)),
-            before={m: spread(m, v) for m, v in was.items()},
-            after={m: spread(m, v) for m, v in now.items()},
-            ratio=spread("corner_jacobian", ratio[new == dim]),
+            before={m: statistics(m, v) for m, v in was.items()},
+            after={m: statistics(m, v) for m, v in now.items()},
+            ratio=statistics("corner_jacobian", ratio[new == dim]),
         )
 
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from lacmesh.errors import RequestError
 from lacmesh.formats.output import check_place, replace_file
-from lacmesh.quality.measures import SCALES, headline
-from lacmesh.quality.spread import Histogram, Spread
-from lacmesh.quality.survey import Quality, TypeQuality
+from lacmesh.quality.measures import SCALES, primary_metric
+from lacmesh.quality.statistics import Histogram, Statistics
+from lacmesh.quality.summary import Quality, TypeQuality
 from lacmesh.quality.verdict import ACCEPTED
 
 _INK, _SOFT, _LINE, _GOOD, _POOR, _BAD = "#1d2733", "#5c6b7a", "#dde3ea", "#2563b8", "#e0982c", "#b3261e"
@@ -37,7 +37,7 @@ def plot_quality(quality: Quality, path: str | os.PathLike[str], *, title: str =
     """
     path = Path(path)
     check_plot(path, force=force)
-    types = [t for t in quality.types if headline(t.type) not in (None, "validity")]
+    types = [t for t in quality.types if primary_metric(t.type) not in (None, "validity")]
     if not types:
         raise RequestError("there is no surface or solid cell to draw the quality of")
     figure = import_module("matplotlib.figure").Figure(figsize=(13, 1.0 + 2.5 * len(types)), dpi=110)
@@ -66,7 +66,7 @@ def check_plot(path: Path, *, force: bool = True) -> None:
 
 def _drawn(kind: TypeQuality) -> list[str | None]:
     beside = [next((m for m in names if m in kind.measures), None) for names in _BESIDE]
-    return [headline(kind.type), *beside]
+    return [primary_metric(kind.type), *beside]
 
 
 def _draw(axis: Any, kind: TypeQuality, measure: str | None) -> None:
@@ -74,8 +74,8 @@ def _draw(axis: Any, kind: TypeQuality, measure: str | None) -> None:
     if measure is None:
         axis.set_visible(False)
         return
-    spread = kind.measures[measure]
-    h = spread.histogram
+    values = kind.measures[measure]
+    h = values.histogram
     counts = np.array([h.below, *h.counts, h.above])
     at = np.arange(-1, len(h.counts) + 1) + 0.5
     accepted = ACCEPTED.get(kind.type, {}).get(measure)
@@ -83,7 +83,7 @@ def _draw(axis: Any, kind: TypeQuality, measure: str | None) -> None:
     ticks = _TICKS[SCALES[measure].kind]
     axis.set_xticks(np.interp(ticks, h.edges, np.arange(len(h.edges))), [f"{t:g}" for t in ticks])
     axis.set_xlim(*_limits(measure, h))
-    _dress(axis, measure, spread)
+    _dress(axis, measure, values)
 
 
 def _limits(measure: str, h: Histogram) -> tuple[float, float]:
@@ -109,12 +109,12 @@ def _colours(measure: str, edges: tuple[float, ...], accepted: tuple[float, floa
     return out
 
 
-def _dress(axis: Any, measure: str, spread: Spread) -> None:
+def _dress(axis: Any, measure: str, values: Statistics) -> None:
     unit = _NAMES.get(SCALES[measure].kind, "")
     axis.set_title(f"{measure}{f' ({unit})' if unit else ''}", fontsize=10.5, loc="left", color=_INK)
-    summary = f"min {spread.least:.3g}   median {spread.median:.3g}   max {spread.largest:.3g}"
-    if spread.undefined:
-        summary += f"   undefined {spread.undefined:,}"
+    summary = f"min {values.least:.3g}   median {values.median:.3g}   max {values.largest:.3g}"
+    if values.undefined:
+        summary += f"   undefined {values.undefined:,}"
     axis.set_xlabel(summary, fontsize=8.5, color=_SOFT)
     axis.tick_params(labelsize=8.5, colors=_SOFT, length=3)
     axis.grid(axis="y", color=_LINE, zorder=0)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lacmesh.quality.measures import SCALES
-from lacmesh.quality.spread import PERCENTS, Spread
-from lacmesh.quality.survey import TypeQuality
+from lacmesh.quality.statistics import PERCENTS, Statistics
+from lacmesh.quality.summary import TypeQuality
 from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.report.blocks import (
     Bars,
@@ -154,16 +154,16 @@ def _comparison(c: Comparison) -> Iterator[Simple]:
     if c.dim > 1:
         charts.insert(1, Bars("ratio to the parent", "unit", None, c.ratio.histogram))
         yield Figures(tuple(Figure(bars.measure, bars) for bars in charts))
-    rows = [_spread_row(m, when, s) for m in ordered for when, s in (("before", c.before[m]), ("after", c.after[m]))]
+    rows = [_values_row(m, when, s) for m in ordered for when, s in (("before", c.before[m]), ("after", c.after[m]))]
     if c.dim > 1:
-        rows.insert(2, _spread_row("ratio to the parent", "after", c.ratio))
+        rows.insert(2, _values_row("ratio to the parent", "after", c.ratio))
     names = ("measure", "", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean")
     table = Table.of_words(columns(names, numbers=names[2:]), rows)
     again = [b[0] == a[0] for a, b in pairwise([("",), *rows])]
     yield replace(table, rows=tuple(replace(row, again=b) for row, b in zip(table.rows, again, strict=True)))
 
 
-def _spread_row(measure: str, when: str, s: Spread) -> tuple[str, ...]:
+def _values_row(measure: str, when: str, s: Statistics) -> tuple[str, ...]:
     return (measure, when, *(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean)))
 
 
@@ -200,7 +200,7 @@ def _type(t: TypeQuality, when: str) -> Iterator[Simple]:
     for m, s in measures.items():
         limits = accepted[m]
         allowed = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
-        rows.append((*(_spread_row(m, "", s)[0:1] + _spread_row(m, "", s)[2:]), allowed))
+        rows.append((*(_values_row(m, "", s)[0:1] + _values_row(m, "", s)[2:]), allowed))
     yield Table.of_words(columns(names, numbers=names[1:]), rows, folded=f"{t.type} {when}: {t.count:,} cells")
 
 

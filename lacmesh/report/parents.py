@@ -22,7 +22,7 @@ from lacmesh.cutting.patterns import CONE, RING, RING_PARENTS, WHOLE_FACES, Temp
 from lacmesh.mesh import Floats, Ints
 from lacmesh.quality import corner_jacobian
 from lacmesh.quality.determinant import validity_among
-from lacmesh.quality.spread import Spread, spread
+from lacmesh.quality.statistics import Statistics, statistics
 
 
 class ParentGroup(NamedTuple):
@@ -46,9 +46,9 @@ class ChildrenQuality:
     parents: int
     unknown: int
     invalid: int
-    child: Spread
-    parent: Spread
-    ratio: Spread
+    child: Statistics
+    parent: Statistics
+    ratio: Statistics
 
     def as_json(self) -> dict[str, Any]:
         """The comparison as plain data."""
@@ -83,9 +83,9 @@ def children_quality(cut: Cut) -> ChildrenQuality | None:
         parents=known,
         unknown=len(np.unique(cut.parent_of_cell[children])) - known,
         invalid=int(np.count_nonzero(~valid[children])),
-        child=spread("corner_jacobian", quality[children[mesh.cell_dim[children] > 1]]),
-        parent=spread("corner_jacobian", _joined(parent)),
-        ratio=spread("corner_jacobian", _joined(ratios)),
+        child=statistics("corner_jacobian", quality[children[mesh.cell_dim[children] > 1]]),
+        parent=statistics("corner_jacobian", _joined(parent)),
+        ratio=statistics("corner_jacobian", _joined(ratios)),
     )
 
 

@@ -7,34 +7,31 @@ from __future__ import annotations
 
 import numpy as np
 
-from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
 from lacmesh.scene.visible import is_segment
-from lacmesh.topology.skin import FACE_TYPES, Faces, label_rows
+from lacmesh.topology.edges import edge_uses
+from lacmesh.topology.skin import N_CORNERS, N_NODES, Faces
 
 #: cosine of the angle from which an edge between two faces is a crease
 CREASE_COSINE = 0.77
 TINY = 1e-300
 
 
-def edges_of(faces: Faces) -> tuple[Ints, Ints]:
-    """Every edge of every face but segments, (e, 3), and the row of the face."""
-    ends, rows = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
-    for code in np.unique(faces.type):
-        cell = CELLS[FACE_TYPES[code]]
-        here = np.flatnonzero(faces.type == code)
-        for k, (a, b) in enumerate(cell.edges if cell.n_corners > 2 else ()):
-            middle = cell.n_corners + k if cell.order == 2 else -1  # a row of `nodes` ends with -1, or QUAD9's centre
-            nodes = faces.nodes[here]
-            ends.append(np.stack([nodes[:, a], nodes[:, b], nodes[:, middle] if middle > 0 else 0 * here - 1], axis=1))
-            rows.append(here)
-    return np.vstack(ends), np.concatenate(rows)
+def edges_of(faces: Faces) -> tuple[Ints, Ints, Ints]:
+    """Every edge of every face but segments, (e, 3), its label from 0, and the row of the face."""
+    rows = np.flatnonzero(~is_segment(faces))
+    flat = faces.take(rows)
+    uses = edge_uses(flat)
+    corners = N_CORNERS[flat.type[uses.face]]
+    curved = N_NODES[flat.type[uses.face]] > corners
+    middle = np.where(curved, flat.nodes[uses.face, np.where(curved, corners + uses.place, 0)], -1)
+    return np.stack([uses.start, uses.stop, middle], axis=1), uses.edge, rows[uses.face]
 
 
 def body_edges(points: Floats, faces: Faces) -> tuple[Ints, Ints]:
     """Edges of bodies, each once: those between smooth faces, and those where the body ends or has a crease."""
-    ends, face = edges_of(faces)
-    label, count = label_rows(np.sort(ends[:, :2], axis=1))
+    ends, label, face = edges_of(faces)
+    count = int(label.max(initial=-1)) + 1
     x = points[faces.nodes[:, :3]]
     normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), TINY)
@@ -49,8 +46,8 @@ def body_edges(points: Floats, faces: Faces) -> tuple[Ints, Ints]:
 
 def group_edges(faces: Faces, group: Ints) -> tuple[Ints, Ints]:
     """The edges of faces that stand in groups (f,), each once: those inside a group, and those on its outline."""
-    ends, face = edges_of(faces)
-    label, count = label_rows(np.sort(ends[:, :2], axis=1))
+    ends, label, face = edges_of(faces)
+    count = int(label.max(initial=-1)) + 1
     low, high = np.full(count, np.iinfo(np.int64).max), np.full(count, -1)
     np.minimum.at(low, label, group[face])
     np.maximum.at(high, label, group[face])

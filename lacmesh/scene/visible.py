@@ -1,15 +1,14 @@
 """The visible surface of a mesh, and the role of each face: of a body, of the slave skin, of the master.
 
-    keys = a number for each facet of each solid cell, the same from both sides      (`FaceKeys`)
-    outer = facets of one cell only, cells of surfaces that lie on no solid           (`_outer`, `_loose`)
     skin = the faces of the slave and of the master, with the cell behind each        (`_skin`)
+    outer = facets of one cell only, cells of surfaces that lie on no solid           (`_outer`, `_loose`)
 
-The cost is one pass over the cells and one sort of their facets' keys.
+The cost is that of pairing the facets (`lacmesh.topology.facets`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,8 +20,12 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import is_cut
 from lacmesh.errors import DataError, RequestError, some
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.topology.skin import FACE_TYPES, Faces, find_owners
+from lacmesh.topology.bodies import label_bodies
+from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.facets import ALONE, FACETS, Solid, pair_facets
+from lacmesh.topology.skin import FACE_TYPES, Faces, find_owners, label_faces
 
+Bools = NDArray[np.bool_]
 Vector = tuple[float, float, float]
 Groups = str | Sequence[str] | None
 
@@ -49,11 +52,11 @@ class VisibleSurface:
     cell: Ints
     skin: Ints
     body: Ints
-    cut_open: NDArray[np.bool_]
+    cut_open: Bools
     macro: Ints
     internal: Ints
     body_of_node: Ints
-    kept: NDArray[np.bool_]
+    kept: Bools
 
     def rows(self, role: int) -> Ints:
         """The rows of faces of a role."""
@@ -89,12 +92,10 @@ def find_visible(
     slaves = _slave_cells(mesh, slave)
     masters = np.setdiff1d(_cells_of(mesh, master), slaves)
     kept = _kept(mesh, slaves, near, cutaway)
-    keys = FaceKeys(mesh)
-    skin, skin_cell, behind = _skin(mesh, np.concatenate([slaves, masters]), kept, keys)
-    taken = np.sort(keys.of(skin))
-    solid, solid_cell, cut_open = _outer(mesh, kept, keys, taken)
-    loose, loose_cell = _loose(mesh, kept, keys, taken)
-    faces = stack([solid, loose, skin])
+    skin, skin_cell, behind = _skin(mesh, np.concatenate([slaves, masters]), kept)
+    solid, solid_cell, cut_open = _outer(mesh, kept, skin)
+    loose, loose_cell = _loose(mesh, kept, skin)
+    faces = Faces.stack([solid, loose, skin])
     if not len(faces):
         raise RequestError("there is nothing to draw: no cells of dimension 1, 2 or 3, or none left in sight")
     role = np.repeat([BODY, BODY, SLAVE], [len(solid), len(loose), len(skin)])
@@ -139,138 +140,71 @@ def facets_of(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
     return Faces.join(parts), np.concatenate(owners)
 
 
-class FaceKeys:
-    """A number for each face that does not depend on how its corners are listed: the sum of one for each node.
-
-    Numbers of 64 bits, drawn at random: that two different faces of a mesh share one is less likely than a fault of
-    the machine, and where solid facets meet a second draw has to agree (`solid`).
-    """
-
-    def __init__(self, mesh: Mesh) -> None:
-        self._mesh = mesh
-        self._weights, self._second = (
-            np.append(np.random.default_rng(seed).integers(1, 1 << 63, mesh.n_nodes, np.uint64), np.uint64(0))
-            for seed in (1, 2)
-        )
-
-    def of(self, faces: Faces) -> NDArray[np.uint64]:
-        """Keys of some faces, (f,)."""
-        return self._sum(faces.corners.T, self._weights)
-
-    @cached_property
-    def solid(self) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """Keys and second keys of every facet of every solid cell, in the order of `blocks`."""
-        parts = [(block, facet) for block, facets in self.blocks for facet in facets]
-        keys = [[self._sum(block[:, corners].T, w) for block, corners in parts] for w in (self._weights, self._second)]
-        first, second = (np.concatenate([np.empty(0, np.uint64), *k]) for k in keys)
-        return first, second
-
-    @cached_property
-    def blocks(self) -> list[tuple[Ints, list[tuple[int, ...]]]]:
-        """The nodes of solid cells, a block a type, and the corners of each facet."""
-        found = []
-        for block in self._mesh.blocks:
-            facets = CELLS[drawn_as(block.type)].facets if ALL_CELLS[block.type].dim == 3 else ()
-            if facets:
-                found.append((block.nodes, [f.nodes[: CELLS[f.type].n_corners] for f in facets]))
-        return found
-
-    @staticmethod
-    def _sum(corners: Ints, weights: NDArray[np.uint64]) -> NDArray[np.uint64]:
-        total = weights[corners[0]]
-        for corner in corners[1:]:
-            total = total + weights[corner]
-        return total
+def _outer(mesh: Mesh, kept: Bools, skin: Faces) -> tuple[Faces, Ints, Bools]:
+    """Facets of one kept solid only, without those on `skin`; the cell of each; True if another was cut away."""
+    if mesh.dim < 3:
+        return Faces.join([]), np.empty(0, np.int64), np.empty(0, bool)
+    whole = Solid.of(mesh)
+    rows = np.flatnonzero(kept[whole.cells])
+    opposite = pair_facets(whole)[0].reshape(-1, FACETS)
+    cut_open = opposite[rows] != ALONE
+    if len(rows) < len(whole.cells):
+        opposite = pair_facets(whole.take(rows))[0].reshape(-1, FACETS)
+    free = opposite == ALONE
+    on_skin = find_owners(skin, _as_drawn(mesh, 3), mesh.n_nodes)
+    place = np.full(mesh.n_cells, -1)
+    place[whole.cells[rows]] = np.arange(len(rows))
+    known = place[on_skin.cell] >= 0
+    free[place[on_skin.cell[known]], on_skin.facet[known]] = False
+    row, facet = np.nonzero(free)
+    faces, order = _pick(mesh, whole.cells[rows[row]], facet)
+    return faces, whole.cells[rows[row[order]]], cut_open[row[order], facet[order]]
 
 
-def _outer(mesh: Mesh, kept: NDArray[np.bool_], keys: FaceKeys, taken: NDArray) -> tuple[Faces, Ints, NDArray]:
-    """Facets of one kept solid only, those in `taken` left out; the cell of each; True if another was cut away."""
-    first, second = keys.solid
-    facet, cut_open = np.arange(len(first)), np.zeros(len(first), bool)
-    solid = _solid_cells(mesh)
-    owner = np.concatenate([np.empty(0, np.int64), *(np.tile(ids, n) for ids, n in solid)])
-    if not kept.all():
-        gone = np.sort(first[~kept[owner]])
-        facet = np.flatnonzero(kept[owner])
-        cut_open = _among(first[facet], gone)
-    once = _single(first[facet], second[facet])
-    once = once[~_among(first[facet[once]], taken)]
-    return _pick(mesh, facet[once]), owner[facet[once]], cut_open[once]
+def _as_drawn(mesh: Mesh, *dims: int) -> Iterator[tuple[str, Ints, Ints]]:
+    """Iterate over the cells of some dimensions as they are drawn: (type, nodes, indices)."""
+    for dim in dims:
+        for kind, nodes, cells in cells_of_dim(mesh, dim):
+            yield drawn_as(kind), nodes[:, : CELLS[drawn_as(kind)].n_nodes], cells
 
 
-def _solid_cells(mesh: Mesh) -> list[tuple[Ints, int]]:
-    """Indices of the solid cells of each block, and how many facets they have."""
-    return [
-        (np.arange(mesh.offsets[k], mesh.offsets[k + 1]), len(CELLS[drawn_as(b.type)].facets))
-        for k, b in enumerate(mesh.blocks)
-        if ALL_CELLS[b.type].dim == 3
-    ]
+def _pick(mesh: Mesh, cell: Ints, facet: Ints) -> tuple[Faces, Ints]:
+    """Faces of some facets of solids, given by ascending cells, type by type; the rows of the list in that order."""
+    parts, order = [], [np.empty(0, np.int64)]
+    for kind, nodes, cells in _as_drawn(mesh, 3):
+        low, high = np.searchsorted(cell, [cells[0], cells[-1] + 1]) if len(cells) else (0, 0)
+        for j, side in enumerate(CELLS[kind].facets):
+            rows = low + np.flatnonzero(facet[low:high] == j)
+            if len(rows):
+                parts.append((side.type, nodes[cell[rows] - cells[0]][:, side.nodes]))
+                order.append(rows)
+    return Faces.join(parts), np.concatenate(order)
 
 
-def _single(first: NDArray, second: NDArray) -> Ints:
-    """Rows whose key occurs once."""
-    order = np.argsort(first)
-    key, check = first[order], second[order]
-    same = (key[1:] == key[:-1]) & (check[1:] == check[:-1])
-    alone = np.ones(len(order), bool)
-    alone[1:] &= ~same
-    alone[:-1] &= ~same
-    return np.sort(order[alone])
-
-
-def _among(values: NDArray, ordered: NDArray) -> NDArray[np.bool_]:
-    """True for each value that is in a sorted list."""
-    if not len(ordered):
-        return np.zeros(len(values), bool)
-    return ordered[np.minimum(np.searchsorted(ordered, values), len(ordered) - 1)] == values
-
-
-def _pick(mesh: Mesh, facet: Ints) -> Faces:
-    """Faces of some facets, given by their ascending positions in the list of all facets of solids."""
-    parts, start = [], 0
-    for block in mesh.blocks:
-        if ALL_CELLS[block.type].dim < 3:
-            continue
-        for side in CELLS[drawn_as(block.type)].facets:
-            low, high = np.searchsorted(facet, [start, start + len(block.nodes)])
-            if high > low:
-                parts.append((side.type, block.nodes[facet[low:high] - start][:, side.nodes]))
-            start += len(block.nodes)
-    return Faces.join(parts)
-
-
-def _loose(mesh: Mesh, kept: NDArray[np.bool_], keys: FaceKeys, taken: NDArray) -> tuple[Faces, Ints]:
-    """Cells of surfaces that lie on no solid, of lines too where there is no solid; those in `taken` are left out."""
+def _loose(mesh: Mesh, kept: Bools, skin: Faces) -> tuple[Faces, Ints]:
+    """Cells of surfaces that lie on no solid and not on `skin`; of lines too where there is no solid."""
     dims = mesh.cell_dim
     faces, cells = as_faces(mesh, np.flatnonzero(((dims == 2) | ((dims == 1) & (mesh.dim < 3))) & kept))
-    if not len(faces):
-        return faces, cells
-    key = keys.of(faces)
-    free = ~_among(key, taken)
-    if mesh.dim == 3:
-        free &= ~_among(key, np.sort(keys.solid[0]))
-    rows = np.flatnonzero(free)
+    label, count = label_faces(Faces.stack([skin, faces]))
+    on_skin, mine = np.split(label, [len(skin)])
+    taken = np.zeros(count, bool)
+    taken[on_skin] = True
+    taken[mine[find_owners(faces, _as_drawn(mesh, 3), mesh.n_nodes).face]] = True
+    rows = np.flatnonzero(~taken[mine])
     return faces.take(rows), cells[rows]
 
 
-def _skin(mesh: Mesh, cells: Ints, kept: NDArray[np.bool_], keys: FaceKeys) -> tuple[Faces, Ints, Ints]:
+def _skin(mesh: Mesh, cells: Ints, kept: Bools) -> tuple[Faces, Ints, Ints]:
     """Slave and master faces in sight, each once: the faces, their cells, the cells behind (a kept one first)."""
     faces, ids = as_faces(mesh, cells)
-    rows = np.sort(np.unique(keys.of(faces), return_index=True)[1])  # a duplicate lies on the one that is drawn
+    rows = np.sort(np.unique(label_faces(faces)[0], return_index=True)[1])  # a duplicate lies on the one that is drawn
     faces, ids = faces.take(rows), ids[rows]
-    solids = ((b.type, b.nodes, np.arange(mesh.offsets[k], mesh.offsets[k + 1])) for k, b in enumerate(mesh.blocks))
-    linear = ((drawn_as(kind), nodes[:, : CELLS[drawn_as(kind)].n_nodes], i) for kind, nodes, i in solids)
-    found = find_owners(faces, linear, mesh.n_nodes)
+    owners = find_owners(faces, _as_drawn(mesh, 2, 3), mesh.n_nodes)
     behind = ids.copy()
-    order = np.argsort(kept[found.cell], kind="stable")  # the kept ones last: they stay
-    behind[found.face[order]] = found.cell[order]
-    shown = np.flatnonzero(kept[behind])
-    return faces.take(shown), ids[shown], behind[shown]
-
-
-def stack(parts: Sequence[Faces]) -> Faces:
-    """Faces, one part after the other."""
-    return Faces(np.concatenate([p.type for p in parts]), np.vstack([p.nodes for p in parts]))
+    order = np.argsort(kept[owners.cell], kind="stable")  # the kept ones last: they stay
+    behind[owners.face[order]] = owners.cell[order]
+    seen = np.flatnonzero(kept[behind])
+    return faces.take(seen), ids[seen], behind[seen]
 
 
 def _cells_of(mesh: Mesh, groups: Groups) -> Ints:
@@ -291,7 +225,7 @@ def _slave_cells(mesh: Mesh, slave: Groups) -> Ints:
     return _cells_of(mesh, slave)
 
 
-def _kept(mesh: Mesh, slave: Ints, near: float | None, cutaway: Vector | None) -> NDArray[np.bool_]:
+def _kept(mesh: Mesh, slave: Ints, near: float | None, cutaway: Vector | None) -> Bools:
     """True for cells whose centre is near enough and not cut away, (n_cells,). Raises RequestError."""
     kept = np.ones(mesh.n_cells, bool)
     if near is None and cutaway is None:
@@ -310,7 +244,7 @@ def _kept(mesh: Mesh, slave: Ints, near: float | None, cutaway: Vector | None) -
     return kept
 
 
-def used_nodes(mesh: Mesh) -> NDArray[np.bool_]:
+def used_nodes(mesh: Mesh) -> Bools:
     """True for nodes of any cell, (n_nodes,)."""
     used = np.zeros(mesh.n_nodes, bool)
     for block in mesh.blocks:
@@ -335,25 +269,13 @@ def diagonal(points: Floats) -> float:
 
 def _bodies(mesh: Mesh) -> Ints:
     """Body of each node, (n_nodes,); cells that share a node are of one body (lines count in a mesh of lines)."""
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    blocks = [b.nodes for b in mesh.blocks if ALL_CELLS[b.type].dim >= min(2, mesh.dim)]
-    n_cells = sum(len(b) for b in blocks)
-    # a graph of cells and nodes, as rows of their nodes: no sorting
-    lengths = np.concatenate([np.zeros(1, np.int64), *(np.full(len(b), b.shape[1]) for b in blocks)])
-    starts = np.concatenate([np.cumsum(lengths), np.full(mesh.n_nodes, lengths.sum())])
-    nodes = np.concatenate([np.empty(0, np.int64), *(b.ravel() for b in blocks)])
-    size = n_cells + mesh.n_nodes
-    dtype = np.int32 if max(size, len(nodes)) < 1 << 31 else np.int64
-    ends = (nodes + n_cells).astype(dtype)
-    graph = csr_matrix((np.ones(len(ends), np.int8), ends, starts.astype(dtype)), shape=(size, size))
-    label = connected_components(graph, directed=True, connection="weak")[1][n_cells:]
-    _, first, label = np.unique(label, return_index=True, return_inverse=True)
-    return np.argsort(np.argsort(first))[label] if len(first) else label  # counted in the order of the nodes
+    body = label_bodies((b.nodes for b in mesh.blocks if ALL_CELLS[b.type].dim >= min(2, mesh.dim)), mesh.n_nodes)
+    free = np.flatnonzero(body < 0)
+    body[free] = body.max(initial=-1) + 1 + np.arange(len(free))
+    return body
 
 
-def _macros(mesh: Mesh, cells: Ints, slave: NDArray[np.bool_]) -> Ints:
+def _macros(mesh: Mesh, cells: Ints, slave: Bools) -> Ints:
     """Macro-element of each slave face, (s,); a face that is part of none counts by itself."""
     macro = mesh.cell_data["lac_macro"][cells] if is_cut(mesh) else np.full(len(cells), -1)
     macro = np.where(slave, macro, -1).astype(np.int64)
@@ -369,6 +291,6 @@ def _internal_nodes(mesh: Mesh, slaves: Faces) -> Ints:
     return nodes[owner[nodes] >= 0] if owner is not None else nodes[:0]
 
 
-def is_segment(faces: Faces) -> NDArray[np.bool_]:
+def is_segment(faces: Faces) -> Bools:
     """True for faces that are segments, (f,)."""
     return np.isin(faces.type, [FACE_TYPES.index("SEG2"), FACE_TYPES.index("SEG3")])

@@ -15,7 +15,7 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.reference.shapes import gradient, shape
 from lacmesh.surface.record import Surface
-from lacmesh.topology.orientation import edge_uses
+from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.skin import FACE_TYPES, MAX_CORNERS, MAX_NODES, TYPE_CODE, Faces
 
 #: a node of a macro-element that is farther from its parent than this part of the parent's size was not put there by
@@ -75,9 +75,7 @@ def _outlines(whole: Surface, macro: Ints) -> Ints:
     both = np.unique(uses.edge * (len(whole) + 1) + mine, return_inverse=True)[1]
     once = np.flatnonzero((np.bincount(both)[both] == 1) & (mine >= 0))
     once = once[np.lexsort((uses.place[once], uses.face[once], mine[once]))]
-    mine, face, place = mine[once], uses.face[once], uses.place[once]
-    a = whole.faces.nodes[face, place]
-    b = whole.faces.nodes[face, (place + 1) % whole.n_corners[face]]
+    mine, place, a, b = mine[once], uses.place[once], uses.start[once], uses.stop[once]
     size = int(macro.max()) + 1
     count = np.bincount(mine, minlength=size)
     start = np.cumsum(count) - count

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.topology.components import label_components
-from lacmesh.topology.orientation import edge_uses
+from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.skin import MAX_CORNERS
 
 Bools = NDArray[np.bool_]

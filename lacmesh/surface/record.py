@@ -13,19 +13,18 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.surface.height import Height
-from lacmesh.topology.faces import cells_of_dim, distinct_faces, facets_of, inside_out
+from lacmesh.topology.edges import neighbours
+from lacmesh.topology.faces import cells_of_dim, distinct_faces, facets_of
 from lacmesh.topology.skin import (
     FACE_TYPES,
     MAX_CORNERS,
     N_CORNERS,
     N_NODES,
-    REVERSED,
     FaceIncidence,
     Faces,
     find_owners,
-    label_rows,
-    turn,
 )
+from lacmesh.topology.winding import REVERSED, is_inverted, relative_listing
 
 #: z of a plane mesh may differ by this much of its extent
 _PLANE = 1e-9
@@ -124,22 +123,7 @@ class Surface:
 
         At an edge of more than two faces it is one of the others.
         """
-        n = self.n_corners
-        corner = np.broadcast_to(np.arange(MAX_CORNERS), (len(self), MAX_CORNERS))
-        there = corner < n[:, None]
-        a = self.faces.nodes[:, :MAX_CORNERS]
-        b = a if self.dim == 1 else np.take_along_axis(a, (corner + 1) % n[:, None], axis=1)
-        ends = np.sort(np.stack([a[there], b[there]], axis=1), axis=1)
-        label, _ = label_rows(ends)
-        order = np.argsort(label, kind="stable")
-        same = label[order[1:]] == label[order[:-1]]
-        face = np.nonzero(there)[0]
-        beyond = np.full(len(label), -1)
-        beyond[order[1:][same]] = face[order[:-1][same]]
-        beyond[order[:-1][same]] = face[order[1:][same]]
-        out = np.full((len(self), MAX_CORNERS), -1)
-        out[there] = beyond
-        return out
+        return neighbours(self.faces)
 
 
 def _dimension(mesh: Mesh, cells: Ints) -> int:
@@ -165,8 +149,8 @@ def _dimension(mesh: Mesh, cells: Ints) -> int:
 
 def _outward(mesh: Mesh, faces: Faces, parents: FaceIncidence) -> Faces:
     """Flip the faces with a normal that points into the only cell behind them."""
-    back = turn(facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
-    back ^= inside_out(mesh, parents.cell, plane=True)
+    back = relative_listing(facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
+    back ^= is_inverted(mesh, parents.cell, plane=True)
     return _turned_over(faces, parents.face[back])
 
 

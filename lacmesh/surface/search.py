@@ -15,15 +15,12 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from lacmesh.kernels import kernel
+from lacmesh.kernels.threads import in_threads
 from lacmesh.mesh import Floats, Ints
-from lacmesh.quality.kernels import in_threads
 from lacmesh.surface.patches import Patches
+from lacmesh.topology.boxes import LEAF, along_curve, bounding_tree
 
 T = TypeVar("T")
-
-#: patches in a leaf
-_LEAF = 4
-_BITS = 10
 
 
 class Boxes(NamedTuple):
@@ -36,7 +33,7 @@ class Boxes(NamedTuple):
 class Tree(NamedTuple):
     """Complete binary tree of boxes, (nodes, 3) each: node k has children 2k + 1 and 2k + 2; `order`: the patches.
 
-    The last (nodes + 1) / 2 nodes are leaves, each of _LEAF entries of `order` (-1 where there is none).
+    The last (nodes + 1) / 2 nodes are leaves, each of LEAF entries of `order` (-1 where there is none).
     """
 
     centre: Floats
@@ -66,32 +63,13 @@ class Reach(NamedTuple):
 def build_tree(p: Patches) -> Tree:
     """Build the tree over some patches."""
     low, high = _extent(p.x, p.n)
-    order = np.argsort(_morton((low + high) / 2), kind="stable")
-    leaves = max(1, -(-len(order) // _LEAF))
-    width = 1 << (leaves - 1).bit_length()
-    order = np.concatenate([order, np.full(width * _LEAF - len(order), -1)])
-    lows = np.where((order >= 0)[:, None], low[order], np.inf)
-    highs = np.where((order >= 0)[:, None], high[order], -np.inf)
-    levels = [(lows.reshape(width, _LEAF, 3).min(axis=1), highs.reshape(width, _LEAF, 3).max(axis=1))]
-    while len(levels[0][0]) > 1:
-        a, b = levels[0]
-        levels.insert(0, (np.minimum(a[::2], a[1::2]), np.maximum(b[::2], b[1::2])))
-    low, high = (np.concatenate([level[k] for level in levels]) for k in range(2))
+    order = along_curve(low, high)
+    low, high, last = bounding_tree(low[order], high[order])
+    order = np.concatenate([order, np.full(int(last[0]) - len(order), -1)])
     empty = ~(low <= high)
     with np.errstate(invalid="ignore"):
         centre, half = np.where(empty, 0.0, (low + high) / 2), np.where(empty, -np.inf, (high - low) / 2)
     return Tree(centre, half, order)
-
-
-def _morton(x: Floats) -> Ints:
-    """(p,): positions of points (p, 3) along a Morton curve."""
-    extent = np.ptp(x, axis=0).max()
-    cell = ((x - x.min(axis=0)) / (extent if extent > 0 else 1.0) * (2**_BITS - 1)).astype(np.int64)
-    code = np.zeros(len(x), np.int64)
-    for bit in range(_BITS):
-        for axis in range(3):
-            code |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return code
 
 
 def candidates(slave: Patches, master: Patches, reach: Reach) -> Pairs:
@@ -212,7 +190,7 @@ def _query(first: int, prisms: Any, e: Any, tree: Any, boxes: Any, start: Any, f
                 stack[top + 1] = 2 * node + 2
                 top += 2
                 continue
-            for k in range((node - first_leaf) * _LEAF, (node - first_leaf + 1) * _LEAF):
+            for k in range((node - first_leaf) * LEAF, (node - first_leaf + 1) * LEAF):
                 m = tree.order[k]
                 if m >= 0 and _meets(prisms, e, s, boxes, m):
                     if count < len(found):

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Ints = NDArray[np.integer]
+from lacmesh.mesh import Ints
 
 #: nodes and edges from which on scipy is quicker, with the tenth of a second that importing it takes
 _MANY = 60_000

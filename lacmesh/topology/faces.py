@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.mesh import Ints, Mesh, codes
-from lacmesh.reference.quadrature import measure, signed_area
-from lacmesh.topology.skin import FaceIncidence, Faces, label_rows
+from lacmesh.topology.skin import FaceIncidence, Faces, first_of_each, label_faces
 
 
 def cells_of_dim(mesh: Mesh, dim: int) -> Iterator[tuple[str, Ints, Ints]]:
@@ -37,10 +35,7 @@ def faces_of(mesh: Mesh, cells: Ints) -> Faces:
 def distinct_faces(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
     """Return the faces under some cells, each once, and the index in `cells` of the cell that gives its node order."""
     faces = faces_of(mesh, cells)
-    labels, count = label_rows(np.sort(faces.corners, axis=1))
-    first = np.full(count, len(labels))
-    np.minimum.at(first, labels, np.arange(len(labels)))
-    first.sort()
+    first, _ = first_of_each(*label_faces(faces))
     return faces.take(first), first
 
 
@@ -59,19 +54,3 @@ def facets_of(mesh: Mesh, owners: FaceIncidence) -> Faces:
     place = np.empty(len(order), np.int64)
     place[np.concatenate(rows)] = np.arange(len(order))
     return Faces.join(parts).take(place)
-
-
-def inside_out(mesh: Mesh, cells: Ints, plane: bool) -> NDArray[np.bool_]:
-    """(k,): True for inverted cells, whose node order makes their facets point inward (real meshes contain some).
-
-    Solids are tested by the signed volume of their linear cell, surface cells in a `plane` z = constant by their signed
-    area. Surface cells in space are never inverted: they have no preferred orientation.
-    """
-    wrong = np.zeros(mesh.n_cells, bool)
-    for kind, chosen, nodes in mesh.select(cells):
-        flat = CELLS[CELLS[kind].linear]
-        if flat.dim == 3:
-            wrong[chosen] = measure(flat.name, mesh.points[nodes[:, : flat.n_corners]]) < 0
-        elif plane:
-            wrong[chosen] = signed_area(kind, mesh.points[nodes]) < 0
-    return wrong[cells]

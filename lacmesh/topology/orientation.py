@@ -11,7 +11,6 @@ component is one orientation of a connected part of the skin.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +18,14 @@ from numpy.typing import NDArray
 from lacmesh.errors import DataError
 from lacmesh.mesh import Ints, Mesh, Spec, spec_text
 from lacmesh.topology.components import label_components
-from lacmesh.topology.faces import cells_of_dim, distinct_faces, faces_of, facets_of, inside_out
-from lacmesh.topology.skin import N_CORNERS, REVERSED, FaceIncidence, Faces, find_owners, find_repeats, label_rows, turn
+from lacmesh.topology.edges import edge_uses
+from lacmesh.topology.faces import cells_of_dim, distinct_faces, faces_of, facets_of
+from lacmesh.topology.skin import N_CORNERS, FaceIncidence, Faces, find_owners, find_repeats
+from lacmesh.topology.winding import REVERSED, is_inverted, relative_listing
 
 Bools = NDArray[np.bool_]
 
-#: a slave face of a macro-element turned over, so that it still lists its outer corners first (`patterns.py`)
+#: a slave face of a macro-element, flipped, so that it still lists its outer corners first (`patterns.py`)
 _REVERSED_CHILD = {
     "SEG2": (1, 0),
     "SEG3": (1, 0, 2),
@@ -36,17 +37,17 @@ _REVERSED_CHILD = {
 
 
 @dataclass(frozen=True)
-class Turning:
+class SkinOrientation:
     """Result of the orientation analysis of some skin faces; every field holds indices of cells of the mesh.
 
-    `turned`: faces to flip so that all are outward. `interface`: faces between two cells, which stay. `bare`: faces
-    without a cell behind them; among these `open`, on a skin that encloses no volume, which only get consistent
+    `to_flip`: faces to flip so that all are outward. `interface`: faces between two cells, which stay. `parentless`:
+    faces without a cell behind them; among these `open`, on a skin that encloses no volume, which only get consistent
     windings, and `one_sided`, for which no consistent windings exist (a Moebius strip), which stay.
     """
 
-    turned: Ints
+    to_flip: Ints
     interface: Ints
-    bare: Ints
+    parentless: Ints
     open: Ints
     one_sided: Ints
 
@@ -63,7 +64,7 @@ def orient(mesh: Mesh, group: Spec) -> Mesh:
     >>> orient(triangle, "s").block("SEG2").tolist()
     [[0, 1]]
     """
-    return reverse(mesh, turning(mesh, skin_cells(mesh, group)).turned)
+    return reverse(mesh, analyse_orientation(mesh, skin_cells(mesh, group)).to_flip)
 
 
 def skin_cells(mesh: Mesh, group: Spec) -> Ints:
@@ -74,7 +75,7 @@ def skin_cells(mesh: Mesh, group: Spec) -> Ints:
     faces = cells[dims == want]
     odd = [chosen for kind, chosen, _ in mesh.select(faces) if kind not in REVERSED]
     if want not in (1, 2) or odd:
-        what = f"cells of dimension {want}" if not odd else f"cells that are not turned ({mesh.cell_names(odd[0])})"
+        what = f"cells of dimension {want}" if not odd else f"cells that cannot be flipped ({mesh.cell_names(odd[0])})"
         raise DataError(
             f"the group {spec_text(group)!r} holds no skin of lines or of linear or quadratic surface cells, but "
             f"{what}",
@@ -83,32 +84,27 @@ def skin_cells(mesh: Mesh, group: Spec) -> Ints:
     return faces
 
 
-def turning(mesh: Mesh, cells: Ints) -> Turning:
+def analyse_orientation(mesh: Mesh, cells: Ints) -> SkinOrientation:
     """Analyse the orientation of skin faces (indices, of one dimension, of types that can be flipped)."""
     empty = np.empty(0, np.int64)
     if not len(cells):
-        return Turning(*(empty,) * 5)
+        return SkinOrientation(*(empty,) * 5)
     faces, _ = distinct_faces(mesh, cells)
     dim = int(mesh.cell_dim[cells[0]])
     parents = find_owners(faces, cells_of_dim(mesh, dim + 1), mesh.n_nodes)
     own = _cells_on(mesh, cells, faces)
     count = np.bincount(parents.face, minlength=len(faces))
-    bare = np.flatnonzero(count == 0)
-    over, state = _agree(mesh, faces.take(bare))
-    back = _listed_back(mesh, faces, own)
-    back_bare = np.zeros(len(faces), bool)
-    back_bare[bare] = over
-    kind = np.full(len(faces), -1)
-    kind[bare] = state
-    turned_bare = own.cell[(back ^ back_bare[own.face]) & (kind[own.face] >= 0) & (kind[own.face] != _ONE_SIDED)]
-    turned = np.union1d(inward(mesh, cells, faces, parents), turned_bare)
-    at = kind[own.face]
-    return Turning(
-        turned,
+    parentless = np.flatnonzero(count == 0)
+    flip, component = np.zeros(len(faces), bool), np.full(len(faces), -1)
+    flip[parentless], component[parentless] = _agree(mesh, faces.take(parentless))
+    of_own = component[own.face]
+    inconsistent = (_listed_back(mesh, faces, own) ^ flip[own.face]) & (of_own >= 0) & (of_own != _ONE_SIDED)
+    return SkinOrientation(
+        np.union1d(inward(mesh, cells, faces, parents), own.cell[inconsistent]),
         np.sort(own.cell[count[own.face] > 1]),
         np.sort(own.cell[count[own.face] == 0]),
-        np.sort(own.cell[at == _OPEN]),
-        np.sort(own.cell[at == _ONE_SIDED]),
+        np.sort(own.cell[of_own == _OPEN]),
+        np.sort(own.cell[of_own == _ONE_SIDED]),
     )
 
 
@@ -124,18 +120,18 @@ def inward(mesh: Mesh, cells: Ints, faces: Faces, parents: FaceIncidence) -> Int
     owner = np.full(len(faces), -1)
     owner[parents.face] = np.arange(len(parents.face))
     outward = facets_of(mesh, parents).take(owner[own.face])
-    back = turn(outward, faces_of(mesh, own.cell)) % 2 == 1
-    back ^= inside_out(mesh, parents.cell, mesh.space_dim == 2)[owner[own.face]]
+    back = relative_listing(outward, faces_of(mesh, own.cell)) % 2 == 1
+    back ^= is_inverted(mesh, parents.cell, mesh.space_dim == 2)[owner[own.face]]
     return np.sort(own.cell[back])
 
 
-def turn_outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: FaceIncidence) -> tuple[Mesh, Faces]:
+def flip_outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: FaceIncidence) -> tuple[Mesh, Faces]:
     """Flip the skin cells that are not outward; return the mesh and its faces (like `faces`, from `cells[first]`)."""
-    back = inward(mesh, cells, faces, parents) if len(parents.face) else turning(mesh, cells).turned
+    back = inward(mesh, cells, faces, parents) if len(parents.face) else analyse_orientation(mesh, cells).to_flip
     if not len(back):
         return mesh, faces
-    turned = reverse(mesh, back)
-    return turned, faces_of(turned, cells[first])
+    flipped = reverse(mesh, back)
+    return flipped, faces_of(flipped, cells[first])
 
 
 def reverse(mesh: Mesh, cells: Ints) -> Mesh:
@@ -160,15 +156,15 @@ def reverse(mesh: Mesh, cells: Ints) -> Mesh:
             if len(of_macro):
                 nodes[of_macro] = block.nodes[of_macro][:, _REVERSED_CHILD[block.type]]
         blocks.append(block._replace(nodes=nodes))
-    turned = replace(mesh, blocks=tuple(blocks))
+    flipped = replace(mesh, blocks=tuple(blocks))
     if not child[cells].any() or rank is None or macro is None:
-        return turned
+        return flipped
     around = cells[child[cells] & ~centre[cells]]
     size = np.zeros(int(macro.max()) + 1, np.int64)
     np.maximum.at(size, macro[child & ~centre], rank[child & ~centre])
     new_rank = rank.copy()
     new_rank[around] = size[macro[around]] + 1 - rank[around]
-    return replace(turned, cell_data={**mesh.cell_data, "lac_child": new_rank})
+    return replace(flipped, cell_data={**mesh.cell_data, "lac_child": new_rank})
 
 
 def _children(macro: Ints, rank: Ints) -> tuple[Bools, Bools]:
@@ -188,41 +184,12 @@ def _cells_on(mesh: Mesh, cells: Ints, faces: Faces) -> FaceIncidence:
 
 def _listed_back(mesh: Mesh, faces: Faces, own: FaceIncidence) -> Bools:
     """True for cells on faces that have the opposite winding."""
-    return turn(faces.take(own.face), faces_of(mesh, own.cell)) % 2 == 1
+    return relative_listing(faces.take(own.face), faces_of(mesh, own.cell)) % 2 == 1
 
 
 # ---- surfaces without parent cells
 
 _CLOSED, _OPEN, _ONE_SIDED = range(3)
-
-
-class EdgeUses(NamedTuple):
-    """One row for each edge of each face, or each end of each segment: `face` (m,), `place` (m,), `edge` (m,) labels.
-
-    `place` k: the edge from corner k to the next, or the end k. `forward` (m,): direction in which the face runs along
-    the edge; two faces have consistent windings if they run along their common edge in opposite directions.
-    """
-
-    face: Ints
-    place: Ints
-    edge: Ints
-    forward: Bools
-
-
-def edge_uses(faces: Faces) -> EdgeUses:
-    """Label the edges of faces, and return the faces at each of them."""
-    n = N_CORNERS[faces.type]
-    corners = faces.corners
-    parts = []
-    for k in range(corners.shape[1]):
-        rows = np.flatnonzero(k < n)
-        a, b = corners[rows, k], corners[rows, (k + 1) % n[rows]]
-        segment = n[rows] == 2
-        b = np.where(segment, -1, b)
-        forward = np.where(segment, k == 0, a < b)
-        parts.append((rows, np.full(len(rows), k), np.minimum(a, b), np.maximum(a, b), forward))
-    face, place, low, high, forward = (np.concatenate(p) for p in zip(*parts, strict=True))
-    return EdgeUses(face, place, label_rows(np.column_stack([low + 1, high + 1]))[0], forward)
 
 
 def _agree(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints]:
@@ -233,12 +200,13 @@ def _agree(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints]:
     size = len(faces)
     if not size:
         return np.zeros(0, bool), np.zeros(0, int)
-    face, _, edge, forward = edge_uses(faces)
+    uses = edge_uses(faces)
+    face, edge, forward = uses.face, uses.edge, uses.forward
     order = np.argsort(edge, kind="stable")
     count = np.bincount(edge)
     pairs = order[(count == 2)[edge[order]]].reshape(-1, 2)
     f, g = face[pairs].T
-    same = forward[pairs[:, 0]] == forward[pairs[:, 1]]  # they disagree: as it is goes with turned over
+    same = forward[pairs[:, 0]] == forward[pairs[:, 1]]  # they disagree: as it is goes with flipped
     rows = np.concatenate([f, f + size])
     columns = np.concatenate([g + size * same, g + size * ~same])
     sheet = label_components(rows, columns, 2 * size).reshape(2, size)

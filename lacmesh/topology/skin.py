@@ -1,4 +1,4 @@
-"""Incidence of faces and cells: the cells that own a face, the cells that duplicate it, their relative orientation.
+"""Incidence of faces and cells: the cells that own a face, the cells that duplicate it.
 
 A face is identified by its corners, in any order. Only cells that touch the requested faces are examined, so that the
 cost is one pass over the mesh's nodes and then grows with the faces (no table of all facets is ever built).
@@ -6,7 +6,7 @@ cost is one pass over the mesh's nodes and then grows with the faces (no table o
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,19 +25,6 @@ FACE_TYPES = ("POI1", "SEG2", "SEG3", "TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8
 TYPE_CODE = {name: code for code, name in enumerate(FACE_TYPES)}
 N_CORNERS = np.array([CELLS[name].n_corners for name in FACE_TYPES])
 N_NODES = np.array([CELLS[name].n_nodes for name in FACE_TYPES])
-
-#: the same face, turned over: it starts from the same corner and goes round the other way
-REVERSED = {
-    "POI1": (0,),
-    "SEG2": (1, 0),
-    "SEG3": (1, 0, 2),
-    "TRIA3": (0, 2, 1),
-    "TRIA6": (0, 2, 1, 5, 4, 3),
-    "TRIA7": (0, 2, 1, 5, 4, 3, 6),
-    "QUAD4": (0, 3, 2, 1),
-    "QUAD8": (0, 3, 2, 1, 7, 6, 5, 4),
-    "QUAD9": (0, 3, 2, 1, 7, 6, 5, 4, 8),
-}
 
 
 @dataclass(frozen=True)
@@ -60,6 +47,11 @@ class Faces:
         corners = self.nodes[:, :MAX_CORNERS].copy()
         corners[np.arange(MAX_CORNERS) >= N_CORNERS[self.type][:, None]] = -1
         return corners
+
+    @classmethod
+    def stack(cls, parts: Sequence[Faces]) -> Faces:
+        """Lists of faces, one after the other."""
+        return cls(np.concatenate([p.type for p in parts]), np.vstack([p.nodes for p in parts]))
 
     @classmethod
     def join(cls, parts: Iterable[tuple[str, Ints]]) -> Faces:
@@ -86,6 +78,11 @@ class FaceIncidence:
     facet: Ints
     same: NDArray[np.bool_]
 
+    def by_cell(self) -> FaceIncidence:
+        """All pairs, sorted by cell."""
+        order = np.argsort(self.cell, kind="stable")
+        return FaceIncidence(self.face[order], self.cell[order], self.facet[order], self.same[order])
+
 
 def label_rows(rows: Ints) -> tuple[Ints, int]:
     """Label rows so that equal rows get the same label; return (labels (k,), number of labels).
@@ -106,6 +103,21 @@ def label_rows(rows: Ints) -> tuple[Ints, int]:
     labels = np.empty(len(rows), np.int64)
     labels[order] = np.cumsum(new) - 1
     return labels, int(new.sum())
+
+
+def first_of_each(labels: Ints, count: int) -> tuple[Ints, Ints]:
+    """Return the first row of each label, ascending, and for each row its position among these."""
+    first = np.full(count, len(labels))
+    np.minimum.at(first, labels, np.arange(len(labels)))
+    order = np.argsort(first)
+    rank = np.empty(count, np.int64)
+    rank[order] = np.arange(count)
+    return first[order], rank[labels]
+
+
+def label_faces(faces: Faces) -> tuple[Ints, int]:
+    """Label faces so that those with the same corners get the same label; return (labels (f,), number of labels)."""
+    return label_rows(np.sort(faces.corners, axis=1))
 
 
 def find_owners(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int) -> FaceIncidence:
@@ -166,8 +178,7 @@ def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> FaceIncide
     candidates = Faces.join((kind, nodes) for kind, nodes, _, _ in parts)
     ids = np.concatenate([np.empty(0, np.int64), *(i for _, _, i, _ in parts)])
     facet = np.repeat([j for *_, j in parts] or [0], [len(i) for _, _, i, _ in parts] or [0])
-    corners = np.sort(np.vstack([faces.corners, candidates.corners]), axis=1)
-    labels, count = label_rows(corners)
+    labels, count = label_faces(Faces.stack([faces, candidates]))
     face_of = np.full(count, -1, np.int64)
     face_of[labels[: len(faces)]] = np.arange(len(faces))
     face = face_of[labels[len(faces) :]]
@@ -176,14 +187,3 @@ def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> FaceIncide
     same = candidates.type[found] == faces.type[face[found]]
     same &= (np.sort(candidates.nodes[found], axis=1) == np.sort(faces.nodes[face[found]], axis=1)).all(axis=1)
     return FaceIncidence(face[found], ids[found], facet[found], same)
-
-
-def turn(faces: Faces, listed: Faces) -> Ints:
-    """(f,): relative orientation 2 s + r of each row of `listed`: it starts at corner s; r = 1 for opposite winding."""
-    corners, other = faces.corners, listed.corners
-    start = (corners == other[:, :1]).argmax(axis=1)
-    n = N_CORNERS[faces.type]
-    following = corners[np.arange(len(faces)), (start + 1) % n]
-    back = following != other[:, 1]
-    segment = n == 2  # two corners only: the start says it all
-    return 2 * start + np.where(segment, start, back)

@@ -34,7 +34,6 @@ from lacmesh.scene.request import check_placing
 from lacmesh.scene.visible import (
     BODY,
     SLAVE,
-    FaceKeys,
     Groups,
     Vector,
     VisibleSurface,
@@ -42,7 +41,7 @@ from lacmesh.scene.visible import (
     diagonal,
     find_visible,
 )
-from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces
+from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces, label_faces
 
 #: the role of a face that a finding names, after BODY, SLAVE, MASTER
 MARK = 3
@@ -252,8 +251,8 @@ def _group_sets(mesh: Mesh, visible: VisibleSurface, cell: Ints) -> tuple[Ints, 
 def _on_faces(mesh: Mesh, visible: VisibleSurface) -> tuple[Ints, Ints]:
     """Rows of faces in sight, and the cells of lower dimension that lie on them."""
     faces, cells = as_faces(mesh, np.flatnonzero((mesh.cell_dim < mesh.dim) & (mesh.cell_dim > 0)))
-    keys = FaceKeys(mesh)
-    mine, theirs = keys.of(visible.faces), keys.of(faces)
+    label = label_faces(Faces.stack([visible.faces, faces]))[0]
+    mine, theirs = np.split(label, [len(visible.faces)])
     order = np.argsort(mine)
     low, high = (np.searchsorted(mine[order], theirs, side=side) for side in ("left", "right"))
     count = high - low

@@ -13,8 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, some
@@ -22,7 +20,8 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import weighted
-from lacmesh.topology.skin import label_rows
+from lacmesh.topology.components import label_components
+from lacmesh.topology.skin import Faces, label_faces
 from lacsolver.space.space import Space
 
 #: degrees; faces whose normals differ by more meet in a sharp edge
@@ -82,8 +81,7 @@ def _of_skin(sides: _Sides, shared: Ints, normal: Floats, skin: int) -> Normals:
 
 
 def _sides(skins: Sequence[Surface]) -> _Sides:
-    corners = [skin.faces.corners for skin in skins]
-    label, _ = label_rows(np.sort(np.concatenate(corners), axis=1))
+    label, _ = label_faces(Faces.stack([skin.faces for skin in skins]))
     parts: list[_Sides] = []
     start = 0
     for number, skin in enumerate(skins):
@@ -135,6 +133,4 @@ def _shared(sides: _Sides) -> Ints:
         pairs.append((rows[close], other[close]))
         other = other + 1
     a, b = (np.concatenate(column) for column in zip(*pairs, strict=True))
-    n = len(end)
-    links = coo_array((np.ones(len(a), np.int8), (a, b)), shape=(n, n))
-    return connected_components(links, directed=False)[1]
+    return label_components(a, b, len(end))

@@ -16,8 +16,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import RequestError
@@ -26,6 +24,7 @@ from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.reference.shapes import shape
 from lacmesh.scene.marks import Values
 from lacmesh.scene.visible import MASTER, SLAVE, find_visible
+from lacmesh.topology.components import label_components
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacmesh.view import picture
@@ -274,7 +273,7 @@ def chains(ends: Ints) -> tuple[Ints, Ints]:
     at = np.minimum(np.searchsorted(ends[by_start, 0], ends[:, 1]), n - 1)
     after = np.where(ends[by_start[at], 0] == ends[:, 1], by_start[at], -1)
     joined = np.flatnonzero(after >= 0)
-    chain = connected_components(coo_array((np.ones(len(joined)), (joined, after[joined])), shape=(n, n)))[1]
+    chain = label_components(joined, after[joined], n)
     lowest = np.unique(chain, return_index=True)[1]
     begun = np.isin(chain[lowest], chain[np.setdiff1d(np.arange(n), after)])
     after[np.isin(after, lowest[~begun])] = -1  # a closed chain begins at its first face

@@ -12,11 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.checks.facets import Facets
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.surface import Coverage, Surface, contact_points, coverage, default_distance
-from lacmesh.topology.faces import facets_of
-from lacmesh.topology.skin import FaceIncidence
+from lacmesh.topology.facets import boundary_faces
 from lacsolver.contact import Interface
 from lacsolver.problem.problem import ContactPair
 from lacsolver.problem.rigid_modes import bodies
@@ -99,8 +97,5 @@ def _skin_behind(face: Interface, space: Space) -> Surface | None:
 
 def _whole_skin(mesh: Mesh) -> Surface:
     """Return the skin of all cells of the highest dimension, with outward normals."""
-    facets = Facets.of(mesh)
-    rows, facet = facets.boundary
-    cell = facets.solid.cells[rows].astype(np.int64)
-    faces = facets_of(mesh, FaceIncidence(np.arange(len(cell)), cell, facet.astype(np.int64), np.ones(len(cell), bool)))
+    faces, cell = boundary_faces(mesh)
     return Surface(mesh.points, faces, cell, mesh.dim - 1, np.full(len(cell), np.nan))

@@ -18,8 +18,8 @@ from scipy.sparse import csr_array
 
 import lacmesh
 from lacmesh.errors import LacmeshError, LacmeshWarning
+from lacmesh.kernels.threads import available_cores
 from lacmesh.mesh import Floats, Mesh
-from lacmesh.quality.kernels import available_cores
 from lacsolver.bodies.finite import locking
 from lacsolver.bodies.kinematics import Kinematics, kinematics_of
 from lacsolver.bodies.material import Materials

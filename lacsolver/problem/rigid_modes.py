@@ -18,6 +18,8 @@ from scipy.sparse import coo_array, csr_array, diags_array, vstack
 from scipy.sparse.csgraph import connected_components
 
 from lacmesh.mesh import Floats, Ints
+from lacmesh.topology.bodies import label_bodies
+from lacmesh.topology.components import label_components
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.rigid import moments
 from lacsolver.problem.motions import Body, FreeMotion, describe, plain_motions
@@ -36,15 +38,7 @@ def bodies(space: Space) -> Ints:
 
     Cells that share a node belong to the same body.
     """
-    n = space.mesh.n_nodes
-    first = np.concatenate([np.repeat(b.nodes[:, 0], b.nodes.shape[1] - 1) for b in space.blocks])
-    other = np.concatenate([b.nodes[:, 1:].ravel() for b in space.blocks])
-    links = coo_array((np.ones(len(first), np.int8), (first, other)), shape=(n, n))
-    label = connected_components(links, directed=False)[1][space.attached]
-    _, start, body = np.unique(label, return_index=True, return_inverse=True)
-    out = np.full(n, -1)
-    out[space.attached] = np.argsort(np.argsort(start))[body]
-    return out
+    return label_bodies((block.nodes for block in space.blocks), space.mesh.n_nodes)
 
 
 def rigid_modes(space: Space, of_node: Ints) -> NDArray[np.floating]:
@@ -305,8 +299,7 @@ def _by_bodies(motions: Sequence[FreeMotion]) -> Ints:
     pairs = [(k, place.setdefault(body, len(place))) for k, motion in enumerate(motions) for body in motion.bodies]
     motion, body = np.array(pairs).T
     n = len(motions)
-    links = coo_array((np.ones(len(pairs), np.int8), (motion, n + body)), shape=(n + len(place), n + len(place)))
-    return connected_components(links, directed=False)[1][:n]
+    return label_components(motion, n + body, n + len(place))[:n]
 
 
 def _fields(motions: Sequence[FreeMotion], x: Floats | None = None) -> csr_array:

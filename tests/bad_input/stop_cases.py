@@ -98,7 +98,7 @@ STAGES = (
     Stage("while a page is made", "lacmesh.view.page", ("view", "in.msh", "--force", "-o", "out.html")),
     Stage(
         "while a skin is turned",
-        "lacmesh.topology.orientation.turning",
+        "lacmesh.topology.orientation.analyse_orientation",
         ("orient", "in.msh", "--group", "SLAVE", "--force", "-o", "out.msh"),
     ),
 )

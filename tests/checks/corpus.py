@@ -12,7 +12,7 @@ import numpy as np
 
 from lacmesh import Mesh
 from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
-from lacmesh.topology.skin import REVERSED
+from lacmesh.topology.winding import REVERSED
 
 #: name -> function that makes the mesh; filled by `defect`
 CORPUS: dict[str, Case] = {}

@@ -15,7 +15,8 @@ from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.lines import _nearest_only
 from lacmesh.surface.normals import smoothed
 from lacmesh.surface.patches import patches
-from lacmesh.topology.skin import FACE_TYPES, REVERSED
+from lacmesh.topology.skin import FACE_TYPES
+from lacmesh.topology.winding import REVERSED
 from tests.samples import samples
 from tests.surface.surfaces import TYPES, blocks, errors, line, mapped, positions, sheet, whole
 

@@ -15,7 +15,7 @@ from lacmesh.cells import CELLS
 from lacmesh.formats.inp.cards import Card
 from lacmesh.formats.inp.types import FACETS, LINE, PLANE, SHELL, SIDES, SOLID
 from lacmesh.mesh import Ints
-from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces, find_owners, find_repeats, label_rows
+from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces, find_owners, find_repeats, first_of_each, label_faces
 
 
 class CellBlock(NamedTuple):
@@ -104,7 +104,7 @@ class Skin:
                 _Side(f.type, block.nodes[here[solid]][:, f.nodes]) for f in CELLS[block.type].facets if solid.any()
             ]
         faces = Faces.join(parts)
-        first = first_of_each(faces)[0]
+        first = first_of_each(*label_faces(faces))[0]
         owners = find_owners(faces.take(first), self._volumes(), self.cells.n_nodes)
         free = np.bincount(owners.face, minlength=len(first)) == 1
         for code in np.unique(faces.type[first[free]]).tolist():
@@ -127,7 +127,7 @@ class Skin:
         """
         faces = Faces.join([side for _, side in self.faces])
         of_surface = np.repeat([s for s, _ in self.faces] or [0], [len(side.nodes) for _, side in self.faces] or [0])
-        first, label = first_of_each(faces)
+        first, label = first_of_each(*label_faces(faces))
         distinct = faces.take(first)
         repeats = find_repeats(distinct, [(b.type, b.nodes, w) for b, w in self.cells.parts()], self.cells.n_nodes)
         cell = np.full(len(first), -1)
@@ -145,17 +145,6 @@ class Skin:
             there = repeats.face[np.isin(repeats.cell, members[s])]
             found.append(np.append(old, cell[mine[~np.isin(mine, there)]]))
         return new, found
-
-
-def first_of_each(faces: Faces) -> tuple[Ints, Ints]:
-    """First face of each set of faces with the same corners, in order, and for each face its position among these."""
-    labels, n = label_rows(np.sort(faces.corners, axis=1))
-    first = np.full(n, len(labels))
-    np.minimum.at(first, labels, np.arange(len(labels)))
-    order = np.argsort(first)
-    rank = np.empty(n, np.int64)
-    rank[order] = np.arange(n)
-    return first[order], rank[labels]
 
 
 def _facet(cell: str, kind: int, label: str) -> int | None:

@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats.ids import repeated
-from lacmesh.formats.inp.skin import first_of_each
 from lacmesh.formats.inp.types import FACETS, NODES
 from lacmesh.formats.inp.writer_types import PLANES, TARGETS, card, hint
 from lacmesh.formats.labels import changes, labels
 from lacmesh.formats.text import int_rows, joined, reals
 from lacmesh.formats.without_fields import left_out
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.topology.skin import TYPE_CODE, Faces, find_owners, turn
+from lacmesh.topology.skin import TYPE_CODE, Faces, find_owners, first_of_each, label_faces
+from lacmesh.topology.winding import relative_listing
 
 _LARGEST = 999_999_999
 _ROWS = 1 << 14
@@ -125,7 +125,7 @@ def _roles(mesh: Mesh, all_cells: bool) -> _Roles:
         if cell_type in TYPE_CODE:
             faces = Faces.join([(cell_type, nodes)])
             face, cell, side = _behind(faces, solid, mesh.n_nodes)
-            turned = turn(faces.take(face), _facets(mesh, cell, side)) % 2
+            turned = relative_listing(faces.take(face), _facets(mesh, cell, side)) % 2
             best = np.lexsort((turned, face))
             best = best[np.append(True, np.diff(face[best]) != 0)[: len(best)]]
             parent[chosen[face[best]]] = cell[best]
@@ -136,7 +136,7 @@ def _roles(mesh: Mesh, all_cells: bool) -> _Roles:
 
 def _behind(faces: Faces, solid: list[tuple[str, Ints, Ints]], n_nodes: int) -> tuple[Ints, Ints, Ints]:
     """Pairs of a face and a cell behind it: face, cell, facet of the cell; faces may lie on each other."""
-    first, which = first_of_each(faces)
+    first, which = first_of_each(*label_faces(faces))
     owners = find_owners(faces.take(first), solid, n_nodes)
     count = np.bincount(owners.face, minlength=len(first))
     begin = (np.cumsum(count) - count)[which]

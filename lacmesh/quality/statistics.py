@@ -17,7 +17,7 @@ from lacmesh.mesh import Floats
 from lacmesh.quality.measures import SCALES
 from lacmesh.quality.vectors import LARGEST
 
-#: percentiles that a spread holds
+#: percentiles that statistics hold
 PERCENTS = (1, 5, 50, 95, 99)
 _EDGES: Mapping[str, NDArray] = {
     "unit": np.linspace(0, 1, 21),
@@ -38,7 +38,7 @@ class Histogram:
 
 
 @dataclass(frozen=True)
-class Spread:
+class Statistics:
     """Statistics of `count` values: extremes, percentiles (1, 5, 50, 95, 99), mean, histogram.
 
     The `undefined` values are left out of these: NaN, and the value that Verdict writes as 1e30, for a cell so flat
@@ -75,10 +75,10 @@ def _plain(value: float) -> float | None:
     return None if np.isnan(value) else value
 
 
-def spread(measure: str, values: Floats, accepted: tuple[float, float] | None = None) -> Spread:
+def statistics(measure: str, values: Floats, accepted: tuple[float, float] | None = None) -> Statistics:
     """Compute the statistics of the values (k,) of a measure; `accepted`: the range that Verdict accepts.
 
-    >>> s = spread("skew", np.array([0.0, 0.1, 0.2, 0.9]), (0, 0.5))
+    >>> s = statistics("skew", np.array([0.0, 0.1, 0.2, 0.9]), (0, 0.5))
     >>> s.count, s.outside, round(s.median, 3), s.histogram.counts[2]
     (4, 1, 0.15, 1)
     """
@@ -90,10 +90,10 @@ def spread(measure: str, values: Floats, accepted: tuple[float, float] | None = 
     if not len(good):
         nothing = float("nan")
         empty = (nothing,) * len(PERCENTS)
-        return Spread(0, len(values), outside, nothing, empty, nothing, nothing, histogram(measure, good))
+        return Statistics(0, len(values), outside, nothing, empty, nothing, nothing, histogram(measure, good))
     ends = [int(f(p / 100 * (len(good) - 1))) for p in PERCENTS for f in (np.floor, np.ceil)]
     ordered = np.partition(good, sorted({0, len(good) - 1, *ends}))
-    return Spread(
+    return Statistics(
         count=len(good),
         undefined=len(values) - len(good),
         outside=outside,

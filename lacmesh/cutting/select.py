@@ -1,39 +1,48 @@
-"""Plan of a cut: the slave faces, the cells on them, their parents, and the pattern by which each is cut."""
+"""Selection of what a cut changes: the slave faces, the cells on them, and their parents.
+
+slave = the faces of the slave groups, each once             (slave_skin)
+selection = the same with the cells on them and behind them  (select)
+"""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from lacmesh.cells import CARRIED, CELLS
-from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES
-from lacmesh.cutting.subdivide import CONE_CODE, RING_CODE, WHOLE_CODE, subdivide
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, codes, distinct
-from lacmesh.quality import corner_jacobian
-from lacmesh.topology.components import label_components
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
-from lacmesh.topology.orientation import turn_outward
-from lacmesh.topology.skin import FACE_TYPES, FaceIncidence, Faces, find_owners, find_repeats
-
-HEXA = ("pyramid", "hexa", "auto")
-_WHOLE_TYPES = np.array([name in WHOLE_FACES for name in FACE_TYPES])
-_RING_TYPES = np.array([name in ("SEG2", "QUAD4", "QUAD8") for name in FACE_TYPES])
+from lacmesh.topology.orientation import flip_outward
+from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners, find_repeats
 
 
 @dataclass(frozen=True)
-class Plan:
-    """Plan of a cut: `faces`, one per macro-element, with `kinds` (f,), codes of `subdivide.KINDS`, and `zone` (f,).
+class SlaveSkin:
+    """The slave faces: `cells` (c,), each once, with the place of its first group, `zone` (c,); `faces`, each once.
+
+    `first` (f,): the row of the cell that gives each face its node order.
+    """
+
+    cells: Ints
+    zone: Ints
+    faces: Faces
+    first: Ints
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The cells that a cut changes: `faces`, one per macro-element, with the place of each in `zones`, `zone` (f,).
 
     `slave` (f,): the cell of the mesh that gave each face its node order. `skin`: every cell on a face, the slave cells
     and their duplicates; sorted by cell. `parents`: the parent cells.
     """
 
     faces: Faces
-    kinds: Ints
     zones: tuple[str, ...]
     zone: Ints
     slave: Ints
@@ -41,35 +50,61 @@ class Plan:
     parents: FaceIncidence
 
 
-def make_plan(
-    mesh: Mesh,
-    specs: list[str],
-    hexa: str,
-    interface: str,
-    orient: str,
-    skin_only: bool,
-    shape: tuple[float, float],
-) -> tuple[Mesh, Plan]:
-    """Make the plan of a cut; return it with the mesh, whose slave faces are oriented outward if requested."""
+def in_first_group(groups: Sequence[Ints]) -> tuple[Ints, Ints]:
+    """Return the cells of some groups, each once, and the place of the first group that holds each."""
+    cells = np.concatenate([np.empty(0, np.int64), *groups])
+    group = np.repeat(np.arange(len(groups)), [len(g) for g in groups])
+    if len(groups) < 2:
+        return cells, group
+    first = np.sort(np.unique(cells, return_index=True)[1])
+    return cells[first], group[first]
+
+
+def slave_skin(mesh: Mesh, specs: Sequence[str], *, skin_only: bool = False) -> SlaveSkin:
+    """Return the skin faces of some groups; cells that are no skin faces of a type that can be cut are ignored.
+
+    They have dimension d - 1 or, without any and with `skin_only`, the highest of their group.
+    """
+    known = np.array([b.type in TYPE_CODE and b.type != "POI1" for b in mesh.blocks], bool)
+    groups = []
+    for spec in specs:
+        cells = np.asarray(mesh.cells_of(spec))
+        dims = mesh.cell_dim[cells]
+        want = mesh.dim - 1 if not skin_only and (dims == mesh.dim - 1).any() else dims.max(initial=0)
+        cells = cells[dims == want]
+        groups.append(cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]])
+    cells, zone = in_first_group(groups)
+    same = mesh.cell_dim[cells] == mesh.cell_dim[cells].max(initial=0)
+    cells, zone = cells[same], zone[same]
+    faces, first = distinct_faces(mesh, cells) if len(cells) else (Faces.join([]), np.empty(0, np.int64))
+    return SlaveSkin(cells, zone, faces, first)
+
+
+def select(
+    mesh: Mesh, specs: Sequence[str], slave: SlaveSkin, *, interface: str, orient: str, skin_only: bool
+) -> tuple[Mesh, Selection]:
+    """Select what is cut for some groups, whose skin is `slave`; flip its faces outward first if `orient` says so.
+
+    Returns the mesh with the faces as they are cut. Raises CutError for what cannot be cut.
+    """
     _check_numbers(mesh)
-    zones, cells, zone = _slave_cells(mesh, specs, skin_only)
-    faces, first = distinct_faces(mesh, cells)
+    zones = _check_groups(mesh, specs, slave, skin_only)
+    cells, faces, first = slave.cells, slave.faces, slave.first
     dim = int(mesh.cell_dim[cells[0]])
     _refuse_higher_order(mesh, faces, dim)
     parents = find_owners(faces, cells_of_dim(mesh, dim + 1), mesh.n_nodes)
     _check_parents(mesh, faces, cells[first], parents, interface, skin_only)
     if orient == "outward":
-        mesh, faces = turn_outward(mesh, cells, faces, first, parents)
-    skin = _by_cell(find_repeats(faces, cells_of_dim(mesh, dim), mesh.n_nodes))
+        mesh, faces = flip_outward(mesh, cells, faces, first, parents)
+    skin = find_repeats(faces, cells_of_dim(mesh, dim), mesh.n_nodes).by_cell()
     if not skin.same.all():
         odd = skin.cell[~skin.same]
         raise CutError(
             f"cells {mesh.cell_names(odd)} lie on slave faces with other nodes (linear on quadratic?); remove them",
             mesh.cell_number[odd],
         )
-    _warn_of_twins(mesh, cells, first)
-    kinds = _choose(mesh, faces, skin, parents, hexa, skin_only, shape)
-    return mesh, Plan(faces, kinds, zones, zone[first], cells[first], skin, parents)
+    _warn_of_duplicates(mesh, cells, first)
+    return mesh, Selection(faces, zones, slave.zone[first], cells[first], skin, parents)
 
 
 def _check_numbers(mesh: Mesh) -> None:
@@ -79,27 +114,23 @@ def _check_numbers(mesh: Mesh) -> None:
             raise CutError(f"the numbers of {what} are not distinct, or some are negative: number them again")
 
 
-def _slave_cells(mesh: Mesh, specs: list[str], skin_only: bool) -> tuple[tuple[str, ...], Ints, Ints]:
-    """Return zone names, the slave faces (each cell once, in its first zone), and the zone of each face."""
+def _check_groups(mesh: Mesh, specs: Sequence[str], slave: SlaveSkin, skin_only: bool) -> tuple[str, ...]:
+    """Check that the slave groups hold faces that can be cut, of one dimension; return the names of the zones."""
     if not specs:
         raise RequestError("no slave group was given")
     names = [_name(mesh, spec) for spec in specs]
     if len(set(names)) < len(names):
         raise RequestError(f"a slave group is given twice: {', '.join(names)}")
-    parts = [_skin_faces(mesh, name, skin_only) for name in names]
-    cells = np.concatenate(parts)
-    zone = np.repeat(np.arange(len(parts)), [len(p) for p in parts])
-    first = np.arange(len(cells)) if len(parts) == 1 else np.sort(np.unique(cells, return_index=True)[1])
-    dims = codes(mesh.cell_dim[cells])
+    dims = codes(np.array([_check_group(mesh, name, skin_only) for name in names]))
     if mesh.dim < 2:
         raise CutError("this mesh has lines and points only: there is no skin to cut")
-    empty = [name for k, name in enumerate(names) if not (zone[first] == k).any()]
-    if empty:
+    empty = [name for k, name in enumerate(names) if not (slave.zone == k).any()]
+    if empty and len(dims) == 1:
         message = f"every face of {', '.join(empty)} is in an earlier slave group: no macro-element is of that zone"
         warnings.warn(message, LacmeshWarning, stacklevel=4)
     if len(dims) > 1:
         raise CutError(f"the slave groups {', '.join(names)} have faces of dimensions {dims.tolist()}; cut them apart")
-    return tuple(names), cells[first], zone[first]
+    return tuple(names)
 
 
 def _name(mesh: Mesh, spec: str) -> str:
@@ -109,7 +140,8 @@ def _name(mesh: Mesh, spec: str) -> str:
     return ":".join(["entity", *(str(int(part)) for part in spec.split(":")[1:])])
 
 
-def _skin_faces(mesh: Mesh, name: str, skin_only: bool) -> Ints:
+def _check_group(mesh: Mesh, name: str, skin_only: bool) -> int:
+    """Check that a slave group holds skin faces of types that can be cut; return their dimension."""
     cells = mesh.cells_of(name)
     if not len(cells):
         raise CutError(f"the slave group {name!r} is empty")
@@ -132,12 +164,7 @@ def _skin_faces(mesh: Mesh, name: str, skin_only: bool) -> Ints:
         if kind not in CELLS:
             message = f"slave faces of type {kind} ({mesh.cell_names(which)}) cannot be cut"
             raise CutError(message, mesh.cell_number[which])
-    return faces
-
-
-def _by_cell(match: FaceIncidence) -> FaceIncidence:
-    order = np.argsort(match.cell, kind="stable")
-    return FaceIncidence(match.face[order], match.cell[order], match.facet[order], match.same[order])
+    return want
 
 
 def _check_parents(
@@ -186,83 +213,8 @@ def _refuse_higher_order(mesh: Mesh, faces: Faces, dim: int) -> None:
                 raise CutError(message, [mesh.cell_number[cells[row]]])
 
 
-def _warn_of_twins(mesh: Mesh, cells: Ints, first: Ints) -> None:
+def _warn_of_duplicates(mesh: Mesh, cells: Ints, first: Ints) -> None:
     if len(first) < len(cells):
-        twins = np.setdiff1d(cells, cells[first])
-        message = f"slave faces stand twice in the slave groups (cells {mesh.cell_names(twins)} repeat others): "
+        copies = np.setdiff1d(cells, cells[first])
+        message = f"slave faces stand twice in the slave groups (cells {mesh.cell_names(copies)} repeat others): "
         warnings.warn(message + "one macro-element each, both copies cut", LacmeshWarning, stacklevel=4)
-
-
-def _choose(
-    mesh: Mesh,
-    faces: Faces,
-    skin: FaceIncidence,
-    parents: FaceIncidence,
-    hexa: str,
-    skin_only: bool,
-    shape: tuple[float, float],
-) -> Ints:
-    """Choose the pattern of every face before anything is cut: a parent uses one variant for all its slave faces."""
-    if skin_only:
-        ring = _RING_TYPES[faces.type] & (faces.type != FACE_TYPES.index("SEG2"))
-        alone = FaceIncidence(*(np.empty(0, np.int64),) * 3, np.empty(0, bool))
-        if hexa == "auto":
-            return _better(mesh, faces, skin, alone, ring, np.arange(len(faces)), shape)
-        return _kinds(faces, ring & (hexa == "hexa"))
-    able = _ring_able(mesh, parents.cell, hexa)
-    ring = _RING_TYPES[faces.type].copy()
-    ring[parents.face[~able]] = False
-    component: Ints = np.arange(len(faces))
-    if hexa == "auto" or (able & ~ring[parents.face]).any():
-        component = _components(len(faces), parents, able)
-        spoilt = np.zeros(len(faces), bool)
-        spoilt[component[~ring & ~_WHOLE_TYPES[faces.type]]] = True
-        ring &= ~spoilt[component]
-    if hexa == "auto" and mesh.dim == 3:
-        return _better(mesh, faces, skin, parents, ring, component, shape)
-    return _kinds(faces, ring)
-
-
-def _kinds(faces: Faces, ring: Ints) -> Ints:
-    return np.where(_WHOLE_TYPES[faces.type], WHOLE_CODE, np.where(ring, RING_CODE, CONE_CODE))
-
-
-def _ring_able(mesh: Mesh, cells: Ints, hexa: str) -> Ints:
-    types = [b.type in RING_PARENTS and (hexa != "pyramid" or b.type == "QUAD4") for b in mesh.blocks]
-    return np.array(types, bool)[np.searchsorted(mesh.offsets, cells, side="right") - 1]
-
-
-def _components(n_faces: int, parents: FaceIncidence, able: Ints) -> Ints:
-    """(n_faces,): labels of faces that must be cut alike because parents that allow the ring connect them."""
-    _, cell = np.unique(parents.cell[able], return_inverse=True)
-    face = parents.face[able]
-    size = n_faces + (int(cell.max()) + 1 if len(cell) else 0)
-    labels = label_components(face, n_faces + cell, size)[:n_faces]
-    return np.unique(labels, return_inverse=True)[1]
-
-
-def _better(
-    mesh: Mesh,
-    faces: Faces,
-    skin: FaceIncidence,
-    parents: FaceIncidence,
-    ring: Ints,
-    component: Ints,
-    shape: tuple[float, float],
-) -> Ints:
-    """Choose the variant with the higher minimum Jacobian, for each set of faces to be cut alike; ring on a tie."""
-    worst = []
-    for kinds in (_kinds(faces, np.zeros_like(ring)), _kinds(faces, ring)):
-        made = subdivide(mesh, faces, kinds, skin, parents, *shape)
-        points = np.vstack([mesh.points, np.zeros((made.n_nodes - mesh.n_nodes, 3))])
-        for birth in made.births:
-            points[birth.ids] = birth.values(points)
-        face_of_root = np.full(mesh.n_cells, -1)
-        face_of_root[parents.cell] = parents.face
-        face_of_root[skin.cell] = skin.face
-        least = np.full(len(faces), np.inf)
-        for block in made.leaves:
-            quality = corner_jacobian(block.type, points[block.nodes], mesh.space_dim == 2)
-            np.minimum.at(least, component[face_of_root[block.root]], quality)
-        worst.append(least)
-    return _kinds(faces, ring & (worst[1] >= worst[0])[component])

@@ -19,8 +19,8 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh, Spec, spec_text
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.quality.determinant import validity_among
-from lacmesh.quality.measures import POOR, RELATIVE, chosen_measures, headline, mean_size_of, measure_cells
-from lacmesh.quality.spread import Spread, spread
+from lacmesh.quality.measures import POOR, RELATIVE, chosen_measures, mean_size_of, measure_cells, primary_metric
+from lacmesh.quality.statistics import Statistics, statistics
 from lacmesh.quality.verdict import ACCEPTED
 
 #: of the JSON that `as_json` gives; raised when a name changes its meaning or goes
@@ -73,7 +73,7 @@ class TypeQuality:
     invalid: int
     invalid_at: dict[str, int]
     poor: int | None
-    measures: dict[str, Spread]
+    measures: dict[str, Statistics]
     worst: tuple[BadCell, ...]
 
     def as_json(self) -> dict[str, Any]:
@@ -84,7 +84,7 @@ class TypeQuality:
             "invalid": self.invalid,
             "invalid_at": self.invalid_at,
             "poor": self.poor,
-            "ranked_by": headline(self.type),
+            "ranked_by": primary_metric(self.type),
             "accepted_ranges": {m: _range(r) for m, r in ACCEPTED.get(self.type, {}).items() if m in self.measures},
             "measures": {name: s.as_json() for name, s in self.measures.items()},
             "worst": [cell.as_json() for cell in self.worst],
@@ -186,12 +186,12 @@ def quality_of(
 
 
 def _measurable(kind: str) -> bool:
-    return headline(kind) is not None
+    return primary_metric(kind) is not None
 
 
 def _measured(mesh: Mesh, kind: str, cells: Ints, nodes: Ints, measures: tuple[str, ...]) -> _Measured:
     validity = np.stack(validity_among(kind, mesh.points, nodes))
-    rank = headline(kind)
+    rank = primary_metric(kind)
     wanted = [m for m in dict.fromkeys((rank, *measures)) if m and m != "validity"]
     mean = mean_size_of(kind, mesh.points, mesh.block(kind)) if set(wanted) & set(RELATIVE) else None
     values = measure_cells(kind, mesh.points, nodes, wanted, mean)
@@ -204,7 +204,7 @@ def _types(mesh: Mesh, found: list[_Measured]) -> tuple[TypeQuality, ...]:
 
 def _type(mesh: Mesh, part: _Measured) -> TypeQuality:
     accepted = ACCEPTED.get(part.type, {})
-    rank = headline(part.type)
+    rank = primary_metric(part.type)
     assert rank is not None  # only types that have one are measured
     bad = ~(part.validity > 0)
     invalid = bad.any(axis=0)
@@ -216,7 +216,7 @@ def _type(mesh: Mesh, part: _Measured) -> TypeQuality:
         invalid=int(invalid.sum()),
         invalid_at={name: int(bad[PLACES.index(name)].sum()) for name in places},
         poor=poor,
-        measures={m: spread(m, v, accepted.get(m)) for m, v in part.values.items()},
+        measures={m: statistics(m, v, accepted.get(m)) for m, v in part.values.items()},
         worst=_worst(mesh, part, rank, bad),
     )
 

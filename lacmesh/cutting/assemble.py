@@ -13,26 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.cutting.subdivide import Birth, Leaves, Subdivision
+from lacmesh.cutting.subdivide import ChildCells, NewNodes, Subdivision
 from lacmesh.errors import DataError
 from lacmesh.mesh import Block, Ints, Mesh
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A block of the new mesh: the cells kept of the old block (`kept` of them in `old`), then children of `roots`."""
+    """A block of the new mesh: the cells kept of the old block (`kept` of them in `old`), and children of `parents`."""
 
     old: slice
     kept: int
-    roots: Ints
+    parents: Ints
 
 
 @dataclass(frozen=True)
 class _Layout:
     """Layout of the new mesh: `blocks` with one part each; `gone` (old cells,): replaced; `new_index` (old cells,).
 
-    `child` (c,): indices of the children, sorted by `root` (c,), the cell they replace, then by `seq` (c,), their order
-    among its children.
+    `child` (c,): indices of the children, sorted by `parent` (c,), then by `child_index` (c,) in that.
     """
 
     blocks: tuple[Block, ...]
@@ -40,110 +39,106 @@ class _Layout:
     gone: NDArray[np.bool_]
     new_index: Ints
     child: Ints
-    root: Ints
-    seq: Ints
+    parent: Ints
+    child_index: Ints
 
     def carry(self, values: NDArray) -> NDArray:
         """Carry values of the old cells (n, ...) to the new ones; a child takes that of the cell it replaces."""
-        size = sum(part.kept + len(part.roots) for part in self.parts)
+        size = sum(part.kept + len(part.parents) for part in self.parts)
         out = np.empty((size, *values.shape[1:]), values.dtype)
         start = 0
         for part in self.parts:
             _copy_kept(values[part.old], self.gone[part.old], out[start : start + part.kept])
             start += part.kept
-            out[start : start + len(part.roots)] = values[part.roots]
-            start += len(part.roots)
+            out[start : start + len(part.parents)] = values[part.parents]
+            start += len(part.parents)
         return out
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Origin of the new cells: `child` (c,) replaces the old cell `root` (c,), as number `rank` (c,) of its children.
+    """Origin of the new cells: `child` (c,) replaces the old cell `parent` (c,), as its child `child_index` (c,).
 
     `followed`: the new indices of the old cells that were asked for, -1 for those that were replaced.
     """
 
     child: Ints
-    root: Ints
-    rank: Ints
+    parent: Ints
+    child_index: Ints
     followed: Ints
 
 
-def rebuild(mesh: Mesh, made: Subdivision, follow: Ints, *, extend: bool) -> tuple[Mesh, Origin]:
+def assemble(mesh: Mesh, subdivision: Subdivision, follow: Ints, *, extend: bool) -> tuple[Mesh, Origin]:
     """Build the new mesh, and return it with the origin of its cells; `follow`: old cells whose new indices are wanted.
 
     `extend`: new nodes enter the node groups that hold every corner of the edge, face or cell that they lie on.
     """
-    layout = _lay_out(mesh, made.leaves)
+    layout = _lay_out(mesh, subdivision.children)
     numbers = _cell_numbers(mesh, layout)
     cell_groups = {name: _group(ids, layout) for name, ids in mesh.cell_groups.items()}
-    added = made.n_nodes - mesh.n_nodes
+    added = subdivision.n_nodes - mesh.n_nodes
     new = replace(
         mesh,
-        points=node_values("points", mesh.points, made.births, added),
+        points=node_values("points", mesh.points, subdivision.new_nodes, added),
         blocks=layout.blocks,
         node_number=more_numbers(mesh.node_number, added),
         cell_number=numbers,
         file_order=_file_order(mesh, layout),
         cell_groups=cell_groups,
-        node_groups=node_groups(mesh, made.births, extend),
+        node_groups=node_groups(mesh, subdivision.new_nodes, extend),
         cell_data={name: layout.carry(values) for name, values in mesh.cell_data.items()},
-        node_data=node_data(mesh, made.births, added),
+        node_data=node_data(mesh, subdivision.new_nodes, added),
     )
     if "entity" in new.node_data and "entity" in mesh.cell_data:
-        cells = ((leaf.type, leaf.nodes, mesh.cell_data["entity"][leaf.root]) for leaf in made.leaves)
+        cells = ((block.type, block.nodes, mesh.cell_data["entity"][block.parent]) for block in subdivision.children)
         entity = node_entities(new.node_data["entity"], mesh.n_nodes, cells)
         new = replace(new, node_data={**new.node_data, "entity": entity})
-    return new, Origin(layout.child, layout.root, layout.seq, layout.new_index[follow])
+    return new, Origin(layout.child, layout.parent, layout.child_index, layout.new_index[follow])
 
 
-def _lay_out(mesh: Mesh, leaves: list[Leaves]) -> _Layout:
-    by_type: dict[str, list[Leaves]] = {}
-    for leaf in leaves:
-        by_type.setdefault(leaf.type, []).append(leaf)
+def _lay_out(mesh: Mesh, children: list[ChildCells]) -> _Layout:
     gone = np.zeros(mesh.n_cells, bool)
-    for leaf in leaves:
-        gone[leaf.root] = True
+    for block in children:
+        gone[block.parent] = True
     old = {block.type: k for k, block in enumerate(mesh.blocks)}
     new_index = np.empty(mesh.n_cells, np.int32)
-    blocks, parts, child, key = [], [], [], []
+    blocks, parts, child, index = [], [], [], []
     start = 0
-    for kind in [*old, *(t for t in by_type if t not in old)]:
-        made = _joined(kind, by_type.get(kind, []))
+    for kind in dict.fromkeys([*old, *(block.type for block in children)]):
+        own = _joined(kind, [block for block in children if block.type == kind])
         span = slice(*mesh.offsets[old[kind] : old[kind] + 2]) if kind in old else slice(0, 0)
         np.cumsum(~gone[span], out=new_index[span])
         kept = int(new_index[span][-1]) if span.stop > span.start else 0
         new_index[span] += start - 1
-        blocks.append(Block(kind, _nodes(mesh, old.get(kind), gone[span], kept, made)))
-        parts.append(_Part(span, kept, made.root))
-        child.append(np.arange(start + kept, start + kept + len(made.root), dtype=np.int32))
-        key.append(made.key)
-        start += kept + len(made.root)
+        blocks.append(Block(kind, _nodes(mesh, old.get(kind), gone[span], kept, own)))
+        parts.append(_Part(span, kept, own.parent))
+        child.append(np.arange(start + kept, start + kept + len(own.parent), dtype=np.int32))
+        index.append(own.child_index)
+        start += kept + len(own.parent)
     new_index[gone] = -1
-    all_root, all_key, all_child = (np.concatenate(p) for p in ([p.roots for p in parts], key, child))
-    order = np.lexsort((all_key, all_root))
-    all_root = all_root[order]
-    first = np.flatnonzero(np.diff(all_root, prepend=-1))
-    seq = np.arange(len(order)) - np.repeat(first, np.diff(first, append=len(order)))
-    return _Layout(tuple(blocks), tuple(parts), gone, new_index, all_child[order], all_root, seq)
+    all_parent, all_index, all_child = (np.concatenate(p) for p in ([p.parents for p in parts], index, child))
+    order = np.lexsort((all_index, all_parent))
+    return _Layout(tuple(blocks), tuple(parts), gone, new_index, all_child[order], all_parent[order], all_index[order])
 
 
-def _joined(kind: str, made: list[Leaves]) -> Leaves:
+def _joined(kind: str, children: list[ChildCells]) -> ChildCells:
     """Join the children of one type, sorted by the cell they replace."""
-    empty = Leaves(kind, np.empty((0, ALL_CELLS[kind].n_nodes), np.int64), *(np.empty(0, np.int64),) * 2)
-    parts = [empty, *made]
-    joined = Leaves(kind, *(np.concatenate([getattr(p, f) for p in parts]) for f in ("nodes", "root", "key")))
-    return joined.take(np.lexsort((joined.key, joined.root)))
+    empty = ChildCells(kind, np.empty((0, ALL_CELLS[kind].n_nodes), np.int64), *(np.empty(0, np.int64),) * 2)
+    parts = [empty, *children]
+    joined = ChildCells(
+        kind, *(np.concatenate([getattr(p, f) for p in parts]) for f in ("nodes", "parent", "child_index"))
+    )
+    return joined.take(np.lexsort((joined.child_index, joined.parent)))
 
 
-def _nodes(mesh: Mesh, k: int | None, gone: NDArray[np.bool_], kept: int, made: Leaves) -> Ints:
+def _nodes(mesh: Mesh, k: int | None, gone: NDArray[np.bool_], kept: int, own: ChildCells) -> Ints:
     """Node lists of the cells of one type: first the cells that stay, then the children."""
     if k is None:
-        return made.nodes.astype(mesh.blocks[0].nodes.dtype)
+        return own.nodes.astype(mesh.blocks[0].nodes.dtype)
     old = mesh.blocks[k].nodes
-    nodes = np.empty((kept + len(made.root), old.shape[1]), old.dtype)
+    nodes = np.empty((kept + len(own.parent), old.shape[1]), old.dtype)
     _copy_kept(old, gone, nodes[:kept])
-    nodes[kept:] = made.nodes
+    nodes[kept:] = own.nodes
     return nodes
 
 
@@ -169,13 +164,13 @@ def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
     if first + len(layout.child) > np.iinfo(numbers.dtype).max:
         numbers = numbers.astype(np.int64)
     if mesh.file_order is None:
-        place = layout.root
+        place = layout.parent
     else:
         rank = np.empty(mesh.n_cells, np.int32)
         rank[mesh.file_order] = np.arange(mesh.n_cells, dtype=np.int32)
-        place = rank[layout.root]
-    order = np.lexsort((layout.seq, place))  # new numbers grow along the file
-    later = layout.child[order][layout.seq[order] > 0]
+        place = rank[layout.parent]
+    order = np.lexsort((layout.child_index, place))  # new numbers grow along the file
+    later = layout.child[order][layout.child_index[order] > 0]
     numbers[later] = first + np.arange(len(later))
     return numbers
 
@@ -197,8 +192,8 @@ def _next_number(numbers: Ints, added: int, what: str) -> int:
 def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
     """Order of the cells in the new file; None if it is that of the indices."""
     count = np.ones(mesh.n_cells, np.int16)
-    count[layout.root] = 0
-    np.add.at(count, layout.root, 1)
+    count[layout.parent] = 0
+    np.add.at(count, layout.parent, 1)
     in_file = count if mesh.file_order is None else count[mesh.file_order]
     start = np.cumsum(in_file, dtype=np.int32)
     start -= in_file
@@ -206,7 +201,7 @@ def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
         start[mesh.file_order] = start.copy()
     place = layout.carry(start)
     del start, count, in_file
-    place[layout.child] += layout.seq.astype(np.int32)
+    place[layout.child] += layout.child_index.astype(np.int32)
     if (place[1:] > place[:-1]).all():
         return None
     order = np.empty(len(place), np.int32)
@@ -220,32 +215,32 @@ def _group(members: Ints, layout: _Layout) -> Ints:
         return members
     consecutive = int(members[-1]) - int(members[0]) + 1 == len(members)
     new = layout.new_index[slice(members[0], members[-1] + 1) if consecutive else members]
-    root = layout.root.astype(members.dtype)
-    at = np.minimum(np.searchsorted(members, root), len(members) - 1)
-    inside = members[at] == root
+    parent = layout.parent.astype(members.dtype)
+    at = np.minimum(np.searchsorted(members, parent), len(members) - 1)
+    inside = members[at] == parent
     if inside.any():
         new = np.concatenate([new[new >= 0], layout.child[inside]])
         new.sort(kind="stable")
     return new.copy() if consecutive and not inside.any() else new
 
 
-def node_values(name: str, old: NDArray, births: list[Birth], added: int) -> NDArray:
+def node_values(name: str, old: NDArray, new_nodes: list[NewNodes], added: int) -> NDArray:
     """(n + added, ...): values at old and new nodes, interpolated in the cells in which the new nodes are created."""
     values = np.concatenate([old, np.zeros((added, *old.shape[1:]), old.dtype)])
-    for birth in births:
-        values[birth.ids] = birth.values(values)
+    for nodes in new_nodes:
+        values[nodes.ids] = nodes.values(values)
     return values
 
 
-def node_data(mesh: Mesh, births: list[Birth], added: int) -> dict[str, NDArray]:
+def node_data(mesh: Mesh, new_nodes: list[NewNodes], added: int) -> dict[str, NDArray]:
     """Node data of old and new nodes: interpolated; integer data by `_common_values`."""
     return {
-        name: (node_values if old.dtype.kind in "fc" else _common_values)(name, old, births, added)
+        name: (node_values if old.dtype.kind in "fc" else _common_values)(name, old, new_nodes, added)
         for name, old in mesh.node_data.items()
     }
 
 
-def _common_values(name: str, old: NDArray, births: list[Birth], added: int) -> NDArray:
+def _common_values(name: str, old: NDArray, new_nodes: list[NewNodes], added: int) -> NDArray:
     """Integer data of old and new nodes: a new node takes the value that all nodes of its source cell share, else -1.
 
     Unsigned and boolean data become signed.
@@ -255,10 +250,10 @@ def _common_values(name: str, old: NDArray, births: list[Birth], added: int) -> 
     if old.dtype.kind in "ub":
         old = old.astype(np.promote_types(old.dtype, np.int8) if old.dtype != np.uint64 else np.int64)
     values = np.concatenate([old, np.full((added, *old.shape[1:]), -1, old.dtype)])
-    for birth in births:
-        around = values[birth.sources]
+    for nodes in new_nodes:
+        around = values[nodes.sources]
         agreed = np.where((around == around[:, :1]).all(axis=1), around[:, 0], -1)
-        values[birth.ids] = agreed[:, None]
+        values[nodes.ids] = agreed[:, None]
     return values
 
 
@@ -274,16 +269,16 @@ def node_entities(values: NDArray, first: int, cells: Iterable[tuple[str, Ints, 
     return values
 
 
-def node_groups(mesh: Mesh, births: list[Birth], extend: bool) -> dict[str, Ints]:
+def node_groups(mesh: Mesh, new_nodes: list[NewNodes], extend: bool) -> dict[str, Ints]:
     """Node groups after the cut; with `extend`, a new node enters those with all corners of its edge, face or cell."""
     if not extend:
         return dict(mesh.node_groups)
-    size = max((int(b.ids.max()) + 1 for b in births), default=mesh.n_nodes)
+    size = max((int(b.ids.max()) + 1 for b in new_nodes), default=mesh.n_nodes)
     groups: dict[str, Ints] = {}
     for name, members in mesh.node_groups.items():
         inside = np.zeros(size, bool)
         inside[members] = True
-        for birth in births:
-            inside[birth.ids[inside[birth.on].all(axis=1)]] = True
+        for nodes in new_nodes:
+            inside[nodes.ids[inside[nodes.on].all(axis=1)]] = True
         groups[name] = np.flatnonzero(inside)
     return groups

@@ -12,7 +12,7 @@ from lacmesh.mesh import Floats, Ints
 
 Array = NDArray[Any]
 #: boxes in a leaf
-_LEAF = 4
+LEAF = 4
 _BITS = 20
 
 
@@ -24,8 +24,8 @@ def meeting(low: Floats, high: Floats, other_low: Floats, other_high: Floats) ->
     if not len(low) or not len(other_low):
         return np.empty(0, np.int64), np.empty(0, np.int64)
     # both along one curve, so that what is near is near in memory
-    mine, other = _curve(low, high), _curve(other_low, other_high)
-    tree = _tree(other_low[other], other_high[other])
+    mine, other = along_curve(low, high), along_curve(other_low, other_high)
+    tree = bounding_tree(other_low[other], other_high[other])
     i, j = _query(low[mine], high[mine], other_low[other], other_high[other], *tree, False)
     return mine[i], other[j]
 
@@ -34,34 +34,29 @@ def meeting_each_other(low: Floats, high: Floats) -> tuple[Ints, Ints]:
     """(i, j), i < j: all pairs of intersecting boxes (low, high (n, 3)) of one set, as in `meeting`."""
     if not len(low):
         return np.empty(0, np.int64), np.empty(0, np.int64)
-    order = _curve(low, high)
+    order = along_curve(low, high)
     low, high = low[order], high[order]
-    i, j = _query(low, high, low, high, *_tree(low, high), True)
+    i, j = _query(low, high, low, high, *bounding_tree(low, high), True)
     i, j = order[i], order[j]
     return np.minimum(i, j), np.maximum(i, j)
 
 
-def meeting_plain(low: Floats, high: Floats, other_low: Floats, other_high: Floats) -> tuple[Ints, Ints]:
-    """Compare every box with every other, in numpy: the reference for `meeting`, which is compiled."""
-    i, j = np.nonzero(((low[:, None] <= other_high) & (high[:, None] >= other_low)).all(axis=2))
-    return i, j
-
-
-def _curve(low: Floats, high: Floats) -> Ints:
+def along_curve(low: Floats, high: Floats) -> Ints:
+    """(n,): the order of boxes along a Morton curve through their centres: neighbours are near each other."""
     return np.argsort(_morton((low + high) / 2), kind="stable")
 
 
-def _tree(low: Floats, high: Floats) -> tuple[Floats, Floats, Ints]:
-    """(low, high, last) of the nodes of a complete binary tree; each leaf bounds _LEAF boxes, in the order given.
+def bounding_tree(low: Floats, high: Floats) -> tuple[Floats, Floats, Ints]:
+    """(low, high, last) of the nodes of a complete binary tree; each leaf bounds LEAF boxes, in the order given.
 
     `last`: the index after the last box below a node.
     """
-    width = 1 << max(0, (-(-len(low) // _LEAF) - 1).bit_length())
-    more = ((0, width * _LEAF - len(low)), (0, 0))
-    low = np.pad(low, more, constant_values=np.inf).reshape(width, _LEAF, 3)
-    high = np.pad(high, more, constant_values=-np.inf).reshape(width, _LEAF, 3)
+    width = 1 << max(0, (-(-len(low) // LEAF) - 1).bit_length())
+    more = ((0, width * LEAF - len(low)), (0, 0))
+    low = np.pad(low, more, constant_values=np.inf).reshape(width, LEAF, 3)
+    high = np.pad(high, more, constant_values=-np.inf).reshape(width, LEAF, 3)
     lows, highs = [np.fmin.reduce(low, axis=1)], [np.fmax.reduce(high, axis=1)]
-    last = [np.arange(1, width + 1) * _LEAF]
+    last = [np.arange(1, width + 1) * LEAF]
     while len(lows[0]) > 1:
         last.insert(0, last[0][1::2])
         lows.insert(0, np.fmin(lows[0][::2], lows[0][1::2]))
@@ -125,7 +120,7 @@ def _query(
                 stack[top], stack[top + 1] = 2 * node + 1, 2 * node + 2
                 top += 2
                 continue
-            for j in range(max(after, last[node] - _LEAF), min(last[node], len(other_low))):
+            for j in range(max(after, last[node] - LEAF), min(last[node], len(other_low))):
                 if _meet(low, high, i, other_low, other_high, j):
                     if count == len(found):
                         more = np.empty((2 * count, 2), np.int64)

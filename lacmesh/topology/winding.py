@@ -1,0 +1,51 @@
+"""Winding: how faces list their nodes relative to each other, flipped faces, and inverted cells."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.reference.quadrature import measure, signed_area
+from lacmesh.topology.skin import N_CORNERS, Faces
+
+#: the same face, flipped: it starts from the same corner and has the opposite winding
+REVERSED = {
+    "POI1": (0,),
+    "SEG2": (1, 0),
+    "SEG3": (1, 0, 2),
+    "TRIA3": (0, 2, 1),
+    "TRIA6": (0, 2, 1, 5, 4, 3),
+    "TRIA7": (0, 2, 1, 5, 4, 3, 6),
+    "QUAD4": (0, 3, 2, 1),
+    "QUAD8": (0, 3, 2, 1, 7, 6, 5, 4),
+    "QUAD9": (0, 3, 2, 1, 7, 6, 5, 4, 8),
+}
+
+
+def relative_listing(faces: Faces, listed: Faces) -> Ints:
+    """(f,): relative orientation 2 s + r of each row of `listed`: it starts at corner s; r = 1 for opposite winding."""
+    corners, other = faces.corners, listed.corners
+    start = (corners == other[:, :1]).argmax(axis=1)
+    n = N_CORNERS[faces.type]
+    following = corners[np.arange(len(faces)), (start + 1) % n]
+    back = following != other[:, 1]
+    segment = n == 2  # two corners only: the start says it all
+    return 2 * start + np.where(segment, start, back)
+
+
+def is_inverted(mesh: Mesh, cells: Ints, plane: bool) -> NDArray[np.bool_]:
+    """(k,): True for inverted cells, whose node order makes their facets point inward (real meshes contain some).
+
+    Solids are tested by the signed volume of their linear cell, surface cells in a `plane` z = constant by their signed
+    area. Surface cells in space are never inverted: they have no preferred orientation.
+    """
+    wrong = np.zeros(mesh.n_cells, bool)
+    for kind, chosen, nodes in mesh.select(cells):
+        flat = CELLS[CELLS[kind].linear]
+        if flat.dim == 3:
+            wrong[chosen] = measure(flat.name, mesh.points[nodes[:, : flat.n_corners]]) < 0
+        elif plane:
+            wrong[chosen] = signed_area(kind, mesh.points[nodes]) < 0
+    return wrong[cells]
