@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from lacmesh.quality.spread import Histogram
+from lacmesh.quality.statistics import Histogram
 
 #: how a result, a case or a row stands; `missed`: it needs attention; `none`: a case without an outcome
 Verdict = Literal["", "met", "missed", "informative", "none"]

@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from lacmesh.quality.spread import Histogram
+from lacmesh.quality.statistics import Histogram
 from lacmesh.report.blocks import Bars
 
 #: legend of histograms on a page
