@@ -2,7 +2,7 @@
 
 An iteration is a generator of trials that goes on for ever, or ends where it cannot continue: the active set on one
 linearisation (`active_set`), or Newton's method with a new linearisation for each trial (`newton`). Only the driver
-knows the tolerances to stop at, the number of iterations, and who is told of them.
+knows the tolerances to stop at, the number of iterations, and the callback for each iteration.
 """
 
 from __future__ import annotations
