@@ -164,7 +164,7 @@ Attempt = Callable[[str], AbstractContextManager[None]]
 
 @dataclass
 class ProblemParts:
-    """What `build` has made of a case: the mesh, cut if `prepared`, and the parts of a problem, None if they failed."""
+    """Result of `build`: the mesh of a case, cut if `prepared`, and the parts of a problem, None if they failed."""
 
     mesh: Mesh
     prepared: bool = False
