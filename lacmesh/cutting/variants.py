@@ -1,7 +1,7 @@
 """Choice of the pattern of each slave face, before anything is cut: a parent uses one variant for all its slave faces.
 
 variants = the cone where a face cannot be left whole, and the ring where its parents allow it (allowed_variants)
-patterns = the one asked for, or of both the one whose worst child is better                   (compare_variants)
+patterns = the one asked for, or of both the one with the higher minimum Jacobian                   (compare_variants)
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def with_ring(faces: Faces, ring: Bools) -> Ints:
 def compare_variants(
     mesh: Mesh, selection: Selection, variants: AllowedVariants, shape: tuple[float, float]
 ) -> tuple[Ints, Subdivision]:
-    """Cut all sets of faces both ways, and keep the variant whose worst child is better, for each set; ring on a tie.
+    """Cut all sets of faces both ways, and keep the variant with the higher minimum Jacobian, for each set; ring on a tie.
 
     Returns the patterns (f,) and the subdivision by them. `shape`: of the ring, its half-width and its depth.
     """
