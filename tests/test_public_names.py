@@ -9,13 +9,16 @@ import inspect
 import re
 import subprocess
 import sys
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
 
 import lacmesh
 import lacsolver
+from lacsolver import Problem, Restart, State, march, read_case
 
+ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = (lacmesh, lacsolver)
 #: old public name -> where it is now
 MOVED = {
@@ -115,3 +118,27 @@ def test_the_warning_names_the_line_of_the_user():
     done = subprocess.run([sys.executable, "-c", "from lacmesh import CELLS"], capture_output=True, text=True)
     assert done.returncode == 0
     assert done.stderr.startswith("<string>:1: DeprecationWarning: lacmesh.CELLS has moved: from lacmesh.cells import")
+
+
+#: record, old field, where its value is now
+FIELDS = [
+    (State, "iterate", "step.iterate"),
+    (State, "earlier", "step.earlier"),
+    (State, "next_step", "step.step_size"),
+    (Restart, "iterate", "step.iterate"),
+    (Restart, "earlier", "step.earlier"),
+]
+
+
+@pytest.fixture(scope="module")
+def records():
+    """A state and a restart, by their class."""
+    *_, state = march(Problem.of(read_case(ROOT / "data" / "two_blocks.toml")))
+    return {State: state, Restart: Restart.of(state, 0.5, 2)}
+
+
+@pytest.mark.parametrize("record, old, new", FIELDS, ids=lambda value: getattr(value, "__name__", value))
+def test_old_fields_of_records_work_and_warn_of_the_new(records, record, old, new):
+    made = records[record]
+    with pytest.warns(DeprecationWarning, match=f"^{record.__name__}.{old} is now {new}$"):
+        assert getattr(made, old) is attrgetter(new)(made)

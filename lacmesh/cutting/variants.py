@@ -74,7 +74,7 @@ def with_ring(faces: Faces, ring: Bools) -> Ints:
 def compare_variants(
     mesh: Mesh, selection: Selection, variants: AllowedVariants, shape: tuple[float, float]
 ) -> tuple[Ints, Subdivision]:
-    """Cut all sets of faces both ways, and keep the variant with the higher minimum Jacobian, for each set; ring on a tie.
+    """Cut all sets of faces both ways, and keep for each the variant with the higher minimum Jacobian; ring on a tie.
 
     Returns the patterns (f,) and the subdivision by them. `shape`: of the ring, its half-width and its depth.
     """

@@ -128,7 +128,11 @@ def _exclusive(made: Draft) -> Iterator[Found]:
 def _needs(made: Draft) -> Iterator[Found]:
     for name in made.told():
         needs = keys_of(made.record)[name].needs
-        if needs is not None and made.get(needs.key) not in (*needs.values, None):
+        if needs is None:
+            continue
+        kind = keys_of(made.record)[needs.key].kind
+        added = kind.added if needs.added and isinstance(kind, Choice) else ()
+        if made.get(needs.key) not in (*needs.values, *added, None):
             wanted = " or ".join(f'{needs.key} = "{value}"' for value in needs.values)
             yield made.wrong(f"means something only with {wanted}; leave it out, or say that", name)
 

@@ -20,10 +20,14 @@ ANY = "any"
 
 
 class Needs(NamedTuple):
-    """Condition for a key to have a meaning: another `key` has one of these `values` (also by default)."""
+    """Condition for a key to have a meaning: another `key` has one of these `values` (also by default).
+
+    `added`: True if values that a program has added (`case.added`) will do as well.
+    """
 
     key: str
     values: tuple[str, ...]
+    added: bool = False
 
 
 class Key(NamedTuple):

@@ -209,7 +209,8 @@ class Contact(PairEntry):
     )  # fmt: skip
     initial: str = key(
         Choice((Option("gap", "closed where bodies overlap"), Option("all", "closed"), Option("none", "open"))),
-        "", "contact status at the start", default="gap", needs=Needs("type", ("unilateral",)),
+        "", "contact status at the start", default="gap",
+        needs=Needs("type", ("unilateral",), added=True),
     )  # fmt: skip
     max_penetration: float | None = key(
         Number(POSITIVE), "length", "largest initial penetration searched",

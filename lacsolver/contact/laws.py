@@ -12,8 +12,13 @@ A law answers for a group of rows, in the state `RowState`; nothing else in the 
 are springs between the skins, p = -g / a: the linear pressure-overclosure law of soft contact, with p >= 0 for
 `Unilateral`. A tie is `Tied`: `Bilateral` for all components of the jump.
 
-Another law is a class with the members of `ContactLaw`; `CONTACT_LAWS` of `lacsolver.case.added` makes it known to
-case files by a name.
+Another law is a class with the members of `ContactLaw`, most easily a frozen dataclass derived from `Unilateral` or
+`Bilateral`; `CONTACT_LAWS` of `lacsolver.case.added` makes it known, by a name, to the case files that the same program
+reads. It should be continuous, and pressure should grow with the overlap: at a jump there may be no equilibrium.
+
+A law that is not linear is linearised again in each iteration, at gaps and pressures that fulfil the equation of the
+last one and not the law itself. Newton's method takes few iterations, however stiff the law, with the tangent at the
+gap where the law is softer than the `skin` and at the pressure where it is stiffer.
 """
 
 from __future__ import annotations
@@ -35,6 +40,7 @@ Bools = NDArray[np.bool_]
 class RowState(NamedTuple):
     """Rows of one contact pair (m,): mean `gap`, `pressure`, `active` set of the last solve, and the law's `history`.
 
+    For `linearise`, `active` is the set of the next solve. Gaps and pressures are 0 where a row cannot be solved.
     `skin` (m,): stiffness of each macro-element's own skin, stress per length, which makes a pressure a length.
     `history` (m, n_history): what the law committed at the end of the last step.
     """
@@ -55,7 +61,15 @@ class ContactLaw(Protocol):
 
     @property
     def compressive(self) -> bool:
-        """True if pressures are never negative."""
+        """True if pressures are never negative.
+
+        Then rows start open or closed by the case's `initial`, reported pressures are cut off at 0, and skins that are
+        prescribed may be apart; otherwise all rows start closed.
+        """
+
+    @property
+    def yields(self) -> bool:
+        """True if the law allows an overlap under pressure, so that skins may be prescribed on both sides."""
 
     @property
     def exact(self) -> bool:
@@ -69,10 +83,17 @@ class ContactLaw(Protocol):
         """Return the active set (m,) after a solve with `rows.active`."""
 
     def linearise(self, rows: RowState) -> tuple[Floats, Floats]:
-        """Return (offset, compliance), (m,) each: active rows fulfil gap + compliance * pressure = offset."""
+        """Return (offset, compliance), (m,) each: active rows fulfil gap + compliance * pressure = offset.
+
+        It is asked for all rows, also for open ones without pressure: both must be finite, and the compliance >= 0.
+        """
 
     def residual(self, rows: RowState) -> Floats:
-        """Return the residual (m,) of the law, a length; 0 where it is fulfilled."""
+        """Return the residual (m,) of the law, a length; 0 where it is fulfilled, also in rows that are rightly open.
+
+        It is compared with the tolerance times the largest displacement. For a law p(gap) take the difference of the
+        pressures over the sum of the law's slope and the `skin`.
+        """
 
     def status(self, rows: RowState) -> Ints:
         """Return the status (m,) of converged rows, OPEN or CONTACT."""
@@ -91,6 +112,11 @@ class Bilateral:
     """
 
     compliance: float = 0.0
+
+    @property
+    def yields(self) -> bool:
+        """True with a compliance."""
+        return self.compliance > 0
 
     all_components = False
     compressive = False

@@ -40,6 +40,9 @@ def contact_law_of(record: Contact | Tie) -> ContactLaw:
         return Tied()
     if record.type in CONTACT_LAWS:
         made: ContactLaw = _added(CONTACT_LAWS[record.type], record.type, record.constants or {})
+        missing = [name for name in vars(ContactLaw) if not name.startswith("_") and not hasattr(made, name)]
+        if missing:
+            raise DataError(f"the contact law {record.type!r} lacks {', '.join(missing)}; see lacsolver.contact.laws")
         return made
     compliance = 0.0 if record.stiffness is None else 1 / record.stiffness
     return (Bilateral if record.type == "bilateral" else Unilateral)(compliance)

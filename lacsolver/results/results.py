@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
-from lacsolver.results.state import State, StepState, ZoneState
+from lacsolver.results.state import State, StepState, ZoneState, renamed_field
 
 #: values of `Results.status`; a run that was killed keeps the first
 STATUSES = ("running", "done", "interrupted", "failed")
@@ -199,6 +199,9 @@ class Restart:
     rigid: Mapping[str, NDArray]
     folder: Path | None = None
     case: Mapping[str, str] | None = None
+
+    iterate = renamed_field("iterate", "step.iterate")
+    earlier = renamed_field("earlier", "step.earlier")
 
     @property
     def time(self) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
+from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact import Interface
 from lacsolver.contact.laws import ContactLaw, RowState
@@ -115,10 +116,10 @@ class ContactSystem:
         """Return the system on the unknowns q of a stiffness K, with T = du/dq."""
         rows = self.rows.reduced(T)
         made = replace(self, rows=rows, skin=skin_stiffness(K, rows), nodal=self.rows)
-        moved = np.diff(rows.B.indptr) > 0
-        none = np.zeros(len(self.G))
-        springs = made.equations(none, none > 0)[1] > 0
-        return replace(made, solvable=self.covered & (moved | springs))
+        moved, yields = np.diff(rows.B.indptr) > 0, np.zeros(len(self.G), bool)
+        for group in self.groups:
+            yields[group.rows] = group.law.yields
+        return replace(made, solvable=self.covered & (moved | yields))
 
     def with_gaps(self, G: Floats) -> ContactSystem:
         """Return these rows with other gap integrals G."""
@@ -152,6 +153,8 @@ class ContactSystem:
         out = np.zeros(len(self.G))
         for group, state in self.states(p, active):
             out[group.rows] = group.law.residual(state)
+            if not np.isfinite(out[group.rows]).all():
+                raise DataError(f"the contact law {type(group.law).__name__} gives a residual that is not finite")
         return np.where(self.solvable, out, 0.0)
 
     def equations(self, p: Floats, active: Bools) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
@@ -159,6 +162,10 @@ class ContactSystem:
         offset, compliance = np.zeros((2, len(self.G)))
         for group, state in self.states(p, active):
             offset[group.rows], compliance[group.rows] = group.law.linearise(state)
+            own = offset[group.rows], compliance[group.rows]
+            if not (np.isfinite(own).all() and (own[1] >= 0).all()):
+                message = f"the contact law {type(group.law).__name__} gives an offset or compliance that is not finite"
+                raise DataError(f"{message}, or a compliance below 0; check its `linearise`")
         return self.G - self.rows.w * offset, self.rows.w * compliance
 
     def commit(self, p: Floats, active: Bools) -> tuple[Floats, ...]:

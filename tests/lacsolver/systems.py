@@ -92,7 +92,7 @@ def rows(B, D, w):
 class _PerRow:
     """Rows of which some are equalities and the others unilateral."""
 
-    all_components, compressive, exact, n_history = False, False, False, 0
+    all_components, compressive, yields, exact, n_history = False, False, False, False, 0
 
     def __init__(self, equality):
         self.equality = equality

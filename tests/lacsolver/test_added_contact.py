@@ -1,5 +1,7 @@
 """A contact law that the packages do not have, added from outside: a bond that breaks at a tension, for good."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -13,14 +15,13 @@ from tests.lacsolver.patch_meshes import stack
 YOUNG = 1000.0
 
 
+@dataclass(frozen=True)
 class Bond(Bilateral):
     """No gap while the pressure is at least -strength; broken, pressure or gap. History: 1 where it is broken."""
 
-    n_history, exact = 1, True
+    strength: float = 0.0
 
-    def __init__(self, strength):
-        super().__init__()
-        object.__setattr__(self, "strength", strength)
+    n_history, exact = 1, True
 
     def next_active(self, rows):
         holds = rows.active & (rows.history[:, 0] == 0) & (rows.pressure >= -self.strength)
