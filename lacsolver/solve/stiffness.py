@@ -140,19 +140,6 @@ class FactorCache:
         return analysis.factor(K)
 
 
-def factorise_regularised(
-    K: csr_array,
-    R: NDArray[np.floating],
-    *,
-    backend: str = "auto",
-    threads: int = 1,
-    whole: Whole | None = None,
-    definite: bool = True,
-) -> Stiffness:
-    """Return the factor of a symmetric K that is factorised only once; see `FactorCache`."""
-    return FactorCache(R, backend, threads, whole).factorise(K, definite)
-
-
 def leading_unknowns(R: Floats) -> Ints:
     """Return r unknowns at which the motions R (n, r) are well distinguished, by QR with column pivoting."""
     if not R.shape[1]:

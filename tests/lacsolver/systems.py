@@ -15,7 +15,12 @@ from lacsolver.solve.newton import newton_iterates
 from lacsolver.solve.saddle import SaddleProblem
 from lacsolver.solve.schur import solve_saddle
 from lacsolver.solve.search import search
-from lacsolver.solve.stiffness import Stiffness, factorise_regularised
+from lacsolver.solve.stiffness import FactorCache, Stiffness
+
+
+def factorised(K, R, backend="auto", definite=True):
+    """Return a stiffness that is factorised once."""
+    return FactorCache(R, backend).factorise(K, definite)
 
 
 class System(NamedTuple):
@@ -33,7 +38,7 @@ class System(NamedTuple):
     @property
     def held(self) -> Stiffness:
         """K as the solver has it."""
-        return factorise_regularised(csr_array(self.K), self.R, backend="superlu")
+        return factorised(csr_array(self.K), self.R, backend="superlu")
 
     @property
     def rows(self) -> Rows:

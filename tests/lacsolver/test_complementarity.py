@@ -14,9 +14,8 @@ from scipy.sparse import csr_array
 
 from lacsolver.results.state import Iterate
 from lacsolver.solve.contact_system import skin_stiffness
-from lacsolver.solve.stiffness import factorise_regularised
 from lacsolver.solve.tolerances import ConvergenceTolerance
-from tests.lacsolver.systems import contact_system, rows, solve_active_set
+from tests.lacsolver.systems import contact_system, factorised, rows, solve_active_set
 
 #: of `random_system`, those on which exchanging all rows that want it goes round in a circle
 CIRCLES = (57, 66, 567, 768, 790, 1180, 1492, 1762, 2407, 2675, 3132, 3173)
@@ -51,7 +50,7 @@ def search(system, *, R=None, held=None, paired=None, iterations=100):
     m, n = system.B.shape
     held = np.zeros(m, bool) if held is None else held
     paired = np.ones(m, bool) if paired is None else paired
-    K = factorise_regularised(csr_array(system.K), np.zeros((n, 0)) if R is None else R)
+    K = factorised(csr_array(system.K), np.zeros((n, 0)) if R is None else R)
     there = rows(system.B, system.B, np.ones(m))
     c = skin_stiffness(K, there)
 

@@ -13,12 +13,12 @@ from lacsolver.problem.problem import Problem
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.stepping import march
-from lacsolver.solve.stiffness import FactorCache, factorise_regularised
+from lacsolver.solve.stiffness import FactorCache
 from lacsolver.solve.tolerances import LinearTolerance
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, at, held, pressed
 from tests.lacsolver.patch_cases import figures, pair
 from tests.lacsolver.patch_meshes import stack
-from tests.lacsolver.systems import saddle, solve_rows, system
+from tests.lacsolver.systems import factorised, saddle, solve_rows, system
 from tests.lacsolver.test_schur import KINDS
 
 EXACT = LinearTolerance(0.0, 1e-14, 1e-18, 0.0)
@@ -27,7 +27,7 @@ MULTIGRID = 'backend = "multigrid"'
 
 def held_by_cycles(s):
     """K of a small system with a hierarchy, which is the coarsest level alone."""
-    return factorise_regularised(csr_array(s.K), s.R, backend="multigrid")
+    return factorised(csr_array(s.K), s.R, backend="multigrid")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -178,7 +178,7 @@ def test_a_hierarchy_serves_a_stiffness_that_is_like_its_own():
     assert np.linalg.norm(other @ q - f) <= 1e-11 * np.linalg.norm(f)
     found = now.contact(np.zeros(len(f)))
     m = len(found.G)
-    exact = factorise_regularised(other, first.R[:, :0], backend="rslab")
+    exact = factorised(other, first.R[:, :0], backend="rslab")
     one, two = (solve_rows(K, found.rows, np.arange(m), f, found.G, 0 * f, np.zeros(m), EXACT) for K in (made, exact))
     np.testing.assert_allclose(one.q, two.q, atol=1e-9 * np.abs(two.q).max())
     np.testing.assert_allclose(one.p, two.p, atol=1e-9 * np.abs(two.p).max())

@@ -11,12 +11,12 @@ from scipy.sparse import csr_array
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.results.state import Iterate
 from lacsolver.solve.newton import Damping, Linearization
-from lacsolver.solve.stiffness import factorise_regularised
 from lacsolver.solve.tolerances import ConvergenceTolerance
 from tests.lacsolver.systems import (
     contact,
     contact_system,
     enumerated,
+    factorised,
     rows,
     solve_active_set,
     solve_newton,
@@ -43,7 +43,7 @@ def nonlinear(s, size):
     """`at` of a system with forces size * q^3 beside K q, and gaps that bend: G - D q + size / 4 (D q)^2."""
 
     def at(q):
-        K = factorise_regularised(csr_array(s.K + np.diag(3 * size * q**2)), s.R, backend="superlu")
+        K = factorised(csr_array(s.K + np.diag(3 * size * q**2)), s.R, backend="superlu")
         bent = 1 - size / 2 * (s.D @ q)
         turned = rows(bent[:, None] * s.B, bent[:, None] * s.D, s.w)
         gap = s.G - s.D @ q + size / 4 * (s.D @ q) ** 2
@@ -107,7 +107,7 @@ def test_a_cycle_of_sets_is_broken():
     K = np.eye(3)
     there = rows(np.eye(3), M, np.ones(3))  # gap r - M q, q = -p
     every = np.ones(3, bool)
-    held = factorise_regularised(csr_array(K), np.zeros((3, 0)), backend="superlu")
+    held = factorised(csr_array(K), np.zeros((3, 0)), backend="superlu")
 
     def at(q):
         made = contact_system(there, r - M @ q, every, ~every, np.ones(3))
@@ -147,7 +147,7 @@ def truss(load, admissible=lambda q: True):
         soft = 2 * (1 - 1 / l0**2)
 
         def stiffness(damping, *_):
-            return factorise_regularised(
+            return factorised(
                 csr_array([[slope + damping * soft]]), np.zeros((1, 0)), backend="superlu", definite=False
             )
 
