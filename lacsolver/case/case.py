@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -44,9 +44,9 @@ class Probe(AtNodes):
     )  # fmt: skip
     name: str = key(Text("a name"), "", "name in the results", default=None, default_words="the group's name")
 
-    def __post_init__(self) -> None:
-        """Read the given values, and name the probe after its group if it has no name."""
-        super().__post_init__()
+    def _complete(self, values: Mapping[str, Any]) -> None:
+        """Take the values that were read, and name the probe after its group if it has no name."""
+        super()._complete(values)
         if self.name is None:
             object.__setattr__(self, "name", self.group)
 
@@ -207,11 +207,27 @@ class Case(Entry):
     def __post_init__(self) -> None:
         """Check the whole case, then set the values that depend on it. Raises CaseError, TypeError."""
         super().__post_init__()
-        for name, record in sections_of(Case).items():
-            object.__setattr__(self, name, _records(name, record, getattr(self, name)))
+        self._take_records()
         found = check(drafted(self, ()), (drafted(r, path) for path, r in self.records()))
         if found:
             raise CaseError([Issue(f.message) for f in found], self.path)
+        self._settle()
+
+    @classmethod
+    def of_read(cls, values: Mapping[str, Any]) -> Case:
+        """Return the case of values and records that were read and checked already."""
+        made = super().of_read(values)
+        made._take_records()
+        made._settle()
+        return made
+
+    def _take_records(self) -> None:
+        """Store the records of each section as a tuple of them, or as a single one. Raises TypeError."""
+        for name, record in sections_of(Case).items():
+            object.__setattr__(self, name, _records(name, record, getattr(self, name)))
+
+    def _settle(self) -> None:
+        """Set the values of records that depend on the whole case."""
         for name in sections_of(Case):
             held = getattr(self, name)
             done = tuple(_settled(r, self) for r in held) if isinstance(held, tuple) else held and _settled(held, self)
@@ -254,7 +270,7 @@ def _settled(record: Any, case: Case) -> Any:
             changes[name] = with_values(getattr(record, name), lambda v: replace(v, ramp_end=_ramp_end(v, case)))
     if isinstance(record, Contact) and record.geometry is None:
         changes["geometry"] = "current" if case.kinematics == "finite" else "reference"
-    return replace(record, **changes) if changes else record
+    return record.of_read({**vars(record), **changes}) if changes else record
 
 
 def _ramp_end(value: Value, case: Case) -> float | None:

@@ -149,13 +149,14 @@ def _needed(top: Draft, drafts: list[Draft], found: list[Found], matrices: bool)
 def _case(top: Draft, drafts: list[Draft], lines: Lines, path: Path) -> Case:
     held: dict[str, Any] = {}
     for made in drafts:
-        record = made.record(**_placed(made, lines, path))
-        if section_of(made.record).several:
+        kind: Any = made.record
+        record = kind.of_read(_placed(made, lines, path))
+        if section_of(kind).several:
             held.setdefault(made.section, []).append(record)
         else:
             held[made.section] = record
     mesh = path.parent / top.values["mesh"]
-    return Case(**{**top.values, "mesh": mesh}, **held, path=path, place=str(path))
+    return Case.of_read({**top.values, "mesh": mesh, **held, "path": path, "place": str(path)})
 
 
 def _placed(made: Draft, lines: Lines, path: Path) -> dict[str, Any]:

@@ -9,8 +9,9 @@ user's choice; `unit` gives the dimension.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from typing import Any, ClassVar, Self
 
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.case.draft import draft, same
@@ -62,8 +63,22 @@ class Entry:
         made, found = draft(type(self), path, given)
         if found:
             raise CaseError([Issue(f.message) for f in found], self.place or None)
-        for name, value in made.values.items():
+        self._complete(made.values)
+
+    def _complete(self, values: Mapping[str, Any]) -> None:
+        """Take the values that were read, and set those that depend on others."""
+        for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    @classmethod
+    def of_read(cls, values: Mapping[str, Any]) -> Self:
+        """Return the record of values that were read and checked already, such as those of a file."""
+        made = object.__new__(cls)
+        for one in fields(cls):
+            default = one.default_factory() if one.default_factory is not MISSING else one.default
+            object.__setattr__(made, one.name, default)
+        made._complete(values)
+        return made
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,9 +173,9 @@ class PairEntry(Entry):
         Number(Bounds(0, 180, open=False)), "degree", "edges at which the normal turns by more are sharp", default=40.0
     )
 
-    def __post_init__(self) -> None:
-        """Read the given values, and name the record after its slave if it has no name."""
-        super().__post_init__()
+    def _complete(self, values: Mapping[str, Any]) -> None:
+        """Take the values that were read, and name the record after its slave if it has no name."""
+        super()._complete(values)
         if self.name is None:
             object.__setattr__(self, "name", self.slave)
 
