@@ -51,7 +51,7 @@ def against_linear(cell, n, repeats):
         laws = Materials.of(space, law)
         runs = {
             "linear": lambda: assemble_stiffness(space, linear),
-            "f and K": lambda m=laws: finite.force_and_tangent(space, m, u),
+            "f and K": lambda m=laws: (finite.internal_force(space, m, u), finite.tangent(space, m, u)),
             "f": lambda m=laws: finite.internal_force(space, m, u),
             "energy": lambda m=laws: finite.energy(space, m, u),
             "Cauchy stress": lambda m=laws: finite.cauchy_stress(space, m, u),
@@ -69,11 +69,11 @@ def against_linear(cell, n, repeats):
 def two_threads(cell, n, repeats):
     space, u = displaced(cell, n)
     laws = Materials.of(space, LAWS["neo-Hookean"])
-    runs = {k: (lambda k=k: finite.force_and_tangent(space, laws, u, threads=k)) for k in (1, 2)}
+    runs = {k: (lambda k=k: finite.tangent(space, laws, u, threads=k)) for k in (1, 2)}
     took = in_turn(runs, repeats, time.perf_counter)
     ratio = median(a / b for a, b in zip(took[2], took[1], strict=True))
     return (
-        f"f and K, {len(space.blocks[0].nodes):,} {cell}, two threads",
+        f"K, {len(space.blocks[0].nodes):,} {cell}, two threads",
         f"{median(took[2]):.2f} s wall",
         f"one thread {median(took[1]):.2f} s wall: ratio {ratio:.2f}",
     )
@@ -84,21 +84,21 @@ def growth(cell, sizes, repeats):
     for n in sizes:
         space, u = displaced(cell, n)
         laws = Materials.of(space, LAWS["neo-Hookean"])
-        finite.force_and_tangent(space, laws, u)
-        run = [seconds(lambda s=space, m=laws, v=u: finite.force_and_tangent(s, m, v)) for _ in range(repeats)]
+        finite.tangent(space, laws, u)
+        run = [seconds(lambda s=space, m=laws, v=u: finite.tangent(s, m, v)) for _ in range(repeats)]
         took.append(min(run))
         cells.append(len(space.blocks[0].nodes))
         listed.append(f"{cells[-1]:,}: {took[-1]:.2f} s")
     slope = np.polyfit(np.log(cells), np.log(took), 1)[0]
-    return f"growth, f and K, {cell}", ", ".join(listed), f"exponent {slope:.2f}"
+    return f"growth, K, {cell}", ", ".join(listed), f"exponent {slope:.2f}"
 
 
 def memory(cell, n):
     space, u = displaced(cell, n)
     laws = Materials.of(space, LAWS["neo-Hookean"])
-    finite.force_and_tangent(space, laws, u)
+    finite.tangent(space, laws, u)
     tracemalloc.start()
-    _, K = finite.force_and_tangent(space, laws, u)
+    K = finite.tangent(space, laws, u)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     return (

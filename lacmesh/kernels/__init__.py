@@ -30,7 +30,7 @@ from lacmesh.kernels.kept import has
 #: numbers in the arrays of a kernel's calls so far, beyond which it goes on compiled: where it is kept on the disk and
 #: others are in use, where it is the first, and where it has to be compiled first. As it stands, a number takes one to
 #: ten microseconds; to load a kernel takes 2 to 15 ms, numba 200
-ADDED_FROM, LOADED_FROM, COMPILED_FROM = 1_000, 5_000, 500_000
+ADDED_FROM, LOADED_FROM, COMPILED_FROM = 1_000, 20_000, 500_000
 
 
 class Kernel:
