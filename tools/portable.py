@@ -32,6 +32,7 @@ TESTS = (
     "tests/lacsolver",
     "tests/surface",
     "tests/smooth",
+    "tests/topology",
     "tests/test_quality.py",
     "tests/test_quality_verdict.py",
     "tests/test_kernels.py",
