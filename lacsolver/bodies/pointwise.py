@@ -24,7 +24,7 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.finite.equations import check_admissible
 from lacsolver.bodies.material import PLACES, Materials
 from lacsolver.bodies.small.fields import Field, checked, mapped, scatter
-from lacsolver.bodies.small.gradients import Piece, nodal
+from lacsolver.bodies.small.gradients import Piece, nodal, table
 from lacsolver.space.space import Space
 
 #: histories of laws: an array (cells, points, n) for each block of the space, () if no law has one
@@ -118,13 +118,15 @@ class PointwiseBodies:
 
     def commit(self, u: Floats, history: LawHistory = ()) -> LawHistory:
         """Return the history at the end of a step that led to u (n_dof,)."""
-        n_points = {part.block: part.W.shape[1] for part, _ in self._evaluated(u, history)}
-        blocks = enumerate(self.space.blocks)
-        out = tuple(np.zeros((len(b.nodes), n_points.get(k, 0), self._n_history)) for k, b in blocks)
+        n, axisymmetric = self._n_history, self.space.model.axisymmetric
+        if not n:
+            return ()
+        blocks = self.space.blocks
+        out = tuple(np.zeros((len(b.nodes), len(table(b.type, axisymmetric).w), n)) for b in blocks)
         for part, (rows, H, answer) in self._evaluated(u, history):
             kept = answer.history.reshape(*H.shape[:2], -1)
             out[part.block][part.cells.start + rows, :, : kept.shape[2]] = kept
-        return out if self._n_history else ()
+        return out
 
     def with_stress(self, field: Field, u: Floats, history: LawHistory = ()) -> Field:
         """Return a stress field (cells, points, 4 or 6) with the Cauchy stress of these cells at u (n_dof,)."""

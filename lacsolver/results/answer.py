@@ -44,7 +44,7 @@ class Answer:
     def stress(self, state: State) -> Field:
         """Return the stress at integration points, (cells, points, n) for each block; the last result is cached."""
         if self._stress is None or self._stress[0] is not state:
-            self._stress = state, self.problem.kinematics.stress(state.u, state.time)
+            self._stress = state, self.problem.kinematics.stress(state.u, state.time, state.history)
         return self._stress[1]
 
     def figures(self, state: State) -> StepFigures:
@@ -64,7 +64,7 @@ class Answer:
                 zone.name: zone_figures(zone, _nodes(joint), x + space.origin[: space.dim]) for zone, joint, x in pairs
             },
             balance=balance((zone.force, x) for zone, _, x in pairs),
-            energy=problem.kinematics.energy(state.u, state.time),
+            energy=problem.kinematics.energy(state.u, state.time, state.history),
             displacement=float(np.linalg.norm(state.u.reshape(-1, space.dim), axis=1).max()),
         )
 

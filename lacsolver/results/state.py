@@ -130,7 +130,8 @@ class State:
     `reaction` (n_dof,): forces of the supports on the bodies. `rigid` (name -> dofs): motion of rigid bodies,
     displacement of the centre, then rotation. `iterations`, `halvings`: numbers of the step that led here; `residuals`:
     those of its iterations, the last `settled` of which had the same active set. `step`: what the step committed, for
-    the next one and for a restart (for a state that did not converge, what it started from). At the last time of a
+    the next one and for a restart (for a state that did not converge, what it started from); `history`: that of the
+    materials before the step, with which stress and energy at u are evaluated. At the last time of a
     case, `held`: rigid-body motions that only contact constrains, and `prescribed`: largest prescribed displacement.
 
     >>> from lacsolver import Problem, march, read_case
@@ -149,6 +150,7 @@ class State:
     residuals: tuple[float, ...] = ()
     step: StepState = field(default_factory=StepState)
     settled: int = 0
+    history: tuple[NDArray[np.floating], ...] = ()
     held: tuple[Held, ...] = ()
     prescribed: float = 0.0
 

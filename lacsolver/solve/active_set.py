@@ -18,13 +18,13 @@ so that no constant depends on units.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
+from lacsolver.contact.laws import Bools
 from lacsolver.results.state import Iterate
 from lacsolver.solve.contact_system import ContactSystem, Rows
 from lacsolver.solve.saddle import SaddleProblem
@@ -39,8 +39,6 @@ _LOOSE, _LOOSE_SOLVES = 0.1, 12
 _BLOCKS = 3
 #: relative tolerance for the rank of the active rows on the rigid-body modes, and for the load left along them
 _STOPPED = 1e-8
-
-Bools = NDArray[np.bool_]
 
 
 def active_set_iterates(
@@ -97,8 +95,9 @@ def solve_set(
     Returns the step dq (n,), pressures (m,), the active set of the last solve, the numbers of solves and of
     applications of K^-1. `contact` is the system at dq = 0.
     """
-    pivots, applications, m = Pivots(), 0, len(p)
-    for number in count(1):
+    pivots, applications, number, m = Pivots(), 0, 0, len(p)
+    while True:
+        number += 1
         active = np.zeros(m, bool)
         active[problem.active] = True
         dq, p, more, _ = solve_saddle(problem, np.zeros_like(problem.f), p, tolerance.linear(reduction, moved))
@@ -109,7 +108,6 @@ def solve_set(
         closed = pivots.next(active, wanted, exact=True)
         G, S = contact.equations(p, closed)
         problem = problem._replace(active=np.flatnonzero(closed), G=G, compliance=S)
-    raise AssertionError
 
 
 def close_rows_against_rigid_modes(

@@ -18,12 +18,10 @@ from scipy.sparse import csr_array, vstack
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact import Interface
-from lacsolver.contact.laws import ContactLaw, RowState
+from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.tangent import Motion, gap_derivative, motion_of, tangent
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.solve.stiffness import Stiffness
-
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

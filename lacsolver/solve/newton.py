@@ -27,9 +27,10 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.contact.laws import Bools
 from lacsolver.linear import LinearError
 from lacsolver.results.state import Iterate
-from lacsolver.solve.active_set import Bools, close_rows_against_rigid_modes, solve_set
+from lacsolver.solve.active_set import close_rows_against_rigid_modes, solve_set
 from lacsolver.solve.contact_system import ContactSystem
 from lacsolver.solve.saddle import SaddleProblem
 from lacsolver.solve.search import Trial

@@ -258,7 +258,7 @@ def _state(step: LoadStep, outcome: Outcome, spent: _Step, committed: StepState,
     return State(
         step.t, step.u(q), step.reaction(q, p), tuple(zones), problem.constraints.rigid_motion(q, step.t),
         spent.iterations, spent.halvings, tuple(spent.residuals), committed, outcome.settled,
-        held, float(np.abs(step.u0).max(initial=0.0)),
+        step.state.histories.materials, held, float(np.abs(step.u0).max(initial=0.0)),
     )  # fmt: skip
 
 
