@@ -228,10 +228,13 @@ def _derivatives(groups: Sequence[RowGroup], n: int) -> csr_array:
 
 def skin_stiffness(K: Stiffness, rows: Rows) -> NDArray[np.floating]:
     """Return c (m,) = w (b K b^T) / (b b^T)^2, stress per length; 1 where a row is zero or has no stiffness."""
-    touched = rows.touched
-    B = rows.B[:, touched]
-    energy = np.asarray(((B @ K.restricted(touched)).multiply(B)).sum(axis=1)).ravel()
-    size = np.asarray(B.multiply(B).sum(axis=1)).ravel()
+    energy, size = row_energies(rows.B[:, rows.touched], K.restricted(rows.touched))
     with np.errstate(invalid="ignore", divide="ignore"):
         c = rows.w * energy / size**2
     return np.where(np.isfinite(c) & (c > 0), c, 1.0)
+
+
+def row_energies(B: csr_array, K: csr_array) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return b K b^T and b b^T (m,) of each row b of B (m, n)."""
+    energy, size = (B @ K).multiply(B).sum(axis=1), B.multiply(B).sum(axis=1)
+    return np.asarray(energy).ravel(), np.asarray(size).ravel()

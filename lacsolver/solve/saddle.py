@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.sparse import csc_array, csr_array, eye_array
 from scipy.sparse.linalg import splu
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.solve.contact_system import Rows
+from lacsolver.solve.contact_system import Rows, row_energies
 from lacsolver.solve.stiffness import Stiffness
 
 #: relative tolerance for the rank of the active rows on the rigid-body modes
@@ -62,7 +63,7 @@ class SchurPreconditioner:
 
     (B B^T)^-1 B K B^T (B B^T)^-1 is the stiffness of the skins in terms of pressures (the lumped preconditioner of
     Farhat and Roux 1991, with the scaling of the rows); a row with compliance is in series with it. `QB`, `QD` (a, r):
-    products of the rows with the rigid-body modes R. `own` (a,): stiffness of each row alone, force per gap integral.
+    products of the rows with the rigid-body modes R.
     """
 
     def __init__(self, problem: SaddleProblem) -> None:
@@ -75,20 +76,33 @@ class SchurPreconditioner:
             self.gram = splu(csc_array(gram + (1e-13 * gram.diagonal().max() or 1.0) * eye_array(self.n)))
         self.QB, self.QD = rows.B[active] @ K.R, rows.D[active] @ K.R
         self.inverse = pseudo_inverse(self.QB.T @ self.QD)
-        energy = np.asarray((self.B @ self.inner).multiply(self.B).sum(axis=1)).ravel()
-        size = np.asarray(self.B.multiply(self.B).sum(axis=1)).ravel()
-        stiff = np.where(energy > 0, energy, 1.0) / np.where(size > 0, size, 1.0) ** 2
-        self.series, self.alone = 1 / (1 + stiff * problem.S), np.zeros(self.n)
-        fixed = (size == 0) & (problem.S > 0)  # no unknown moves them: the spring alone answers
-        self.alone[fixed] = 1 / problem.S[fixed]
-        self.own = np.where(fixed, self.alone, stiff * self.series)
+        self._S = problem.S
+
+    @cached_property
+    def _fixed(self) -> NDArray[np.bool_]:
+        """Mask (a,) of rows that no unknown moves, where the spring alone answers."""
+        return (np.diff(self.B.indptr) == 0) & (self._S > 0)
+
+    @cached_property
+    def _stiff(self) -> NDArray[np.floating]:
+        """Stiffness (a,) of each row's skin, force per gap integral; 1 where it has none."""
+        energy, size = row_energies(self.B, self.inner)
+        return np.where(energy > 0, energy, 1.0) / np.where(size > 0, size, 1.0) ** 2
+
+    @cached_property
+    def own(self) -> NDArray[np.floating]:
+        """Stiffness (a,) of each row alone, force per gap integral: of its skin and its spring in series."""
+        alone = np.divide(1.0, self._S, out=np.zeros(self.n), where=self._fixed)
+        return np.where(self._fixed, alone, self._stiff / (1 + self._stiff * self._S))
 
     def pressures(self, gap: Floats) -> NDArray[np.floating]:
         """Return the approximate pressures (a,) that open gaps by `gap` (a,)."""
         if not self.n:
             return gap
         rigid = self.gram.solve(self.B @ (self.inner @ (self.B_T @ self.gram.solve(gap))))
-        return np.where(self.alone > 0, self.alone * gap, self.series * rigid)
+        if not self._S.any():
+            return np.asarray(rigid)
+        return np.where(self._fixed, self.own * gap, rigid / (1 + self._stiff * self._S))
 
     def balancing(self, load: Floats) -> NDArray[np.floating]:
         """Return pressures (a,) that balance a load (r,) along the rigid-body modes."""
