@@ -63,7 +63,7 @@ class Constraints:
         local = combine(space, (*parts, *on_axis(space, moved)))
         own, n = _own_unknowns(space, local, rigid)
         rigid = numbered(rigid, n)
-        made = cls(space, _map(space, local, own, n, rigid), local, rigid, _names(local))
+        made = cls(space, _shared(space, _map(space, local, own, n, rigid), own), local, rigid, _names(local))
         for t in _probed(case):
             made.u0(t)
         return made
@@ -73,9 +73,17 @@ class Constraints:
         """Number of unknowns q."""
         return self.T.shape[1]
 
+    @cached_property
+    def own(self) -> NDArray[np.bool_] | None:
+        """Mask (n_q,) of the unknowns at this process's own nodes; None if all are."""
+        if self.space.share.own is None:
+            return None
+        T = self.T.tocsc()
+        return self.space.share.own[T.indices[T.indptr[:-1]] // self.space.dim]
+
     def u0(self, t: float) -> NDArray[np.floating]:
         """Return the displacement (n_dof,) at time t with q = 0. Raises CaseError where conditions contradict."""
-        u = self.local.P @ self.local.values(t)
+        u = self.space.updated(self.local.P @ self.local.values(t))
         for body in self.rigid:
             u[self.space.dofs(body.nodes).ravel()] = body.displacement(body.held(t))
         return u
@@ -158,8 +166,10 @@ class Constraints:
         If two conditions at a node are dependent, the earlier one carries the force, so that the shares add up to the
         whole. The share of a rigid body is that of all forces on its nodes, including the loads on its free motions.
         """
-        own = self.local.forces(reaction)
-        shares = {name: own[rows].sum(axis=0) for name, rows in self.names.items()}
+        own, share = self.local.forces(reaction), self.space.share
+        if share.own is not None:
+            own[~share.own[self.local.node]] = 0.0
+        shares = {name: share.total(own[rows].sum(axis=0)) for name, rows in self.names.items()}
         return shares | {name: m[: self.space.dim] for name, m in self.rigid_reactions(reaction).items()}
 
     def reaction(self, name: str, reaction: Floats) -> NDArray[np.floating]:
@@ -222,6 +232,22 @@ def _map(
     if moment_arms is None:
         T.eliminate_zeros()
     return T
+
+
+def _shared(space: Space, T: csr_array, own: Ints) -> csr_array:
+    """Return T with the blocks at the nodes of other processes that they have; `own` (n_nodes,) as for `_map`."""
+    if space.share.own is None:
+        return T
+    entries, dim = T.tocoo(), space.dim
+    node = entries.row // dim
+    blocks = np.zeros((space.mesh.n_nodes, dim, dim))
+    blocks[node, entries.row % dim, entries.col - own[node]] = entries.data
+    shared = space.share.update(blocks.reshape(-1, dim * dim)).reshape(-1, dim, dim)
+    used = shared.any(axis=1)  # (n_nodes, columns)
+    first = np.cumsum(used.sum(axis=1)) - used.sum(axis=1)
+    node, s, j = np.nonzero(shared)
+    entry = shared[node, s, j], (dim * node + s, first[node] + j)
+    return coo_array(entry, shape=(space.n_dof, int(used.sum()))).tocsr()
 
 
 def _names(local: LocalBases) -> Mapping[str, Ints]:

@@ -28,6 +28,7 @@ from lacmesh.surface.record import mean_normals
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.contact.rows import macro_rows
 from lacsolver.contact.zone import Zone
+from lacsolver.space.share import ALONE, Share
 from lacsolver.space.space import Space
 from lacsolver.space.values import ScalarField, evaluate
 
@@ -95,20 +96,26 @@ class Interface:
 
 
 def integrate(
-    zone: Zone, dim: int, pairing: Pairing = Pairing(), *, x: Floats | None = None, t: float = 1.0, tie: bool = False
-) -> Interface:
-    """Return the interface of a zone with its nodes at x (n_nodes, 3), or undeformed if x is None, at time t."""
+    zone: Zone, dim: int, pairing: Pairing = Pairing(), *, x: Floats | None = None, t: float = 1.0, tie: bool = False,
+    share: Share = ALONE,
+) -> Interface:  # fmt: skip
+    """Return the interface of a zone with its nodes at x (n_nodes, 3), or undeformed if x is None, at time t.
+
+    Each of several processes pairs and integrates its own macro-elements, and all have the sums; `points`, with their
+    weights and distances, remain those of its own.
+    """
     slave, master = (zone.slave, zone.master) if x is None else (zone.slave.at(x), zone.master.at(x))
-    points = _points(zone, slave, master, pairing, moved=x is not None)
+    points = _points(zone, slave, master, pairing, x is not None, share)
     weight = points.weight * pairing.thickness
     if x is not None and pairing.measure == "reference":
         weight = weight * stretch(zone, slave, points, pairing.axisymmetric)
     n = np.ascontiguousarray(points.normal[:, :dim])
     m = zone.n_macros
     gap = points.gap + _clearance(zone, points, pairing, t)
-    integral = np.bincount(points.macro, weight * gap, m).astype(float)
-    w = np.bincount(points.macro, weight, m).astype(float)
+    integral = share.total(np.bincount(points.macro, weight * gap, m).astype(float))
+    w = share.total(np.bincount(points.macro, weight, m).astype(float))
     B = _jump(slave, master, points, weight, dim, m) if tie else _pressing(slave, master, points, weight, n, m)
+    B = share.add_matrices(B, (False, True))
     measured = zone.slave if pairing.measure == "reference" else slave
     area = face_measure(measured, pairing.axisymmetric) * pairing.thickness
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -119,7 +126,9 @@ def integrate(
     return Interface(zone, slave, master, points, weight, gap, B, G, w, total, average, centre, normal, length)
 
 
-def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool) -> ContactPoints:
+def _points(
+    zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool, share: Share
+) -> ContactPoints:
     distance = pairing.search_distance
     if distance is None:  # that of the undeformed skins, which is constant
         distance = default_distance(zone.slave, zone.master, zone.macro)
@@ -127,10 +136,21 @@ def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved
     if deepest is None and moved:  # during the iterations skins overlap by more than cells are deep
         deepest = distance
     return contact_points(
-        slave, master, macro=zone.macro, normals=pairing.normals, crease_angle=pairing.crease_angle,
+        slave, master, macro=_own_macros(zone, share), normals=pairing.normals, crease_angle=pairing.crease_angle,
         search_distance=distance, max_penetration=deepest, search=pairing.search,
         axisymmetric=pairing.axisymmetric, degree=_CLEARANCE if callable(pairing.clearance) else 0,
     )  # fmt: skip
+
+
+def _own_macros(zone: Zone, share: Share) -> Ints:
+    """Return the macro-element (faces,) of each face, -1 for those of other processes.
+
+    A macro-element is of the process that has the first node of its first face.
+    """
+    if share.own is None:
+        return zone.macro
+    first = np.unique(zone.macro, return_index=True)[1]
+    return np.where(share.own[zone.slave.faces.nodes[first, 0]][zone.macro], zone.macro, -1)
 
 
 def _clearance(zone: Zone, points: ContactPoints, pairing: Pairing, t: float) -> Any:

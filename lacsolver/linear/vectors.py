@@ -1,11 +1,11 @@
 """Operations on vectors that the iterative loops use: products, norms and sums; the only place that a loop sums in.
 
-`lacsolver.linear.cycle.Team` has the same operations on several threads. A distributed vector would have them over its
-parts.
+`lacsolver.linear.cycle.Team` has the same operations on several threads, `SharedVectors` on several processes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -52,6 +52,46 @@ class WholeVectors:
     def subtract(self, c: Floats, A: Floats, x: Floats) -> None:
         """Subtract c A from x in place, for rows A (k, n)."""
         x -= c @ A
+
+
+class SharedVectors:
+    """Vectors of unknowns of which each process holds some, its `own` (n,), and copies of others.
+
+    Entries beyond the n unknowns, such as pressures, are the same on all processes. `total` and `largest` combine the
+    arrays and numbers of all processes; `first`: True on one of them.
+    """
+
+    def __init__(
+        self, own: NDArray[np.bool_], total: Callable[[Floats], Floats], largest: Callable[[float], float], first: bool
+    ) -> None:
+        self._own, self._total, self._largest, self._first = own, total, largest, first
+
+    def dots(self, A: Floats, x: Floats) -> NDArray[np.floating]:
+        """Return the products (k,) of rows A (k, n) with x."""
+        n = len(self._own)
+        rest = A[:, n:] @ x[n:] if self._first and len(x) > n else 0.0
+        return np.asarray(self._total(A[:, :n] @ (x[:n] * self._own) + rest))
+
+    def norm(self, x: Floats) -> float:
+        """Return the Euclidean norm."""
+        return float(np.sqrt(self.dots(x[None], x)[0]))
+
+    def largest(self, x: Floats) -> float:
+        """Return the largest magnitude of an entry, 0 for an empty vector."""
+        n = len(self._own)
+        own = float(np.abs(x[:n][self._own]).max(initial=0.0))
+        return self._largest(max(own, float(np.abs(x[n:]).max(initial=0.0))))
+
+    def subtract(self, c: Floats, A: Floats, x: Floats) -> None:
+        """Subtract c A from x in place, for rows A (k, n)."""
+        x -= c @ A
+
+
+def products(vectors: Vectors, A: Floats, B: Floats) -> NDArray[np.floating]:
+    """Return A^T B (k, j) of the columns of A (n, k) with the columns of B (n, j)."""
+    if not (A.shape[1] and B.shape[1]):
+        return np.zeros((A.shape[1], B.shape[1]))
+    return np.stack([vectors.dots(A.T, column) for column in B.T], axis=1)
 
 
 #: whole arrays

@@ -89,7 +89,7 @@ class ContactPair:
     def integrate(self, space: Space, u: Floats, t: float) -> Interface:
         """Return the interface of the pair under u (n_dof,) at time t, see `places`."""
         x = self.places(space, u) if self.moving else None
-        return integrate(self.zone, space.dim, self.pairing, x=x, t=t, tie=self.law.all_components)
+        return integrate(self.zone, space.dim, self.pairing, x=x, t=t, tie=self.law.all_components, share=space.share)
 
     def covered(self, face: Interface) -> NDArray[np.bool_]:
         """Return a mask (n_macros,), True for macro-elements of an interface whose coverage reaches the threshold.

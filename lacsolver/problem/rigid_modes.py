@@ -38,6 +38,8 @@ def bodies(space: Space) -> Ints:
 
     Cells that share a node belong to the same body.
     """
+    if space.share.body is not None:
+        return space.share.body
     return label_bodies((block.nodes for block in space.blocks), space.mesh.n_nodes)
 
 
@@ -90,7 +92,7 @@ def free_motions(space: Space, constraints: Constraints, springs: csr_array | No
         amplitudes = np.zeros((len(basis), len(frame.block)))
         amplitudes[:, columns] = basis
         twists = np.stack([amplitudes[:, frame.block == b] @ frame.twists[frame.block == b] for b in blocks], axis=1)
-        moving = [k for k, b in enumerate(blocks) if len(frame.bodies[b].nodes)]
+        moving = [k for k, b in enumerate(blocks) if b < frame.n_connected or len(frame.bodies[b].nodes)]
         if moving:
             found += plain_motions(space, [frame.bodies[blocks[k]] for k in moving], twists[:, moving])
     return tuple(found)
@@ -131,9 +133,12 @@ def displaced_by(motions: Sequence[FreeMotion], u: Floats, x: Floats | None = No
     """Return the largest nodal displacement (k,) of each motion's part in u (n_dof,), found by least squares."""
     if not motions:
         return np.empty(0)
-    F = _fields(motions, x)
-    part = np.linalg.solve((F.T @ F).toarray(), F.T @ u)
-    farthest = [np.linalg.norm(m.at_nodes if x is None else m.at(x), axis=1).max() for m in motions]
+    F, space = _fields(motions, x), motions[0].space
+    here = np.repeat(np.ones(space.mesh.n_nodes) if space.share.own is None else space.share.own, space.dim)
+    own = diags_array(here) @ F
+    part = np.linalg.solve(space.share.total((own.T @ F).toarray()), space.share.total(own.T @ u))
+    moved = (m.at_nodes if x is None else m.at(x) for m in motions)
+    farthest = [space.share.largest(float(np.linalg.norm(at, axis=1).max(initial=0.0))) for at in moved]
     return np.abs(part) * farthest
 
 
@@ -151,13 +156,14 @@ def _rates(B: csr_array, motions: Sequence[FreeMotion], x: Floats | None) -> tup
 
 
 class _Frame(NamedTuple):
-    """The bodies, connected ones and then rigid groups, and the amplitudes of their motions.
+    """The bodies, `n_connected` connected ones and then rigid groups, and the amplitudes of their motions.
 
     `of_node` (n_nodes,): the result of `bodies`. `block` (a,): body of each amplitude; `twists` (a, 6): unit motion of
     each amplitude, scaled so that a rotation displaces nodes by about 1.
     """
 
     bodies: tuple[Body, ...]
+    n_connected: int
     of_node: Ints
     block: Ints
     twists: Floats
@@ -176,34 +182,58 @@ def _frame(space: Space, constraints: Constraints) -> _Frame:
         made.append(Body(f"rigid {rigid.name!r}", bare, rigid.centre - space.origin, radius))
         twists.append(_unit_twists(space)[: len(rigid.free)][rigid.free] / _lengths(made[-1]))
     block = np.repeat(np.arange(len(made)), [len(unit) for unit in twists])
-    return _Frame(tuple(made), of_node, block, np.concatenate(twists))
+    return _Frame(tuple(made), len(connected), of_node, block, np.concatenate(twists))
 
 
 def _connected(space: Space, of_node: Ints) -> list[Body]:
-    nodes, start = _body_by_body(of_node)
-    count = np.diff([*start, len(nodes)])
-    x = space.local.points[nodes]
-    centre = np.add.reduceat(x, start) / count[:, None]
-    square = np.add.reduceat(np.square(x - centre[of_node[nodes]]).sum(axis=1), start) / count
-    names = _names(space, of_node, nodes[start])
-    parts = zip(names, np.split(nodes, start[1:]), centre, square, strict=True)
-    return [Body(name, own, c, _radius(s)) for name, own, c, s in parts]
+    """Return the connected bodies of the model, in the order of their numbers, each with its nodes of this process."""
+    n, share = int(space.share.largest(float(of_node.max(initial=-1)))) + 1, space.share
+    own, x = space.own(of_node).ravel(), space.own(space.local.points.ravel())
+    own, x = own[own >= 0], x[own >= 0]
+
+    def sums(values: Floats | None = None) -> NDArray[np.floating]:
+        return share.total(np.bincount(own, values, minlength=n).astype(float))
+
+    count = np.maximum(sums(), 1)
+    centre = np.stack([sums(x[:, k]) for k in range(3)], axis=1) / count[:, None]
+    square = sums(np.square(x - centre[own]).sum(axis=1)) / count
+    nodes = np.argsort(of_node, kind="stable")[np.count_nonzero(of_node < 0) :]
+    parts = np.split(nodes, np.cumsum(np.bincount(of_node[nodes], minlength=n))[:-1])
+    named = zip(_names(space, of_node, n), parts, centre, square, strict=True)
+    return [Body(name, there, c, _radius(s)) for name, there, c, s in named]
 
 
-def _names(space: Space, of_node: Ints, first: Ints) -> list[str]:
-    """Return each body's name: the smallest cell group with all its cells and no other body's, or its first node."""
-    body = np.full(space.mesh.n_cells, -1)
+def _names(space: Space, of_node: Ints, n: int) -> list[str]:
+    """Return the name of each of n bodies: the smallest cell group with all its cells and no other body's, or its node.
+
+    That is the first node of the model that belongs to the body.
+    """
+    share, body = space.share, np.full(space.mesh.n_cells, -1)
     for block in space.blocks:
-        body[block.cell] = of_node[block.nodes[:, 0]]
-    whole = np.bincount(body[body >= 0])
-    names = [f"the body of node {number}" for number in space.mesh.node_number[first]]
-    size = np.full(len(names), space.mesh.n_cells + 1)
+        ours = np.ones(len(block.nodes), bool) if share.own is None else share.own[block.nodes[:, 0]]
+        body[block.cell[ours]] = of_node[block.nodes[ours, 0]]
+
+    def count(cells: Ints) -> Ints:
+        return share.total(np.bincount(body[cells][body[cells] >= 0], minlength=n))
+
+    whole, names = count(np.arange(len(body))), [f"the body of node {number}" for number in _first(space, of_node, n)]
+    size = np.full(n, np.iinfo(np.int64).max)
     for name, cells in space.mesh.cell_groups.items():
-        found = body[cells][body[cells] >= 0]
-        k = int(found[0]) if len(found) else 0
-        if len(found) == whole[k] and (found == k).all() and len(cells) < size[k]:
-            names[k], size[k] = repr(name), len(cells)
+        found, length = count(cells), int(share.total(np.array(len(cells))))
+        k = int(found.argmax())
+        if 0 < found[k] == whole[k] == found.sum() and length < size[k]:
+            names[k], size[k] = repr(name), length
     return names
+
+
+def _first(space: Space, of_node: Ints, n: int) -> Ints:
+    """Return the number of the first node of each of n bodies."""
+    share, nodes = space.share, np.arange(len(of_node))
+    place = share.gather(space.own(nodes if share.node is None else share.node).ravel())
+    body, number = (share.gather(space.own(values).ravel()) for values in (of_node, space.mesh.node_number))
+    order = np.argsort(place, kind="stable")
+    order = order[body[order] >= 0]
+    return number[order[np.unique(body[order], return_index=True)[1]]]
 
 
 def _radius(square: float) -> float:
@@ -225,6 +255,7 @@ def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_ar
     rigid = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in constraints.rigid)])
     sprung = np.empty(0, np.int64) if springs is None else np.flatnonzero(np.diff(springs.indptr)) // space.dim
     nodes = np.unique(np.concatenate([constraints.local.nodes, rigid, sprung]))
+    here = np.ones(space.mesh.n_nodes, bool) if space.share.own is None else space.share.own
     nodes = nodes[space.attached[nodes]]
     own = _modes(space, frame, nodes, frame.of_node[nodes])
     n = len(frame.bodies) - len(constraints.rigid)
@@ -232,13 +263,13 @@ def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_ar
     held = space.attached[rigid]
     shared = space.dofs(rigid[held]).ravel()
     apart = (own - _modes(space, frame, rigid[held], group[held]))[shared]
-    rows = [constraints.local.D @ own, apart]
+    rows = [(constraints.local.D @ own)[np.flatnonzero(here[constraints.local.node])], apart]
     if springs is not None:
         alone = _modes(space, frame, rigid[~held], group[~held])
         stiffness = springs.diagonal()
         unit = np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0)
-        rows.append(diags_array(unit) @ springs @ (own + alone))
-    return vstack(rows, format="csr")
+        rows.append((diags_array(unit) @ springs @ (own + alone))[space.dofs(np.flatnonzero(here)).ravel()])
+    return space.share.gather_rows(vstack(rows, format="csr"))
 
 
 def _modes(space: Space, frame: _Frame, nodes: Ints, body: Ints) -> csr_array:

@@ -25,6 +25,7 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.contact.laws import Bools
+from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.solve.contact_system import ContactSystem, Rows
 from lacsolver.solve.saddle import SaddleProblem
@@ -61,14 +62,16 @@ def active_set_iterates(
     """
     stiffness = K.K if geometric is None else csr_array(K.K + geometric)
     free = K.R if free is None else free
-    resistance = free.T @ (stiffness @ free)
+    vectors = tolerance.vectors
+    resistance = products(vectors, free, stiffness @ free)
     q, p, _ = start
     contact = contact_at(q)
     active = contact.start_active(start.active)
     p = np.where(active, p, 0.0)
     pivots = Pivots()
     while True:
-        active = close_rows_against_rigid_modes(free, contact, active, f - stiffness @ q, resistance)
+        load = vectors.dots(free.T, f - stiffness @ q)
+        active = close_rows_against_rigid_modes(free, contact, active, load, resistance)
         G, S = contact.equations(p, active)
         problem = SaddleProblem(K, contact.rows, np.flatnonzero(active), f, G + contact.rows.D @ q, S, geometric)
         applications = 0
@@ -78,7 +81,7 @@ def active_set_iterates(
             wanted = contact.next_active(active, p)
             if reduction == 0 or not np.array_equal(wanted, active):
                 break
-        off = _balance(K.K, geometric, contact.rows, f, q, p, tolerance.tolerance)
+        off = _balance(K.K, geometric, contact.rows, f, q, p, tolerance)
         gap = float(np.abs(contact.residuals(p, active)).max(initial=0.0)) / tolerance.scale(q)
         residual = Residual(off, gap)
         yield Trial(Iterate(q, p, active), contact, residual, applications, exact=reduction == 0)
@@ -111,9 +114,9 @@ def solve_set(
 
 
 def close_rows_against_rigid_modes(
-    R: Floats, contact: ContactSystem, active: Bools, f: Floats, resistance: Floats | None = None
+    R: Floats, contact: ContactSystem, active: Bools, load: Floats, resistance: Floats | None = None
 ) -> Bools:
-    """Return the active set (m,) with rows added until no rigid-body mode R (n, r) moves along its load f (n,).
+    """Return the active set (m,) with rows added until no rigid-body mode R (n, r) moves along its load (r,).
 
     Each added row is the first that the moving body reaches, provided that it reaches it before it comes to rest by
     itself: `resistance` (r, r), none by default, is the stiffness along the modes from follower forces and the like. A
@@ -121,7 +124,7 @@ def close_rows_against_rigid_modes(
     """
     if not R.shape[1]:
         return active
-    active, moves, carried, load = active.copy(), contact.rows.D @ R, contact.rows.B @ R, R.T @ f
+    active, moves, carried = active.copy(), contact.rows.D @ R, contact.rows.B @ R
     for _ in range(R.shape[1]):
         free, loaded = _null_space(moves[active]), _null_space(carried[active])
         along = free @ (free.T @ (loaded @ (loaded.T @ load)))
@@ -183,11 +186,12 @@ class Pivots:
 
 
 def _balance(
-    K: csr_array, geometric: csr_array | None, rows: Rows, f: Floats, q: Floats, p: Floats, tolerance: float
-) -> float:
+    K: csr_array, geometric: csr_array | None, rows: Rows, f: Floats, q: Floats, p: Floats,
+    tolerance: ConvergenceTolerance,
+) -> float:  # fmt: skip
     """Return the relative residual of the forces f - (K + C) q - B^T p, see `balance`."""
     inner, contact = K @ q + (0.0 if geometric is None else geometric @ q), rows.B_T @ p
-    force = max(float(np.abs(v).max(initial=0.0)) for v in (f, inner, contact))
+    force = max(tolerance.vectors.largest(v) for v in (f, inner, contact))
 
     def terms() -> ForceTerms:
         size = abs(K) @ np.abs(q) + (0.0 if geometric is None else abs(geometric) @ np.abs(q))

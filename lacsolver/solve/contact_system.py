@@ -22,6 +22,7 @@ from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.tangent import Motion, gap_derivative, motion_of, tangent
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.solve.stiffness import Stiffness
+from lacsolver.space.share import ALONE, Share
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,8 @@ class RowGroup:
     """Rows of one contact pair: its `law`, the `rows` that are its own, and their `history` (rows, n_history).
 
     `pair`, `face`: the contact pair and its interface in this configuration; None for rows without a geometry.
-    `symmetric`: True if the derivatives of the interface are left out of the tangent.
+    `symmetric`: True if the derivatives of the interface are left out of the tangent. `share`: what this process holds
+    of the model.
     """
 
     law: ContactLaw
@@ -75,6 +77,7 @@ class RowGroup:
     pair: ContactPair | None = None
     face: Interface | None = None
     symmetric: bool = True
+    share: Share = ALONE
 
     @cached_property
     def motion(self) -> Motion | None:
@@ -186,7 +189,8 @@ class ContactSystem:
         total = csr_array((n, n))
         for group in self.groups:
             if group.motion is not None and group.face is not None:
-                total = csr_array(total + tangent(group.face, group.motion, p[group.rows]))
+                own = tangent(group.face, group.motion, p[group.rows])
+                total = csr_array(total + group.share.add_matrices(own, (True, True)))
         return total
 
 
@@ -205,7 +209,7 @@ def contact_system(
     for k, (pair, face) in enumerate(zip(problem.joints, interfaces, strict=True)):
         own = slice(first, first + face.B.shape[0])
         memory = history[k] if history else np.zeros((own.stop - first, pair.law.n_history))
-        groups.append(RowGroup(pair.law, own, memory, pair, face, symmetric or not pair.moving))
+        groups.append(RowGroup(pair.law, own, memory, pair, face, symmetric or not pair.moving, problem.space.share))
         repeat, first = (own.stop - first) // max(len(face.w), 1), own.stop
         G.append(face.G if pair.moving else face.G - face.B @ u)
         w.append(np.repeat(face.w, repeat))
@@ -222,7 +226,10 @@ def _derivatives(groups: Sequence[RowGroup], n: int) -> csr_array:
     parts = [csr_array((0, n))]
     for group in groups:
         assert group.face is not None
-        parts.append(group.face.B if group.motion is None else gap_derivative(group.face, group.motion))
+        if group.motion is None:
+            parts.append(group.face.B)
+        else:
+            parts.append(group.share.add_matrices(gap_derivative(group.face, group.motion), (False, True)))
     return csr_array(vstack(parts))
 
 

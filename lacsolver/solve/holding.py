@@ -58,7 +58,7 @@ def _moved(motions: Sequence[FreeMotion], u: Floats, x: Floats | None) -> Iterat
     A body of one point has an infinite extent, so that no displacement is large for it.
     """
     for motion, far in zip(motions, displaced_by(motions, u, x), strict=True):
-        sizes = [np.ptp(motion.space.local.points[body.nodes], axis=0).max() for body in motion.bodies]
+        sizes = [motion.space.extent_of(body.nodes) for body in motion.bodies]
         yield describe(motion), float(far), min(float(size) or np.inf for size in sizes)
 
 
@@ -92,6 +92,8 @@ def beyond_a_cell(space: Space, u: Floats) -> str | None:
     Under small kinematics bodies and contact are evaluated undeformed.
     """
     far = np.linalg.norm(u.reshape(-1, space.dim), axis=1)
+    if space.share.own is not None:
+        far[~space.share.own] = 0.0
     node = int(far.argmax())
     size = 0.0
     for block in space.blocks:

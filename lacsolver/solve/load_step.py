@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
+from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
 from lacsolver.linear import SingularError
 from lacsolver.problem import acting
@@ -128,7 +129,14 @@ class LoadStep:
         return self._linearize(q, u, nodal, (self.u(q) - u, p))
 
     def _internal_force(self, u: Floats) -> NDArray[np.floating]:
-        return self.model.problem.kinematics.internal_force(u, self.t, self.state.histories.materials)
+        """Return the internal forces (n_dof,). Raises InadmissibleError where u inverts a cell, on all processes."""
+        f, failed = np.zeros_like(u), None
+        try:
+            f = self.model.problem.kinematics.internal_force(u, self.t, self.state.histories.materials)
+        except InadmissibleError as error:
+            failed = error
+        self.model.problem.space.share.agree(failed)
+        return f
 
     def _linearize(
         self, q: Floats, u: Floats, nodal: ContactSystem, change: tuple[Floats, Floats] | None = None
@@ -166,7 +174,8 @@ class LoadStep:
         def terms() -> ForceTerms:
             return self._force_terms(q, np.abs(rigid) + np.abs(scheme) + abs(T).T @ (np.abs(inner) + np.abs(load)))
 
-        largest = max(float(np.abs(v).max(initial=0.0)) for v in (inner, load, rigid, out, scheme))
+        largest = max(problem.space.largest(v) for v in (inner, load, out))
+        largest = max(largest, *(model.vectors.largest(v) for v in (rigid, scheme)))
         r = rigid - T.T @ out - scheme
         return Linearization(r, largest, contact, stiffness, geometric_stiffness, model.stabilization.free, terms)
 
@@ -192,7 +201,7 @@ class LoadStep:
         stiff = np.abs(K.diagonal())
         if self.model.problem.kinematics.linear:
             return ForceTerms(abs(K) @ np.abs(q) + terms, stiff)
-        largest = float(np.abs(q).max(initial=0.0)) + self.model.longest  # strains of about 1
+        largest = self.model.vectors.largest(q) + self.model.longest  # strains of about 1
         return ForceTerms(stiff * largest, stiff)
 
     def _factorised(self, K: csr_array, damping: float, definite: bool) -> Stiffness:

@@ -29,6 +29,7 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact.laws import Bools
 from lacsolver.linear import LinearError
+from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.solve.active_set import close_rows_against_rigid_modes, solve_set
 from lacsolver.solve.contact_system import ContactSystem
@@ -172,8 +173,9 @@ def _newton_step(
         with suppress(LinearError):
             K = there.stiffness(damping, definite)
             C, R = there.geometric_stiffness(now.p), there.free
-            resistance = R.T @ (K.K @ R if C is None else K.K @ R + C @ R)
-            closed = close_rows_against_rigid_modes(R, there.contact, active, there.r, resistance)
+            resistance = products(tolerance.vectors, R, K.K @ R if C is None else K.K @ R + C @ R)
+            load = tolerance.vectors.dots(R.T, there.r)
+            closed = close_rows_against_rigid_modes(R, there.contact, active, load, resistance)
             G, S = there.contact.equations(now.p, closed)
             problem = SaddleProblem(K, there.contact.rows, np.flatnonzero(closed), there.r, G, S, C)
             return _Step(*solve_set(problem, there.contact, now.p, tolerance, reduction, moved, limit))
@@ -219,11 +221,11 @@ class _Sets:
 
 def residual_of(there: Linearization, q: Floats, p: Floats, active: Bools, tolerance: ConvergenceTolerance) -> Residual:
     """Return the residuals of forces and gaps of a state."""
-    contact = there.contact
+    contact, vectors = there.contact, tolerance.vectors
     forces = contact.rows.B_T @ p
-    largest = max(there.size, float(np.abs(forces).max(initial=0.0)))
+    largest = max(there.size, vectors.largest(forces))
     off, gaps = there.r - forces, contact.residuals(p, active)
     closing = contact.rows.B_T @ (contact.skin * gaps)
-    merit = float(np.abs(off).max(initial=0.0)) + _GAP_WEIGHT * float(np.abs(closing).max(initial=0.0))
+    merit = vectors.largest(off) + _GAP_WEIGHT * vectors.largest(closing)
     gap = float(np.abs(gaps).max(initial=0.0)) / tolerance.scale(q)
-    return Residual(balance(off, largest, there.terms, tolerance.tolerance), gap, merit)
+    return Residual(balance(off, largest, there.terms, tolerance), gap, merit)

@@ -17,6 +17,7 @@ from lacmesh.errors import DataError, some
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
+from lacsolver.linear.vectors import WHOLE, SharedVectors, Vectors
 from lacsolver.linear import SingularError
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.problem.rigid_modes import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
@@ -64,6 +65,12 @@ class ReducedProblem:
         if self.scheme.resists_rigid_motion:
             return Stabilization.none(self.problem.constraints.n_q)
         return Stabilization.of(self.problem, self.motions, self.K, self.linear)
+
+    @cached_property
+    def vectors(self) -> Vectors:
+        """Operations on vectors of the unknowns q."""
+        share, own = self.problem.space.share, self.problem.constraints.own
+        return WHOLE if own is None else SharedVectors(own, share.total, share.largest, share.rank == 0)
 
     @cached_property
     def factors(self) -> FactorCache:
@@ -119,14 +126,17 @@ class ReducedProblem:
     def length(self) -> float:
         """Extent of the bodies, in axisymmetry at least the largest radius, since radii are measured from the axis."""
         space = self.problem.space
-        radius = space.mesh.points[space.attached, 0].max() if space.model.axisymmetric else 0.0
-        return max(space.extent, float(radius))
+        if not space.model.axisymmetric:
+            return space.extent
+        radius = space.mesh.points[space.attached, 0].max(initial=0.0)
+        return max(space.extent, space.share.largest(float(radius)))
 
     @cached_property
     def longest(self) -> float:
         """Extent of the largest cell."""
         space = self.problem.space
-        return max(float(np.ptp(space.local.points[b.nodes], axis=1).max(initial=0.0)) for b in space.blocks)
+        longest = (np.ptp(space.local.points[b.nodes], axis=1).max(initial=0.0) for b in space.blocks)
+        return space.share.largest(float(max(longest)))
 
     @cached_property
     def linear(self) -> bool:
@@ -142,9 +152,9 @@ class ReducedProblem:
         if space.model.axisymmetric:
             x = space.mesh.points[:, 0] + u[:: space.dim]
             beyond = np.flatnonzero((x < -_AXIS * space.extent) & (space.mesh.points[:, 0] >= 0))
-            if len(beyond):
-                numbers = some(space.mesh.node_number[beyond])
-                raise InadmissibleError(f"nodes {numbers} are taken across the axis; take smaller steps")
+            numbers = some(space.mesh.node_number[beyond])
+            failed = InadmissibleError(f"nodes {numbers} are taken across the axis; take smaller steps")
+            space.share.agree(failed if len(beyond) else None)
 
     def check_held(self, interfaces: Sequence[Interface], paired: NDArray[np.bool_]) -> None:
         """Raise DataError, with a description, if a rigid-body motion is constrained by nothing, contact included."""

@@ -67,6 +67,8 @@ def unknowns(constraints: Constraints, u: Floats) -> NDArray[np.floating]:
     T = constraints.T
     if constraints.is_selection:
         return u[constraints.free]
+    if not constraints.rigid:  # orthonormal columns
+        return np.asarray(T.T @ u)
     return np.asarray(spsolve(csc_array(T.T @ T), T.T @ u))
 
 

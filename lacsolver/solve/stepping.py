@@ -141,7 +141,7 @@ def march(
 def _warn_of_rounding(step: LoadStep, now: Iterate) -> bool:
     """Warn if displacements are hardly larger than the round-off of gaps; return True if it warned."""
     model = step.model
-    moved = float(np.abs(step.u(now.q)).max(initial=0.0))
+    moved = model.problem.space.largest(step.u(now.q))
     if model.linear:
         known = _EPSILON * model.length * any(face.G.any() for face in step.interfaces(now.q))
     else:
@@ -180,9 +180,9 @@ def step_end_times(case: Case) -> list[float]:
 def _search(step: LoadStep, spent: _Step, told: Callable[[Told], None] | None) -> Outcome:
     """Search the equilibrium at one time. The iterations of all attempts are counted."""
     model, solver = step.model, step.model.problem.case.solver
-    moved = float(np.abs(step.u0).max(initial=0.0))
+    moved = model.problem.space.largest(step.u0)
     length = 0.0 if model.linear else model.length
-    tolerance = ConvergenceTolerance(solver.tolerance, solver.max_iterations, length, moved)
+    tolerance = ConvergenceTolerance(solver.tolerance, solver.max_iterations, length, moved, model.vectors)
 
     def report(number: int, closed: int, balance: float, gap: float) -> None:
         if told is not None:
@@ -258,7 +258,7 @@ def _state(step: LoadStep, outcome: Outcome, spent: _Step, committed: StepState,
     return State(
         step.t, step.u(q), step.reaction(q, p), tuple(zones), problem.constraints.rigid_motion(q, step.t),
         spent.iterations, spent.halvings, tuple(spent.residuals), committed, outcome.settled,
-        step.state.histories.materials, held, float(np.abs(step.u0).max(initial=0.0)),
+        step.state.histories.materials, held, problem.space.largest(step.u0),
     )  # fmt: skip
 
 

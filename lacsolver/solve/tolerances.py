@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
+from lacsolver.linear.vectors import WHOLE, Vectors
 
 #: relative round-off of gaps, to the coordinates, and of forces, to the terms that they are summed from
 ROUNDING = 1e-14
@@ -49,16 +50,18 @@ class ConvergenceTolerance:
 
     `length`: size of the coordinates from which gaps are recomputed, whose round-off limits them; 0 if gaps are linear,
     with only the round-off of displacements. `moved`: largest prescribed displacement, part of the scale of gaps.
+    `vectors`: operations on vectors of the unknowns.
     """
 
     tolerance: float
     max_iterations: int
     length: float
     moved: float = 0.0
+    vectors: Vectors = WHOLE
 
     def scale(self, q: Floats) -> float:
         """Return the scale of gaps at q (n,), a length."""
-        return max(float(np.abs(q).max(initial=0.0)), self.moved, ROUNDING * self.length, 1e-300)
+        return max(self.vectors.largest(q), self.moved, ROUNDING * self.length, 1e-300)
 
     def threshold(self, q: Floats) -> float:
         """Return the gap that may remain at q (n,): the tolerance times the scale, or round-off."""
@@ -79,19 +82,19 @@ class ForceTerms(NamedTuple):
     size: Floats
     K: Floats
 
-    def rounding(self) -> NDArray[np.floating]:
+    def rounding(self, vectors: Vectors = WHOLE) -> NDArray[np.floating]:
         """Return the round-off of each sum of forces (n,), ROUNDING D^1/2 max |D^-1/2 size|, with D the diagonal."""
         scale = np.sqrt(np.where(self.K > 0, self.K, 1.0))
-        return ROUNDING * float((self.size / scale).max(initial=0.0)) * scale
+        return ROUNDING * vectors.largest(self.size / scale) * scale
 
 
-def balance(r: Floats, force: float, terms: Callable[[], ForceTerms] | None, tolerance: float) -> float:
+def balance(r: Floats, force: float, terms: Callable[[], ForceTerms] | None, tolerance: ConvergenceTolerance) -> float:
     """Return the residual of the force balance relative to the largest `force`, or to the round-off of the sums.
 
     r (n,): residual of each sum of forces. `terms()`: terms of the sums, computed only if the tolerance is not met;
     None if the sums are exact.
     """
-    off = np.abs(r) / max(force, 1e-300)
-    if terms is not None and off.max(initial=0.0) > tolerance:
-        off = np.abs(r) / np.maximum(force, terms().rounding() / tolerance)
-    return float(off.max(initial=0.0))
+    vectors, off = tolerance.vectors, tolerance.vectors.largest(r) / max(force, 1e-300)
+    if terms is not None and off > tolerance.tolerance:
+        off = vectors.largest(r / np.maximum(force, terms().rounding(vectors) / tolerance.tolerance))
+    return off

@@ -30,11 +30,11 @@ def nodes_of(space: Space, record: AtNodes | Rigid) -> Ints:
     """
     at = getattr(record, "at", None)
     if at is not None:
-        return np.array([_node_at(space, record, np.array(at))])
+        return _node_at(space, record, np.array(at))
     assert record.group is not None  # the schema asks for a group where there is no `at`
     cells = cells_of(space, record)
     nodes = space.mesh.node_groups[record.group] if cells is None else nodes_on(space, cells)
-    if not len(nodes):
+    if not space.share.total(np.array(len(nodes))):
         raise wrong(record, f"the group {record.group!r} is empty; name one that has cells or nodes")
     return nodes
 
@@ -91,14 +91,15 @@ def _written(at: Iterable[float]) -> str:
     return ", ".join(repr(float(c)).removesuffix(".0") for c in at)
 
 
-def _node_at(space: Space, record: Entry, at: Floats) -> int:
+def _node_at(space: Space, record: Entry, at: Floats) -> Ints:
+    """Return the node (1,) at a place; none (0,) if another process has it."""
     points = space.mesh.points[:, : space.dim]
     held = np.zeros(len(points), bool)
     held[nodes_on(space, np.flatnonzero(space.mesh.cell_dim > 0))] = True
     away = np.linalg.norm(points - at, axis=1)
     near = away <= _NEAR * space.extent
     place = _written(at)
-    if not near.any():
+    if not space.share.total(np.array(near.any(), int)):
         k = int(np.where(held, away, np.inf).argmin() if held.any() else away.argmin())
         there = ", ".join(space.told(points[k], 8))
         number = space.mesh.node_number[k]
@@ -109,4 +110,4 @@ def _node_at(space: Space, record: Entry, at: Floats) -> int:
         raise wrong(
             record, f"nodes {numbers} are all at [{place}]; name a group of nodes that has the one that is meant"
         )
-    return int(found[0])
+    return found

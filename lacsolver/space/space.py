@@ -30,6 +30,7 @@ from lacmesh.reference.shapes import gradient
 from lacsolver.space.determinant import determinant
 from lacsolver.space.pattern import Pattern, node_pattern
 from lacsolver.space.rules import cell_rule
+from lacsolver.space.share import ALONE, Share
 
 #: components of stress and strain, in their order; plane and axisymmetric models have the first four
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
@@ -97,6 +98,8 @@ class Space:
     """Displacements on the cells of a mesh that have the model's dimension; built by `Space.of`.
 
     `blocks`: these cells, one block per type, in the mesh's order. `thickness`: that of plane stress; 1 for others.
+    `share`: what this process holds of a model that several processes share; then `blocks` are the cells that touch its
+    own nodes.
 
     Computations use the points of `local`; formulas, places and messages to the user use those of `mesh`.
     """
@@ -105,9 +108,10 @@ class Space:
     model: ModellingHypothesis
     blocks: tuple[Cells, ...]
     thickness: float = 1.0
+    share: Share = ALONE
 
     @classmethod
-    def of(cls, mesh: Mesh, model: str, thickness: float | None = None) -> Space:
+    def of(cls, mesh: Mesh, model: str, thickness: float | None = None, share: Share = ALONE) -> Space:
         """Make the space of a mesh for a model: `3d`, `plane_strain`, `plane_stress`, `axisymmetric` (r = x, axis y).
 
         `thickness` is for plane stress (1 if None). Raises RequestError for a wrong model or thickness, DataError for a
@@ -122,7 +126,7 @@ class Space:
         if model not in MODELS:
             raise RequestError(f"no model named {model!r}{did_you_mean(model, MODELS)}")
         thickness = _thickness(model, thickness)
-        made = cls(mesh, MODELS[model], _solid_blocks(mesh, MODELS[model]), thickness)
+        made = cls(mesh, MODELS[model], _solid_blocks(mesh, MODELS[model], share.own), thickness, share)
         _check_plane(made)
         _check_volume(made)
         return made
@@ -130,7 +134,7 @@ class Space:
     @cached_property
     def origin(self) -> NDArray[np.floating]:
         """Origin (3,) of the coordinates of `local`; in axisymmetry it is on the axis, so that x remains the radius."""
-        origin = origin_of_mesh(self.mesh)
+        origin = origin_of_mesh(self.mesh) if self.share.origin is None else self.share.origin
         return origin * [0.0, 1.0, 1.0] if self.model.axisymmetric else origin
 
     @cached_property
@@ -147,7 +151,26 @@ class Space:
     @cached_property
     def extent(self) -> float:
         """Largest side of the bounding box of the nodes that belong to cells of the space."""
-        return float(np.ptp(self.local.points[self.attached], axis=0).max())
+        return self.extent_of(np.flatnonzero(self.attached))
+
+    def extent_of(self, nodes: Ints) -> float:
+        """Return the largest side of the bounding box of some nodes, those of all processes together."""
+        x, largest = self.local.points[nodes], self.share.largest
+        ends = zip(x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf), strict=True)
+        return max(largest(float(high)) + largest(-float(low)) for low, high in ends)
+
+    def largest(self, u: Floats) -> float:
+        """Return the largest magnitude of a vector u (n_dof,) or (n_nodes,) at the nodes of all processes."""
+        return self.share.largest(float(np.abs(self.own(u)).max(initial=0.0)))
+
+    def own(self, values: NDArray) -> NDArray:
+        """Return the values (n_nodes, k), from (n_nodes k,), at this process's own nodes only: all, if it is alone."""
+        by_node = values.reshape(self.mesh.n_nodes, -1)
+        return by_node if self.share.own is None else by_node[self.share.own]
+
+    def updated(self, u: Floats) -> NDArray[np.floating]:
+        """Return u (n_dof,) with the values at the nodes of other processes that they have."""
+        return self.share.update(u.reshape(self.mesh.n_nodes, -1)).ravel()
 
     def told(self, x: Floats, digits: int = 6) -> list[str]:
         """Return the formatted coordinates of a place x (3,) or (dim,), those of the model only."""
@@ -198,13 +221,16 @@ class Space:
         for name in groups:
             found = self.mesh.cells_of(name)
             found = found[np.isin(found, ours, assume_unique=True)]
-            if not len(found):
+            if not self.share.total(np.array(len(found))):
                 raise DataError(f"group {name!r} has no cell of dimension {self.dim}; name a group of the body's cells")
             chosen[found] = True
         return np.flatnonzero(chosen)
 
 
-def _solid_blocks(mesh: Mesh, model: ModellingHypothesis) -> tuple[Cells, ...]:
+def _solid_blocks(
+    mesh: Mesh, model: ModellingHypothesis, own: NDArray[np.bool_] | None = None
+) -> tuple[Cells, ...]:
+    """Return the cells of the model's dimension, one block per type; with `own` nodes, those that touch them."""
     blocks = []
     for k, (kind, nodes) in enumerate(mesh.blocks):
         if ALL_CELLS[kind].dim != model.dim or not len(nodes):
@@ -213,6 +239,9 @@ def _solid_blocks(mesh: Mesh, model: ModellingHypothesis) -> tuple[Cells, ...]:
         if kind not in CELLS:
             message = f"cells {mesh.cell_names(index[:10])} are of type {kind}, of order 3 or more"
             raise DataError(f"{message}; mesh the body with linear or quadratic cells", mesh.cell_number[index])
+        if own is not None:
+            touching = own[nodes].any(axis=1)
+            nodes, index = nodes[touching], index[touching]
         blocks.append(Cells(kind, fixed(np.ascontiguousarray(nodes, np.int32)), index))
     if not blocks:
         there = ", ".join(mesh.cells_by_type) or "no cells"

@@ -1,0 +1,114 @@
+"""Share of one process in a model that several processes hold together, and the sums that they agree on.
+
+A process has its `own` nodes, all cells that touch them, and the skins of contact with the cells behind them. Forces,
+and rows of matrices, are complete at own nodes only; displacements are known at all nodes of the share, those of other
+processes by `update`. Contact is the same on every process. A process that has the whole model is `ALONE`.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from lacmesh.mesh import Floats, Ints
+
+
+class Share(Protocol):
+    """Interface of the share of a process.
+
+    `own` (n_nodes,): True for its own nodes, None if all are; `origin` (3,) of the coordinates of the whole model and
+    `body` (n_nodes,), the connected body of each node in it, None if the share is the whole. Every method but
+    `update` of an own mask is called by all processes at the same time.
+    """
+
+    @property
+    def rank(self) -> int:
+        """Number of the process, from 0."""
+
+    @property
+    def own(self) -> NDArray[np.bool_] | None:
+        """Mask (n_nodes,) of own nodes; None if all are."""
+
+    @property
+    def origin(self) -> Floats | None:
+        """Origin (3,) of the coordinates; None for that of the mesh."""
+
+    @property
+    def node(self) -> Ints | None:
+        """Index (n_nodes,) in the whole model of each node; None if the share is the whole."""
+
+    @property
+    def body(self) -> Ints | None:
+        """Connected body (n_nodes,) of each node; None for those of the mesh."""
+
+    def update(self, x: Floats) -> NDArray[np.floating]:
+        """Return x (n_nodes, k) with the values at other nodes that their own processes have."""
+
+    def total(self, x: Floats) -> NDArray[np.floating]:
+        """Return the sum of an array over all processes."""
+
+    def largest(self, x: float) -> float:
+        """Return the largest value of all processes."""
+
+    def gather(self, x: NDArray) -> NDArray:
+        """Return the arrays of all processes, one after the other."""
+
+    def gather_rows(self, A: csr_array) -> csr_array:
+        """Return the rows of all processes, one process after the other; columns mean the same on all."""
+
+    def add_matrices(self, A: csr_array, nodal: tuple[bool, bool]) -> csr_array:
+        """Return the sum over all processes of matrices of one size, each entry of which one process has.
+
+        `nodal`: True for rows, and for columns, that are unknowns at nodes of this process's mesh; all processes have
+        those nodes. Others mean the same on all.
+        """
+
+    def agree(self, error: Exception | None) -> None:
+        """Raise the error of the first process that has one, on all of them."""
+
+
+class Alone:
+    """The share of a process that has the whole model.
+
+    >>> ALONE.total(np.ones(2)), ALONE.largest(3.0)
+    (array([1., 1.]), 3.0)
+    """
+
+    rank = 0
+    own = origin = node = body = None
+
+    def update(self, x: Floats) -> NDArray[np.floating]:
+        """Return x."""
+        return x
+
+    def total(self, x: Floats) -> NDArray[np.floating]:
+        """Return x."""
+        return x
+
+    def largest(self, x: float) -> float:
+        """Return x."""
+        return x
+
+    def gather(self, x: NDArray) -> NDArray:
+        """Return x."""
+        return x
+
+    def gather_rows(self, A: csr_array) -> csr_array:
+        """Return A."""
+        return A
+
+    def add_matrices(self, A: csr_array, nodal: tuple[bool, bool]) -> csr_array:
+        """Return A."""
+        return A
+
+    def agree(self, error: Exception | None) -> None:
+        """Raise the error, if there is one."""
+        if error is not None:
+            raise error
+
+
+#: the share of a process that has the whole model
+ALONE = Alone()
