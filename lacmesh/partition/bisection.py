@@ -1,0 +1,84 @@
+"""Distribution of nodes over processes by recursive coordinate bisection.
+
+Each box of nodes is divided across its longest side, in the ratio of the processes on both sides. Berger and Bokhari,
+IEEE Trans. Comput. C-36 (1987) 570-580. Coordinates are compared on a lattice that divides the longest side of the box
+in 2^20, so that nodes in one plane of the model are in one plane here, wherever the model lies and in whatever units.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import DataError, RequestError
+from lacmesh.mesh import Floats, Ints, Mesh
+
+Bools = NDArray[np.bool_]
+_BITS = 20
+#: two sides whose lengths differ by less are of one length, relative to the longer one
+_EQUAL = 1e-6
+
+
+def distribute_nodes(mesh: Mesh, n: int) -> Ints:
+    """Return the rank (n_nodes,), 0 to n - 1, that owns each node, so that all ranks own about as many nodes.
+
+    All nodes are distributed together, whatever body they belong to, and those of no cell too; the result does not
+    depend on the position or the units of the model. Nodes at one place are taken in the order of the mesh. Raises
+    RequestError if there are fewer nodes than ranks, DataError for coordinates that are not finite.
+
+    >>> row = Mesh.create([[0, 0], [4, 0], [1, 0], [3, 0], [2, 0]], [("POI1", [[0]])])
+    >>> distribute_nodes(row, 2)
+    array([0, 1, 0, 1, 1], dtype=int32)
+    """
+    if not 1 <= n <= max(mesh.n_nodes, 1):
+        raise RequestError(f"a mesh of {mesh.n_nodes:,} nodes has from 1 to {mesh.n_nodes:,} parts, not {n:,}")
+    _check_finite(mesh)
+    return bisect(mesh.points, n)
+
+
+def bisect(points: Floats, n: int) -> Ints:
+    """Return the box (k,), 0 to n - 1, that each of k points (k, 3) belongs to."""
+    box = np.zeros(len(points), np.int32)
+    left = [(np.arange(len(points)), 0, n)]
+    while left:
+        nodes, first, count = left.pop()
+        if count == 1:
+            box[nodes] = first
+            continue
+        low = count // 2
+        lower = _come_first(_places(points[nodes]), len(nodes) * low // count)
+        left += [(nodes[lower], first, low), (nodes[~lower], first + low, count - low)]
+    return box
+
+
+def _places(x: Floats) -> Ints:
+    """Return a number (k,) for each of the points x (k, 3), in the order of their coordinates on the lattice.
+
+    The coordinate along the longest side counts first, and the others decide between points in one plane.
+    """
+    sides = np.ptp(x, axis=0)
+    longest = sides.max()
+    axis = int(np.argmax(sides >= (1 - _EQUAL) * longest))
+    place = np.zeros(len(x), np.int64)
+    for k in (axis, (axis + 1) % 3, (axis + 2) % 3):
+        place <<= _BITS + 1
+        place += np.rint((x[:, k] - x[:, k].min()) / (longest or 1.0) * 2**_BITS).astype(np.int64)
+    return place
+
+
+def _come_first(place: Ints, size: int) -> Bools:
+    """Return a mask (k,) of the first `size` (>= 1) of some places, ascending; equal ones in their order."""
+    last = np.partition(place, size - 1)[size - 1]
+    first = place < last
+    first[np.flatnonzero(place == last)[: size - np.count_nonzero(first)]] = True
+    return first
+
+
+def _check_finite(mesh: Mesh) -> None:
+    """Raise DataError if a node has no place, or the model no finite size."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        finite = not mesh.n_nodes or np.isfinite(np.ptp(mesh.points, axis=0)).all()
+    if not finite:
+        far = np.nan_to_num(np.abs(mesh.points), nan=np.inf).max(axis=1)
+        number = mesh.node_number[int(far.argmax())]
+        raise DataError(f"node {number} has a coordinate that is not finite, or is huge; repair or remove it")
