@@ -3,6 +3,8 @@
 SHELL := /bin/bash
 BIN := .venv/bin
 INSTALLED := .venv/.installed
+# PETSc and MPI, with the older numpy that Debian's PETSc needs
+PETSC := .venv-petsc
 # two processes, each with one thread of OpenBLAS: more would wait for one another
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist worksteal
 # what `make quick` runs: of every package what notices most in the least time, a minute of one core in all
@@ -20,7 +22,7 @@ QUICK := \
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test lint quick portable fuzz bench verify docs clean
+.PHONY: help install petsc demo test test-petsc lint quick portable fuzz bench verify docs clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -36,6 +38,15 @@ $(INSTALLED): pyproject.toml .venv/.system
 	@echo "installing lacmesh and its tools into .venv (some 300 MB to fetch the first time)"
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[dev]'
 	@$(BIN)/lacmesh compile
+	@touch $@
+
+petsc: $(PETSC)/.installed ## .venv-petsc with lacsolver, PETSc and MPI, for runs on several processes (docs/install_petsc.md)
+
+$(PETSC)/.installed: pyproject.toml tools/system.sh tools/python.sh
+	@bash tools/system.sh petsc
+	@python=$$(bash tools/python.sh) && $$python -m venv $(PETSC)
+	@echo "installing lacsolver with PETSc into $(PETSC) (some 100 MB to fetch the first time)"
+	@$(PETSC)/bin/pip install --quiet --disable-pip-version-check -e '.[petsc]' pytest hypothesis
 	@touch $@
 
 demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks together, and draw both
@@ -84,5 +95,5 @@ docs: $(INSTALLED) ## make the figures and tables of docs/ again
 	$(BIN)/python docs/tutorials/run.py
 
 clean: ## remove .venv, build and every cache
-	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv $(PETSC) build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +
