@@ -52,7 +52,7 @@ class Kinematics(Protocol):
         """Return the Cauchy stress (cells, points, 4 or 6) of each block, in the components of `space.COMPONENTS`."""
 
     def energy(self, u: Floats, t: float, history: LawHistory = ()) -> float:
-        """Return the energy stored in bodies and springs."""
+        """Return the energy stored in bodies and springs, of this process's own cells and nodes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +105,12 @@ class Small:
         """Return half the integral of stress times elastic strain, C^-1 stress, plus the springs' energy."""
         C, _ = self.materials.tables
         inverse = np.linalg.pinv(C)  # plane stress: C has zeros for zz; laws at points: zeros
-        total = _stored(self.springs, u) + (0.0 if self.linear else self._points.energy(u, history))
-        parts = zip(self.stress(u, t, history), assemble.weights(self.space), self.materials.law, strict=True)
-        for stress, w, law in parts:
+        total = _stored(self.space, self.springs, u) + (0.0 if self.linear else self._points.energy(u, history))
+        space = self.space
+        parts = zip(self.stress(u, t, history), assemble.weights(space), self.materials.law, space.blocks, strict=True)
+        for stress, w, law, block in parts:
             for k in np.unique(law):
-                rows = law == k
+                rows = (law == k) & space.own_cells(block)
                 work = np.einsum("cqk,cqk->cq", stress[rows] @ inverse[k], stress[rows])
                 total += 0.5 * float((w[rows] * work).sum())
         return total
@@ -165,7 +166,7 @@ class Finite:
         theta, threads = self.stretches(t), self.threads
         stored = finite.energy(self.space, self.materials, u, stretches=theta, threads=threads)
         stored += self._points.energy(u, history) if self.materials.pointwise else 0.0
-        return stored + _stored(self.springs, u)
+        return stored + _stored(self.space, self.springs, u)
 
     def stretches(self, t: float) -> Field | None:
         """Return the thermal stretches at time t; those of the last time are cached."""
@@ -200,5 +201,5 @@ def kinematics_of(
     return make(space, materials, springs, temperature, threads)
 
 
-def _stored(springs: csr_array | None, u: Floats) -> float:
-    return 0.0 if springs is None else 0.5 * float(u @ (springs @ u))
+def _stored(space: Space, springs: csr_array | None, u: Floats) -> float:
+    return 0.0 if springs is None else 0.5 * float((space.own(u) * space.own(springs @ u)).sum())

@@ -15,7 +15,7 @@ from lacmesh.surface import Surface
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.records import Displacement
 from lacsolver.case.value import Value
-from lacsolver.constraints.normals import nodal_normals
+from lacsolver.constraints.normals import Normals, nodal_normals
 from lacsolver.space.places import cells_of, nodes_of, wrong
 from lacsolver.space.space import Space
 
@@ -51,7 +51,7 @@ def prescribed(space: Space, records: Sequence[Displacement]) -> tuple[Prescribe
     """
     problems: list[Issue] = []
     made: list[list[Prescribed]] = []
-    skins: dict[int, Surface] = {}
+    skins: dict[int, Surface | None] = {}
     for number, record in enumerate(records):
         try:
             made.append(_along_axes(space, record))
@@ -61,11 +61,13 @@ def prescribed(space: Space, records: Sequence[Displacement]) -> tuple[Prescribe
             problems += error.problems
     if problems:
         raise CaseError(problems)
-    if skins:
-        for number, found in zip(skins, nodal_normals(space, list(skins.values())), strict=True):
-            value = records[number].un
-            assert value is not None
-            made[number].append(Prescribed(records[number], "un", value, found.nodes, found.normals))
+    there = {number: skin for number, skin in skins.items() if skin is not None}
+    normals = dict(zip(there, nodal_normals(space, list(there.values())), strict=True)) if there else {}
+    for number in skins:
+        value, found = records[number].un, normals.get(number, Normals(np.empty(0, np.int64), np.empty((0, space.dim))))
+        assert value is not None
+        own = np.isin(found.nodes, space.own_nodes(found.nodes))
+        made[number].append(Prescribed(records[number], "un", value, found.nodes[own], found.normals[own]))
     return tuple(part for parts in made for part in parts)
 
 
@@ -79,7 +81,7 @@ def on_axis(space: Space, moved: Ints) -> tuple[Prescribed, ...]:
     x = space.mesh.points
     there = space.attached & (np.abs(x[:, 0]) <= _ON_AXIS * space.extent)
     there[moved] = False
-    nodes = np.flatnonzero(there)
+    nodes = space.own_nodes(np.flatnonzero(there))
     return (Prescribed(AXIS, "ux", Value(0.0), nodes, np.tile([1.0, 0.0], (len(nodes), 1))),) if len(nodes) else ()
 
 
@@ -93,14 +95,20 @@ def _along_axes(space: Space, record: Displacement) -> list[Prescribed]:
     ]
 
 
-def _skin(space: Space, record: Displacement) -> Surface:
-    """Return the faces of a record's group, each with one cell of the body behind it. Raises CaseError for others."""
+def _skin(space: Space, record: Displacement) -> Surface | None:
+    """Return the faces of a record's group, each with one cell of the body behind it; None if this process has none.
+
+    Raises CaseError for others.
+    """
     mesh = space.mesh
     cells = cells_of(space, record)
     if cells is None:
         raise wrong(
             record, f"un needs a group of skin cells, and {record.group!r} is one of nodes; make it one of cells"
         )
+    cells = space.near(cells)
+    if not len(cells):
+        return None
     odd = cells[(mesh.cell_dim[cells] != space.dim - 1) | ~_known(space, cells)]
     if len(odd):
         what = f"linear or quadratic skin cells of dimension {space.dim - 1}"

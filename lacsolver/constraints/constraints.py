@@ -26,7 +26,7 @@ from lacsolver.case.case import Case
 from lacsolver.constraints.conditions import AXIS, on_axis, prescribed
 from lacsolver.constraints.local import LocalBases, combine
 from lacsolver.constraints.rigid import RigidBody, check_apart, numbered, rigid_bodies
-from lacsolver.space.places import name_of
+from lacsolver.space.places import name_of, wrong
 from lacsolver.space.space import Space
 
 
@@ -56,6 +56,8 @@ class Constraints:
         of a group that is no skin, conditions that contradict each other at a node (checked at some of the case's times
         here, and at every time by `u0`), a node in two rigid bodies, or a node of one that is prescribed too.
         """
+        if case.rigid and space.share.own is not None:
+            raise wrong(case.rigid[0], "rigid bodies are not solved on several processes yet; start one process")
         parts = prescribed(space, case.displacement)
         rigid = rigid_bodies(space, case.rigid, case.kinematics == "finite")
         check_apart(space, rigid, parts)
@@ -76,10 +78,18 @@ class Constraints:
     @cached_property
     def own(self) -> NDArray[np.bool_] | None:
         """Mask (n_q,) of the unknowns at this process's own nodes; None if all are."""
-        if self.space.share.own is None:
-            return None
+        return None if self.space.share.own is None else self.space.share.own[self._node]
+
+    @cached_property
+    def common(self) -> Ints | None:
+        """Unknowns at nodes of contact skins, which all processes have in this order; None for a process alone."""
+        return None if self.space.share.common is None else np.flatnonzero(self.space.share.common[self._node])
+
+    @cached_property
+    def _node(self) -> Ints:
+        """Node (n_q,) of each unknown, the first one for the motion of a rigid body."""
         T = self.T.tocsc()
-        return self.space.share.own[T.indices[T.indptr[:-1]] // self.space.dim]
+        return T.indices[T.indptr[:-1]] // self.space.dim
 
     def u0(self, t: float) -> NDArray[np.floating]:
         """Return the displacement (n_dof,) at time t with q = 0. Raises CaseError where conditions contradict."""
@@ -167,8 +177,6 @@ class Constraints:
         whole. The share of a rigid body is that of all forces on its nodes, including the loads on its free motions.
         """
         own, share = self.local.forces(reaction), self.space.share
-        if share.own is not None:
-            own[~share.own[self.local.node]] = 0.0
         shares = {name: share.total(own[rows].sum(axis=0)) for name, rows in self.names.items()}
         return shares | {name: m[: self.space.dim] for name, m in self.rigid_reactions(reaction).items()}
 

@@ -191,9 +191,11 @@ def _not_negative(k: Floats) -> None:
         raise DataError(f"a spring's stiffness is 0 or more, and is {k.min():.6g} somewhere")
 
 
-def _pressed(space: Space, faces: Ints) -> Surface:
+def _pressed(space: Space, faces: Ints) -> Surface | None:
     """Return the surface of skin cells for a pressure. Raises DataError unless each has one cell behind it."""
     surface = _skin(space, faces)
+    if surface is None:
+        return None
     unknown = surface.cell[np.isnan(surface.depth)]
     if len(unknown):
         message = f"cells {space.mesh.cell_names(unknown)} do not have just one cell of the body behind them"
@@ -212,14 +214,20 @@ def _held(space: Space, nodes: Ints, what: str, moved: Ints | None = None) -> In
     return nodes
 
 
-def _skin(space: Space, faces: Ints) -> Surface:
-    """Return the surface of skin cells, each face once, outward. Raises DataError for cells that are no skin."""
+def _skin(space: Space, faces: Ints) -> Surface | None:
+    """Return the surface of skin cells, each face once, outward; of several processes, at its own nodes, None if none.
+
+    Raises DataError for cells that are no skin.
+    """
     faces = np.asarray(faces, dtype=np.int64)
     wrong = faces[space.mesh.cell_dim[faces] != space.dim - 1]
-    if len(wrong) or not len(faces):
+    if len(wrong) or not space.share.total(np.array(len(faces))):
         named = f"cells {space.mesh.cell_names(wrong)} are none" if len(wrong) else "the group is empty"
         message = f"a load on a surface needs cells of dimension {space.dim - 1}, and {named}"
         raise DataError(f"{message}; name a group of skin cells", space.mesh.cell_number[wrong])
+    faces = space.near(faces)
+    if not len(faces):
+        return None
     surface = Surface.of(space.mesh, faces)
     nodes = surface.faces.nodes
     loose = surface.cell[((nodes >= 0) & ~space.attached[nodes]).any(axis=1)]
@@ -246,8 +254,10 @@ class _FacePoints(NamedTuple):
     w: NDArray[np.floating]
 
 
-def _face_points(space: Space, surface: Surface, x: Floats | None, degree: int | None) -> Iterator[_FacePoints]:
+def _face_points(space: Space, surface: Surface | None, x: Floats | None, degree: int | None) -> Iterator[_FacePoints]:
     """Yield the faces of a surface, type by type, with normals and radii at `x`, and undeformed points."""
+    if surface is None:
+        return
     where = space.local.points if x is None else np.asarray(x, dtype=float)
     for name, _, nodes in surface.by_type():
         cell = CELLS[name]
@@ -262,7 +272,7 @@ def _face_points(space: Space, surface: Surface, x: Floats | None, degree: int |
 
 def _on_faces(
     space: Space,
-    surface: Surface,
+    surface: Surface | None,
     force: Callable[[Floats, Floats], NDArray[np.floating]],
     x: Floats | None,
     degree: int | None,

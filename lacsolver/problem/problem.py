@@ -31,6 +31,7 @@ from lacsolver.problem import acting
 from lacsolver.problem.laws import contact_law_of, law_of
 from lacsolver.problem.skin import check_mesh, prepared
 from lacsolver.space.places import nodes_of, wrong
+from lacsolver.space.share import ALONE, Distribution
 from lacsolver.space.space import Space
 
 #: round-off of a coverage
@@ -125,12 +126,13 @@ class Problem:
     joints: tuple[ContactPair, ...]
 
     @classmethod
-    def of(cls, case: Case, mesh: Mesh | None = None) -> Problem:
+    def of(cls, case: Case, mesh: Mesh | None = None, distribution: Distribution = ALONE) -> Problem:
         """Read the mesh of a case (or take `mesh`), cut slaves that are not cut, and check everything against the case.
 
+        `distribution`: the processes that share the model; each gets the problem of its own part.
         Raises CaseError, ReadError, CutError, DataError, RequestError, each with a sentence for the user.
         """
-        parts = build(case, lacmesh.read(case.mesh) if mesh is None else mesh)
+        parts = build(case, lacmesh.read(case.mesh) if mesh is None else mesh, distribution=distribution)
         assert parts.space is not None and parts.materials is not None and parts.constraints is not None
         return cls(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs))
 
@@ -174,7 +176,9 @@ class ProblemParts:
     pairs: list[ContactPair] = field(default_factory=list)
 
 
-def build(case: Case, mesh: Mesh, attempt: Attempt | None = None, *, bodies: bool = True) -> ProblemParts:
+def build(
+    case: Case, mesh: Mesh, attempt: Attempt | None = None, *, bodies: bool = True, distribution: Distribution = ALONE
+) -> ProblemParts:
     """Build the parts of a case's problem stage by stage: for a run, for a validation, and for contact matrices.
 
     `attempt`: context of each stage; by default the first error is raised, and the stages after one that they depend on
@@ -193,7 +197,9 @@ def build(case: Case, mesh: Mesh, attempt: Attempt | None = None, *, bodies: boo
         parts.mesh = prepared(case, mesh)
         parts.prepared = True
     with attempt(""):
-        parts.space = Space.of(parts.mesh, case.model, case.thickness)
+        skins = [name for record in (*case.contact, *case.tie) for name in (record.slave, record.master)]
+        parts.mesh, share = distribution.take(parts.mesh, skins)
+        parts.space = Space.of(parts.mesh, case.model, case.thickness, share)
     if parts.space is not None and bodies:
         with attempt(""):
             parts.materials = materials_of(case, parts.space)

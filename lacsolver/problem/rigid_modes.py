@@ -134,7 +134,7 @@ def displaced_by(motions: Sequence[FreeMotion], u: Floats, x: Floats | None = No
     if not motions:
         return np.empty(0)
     F, space = _fields(motions, x), motions[0].space
-    here = np.repeat(np.ones(space.mesh.n_nodes) if space.share.own is None else space.share.own, space.dim)
+    here = np.repeat(np.ones(space.mesh.n_nodes) if space.share.own is None else space.share.own.astype(float), space.dim)
     own = diags_array(here) @ F
     part = np.linalg.solve(space.share.total((own.T @ F).toarray()), space.share.total(own.T @ u))
     moved = (m.at_nodes if x is None else m.at(x) for m in motions)
@@ -210,7 +210,7 @@ def _names(space: Space, of_node: Ints, n: int) -> list[str]:
     """
     share, body = space.share, np.full(space.mesh.n_cells, -1)
     for block in space.blocks:
-        ours = np.ones(len(block.nodes), bool) if share.own is None else share.own[block.nodes[:, 0]]
+        ours = space.own_cells(block)
         body[block.cell[ours]] = of_node[block.nodes[ours, 0]]
 
     def count(cells: Ints) -> Ints:
@@ -255,7 +255,6 @@ def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_ar
     rigid = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in constraints.rigid)])
     sprung = np.empty(0, np.int64) if springs is None else np.flatnonzero(np.diff(springs.indptr)) // space.dim
     nodes = np.unique(np.concatenate([constraints.local.nodes, rigid, sprung]))
-    here = np.ones(space.mesh.n_nodes, bool) if space.share.own is None else space.share.own
     nodes = nodes[space.attached[nodes]]
     own = _modes(space, frame, nodes, frame.of_node[nodes])
     n = len(frame.bodies) - len(constraints.rigid)
@@ -263,12 +262,12 @@ def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_ar
     held = space.attached[rigid]
     shared = space.dofs(rigid[held]).ravel()
     apart = (own - _modes(space, frame, rigid[held], group[held]))[shared]
-    rows = [(constraints.local.D @ own)[np.flatnonzero(here[constraints.local.node])], apart]
+    rows = [constraints.local.D @ own, apart]
     if springs is not None:
         alone = _modes(space, frame, rigid[~held], group[~held])
         stiffness = springs.diagonal()
         unit = np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0)
-        rows.append((diags_array(unit) @ springs @ (own + alone))[space.dofs(np.flatnonzero(here)).ravel()])
+        rows.append(diags_array(unit) @ springs @ (own + alone))
     return space.share.gather_rows(vstack(rows, format="csr"))
 
 

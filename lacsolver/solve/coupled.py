@@ -26,6 +26,7 @@ from lacmesh.mesh import Floats
 from lacsolver.linear import LinearError
 from lacsolver.linear.krylov import minimise
 from lacsolver.linear.regular import indefinite
+from lacsolver.linear.vectors import WHOLE
 from lacsolver.solve.saddle import RANK_TOLERANCE, SaddleProblem, SaddleSolution, SchurPreconditioner
 from lacsolver.solve.tolerances import LinearTolerance
 
@@ -52,7 +53,7 @@ def solve_coupled(problem: SaddleProblem, q: Floats, p: Floats, tolerance: Linea
     K, rows, active, n = problem.K, problem.rows, problem.active, len(problem.f)
     pressures = np.zeros_like(p)
     pressures[active] = p[active]
-    load = K.R.T @ (problem.f - problem.geometric_forces(q) - rows.B_T @ pressures)
+    load = K.vectors.dots(K.R.T, problem.f - problem.geometric_forces(q) - rows.B_T @ pressures)
     x = np.concatenate([q, p[active] + system.preconditioner.balancing(load)])
     norm = system.vectors.norm
     r, from_nothing = system.residual(x), system.residual(np.zeros_like(x))
@@ -60,7 +61,7 @@ def solve_coupled(problem: SaddleProblem, q: Floats, p: Floats, tolerance: Linea
         x, r = np.zeros_like(x), from_nothing
     first = best = norm(r)
     loose = tolerance.reduction * first
-    gaps, count, counted = tolerance.reduction * max(norm(r[n:]), loose), 0, 0
+    gaps, count, counted = tolerance.reduction * max(WHOLE.norm(r[n:]), loose), 0, 0
     while count < _MOST:
         limit = tolerance.threshold(system.vectors.largest(x[:n]))
         stop = _StoppingCriteria(system, limit, _BALANCED * system.largest_force(x), loose, gaps)
@@ -99,7 +100,7 @@ class _StoppingCriteria(NamedTuple):
         exact = max(_ratio(system.gap(r), self.gap), _ratio(system.force(r), self.force))
         if not self.loose > 0:
             return exact
-        return min(exact, max(_ratio(norm(r), self.loose), _ratio(norm(r[system.n :]), self.loose_gaps)))
+        return min(exact, max(_ratio(norm(r), self.loose), _ratio(WHOLE.norm(r[system.n :]), self.loose_gaps)))
 
 
 def _ratio(value: float, limit: float) -> float:
@@ -135,15 +136,16 @@ class _System:
     def _balanced(self, force: Floats) -> NDArray[np.floating]:
         """Return forces without those along rigid-body modes that no row constrains; the springs balance these."""
         free = self.unconstrained
-        return force - free @ (free.T @ force) if free.shape[1] else force
+        return force - free @ self.vectors.dots(free.T, force) if free.shape[1] else force
 
     def image(self, z: Floats) -> NDArray[np.floating]:
         """Return the weighted product of the matrix with a vector. Raises SingularError for a negative energy of K."""
         q, p = z[: self.n], z[self.n :]
         Kq = self.K.apply(q)
-        energy, most = self.vectors.dots(np.stack([Kq, self.diagonal * q]), q)
-        if energy < _NEGATIVE * most:
-            raise indefinite()
+        if self.K.definite:
+            energy, most = self.vectors.dots(np.stack([Kq, self.diagonal * q]), q)
+            if energy < _NEGATIVE * most:
+                raise indefinite()
         force = Kq + self.B_T @ p + self.problem.geometric_forces(q)
         return np.concatenate([self._balanced(force), self.D @ q - self.S * p]) * self.weight
 
@@ -151,12 +153,12 @@ class _System:
         """Return the preconditioned correction for a weighted residual, in balance along the rigid-body modes."""
         force, gap = r[: self.n] / self.weight[: self.n], r[self.n :] / self.weight[self.n :]
         p = -self.preconditioner.pressures(gap)
-        p += self.preconditioner.balancing(self.K.R.T @ force - self.preconditioner.QB.T @ p)
+        p += self.preconditioner.balancing(self.vectors.dots(self.K.R.T, force) - self.preconditioner.QB.T @ p)
         return np.concatenate([self.K.cycle(force - self.B_T @ p), p])
 
     def gap(self, r: Floats) -> float:
         """Return the largest gap of a weighted residual, as a length."""
-        return self.vectors.largest(r[self.n :] / (self.weight[self.n :] * self.w))
+        return WHOLE.largest(r[self.n :] / (self.weight[self.n :] * self.w))
 
     def force(self, r: Floats) -> float:
         """Return the largest force of a weighted residual."""

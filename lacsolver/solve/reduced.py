@@ -22,6 +22,7 @@ from lacsolver.linear import SingularError
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.problem.rigid_modes import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
 from lacsolver.solve.schemes import QuasiStatic, TimeScheme
+from lacsolver.solve.shared_stiffness import SharedFactors
 from lacsolver.solve.stabilization import Stabilization
 from lacsolver.solve.stiffness import FactorCache, Stiffness, Whole
 
@@ -64,7 +65,7 @@ class ReducedProblem:
         """Rigid-body modes that contact alone, or soft springs resist; none if the scheme resists rigid motion."""
         if self.scheme.resists_rigid_motion:
             return Stabilization.none(self.problem.constraints.n_q)
-        return Stabilization.of(self.problem, self.motions, self.K, self.linear)
+        return Stabilization.of(self.problem, self.motions, self.K, self.linear, self.vectors)
 
     @cached_property
     def vectors(self) -> Vectors:
@@ -73,9 +74,11 @@ class ReducedProblem:
         return WHOLE if own is None else SharedVectors(own, share.total, share.largest, share.rank == 0)
 
     @cached_property
-    def factors(self) -> FactorCache:
+    def factors(self) -> FactorCache | SharedFactors:
         """Factorisation of tangents by the case's backend."""
-        solver = self.problem.case.solver
+        solver, constraints = self.problem.case.solver, self.problem.constraints
+        if constraints.own is not None:
+            return SharedFactors(self.stabilization.R, solver.backend, constraints, self.vectors)
         return FactorCache(self.stabilization.R, solver.backend, self.problem.threads, self._whole)
 
     def reference(self, matrix: csr_array | None = None) -> Stiffness:

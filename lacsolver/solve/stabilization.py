@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array, csr_array
 from scipy.sparse.linalg import spsolve
 
-from lacmesh.mesh import Floats
+from lacmesh.mesh import Floats, Ints
 from lacsolver.constraints import Constraints
+from lacsolver.linear.vectors import WHOLE, Vectors, products
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import FreeMotion, free_motions
 from lacsolver.solve.stiffness import leading_unknowns
+from lacsolver.space.space import Space
 
 #: springs are soft if they resist a rigid-body motion by less than this fraction of the bodies' own stiffness
 _SOFT = 1e-4
@@ -28,7 +30,7 @@ _SOFT = 1e-4
 #: iterations converge without them
 _MANY = 300
 #: a unit motion is independent of others if its part orthogonal to them is larger than this
-_ANOTHER = 1e-8
+_ANOTHER = 1e-6
 
 
 class Stabilization(NamedTuple):
@@ -48,7 +50,9 @@ class Stabilization(NamedTuple):
         return cls(np.zeros((n_q, 0)), np.zeros((n_q, 0)), None)
 
     @classmethod
-    def of(cls, problem: Problem, motions: Sequence[FreeMotion], K: csr_array, linear: bool) -> Stabilization:
+    def of(
+        cls, problem: Problem, motions: Sequence[FreeMotion], K: csr_array, linear: bool, vectors: Vectors = WHOLE
+    ) -> Stabilization:
         """Return the stabilisation of `motions`, rigid-body modes that only contact constrains, and of soft springs.
 
         K (n_dof, n_dof): stiffness of the undeformed bodies. In a problem that is not `linear`, only translations are
@@ -56,10 +60,11 @@ class Stabilization(NamedTuple):
         """
         always = [m for m in motions if linear or not m.twists[:, 3:].any()]
         others = [m for m in motions if not linear and m.twists[:, 3:].any()]
-        free = _orthonormal(problem.constraints, [*always, *others])
-        free = np.concatenate([free, _soft(problem, K, free)], axis=1)
+        free = _orthonormal(problem.constraints, [*always, *others], vectors)
+        free = np.concatenate([free, _soft(problem, K, free, vectors)], axis=1)
         R = free[:, : len(always)]
-        return cls(free, R, _springs(R, free[:, R.shape[1] :], K))
+        size = problem.space.mean(np.abs(K.diagonal())) or 1.0
+        return cls(free, R, _springs(R, free[:, R.shape[1] :], size, problem.constraints.common))
 
 
 def unknowns(constraints: Constraints, u: Floats) -> NDArray[np.floating]:
@@ -72,40 +77,56 @@ def unknowns(constraints: Constraints, u: Floats) -> NDArray[np.floating]:
     return np.asarray(spsolve(csc_array(T.T @ T), T.T @ u))
 
 
-def _orthonormal(constraints: Constraints, motions: Sequence[FreeMotion]) -> NDArray[np.floating]:
+def _orthonormal(
+    constraints: Constraints, motions: Sequence[FreeMotion], vectors: Vectors = WHOLE
+) -> NDArray[np.floating]:
+    """Return orthonormal columns (n_q, k) with the span of some motions, by Cholesky's factor of their products, twice."""
     if not motions:
         return np.zeros((constraints.n_q, 0))
-    return np.linalg.qr(np.stack([unknowns(constraints, motion.field) for motion in motions], axis=1))[0]
+    columns = np.stack([unknowns(constraints, motion.field) for motion in motions], axis=1)
+    for _ in range(2):
+        upper = np.linalg.cholesky(products(vectors, columns, columns)).T
+        columns = np.linalg.solve(upper.T, columns.T).T
+    return columns
 
 
-def _soft(problem: Problem, K: csr_array, free: Floats) -> NDArray[np.floating]:
+def _soft(problem: Problem, K: csr_array, free: Floats, vectors: Vectors) -> NDArray[np.floating]:
     """Return orthonormal motions (n_q, k) on soft springs alone, orthogonal to the `free` ones (n_q, r)."""
     motions = () if problem.springs is None else free_motions(problem.space, problem.constraints)
     if not 0 < len(motions) <= _MANY:
         return free[:, :0]
-    modes = _orthonormal(problem.constraints, motions)
-    modes = modes - free @ (free.T @ modes)
-    sides, size, _ = np.linalg.svd(modes, full_matrices=False)
-    modes = sides[:, size > _ANOTHER]
-    moved = problem.constraints.T @ modes
-    energy, axes = np.linalg.eigh(moved.T @ (problem.springs @ moved))
+    modes = _orthonormal(problem.constraints, motions, vectors)
+    modes = modes - free @ products(vectors, free, modes)
+    square, turn = np.linalg.eigh(products(vectors, modes, modes))
+    new = square > _ANOTHER**2
+    modes = modes @ (turn[:, new] / np.sqrt(square[new]))
+    space, moved = problem.space, problem.constraints.T @ modes
+    energy, axes = np.linalg.eigh(_products(space, moved, problem.springs @ moved))
     stiff = K.diagonal()
-    stiff = np.where(stiff > 0, stiff, stiff.mean())  # the mean for rigid bodies without cells
-    return (modes @ axes)[:, energy < _SOFT * (stiff @ np.square(moved @ axes))]
+    stiff = np.where(stiff > 0, stiff, space.mean(stiff))  # the mean for rigid bodies without cells
+    return (modes @ axes)[:, energy < _SOFT * _products(space, stiff[:, None], np.square(moved @ axes))[0]]
 
 
-def _springs(R: Floats, soft: Floats, K: csr_array) -> csr_array | None:
-    """Return springs (n_q, n_q) against modes `soft` (n_q, k), on differences of unknowns that R leaves unchanged."""
+def _products(space: Space, A: Floats, B: Floats) -> NDArray[np.floating]:
+    """Return A^T B (k, j) of displacements A (n_dof, k) and B (n_dof, j), over the nodes of all processes."""
+    own_A, own_B = (space.own(C).reshape(-1, C.shape[1]) for C in (A, B))
+    return space.share.total(own_A.T @ own_B)
+
+
+def _springs(R: Floats, soft: Floats, size: float, among: Ints | None) -> csr_array | None:
+    """Return springs (n_q, n_q) against modes `soft` (n_q, k), on differences of unknowns that R leaves unchanged.
+
+    `size`: their stiffness; `among`: the unknowns that they may act on, all if None.
+    """
     if not soft.shape[1]:
         return None
-    leading = leading_unknowns(R)
+    leading = leading_unknowns(R, among)
     if len(leading):
         soft = soft - R @ np.linalg.solve(R[leading], soft[leading])
-    other = leading_unknowns(soft)
+    other = leading_unknowns(soft, among)
     w = coo_array((np.ones(len(other)), (other, np.arange(len(other)))), shape=soft.shape).tocsr()
     if len(leading):
         part = np.linalg.solve(R[leading].T, R[other].T)
         rows, columns = np.meshgrid(leading, np.arange(len(other)), indexing="ij")
         w = csr_array(w - coo_array((part.ravel(), (rows.ravel(), columns.ravel())), shape=soft.shape))
-    size = float(np.abs(K.diagonal()).mean()) or 1.0
     return csr_array(size * (w @ w.T))

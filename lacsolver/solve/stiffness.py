@@ -48,6 +48,9 @@ class Stiffness(NamedTuple):
     whole: Whole | None = None
     spring: NDArray[np.floating] | None = None
 
+    #: True if negative energies of K are errors of an iterative solution
+    definite = True
+
     @property
     def iterative(self) -> bool:
         """True with multigrid, where `cycle` is the basic operation and K^-1 takes many cycles."""
@@ -140,12 +143,16 @@ class FactorCache:
         return analysis.factor(K)
 
 
-def leading_unknowns(R: Floats) -> Ints:
-    """Return r unknowns at which the motions R (n, r) are well distinguished, by QR with column pivoting."""
+def leading_unknowns(R: Floats, among: Ints | None = None) -> Ints:
+    """Return r unknowns at which the motions R (n, r) are well distinguished, by QR with column pivoting.
+
+    `among`: the unknowns to choose from, all if None.
+    """
     if not R.shape[1]:
         return np.empty(0, np.int64)
-    *_, order = scipy.linalg.qr(R.T, mode="r", pivoting=True)
-    return np.asarray(order[: R.shape[1]])
+    among = np.arange(len(R)) if among is None else among
+    *_, order = scipy.linalg.qr(R[among].T, mode="r", pivoting=True)
+    return np.asarray(among[order[: R.shape[1]]])
 
 
 def _put_back(K: csr_array, whole: Whole) -> bsr_array:

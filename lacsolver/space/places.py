@@ -21,7 +21,7 @@ _NEAR = 1e-6
 
 
 def nodes_of(space: Space, record: AtNodes | Rigid) -> Ints:
-    """Return the sorted nodes (k,) that a record names by `group` and `kind`, or by `at`.
+    """Return the sorted nodes (k,) that a record names by `group` and `kind`, or by `at`; of several processes, its own.
 
     A group of cells means the nodes of its cells, whatever their dimension; without a `kind`, a name that both a cell
     group and a node group have means the cells. Raises CaseError for a group that is missing or empty, and for a place
@@ -30,13 +30,13 @@ def nodes_of(space: Space, record: AtNodes | Rigid) -> Ints:
     """
     at = getattr(record, "at", None)
     if at is not None:
-        return _node_at(space, record, np.array(at))
+        return space.own_nodes(_node_at(space, record, np.array(at)))
     assert record.group is not None  # the schema asks for a group where there is no `at`
     cells = cells_of(space, record)
     nodes = space.mesh.node_groups[record.group] if cells is None else nodes_on(space, cells)
     if not space.share.total(np.array(len(nodes))):
         raise wrong(record, f"the group {record.group!r} is empty; name one that has cells or nodes")
-    return nodes
+    return space.own_nodes(nodes)
 
 
 def cells_of(space: Space, record: AtNodes | Rigid) -> Ints | None:

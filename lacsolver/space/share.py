@@ -7,13 +7,21 @@ processes by `update`. Contact is the same on every process. A process that has 
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, Mesh
+
+
+class Distribution(Protocol):
+    """Interface of what divides a model among processes."""
+
+    def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, Share]:
+        """Return the part of a mesh that this process takes, and its share; all processes have the groups `skins`."""
 
 
 class Share(Protocol):
@@ -29,6 +37,14 @@ class Share(Protocol):
         """Number of the process, from 0."""
 
     @property
+    def comm(self) -> Any:
+        """The communicator of the processes; None for one alone."""
+
+    @property
+    def number(self) -> Ints | None:
+        """Number (n_nodes,) of each node, counted through one process after the other; None for one alone."""
+
+    @property
     def own(self) -> NDArray[np.bool_] | None:
         """Mask (n_nodes,) of own nodes; None if all are."""
 
@@ -39,6 +55,10 @@ class Share(Protocol):
     @property
     def node(self) -> Ints | None:
         """Index (n_nodes,) in the whole model of each node; None if the share is the whole."""
+
+    @property
+    def common(self) -> NDArray[np.bool_] | None:
+        """Mask (n_nodes,) of the nodes of contact skins, which all processes have; None for one alone."""
 
     @property
     def body(self) -> Ints | None:
@@ -78,7 +98,11 @@ class Alone:
     """
 
     rank = 0
-    own = origin = node = body = None
+    comm = number = common = own = origin = node = body = None
+
+    def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, Share]:
+        """Return the whole mesh and this share."""
+        return mesh, self
 
     def update(self, x: Floats) -> NDArray[np.floating]:
         """Return x."""

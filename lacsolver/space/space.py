@@ -163,6 +163,11 @@ class Space:
         """Return the largest magnitude of a vector u (n_dof,) or (n_nodes,) at the nodes of all processes."""
         return self.share.largest(float(np.abs(self.own(u)).max(initial=0.0)))
 
+    def mean(self, u: Floats) -> float:
+        """Return the mean of a vector (n_dof,) over the nodes of all processes."""
+        own = self.own(u)
+        return float(np.divide(*self.share.total(np.array([own.sum(), own.size]))))
+
     def own(self, values: NDArray) -> NDArray:
         """Return the values (n_nodes, k), from (n_nodes k,), at this process's own nodes only: all, if it is alone."""
         by_node = values.reshape(self.mesh.n_nodes, -1)
@@ -209,6 +214,22 @@ class Space:
             return 2 * np.pi * x[..., 0]
         return np.full(x.shape[:-1], self.thickness)
 
+    def own_nodes(self, nodes: Ints) -> Ints:
+        """Return those of some nodes that this process has as its own."""
+        return nodes if self.share.own is None else nodes[self.share.own[nodes]]
+
+    def near(self, cells: Ints) -> Ints:
+        """Return those of some cells (indices in the mesh) that touch an own node of this process, sorted."""
+        if self.share.own is None:
+            return cells
+        found = [chosen[self.share.own[nodes].any(axis=1)] for _, chosen, nodes in self.mesh.select(cells)]
+        return np.sort(np.concatenate([np.empty(0, np.int64), *found]))
+
+    def own_cells(self, block: Cells) -> NDArray[np.bool_]:
+        """Return a mask (k,) of the cells of a block that count for this process in sums over all cells."""
+        own = self.share.own
+        return np.ones(len(block.nodes), bool) if own is None else own[block.nodes[:, 0]]
+
     def cells(self, groups: tuple[str, ...] | None = None) -> Ints:
         """Return the sorted indices of the space's cells in some groups of the mesh; all cells if None.
 
@@ -242,6 +263,8 @@ def _solid_blocks(
         if own is not None:
             touching = own[nodes].any(axis=1)
             nodes, index = nodes[touching], index[touching]
+            if not len(nodes):
+                continue
         blocks.append(Cells(kind, fixed(np.ascontiguousarray(nodes, np.int32)), index))
     if not blocks:
         there = ", ".join(mesh.cells_by_type) or "no cells"

@@ -1,0 +1,114 @@
+"""The processes of a run, and the share of the model that each of them has (`lacsolver.space.share`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array, vstack
+
+from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.partition import Part, distribute_nodes, part_of
+
+
+class Processes:
+    """The processes of an MPI communicator `comm`, each of which takes a part of a mesh."""
+
+    def __init__(self, comm: Any) -> None:
+        self.comm, self.rank, self.n = comm, comm.Get_rank(), comm.Get_size()
+
+    def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, ProcessShare]:
+        """Return the part of a mesh that this process takes, and its share; all processes have the groups `skins`."""
+        part = part_of(mesh, distribute_nodes(mesh, self.n), self.rank, everywhere=skins)
+        common = np.zeros(part.mesh.n_nodes, bool)
+        for name in skins:
+            for _, _, nodes in part.mesh.select(part.mesh.cells_of(name)):
+                common[nodes] = True
+        return part.mesh, ProcessShare(self.comm, part, common)
+
+
+class ProcessShare:
+    """The share of one process in a model that the processes of a communicator hold together.
+
+    `number` (n_nodes,): number of each node in the order of the processes, each of which has consecutive ones.
+    """
+
+    def __init__(self, comm: Any, part: Part, common: NDArray[np.bool_]) -> None:
+        self.comm, self.rank, self.part, self.common = comm, part.rank, part, common
+        self.own, self.node, self.origin, self.body = part.own, part.node, part.origin, part.body
+        self._asked, self._given = self._neighbours()
+        first = sum(comm.allgather(int(self.own.sum()))[: self.rank])
+        mine = np.zeros(len(self.node))
+        mine[self.own] = first + np.arange(int(self.own.sum()))
+        self.number: Ints = self.update(mine[:, None]).ravel().astype(np.int64)
+
+    def _neighbours(self) -> tuple[list[Ints], list[Ints]]:
+        """Return the nodes that this process asks each of the others for, and those that it gives to each."""
+        others = np.flatnonzero(~self.own)
+        others = others[np.argsort(self.part.owner[others], kind="stable")]
+        ends = np.searchsorted(self.part.owner[others], np.arange(1, self.comm.Get_size()))
+        asked = np.split(others, ends)
+        wanted = self.comm.alltoall([self.node[nodes] for nodes in asked])
+        return asked, [np.searchsorted(self.node, nodes) for nodes in wanted]
+
+    def update(self, x: Floats) -> NDArray[np.floating]:
+        """Return x (n_nodes, k) with the values at other nodes that their own processes have."""
+        k, out = x.shape[1], np.array(x, float)
+        sent = np.ascontiguousarray(out[np.concatenate(self._given)])
+        there = np.concatenate(self._asked)
+        got = np.empty((len(there), k))
+        self.comm.Alltoallv([sent, _counts(self._given, k)], [got, _counts(self._asked, k)])
+        out[there] = got
+        return out
+
+    def total(self, x: Floats) -> NDArray[np.floating]:
+        """Return the sum of an array over all processes."""
+        sent = np.ascontiguousarray(x)
+        got = np.empty_like(sent)
+        self.comm.Allreduce(sent, got)
+        return got if sent.ndim else got[()]
+
+    def largest(self, x: float) -> float:
+        """Return the largest value of all processes; NaN if one is."""
+        return float(np.max(self.gather(np.array([x], float))))
+
+    def gather(self, x: NDArray) -> NDArray:
+        """Return the arrays of all processes, one after the other."""
+        return np.concatenate(self.comm.allgather(np.asarray(x)))
+
+    def gather_rows(self, A: csr_array) -> csr_array:
+        """Return the rows of all processes, one process after the other; columns mean the same on all."""
+        return csr_array(vstack(self.comm.allgather(csr_array(A)), format="csr"))
+
+    def add_matrices(self, A: csr_array, nodal: tuple[bool, bool]) -> csr_array:
+        """Return the sum over all processes of matrices of one size, see `lacsolver.space.share.Share`."""
+        entries, dim = A.tocoo(), max(A.shape) // max(len(self.node), 1)
+        places = [self._to_whole(i, dim) if by_node else i for i, by_node in zip(entries.coords, nodal, strict=True)]
+        row, column, value = (self.gather(part) for part in (*places, entries.data))
+        row, column = (
+            self._from_whole(i, dim) if by_node else i for i, by_node in zip((row, column), nodal, strict=True)
+        )
+        made = coo_array((value, (row, column)), shape=A.shape).tocsr()
+        made.sum_duplicates()
+        return csr_array(made)
+
+    def _to_whole(self, unknown: Ints, dim: int) -> Ints:
+        """Return the index in the whole model of unknowns at nodes of this process."""
+        return dim * self.node[unknown // dim].astype(np.int64) + unknown % dim
+
+    def _from_whole(self, unknown: Ints, dim: int) -> Ints:
+        """Return the index here of unknowns of the whole model, at nodes that this process has."""
+        return dim * np.searchsorted(self.node, unknown // dim) + unknown % dim
+
+    def agree(self, error: Exception | None) -> None:
+        """Raise the error of the first process that has one, on all of them."""
+        if not self.total(np.array(error is not None, int)):
+            return
+        found = [one for one in self.comm.allgather(error) if one is not None]
+        raise found[0] if error is None else error
+
+
+def _counts(nodes: Sequence[Ints], k: int) -> Any:
+    return [k * len(part) for part in nodes]

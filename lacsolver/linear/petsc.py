@@ -1,0 +1,94 @@
+"""PETSc as a preconditioner of a matrix that is distributed over processes by whole nodes.
+
+`gamg` (PETSc's smoothed aggregation) and `hypre` (BoomerAMG) apply one V-cycle, `mumps` a factorisation. Options of
+PETSc with the prefix `lacsolver_`, from PETSC_OPTIONS, go before those that are set here. GAMG is smoothed by
+Chebyshev's polynomial with the inverse diagonal, since PETSc 3.18 makes NaN of smoothers by blocks where an aggregate is
+smaller than six rigid-body modes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from lacmesh.mesh import Floats, Ints
+from lacsolver.linear.errors import LinearError
+
+#: prefix of the options of PETSc that apply here
+PREFIX = "lacsolver_"
+_OPTIONS = {
+    "gamg": {
+        "pc_type": "gamg",
+        "pc_gamg_type": "agg",
+        "pc_gamg_agg_nsmooths": 1,
+        "pc_gamg_threshold": 0.01,
+        "mg_levels_ksp_type": "chebyshev",
+        "mg_levels_pc_type": "jacobi",
+        "mg_levels_ksp_max_it": 2,
+    },
+    "hypre": {
+        "pc_type": "hypre",
+        "pc_hypre_type": "boomeramg",
+        "pc_hypre_boomeramg_strong_threshold": 0.5,
+        "pc_hypre_boomeramg_coarsen_type": "HMIS",
+        "pc_hypre_boomeramg_interp_type": "ext+i",
+    },
+    "mumps": {"pc_type": "lu", "pc_factor_mat_solver_type": "mumps"},
+}
+
+
+class PetscCycle:
+    """One application of a preconditioner to a residual at this process's own nodes.
+
+    K: the rows (n_own, n) of the own unknowns, whose columns are `number` (n,) in the whole matrix, in blocks of
+    `block`; `modes` (n_own, r): rigid-body modes at the own unknowns.
+    """
+
+    def __init__(
+        self, PETSc: Any, comm: Any, K: csr_array, number: Ints, modes: Floats, block: int, backend: str
+    ) -> None:
+        n_own = K.shape[0]
+        placed = csr_array((K.data, number[K.indices].astype(PETSc.IntType), K.indptr.astype(PETSc.IntType)))
+        placed.sort_indices()
+        rows = (placed.indptr.astype(PETSc.IntType), placed.indices.astype(PETSc.IntType), placed.data)
+        size = ((n_own, PETSc.DETERMINE), (n_own, PETSc.DETERMINE))
+        self._A = PETSc.Mat().createAIJ(size, bsize=block, csr=rows, comm=comm)
+        self._x, self._b = self._A.createVecs()
+        self._A.setNearNullSpace(PETSc.NullSpace().create(vectors=_orthonormal(self._b, modes), comm=comm))
+        self._backend, self._pc = backend, PETSc.PC().create(comm)
+        options = PETSc.Options(PREFIX)
+        for name, value in _OPTIONS[backend].items():
+            if not options.hasName(name):
+                options[name] = value
+        self._pc.setOptionsPrefix(PREFIX)
+        self._pc.setOperators(self._A)
+        self._pc.setFromOptions()
+        self._pc.setUp()
+
+    def __call__(self, r: Floats) -> NDArray[np.floating]:
+        """Return an approximation of K^-1 r (n_own,). Raises LinearError on all processes if it is not finite."""
+        self._b.array = r
+        self._pc.apply(self._b, self._x)
+        if not np.isfinite(self._x.norm()):
+            message = f"PETSc's {self._backend} gives numbers that are not finite"
+            raise LinearError(f'{message}; take another [solver] backend, "hypre" or "mumps"')
+        return self._x.array.copy()
+
+
+def _orthonormal(like: Any, modes: Floats) -> list[Any]:
+    """Return modes as orthonormal vectors of PETSc; those that depend on others are left out."""
+    found: list[Any] = []
+    for column in modes.T:
+        vector = like.duplicate()
+        vector.array = column
+        before = vector.norm()
+        for _ in range(2):
+            for other in found:
+                vector.axpy(-vector.dot(other), other)
+        if vector.norm() > 1e-10 * before > 0:
+            vector.normalize()
+            found.append(vector)
+    return found

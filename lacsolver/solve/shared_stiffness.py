@@ -1,0 +1,129 @@
+"""Stiffness on the unknowns of several processes, preconditioned by PETSc; the counterpart of `stiffness`.
+
+Each process has the rows of K at its own nodes. Displacements are known at all nodes of its share, forces at its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, diags_array
+
+from lacmesh.mesh import Floats, Ints
+from lacsolver.constraints import Constraints
+from lacsolver.constraints.rigid import moments
+from lacsolver.linear.multigrid import Hierarchy
+from lacsolver.linear.petsc import PetscCycle
+from lacsolver.linear.vectors import Vectors
+from lacsolver.solve.stiffness import leading_unknowns
+from lacsolver.space.space import Space
+
+
+@dataclass(frozen=True, eq=False)
+class SharedStiffness:
+    """Rows of K (n, n) at the own unknowns of this process, and a cycle; see `stiffness.Stiffness` for the methods."""
+
+    K: csr_array
+    R: NDArray[np.floating]
+    constraints: Constraints
+    hierarchy: Hierarchy
+    vectors: Vectors
+    spring: NDArray[np.floating] | None = None
+    definite: bool = True
+
+    iterative = True
+
+    @property
+    def scaling(self) -> NDArray[np.floating]:
+        """Diagonal (n,) of K with its springs; 1 where it is 0."""
+        d = self.K.diagonal() + (0.0 if self.spring is None else self.spring)
+        return np.where(d == 0, 1.0, d)
+
+    def apply(self, q: Floats) -> NDArray[np.floating]:
+        """Return K q (n,) at the own unknowns."""
+        return np.asarray(self.K @ q)
+
+    def restricted(self, unknowns: Ints) -> csr_array:
+        """Return the rows and columns of K at some unknowns, which all processes have."""
+        assert self.constraints.own is not None
+        own = diags_array(self.constraints.own[unknowns].astype(float))
+        return self.constraints.space.share.add_matrices(
+            csr_array(own @ self.K[unknowns][:, unknowns]), (False, False)
+        )
+
+    def cycle(self, f: Floats) -> NDArray[np.floating]:
+        """Return an approximation of K^-1 f (n,) at all unknowns."""
+        space, T = self.constraints.space, self.constraints.T
+        u = np.zeros((space.mesh.n_nodes, space.dim))
+        made = self.hierarchy.cycle(space.own(np.asarray(T @ f)).ravel())
+        u[space.share.own] = made.reshape(-1, space.dim)
+        return np.asarray(T.T @ space.updated(u.ravel()))
+
+    def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
+        """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""
+        if first > 0:
+            self.hierarchy.record_convergence(use, cycles, float(np.log10(first / max(last, 1e-16 * first))))
+
+
+class SharedFactors:
+    """Preconditions matrices one after the other, see `stiffness.FactorCache`; `backend`: gamg, hypre or mumps."""
+
+    def __init__(self, R: NDArray[np.floating], backend: str, constraints: Constraints, vectors: Vectors) -> None:
+        self._R, self._backend, self._constraints, self._vectors = R, backend, constraints, vectors
+        self._kept: Hierarchy | None = None
+
+    def factorise(self, K: csr_array, definite: bool = True) -> SharedStiffness:
+        """Precondition a symmetric K, regularised by springs; one that may be indefinite by a factorisation."""
+        regular, spring = K, None
+        if self._R.shape[1]:
+            spring = np.zeros(K.shape[0])
+            leading = leading_unknowns(self._R, self._constraints.common)
+            spring[leading] = _mean(K.diagonal(), self._constraints)
+            regular = csr_array(K + diags_array(spring))
+        backend = self._backend if definite else "mumps"
+        if self._kept is None or self._kept.is_stale or backend == "mumps":
+            self._kept = Hierarchy(_petsc_cycle(regular, self._constraints, backend))  # type: ignore[arg-type]
+        return SharedStiffness(K, self._R, self._constraints, self._kept, self._vectors, spring, definite)
+
+
+def _mean(diagonal: Floats, constraints: Constraints) -> float:
+    """Return the mean magnitude of a diagonal over all own unknowns; 1 for 0."""
+    assert constraints.own is not None
+    own = np.abs(diagonal[constraints.own])
+    total, count = constraints.space.share.total(np.array([own.sum(), len(own)]))
+    return float(total / max(count, 1.0)) or 1.0
+
+
+def _petsc_cycle(K: csr_array, constraints: Constraints, backend: str) -> PetscCycle:
+    """Return PETSc's preconditioner of T K T^T, with the mean diagonal of K in what T leaves out."""
+    from lacsolver.distributed.launch import import_petsc
+
+    space, T, share = constraints.space, constraints.T, constraints.space.share
+    petsc: Any = import_petsc()
+    own = space.dofs(np.flatnonzero(share.own)).ravel()  # type: ignore[arg-type]
+    T_own = csr_array(T[own])
+    free = csr_array(T_own @ T.T)
+    rest = csr_array((np.ones(len(own)), (np.arange(len(own)), own)), shape=(len(own), space.n_dof)) - free
+    rows = csr_array(T_own @ K @ T.T + _mean(K.diagonal(), constraints) * rest)
+    number = space.dim * np.repeat(share.number, space.dim) + np.tile(np.arange(space.dim), space.mesh.n_nodes)
+    modes = (T @ (T.T @ rigid_body_modes(space)))[own]
+    return PetscCycle(petsc, share.comm, rows, number, modes, space.dim, backend)
+
+
+def rigid_body_modes(space: Space) -> NDArray[np.floating]:
+    """Return the rigid-body modes (n_dof, r) of all bodies in the same columns, about each body's own centre."""
+    share, body = space.share, space.share.body
+    assert body is not None
+    n = int(share.largest(float(body.max(initial=-1)))) + 1
+    own, x = space.own(body).ravel(), space.own(space.local.points.ravel())
+    own, x = own[own >= 0], x[own >= 0]
+    count = share.total(np.bincount(own, minlength=n).astype(float))
+    sums = [share.total(np.bincount(own, x[:, k], minlength=n)) for k in range(3)]
+    centre = np.stack(sums, axis=1) / np.maximum(count, 1)[:, None]
+    arm = np.where(body[:, None] >= 0, space.local.points - centre[body], 0.0)
+    straight = np.tile(np.eye(space.dim), (len(arm), 1, 1))
+    modes = np.concatenate([straight, moments(space.dim, arm) / (space.extent or 1.0)], axis=2)
+    return modes.reshape(space.n_dof, -1)
