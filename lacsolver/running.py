@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -14,7 +15,7 @@ import lacmesh
 from lacmesh.cli.terminal import peak_memory
 from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.output import signals_wait
-from lacmesh.mesh import Mesh
+from lacmesh.mesh import Floats, Mesh
 from lacsolver.case import Case, fingerprint
 from lacsolver.output import OutputFolder, Writer, check_same
 from lacsolver.problem.problem import Problem
@@ -23,8 +24,10 @@ from lacsolver.results.faceted import faceted
 from lacsolver.results.figures import stress_ranges
 from lacsolver.results.results import Fields, Restart, Results, StepFigures
 from lacsolver.results.state import State
+from lacsolver.results.whole import share_of_restart, whole_restart
 from lacsolver.solve.holding import beyond_a_cell, warnings_of
 from lacsolver.solve.stepping import NotConvergedError, Told, march
+from lacsolver.space.share import ALONE, Distribution
 
 
 def run(
@@ -35,10 +38,12 @@ def run(
     start: Restart | None = None,
     told: Callable[[Told], None] | None = None,
     stepped: Callable[[StepFigures], None] | None = None,
+    distribution: Distribution = ALONE,
 ) -> Results:
     """Solve a case and write its results into a folder; `start`: a state to restart from.
 
-    `told` is called for every iteration, `stepped` for every converged step. Raises NotConvergedError after the last
+    `told` is called for every iteration, `stepped` for every converged step. `distribution`: the processes that share
+    the model, each of which calls this function. Raises NotConvergedError after the last
     state tried is written, the errors of `Problem.of` and `Writer`, and DataError for a state of another case or mesh.
     An interrupted run leaves the steps that have converged.
 
@@ -52,23 +57,25 @@ def run(
     clock = Clock()
     with clock.phase("mesh"):
         mesh = lacmesh.read(case.mesh) if mesh is None else mesh
-        problem, prints = Problem.of(case, mesh), fingerprint(case, mesh)
+        problem, prints = Problem.of(case, mesh, distribution), fingerprint(case, mesh)
         if start is not None:
             check_same(start, prints)
+            start = share_of_restart(problem.constraints, start)
     made = _Run(Answer(problem), clock, Results(_version(), sizes=_sizes(problem)), start.number if start else 0)
+    whole = partial(whole_restart, problem.constraints)
     writer: Writer | None = None  # made once there is something to write, so that no earlier results are lost before
     try:
         with clock.phase("solve"):
             for state in march(problem, start=start, told=told):
                 with clock.phase("results"), signals_wait():  # a step is in all files or in none
-                    writer = writer or Writer(folder, case, problem.space, prints)
+                    writer = writer or Writer(folder, case, problem.space, prints, whole)
                     made.add(state)
                     writer.step(made.results, made.fields_of(state), made.restart(state))
                     if stepped is not None:
                         stepped(made.results.steps[-1])
     except BaseException as error:
         if writer is None and isinstance(error, NotConvergedError):
-            writer = Writer(folder, case, problem.space, prints)
+            writer = Writer(folder, case, problem.space, prints, whole)
         if writer is not None:
             writer.finish(*made.ended(error))
         raise
@@ -77,7 +84,7 @@ def run(
     made.results = replace(made.told(), status="done", held=held, message="\n".join(doubts))
     for doubt in doubts:
         warnings.warn(LacmeshWarning(doubt), stacklevel=2)
-    writer = writer or Writer(folder, case, problem.space, prints)
+    writer = writer or Writer(folder, case, problem.space, prints, whole)
     writer.finish(made.results)
     return made.results
 
@@ -177,11 +184,15 @@ def _strangers(problem: Problem, results: Results) -> Iterator[str]:
 
 
 def _sizes(problem: Problem) -> dict[str, int]:
-    space = problem.space
+    space, own = problem.space, problem.constraints.own
+
+    def total(n: int) -> Floats:
+        return space.share.total(np.array(n))
+
     return {
-        "nodes": space.mesh.n_nodes,
-        "cells": int(sum(len(block.cell) for block in space.blocks)),
-        "unknowns": problem.constraints.n_q,
+        "nodes": int(total(len(space.own(np.empty(space.mesh.n_nodes))))),
+        "cells": int(total(sum(int(space.own_cells(block).sum()) for block in space.blocks))),
+        "unknowns": int(total(problem.constraints.n_q if own is None else int(own.sum()))),
         "macro_elements": sum(joint.zone.n_macros for joint in problem.joints),
     }
 

@@ -78,15 +78,17 @@ class Constraints:
     @cached_property
     def own(self) -> NDArray[np.bool_] | None:
         """Mask (n_q,) of the unknowns at this process's own nodes; None if all are."""
-        return None if self.space.share.own is None else self.space.share.own[self._node]
+        return None if self.space.share.own is None else self.space.share.own[self.node_of_unknown]
 
     @cached_property
     def common(self) -> Ints | None:
         """Unknowns at nodes of contact skins, which all processes have in this order; None for a process alone."""
-        return None if self.space.share.common is None else np.flatnonzero(self.space.share.common[self._node])
+        return (
+            None if self.space.share.common is None else np.flatnonzero(self.space.share.common[self.node_of_unknown])
+        )
 
     @cached_property
-    def _node(self) -> Ints:
+    def node_of_unknown(self) -> Ints:
         """Node (n_q,) of each unknown, the first one for the motion of a rigid body."""
         T = self.T.tocsc()
         return T.indices[T.indptr[:-1]] // self.space.dim

@@ -126,9 +126,7 @@ def integrate(
     return Interface(zone, slave, master, points, weight, gap, B, G, w, total, average, centre, normal, length)
 
 
-def _points(
-    zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool, share: Share
-) -> ContactPoints:
+def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool, share: Share) -> ContactPoints:
     distance = pairing.search_distance
     if distance is None:  # that of the undeformed skins, which is constant
         distance = default_distance(zone.slave, zone.master, zone.macro)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, vstack
 
+from lacmesh.errors import LacmeshError
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.partition import Part, distribute_nodes, part_of
+
+
+T = TypeVar("T")
 
 
 class Processes:
@@ -36,7 +40,7 @@ class ProcessShare:
     """
 
     def __init__(self, comm: Any, part: Part, common: NDArray[np.bool_]) -> None:
-        self.comm, self.rank, self.part, self.common = comm, part.rank, part, common
+        self.comm, self.rank, self.n, self.part, self.common = comm, part.rank, part.n_ranks, part, common
         self.own, self.node, self.origin, self.body = part.own, part.node, part.origin, part.body
         self._asked, self._given = self._neighbours()
         first = sum(comm.allgather(int(self.own.sum()))[: self.rank])
@@ -44,7 +48,7 @@ class ProcessShare:
         mine[self.own] = first + np.arange(int(self.own.sum()))
         self.number: Ints = self.update(mine[:, None]).ravel().astype(np.int64)
 
-    def _neighbours(self) -> tuple[list[Ints], list[Ints]]:
+    def _neighbours(self) -> tuple[Sequence[Ints], Sequence[Ints]]:
         """Return the nodes that this process asks each of the others for, and those that it gives to each."""
         others = np.flatnonzero(~self.own)
         others = others[np.argsort(self.part.owner[others], kind="stable")]
@@ -78,6 +82,16 @@ class ProcessShare:
         """Return the arrays of all processes, one after the other."""
         return np.concatenate(self.comm.allgather(np.asarray(x)))
 
+    def collect(self, x: NDArray) -> NDArray:
+        """Return the arrays of all processes, one after the other, on the first process; on others what is empty."""
+        parts = self.comm.gather(np.asarray(x))
+        return x[:0] if parts is None else np.concatenate(parts)
+
+    def deal(self, x: NDArray, counts: Ints) -> NDArray:
+        """Return this process's part of an array that the first process has, of which each takes as many rows."""
+        parts = np.split(x, np.cumsum(counts)[:-1]) if self.rank == 0 else None
+        return np.asarray(self.comm.scatter(parts))
+
     def gather_rows(self, A: csr_array) -> csr_array:
         """Return the rows of all processes, one process after the other; columns mean the same on all."""
         return csr_array(vstack(self.comm.allgather(csr_array(A)), format="csr"))
@@ -106,8 +120,28 @@ class ProcessShare:
         """Raise the error of the first process that has one, on all of them."""
         if not self.total(np.array(error is not None, int)):
             return
-        found = [one for one in self.comm.allgather(error) if one is not None]
-        raise found[0] if error is None else error
+        found = self.comm.allgather(None if error is None else (type(error), str(error)))
+        kind, message = next(one for one in found if one is not None)
+        raise error if error is not None else _made(kind, message)
+
+    def on_first(self, work: Callable[[], T]) -> T | None:
+        """Do something on the first process alone, and return its result there; raise its error on all of them."""
+        made, failed = None, None
+        if self.rank == 0:
+            try:
+                made = work()
+            except Exception as error:
+                failed = error
+        self.agree(failed)
+        return made
+
+
+def _made(kind: type[Exception], message: str) -> Exception:
+    """Return an error with a message; a LacmeshError if errors of this kind are made of more."""
+    try:
+        return kind(message)
+    except TypeError:
+        return LacmeshError(message)
 
 
 def _counts(nodes: Sequence[Ints], k: int) -> Any:

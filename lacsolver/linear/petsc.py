@@ -19,7 +19,7 @@ from lacsolver.linear.errors import LinearError
 
 #: prefix of the options of PETSc that apply here
 PREFIX = "lacsolver_"
-_OPTIONS = {
+_OPTIONS: dict[str, dict[str, str | float]] = {
     "gamg": {
         "pc_type": "gamg",
         "pc_gamg_type": "agg",

@@ -12,11 +12,11 @@ SOLID, CONTACT = "solid", "contact_"
 #: subfolders: of the VTU files, and of the last state tried by a run that failed
 FIELDS, UNCONVERGED = "fields", "unconverged"
 _STATE = re.compile(r"state_(\d{4,})\.npz")
-_VTU = re.compile(r"(?:solid|contact_.+)_(\d{4,})\.vtu")
+_VTU = re.compile(r"(?:solid|contact_.+)_(\d{4,})(?:\.vtu|\.pvtu|\.r\d{5}\.vtu)")
 _OURS = re.compile(r"results\.json|history\.csv|results\.med|solid\.pvd|contact_.+\.(?:csv|pvd)|state_\d{4,}\.npz")
 #: names of results while they are written, hidden: a stem that may be shortened, a token, a suffix
 _HIDDEN = re.compile(
-    r"\.(?:results|history|solid.*|contact_.+|state_\d{4,})-(?:[0-9a-f]{16}|[0-9a-f]{24})\.(?:json|csv|med|pvd|npz|vtu)"
+    r"\.(?:results|history|solid.*|contact_.+|state_\d{4,})-(?:[0-9a-f]{16}|[0-9a-f]{24})\.(?:json|csv|med|pvd|npz|vtu|pvtu)"
 )
 #: longest part of a file's name for a zone
 _LENGTH = 80
@@ -27,9 +27,13 @@ def state_file(number: int) -> str:
     return f"state_{number:04d}.npz"
 
 
-def vtu_file(stem: str, number: int) -> str:
-    """Return the path of the VTU file after a number of steps, relative to the folder, as a PVD names it."""
-    return f"{FIELDS}/{stem}_{number:04d}.vtu"
+def vtu_file(stem: str, number: int, rank: int | None = None) -> str:
+    """Return the path of the VTU file after a number of steps, relative to the folder, as a PVD names it.
+
+    `rank`: that of the process that writes a piece of it, None for a file that is whole.
+    """
+    piece = "" if rank is None else f".r{rank:05d}"
+    return f"{FIELDS}/{stem}_{number:04d}{piece}.vtu"
 
 
 def number_of(path: Path) -> int | None:

@@ -38,15 +38,20 @@ class _Rows(NamedTuple):
 
 
 def body(space: Space) -> Part:
-    """Return the cells that carry displacements, and skin cells with a node that belongs to no such cell."""
+    """Return the cells that carry displacements, and skin cells with a node that belongs to no such cell.
+
+    Of several processes each returns its own cells, with all groups, empty ones too.
+    """
     mesh = space.mesh
-    rows = [_Rows(*block) for block in space.blocks]
+    own = [space.own_cells(block) for block in space.blocks]
+    rows = [_Rows(b.type, b.nodes[here], b.cell[here]) for b, here in zip(space.blocks, own, strict=True)]
     for k, (kind, nodes) in enumerate(mesh.blocks):
         index = np.arange(mesh.offsets[k], mesh.offsets[k + 1])
         bare = (mesh.cell_dim[index] == space.dim - 1) & ~space.attached[nodes].all(axis=1)
+        bare &= space.share.own is None
         if bare.any():
             rows.append(_Rows(kind, nodes[bare], index[bare]))
-    return _part(mesh, rows)
+    return _part(mesh, rows, all_groups=space.share.own is not None)
 
 
 def skin(mesh: Mesh, surface: Surface) -> Part:
@@ -63,7 +68,7 @@ def whole(mesh: Mesh) -> Part:
     return _part(mesh, rows, all_nodes=True)
 
 
-def _part(mesh: Mesh, rows: Iterable[_Rows], all_nodes: bool = False) -> Part:
+def _part(mesh: Mesh, rows: Iterable[_Rows], all_nodes: bool = False, all_groups: bool = False) -> Part:
     rows = _storable([r for r in rows if len(r.cells)])
     used = np.full(mesh.n_nodes, all_nodes)
     for r in rows:
@@ -77,8 +82,8 @@ def _part(mesh: Mesh, rows: Iterable[_Rows], all_nodes: bool = False) -> Part:
         space_dim=mesh.space_dim,
         node_number=mesh.node_number[nodes],
         cell_number=mesh.cell_number[cells],
-        cell_groups=_groups(mesh.cell_groups, cells, mesh.n_cells),
-        node_groups=_groups(mesh.node_groups, nodes, mesh.n_nodes),
+        cell_groups=_groups(mesh.cell_groups, cells, mesh.n_cells, all_groups),
+        node_groups=_groups(mesh.node_groups, nodes, mesh.n_nodes, all_groups),
         cell_data={name: mesh.cell_data[name][cells] for name in CELL_RECORDS if name in mesh.cell_data},
         node_data={name: mesh.node_data[name][nodes] for name in (NODE_RECORD,) if name in mesh.node_data},
         zones=mesh.zones,
@@ -102,12 +107,12 @@ def _storable(rows: list[_Rows]) -> list[_Rows]:
     ]
 
 
-def _groups(groups: Mapping[str, Ints], members: Ints, size: int) -> dict[str, Ints]:
-    """Return the groups restricted to some members of the whole, as indices into these; empty groups are left out."""
+def _groups(groups: Mapping[str, Ints], members: Ints, size: int, empty: bool = False) -> dict[str, Ints]:
+    """Return the groups restricted to some members of the whole, as indices into these; `empty` ones too, or not."""
     place = np.full(size, -1)
     place[members] = np.arange(len(members))
     told = {name: place[ids][place[ids] >= 0] for name, ids in groups.items()}
-    return {name: np.sort(ids) for name, ids in told.items() if len(ids)}
+    return {name: np.sort(ids) for name, ids in told.items() if len(ids) or empty}
 
 
 def on_faces(values: NDArray, macro: Ints, missing: float) -> NDArray:

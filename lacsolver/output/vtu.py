@@ -22,6 +22,7 @@ from lacmesh.formats.vtu.writer import quoted
 from lacmesh.mesh import Floats
 from lacsolver.output.names import FIELDS, SOLID, collections_in, contact_stems, vtu_file
 from lacsolver.output.parts import Part, body, on_faces, skin
+from lacsolver.output.pieces import write_pieces
 from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.space.space import Space
 
@@ -39,13 +40,17 @@ class VtuSeries:
     def __init__(self, folder: Path, space: Space) -> None:
         self._folder, self._space = folder, space
         self._parts: dict[str, Part] = {}
-        self._told = {path.stem: read_pvd(path) for path in collections_in(folder)}
-        for stem, entries in self._told.items():
-            _write_pvd(folder / f"{stem}.pvd", entries)
+        self._told: dict[str, list[_Entry]] = {}
+        if space.share.rank == 0:
+            self._told = {path.stem: read_pvd(path) for path in collections_in(folder)}
+            for stem, entries in self._told.items():
+                _write_pvd(folder / f"{stem}.pvd", entries)
 
     def write(self, fields: Fields, number: int) -> None:
         """Add the fields after `number` steps. Raises WriteError."""
         self._add(SOLID, self._part(SOLID, None), _solid(fields), {}, fields.time, number)
+        if self._space.share.rank > 0:  # the first process has all of the skins
+            return
         for zone, stem in contact_stems(fields.zones).items():
             told = fields.zones[zone]
             self._add(stem, self._part(stem, told), _nodal(told, fields), _by_face(told), fields.time, number)
@@ -70,9 +75,14 @@ class VtuSeries:
             node_data={**part.mesh.node_data, **{name: values[part.nodes] for name, values in nodal.items()}},
             cell_data={**part.mesh.cell_data, **{name: values[part.cells] for name, values in by_cell.items()}},
         )
-        file = vtu_file(stem, number)
+        share, file = self._space.share, vtu_file(stem, number)
         _make(self._folder / FIELDS)
-        write(self._folder / file, mesh, compress=True)
+        if share.n > 1 and stem == SOLID:
+            file = write_pieces(self._folder, stem, number, mesh, share)
+        else:
+            write(self._folder / file, mesh, compress=True)
+        if share.rank > 0:
+            return
         self._told[stem] = [*self._told.get(stem, []), _Entry(float(time), file)]
         _write_pvd(self._folder / f"{stem}.pvd", self._told[stem])
 

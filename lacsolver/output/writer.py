@@ -42,24 +42,37 @@ class _Unwritten(NamedTuple):
 class Writer:
     """Writes a run into its folder, in which the results of an earlier run are removed here, or continued.
 
-    `prints`: fingerprint of the case and its mesh, stored with states. The folder is locked against other runs until
+    `prints`: fingerprint of the case and its mesh, stored with states; `whole`: function that makes states of the whole
+    model from those of a process's share. Of several processes all call the same methods, and the first one writes what
+    is not a part of each. The folder is locked against other runs until
     `finish`. Raises WriteError, RequestError if another run writes there, and ReadError if files to be continued are
     damaged. Signals are delayed until a file is complete.
     """
 
-    def __init__(self, folder: OutputFolder, case: Case, space: Space, prints: Mapping[str, str]) -> None:
+    def __init__(
+        self, folder: OutputFolder, case: Case, space: Space, prints: Mapping[str, str],
+        whole: Callable[[Restart], Restart] = lambda state: state,
+    ) -> None:  # fmt: skip
         self._path, self._output, self._space, self._prints = folder.path, case.output, space, prints
+        self._whole, self._share, self._zones = (
+            whole,
+            space.share,
+            tuple(zone.name for zone in (*case.contact, *case.tie)),
+        )
         end = folder.restart.time if folder.restart else None
         with signals_wait():
-            self._let_go = weakref.finalize(self, folder.hold())  # by `finish`, or with this writer
-            self._history, self._summary = History(folder.path, end), Summary(folder.path, end)
-            folder.take()
-            self._zones = tuple(zone.name for zone in (*case.contact, *case.tie))
+            self._share.on_first(lambda: self._take(folder, end))
             self._series = self._fields_to(folder.path, end)
-            if end is not None:
-                for table in folder.path.glob("contact_*.csv"):
-                    cut_off(table, end)
         self._unwritten: _Unwritten | None = None
+
+    def _take(self, folder: OutputFolder, end: float | None) -> None:
+        """Lock the folder, clear it of results after the time `end`, and open its tables."""
+        self._let_go = weakref.finalize(self, folder.hold())  # by `finish`, or with this writer
+        self._history, self._summary = History(folder.path, end), Summary(folder.path, end)
+        folder.take()
+        if end is not None:
+            for table in folder.path.glob("contact_*.csv"):
+                cut_off(table, end)
 
     def step(self, results: Results, fields: Callable[[], Fields], state: Restart) -> bool:
         """Write a converged step, the last of `results.steps`; return True if its fields and state were written.
@@ -67,8 +80,7 @@ class Writer:
         `fields` is called if they are due, or later, by `finish`, if this is the last step.
         """
         with signals_wait():
-            self._history.add(results.steps[-1])
-            self._summary.write(results)
+            self._share.on_first(lambda: self._tell(results))
             self._unwritten = _Unwritten(fields, state)  # before a signal that came up meanwhile does
         if not is_due(self._output, state.number, state.time):
             return False
@@ -88,14 +100,24 @@ class Writer:
         made = last.fields() if last and not (results.status == "done" and self._output.times) else None
         failed = tried() if tried else None
         with signals_wait(), ExitStack() as ending:
-            ending.callback(self._let_go)
-            self._summary.write(results)
+            ending.callback(self._release)
+            self._share.on_first(lambda: self._summary.write(results))
             if last and made:
                 self._write(made, last.state)
             elif last:
-                write_state(self._path, last.state, self._prints)
+                self._state(last.state)
             if failed:
-                self._fields_to(_made(self._path / UNCONVERGED)).write(failed, 1)
+                self._share.on_first(lambda: _made(self._path / UNCONVERGED))
+                self._fields_to(self._path / UNCONVERGED).write(failed, 1)
+
+    def _release(self) -> None:
+        if self._share.rank == 0:
+            self._let_go()
+
+    def _tell(self, results: Results) -> None:
+        """Add the last step to the table of the history, and write the summary."""
+        self._history.add(results.steps[-1])
+        self._summary.write(results)
 
     def _fields_to(self, folder: Path, end: float | None = None) -> Series:
         """Return the files of fields in a folder; `end`: existing ones are continued after this time."""
@@ -107,9 +129,17 @@ class Writer:
 
     def _write(self, fields: Fields, state: Restart) -> None:
         self._series.write(fields, state.number)
-        for zone, stem in contact_stems(fields.zones).items():
-            add_contact(self._path / f"{stem}.csv", fields.time, fields.zones[zone])
-        write_state(self._path, state, self._prints)
+
+        def tables() -> None:
+            for zone, stem in contact_stems(fields.zones).items():
+                add_contact(self._path / f"{stem}.csv", fields.time, fields.zones[zone])
+
+        self._share.on_first(tables)
+        self._state(state)
+
+    def _state(self, state: Restart) -> None:
+        whole = self._whole(state)
+        self._share.on_first(lambda: write_state(self._path, whole, self._prints))
 
 
 def is_due(output: Output, number: int, time: float) -> bool:

@@ -134,7 +134,9 @@ def displaced_by(motions: Sequence[FreeMotion], u: Floats, x: Floats | None = No
     if not motions:
         return np.empty(0)
     F, space = _fields(motions, x), motions[0].space
-    here = np.repeat(np.ones(space.mesh.n_nodes) if space.share.own is None else space.share.own.astype(float), space.dim)
+    here = np.repeat(
+        np.ones(space.mesh.n_nodes) if space.share.own is None else space.share.own.astype(float), space.dim
+    )
     own = diags_array(here) @ F
     part = np.linalg.solve(space.share.total((own.T @ F).toarray()), space.share.total(own.T @ u))
     moved = (m.at_nodes if x is None else m.at(x) for m in motions)
@@ -213,8 +215,8 @@ def _names(space: Space, of_node: Ints, n: int) -> list[str]:
         ours = space.own_cells(block)
         body[block.cell[ours]] = of_node[block.nodes[ours, 0]]
 
-    def count(cells: Ints) -> Ints:
-        return share.total(np.bincount(body[cells][body[cells] >= 0], minlength=n))
+    def count(cells: Ints) -> Floats:
+        return share.total(np.bincount(body[cells][body[cells] >= 0], minlength=n).astype(float))
 
     whole, names = count(np.arange(len(body))), [f"the body of node {number}" for number in _first(space, of_node, n)]
     size = np.full(n, np.iinfo(np.int64).max)

@@ -64,8 +64,8 @@ class Answer:
                 zone.name: zone_figures(zone, _nodes(joint), x + space.origin[: space.dim]) for zone, joint, x in pairs
             },
             balance=balance((zone.force, x) for zone, _, x in pairs),
-            energy=problem.kinematics.energy(state.u, state.time, state.history),
-            displacement=float(np.linalg.norm(state.u.reshape(-1, space.dim), axis=1).max()),
+            energy=float(space.share.total(np.array(problem.kinematics.energy(state.u, state.time, state.history)))),
+            displacement=space.largest(np.linalg.norm(state.u.reshape(-1, space.dim), axis=1)),
         )
 
     def fields(self, state: State) -> Fields:
@@ -74,7 +74,8 @@ class Answer:
         at_nodes = nodal_stress(space, self.stress(state))
         pairs = zip(joints, state.zones, strict=True)
         zones = {zone.name: self._zone(joint, zone, state.u) for joint, zone in pairs}
-        u, reaction = (v.reshape(-1, space.dim) for v in (state.u, state.reaction))
+        at_nodes = space.share.update(at_nodes)
+        u, reaction = (v.reshape(-1, space.dim) for v in (state.u, space.updated(state.reaction)))
         return Fields(state.time, u, at_nodes, reaction, zones)
 
     def _places(self, joint: ContactPair, state: State) -> Floats:

@@ -79,16 +79,22 @@ def stress_ranges(space: Space, stress: Field) -> Mapping[str, Mapping[str, tupl
         low[block.cell], high[block.cell] = values.min(axis=1), values.max(axis=1)
     ours = space.cells()
     groups = {"": ours} | {name: np.intersect1d(cells, ours) for name, cells in space.mesh.cell_groups.items()}
+    ends = [
+        np.concatenate([-low[cells].min(axis=0, initial=np.inf), high[cells].max(axis=0, initial=-np.inf)])
+        for cells in groups.values()
+    ]
+    found = space.share.gather(np.array(ends)[None]).max(axis=0)
     return {
-        name: {c: (float(low[cells, k].min()), float(high[cells, k].max())) for k, c in enumerate(COMPONENTS[:n])}
-        for name, cells in groups.items()
-        if len(cells)
+        name: {c: (float(-end[k]), float(end[n + k])) for k, c in enumerate(COMPONENTS[:n])}
+        for name, end in zip(groups, found, strict=True)
+        if end[n] > -np.inf
     }
 
 
 def probe(space: Space, u: Floats, nodes: Ints) -> NDArray[np.floating]:
-    """Return the mean displacement (dim,) of some nodes."""
-    return np.asarray(u.reshape(-1, space.dim)[nodes].mean(axis=0))
+    """Return the mean displacement (dim,) of some nodes, those of all processes."""
+    total = space.share.total(np.append(u.reshape(-1, space.dim)[nodes].sum(axis=0), len(nodes)))
+    return np.asarray(total[:-1] / total[-1])
 
 
 def _least(values: Floats) -> float:

@@ -31,7 +31,7 @@ from lacsolver.solve.contact_system import ContactSystem, Rows
 from lacsolver.solve.saddle import SaddleProblem
 from lacsolver.solve.schur import solve_saddle
 from lacsolver.solve.search import Trial
-from lacsolver.solve.stiffness import Stiffness
+from lacsolver.solve.stiffness import Operator
 from lacsolver.solve.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance
 
 #: reduction of the residual in an inexact solve, and largest number of such solves
@@ -43,7 +43,7 @@ _STOPPED = 1e-8
 
 
 def active_set_iterates(
-    K: Stiffness,
+    K: Operator,
     f: Floats,
     contact_at: Callable[[Floats], ContactSystem],
     start: Iterate,

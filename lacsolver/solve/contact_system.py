@@ -21,7 +21,7 @@ from lacsolver.contact import Interface
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.tangent import Motion, gap_derivative, motion_of, tangent
 from lacsolver.problem.problem import ContactPair, Problem
-from lacsolver.solve.stiffness import Stiffness
+from lacsolver.solve.stiffness import Operator
 from lacsolver.space.share import ALONE, Share
 
 
@@ -106,14 +106,14 @@ class ContactSystem:
     nodal: Rows | None = None
 
     @classmethod
-    def of(cls, rows: Rows, G: Floats, law: ContactLaw, K: Stiffness) -> ContactSystem:
+    def of(cls, rows: Rows, G: Floats, law: ContactLaw, K: Operator) -> ContactSystem:
         """Return the system of covered rows on the unknowns of a stiffness K that obey one law."""
         m = len(G)
         group = RowGroup(law, slice(0, m), np.zeros((m, law.n_history)))
         every = np.ones(m, bool)
         return cls(rows, G, (group,), every, every, skin_stiffness(K, rows))
 
-    def reduced(self, T: csr_array, K: Stiffness) -> ContactSystem:
+    def reduced(self, T: csr_array, K: Operator) -> ContactSystem:
         """Return the system on the unknowns q of a stiffness K, with T = du/dq."""
         rows = self.rows.reduced(T)
         made = replace(self, rows=rows, skin=skin_stiffness(K, rows), nodal=self.rows)
@@ -233,7 +233,7 @@ def _derivatives(groups: Sequence[RowGroup], n: int) -> csr_array:
     return csr_array(vstack(parts))
 
 
-def skin_stiffness(K: Stiffness, rows: Rows) -> NDArray[np.floating]:
+def skin_stiffness(K: Operator, rows: Rows) -> NDArray[np.floating]:
     """Return c (m,) = w (b K b^T) / (b b^T)^2, stress per length; 1 where a row is zero or has no stiffness."""
     energy, size = row_energies(rows.B[:, rows.touched], K.restricted(rows.touched))
     with np.errstate(invalid="ignore", divide="ignore"):

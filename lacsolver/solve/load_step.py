@@ -28,7 +28,7 @@ from lacsolver.solve.contact_system import ContactSystem, contact_system
 from lacsolver.solve.newton import Linearization
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.schemes import StepTerms
-from lacsolver.solve.stiffness import Stiffness
+from lacsolver.solve.stiffness import Operator
 from lacsolver.solve.tolerances import ForceTerms
 
 
@@ -65,7 +65,7 @@ class LoadStep:
         return None if self.terms is None else self.terms.matrix
 
     @property
-    def reference(self) -> Stiffness:
+    def reference(self) -> Operator:
         """Stiffness of the undeformed bodies and of the time scheme, factorised."""
         return self.model.reference(self._matrix)
 
@@ -166,7 +166,7 @@ class LoadStep:
             total += ([] if bent is None else [bent]) + ([] if springs is None else [-springs])
             return csr_array(sum(total[1:], total[0])) if total else None
 
-        def stiffness(damping: float, definite: bool) -> Stiffness:
+        def stiffness(damping: float, definite: bool) -> Operator:
             if problem.kinematics.linear:
                 return self.reference
             return self._factorised(model.stabilized(model.reduced(tangent(), T), self._matrix), damping, definite)
@@ -204,7 +204,7 @@ class LoadStep:
         largest = self.model.vectors.largest(q) + self.model.longest  # strains of about 1
         return ForceTerms(stiff * largest, stiff)
 
-    def _factorised(self, K: csr_array, damping: float, definite: bool) -> Stiffness:
+    def _factorised(self, K: csr_array, damping: float, definite: bool) -> Operator:
         """Return K (n_q, n_q) plus `damping` times that of the undeformed bodies, factorised."""
         K = csr_array(K + damping * self.reference.K) if damping else K
         if self._definite and definite:

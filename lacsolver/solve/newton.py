@@ -35,7 +35,7 @@ from lacsolver.solve.active_set import close_rows_against_rigid_modes, solve_set
 from lacsolver.solve.contact_system import ContactSystem
 from lacsolver.solve.saddle import SaddleProblem
 from lacsolver.solve.search import Trial
-from lacsolver.solve.stiffness import Stiffness
+from lacsolver.solve.stiffness import Operator
 from lacsolver.solve.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance
 
 #: step lengths that are tried, in this order
@@ -66,7 +66,7 @@ class Linearization:
     r: NDArray[np.floating]
     size: float
     contact: ContactSystem
-    stiffness: Callable[[float, bool], Stiffness]
+    stiffness: Callable[[float, bool], Operator]
     geometric_stiffness: Callable[[Floats], csr_array | None]
     free: NDArray[np.floating]
     terms: Callable[[], ForceTerms] | None = None

@@ -24,7 +24,7 @@ from lacsolver.problem.rigid_modes import FreeMotion, bodies, describe, free_mot
 from lacsolver.solve.schemes import QuasiStatic, TimeScheme
 from lacsolver.solve.shared_stiffness import SharedFactors
 from lacsolver.solve.stabilization import Stabilization
-from lacsolver.solve.stiffness import FactorCache, Stiffness, Whole
+from lacsolver.solve.stiffness import FactorCache, Operator, Whole
 
 #: how far a node may be across the axis of symmetry, relative to the bodies' extent
 _AXIS = 1e-9
@@ -43,7 +43,7 @@ class ReducedProblem:
 
     def __post_init__(self) -> None:
         self._interfaces: dict[str, Interface] = {}
-        self._reference: tuple[csr_array | None, Stiffness] | None = None
+        self._reference: tuple[csr_array | None, Operator] | None = None
 
     @cached_property
     def K(self) -> csr_array:
@@ -81,7 +81,7 @@ class ReducedProblem:
             return SharedFactors(self.stabilization.R, solver.backend, constraints, self.vectors)
         return FactorCache(self.stabilization.R, solver.backend, self.problem.threads, self._whole)
 
-    def reference(self, matrix: csr_array | None = None) -> Stiffness:
+    def reference(self, matrix: csr_array | None = None) -> Operator:
         """Return the stabilised K_q of the undeformed bodies plus a scheme's matrix (n_q, n_q), factorised.
 
         The last one is kept. Raises SingularError, in terms of the mesh.

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.solve.contact_system import Rows, row_energies
-from lacsolver.solve.stiffness import Stiffness
+from lacsolver.solve.stiffness import Operator
 
 #: relative tolerance for the rank of the active rows on the rigid-body modes
 RANK_TOLERANCE = 1e-8
@@ -28,7 +28,7 @@ class SaddleProblem(NamedTuple):
     compared with K; None for 0.
     """
 
-    K: Stiffness
+    K: Operator
     rows: Rows
     active: Ints
     f: Floats

@@ -12,7 +12,7 @@ rigid-body motions themselves follow from the gaps. Forces of the geometric stif
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,7 +101,7 @@ class _SchurLoop:
     """
 
     def __init__(self, problem: SaddleProblem, start: Floats) -> None:
-        K, rows, active, geometric = problem.K, problem.rows, problem.active, problem.geometric
+        K, rows, active, geometric = cast(Stiffness, problem.K), problem.rows, problem.active, problem.geometric
         self.problem, self.K, self.rows, self.active, self.start = problem, K, rows, active, start
         self.vectors, self.f = K.vectors, problem.f - problem.geometric_forces(start)
         self.D, self.S, self.G, self.n = rows.D[active], problem.S, problem.G[active], len(active)

@@ -50,9 +50,7 @@ class SharedStiffness:
         """Return the rows and columns of K at some unknowns, which all processes have."""
         assert self.constraints.own is not None
         own = diags_array(self.constraints.own[unknowns].astype(float))
-        return self.constraints.space.share.add_matrices(
-            csr_array(own @ self.K[unknowns][:, unknowns]), (False, False)
-        )
+        return self.constraints.space.share.add_matrices(csr_array(own @ self.K[unknowns][:, unknowns]), (False, False))
 
     def cycle(self, f: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 f (n,) at all unknowns."""
@@ -103,7 +101,8 @@ def _petsc_cycle(K: csr_array, constraints: Constraints, backend: str) -> PetscC
 
     space, T, share = constraints.space, constraints.T, constraints.space.share
     petsc: Any = import_petsc()
-    own = space.dofs(np.flatnonzero(share.own)).ravel()  # type: ignore[arg-type]
+    assert share.own is not None and share.number is not None
+    own = space.dofs(np.flatnonzero(share.own)).ravel()
     T_own = csr_array(T[own])
     free = csr_array(T_own @ T.T)
     rest = csr_array((np.ones(len(own)), (np.arange(len(own)), own)), shape=(len(own), space.n_dof)) - free
@@ -121,7 +120,7 @@ def rigid_body_modes(space: Space) -> NDArray[np.floating]:
     own, x = space.own(body).ravel(), space.own(space.local.points.ravel())
     own, x = own[own >= 0], x[own >= 0]
     count = share.total(np.bincount(own, minlength=n).astype(float))
-    sums = [share.total(np.bincount(own, x[:, k], minlength=n)) for k in range(3)]
+    sums = [share.total(np.bincount(own, x[:, k], minlength=n).astype(float)) for k in range(3)]
     centre = np.stack(sums, axis=1) / np.maximum(count, 1)[:, None]
     arm = np.where(body[:, None] >= 0, space.local.points - centre[body], 0.0)
     straight = np.tile(np.eye(space.dim), (len(arm), 1, 1))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy.linalg
@@ -35,11 +35,55 @@ class Whole(NamedTuple):
     modes: NDArray[np.floating]
 
 
+class Operator(Protocol):
+    """Interface of a stiffness on the constrained unknowns, whole (`Stiffness`) or shared by several processes.
+
+    What the iterative loops ask of it. Vectors of displacements are known at all unknowns of a process, forces at its
+    own. `K`: the matrix, as far as this process has it; `R` (n, r): rigid-body modes in its null space.
+    """
+
+    @property
+    def K(self) -> csr_array:
+        """Matrix (n, n), of which the rows of a process's own unknowns are complete."""
+
+    @property
+    def R(self) -> NDArray[np.floating]:
+        """Rigid-body modes (n, r) in the null space, with orthonormal columns."""
+
+    @property
+    def iterative(self) -> bool:
+        """True if `cycle` is the basic operation and K^-1 takes many of them."""
+
+    @property
+    def definite(self) -> bool:
+        """True if negative energies of K are errors, of an iterative solution."""
+
+    @property
+    def vectors(self) -> Vectors:
+        """Operations on vectors of the unknowns."""
+
+    @property
+    def scaling(self) -> NDArray[np.floating]:
+        """Diagonal (n,) of K with its springs; 1 where it is 0."""
+
+    def apply(self, q: Floats) -> NDArray[np.floating]:
+        """Return K q (n,)."""
+
+    def restricted(self, unknowns: Ints) -> csr_array:
+        """Return the rows and columns of K at some unknowns, which all processes have."""
+
+    def cycle(self, f: Floats) -> NDArray[np.floating]:
+        """Return an approximation of K^-1 f (n,)."""
+
+    def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
+        """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""
+
+
 class Stiffness(NamedTuple):
     """K (n, n) on the constrained unknowns, its factor, and the rigid-body modes R (n, r) in its null space.
 
     `R` has orthonormal columns. `factor`: that of K with the springs `spring` (n,), embedded by `whole` unless that is
-    None. The iterative loops use its methods only, so that a distributed matrix may take its place.
+    None. It is an `Operator`, and solves with K.
     """
 
     K: csr_array
@@ -48,8 +92,10 @@ class Stiffness(NamedTuple):
     whole: Whole | None = None
     spring: NDArray[np.floating] | None = None
 
-    #: True if negative energies of K are errors of an iterative solution
-    definite = True
+    @property
+    def definite(self) -> bool:
+        """True if negative energies of K are errors, of an iterative solution."""
+        return True
 
     @property
     def iterative(self) -> bool:

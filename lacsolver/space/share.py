@@ -7,14 +7,17 @@ processes by `update`. Contact is the same on every process. A process that has 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints, Mesh
+
+
+T = TypeVar("T")
 
 
 class Distribution(Protocol):
@@ -35,6 +38,10 @@ class Share(Protocol):
     @property
     def rank(self) -> int:
         """Number of the process, from 0."""
+
+    @property
+    def n(self) -> int:
+        """Number of processes."""
 
     @property
     def comm(self) -> Any:
@@ -76,6 +83,12 @@ class Share(Protocol):
     def gather(self, x: NDArray) -> NDArray:
         """Return the arrays of all processes, one after the other."""
 
+    def collect(self, x: NDArray) -> NDArray:
+        """Return the arrays of all processes, one after the other, on the first process; on others what is empty."""
+
+    def deal(self, x: NDArray, counts: Ints) -> NDArray:
+        """Return this process's part of an array that the first process has, of which each takes as many rows."""
+
     def gather_rows(self, A: csr_array) -> csr_array:
         """Return the rows of all processes, one process after the other; columns mean the same on all."""
 
@@ -89,6 +102,9 @@ class Share(Protocol):
     def agree(self, error: Exception | None) -> None:
         """Raise the error of the first process that has one, on all of them."""
 
+    def on_first(self, work: Callable[[], T]) -> T | None:
+        """Do something on the first process alone, and return its result there; raise its error on all of them."""
+
 
 class Alone:
     """The share of a process that has the whole model.
@@ -97,7 +113,7 @@ class Alone:
     (array([1., 1.]), 3.0)
     """
 
-    rank = 0
+    rank, n = 0, 1
     comm = number = common = own = origin = node = body = None
 
     def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, Share]:
@@ -120,6 +136,14 @@ class Alone:
         """Return x."""
         return x
 
+    def collect(self, x: NDArray) -> NDArray:
+        """Return x."""
+        return x
+
+    def deal(self, x: NDArray, counts: Ints) -> NDArray:
+        """Return x."""
+        return x
+
     def gather_rows(self, A: csr_array) -> csr_array:
         """Return A."""
         return A
@@ -132,6 +156,10 @@ class Alone:
         """Raise the error, if there is one."""
         if error is not None:
             raise error
+
+    def on_first(self, work: Callable[[], T]) -> T | None:
+        """Do something, and return its result."""
+        return work()
 
 
 #: the share of a process that has the whole model

@@ -248,9 +248,7 @@ class Space:
         return np.flatnonzero(chosen)
 
 
-def _solid_blocks(
-    mesh: Mesh, model: ModellingHypothesis, own: NDArray[np.bool_] | None = None
-) -> tuple[Cells, ...]:
+def _solid_blocks(mesh: Mesh, model: ModellingHypothesis, own: NDArray[np.bool_] | None = None) -> tuple[Cells, ...]:
     """Return the cells of the model's dimension, one block per type; with `own` nodes, those that touch them."""
     blocks = []
     for k, (kind, nodes) in enumerate(mesh.blocks):
