@@ -35,7 +35,7 @@ _FIRST_FOR_NUMPY_2 = (3, 21)
 
 
 class Launch(NamedTuple):
-    """The processes of a run: their number, the rank of this one, and the variable that gives the number ('': alone)."""
+    """The processes of a run: their number, the rank of this one, and the variable with the number ('': alone)."""
 
     n: int
     rank: int

@@ -13,7 +13,6 @@ from lacmesh.errors import LacmeshError
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.partition import Part, distribute_nodes, part_of
 
-
 T = TypeVar("T")
 
 

@@ -2,7 +2,7 @@
 
 `gamg` (PETSc's smoothed aggregation) and `hypre` (BoomerAMG) apply one V-cycle, `mumps` a factorisation. Options of
 PETSc with the prefix `lacsolver_`, from PETSC_OPTIONS, go before those that are set here. GAMG is smoothed by
-Chebyshev's polynomial with the inverse diagonal, since PETSc 3.18 makes NaN of smoothers by blocks where an aggregate is
+Chebyshev's polynomial with the inverse diagonal, since smoothers by blocks give NaN in PETSc 3.18 where an aggregate is
 smaller than six rigid-body modes.
 """
 

@@ -62,7 +62,7 @@ def _of_dofs(constraints: Constraints) -> tuple[NDArray[np.bool_], Ints]:
 
 
 class _Order:
-    """The places in the whole model of values at own nodes: `own` (n,) tells which are, `node` (n,) the node of each."""
+    """The places in the whole model of values at own nodes: `own` (n,) tells which are, `node` (n,) their nodes."""
 
     def __init__(self, constraints: Constraints, own: NDArray[np.bool_], node: Ints) -> None:
         self._share, self._own = constraints.space.share, np.flatnonzero(own)

@@ -89,7 +89,8 @@ def _resisted(part: float) -> str:
 def beyond_a_cell(space: Space, u: Floats) -> str | None:
     """Return a warning if the largest nodal displacement of u (n_dof,) exceeds the size of the node's largest cell.
 
-    Of several processes each looks at its own nodes. Under small kinematics bodies and contact are evaluated undeformed.
+    Of several processes each looks at its own nodes. Under small kinematics bodies and contact are evaluated
+    undeformed.
     """
     far = np.linalg.norm(u.reshape(-1, space.dim), axis=1)
     if space.share.own is not None:

@@ -17,8 +17,8 @@ from lacmesh.errors import DataError, some
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
-from lacsolver.linear.vectors import WHOLE, SharedVectors, Vectors
 from lacsolver.linear import SingularError
+from lacsolver.linear.vectors import WHOLE, SharedVectors, Vectors
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.problem.rigid_modes import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
 from lacsolver.solve.schemes import QuasiStatic, TimeScheme

@@ -80,7 +80,7 @@ def unknowns(constraints: Constraints, u: Floats) -> NDArray[np.floating]:
 def _orthonormal(
     constraints: Constraints, motions: Sequence[FreeMotion], vectors: Vectors = WHOLE
 ) -> NDArray[np.floating]:
-    """Return orthonormal columns (n_q, k) with the span of some motions, by Cholesky's factor of their products, twice."""
+    """Return orthonormal columns (n_q, k) with the span of motions, by Cholesky's factor of their products, twice."""
     if not motions:
         return np.zeros((constraints.n_q, 0))
     columns = np.stack([unknowns(constraints, motion.field) for motion in motions], axis=1)

@@ -21,7 +21,7 @@ _NEAR = 1e-6
 
 
 def nodes_of(space: Space, record: AtNodes | Rigid) -> Ints:
-    """Return the sorted nodes (k,) that a record names by `group` and `kind`, or by `at`; of several processes, its own.
+    """Return the sorted nodes (k,) that a record names by `group` and `kind`, or by `at`; of several, its own.
 
     A group of cells means the nodes of its cells, whatever their dimension; without a `kind`, a name that both a cell
     group and a node group have means the cells. Raises CaseError for a group that is missing or empty, and for a place

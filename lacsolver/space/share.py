@@ -16,7 +16,6 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints, Mesh
 
-
 T = TypeVar("T")
 
 
