@@ -100,6 +100,8 @@ def _soft(problem: Problem, K: csr_array, free: Floats, vectors: Vectors) -> NDA
     square, turn = np.linalg.eigh(products(vectors, modes, modes))
     new = square > _ANOTHER**2
     modes = modes @ (turn[:, new] / np.sqrt(square[new]))
+    if not modes.shape[1]:
+        return modes
     space, moved = problem.space, problem.constraints.T @ modes
     energy, axes = np.linalg.eigh(_products(space, moved, problem.springs @ moved))
     stiff = K.diagonal()
