@@ -12,7 +12,7 @@ import numpy as np
 
 import lacmesh
 from lacmesh.cli.terminal import peak_memory
-from lacmesh.errors import LacmeshWarning
+from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.output import signals_wait
 from lacmesh.mesh import Mesh
 from lacsolver.case import Case, fingerprint
@@ -40,7 +40,8 @@ def run(
 
     `told` is called for every iteration, `stepped` for every converged step. Raises NotConvergedError after the last
     state tried is written, the errors of `Problem.of` and `Writer`, and DataError for a state of another case or mesh.
-    An interrupted run leaves the steps that have converged.
+    An interrupted run leaves the steps that have converged. Raises RequestError for a case of the engine petsc, which
+    `lacsolver.distributed.run` solves.
 
     >>> from tempfile import TemporaryDirectory
     >>> from lacsolver import create, read_case
@@ -49,6 +50,8 @@ def run(
     >>> results.status, [step.time for step in results.steps]
     ('done', [0.5, 1.0])
     """
+    if case.solver.engine_for(1) != "serial":
+        raise RequestError("the case names the engine petsc or a backend of it; lacsolver.distributed.run solves it")
     clock = Clock()
     with clock.phase("mesh"):
         mesh = lacmesh.read(case.mesh) if mesh is None else mesh
