@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
 from lacsolver.cli import PROGRAM
 from lacsolver.distributed.launch import Launch, absence, import_mpi, launched, one_thread_each
+from lacsolver.distributed.together import StoppedError, on_first, together
 
 T = TypeVar("T")
 #: seconds for which other ranks leave it to rank 0 to report what is missing: Open MPI then ends them
@@ -41,11 +42,7 @@ class Ranks:
 
     def on_first(self, function: Callable[[], T]) -> T:
         """Call a function on rank 0 alone, and return its result on all ranks."""
-        if self.comm is None:
-            return function()
-        from lacsolver.distributed.together import on_first
-
-        return on_first(self.comm, function)
+        return function() if self.comm is None else on_first(self.comm, function)
 
 
 @contextmanager
@@ -59,8 +56,6 @@ def all_ranks(args: argparse.Namespace) -> Iterator[Ranks]:
         yield Ranks()
         return
     comm = _world(launch)
-    from lacsolver.distributed.together import together
-
     os.environ["TERM"] = "dumb"  # Open MPI gives each process a terminal, even where its output goes to a file
     args.quiet |= comm.rank > 0
     with together(comm, _Terminal(args, comm.rank)):
@@ -75,8 +70,11 @@ def _world(launch: Launch) -> Any:
             started = f"{launch.n} processes were started ({launch.variable})"
             raise RequestError(f"{started}, and {missing}; else start one process, whose cores are [solver] threads")
         return import_mpi().COMM_WORLD
-    except RequestError:
-        time.sleep(_PAUSE if launch.rank else 0)
+    except RequestError as error:
+        try:
+            time.sleep(_PAUSE if launch.rank else 0)
+        except BaseException:  # a signal of mpiexec, since rank 0 has ended
+            raise StoppedError(error.status) from None
         raise
 
 

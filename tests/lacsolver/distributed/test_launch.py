@@ -67,7 +67,7 @@ def refused(folder, monkeypatch, files):
         import_petsc()
     for name in [name for name in sys.modules if name.split(".")[0] == "petsc4py"]:
         del sys.modules[name]
-    assert caught.value.status == 2 and str(folder / "petsc4py") in str(caught.value)
+    assert caught.value.status == 2
     return str(caught.value)
 
 
@@ -75,16 +75,14 @@ def test_an_old_petsc_beside_numpy_2_is_refused_before_it_crashes(tmp_path, monk
     monkeypatch.setattr(np, "__version__", "2.4.6")
     files = {"__init__.py": "__version__ = '3.18.5'\n", "PETSc.py": "raise SystemExit\n"}
     said = refused(tmp_path, monkeypatch, files)
-    assert (
-        said.startswith("petsc4py 3.18.5 (") and "needs numpy 1, and numpy 2.4.6 is installed; pip install 'nu" in said
-    )
+    assert said.startswith(f"petsc4py 3.18.5 ({tmp_path / 'petsc4py'}) needs numpy 1, and numpy 2.4.6 is installed; ")
 
 
 def test_a_petsc_of_another_python_is_refused(tmp_path, monkeypatch):
     files = {"__init__.py": "__version__ = '3.22.0'\n", "PETSc.py": "import imp_which_is_gone\n"}
     said = refused(tmp_path, monkeypatch, {**files, "lib/PETSc.cpython-39-x86_64-linux-gnu.so": ""})
     mine = f"this is Python {sys.version_info.major}.{sys.version_info.minor}"
-    assert f"is of Python 3.9, and {mine}; take that Python, or else " in said
+    assert f"petsc4py in {tmp_path / 'petsc4py'} is of Python 3.9, and {mine}; take that Python, or else " in said
 
 
 def test_a_petsc_that_cannot_be_imported_is_refused_with_the_reason(tmp_path, monkeypatch):
