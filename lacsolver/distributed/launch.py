@@ -165,7 +165,8 @@ def import_petsc(environment: Mapping[str, str] = os.environ) -> Any:
     """Return the module `petsc4py.PETSc`, initialised on all processes.
 
     MPI comes first, since PETSc of a wheel finds its library only then. petsc4py is the one that Python finds, else one
-    of `petsc_folders`. Raises RequestError with what to type where one is missing or made for another Python or numpy.
+    of `petsc_folders`. Raises RequestError with what to type where one is missing, made for another Python or numpy, or
+    computes with other numbers than float64.
     """
     import_mpi(environment)
     if find_spec("petsc4py") is None:
@@ -181,6 +182,11 @@ def import_petsc(environment: Mapping[str, str] = os.environ) -> Any:
     except (ImportError, ValueError, RuntimeError, OSError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise RequestError(f"petsc4py cannot be imported ({reason}); {PAGE} tells how to install it") from error
+    number = PETSc.ScalarType.__name__
+    if number != "float64":
+        raise RequestError(
+            f"PETSc computes with {number}, and float64 is needed; PETSC_ARCH may name another build ({PAGE})"
+        )
     _take_signals_back()
     return PETSc
 
@@ -190,7 +196,7 @@ def _check_fit(petsc4py: Any) -> None:
     import numpy as np
 
     folder = Path(petsc4py.__file__).parent
-    built = sorted(path.name.split("-")[1] for path in folder.rglob("PETSc.cpython-*"))
+    built = sorted(path.name.split("-")[1] for path in folder.rglob("PETSc.cpython-*.so"))
     if built and f"{sys.version_info.major}{sys.version_info.minor}" not in built:
         raise RequestError(
             f"petsc4py in {folder} is of Python {built[0][0]}.{built[0][1:]}, and this is Python "

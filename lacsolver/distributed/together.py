@@ -18,7 +18,7 @@ from lacmesh.errors import LacmeshError
 #: seconds for which a failed rank waits for the others, one of which may still be writing files
 PATIENCE = 30.0
 #: the patience of the highest rank is longer by this part, so that of several failed ranks the lowest ends the run
-_STAGGER = 0.4
+_STAGGER = 0.3
 #: seconds between two looks at the other ranks
 _PAUSE = 0.02
 

@@ -59,6 +59,7 @@ def test_what_is_missing_is_said_with_the_line_to_type(monkeypatch):
 def refused(folder, monkeypatch, files):
     """The message about a petsc4py made of some files, which is the first that Python finds."""
     (folder / "petsc4py" / "lib").mkdir(parents=True)
+    (folder / "petsc4py" / "lib" / "PETSc.cpython-38.pyc").touch()  # compiled Python, as caches have: of no matter
     for name, text in files.items():
         (folder / "petsc4py" / name).write_text(text)
     monkeypatch.syspath_prepend(folder)
@@ -89,6 +90,12 @@ def test_a_petsc_that_cannot_be_imported_is_refused_with_the_reason(tmp_path, mo
     text = "raise ImportError('libpetsc.so: cannot open shared object file')\n"
     said = refused(tmp_path, monkeypatch, {"__init__.py": "__version__ = '3.22.0'\n", "PETSc.py": text})
     assert "(libpetsc.so: cannot open shared object file)" in said
+
+
+def test_a_petsc_of_complex_numbers_is_refused(tmp_path, monkeypatch):
+    text = "class ScalarType: pass\nScalarType.__name__ = 'complex128'\n"
+    said = refused(tmp_path, monkeypatch, {"__init__.py": "__version__ = '3.22.0'\n", "PETSc.py": text})
+    assert said.startswith("PETSc computes with complex128, and float64 is needed; ")
 
 
 # ---- with PETSc
