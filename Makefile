@@ -18,11 +18,12 @@ QUICK := \
   $(addprefix tests/smooth/test_,shapes.py) \
   $(addprefix tests/lacsolver/test_,case_formula.py case_read.py constraints.py assemble.py schur.py equilibrium.py \
     contact_held.py contact_ties.py) \
+  $(addprefix tests/lacsolver/distributed/test_,launch.py) \
   $(addprefix tests/verification/test_,norms.py records.py imports.py)
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install petsc demo test test-petsc lint quick portable fuzz bench verify docs clean
+.PHONY: help install petsc demo test lint quick portable fuzz bench verify docs clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -64,7 +65,11 @@ demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks 
 	@mkdir -p .venv && touch $@
 
 test: lint .venv/.system-tests ## linters, then every test; what is skipped must be what was expected
-	LACMESH_ALL=1 $(PYTEST)
+	@status=0; bash tools/system.sh petsc || status=$$?; \
+	if [ $$status = 1 ]; then echo "skipped: the tests marked petsc, for want of what the lines above name"; \
+	else [ $$status = 0 ] && make --no-print-directory petsc \
+	  && LACMESH_ALL=1 OPENBLAS_NUM_THREADS=1 $(PETSC)/bin/pytest -q -m petsc tests/lacsolver/distributed; fi
+	LACMESH_ALL=1 $(PYTEST) -m "not petsc"
 
 lint: $(INSTALLED) ## style, types, import layers
 	$(BIN)/ruff check .

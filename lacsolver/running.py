@@ -13,7 +13,7 @@ import numpy as np
 
 import lacmesh
 from lacmesh.cli.terminal import peak_memory
-from lacmesh.errors import LacmeshWarning
+from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.output import signals_wait
 from lacmesh.mesh import Floats, Mesh
 from lacsolver.case import Case, fingerprint
@@ -45,7 +45,8 @@ def run(
     `told` is called for every iteration, `stepped` for every converged step. `distribution`: the processes that share
     the model, each of which calls this function. Raises NotConvergedError after the last
     state tried is written, the errors of `Problem.of` and `Writer`, and DataError for a state of another case or mesh.
-    An interrupted run leaves the steps that have converged.
+    An interrupted run leaves the steps that have converged. Raises RequestError for a case of the engine petsc
+    without a distribution, such as `lacsolver.distributed.processes.Processes` of MPI's communicator.
 
     >>> from tempfile import TemporaryDirectory
     >>> from lacsolver import create, read_case
@@ -54,6 +55,9 @@ def run(
     >>> results.status, [step.time for step in results.steps]
     ('done', [0.5, 1.0])
     """
+    if distribution is ALONE and case.solver.engine_for(1) != "serial":
+        message = "the case names the engine petsc or a backend of it, which needs the processes of MPI"
+        raise RequestError(f"{message}; give distribution=Processes(comm), or call the command lacsolver run")
     clock = Clock()
     with clock.phase("mesh"):
         mesh = lacmesh.read(case.mesh) if mesh is None else mesh

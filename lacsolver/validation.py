@@ -16,12 +16,13 @@ from scipy.sparse import csr_array, vstack
 
 import lacmesh
 from lacmesh.cutting.records import Cut, is_cut
-from lacmesh.errors import LacmeshError
+from lacmesh.errors import LacmeshError, RequestError
 from lacmesh.mesh import Mesh
 from lacsolver.case import Case, CaseError, Issue
 from lacsolver.case.records import Entry
 from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface
+from lacsolver.distributed.launch import absence
 from lacsolver.linear import choose
 from lacsolver.problem import acting
 from lacsolver.problem.overlap import check_overlap, deepest
@@ -102,7 +103,7 @@ def validate(case: Case, mesh: Mesh | None = None) -> Validation:
     if parts.constraints is not None:
         found.unknowns = parts.constraints.n_q
         with found.looking():
-            choose(case.solver.backend, parts.constraints.n_q)
+            _check_solver(case, parts.constraints.n_q)
     if parts.space is not None:
         before = len(found.problems)
         faces = _zones(case, parts, found)
@@ -111,6 +112,14 @@ def validate(case: Case, mesh: Mesh | None = None) -> Validation:
             _look_at_motions(case, parts.constraints, faces, found)
     found.problems = list(dict.fromkeys(found.problems))
     return found
+
+
+def _check_solver(case: Case, n: int) -> None:
+    """Raise RequestError if the engine or the linear solver of a case is not installed."""
+    if case.solver.engine_for(1) == "serial":
+        choose(case.solver.backend, n)
+    elif missing := absence():
+        raise RequestError(missing)
 
 
 def _whole(mesh: Mesh) -> bool:

@@ -64,6 +64,12 @@ def _no_program(name, package):
     return f"the program {name} is not installed (Debian: {package})" if shutil.which(name) is None else None
 
 
+def _no_petsc():
+    if shutil.which("mpiexec") is None and not Path(sys.executable).with_name("mpiexec").exists():
+        return "the program mpiexec is not installed (Debian: openmpi-bin; make petsc)"
+    return _complaint("from lacsolver.distributed.launch import import_petsc; import_petsc()")
+
+
 def _no_vtk():
     if find_spec("pyvista") is None:
         return "pyvista is not installed"
@@ -91,6 +97,7 @@ NEEDS = {
     "meshio": lambda: _no_package("meshio") or _no_package("netCDF4"),
     "trimesh": lambda: _no_package("trimesh"),
     "browser": lambda: _no_program("chromium", "chromium"),
+    "petsc": _no_petsc,
     "calculix": lambda: _no_program("ccx", "calculix-ccx"),
 }
 

@@ -88,10 +88,8 @@ class Program:
             try:
                 self.parser.parse_args(argv, args)
                 return self._run(args)
-            except KeyboardInterrupt:
-                return self._fail([f"interrupted; {_left(args)}"], 130)
-            except Terminated:
-                return self._fail([f"terminated; {_left(args)}"], 143)
+            except (KeyboardInterrupt, Terminated) as error:
+                return self.fail(*self.message(error, args))
 
     def _run(self, args: argparse.Namespace) -> int:
         """Run the command that was asked for, and turn every error into a message and an exit status."""
@@ -102,23 +100,33 @@ class Program:
                 with redirect_stdout(_Shown(sys.stdout)):
                     args.run(args)
                 sys.stdout.flush()
-            except LacmeshError as error:
-                return self._fail(self.error_lines(error, args), error.status)
             except BrokenPipeError:  # the reader of our output went away, as `head` does
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
                 return 0
-            except OSError as error:  # files of ours say so themselves: this is what we print to
-                return self._fail([f"the terminal or file that is printed to fails ({error.strerror or error})"], 3)
-            except MemoryError:
-                return self._fail([self.too_large], 1)
-            except Exception as error:  # a fault of ours: one line, and the traceback on request
-                if args.verbose:
+            except Exception as error:
+                if args.verbose and not isinstance(error, (LacmeshError, OSError, MemoryError)):
                     raise
-                message = f"internal error ({type(error).__name__}: {error}); --verbose shows where; please report it"
-                return self._fail([message], 1)
+                return self.fail(*self.message(error, args))
         return 0
 
-    def _fail(self, messages: Sequence[str], status: int) -> int:
+    def message(self, error: BaseException, args: argparse.Namespace) -> tuple[Sequence[str], int]:
+        """Return the lines of the message about an error that ends a command, and the exit status."""
+        match error:
+            case LacmeshError():
+                return self.error_lines(error, args), error.status
+            case KeyboardInterrupt():
+                return [f"interrupted; {_left(args)}"], 130
+            case Terminated():
+                return [f"terminated; {_left(args)}"], 143
+            case OSError():  # files of ours say so themselves: this is what we print to
+                return [f"the terminal or file that is printed to fails ({error.strerror or error})"], 3
+            case MemoryError():
+                return [self.too_large], 1
+        # a fault of ours: one line, and the traceback on request
+        return [f"internal error ({type(error).__name__}: {error}); --verbose shows where; please report it"], 1
+
+    def fail(self, messages: Sequence[str], status: int) -> int:
+        """Print the lines of a message, and return the exit status."""
         return _fail(self.name, messages, status)
 
     def _show_warning(

@@ -30,7 +30,7 @@ from lacsolver.case.records import (
     Tie,
     Traction,
 )
-from lacsolver.case.rules import check
+from lacsolver.case.rules import BACKENDS_OF, check
 from lacsolver.case.value import Value, with_values
 
 
@@ -89,26 +89,39 @@ class Steps(Entry):
 
 @dataclass(frozen=True, kw_only=True)
 class Solver(Entry):
-    """[solver]: linear solver, tolerance, iterations and tangent."""
+    """[solver]: engine, linear solver, tolerance, iterations and tangent."""
 
     SECTION: ClassVar = Section("solver", False, "solution of the equations")
+    engine: str = key(
+        Choice(
+            (
+                Option("auto", "that of the backend; else petsc in several processes of mpiexec, and serial in one"),
+                Option("serial", "one process"),
+                Option("petsc", "PETSc, in any number of processes of mpiexec"),
+            )
+        ),
+        "", "program part that solves", default="auto",
+    )  # fmt: skip
     backend: str = key(
         Choice(
             (
                 Option("auto", "the best one installed, by the size of the model"),
                 Option("rslab", "direct"),
                 Option("pardiso", "direct"),
-                Option("mumps", "direct"),
+                Option("mumps", "direct, of both engines"),
                 Option("cholmod", "direct"),
                 Option("superlu", "direct, slow"),
                 Option("multigrid", "iterative, for large models"),
+                Option("gamg", "iterative: PETSc's own multigrid, of the engine petsc"),
+                Option("hypre", "iterative: multigrid of hypre, of the engine petsc"),
             )
         ),
         "", "the linear solver", default="auto",
     )  # fmt: skip
     threads: int | None = key(
-        Count(1), "", "largest number of cores to use", default=None, default_words="all cores that the process may use"
-    )
+        Count(1), "", "largest number of cores to use, of each process", default=None,
+        default_words="all cores that the process may use; 1 in several processes",
+    )  # fmt: skip
     tolerance: float = key(
         Number(Bounds(0, 1)), "", "for a step: residual relative to forces, and violation of the contact conditions",
         default=1e-10,
@@ -123,6 +136,17 @@ class Solver(Entry):
         ),
         "", "tangent matrix of Newton's method", default="consistent",
     )  # fmt: skip
+
+    def engine_for(self, n_ranks: int) -> str:
+        """Return the engine, `serial` or `petsc`, of a run in so many processes.
+
+        >>> Solver().engine_for(1), Solver().engine_for(4), Solver(backend="gamg").engine_for(1)
+        ('serial', 'petsc', 'petsc')
+        """
+        if self.engine != "auto":
+            return self.engine
+        owners = [engine for engine, backends in BACKENDS_OF.items() if self.backend in backends]
+        return owners[0] if len(owners) == 1 else "petsc" if n_ranks > 1 else "serial"
 
 
 @dataclass(frozen=True, kw_only=True)

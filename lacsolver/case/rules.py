@@ -9,6 +9,11 @@ from typing import Any
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.case.draft import Draft, Found, by_section, check_context
 
+#: the linear solvers of each engine, beside `auto`
+BACKENDS_OF = {
+    "serial": ("rslab", "pardiso", "mumps", "cholmod", "superlu", "multigrid"),
+    "petsc": ("gamg", "hypre", "mumps"),
+}
 #: the drafts of each section; the top of the file is section ""
 Sections = dict[str, list[Draft]]
 
@@ -178,6 +183,16 @@ def _article(noun: str) -> str:
     return f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
 
 
+def _engine(sections: Sections) -> Iterator[Found]:
+    """Check that the linear solver is one of the engine, if that is named."""
+    for made in sections.get("solver", []):
+        engine, backend = made.get("engine"), made.get("backend")
+        fitting = BACKENDS_OF.get(engine, ())
+        if fitting and backend not in (None, "auto", *fitting):
+            others = f'the linear solvers of engine = "{engine}" are auto, {", ".join(fitting)}'
+            yield made.wrong(f'is "{backend}"; {others}', "backend")
+
+
 def _output(sections: Sections) -> Iterator[Found]:
     """Check that no output time is after the end of the steps."""
     steps, outputs = sections.get("steps", []), sections.get("output", [])
@@ -203,5 +218,6 @@ RULES: tuple[Callable[[Sections], Iterator[Found]], ...] = (
     _prescribed_once,
     _rigid_once,
     _fields,
+    _engine,
     _output,
 )

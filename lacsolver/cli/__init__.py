@@ -21,10 +21,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _error_lines(error: LacmeshError, args: argparse.Namespace) -> list[str]:
     """Return the lines of an error, one for each mistake of a case.
 
-    A line about the case that does not name the case's file gets that name in front.
+    A line about the case that does not name the case's file gets that name in front. There is none for
+    StoppedError: a run in several processes has reported its error already.
     """
     from lacsolver.case.errors import CaseError
+    from lacsolver.distributed.together import StoppedError
 
+    if isinstance(error, StoppedError):
+        return []
     lines = str(error).splitlines() if isinstance(error, CaseError) else [str(error)]
     case, about = getattr(args, "case", None), error.status in (1, 4)
     return [f"{case}: {line}" if about and case and case not in line else line for line in lines]

@@ -1,42 +1,109 @@
-"""Refuse to run as one of several processes of `mpiexec` or `srun`.
-
-Each process would solve the whole problem and write the same files.
-"""
+"""The processes (ranks) of `mpiexec` or `srun` that run a command: refused, or made to act as one."""
 
 from __future__ import annotations
 
+import argparse
 import os
-from collections.abc import Mapping
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
-from lacmesh.errors import RequestError
+from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
+from lacsolver.cli import PROGRAM
+from lacsolver.distributed.launch import Launch, absence, import_mpi, launched, one_thread_each
+from lacsolver.distributed.together import StoppedError, on_first, together
 
-#: environment variables with the number of processes: of Open MPI; of MPICH, Intel MPI and others
-_SIZES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE")
+T = TypeVar("T")
+#: seconds for which other ranks leave it to rank 0 to report what is missing: Open MPI then ends them
+_PAUSE = 2.0
 
 
 def check_alone(environment: Mapping[str, str] = os.environ) -> None:
-    """Raise RequestError if this process is one of several, for which there is no solver yet."""
-    for name in (*_SIZES, *_sizes_of_slurm(environment)):
-        count = _count(environment.get(name))
-        if count > 1:
-            raise RequestError(
-                f"{count} processes were started ({name}), and each would solve the whole and write the same files; "
-                "start one, whose cores are [solver] threads; for one with a case of its own, unset that variable"
-            )
+    """Raise RequestError if this process is one of several: each would do the whole and write the same files."""
+    n, _, name = launched(environment)
+    if n > 1:
+        raise RequestError(
+            f"{n} processes were started ({name}), and each would solve the whole and write the same files; "
+            "start one, whose cores are [solver] threads; for one with a case of its own, unset that variable"
+        )
 
 
-def _sizes_of_slurm(environment: Mapping[str, str]) -> tuple[str, ...]:
-    """Return Slurm's variable with the number of processes that were started, () if none tells it.
+@dataclass(frozen=True)
+class Ranks:
+    """The processes that run a command: their number, the rank of this one, and MPI's communicator if several do."""
 
-    `srun` sets SLURM_STEP_NUM_TASKS for each task. Without it SLURM_NTASKS is used, which counts the tasks that a job
-    may start. It is not used where the process runs alone: a command of `salloc` has no SLURM_PROCID, and the script of
-    `sbatch` is task 0 of a job of many tasks (ENVIRONMENT is BATCH).
+    n: int = 1
+    rank: int = 0
+    comm: Any = None
+
+    def on_first(self, function: Callable[[], T]) -> T:
+        """Call a function on rank 0 alone, and return its result on all ranks."""
+        return function() if self.comm is None else on_first(self.comm, function)
+
+
+@contextmanager
+def all_ranks(args: argparse.Namespace) -> Iterator[Ranks]:
+    """Run a command in all processes of `mpiexec` as one: rank 0 alone prints, and an error of any rank stops all.
+
+    Raises RequestError if there are several and MPI or PETSc is missing, StoppedError after an error was printed.
     """
-    if "SLURM_STEP_NUM_TASKS" in environment:
-        return ("SLURM_STEP_NUM_TASKS",)
-    alone = _count(environment.get("SLURM_PROCID", "0")) == 0 and environment.get("ENVIRONMENT") == "BATCH"
-    return () if "SLURM_PROCID" not in environment or alone else ("SLURM_NTASKS",)
+    launch = launched()
+    if launch.n == 1:
+        yield Ranks()
+        return
+    comm = _world(launch)
+    os.environ["TERM"] = "dumb"  # Open MPI gives each process a terminal, even where its output goes to a file
+    args.quiet |= comm.rank > 0
+    with together(comm, _Terminal(args, comm.rank)):
+        yield Ranks(launch.n, comm.rank, comm)
 
 
-def _count(text: str | None) -> int:
-    return int(text) if text and text.isdecimal() else 0
+def _world(launch: Launch) -> Any:
+    """Return MPI's communicator of all processes. Raises RequestError if MPI or PETSc is missing, or is another one."""
+    one_thread_each()
+    try:
+        if missing := absence():
+            started = f"{launch.n} processes were started ({launch.variable})"
+            raise RequestError(f"{started}, and {missing}; else start one process, whose cores are [solver] threads")
+        return import_mpi().COMM_WORLD
+    except RequestError as error:
+        try:
+            time.sleep(_PAUSE if launch.rank else 0)
+        except BaseException:  # a signal of mpiexec, since rank 0 has ended
+            raise StoppedError(error.status) from None
+        raise
+
+
+class _Terminal:
+    """The messages of a command that runs in several processes (`lacsolver.distributed.together.Terminal`)."""
+
+    def __init__(self, args: argparse.Namespace, rank: int) -> None:
+        self.args, self.rank = args, rank
+        self.heard: list[str] = []
+        self._show = warnings.showwarning
+        warnings.showwarning = self._hear  # type: ignore[assignment]  # until the command ends, which restores it
+
+    def describe(self, error: BaseException) -> tuple[Sequence[str], int]:
+        """Return the lines of the message about an error of this rank, and the exit status."""
+        if self.args.verbose and isinstance(error, Exception) and not isinstance(error, (LacmeshError, MemoryError)):
+            traceback.print_exception(error)
+        return PROGRAM.message(error, self.args)
+
+    def say(self, lines: Sequence[str]) -> None:
+        """Print the message about the error that ends the run."""
+        PROGRAM.fail(lines, 0)
+
+    def warn(self, message: str) -> None:
+        """Print a warning."""
+        self._show(LacmeshWarning(message), LacmeshWarning, "", 0)
+
+    def _hear(self, message: Warning | str, category: type[Warning], *place: Any) -> None:
+        """Keep a warning, and print that of rank 0."""
+        if issubclass(category, LacmeshWarning):
+            self.heard.append(str(message))
+        if self.rank == 0:
+            self._show(message, category, *place)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.errors import RequestError
 from lacsolver.cli.options import add_case, add_command
-from lacsolver.cli.ranks import check_alone
+from lacsolver.cli.ranks import Ranks, all_ranks, check_alone
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from lacsolver.cli.watch import Watch
     from lacsolver.output import OutputFolder
     from lacsolver.results.results import Restart, Results
+    from lacsolver.space.share import Distribution
 
 
 def add(commands: Any) -> None:
@@ -45,27 +47,36 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Solve a case. Raises NotConvergedError after the results so far have been written."""
+    with all_ranks(args) as ranks:
+        _run(args, ranks)
+
+
+def _run(args: argparse.Namespace, ranks: Ranks) -> None:
     import lacmesh
     from lacsolver.case import read_case
     from lacsolver.output import create, read_state
 
-    check_alone()
     if args.from_time is not None and args.restart is None:
         raise RequestError("--from says where in the folder of --restart to begin; give both")
     if args.zoom and args.plot is None:
         raise RequestError("--zoom says what the picture of --plot shows; give both")
     case = read_case(args.case)
+    if case.solver.engine_for(ranks.n) == "serial":
+        check_alone()
+    if ranks.n > 1 and case.solver.threads is None:
+        case = replace(case, solver=replace(case.solver, threads=1))
     mesh = lacmesh.read(case.mesh) if args.restart is not None else None
     start = read_state(args.restart, case, args.from_time, mesh=mesh) if args.restart is not None else None
-    folder = create(args.output or _beside(Path(args.case)), force=args.force, restart=start)
+    output = args.output or _beside(Path(args.case))
+    folder = ranks.on_first(lambda: create(output, force=args.force, restart=start))
     if args.plot is not None:
-        _check_plot(case, args)
-    results = _solve(case, mesh, folder, start, args)
+        ranks.on_first(lambda: _check_plot(case, args))
+    results = _solve(case, mesh, folder, start, args, ranks.n)
     if not args.quiet:
         from lacsolver.cli.summary import print_summary
 
         print_summary(results, folder.path, case.output.format)
-    if args.plot is not None:
+    if args.plot is not None and ranks.rank == 0:
         _plot(case, folder, args)
 
 
@@ -77,7 +88,7 @@ def _beside(case: Path) -> Path:
 
 
 def _solve(
-    case: Case, mesh: Mesh | None, folder: OutputFolder, start: Restart | None, args: argparse.Namespace
+    case: Case, mesh: Mesh | None, folder: OutputFolder, start: Restart | None, args: argparse.Namespace, n_ranks: int
 ) -> Results:
     from lacsolver.cli.watch import Watch
     from lacsolver.running import run as solve
@@ -87,10 +98,26 @@ def _solve(
     args.left = lambda: left(watch, folder, start)
     try:
         with watch:
-            return solve(case, folder, mesh=mesh, start=start, told=watch.told, stepped=watch.stepped)
+            return solve(
+                case, folder, mesh=mesh, start=start, told=watch.told, stepped=watch.stepped,
+                distribution=_distribution(case, n_ranks),
+            )  # fmt: skip
     except NotConvergedError as error:
         tried = f"the last state tried is in {folder.path / 'unconverged'}"
         raise NotConvergedError(f"{error} ({left(watch, folder, start)}; {tried})", error.state) from None
+
+
+def _distribution(case: Case, n_ranks: int) -> Distribution:
+    """Return the processes that share the model: those of MPI for the engine petsc, else this one alone."""
+    from lacsolver.space.share import ALONE
+
+    if case.solver.engine_for(n_ranks) == "serial":
+        return ALONE
+    from lacsolver.distributed.launch import import_mpi, import_petsc
+    from lacsolver.distributed.processes import Processes
+
+    import_petsc()
+    return Processes(import_mpi().COMM_WORLD)
 
 
 def left(watch: Watch, folder: OutputFolder, start: Restart | None) -> str:

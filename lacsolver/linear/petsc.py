@@ -8,6 +8,8 @@ smaller than six rigid-body modes.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,8 @@ from scipy.sparse import csr_array
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear.errors import LinearError
 
+#: PETSc's code for a lack of memory (PETSC_ERR_MEM)
+_NO_MEMORY = 55
 #: prefix of the options of PETSc that apply here
 PREFIX = "lacsolver_"
 _OPTIONS: dict[str, dict[str, str | float]] = {
@@ -40,6 +44,24 @@ _OPTIONS: dict[str, dict[str, str | float]] = {
 }
 
 
+@contextmanager
+def petsc_errors() -> Iterator[None]:
+    """Turn an error of PETSc into a LinearError, or into a MemoryError where memory ran out.
+
+    An iteration that does not converge is no error of PETSc: ask `KSP.getConvergedReason`.
+    """
+    from petsc4py import PETSc
+
+    try:
+        yield
+    except PETSc.Error as error:
+        if error.ierr == _NO_MEMORY:
+            raise MemoryError from error
+        words = str(error).splitlines()[-1].partition("] ")[2] or "it says no more"
+        message = f"PETSc stopped with its error {error.ierr} ({words}); another [solver] backend may do"
+        raise LinearError(message) from error
+
+
 class PetscCycle:
     """One application of a preconditioner to a residual at this process's own nodes.
 
@@ -48,6 +70,12 @@ class PetscCycle:
     """
 
     def __init__(
+        self, PETSc: Any, comm: Any, K: csr_array, number: Ints, modes: Floats, block: int, backend: str
+    ) -> None:
+        with petsc_errors():
+            self._set_up(PETSc, comm, K, number, modes, block, backend)
+
+    def _set_up(
         self, PETSc: Any, comm: Any, K: csr_array, number: Ints, modes: Floats, block: int, backend: str
     ) -> None:
         n_own = K.shape[0]
@@ -71,7 +99,8 @@ class PetscCycle:
     def __call__(self, r: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 r (n_own,). Raises LinearError on all processes if it is not finite."""
         self._b.array = r
-        self._pc.apply(self._b, self._x)
+        with petsc_errors():
+            self._pc.apply(self._b, self._x)
         if not np.isfinite(self._x.norm()):
             message = f"PETSc's {self._backend} gives numbers that are not finite"
             raise LinearError(f'{message}; take another [solver] backend, "hypre" or "mumps"')

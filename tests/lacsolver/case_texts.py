@@ -241,8 +241,9 @@ group = "c"
 rotation = [[0.0, 0.0], [0.5, 1.0], [1.0, 0.0]]
 """
 
-BACKENDS = [
-    f'mesh = "a"\nmodel = "3d"\nmaterial = [{{young = 1, poisson = 0}}]\nsolver.backend = "{word}"\n'
-    for word in keys_of(Solver)["backend"].kind.known
+SOLVERS = [
+    f'mesh = "a"\nmodel = "3d"\nmaterial = [{{young = 1, poisson = 0}}]\nsolver.{name} = "{word}"\n'
+    for name in ("engine", "backend")
+    for word in keys_of(Solver)[name].kind.known
 ]
-VALID = [SMALL, FINITE, PLANE, STRAIN, *BACKENDS]
+VALID = [SMALL, FINITE, PLANE, STRAIN, *SOLVERS]

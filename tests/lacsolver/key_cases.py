@@ -531,3 +531,11 @@ CASES = {
 #: one for each backend
 BACKENDS = ("auto", "rslab", "pardiso", "mumps", "cholmod", "superlu", "multigrid")
 SOLVERS = {word: KeyCase(lambda: tower(1.0), SOLVED.format(backend=word)) for word in BACKENDS}
+#: one for each engine, and for each backend that only the engine petsc has
+ENGINES = {
+    word: KeyCase(lambda: tower(1.0), TOWER.format(hexa="pyramid") + f"[solver]\n{line}\n")
+    for word, line in {
+        **{word: f'engine = "{word}"' for word in ("auto", "serial", "petsc")},
+        **{word: f'backend = "{word}"' for word in ("gamg", "hypre")},
+    }.items()
+}

@@ -64,6 +64,7 @@ BEYOND = (
     "gives energy",
     "nu_ij",
     "after the end",
+    "the linear solvers of",
     "stands once",
     "write ** for",
 )

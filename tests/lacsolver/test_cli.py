@@ -20,7 +20,7 @@ from scipy.sparse import csr_array
 
 import lacmesh
 from lacsolver.case import read_case
-from lacsolver.cli import main
+from lacsolver.cli import main, ranks
 from lacsolver.cli.ranks import check_alone
 from lacsolver.matrices import contact_matrices
 from tests.lacsolver.bad_cases import GOOD, blocks, put
@@ -219,12 +219,18 @@ SRUN = {"SLURM_PROCID": "0", "SLURM_NTASKS": "4", "SLURM_STEP_NUM_TASKS": "4"}
 )
 @pytest.mark.parametrize("words", ["run case.toml", "matrices case.toml -o m.npz", "film case.toml -o f.png"])
 def test_one_of_several_processes_is_refused(folder, monkeypatch, capsys, told, name, words):
+    """The command `run` only where the engine of several processes is not installed."""
+    monkeypatch.setattr(ranks, "absence", lambda: "PETSc is not installed; type this")
+    monkeypatch.setattr(ranks, "_PAUSE", 0)
     for key, value in told.items():
         monkeypatch.setenv(key, value)
+    for key in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        monkeypatch.setenv(key, "1")
     before = sorted(folder.iterdir())
     assert main(words.split()) == 2
     said = capsys.readouterr().err
-    assert said.startswith(f"lacsolver: error: 4 processes were started ({name}), and each ")
+    why = "PETSc is not installed; type this; else start one " if words.startswith("run") else "each would solve "
+    assert said.startswith(f"lacsolver: error: 4 processes were started ({name}), and {why}")
     assert len(said.splitlines()) == 1 and sorted(folder.iterdir()) == before
 
 

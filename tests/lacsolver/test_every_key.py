@@ -22,7 +22,7 @@ from lacsolver.linear import analyse, backends
 from lacsolver.output import create
 from lacsolver.running import run
 from lacsolver.solve.stepping import NotConvergedError
-from tests.lacsolver.key_cases import CASES, SOLVERS
+from tests.lacsolver.key_cases import CASES, ENGINES, SOLVERS
 from tests.lacsolver.key_checks import CHECKS, Ran, check_tower
 
 #: cores that the process has, here
@@ -127,13 +127,24 @@ def test_every_backend_is_asked_or_said_to_be_missing(shop, backend):
         assert not is_idle(shop, case, ran.case, case.text.replace(f'backend = "{backend}"', ""), check)
 
 
+@pytest.mark.parametrize("word", ENGINES)
+def test_every_engine_is_taken_or_refused(shop, word):
+    """The engine petsc solves elsewhere (tests/lacsolver/distributed): here it is not taken for the serial one."""
+    case = ENGINES[word]
+    if word in ("auto", "serial"):
+        check_tower(shop.run(case, case.text), 34 + 13 * 4)
+    else:
+        with pytest.raises(LacmeshError, match=r"engine petsc.* lacsolver\.distributed\.run"):
+            shop.run(case, case.text)
+
+
 # ---- the table, and what is in the cases
 
 
 def used():
     """(section, key) and (section, key, option) that the cases have."""
     found = set()
-    for case in (*CASES.values(), *SOLVERS.values()):
+    for case in (*CASES.values(), *SOLVERS.values(), *ENGINES.values()):
         for section, keys in sections(tomllib.loads(looked_at(case.text))):
             for name, value in keys.items():
                 found |= {(section, name), (section, name, str(value))}

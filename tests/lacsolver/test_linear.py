@@ -13,6 +13,7 @@ from scipy.sparse import csc_array, csr_array
 
 from lacmesh.errors import DataError, LacmeshError, RequestError
 from lacsolver.case.case import Solver
+from lacsolver.case.rules import BACKENDS_OF
 from lacsolver.linear import Backend, LinearError, analyse, backends, choose, factorise
 from tests.lacsolver.stiffnesses import BODIES, free, held
 
@@ -40,7 +41,7 @@ def test_a_plain_install_has_a_good_direct_solver():
 def test_the_backends_are_those_of_the_case_file():
     (entry,) = [k for k in Solver.__dataclass_fields__.values() if k.name == "backend"]
     named = {o.word for o in entry.metadata["key"].kind.options}
-    assert named == {"auto", *backends()}
+    assert named == {"auto", *backends(), *BACKENDS_OF["petsc"]} and {*BACKENDS_OF["serial"]} == {*backends()}
 
 
 @pytest.mark.parametrize("name", BODIES)
