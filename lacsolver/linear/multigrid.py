@@ -8,6 +8,8 @@ iterations (measured).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 from scipy.sparse.csgraph import connected_components
@@ -50,7 +52,7 @@ _MIN_DECADES = 3.0
 class Hierarchy:
     """A V-cycle, with its first and last rates of convergence."""
 
-    def __init__(self, cycle: Cycle) -> None:
+    def __init__(self, cycle: Callable[[Floats], Floats]) -> None:
         self.cycle = cycle
         self._rates: dict[str, tuple[float, float]] = {}
 

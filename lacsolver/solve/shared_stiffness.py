@@ -6,6 +6,7 @@ Each process has the rows of K at its own nodes. Displacements are known at all 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from scipy.sparse import csr_array, diags_array
 from lacmesh.mesh import Floats, Ints
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.rigid import moments
+from lacsolver.linear import MULTIGRID_ABOVE
 from lacsolver.linear.multigrid import Hierarchy
 from lacsolver.linear.petsc import PetscCycle
 from lacsolver.linear.vectors import Vectors
@@ -81,10 +83,23 @@ class SharedFactors:
             leading = leading_unknowns(self._R, self._constraints.common)
             spring[leading] = _mean(K.diagonal(), self._constraints)
             regular = csr_array(K + diags_array(spring))
-        backend = self._backend if definite else "mumps"
+        backend = self._chosen if definite else "mumps"
         if self._kept is None or self._kept.is_stale or backend == "mumps":
-            self._kept = Hierarchy(_petsc_cycle(regular, self._constraints, backend))  # type: ignore[arg-type]
-        return SharedStiffness(K, self._R, self._constraints, self._kept, self._vectors, spring, definite)
+            hierarchy = Hierarchy(_petsc_cycle(regular, self._constraints, backend))
+            self._kept = None if backend == "mumps" else hierarchy
+        else:
+            hierarchy = self._kept
+        return SharedStiffness(K, self._R, self._constraints, hierarchy, self._vectors, spring, definite)
+
+    @cached_property
+    def _chosen(self) -> str:
+        """The backend; for `auto` a factorisation of small and of plane models, else GAMG."""
+        if self._backend != "auto":
+            return self._backend
+        space, own = self._constraints.space, self._constraints.own
+        assert own is not None
+        small = space.share.total(np.array(own.sum())) < MULTIGRID_ABOVE
+        return "mumps" if space.dim == 2 or small else "gamg"
 
 
 def _mean(diagonal: Floats, constraints: Constraints) -> float:

@@ -1,0 +1,32 @@
+"""Several processes find what one finds: closed sets, displacements, pressures and reactions of cases of every kind."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.lacsolver.distributed.mpi import in_ranks
+from tests.lacsolver.invariant_cases import CASES
+
+pytestmark = pytest.mark.petsc
+PROGRAM = "from tests.lacsolver.distributed.compare import main; main()"
+#: bounds of relative differences from one process
+BOUNDS = {"u": 1e-9, "p": 5e-9, "reaction": 1e-9}
+PLANE = [name for name, case in CASES.items() if case.dim == 2 and "rigid" not in name]
+SOLID = [name for name, case in CASES.items() if case.dim == 3]
+
+
+@pytest.mark.parametrize(
+    ("n", "backend", "names"),
+    [(1, "gamg", SOLID[:1]), (2, "mumps", PLANE), (3, "gamg", SOLID), (4, "hypre", SOLID[:1])],
+    ids=["gamg in 1", "mumps in 2", "gamg in 3", "hypre in 4"],
+)
+def test_several_processes_find_what_one_finds(n, backend, names):
+    done = in_ranks(n, PROGRAM, backend, *names, timeout=300)
+    assert done.returncode == 0, done.stderr
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [one["name"] for one in told] == names
+    for one in told:
+        assert one["sets"], one
+        assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
