@@ -30,10 +30,15 @@ def distribute_nodes(mesh: Mesh, n: int) -> Ints:
     >>> distribute_nodes(row, 2)
     array([0, 1, 0, 1, 1], dtype=int32)
     """
-    if not 1 <= n <= max(mesh.n_nodes, 1):
-        raise RequestError(f"a mesh of {mesh.n_nodes:,} nodes has from 1 to {mesh.n_nodes:,} parts, not {n:,}")
+    check_count(mesh, n)
     _check_finite(mesh)
     return bisect(mesh.points, n)
+
+
+def check_count(mesh: Mesh, n: int) -> None:
+    """Raise RequestError unless a mesh can have n parts."""
+    if not 1 <= n <= max(mesh.n_nodes, 1):
+        raise RequestError(f"a mesh of {mesh.n_nodes:,} nodes has from 1 to {mesh.n_nodes:,} parts, not {n:,}")
 
 
 def bisect(points: Floats, n: int) -> Ints:

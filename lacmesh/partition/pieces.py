@@ -1,0 +1,90 @@
+"""Pieces of a mesh: the nodes and cells that each rank needs, and the cells of each skin with those behind it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.partition.parts import cells_of_skins, nodes_of
+
+
+@dataclass(frozen=True)
+class Members:
+    """Indices of nodes or of cells, piece after piece, ascending in each; piece p has `index[start[p] : start[p + 1]]`.
+
+    `start` (n_pieces + 1,).
+    """
+
+    index: Ints
+    start: Ints
+
+    def count(self, chosen: NDArray[np.bool_]) -> Ints:
+        """(n_pieces + 1,): how many of the `chosen` (k,), a mask on `index`, come before each piece, and in all."""
+        return np.concatenate([[0], np.cumsum(chosen)])[self.start]
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """The pieces of a mesh: one for each of `n_ranks`, in their order, then one for each of `skins`."""
+
+    n_ranks: int
+    skins: tuple[str, ...]
+    node: Members
+    cell: Members
+
+
+def pieces_of(mesh: Mesh, owner: Ints) -> Pieces:
+    """Return the pieces of a mesh whose nodes have the owners (n_nodes,): those of `part_of`, and every skin's.
+
+    A skin is a group without cells of the highest dimension.
+    """
+    n_ranks = int(owner.max(initial=0)) + 1
+    skins = tuple(name for name in mesh.cell_groups if mesh.group_dim(name) < mesh.dim)
+    node, cell = _of_ranks(mesh, owner, n_ranks)
+    behind = cells_of_skins(mesh, skins)
+    under: list[Ints] = []
+    for cells in behind:
+        mask = np.zeros(mesh.n_cells, bool)
+        mask[cells] = True
+        under.append(np.flatnonzero(nodes_of(mesh, mask)))
+    return Pieces(n_ranks, skins, _joined(node, under), _joined(cell, behind))
+
+
+def _of_ranks(mesh: Mesh, owner: Ints, n_ranks: int) -> tuple[Members, Members]:
+    """Return the nodes and the cells that each rank needs: cells at its own nodes, its own nodes and all of theirs."""
+    nodes: list[Ints] = [_pairs(owner, np.arange(mesh.n_nodes), mesh.n_nodes)]
+    cells: list[Ints] = [np.empty(0, np.int64)]
+    for block, first in zip(mesh.blocks, mesh.offsets, strict=False):
+        of_cell = owner[block.nodes]
+        low = of_cell.min(axis=1)
+        shared = np.flatnonzero(low < of_cell.max(axis=1))
+        alone = np.delete(np.arange(len(low)), shared)
+        between = of_cell[shared]
+        cells.append(_pairs(low[alone], first + alone, mesh.n_cells))
+        cells.append(np.unique(_pairs(between, first + shared[:, None], mesh.n_cells)))
+        of_others = _pairs(between[:, :, None], block.nodes[shared][:, None, :], mesh.n_nodes)
+        nodes.append(np.unique(of_others[between[:, :, None] != between[:, None, :]]))
+    return _by_rank(nodes, n_ranks, mesh.n_nodes), _by_rank(cells, n_ranks, mesh.n_cells)
+
+
+def _pairs(rank: Ints, index: Ints, size: int) -> Ints:
+    """Return the pairs of a rank and an index below `size` as one number each, in the order of both."""
+    return rank.astype(np.int64) * size + index
+
+
+def _by_rank(pairs: list[Ints], n_ranks: int, size: int) -> Members:
+    """Return the indices in some pairs, rank by rank; pairs that occur in several lists count once."""
+    joined = np.concatenate(pairs)
+    joined.sort()
+    joined = joined[np.diff(joined, prepend=-1) > 0]
+    start = np.searchsorted(joined, np.arange(n_ranks + 1) * size)
+    return Members(joined % max(size, 1), start)
+
+
+def _joined(members: Members, more: list[Ints]) -> Members:
+    """Return the members of the ranks, followed by those of further pieces."""
+    ends = members.start[-1] + np.cumsum([len(index) for index in more], dtype=np.int64)
+    return Members(np.concatenate([members.index, *more]), np.concatenate([members.start, ends]))
