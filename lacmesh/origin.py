@@ -32,10 +32,12 @@ def origin_of(x: Floats) -> NDArray[np.floating]:
     >>> origin_of(np.array([[5e5, 1.0, 0.0], [5e5 + 2, 3.0, 0.0]])).tolist()
     [500000.0, 0.0, 0.0]
     """
-    x = x[(np.abs(x) < _WILD).all(axis=1)]
+    tame = np.abs(x) < _WILD
+    if not tame.all():
+        x = x[tame.all(axis=1)]
     if not len(x):
         return np.zeros(3)
-    low, high = x.min(axis=0), x.max(axis=0)
+    low, high = (np.array([reduce(x[:, k]) for k in range(3)]) for reduce in (np.min, np.max))  # quicker than axis=0
     least = np.where(low > 0, low, np.where(high < 0, high, 0.0))
     return np.where(np.abs(least) >= (high - low).max(), least, 0.0)
 

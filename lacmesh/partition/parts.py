@@ -96,14 +96,14 @@ def bodies_of(mesh: Mesh) -> Ints:
 
 def facts_of(mesh: Mesh, body: Ints) -> dict[str, Any]:
     """Return the fields of `Part` that are of the whole mesh; `body` (n_nodes,): the result of `bodies_of`."""
-    x = mesh.points[body >= 0]
+    x = np.ascontiguousarray(mesh.points[body >= 0].T)
     return {
         "n_nodes": mesh.n_nodes,
         "n_cells": mesh.n_cells,
         "n_bodies": int(body.max(initial=-1)) + 1,
         "dim": mesh.dim,
         "origin": origin_of_mesh(mesh),
-        "box": np.stack([x.min(axis=0), x.max(axis=0)]) if len(x) else np.zeros((2, 3)),
+        "box": np.stack([x.min(axis=1), x.max(axis=1)]) if x.size else np.zeros((2, 3)),
     }
 
 

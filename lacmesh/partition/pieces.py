@@ -58,16 +58,25 @@ def _of_ranks(mesh: Mesh, owner: Ints, n_ranks: int) -> tuple[Members, Members]:
     nodes: list[Ints] = [_pairs(owner, np.arange(mesh.n_nodes), mesh.n_nodes)]
     cells: list[Ints] = [np.empty(0, np.int64)]
     for block, first in zip(mesh.blocks, mesh.offsets, strict=False):
-        of_cell = owner[block.nodes]
-        low = of_cell.min(axis=1)
-        shared = np.flatnonzero(low < of_cell.max(axis=1))
-        alone = np.delete(np.arange(len(low)), shared)
-        between = of_cell[shared]
-        cells.append(_pairs(low[alone], first + alone, mesh.n_cells))
-        cells.append(np.unique(_pairs(between, first + shared[:, None], mesh.n_cells)))
-        of_others = _pairs(between[:, :, None], block.nodes[shared][:, None, :], mesh.n_nodes)
-        nodes.append(np.unique(of_others[between[:, :, None] != between[:, None, :]]))
+        low, high = _range_of_owners(owner, block.nodes)
+        alone, shared = np.flatnonzero(low == high), np.flatnonzero(low < high)
+        pairs = _distinct(_pairs(owner[block.nodes[shared]], shared[:, None], len(low)))
+        rank, cell = np.divmod(pairs, max(len(low), 1))
+        cells += [_pairs(low[alone], first + alone, mesh.n_cells), _pairs(rank, first + cell, mesh.n_cells)]
+        around = block.nodes[cell]
+        nodes.append(_distinct(_pairs(rank[:, None], around, mesh.n_nodes)[owner[around] != rank[:, None]]))
     return _by_rank(nodes, n_ranks, mesh.n_nodes), _by_rank(cells, n_ranks, mesh.n_cells)
+
+
+def _range_of_owners(owner: Ints, nodes: Ints) -> tuple[Ints, Ints]:
+    """Return the lowest and the highest rank (k,) that owns a node of each cell; `nodes` (k, m)."""
+    low = owner[nodes[:, 0]]
+    high = low.copy()
+    for column in nodes.T[1:]:
+        of_column = owner[column]
+        np.minimum(low, of_column, out=low)
+        np.maximum(high, of_column, out=high)
+    return low, high
 
 
 def _pairs(rank: Ints, index: Ints, size: int) -> Ints:
@@ -75,11 +84,15 @@ def _pairs(rank: Ints, index: Ints, size: int) -> Ints:
     return rank.astype(np.int64) * size + index
 
 
+def _distinct(numbers: Ints) -> Ints:
+    """Return some numbers, ascending, each once; quicker than np.unique, which hashes."""
+    ascending = np.sort(numbers, axis=None)
+    return ascending[np.diff(ascending, prepend=-1) > 0]
+
+
 def _by_rank(pairs: list[Ints], n_ranks: int, size: int) -> Members:
     """Return the indices in some pairs, rank by rank; pairs that occur in several lists count once."""
-    joined = np.concatenate(pairs)
-    joined.sort()
-    joined = joined[np.diff(joined, prepend=-1) > 0]
+    joined = _distinct(np.concatenate(pairs))
     start = np.searchsorted(joined, np.arange(n_ranks + 1) * size)
     return Members(joined % max(size, 1), start)
 
