@@ -12,7 +12,7 @@ from lacmesh.partition.parts import cells_of_skins, nodes_of
 
 
 @dataclass(frozen=True)
-class Members:
+class PieceIndices:
     """Indices of nodes or of cells, piece after piece, ascending in each; piece p has `index[start[p] : start[p + 1]]`.
 
     `start` (n_pieces + 1,).
@@ -27,16 +27,16 @@ class Members:
 
 
 @dataclass(frozen=True)
-class Pieces:
+class MeshPieces:
     """The pieces of a mesh: one for each of `n_ranks`, in their order, then one for each of `skins`."""
 
     n_ranks: int
     skins: tuple[str, ...]
-    node: Members
-    cell: Members
+    node: PieceIndices
+    cell: PieceIndices
 
 
-def pieces_of(mesh: Mesh, owner: Ints) -> Pieces:
+def pieces_of(mesh: Mesh, owner: Ints) -> MeshPieces:
     """Return the pieces of a mesh whose nodes have the owners (n_nodes,): those of `part_of`, and every skin's.
 
     A skin is a group without cells of the highest dimension.
@@ -50,10 +50,10 @@ def pieces_of(mesh: Mesh, owner: Ints) -> Pieces:
         mask = np.zeros(mesh.n_cells, bool)
         mask[cells] = True
         under.append(np.flatnonzero(nodes_of(mesh, mask)))
-    return Pieces(n_ranks, skins, _joined(node, under), _joined(cell, behind))
+    return MeshPieces(n_ranks, skins, _joined(node, under), _joined(cell, behind))
 
 
-def _of_ranks(mesh: Mesh, owner: Ints, n_ranks: int) -> tuple[Members, Members]:
+def _of_ranks(mesh: Mesh, owner: Ints, n_ranks: int) -> tuple[PieceIndices, PieceIndices]:
     """Return the nodes and the cells that each rank needs: cells at its own nodes, its own nodes and all of theirs."""
     nodes: list[Ints] = [_pairs(owner, np.arange(mesh.n_nodes), mesh.n_nodes)]
     cells: list[Ints] = [np.empty(0, np.int64)]
@@ -90,14 +90,14 @@ def _distinct(numbers: Ints) -> Ints:
     return ascending[np.diff(ascending, prepend=-1) > 0]
 
 
-def _by_rank(pairs: list[Ints], n_ranks: int, size: int) -> Members:
+def _by_rank(pairs: list[Ints], n_ranks: int, size: int) -> PieceIndices:
     """Return the indices in some pairs, rank by rank; pairs that occur in several lists count once."""
     joined = _distinct(np.concatenate(pairs))
     start = np.searchsorted(joined, np.arange(n_ranks + 1) * size)
-    return Members(joined % max(size, 1), start)
+    return PieceIndices(joined % max(size, 1), start)
 
 
-def _joined(members: Members, more: list[Ints]) -> Members:
+def _joined(members: PieceIndices, more: list[Ints]) -> PieceIndices:
     """Return the members of the ranks, followed by those of further pieces."""
     ends = members.start[-1] + np.cumsum([len(index) for index in more], dtype=np.int64)
-    return Members(np.concatenate([members.index, *more]), np.concatenate([members.start, ends]))
+    return PieceIndices(np.concatenate([members.index, *more]), np.concatenate([members.start, ends]))

@@ -33,7 +33,7 @@ from lacmesh.formats.notes import from_json, to_json
 from lacmesh.formats.output import check_place, replacing
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.partition.parts import Part, bodies_of, facts_of, periodic_left, positions
-from lacmesh.partition.pieces import Members, Pieces, pieces_of
+from lacmesh.partition.pieces import MeshPieces, PieceIndices, pieces_of
 
 if TYPE_CHECKING:
     import h5py
@@ -84,7 +84,7 @@ def _made(folder: Path) -> Iterator[None]:
         raise
 
 
-def _write(file: h5py.Group, mesh: Mesh, owner: Ints, pieces: Pieces) -> None:
+def _write(file: h5py.Group, mesh: Mesh, owner: Ints, pieces: MeshPieces) -> None:
     """Write the pieces of a mesh into an open file."""
     body = bodies_of(mesh)
     data = {"node": _numeric(mesh.node_data), "cell": _numeric(mesh.cell_data)}
@@ -122,7 +122,7 @@ def _numeric(data: Any) -> dict[str, NDArray]:
 
 def _write_rows(
     group: h5py.Group,
-    members: Members,
+    members: PieceIndices,
     columns: dict[str, NDArray],
     data: dict[str, NDArray],
     types: Sequence[tuple[Ints, int]],
