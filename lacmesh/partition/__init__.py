@@ -3,12 +3,14 @@
 owner = the process that owns each node                          (`bisection`, `metis`)
 part = the cells around the nodes of one process                 (`parts`)
 a folder with all parts, from which each process reads its own   (`pieces`, `store`)
+cut = the part of the cut mesh                                   (`cutting`)
 """
 
 from __future__ import annotations
 
 from lacmesh.partition.bisection import distribute_nodes
+from lacmesh.partition.cutting import cut_part
 from lacmesh.partition.parts import Part, part_of
 from lacmesh.partition.store import describe_parts, read_part, write_parts
 
-__all__ = ["Part", "describe_parts", "distribute_nodes", "part_of", "read_part", "write_parts"]
+__all__ = ["Part", "cut_part", "describe_parts", "distribute_nodes", "part_of", "read_part", "write_parts"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,27 +12,58 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Ints, Mesh, Model
-from lacmesh.origin import origin_of_mesh
+from lacmesh.origin import bounds_of, bounds_of_mesh, origin_of
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.faces import cells_of_dim, faces_of
-from lacmesh.topology.skin import TYPE_CODE, find_owners, first_of_each, label_faces
+from lacmesh.topology.skin import TYPE_CODE, find_owners, find_repeats, first_of_each, label_faces
 
 Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """The mesh that parts are of, as far as it does not grow with the mesh.
+
+    `types`: each type of cells, in the order of the blocks, with the number of its cells. `dim`: the highest dimension
+    of a cell. `largest_node`, `largest_cell`: the largest of the file's numbers. `used` (2, 3), `box` (2, 3): lower and
+    upper corner of the box of the nodes of all cells, and of those of the highest dimension.
+    """
+
+    n_nodes: int
+    types: tuple[tuple[str, int], ...]
+    dim: int
+    n_bodies: int
+    largest_node: int
+    largest_cell: int
+    used: NDArray[np.floating]
+    box: NDArray[np.floating]
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells."""
+        return sum(count for _, count in self.types)
+
+    @cached_property
+    def offsets(self) -> Ints:
+        """(n_types + 1,): the index of the first cell of each type, then the number of cells."""
+        return np.cumsum([0, *(count for _, count in self.types)])
+
+    @cached_property
+    def origin(self) -> NDArray[np.floating]:
+        """(3,): the origin of its coordinates, as by `origin_of_mesh`."""
+        return origin_of(self.used)
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
     """The part of a mesh that process `rank` of `n_ranks` needs.
 
-    `mesh`: the cells that touch a node of this process, and those asked for besides; nodes and cells are in the order
-    of the whole mesh, so that sums over the cells at a node have the terms of the whole mesh in the same order. It has
-    all groups, numbers, data and records of a cut of the whole mesh, as far as they are on its nodes and cells.
-    `node` (n_nodes,), `cell` (n_cells,): the indices of its nodes and cells in the whole mesh, ascending. `owner`
-    (n_nodes,): the rank that owns each node. `body` (n_nodes,): the connected body of the whole mesh, of the cells of
-    its highest dimension, to which each node belongs, numbered by `topology.bodies.label_bodies`; -1 for none.
-
-    Of the whole mesh: `n_nodes`, `n_cells`, `n_bodies`, its `dim`, its `origin` (3,) as by `origin_of_mesh`, and the
-    lower and upper corner of the `box` (2, 3) of the nodes of these cells.
+    `mesh`: the cells that touch a node of this process, and those of the groups `everywhere`; nodes and cells are in
+    the order of the whole mesh, so that sums over the cells at a node have the terms of the whole mesh in the same
+    order. It has all groups, numbers, data and records of a cut of the whole mesh, as far as they are on its nodes and
+    cells. `node` (n_nodes,), `cell` (n_cells,): the indices of its nodes and cells in the whole mesh, ascending.
+    `owner` (n_nodes,): the rank that owns each node. `body` (n_nodes,): the connected body of the whole mesh, of the
+    cells of its highest dimension, to which each node belongs, numbered by `topology.bodies.label_bodies`; -1 for none.
     """
 
     mesh: Mesh
@@ -41,18 +72,44 @@ class Part:
     node: Ints
     owner: Ints
     cell: Ints
-    n_nodes: int
-    n_cells: int
-    n_bodies: int
-    dim: int
-    origin: NDArray[np.floating]
-    box: NDArray[np.floating]
     body: Ints
+    whole: Whole
+    everywhere: tuple[str, ...] = ()
 
     @property
     def own(self) -> Bools:
         """(n_nodes,): True for the nodes that this process owns."""
         return np.asarray(self.owner == self.rank)
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes of the whole mesh."""
+        return self.whole.n_nodes
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells of the whole mesh."""
+        return self.whole.n_cells
+
+    @property
+    def n_bodies(self) -> int:
+        """Number of connected bodies of the whole mesh."""
+        return self.whole.n_bodies
+
+    @property
+    def dim(self) -> int:
+        """The highest dimension of a cell of the whole mesh."""
+        return self.whole.dim
+
+    @property
+    def origin(self) -> NDArray[np.floating]:
+        """(3,): the origin of the coordinates of the whole mesh, as by `origin_of_mesh`."""
+        return self.whole.origin
+
+    @property
+    def box(self) -> NDArray[np.floating]:
+        """(2, 3): corners of the box of the nodes of the whole mesh that belong to cells of its highest dimension."""
+        return self.whole.box
 
 
 def part_of(mesh: Mesh, owner: Ints, rank: int, *, everywhere: Sequence[str] = ()) -> Part:
@@ -70,12 +127,7 @@ def part_of(mesh: Mesh, owner: Ints, rank: int, *, everywhere: Sequence[str] = (
     n_ranks = int(owner.max(initial=0)) + 1
     if owner.shape != (mesh.n_nodes,) or not 0 <= rank < n_ranks:
         raise ValueError(f"no rank {rank} of {n_ranks} owns nodes of a mesh of {mesh.n_nodes} nodes")
-    cells = touching(mesh, owner == rank)
-    for skin in cells_of_skins(mesh, everywhere):
-        cells[skin] = True
-    nodes = nodes_of(mesh, cells)
-    nodes[owner == rank] = True
-    node, cell = np.flatnonzero(nodes), np.flatnonzero(cells)
+    node, cell = needed(mesh, owner == rank, everywhere)
     body = bodies_of(mesh)
     return Part(
         mesh=restrict(mesh, node, cell),
@@ -85,7 +137,8 @@ def part_of(mesh: Mesh, owner: Ints, rank: int, *, everywhere: Sequence[str] = (
         owner=owner[node],
         cell=cell,
         body=body[node],
-        **facts_of(mesh, body),
+        whole=whole_of(mesh, body),
+        everywhere=tuple(skin_name(mesh, name) for name in everywhere),
     )
 
 
@@ -94,17 +147,26 @@ def bodies_of(mesh: Mesh) -> Ints:
     return label_bodies([nodes for _, nodes, _ in cells_of_dim(mesh, mesh.dim)], mesh.n_nodes)
 
 
-def facts_of(mesh: Mesh, body: Ints) -> dict[str, Any]:
-    """Return the fields of `Part` that are of the whole mesh; `body` (n_nodes,): the result of `bodies_of`."""
-    x = np.ascontiguousarray(mesh.points[body >= 0].T)
-    return {
-        "n_nodes": mesh.n_nodes,
-        "n_cells": mesh.n_cells,
-        "n_bodies": int(body.max(initial=-1)) + 1,
-        "dim": mesh.dim,
-        "origin": origin_of_mesh(mesh),
-        "box": np.stack([x.min(axis=1), x.max(axis=1)]) if x.size else np.zeros((2, 3)),
-    }
+def whole_of(mesh: Mesh, body: Ints) -> Whole:
+    """Return the figures of a mesh that is to be divided; `body` (n_nodes,): the result of `bodies_of`."""
+    return Whole(
+        n_nodes=mesh.n_nodes,
+        types=tuple((block.type, len(block.nodes)) for block in mesh.blocks),
+        dim=mesh.dim,
+        n_bodies=int(body.max(initial=-1)) + 1,
+        largest_node=int(mesh.node_number.max(initial=0)),
+        largest_cell=int(mesh.cell_number.max(initial=0)),
+        used=bounds_of_mesh(mesh),
+        box=bounds_of(mesh.points[body >= 0]),
+    )
+
+
+def needed(mesh: Mesh, own: Bools, everywhere: Sequence[str]) -> tuple[Ints, Ints]:
+    """Return the nodes and the cells, ascending, that a process needs: see `Part`; `own` (n_nodes,): its own nodes."""
+    cells = touching(mesh, own)
+    for skin in cells_of_skins(mesh, everywhere):
+        cells[skin] = True
+    return np.flatnonzero(nodes_of(mesh, cells) | own), np.flatnonzero(cells)
 
 
 def touching(mesh: Mesh, nodes: Bools) -> Bools:
@@ -126,7 +188,7 @@ def nodes_of(mesh: Mesh, cells: Bools) -> Bools:
 
 
 def cells_of_skins(mesh: Mesh, groups: Sequence[str]) -> list[Ints]:
-    """Return for each of some groups of skin faces its cells and the cells behind its faces, ascending.
+    """Return for each of some groups of skin faces its cells, all cells on its faces and those behind them, ascending.
 
     Raises GroupNotFoundError, and RequestError for a group that holds cells of the highest dimension.
     """
@@ -139,13 +201,25 @@ def cells_of_skins(mesh: Mesh, groups: Sequence[str]) -> list[Ints]:
     skin = named[known[np.searchsorted(mesh.offsets, named, side="right") - 1]]
     faces = faces_of(mesh, skin)
     first, face = first_of_each(*label_faces(faces))
-    behind = find_owners(faces.take(first), cells_of_dim(mesh, mesh.dim), mesh.n_nodes)
-    found = []
+    distinct = faces.take(first)
+    found = [
+        find_repeats(distinct, cells_of_dim(mesh, mesh.dim - 1), mesh.n_nodes),
+        find_owners(distinct, cells_of_dim(mesh, mesh.dim), mesh.n_nodes),
+    ]
+    every = []
     for cells in members:
         of_group = np.zeros(len(first), bool)
         of_group[face[np.isin(skin, cells, assume_unique=True)]] = True
-        found.append(np.union1d(cells, behind.cell[of_group[behind.face]]))
-    return found
+        every.append(np.unique(np.concatenate([cells, *(pairs.cell[of_group[pairs.face]] for pairs in found)])))
+    return every
+
+
+def skin_name(mesh: Mesh, spec: str) -> str:
+    """Return the name of the group that `spec` denotes (`Mesh.group`), or `spec` if it is an entity of msh.
+
+    Raises GroupNotFoundError.
+    """
+    return spec if spec.startswith("entity:") and spec not in mesh.cell_groups else mesh.group(spec)
 
 
 def restrict(mesh: Mesh, nodes: Ints, cells: Ints) -> Mesh:

@@ -39,10 +39,12 @@ class MeshPieces:
 def pieces_of(mesh: Mesh, owner: Ints) -> MeshPieces:
     """Return the pieces of a mesh whose nodes have the owners (n_nodes,): those of `part_of`, and every skin's.
 
-    A skin is a group without cells of the highest dimension.
+    A skin is a group without cells of the highest dimension; in a mesh without groups, an entity of msh.
     """
     n_ranks = int(owner.max(initial=0)) + 1
     skins = tuple(name for name in mesh.cell_groups if mesh.group_dim(name) < mesh.dim)
+    if not mesh.cell_groups:
+        skins = tuple(f"entity:{dim}:{tag}" for dim, tag in mesh.entities if dim < mesh.dim)
     node, cell = _of_ranks(mesh, owner, n_ranks)
     behind = cells_of_skins(mesh, skins)
     under: list[Ints] = []

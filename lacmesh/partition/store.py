@@ -27,12 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
+from lacmesh.errors import GroupNotFoundError, LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats.med.hdf5 import Branch, created, opened
 from lacmesh.formats.notes import from_json, to_json
 from lacmesh.formats.output import check_place, replacing
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.partition.parts import Part, bodies_of, facts_of, periodic_left, positions
+from lacmesh.partition.parts import Part, Whole, bodies_of, periodic_left, positions, skin_name, whole_of
 from lacmesh.partition.pieces import MeshPieces, PieceIndices, pieces_of
 
 if TYPE_CHECKING:
@@ -88,14 +88,13 @@ def _write(file: h5py.Group, mesh: Mesh, owner: Ints, pieces: MeshPieces) -> Non
     """Write the pieces of a mesh into an open file."""
     body = bodies_of(mesh)
     data = {"node": _numeric(mesh.node_data), "cell": _numeric(mesh.cell_data)}
-    facts = {name: np.asarray(value).tolist() for name, value in facts_of(mesh, body).items()}
+    whole = vars(whole_of(mesh, body))
     header = {
         "version": VERSION,
         "ranks": pieces.n_ranks,
         "skins": pieces.skins,
-        "facts": facts,
+        "whole": {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in whole.items()},
         "plane": mesh.plane,
-        "types": [[block.type, len(block.nodes)] for block in mesh.blocks],
         "groups": {"node": list(mesh.node_groups), "cell": list(mesh.cell_groups)},
         "data": {on: list(values) for on, values in data.items()},
         "ordered": mesh.file_order is not None,
@@ -154,10 +153,11 @@ def _write_rows(
 
 @dataclass(frozen=True)
 class _Store:
-    """An open file of parts: its root, its `header`, and the fields of a mesh in its `notes`."""
+    """An open file of parts: its root, its `header`, the `whole` mesh, and the fields of a mesh in its `notes`."""
 
     root: Branch
     header: dict[str, Any]
+    whole: Whole
     notes: dict[str, Any]
 
     @classmethod
@@ -166,24 +166,25 @@ class _Store:
         header = json.loads(root.raw("header"))
         if header["version"] != VERSION:
             raise root.error(f"has version {header['version']}, expected {VERSION}; partition the mesh again")
+        figures = header["whole"]
+        types = tuple((str(kind), int(count)) for kind, count in figures["types"])
+        boxes = {name: np.array(figures[name], float) for name in ("used", "box")}
+        whole = Whole(**{**figures, **boxes, "types": types})
         said: list[str] = []
-        notes, _ = from_json(root.raw("notes").decode("ascii", "replace"), header["facts"]["n_nodes"], said)
+        notes, _ = from_json(root.raw("notes").decode("ascii", "replace"), whole.n_nodes, said)
         if said:
             raise root.error("are damaged; partition the mesh again", "notes")
-        return cls(root, header, notes)
+        return cls(root, header, whole, notes)
 
-    def pieces(self, rank: int, everywhere: Sequence[str]) -> list[int]:
-        """Return the piece of a rank and those of some skins. Raises RequestError, GroupNotFoundError."""
-        ranks, skins = self.header["ranks"], self.header["skins"]
-        if not 0 <= rank < ranks:
-            raise RequestError(f"{self.root.path} has {ranks} parts, and no rank {rank}; partition the mesh again")
+    def skins(self, everywhere: Sequence[str]) -> list[str]:
+        """Return the names of some groups of skin faces. Raises GroupNotFoundError, RequestError."""
         groups = {name: np.empty(0, np.int64) for name in self.header["groups"]["cell"]}
         tagged = Mesh.create(np.empty((0, 3)), [], cell_groups=groups, group_tags=self.notes.get("group_tags", {}))
-        names = [tagged.group(name) for name in everywhere]
+        names = [skin_name(tagged, name) for name in everywhere]
         for name in names:
-            if name not in skins:
-                raise RequestError(f"group {name!r} holds solid cells; name a group of skin faces")
-        return [rank, *(ranks + skins.index(name) for name in names)]
+            if name not in self.header["skins"]:
+                raise GroupNotFoundError(name, self.header["skins"], "group of skin faces")
+        return names
 
 
 @dataclass(frozen=True)
@@ -234,20 +235,23 @@ def read_part(folder: str | os.PathLike[str], rank: int, *, everywhere: Sequence
     RequestError for a rank that the folder has no part of, GroupNotFoundError, ReadError.
     """
     with _open(folder) as store:
-        pieces = store.pieces(rank, everywhere)
+        ranks = store.header["ranks"]
+        if not 0 <= rank < ranks:
+            raise RequestError(f"{folder} has {ranks} parts, and no rank {rank}; partition the mesh again")
+        skins = store.skins(everywhere)
+        pieces = [rank, *(ranks + store.header["skins"].index(name) for name in skins)]
         node = _Rows.of(store.root.branch("node"), pieces)
         cell = _Rows.of(store.root.branch("cell"), pieces)
-        facts = store.header["facts"]
-        arrays = {name: np.array(facts[name], float) for name in ("origin", "box")}
         return Part(
             mesh=_mesh_of(store, node, cell),
             rank=rank,
-            n_ranks=store.header["ranks"],
+            n_ranks=ranks,
             node=node.index,
             owner=node.values("owner"),
             cell=cell.index,
             body=node.values("body"),
-            **{**facts, **arrays},
+            whole=store.whole,
+            everywhere=tuple(skins),
         )
 
 
@@ -258,16 +262,16 @@ def describe_parts(folder: str | os.PathLike[str]) -> dict[str, Any]:
     mean. Raises ReadError.
     """
     with _open(folder) as store:
-        n, facts = store.header["ranks"], store.header["facts"]
+        n, whole = store.header["ranks"], store.whole
         size = {on: np.diff(store.root.branch(on).rows("start", 0, n + 1)[:, 0]) for on in ("node", "cell")}
         owned = store.root.integers("owned", n)
         columns = {"own_nodes": owned, "nodes": size["node"], "cells": size["cell"]}
         return {
-            "nodes": facts["n_nodes"],
-            "cells": facts["n_cells"],
-            "bodies": facts["n_bodies"],
+            "nodes": whole.n_nodes,
+            "cells": whole.n_cells,
+            "bodies": whole.n_bodies,
             "skins": store.header["skins"],
-            "copies": float(size["node"].sum() / max(facts["n_nodes"], 1)),
+            "copies": float(size["node"].sum() / max(whole.n_nodes, 1)),
             "parts": {name: values.tolist() for name, values in columns.items()},
         }
 
@@ -288,11 +292,9 @@ def _open(folder: str | os.PathLike[str]) -> Iterator[_Store]:
 def _mesh_of(store: _Store, node: _Rows, cell: _Rows) -> Mesh:
     """Return the mesh of the rows of some pieces."""
     header, notes = store.header, dict(store.notes)
-    kinds = header["types"]
-    ends = np.cumsum([0, *(count for _, count in kinds)])
     blocks = []
-    for k, (kind, _) in enumerate(kinds):
-        of_whole = cell.nodes(k, int(ends[k]), int(ends[k + 1]))
+    for k, (kind, _) in enumerate(store.whole.types):
+        of_whole = cell.nodes(k, *store.whole.offsets[k : k + 2].tolist())
         nodes = positions(node.index, of_whole)
         if kind not in ALL_CELLS or nodes.ndim != 2 or (nodes < 0).any():
             raise cell.branch.error("has nodes that are not in the part; partition the mesh again", f"type{k}")
@@ -308,7 +310,7 @@ def _mesh_of(store: _Store, node: _Rows, cell: _Rows) -> Mesh:
         cell_number=cell.values("number"),
         file_order=np.argsort(cell.values("place")) if header["ordered"] else None,
         node_groups={name: node.group(k, 1 + k) for k, name in enumerate(groups["node"])},
-        cell_groups={name: cell.group(k, 1 + len(kinds) + k) for k, name in enumerate(groups["cell"])},
+        cell_groups={name: cell.group(k, 1 + len(blocks) + k) for k, name in enumerate(groups["cell"])},
         node_data={name: node.values(f"data{k}") for k, name in enumerate(header["data"]["node"])},
         cell_data={name: cell.values(f"data{k}") for k, name in enumerate(header["data"]["cell"])},
         **notes,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import h5py
 import numpy as np
 import pytest
@@ -55,6 +57,12 @@ def test_skins_are_named_by_tags_too(parts, cut):
     assert differences(there, read_part(parts, 1, everywhere=[f"{dim}:{tag}"])) == []
 
 
+def test_a_mesh_without_groups_has_entities_as_skins(cut, tmp_path):
+    entity = np.column_stack([cut.cell_dim, np.ones(cut.n_cells, int)])
+    mesh = replace(cut, cell_groups={}, group_tags={}, cell_data={**cut.cell_data, "entity": entity})
+    check(mesh, 3, tmp_path, ("entity:2:1",))
+
+
 def test_the_folder_is_described(parts, cut):
     told = describe_parts(parts)
     all_parts = [read_part(parts, rank) for rank in range(4)]
@@ -73,7 +81,7 @@ def test_what_cannot_be_read_is_refused(parts):
         read_part(parts, 4)
     with pytest.raises(GroupNotFoundError, match="did you mean slave"):
         read_part(parts, 0, everywhere=["slav"])
-    with pytest.raises(RequestError, match="'lower' holds solid cells; name a group of skin faces"):
+    with pytest.raises(GroupNotFoundError, match="no group of skin faces named 'lower'; there are: "):
         read_part(parts, 0, everywhere=["lower"])
     for other in (parts / "other", parts / FILE, "data"):
         with pytest.raises(ReadError, match="is no folder of parts; lacmesh partition makes one"):
@@ -115,7 +123,7 @@ def test_data_that_are_no_numbers_are_left_out_and_named(tmp_path):
     [
         ("header", np.frombuffer(b"{}", np.uint8), r"is damaged \('version'\); partition the mesh again"),
         ("header", np.frombuffer(b'{"version": 2}', np.uint8), "has version 2, expected 1"),
-        ("header", np.frombuffer(b'{"version": 1}', np.uint8), r"is damaged \('facts'\)"),
+        ("header", np.frombuffer(b'{"version": 1}', np.uint8), r"is damaged \('whole'\)"),
         ("header", np.frombuffer(b"[", np.uint8), "is damaged .*partition the mesh again"),
         ("node/number", np.array([[1], [2]] * 999), "is damaged .*node_number must be integers"),
         ("notes", np.frombuffer(b"[]", np.uint8), "/notes: are damaged"),
