@@ -32,8 +32,9 @@ def distribute_nodes(mesh: Mesh, n: int) -> Ints:
     array([0, 1, 0, 1, 1], dtype=int32)
     """
     check_count(mesh, n)
-    _check_finite(mesh)
-    return bisect(mesh.points, n)
+    x = np.ascontiguousarray(mesh.points.T)
+    _check_finite(mesh, x)
+    return bisect(x, n)
 
 
 def check_count(mesh: Mesh, n: int) -> None:
@@ -42,10 +43,10 @@ def check_count(mesh: Mesh, n: int) -> None:
         raise RequestError(f"a mesh of {mesh.n_nodes:,} nodes has from 1 to {mesh.n_nodes:,} parts, not {n:,}")
 
 
-def bisect(points: Floats, n: int) -> Ints:
-    """Return the box (k,), 0 to n - 1, that each of k points (k, 3) belongs to."""
-    box = np.zeros(len(points), np.int32)
-    left = [(np.arange(len(points)), np.ascontiguousarray(points.T), 0, n)]
+def bisect(x: Floats, n: int) -> Ints:
+    """Return the box (k,), 0 to n - 1, that each of the points x (3, k) belongs to."""
+    box = np.zeros(x.shape[1], np.int32)
+    left = [(np.arange(x.shape[1]), x, 0, n)]
     while left:
         nodes, x, first, count = left.pop()
         if count == 1:
@@ -79,10 +80,10 @@ def _come_first(x: Floats, size: int) -> Bools:
     return first
 
 
-def _check_finite(mesh: Mesh) -> None:
-    """Raise DataError if a node has no place, or the model no finite size."""
+def _check_finite(mesh: Mesh, x: Floats) -> None:
+    """Raise DataError if a node of a mesh, at x (3, n_nodes), has no place, or the model no finite size."""
     with np.errstate(over="ignore", invalid="ignore"):
-        finite = not mesh.n_nodes or np.isfinite(np.ptp(np.ascontiguousarray(mesh.points.T), axis=1)).all()
+        finite = not mesh.n_nodes or np.isfinite(np.ptp(x, axis=1)).all()
     if not finite:
         far = np.nan_to_num(np.abs(mesh.points), nan=np.inf).max(axis=1)
         number = mesh.node_number[int(far.argmax())]

@@ -17,7 +17,7 @@ from lacmesh.cutting.cut import cut_skin
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Ints, Mesh, spec_list
 from lacmesh.origin import bounds_of
-from lacmesh.partition.parts import Bools, Part, Whole, needed, restrict, skin_name
+from lacmesh.partition.parts import Bools, Part, WholeMesh, needed, restrict, skin_name
 
 
 def cut_part(part: Part, slave: str | Sequence[str], *, hexa: str = "pyramid") -> Part:
@@ -114,7 +114,7 @@ def _numbered(part: Part, new: Mesh) -> Mesh:
     return replace(new, node_number=np.concatenate([part.mesh.node_number, nodes]), cell_number=cells)
 
 
-def _whole(whole: Whole, old: Mesh, new: Mesh, types: tuple[tuple[str, int], ...]) -> Whole:
+def _whole(whole: WholeMesh, old: Mesh, new: Mesh, types: tuple[tuple[str, int], ...]) -> WholeMesh:
     """Return the figures of the whole cut mesh; all its new nodes and cells are in `new`."""
     more = new.points[old.n_nodes :]
     return replace(

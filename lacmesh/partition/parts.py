@@ -21,7 +21,7 @@ Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Whole:
+class WholeMesh:
     """The mesh that parts are of, as far as it does not grow with the mesh.
 
     `types`: each type of cells, in the order of the blocks, with the number of its cells. `dim`: the highest dimension
@@ -73,7 +73,7 @@ class Part:
     owner: Ints
     cell: Ints
     body: Ints
-    whole: Whole
+    whole: WholeMesh
     everywhere: tuple[str, ...] = ()
 
     @property
@@ -147,9 +147,9 @@ def bodies_of(mesh: Mesh) -> Ints:
     return label_bodies([nodes for _, nodes, _ in cells_of_dim(mesh, mesh.dim)], mesh.n_nodes)
 
 
-def whole_of(mesh: Mesh, body: Ints) -> Whole:
+def whole_of(mesh: Mesh, body: Ints) -> WholeMesh:
     """Return the figures of a mesh that is to be divided; `body` (n_nodes,): the result of `bodies_of`."""
-    return Whole(
+    return WholeMesh(
         n_nodes=mesh.n_nodes,
         types=tuple((block.type, len(block.nodes)) for block in mesh.blocks),
         dim=mesh.dim,

@@ -32,7 +32,7 @@ from lacmesh.formats.med.hdf5 import Branch, created, opened
 from lacmesh.formats.notes import from_json, to_json
 from lacmesh.formats.output import check_place, replacing
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.partition.parts import Part, Whole, bodies_of, periodic_left, positions, skin_name, whole_of
+from lacmesh.partition.parts import Part, WholeMesh, bodies_of, periodic_left, positions, skin_name, whole_of
 from lacmesh.partition.pieces import MeshPieces, PieceIndices, pieces_of
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ class _Store:
 
     root: Branch
     header: dict[str, Any]
-    whole: Whole
+    whole: WholeMesh
     notes: dict[str, Any]
 
     @classmethod
@@ -169,7 +169,7 @@ class _Store:
         figures = header["whole"]
         types = tuple((str(kind), int(count)) for kind, count in figures["types"])
         boxes = {name: np.array(figures[name], float) for name in ("used", "box")}
-        whole = Whole(**{**figures, **boxes, "types": types})
+        whole = WholeMesh(**{**figures, **boxes, "types": types})
         said: list[str] = []
         notes, _ = from_json(root.raw("notes").decode("ascii", "replace"), whole.n_nodes, said)
         if said:

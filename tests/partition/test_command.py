@@ -24,9 +24,9 @@ BLOCKS = str(ROOT / "data" / "two_blocks.msh")
 
 def test_commands_and_example_of_the_page_run(fresh):
     assert run_commands(PAGE) == 3
-    (code,) = blocks(PAGE, "python")
+    code = "\n".join(blocks(PAGE, "python"))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=fresh)
-    assert "of them its own" in done.stdout, done.stderr
+    assert "of them its own" in done.stdout and " cells of 1520\n" in done.stdout, done.stderr
 
 
 def test_parts_are_written_beside_the_mesh_and_told(fresh, capsys):

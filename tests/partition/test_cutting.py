@@ -120,7 +120,7 @@ def test_several_zones_and_a_master():
 
 def test_numbers_follow_the_largest_of_the_whole_mesh_which_another_part_has():
     mesh = with_slave(body("HEXA8", 3), lambda owners: len(owners) == 1 and owners[0][1] == 5)
-    far = bisect(mesh.points, 2)
+    far = bisect(mesh.points.T, 2)
     numbers = np.where(far == 1, mesh.node_number + 10**6, mesh.node_number)
     check(replace(mesh, node_number=numbers), 2)
     check(replace(mesh, cell_number=mesh.cell_number.astype(np.int64) + 2**31 * (np.arange(mesh.n_cells) == 0)), 3)
