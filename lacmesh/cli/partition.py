@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> None:
     from lacmesh.partition.store import FILE, check_folder, describe_parts, write_parts
 
     source = Path(args.input)
-    folder = Path(args.output) if args.output else source.with_suffix(".parts")
+    folder = Path(args.output) if args.output else _beside(source)
     stage = Stages(args, ("read", "divide", "write"))
     args.left = PendingOutput.at(folder / FILE).left
     check_folder(folder, force=args.force)
@@ -55,6 +55,14 @@ def run(args: argparse.Namespace) -> None:
         print(f"{described['copies']:.2f} copies of a node; written to {folder}")
         times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
         print(f"{times}{memory()}")
+
+
+def _beside(source: Path) -> Path:
+    """Return the default folder: the input's name with the suffix .parts. Raises ReadError if there is no input."""
+    from lacmesh.formats import detect_format
+
+    detect_format(source)
+    return source.with_suffix(".parts")
 
 
 def _distribute(mesh: Mesh, args: argparse.Namespace) -> Ints:

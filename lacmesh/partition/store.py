@@ -258,8 +258,8 @@ def read_part(folder: str | os.PathLike[str], rank: int, *, everywhere: Sequence
 def describe_parts(folder: str | os.PathLike[str]) -> dict[str, Any]:
     """Return the contents of a folder of parts as plain data: sizes of the mesh and of its parts, groups of faces.
 
-    `parts`: for each rank the nodes that it `owned`s, its `nodes` and its `cells`. `copies`: copies of a node, on the
-    mean. Raises ReadError.
+    `parts`: for each rank the number of its `own_nodes`, of its `nodes` and of its `cells`. `copies`: the mean number
+    of copies of a node. Raises ReadError.
     """
     with _open(folder) as store:
         n, whole = store.header["ranks"], store.whole

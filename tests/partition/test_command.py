@@ -71,6 +71,7 @@ def fails(capsys, *args):
         ((BLOCKS, "-n", "2", "-o", "no/p"), 3, "no/p: the folder no does not exist"),
         ((BLOCKS, "-n", "2", "-o", "file"), 3, "file: is a file; name a folder"),
         ((BLOCKS, "-n", "2", "-o", "old"), 2, "old/parts.h5 exists already; --force replaces it"),
+        ((".", "-n", "2"), 3, ".: cannot be read (Is a directory)"),
         (("nothing.msh", "-n", "2"), 3, "nothing.msh: cannot be read (No such file or directory)"),
     ],
 )

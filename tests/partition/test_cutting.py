@@ -9,7 +9,7 @@ import pytest
 
 from lacmesh import CutError, Mesh, RequestError, cut_skin, read
 from lacmesh.cells import CELLS
-from lacmesh.partition import cut_part, distribute_nodes, part_of
+from lacmesh.partition import cut_part, distribute_nodes, part_of, read_part, write_parts
 from lacmesh.partition.bisection import bisect
 from tests.lacsolver.bodies import body, mixture, plane_mixture
 from tests.meshes import facets_of, random_mesh
@@ -116,6 +116,16 @@ def test_several_zones_and_a_master():
     mesh = read(BLOCKS)
     parts = check(mesh, 4, ("slave", "top"), everywhere=("slave", "top", "master"))
     assert parts[0].mesh.zones == ("slave", "top")
+
+
+def test_parts_that_are_read_are_cut_as_those_in_memory(tmp_path):
+    mesh = read(BLOCKS)
+    owner = distribute_nodes(mesh, 3)
+    write_parts(tmp_path, mesh, owner)
+    for rank in range(3):
+        groups = {"everywhere": ["slave", "master"]}
+        there, here = part_of(mesh, owner, rank, **groups), read_part(tmp_path, rank, **groups)
+        assert differences(cut_part(there, "slave"), cut_part(here, "slave")) == []
 
 
 def test_numbers_follow_the_largest_of_the_whole_mesh_which_another_part_has():
