@@ -140,3 +140,18 @@ def test_damage_is_told_with_its_place(parts, place, value, told):
             file[place] = value
     with pytest.raises(ReadError, match=told):
         read_part(parts, 2)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_damaged_file_is_refused_or_read(seed, parts):
+    """Bytes changed at the beginning, where HDF5 keeps its structure, or the end cut off: no other exception."""
+    rng = np.random.default_rng(seed)
+    content = bytearray((parts / FILE).read_bytes())
+    for place in rng.integers(3000, size=seed):
+        content[place] = rng.integers(256)
+    (parts / FILE).write_bytes(content if seed % 4 else content[: rng.integers(len(content))])
+    try:
+        part = read_part(parts, seed % 4, everywhere=["slave"])
+        assert len(part.node) == part.mesh.n_nodes and describe_parts(parts)["nodes"] == part.n_nodes
+    except ReadError as error:
+        assert FILE in str(error)
