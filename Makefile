@@ -88,7 +88,7 @@ fuzz: $(INSTALLED) ## all cases of bad input and of random tests, and 10,000 dam
 	$(BIN)/python -m tests.fuzz
 
 bench: $(INSTALLED) ## measure speed and memory
-	for name in start run check quality surface assembly linear contact peers; do $(BIN)/python benchmarks/$$name.py || exit 1; done
+	for name in start run check partition quality surface assembly linear contact peers; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 verify: $(INSTALLED) ## cases with known solutions, what comes out, and a report (90 minutes on two cores; goes on if stopped)
 	$(BIN)/python -m verification run --suite full --resume -o build/verification-full

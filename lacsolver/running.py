@@ -11,14 +11,13 @@ from functools import partial
 
 import numpy as np
 
-import lacmesh
 from lacmesh.cli.terminal import peak_memory
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.output import signals_wait
 from lacmesh.mesh import Floats, Mesh
 from lacsolver.case import Case, fingerprint
 from lacsolver.output import OutputFolder, Writer, check_same
-from lacsolver.problem.problem import Problem
+from lacsolver.problem.problem import Problem, read_mesh
 from lacsolver.results.answer import Answer
 from lacsolver.results.faceted import faceted
 from lacsolver.results.figures import stress_ranges
@@ -60,10 +59,11 @@ def run(
         raise RequestError(f"{message}; give distribution=Processes(comm), or call the command lacsolver run")
     clock = Clock()
     with clock.phase("mesh"):
-        mesh = lacmesh.read(case.mesh) if mesh is None else mesh
+        mesh = read_mesh(case, distribution) if mesh is None else mesh
         problem, prints = Problem.of(case, mesh, distribution), fingerprint(case, mesh)
         if start is not None:
-            check_same(start, prints)
+            again = start
+            problem.space.share.on_first(lambda: check_same(again, prints))
             start = share_of_restart(problem.constraints, start)
     made = _Run(Answer(problem), clock, Results(_version(), sizes=_sizes(problem)), start.number if start else 0)
     whole = partial(whole_restart, problem.constraints)

@@ -146,6 +146,7 @@ RUN_ELSEWHERE = {
     "overview.md": "tests/test_readme.py",
     "solver.md": "tests/lacsolver/test_solver_docs.py",
     "output.md": "tests/lacsolver/test_output_docs.py",
+    "partition.md": "tests/partition/test_command.py",
 }
 
 

@@ -10,7 +10,7 @@ from lacmesh.cli.program import Program
 from lacmesh.errors import GroupNotFoundError, LacmeshError
 
 #: in the order of the help
-COMMANDS = ("cut", "check", "quality", "orient", "view", "mesh", "info", "convert", "types", "compile")
+COMMANDS = ("cut", "check", "quality", "orient", "view", "mesh", "partition", "info", "convert", "types", "compile")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -29,7 +29,7 @@ PROGRAM = Program(
     "lacmesh",
     __name__,
     "Prepare meshes for Local Average Contact: subdivide the slave faces into macro-elements with an internal "
-    "displacement node, check, measure, draw and convert.",
+    "displacement node, check, measure, draw, partition and convert.",
     EPILOG,
     COMMANDS,
     _error_lines,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from lacmesh.cli.options import add_command, add_mesh_option
@@ -16,14 +17,17 @@ LISTED = 60
 def add(commands: Any) -> None:
     """Declare the command."""
     shapes = "also say what shapes curved skins of linear faces have; "
-    parser = add_command(commands, "info", run, "list the content of a file", verbose=shapes)
+    parser = add_command(commands, "info", run, "list the content of a file, or of a folder of parts", verbose=shapes)
     parser.add_argument("input", metavar="IN")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     add_mesh_option(parser)
 
 
 def run(args: argparse.Namespace) -> None:
-    """Print the content of a file."""
+    """Print the content of a file, or of a folder of parts."""
+    if Path(args.input).is_dir():
+        _describe_parts(args)
+        return
     from lacmesh.formats import read, title_of
     from lacmesh.report import describe
 
@@ -78,6 +82,27 @@ def _print_info(
             print(f"{name}: {in_words(shapes)}")
     if described["lac"]:
         print(f"cut: {described['lac']['macro_elements']:,} macro-elements in {', '.join(described['lac']['zones'])}")
+
+
+def _describe_parts(args: argparse.Namespace) -> None:
+    """Print the content of a folder of parts."""
+    from statistics import mean
+
+    from lacmesh.partition import describe_parts
+
+    described = describe_parts(args.input)
+    if args.json:
+        print(as_json(described))
+    elif not args.quiet:
+        parts = described["parts"]
+        sizes = (
+            f"{described['nodes']:,} nodes, {described['cells']:,} cells; {described['copies']:.2f} copies of a node"
+        )
+        print(f"{args.input}: {len(parts['nodes']):,} parts of a mesh of {sizes}")
+        rows = table("part", *(name.replace("_", " ") for name in parts))
+        for name, pick in (("smallest", min), ("mean", mean), ("largest", max)):
+            rows.add_row(name, *(f"{round(pick(counts)):,}" for counts in parts.values()))
+        console().print(rows)
 
 
 def _print_entities(out: Any, entities: list[dict[str, Any]]) -> None:

@@ -166,6 +166,11 @@ class PendingOutput:
     path: Path
     before: tuple[int, int] | None
 
+    @classmethod
+    def at(cls, path: Path) -> PendingOutput:
+        """Return the output to come at a path, before it is written."""
+        return cls(path, _identity(path))
+
     def left(self) -> str:
         """Clause for an interrupted command that says if its output was written, judged by the file on the disk."""
         if _identity(self.path) == self.before:
@@ -177,9 +182,9 @@ def pending_output(target: Path, *, force: bool) -> PendingOutput:
     """Check early that a file can be written; return it as an output to come. Raises RequestError, WriteError."""
     from lacmesh.formats.output import check_place
 
-    before = _identity(target)
+    pending = PendingOutput.at(target)
     check_place(target, force=force)
-    return PendingOutput(target, before)
+    return pending
 
 
 def pending_mesh(target: Path, args: argparse.Namespace) -> PendingOutput:

@@ -87,7 +87,7 @@ def table(*columns: str) -> Any:
 
     table = Shown(box=box.SIMPLE_HEAD, pad_edge=False)
     for name in columns:
-        number = name.startswith("+") or name in ("before", "after", "added", "cells", "number", "nodes")
+        number = name.startswith("+") or name in ("before", "after", "added", "cells", "number", "nodes", "own nodes")
         table.add_column(on_one_line(name), justify="right" if number else "left", no_wrap=number)
     return table
 

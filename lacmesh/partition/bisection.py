@@ -14,7 +14,8 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
 
 Bools = NDArray[np.bool_]
-_BITS = 20
+#: planes of the lattice along the longest side of a box
+_PLANES = 2**20
 #: two sides whose lengths differ by less are of one length, relative to the longer one
 _EQUAL = 1e-6
 
@@ -30,54 +31,59 @@ def distribute_nodes(mesh: Mesh, n: int) -> Ints:
     >>> distribute_nodes(row, 2)
     array([0, 1, 0, 1, 1], dtype=int32)
     """
+    check_count(mesh, n)
+    x = np.ascontiguousarray(mesh.points.T)
+    _check_finite(mesh, x)
+    return bisect(x, n)
+
+
+def check_count(mesh: Mesh, n: int) -> None:
+    """Raise RequestError unless a mesh can have n parts."""
     if not 1 <= n <= max(mesh.n_nodes, 1):
         raise RequestError(f"a mesh of {mesh.n_nodes:,} nodes has from 1 to {mesh.n_nodes:,} parts, not {n:,}")
-    _check_finite(mesh)
-    return bisect(mesh.points, n)
 
 
-def bisect(points: Floats, n: int) -> Ints:
-    """Return the box (k,), 0 to n - 1, that each of k points (k, 3) belongs to."""
-    box = np.zeros(len(points), np.int32)
-    left = [(np.arange(len(points)), 0, n)]
+def bisect(x: Floats, n: int) -> Ints:
+    """Return the box (k,), 0 to n - 1, that each of the points x (3, k) belongs to."""
+    box = np.zeros(x.shape[1], np.int32)
+    left = [(np.arange(x.shape[1]), x, 0, n)]
     while left:
-        nodes, first, count = left.pop()
+        nodes, x, first, count = left.pop()
         if count == 1:
             box[nodes] = first
             continue
         low = count // 2
-        lower = _come_first(_places(points[nodes]), len(nodes) * low // count)
-        left += [(nodes[lower], first, low), (nodes[~lower], first + low, count - low)]
+        lower = _come_first(x, len(nodes) * low // count)
+        left.append((nodes[lower], np.compress(lower, x, axis=1), first, low))
+        left.append((nodes[~lower], np.compress(~lower, x, axis=1), first + low, count - low))
     return box
 
 
-def _places(x: Floats) -> Ints:
-    """Return a number (k,) for each of the points x (k, 3), in the order of their coordinates on the lattice.
+def _come_first(x: Floats, size: int) -> Bools:
+    """Return a mask (k,) of the first `size` (>= 1) of the points x (3, k) along the longest side of their box.
 
-    The coordinate along the longest side counts first, and the others decide between points in one plane.
+    Of points in one plane across it the other coordinates decide, of points at one place their order.
     """
-    sides = np.ptp(x, axis=0)
+    corner, sides = x.min(axis=1), np.ptp(x, axis=1)
     longest = sides.max()
     axis = int(np.argmax(sides >= (1 - _EQUAL) * longest))
-    place = np.zeros(len(x), np.int64)
+    first = np.zeros(x.shape[1], bool)
+    tied: Ints = np.arange(x.shape[1])
     for k in (axis, (axis + 1) % 3, (axis + 2) % 3):
-        place <<= _BITS + 1
-        place += np.rint((x[:, k] - x[:, k].min()) / (longest or 1.0) * 2**_BITS).astype(np.int64)
-    return place
-
-
-def _come_first(place: Ints, size: int) -> Bools:
-    """Return a mask (k,) of the first `size` (>= 1) of some places, ascending; equal ones in their order."""
-    last = np.partition(place, size - 1)[size - 1]
-    first = place < last
-    first[np.flatnonzero(place == last)[: size - np.count_nonzero(first)]] = True
+        plane = np.rint((x[k, tied] - corner[k]) / (longest or 1.0) * _PLANES).astype(np.int32)
+        last = np.partition(plane, size - 1)[size - 1]
+        before = tied[plane < last]
+        first[before] = True
+        size -= len(before)
+        tied = tied[plane == last]
+    first[tied[:size]] = True
     return first
 
 
-def _check_finite(mesh: Mesh) -> None:
-    """Raise DataError if a node has no place, or the model no finite size."""
+def _check_finite(mesh: Mesh, x: Floats) -> None:
+    """Raise DataError if a node of a mesh, at x (3, n_nodes), has no place, or the model no finite size."""
     with np.errstate(over="ignore", invalid="ignore"):
-        finite = not mesh.n_nodes or np.isfinite(np.ptp(mesh.points, axis=0)).all()
+        finite = not mesh.n_nodes or np.isfinite(np.ptp(x, axis=1)).all()
     if not finite:
         far = np.nan_to_num(np.abs(mesh.points), nan=np.inf).max(axis=1)
         number = mesh.node_number[int(far.argmax())]

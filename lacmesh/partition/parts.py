@@ -4,33 +4,66 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
+from lacmesh.errors import RequestError
 from lacmesh.mesh import Ints, Mesh, Model
-from lacmesh.origin import origin_of_mesh
+from lacmesh.origin import bounds_of, bounds_of_mesh, origin_of
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.faces import cells_of_dim, faces_of
-from lacmesh.topology.skin import TYPE_CODE, find_owners
+from lacmesh.topology.skin import TYPE_CODE, find_owners, find_repeats, first_of_each, label_faces
 
 Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class WholeMesh:
+    """The mesh that parts are of, as far as it does not grow with the mesh.
+
+    `types`: each type of cells, in the order of the blocks, with the number of its cells. `dim`: the highest dimension
+    of a cell. `largest_node`, `largest_cell`: the largest of the file's numbers. `used` (2, 3), `box` (2, 3): lower and
+    upper corner of the box of the nodes of all cells, and of those of the highest dimension.
+    """
+
+    n_nodes: int
+    types: tuple[tuple[str, int], ...]
+    dim: int
+    n_bodies: int
+    largest_node: int
+    largest_cell: int
+    used: NDArray[np.floating]
+    box: NDArray[np.floating]
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells."""
+        return sum(count for _, count in self.types)
+
+    @cached_property
+    def offsets(self) -> Ints:
+        """(n_types + 1,): the index of the first cell of each type, then the number of cells."""
+        return np.cumsum([0, *(count for _, count in self.types)])
+
+    @cached_property
+    def origin(self) -> NDArray[np.floating]:
+        """(3,): the origin of its coordinates, as by `origin_of_mesh`."""
+        return origin_of(self.used)
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
     """The part of a mesh that process `rank` of `n_ranks` needs.
 
-    `mesh`: the cells that touch a node of this process, and those asked for besides; nodes and cells are in the order
-    of the whole mesh, so that sums over the cells at a node have the terms of the whole mesh in the same order. It has
-    all groups, numbers, data and records of a cut of the whole mesh, as far as they are on its nodes and cells.
-    `node` (n_nodes,), `cell` (n_cells,): the indices of its nodes and cells in the whole mesh, ascending. `owner`
-    (n_nodes,): the rank that owns each node. `body` (n_nodes,): the connected body of the whole mesh, of the cells of
-    its highest dimension, to which each node belongs, numbered by `topology.bodies.label_bodies`; -1 for none.
-
-    Of the whole mesh: `n_nodes`, `n_cells`, `n_bodies`, its `dim`, its `origin` (3,) as by `origin_of_mesh`, and the
-    lower and upper corner of the `box` (2, 3) of the nodes of these cells.
+    `mesh`: the cells that touch a node of this process, and those of the groups `everywhere`; nodes and cells are in
+    the order of the whole mesh, so that sums over the cells at a node have the terms of the whole mesh in the same
+    order. It has all groups, numbers, data and records of a cut of the whole mesh, as far as they are on its nodes and
+    cells. `node` (n_nodes,), `cell` (n_cells,): the indices of its nodes and cells in the whole mesh, ascending.
+    `owner` (n_nodes,): the rank that owns each node. `body` (n_nodes,): the connected body of the whole mesh, of the
+    cells of its highest dimension, to which each node belongs, numbered by `topology.bodies.label_bodies`; -1 for none.
     """
 
     mesh: Mesh
@@ -39,25 +72,51 @@ class Part:
     node: Ints
     owner: Ints
     cell: Ints
-    n_nodes: int
-    n_cells: int
-    n_bodies: int
-    dim: int
-    origin: NDArray[np.floating]
-    box: NDArray[np.floating]
     body: Ints
+    whole: WholeMesh
+    everywhere: tuple[str, ...] = ()
 
     @property
     def own(self) -> Bools:
         """(n_nodes,): True for the nodes that this process owns."""
         return np.asarray(self.owner == self.rank)
 
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes of the whole mesh."""
+        return self.whole.n_nodes
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells of the whole mesh."""
+        return self.whole.n_cells
+
+    @property
+    def n_bodies(self) -> int:
+        """Number of connected bodies of the whole mesh."""
+        return self.whole.n_bodies
+
+    @property
+    def dim(self) -> int:
+        """The highest dimension of a cell of the whole mesh."""
+        return self.whole.dim
+
+    @property
+    def origin(self) -> NDArray[np.floating]:
+        """(3,): the origin of the coordinates of the whole mesh, as by `origin_of_mesh`."""
+        return self.whole.origin
+
+    @property
+    def box(self) -> NDArray[np.floating]:
+        """(2, 3): corners of the box of the nodes of the whole mesh that belong to cells of its highest dimension."""
+        return self.whole.box
+
 
 def part_of(mesh: Mesh, owner: Ints, rank: int, *, everywhere: Sequence[str] = ()) -> Part:
     """Return the part of a mesh that process `rank` needs.
 
     `owner` (n_nodes,): the rank that owns each node, as by `distribute_nodes`. `everywhere`: groups of skin faces, such
-    as slaves and masters, that are in every part, with the cells behind them. Raises GroupNotFoundError.
+    as slaves and masters, that are in every part, with the cells behind them. Raises GroupNotFoundError, RequestError.
 
     >>> row = Mesh.create([[0, 0], [1, 0], [2, 0], [3, 0]], [("SEG2", [[0, 1], [1, 2], [2, 3]])])
     >>> part = part_of(row, np.array([0, 0, 1, 1]), 1)
@@ -68,14 +127,8 @@ def part_of(mesh: Mesh, owner: Ints, rank: int, *, everywhere: Sequence[str] = (
     n_ranks = int(owner.max(initial=0)) + 1
     if owner.shape != (mesh.n_nodes,) or not 0 <= rank < n_ranks:
         raise ValueError(f"no rank {rank} of {n_ranks} owns nodes of a mesh of {mesh.n_nodes} nodes")
-    cells = touching(mesh, owner == rank)
-    cells[everywhere_cells(mesh, everywhere)] = True
-    nodes = nodes_of(mesh, cells)
-    nodes[owner == rank] = True
-    node, cell = np.flatnonzero(nodes), np.flatnonzero(cells)
-    solids = [kind_nodes for _, kind_nodes, _ in cells_of_dim(mesh, mesh.dim)]
-    body = label_bodies(solids, mesh.n_nodes)
-    x = mesh.points[body >= 0]
+    node, cell = needed(mesh, owner == rank, everywhere)
+    body = bodies_of(mesh)
     return Part(
         mesh=restrict(mesh, node, cell),
         rank=rank,
@@ -83,14 +136,37 @@ def part_of(mesh: Mesh, owner: Ints, rank: int, *, everywhere: Sequence[str] = (
         node=node,
         owner=owner[node],
         cell=cell,
-        n_nodes=mesh.n_nodes,
-        n_cells=mesh.n_cells,
-        n_bodies=int(body.max(initial=-1)) + 1,
-        dim=mesh.dim,
-        origin=origin_of_mesh(mesh),
-        box=np.stack([x.min(axis=0), x.max(axis=0)]) if len(x) else np.zeros((2, 3)),
         body=body[node],
+        whole=whole_of(mesh, body),
+        everywhere=tuple(skin_name(mesh, name) for name in everywhere),
     )
+
+
+def bodies_of(mesh: Mesh) -> Ints:
+    """Return the connected body (n_nodes,) of each node, of the cells of the highest dimension; -1 for none."""
+    return label_bodies([nodes for _, nodes, _ in cells_of_dim(mesh, mesh.dim)], mesh.n_nodes)
+
+
+def whole_of(mesh: Mesh, body: Ints) -> WholeMesh:
+    """Return the figures of a mesh that is to be divided; `body` (n_nodes,): the result of `bodies_of`."""
+    return WholeMesh(
+        n_nodes=mesh.n_nodes,
+        types=tuple((block.type, len(block.nodes)) for block in mesh.blocks),
+        dim=mesh.dim,
+        n_bodies=int(body.max(initial=-1)) + 1,
+        largest_node=int(mesh.node_number.max(initial=0)),
+        largest_cell=int(mesh.cell_number.max(initial=0)),
+        used=bounds_of_mesh(mesh),
+        box=bounds_of(mesh.points[body >= 0]),
+    )
+
+
+def needed(mesh: Mesh, own: Bools, everywhere: Sequence[str]) -> tuple[Ints, Ints]:
+    """Return the nodes and the cells, ascending, that a process needs: see `Part`; `own` (n_nodes,): its own nodes."""
+    cells = touching(mesh, own)
+    for skin in cells_of_skins(mesh, everywhere):
+        cells[skin] = True
+    return np.flatnonzero(nodes_of(mesh, cells) | own), np.flatnonzero(cells)
 
 
 def touching(mesh: Mesh, nodes: Bools) -> Bools:
@@ -111,13 +187,39 @@ def nodes_of(mesh: Mesh, cells: Bools) -> Bools:
     return nodes
 
 
-def everywhere_cells(mesh: Mesh, groups: Sequence[str]) -> Ints:
-    """Return the cells of some groups of skin faces, and the cells behind these faces. Raises GroupNotFoundError."""
-    named = np.unique(np.concatenate([np.empty(0, np.int64), *(mesh.cells_of(name) for name in groups)]))
+def cells_of_skins(mesh: Mesh, groups: Sequence[str]) -> list[Ints]:
+    """Return for each of some groups of skin faces its cells, all cells on its faces and those behind them, ascending.
+
+    Raises GroupNotFoundError, and RequestError for a group that holds cells of the highest dimension.
+    """
+    members = [np.asarray(mesh.cells_of(name)) for name in groups]
+    for name, cells in zip(groups, members, strict=True):
+        if (mesh.cell_dim[cells] == mesh.dim).any():
+            raise RequestError(f"group {name!r} holds cells of dimension {mesh.dim}; name a group of skin faces")
+    named = np.unique(np.concatenate([np.empty(0, np.int64), *members]))
     known = np.array([b.type in TYPE_CODE and ALL_CELLS[b.type].dim == mesh.dim - 1 for b in mesh.blocks], bool)
     skin = named[known[np.searchsorted(mesh.offsets, named, side="right") - 1]]
-    behind = find_owners(faces_of(mesh, skin), cells_of_dim(mesh, mesh.dim), mesh.n_nodes)
-    return np.union1d(named, behind.cell)
+    faces = faces_of(mesh, skin)
+    first, face = first_of_each(*label_faces(faces))
+    distinct = faces.take(first)
+    found = [
+        find_repeats(distinct, cells_of_dim(mesh, mesh.dim - 1), mesh.n_nodes),
+        find_owners(distinct, cells_of_dim(mesh, mesh.dim), mesh.n_nodes),
+    ]
+    every = []
+    for cells in members:
+        of_group = np.zeros(len(first), bool)
+        of_group[face[np.isin(skin, cells, assume_unique=True)]] = True
+        every.append(np.unique(np.concatenate([cells, *(pairs.cell[of_group[pairs.face]] for pairs in found)])))
+    return every
+
+
+def skin_name(mesh: Mesh, spec: str) -> str:
+    """Return the name of the group that `spec` denotes (`Mesh.group`), or `spec` if it is an entity of msh.
+
+    Raises GroupNotFoundError.
+    """
+    return spec if spec.startswith("entity:") and spec not in mesh.cell_groups else mesh.group(spec)
 
 
 def restrict(mesh: Mesh, nodes: Ints, cells: Ints) -> Mesh:
@@ -125,39 +227,47 @@ def restrict(mesh: Mesh, nodes: Ints, cells: Ints) -> Mesh:
 
     Blocks, groups and data that have nothing left are still there, and empty.
     """
-    new_node = np.full(mesh.n_nodes, -1, np.int64)
-    new_node[nodes] = np.arange(len(nodes))
-    new_cell = np.full(mesh.n_cells, -1, np.int64)
-    new_cell[cells] = np.arange(len(cells))
     rows = np.split(cells, np.searchsorted(cells, mesh.offsets[1:-1]))
     return replace(
         mesh,
         points=mesh.points[nodes],
         blocks=tuple(
-            block._replace(nodes=new_node[block.nodes[own - start]].astype(block.nodes.dtype))
+            block._replace(nodes=positions(nodes, block.nodes[own - start]).astype(block.nodes.dtype))
             for block, own, start in zip(mesh.blocks, rows, mesh.offsets, strict=False)
         ),
         node_number=mesh.node_number[nodes],
         cell_number=mesh.cell_number[cells],
-        file_order=None if mesh.file_order is None else _left(mesh.file_order, new_cell),
-        cell_groups={name: _left(members, new_cell) for name, members in mesh.cell_groups.items()},
-        node_groups={name: _left(members, new_node) for name, members in mesh.node_groups.items()},
+        file_order=None if mesh.file_order is None else _left(cells, mesh.file_order),
+        cell_groups={name: _left(cells, members) for name, members in mesh.cell_groups.items()},
+        node_groups={name: _left(nodes, members) for name, members in mesh.node_groups.items()},
         cell_data={name: values[cells] for name, values in mesh.cell_data.items()},
         node_data={name: values[nodes] for name, values in mesh.node_data.items()},
-        model=None if mesh.model is None else _periodic_left(mesh.model, new_node),
+        model=None if mesh.model is None else periodic_left(mesh.model, nodes),
     )
 
 
-def _left(members: Ints, new: Ints) -> Ints:
-    """Return the new indices of those members that are left; `new`: the new index of each old one, -1 for none."""
-    indices = new[members]
-    return indices[indices >= 0]
+def positions(index: Ints, members: Ints) -> Ints:
+    """Return the position in `index` (k,), ascending, of each member, in the shape of `members`; -1 if it is not there.
+
+    >>> positions(np.array([2, 5, 7]), np.array([[7, 2], [3, 9]])).tolist()
+    [[2, 0], [-1, -1]]
+    """
+    if not len(index):
+        return np.full(members.shape, -1)
+    place = np.minimum(np.searchsorted(index, members), len(index) - 1)
+    return np.where(index[place] == members, place, -1)
 
 
-def _periodic_left(model: Model, new_node: Ints) -> Model:
-    """Return the model with those pairs of periodic nodes that are both left."""
+def _left(index: Ints, members: Ints) -> Ints:
+    """Return the positions in `index` of those members that are there."""
+    place = positions(index, members)
+    return place[place >= 0]
+
+
+def periodic_left(model: Model, nodes: Ints) -> Model:
+    """Return the model with those pairs of periodic nodes that are both among `nodes`, by their positions there."""
     links = []
     for link in model.periodic:
-        pairs = new_node[link.nodes]
+        pairs = positions(nodes, link.nodes)
         links.append(replace(link, nodes=pairs[(pairs >= 0).all(axis=1)]))
     return replace(model, periodic=tuple(links))

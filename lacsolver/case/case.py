@@ -245,6 +245,12 @@ class Case(Entry):
         made._settle()
         return made
 
+    @property
+    def skins(self) -> tuple[str, ...]:
+        """Groups of the slaves and masters of all contacts and ties, each once."""
+        named = (name for record in (*self.contact, *self.tie) for name in (record.slave, record.master))
+        return tuple(dict.fromkeys(named))
+
     def _take_records(self) -> None:
         """Store the records of each section as a tuple of them, or as a single one. Raises TypeError."""
         for name, record in sections_of(Case).items():

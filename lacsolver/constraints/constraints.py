@@ -26,7 +26,7 @@ from lacsolver.case.case import Case
 from lacsolver.constraints.conditions import AXIS, on_axis, prescribed
 from lacsolver.constraints.local import LocalBases, combine
 from lacsolver.constraints.rigid import RigidBody, check_apart, numbered, rigid_bodies
-from lacsolver.space.places import name_of, wrong
+from lacsolver.space.places import name_of
 from lacsolver.space.space import Space
 
 
@@ -56,8 +56,6 @@ class Constraints:
         of a group that is no skin, conditions that contradict each other at a node (checked at some of the case's times
         here, and at every time by `u0`), a node in two rigid bodies, or a node of one that is prescribed too.
         """
-        if case.rigid and space.share.own is not None:
-            raise wrong(case.rigid[0], "rigid bodies are not solved on several processes yet; start one process")
         parts = prescribed(space, case.displacement)
         rigid = rigid_bodies(space, case.rigid, case.kinematics == "finite")
         check_apart(space, rigid, parts)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, vstack
 
-from lacmesh.errors import LacmeshError
+import lacmesh
+from lacmesh.cutting.records import is_cut
+from lacmesh.errors import LacmeshError, RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.partition import Part, distribute_nodes, part_of
+from lacmesh.partition import Part, cut_part, describe_parts, distribute_nodes, part_of, read_part
 
 T = TypeVar("T")
 
@@ -21,10 +24,31 @@ class Processes:
 
     def __init__(self, comm: Any) -> None:
         self.comm, self.rank, self.n = comm, comm.Get_rank(), comm.Get_size()
+        self._part: Part | None = None
+
+    def read(self, path: Path, skins: Sequence[str], slaves: Mapping[str, str]) -> Mesh:
+        """Return the mesh of a file, or this process's part from a folder that `lacmesh partition` wrote, cut.
+
+        `skins`: groups that all processes need; `slaves`: the groups to cut, each with its kind of `hexa` cut. Raises
+        ReadError, CutError, and RequestError for a folder with parts for another number of processes.
+        """
+        if not path.is_dir():
+            return lacmesh.read(path)
+        there = len(describe_parts(path)["parts"]["nodes"])
+        if there != self.n:
+            advice = f"start {there} processes, or divide it again: lacmesh partition MESH -n {self.n} -o {path}"
+            raise RequestError(f"{path} has {there} parts, and {self.n} processes were started; {advice}")
+        part = read_part(path, self.rank, everywhere=sorted(set(skins)))
+        if slaves and not is_cut(part.mesh):
+            part = cut_part(part, list(slaves), hexa=next(iter(slaves.values())))
+        self._part = part
+        return part.mesh
 
     def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, ProcessShare]:
         """Return the part of a mesh that this process takes, and its share; all processes have the groups `skins`."""
-        part = part_of(mesh, distribute_nodes(mesh, self.n), self.rank, everywhere=skins)
+        part = self._part
+        if part is None or part.mesh is not mesh:
+            part = part_of(mesh, distribute_nodes(mesh, self.n), self.rank, everywhere=skins)
         common = np.zeros(part.mesh.n_nodes, bool)
         for name in skins:
             for _, _, nodes in part.mesh.select(part.mesh.cells_of(name)):

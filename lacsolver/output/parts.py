@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -51,7 +52,12 @@ def body(space: Space) -> Part:
         bare &= space.share.own is None
         if bare.any():
             rows.append(_Rows(kind, nodes[bare], index[bare]))
-    return _part(mesh, rows, all_groups=space.share.own is not None)
+    if space.share.own is None:
+        return _part(mesh, rows)
+    cells, made = np.zeros(mesh.n_cells, bool), _part(mesh, rows, all_groups=True)
+    cells[made.cells] = True
+    some = {name for name, ids in mesh.cell_groups.items() if space.share.total(np.array(int(cells[ids].sum())))}
+    return made._replace(mesh=replace(made.mesh, cell_groups={k: made.mesh.cell_groups[k] for k in sorted(some)}))
 
 
 def skin(mesh: Mesh, surface: Surface) -> Part:

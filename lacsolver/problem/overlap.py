@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Coverage, Surface, contact_points, coverage, default_distance
 from lacmesh.topology.facets import boundary_faces
+from lacmesh.topology.skin import Faces
 from lacsolver.contact import Interface
 from lacsolver.problem.problem import ContactPair
 from lacsolver.problem.rigid_modes import bodies
@@ -90,12 +91,17 @@ def _skin_behind(face: Interface, space: Space) -> Surface | None:
     theirs = theirs[theirs >= 0]
     if not len(theirs) or np.intersect1d(theirs, ours).size:
         return None
-    skin = _whole_skin(space.local)
-    mine = np.isin(body[skin.faces.nodes[:, 0]], theirs)
-    return skin.take(np.flatnonzero(mine)).at(face.master.x)
+    faces, cell = boundary_faces(space.local)
+    mine = np.flatnonzero(np.isin(body[faces.nodes[:, 0]], theirs))
+    return _of_all(faces.take(mine), cell[mine], face.master.x, space)
 
 
-def _whole_skin(mesh: Mesh) -> Surface:
-    """Return the skin of all cells of the highest dimension, with outward normals."""
-    faces, cell = boundary_faces(mesh)
-    return Surface(mesh.points, faces, cell, mesh.dim - 1, np.full(len(cell), np.nan))
+def _of_all(faces: Faces, cell: Ints, x: Floats, space: Space) -> Surface:
+    """Return the surface of faces with nodes at x (n_nodes, 3), of all processes: each gives those of its own nodes."""
+    share = space.share
+    if share.own is not None:
+        own = np.flatnonzero(share.own[faces.nodes[:, 0]])  # all cells at these are here, so that the skin is true
+        types, used, places = (share.gather(v[own]) for v in (faces.type, faces.nodes >= 0, x[faces.nodes]))
+        nodes = np.where(used, np.arange(used.size).reshape(used.shape), -1)
+        faces, cell, x = Faces(types, nodes), np.zeros(len(types), np.int64), places.reshape(-1, 3)
+    return Surface(x, faces, cell, space.dim - 1, np.full(len(cell), np.nan))

@@ -11,13 +11,13 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-import lacmesh
-from lacmesh.errors import LacmeshError, LacmeshWarning
+from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
 from lacmesh.kernels.threads import available_cores
 from lacmesh.mesh import Floats, Mesh
 from lacsolver.bodies.finite import locking
@@ -132,8 +132,10 @@ class Problem:
         `distribution`: the processes that share the model; each gets the problem of its own part.
         Raises CaseError, ReadError, CutError, DataError, RequestError, each with a sentence for the user.
         """
-        parts = build(case, lacmesh.read(case.mesh) if mesh is None else mesh, distribution=distribution)
+        parts = build(case, read_mesh(case, distribution) if mesh is None else mesh, distribution=distribution)
         assert parts.space is not None and parts.materials is not None and parts.constraints is not None
+        if parts.space.share.own is not None:
+            _check_shared(case, parts.materials)
         return cls(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs))
 
     @cached_property
@@ -197,8 +199,7 @@ def build(
         parts.mesh = prepared(case, mesh)
         parts.prepared = True
     with attempt(""):
-        skins = [name for record in (*case.contact, *case.tie) for name in (record.slave, record.master)]
-        parts.mesh, share = distribution.take(parts.mesh, skins)
+        parts.mesh, share = distribution.take(parts.mesh, case.skins)
         parts.space = Space.of(parts.mesh, case.model, case.thickness, share)
     if parts.space is not None and bodies:
         with attempt(""):
@@ -210,6 +211,21 @@ def build(
             with attempt(record.place):
                 parts.pairs.append(joint_of(parts.space, record))
     return parts
+
+
+def _check_shared(case: Case, materials: Materials) -> None:
+    """Raise RequestError for what only one process solves."""
+    lacking = ["rigid bodies ([[rigid]])"] if case.rigid else []
+    lacking += ['[output] format = "med"'] if case.output.format == "med" else []
+    lacking += ["laws with a history"] if any(law.n_history for _, law in materials.pointwise) else []
+    if lacking:
+        raise RequestError(f"{', '.join(lacking)}: only one process solves this so far; start one, without mpiexec")
+
+
+def read_mesh(case: Case, distribution: Distribution = ALONE) -> Mesh:
+    """Return the mesh of a case, or this process's part of it. Raises ReadError, RequestError, CutError."""
+    slaves = {record.slave: record.hexa for record in (*case.contact, *case.tie)}
+    return distribution.read(Path(case.mesh), case.skins, slaves)
 
 
 def _constraints(case: Case, space: Space, attempt: Attempt) -> Constraints | None:

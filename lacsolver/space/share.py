@@ -7,13 +7,16 @@ processes by `update`. Contact is the same on every process. A process that has 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+import lacmesh
+from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
 
 T = TypeVar("T")
@@ -21,6 +24,12 @@ T = TypeVar("T")
 
 class Distribution(Protocol):
     """Interface of what divides a model among processes."""
+
+    def read(self, path: Path, skins: Sequence[str], slaves: Mapping[str, str]) -> Mesh:
+        """Return the mesh of a file, or a part of one, that has been divided, with its slaves cut.
+
+        `skins`: groups that all processes need; `slaves`: the groups to cut, each with its kind of `hexa` cut.
+        """
 
     def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, Share]:
         """Return the part of a mesh that this process takes, and its share; all processes have the groups `skins`."""
@@ -114,6 +123,12 @@ class Alone:
 
     rank, n = 0, 1
     comm = number = common = own = origin = node = body = None
+
+    def read(self, path: Path, skins: Sequence[str], slaves: Mapping[str, str]) -> Mesh:
+        """Return the mesh of a file. Raises ReadError, and RequestError for a mesh that is divided."""
+        if path.is_dir():
+            raise RequestError(f"{path} is a folder; parts of a mesh are solved by as many processes: mpiexec -n")
+        return lacmesh.read(path)
 
     def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, Share]:
         """Return the whole mesh and this share."""

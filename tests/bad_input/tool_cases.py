@@ -147,6 +147,7 @@ EVERY: dict[str, tuple[str, ...]] = {
     "convert": ("convert", "{in}", "new.vtu"),
     "convert --order": (*CONVERT, "--order", "2"),
     "info": ("info", "{in}"),
+    "partition": ("partition", "{in}", "-n", "2"),
     "cut --report": (*CUT, "--report", "r.html"),
     "cut --master": (*CUT, "--master", "MASTER"),
     "cut --hexa hexa": (*CUT, "--hexa", "hexa", "--min-quality", "0.1"),

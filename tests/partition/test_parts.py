@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacmesh import Cut, GroupNotFoundError, Mesh, cut_skin, read
+from lacmesh import Cut, GroupNotFoundError, Mesh, RequestError, cut_skin, read
 from lacmesh.mesh import Model, Periodic
 from lacmesh.origin import origin_of_mesh
 from lacmesh.partition import distribute_nodes, part_of
@@ -159,5 +159,7 @@ def test_a_wrong_rank_or_group_is_refused():
         part_of(mesh, owner, 2)
     with pytest.raises(ValueError, match="no rank 0"):
         part_of(mesh, owner[1:], 0)
+    with pytest.raises(RequestError, match="'lower' holds cells of dimension 3; name a group of skin faces"):
+        part_of(mesh, owner, 0, everywhere=["lower"])
     with pytest.raises(GroupNotFoundError, match="did you mean slave"):
         part_of(mesh, owner, 0, everywhere=["slav"])

@@ -214,6 +214,16 @@ class Branch:
         """Values of a dataset of integers or reals, (size,)."""
         return self._numbers(name, "iuf", size)
 
+    def rows(self, name: Name, start: int, stop: int) -> NDArray:
+        """Rows `start` to `stop` of a dataset of numbers, (stop - start, ...); no others are read."""
+        dataset = self._dataset(name)
+        with self._looking_at(name):
+            if dataset.dtype.kind not in "biufc":
+                raise self.error(f"holds {dataset.dtype}, expected numbers", name)
+            if not 0 <= start <= stop <= len(dataset):
+                raise self.error(f"has {len(dataset)} rows, expected {max(start, stop)} or more", name)
+            return np.asarray(dataset[start:stop])
+
     def raw(self, name: Name) -> bytes:
         """The bytes of a dataset of characters, however the characters are declared."""
         dataset = self._dataset(name)

@@ -1,0 +1,128 @@
+"""The cut of a mesh by several processes: each cuts its own part, and the parts together are those of the whole cut.
+
+A cut changes the slave faces, the cells on them and the cells behind them, and nothing else. Where the slave groups are
+in every part (`Part.everywhere`), as the pairing of slave and master needs it anyway, each process cuts all of them: it
+knows every new node and every child in the order of the whole cut, and computes their indices and numbers without
+communication. What the variant of a hexahedron depends on, which spreads from face to face, is known to it too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lacmesh.cutting.cut import cut_skin
+from lacmesh.errors import RequestError
+from lacmesh.mesh import Ints, Mesh, spec_list
+from lacmesh.origin import bounds_of
+from lacmesh.partition.parts import Bools, Part, WholeMesh, needed, restrict, skin_name
+
+
+def cut_part(part: Part, slave: str | Sequence[str], *, hexa: str = "pyramid") -> Part:
+    """Cut the slave groups in a part of a mesh; return the part of the mesh that `cut_skin` makes of the whole mesh.
+
+    `slave` and `hexa` are as for `cut_skin`. A new node belongs to the owner of the first node of the cells in which it
+    lies. A part of a cut mesh is returned unchanged; an earlier cut without records is not recognised. Raises
+    RequestError for a slave group that is not in every part, and what `cut_skin` raises, on every process alike.
+    """
+    specs = spec_list(slave)
+    missing = [spec for spec in specs if skin_name(part.mesh, spec) not in part.everywhere]
+    if missing:
+        raise RequestError(f"slave {missing[0]!r} is not in every part; read the parts with everywhere={specs}")
+    if part.mesh.zones:
+        cut_skin(part.mesh, specs)
+        return part
+    old, new = part.mesh, cut_skin(part.mesh, specs, hexa=hexa, recognise=False).mesh
+    gone, parent = _replaced(old, new)
+    nodes = np.concatenate([part.node, part.n_nodes + np.arange(new.n_nodes - old.n_nodes)])
+    cells, types = _indices(part, new, gone)
+    source = _sources(old, new, parent)
+    owner = np.concatenate([part.owner, part.owner[source]])
+    body = np.concatenate([part.body, part.body[source]])
+    numbered = _numbered(part, new)
+    node, cell = needed(numbered, owner == part.rank, part.everywhere)
+    return replace(
+        part,
+        mesh=restrict(numbered, node, cell),
+        node=nodes[node],
+        owner=owner[node],
+        cell=cells[cell],
+        body=body[node],
+        whole=_whole(part.whole, old, numbered, types),
+    )
+
+
+def _replaced(old: Mesh, new: Mesh) -> tuple[Bools, Ints]:
+    """Return a mask of the old cells that were replaced, and the old cell that each new one replaces, or -1."""
+    number = new.cell_data["lac_parent"]
+    child = np.flatnonzero(number >= 0)
+    order = np.argsort(old.cell_number)
+    parent = np.full(new.n_cells, -1)
+    parent[child] = order[np.searchsorted(old.cell_number[order], number[child])]
+    gone = np.zeros(old.n_cells, bool)
+    gone[parent[child]] = True
+    return gone, parent
+
+
+def _indices(part: Part, new: Mesh, gone: Bools) -> tuple[Ints, tuple[tuple[str, int], ...]]:
+    """Return the index of each cell of `new` in the whole cut mesh, and the types of that with their numbers of cells.
+
+    A block has the cells that stay, in their old order, and then the children, all of which are in the part.
+    """
+    whole, old = part.whole, part.mesh
+    indices: list[Ints] = []
+    types = []
+    start = 0
+    for k, block in enumerate(new.blocks):
+        first, last, count = 0, 0, 0
+        if k < len(old.blocks):
+            first, last, count = int(old.offsets[k]), int(old.offsets[k + 1]), whole.types[k][1]
+        replaced = part.cell[first:last][gone[first:last]]
+        kept = part.cell[first:last][~gone[first:last]]
+        if count:
+            kept = kept - whole.offsets[k] - np.searchsorted(replaced, kept)
+        stay, children = count - len(replaced), len(block.nodes) - len(kept)
+        indices += [start + kept, start + stay + np.arange(children)]
+        types.append((block.type, stay + children))
+        start += stay + children
+    return np.concatenate(indices), tuple(types)
+
+
+def _sources(old: Mesh, new: Mesh, parent: Ints) -> Ints:
+    """Return for each new node the first node of the old cells in which it lies."""
+    first = np.full(old.n_cells, old.n_nodes)
+    for block, start in zip(old.blocks, old.offsets, strict=False):
+        if len(block.nodes):
+            first[start : start + len(block.nodes)] = block.nodes.min(axis=1)
+    source = np.full(new.n_nodes, old.n_nodes)
+    for block, start in zip(new.blocks, new.offsets, strict=False):
+        of_cell = parent[start : start + len(block.nodes)]
+        child = np.flatnonzero(of_cell >= 0)
+        np.minimum.at(source, block.nodes[child], first[of_cell[child]][:, None])
+    return source[old.n_nodes :]
+
+
+def _numbered(part: Part, new: Mesh) -> Mesh:
+    """Return the cut mesh with the numbers of the whole cut: those of new nodes and cells follow its largest ones."""
+    added = new.n_nodes - part.mesh.n_nodes
+    nodes = part.whole.largest_node + 1 + np.arange(added)
+    largest = int(part.mesh.cell_number.max(initial=0))
+    cells = new.cell_number.astype(np.int64)
+    cells[cells > largest] += part.whole.largest_cell - largest
+    return replace(new, node_number=np.concatenate([part.mesh.node_number, nodes]), cell_number=cells)
+
+
+def _whole(whole: WholeMesh, old: Mesh, new: Mesh, types: tuple[tuple[str, int], ...]) -> WholeMesh:
+    """Return the figures of the whole cut mesh; all its new nodes and cells are in `new`."""
+    more = new.points[old.n_nodes :]
+    return replace(
+        whole,
+        n_nodes=whole.n_nodes + len(more),
+        types=types,
+        largest_node=max(whole.largest_node, int(new.node_number.max(initial=0))),
+        largest_cell=max(whole.largest_cell, int(new.cell_number.max(initial=0))),
+        used=bounds_of(np.vstack([whole.used, more])),
+        box=bounds_of(np.vstack([whole.box, more])),
+    )
