@@ -134,8 +134,6 @@ class Problem:
         """
         parts = build(case, read_mesh(case, distribution) if mesh is None else mesh, distribution=distribution)
         assert parts.space is not None and parts.materials is not None and parts.constraints is not None
-        if parts.space.share.own is not None:
-            _check_shared(case, parts.materials)
         return cls(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs))
 
     @cached_property
@@ -200,6 +198,8 @@ def build(
         parts.prepared = True
     with attempt(""):
         parts.mesh, share = distribution.take(parts.mesh, case.skins)
+        if share.own is not None:
+            _check_shared(case)
         parts.space = Space.of(parts.mesh, case.model, case.thickness, share)
     if parts.space is not None and bodies:
         with attempt(""):
@@ -213,11 +213,11 @@ def build(
     return parts
 
 
-def _check_shared(case: Case, materials: Materials) -> None:
+def _check_shared(case: Case) -> None:
     """Raise RequestError for what only one process solves."""
     lacking = ["rigid bodies ([[rigid]])"] if case.rigid else []
     lacking += ['[output] format = "med"'] if case.output.format == "med" else []
-    lacking += ["laws with a history"] if any(law.n_history for _, law in materials.pointwise) else []
+    lacking += ["laws with a history"] if any(getattr(law_of(m), "n_history", 0) for m in case.material) else []
     if lacking:
         raise RequestError(f"{', '.join(lacking)}: only one process solves this so far; start one, without mpiexec")
 
