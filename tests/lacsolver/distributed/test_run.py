@@ -1,0 +1,98 @@
+"""A run in several processes: its files, restarts with other numbers of processes, divided meshes, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from lacmesh.cli import main as lacmesh_main
+from lacmesh.formats import read
+from lacsolver.case import read_case
+from lacsolver.output import read_state
+from tests.lacsolver.distributed.mpi import ROOT, in_ranks, own_lines
+
+pytestmark = pytest.mark.petsc
+COMMAND = "import sys; from lacsolver.cli import main; sys.exit(main(sys.argv[1:]))"
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """A folder with the case `two_blocks`, its mesh in three parts, and its results in 3 processes."""
+    folder = tmp_path_factory.mktemp("runs")
+    for name in ("two_blocks.msh", "two_blocks.toml"):
+        shutil.copy(ROOT / "data" / name, folder)
+    divided = (folder / "two_blocks.toml").read_text().replace('"two_blocks.msh"', '"two_blocks.parts"')
+    (folder / "parts.toml").write_text(divided)
+    assert not lacmesh_main(["partition", str(folder / "two_blocks.msh"), "-n", "3", "-q"])
+    run(3, folder / "two_blocks.toml", "-o", folder / "three")
+    return folder
+
+
+def run(n, *words):
+    """The command in n processes."""
+    done = in_ranks(n, COMMAND, "run", "-q", *words)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def energies(folder):
+    """The energy of each step of a run."""
+    told = json.loads((folder / "results.json").read_text())
+    assert told["status"] == "done"
+    return [step["energy"] for step in told["steps"]]
+
+
+def test_pieces_hold_each_cell_once(runs):
+    fields = runs / "three" / "fields"
+    pieces = [read(fields / f"solid_0002.r{rank:05d}.vtu") for rank in range(3)]
+    numbers = np.concatenate([piece.cell_number for piece in pieces])
+    assert len(numbers) == len(set(numbers)) == 962
+    whole = (fields / "solid_0002.pvtu").read_text()
+    assert [f"solid_0002.r{rank:05d}.vtu" in whole for rank in range(3)] == [True] * 3
+    assert 'Name="displacement" NumberOfComponents="3"' in whole
+    assert "fields/solid_0002.pvtu" in (runs / "three" / "solid.pvd").read_text()
+
+
+def test_paraview_reads_the_pieces_as_one(runs):
+    pyvista = pytest.importorskip("pyvista")
+    grid = pyvista.read(runs / "three" / "fields" / "solid_0002.pvtu")
+    state = read_state(runs / "three", read_case(runs / "two_blocks.toml"))
+    at = np.searchsorted(np.arange(1, len(state.u) // 3 + 1), grid.point_data["node_number"])
+    assert np.array_equal(grid.point_data["displacement"], state.u.reshape(-1, 3)[at])
+
+
+def test_a_state_goes_on_with_any_number_of_processes(runs):
+    wanted = energies(runs / "three")
+    for n in (1, 2):
+        folder = runs / f"again_{n}"
+        words = ["--restart", runs / "three", "--from", "0.5", "-o", folder]
+        run(n, runs / "two_blocks.toml", *words)
+        assert energies(folder) == pytest.approx(wanted[1:], rel=1e-12)
+
+
+def test_parts_are_solved_by_as_many_processes(runs):
+    run(3, runs / "parts.toml", "-o", runs / "of_parts")
+    assert energies(runs / "of_parts") == pytest.approx(energies(runs / "three"), rel=1e-12)
+    done = in_ranks(2, COMMAND, "run", runs / "parts.toml", "-o", runs / "no")
+    assert done.returncode == 2 and not (runs / "no").exists()
+    (line,) = own_lines(done.stderr)
+    assert "has 3 parts, and 2 processes were started; start 3 processes, or divide it again" in line
+
+
+@pytest.mark.parametrize(
+    ("section", "said"),
+    [
+        ('[[rigid]]\ngroup = "top"\n', "rigid bodies ([[rigid]])"),
+        ('[output]\nformat = "med"\n', '[output] format = "med"'),
+    ],
+)
+def test_what_only_one_process_solves_is_refused(runs, section, said):
+    text = (runs / "two_blocks.toml").read_text()
+    (runs / "refused.toml").write_text(text + section)
+    done = in_ranks(2, COMMAND, "run", runs / "refused.toml", "-o", runs / "refused")
+    assert done.returncode == 2 and not (runs / "refused").exists()
+    (line,) = own_lines(done.stderr)
+    assert f"{said}: only one process solves this so far" in line
