@@ -31,6 +31,8 @@ class Terminated(BaseException):
     """SIGTERM arrived: unwind, so that nothing half-written stays."""
 
 
+#: errors that are no fault of ours
+EXPECTED = (LacmeshError, OSError, MemoryError)
 #: objects made and not yet freed, beyond which the collector of cycles looks at them; what a command imports is half
 SELDOM = 200_000
 
@@ -104,7 +106,7 @@ class Program:
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
                 return 0
             except Exception as error:
-                if args.verbose and not isinstance(error, (LacmeshError, OSError, MemoryError)):
+                if args.verbose and not isinstance(error, EXPECTED):
                     raise
                 return self.fail(*self.message(error, args))
         return 0

@@ -12,7 +12,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
+from lacmesh.cli.program import EXPECTED
+from lacmesh.errors import LacmeshWarning, RequestError
 from lacsolver.cli import PROGRAM
 from lacsolver.distributed.launch import Launch, absence, import_mpi, launched, one_thread_each
 from lacsolver.distributed.together import StoppedError, on_first, together
@@ -89,7 +90,7 @@ class _Terminal:
 
     def describe(self, error: BaseException) -> tuple[Sequence[str], int]:
         """Return the lines of the message about an error of this rank, and the exit status."""
-        if self.args.verbose and isinstance(error, Exception) and not isinstance(error, (LacmeshError, MemoryError)):
+        if self.args.verbose and isinstance(error, Exception) and not isinstance(error, EXPECTED):
             traceback.print_exception(error)
         return PROGRAM.message(error, self.args)
 

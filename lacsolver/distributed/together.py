@@ -17,8 +17,12 @@ from lacmesh.errors import LacmeshError
 
 #: seconds for which a failed rank waits for the others, one of which may still be writing files
 PATIENCE = 30.0
-#: the patience of the highest rank is longer by this part, so that of several failed ranks the lowest ends the run
-_STAGGER = 0.3
+#: the patience of a rank without lines of its own is longer by this factor
+_LONGER = 1.3
+#: seconds for which a rank that is about to end the run listens for lower ranks that are, too
+_LISTENS = 1.0
+#: tag of the messages by which a rank says that it is about to end the run
+_ENDING = 1
 #: seconds between two looks at the other ranks
 _PAUSE = 0.02
 
@@ -90,34 +94,55 @@ def _report(error: BaseException, terminal: Terminal) -> Report:
 def _meet(comm: Any, report: Report, terminal: Terminal, patience: float) -> Report:
     """Return the report of this rank once all ranks are here; end the run if this one failed and others do not come.
 
-    A signal may arrive meanwhile, and is then what this rank reports.
+    A signal may arrive meanwhile, and is then what this rank reports. A rank without lines of its own waits longest.
     """
     request, begun = comm.Ibarrier(), time.monotonic()
-    limit = patience * (1 + _STAGGER * comm.rank / comm.size)
     while True:
         try:
-            while not request.Test():
-                time.sleep(_PAUSE)  # and leave the processor to other ranks
-                if report.status and time.monotonic() - begun > limit:
-                    terminal.say(report.lines)
-                    comm.Abort(report.status)
-            return report
+            if request.Test():
+                return report
+            time.sleep(_PAUSE)  # and leave the processor to other ranks
         except BaseException as error:
-            report, begun = report if report.status else _report(error, terminal), time.monotonic()
+            if not report.status:
+                report, begun = _report(error, terminal), time.monotonic()
+        if report.status and time.monotonic() - begun > (patience if report.lines else _LONGER * patience):
+            _end(comm, report, terminal)
+
+
+def _end(comm: Any, report: Report, terminal: Terminal) -> None:
+    """End all processes by MPI's Abort, and print the error of this rank unless a lower one is about to do so.
+
+    A signal that arrives meanwhile is that of mpiexec, since another rank has ended the run.
+    """
+    sent = [comm.isend(None, rank, _ENDING) for rank in range(comm.rank + 1, comm.size)]  # kept until they arrive
+    try:
+        until = time.monotonic() + _LISTENS
+        while time.monotonic() < until:
+            if comm.iprobe(tag=_ENDING):
+                time.sleep(10 * _LISTENS)  # of which it needs the first
+            time.sleep(_PAUSE)
+        terminal.say(_of_rank(comm.rank, report.lines or ("another rank failed, and does not come to an end",)))
+    finally:
+        comm.Abort(report.status)
+        del sent
 
 
 def _print(reports: Sequence[Report], terminal: Terminal) -> None:
     """Print the warnings that only other ranks had, and the error of the lowest rank that has one."""
     known = set(reports[0].heard)
     for rank, report in enumerate(reports):
-        for message in report.heard:
-            if message not in known:
-                terminal.warn(f"rank {rank}: {message}")
-                known.add(message)
+        for message in [message for message in report.heard if message not in known]:
+            terminal.warn(f"rank {rank}: {message}")
+            known.add(message)
     for rank, report in enumerate(reports):
         if report.lines:
-            terminal.say([f"rank {rank}: {line}" for line in report.lines] if rank else report.lines)
+            terminal.say(_of_rank(rank, report.lines))
             return
+
+
+def _of_rank(rank: int, lines: Sequence[str]) -> Sequence[str]:
+    """Return lines with their rank in front, unless it is rank 0."""
+    return [f"rank {rank}: {line}" for line in lines] if rank else lines
 
 
 def on_first(comm: Any, function: Callable[[], T]) -> T:

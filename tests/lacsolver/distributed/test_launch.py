@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from lacmesh.errors import RequestError
+from lacsolver import validation
+from lacsolver.case import read_case
 from lacsolver.distributed import launch
 from lacsolver.distributed.launch import Launch, absence, import_petsc, launched, n_ranks, petsc_folders
+from tests.lacsolver.bad_cases import GOOD, blocks, put
 from tests.lacsolver.distributed.mpi import ROOT, environment, in_ranks
 
 SRUN = {"SLURM_NTASKS": "8", "SLURM_STEP_NUM_TASKS": "4", "SLURM_PROCID": "3"}
@@ -54,6 +57,16 @@ def test_what_is_missing_is_said_with_the_line_to_type(monkeypatch):
     monkeypatch.setattr(launch, "find_spec", lambda name: name == "mpi4py" or None)
     monkeypatch.setattr(launch, "petsc_folders", lambda environment: [])
     assert absence({}).startswith("PETSc for Python (petsc4py) is not installed; ")
+
+
+def test_validate_tells_that_the_engine_is_missing(tmp_path, monkeypatch):
+    put(blocks(), tmp_path)
+    (tmp_path / "case.toml").write_text(GOOD + '[solver]\nengine = "petsc"\n')
+    monkeypatch.setattr(validation, "absence", lambda: "PETSc is not installed; type this")
+    case = read_case(tmp_path / "case.toml")
+    assert [issue.message for issue in validation.validate(case).problems] == ["PETSc is not installed; type this"]
+    monkeypatch.setattr(validation, "absence", lambda: "")
+    assert validation.validate(case).problems == []
 
 
 def refused(folder, monkeypatch, files):

@@ -69,7 +69,7 @@ def test_an_error_of_one_rank_stops_those_that_end_well():
 def test_of_several_failed_ranks_the_lowest_ends_those_that_wait_for_them():
     """Rank 0 is in a reduction that the others never enter, as in PETSc."""
     status, said, seconds = run(3, 'if comm.rank: raise LinearError(f"pivot {comm.rank}")\ncomm.allreduce(1)')
-    assert (status, said) == (4, ["lacsolver: error: LinearError pivot 1"])
+    assert (status, said) == (4, ["lacsolver: error: rank 1: LinearError pivot 1"])
     assert seconds < 30
 
 
@@ -92,7 +92,7 @@ else:
     os.kill(waiting, signal.SIGTERM)
     time.sleep(50)"""
     status, said, seconds = run(2, body)
-    assert (status, said) == (130, ["lacsolver: error: KeyboardInterrupt "])
+    assert (status, said) == (130, ["lacsolver: error: rank 1: KeyboardInterrupt "])
     assert seconds < 30
 
 
