@@ -1,4 +1,4 @@
-"""A run in several processes: its files, restarts with other numbers of processes, divided meshes, and what is refused."""
+"""A run in several processes: its files, restarts with other numbers of them, divided meshes, and what is refused."""
 
 from __future__ import annotations
 
