@@ -8,6 +8,8 @@ iterations (measured).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 from scipy.sparse.csgraph import connected_components
@@ -86,6 +88,10 @@ class MultigridFactor:
     def cycle(self, b: Floats) -> Floats:
         """Return an approximation of K^-1 b (n,), by one V-cycle."""
         return self.hierarchy.cycle(b)
+
+    def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], Floats]:
+        """Return b -> an approximation of (K + B^T W B)^-1 b, one V-cycle, with the hierarchy of K."""
+        return self.hierarchy.cycle.with_rows(bsr_array(B.tobsr((1, self._blocks.data.shape[1]))), weights)
 
     def record_convergence(self, use: str, cycles: int, decades: float) -> None:
         """Record that `cycles` reduced a residual by so many decades, in a kind of use."""
@@ -211,8 +217,11 @@ def _hierarchy(K: bsr_array, modes: Floats, team: Team) -> Hierarchy:
         if tentative.shape[1] >= K.shape[0]:
             break
         P = _smoothed(K, tentative, inverse, _SMOOTHING / largest)
-        levels.append(Level.of(K, P, inverse / largest, unit))
-        K, modes = bsr_array(P.T.tobsr() @ (K @ P)), coarse_modes
+        del tentative  # memory is at its largest in this loop
+        R = bsr_array(P.T.tobsr(P.blocksize[::-1]))
+        coarse = bsr_array(R @ (K @ P))
+        levels.append(Level.of(K, R, P, inverse / largest, unit))
+        K, modes = coarse, coarse_modes
     return Hierarchy(Cycle(levels, K.toarray() * unit, unit, team))
 
 
