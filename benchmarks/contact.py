@@ -29,14 +29,18 @@ from lacsolver.solve.stepping import march
 _ROUND = "0.03*((x-0.5)**2+(y-0.5)**2)"
 
 
-def pressed(mesh, backend: str, kinematics: str = "small") -> Problem:
-    """The upper block pushed into the lower one by a hundredth of its height; a finite one's skin is round itself."""
+def pressed(mesh, backend: str, kinematics: str = "small", ratio: float = 1.0) -> Problem:
+    """The upper block pushed into the lower one by a hundredth of its height; a finite one's skin is round itself.
+
+    `ratio`: stiffness of the upper block, which has the master, relative to that of the lower one.
+    """
     law = "elastic" if kinematics == "small" else "neo_hookean"
+    bodies = {"lower": 1000.0, "upper": 1000.0 * ratio}
     case = Case(
         mesh=Path("blocks.msh"),
         model="3d",
         kinematics=kinematics,
-        material=(Material(law=law, young=1000.0, poisson=0.3),),
+        material=tuple(Material(groups=(g,), law=law, young=young, poisson=0.3) for g, young in bodies.items()),
         contact=(Contact(slave="slave", master="master", clearance=_ROUND if kinematics == "small" else 0.0),),
         displacement=(
             Displacement(group="bottom", ux=0.0, uy=0.0, uz=0.0),

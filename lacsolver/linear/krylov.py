@@ -21,8 +21,8 @@ from lacsolver.linear.vectors import Vectors
 _LOST, _NOISE = 0.1, 1e-12
 #: a residual that is below this fraction of the least before has made progress
 _PROGRESS = 0.9
-#: directions for which memory is taken at first
-_FIRST = 16
+#: number of directions for which memory is taken at a time
+_CHUNK = 8
 
 
 class LinearSystem(Protocol):
@@ -91,8 +91,8 @@ def minimise(
 
 
 def _grown(rows: Floats, n: int) -> NDArray[np.floating]:
-    """Return an array (twice as many, n) that starts with the given rows."""
-    out = np.empty((max(_FIRST, 2 * len(rows)), n))
+    """Return an array of some more rows (n,) that starts with the given ones."""
+    out = np.empty((len(rows) + _CHUNK, n))
     if len(rows):
         out[: len(rows)] = rows
     return out
