@@ -61,7 +61,7 @@ class Solid:
 
     def corners_of(self, number: Ints) -> list[Ints]:
         """Four columns (m,): the corners of some facets, by their numbers, as their cells list them; padded with -1."""
-        rows, facet = np.divmod(number, FACETS)
+        rows, facet = np.divmod(number.astype(np.int64), FACETS)
         corners = self.corners.ravel()
         places = FACET_TABLE[self.family[rows], facet]
         return [np.where(p < 0, -1, corners[rows * self.corners.shape[1] + p]) for p in places.T]
@@ -153,11 +153,11 @@ def pair_facets(solid: Solid) -> tuple[Ints, Bools]:
     >>> opposite.tolist(), bool(same.any())
     ([-1, 6, -1, -3, -3, -3, 1, -1, -1, -3, -3, -3], False)
     """
-    opposite = np.full(len(solid.cells) * FACETS, ABSENT, np.int64)
+    opposite = np.full(len(solid.cells) * FACETS, ABSENT, solid.cells.dtype)
     same = np.zeros(len(opposite), bool)
     for j, rows, _ in solid.facets():
         opposite[rows * FACETS + j] = ALONE
-    left = np.flatnonzero(opposite == ALONE)
+    left = np.flatnonzero(opposite == ALONE).astype(opposite.dtype)
     seed = 0
     while len(left):  # once, but for the few different facets of equal keys: these draw again
         seed += 1
@@ -197,7 +197,7 @@ def _alike(number: Ints, key: NDArray[np.uint64]) -> tuple[Ints, Ints, Ints]:
     for k in range(0, len(alike), _PIECE):
         cut = packed[k : k + _PIECE + 1] >> bits
         alike[k : k + _PIECE] = cut[1:] == cut[:-1]
-    ends = np.flatnonzero(np.diff(alike, prepend=False, append=False))
+    ends = np.flatnonzero(np.diff(alike, prepend=False, append=False)).astype(number.dtype)
     packed &= (np.uint64(1) << bits) - np.uint64(1)
     return number[packed.view(np.int64)], ends[::2], ends[1::2]
 
@@ -206,7 +206,7 @@ def _pair(solid: Solid, a: Ints, b: Ints, opposite: Ints, same: Bools) -> Ints:
     """Write the pairs a (m,), b (m,) of one facet each into `opposite` and `same`; return those that are two facets."""
     opposite[a], opposite[b] = b, a
     a = np.sort(np.minimum(a, b))  # what is near in the mesh is near in memory
-    found: list[Ints] = [np.empty(0, np.int64)]
+    found: list[Ints] = [a[:0]]
     for one in (a[k : k + _PIECE] for k in range(0, len(a), _PIECE)):
         other = opposite[one]
         mine, theirs = solid.corners_of(one), solid.corners_of(other)
