@@ -177,7 +177,8 @@ def _keys(solid: Solid, seed: int) -> NDArray[np.uint64]:
     weight = mixed_bits(np.arange(int(solid.corners.max(initial=0)) + 1), seed)
     key = np.zeros((len(solid.cells), FACETS), np.uint64)
     for j, rows, corners in solid.facets():
-        key[rows, j] = sum((weight[c] for c in corners[1:]), start=weight[corners[0]])
+        for column in corners:
+            key[rows, j] += weight[column]
     return key.ravel()
 
 
@@ -197,9 +198,11 @@ def _alike(number: Ints, key: NDArray[np.uint64]) -> tuple[Ints, Ints, Ints]:
     for k in range(0, len(alike), _PIECE):
         cut = packed[k : k + _PIECE + 1] >> bits
         alike[k : k + _PIECE] = cut[1:] == cut[:-1]
-    ends = np.flatnonzero(np.diff(alike, prepend=False, append=False)).astype(number.dtype)
     packed &= (np.uint64(1) << bits) - np.uint64(1)
-    return number[packed.view(np.int64)], ends[::2], ends[1::2]
+    ordered = number[packed.view(np.int64)]
+    del packed
+    ends = np.flatnonzero(np.diff(alike, prepend=False, append=False)).astype(number.dtype)
+    return ordered, ends[::2], ends[1::2]
 
 
 def _pair(solid: Solid, a: Ints, b: Ints, opposite: Ints, same: Bools) -> Ints:
