@@ -30,13 +30,20 @@ _ROUND = "0.03*((x-0.5)**2+(y-0.5)**2)"
 
 
 def pressed(mesh, backend: str, kinematics: str = "small") -> Problem:
+    """The problem of the pressed blocks on their mesh."""
+    return Problem.of(pressed_case(backend, kinematics), mesh)
+
+
+def pressed_case(
+    backend: str, kinematics: str = "small", mesh: Path = Path("blocks.msh"), material: tuple[Material, ...] = ()
+) -> Case:
     """The upper block pushed into the lower one by a hundredth of its height; a finite one's skin is round itself."""
     law = "elastic" if kinematics == "small" else "neo_hookean"
-    case = Case(
-        mesh=Path("blocks.msh"),
+    return Case(
+        mesh=mesh,
         model="3d",
         kinematics=kinematics,
-        material=(Material(law=law, young=1000.0, poisson=0.3),),
+        material=material or (Material(law=law, young=1000.0, poisson=0.3),),
         contact=(Contact(slave="slave", master="master", clearance=_ROUND if kinematics == "small" else 0.0),),
         displacement=(
             Displacement(group="bottom", ux=0.0, uy=0.0, uz=0.0),
@@ -44,7 +51,6 @@ def pressed(mesh, backend: str, kinematics: str = "small") -> Problem:
         ),
         solver=Solver(backend=backend),
     )
-    return Problem.of(case, mesh)
 
 
 def elastic(problem: Problem) -> tuple[float, float]:
