@@ -87,18 +87,18 @@ class Sent:
         self.counts = np.zeros(3)
 
 
-def counted(MPI: Any, sent: Sent) -> Any:  # noqa: N803 (name of the module)
+def counted(MPI: Any, sent: Sent) -> Any:
     """A communicator of all processes that counts what lacsolver sends through it."""
 
     class Counted(MPI.Intracomm):
         __module__ = MPI.__name__  # by which PETSc recognises a communicator
 
-        def Alltoallv(self, given: Any, got: Any) -> None:  # noqa: N802 (name of MPI)
+        def Alltoallv(self, given: Any, got: Any) -> None:
             counts = [count for rank, count in enumerate(given[1]) if count and rank != self.rank]
             sent.counts += (len(counts), sum(counts) * given[0].itemsize, 0)
             super().Alltoallv(given, got)
 
-        def Allreduce(self, *arguments: Any, **options: Any) -> None:  # noqa: N802 (name of MPI)
+        def Allreduce(self, *arguments: Any, **options: Any) -> None:
             sent.counts[2] += 1
             super().Allreduce(*arguments, **options)
 
@@ -141,8 +141,8 @@ def measured(run: Run) -> list[dict[str, Any]]:
     young = (("lower", 1000.0), ("upper", 1000.0 * run.ratio))
     material = tuple(Material(groups=(name,), young=value, poisson=0.3) for name, value in young)
     case = pressed_case(run.backend, mesh=Path(run.path), material=material)
+    case = replace(case, solver=replace(case.solver, threads=1))
     if serial:
-        case = replace(case, solver=replace(case.solver, threads=1))
         return [figures(lambda: Problem.of(case, read_part(run.path, 0).mesh))]
     from lacsolver.distributed.launch import import_mpi, import_petsc
     from lacsolver.distributed.processes import Processes
