@@ -12,6 +12,7 @@ QUICK := \
   $(addprefix tests/test_,cells.py cut.py recognition.py orientation.py order.py layers.py cli.py) \
   $(addprefix tests/topology/test_,facets.py boxes.py) \
   $(addprefix tests/cutting/test_,regroup.py) \
+  $(addprefix tests/partition/test_,bisection.py) \
   $(addprefix tests/checks/test_,corpus.py) \
   $(addprefix tests/formats/test_,exchange.py) \
   $(addprefix tests/surface/test_,kernels.py mortar.py record.py) \

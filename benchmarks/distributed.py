@@ -28,7 +28,6 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
@@ -45,7 +44,6 @@ import lacsolver.solve.shared_stiffness
 import lacsolver.solve.stiffness
 from lacmesh import Mesh
 from lacmesh.partition import distribute_nodes, read_part, write_parts
-from lacsolver.case import Material
 from lacsolver.problem.problem import Problem
 from lacsolver.solve.saddle import SaddleSolution
 from lacsolver.solve.stepping import march
@@ -109,16 +107,6 @@ def counted(MPI: Any, sent: Sent) -> Any:
     return Counted(MPI.COMM_WORLD)
 
 
-def rounded_mesh(unknowns: int) -> Mesh:
-    """The blocks with about so many unknowns, their cells in the groups `lower` and `upper`."""
-    n = side(unknowns)
-    mesh = blocks(n, n - 3, n // 2)
-    height = np.concatenate([mesh.points[block.nodes, 2].mean(axis=1) for block in mesh.blocks])
-    solid = mesh.cell_dim == 3
-    groups = {"lower": np.flatnonzero(solid & (height < 0.5)), "upper": np.flatnonzero(solid & (height > 0.5))}
-    return replace(mesh, cell_groups={**mesh.cell_groups, **groups})
-
-
 def watched(clock: Clock, solved: list[SaddleSolution]) -> ExitStack:
     """The phases of a contact solve under the clock."""
     places = [
@@ -137,11 +125,8 @@ def watched(clock: Clock, solved: list[SaddleSolution]) -> ExitStack:
 def measured(run: Run) -> list[dict[str, Any]]:
     """The figures of one run, of each of its processes; on all but the first an empty list."""
     serial = run.backend == "multigrid"
-    _ = list(march(pressed(blocks(9, 6, 4), "multigrid" if serial else "superlu")))  # kernels are compiled
-    young = (("lower", 1000.0), ("upper", 1000.0 * run.ratio))
-    material = tuple(Material(groups=(name,), young=value, poisson=0.3) for name, value in young)
-    case = pressed_case(run.backend, mesh=Path(run.path), material=material)
-    case = replace(case, solver=replace(case.solver, threads=1))
+    _ = list(march(pressed(blocks(9, 6, 4), "multigrid" if serial else "superlu")))  # modules and kernels are loaded
+    case = pressed_case(run.backend, "small", run.ratio, Path(run.path), threads=1)
     if serial:
         return [figures(lambda: Problem.of(case, read_part(run.path, 0).mesh))]
     from lacsolver.distributed.launch import import_mpi, import_petsc
@@ -227,7 +212,8 @@ class Launcher:
         folder = self._folder / f"{unknowns}.{n}"
         if not folder.exists():
             if unknowns not in self._meshes:
-                self._meshes[unknowns] = rounded_mesh(unknowns)
+                n = side(unknowns)
+                self._meshes[unknowns] = blocks(n, n - 3, n // 2)
             mesh = self._meshes[unknowns]
             write_parts(folder, mesh, distribute_nodes(mesh, n))
         return str(folder)

@@ -1,6 +1,6 @@
 """Measure large contact models: time by phase, V-cycles, memory, growth, against multigrid solves of K alone.
 
-    python benchmarks/large.py [--quick] [--finite] [--backend multigrid] [--sizes 50000 100000 ...] [-o TABLE.md]
+    python benchmarks/large.py [--quick] [--finite] [--ratio 1] [--backend multigrid] [--sizes 50000 ...] [-o TABLE.md]
 
 3D Hertz: a block with a clearance of r^2 / 2R over an elastic block whose faces do not match, HEXA8 cut `pyramid`,
 small kinematics, `geometry = "reference"`, one step from no contact at all, all steps of the active set included. Each
@@ -9,7 +9,7 @@ problem without contact, set-up included, to residuals of 1e-12 of the forces, b
 of contact is told beside it). 'Contact' is all from K to the state, its own set-up, search and integration included.
 Seconds are of the wall, with those of the processors in brackets. `--finite`: the same under finite kinematics
 (neo-Hookean, `geometry = "current"`, the upper skin round without a clearance), whose ratio is that of a Newton
-iteration.
+iteration. `--ratio`: stiffness of the upper block, the master, relative to that of the lower one.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def rounded(n: int) -> Mesh:
     return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, node_groups=mesh.node_groups)
 
 
-def measured(unknowns: int, backend: str, kinematics: str = "small") -> dict[str, Any]:
+def measured(unknowns: int, backend: str, kinematics: str = "small", ratio: float = 1.0) -> dict[str, Any]:
     """The figures of one size."""
     small = kinematics == "small"
     _ = list(march(pressed(blocks(9, 6, 4) if small else rounded(9), backend, kinematics)))  # kernels are compiled
@@ -118,7 +118,7 @@ def measured(unknowns: int, backend: str, kinematics: str = "small") -> dict[str
     with clock("mesh and cut"):
         mesh = blocks(n, n - 3, n // 2) if small else rounded(n)
     with clock("problem"):
-        problem = pressed(mesh, backend, kinematics)
+        problem = pressed(mesh, backend, kinematics, ratio)
     _ = assemble_stiffness(problem.space, problem.materials, problem.threads)  # the pattern, and memory's first touch
     for _ in range(3):
         with clock("assembly"):
@@ -155,9 +155,9 @@ def elastic(problem: Problem, clock: Clock) -> int:
     return int(getattr(held.factor, "n_iterations", 1))
 
 
-def apart(unknowns: int, backend: str, kinematics: str) -> dict[str, Any]:
+def apart(unknowns: int, backend: str, kinematics: str, ratio: float) -> dict[str, Any]:
     """The figures of one size, from a process of its own."""
-    command = [sys.executable, __file__, "--one", str(unknowns), "--backend", backend]
+    command = [sys.executable, __file__, "--one", str(unknowns), "--backend", backend, "--ratio", str(ratio)]
     command += ["--finite"] if kinematics == "finite" else []
     run = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ)
     if run.returncode:
@@ -179,7 +179,8 @@ def line(found: dict[str, Any]) -> str:
         f"| {spent('search and integration')} | {spent('set-up')} "
         f"| {spent('loops')}, {found['cycles']} V-cycles, {found['iterations']} iterations | {spent('contact')} "
         f"| {spent('set-up of K alone', 'solution of K alone')}, {found['alone']} V-cycles | {ratio:.2f} ({own:.2f}) "
-        f"| {spent('problem', 'assembly', 'contact')} | {found['memory']:.2f} GB |"
+        f"| {spent('problem', 'assembly', 'contact')} "
+        f"| {found['memory']:.2f} GB, {found['memory'] * 2**20 / found['unknowns']:.1f} kB an unknown |"
     )
 
 
@@ -189,14 +190,15 @@ def exponent(x: list[float], y: list[float]) -> float:
 
 
 def growth(found: list[dict[str, Any]]) -> str:
-    """Exponents with which the processor time of phases grows with the unknowns."""
+    """Exponents with which the processor time of phases grows with the unknowns, and the growth of memory."""
     n = [f["unknowns"] for f in found]
     phases = {"assembly": ["assembly"], "set-up": ["set-up"], "loops": ["loops"], "contact": ["contact"]}
     phases["multigrid solve of K alone"] = ["set-up of K alone", "solution of K alone"]
     said = [
         f"{name} {exponent(n, [sum(f['cpu'][p] for p in parts) for f in found]):.2f}" for name, parts in phases.items()
     ]
-    return "Growth with the unknowns: " + ", ".join(said) + "."
+    more = (found[-1]["memory"] - found[0]["memory"]) * 2**20 / (n[-1] - n[0])
+    return f"Growth with the unknowns: {', '.join(said)}; memory {more:.1f} kB an unknown."
 
 
 def surfaces(sizes: tuple[int, ...]) -> str:
@@ -223,12 +225,13 @@ def main() -> None:
     parser.add_argument("--finite", action="store_true", help="finite kinematics: the ratio of a Newton iteration")
     parser.add_argument("--sizes", nargs="+", type=int, help=f"unknowns (default: {' '.join(map(str, SIZES))})")
     parser.add_argument("--backend", default="multigrid", help="linear solver (default: multigrid)")
+    parser.add_argument("--ratio", type=float, default=1.0, help="stiffness of the master's body (default: 1)")
     parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
     parser.add_argument("-o", metavar="TABLE.md", help="write the table here too")
     args = parser.parse_args()
     kinematics = "finite" if args.finite else "small"
     if args.one:
-        print(json.dumps(measured(args.one, args.backend, kinematics)))
+        print(json.dumps(measured(args.one, args.backend, kinematics, args.ratio)))
         return
     heads = ["unknowns", "assembly", "search and integration", "set-up", "loops", "contact", "K alone", "ratio"]
     heads += ["with problem and assembly", "memory"]
@@ -236,7 +239,7 @@ def main() -> None:
     print("\n".join(lines), flush=True)
     found = []
     for size in args.sizes or (QUICK if args.quick else SIZES):
-        found.append(apart(size, args.backend, kinematics))
+        found.append(apart(size, args.backend, kinematics, args.ratio))
         lines.append(line(found[-1]))
         print(lines[-1], flush=True)
     lines += ["", *([growth(found)] if len(found) > 1 else []), surfaces((20, 40) if args.quick else (40, 80, 160))]

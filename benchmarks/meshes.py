@@ -44,7 +44,7 @@ def blocks(
 ) -> Mesh:
     """Two blocks, n and m cells to a side, `depth` in height; cut, unless `hexa` is None.
 
-    Groups slave, master; top, bottom (of nodes).
+    Groups lower, upper, slave, master; top, bottom (of nodes).
     """
     low, up = (_half(k, depth, kind) for k, kind in ((n, lower), (m, upper or lower)))
     turned = up.points * [1, -1, -1] + [0, 1, 1]  # half a turn about x: its skin looks down
@@ -55,12 +55,14 @@ def blocks(
         for kind, nodes in part.blocks:
             (skins if kind in FACES else cells).setdefault(kind, []).append(nodes + shift)
     n_cells = sum(len(c) for part in cells.values() for c in part)
-    slave, master = len(low.blocks[1].nodes), len(up.blocks[1].nodes)
+    n_lower, slave, master = (len(b.nodes) for b in (low.blocks[0], low.blocks[1], up.blocks[1]))
+    groups = {"lower": np.arange(n_lower), "upper": np.arange(n_lower, n_cells)}
+    groups |= {"slave": n_cells + np.arange(slave), "master": n_cells + slave + np.arange(master)}
     z = points[:, 2]
     mesh = Mesh.create(
         points,
         [(kind, np.concatenate(parts)) for kind, parts in (*cells.items(), *skins.items())],
-        cell_groups={"slave": n_cells + np.arange(slave), "master": n_cells + slave + np.arange(master)},
+        cell_groups=groups,
         node_groups={"bottom": np.flatnonzero(z == 0), "top": np.flatnonzero(z == 1)},
     )
     return mesh if hexa is None else cut_skin(mesh, "slave", hexa=hexa).mesh

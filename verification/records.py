@@ -158,14 +158,24 @@ def rate(
     last: int | None = None, published: Sequence[Published] = (),
 ) -> Result:  # fmt: skip
     """The fitted rate of an error, over the `last` few levels or all; it falls short below the one that is wanted, and
-    where a pairwise rate is below half of it. With one or two levels, or none wanted, it is informative.
+    where a pairwise rate is below half of it. With one or two levels, or none wanted, it is informative. Last levels
+    whose error has fallen to 0 are faster than any rate, and judged by those before.
     """
-    value = fitted([v.h for v in levels], [v.error for v in levels], last) if len(levels) > 1 else math.nan
-    more: dict[str, Any] = {"levels": tuple(levels), "published": tuple(published)}
-    if wanted is None or len(levels) < 3:
+    table, levels = levels, _until_zero(levels)
+    if len(levels) > 1:
+        value = fitted([v.h for v in levels], [v.error for v in levels], last)
+    else:
+        value = math.inf if len(table) > 1 else math.nan
+    more: dict[str, Any] = {"levels": tuple(table), "published": tuple(published)}
+    if wanted is None or len(table) < 3:
         why = reason if wanted is None else f"a rate is judged on three levels or more; {reason}"
         passed = all(math.isfinite(v.error) for v in levels)
         return Result(quantity, value, wanted, None, passed, source, why, "informative", **more)
     steps = [v.rate for v in levels[-last if last else None :] if v.rate is not None]
     passed = value >= wanted and all(step >= wanted / 2 for step in steps)
     return Result(quantity, value, wanted, 0.0, bool(passed), source, reason, "at least", **more)
+
+
+def _until_zero(levels: Sequence[Level]) -> Sequence[Level]:
+    """The levels up to the last one with an error that is not 0."""
+    return levels[: max((k + 1 for k, level in enumerate(levels) if level.error != 0), default=0)]

@@ -52,9 +52,9 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _run(args: argparse.Namespace, ranks: Ranks) -> None:
-    import lacmesh
     from lacsolver.case import read_case
     from lacsolver.output import create, read_state
+    from lacsolver.problem.problem import read_mesh
 
     if args.from_time is not None and args.restart is None:
         raise RequestError("--from says where in the folder of --restart to begin; give both")
@@ -65,13 +65,15 @@ def _run(args: argparse.Namespace, ranks: Ranks) -> None:
         check_alone()
     if ranks.n > 1 and case.solver.threads is None:
         case = replace(case, solver=replace(case.solver, threads=1))
-    mesh = lacmesh.read(case.mesh) if args.restart is not None else None
-    start = read_state(args.restart, case, args.from_time, mesh=mesh) if args.restart is not None else None
+    distribution, mesh, start = _distribution(case, ranks.n), None, None
+    if args.restart is not None:
+        mesh = read_mesh(case, distribution)
+        start = ranks.on_first(lambda: read_state(args.restart, case, args.from_time, mesh=mesh))
     output = args.output or _beside(Path(args.case))
     folder = ranks.on_first(lambda: create(output, force=args.force, restart=start))
     if args.plot is not None:
         ranks.on_first(lambda: _check_plot(case, args))
-    results = _solve(case, mesh, folder, start, args, ranks.n)
+    results = _solve(case, mesh, folder, start, args, distribution)
     if not args.quiet:
         from lacsolver.cli.summary import print_summary
 
@@ -88,8 +90,9 @@ def _beside(case: Path) -> Path:
 
 
 def _solve(
-    case: Case, mesh: Mesh | None, folder: OutputFolder, start: Restart | None, args: argparse.Namespace, n_ranks: int
-) -> Results:
+    case: Case, mesh: Mesh | None, folder: OutputFolder, start: Restart | None, args: argparse.Namespace,
+    distribution: Distribution,
+) -> Results:  # fmt: skip
     from lacsolver.cli.watch import Watch
     from lacsolver.running import run as solve
     from lacsolver.solve.stepping import NotConvergedError
@@ -99,9 +102,8 @@ def _solve(
     try:
         with watch:
             return solve(
-                case, folder, mesh=mesh, start=start, told=watch.told, stepped=watch.stepped,
-                distribution=_distribution(case, n_ranks),
-            )  # fmt: skip
+                case, folder, mesh=mesh, start=start, told=watch.told, stepped=watch.stepped, distribution=distribution
+            )
     except NotConvergedError as error:
         tried = f"the last state tried is in {folder.path / 'unconverged'}"
         raise NotConvergedError(f"{error} ({left(watch, folder, start)}; {tried})", error.state) from None

@@ -7,6 +7,9 @@ for any number of threads. Single precision halves the memory and its traffic. I
 correction, which is rough and thus weighs 1e-14 times the condition number in energy; the iteration around the cycle is
 in double precision. Matrix and residual are scaled first, so that units do not matter. The coarsest level is solved in
 double precision.
+
+Rows that add a term N^T N to the matrix (`lacsolver.linear.row_term`) keep its hierarchy: the term is restricted to the
+coarser levels by products of the rows with the prolongations, and everything that belongs to the matrix is shared.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from scipy.sparse import bsr_array
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
+from lacsolver.linear.row_term import RowTerm, bounded
 
 #: degree of the polynomial: 2 takes least time on HEXA8 and TETRA10
 _DEGREE = 2
@@ -41,8 +45,10 @@ class Blocks(NamedTuple):
     @staticmethod
     def of(A: bsr_array, dtype: type = np.float64, scale: float = 1.0) -> Blocks:
         """Return the blocks of a matrix in the given precision, times `scale`."""
-        data = A.data if scale == 1 and A.data.dtype == dtype else (A.data * scale).astype(dtype)
-        return Blocks(A.indptr, A.indices, data)
+        if scale == 1 and A.data.dtype == dtype:
+            return Blocks(A.indptr, A.indices, A.data)
+        data = np.empty(A.data.shape, dtype)
+        return Blocks(A.indptr, A.indices, np.multiply(A.data, scale, out=data, casting="same_kind"))
 
 
 class Team:
@@ -91,28 +97,57 @@ class Team:
 class Level(NamedTuple):
     """Level of the hierarchy: K, inverses of its diagonal blocks over the largest eigenvalue of D^-1 K, R and P.
 
-    R restricts a residual to the next coarser level, P prolongs a correction from it.
+    R restricts a residual to the next coarser level, P prolongs a correction from it. `added`: a term added to K.
     """
 
     K: Blocks
     inverse: NDArray[np.floating]
     R: Blocks
     P: Blocks
+    added: RowTerm | None = None
 
     @staticmethod
-    def of(K: bsr_array, P: bsr_array, inverse: Floats, unit: float) -> Level:
+    def of(K: bsr_array, R: bsr_array, P: bsr_array, inverse: Floats, unit: float) -> Level:
         """Make a level of `unit` K in single precision."""
-        R = bsr_array(P.T.tobsr(P.blocksize[::-1]))
         single = Blocks.of(R, np.float32), Blocks.of(P, np.float32)
         return Level(Blocks.of(K, np.float32, unit), (inverse / unit).astype(np.float32), *single)
+
+    def with_rows(self, N: bsr_array, finest: bool) -> Level:
+        """Return the level of K + N^T N, for rows of blocks (1, b)."""
+        if finest:
+            return self._replace(added=RowTerm.smoothed(N, self.inverse))
+        return self._replace(added=RowTerm.of(N), inverse=bounded(self.inverse, N))
+
+    def restricted(self, N: bsr_array) -> bsr_array:
+        """Return N P, the rows N on the next coarser level."""
+        n_coarse = (len(self.R.indptr) - 1) * self.R.data.shape[1]
+        return bsr_array(N @ bsr_array((self.P.data, self.P.indices, self.P.indptr), shape=(N.shape[1], n_coarse)))
+
+    def residual(self, r: NDArray[np.floating], x: NDArray[np.floating], team: Team) -> NDArray[np.floating]:
+        """Return r - K x, with the added term in K."""
+        out = r - team.product(self.K, x)
+        if self.added is not None:
+            self.added.subtract(out, x)
+        return np.asarray(out)
 
 
 class Cycle:
     """One V-cycle as a function of a residual (n,). Levels and the coarsest matrix are those of `unit` K."""
 
     def __init__(self, levels: list[Level], coarsest: Floats, unit: float, team: Team) -> None:
-        self._levels, self._unit, self._team = levels, unit, team
+        self._levels, self._unit, self._team, self._K = levels, unit, team, coarsest
         self._coarsest = np.linalg.pinv(coarsest, hermitian=True) if coarsest.size else coarsest
+
+    def with_rows(self, B: bsr_array, weights: Floats) -> Cycle:
+        """Return the V-cycle of K + B^T W B, for rows B (a, n) of blocks (1, b), with W = diag `weights` (a,)."""
+        scale = np.repeat(np.sqrt(weights * self._unit), np.diff(B.indptr))[:, None, None]
+        N = bsr_array(((scale * B.data).astype(np.float32), B.indices, B.indptr), shape=B.shape)
+        levels: list[Level] = []
+        for level in self._levels:
+            levels.append(level.with_rows(N, finest=not levels))
+            N = level.restricted(N)
+        dense = N.toarray().astype(float)
+        return Cycle(levels, self._K + dense.T @ dense, self._unit, self._team)
 
     def __call__(self, r: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 r."""
@@ -128,7 +163,7 @@ class Cycle:
         x = np.zeros_like(r)
         left = self._smooth(level, r.copy(), x)
         x += team.product(level.P, self._down(k + 1, team.product(level.R, left)))
-        self._smooth(level, r - team.product(level.K, x), x, last=True)
+        self._smooth(level, level.residual(r, x, team), x, last=True)
         return x
 
     def _smooth(
@@ -141,10 +176,14 @@ class Cycle:
             old, fresh = np.float32((2 * k - 3) / (2 * k + 1)), np.float32((8 * k - 4) / (2 * k + 1))
             if k == 1:
                 self._team.run(_start, rows, level.inverse, r, z, x, fresh)
-                continue
-            self._team.run(_advance, rows, *level.K, level.inverse, z, r, new, x, old, fresh)
-            z, new = new, z
-        return r if last else r - self._team.product(level.K, z)
+            else:
+                if level.added is not None:
+                    level.added.subtract(r, z)
+                self._team.run(_advance, rows, *level.K, level.inverse, z, r, new, x, old, fresh)
+                z, new = new, z
+            if level.added is not None:
+                level.added.correct(float(fresh), r, z, x)
+        return r if last else level.residual(r, z, self._team)
 
 
 def jacobi(K: bsr_array, team: Team) -> tuple[NDArray[np.floating], float]:

@@ -52,6 +52,10 @@ class DirectFactor:
         """Return K^-1 b."""
         return self.solve(b)
 
+    def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], Floats]:
+        """Raise NotImplementedError: with a factor, contact is solved for on the Schur complement."""
+        raise NotImplementedError("a direct backend has no V-cycle")
+
     def record_convergence(self, use: str, cycles: int, decades: float) -> None:
         """Do nothing: a direct solution always takes one step."""
 

@@ -9,6 +9,7 @@ iterations (measured).
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Generic, TypeVar
 
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
@@ -49,10 +50,13 @@ _STALE_RATIO = 1.5
 _MIN_DECADES = 3.0
 
 
-class Hierarchy:
+C = TypeVar("C", bound=Callable[[Floats], Floats])
+
+
+class Hierarchy(Generic[C]):
     """A V-cycle, with its first and last rates of convergence."""
 
-    def __init__(self, cycle: Callable[[Floats], Floats]) -> None:
+    def __init__(self, cycle: C) -> None:
         self.cycle = cycle
         self._rates: dict[str, tuple[float, float]] = {}
 
@@ -73,7 +77,7 @@ class MultigridFactor:
 
     iterative = True
 
-    def __init__(self, K: bsr_array, d: Floats, hierarchy: Hierarchy, team: Team) -> None:
+    def __init__(self, K: bsr_array, d: Floats, hierarchy: Hierarchy[Cycle], team: Team) -> None:
         self.n_solves = 0
         self.n_iterations = 0
         self.shape = K.shape
@@ -88,6 +92,10 @@ class MultigridFactor:
     def cycle(self, b: Floats) -> Floats:
         """Return an approximation of K^-1 b (n,), by one V-cycle."""
         return self.hierarchy.cycle(b)
+
+    def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], Floats]:
+        """Return b -> an approximation of (K + B^T W B)^-1 b, one V-cycle, with the hierarchy of K."""
+        return self.hierarchy.cycle.with_rows(bsr_array(B.tobsr((1, self._blocks.data.shape[1]))), weights)
 
     def record_convergence(self, use: str, cycles: int, decades: float) -> None:
         """Record that `cycles` reduced a residual by so many decades, in a kind of use."""
@@ -203,7 +211,7 @@ def _check_held(K: bsr_array, d: Floats, modes: Floats) -> None:
             raise singular(v)
 
 
-def _hierarchy(K: bsr_array, modes: Floats, team: Team) -> Hierarchy:
+def _hierarchy(K: bsr_array, modes: Floats, team: Team) -> Hierarchy[Cycle]:
     """Build the hierarchy of K: aggregates of nodes with orthonormal modes, smoothed by one step of block Jacobi."""
     levels: list[Level] = []
     unit = 1 / float(K.diagonal().mean()) if K.shape[0] else 1.0
@@ -213,8 +221,11 @@ def _hierarchy(K: bsr_array, modes: Floats, team: Team) -> Hierarchy:
         if tentative.shape[1] >= K.shape[0]:
             break
         P = _smoothed(K, tentative, inverse, _SMOOTHING / largest)
-        levels.append(Level.of(K, P, inverse / largest, unit))
-        K, modes = bsr_array(P.T.tobsr() @ (K @ P)), coarse_modes
+        del tentative  # memory is at its largest in this loop
+        R = bsr_array(P.T.tobsr(P.blocksize[::-1]))
+        coarse = bsr_array(R @ (K @ P))
+        levels.append(Level.of(K, R, P, inverse / largest, unit))
+        K, modes = coarse, coarse_modes
     return Hierarchy(Cycle(levels, K.toarray() * unit, unit, team))
 
 

@@ -6,6 +6,7 @@ interfaces: `Symbolic` for the order of elimination and `Numeric` for the factor
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol, TypeAlias
 
 from scipy.sparse import bsr_array, csr_array
@@ -36,6 +37,9 @@ class Factor(Protocol):
 
     def cycle(self, b: Floats) -> Floats:
         """Return an approximation of K^-1 b (n,)."""
+
+    def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], Floats]:
+        """Return b -> an approximation of (K + B^T W B)^-1 b, with W = diag `weights` (a,); iterative backends only."""
 
     def record_convergence(self, use: str, cycles: int, decades: float) -> None:
         """Record that `cycles` reduced a residual by so many decades, in a kind of use."""

@@ -32,7 +32,7 @@ from lacsolver.solve.saddle import SaddleProblem
 from lacsolver.solve.schur import solve_saddle
 from lacsolver.solve.search import Trial
 from lacsolver.solve.stiffness import Operator
-from lacsolver.solve.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance
+from lacsolver.solve.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance, sizes
 
 #: reduction of the residual in an inexact solve, and largest number of such solves
 _LOOSE, _LOOSE_SOLVES = 0.1, 12
@@ -81,7 +81,7 @@ def active_set_iterates(
             wanted = contact.next_active(active, p)
             if reduction == 0 or not np.array_equal(wanted, active):
                 break
-        off = _balance(K.K, geometric, contact.rows, f, q, p, tolerance)
+        off = _balance(K.K, geometric, contact.rows, f, q, p, tolerance, reduction == 0)
         gap = float(np.abs(contact.residuals(p, active)).max(initial=0.0)) / tolerance.scale(q)
         residual = Residual(off, gap)
         yield Trial(Iterate(q, p, active), contact, residual, applications, exact=reduction == 0)
@@ -187,14 +187,14 @@ class Pivots:
 
 def _balance(
     K: csr_array, geometric: csr_array | None, rows: Rows, f: Floats, q: Floats, p: Floats,
-    tolerance: ConvergenceTolerance,
+    tolerance: ConvergenceTolerance, exact: bool,
 ) -> float:  # fmt: skip
     """Return the relative residual of the forces f - (K + C) q - B^T p, see `balance`."""
     inner, contact = K @ q + (0.0 if geometric is None else geometric @ q), rows.B_T @ p
     force = max(tolerance.vectors.largest(v) for v in (f, inner, contact))
 
     def terms() -> ForceTerms:
-        size = abs(K) @ np.abs(q) + (0.0 if geometric is None else abs(geometric) @ np.abs(q))
+        size = sizes(K, q) + (0.0 if geometric is None else sizes(geometric, q))
         return ForceTerms(np.abs(f) + size + abs(rows.B_T) @ np.abs(p), K.diagonal())
 
-    return balance(f - inner - contact, force, terms, tolerance)
+    return balance(f - inner - contact, force, terms if exact else None, tolerance)

@@ -51,11 +51,6 @@ class Rows:
         """Indices of the unknowns with an entry in B."""
         return np.unique(self.B.indices)
 
-    @cached_property
-    def gram(self) -> csr_array:
-        """The product B B^T."""
-        return csr_array(self.B @ self.B_T)
-
     def reduced(self, T: csr_array) -> Rows:
         """Return the rows on the unknowns q, with T = du/dq."""
         derivative = None if self.derivative is None else lambda: csr_array(self.D @ T)

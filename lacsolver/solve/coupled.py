@@ -5,9 +5,16 @@ Generalised conjugate residuals (`linear.krylov`) on
     [K + C  B_A^T] [dq]   [r_f]
     [D_A    -S_A ] [dp] = [r_G]
 
-preconditioned by dp = -M r_G, with M the stiffness of the skins (`saddle`), then dq = V (r_f - B_A^T dp), with V a
-V-cycle for K. With V = K^-1 it would take as many iterations as the loop on the Schur complement; with a V-cycle it
-takes about 1.5 times as many. Only V is built for K, and it serves every active set, and similar stiffnesses.
+preconditioned by a block triangle of the augmented system, in which W times the second row is added to the first:
+
+    dp = -(W + E M) r_G,    dq = V (r_f + B_A^T (W r_G - E dp)),    W = (1 / c + S_A)^-1,  E = 1 - W S_A
+
+V is a V-cycle for K + B_A^T W B_A, with the hierarchy of K (`linear.row_term`); M is the stiffness of the skins
+(`saddle`), and c, diagonal, a multiple of that of each row alone. The Schur complement of the augmented system has the
+inverse W + E M if that of the system itself, B_A K^-1 B_A^T + S_A, has the inverse M. M is right for pressures that
+change from row to row, and too stiff for even ones, for which W makes up: together they leave little that depends on
+the mesh or on the ratio of both bodies' stiffnesses, and an iteration takes about as many V-cycles as K alone. Only the
+preconditioner is augmented. (Augmented systems: Benzi, Golub and Liesen 2005.)
 
 Residuals are weighted so that both parts are energies: forces are divided by the root of K's diagonal, gaps multiplied
 by the root of the stiffness of their own row. They follow by recurrence within a restart cycle and are computed anew
@@ -17,6 +24,7 @@ search directions from the start, dp balances the load along them, and the sprin
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +39,9 @@ from lacsolver.solve.saddle import RANK_TOLERANCE, SaddleProblem, SaddleSolution
 from lacsolver.solve.tolerances import LinearTolerance
 
 #: most directions of a restart cycle, all of which are stored; most iterations in all
-_ROUND, _MOST = 80, 400
+_ROUND, _MOST = 40, 400
+#: stiffness that is added to K for each row, relative to that of the row's own skin
+_AUGMENTED = 2.0
 #: reduction of the residual in a cycle, after which it is computed anew
 _RECURRED = 1e-9
 #: forces are in balance if their residual is below this fraction of the largest
@@ -54,35 +64,41 @@ def solve_coupled(problem: SaddleProblem, q: Floats, p: Floats, tolerance: Linea
     pressures = np.zeros_like(p)
     pressures[active] = p[active]
     load = K.vectors.dots(K.R.T, problem.f - problem.geometric_forces(q) - rows.B_T @ pressures)
-    x = np.concatenate([q, p[active] + system.preconditioner.balancing(load)])
+    now = system.iterate(np.concatenate([q, p[active] + system.preconditioner.balancing(load)]))
     norm = system.vectors.norm
-    r, from_nothing = system.residual(x), system.residual(np.zeros_like(x))
-    if norm(from_nothing) < norm(r) and not K.R.shape[1]:
-        x, r = np.zeros_like(x), from_nothing
-    first = best = norm(r)
+    if norm(system.load) < norm(now.r) and not K.R.shape[1]:
+        now = _Iterate(np.zeros_like(now.x), system.load, system.vectors.largest(problem.f))
+    first = best = norm(now.r)
     loose = tolerance.reduction * first
-    gaps, count, counted = tolerance.reduction * max(WHOLE.norm(r[n:]), loose), 0, 0
+    gaps, count, counted = tolerance.reduction * max(WHOLE.norm(now.r[n:]), loose), 0, 0
     while count < _MOST:
-        limit = tolerance.threshold(system.vectors.largest(x[:n]))
-        stop = _StoppingCriteria(system, limit, _BALANCED * system.largest_force(x), loose, gaps)
-        if stop.excess(r) <= 1:
+        limit = tolerance.threshold(system.vectors.largest(now.x[:n]))
+        stop = _StoppingCriteria(system, limit, _BALANCED * now.force, loose, gaps)
+        if stop.excess(now.r) <= 1:
             break
-        step = minimise(
-            system, r, stop.excess, min(_ROUND, _MOST - count), known=system.constrained, least=_RECURRED * norm(r)
-        )
+        most, least = min(_ROUND, _MOST - count), _RECURRED * norm(now.r)
+        step = minimise(system, now.r, stop.excess, most, known=system.constrained, least=least)
         count += step.directions
-        left = system.residual(x + step.x)
-        size = norm(left)
+        then = system.iterate(now.x + step.x)
+        size = norm(then.r)
         if size < best:
-            x, r = x + step.x, left
+            now = then
         if not size < _SLOW * best:
             break
         best, counted = size, count
-    pressures[active] = x[n:]
+    pressures[active] = now.x[n:]
     if tolerance.reduction == 0:
-        system.check(x, r, count, tolerance)
+        system.check(now, count, tolerance)
         K.record_convergence("with rows", counted, first, best)
-    return SaddleSolution(x[:n], pressures, count, system.gap(r))
+    return SaddleSolution(now.x[:n], pressures, count, system.gap(now.r))
+
+
+class _Iterate(NamedTuple):
+    """An iterate x, unknowns first, then pressures; its weighted residual r; the largest load or internal force."""
+
+    x: NDArray[np.floating]
+    r: NDArray[np.floating]
+    force: float
 
 
 class _StoppingCriteria(NamedTuple):
@@ -115,23 +131,33 @@ class _System:
         K, rows, active = problem.K, problem.rows, problem.active
         self.problem, self.K, self.n, self.vectors = problem, K, len(problem.f), K.vectors
         self.preconditioner = SchurPreconditioner(problem)
-        self.B, self.D, self.w, self.S = rows.B[active], rows.D[active], rows.w[active], problem.S
+        self.B, self.D, self.w = rows.B[active], rows.D[active], rows.w[active]
+        self.G, self.S = problem.G[active], problem.S
         self.B_T = self.B.T.tocsr()
-        self.diagonal = np.abs(K.scaling)
-        self.weight = np.concatenate([1 / np.sqrt(self.diagonal), np.sqrt(self.preconditioner.own)])
+        self.diagonal = self.preconditioner.diagonal
+        self.weight = np.concatenate([1 / np.sqrt(self.diagonal), np.sqrt(self.preconditioner.stiffness)])
+        soft = self.preconditioner.size / _AUGMENTED + self.S
+        self.W = 1 / np.where(soft > 0, soft, 1.0)
+        augmented = K.cycle_with_rows(self.B, self.W) if len(active) else None
+        self.cycle = augmented or K.cycle
+        if augmented is None:
+            self.W = np.zeros_like(self.W)
         modes, self.unconstrained = _split_rigid_modes(K.R, self.preconditioner.QD)
         #: rigid-body modes that rows constrain, as search directions
         self.constrained = np.concatenate([modes.T, np.zeros((modes.shape[1], len(active)))], axis=1)
 
-    def residual(self, x: Floats) -> NDArray[np.floating]:
-        """Return the weighted residual at x."""
-        q, p = x[: self.n], x[self.n :]
-        force = self._balanced(self.problem.f - self.forces(q, p))
-        return np.concatenate([force, self.problem.G[self.problem.active] - self.D @ q + self.S * p]) * self.weight
+    @cached_property
+    def load(self) -> NDArray[np.floating]:
+        """Weighted right-hand side, the residual at 0."""
+        return np.concatenate([self._balanced(self.problem.f), self.G]) * self.weight
 
-    def forces(self, q: Floats, p: Floats) -> NDArray[np.floating]:
-        """Return (K + C) q + B^T p."""
-        return self.K.apply(q) + self.B_T @ p + self.problem.geometric_forces(q)
+    def iterate(self, x: Floats) -> _Iterate:
+        """Return the iterate at x, with its residual computed anew."""
+        q, p, f, largest = x[: self.n], x[self.n :], self.problem.f, self.vectors.largest
+        inner = self.K.apply(q) + self.problem.geometric_forces(q)
+        force = self._balanced(f - (inner + self.B_T @ p))
+        r = np.concatenate([force, self.G - self.D @ q + self.S * p]) * self.weight
+        return _Iterate(x, r, max(largest(f), largest(inner)))
 
     def _balanced(self, force: Floats) -> NDArray[np.floating]:
         """Return forces without those along rigid-body modes that no row constrains; the springs balance these."""
@@ -152,9 +178,10 @@ class _System:
     def precondition(self, r: Floats) -> NDArray[np.floating]:
         """Return the preconditioned correction for a weighted residual, in balance along the rigid-body modes."""
         force, gap = r[: self.n] / self.weight[: self.n], r[self.n :] / self.weight[self.n :]
-        p = -self.preconditioner.pressures(gap)
-        p += self.preconditioner.balancing(self.vectors.dots(self.K.R.T, force) - self.preconditioner.QB.T @ p)
-        return np.concatenate([self.K.cycle(force - self.B_T @ p), p])
+        schur, own, part = self.preconditioner, self.W * gap, 1 - self.W * self.S
+        p = -(own + part * schur.pressures(gap))
+        p += schur.balancing(self.vectors.dots(self.K.R.T, force) + schur.QB.T @ (own - part * p))
+        return np.concatenate([self.cycle(force + self.B_T @ (own - part * p)), p])
 
     def gap(self, r: Floats) -> float:
         """Return the largest gap of a weighted residual, as a length."""
@@ -164,16 +191,10 @@ class _System:
         """Return the largest force of a weighted residual."""
         return self.vectors.largest(r[: self.n] / self.weight[: self.n])
 
-    def largest_force(self, x: Floats) -> float:
-        """Return the scale of the force balance: the largest load or internal force."""
-        q = x[: self.n]
-        inner = self.K.apply(q) + self.problem.geometric_forces(q)
-        return max(self.vectors.largest(v) for v in (self.problem.f, inner))
-
-    def check(self, x: Floats, r: Floats, count: int, tolerance: LinearTolerance) -> None:
+    def check(self, now: _Iterate, count: int, tolerance: LinearTolerance) -> None:
         """Raise LinearError if the forces are not in balance."""
         nothing = tolerance.absolute * self.vectors.largest(self.diagonal)  # moves nodes by negligible lengths
-        off = self.force(r) / max(self.largest_force(x), nothing, 1e-300)
+        off = self.force(now.r) / max(now.force, nothing, 1e-300)
         if not off <= _FAILED:
             message = f"multigrid with contact stopped at forces {off:.1e} off balance, after {count} V-cycles"
             raise LinearError(f"{message}; try a direct backend, and look for what is hardly held, or thin cells")

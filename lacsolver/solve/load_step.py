@@ -29,7 +29,7 @@ from lacsolver.solve.newton import Linearization
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.schemes import StepTerms
 from lacsolver.solve.stiffness import Operator
-from lacsolver.solve.tolerances import ForceTerms
+from lacsolver.solve.tolerances import ForceTerms, sizes
 
 
 @dataclass(eq=False)
@@ -200,7 +200,7 @@ class LoadStep:
         K = self.reference.K
         stiff = np.abs(K.diagonal())
         if self.model.problem.kinematics.linear:
-            return ForceTerms(abs(K) @ np.abs(q) + terms, stiff)
+            return ForceTerms(sizes(K, q) + terms, stiff)
         largest = self.model.vectors.largest(q) + self.model.longest  # strains of about 1
         return ForceTerms(stiff * largest, stiff)
 

@@ -5,18 +5,19 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array, eye_array
+from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.solve.contact_system import Rows, row_energies
+from lacsolver.solve.contact_system import Rows
 from lacsolver.solve.stiffness import Operator
 
+#: added to the diagonal of B D^-1 B^T, relative to it, as rows may repeat one another
+REGULAR = 1e-13
 #: relative tolerance for the rank of the active rows on the rigid-body modes
 RANK_TOLERANCE = 1e-8
 
@@ -61,48 +62,36 @@ class SaddleSolution(NamedTuple):
 class SchurPreconditioner:
     """Approximate pressures for given gaps of the active rows A, and pressures that balance a load.
 
-    (B B^T)^-1 B K B^T (B B^T)^-1 is the stiffness of the skins in terms of pressures (the lumped preconditioner of
-    Farhat and Roux 1991, with the scaling of the rows); a row with compliance is in series with it. `QB`, `QD` (a, r):
-    products of the rows with the rigid-body modes R.
+    M = (B D^-1 B^T)^-1 B D^-1 K D^-1 B^T (B D^-1 B^T)^-1, with D the diagonal of K, is the stiffness of the skins in
+    terms of pressures: the lumped preconditioner of Farhat and Roux (1991), with the scaling of the rows by D, which
+    makes it that of the softer side. A row with compliance is in series with it. `size` (a,): b D^-1 b^T of each row b,
+    the compliance of its skin; `stiffness` (a,): that of each row alone, force per gap integral, 1 / (size + S). `QB`,
+    `QD` (a, r): products of the rows with the rigid-body modes R.
     """
 
     def __init__(self, problem: SaddleProblem) -> None:
         K, rows, active = problem.K, problem.rows, problem.active
         self.n = len(active)
-        self.B, self.inner = rows.B[active][:, rows.touched], K.restricted(rows.touched)
-        self.B_T = self.B.T
+        self.diagonal = np.abs(K.scaling)
+        B, unit = rows.B[active], 1 / np.sqrt(self.diagonal)  # in these units D is the identity
+        at, scale = np.searchsorted(rows.touched, B.indices), diags_array(unit[rows.touched])
+        self.B = csr_array((B.data * unit[B.indices], at, B.indptr), shape=(self.n, len(rows.touched)))
+        self.B_T, self.inner = self.B.T.tocsr(), csr_array(scale @ K.restricted(rows.touched) @ scale)
+        gram = self.B @ self.B_T
+        self.size = gram.diagonal()
         if self.n:
-            gram = rows.gram[active][:, active]
-            self.gram = splu(csc_array(gram + (1e-13 * gram.diagonal().max() or 1.0) * eye_array(self.n)))
+            self.gram = splu(csc_array(gram + diags_array(np.where(self.size > 0, REGULAR * self.size, 1.0))))
+        soft = self.size + problem.S
+        self.stiffness = 1 / np.where(soft > 0, soft, 1.0)
         self.QB, self.QD = rows.B[active] @ K.R, rows.D[active] @ K.R
         self.inverse = pseudo_inverse(self.QB.T @ self.QD)
-        self._S = problem.S
-
-    @cached_property
-    def _fixed(self) -> NDArray[np.bool_]:
-        """Mask (a,) of rows that no unknown moves, where the spring alone answers."""
-        return (np.diff(self.B.indptr) == 0) & (self._S > 0)
-
-    @cached_property
-    def _stiff(self) -> NDArray[np.floating]:
-        """Stiffness (a,) of each row's skin, force per gap integral; 1 where it has none."""
-        energy, size = row_energies(self.B, self.inner)
-        return np.where(energy > 0, energy, 1.0) / np.where(size > 0, size, 1.0) ** 2
-
-    @cached_property
-    def own(self) -> NDArray[np.floating]:
-        """Stiffness (a,) of each row alone, force per gap integral: of its skin and its spring in series."""
-        alone = np.divide(1.0, self._S, out=np.zeros(self.n), where=self._fixed)
-        return np.where(self._fixed, alone, self._stiff / (1 + self._stiff * self._S))
 
     def pressures(self, gap: Floats) -> NDArray[np.floating]:
         """Return the approximate pressures (a,) that open gaps by `gap` (a,)."""
         if not self.n:
             return gap
         rigid = self.gram.solve(self.B @ (self.inner @ (self.B_T @ self.gram.solve(gap))))
-        if not self._S.any():
-            return np.asarray(rigid)
-        return np.where(self._fixed, self.own * gap, rigid / (1 + self._stiff * self._S))
+        return self.stiffness * np.where(self.size > 0, self.size * rigid, gap)  # a spring alone where nothing moves
 
     def balancing(self, load: Floats) -> NDArray[np.floating]:
         """Return pressures (a,) that balance a load (r,) along the rigid-body modes."""

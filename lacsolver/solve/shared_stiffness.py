@@ -31,7 +31,7 @@ class SharedStiffness:
     K: csr_array
     R: NDArray[np.floating]
     constraints: Constraints
-    hierarchy: Hierarchy
+    hierarchy: Hierarchy[PetscCycle]
     vectors: Vectors
     spring: NDArray[np.floating] | None = None
     definite: bool = True
@@ -40,9 +40,14 @@ class SharedStiffness:
 
     @cached_property
     def scaling(self) -> NDArray[np.floating]:
-        """Diagonal (n,) of K with its springs; 1 where it is 0."""
+        """Diagonal (n,) of K with its springs, at all unknowns; 1 where it is 0."""
         d = self.K.diagonal() + (0.0 if self.spring is None else self.spring)
+        d = self._updated(self.constraints.T @ np.where(d == 0, 1.0, d))
         return np.where(d == 0, 1.0, d)
+
+    def _updated(self, u: Floats) -> NDArray[np.floating]:
+        """Return the unknowns (n,) of displacements u (n_dof,) at own nodes; all processes compute them alike."""
+        return np.asarray(self.constraints.T.T @ self.constraints.space.updated(u))
 
     def apply(self, q: Floats) -> NDArray[np.floating]:
         """Return K q (n,) at the own unknowns."""
@@ -60,7 +65,10 @@ class SharedStiffness:
         u = np.zeros((space.mesh.n_nodes, space.dim))
         made = self.hierarchy.cycle(space.own(np.asarray(T @ f)).ravel())
         u[space.share.own] = made.reshape(-1, space.dim)
-        return np.asarray(T.T @ space.updated(u.ravel()))
+        return self._updated(u.ravel())
+
+    def cycle_with_rows(self, B: csr_array, weights: Floats) -> None:
+        """Return None: there is no cycle for rows of contact."""
 
     def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
         """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""
@@ -73,7 +81,7 @@ class SharedFactors:
 
     def __init__(self, R: NDArray[np.floating], backend: str, constraints: Constraints, vectors: Vectors) -> None:
         self._R, self._backend, self._constraints, self._vectors = R, backend, constraints, vectors
-        self._kept: Hierarchy | None = None
+        self._kept: Hierarchy[PetscCycle] | None = None
 
     def factorise(self, K: csr_array, definite: bool = True) -> SharedStiffness:
         """Precondition a symmetric K, regularised by springs; one that may be indefinite by a factorisation."""

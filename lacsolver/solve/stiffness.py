@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -75,11 +77,15 @@ class Operator(Protocol):
     def cycle(self, f: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 f (n,)."""
 
+    def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]] | None:
+        """Return f -> an approximation of (K + B^T W B)^-1 f, with W = diag `weights` (a,); None if it has none."""
+
     def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
         """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""
 
 
-class Stiffness(NamedTuple):
+@dataclass(eq=False)
+class Stiffness:
     """K (n, n) on the constrained unknowns, its factor, and the rigid-body modes R (n, r) in its null space.
 
     `R` has orthonormal columns. `factor`: that of K with the springs `spring` (n,), embedded by `whole` unless that is
@@ -91,6 +97,9 @@ class Stiffness(NamedTuple):
     R: NDArray[np.floating]
     whole: Whole | None = None
     spring: NDArray[np.floating] | None = None
+
+    def __post_init__(self) -> None:
+        self._restricted: tuple[Ints, csr_array] | None = None
 
     @property
     def definite(self) -> bool:
@@ -107,7 +116,7 @@ class Stiffness(NamedTuple):
         """Operations on vectors of the unknowns."""
         return self.factor.vectors
 
-    @property
+    @cached_property
     def scaling(self) -> NDArray[np.floating]:
         """Diagonal (n,) of K with its springs; 1 where it is 0."""
         d = self.K.diagonal() + (0.0 if self.spring is None else self.spring)
@@ -121,8 +130,10 @@ class Stiffness(NamedTuple):
         return made if self.spring is None else made - self.spring * q
 
     def restricted(self, unknowns: Ints) -> csr_array:
-        """Return the rows and columns of K at some unknowns."""
-        return csr_array(self.K[unknowns][:, unknowns])
+        """Return the rows and columns of K at some unknowns; the last are kept, as all active sets ask for the same."""
+        if self._restricted is None or self._restricted[0] is not unknowns:
+            self._restricted = unknowns, csr_array(self.K[unknowns][:, unknowns])
+        return self._restricted[1]
 
     def solve(self, f: Floats) -> NDArray[np.floating]:
         """Return K^-1 f (n,); f should be in balance along R, since the springs balance the rest."""
@@ -131,6 +142,17 @@ class Stiffness(NamedTuple):
     def cycle(self, f: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 f (n,): by one V-cycle with multigrid, else the solution."""
         return self._on_nodes(self.factor.cycle, f)
+
+    def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]]:
+        """Return f -> an approximation of (K + B^T W B)^-1 f, one V-cycle: rows B (a, n), W = diag `weights` (a,).
+
+        What was made for the cycles of K serves it too, so that it costs little for another set of rows.
+        """
+        if self.whole is not None:
+            columns = self.whole.free.astype(B.indices.dtype)[B.indices]
+            B = csr_array((B.data, columns, B.indptr), shape=(B.shape[0], self.whole.n_dof))
+        cycle = self.factor.cycle_with_rows(B, weights)
+        return lambda f: self._on_nodes(cycle, f)
 
     def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
         """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""

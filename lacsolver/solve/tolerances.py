@@ -12,12 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.linear.vectors import WHOLE, Vectors
 
 #: relative round-off of gaps, to the coordinates, and of forces, to the terms that they are summed from
 ROUNDING = 1e-14
+#: number of rows of a matrix that are copied at once
+_ROWS = 20_000
 
 
 class Residual(NamedTuple):
@@ -86,6 +89,12 @@ class ForceTerms(NamedTuple):
         """Return the round-off of each sum of forces (n,), ROUNDING D^1/2 max |D^-1/2 size|, with D the diagonal."""
         scale = np.sqrt(np.where(self.K > 0, self.K, 1.0))
         return ROUNDING * vectors.largest(self.size / scale) * scale
+
+
+def sizes(K: csr_array, q: Floats) -> NDArray[np.floating]:
+    """Return |K| |q| (n,), by slices of rows: a copy of all of K would take as much memory as K."""
+    q, rows = np.abs(q), range(0, K.shape[0], _ROWS)
+    return np.concatenate([np.empty(0), *(abs(K[k : k + _ROWS]) @ q for k in rows)])
 
 
 def balance(r: Floats, force: float, terms: Callable[[], ForceTerms] | None, tolerance: ConvergenceTolerance) -> float:

@@ -127,7 +127,7 @@ class Alone:
     def read(self, path: Path, skins: Sequence[str], slaves: Mapping[str, str]) -> Mesh:
         """Return the mesh of a file. Raises ReadError, and RequestError for a mesh that is divided."""
         if path.is_dir():
-            raise RequestError(f"{path} is a folder; parts of a mesh are solved by as many processes: mpiexec -n")
+            raise RequestError(f"{path} is a folder; if it has parts of a mesh, start as many processes: mpiexec -n N")
         return lacmesh.read(path)
 
     def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, Share]:

@@ -91,7 +91,7 @@ def solution(now, reduction=0.0, active=None):
 
 @pytest.mark.parametrize("free", [False, True])
 def test_as_with_a_factor_and_with_few_cycles(free):
-    """Results agree with those of a factor, with at most a few times as many cycles as K alone needs."""
+    """Results agree with those of a factor, with not many more cycles than K alone needs."""
     for count in (6, 12):
         _, exact = solution(moment(count, "rslab", free))
         now = moment(count, "multigrid", free)
@@ -101,7 +101,7 @@ def test_as_with_a_factor_and_with_few_cycles(free):
         left = now.f - now.reference.K @ made.q - found.rows.B_T @ made.p
         assert np.abs(left).max() <= 1e-12 * np.abs(now.f).max()
         now.reference.solve(now.f - found.rows.B_T @ made.p)
-        assert made.applications <= 2.5 * now.reference.factor.n_iterations
+        assert made.applications <= 2.0 * now.reference.factor.n_iterations
 
 
 def test_a_loose_solve_costs_less():

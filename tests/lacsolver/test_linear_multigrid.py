@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.sparse import block_diag, csr_array, diags_array, random_array
+from scipy.sparse import block_diag, bsr_array, csr_array, diags_array, random_array
 from scipy.sparse.linalg import eigsh
 
 from lacmesh.errors import RequestError
 from lacsolver.linear import LinearError, SingularError, analyse, factorise
 from lacsolver.linear.cycle import Blocks, Team, jacobi
+from lacsolver.linear.row_term import RowTerm, bounded
 from tests.lacsolver.bodies import cube
 from tests.lacsolver.stiffnesses import above, free, held, rigid_modes, stiffness
 
@@ -183,3 +184,68 @@ def test_many_nodes_that_are_held_cost_nothing_to_look_at():
     modes[:3, :3] = np.eye(3)
     x = analyse(K, backend="multigrid", modes=modes, block=3).factor(K).solve(np.ones(n))
     np.testing.assert_allclose(x, 0.5, rtol=1e-12)
+
+
+# ---- with rows
+
+
+def rows_on(K, seed=0, count=40):
+    """Rows (count, n) of three neighbouring blocks each, as B of contact has them, and weights like K's diagonal."""
+    rng, n = np.random.default_rng(seed), K.shape[0] // 3
+    first = rng.permutation(n - 3)[:count]
+    columns = (3 * (first[:, None] + np.arange(3))[:, :, None] + np.arange(3)).reshape(count, -1)
+    B = csr_array((rng.normal(size=columns.size), (np.repeat(np.arange(count), 9), columns.ravel())), (count, 3 * n))
+    return B, K.diagonal().mean() * 10.0 ** rng.uniform(-2, 2, count)
+
+
+def test_a_cycle_with_rows_is_symmetric_and_as_good_as_without(brick):
+    K, _, factor = brick
+    B, weights = rows_on(K)
+    cycle, whole = factor.cycle_with_rows(B, weights), csr_array(K + B.T @ diags_array(weights) @ B)
+    rng = np.random.default_rng(1)
+    x, y = rng.normal(size=(2, K.shape[0]))
+    assert x @ cycle(y) == pytest.approx(y @ cycle(x), rel=1e-5) and x @ cycle(x) > 0
+    assert error(K, factor.cycle, x) < 0.3 and error(whole, cycle, x) < 0.4
+    assert error(whole, factor.cycle, x) > 1
+    np.testing.assert_array_equal(factor.cycle(x), multigrid(K, brick[1]).cycle(x))  # K's own is as it was
+
+
+def error(K, cycle, x, steps=5):
+    """Return the factor by which a step x - V K x reduces the energy norm, the mean of some steps."""
+    start = x @ (K @ x)
+    for _ in range(steps):
+        x = x - cycle(K @ x)
+    return (x @ (K @ x) / start) ** (0.5 / steps)
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e9])
+def test_units_do_not_matter_with_rows(brick, unit):
+    K, modes, factor = brick
+    B, weights = rows_on(K)
+    other = multigrid(csr_array(unit * K), modes).cycle_with_rows(csr_array(1e3 * B), 1e-6 * unit * weights)
+    b = np.random.default_rng(0).normal(size=K.shape[0])
+    x = factor.cycle_with_rows(B, weights)(b)
+    np.testing.assert_allclose(unit * other(b), x, atol=2e-6 * np.abs(x).max())
+
+
+def test_the_smoother_with_rows_by_dense_algebra():
+    """(M + N^T N)^-1 by Woodbury's formula, and a bound L of N^T N that turns with the axes."""
+    rng, n_nodes, b = np.random.default_rng(0), 7, 3
+    root = rng.normal(size=(n_nodes, b, b))
+    M = root @ root.transpose(0, 2, 1) + np.eye(b)
+    N = np.where(rng.uniform(size=(4, n_nodes)) < 0.5, 1.0, 0.0).repeat(b, axis=1) * rng.normal(size=(4, 21))
+    N[0, ::b] = 0.0  # a row along an axis, whose zeros are not kept
+    N = csr_array(N)
+    N, dense = bsr_array(N.astype(np.float32).tobsr((1, b))), N.toarray()
+    inverse = np.linalg.inv(M).astype(np.float32)
+    r = rng.normal(size=n_nodes * b).astype(np.float32)
+    x = block_diag(inverse) @ r
+    RowTerm.smoothed(N, inverse).correct(1.0, r, x)
+    exact = np.linalg.solve(block_diag(M).toarray() + dense.T @ dense, r)
+    np.testing.assert_allclose(x, exact, atol=1e-5 * np.abs(exact).max())
+    L = np.linalg.inv(bounded(inverse, N)) - M
+    least = np.linalg.eigvalsh(block_diag(L).toarray() - dense.T @ dense)[0]
+    assert -1e-4 < least < 1e-2  # a bound, and one that is reached
+    Q = np.linalg.qr(rng.normal(size=(b, b)))[0].astype(np.float32)
+    other = bounded(Q @ inverse @ Q.T, bsr_array((N.data @ Q.T, N.indices, N.indptr), shape=N.shape))
+    np.testing.assert_allclose(other, Q @ bounded(inverse, N) @ Q.T, atol=1e-5)

@@ -11,7 +11,7 @@ from lacsolver.problem.problem import Problem
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.tolerances import LinearTolerance
-from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, at, held, pressed
+from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, YOUNG, at, held, pressed
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.systems import saddle, solve_rows, system
 
@@ -102,12 +102,17 @@ def test_the_gap_that_need_not_be_closed(relative, absolute, moved, stops):
 # ---- on a mesh
 
 
-def moment(count, free=False):
-    """Two blocks pressed together by a load that is not uniform: the instant at the end of the step."""
+def moment(count, free=False, ratio=1.0):
+    """Two blocks pressed together by a load that is not uniform: the instant at the end of the step.
+
+    `ratio`: stiffness of the upper block, which has the master, relative to that of the lower one.
+    """
     mesh = stack("HEXA8", "TETRA4", 3, counts=(count, count))
     fixed = held("bottom", ux=0.0, uy=0.0, uz=0.0)
     upright = at([0.0, 0.0, 2.0], ux=0.0, uy=0.0) + at([1.0, 0.0, 2.0], uy=0.0) if free else SLIDING
-    text = HEAD.format(model="3d") + MATERIAL + JOINT + fixed + upright + pressed("top", "1 + x * y")
+    upper = MATERIAL.replace(f"young = {YOUNG}", f'groups = ["upper"]\nyoung = {YOUNG * ratio}')
+    lower = MATERIAL + 'groups = ["lower"]\n'
+    text = HEAD.format(model="3d") + lower + upper + JOINT + fixed + upright + pressed("top", "1 + x * y")
     return LoadStep(ReducedProblem(Problem.of(parse_case(text), mesh)), 1.0)
 
 
@@ -128,3 +133,16 @@ def test_products_hardly_grow_with_the_mesh(free):
         np.testing.assert_allclose(K.K @ exact.q + found.rows.B_T @ exact.p, now.f, atol=1e-12 * np.abs(now.f).max())
         counts.append(exact.applications)
     assert counts[1] <= 1.5 * counts[0]
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_products_hardly_grow_with_the_ratio_of_stiffnesses(free):
+    """The rows are scaled by the diagonal of K: without that it takes two to three times as many."""
+    counts = []
+    for ratio in (1.0, 100.0, 0.01):
+        now = moment(8, free, ratio)
+        found = now.contact(np.zeros(len(now.f)))
+        m, start = len(found.G), np.zeros(len(now.f))
+        made = solve_rows(now.reference, found.rows, np.arange(m), now.f, found.G, start, np.zeros(m), EXACT)
+        counts.append(made.applications)
+    assert max(counts[1:]) <= 1.5 * counts[0], counts

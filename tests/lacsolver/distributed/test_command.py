@@ -48,7 +48,7 @@ def alone(*words):
 
 
 def shown(text):
-    """What depends neither on time, memory and round-off nor on the width of the terminal: the step, the last line."""
+    """The head, the step and the last line, without what depends on time, memory, round-off or the terminal's width."""
     head, step, *_, last = text.splitlines()
     return head, [word for k, word in enumerate(step.split()) if k != 4], last  # without the balance
 
