@@ -30,14 +30,21 @@ _ROUND = "0.03*((x-0.5)**2+(y-0.5)**2)"
 
 
 def pressed(mesh, backend: str, kinematics: str = "small", ratio: float = 1.0) -> Problem:
+    """The problem of `pressed_case` on a mesh of two blocks."""
+    return Problem.of(pressed_case(backend, kinematics, ratio), mesh)
+
+
+def pressed_case(
+    backend: str, kinematics: str = "small", ratio: float = 1.0, path: Path = Path("blocks.msh"), **solver: int
+) -> Case:
     """The upper block pushed into the lower one by a hundredth of its height; a finite one's skin is round itself.
 
-    `ratio`: stiffness of the upper block, which has the master, relative to that of the lower one.
+    `ratio`: stiffness of the upper block, which has the master, relative to that of the lower one; `path`: the mesh.
     """
     law = "elastic" if kinematics == "small" else "neo_hookean"
     bodies = {"lower": 1000.0, "upper": 1000.0 * ratio}
-    case = Case(
-        mesh=Path("blocks.msh"),
+    return Case(
+        mesh=path,
         model="3d",
         kinematics=kinematics,
         material=tuple(Material(groups=(g,), law=law, young=young, poisson=0.3) for g, young in bodies.items()),
@@ -46,9 +53,8 @@ def pressed(mesh, backend: str, kinematics: str = "small", ratio: float = 1.0) -
             Displacement(group="bottom", ux=0.0, uy=0.0, uz=0.0),
             Displacement(group="top", ux=0.0, uy=0.0, uz=-0.01),
         ),
-        solver=Solver(backend=backend),
+        solver=Solver(backend=backend, **solver),
     )
-    return Problem.of(case, mesh)
 
 
 def elastic(problem: Problem) -> tuple[float, float]:

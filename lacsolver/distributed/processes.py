@@ -63,7 +63,10 @@ class ProcessShare:
     """
 
     def __init__(self, comm: Any, part: Part, common: NDArray[np.bool_]) -> None:
+        from mpi4py.MPI import MAX
+
         self.comm, self.rank, self.n, self.part, self.common = comm, part.rank, part.n_ranks, part, common
+        self._maximum = MAX
         self.own, self.node, self.origin, self.body = part.own, part.node, part.origin, part.body
         self._asked, self._given = self._neighbours()
         first = sum(comm.allgather(int(self.own.sum()))[: self.rank])
@@ -99,7 +102,10 @@ class ProcessShare:
 
     def largest(self, x: float) -> float:
         """Return the largest value of all processes; NaN if one is."""
-        return float(np.max(self.gather(np.array([x], float))))
+        got = np.empty(2)
+        sent = np.array([np.isnan(x), -np.inf if np.isnan(x) else x])  # the maximum of MPI does not keep NaN
+        self.comm.Allreduce(sent, got, self._maximum)
+        return float("nan") if got[0] else float(got[1])
 
     def gather(self, x: NDArray) -> NDArray:
         """Return the arrays of all processes, one after the other."""

@@ -21,8 +21,6 @@ from lacsolver.linear.vectors import Vectors
 _LOST, _NOISE = 0.1, 1e-12
 #: a residual that is below this fraction of the least before has made progress
 _PROGRESS = 0.9
-#: number of directions for which memory is taken at a time
-_CHUNK = 8
 
 
 class LinearSystem(Protocol):
@@ -62,19 +60,19 @@ def minimise(
     when the excess has not fallen by a tenth for `patience` directions.
     """
     vectors, k, r = system.vectors, 0, r.copy()
-    Z: NDArray[np.floating] = np.empty((0, 0))
-    images: NDArray[np.floating] = np.empty((0, 0))
-    T, along = np.zeros((len(known) + limit,) * 2), np.zeros(len(known) + limit)
+    most = len(known) + limit
+    Z = images = np.empty((0, 0))  # made at the first direction; the system gives memory to a row when it is written
+    T, along = np.zeros((most, most)), np.zeros(most)
     best, since = np.inf, 0
-    while k < len(known) + limit and vectors.norm(r) > least:
+    while k < most and vectors.norm(r) > least:
         left = excess(r) if k >= len(known) else np.inf
         best, since = (left, 0) if left < _PROGRESS * best else (best, since + 1)
         if left <= 1 or (patience is not None and since >= patience):
             break
         z = known[k] if k < len(known) else system.precondition(r)
         image = system.image(z)
-        if k == len(Z):
-            Z, images = _grown(Z, len(z)), _grown(images, len(image))
+        if not k:
+            Z, images = np.empty((most, len(z))), np.empty((most, len(image)))
         Z[k] = z
         before = vectors.norm(image)
         T[k, :k], T[k, k] = _orthogonalise(image, images[:k], vectors)
@@ -88,14 +86,6 @@ def minimise(
     if k:
         vectors.subtract(-solve_triangular(T[:k, :k], along[:k], trans="T", lower=True), Z[:k], x)
     return KrylovStep(x, r, max(k - len(known), 0))
-
-
-def _grown(rows: Floats, n: int) -> NDArray[np.floating]:
-    """Return an array of some more rows (n,) that starts with the given ones."""
-    out = np.empty((len(rows) + _CHUNK, n))
-    if len(rows):
-        out[: len(rows)] = rows
-    return out
 
 
 def _orthogonalise(image: Floats, others: Floats, vectors: Vectors) -> tuple[NDArray[np.floating], float]:

@@ -3,7 +3,8 @@
 `gamg` (PETSc's smoothed aggregation) and `hypre` (BoomerAMG) apply one V-cycle, `mumps` a factorisation. Options of
 PETSc with the prefix `lacsolver_`, from PETSC_OPTIONS, go before those that are set here. GAMG is smoothed by
 Chebyshev's polynomial with the inverse diagonal, since smoothers by blocks give NaN in PETSc 3.18 where an aggregate is
-smaller than six rigid-body modes.
+smaller than six rigid-body modes. BoomerAMG coarsens its first level aggressively and truncates its interpolation: a
+quarter more V-cycles of little more than half the cost (docs/scaling.md).
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ _OPTIONS: dict[str, dict[str, str | float]] = {
         "pc_hypre_boomeramg_strong_threshold": 0.5,
         "pc_hypre_boomeramg_coarsen_type": "HMIS",
         "pc_hypre_boomeramg_interp_type": "ext+i",
+        "pc_hypre_boomeramg_agg_nl": 1,
+        "pc_hypre_boomeramg_P_max": 4,
     },
     "mumps": {"pc_type": "lu", "pc_factor_mat_solver_type": "mumps"},
 }
@@ -62,28 +65,32 @@ def petsc_errors() -> Iterator[None]:
         raise LinearError(message) from error
 
 
+def petsc_matrix(PETSc: Any, comm: Any, K: csr_array, number: Ints, block: int) -> Any:
+    """Return PETSc's matrix of the rows K (n_own, n) of the own unknowns, in blocks of `block`; PETSc copies them.
+
+    `number` (n,): the index in the whole matrix of each column of K.
+    """
+    column = number.astype(PETSc.IntType)[K.indices]
+    placed = csr_array((K.data, column, K.indptr), shape=(K.shape[0], int(number.max(initial=-1)) + 1))
+    placed.sort_indices()
+    rows = (placed.indptr.astype(PETSc.IntType), placed.indices.astype(PETSc.IntType), placed.data)
+    size = (K.shape[0], PETSc.DETERMINE)
+    with petsc_errors():
+        return PETSc.Mat().createAIJ((size, size), bsize=block, csr=rows, comm=comm)
+
+
 class PetscCycle:
     """One application of a preconditioner to a residual at this process's own nodes.
 
-    K: the rows (n_own, n) of the own unknowns, whose columns are `number` (n,) in the whole matrix, in blocks of
-    `block`; `modes` (n_own, r): rigid-body modes at the own unknowns.
+    A: a matrix of `petsc_matrix`; `modes` (n_own, r): rigid-body modes at the own unknowns.
     """
 
-    def __init__(
-        self, PETSc: Any, comm: Any, K: csr_array, number: Ints, modes: Floats, block: int, backend: str
-    ) -> None:
+    def __init__(self, PETSc: Any, A: Any, modes: Floats, backend: str) -> None:
         with petsc_errors():
-            self._set_up(PETSc, comm, K, number, modes, block, backend)
+            self._set_up(PETSc, A, modes, backend)
 
-    def _set_up(
-        self, PETSc: Any, comm: Any, K: csr_array, number: Ints, modes: Floats, block: int, backend: str
-    ) -> None:
-        n_own = K.shape[0]
-        placed = csr_array((K.data, number[K.indices].astype(PETSc.IntType), K.indptr.astype(PETSc.IntType)))
-        placed.sort_indices()
-        rows = (placed.indptr.astype(PETSc.IntType), placed.indices.astype(PETSc.IntType), placed.data)
-        size = ((n_own, PETSc.DETERMINE), (n_own, PETSc.DETERMINE))
-        self._A = PETSc.Mat().createAIJ(size, bsize=block, csr=rows, comm=comm)
+    def _set_up(self, PETSc: Any, A: Any, modes: Floats, backend: str) -> None:
+        self._A, comm = A, A.getComm()
         self._x, self._b = self._A.createVecs()
         self._A.setNearNullSpace(PETSc.NullSpace().create(vectors=_orthonormal(self._b, modes), comm=comm))
         self._backend, self._pc = backend, PETSc.PC().create(comm)

@@ -64,13 +64,16 @@ class SharedVectors:
     def __init__(
         self, own: NDArray[np.bool_], total: Callable[[Floats], Floats], largest: Callable[[float], float], first: bool
     ) -> None:
-        self._own, self._total, self._largest, self._first = own, total, largest, first
+        self._own, self._weight = np.flatnonzero(own), own.astype(float)
+        self._total, self._largest, self._first = total, largest, first
 
     def dots(self, A: Floats, x: Floats) -> NDArray[np.floating]:
         """Return the products (k,) of rows A (k, n) with x."""
-        n = len(self._own)
+        if not len(A):
+            return np.zeros(0)
+        n = len(self._weight)
         rest = A[:, n:] @ x[n:] if self._first and len(x) > n else 0.0
-        return np.asarray(self._total(A[:, :n] @ (x[:n] * self._own) + rest))
+        return np.asarray(self._total(A[:, :n] @ (x[:n] * self._weight) + rest))
 
     def norm(self, x: Floats) -> float:
         """Return the Euclidean norm."""
@@ -78,8 +81,8 @@ class SharedVectors:
 
     def largest(self, x: Floats) -> float:
         """Return the largest magnitude of an entry, 0 for an empty vector."""
-        n = len(self._own)
-        own = float(np.abs(x[:n][self._own]).max(initial=0.0))
+        n = len(self._weight)
+        own = float(np.abs(x[self._own]).max(initial=0.0))
         return self._largest(max(own, float(np.abs(x[n:]).max(initial=0.0))))
 
     def subtract(self, c: Floats, A: Floats, x: Floats) -> None:

@@ -18,9 +18,9 @@ from lacsolver.constraints import Constraints
 from lacsolver.constraints.rigid import moments
 from lacsolver.linear import MULTIGRID_ABOVE
 from lacsolver.linear.multigrid import Hierarchy
-from lacsolver.linear.petsc import PetscCycle
+from lacsolver.linear.petsc import PetscCycle, petsc_matrix
 from lacsolver.linear.vectors import Vectors
-from lacsolver.solve.stiffness import leading_unknowns
+from lacsolver.solve.stiffness import embed, leading_unknowns
 from lacsolver.space.space import Space
 
 
@@ -126,13 +126,20 @@ def _petsc_cycle(K: csr_array, constraints: Constraints, backend: str) -> PetscC
     petsc: Any = import_petsc()
     assert share.own is not None and share.number is not None
     own = space.dofs(np.flatnonzero(share.own)).ravel()
+    number = space.dofs(share.number).ravel()
+    A = petsc_matrix(petsc, share.comm, _own_rows(K, constraints, own), number, space.dim)
+    return PetscCycle(petsc, A, (T @ (T.T @ rigid_body_modes(space)))[own], backend)
+
+
+def _own_rows(K: csr_array, constraints: Constraints, own: Ints) -> csr_array:
+    """Return the rows of the unknowns `own` (n_own,) of T K T^T, with the mean diagonal of K in what T leaves out."""
+    space, T, mean = constraints.space, constraints.T, _mean(K.diagonal(), constraints)
+    if constraints.is_selection:
+        K = embed(K, constraints.free, space.n_dof, mean)
+        return K if len(own) == space.n_dof else csr_array(K[own])
     T_own = csr_array(T[own])
-    free = csr_array(T_own @ T.T)
-    rest = csr_array((np.ones(len(own)), (np.arange(len(own)), own)), shape=(len(own), space.n_dof)) - free
-    rows = csr_array(T_own @ K @ T.T + _mean(K.diagonal(), constraints) * rest)
-    number = space.dim * np.repeat(share.number, space.dim) + np.tile(np.arange(space.dim), space.mesh.n_nodes)
-    modes = (T @ (T.T @ rigid_body_modes(space)))[own]
-    return PetscCycle(petsc, share.comm, rows, number, modes, space.dim, backend)
+    one = csr_array((np.ones(len(own)), (np.arange(len(own)), own)), shape=(len(own), space.n_dof))
+    return csr_array(T_own @ K @ T.T + mean * (one - T_own @ T.T))
 
 
 def rigid_body_modes(space: Space) -> NDArray[np.floating]:

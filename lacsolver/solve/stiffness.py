@@ -196,7 +196,7 @@ class FactorCache:
         chosen = choose(self._backend, K.shape[0], 0 if whole is None else whole.modes.shape[1])
         if chosen.direct or whole is None or not definite:
             return Stiffness(K, self._analysed(regular, chosen.name, definite), R, None, spring)
-        on_nodes = _put_back(regular, whole)
+        on_nodes = bsr_array(embed(regular, whole.free, whole.n_dof).tobsr((whole.block, whole.block)))
         made = analyse(on_nodes, backend=chosen.name, threads=self._threads, modes=whole.modes, block=whole.block)
         self._cycles = made.factor(on_nodes, self._cycles)
         return Stiffness(K, self._cycles, R, whole, spring)
@@ -223,18 +223,21 @@ def leading_unknowns(R: Floats, among: Ints | None = None) -> Ints:
     return np.asarray(among[order[: R.shape[1]]])
 
 
-def _put_back(K: csr_array, whole: Whole) -> bsr_array:
-    """Return K embedded in all unknowns, (n_dof, n_dof), with its mean diagonal in the rows of constrained ones."""
-    length = np.ones(whole.n_dof, np.int64)
-    length[whole.free] = np.diff(K.indptr)
+def embed(K: csr_array, free: Ints, n_dof: int, diagonal: float | None = None) -> csr_array:
+    """Return K (n, n) embedded at the unknowns `free` (n,) among n_dof.
+
+    `diagonal`: that of the others; None for the mean of K's.
+    """
+    length = np.ones(n_dof, np.int64)
+    length[free] = np.diff(K.indptr)
     indptr = np.concatenate([[0], np.cumsum(length)])
-    held = np.ones(whole.n_dof, bool)
-    held[whole.free] = False
+    held = np.ones(n_dof, bool)
+    held[free] = False
     own = np.zeros(indptr[-1], bool)
     own[indptr[:-1][held]] = True
     indices, data = np.empty(len(own), K.indices.dtype), np.empty(len(own))
-    indices[own], data[own] = np.flatnonzero(held), K.diagonal().mean() if K.shape[0] else 1.0
+    mean = K.diagonal().mean() if K.shape[0] else 1.0
+    indices[own], data[own] = np.flatnonzero(held), mean if diagonal is None else diagonal
     np.logical_not(own, out=own)
-    indices[own], data[own] = whole.free.astype(K.indices.dtype)[K.indices], K.data
-    big = csr_array((data, indices, indptr.astype(K.indices.dtype)), shape=(whole.n_dof, whole.n_dof))
-    return bsr_array(big.tobsr((whole.block, whole.block)))
+    indices[own], data[own] = free.astype(K.indices.dtype)[K.indices], K.data
+    return csr_array((data, indices, indptr.astype(K.indices.dtype)), shape=(n_dof, n_dof))

@@ -1,0 +1,340 @@
+"""Measure runs in several processes against one: V-cycles, processor time, memory, communication, stiffness ratios.
+
+    python benchmarks/distributed.py [--quick] [--sizes 24000 118000] [--ranks 1 2 4 8] [--backends gamg hypre]
+                                     [--weak 25000] [--python .venv-petsc/bin/python] [-o TABLE.md]
+
+The model is that of `contact.py`: a block with a clearance of r^2 / 2R over an elastic block whose faces do not match,
+HEXA8 cut `pyramid`, one step from no contact at all. It is divided once for each number of processes, and each reads
+its part alone. Every run is one of `mpiexec` with the Python that `--python` names; the serial solver is the backend
+`multigrid` on one thread of the Python that runs this program. More processes than cores share the cores.
+
+Seconds are those of the processor, of the process that has most of them, busy waiting for the others included; so
+efficiencies are lower bounds. They run from the matrices to the pressures: all of the active set, without the assembly
+and the pairing, which are told beside them. Efficiency is the time of one process over n times that of n. Memory is
+the largest resident memory of a process, and what it has grown by since all modules and kernels were loaded. Messages
+and bytes are those that the process with most of them sends in a V-cycle: those of PETSc (GAMG only, from its log) and
+those of lacsolver, with the reductions over all processes of both.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+import numpy as np
+from contact import pressed, pressed_case
+from large import Clock, side
+from meshes import blocks
+
+import lacsolver.bodies.kinematics
+import lacsolver.problem.problem
+import lacsolver.solve.active_set
+import lacsolver.solve.shared_stiffness
+import lacsolver.solve.stiffness
+from lacmesh import Mesh
+from lacmesh.partition import distribute_nodes, read_part, write_parts
+from lacsolver.problem.problem import Problem
+from lacsolver.solve.saddle import SaddleSolution
+from lacsolver.solve.stepping import march
+
+ROOT = Path(__file__).resolve().parents[1]
+SIZES, QUICK = (24_000, 118_000), (10_000,)
+RANKS, BACKENDS, RATIOS = (1, 2, 4, 8), ("gamg", "hypre"), (0.01, 1.0, 100.0)
+#: unknowns of a process in the weak scaling
+WEAK = 25_000
+#: more processes than cores, which leave the cores to each other while they wait; root may run them
+FREE = {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "OMPI_MCA_mpi_yield_when_idle": "1",
+    "OMPI_MCA_hwloc_base_binding_policy": "none",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "NUMBA_NUM_THREADS": "1",
+}
+HEADS = ("unknowns, backend", "n", "V-cycles", "sets", "set-up", "matrices to pressures", "efficiency")
+HEADS += ("against serial", "assembly", "pairing", "memory", "grown", "bytes an unknown of the process")
+WEAK_HEADS = ("unknowns, backend", "n", "V-cycles", "sets", "matrices to pressures")
+WEAK_HEADS += ("PETSc: messages, bytes, reductions a V-cycle", "lacsolver: messages, bytes, reductions a V-cycle")
+
+
+class Run(NamedTuple):
+    """One run: its mesh, or the folder of its parts, the backend, and the stiffness of the master over the slave's."""
+
+    path: str
+    backend: str
+    ratio: float = 1.0
+
+
+class Sent:
+    """Messages and bytes that this process has sent, and reductions over all processes."""
+
+    def __init__(self) -> None:
+        self.counts = np.zeros(3)
+
+
+def counted(MPI: Any, sent: Sent) -> Any:
+    """A communicator of all processes that counts what lacsolver sends through it."""
+
+    class Counted(MPI.Intracomm):
+        __module__ = MPI.__name__  # by which PETSc recognises a communicator
+
+        def Alltoallv(self, given: Any, got: Any) -> None:
+            counts = [count for rank, count in enumerate(given[1]) if count and rank != self.rank]
+            sent.counts += (len(counts), sum(counts) * given[0].itemsize, 0)
+            super().Alltoallv(given, got)
+
+        def Allreduce(self, *arguments: Any, **options: Any) -> None:
+            sent.counts[2] += 1
+            super().Allreduce(*arguments, **options)
+
+        def allgather(self, given: Any) -> Any:
+            sent.counts[2] += 1
+            return super().allgather(given)
+
+    return Counted(MPI.COMM_WORLD)
+
+
+def watched(clock: Clock, solved: list[SaddleSolution]) -> ExitStack:
+    """The phases of a contact solve under the clock."""
+    places = [
+        (lacsolver.bodies.kinematics, "assemble_stiffness", "assembly", None),
+        (lacsolver.problem.problem, "integrate", "pairing", None),
+        (lacsolver.solve.stiffness.FactorCache, "factorise", "set-up", None),
+        (lacsolver.solve.shared_stiffness.SharedFactors, "factorise", "set-up", None),
+        (lacsolver.solve.active_set, "solve_saddle", "loops", solved),
+    ]
+    stack = ExitStack()
+    for module, name, phase, kept in places:
+        stack.enter_context(patch.object(module, name, clock.around(phase, getattr(module, name), kept)))
+    return stack
+
+
+def measured(run: Run) -> list[dict[str, Any]]:
+    """The figures of one run, of each of its processes; on all but the first an empty list."""
+    serial = run.backend == "multigrid"
+    _ = list(march(pressed(blocks(9, 6, 4), "multigrid" if serial else "superlu")))  # modules and kernels are loaded
+    case = pressed_case(run.backend, "small", run.ratio, Path(run.path), threads=1)
+    if serial:
+        return [figures(lambda: Problem.of(case, read_part(run.path, 0).mesh))]
+    from lacsolver.distributed.launch import import_mpi, import_petsc
+    from lacsolver.distributed.processes import Processes
+
+    petsc = import_petsc()
+    petsc.Log.begin()
+    sent = Sent()
+    comm = counted(import_mpi(), sent)
+    told = figures(lambda: Problem.of(case, distribution=Processes(comm)), sent, petsc)
+    return list(comm.gather(told) or [])
+
+
+def figures(problem_of: Callable[[], Problem], sent: Sent | None = None, petsc: Any = None) -> dict[str, Any]:
+    """The figures of a contact solve on this process."""
+    gc.collect()
+    before, clock, solved = resident(), Clock(), list[SaddleSolution]()
+    with clock("problem"):
+        problem = problem_of()
+    earlier = None if sent is None else sent.counts.copy()
+    with watched(clock, solved), clock("contact"):
+        *_, state = march(problem)
+    cycles = sum(one.applications for one in solved)
+    own = problem.constraints.own
+    return {
+        "unknowns": problem.constraints.n_q if own is None else int(own.sum()),
+        "macros": problem.joints[0].zone.n_macros,
+        "closed": int((state.zones[0].status == 1).sum()),
+        "cycles": cycles,
+        "sets": state.iterations,
+        "cpu": clock.cpu,
+        "solve": clock.cpu["contact"] - clock.cpu["assembly"] - clock.cpu["pairing"],
+        "memory": peak(),
+        "grown": peak() - before,
+        "ours": [0.0] * 3 if sent is None else ((sent.counts - earlier) / cycles).tolist(),
+        "petsc": [0.0] * 3 if petsc is None else traffic(petsc),
+    }
+
+
+def resident() -> int:
+    """Bytes of memory that this process has now."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+
+def peak() -> int:
+    """Largest resident memory of this process, bytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def traffic(petsc: Any) -> list[float]:
+    """Messages, bytes and reductions of PETSc in one application of its preconditioner, on this process."""
+    told = petsc.Log.Event("PCApply").getPerfInfo()
+    count = max(told["count"], 1)
+    return [told[key] / count for key in ("numMessages", "messageLength", "numReductions")]
+
+
+class Launcher:
+    """Runs in processes of `mpiexec`, with meshes in a folder of its own; a mesh is divided once."""
+
+    def __init__(self, python: str, folder: Path) -> None:
+        self._python, self._folder = python, folder
+        self._meshes: dict[int, Mesh] = {}
+
+    def of(self, unknowns: int, n: int, backend: str, ratio: float = 1.0) -> list[dict[str, Any]]:
+        """The figures of all processes of one run; n is 0 for the serial solver."""
+        words = [
+            self._python if n else sys.executable,
+            __file__,
+            "--one",
+            *Run(self._divided(unknowns, max(n, 1)), backend, ratio),
+        ]
+        beside = Path(self._python).with_name("mpiexec")
+        start = [str(beside) if beside.exists() else "mpiexec", "-n", str(n)] if n else []
+        environment = {**os.environ, **FREE, "PYTHONPATH": str(ROOT)}
+        command = [*start, *map(str, words)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+        if done.returncode:
+            raise SystemExit(f"{unknowns} unknowns, {backend}, {n} processes: {done.stderr.strip()[-2000:]}")
+        return list(json.loads(done.stdout.splitlines()[-1]))
+
+    def _divided(self, unknowns: int, n: int) -> str:
+        """The folder with the parts of a mesh; for one process its only part is the whole."""
+        folder = self._folder / f"{unknowns}.{n}"
+        if not folder.exists():
+            if unknowns not in self._meshes:
+                n = side(unknowns)
+                self._meshes[unknowns] = blocks(n, n - 3, n // 2)
+            mesh = self._meshes[unknowns]
+            write_parts(folder, mesh, distribute_nodes(mesh, n))
+        return str(folder)
+
+
+def busiest(found: Sequence[dict[str, Any]], phase: str) -> float:
+    """Processor seconds of a phase, or `solve`, of the process that has most."""
+    return max(one["solve"] if phase == "solve" else one["cpu"].get(phase, 0.0) for one in found)
+
+
+def name_of(found: Sequence[dict[str, Any]], backend: str) -> str:
+    """The unknowns of a run and its backend."""
+    total, one = sum(one["unknowns"] for one in found), found[0]
+    return f"{total:,}, {one['macros']:,} macro-elements, {one['closed']} closed, {backend}"
+
+
+def strong_line(backend: str, n: int, found: Any, single: Any, serial: Any) -> str:
+    """A row of the table; n is 0 for the serial solver."""
+    spent, first, alone = (busiest(one, "solve") for one in (found, single, serial))
+    largest = max(found, key=lambda one: one["memory"])
+    grown = max(found, key=lambda one: one["grown"])
+    cells = [name_of(found, backend), str(n or "serial"), f"{found[0]['cycles']}", f"{found[0]['sets']}"]
+    cells += [f"{busiest(found, 'set-up'):.2f} s", f"{spent:.2f} s", f"{first / n / spent:.2f}" if n else ""]
+    cells += [f"{spent / alone:.2f}", f"{busiest(found, 'assembly'):.2f} s", f"{busiest(found, 'pairing'):.2f} s"]
+    cells += [f"{largest['memory'] / 2**20:.0f} MB", f"{grown['grown'] / 2**20:.0f} MB"]
+    return row([*cells, f"{grown['grown'] / grown['unknowns']:,.0f}"])
+
+
+def weak_line(backend: str, n: int, found: Any) -> str:
+    """A row of the table of weak scaling."""
+    cells = [name_of(found, backend), str(n), f"{found[0]['cycles']}", f"{found[0]['sets']}"]
+    cells.append(f"{busiest(found, 'solve'):.2f} s")
+    for library in ("petsc", "ours"):
+        messages, size, sums = np.max([one[library] for one in found], axis=0)
+        cells.append("" if library == "petsc" and backend != "gamg" else f"{messages:.0f}, {size:,.0f}, {sums:.1f}")
+    return row(cells)
+
+
+def row(cells: Sequence[str]) -> str:
+    """A row of a table."""
+    return f"| {' | '.join(cells)} |"
+
+
+class Told:
+    """The lines of the tables, printed as they come."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def __call__(self, *lines: str) -> None:
+        self.lines += lines
+        print("\n".join(lines), flush=True)
+
+    def table(self, title: str, heads: Sequence[str]) -> None:
+        """Begin a table."""
+        self("", title, "", row(heads), "|---" * len(heads) + "|")
+
+
+def strong(launcher: Launcher, sizes: Sequence[int], args: argparse.Namespace, told: Told) -> None:
+    """The tables of one model in more and more processes."""
+    for size in sizes:
+        told.table("### The same model in more processes", HEADS)
+        serial = launcher.of(size, 0, "multigrid")
+        told(strong_line("multigrid", 0, serial, serial, serial))
+        for backend in args.backends:
+            single = launcher.of(size, 1, backend) if args.ranks[0] != 1 else None
+            for n in args.ranks:
+                found = launcher.of(size, n, backend)
+                single = single or found
+                told(strong_line(backend, n, found, single, serial))
+
+
+def ratios(launcher: Launcher, size: int, args: argparse.Namespace, told: Told) -> None:
+    """The table of V-cycles at several ratios of stiffness."""
+    told.table(f"### Stiffness of the master over the slave's, {size:,} unknowns: V-cycles (sets)",
+               ("backend", "n", *(f"{ratio:g}" for ratio in RATIOS)))  # fmt: skip
+    for backend, n in [("multigrid", 0), *((backend, n) for backend in args.backends for n in (1, 2))]:
+        found = [launcher.of(size, n, backend, ratio)[0] for ratio in RATIOS]
+        told(row([backend, str(n or "serial"), *(f"{one['cycles']} ({one['sets']})" for one in found)]))
+
+
+def weak(launcher: Launcher, args: argparse.Namespace, told: Told) -> None:
+    """The table of models that grow with the processes."""
+    told.table(f"### {args.weak:,} unknowns a process", WEAK_HEADS)
+    for backend in args.backends:
+        for n in args.ranks:
+            told(weak_line(backend, n, launcher.of(n * args.weak, n, backend)))
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help=f"{QUICK[0]:,} unknowns, and a tenth of the weak scaling")
+    parser.add_argument("--sizes", nargs="*", type=int, help=f"unknowns (default: {' '.join(map(str, SIZES))})")
+    parser.add_argument("--ranks", nargs="+", type=int, default=RANKS, help="numbers of processes (default: 1 2 4 8)")
+    parser.add_argument("--backends", nargs="+", default=BACKENDS, help="of PETSc (default: gamg hypre)")
+    parser.add_argument("--weak", type=int, help=f"unknowns a process; 0 for none (default: {WEAK})")
+    parser.add_argument("--no-ratios", action="store_true", help="without the table of stiffness ratios")
+    there = ROOT / ".venv-petsc" / "bin" / "python"
+    parser.add_argument("--python", default=str(there) if there.exists() else sys.executable, help="Python with PETSc")
+    parser.add_argument("--one", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("-o", metavar="TABLE.md", help="write the tables here too")
+    args = parser.parse_args()
+    if args.one:
+        path, backend, ratio = args.one
+        if told := measured(Run(path, backend, float(ratio))):
+            print(json.dumps(told))
+        return
+    sizes = (QUICK if args.quick else SIZES) if args.sizes is None else args.sizes
+    args.weak = (WEAK // 10 if args.quick else WEAK) if args.weak is None else args.weak
+    lines = Told()
+    with tempfile.TemporaryDirectory() as folder:
+        launcher = Launcher(args.python, Path(folder))
+        strong(launcher, sizes, args, lines)
+        if sizes and not args.no_ratios:
+            ratios(launcher, sizes[0], args, lines)
+        if args.weak:
+            weak(launcher, args, lines)
+    if args.o:
+        Path(args.o).write_text("\n".join(lines.lines[1:]) + "\n")
+
+
+if __name__ == "__main__":
+    main()
