@@ -14,6 +14,8 @@ Array = NDArray[Any]
 #: boxes in a leaf
 LEAF = 4
 _BITS = 20
+#: pairs of boxes up to which each is compared with each: a small model is checked before the tree could be compiled
+_FEW = 1 << 19
 
 
 def meeting(low: Floats, high: Floats, other_low: Floats, other_high: Floats) -> tuple[Ints, Ints]:
@@ -23,6 +25,8 @@ def meeting(low: Floats, high: Floats, other_low: Floats, other_high: Floats) ->
     """
     if not len(low) or not len(other_low):
         return np.empty(0, np.int64), np.empty(0, np.int64)
+    if len(low) * len(other_low) <= _FEW:
+        return _compared(low, high, other_low, other_high)
     # both along one curve, so that what is near is near in memory
     mine, other = along_curve(low, high), along_curve(other_low, other_high)
     tree = bounding_tree(other_low[other], other_high[other])
@@ -34,11 +38,23 @@ def meeting_each_other(low: Floats, high: Floats) -> tuple[Ints, Ints]:
     """(i, j), i < j: all pairs of intersecting boxes (low, high (n, 3)) of one set, as in `meeting`."""
     if not len(low):
         return np.empty(0, np.int64), np.empty(0, np.int64)
+    if len(low) ** 2 <= _FEW:
+        i, j = _compared(low, high, low, high)
+        return i[i < j], j[i < j]
     order = along_curve(low, high)
     low, high = low[order], high[order]
     i, j = _query(low, high, low, high, *bounding_tree(low, high), True)
     i, j = order[i], order[j]
     return np.minimum(i, j), np.maximum(i, j)
+
+
+def _compared(low: Floats, high: Floats, other_low: Floats, other_high: Floats) -> tuple[Ints, Ints]:
+    """(i, j): all pairs of intersecting boxes, each compared with each."""
+    meets = np.ones((len(low), len(other_low)), bool)
+    for k in range(3):
+        meets &= (low[:, k, None] <= other_high[:, k]) & (high[:, k, None] >= other_low[:, k])
+    i, j = np.nonzero(meets)
+    return i, j
 
 
 def along_curve(low: Floats, high: Floats) -> Ints:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import lacmesh.topology.boxes as topology_boxes
 from lacmesh.topology.boxes import meeting, meeting_each_other
 from tests.topology import plain
 
@@ -17,7 +18,9 @@ def boxes(rng, n):
 
 
 @pytest.mark.parametrize(("n", "m"), [(0, 5), (5, 0), (1, 1), (3, 200), (200, 150)])
-def test_pairs_are_those_of_all_compared(n, m):
+@pytest.mark.parametrize("few", [0, 1 << 19], ids=["by the tree", "as few"])
+def test_pairs_are_those_of_all_compared(n, m, few, monkeypatch):
+    monkeypatch.setattr(topology_boxes, "_FEW", few)
     rng = np.random.default_rng(n + m)
     mine, other = boxes(rng, n), boxes(rng, m)
     expected = set(zip(*plain.meeting(*mine, *other), strict=True)) if n and m else set()
