@@ -27,6 +27,8 @@ FACETS = 6
 CORNERS = 8
 ALONE, CROWDED, ABSENT = -1, -2, -3
 _FAMILIES = ("TRIA", "QUAD", "TETRA", "HEXA", "PENTA", "PYRAM")
+#: facets, or pairs of them, that are treated at once
+_PIECE = 1 << 17
 #: 2^64 over the golden ratio, odd
 _GOLDEN = 0x9E3779B97F4A7C15
 
@@ -59,7 +61,7 @@ class Solid:
 
     def corners_of(self, number: Ints) -> list[Ints]:
         """Four columns (m,): the corners of some facets, by their numbers, as their cells list them; padded with -1."""
-        rows, facet = np.divmod(number, FACETS)
+        rows, facet = np.divmod(number.astype(np.int64), FACETS)
         corners = self.corners.ravel()
         places = FACET_TABLE[self.family[rows], facet]
         return [np.where(p < 0, -1, corners[rows * self.corners.shape[1] + p]) for p in places.T]
@@ -151,11 +153,11 @@ def pair_facets(solid: Solid) -> tuple[Ints, Bools]:
     >>> opposite.tolist(), bool(same.any())
     ([-1, 6, -1, -3, -3, -3, 1, -1, -1, -3, -3, -3], False)
     """
-    opposite = np.full(len(solid.cells) * FACETS, ABSENT, np.int64)
+    opposite = np.full(len(solid.cells) * FACETS, ABSENT, solid.cells.dtype)
     same = np.zeros(len(opposite), bool)
     for j, rows, _ in solid.facets():
         opposite[rows * FACETS + j] = ALONE
-    left = np.flatnonzero(opposite == ALONE)
+    left = np.flatnonzero(opposite == ALONE).astype(opposite.dtype)
     seed = 0
     while len(left):  # once, but for the few different facets of equal keys: these draw again
         seed += 1
@@ -175,7 +177,8 @@ def _keys(solid: Solid, seed: int) -> NDArray[np.uint64]:
     weight = mixed_bits(np.arange(int(solid.corners.max(initial=0)) + 1), seed)
     key = np.zeros((len(solid.cells), FACETS), np.uint64)
     for j, rows, corners in solid.facets():
-        key[rows, j] = sum((weight[c] for c in corners[1:]), start=weight[corners[0]])
+        for column in corners:
+            key[rows, j] += weight[column]
     return key.ravel()
 
 
@@ -184,23 +187,36 @@ def _alike(number: Ints, key: NDArray[np.uint64]) -> tuple[Ints, Ints, Ints]:
 
     A key and a place among the facets share 64 bits: whole numbers are sorted several times faster than places.
     """
-    bits = np.uint64(len(number).bit_length())
-    packed = np.sort((key[number] >> bits << bits) | np.arange(len(number), dtype=np.uint64))
-    alike = packed[1:] >> bits == packed[:-1] >> bits
-    ends = np.flatnonzero(np.diff(alike, prepend=False, append=False))
-    place = (packed & ((np.uint64(1) << bits) - np.uint64(1))).astype(np.int64)
-    return number[place], ends[::2], ends[1::2]
+    bits, packed = np.uint64(len(number).bit_length()), key[number]
+    del key
+    packed >>= bits
+    packed <<= bits
+    for k in range(0, len(packed), _PIECE):
+        packed[k : k + _PIECE] |= np.arange(k, min(k + _PIECE, len(packed)), dtype=np.uint64)
+    packed.sort()
+    alike = np.empty(max(len(packed) - 1, 0), bool)
+    for k in range(0, len(alike), _PIECE):
+        cut = packed[k : k + _PIECE + 1] >> bits
+        alike[k : k + _PIECE] = cut[1:] == cut[:-1]
+    packed &= (np.uint64(1) << bits) - np.uint64(1)
+    ordered = number[packed.view(np.int64)]
+    del packed
+    ends = np.flatnonzero(np.diff(alike, prepend=False, append=False)).astype(number.dtype)
+    return ordered, ends[::2], ends[1::2]
 
 
 def _pair(solid: Solid, a: Ints, b: Ints, opposite: Ints, same: Bools) -> Ints:
     """Write the pairs a (m,), b (m,) of one facet each into `opposite` and `same`; return those that are two facets."""
     opposite[a], opposite[b] = b, a
     a = np.sort(np.minimum(a, b))  # what is near in the mesh is near in memory
-    b = opposite[a]
-    mine, theirs = solid.corners_of(a), solid.corners_of(b)
-    equal = _are_equal(mine, theirs)
-    same[a] = same[b] = (_is_forward(mine) == _is_forward(theirs)) & equal
-    wrong = np.concatenate([a[~equal], b[~equal]])
+    found: list[Ints] = [a[:0]]
+    for one in (a[k : k + _PIECE] for k in range(0, len(a), _PIECE)):
+        other = opposite[one]
+        mine, theirs = solid.corners_of(one), solid.corners_of(other)
+        equal = _are_equal(mine, theirs)
+        same[one] = same[other] = (_is_forward(mine) == _is_forward(theirs)) & equal
+        found += [one[~equal], other[~equal]]
+    wrong = np.concatenate(found)
     opposite[wrong] = ALONE
     return wrong
 

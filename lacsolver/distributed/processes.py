@@ -111,6 +111,12 @@ class ProcessShare:
         """Return the arrays of all processes, one after the other."""
         return np.concatenate(self.comm.allgather(np.asarray(x)))
 
+    def same(self, x: NDArray) -> NDArray:
+        """Return the array that the first process has."""
+        out = np.ascontiguousarray(x)
+        self.comm.Bcast(out)
+        return out
+
     def collect(self, x: NDArray) -> NDArray:
         """Return the arrays of all processes, one after the other, on the first process; on others what is empty."""
         parts = self.comm.gather(np.asarray(x))

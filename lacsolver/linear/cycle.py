@@ -93,6 +93,10 @@ class Team:
         """Subtract c A from x in place, for a few long rows A (k, n)."""
         self.run(_subtract, -(-len(x) // _PART), c, A, x, worth=_WORTH_PARTS)
 
+    def same(self, x: NDArray[Any]) -> NDArray[Any]:
+        """Return x."""
+        return x
+
 
 class Level(NamedTuple):
     """Level of the hierarchy: K, inverses of its diagonal blocks over the largest eigenvalue of D^-1 K, R and P.

@@ -84,7 +84,8 @@ def minimise(
         k += 1
     x = np.zeros(Z.shape[1])
     if k:
-        vectors.subtract(-solve_triangular(T[:k, :k], along[:k], trans="T", lower=True), Z[:k], x)
+        part = solve_triangular(T[:k, :k], along[:k], trans="T", lower=True)
+        vectors.subtract(-vectors.same(part), Z[:k], x)
     return KrylovStep(x, r, max(k - len(known), 0))
 
 

@@ -29,6 +29,9 @@ class Vectors(Protocol):
     def subtract(self, c: Floats, A: Floats, x: Floats) -> None:
         """Subtract c A from x in place, for rows A (k, n)."""
 
+    def same(self, x: NDArray) -> NDArray:
+        """Return an array that all processes compute, as the first one has it: their processors may round otherwise."""
+
 
 class WholeVectors:
     """Vectors that are whole arrays of numpy.
@@ -53,19 +56,24 @@ class WholeVectors:
         """Subtract c A from x in place, for rows A (k, n)."""
         x -= c @ A
 
+    def same(self, x: NDArray) -> NDArray:
+        """Return x."""
+        return x
+
 
 class SharedVectors:
     """Vectors of unknowns of which each process holds some, its `own` (n,), and copies of others.
 
     Entries beyond the n unknowns, such as pressures, are the same on all processes. `total` and `largest` combine the
-    arrays and numbers of all processes; `first`: True on one of them.
+    arrays and numbers of all processes, `same` takes those of the first one; `first`: True there.
     """
 
     def __init__(
-        self, own: NDArray[np.bool_], total: Callable[[Floats], Floats], largest: Callable[[float], float], first: bool
-    ) -> None:
+        self, own: NDArray[np.bool_], total: Callable[[Floats], Floats], largest: Callable[[float], float],
+        same: Callable[[NDArray], NDArray], first: bool,
+    ) -> None:  # fmt: skip
         self._own, self._weight = np.flatnonzero(own), own.astype(float)
-        self._total, self._largest, self._first = total, largest, first
+        self._total, self._largest, self._same, self._first = total, largest, same, first
 
     def dots(self, A: Floats, x: Floats) -> NDArray[np.floating]:
         """Return the products (k,) of rows A (k, n) with x."""
@@ -88,6 +96,10 @@ class SharedVectors:
     def subtract(self, c: Floats, A: Floats, x: Floats) -> None:
         """Subtract c A from x in place, for rows A (k, n)."""
         x -= c @ A
+
+    def same(self, x: NDArray) -> NDArray:
+        """Return an array that all processes compute, as the first one has it: their processors may round otherwise."""
+        return self._same(x)
 
 
 def products(vectors: Vectors, A: Floats, B: Floats) -> NDArray[np.floating]:

@@ -71,7 +71,7 @@ def active_set_iterates(
     pivots = Pivots()
     while True:
         load = vectors.dots(free.T, f - stiffness @ q)
-        active = close_rows_against_rigid_modes(free, contact, active, load, resistance)
+        active = vectors.same(close_rows_against_rigid_modes(free, contact, active, load, resistance))
         G, S = contact.equations(p, active)
         problem = SaddleProblem(K, contact.rows, np.flatnonzero(active), f, G + contact.rows.D @ q, S, geometric)
         applications = 0

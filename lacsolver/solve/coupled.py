@@ -64,7 +64,7 @@ def solve_coupled(problem: SaddleProblem, q: Floats, p: Floats, tolerance: Linea
     pressures = np.zeros_like(p)
     pressures[active] = p[active]
     load = K.vectors.dots(K.R.T, problem.f - problem.geometric_forces(q) - rows.B_T @ pressures)
-    now = system.iterate(np.concatenate([q, p[active] + system.preconditioner.balancing(load)]))
+    now = system.iterate(np.concatenate([q, K.vectors.same(p[active] + system.preconditioner.balancing(load))]))
     norm = system.vectors.norm
     if norm(system.load) < norm(now.r) and not K.R.shape[1]:
         now = _Iterate(np.zeros_like(now.x), system.load, system.vectors.largest(problem.f))
@@ -181,6 +181,7 @@ class _System:
         schur, own, part = self.preconditioner, self.W * gap, 1 - self.W * self.S
         p = -(own + part * schur.pressures(gap))
         p += schur.balancing(self.vectors.dots(self.K.R.T, force) + schur.QB.T @ (own - part * p))
+        p = self.vectors.same(p)
         return np.concatenate([self.cycle(force + self.B_T @ (own - part * p)), p])
 
     def gap(self, r: Floats) -> float:

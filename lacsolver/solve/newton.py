@@ -176,6 +176,7 @@ def _newton_step(
             resistance = products(tolerance.vectors, R, K.K @ R if C is None else K.K @ R + C @ R)
             load = tolerance.vectors.dots(R.T, there.r)
             closed = close_rows_against_rigid_modes(R, there.contact, active, load, resistance)
+            closed = tolerance.vectors.same(closed)
             G, S = there.contact.equations(now.p, closed)
             problem = SaddleProblem(K, there.contact.rows, np.flatnonzero(closed), there.r, G, S, C)
             return _Step(*solve_set(problem, there.contact, now.p, tolerance, reduction, moved, limit))

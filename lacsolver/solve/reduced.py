@@ -71,7 +71,7 @@ class ReducedProblem:
     def vectors(self) -> Vectors:
         """Operations on vectors of the unknowns q."""
         share, own = self.problem.space.share, self.problem.constraints.own
-        return WHOLE if own is None else SharedVectors(own, share.total, share.largest, share.rank == 0)
+        return WHOLE if own is None else SharedVectors(own, share.total, share.largest, share.same, share.rank == 0)
 
     @cached_property
     def factors(self) -> FactorCache | SharedFactors:

@@ -91,6 +91,9 @@ class Share(Protocol):
     def gather(self, x: NDArray) -> NDArray:
         """Return the arrays of all processes, one after the other."""
 
+    def same(self, x: NDArray) -> NDArray:
+        """Return the array that the first process has."""
+
     def collect(self, x: NDArray) -> NDArray:
         """Return the arrays of all processes, one after the other, on the first process; on others what is empty."""
 
@@ -147,6 +150,10 @@ class Alone:
         return x
 
     def gather(self, x: NDArray) -> NDArray:
+        """Return x."""
+        return x
+
+    def same(self, x: NDArray) -> NDArray:
         """Return x."""
         return x
 
