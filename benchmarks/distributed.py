@@ -11,7 +11,8 @@ its part alone. Every run is one of `mpiexec` with the Python that `--python` na
 Seconds are those of the processor, of the process that has most of them, busy waiting for the others included; so
 efficiencies are lower bounds. They run from the matrices to the pressures: all of the active set, without the assembly
 and the pairing, which are told beside them. Efficiency is the time of one process over n times that of n. Memory is
-the largest resident memory of a process, and what it has grown by since all modules and kernels were loaded. Messages
+the largest resident memory of a process, and what it has grown by since all modules and kernels were loaded: up to the
+set-up of the preconditioner, when the mesh, contact and K are there ("model"), and at most ("grown"). Messages
 and bytes are those that the process with most of them sends in a V-cycle: those of PETSc (GAMG only, from its log) and
 those of lacsolver, with the reductions over all processes of both.
 """
@@ -65,7 +66,7 @@ FREE = {
     "NUMBA_NUM_THREADS": "1",
 }
 HEADS = ("unknowns, backend", "n", "V-cycles", "sets", "set-up", "matrices to pressures", "efficiency")
-HEADS += ("against serial", "assembly", "pairing", "memory", "grown", "bytes an unknown of the process")
+HEADS += ("against serial", "assembly", "pairing", "memory", "model", "grown", "bytes an unknown of the process")
 WEAK_HEADS = ("unknowns, backend", "n", "V-cycles", "sets", "matrices to pressures")
 WEAK_HEADS += ("PETSc: messages, bytes, reductions a V-cycle", "lacsolver: messages, bytes, reductions a V-cycle")
 
@@ -107,16 +108,26 @@ def counted(MPI: Any, sent: Sent) -> Any:
     return Counted(MPI.COMM_WORLD)
 
 
-def watched(clock: Clock, solved: list[SaddleSolution]) -> ExitStack:
-    """The phases of a contact solve under the clock."""
+def watched(clock: Clock, solved: list[SaddleSolution], models: list[int]) -> ExitStack:
+    """The phases of a contact solve under the clock; `models` gets the memory in use at the start of each set-up."""
+
+    def set_up(work: Callable[..., Any]) -> Callable[..., Any]:
+        timed = clock.around("set-up", work)
+
+        def noted(*arguments: Any, **options: Any) -> Any:
+            models.append(resident())
+            return timed(*arguments, **options)
+
+        return noted
+
     places = [
         (lacsolver.bodies.kinematics, "assemble_stiffness", "assembly", None),
         (lacsolver.problem.problem, "integrate", "pairing", None),
-        (lacsolver.solve.stiffness.FactorCache, "factorise", "set-up", None),
-        (lacsolver.solve.shared_stiffness.SharedFactors, "factorise", "set-up", None),
         (lacsolver.solve.active_set, "solve_saddle", "loops", solved),
     ]
     stack = ExitStack()
+    for cache in (lacsolver.solve.stiffness.FactorCache, lacsolver.solve.shared_stiffness.SharedFactors):
+        stack.enter_context(patch.object(cache, "factorise", set_up(cache.factorise)))
     for module, name, phase, kept in places:
         stack.enter_context(patch.object(module, name, clock.around(phase, getattr(module, name), kept)))
     return stack
@@ -143,11 +154,11 @@ def measured(run: Run) -> list[dict[str, Any]]:
 def figures(problem_of: Callable[[], Problem], sent: Sent | None = None, petsc: Any = None) -> dict[str, Any]:
     """The figures of a contact solve on this process."""
     gc.collect()
-    before, clock, solved = resident(), Clock(), list[SaddleSolution]()
+    before, clock, solved, models = resident(), Clock(), list[SaddleSolution](), list[int]()
     with clock("problem"):
         problem = problem_of()
     earlier = None if sent is None else sent.counts.copy()
-    with watched(clock, solved), clock("contact"):
+    with watched(clock, solved, models), clock("contact"):
         *_, state = march(problem)
     cycles = sum(one.applications for one in solved)
     own = problem.constraints.own
@@ -160,6 +171,7 @@ def figures(problem_of: Callable[[], Problem], sent: Sent | None = None, petsc: 
         "cpu": clock.cpu,
         "solve": clock.cpu["contact"] - clock.cpu["assembly"] - clock.cpu["pairing"],
         "memory": peak(),
+        "model": models[0] - before,
         "grown": peak() - before,
         "ours": [0.0] * 3 if sent is None else ((sent.counts - earlier) / cycles).tolist(),
         "petsc": [0.0] * 3 if petsc is None else traffic(petsc),
@@ -180,7 +192,8 @@ def traffic(petsc: Any) -> list[float]:
     """Messages, bytes and reductions of PETSc in one application of its preconditioner, on this process."""
     told = petsc.Log.Event("PCApply").getPerfInfo()
     count = max(told["count"], 1)
-    return [told[key] / count for key in ("numMessages", "messageLength", "numReductions")]
+    messages, size = (told[key] / 2 / count for key in ("numMessages", "messageLength"))  # sent and received
+    return [messages, size, told["numReductions"] / count]
 
 
 class Launcher:
@@ -212,8 +225,8 @@ class Launcher:
         folder = self._folder / f"{unknowns}.{n}"
         if not folder.exists():
             if unknowns not in self._meshes:
-                n = side(unknowns)
-                self._meshes[unknowns] = blocks(n, n - 3, n // 2)
+                cells = side(unknowns)
+                self._meshes[unknowns] = blocks(cells, cells - 3, cells // 2)
             mesh = self._meshes[unknowns]
             write_parts(folder, mesh, distribute_nodes(mesh, n))
         return str(folder)
@@ -238,7 +251,8 @@ def strong_line(backend: str, n: int, found: Any, single: Any, serial: Any) -> s
     cells = [name_of(found, backend), str(n or "serial"), f"{found[0]['cycles']}", f"{found[0]['sets']}"]
     cells += [f"{busiest(found, 'set-up'):.2f} s", f"{spent:.2f} s", f"{first / n / spent:.2f}" if n else ""]
     cells += [f"{spent / alone:.2f}", f"{busiest(found, 'assembly'):.2f} s", f"{busiest(found, 'pairing'):.2f} s"]
-    cells += [f"{largest['memory'] / 2**20:.0f} MB", f"{grown['grown'] / 2**20:.0f} MB"]
+    model = max(one["model"] for one in found)
+    cells += [f"{largest['memory'] / 2**20:.0f} MB", f"{model / 2**20:.0f} MB", f"{grown['grown'] / 2**20:.0f} MB"]
     return row([*cells, f"{grown['grown'] / grown['unknowns']:,.0f}"])
 
 

@@ -1,0 +1,36 @@
+"""Figures of the share of one of several processes, for `test_share`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lacsolver.case import read_case
+from lacsolver.distributed.processes import Processes
+from lacsolver.problem.problem import Problem
+from lacsolver.problem.skin import prepared
+from lacsolver.solve.reduced import ReducedProblem
+from lacsolver.solve.shared_stiffness import _own_rows
+from tests.lacsolver.distributed.mpi import ROOT
+
+
+def found(comm):
+    """Largest values of all processes, and the rows of this one made in both ways."""
+    case = read_case(ROOT / "data" / "two_blocks.toml")
+    problem = Problem.of(case, prepared(case), Processes(comm))
+    space, constraints, share = problem.space, problem.constraints, problem.space.share
+    own, K = space.dofs(np.flatnonzero(share.own)).ravel(), ReducedProblem(problem).K_q
+    assert constraints.is_selection
+    placed = _own_rows(K, constraints, own)
+    vars(constraints)["is_selection"] = False
+    product = _own_rows(K, constraints, own)
+    return {
+        "largest": share.largest(float(share.rank)),
+        "least": share.largest(-1.0 - share.rank),
+        "nan": math.isnan(share.largest(math.nan if share.rank else 1.0)),
+        "infinite": share.largest(math.inf if share.rank else 1.0) == math.inf,
+        "own": len(own),
+        "n_dof": space.dim * share.part.n_nodes,
+        "difference": float(abs(placed - product).max()),
+    }

@@ -1,0 +1,44 @@
+"""The share of a process: its largest values, and the rows of its matrix for PETSc."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.lacsolver.distributed.mpi import in_ranks
+
+pytestmark = pytest.mark.petsc
+PROGRAM = """
+import json, math
+from lacsolver.distributed.launch import import_mpi
+comm = import_mpi().COMM_WORLD
+from tests.lacsolver.distributed.share import found
+told = comm.gather(found(comm))
+if comm.rank == 0: print(json.dumps(told))
+"""
+
+
+@pytest.fixture(scope="module")
+def told():
+    """The figures of both processes."""
+    done = in_ranks(2, PROGRAM)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_the_largest_value_of_all_processes_keeps_nan(told):
+    for one in told:
+        assert one["largest"] == 1.0 and one["least"] == -1.0
+        assert one["nan"] and one["infinite"]
+
+
+def test_rows_placed_by_index_are_those_of_the_triple_product(told):
+    assert sum(one["own"] for one in told) == one_process_has(told)
+    assert [one["difference"] for one in told] == [0.0, 0.0]
+
+
+def one_process_has(told):
+    """Number of unknowns of the whole model."""
+    (n,) = {one["n_dof"] for one in told}
+    return n
