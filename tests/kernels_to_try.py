@@ -20,6 +20,7 @@ from lacmesh.formats.xdmf.mixed import starts
 from lacmesh.kernels import kernel
 from lacmesh.quality import determinant, measures
 from lacmesh.surface import contact_points
+from lacmesh.topology.boxes import meeting_each_other
 from lacsolver.case import parse_case
 from lacsolver.cli import main
 from lacsolver.linear import analyse
@@ -56,6 +57,7 @@ def work(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     yield "check in space", partial(_check, "two_blocks.msh")
     yield "check in a plane", partial(_check, "sliding/ironing_2d.msh")
     yield "surfaces", _surfaces
+    yield "boxes", _boxes
     yield "multigrid", _multigrid
     yield "two blocks", lambda: main(["run", str(DATA / "two_blocks.toml"), "-q", "-o", str(folder / "run")])
     for model, law, cells in _FINITE:
@@ -104,6 +106,11 @@ def _surfaces() -> None:
     below, above = whole(sheet(3, kind="QUAD8")), whole(sheet(4, 0.01, kind="TRIA6", skew=0.3, down=True))
     for search in ("tree", "front"):
         contact_points(below, above, search=search, max_penetration=1.0)
+
+
+def _boxes() -> None:
+    low = np.random.default_rng(0).random((800, 3))  # so many that they are not compared each with each
+    meeting_each_other(low, low + 0.02)
 
 
 def _multigrid() -> None:

@@ -159,13 +159,10 @@ def rate(
 ) -> Result:  # fmt: skip
     """The fitted rate of an error, over the `last` few levels or all; it falls short below the one that is wanted, and
     where a pairwise rate is below half of it. With one or two levels, or none wanted, it is informative. Last levels
-    whose error has fallen to 0 are faster than any rate, and judged by those before.
+    whose error has fallen to 0 are faster than any rate, and judged by those before, of which there are two at least.
     """
     table, levels = levels, _until_zero(levels)
-    if len(levels) > 1:
-        value = fitted([v.h for v in levels], [v.error for v in levels], last)
-    else:
-        value = math.inf if len(table) > 1 else math.nan
+    value = fitted([v.h for v in levels], [v.error for v in levels], last) if len(levels) > 1 else math.nan
     more: dict[str, Any] = {"levels": tuple(table), "published": tuple(published)}
     if wanted is None or len(table) < 3:
         why = reason if wanted is None else f"a rate is judged on three levels or more; {reason}"

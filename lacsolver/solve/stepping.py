@@ -54,7 +54,8 @@ class NotConvergedError(LacmeshError):
     >>> from dataclasses import replace
     >>> from lacsolver import Problem, read_case
     >>> case = read_case("data/two_blocks.toml")
-    >>> case = replace(case, solver=replace(case.solver, max_iterations=1))
+    >>> contact = replace(case.contact[0], geometry="current")
+    >>> case = replace(case, contact=contact, solver=replace(case.solver, max_iterations=1))
     >>> try:
     ...     list(march(Problem.of(case)))
     ... except NotConvergedError as error:
