@@ -65,11 +65,12 @@ demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks 
 	@bash tools/system.sh tests
 	@mkdir -p .venv && touch $@
 
-test: lint .venv/.system-tests ## linters, then every test; what is skipped must be what was expected
-	@status=0; bash tools/system.sh petsc || status=$$?; \
-	if [ $$status = 1 ]; then echo "skipped: the tests marked petsc, for want of what the lines above name"; \
-	else [ $$status = 0 ] && make --no-print-directory petsc \
-	  && LACMESH_ALL=1 OPENBLAS_NUM_THREADS=1 $(PETSC)/bin/pytest -q -m petsc tests/lacsolver/distributed; fi
+test: $(INSTALLED) .venv/.system-tests ## linters, then every test; what is skipped must be what was expected
+	@make --no-print-directory lint & lint=$$!; status=0; bash tools/system.sh petsc || status=$$?; \
+	if [ $$status = 1 ]; then echo "skipped: the tests marked petsc, for want of what the lines above name"; status=0; \
+	elif [ $$status = 0 ]; then make --no-print-directory petsc \
+	  && LACMESH_ALL=1 OPENBLAS_NUM_THREADS=1 $(PETSC)/bin/pytest -q -m petsc tests/lacsolver/distributed || status=$$?; fi; \
+	wait $$lint && [ $$status = 0 ]
 	LACMESH_ALL=1 $(PYTEST) -m "not petsc"
 
 lint: $(INSTALLED) ## style, types, import layers
