@@ -39,8 +39,8 @@ TESTS = (
     "tests/checks/test_corpus.py",
     "tests/checks/test_healthy.py",
 )
-#: but neither what takes long nor what draws
-MARKS = "not slow and not vtk and not browser"
+#: but neither what takes long nor what draws, nor what runs in the environment of PETSc
+MARKS = "not slow and not vtk and not browser and not petsc"
 #: Look at what computes: run in a process that is set up as a configuration says.
 PROBE = """
 import json
