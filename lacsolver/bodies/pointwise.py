@@ -110,11 +110,13 @@ class PointwiseBodies:
         return coo_array(made, shape=(n, n)).tocsr()
 
     def energy(self, u: Floats, history: LawHistory = ()) -> float:
-        """Return the energy stored in these cells at u (n_dof,)."""
-        return sum(
-            float((part.W[points.rows] * points.answer.energy.reshape(points.H.shape[:2])).sum())
-            for part, points in self._evaluated(u, history)
-        )
+        """Return the energy stored in these cells at u (n_dof,); of several processes each has that of its own cells."""
+        total = 0.0
+        for part, points in self._evaluated(u, history):
+            own = self.space.own_cells(self.space.blocks[part.block])[part.cells][points.rows]
+            stored = part.W[points.rows] * points.answer.energy.reshape(points.H.shape[:2])
+            total += float(stored[own].sum())
+        return total
 
     def commit(self, u: Floats, history: LawHistory = ()) -> LawHistory:
         """Return the history at the end of a step that led to u (n_dof,)."""

@@ -39,8 +39,8 @@ class Share(Protocol):
     """Interface of the share of a process.
 
     `own` (n_nodes,): True for its own nodes, None if all are; `origin` (3,) of the coordinates of the whole model and
-    `body` (n_nodes,), the connected body of each node in it, None if the share is the whole. Every method but
-    `update` of an own mask is called by all processes at the same time.
+    `body` (n_nodes,), the connected body of each node in it, None if the share is the whole. All processes call each
+    method at the same time.
     """
 
     @property

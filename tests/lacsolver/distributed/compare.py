@@ -14,6 +14,7 @@ from lacsolver.case import parse_case
 from lacsolver.distributed.launch import import_mpi, import_petsc
 from lacsolver.distributed.processes import Processes
 from lacsolver.problem.problem import Problem
+from lacsolver.results.answer import Answer
 from lacsolver.solve.stepping import march
 from tests.lacsolver.invariant_cases import CASES, text_of
 
@@ -35,10 +36,13 @@ def compared(case, backend, comm):
     alone = list(march(Problem.of(parse_case(text), mesh)))
     several = parse_case(text.replace("[solver]", f'[solver]\nbackend = "{backend}"', 1))
     problem = Problem.of(several, mesh, Processes(comm))
-    worst = {"u": 0.0, "p": 0.0, "reaction": 0.0, "sets": True}
+    answer, whole_answer = Answer(problem), Answer(Problem.of(parse_case(text), mesh))
+    worst = {"u": 0.0, "p": 0.0, "reaction": 0.0, "energy": 0.0, "sets": True}
     for one, other in zip(march(problem), alone, strict=True):
         for key, field in (("u", "u"), ("reaction", "reaction")):
             worst[key] = max(worst[key], difference(whole(problem.space, getattr(one, field)), getattr(other, field)))
+        energy = (made.figures(state).energy for made, state in ((answer, one), (whole_answer, other)))
+        worst["energy"] = max(worst["energy"], difference(*map(np.float64, energy)))
         for zone, expected in zip(one.zones, other.zones, strict=True):
             worst["p"] = max(worst["p"], difference(zone.pressure, expected.pressure))
             worst["sets"] &= bool((zone.status == expected.status).all())
