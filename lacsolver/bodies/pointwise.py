@@ -110,7 +110,7 @@ class PointwiseBodies:
         return coo_array(made, shape=(n, n)).tocsr()
 
     def energy(self, u: Floats, history: LawHistory = ()) -> float:
-        """Return the energy stored in these cells at u (n_dof,); of several processes each has that of its own cells."""
+        """Return the energy stored in these cells at u (n_dof,), of several processes in its own ones."""
         total = 0.0
         for part, points in self._evaluated(u, history):
             own = self.space.own_cells(self.space.blocks[part.block])[part.cells][points.rows]

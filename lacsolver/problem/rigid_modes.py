@@ -189,6 +189,19 @@ def _frame(space: Space, constraints: Constraints) -> _Frame:
 
 def _connected(space: Space, of_node: Ints) -> list[Body]:
     """Return the connected bodies of the model, in the order of their numbers, each with its nodes of this process."""
+    centre, square = centres(space, of_node)
+    n = len(centre)
+    nodes = np.argsort(of_node, kind="stable")[np.count_nonzero(of_node < 0) :]
+    parts = np.split(nodes, np.cumsum(np.bincount(of_node[nodes], minlength=n))[:-1])
+    named = zip(_names(space, of_node, n), parts, centre, square, strict=True)
+    return [Body(name, there, c, _radius(s)) for name, there, c, s in named]
+
+
+def centres(space: Space, of_node: Ints) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return the mean (n, 3) of the nodes of each connected body, and the mean square (n,) of their distances from it.
+
+    `of_node` (n_nodes,): the result of `bodies`. The nodes are those of all processes.
+    """
     n, share = int(space.share.largest(float(of_node.max(initial=-1)))) + 1, space.share
     own, x = space.own(of_node).ravel(), space.own(space.local.points.ravel())
     own, x = own[own >= 0], x[own >= 0]
@@ -198,11 +211,7 @@ def _connected(space: Space, of_node: Ints) -> list[Body]:
 
     count = np.maximum(sums(), 1)
     centre = np.stack([sums(x[:, k]) for k in range(3)], axis=1) / count[:, None]
-    square = sums(np.square(x - centre[own]).sum(axis=1)) / count
-    nodes = np.argsort(of_node, kind="stable")[np.count_nonzero(of_node < 0) :]
-    parts = np.split(nodes, np.cumsum(np.bincount(of_node[nodes], minlength=n))[:-1])
-    named = zip(_names(space, of_node, n), parts, centre, square, strict=True)
-    return [Body(name, there, c, _radius(s)) for name, there, c, s in named]
+    return centre, sums(np.square(x - centre[own]).sum(axis=1)) / count
 
 
 def _names(space: Space, of_node: Ints, n: int) -> list[str]:

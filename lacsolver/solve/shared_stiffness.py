@@ -20,6 +20,7 @@ from lacsolver.linear import MULTIGRID_ABOVE
 from lacsolver.linear.multigrid import Hierarchy
 from lacsolver.linear.petsc import PetscCycle, petsc_matrix
 from lacsolver.linear.vectors import Vectors
+from lacsolver.problem.rigid_modes import bodies, centres
 from lacsolver.solve.stiffness import embed, leading_unknowns
 from lacsolver.space.space import Space
 
@@ -144,14 +145,8 @@ def _own_rows(K: csr_array, constraints: Constraints, own: Ints) -> csr_array:
 
 def rigid_body_modes(space: Space) -> NDArray[np.floating]:
     """Return the rigid-body modes (n_dof, r) of all bodies in the same columns, about each body's own centre."""
-    share, body = space.share, space.share.body
-    assert body is not None
-    n = int(share.largest(float(body.max(initial=-1)))) + 1
-    own, x = space.own(body).ravel(), space.own(space.local.points.ravel())
-    own, x = own[own >= 0], x[own >= 0]
-    count = share.total(np.bincount(own, minlength=n).astype(float))
-    sums = [share.total(np.bincount(own, x[:, k], minlength=n).astype(float)) for k in range(3)]
-    centre = np.stack(sums, axis=1) / np.maximum(count, 1)[:, None]
+    body = bodies(space)
+    centre, _ = centres(space, body)
     arm = np.where(body[:, None] >= 0, space.local.points - centre[body], 0.0)
     straight = np.tile(np.eye(space.dim), (len(arm), 1, 1))
     modes = np.concatenate([straight, moments(space.dim, arm) / (space.extent or 1.0)], axis=2)

@@ -312,14 +312,23 @@ def _why(step: LoadStep, outcome: Outcome) -> str:
     pushed = problem.constraints.T.T @ off - problem.constraints.force(step.t)
     for motion in model.motions:
         along = unknowns(problem.constraints, motion.field)
-        left, whole = along @ pushed, np.abs(along) @ (np.abs(pushed + contact) + np.abs(contact))
+        left = model.vectors.dots(along[None], pushed)[0]
+        whole = model.vectors.dots(np.abs(along)[None], np.abs(pushed + contact) + np.abs(contact))[0]
         if abs(left) > _UNCARRIED * whole and not np.abs(closed @ along).any():
             return f"{said}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
-    r = problem.constraints.T @ pushed
-    node = int(np.abs(r).argmax()) // problem.space.dim
-    place = ", ".join(problem.space.told(problem.space.mesh.points[node]))
+    number, place = _largest_node(problem.space, problem.constraints.T @ pushed)
     balance, gap = outcome.residuals[-1]
-    number = problem.space.mesh.node_number[node]
     said += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
     said += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
     return f"{said}; try more steps ([steps] count) or more iterations ([solver] max_iterations)"
+
+
+def _largest_node(space: Space, r: Floats) -> tuple[int, str]:
+    """Return the number and the place of the node with the largest entry of r (n_dof,), of those of all processes."""
+    size = np.abs(r).reshape(-1, space.dim).max(axis=1)
+    if space.share.own is not None:
+        size[~space.share.own] = -1.0
+    node = int(size.argmax())
+    found = space.share.gather(np.array([[size[node], space.mesh.node_number[node], *space.mesh.points[node]]]))
+    _, number, *at = found[found[:, 0].argmax()]
+    return int(number), ", ".join(space.told(np.array(at)))
