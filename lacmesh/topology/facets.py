@@ -161,56 +161,58 @@ def pair_facets(solid: Solid) -> tuple[Ints, Bools]:
     seed = 0
     while len(left):  # once, but for the few different facets of equal keys: these draw again
         seed += 1
-        number, first, last = _alike(left, _keys(solid, seed))
-        pair = last == first + 1
-        left = np.concatenate(
-            [
-                _pair(solid, number[first[pair]], number[last[pair]], opposite, same),
-                _crowd(solid, number, first[~pair], last[~pair], opposite),
-            ]
-        )
+        members, run = _runs(left, _keys(solid, left, seed), opposite)
+        wrong = [_compare(solid, left, opposite, same), _crowd(solid, members, run, opposite)]
+        left = np.sort(np.concatenate(wrong))
     return opposite, same
 
 
-def _keys(solid: Solid, seed: int) -> NDArray[np.uint64]:
-    """(k FACETS,): a hash of each facet that does not depend on the order of its corners."""
-    weight = mixed_bits(np.arange(int(solid.corners.max(initial=0)) + 1), seed)
-    key = np.zeros((len(solid.cells), FACETS), np.uint64)
-    for j, rows, corners in solid.facets():
-        for column in corners:
-            key[rows, j] += weight[column]
-    return key.ravel()
+def _pieces(size: int) -> Iterator[slice]:
+    """Iterate over 0..size, _PIECE at a time: whole arrays of what is only passed through would double the memory."""
+    for k in range(0, size, _PIECE):
+        yield slice(k, min(k + _PIECE, size))
 
 
-def _alike(number: Ints, key: NDArray[np.uint64]) -> tuple[Ints, Ints, Ints]:
-    """Sort facets by their keys: (sorted, first (r,), last (r,)), with the first and last of each run of equal keys.
+def _keys(solid: Solid, number: Ints, seed: int) -> NDArray[np.uint64]:
+    """(m,): a hash of each of some facets, which does not depend on the order of their corners."""
+    weight = mixed_bits(np.arange(int(solid.corners.max(initial=0)) + 2), seed)
+    weight[-1] = 0  # of the corner -1, which a facet of fewer corners lists
+    key = np.empty(len(number), np.uint64)
+    for piece in _pieces(len(number)):
+        key[piece] = sum(weight[column] for column in solid.corners_of(number[piece]))
+    return key
+
+
+def _runs(number: Ints, key: NDArray[np.uint64], opposite: Ints) -> tuple[Ints, Ints]:
+    """Write the facets whose key one other has into `opposite`; return those of longer runs (m,), and their runs (m,).
 
     A key and a place among the facets share 64 bits: whole numbers are sorted several times faster than places.
     """
-    bits, packed = np.uint64(len(number).bit_length()), key[number]
-    del key
-    packed >>= bits
-    packed <<= bits
-    for k in range(0, len(packed), _PIECE):
-        packed[k : k + _PIECE] |= np.arange(k, min(k + _PIECE, len(packed)), dtype=np.uint64)
-    packed.sort()
-    alike = np.empty(max(len(packed) - 1, 0), bool)
-    for k in range(0, len(alike), _PIECE):
-        cut = packed[k : k + _PIECE + 1] >> bits
-        alike[k : k + _PIECE] = cut[1:] == cut[:-1]
-    packed &= (np.uint64(1) << bits) - np.uint64(1)
-    ordered = number[packed.view(np.int64)]
-    del packed
-    ends = np.flatnonzero(np.diff(alike, prepend=False, append=False)).astype(number.dtype)
-    return ordered, ends[::2], ends[1::2]
+    bits = np.uint64(len(number).bit_length())
+    place = (np.uint64(1) << bits) - np.uint64(1)
+    for piece in _pieces(len(key)):
+        key[piece] = key[piece] & ~place | np.arange(piece.start, piece.stop, dtype=np.uint64)
+    key.sort()
+    alike = np.zeros(len(key) + 2, bool)  # True where the facet before has the same key
+    for piece in _pieces(len(key) - 1):
+        cut = key[piece.start : piece.stop + 1] >> bits
+        alike[piece.start + 1 : piece.stop + 1] = cut[1:] == cut[:-1]
+    inner: list[Ints] = [np.empty(0, np.int64)]
+    for piece in _pieces(len(key) - 1):
+        here, after, last = (alike[piece.start + k : piece.stop + k] for k in range(3))
+        first = np.flatnonzero(after & ~here & ~last) + piece.start
+        a, b = (number[(key[rows] & place).view(np.int64)] for rows in (first, first + 1))
+        opposite[a], opposite[b] = b, a
+        inner.append(np.flatnonzero(after & here) + piece.start)
+    long = np.unique(np.concatenate(inner) + np.arange(-1, 2)[:, None])
+    return number[(key[long] & place).view(np.int64)], np.cumsum(~alike[long])
 
 
-def _pair(solid: Solid, a: Ints, b: Ints, opposite: Ints, same: Bools) -> Ints:
-    """Write the pairs a (m,), b (m,) of one facet each into `opposite` and `same`; return those that are two facets."""
-    opposite[a], opposite[b] = b, a
-    a = np.sort(np.minimum(a, b))  # what is near in the mesh is near in memory
-    found: list[Ints] = [a[:0]]
-    for one in (a[k : k + _PIECE] for k in range(0, len(a), _PIECE)):
+def _compare(solid: Solid, number: Ints, opposite: Ints, same: Bools) -> Ints:
+    """Compare some facets with their `opposite` and write `same`; return those that are two facets, ALONE again."""
+    found = [number[:0]]
+    for piece in _pieces(len(number)):
+        one = number[piece][number[piece] < opposite[number[piece]]]
         other = opposite[one]
         mine, theirs = solid.corners_of(one), solid.corners_of(other)
         equal = _are_equal(mine, theirs)
@@ -221,11 +223,8 @@ def _pair(solid: Solid, a: Ints, b: Ints, opposite: Ints, same: Bools) -> Ints:
     return wrong
 
 
-def _crowd(solid: Solid, number: Ints, first: Ints, last: Ints, opposite: Ints) -> Ints:
+def _crowd(solid: Solid, members: Ints, run: Ints, opposite: Ints) -> Ints:
     """Write CROWDED for runs of one facet each into `opposite`; return the facets of the other runs."""
-    size = last - first + 1
-    run = np.repeat(np.arange(len(size)), size)
-    members = number[np.repeat(first - np.cumsum(size) + size, size) + np.arange(len(run))]
     corners = solid.corners_of(members)
     equal = _are_equal([c[1:] for c in corners], [c[:-1] for c in corners]) | (run[1:] != run[:-1])
     wrong = np.isin(run, run[1:][~equal])

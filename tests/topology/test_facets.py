@@ -30,7 +30,7 @@ def test_pairs_are_those_of_a_table(seed, keys, monkeypatch):
         monkeypatch.setattr(
             facets, "mixed_bits", lambda n, draw: bits(n, draw) >> np.uint64(61) if draw < 3 else bits(n, draw)
         )
-        monkeypatch.setattr(facets, "_keys", lambda solid, draw, make=facets._keys: make(solid, draw) << np.uint64(50))
+        monkeypatch.setattr(facets, "_keys", lambda *given, make=facets._keys: make(*given) << np.uint64(50))
     for mesh in some_meshes(seed):
         solid = Solid.of(mesh)
         for mine, theirs in zip(pair_facets(solid), plain.pairs_of_facets(solid), strict=True):
