@@ -215,7 +215,8 @@ def build(
 
 def _check_shared(case: Case) -> None:
     """Raise RequestError for what only one process solves."""
-    lacking = ["rigid bodies ([[rigid]])"] if case.rigid else []
+    loaded = any(getattr(body, key) is not None for body in case.rigid for key in ("fx", "fy", "fz", "moment"))
+    lacking = ["rigid bodies with a free motion ([[rigid]] with fx, fy, fz or moment)"] if loaded else []
     lacking += ['[output] format = "med"'] if case.output.format == "med" else []
     lacking += ["laws with a history"] if any(getattr(law_of(m), "n_history", 0) for m in case.material) else []
     if lacking:

@@ -249,10 +249,13 @@ class Space:
 
 
 def _solid_blocks(mesh: Mesh, model: ModellingHypothesis, own: NDArray[np.bool_] | None = None) -> tuple[Cells, ...]:
-    """Return the cells of the model's dimension, one block per type; with `own` nodes, those that touch them."""
+    """Return the cells of the model's dimension, one block per type; with `own` nodes, those that touch them.
+
+    Of several processes all have a block for each type, which is empty where no cell touches an own node.
+    """
     blocks = []
     for k, (kind, nodes) in enumerate(mesh.blocks):
-        if ALL_CELLS[kind].dim != model.dim or not len(nodes):
+        if ALL_CELLS[kind].dim != model.dim or (own is None and not len(nodes)):
             continue
         index = np.arange(mesh.offsets[k], mesh.offsets[k + 1])
         if kind not in CELLS:
@@ -261,8 +264,6 @@ def _solid_blocks(mesh: Mesh, model: ModellingHypothesis, own: NDArray[np.bool_]
         if own is not None:
             touching = own[nodes].any(axis=1)
             nodes, index = nodes[touching], index[touching]
-            if not len(nodes):
-                continue
         blocks.append(Cells(kind, fixed(np.ascontiguousarray(nodes, np.int32)), index))
     if not blocks:
         there = ", ".join(mesh.cells_by_type) or "no cells"
@@ -283,7 +284,7 @@ def _thickness(model: str, thickness: float | None) -> float:
 def _check_plane(space: Space) -> None:
     """Raise DataError unless a plane model's nodes lie in one plane z = constant, an axisymmetric one's at x >= 0."""
     mesh = space.mesh
-    if space.dim == 3:
+    if space.dim == 3 or not space.attached.any():
         return
     x = mesh.points[space.attached]
     extent = np.ptp(x, axis=0)[:2].max()
