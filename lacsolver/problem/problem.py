@@ -218,7 +218,6 @@ def _check_shared(case: Case) -> None:
     loaded = any(getattr(body, key) is not None for body in case.rigid for key in ("fx", "fy", "fz", "moment"))
     lacking = ["rigid bodies with a free motion ([[rigid]] with fx, fy, fz or moment)"] if loaded else []
     lacking += ['[output] format = "med"'] if case.output.format == "med" else []
-    lacking += ["laws with a history"] if any(getattr(law_of(m), "n_history", 0) for m in case.material) else []
     if lacking:
         raise RequestError(f"{', '.join(lacking)}: only one process solves this so far; start one, without mpiexec")
 

@@ -72,6 +72,10 @@ class Share(Protocol):
         """Index (n_nodes,) in the whole model of each node; None if the share is the whole."""
 
     @property
+    def cell(self) -> Ints | None:
+        """Index (n_cells,) in the whole model of each cell; None if the share is the whole."""
+
+    @property
     def common(self) -> NDArray[np.bool_] | None:
         """Mask (n_nodes,) of the nodes of contact skins, which all processes have; None for one alone."""
 
@@ -125,7 +129,7 @@ class Alone:
     """
 
     rank, n = 0, 1
-    comm = number = common = own = origin = node = body = None
+    comm = number = common = own = origin = node = cell = body = None
 
     def read(self, path: Path, skins: Sequence[str], slaves: Mapping[str, str]) -> Mesh:
         """Return the mesh of a file. Raises ReadError, and RequestError for a mesh that is divided."""

@@ -86,7 +86,10 @@ def test_parts_are_solved_by_as_many_processes(runs):
 @pytest.mark.parametrize(
     ("section", "said"),
     [
-        ('[[rigid]]\ngroup = "top"\n', "rigid bodies ([[rigid]])"),
+        (
+            '[[rigid]]\ngroup = "top"\nfz = -1.0\n',
+            "rigid bodies with a free motion ([[rigid]] with fx, fy, fz or moment)",
+        ),
         ('[output]\nformat = "med"\n', '[output] format = "med"'),
     ],
 )
