@@ -168,14 +168,14 @@ class _Run:
 
 
 def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
-    """Return warnings about doubtful results of a finished run."""
+    """Return warnings about doubtful results of a finished run, those of all processes."""
     told = list(_strangers(problem, made.results))
     if made.last is not None:
         told += warnings_of(made.last.held, made.last.prescribed)
         told += faceted(problem, made.last)
         if not problem.kinematics.finite:
             told += filter(None, [beyond_a_cell(problem.space, made.last.u)])
-    return tuple(told)
+    return problem.space.share.texts(told)
 
 
 def _strangers(problem: Problem, results: Results) -> Iterator[str]:

@@ -2,8 +2,8 @@
 
     python -m verification.divided FOLDER
 
-The folder has `jobs.json`, with the problems and the backends; of each problem the case as `NAME.toml`, and its mesh in
-as many parts as there are processes, `NAME.N`. The states of the whole model go to `NAME.N.BACKEND.npz`.
+The folder has `jobs.json`, with the names of the problems and the backend; of each problem the case as `NAME.toml`, and
+its mesh in as many parts as there are processes, `NAME.N`. The states of the whole model go to `NAME.N.npz`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import sys
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -76,25 +76,25 @@ def _whole(space: Space, values: Floats) -> Floats:
 
 
 def solve_divided(
-    problems: Mapping[str, tuple[str, Mesh]], n: int, backends: Sequence[str], folder: Path
-) -> dict[tuple[str, str], list[Found]]:
-    """The states of problems, of each its case and its mesh, solved by n processes; by name and backend.
+    problems: Mapping[str, tuple[str, Mesh]], n: int, backend: str, folder: Path
+) -> dict[str, list[Found]]:
+    """The states of problems, of each its case and its mesh, solved by n processes with a backend; by name.
 
     Raises FailedError with the last line of the processes if they fail, subprocess.TimeoutExpired.
     """
     for name, (text, mesh) in problems.items():
         (folder / f"{name}.toml").write_text(text, encoding="utf-8")
         write_parts(folder / f"{name}.{n}", mesh, distribute_nodes(mesh, n))
-    (folder / _JOBS).write_text(json.dumps({"names": list(problems), "backends": list(backends)}), encoding="utf-8")
+    (folder / _JOBS).write_text(json.dumps({"names": list(problems), "backend": backend}), encoding="utf-8")
     done = mpiexec.run(n, ["-m", "verification.divided", folder], _PATIENCE)
     if done.returncode:
         said = [line for line in done.stderr.splitlines() if line.startswith("rank ")] or ["no message"]
-        raise FailedError(f"{n} processes: {said[0]}")
-    return {(name, backend): _read(folder, name, n, backend) for name in problems for backend in backends}
+        raise FailedError(f"{n} processes with {backend}: {said[0]}")
+    return {name: _read(folder / f"{name}.{n}.npz") for name in problems}
 
 
-def _read(folder: Path, name: str, n: int, backend: str) -> list[Found]:
-    with np.load(folder / f"{name}.{n}.{backend}.npz") as file:
+def _read(path: Path) -> list[Found]:
+    with np.load(path) as file:
         times = file["time"]
         fields = {key: file[key] for key in ("u", "status", "pressure", "force")}
     return [Found(float(t), **{key: values[k] for key, values in fields.items()}) for k, t in enumerate(times)]
@@ -112,27 +112,26 @@ def main(folder: Path) -> None:
     jobs = json.loads((folder / _JOBS).read_text(encoding="utf-8"))
     for name in jobs["names"]:
         case = parse_case((folder / f"{name}.toml").read_text(encoding="utf-8"))
-        for backend in jobs["backends"]:
-            try:
-                _solve(case, folder, f"{name}.{comm.size}", backend, comm)
-            except Exception as error:
-                traceback.print_exc()
-                sys.stderr.write(f"rank {comm.rank}: {name}, {backend}: {type(error).__name__}: {error}\n")
-                sys.stderr.flush()
-                comm.Abort(1)
+        try:
+            _solve(case, folder / f"{name}.{comm.size}", jobs["backend"], comm)
+        except Exception as error:
+            traceback.print_exc()
+            sys.stderr.write(f"rank {comm.rank}: {name}: {type(error).__name__}: {error}\n")
+            sys.stderr.flush()
+            comm.Abort(1)
 
 
-def _solve(case: Case, folder: Path, parts: str, backend: str, comm: Any) -> None:
+def _solve(case: Case, parts: Path, backend: str, comm: Any) -> None:
     """Solve a case on parts of its mesh, and write the states on the first process."""
     from lacsolver.distributed.processes import Processes
 
     solver = replace(case.solver, backend=backend, threads=1)
-    problem = Problem.of(replace(case, mesh=folder / parts, solver=solver), distribution=Processes(comm))
+    problem = Problem.of(replace(case, mesh=parts, solver=solver), distribution=Processes(comm))
     states = [found(state, problem.space) for state in march(problem)]
     if comm.rank == 0:
         keys = ("time", "u", "status", "pressure", "force")
         arrays = {key: np.array([getattr(state, key) for state in states]) for key in keys}
-        np.savez(folder / f"{parts}.{backend}.npz", **arrays)  # type: ignore[arg-type]
+        np.savez(f"{parts}.npz", **arrays)  # type: ignore[arg-type]
 
 
 if __name__ == "__main__":

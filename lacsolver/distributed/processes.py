@@ -40,6 +40,9 @@ class Processes:
             raise RequestError(f"{path} has {there} parts, and {self.n} processes were started; {advice}")
         part = read_part(path, self.rank, everywhere=sorted(set(skins)))
         if slaves and not is_cut(part.mesh):
+            if len(set(slaves.values())) > 1:
+                advice = "cut the slaves before the mesh is divided"
+                raise RequestError(f"the slaves in {path} are cut at once, so hexa must be the same for all; {advice}")
             part = cut_part(part, list(slaves), hexa=next(iter(slaves.values())))
         self._part = part
         return part.mesh
@@ -170,6 +173,10 @@ class ProcessShare:
     def _from_whole(self, unknown: Ints, dim: int) -> Ints:
         """Return the index here of unknowns of the whole model, at nodes that this process has."""
         return dim * np.searchsorted(self.node, unknown // dim) + unknown % dim
+
+    def texts(self, own: Sequence[str]) -> tuple[str, ...]:
+        """Return the different texts of all processes, those of the first one first."""
+        return tuple(dict.fromkeys(text for texts in self.comm.allgather(tuple(own)) for text in texts))
 
     def agree(self, error: Exception | None) -> None:
         """Raise the error of the first process that has one, on all of them."""

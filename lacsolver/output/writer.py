@@ -120,9 +120,11 @@ class Writer:
     def _fields_to(self, folder: Path, end: float | None = None) -> Series:
         """Return the files of fields in a folder; `end`: existing ones are continued after this time."""
         if self._output.format == "med":
+            from lacsolver.output.gathered import GatheredSeries
             from lacsolver.output.med import MedSeries  # with h5py, which few runs need
 
-            return MedSeries(folder, self._space, self._zones, end)
+            series = MedSeries if self._share.own is None else GatheredSeries
+            return series(folder, self._space, self._zones, end)
         return VtuSeries(folder, self._space)
 
     def _write(self, fields: Fields, state: Restart) -> None:

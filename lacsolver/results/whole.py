@@ -52,7 +52,7 @@ class Order:
             places, inverse = np.unique(asked, return_inverse=True)
             given = read(len(places))[inverse] if share.rank == 0 else np.empty(0)
             parts.append(share.deal(given, counts))
-        return np.concatenate(parts)
+        return np.concatenate(parts) if parts else np.empty(0)
 
     def _ranges(self, key: Ints) -> Iterator[slice]:
         """Yield the rows of this process in each piece."""

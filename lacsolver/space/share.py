@@ -114,6 +114,9 @@ class Share(Protocol):
         those nodes. Others mean the same on all.
         """
 
+    def texts(self, own: Sequence[str]) -> tuple[str, ...]:
+        """Return the different texts of all processes, those of the first one first."""
+
     def agree(self, error: Exception | None) -> None:
         """Raise the error of the first process that has one, on all of them."""
 
@@ -176,6 +179,10 @@ class Alone:
     def add_matrices(self, A: csr_array, nodal: tuple[bool, bool]) -> csr_array:
         """Return A."""
         return A
+
+    def texts(self, own: Sequence[str]) -> tuple[str, ...]:
+        """Return the different texts."""
+        return tuple(dict.fromkeys(own))
 
     def agree(self, error: Exception | None) -> None:
         """Raise the error, if there is one."""

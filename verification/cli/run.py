@@ -64,7 +64,7 @@ def _possible(planned: Sequence[Planned]) -> list[Planned]:
         raise RequestError("; ".join(f"family {name} cannot be run: {said}" for name, said in lacking.items()))
     for name, said in lacking.items():
         count = sum(p.case.family == name for p in planned)
-        print(f"family {name} is left out, {count} cases: {said}", flush=True)
+        print(f"family {name} is left out ({count} of the cases): {said}", flush=True)
     return left
 
 
