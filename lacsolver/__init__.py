@@ -15,6 +15,7 @@ _PUBLIC = {
     "contact_matrices": "lacsolver.matrices",
     "write_matrices": "lacsolver.matrices",
     "march": "lacsolver.solve.stepping",
+    "natural_modes": "lacsolver.solve.vibration",
     "create": "lacsolver.output",
     "run": "lacsolver.running",
     "read_state": "lacsolver.output",
@@ -26,6 +27,7 @@ _PUBLIC = {
     "State": "lacsolver.results.state",
     "ZoneState": "lacsolver.results.state",
     "Answer": "lacsolver.results.answer",
+    "NaturalModes": "lacsolver.results.modes",
     **dict.fromkeys(
         ("Fields", "Restart", "Results", "StepFigures", "ZoneFields", "ZoneFigures"), "lacsolver.results.results"
     ),
@@ -70,6 +72,7 @@ if TYPE_CHECKING:
     from lacsolver.pictures.filming import film as film
     from lacsolver.problem.problem import Problem as Problem
     from lacsolver.results.answer import Answer as Answer
+    from lacsolver.results.modes import NaturalModes as NaturalModes
     from lacsolver.results.results import Fields as Fields
     from lacsolver.results.results import Restart as Restart
     from lacsolver.results.results import Results as Results
@@ -81,6 +84,7 @@ if TYPE_CHECKING:
     from lacsolver.running import run as run
     from lacsolver.solve.stepping import NotConvergedError as NotConvergedError
     from lacsolver.solve.stepping import march as march
+    from lacsolver.solve.vibration import natural_modes as natural_modes
     from lacsolver.validation import validate as validate
 
 
