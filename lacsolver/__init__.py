@@ -27,7 +27,6 @@ _PUBLIC = {
     "State": "lacsolver.results.state",
     "ZoneState": "lacsolver.results.state",
     "Answer": "lacsolver.results.answer",
-    "NaturalModes": "lacsolver.results.modes",
     **dict.fromkeys(
         ("Fields", "Restart", "Results", "StepFigures", "ZoneFields", "ZoneFigures"), "lacsolver.results.results"
     ),
@@ -72,7 +71,6 @@ if TYPE_CHECKING:
     from lacsolver.pictures.filming import film as film
     from lacsolver.problem.problem import Problem as Problem
     from lacsolver.results.answer import Answer as Answer
-    from lacsolver.results.modes import NaturalModes as NaturalModes
     from lacsolver.results.results import Fields as Fields
     from lacsolver.results.results import Restart as Restart
     from lacsolver.results.results import Results as Results

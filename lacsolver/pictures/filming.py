@@ -91,7 +91,7 @@ def check_film(path: Path, folder: Path) -> None:
     if path.suffix.lower() not in (".gif", ".png"):
         raise RequestError(f"{path}: a film is written as .gif, a sheet of its pictures as .png")
     if not folder.is_dir():
-        raise RequestError(f"{folder} is no folder; name the one that lacsolver run or lacsolver modes wrote")
+        raise RequestError(f"{folder} is no folder; name the one that lacsolver run wrote")
     if find_spec("matplotlib") is None:
         raise RequestError("a film needs matplotlib; pip install 'lacmesh[view]' brings it")
 
