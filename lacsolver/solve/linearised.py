@@ -41,6 +41,7 @@ class LinearisedProblem:
     C: csr_array
     T: csr_array
     rigid: tuple[FreeMotion, ...]
+    R: NDArray[np.floating]
     held: dict[str, int]
     about_state: bool = False
 
@@ -56,9 +57,9 @@ class LinearisedProblem:
         K = model.K_q if at is None else base.tangent(model, T)
         if yields.any():
             K = csr_array(K + B[yields].T @ diags_array(1 / compliance[yields]) @ B[yields])
+        rigid, R = base.rigid(model, K, csr_array(base.contact.rows.B[base.closed[moved]]))
         return cls(
-            model, K, _scaled(csr_array(B[moved & ~yields]), K), T,
-            base.rigid(model, K, csr_array(base.contact.rows.B[base.closed[moved]])),
+            model, K, _scaled(csr_array(B[moved & ~yields]), K), T, rigid, R,
             {g.pair.name: int(moved[_between(base.closed, g.rows)].sum()) for g in base.contact.groups if g.pair},
             at is not None,
         )  # fmt: skip
@@ -115,15 +116,28 @@ class _Base:
         K_q = model.reduced(K, T) if bent is None else csr_array(model.reduced(K, T) + bent)
         return csr_array((K_q + K_q.T) / 2)
 
-    def rigid(self, model: ReducedProblem, K: csr_array, B: csr_array) -> tuple[FreeMotion, ...]:
-        """Return the rigid-body motions that neither supports nor the closed rows B (m, n_dof) resist.
+    def rigid(
+        self, model: ReducedProblem, K: csr_array, B: csr_array
+    ) -> tuple[tuple[FreeMotion, ...], NDArray[np.floating]]:
+        """Return the rigid-body motions that neither supports nor the closed rows B (m, n_dof) resist, and unknowns.
 
-        Of those of a state under finite kinematics, the ones that its loads resist are left out.
+        About a state of a problem that is not linear, those that loads or pressures resist are left out.
         """
-        free = still_free(B, model.motions, x=self.problem.space.places(self.u))
-        if self.problem.kinematics.linear or not self.u.any():
-            return free
-        return tuple(m for m in free if is_free(K, unknowns(self.problem.constraints, m.field)))
+        x = self.problem.space.places(self.u)
+        free = still_free(B, model.motions, x=x)
+        R = [unknowns(self.problem.constraints, _field(motion, x)) for motion in free]
+        if not model.linear and self.u.any():
+            chosen = [is_free(K, q) for q in R]
+            free = tuple(motion for motion, kept in zip(free, chosen, strict=True) if kept)
+            R = [q for q, kept in zip(R, chosen, strict=True) if kept]
+        return free, np.stack(R, axis=1) if R else np.zeros((K.shape[0], 0))
+
+
+def _field(motion: FreeMotion, x: Floats) -> NDArray[np.floating]:
+    """Return the displacement (n_dof,) of all nodes by a motion, with nodes at x (n_nodes, 3)."""
+    u = np.zeros((len(x), motion.space.dim))
+    u[motion.nodes] = motion.at(x)
+    return u.ravel()
 
 
 def _scaled(B: csr_array, K: csr_array) -> csr_array:

@@ -17,7 +17,7 @@ from lacsolver.case import CaseError, parse_case
 from lacsolver.linear import SingularError
 from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
-from lacsolver.solve import vibration
+from lacsolver.solve import eigenmodes, vibration
 from lacsolver.solve.linearised import LinearisedProblem
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.stepping import march
@@ -197,9 +197,19 @@ def both_ways(monkeypatch, mesh, case, count=6, **options):
     """Frequencies by dense matrices and by Lanczos' iteration."""
     made = []
     for limit in (0, 10**6):
-        monkeypatch.setattr(vibration, "_DENSE", limit)
+        monkeypatch.setattr(eigenmodes, "_DENSE", limit)
         made.append(modes_of(mesh, case, count, **options))
     return made
+
+
+def test_no_mode_of_several_with_one_frequency_is_missed():
+    """Six bodies alike have each frequency six times; the numbers asked for end within and between the groups."""
+    one = block("QUAD4", 6)
+    six = joined(*(block("QUAD4", 6, shift=3.0 * k) for k in range(6)))
+    each = np.repeat(modes_of(one, text(), 3).frequencies, 6)
+    for count in (4, 10, 12, 15):
+        modes = modes_of(six, text(), count)
+        assert len(modes.rigid) == 18 and modes.frequencies == pytest.approx(each[:count], rel=1e-10)
 
 
 @pytest.mark.parametrize("sections", [hold(bottom="ux uy") + TIE, TIE, hold(bottom="ux uy") + CONTACT])
@@ -278,6 +288,34 @@ def test_a_soft_contact_is_a_spring():
     z = brentq(lambda z: z * np.tan(z) - stiff / YOUNG, 1e-3, 1.5)
     assert modes.frequencies[0] == pytest.approx(z * np.sqrt(YOUNG / DENSITY) / (2 * np.pi), rel=1e-5)
     assert modes.rigid == ()
+
+
+def test_the_tangent_of_a_state_is_the_symmetric_part_of_the_derivative_of_its_forces():
+    """Finite strains, sliding contact, a follower, and a rigid body that turns freely: against central differences."""
+    mesh = stack("QUAD4", "TRIA3", 2, counts=(3, 2))
+    sections = hold(bottom="ux uy") + CONTACT + '[[spring]]\ngroup = "upper"\nkx = 0.02\nky = 0.02\n'
+    sections += '[[pressure]]\ngroup = "x1"\nvalue = 0.05\nfollower = true\n'
+    sections += '[[rigid]]\ngroup = "top"\nfx = 0.05\nfy = -0.2\nmoment = 0.01\n'
+    case = text(sections=sections, more='kinematics = "finite"\n')
+    case = case.replace("[[material]]\n", '[[material]]\nlaw = "neo_hookean"\n', 1)
+    problem, state = last_state(mesh, case)
+    lin = LinearisedProblem.of(ReducedProblem(problem), state)
+    assert sum(lin.held.values()) > 0
+    q0, p, _ = state.step.iterate
+    c, K = problem.constraints, problem.kinematics
+
+    def forces(q):
+        u = c.displacement(q, 1.0)
+        (face,) = (pair.integrate(problem.space, u, 1.0) for pair in problem.joints)
+        out = K.internal_force(u, 1.0) - problem.load(1.0, u) + face.B.T @ p
+        return c.tangent(q, 1.0).T @ out - c.force(1.0, q)
+
+    h, some = 1e-6, np.random.default_rng(0).normal(size=(6, len(q0)))
+    J = np.array([(forces(q0 + h * v) - forces(q0 - h * v)) / (2 * h) for v in some]) @ some.T
+    assert np.abs(J - J.T).max() > 1e-5 * np.abs(J).max()  # the antisymmetric part is there, and left out
+    assert np.abs(some @ (lin.K @ some.T) - (J + J.T) / 2).max() < 1e-7 * np.abs(J).max()
+    modes = vibration.natural_modes(problem, 3, at=state)
+    assert modes.rigid == () and (modes.frequencies > 0).all()
 
 
 def pulled(stress):
