@@ -39,7 +39,7 @@ class FailedError(LacmeshError):
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class WholeState:
     """A state of the whole model. `u` (n_nodes, dim); of all zones, one after the other: `status` and `pressure`
     (macro-elements,), and `force` (zones, n_nodes, dim).
     """
@@ -51,10 +51,10 @@ class Found:
     force: Floats
 
 
-def found(state: State, space: Space) -> Found:
+def found(state: State, space: Space) -> WholeState:
     """The state of the whole model, on the first of the processes that share it; all of them call this."""
     zones = state.zones
-    return Found(
+    return WholeState(
         state.time,
         _whole(space, state.u),
         np.concatenate([zone.status for zone in zones]),
@@ -77,7 +77,7 @@ def _whole(space: Space, values: Floats) -> Floats:
 
 def solve_divided(
     problems: Mapping[str, tuple[str, Mesh]], n: int, backend: str, folder: Path
-) -> dict[str, list[Found]]:
+) -> dict[str, list[WholeState]]:
     """The states of problems, of each its case and its mesh, solved by n processes with a backend; by name.
 
     Raises FailedError with the last line of the processes if they fail, subprocess.TimeoutExpired.
@@ -93,11 +93,11 @@ def solve_divided(
     return {name: _read(folder / f"{name}.{n}.npz") for name in problems}
 
 
-def _read(path: Path) -> list[Found]:
+def _read(path: Path) -> list[WholeState]:
     with np.load(path) as file:
         times = file["time"]
         fields = {key: file[key] for key in ("u", "status", "pressure", "force")}
-    return [Found(float(t), **{key: values[k] for key, values in fields.items()}) for k, t in enumerate(times)]
+    return [WholeState(float(t), **{key: values[k] for key, values in fields.items()}) for k, t in enumerate(times)]
 
 
 # ---- the program

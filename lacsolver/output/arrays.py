@@ -15,7 +15,7 @@ from lacmesh.formats.output import replacing
 from lacsolver.results.whole import Order
 
 
-class Rows(NamedTuple):
+class StoredRows(NamedTuple):
     """An array to be written: its type, its shape, and its rows piece after piece."""
 
     dtype: np.dtype
@@ -23,16 +23,16 @@ class Rows(NamedTuple):
     pieces: Iterator[NDArray]
 
     @classmethod
-    def of(cls, values: NDArray, order: Order | None = None) -> Rows:
+    def of(cls, values: NDArray, order: Order | None = None) -> StoredRows:
         """Return an array, or with an order that of the whole model, of which the `values` of each process are rows."""
         if order is None:
             return cls(values.dtype, values.shape, iter([values]))
         return cls(values.dtype, (order.n, *values.shape[1:]), order.pieces(values))
 
 
-def write_arrays(path: Path, small: Mapping[str, NDArray], rows: Mapping[str, Rows]) -> None:
+def write_arrays(path: Path, small: Mapping[str, NDArray], rows: Mapping[str, StoredRows]) -> None:
     """Write arrays, those in `rows` piece after piece. An existing file is replaced at the end. Raises WriteError."""
-    every = {name: Rows.of(values) for name, values in small.items()} | dict(rows)
+    every = {name: StoredRows.of(values) for name, values in small.items()} | dict(rows)
     with replacing(path) as (beside,), zipfile.ZipFile(beside, "w") as archive:
         for name, array in every.items():
             head = {"descr": npy.dtype_to_descr(array.dtype), "fortran_order": False, "shape": array.shape}

@@ -24,7 +24,7 @@ import lacmesh
 from lacmesh.errors import DataError, ReadError, RequestError
 from lacmesh.mesh import Mesh
 from lacsolver.case import Case, changed, fingerprint
-from lacsolver.output.arrays import Rows, rows_in, rows_of, write_arrays
+from lacsolver.output.arrays import StoredRows, rows_in, rows_of, write_arrays
 from lacsolver.output.names import state_file, states_in
 from lacsolver.output.tables import same_time
 from lacsolver.results.results import Restart
@@ -53,7 +53,7 @@ def write_state(
     """
     large = whole_arrays(state)
     small = {name: values for name, values in _arrays(state, prints).items() if name not in large}
-    rows = {name: Rows.of(values, orders.get(name)) for name, values in large.items()}
+    rows = {name: StoredRows.of(values, orders.get(name)) for name, values in large.items()}
     failed: Exception | None = None
     if share.rank == 0:
         try:

@@ -15,6 +15,7 @@ from verification.families.balance import Touch, mesh_of, text
 from verification.families.distributed import FAMILY, FEW, PLANE, RANKS, SOLID, Divided, compared, problems
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS
 from verification.records import Case
+from verification.running.plan import suite_of
 from verification.solving import solve
 
 GIVEN = Touch((("QUAD4", "TRIA3"),), "plane_strain", "waves")
@@ -100,3 +101,9 @@ def test_other_families_run_without_petsc(monkeypatch, capsys):
     left = run._possible([Planned(case, 1, "") for case in cases])
     assert [planned.case.name for planned in left] == ["b"]
     assert capsys.readouterr().out.startswith("family distributed is left out (1 of the cases): MPI is not installed; ")
+
+
+def test_the_family_is_run_without_a_suite():
+    assert suite_of(None, "distributed", "quick") == "all"
+    assert suite_of(None, "patch", "quick") == suite_of(None, None, "quick") == "quick"
+    assert suite_of("full", "distributed", "quick") == "full"

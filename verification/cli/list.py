@@ -23,9 +23,9 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Print the cases."""
-    from verification.running.plan import plan
+    from verification.running.plan import plan, suite_of
 
-    planned = plan(args.suite, args.family, args.case)
+    planned = plan(suite_of(args.suite, args.family, args.default_suite), args.family, args.case)
     if args.json:
         print(json.dumps([_record(p) for p in planned], indent=1))
         return

@@ -23,6 +23,8 @@ def add_choice(parser: argparse.ArgumentParser, suite: str) -> None:
     """Declare the arguments that select cases."""
     words = {"quick": "10 minutes on two cores", "full": "90 minutes", "all": "hours"}
     which = ", ".join(f"{name} ({words[name]})" for name in SUITES)
-    parser.add_argument("--suite", choices=SUITES, default=suite, help=f"{which}; default: {suite}")
+    text = f"{which}; default: {suite}, or the first that has the family"
+    parser.add_argument("--suite", choices=SUITES, help=text)
+    parser.set_defaults(default_suite=suite)
     parser.add_argument("--family", metavar="F", help="the cases of one family")
     parser.add_argument("--case", metavar="C", help="one case, by its name or as family/name")

@@ -38,15 +38,16 @@ def run(args: argparse.Namespace) -> None:
     """Run, and write results and report. Raises FallsShortError where a result is not met."""
     from verification import report
     from verification.running.environment import cores
-    from verification.running.plan import plan
+    from verification.running.plan import plan, suite_of
     from verification.running.suite import locked_run, run_suite
 
-    planned = _possible(plan(args.suite, args.family, args.case))
-    folder = args.output or Path("build") / f"verification-{args.suite}"
+    suite = suite_of(args.suite, args.family, args.default_suite)
+    planned = _possible(plan(suite, args.family, args.case))
+    folder = args.output or Path("build") / f"verification-{suite}"
     jobs = args.jobs or cores()
     with locked_run(folder, resume=args.resume):
         args.left = lambda: f"finished cases are kept in {folder}; --resume goes on"
-        made = run_suite(planned, args.suite, folder, jobs, *((_quiet, _quiet) if args.quiet else (_begun, _said)))
+        made = run_suite(planned, suite, folder, jobs, *((_quiet, _quiet) if args.quiet else (_begun, _said)))
         report.write(made, folder / "report.html")
     _end(made, quiet=args.quiet)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.report.blocks import Line, Plot
-from verification.divided import FailedError, Found, found, solve_divided
+from verification.divided import FailedError, WholeState, found, solve_divided
 from verification.families import balance, patch, sliding
 from verification.families.balance import Touch
 from verification.families.patch import Press
@@ -28,7 +28,7 @@ from verification.records import Case, Family, Outcome, Result, at_least, at_mos
 from verification.solving import Solved, balance_of, solve, worst
 
 Floats = NDArray[np.floating]
-Given = Touch | Press | Slider | Dragged
+Borrowed = Touch | Press | Slider | Dragged
 
 FAMILY_NAME = "distributed"
 BACKENDS = ("gamg", "hypre", "mumps")
@@ -52,7 +52,7 @@ _REASON = {
 class Divided:
     """A problem of another family. `ranks`: numbers of processes, and the backends that each solves with."""
 
-    given: Given
+    given: Borrowed
     ranks: tuple[tuple[int, tuple[str, ...]], ...] = RANKS
 
 
@@ -70,7 +70,7 @@ class Difference:
     balance: float
 
 
-def problems(given: Given) -> Iterator[tuple[str, Mesh]]:
+def problems(given: Borrowed) -> Iterator[tuple[str, Mesh]]:
     """The cases, as TOML, and the meshes, not cut, of a problem of another family, on its coarsest mesh."""
     if isinstance(given, Touch):
         yield from ((balance.text(given), balance.mesh_of(given, *pair)) for pair in given.pairs)
@@ -106,7 +106,7 @@ def _differences(
             yield compared(alone[name], states, n, backend)
 
 
-def compared(alone: Solved, states: Sequence[Found], n: int, backend: str) -> Difference:
+def compared(alone: Solved, states: Sequence[WholeState], n: int, backend: str) -> Difference:
     """The difference of states of n processes from those of one. Raises FailedError where they are at other times."""
     expected = _found(alone)
     times, wanted = [s.time for s in states], [s.time for s in expected]
@@ -124,7 +124,7 @@ def compared(alone: Solved, states: Sequence[Found], n: int, backend: str) -> Di
     )
 
 
-def _found(alone: Solved) -> list[Found]:
+def _found(alone: Solved) -> list[WholeState]:
     return [found(state, alone.problem.space) for state in alone.states]
 
 

@@ -48,6 +48,13 @@ def plan(suite: str, family: str | None = None, name: str | None = None) -> list
     return [Planned(case, _levels(case, suite), sources(case.family)) for case in found]
 
 
+def suite_of(suite: str | None, family: str | None, default: str) -> str:
+    """The suite that is asked for; else the default one, or the first that has cases of the family."""
+    if suite or family not in families.MODULES or any(families.cases(default, (family,))):
+        return suite or default
+    return _first_suite((family,))
+
+
 def in_order(found: Iterable[CaseResult]) -> tuple[CaseResult, ...]:
     """By family, each in the order of its cases."""
     outcomes = list(found)

@@ -82,11 +82,11 @@ def spans(space: Space, degree: int | None = None) -> Iterator[tuple[int, slice]
 
 
 def block_spans(space: Space, number: int, degree: int | None = None) -> Iterator[slice]:
-    """Yield slices of the cells of one block, in pieces of limited size."""
+    """Yield slices of the cells of one block, in pieces of limited size; for a block without cells an empty one."""
     block = space.blocks[number]
     made = table(block.type, space.model.axisymmetric, degree)
     size = max(1, _PIECE // (made.N.size * space.model.rows))
-    for first in range(0, len(block.nodes), size):
+    for first in range(0, max(len(block.nodes), 1), size):
         yield slice(first, min(first + size, len(block.nodes)))
 
 

@@ -53,7 +53,10 @@ def cycles(problem):
 
 def quality(K, A, cycle, x, y):
     """The energy of x - cycle(A x) over that of x, and the difference of y cycle(x) and x cycle(y)."""
-    dot = lambda a, b: K.vectors.dots(a[None], b)[0]
+
+    def dot(a, b):
+        return K.vectors.dots(a[None], b)[0]
+
     left = x - cycle(A(x))
     one, other = dot(y, cycle(x)), dot(x, cycle(y))
     return float(dot(left, A(left)) / dot(x, A(x))), float(abs(one - other) / abs(one))
