@@ -39,7 +39,7 @@ def found(comm):
 
 
 def cycles(problem):
-    """What the V-cycle of GAMG's hierarchy leaves of an error, without and with rows of contact, and its symmetry."""
+    """Energy of an error after a V-cycle of GAMG's hierarchy, without and with rows of contact, and the symmetry."""
     model, constraints = ReducedProblem(problem), problem.constraints
     K = SharedFactors(np.zeros((constraints.n_q, 0)), "gamg", constraints, model.vectors).factorise(model.K_q)
     B = LoadStep(model, 1.0).contact(np.zeros(constraints.n_q)).rows.B
@@ -53,7 +53,10 @@ def cycles(problem):
 
 def quality(K, A, cycle, x, y):
     """The energy of x - cycle(A x) over that of x, and the difference of y cycle(x) and x cycle(y)."""
-    dot = lambda a, b: K.vectors.dots(a[None], b)[0]
+
+    def dot(a, b):
+        return K.vectors.dots(a[None], b)[0]
+
     left = x - cycle(A(x))
     one, other = dot(y, cycle(x)), dot(x, cycle(y))
     return float(dot(left, A(left)) / dot(x, A(x))), float(abs(one - other) / abs(one))
