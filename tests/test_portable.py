@@ -77,7 +77,7 @@ def test_the_libraries_of_numpy_and_of_scipy_are_both_looked_at():
     assert {folder.name for folder in wheels if folder.is_dir()} <= set(own()["openblas"])
 
 
-COMPILED = "from tests.kernels_to_try import double; made = double.compile(); made(1.0); "
+COMPILED = "from tests.small_kernels import double; made = double.compile(); made(1.0); "
 COMPILED += "print(made.targetctx.codegen().magic_tuple()[1:], made.stats.cache_misses)"
 
 
