@@ -24,7 +24,7 @@ ALLOWED = {"Array", "Bools", "Complex", "Floats", "Ints"}
 
 
 class Module(NamedTuple):
-    """Facts of a module, without its tree: a process that keeps a million nodes is slow from then on."""
+    """Facts of a module, without its tree: a million nodes are kept at a cost."""
 
     path: Path
     types: list[str]
