@@ -16,7 +16,7 @@ from scipy.sparse import bsr_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from lacmesh.errors import RequestError
-from lacmesh.mesh import Floats
+from lacmesh.mesh import Floats, Ints
 from lacsolver.linear.cycle import Blocks, Cycle, Level, Team, jacobi
 from lacsolver.linear.errors import LinearError
 from lacsolver.linear.krylov import minimise
@@ -42,6 +42,8 @@ _ROUNDING = 1e-15
 #: lower bound of the tolerance
 _LEAST = 1e-16
 _TINY = 1e-300
+#: number of blocks, and of rows of blocks, that are multiplied at once
+_PIECE, _ROWS = 1 << 17, 1 << 16
 #: energy of a direction, relative to the diagonal's, that is round-off
 _FREE = 1e-15
 #: a hierarchy is stale when it takes this many times the iterations per decade of the residual of its first use
@@ -190,7 +192,8 @@ class MultigridAnalysis:
 
 def _check_held(K: bsr_array, d: Floats, modes: Floats) -> None:
     """Raise SingularError if a combination of the modes costs a body no energy; bodies are connected parts of K."""
-    nodes = csr_array((np.abs(K.data).max(axis=(1, 2)), K.indices, K.indptr), shape=(len(K.indptr) - 1,) * 2)
+    size = np.maximum(K.data.max(axis=(1, 2)), -K.data.min(axis=(1, 2)))  # without a copy of all entries
+    nodes = csr_array((size, K.indices, K.indptr), shape=(len(K.indptr) - 1,) * 2)
     nodes.eliminate_zeros()
     n_bodies, body = connected_components(nodes, directed=False)
     body = np.repeat(body, K.blocksize[0])
@@ -222,9 +225,8 @@ def _hierarchy(K: bsr_array, modes: Floats, team: Team) -> Hierarchy[Cycle]:
             break
         P = _smoothed(K, tentative, inverse, _SMOOTHING / largest)
         del tentative  # memory is at its largest in this loop
-        R = bsr_array(P.T.tobsr(P.blocksize[::-1]))
-        coarse = bsr_array(R @ (K @ P))
-        levels.append(Level.of(K, R, P, inverse / largest, unit))
+        coarse = _galerkin(K, P)
+        levels.append(Level.of(K, _transposed(P), P, inverse / largest, unit))
         K, modes = coarse, coarse_modes
     return Hierarchy(Cycle(levels, K.toarray() * unit, unit, team))
 
@@ -234,14 +236,46 @@ def _tentative(K: bsr_array, modes: Floats) -> tuple[bsr_array, Floats]:
     from pyamg.aggregation import fit_candidates, standard_aggregation
     from pyamg.strength import symmetric_strength_of_connection
 
-    aggregates, _ = standard_aggregation(symmetric_strength_of_connection(K, theta=_STRENGTH))
+    norms = np.sqrt(np.einsum("kij,kij->k", K.data, K.data))  # PyAMG would copy all entries for them
+    nodes = csr_array((norms, K.indices, K.indptr), shape=(len(K.indptr) - 1,) * 2)
+    aggregates, _ = standard_aggregation(symmetric_strength_of_connection(nodes, theta=_STRENGTH))
     P, coarse = fit_candidates(aggregates, modes)
     return bsr_array(P), coarse
 
 
 def _smoothed(K: bsr_array, P: bsr_array, inverse: Floats, factor: float) -> bsr_array:
-    """Return the smoothed prolongation P - factor D^-1 K P."""
-    step = K @ P
-    row = np.repeat(np.arange(len(inverse)), np.diff(step.indptr))
-    step = bsr_array((-factor * (inverse[row] @ step.data), step.indices, step.indptr), shape=step.shape)
-    return bsr_array(P + step)
+    """Return the smoothed prolongation P - factor D^-1 K P in single precision, in which the cycle has it."""
+    made = K @ P
+    row = np.repeat(np.arange(len(inverse), dtype=made.indices.dtype), np.diff(made.indptr))
+    for first in range(0, len(row), _PIECE):
+        piece = slice(first, first + _PIECE)
+        made.data[piece] = -factor * (inverse[row[piece]] @ made.data[piece])
+    _add(made, row, P)
+    return bsr_array((made.data.astype(np.float32), made.indices, made.indptr), shape=made.shape)
+
+
+def _add(A: bsr_array, row: Ints, P: bsr_array) -> None:
+    """Add P, with a block in each block row or none, to A in place, which has these blocks; `row`: those of A's."""
+    own = np.full(len(A.indptr) - 1, -1, P.indices.dtype)
+    own[np.diff(P.indptr) > 0] = P.indices
+    at = np.flatnonzero(A.indices == own[row])
+    A.data[at] += P.data[P.indptr[row[at]]]
+
+
+def _galerkin(K: bsr_array, P: bsr_array) -> bsr_array:
+    """Return P^T K P, summed over parts of the rows of K: K P has several times the blocks of P."""
+    n = len(K.indptr) - 1
+    parts = (_transposed(_rows(P, k, k + _ROWS)) @ (_rows(K, k, k + _ROWS) @ P) for k in range(0, n, _ROWS))
+    return bsr_array(sum(parts, next(parts)))
+
+
+def _rows(A: bsr_array, first: int, last: int) -> bsr_array:
+    """Return block rows first to last of A, without a copy of their blocks."""
+    indptr, b = A.indptr[first : last + 1], A.blocksize[0]
+    own = slice(indptr[0], indptr[-1])
+    return bsr_array((A.data[own], A.indices[own], indptr - indptr[0]), shape=(b * (len(indptr) - 1), A.shape[1]))
+
+
+def _transposed(A: bsr_array) -> bsr_array:
+    """Return the transpose of A as blocks."""
+    return bsr_array(A.T.tobsr(A.blocksize[::-1]))
