@@ -85,11 +85,12 @@ class MultigridFactor:
         self.shape = K.shape
         self.hierarchy = hierarchy
         self.vectors: Vectors = team
-        self._scale, self._blocks, self._team = 1 / np.sqrt(d), Blocks.of(K), team
+        self.matrix, self.team = K, team
+        self._scale, self._blocks = 1 / np.sqrt(d), Blocks.of(K)
 
     def apply(self, x: Floats) -> Floats:
         """Return K x, computed on all threads."""
-        return self._team.product(self._blocks, x)
+        return self.team.product(self._blocks, x)
 
     def cycle(self, b: Floats) -> Floats:
         """Return an approximation of K^-1 b (n,), by one V-cycle."""
@@ -98,6 +99,15 @@ class MultigridFactor:
     def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], Floats]:
         """Return b -> an approximation of (K + B^T W B)^-1 b, one V-cycle, with the hierarchy of K."""
         return self.hierarchy.cycle.with_rows(bsr_array(B.tobsr((1, self._blocks.data.shape[1]))), weights)
+
+    def coarse(self) -> tuple[MultigridFactor, Level] | None:
+        """Return the factor of the matrix on the first coarser level, and the level above it; None if there is none."""
+        found = self.hierarchy.cycle.below()
+        if found is None:
+            return None
+        K, cycle, above = found
+        d = K.diagonal()
+        return MultigridFactor(K, np.where(d > 0, d, 1.0), Hierarchy(cycle), self.team), above
 
     def record_convergence(self, use: str, cycles: int, decades: float) -> None:
         """Record that `cycles` reduced a residual by so many decades, in a kind of use."""

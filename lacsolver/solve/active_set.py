@@ -70,8 +70,10 @@ def active_set_iterates(
     p = np.where(active, p, 0.0)
     pivots = Pivots()
     while True:
-        load = vectors.dots(free.T, f - _internal_force(K, geometric, q))
-        active = vectors.same(close_rows_against_rigid_modes(free, contact, active, load, resistance))
+        if free.shape[1]:
+            load = vectors.dots(free.T, f - _internal_force(K, geometric, q))
+            active = close_rows_against_rigid_modes(free, contact, active, load, resistance)
+        active = vectors.same(active)
         G, S = contact.equations(p, active)
         problem = SaddleProblem(K, contact.rows, np.flatnonzero(active), f, G + contact.rows.D @ q, S, geometric)
         applications = 0

@@ -21,7 +21,7 @@ from lacsolver.linear import Matrix, SingularError
 from lacsolver.linear.vectors import WHOLE, SharedVectors, Vectors
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.problem.rigid_modes import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
-from lacsolver.solve.nodal import with_held
+from lacsolver.solve.node_blocks import with_held
 from lacsolver.solve.schemes import QuasiStatic, TimeScheme
 from lacsolver.solve.shared_stiffness import SharedFactors
 from lacsolver.solve.stabilization import Stabilization

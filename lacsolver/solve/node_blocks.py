@@ -31,9 +31,10 @@ def with_held(K: bsr_array, free: Ints) -> bsr_array:
     indices[at], indices[~at] = K.indices[kept], np.flatnonzero(held)
     places = np.flatnonzero(at)
     for first in range(0, len(kept), _PIECE):
-        piece = kept[first : first + _PIECE]
-        both = on[row[piece]][:, :, None] & on[K.indices[piece]][:, None, :]
-        data[places[first : first + _PIECE]] = np.where(both, K.data[piece], 0.0)
+        data[places[first : first + _PIECE]] = K.data[kept[first : first + _PIECE]]
+    partly = np.logical_not(on.all(axis=1))
+    cut = partly[row[kept]] | partly[K.indices[kept]]
+    data[places[cut]] *= on[row[kept[cut]]][:, :, None] & on[K.indices[kept[cut]]][:, None, :]
     made = bsr_array((data, indices, indptr), shape=K.shape)
     add_to_diagonal(made, np.where(on.ravel(), 0.0, mean))
     return made
