@@ -9,8 +9,8 @@ problem without contact, set-up included, to residuals of 1e-12 of the forces, b
 of contact is told beside it). 'Coarse start' is the first active set, found on the first coarser level; its V-cycles
 cost a small part of the others and are not counted. 'Contact' is all from K to the state, its own set-up, search and
 integration included. Seconds are of the wall, with those of the processors in brackets. `--finite`: the same under
-finite kinematics (neo-Hookean, `geometry = "current"`, the upper skin round without a clearance), whose ratio is that of a Newton
-iteration. `--ratio`: stiffness of the upper block, the master, relative to that of the lower one.
+finite kinematics (neo-Hookean, `geometry = "current"`, the upper skin round without a clearance), whose ratio is that
+of a Newton iteration. `--ratio`: stiffness of the upper block, the master, relative to that of the lower one.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""Multigrid by smoothed aggregation (PyAMG) on nodal blocks, with the rigid-body modes, as a preconditioner.
+"""Multigrid on nodal blocks as a preconditioner, with the hierarchy of `aggregation`.
 
-Vanek, Mandel, Brezina (1996); the rigid-body modes are the near-null space. The hierarchy is built once for a matrix.
-It serves all right-hand sides, and similar matrices too, until it is stale: until they take 1.5 times as many
-iterations as at its first use. Rows of the identity for prescribed displacements keep the blocks complete; they cost no
-iterations (measured).
+The hierarchy is built once for a matrix. It serves all right-hand sides, and similar matrices too, until it is stale:
+until they take 1.5 times as many iterations as at its first use. Rows of the identity for prescribed displacements keep
+the blocks complete; they cost no iterations (measured).
 """
 
 from __future__ import annotations
@@ -16,8 +15,9 @@ from scipy.sparse import bsr_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from lacmesh.errors import RequestError
-from lacmesh.mesh import Floats, Ints
-from lacsolver.linear.cycle import Blocks, Cycle, Level, Team, jacobi
+from lacmesh.mesh import Floats
+from lacsolver.linear.aggregation import aggregated
+from lacsolver.linear.cycle import Blocks, Cycle, Level, Team
 from lacsolver.linear.errors import LinearError
 from lacsolver.linear.krylov import minimise
 from lacsolver.linear.protocol import TOLERANCE, Factor, Matrix
@@ -26,13 +26,6 @@ from lacsolver.linear.regular import CLEAR, is_free, positive_diagonal, singular
 from lacsolver.linear.sides import right_hand_sides
 from lacsolver.linear.vectors import Vectors
 
-#: couplings weaker than this, relative to the diagonals, do not join nodes; 0.03 took least time on HEXA8 and TETRA10
-_STRENGTH = 0.03
-#: most nodes (of six unknowns) of the coarsest level, which is solved by a dense inverse
-_COARSEST = 60
-_LEVELS = 12
-#: damping of the smoothing of prolongations, times the largest eigenvalue of D^-1 K
-_SMOOTHING = 4 / 3
 #: most iterations in all and in a round of GCR, whose directions are stored; most rounds
 _MOST, _ROUND, _LOOKS = 300, 80, 12
 #: reduction of the residual in a round, after which it is computed anew
@@ -42,8 +35,6 @@ _ROUNDING = 1e-15
 #: lower bound of the tolerance
 _LEAST = 1e-16
 _TINY = 1e-300
-#: number of blocks, and of rows of blocks, that are multiplied at once
-_PIECE, _ROWS = 1 << 17, 1 << 16
 #: energy of a direction, relative to the diagonal's, that is round-off
 _FREE = 1e-15
 #: a hierarchy is stale when it takes this many times the iterations per decade of the residual of its first use
@@ -197,14 +188,14 @@ class MultigridAnalysis:
         if isinstance(reuse, MultigridFactor) and reuse.shape == K.shape and not reuse.hierarchy.is_stale:
             return MultigridFactor(blocks, d, reuse.hierarchy, self._team)
         _check_held(blocks, d, self._modes)
-        return MultigridFactor(blocks, d, _hierarchy(blocks, self._modes, self._team), self._team)
+        return MultigridFactor(blocks, d, Hierarchy(aggregated(blocks, self._modes, self._team)), self._team)
 
 
 def _check_held(K: bsr_array, d: Floats, modes: Floats) -> None:
     """Raise SingularError if a combination of the modes costs a body no energy; bodies are connected parts of K."""
     size = np.maximum(K.data.max(axis=(1, 2)), -K.data.min(axis=(1, 2)))  # without a copy of all entries
-    nodes = csr_array((size, K.indices, K.indptr), shape=(len(K.indptr) - 1,) * 2)
-    nodes.eliminate_zeros()
+    nodes = csr_array((size, K.indices.copy(), K.indptr.copy()), shape=(len(K.indptr) - 1,) * 2)
+    nodes.eliminate_zeros()  # in place
     n_bodies, body = connected_components(nodes, directed=False)
     body = np.repeat(body, K.blocksize[0])
     forces = K @ modes
@@ -222,70 +213,3 @@ def _check_held(K: bsr_array, d: Floats, modes: Floats) -> None:
         v[rows] = M @ turn @ way[:, 0]
         if energy[0] < CLEAR and is_free(K, v):
             raise singular(v)
-
-
-def _hierarchy(K: bsr_array, modes: Floats, team: Team) -> Hierarchy[Cycle]:
-    """Build the hierarchy of K: aggregates of nodes with orthonormal modes, smoothed by one step of block Jacobi."""
-    levels: list[Level] = []
-    unit = 1 / float(K.diagonal().mean()) if K.shape[0] else 1.0
-    while len(levels) < _LEVELS and K.shape[0] // K.blocksize[0] > _COARSEST:
-        inverse, largest = jacobi(K, team)
-        tentative, coarse_modes = _tentative(K, modes)
-        if tentative.shape[1] >= K.shape[0]:
-            break
-        P = _smoothed(K, tentative, inverse, _SMOOTHING / largest)
-        del tentative  # memory is at its largest in this loop
-        coarse = _galerkin(K, P)
-        levels.append(Level.of(K, _transposed(P), P, inverse / largest, unit))
-        K, modes = coarse, coarse_modes
-    return Hierarchy(Cycle(levels, K.toarray() * unit, unit, team))
-
-
-def _tentative(K: bsr_array, modes: Floats) -> tuple[bsr_array, Floats]:
-    """Aggregate coupled nodes by PyAMG; return (P, coarse modes) with P (coarse modes) = modes."""
-    from pyamg.aggregation import fit_candidates, standard_aggregation
-    from pyamg.strength import symmetric_strength_of_connection
-
-    norms = np.sqrt(np.einsum("kij,kij->k", K.data, K.data))  # PyAMG would copy all entries for them
-    nodes = csr_array((norms, K.indices, K.indptr), shape=(len(K.indptr) - 1,) * 2)
-    aggregates, _ = standard_aggregation(symmetric_strength_of_connection(nodes, theta=_STRENGTH))
-    P, coarse = fit_candidates(aggregates, modes)
-    return bsr_array(P), coarse
-
-
-def _smoothed(K: bsr_array, P: bsr_array, inverse: Floats, factor: float) -> bsr_array:
-    """Return the smoothed prolongation P - factor D^-1 K P in single precision, in which the cycle has it."""
-    made = K @ P
-    row = np.repeat(np.arange(len(inverse), dtype=made.indices.dtype), np.diff(made.indptr))
-    for first in range(0, len(row), _PIECE):
-        piece = slice(first, first + _PIECE)
-        made.data[piece] = -factor * (inverse[row[piece]] @ made.data[piece])
-    _add(made, row, P)
-    return bsr_array((made.data.astype(np.float32), made.indices, made.indptr), shape=made.shape)
-
-
-def _add(A: bsr_array, row: Ints, P: bsr_array) -> None:
-    """Add P, with a block in each block row or none, to A in place, which has these blocks; `row`: those of A's."""
-    own = np.full(len(A.indptr) - 1, -1, P.indices.dtype)
-    own[np.diff(P.indptr) > 0] = P.indices
-    at = np.flatnonzero(A.indices == own[row])
-    A.data[at] += P.data[P.indptr[row[at]]]
-
-
-def _galerkin(K: bsr_array, P: bsr_array) -> bsr_array:
-    """Return P^T K P, summed over parts of the rows of K: K P has several times the blocks of P."""
-    n = len(K.indptr) - 1
-    parts = (_transposed(_rows(P, k, k + _ROWS)) @ (_rows(K, k, k + _ROWS) @ P) for k in range(0, n, _ROWS))
-    return bsr_array(sum(parts, next(parts)))
-
-
-def _rows(A: bsr_array, first: int, last: int) -> bsr_array:
-    """Return block rows first to last of A, without a copy of their blocks."""
-    indptr, b = A.indptr[first : last + 1], A.blocksize[0]
-    own = slice(indptr[0], indptr[-1])
-    return bsr_array((A.data[own], A.indices[own], indptr - indptr[0]), shape=(b * (len(indptr) - 1), A.shape[1]))
-
-
-def _transposed(A: bsr_array) -> bsr_array:
-    """Return the transpose of A as blocks."""
-    return bsr_array(A.T.tobsr(A.blocksize[::-1]))

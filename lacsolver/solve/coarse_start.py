@@ -23,9 +23,10 @@ from lacsolver.linear.cycle import Level, Team
 from lacsolver.linear.multigrid import MultigridFactor
 from lacsolver.results.state import Iterate
 from lacsolver.solve.contact_system import ContactSystem, RowGroup, Rows, skin_stiffness
+from lacsolver.solve.operator import Operator
 from lacsolver.solve.saddle import SaddleProblem
 from lacsolver.solve.schur import solve_saddle
-from lacsolver.solve.stiffness import Operator, Stiffness, Whole
+from lacsolver.solve.stiffness import Stiffness, Whole
 from lacsolver.solve.tolerances import ConvergenceTolerance
 
 #: reduction of the residual in each solve, and most sets that are tried

@@ -26,9 +26,9 @@ from lacsolver.problem import acting
 from lacsolver.results.state import Histories, StepState
 from lacsolver.solve.contact_system import ContactSystem, contact_system
 from lacsolver.solve.newton import Linearization
+from lacsolver.solve.operator import Operator
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.schemes import StepTerms
-from lacsolver.solve.stiffness import Operator
 from lacsolver.solve.tolerances import ForceTerms, sizes
 
 

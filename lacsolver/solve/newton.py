@@ -33,9 +33,9 @@ from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.solve.active_set import close_rows_against_rigid_modes, solve_set
 from lacsolver.solve.contact_system import ContactSystem
+from lacsolver.solve.operator import Operator, product
 from lacsolver.solve.saddle import SaddleProblem
 from lacsolver.solve.search import Trial
-from lacsolver.solve.stiffness import Operator, product
 from lacsolver.solve.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance
 
 #: step lengths that are tried, in this order
