@@ -138,6 +138,11 @@ def write(
         if form.sidecar and len(files) > 1:
             back = _read_back(files[0].path, form, mesh)
             _write_sidecar(files[1].path, mesh, back)
+    if mesh.deck is not None and form.name != "inp":
+        from lacmesh.formats.inp import losses
+
+        if lost := losses(mesh.deck):
+            warnings.warn(LacmeshWarning(f"{lost}; an .inp output keeps them"), stacklevel=2)
 
 
 def _check_coordinates(path: Path, mesh: Mesh) -> None:
