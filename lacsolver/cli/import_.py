@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from lacmesh.cli.options import pending_output
 from lacmesh.cli.terminal import Stages, console, memory, table
 from lacsolver.cli.options import add_command
 from lacsolver.cli.ranks import check_alone
+from lacsolver.cli.validate import ACTING
 
 if TYPE_CHECKING:
     from lacsolver.decks import Imported
@@ -52,27 +54,22 @@ def run(args: argparse.Namespace) -> None:
     for finding in made.findings:
         print(f"lacsolver: {finding.level}: {finding.text}", file=sys.stderr)
     if not args.quiet:
-        _print(args, target, made)
+        _print(target, made)
         times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
         print(f"{args.deck}: {times}{memory()}")
 
 
-def _print(args: argparse.Namespace, target: Path, made: Imported) -> None:
-    from lacsolver.cli.validate import said
-
+def _print(target: Path, made: Imported) -> None:
     case, mesh = made.case, made.mesh
     rows = table("case", str(target))
     rows.add_row("model", f"{case.model}, {case.kinematics} strains")
     cells = ", ".join(f"{count:,} {kind}" for kind, count in mesh.cells_by_type.items())
     rows.add_row("mesh", f"{case.mesh}: {mesh.n_nodes:,} nodes, {cells}")
     rows.add_row("steps", f"{len(case.steps.planned)}, to t = {case.steps.last:g}")
-    for pair in (*case.contact, *case.tie):
-        rows.add_row(type(pair).SECTION.name, f"slave {pair.slave}, master {pair.master}")
-    for path, record in case.records():
-        if path[0] not in ("steps", "solver", "output", "probe", "contact", "tie"):
-            rows.add_row(str(path[0]), said(record))
-    if case.probe:
-        rows.add_row("probes", f"{len(case.probe)}")
+    counts = Counter(str(path[0]) for path, _ in case.records())
+    for name in ("material", "contact", "tie", "rigid", "probe"):
+        if counts[name]:
+            rows.add_row(name, f"{counts[name]}")
+    rows.add_row("supports and loads", ", ".join(f"{counts[name]} {name}" for name in ACTING if counts[name]))
     console().print(rows)
     print(f"next: lacsolver validate {target}, lacsolver run {target}")
-    del args

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from lacmesh.mesh import Ints
 from lacsolver.decks.cards import Card
 from lacsolver.decks.groups import Groups
 from lacsolver.decks.reading import Reading
@@ -62,8 +63,8 @@ class Draft:
         """Add a record."""
         self.records.append(Record(section, keys, card))
 
-    def node_group(self, name: str, nodes: Any) -> str:
-        """Return the name of a group of nodes: `name`, or `node_7` of a single node without a name."""
+    def node_group(self, name: str, nodes: Ints, default: str = "nodes") -> str:
+        """Return the name of a group of nodes: `name`, else `node_7` of a single one, `default` of several."""
         if not name:
-            name = f"node_{self.groups.mesh.node_number[nodes[0]]}" if len(nodes) == 1 else "nodes"
+            name = f"node_{self.groups.mesh.node_number[nodes[0]]}" if len(nodes) == 1 else default
         return self.groups.add_nodes(name, nodes)

@@ -65,7 +65,7 @@ def supports(draft: Draft) -> None:
         keys = {f"u{AXES[c]}": written(points, draft.end) for c, points in part.histories.items() if c < draft.dim}
         if keys:
             name = part.name if len(there) == len(part.items) else ""
-            draft.add("displacement", {"group": draft.node_group(name, there)} | keys, part.line.card)
+            draft.add("displacement", {"group": draft.node_group(name, there, "held")} | keys, part.line.card)
 
 
 def forces(draft: Draft) -> None:
@@ -80,7 +80,7 @@ def forces(draft: Draft) -> None:
             for c, points in part.histories.items()
             if c < draft.dim
         }
-        draft.add("force", {"group": draft.node_group(part.name, part.items)} | keys, part.line.card)
+        draft.add("force", {"group": draft.node_group(part.name, part.items, "loaded")} | keys, part.line.card)
     if moments := [one for one in draft.reading.content.assigned if one.kind in ("moment", "spin")]:
         _check_rotations(draft, moments)
 

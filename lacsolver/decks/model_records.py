@@ -12,6 +12,8 @@ from lacsolver.decks.cards import Refused, look_up
 from lacsolver.decks.content import Content, Interaction, Pair, Section
 from lacsolver.decks.draft import MODELS, Draft
 
+#: fewer faces of a slave than this, by dimension, cannot keep a body from turning
+_FEW = {2: 2, 3: 3}
 _FINITE = {"elastic": "saint_venant_kirchhoff", "neo_hookean": "neo_hookean"}
 
 
@@ -150,8 +152,15 @@ def _add_pair(draft: Draft, pairs: list[Pair]) -> None:
     for pair in pairs:
         if (pair.slave, pair.master) in draft.reading.content.clearances:
             draft.clearances[keys["slave"]] = draft.reading.content.clearances[pair.slave, pair.master]
+    if len(facets) < _FEW[draft.dim]:
+        draft.reading.warn(
+            first.card,
+            f"the slave {slave!r} has only {len(facets)} faces, with one pressure each: the other body may turn about "
+            "them, and results differ from other methods; refine it",
+        )
     stiffness = {"stiffness": law.stiffness} if law and law.stiffness else {}
-    draft.add("contact", keys | stiffness | dict(first.keys), first.card)
+    normals = {"normals": "smoothed"} if draft.large else {}  # those of CalculiX, averaged at the nodes
+    draft.add("contact", keys | stiffness | normals | dict(first.keys), first.card)
 
 
 def _interaction(content: Content, pair: Pair) -> Interaction | None:

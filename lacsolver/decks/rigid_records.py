@@ -46,7 +46,7 @@ def _turned(draft: Draft, body: RigidBody) -> dict[str, Any]:
     loaded = [_at(draft, "moment", body.reference, c) or _of_node(draft, "force", body, c) for c in axes]
     if any(prescribed):
         if not all(prescribed):
-            raise Refused("a rigid body of lacsolver turns freely about all axes or about none; fix all or none", None)
+            raise Refused("a rigid body of lacsolver turns freely about all axes or about none; fix all or none")
         name, values = "rotation", [written(points, draft.end) for points in prescribed if points]
     else:
         scale = draft.per_thickness

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from lacsolver.decks import material_cards as materials
 from lacsolver.decks import model_cards as model
 from lacsolver.decks import step_cards as steps
 from lacsolver.decks.cards import Card
@@ -30,13 +31,13 @@ def _row(read: Callable[[Reading, Card], None], takes: str = "", ignores: str = 
 READ = {
     "ELEMENT": _row(model.element, "TYPE ELSET INPUT"),
     "SURFACE": _row(model.surface, "NAME TYPE INSTANCE", "INTERNAL"),
-    "MATERIAL": _row(model.material, "NAME"),
-    "ELASTIC": _row(model.elastic, "TYPE"),
-    "HYPERELASTIC": _row(model.hyperelastic, "NEOHOOKE"),
-    "DENSITY": _row(model.density),
-    "EXPANSION": _row(model.expansion, "TYPE ZERO"),
-    "ORIENTATION": _row(model.orientation, "NAME SYSTEM", "DEFINITION"),
-    "SOLIDSECTION": _row(model.section, "ELSET MATERIAL ORIENTATION", "CONTROLS"),
+    "MATERIAL": _row(materials.material, "NAME"),
+    "ELASTIC": _row(materials.elastic, "TYPE"),
+    "HYPERELASTIC": _row(materials.hyperelastic, "NEOHOOKE"),
+    "DENSITY": _row(materials.density),
+    "EXPANSION": _row(materials.expansion, "TYPE ZERO"),
+    "ORIENTATION": _row(materials.orientation, "NAME SYSTEM", "DEFINITION"),
+    "SOLIDSECTION": _row(materials.section, "ELSET MATERIAL ORIENTATION", "CONTROLS"),
     "AMPLITUDE": _row(model.amplitude, "NAME TIME DEFINITION VALUE SHIFTX SHIFTY", "SMOOTH"),
     "INITIALCONDITIONS": _row(model.initial_conditions, "TYPE"),
     "SURFACEINTERACTION": _row(model.interaction, "NAME"),
