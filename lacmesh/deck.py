@@ -25,7 +25,7 @@ class DataLine(NamedTuple):
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """What stands between the commas, without blanks around it; a comma at the end adds no field.
+        """Fields of the line: the text between commas, without blanks around it; a comma at the end adds no field.
 
         >>> DataLine("Nfix, 1,3 ,\\n", "a.inp", 7).fields
         ('Nfix', '1', '3')
@@ -50,7 +50,7 @@ class DeckCard:
     name in capitals, with their values as written ("" without one), quotes included. `head`: the keyword line, word for
     word, with its continuation lines. `body`: the lines that follow it, by the files that they stand in; that of a
     *NODE, and of an *ELEMENT whose cells say the same, has comments alone. `numbers`: of the nodes or elements that
-    the card makes, None for any other card.
+    the card makes, None for any other card, and where those of the mesh are others (`Deck.apart`).
     """
 
     name: str
@@ -85,7 +85,8 @@ class DeckCard:
 class AddedNodes(Protocol):
     """New nodes `ids` (k, m) in k cells of one type with nodes `sources` (k, n), at reference points `at` (m, dim).
 
-    `on` (k, c): the corners of the face, edge or cell on which they lie. All are indices.
+    `on` (k, c): the corners of the face, edge or cell on which they lie. All are indices. `values`: (k, m, ...), node
+    values `old` (n_nodes, ...) interpolated in the cells.
     """
 
     @property
@@ -98,6 +99,7 @@ class AddedNodes(Protocol):
     def ids(self) -> Ints: ...  # noqa: D102
     @property
     def on(self) -> Ints: ...  # noqa: D102
+    def values(self, old: Floats) -> Floats: ...  # noqa: D102
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+import numpy as np
+
 from lacmesh.deck import Deck, DeckCard
+from lacmesh.formats.inp.follow import Followed
 from lacmesh.formats.inp.scope import ElementCard
 from lacmesh.formats.inp.types import PLANE, SHELL, SOLID, DeckElement, element
 from lacmesh.formats.inp.writer_types import TARGETS, card
@@ -32,6 +35,22 @@ def losses(deck: Deck) -> str:
     if shapes:
         parts.append(f"the formulation of the elements {', '.join(shapes)}")
     return f"left out of the deck {deck.path}: {', '.join(parts)}" if parts else ""
+
+
+def below_dimension(followed: Followed) -> str:
+    """Reason to write a deck of a mesh alone anew: elements below its dimension become surfaces and sets; or empty.
+
+    gmsh, for one, writes skin as elements, which no material is for.
+    """
+    deck, mesh = followed.deck, followed.mesh
+    lower = followed.home[(followed.home >= 0) & (mesh.cell_dim < mesh.dim)]
+    if not len(lower) or any(c.key not in OF_MESH for c in deck.cards):
+        return ""
+    names = dict.fromkeys(name_of(deck.cards[k].options) for k in np.unique(lower).tolist())
+    return (
+        f"{len(lower)} elements of lower dimension than the mesh ({', '.join(names)}) become faces of surfaces, or "
+        "sets of nodes, unless --all-cells (all_cells=True) keeps them elements"
+    )
 
 
 def _has_cells(c: DeckCard) -> bool:

@@ -16,8 +16,10 @@ def deck_of(path: Path, model: InputDeck, mesh: Mesh) -> Deck:
     """Make the record of a deck that was read as `mesh`."""
     places = _Places()
     scope = model.scope
-    numbers = {id(nodes.card): nodes.number for nodes in scope.nodes}
-    numbers |= {id(elements.card): elements.number for elements in scope.elements}
+    numbers: dict[int, Ints] = {}
+    if not model.apart:
+        numbers = {id(nodes.card): nodes.number for nodes in scope.nodes}
+        numbers |= {id(elements.card): elements.number for elements in scope.elements}
     in_mesh = set(numbers) - {id(card) for card in model.whole}
     cards = tuple(_card(card, places, numbers.get(id(card)), id(card) in in_mesh) for card in model.cards)
     return Deck(
