@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.options import pending_output
 from lacmesh.cli.terminal import Stages, console, memory, table
+from lacmesh.errors import RequestError
 from lacsolver.cli.options import add_command
 from lacsolver.cli.ranks import check_alone
 from lacsolver.cli.validate import ACTING
@@ -43,6 +44,8 @@ def run(args: argparse.Namespace) -> None:
 
     check_alone()
     target = Path(args.output) if args.output else Path(args.deck).with_suffix(".toml")
+    if target.suffix != ".toml":
+        raise RequestError(f"{target}: a case file is called .toml; name it so")
     for path in (target.with_suffix(".med"), target):
         args.left = pending_output(path, force=args.force).left
     stage = Stages(args, ("read", "write"))

@@ -69,7 +69,8 @@ def import_deck(path: str | Path, case_path: str | Path, *, lenient: bool = Fals
         try:
             build(draft)
         except Refused as refused:
-            card = next(reading.names.deck.named(key), reading.names.deck.cards[0])
+            deck = reading.names.deck
+            card = next(deck.named(key), None) or next(deck.named("ELEMENT"), deck.cards[0])
             reading.error(Card(card), refused.message, refused.row)
     _raise(reading)
     return _imported(path, case_path, draft)
