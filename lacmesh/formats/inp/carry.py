@@ -39,7 +39,7 @@ class Complaints:
         """Raise DataError with the card and its line, or note it, and what is `left`."""
         text = f"{file}, line {line}: *{card.name}: {why}"
         if not self.lenient:
-            raise DataError(f"{text}; --lenient (lenient=True) goes on without")
+            raise DataError(f"{text}; --lenient (lenient=True) goes on with a warning")
         self.said.append(f"{text}; {left}")
 
 
