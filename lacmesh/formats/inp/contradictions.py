@@ -35,7 +35,7 @@ _PAIRS = ("CONTACTPAIR", "TIE")
 
 
 class Contradiction(NamedTuple):
-    """What contradicts itself in a deck: the card, its file and line (or those of a data line), and why."""
+    """A contradiction in a deck: its card, its file and line (those of a data line, if it is in one), and why."""
 
     card: DeckCard
     file: str
