@@ -15,6 +15,8 @@ from lacmesh.errors import DataError
 from lacmesh.formats.inp.follow import Followed
 from lacmesh.formats.inp.node_values import added_lines
 
+#: Entries of a data line.
+_PER_LINE = 16
 NUMBER = re.compile(r"[0-9]{1,9}")
 #: A load or a condition on a face of an element, as P3, F1NU, EDNOR2.
 _ON_FACE = re.compile(r"(P|HP|TRVEC|TRSHR|F|R|S|VP|SP|EDLD|EDNOR|EDSHR|EDTRA|EDMOM)([1-6])((?:NU|FC|CR)?.*)", re.I)
@@ -39,7 +41,7 @@ class Complaints:
         """Raise DataError with the card and its line, or note it, and what is `left`."""
         text = f"{file}, line {line}: *{card.name}: {why}"
         if not self.lenient:
-            raise DataError(f"{text}; --lenient (lenient=True) goes on without")
+            raise DataError(f"{text}; --lenient (lenient=True) goes on with a warning")
         self.said.append(f"{text}; {left}")
 
 
@@ -141,7 +143,7 @@ def _elements(card: DeckCard, line: DataLine, followed: Followed) -> Replacement
     for f in line.fields:
         known = NUMBER.fullmatch(f) and followed.is_changed(int(f))
         made += [str(child) for child in followed.children(int(f))] if known else [f]
-    return made
+    return [", ".join(made[k : k + _PER_LINE]) for k in range(0, len(made), _PER_LINE)]
 
 
 def _of_each(card: DeckCard, line: DataLine, followed: Followed) -> Replacement:

@@ -53,6 +53,9 @@ class DeckWriter:
     def write(self, file: BinaryIO) -> None:
         """Write the whole deck. Raises DataError for a line that cannot be carried, WriteError as `Plan.cards`."""
         _put(file, *(part.text for part in self.deck.start))
+        if self.deck.apart:  # an unchanged mesh, whose numbers are not those of the cards
+            _put(file, *(text for card in self.deck.cards for text in carried(card, self.followed, self.complaints)))
+            return
         for k, card in enumerate(self.deck.cards):
             self._card(file, k, card)
             if k == self.first_nodes and self.followed.n_read < self.plan.mesh.n_nodes:

@@ -74,8 +74,8 @@ class Followed:
 
     def misfit(self) -> str:
         """Reason why the mesh is not one of this deck; empty if it is."""
-        if self.deck.apart and not self.same:
-            return self.deck.apart
+        if self.deck.apart:
+            return "" if self._untouched() else self.deck.apart
         if not np.array_equal(self.mesh.node_number[: self.n_read], self.deck.mesh.node_number):
             return "its nodes have other numbers in the mesh"
         if len(np.unique(self.root[self.home >= 0])) < len(self._number):
@@ -84,6 +84,15 @@ class Followed:
         if len(np.unique(elements)) < len(elements) or len(np.unique(self.mesh.node_number)) < self.mesh.n_nodes:
             return "numbers stand twice in the mesh"
         return ""
+
+    def _untouched(self) -> bool:
+        """True if nodes and groups are those that were read."""
+        mesh, read = self.mesh, self.deck.mesh
+        pairs = [(mesh.cell_groups, read.cell_groups), (mesh.node_groups, read.node_groups)]
+        same_groups = all(
+            a.keys() == b.keys() and all(np.array_equal(a[name], b[name]) for name in a) for a, b in pairs
+        )
+        return self.same and same_groups and np.array_equal(mesh.points, read.points)
 
     def is_changed(self, number: int) -> bool:
         """True if the element was replaced by children."""

@@ -17,6 +17,7 @@ import numpy as np
 
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.inp.carry import Complaints
+from lacmesh.formats.inp.contradictions import contradictions
 from lacmesh.formats.inp.deck_writer import DeckWriter
 from lacmesh.formats.inp.follow import Followed
 from lacmesh.formats.inp.lines import is_plane, write_nodes, write_rows
@@ -86,6 +87,8 @@ def _write_deck(
     chosen = plane or mesh.plane or "CPS"
     plan = plan_of(path, mesh, roles, target, chosen, [], of_deck)
     complaints = Complaints(lenient)
+    for found in contradictions(deck):
+        complaints.add(found.card, found.file, found.line, found.why, "carried as it stands")
     with path.open("wb") as file:
         rest_plan = plan_of(path, rest, roles, target, chosen, said, of_deck)
         DeckWriter(path, plan, rest_plan, followed, plane, complaints).write(file)
