@@ -78,8 +78,8 @@ KINDS = {
     ),
     "decks": (
         "Decks that contradict themselves",
-        "A deck is judged where it is written as a deck: `info` and `check` need its mesh alone. `--lenient` goes on with "
-        "a warning.",
+        "A deck is judged where it is written as a deck: `info` and `check` need its mesh alone. `--lenient` goes on "
+        "with a warning.",
     ),
     "geometry": (
         "Geometry",
