@@ -13,6 +13,7 @@ from lacmesh.mesh import Mesh
 from lacsolver.case import Case, CaseError, Issue, parse_case
 from lacsolver.decks import load_records as loads
 from lacsolver.decks import model_records as model
+from lacsolver.decks.body_records import centrifugal, gravity
 from lacsolver.decks.cards import Card, Finding, Refused
 from lacsolver.decks.draft import Draft
 from lacsolver.decks.groups import Groups
@@ -32,8 +33,8 @@ _BUILDERS: tuple[tuple[Callable[[Draft], None], str], ...] = (
     (model.springs, "SPRING"),
     (loads.pressures, "DLOAD"),
     (loads.forces, "CLOAD"),
-    (loads.body_loads, "DLOAD"),
-    (loads.centrifugal, "DLOAD"),
+    (gravity, "DLOAD"),
+    (centrifugal, "DLOAD"),
     (loads.temperatures, "TEMPERATURE"),
     (loads.probes, "NODEPRINT"),
     (loads.steps, "STATIC"),

@@ -39,6 +39,7 @@ class Names:
     def nodes(self, text: str, row: Row | None) -> tuple[str, Ints]:
         """Return the name of a set and its nodes (k,), or "" and the node of a number. Raises Refused."""
         if text.isdigit():
+            self._check_numbers(row)
             place = self._node_index.places(np.array([int(text)]))
             if place[0] < 0:
                 raise Refused(f"there is no node {text}", row)
@@ -66,12 +67,18 @@ class Names:
 
     def _cells(self, text: str, row: Row | None) -> tuple[str, Ints]:
         if text.isdigit():
+            self._check_numbers(row)
             place = self._cell_index.places(np.array([int(text)]))
             if place[0] < 0:
                 raise Refused(f"there is no element {text}", row)
             return "", place
         name = self.deck.element_sets[look_up(self.deck.element_sets, text, "set of elements", row)]
         return name, np.asarray(self.mesh.cell_groups[name])
+
+    def _check_numbers(self, row: Row | None) -> None:
+        """Raise Refused for a deck whose numbers are not those of its mesh."""
+        if self.deck.apart:
+            raise Refused(f"{self.deck.apart}, so that a number may mean several; name a set", row)
 
     def facets(self, cells: Ints, side: str, row: Row) -> Ints:
         """Return the numbers of the facets `side` ("1", "2" ... of the deck) of some cells. Raises Refused."""
@@ -102,6 +109,11 @@ class Names:
             raise Refused(f"the surface {name!r} has no faces of solid elements", row)
         first = np.unique(owners.face, return_index=True)[1]
         return name, owners.cell[first] * SIDES + owners.facet[first]
+
+    def inner(self, facets: Ints) -> Ints:
+        """Return those of some facets that lie between two cells."""
+        cell, place = self._boundary
+        return facets[~np.isin(facets, cell * SIDES + place)]
 
     def of_nodes(self, text: str) -> bool:
         """True if a surface is one of nodes."""

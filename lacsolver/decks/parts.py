@@ -66,7 +66,7 @@ def _others(content: Content, orders: Orders, left: NDArray[np.bool_]) -> Iterat
     _, first, which = np.unique(table.reshape(-1, len(rest)).T, axis=0, return_index=True, return_inverse=True)
     for k in np.argsort(first).tolist():
         at = rest[which.ravel() == k]
-        line = next(one for one in orders.lines if np.isin(orders.items[at[0]], one.items))
+        line = orders.line_of(at[0])
         yield Part("", orders.items[at], _histories(content, orders, int(at[0]), left[:, at[0]], line), line)
 
 
@@ -93,5 +93,4 @@ def history_of(content: Content, orders: Orders, item: int, component: int, star
         return None
     chosen = np.zeros(orders.value.shape[1], bool)
     chosen[component] = True
-    line = next(one for one in orders.lines if item in one.items)
-    return _histories(content, orders, at, chosen, line, start)[component]
+    return _histories(content, orders, at, chosen, orders.line_of(at), start)[component]

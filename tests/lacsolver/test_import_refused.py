@@ -89,6 +89,7 @@ REFUSED = {
     ),
     "removed load": ("", "*CLOAD\n1, 1, 1.\n*END STEP\n*STEP\n*STATIC\n*CLOAD, OP=NEW\n2, 1, 1.\n", "CLOAD", "OP=NEW"),
     "removed support": ("", "*BOUNDARY, OP=NEW\n1, 1, 1\n", "BOUNDARY", "OP=NEW"),
+    "late support": ("", "*END STEP\n*STEP\n*STATIC\n*BOUNDARY\nB_X1, 1\n", "BOUNDARY", "begins after the first step"),
     "amplitude over a step": (
         "*AMPLITUDE, NAME=A\n0,0,1,1\n", "*CLOAD, AMPLITUDE=A\n1,1,1.\n*END STEP\n*STEP\n*STATIC\n",
         "CLOAD", "repeated",
@@ -174,6 +175,29 @@ def test_uneven_gap_with_a_clearance(tmp_path):
     text += "*CONTACT PAIR, INTERACTION=S\nU, L\n*CLEARANCE, SLAVE=U, MASTER=L, VALUE=0.\n"
     with pytest.raises(CaseError, match=r"\*CLEARANCE: the gap in the mesh is from .* to .*; .*|move the nodes"):
         imported(tmp_path, text + step("*BOUNDARY\nC_Z1, 3, 3, -0.1\n"))
+
+
+def test_pressure_between_elements(tmp_path):
+    column = Block(high=(1, 1, 2), cells=(1, 1, 2))
+    with pytest.raises(CaseError, match=r"\*DLOAD: these faces of elements 1 lie between two elements"):
+        imported(tmp_path, column.text() + section() + held() + step("*DLOAD\nB, P2, 1.\n"))
+
+
+def test_a_force_out_of_the_plane(tmp_path):
+    deck = "*NODE\n1, 0, 0\n2, 1, 0\n3, 1, 1\n4, 0, 1\n*ELEMENT, TYPE=CPE4, ELSET=B\n1, 1, 2, 3, 4\n" + section()
+    with pytest.raises(CaseError, match=r"\*CLOAD: a force has the directions 1 and 2"):
+        imported(tmp_path, deck + "*BOUNDARY\n1, 1, 2\n2, 2\n" + step("*CLOAD\n3, 3, 1.\n"))
+
+
+def test_numbers_of_a_deck_of_instances(tmp_path):
+    """Where the numbers of cards are not those of the mesh, sets are needed."""
+    part = BLOCK.text() + "*SOLID SECTION, ELSET=B, MATERIAL=EL\n"
+    deck = f"*PART, NAME=P\n{part}*END PART\n*ASSEMBLY, NAME=A\n*INSTANCE, NAME=I, PART=P\n*END INSTANCE\n"
+    deck += (
+        "*INSTANCE, NAME=J, PART=P\n3., 0., 0.\n*END INSTANCE\n*END ASSEMBLY\n*MATERIAL, NAME=EL\n*ELASTIC\n1., 0.\n"
+    )
+    with pytest.raises(CaseError, match=r"\*BOUNDARY: there are 2 instances of parts, .*; name a set"):
+        imported(tmp_path, deck + "*BOUNDARY\n1, 1, 3\n" + step(LOAD))
 
 
 def test_lenient_leaves_out_what_lacsolver_lacks(tmp_path):
