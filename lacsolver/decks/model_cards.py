@@ -130,7 +130,7 @@ def tie(reading: Reading, card: Card) -> None:
         reading.content.pairs.append(Pair(slave, master, "", keys, card, tie=True))
 
 
-def _skins(reading: Reading, card: Card, row: Row) -> tuple[str, str]:
+def _skins(reading: Reading, card: Card, row: Row) -> tuple[str, ...]:
     """Return the keys of slave and master on a data line. Raises Refused."""
     if len(row.fields) != 2:
         raise Refused("a line should be a slave surface and a master surface", row)
@@ -138,13 +138,13 @@ def _skins(reading: Reading, card: Card, row: Row) -> tuple[str, str]:
         name, facets = reading.names.skin(text, row)
         if reading.names.of_nodes(text):
             reading.note(card, f"the surface of nodes {name!r} is taken as the {len(facets)} faces on its nodes", row)
-    return key_of(row.text(0)), key_of(row.text(1))
+    return tuple(key_of(reading.names.plain(text)) for text in row.fields)
 
 
 def clearance(reading: Reading, card: Card) -> None:
     """Take the gap between a slave and a master, which replaces the one in the mesh."""
-    pair = key_of(card.needed("SLAVE")), key_of(card.needed("MASTER"))
-    reading.content.clearances[pair] = (card.number("VALUE"), card)
+    pair = tuple(key_of(reading.names.plain(card.needed(name))) for name in ("SLAVE", "MASTER"))
+    reading.content.clearances[pair[0], pair[1]] = (card.number("VALUE"), card)
 
 
 def rigid_body(reading: Reading, card: Card) -> None:

@@ -127,6 +127,10 @@ def expanding(draft: Draft) -> Ints:
 
 def contacts(draft: Draft) -> None:
     """Add a [[contact]] or a [[tie]] for each slave; several masters of one slave become one group. Raises Refused."""
+    paired = {(pair.slave, pair.master) for pair in draft.reading.content.pairs if not pair.tie}
+    for names, (_, card) in draft.reading.content.clearances.items():
+        if names not in paired:
+            draft.reading.error(card, f"there is no *CONTACT PAIR of {names[0]} and {names[1]}; name one of them")
     by_slave: dict[str, list[Pair]] = {}
     for pair in draft.reading.content.pairs:
         by_slave.setdefault(pair.slave, []).append(pair)

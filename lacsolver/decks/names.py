@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.deck import Deck
+from lacmesh.deck import Deck, key_of
 from lacmesh.errors import ReadError
 from lacmesh.formats.ids import Index
 from lacmesh.formats.inp.types import FACETS
@@ -38,6 +38,7 @@ class Names:
 
     def nodes(self, text: str, row: Row | None) -> tuple[str, Ints]:
         """Return the name of a set and its nodes (k,), or "" and the node of a number. Raises Refused."""
+        text = self.plain(text)
         if text.isdigit():
             self._check_numbers(row)
             place = self._node_index.places(np.array([int(text)]))
@@ -66,6 +67,7 @@ class Names:
         return name, np.concatenate(nodes)
 
     def _cells(self, text: str, row: Row | None) -> tuple[str, Ints]:
+        text = self.plain(text)
         if text.isdigit():
             self._check_numbers(row)
             place = self._cell_index.places(np.array([int(text)]))
@@ -74,6 +76,16 @@ class Names:
             return "", place
         name = self.deck.element_sets[look_up(self.deck.element_sets, text, "set of elements", row)]
         return name, np.asarray(self.mesh.cell_groups[name])
+
+    def plain(self, text: str) -> str:
+        """Return a name or number without the instance in front of it, if there is one instance: the mesh has none."""
+        before, _, rest = text.rpartition(".")
+        return rest if before and [key_of(before)] == self._instances else text
+
+    @cached_property
+    def _instances(self) -> list[str]:
+        """Keys of the names of instances."""
+        return [key_of(card.options.get("NAME", "")) for card in self.deck.named("INSTANCE")]
 
     def _check_numbers(self, row: Row | None) -> None:
         """Raise Refused for a deck whose numbers are not those of its mesh."""
@@ -95,6 +107,7 @@ class Names:
 
         Raises Refused for a surface that is not there, or has no faces of solid cells.
         """
+        text = self.plain(text)
         there = self.deck.surface_group(text)
         if there is None:
             look_up({key: None for _, key in self.deck.surfaces}, text, "surface", row)
@@ -117,7 +130,7 @@ class Names:
 
     def of_nodes(self, text: str) -> bool:
         """True if a surface is one of nodes."""
-        there = self.deck.surface_group(text)
+        there = self.deck.surface_group(self.plain(text))
         return there is not None and there[0] == "NODE"
 
     def _faces_on(self, name: str, row: Row | None) -> Ints:

@@ -58,6 +58,7 @@ REFUSED = {
         SURFACES + "*SURFACE, NAME=ONE, TYPE=NODE\n1\n*CONTACT PAIR, INTERACTION=S\nONE, LOW\n",
         "", "CONTACT PAIR", "no face of the bodies has all its nodes",
     ),
+    "clearance": (SURFACES + "*CLEARANCE, SLAVE=TOP, MASTER=LOW, VALUE=0.1\n", "", "CLEARANCE", "no *CONTACT PAIR"),
     "two nodes": ("*RIGID BODY, NSET=B_Z1\n", "", "RIGID BODY", "REFNODE"),
     "half a rotation": (
         "*NODE\n99, 0, 0, 0\n*RIGID BODY, NSET=B_Z1, REF NODE=99\n*BOUNDARY\n99, 4\n",
