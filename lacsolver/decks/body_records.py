@@ -6,13 +6,13 @@ import numpy as np
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.decks.cards import Refused, look_up
-from lacsolver.decks.draft import AXES, Draft
+from lacsolver.decks.draft import AXES, CaseDraft
 from lacsolver.decks.histories import written
 from lacsolver.decks.load_records import orders, scaled
 from lacsolver.decks.parts import parts_of
 
 
-def gravity(draft: Draft) -> None:
+def gravity(draft: CaseDraft) -> None:
     """Add [gravity] if it acts on all that has a density, else a [[body_force]] for each density. Raises Refused."""
     density, mesh = densities(draft), draft.groups.mesh
     parts = list(parts_of(draft.reading.content, orders(draft, "gravity"), once=True))
@@ -38,7 +38,7 @@ def _by_density(density: Floats, cells: Ints) -> list[tuple[float, Ints]]:
     return [(rho, some_cells) for rho, some_cells in found if rho]
 
 
-def densities(draft: Draft) -> Floats:
+def densities(draft: CaseDraft) -> Floats:
     """Return the density (n_cells,) of each cell, 0 without one."""
     content = draft.reading.content
     out = np.zeros(draft.groups.mesh.n_cells)
@@ -48,7 +48,7 @@ def densities(draft: Draft) -> Floats:
     return out
 
 
-def centrifugal(draft: Draft) -> None:
+def centrifugal(draft: CaseDraft) -> None:
     """Add a [[body_force]] for each centrifugal load. Raises Refused."""
     content, density = draft.reading.content, densities(draft)
     for line in (one for one in content.assigned if one.kind == "centrifugal"):

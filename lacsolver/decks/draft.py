@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from lacmesh.mesh import Ints
 from lacsolver.decks.cards import Card
-from lacsolver.decks.groups import Groups
+from lacsolver.decks.groups import DeckGroups
 from lacsolver.decks.reading import Reading
 
 AXES = ("x", "y", "z")
@@ -24,11 +24,11 @@ class Record(NamedTuple):
 
 
 @dataclass
-class Draft:
+class CaseDraft:
     """The case so far: what was read, the groups of its mesh, keys of the top, records in their order."""
 
     reading: Reading
-    groups: Groups
+    groups: DeckGroups
     top: dict[str, Any] = field(default_factory=dict)
     records: list[Record] = field(default_factory=list)
     #: by the group of the slave: the gap that replaces the one in the mesh, and its card

@@ -15,7 +15,7 @@ import numpy as np
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case.value import interpolate
 from lacsolver.decks.cards import Refused
-from lacsolver.decks.content import Amplitude, Assigned, Step
+from lacsolver.decks.content import Amplitude, Assigned, DeckStep
 
 Points = list[tuple[float, float]]
 #: part of a step in which a value jumps
@@ -69,7 +69,9 @@ def orders_of(lines: Sequence[Assigned], n_steps: int, n_components: int, adds: 
     return Orders(items, value, amplitude, names, tuple(lines), first)
 
 
-def history(steps: Sequence[Step], value: Floats, amplitude: Sequence[Amplitude | None], start: float = 0.0) -> Points:
+def history(
+    steps: Sequence[DeckStep], value: Floats, amplitude: Sequence[Amplitude | None], start: float = 0.0
+) -> Points:
     """Return the history ((t, v), ...) of one component: `value` (steps,), NaN where a step says nothing.
 
     `amplitude`: that of each step; `start`: the value at time 0. Raises Refused for a load whose amplitude counts the
@@ -94,7 +96,7 @@ def history(steps: Sequence[Step], value: Floats, amplitude: Sequence[Amplitude 
     return points
 
 
-def _grown(step: Step, value: float) -> Points:
+def _grown(step: DeckStep, value: float) -> Points:
     return [(step.begin, value), (step.end, value)] if step.sudden else [(step.end, value)]
 
 
@@ -102,7 +104,7 @@ def _ends_varied(amplitude: Amplitude) -> bool:
     return len({factor for _, factor in amplitude.rows}) > 1
 
 
-def _sampled(step: Step, value: float, amplitude: Amplitude) -> Points:
+def _sampled(step: DeckStep, value: float, amplitude: Amplitude) -> Points:
     """Return the factors of an amplitude over a step, times a value."""
     origin = 0.0 if amplitude.total else step.begin
     inside = [t + origin for t, _ in amplitude.rows if step.begin < t + origin < step.end]

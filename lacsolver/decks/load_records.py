@@ -13,7 +13,7 @@ from lacmesh.errors import some
 from lacmesh.mesh import Ints
 from lacsolver.decks.cards import Refused
 from lacsolver.decks.content import COMPONENTS, Assigned
-from lacsolver.decks.draft import AXES, Draft
+from lacsolver.decks.draft import AXES, CaseDraft
 from lacsolver.decks.histories import Orders, orders_of, written
 from lacsolver.decks.model_records import expanding, initial_temperatures
 from lacsolver.decks.names import SIDES
@@ -23,7 +23,7 @@ from lacsolver.decks.parts import history_of, parts_of
 MOST_INCREMENTS = 10
 
 
-def orders(draft: Draft, kind: str) -> Orders:
+def orders(draft: CaseDraft, kind: str) -> Orders:
     """Return the orders of one kind on nodes, facets or cells that are no nodes of rigid bodies. Raises Refused."""
     content = draft.reading.content
     held = np.array([n for body in content.rigid for n in (body.reference, body.rotation) if n is not None], np.int64)
@@ -34,7 +34,7 @@ def orders(draft: Draft, kind: str) -> Orders:
     return orders_by_step(draft, kind, lines)
 
 
-def orders_by_step(draft: Draft, kind: str, lines: Sequence[Assigned]) -> Orders:
+def orders_by_step(draft: CaseDraft, kind: str, lines: Sequence[Assigned]) -> Orders:
     """Return the orders of some lines. Raises Refused where a step removes some of earlier steps (OP=NEW)."""
     content = draft.reading.content
     adds = kind not in ("displacement", "spin", "temperature")
@@ -63,7 +63,7 @@ def _check_begun(found: Orders) -> None:
         raise Refused(f"{message}; hold it in the first step too, or compute the steps apart", line.row)
 
 
-def supports(draft: Draft) -> None:
+def supports(draft: CaseDraft) -> None:
     """Add a [[displacement]] for each set of nodes. Raises Refused."""
     found = orders(draft, "displacement")
     names = draft.reading.names
@@ -80,7 +80,7 @@ def supports(draft: Draft) -> None:
             draft.add("displacement", {"group": draft.node_group(name, there, "held")} | keys, part.line.card)
 
 
-def forces(draft: Draft) -> None:
+def forces(draft: CaseDraft) -> None:
     """Add a [[force]] for each set of nodes. Raises Refused."""
     for part in parts_of(draft.reading.content, orders(draft, "force"), once=True):
         if max(part.histories) >= draft.dim:
@@ -98,7 +98,7 @@ def forces(draft: Draft) -> None:
         _check_rotations(draft, moments)
 
 
-def _check_rotations(draft: Draft, lines: list[Assigned]) -> None:
+def _check_rotations(draft: CaseDraft, lines: list[Assigned]) -> None:
     """Raise Refused for moments at nodes of no rigid body; a rotation of 0 has no meaning there, and is left out."""
     held = [body.reference for body in draft.reading.content.rigid]
     for line in lines:
@@ -111,7 +111,7 @@ def scaled(value: Any, factor: float) -> Any:
     return [[t, v * factor] for t, v in value] if isinstance(value, list) else value * factor
 
 
-def pressures(draft: Draft) -> None:
+def pressures(draft: CaseDraft) -> None:
     """Add a [[pressure]] for each set of faces; with NLGEOM it follows them. Raises Refused."""
     for part in parts_of(draft.reading.content, orders(draft, "pressure"), once=True):
         if len(inner := draft.reading.names.inner(part.items)):
@@ -124,7 +124,7 @@ def pressures(draft: Draft) -> None:
         draft.add("pressure", keys | ({"follower": True} if draft.large else {}), part.line.card)
 
 
-def temperatures(draft: Draft) -> None:
+def temperatures(draft: CaseDraft) -> None:
     """Add a [[temperature]] for each group of cells that expand, and have one history. Raises Refused."""
     content, mesh = draft.reading.content, draft.groups.mesh
     lines = [one for one in content.assigned if one.kind == "temperature" and one.step >= 0]
@@ -165,7 +165,7 @@ def _rows_of_nodes(found: Orders, n_nodes: int) -> Ints:
     return out
 
 
-def probes(draft: Draft) -> None:
+def probes(draft: CaseDraft) -> None:
     """Add a [[probe]] for each node whose displacements the deck prints."""
     for node in draft.reading.content.watched:
         number = draft.groups.mesh.node_number[node]
@@ -173,7 +173,7 @@ def probes(draft: Draft) -> None:
         draft.add("probe", {"group": group, "name": f"node {number}"})
 
 
-def steps(draft: Draft) -> None:
+def steps(draft: CaseDraft) -> None:
     """Add [steps]: the increments of the deck's steps, MOST_INCREMENTS of each at most. Raises Refused."""
     times: list[float] = []
     for step in draft.reading.content.steps:

@@ -7,14 +7,14 @@ import re
 import numpy as np
 
 from lacmesh.deck import key_of
-from lacsolver.decks.cards import Card, Lacking, Refused, Row
+from lacsolver.decks.cards import Card, DeckLine, Lacking, Refused
 from lacsolver.decks.content import (
     Amplitude,
     Assigned,
+    DeckRigid,
     GroundSpring,
     Interaction,
     Pair,
-    RigidBody,
 )
 from lacsolver.decks.reading import Reading
 
@@ -130,7 +130,7 @@ def tie(reading: Reading, card: Card) -> None:
         reading.content.pairs.append(Pair(slave, master, "", keys, card, tie=True))
 
 
-def _skins(reading: Reading, card: Card, row: Row) -> tuple[str, ...]:
+def _skins(reading: Reading, card: Card, row: DeckLine) -> tuple[str, ...]:
     """Return the keys of slave and master on a data line. Raises Refused."""
     if len(row.fields) != 2:
         raise Refused("a line should be a slave surface and a master surface", row)
@@ -159,7 +159,7 @@ def rigid_body(reading: Reading, card: Card) -> None:
         raise Refused("a rigid body should be a set of nodes or of elements, not a number")
     reference = int(names.nodes(card.needed("REFNODE"), None)[1][0])
     turning = int(names.nodes(card.needed("ROTNODE"), None)[1][0]) if "ROTNODE" in card.options else None
-    reading.content.rigid.append(RigidBody(group, kind, nodes, reference, turning, card))
+    reading.content.rigid.append(DeckRigid(group, kind, nodes, reference, turning, card))
 
 
 def spring(reading: Reading, card: Card) -> None:

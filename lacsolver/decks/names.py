@@ -1,4 +1,4 @@
-"""What the names and numbers of a deck mean in its mesh: nodes, cells, facets, skins."""
+"""Look-up of the names and numbers of a deck in its mesh: nodes, cells, facets, skins."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lacmesh.mesh import Ints, Mesh
 from lacmesh.topology.faces import cells_of_dim, faces_of, facets_of
 from lacmesh.topology.facets import Facets
 from lacmesh.topology.skin import FaceIncidence, find_owners
-from lacsolver.decks.cards import Refused, Row, look_up
+from lacsolver.decks.cards import DeckLine, Refused, look_up
 
 #: number of a facet: this times its cell, and its place
 SIDES = 8
@@ -36,7 +36,7 @@ class Names:
             raise ReadError(self.mesh.name, "is no deck of CalculiX or Abaqus (.inp)")
         return self.mesh.deck
 
-    def nodes(self, text: str, row: Row | None) -> tuple[str, Ints]:
+    def nodes(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         """Return the name of a set and its nodes (k,), or "" and the node of a number. Raises Refused."""
         text = self.plain(text)
         if text.isdigit():
@@ -50,7 +50,7 @@ class Names:
             raise Refused(f"the set of nodes {name!r} is empty", row)
         return name, np.asarray(self.mesh.node_groups[name])
 
-    def cells(self, text: str, row: Row | None) -> tuple[str, Ints]:
+    def cells(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         """Return the name of a set and its solid cells (k,), or "" and the cell of a number. Raises Refused."""
         name, found = self._cells(text, row)
         found = found[self.mesh.cell_dim[found] == self.mesh.dim]
@@ -66,7 +66,7 @@ class Names:
             raise Refused(f"{text} has no elements of type SPRING1")
         return name, np.concatenate(nodes)
 
-    def _cells(self, text: str, row: Row | None) -> tuple[str, Ints]:
+    def _cells(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         text = self.plain(text)
         if text.isdigit():
             self._check_numbers(row)
@@ -87,12 +87,12 @@ class Names:
         """Keys of the names of instances."""
         return [key_of(card.options.get("NAME", "")) for card in self.deck.named("INSTANCE")]
 
-    def _check_numbers(self, row: Row | None) -> None:
+    def _check_numbers(self, row: DeckLine | None) -> None:
         """Raise Refused for a deck whose numbers are not those of its mesh."""
         if self.deck.apart:
             raise Refused(f"{self.deck.apart}, so that a number may mean several; name a set", row)
 
-    def facets(self, cells: Ints, side: str, row: Row) -> Ints:
+    def facets(self, cells: Ints, side: str, row: DeckLine) -> Ints:
         """Return the numbers of the facets `side` ("1", "2" ... of the deck) of some cells. Raises Refused."""
         found = []
         for kind, chosen, _ in self.mesh.select(cells):
@@ -102,7 +102,7 @@ class Names:
             found.append(chosen * SIDES + places[int(side) - 1])
         return np.concatenate(found)
 
-    def skin(self, text: str, row: Row | None) -> tuple[str, Ints]:
+    def skin(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         """Return the name of a surface and its facets (k,): of a surface of nodes, the faces on these nodes alone.
 
         Raises Refused for a surface that is not there, or has no faces of solid cells.
@@ -133,7 +133,7 @@ class Names:
         there = self.deck.surface_group(self.plain(text))
         return there is not None and there[0] == "NODE"
 
-    def _faces_on(self, name: str, row: Row | None) -> Ints:
+    def _faces_on(self, name: str, row: DeckLine | None) -> Ints:
         """Return the facets of the boundary whose nodes all belong to a group of nodes. Raises Refused."""
         chosen = np.zeros(self.mesh.n_nodes + 1, bool)
         chosen[self.mesh.node_groups[name]] = True

@@ -15,7 +15,7 @@ from lacsolver.decks.cards import Card
 from lacsolver.decks.reading import Reading
 
 
-class Row(NamedTuple):
+class CardRow(NamedTuple):
     """A card that is read: its handler, the options that this takes, and those that have no effect here."""
 
     read: Callable[[Reading, Card], None]
@@ -23,8 +23,8 @@ class Row(NamedTuple):
     ignores: frozenset[str] = frozenset()
 
 
-def _row(read: Callable[[Reading, Card], None], takes: str = "", ignores: str = "") -> Row:
-    return Row(read, frozenset(takes.split()), frozenset(ignores.split()))
+def _row(read: Callable[[Reading, Card], None], takes: str = "", ignores: str = "") -> CardRow:
+    return CardRow(read, frozenset(takes.split()), frozenset(ignores.split()))
 
 
 #: keyword without blanks -> how it is read
