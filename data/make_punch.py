@@ -31,7 +31,7 @@ CARDS = """\
 ** where they touch
 *SURFACE INTERACTION, NAME=touch
 *SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR
-2.1e8, 1.
+1.e7, 1.
 *CONTACT PAIR, INTERACTION=touch, TYPE=SURFACE TO SURFACE
 slave, master
 ** where they are held
