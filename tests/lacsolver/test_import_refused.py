@@ -1,6 +1,7 @@
 """What `lacsolver import` refuses: an error for each card, with file, line, card, and what to try."""
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +11,7 @@ from tests.lacsolver.deck_texts import Block, held, imported, section, step
 
 LOAD = "*DLOAD\nB_EZ1, P2, 20.\n"
 SURFACES = "*SURFACE, NAME=TOP\nB_EZ1, S2\n*SURFACE, NAME=LOW\nB_EZ0, S1\n"
+ROOT = Path(__file__).resolve().parents[2]
 #: name -> cards of the model, cards of the step, the card that the error names, words of its message
 REFUSED = {
     "shell": ("*ELEMENT, TYPE=S4, ELSET=SH\n77, 1, 2, 3, 4\n", "", "ELEMENT", "none of type S4"),
@@ -216,6 +218,13 @@ def test_the_table_has_each_card_once():
     assert not READ.keys() & NOTES.keys()
     assert not READ.keys() & LACKS.keys()
     assert not NOTES.keys() & LACKS.keys()
+
+
+def test_the_page_has_every_card_that_is_read():
+    page = " ".join((ROOT / "docs" / "import.md").read_text().split())
+    named = {"".join(name.split()) for name in re.findall(r"\*([A-Z][A-Z -]*[A-Z])", page)}
+    assert READ.keys() <= named
+    assert named <= READ.keys() | LACKS.keys() | NOTES.keys() | {"NODE", "NSET", "ELSET"}
 
 
 def test_every_card_of_the_table_is_refused_or_noted(tmp_path):
