@@ -129,7 +129,7 @@ def test_the_record_has_every_card(tmp_path):
 
 
 def test_what_is_no_mesh_is_carried_word_for_word(tmp_path):
-    """The same lines, in the same order, whether the file comes in pieces or with other ends of lines."""
+    """Every line, in its order, whether the file comes in pieces or with other ends of lines."""
     text = MESH + MODEL + STEP.format(cards="*CLOAD\n** a comment\n 5, 3 , 1.\n\n")
     assert others(written(tmp_path, read_text(tmp_path, text))) == others(text)
     (tmp_path / "more.inp").write_text(MODEL)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 
 import numpy as np
@@ -94,3 +95,14 @@ def test_decks_of_calculix_run_with_their_slave_cut(shared, name, tmp_path):
     for what, old, new in forces:
         if old.shape[1] in (3, 6):
             assert np.allclose(new[:, :3], old[:, :3], rtol=0, atol=1e-2 * np.abs(old[:, :3]).max()), what
+
+
+@pytest.mark.shared
+def test_a_deck_whose_tied_skin_is_cut_has_the_same_frequencies(shared, tmp_path):
+    """A cut leaves stiffness and mass of the bodies what they are."""
+    deck = tmp_path / "a.inp"
+    shutil.copy(shared / "reference" / "decks" / "beamptied5.inp", deck)
+    convert(deck, tmp_path / "b.inp", "cut", "--slave", "depf", "--hexa", "hexa")
+    before, after = (solved(tmp_path / f"{k}.inp", PROGRAM).split("P A R T I C")[0] for k in "ab")
+    rows = [np.array(re.findall(r"^ +\d+ +(\S+E\+\d+)", text, re.MULTILINE), float) for text in (before, after)]
+    assert len(rows[0]) == 10 and np.allclose(*rows, rtol=3e-3)

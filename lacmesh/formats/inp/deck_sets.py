@@ -35,9 +35,17 @@ def sets_of(followed: Followed, plan: Plan) -> DeckSets:
     for of, groups in (("NSET", followed.deck.node_sets), ("ELSET", followed.deck.element_sets)):
         cards = _cards_of(followed, of)
         for key, group in groups.items():
-            if key in cards:
+            if key in cards and not _as_it_was(of, group, followed):
                 _add(found, of, key, group, cards[key], followed, plan)
     return found
+
+
+def _as_it_was(of: str, group: str, followed: Followed) -> bool:
+    """True if a group is the very array that was read, in a mesh without new nodes and elements."""
+    now, read = followed.mesh, followed.deck.mesh
+    if of == "NSET":
+        return followed.same and now.node_groups.get(group) is read.node_groups[group]
+    return followed.same and now.cell_groups.get(group) is read.cell_groups[group]
 
 
 def _cards_of(followed: Followed, of: str) -> dict[str, list[int]]:

@@ -7,6 +7,7 @@ set gained follows its first card; a set that lost members is written anew in it
 
 from __future__ import annotations
 
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
@@ -90,15 +91,12 @@ class DeckWriter:
 
     def _as_it_stood(self, k: int, card: DeckCard) -> bool:
         """True for a card whose lines say more than its cells do, and of which no element was replaced."""
-        cells = np.flatnonzero(self.followed.home == k)
-        return bool(card.data) and not np.isin(self.followed.root[cells], self.followed.changed).any()
+        return bool(card.data) and not np.isin(self.followed.root[self._cells_of(k)], self.followed.changed).any()
 
     def _elements(self, file: BinaryIO, k: int, card: DeckCard) -> None:
         """Write the elements of a card, and the children of those that were replaced: a card for each type."""
-        mesh, home = self.plan.mesh, self.followed.home
-        order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
-        old = name_of(card.options)
-        cells = order[home[order] == k]
+        mesh, old = self.plan.mesh, name_of(card.options)
+        cells = self._cells_of(k)
         names = {}
         for block, (lo, hi) in zip(mesh.blocks, pairwise(mesh.offsets), strict=True):
             some = cells[(cells >= lo) & (cells < hi)]
@@ -112,6 +110,18 @@ class DeckWriter:
             _put(file, (card if name == old else with_option(card, "TYPE", name)).head.rstrip("\r\n"))
             write_rows(file, block.type, block.nodes, some - lo, self.plan.node, self.plan.cell[some])
             file.write(b"\n")
+
+    def _cells_of(self, k: int) -> Ints:
+        """Cells of the *ELEMENT card of an index, in the order of the file."""
+        home, cells = self._by_home
+        return cells[np.searchsorted(home, k) : np.searchsorted(home, k, side="right")]
+
+    @cached_property
+    def _by_home(self) -> tuple[Ints, Ints]:
+        mesh, home = self.plan.mesh, self.followed.home
+        order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
+        order = order[np.argsort(home[order], kind="stable")]
+        return home[order], order
 
     def _elements_without_card(self, file: BinaryIO) -> None:
         """Write the elements that the deck has no card for: skin, where all cells are to be elements."""
