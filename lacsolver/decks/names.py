@@ -21,6 +21,8 @@ from lacsolver.decks.cards import DeckLine, Refused, look_up
 
 #: number of a facet: this times its cell, and its place
 SIDES = 8
+#: digits of a number that no node and no element has
+_DIGITS = 18
 
 
 @dataclass
@@ -39,12 +41,8 @@ class Names:
     def nodes(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         """Return the name of a set and its nodes (k,), or "" and the node of a number. Raises Refused."""
         text = self.plain(text)
-        if text.isdigit():
-            self._check_numbers(row)
-            place = self._node_index.places(np.array([int(text)]))
-            if place[0] < 0:
-                raise Refused(f"there is no node {text}", row)
-            return "", place
+        if _is_number(text):
+            return "", self._place(self._node_index, text, "node", row)
         name = self.deck.node_sets[look_up(self.deck.node_sets, text, "set of nodes", row)]
         if not len(self.mesh.node_groups[name]):
             raise Refused(f"the set of nodes {name!r} is empty", row)
@@ -68,12 +66,8 @@ class Names:
 
     def _cells(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         text = self.plain(text)
-        if text.isdigit():
-            self._check_numbers(row)
-            place = self._cell_index.places(np.array([int(text)]))
-            if place[0] < 0:
-                raise Refused(f"there is no element {text}", row)
-            return "", place
+        if _is_number(text):
+            return "", self._place(self._cell_index, text, "element", row)
         name = self.deck.element_sets[look_up(self.deck.element_sets, text, "set of elements", row)]
         return name, np.asarray(self.mesh.cell_groups[name])
 
@@ -87,17 +81,21 @@ class Names:
         """Keys of the names of instances."""
         return [key_of(card.options.get("NAME", "")) for card in self.deck.named("INSTANCE")]
 
-    def _check_numbers(self, row: DeckLine | None) -> None:
-        """Raise Refused for a deck whose numbers are not those of its mesh."""
+    def _place(self, index: Index, text: str, what: str, row: DeckLine | None) -> Ints:
+        """Return the index (1,) of a number. Raises Refused, also if numbers of the deck are not those of its mesh."""
         if self.deck.apart:
             raise Refused(f"{self.deck.apart}, so that a number may mean several; name a set", row)
+        place = index.places(np.array([int(text)])) if len(text) < _DIGITS else np.array([-1])
+        if place[0] < 0:
+            raise Refused(f"there is no {what} {text[:40]}", row)
+        return place
 
     def facets(self, cells: Ints, side: str, row: DeckLine) -> Ints:
         """Return the numbers of the facets `side` ("1", "2" ... of the deck) of some cells. Raises Refused."""
         found = []
         for kind, chosen, _ in self.mesh.select(cells):
             places = FACETS[CELLS[kind].family]
-            if not (side.isdigit() and 1 <= int(side) <= len(places)):
+            if not (_is_number(side) and 1 <= int(side) <= len(places)):
                 raise Refused(f"a {kind} has the faces 1 to {len(places)}, and no face {side!r}", row)
             found.append(chosen * SIDES + places[int(side) - 1])
         return np.concatenate(found)
@@ -169,3 +167,7 @@ class Names:
     def _cell_index(self) -> Index:
         """Cells by number; skin cells, whose numbers are no elements of the deck, come after these."""
         return Index(self.mesh.cell_number)
+
+
+def _is_number(text: str) -> bool:
+    return text.isascii() and text.isdigit()
