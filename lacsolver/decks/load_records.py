@@ -93,7 +93,8 @@ def forces(draft: CaseDraft) -> None:
             f"f{AXES[c]}": scaled(written(points, draft.end), draft.per_thickness)
             for c, points in part.histories.items()
         }
-        draft.add("force", {"group": draft.node_group(part.name, part.items, "loaded")} | keys, part.line.card)
+        for group in draft.loaded_groups(part.name, part.items, "loaded"):
+            draft.add("force", {"group": group} | keys, part.line.card)
     if moments := [one for one in draft.reading.content.assigned if one.kind in ("moment", "spin")]:
         _check_rotations(draft, moments)
 
@@ -144,8 +145,10 @@ def temperatures(draft: CaseDraft) -> None:
             message = f"the nodes of elements {some(mesh.cell_number[own[uneven]])} have several temperatures"
             raise Refused(f"{message}, and an element has one in lacsolver; give its nodes one", lines[-1].row)
         code[own] = rows[:, 0]
-    for row, T in sorted({(int(code[c]), float(start[c])) for c in cells if code[c] >= 0}):
-        own = cells[(code[cells] == row) & (start[cells] == T)]
+    warm = cells[code[cells] >= 0]
+    kinds, which = np.unique(np.stack([code[warm], start[warm]], axis=1), axis=0, return_inverse=True)
+    for k, (row, T) in enumerate(kinds.tolist()):
+        own = warm[which.ravel() == k]
         at = int(np.flatnonzero(row_of[found.items] == row)[0])
         points = history_of(content, found, int(found.items[at]), 0, T)
         value = written(points or [(0.0, T)], draft.end, T)

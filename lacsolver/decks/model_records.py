@@ -10,7 +10,7 @@ from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
 from lacsolver.decks.cards import Refused, look_up
 from lacsolver.decks.content import Content, DeckSection, Interaction, Pair
-from lacsolver.decks.draft import MODELS, CaseDraft
+from lacsolver.decks.draft import AXES, MODELS, CaseDraft
 
 #: fewer faces of a slave than this, by dimension, cannot keep a body from turning
 _FEW = {2: 2, 3: 3}
@@ -180,9 +180,9 @@ def springs(draft: CaseDraft) -> None:
     """Add a [[spring]] for each *SPRING; springs of several elements on one node add."""
     for spring in draft.reading.content.springs:
         for count, nodes in _repeats(spring.nodes):
-            group = draft.node_group(spring.group, nodes)
             size = count * spring.stiffness * draft.per_thickness
-            draft.add("spring", {"group": group, f"k{'xyz'[spring.axis]}": size}, spring.card)
+            for group in draft.loaded_groups(spring.group, nodes, "sprung"):
+                draft.add("spring", {"group": group, f"k{AXES[spring.axis]}": size}, spring.card)
 
 
 def _repeats(nodes: Ints) -> Iterator[tuple[int, Ints]]:

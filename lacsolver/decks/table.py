@@ -93,7 +93,13 @@ NOTES = {
 _SHELLS = "lacsolver computes solid elements; model this part with them"
 _LINEAR = "lacsolver has no linear equations between nodes"
 _HEAT = "lacsolver computes no heat; give the temperatures by *TEMPERATURE"
-_TIME = "lacsolver computes static steps (*STATIC)"
+#: procedures of steps that lacsolver has not; nobody may leave them out, as a step without one is static
+PROCEDURES = dict.fromkeys(
+    ("DYNAMIC", "FREQUENCY", "BUCKLE", "MODALDYNAMIC", "STEADYSTATEDYNAMICS", "COMPLEXFREQUENCY", "SENSITIVITY",
+     "VISCO", "GREEN", "ELECTROMAGNETICS", "SUBSTRUCTUREGENERATE", "HEATTRANSFER", "COUPLEDTEMPERATURE-DISPLACEMENT",
+     "UNCOUPLEDTEMPERATURE-DISPLACEMENT"),
+    "lacsolver computes static steps (*STATIC)",
+)  # fmt: skip
 #: cards that change the answer, and that lacsolver has no place for -> what to try
 LACKS = {
     **dict.fromkeys(("SHELLSECTION", "MEMBRANESECTION", "BEAMSECTION", "BEAMGENERALSECTION"), _SHELLS),
@@ -109,10 +115,7 @@ LACKS = {
     **dict.fromkeys(("PLASTIC", "CREEP", "CYCLICHARDENING", "HYPERFOAM", "USERMATERIAL", "DEPVAR", "MOHRCOULOMB",
                      "DEFORMATIONPLASTICITY", "VISCOELASTIC", "DAMPING"),
                     "lacsolver's materials are elastic; docs/architecture.md says how a program adds a law"),
-    **dict.fromkeys(("CONDUCTIVITY", "SPECIFICHEAT", "HEATTRANSFER", "FILM", "DFLUX", "CFLUX", "RADIATE",
-                     "COUPLEDTEMPERATURE-DISPLACEMENT", "UNCOUPLEDTEMPERATURE-DISPLACEMENT"), _HEAT),
-    **dict.fromkeys(("DYNAMIC", "FREQUENCY", "BUCKLE", "MODALDYNAMIC", "STEADYSTATEDYNAMICS", "COMPLEXFREQUENCY",
-                     "SENSITIVITY", "VISCO", "GREEN", "ELECTROMAGNETICS", "SUBSTRUCTUREGENERATE"), _TIME),
+    **dict.fromkeys(("CONDUCTIVITY", "SPECIFICHEAT", "FILM", "DFLUX", "CFLUX", "RADIATE"), _HEAT),
     "PRE-TENSIONSECTION": "pretension is not taken; shorten the bolt by *TEMPERATURE, or overlap it by *CLEARANCE",
     "CYCLICSYMMETRYMODEL": "cyclic symmetry is not taken; model the whole, or a half with its plane of symmetry",
     "GENERALCONTACT": "contact is between named surfaces; write *CONTACT PAIR for each pair",

@@ -164,6 +164,18 @@ def test_patch_of_two_blocks(tmp_path, element, behaviour):
     assert np.allclose(found.u(above.at(0, 1))[:, 0], NU * 20 / E, rtol=1e-9)
 
 
+def test_forces_and_springs_on_a_slave(tmp_path):
+    """The cut of the slave adds nodes to sets that hold its faces; forces and springs stay on the nodes of the deck."""
+    below, above = two_blocks()
+    springs = "*ELEMENT, TYPE=SPRING1, ELSET=SP\n" + "".join(f"{5000 + n}, {n}\n" for n in above.at(2, 1))
+    deck = on_each_other(below, above, CONTACT, "*CLOAD\nC_Z0, 3, -1.\nC_Z1, 3, -1.\n", nu=0.0)
+    deck = deck.replace("*CONTACT PAIR", springs + "*SPRING, ELSET=SP\n3\n10.\n*CONTACT PAIR", 1)
+    found = solved(tmp_path, deck)
+    held_back = 10 * found.u(above.at(2, 1))[:, 2].sum()
+    assert len(found.made.case.force) > 2
+    assert found.zone.pressure.mean() == pytest.approx(2 * 16 + held_back)
+
+
 def test_slave_of_nodes(tmp_path):
     """A surface of nodes is taken as the faces on its nodes, and a note says so."""
     below, above = two_blocks()

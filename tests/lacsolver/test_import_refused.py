@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from lacsolver import CaseError
-from lacsolver.decks.table import LACKS, NOTES, READ
+from lacsolver.decks.table import LACKS, NOTES, PROCEDURES, READ
 from tests.lacsolver.deck_texts import Block, held, imported, section, step
 
 LOAD = "*DLOAD\nB_EZ1, P2, 20.\n"
@@ -210,6 +210,8 @@ def test_lenient_leaves_out_what_lacsolver_lacks(tmp_path):
     warned = {finding.card: finding.message for finding in made.findings if finding.level == "warning"}
     assert set(warned) == {"EQUATION", "WORMHOLE"}
     assert all(message.startswith("left out: ") for message in warned.values())
+    with pytest.raises(CaseError, match=r"\*DYNAMIC"):  # without it the step would be another one
+        imported(tmp_path, text.replace("*STATIC", "*DYNAMIC"), lenient=True)
     with pytest.raises(CaseError, match="there is no node 4711"):
         imported(tmp_path, text.replace("*WORMHOLE", "*BOUNDARY\n4711, 1"), lenient=True)
 
@@ -218,19 +220,20 @@ def test_the_table_has_each_card_once():
     assert not READ.keys() & NOTES.keys()
     assert not READ.keys() & LACKS.keys()
     assert not NOTES.keys() & LACKS.keys()
+    assert not PROCEDURES.keys() & (READ.keys() | NOTES.keys() | LACKS.keys())
 
 
 def test_the_page_has_every_card_that_is_read():
     page = " ".join((ROOT / "docs" / "import.md").read_text().split())
     named = {"".join(name.split()) for name in re.findall(r"\*([A-Z][A-Z -]*[A-Z])", page)}
     assert READ.keys() <= named
-    assert named <= READ.keys() | LACKS.keys() | NOTES.keys() | {"NODE", "NSET", "ELSET"}
+    assert named <= READ.keys() | LACKS.keys() | NOTES.keys() | PROCEDURES.keys() | {"NODE", "NSET", "ELSET"}
 
 
 def test_every_card_of_the_table_is_refused_or_noted(tmp_path):
     """Each card that lacsolver lacks is an error of its own line; each that does not matter is a note."""
     with pytest.raises(CaseError) as caught:
-        imported(tmp_path, deck("", "".join(f"*{key}\n" for key in sorted(LACKS))))
-    assert re.findall(r"line \d+: \*([^:]+): ", str(caught.value)) == sorted(LACKS)
+        imported(tmp_path, deck("", "".join(f"*{key}\n" for key in sorted(LACKS | PROCEDURES))))
+    assert re.findall(r"line \d+: \*([^:]+): ", str(caught.value)) == sorted(LACKS | PROCEDURES)
     made = imported(tmp_path, deck("", LOAD + "".join(f"*{key}\n" for key in sorted(NOTES))))
     assert [finding.card for finding in made.findings] == sorted(NOTES)
