@@ -278,6 +278,39 @@ def test_sets_that_would_catch_new_numbers_are_written_anew(tmp_path):
     assert len(back.node_groups["Top"]) < back.n_nodes - 4
 
 
+def test_a_deck_is_cut_twice(tmp_path):
+    """Children of children: a load on the side goes to what is left of it, sets have all of them."""
+    deck = read_text(tmp_path, MESH + MODEL + STEP.format(cards="*DLOAD\n1, P3, 2.5\n1, P1, 1.\n"))
+    once = cut_skin(deck, "slave", hexa="hexa").mesh
+    with pytest.warns(LacmeshWarning, match="records .* are replaced"):
+        twice = cut_skin(once, "side", hexa="hexa", recognise=False).mesh
+    back = lacmesh.read(_path(tmp_path, twice))
+    assert len(back.cell_groups["Eall"]) == len(twice.cell_groups["Eall"]) > len(once.cell_groups["Eall"]) > 1
+    sides = [(int(line.fields[0]), int(line.fields[1][1:])) for line in next(back.deck.named("DLOAD")).data]
+    areas = [_side_area(back, *side) for side in sides]
+    assert np.allclose(sum(areas), [0, -1, -1]) and len(areas) > 2
+
+
+def test_elements_that_are_no_cells_keep_their_lines_and_numbers(tmp_path):
+    """Orientation nodes of beams, couplings, elements of the user; children take other numbers than theirs."""
+    lines = "*ELEMENT, TYPE=B31, ELSET=beam\n20, 1, 2, 5\n*ELEMENT, TYPE=DCOUP3D, ELSET=ref\n70, 8\n"
+    with pytest.warns(LacmeshWarning, match="orientation nodes of 1 beams are left out; 1 elements of type DCOUP3D"):
+        mesh = read_text(tmp_path, MESH + lines + MODEL)
+    cut = cut_skin(mesh, "slave", hexa="hexa").mesh
+    assert lines in written(tmp_path, cut)
+    new = np.setdiff1d(cut.cell_number, mesh.cell_number)
+    assert len(new) and new.min() > 70
+
+
+def test_data_of_other_files_stand_in_the_new_one(tmp_path):
+    (tmp_path / "top.txt").write_text("5, 6\n7, 8\n")
+    (tmp_path / "more.txt").write_text("9, 2., 2., 2.\n")
+    text = MESH.replace("Top, GENERATE\n5, 8\n", "Top, INPUT=top.txt\n")
+    text = text.replace("*ELEMENT", "*NODE, INPUT=more.txt\n*ELEMENT") + MODEL
+    out = written(tmp_path, read_text(tmp_path, text))
+    assert "INPUT" not in out and "*NSET, NSET=Top\n5, 6\n7, 8\n" in out and "*NODE\n9, 2.0, 2.0, 2.0\n" in out
+
+
 def test_a_mesh_that_was_changed_in_python(tmp_path):
     """Moved nodes, a set that lost a member, a new one: the deck says the same as the mesh."""
     mesh = read_text(tmp_path, MESH + MODEL)

@@ -451,7 +451,7 @@ def test_elements_on_the_edges_of_others_are_said_and_can_be_kept(tmp_path):
     assert sorted(kept.cell_number[kept.cell_groups["beam"]].tolist()) == [2, 3]
     assert [c.options["TYPE"] for c in kept.deck.named("ELEMENT")] == ["S4", "B31"]
     again(tmp_path, said_of(tmp_path, shells, 0)[1])
-    solved = said_of(tmp_path, text + "*BEAM SECTION, ELSET=beam, MATERIAL=M\n1.\n", 0)[1]
+    solved = said_of(tmp_path, text + "*BEAM SECTION, ELSET=beam, MATERIAL=M\n1.\n*MATERIAL, NAME=M\n", 0)[1]
     assert again(tmp_path, solved).cells_by_type == {"QUAD4": 1, "SEG2": 2}  # a warning would be an error here
 
 
