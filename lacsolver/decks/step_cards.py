@@ -6,8 +6,8 @@ import numpy as np
 
 from lacmesh.deck import key_of
 from lacmesh.mesh import Ints
-from lacsolver.decks.cards import Card, Refused, Row
-from lacsolver.decks.content import Assigned, Step
+from lacsolver.decks.cards import Card, DeckLine, Refused
+from lacsolver.decks.content import Assigned, DeckStep
 from lacsolver.decks.reading import Reading
 
 #: supports of Abaqus that have a name, and the displacements that they hold; rotations have no meaning in a solid
@@ -25,7 +25,7 @@ def step(reading: Reading, card: Card) -> None:
         raise Refused("lacsolver has small or finite displacements for all steps; say NLGEOM in all of them or in none")
     if (card.word("AMPLITUDE") or "RAMP") not in ("RAMP", "STEP"):
         raise Refused(f"the amplitude of a step is RAMP or STEP, and not {card.word('AMPLITUDE')}")
-    content.steps.append(Step(card, begin, large=large, sudden=card.word("AMPLITUDE") == "STEP"))
+    content.steps.append(DeckStep(card, begin, large=large, sudden=card.word("AMPLITUDE") == "STEP"))
     content.in_step = True
 
 
@@ -102,7 +102,7 @@ def _in_step(reading: Reading, card: Card, *kinds: str) -> int:
 
 
 def _assign(
-    reading: Reading, card: Card, row: Row, kind: str, now: int, name: str, items: Ints,
+    reading: Reading, card: Card, row: DeckLine, kind: str, now: int, name: str, items: Ints,
     components: tuple[int, ...], value: float, data: tuple[float, ...] = (),
 ) -> None:  # fmt: skip
     """Add one line to the content. Raises Refused for an amplitude that is not there."""
