@@ -30,7 +30,7 @@ ALL = {made.name: made for made in portable.configurations("")}
 CORES = [name for name, made in ALL.items() if made.cores]
 
 
-look = portable.look  # also while a test puts `seen` in its place
+look = portable.look  # a test replaces portable.look by `seen`
 
 
 @cache
@@ -51,7 +51,7 @@ def lacking(name):
 
 @cache
 def seen(name):
-    """What computes in a configuration, asked once."""
+    """Answer of `portable.look` for a configuration, asked for once."""
     return own() if name == "own" else look(configuration(name))
 
 
