@@ -51,7 +51,7 @@ def lacking(name):
 
 @cache
 def seen(name):
-    """Answer of `portable.look` for a configuration, asked for once."""
+    """Libraries that compute in a configuration, which is asked once."""
     return own() if name == "own" else look(configuration(name))
 
 

@@ -1,0 +1,146 @@
+"""What the names and numbers of a deck mean in its mesh: nodes, cells, facets, skins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS
+from lacmesh.deck import Deck
+from lacmesh.errors import ReadError
+from lacmesh.formats.ids import Index
+from lacmesh.formats.inp.types import FACETS
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.topology.faces import cells_of_dim, faces_of, facets_of
+from lacmesh.topology.facets import Facets
+from lacmesh.topology.skin import FaceIncidence, find_owners
+from lacsolver.decks.cards import Refused, Row, look_up
+
+#: number of a facet: this times its cell, and its place
+SIDES = 8
+
+
+@dataclass
+class Names:
+    """Look-up of names and numbers of a deck in its mesh."""
+
+    mesh: Mesh
+
+    @property
+    def deck(self) -> Deck:
+        """The deck of the mesh. Raises ReadError for a mesh that was not read from a deck."""
+        if self.mesh.deck is None:
+            raise ReadError(self.mesh.name, "is no deck of CalculiX or Abaqus (.inp)")
+        return self.mesh.deck
+
+    def nodes(self, text: str, row: Row | None) -> tuple[str, Ints]:
+        """Return the name of a set and its nodes (k,), or "" and the node of a number. Raises Refused."""
+        if text.isdigit():
+            place = self._node_index.places(np.array([int(text)]))
+            if place[0] < 0:
+                raise Refused(f"there is no node {text}", row)
+            return "", place
+        name = self.deck.node_sets[look_up(self.deck.node_sets, text, "set of nodes", row)]
+        if not len(self.mesh.node_groups[name]):
+            raise Refused(f"the set of nodes {name!r} is empty", row)
+        return name, np.asarray(self.mesh.node_groups[name])
+
+    def cells(self, text: str, row: Row | None) -> tuple[str, Ints]:
+        """Return the name of a set and its solid cells (k,), or "" and the cell of a number. Raises Refused."""
+        name, found = self._cells(text, row)
+        found = found[self.mesh.cell_dim[found] == self.mesh.dim]
+        if not len(found):
+            raise Refused(f"{text} has no solid elements", row)
+        return name, found
+
+    def points(self, text: str) -> tuple[str, Ints]:
+        """Return the name of a set of springs to the ground, and their nodes (k,). Raises Refused."""
+        name, found = self._cells(text, None)
+        nodes = [nodes[:, 0] for _, _, nodes in self.mesh.select(found[self.mesh.cell_dim[found] == 0])]
+        if not nodes:
+            raise Refused(f"{text} has no elements of type SPRING1")
+        return name, np.concatenate(nodes)
+
+    def _cells(self, text: str, row: Row | None) -> tuple[str, Ints]:
+        if text.isdigit():
+            place = self._cell_index.places(np.array([int(text)]))
+            if place[0] < 0:
+                raise Refused(f"there is no element {text}", row)
+            return "", place
+        name = self.deck.element_sets[look_up(self.deck.element_sets, text, "set of elements", row)]
+        return name, np.asarray(self.mesh.cell_groups[name])
+
+    def facets(self, cells: Ints, side: str, row: Row) -> Ints:
+        """Return the numbers of the facets `side` ("1", "2" ... of the deck) of some cells. Raises Refused."""
+        found = []
+        for kind, chosen, _ in self.mesh.select(cells):
+            places = FACETS[CELLS[kind].family]
+            if not (side.isdigit() and 1 <= int(side) <= len(places)):
+                raise Refused(f"a {kind} has the faces 1 to {len(places)}, and no face {side!r}", row)
+            found.append(chosen * SIDES + places[int(side) - 1])
+        return np.concatenate(found)
+
+    def skin(self, text: str, row: Row | None) -> tuple[str, Ints]:
+        """Return the name of a surface and its facets (k,): of a surface of nodes, the faces on these nodes alone.
+
+        Raises Refused for a surface that is not there, or has no faces of solid cells.
+        """
+        there = self.deck.surface_group(text)
+        if there is None:
+            look_up({key: None for _, key in self.deck.surfaces}, text, "surface", row)
+        assert there is not None
+        kind, name = there
+        if kind == "NODE":
+            return name, self._faces_on(name, row)
+        cells = self.mesh.cell_groups[name]
+        faces = faces_of(self.mesh, cells[self.mesh.cell_dim[cells] == self.mesh.dim - 1])
+        owners = find_owners(faces, list(cells_of_dim(self.mesh, self.mesh.dim)), self.mesh.n_nodes)
+        if not len(owners.face):
+            raise Refused(f"the surface {name!r} has no faces of solid elements", row)
+        first = np.unique(owners.face, return_index=True)[1]
+        return name, owners.cell[first] * SIDES + owners.facet[first]
+
+    def of_nodes(self, text: str) -> bool:
+        """True if a surface is one of nodes."""
+        there = self.deck.surface_group(text)
+        return there is not None and there[0] == "NODE"
+
+    def _faces_on(self, name: str, row: Row | None) -> Ints:
+        """Return the facets of the boundary whose nodes all belong to a group of nodes. Raises Refused."""
+        chosen = np.zeros(self.mesh.n_nodes + 1, bool)
+        chosen[self.mesh.node_groups[name]] = True
+        chosen[-1] = True  # faces of few nodes are padded with -1
+        cell, facet = self._boundary
+        faces = facets_of(self.mesh, FaceIncidence(np.arange(len(cell)), cell, facet, np.ones(len(cell), bool)))
+        inside = chosen[faces.nodes].all(axis=1)
+        if not inside.any():
+            message = f"no face of the bodies has all its nodes in the surface of nodes {name!r}"
+            raise Refused(f"{message}; name a surface of element faces", row)
+        return cell[inside] * SIDES + facet[inside]
+
+    @cached_property
+    def in_cells(self) -> NDArray[np.bool_]:
+        """Mask (n_nodes,), True for nodes of a solid cell."""
+        used = np.zeros(self.mesh.n_nodes, bool)
+        for _, nodes, _ in cells_of_dim(self.mesh, self.mesh.dim):
+            used[nodes] = True
+        return used
+
+    @cached_property
+    def _boundary(self) -> tuple[Ints, Ints]:
+        """Cells and places of the facets that belong to one cell only."""
+        facets = Facets.of(self.mesh)
+        rows, facet = facets.boundary
+        return facets.solid.cells[rows].astype(np.int64), facet.astype(np.int64)
+
+    @cached_property
+    def _node_index(self) -> Index:
+        return Index(self.mesh.node_number)
+
+    @cached_property
+    def _cell_index(self) -> Index:
+        """Cells by number; skin cells, whose numbers are no elements of the deck, come after these."""
+        return Index(self.mesh.cell_number)
