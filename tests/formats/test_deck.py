@@ -366,7 +366,7 @@ def test_parts_are_carried_and_not_cut(tmp_path):
         LacmeshWarning, match=r"written anew and not as the deck .*a.inp: .*left out of the deck .*MATERIAL"
     ):
         written(tmp_path, raise_order(mesh))
-    with pytest.warns(LacmeshWarning, match="the assembly has nodes or elements of its own"):
+    with pytest.warns(LacmeshWarning, match="it has instances of parts; write it without"):
         written(tmp_path, replace(mesh, points=mesh.points * 2))
 
 
