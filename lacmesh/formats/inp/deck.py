@@ -31,7 +31,6 @@ _NOT_READ = {
 #: Cards whose members are listed by number.
 _OF_MEMBERS = {"NSET", "ELSET", "SURFACE"}
 _LARGEST = 10**9
-_PARTS = "it has instances of parts; write it without (Abaqus/CAE: do not use parts and assemblies in input files)"
 
 
 @dataclass
@@ -155,6 +154,7 @@ class _Reader:
             return 0, 0
         if self.own is None:
             self.own = _Instance("", *self.model.scope.largest())
+            self.model.apart = "the assembly has nodes or elements of its own, whose numbers are raised"
         return self.own.nodes, self.own.elements
 
     def _node(self, card: Card) -> None:
@@ -313,7 +313,10 @@ class _Reader:
         prefix = f"{shown}." if self.n_instances > 1 else ""
         whole.add(scope, prefix, *by)
         self.instances[key(shown)] = _Instance(prefix, *by)
-        self.model.apart = _PARTS
+        if len(self.instances) > 1 or any(by):
+            self.model.apart = f"there are {len(self.instances)} instances of parts"
+        elif begin.text().strip():
+            self.model.apart = f"the instance {shown} stands elsewhere than its part"
         if any(by):
             self.model.said.append(f"the numbers of instance {shown} are raised, nodes by {by[0]} and cells by {by[1]}")
         self.instance, self.here = None, whole
