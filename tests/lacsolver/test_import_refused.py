@@ -1,4 +1,4 @@
-"""What `lacsolver import` refuses: an error for each card, with file, line, card, and what to try."""
+"""Cards that `lacsolver import` refuses: an error for each, with file, line, card, and what to try."""
 
 import re
 from pathlib import Path
