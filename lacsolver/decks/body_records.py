@@ -24,7 +24,7 @@ def gravity(draft: CaseDraft) -> None:
         if len(parts) == 1 and np.isin(heavy, part.items).all():
             if mesh.plane == "CAX" and keys.pop("x", 0.0):
                 raise Refused(
-                    "gravity along the radius is not that of a full circle; give it along the axis", part.line.row
+                    "gravity along the radius has no meaning in a full circle; give it along y", part.line.row
                 )
             draft.add("gravity", {f"g{axis}": value for axis, value in keys.items()}, part.line.card)
             continue
