@@ -51,7 +51,7 @@ def lacking(name):
 
 @cache
 def seen(name):
-    """What computes in a configuration, asked once."""
+    """Libraries that compute in a configuration, which is asked once."""
     return own() if name == "own" else look(configuration(name))
 
 

@@ -12,7 +12,7 @@ from lacmesh.deck import DataLine, DeckCard, key_of
 from lacmesh.errors import did_you_mean
 
 
-class Row(NamedTuple):
+class DeckLine(NamedTuple):
     """A data line, or the value of an option: its fields, and its place in a file."""
 
     fields: tuple[str, ...]
@@ -20,7 +20,7 @@ class Row(NamedTuple):
     line: int
 
     @classmethod
-    def of(cls, line: DataLine) -> Row:
+    def of(cls, line: DataLine) -> DeckLine:
         """Return the fields of a data line, without blank ones at its end."""
         fields = list(line.fields)
         while len(fields) > 1 and not fields[-1]:
@@ -57,7 +57,7 @@ class Row(NamedTuple):
 class Refused(Exception):  # noqa: N818 (never leaves this package: it becomes a Finding)
     """A card, or the line `row` of it, cannot be taken; the message says why, and what to try."""
 
-    def __init__(self, message: str, row: Row | None = None) -> None:
+    def __init__(self, message: str, row: DeckLine | None = None) -> None:
         super().__init__(message)
         self.message = message
         self.row = row
@@ -84,9 +84,9 @@ class Card:
         return {name.replace(" ", ""): value for name, value in self.of.options.items()}
 
     @cached_property
-    def rows(self) -> tuple[Row, ...]:
+    def rows(self) -> tuple[DeckLine, ...]:
         """The data lines."""
-        return tuple(Row.of(line) for line in self.of.data)
+        return tuple(DeckLine.of(line) for line in self.of.data)
 
     def word(self, name: str) -> str:
         """Return the value of an option in capitals without blanks; "" if the card does not have it."""
@@ -100,15 +100,15 @@ class Card:
 
     def number(self, name: str, default: float | None = None) -> float:
         """Return the value of an option as a real number. Raises Refused."""
-        return Row((self.options.get(name, ""),), self.of.file, self.of.line).number(0, name, default)
+        return DeckLine((self.options.get(name, ""),), self.of.file, self.of.line).number(0, name, default)
 
-    def first(self, what: str) -> Row:
+    def first(self, what: str) -> DeckLine:
         """Return the first data line. Raises Refused if there is none."""
         if not self.rows:
             raise Refused(f"it should be followed by a line with {what}")
         return self.rows[0]
 
-    def single(self, what: str) -> Row:
+    def single(self, what: str) -> DeckLine:
         """Return the only data line. Raises Refused if there is none, or more, for other temperatures."""
         row = self.first(what)
         if len(self.rows) > 1:
@@ -134,13 +134,13 @@ class Finding(NamedTuple):
         return f"{self.file}, line {self.line}: *{self.card}: {self.message}"
 
 
-def found_at(card: Card, message: str, row: Row | None, level: str) -> Finding:
+def found_at(card: Card, message: str, row: DeckLine | None, level: str) -> Finding:
     """Return a finding about a card, or about one of its lines."""
     file, line = (row.file, row.line) if row else (card.of.file, card.of.line)
     return Finding(file, line, card.of.name, message, level)
 
 
-def look_up(known: Mapping[str, object], name: str, what: str, row: Row | None = None) -> str:
+def look_up(known: Mapping[str, object], name: str, what: str, row: DeckLine | None = None) -> str:
     """Return the key (`key_of`) of a name of the deck. Raises Refused, with near matches."""
     key = key_of(name)
     if key not in known:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lacsolver.decks.cards import Card, Refused, Row
+from lacsolver.decks.cards import Card, DeckLine, Refused
 
 #: places in the 21 constants of anisotropy (upper triangle of the stiffness, column by column) of the 9 of orthotropy
 _ORTHOTROPIC = (0, 1, 2, 3, 4, 5, 9, 14, 20)
@@ -50,12 +50,12 @@ def _from_stiffness(values: list[float]) -> dict[str, Any]:
     return {"young": young.tolist(), "poisson": [float(nu) for nu in poisson], "shear": values[6:]}
 
 
-def rubber(row: Row) -> dict[str, float]:
+def rubber(row: DeckLine) -> dict[str, float]:
     """Return young and poisson of C10 and D1, which are half the shear modulus and two over the bulk modulus.
 
     D1 = 0 means incompressible in Abaqus, and a Poisson's ratio of 0.475 in CalculiX. Raises Refused for it.
 
-    >>> {k: round(v, 12) for k, v in rubber(Row(("0.5", "1.0"), "", 1)).items()}
+    >>> {k: round(v, 12) for k, v in rubber(DeckLine(("0.5", "1.0"), "", 1)).items()}
     {'young': 2.571428571429, 'poisson': 0.285714285714}
     """
     c10, d1 = row.number(0, "C10"), row.number(1, "D1", 0.0)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lacmesh.mesh import Ints
-from lacsolver.decks.cards import Card, Refused, Row
+from lacsolver.decks.cards import Card, DeckLine, Refused
 
 #: kinds of what acts, and the components of each
 COMPONENTS = {
@@ -37,7 +37,7 @@ class MaterialData:
 
 
 @dataclass(frozen=True)
-class Section:
+class DeckSection:
     """Cells (indices) of one material; `axes`: the name of an orientation, or ""; `thickness` of the plane."""
 
     name: str
@@ -78,7 +78,7 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class RigidBody:
+class DeckRigid:
     """A rigid body: its group, kind of group, and the nodes (indices) that hold its place and its rotation."""
 
     group: str
@@ -101,8 +101,11 @@ class GroundSpring:
 
 
 @dataclass
-class Step:
-    """A step: when it begins and how long it takes, its first increment, and how loads without amplitude grow."""
+class DeckStep:
+    """A step: when it begins and how long it takes, its first increment, and how loads without amplitude grow.
+
+    `modes`: how many natural modes it asks for; such a step takes no time, and goes at its end.
+    """
 
     card: Card
     begin: float
@@ -111,6 +114,7 @@ class Step:
     direct: bool = False
     large: bool = False
     sudden: bool = False
+    modes: int = 0
 
     @property
     def end(self) -> float:
@@ -134,7 +138,7 @@ class Assigned:
     value: float
     amplitude: str
     card: Card
-    row: Row
+    row: DeckLine
     data: tuple[float, ...] = ()
 
 
@@ -144,23 +148,25 @@ class Content:
 
     materials: dict[str, MaterialData] = field(default_factory=dict)
     orientations: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=dict)
-    sections: list[Section] = field(default_factory=list)
+    sections: list[DeckSection] = field(default_factory=list)
     amplitudes: dict[str, Amplitude] = field(default_factory=dict)
     interactions: dict[str, Interaction] = field(default_factory=dict)
     pairs: list[Pair] = field(default_factory=list)
     clearances: dict[tuple[str, str], tuple[float, Card]] = field(default_factory=dict)
-    rigid: list[RigidBody] = field(default_factory=list)
+    rigid: list[DeckRigid] = field(default_factory=list)
     springs: list[GroundSpring] = field(default_factory=list)
-    steps: list[Step] = field(default_factory=list)
+    steps: list[DeckStep] = field(default_factory=list)
     assigned: list[Assigned] = field(default_factory=list)
     #: kinds of which a step removes what earlier steps have said, and the card that says so
     removed: dict[str, dict[int, Card]] = field(default_factory=lambda: defaultdict(dict))
     #: nodes whose displacements are asked for
     watched: dict[int, None] = field(default_factory=dict)
+    #: the step that asks for natural modes
+    modal: DeckStep | None = None
     in_step: bool = False
 
     @property
-    def step(self) -> Step:
+    def step(self) -> DeckStep:
         """The step that is open. Raises Refused outside a step."""
         if not self.in_step:
             raise Refused("it belongs between *STEP and *END STEP; move it there")

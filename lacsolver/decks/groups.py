@@ -13,7 +13,7 @@ from lacsolver.decks.names import SIDES
 
 
 @dataclass
-class Groups:
+class DeckGroups:
     """Groups by name: `nodes`, solid `cells`, and `skins` of facets (numbers), all of the mesh of the deck."""
 
     mesh: Mesh
@@ -22,7 +22,7 @@ class Groups:
     skins: dict[str, Ints] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, mesh: Mesh) -> Groups:
+    def of(cls, mesh: Mesh) -> DeckGroups:
         """Return the sets of nodes and of elements that a deck has."""
         solid = {name: cells[mesh.cell_dim[cells] == mesh.dim] for name, cells in mesh.cell_groups.items()}
         nodes = {name: np.asarray(some) for name, some in mesh.node_groups.items() if len(some)}

@@ -15,7 +15,7 @@ import numpy as np
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case.value import interpolate
 from lacsolver.decks.cards import Refused
-from lacsolver.decks.content import Amplitude, Assigned, Step
+from lacsolver.decks.content import Amplitude, Assigned, DeckStep
 
 Points = list[tuple[float, float]]
 #: part of a step in which a value jumps
@@ -27,7 +27,8 @@ class Orders:
     """Orders of the steps for some items: nodes, facets or cells.
 
     `items` (k,) sorted; `value` (steps, components, k), NaN where a step says nothing; `amplitude` (steps, components,
-    k): index into `amplitudes`, -1 for none; `lines`: the lines of the deck that they come from.
+    k): index into `amplitudes`, -1 for none; `lines`: the lines of the deck that they come from; `first` (k,): the
+    index of the first line that names an item.
     """
 
     items: Ints
@@ -35,6 +36,11 @@ class Orders:
     amplitude: Ints
     amplitudes: tuple[str, ...]
     lines: tuple[Assigned, ...]
+    first: Ints
+
+    def line_of(self, at: int) -> Assigned:
+        """Return the first line that names the item with index `at` in `items`."""
+        return self.lines[int(self.first[at])]
 
 
 def orders_of(lines: Sequence[Assigned], n_steps: int, n_components: int, adds: bool) -> Orders:
@@ -48,8 +54,10 @@ def orders_of(lines: Sequence[Assigned], n_steps: int, n_components: int, adds: 
     shape = (max(n_steps, 1), n_components, len(items))
     value, amplitude = np.full(shape, np.nan), np.full(shape, -1)
     names = tuple(dict.fromkeys(line.amplitude for line in lines if line.amplitude))
-    for line in lines:
+    first = np.full(len(items), len(lines))
+    for number, line in enumerate(lines):
         at = np.searchsorted(items, line.items)
+        first[at] = np.minimum(first[at], number)
         index = names.index(line.amplitude) if line.amplitude else -1
         for component in line.components:
             own, which = value[max(line.step, 0), component], amplitude[max(line.step, 0), component]
@@ -58,10 +66,12 @@ def orders_of(lines: Sequence[Assigned], n_steps: int, n_components: int, adds: 
                 raise Refused("it adds to a load with another amplitude; give both the same amplitude", line.row)
             own[at] = np.where(again, own[at], 0.0) + line.value
             which[at] = index
-    return Orders(items, value, amplitude, names, tuple(lines))
+    return Orders(items, value, amplitude, names, tuple(lines), first)
 
 
-def history(steps: Sequence[Step], value: Floats, amplitude: Sequence[Amplitude | None], start: float = 0.0) -> Points:
+def history(
+    steps: Sequence[DeckStep], value: Floats, amplitude: Sequence[Amplitude | None], start: float = 0.0
+) -> Points:
     """Return the history ((t, v), ...) of one component: `value` (steps,), NaN where a step says nothing.
 
     `amplitude`: that of each step; `start`: the value at time 0. Raises Refused for a load whose amplitude counts the
@@ -86,7 +96,7 @@ def history(steps: Sequence[Step], value: Floats, amplitude: Sequence[Amplitude 
     return points
 
 
-def _grown(step: Step, value: float) -> Points:
+def _grown(step: DeckStep, value: float) -> Points:
     return [(step.begin, value), (step.end, value)] if step.sudden else [(step.end, value)]
 
 
@@ -94,7 +104,7 @@ def _ends_varied(amplitude: Amplitude) -> bool:
     return len({factor for _, factor in amplitude.rows}) > 1
 
 
-def _sampled(step: Step, value: float, amplitude: Amplitude) -> Points:
+def _sampled(step: DeckStep, value: float, amplitude: Amplitude) -> Points:
     """Return the factors of an amplitude over a step, times a value."""
     origin = 0.0 if amplitude.total else step.begin
     inside = [t + origin for t, _ in amplitude.rows if step.begin < t + origin < step.end]

@@ -13,9 +13,11 @@ from lacmesh.mesh import Mesh
 from lacsolver.case import Case, CaseError, Issue, parse_case
 from lacsolver.decks import load_records as loads
 from lacsolver.decks import model_records as model
+from lacsolver.decks.body_records import centrifugal, gravity
 from lacsolver.decks.cards import Card, Finding, Refused
-from lacsolver.decks.draft import Draft
-from lacsolver.decks.groups import Groups
+from lacsolver.decks.content import DeckStep
+from lacsolver.decks.draft import CaseDraft
+from lacsolver.decks.groups import DeckGroups
 from lacsolver.decks.interpret import interpret
 from lacsolver.decks.reading import Reading
 from lacsolver.decks.rigid_records import rigid_bodies
@@ -23,7 +25,7 @@ from lacsolver.decks.toml import case_text
 from lacsolver.validation import validate
 
 #: what drafts the records, in this order, and the card that a mistake without a line is told of
-_BUILDERS: tuple[tuple[Callable[[Draft], None], str], ...] = (
+_BUILDERS: tuple[tuple[Callable[[CaseDraft], None], str], ...] = (
     (model.top, "ELEMENT"),
     (model.materials, "SOLIDSECTION"),
     (model.contacts, "CONTACTPAIR"),
@@ -32,8 +34,8 @@ _BUILDERS: tuple[tuple[Callable[[Draft], None], str], ...] = (
     (model.springs, "SPRING"),
     (loads.pressures, "DLOAD"),
     (loads.forces, "CLOAD"),
-    (loads.body_loads, "DLOAD"),
-    (loads.centrifugal, "DLOAD"),
+    (gravity, "DLOAD"),
+    (centrifugal, "DLOAD"),
     (loads.temperatures, "TEMPERATURE"),
     (loads.probes, "NODEPRINT"),
     (loads.steps, "STATIC"),
@@ -62,7 +64,9 @@ def import_deck(path: str | Path, case_path: str | Path, *, lenient: bool = Fals
     path, case_path = Path(path), Path(case_path)
     reading = interpret(lacmesh.read(path), lenient=lenient)
     _raise(reading)
-    draft = Draft(reading, Groups.of(reading.names.mesh), {"mesh": case_path.with_suffix(".med").name})
+    draft = CaseDraft(reading, DeckGroups.of(reading.names.mesh), {"mesh": case_path.with_suffix(".med").name})
+    if not reading.content.steps and reading.content.modal:
+        reading.content.steps.append(DeckStep(reading.content.modal.card, 0.0))
     if not reading.content.steps:
         raise CaseError([Issue(f"{path}: there is no *STEP, and so nothing to compute; give it one with *STATIC")])
     for build, key in _BUILDERS:
@@ -83,7 +87,7 @@ def _raise(reading: Reading) -> None:
         raise CaseError([Issue(finding.text) for finding in dict.fromkeys(errors)])
 
 
-def _imported(path: Path, case_path: Path, draft: Draft) -> Imported:
+def _imported(path: Path, case_path: Path, draft: CaseDraft) -> Imported:
     """Return the mesh and the case of a draft. Raises CaseError for values that a case cannot have."""
     head = [f"{path.name}, imported by lacsolver import"]
     mesh = draft.groups.written()
@@ -98,7 +102,7 @@ def _imported(path: Path, case_path: Path, draft: Draft) -> Imported:
     return Imported(mesh, case, text, tuple(found))
 
 
-def _name_kinds(draft: Draft, mesh: Mesh) -> None:
+def _name_kinds(draft: CaseDraft, mesh: Mesh) -> None:
     """Say which kind of group a record means where a group of cells has the name of one of nodes."""
     for record in draft.records:
         if record.section in ("displacement", "force", "spring", "probe") and record.keys["group"] in mesh.cell_groups:
@@ -120,7 +124,7 @@ def _origin(lines: list[str], line: int | None) -> str:
     return f"{above[-1][2:]}: " if above else ""
 
 
-def _set_clearances(draft: Draft, case: Case, mesh: Mesh) -> None:
+def _set_clearances(draft: CaseDraft, case: Case, mesh: Mesh) -> None:
     """Set clearances so that they replace the gap in the mesh, which must be even. Raises CaseError for another."""
     zones = {zone.slave: zone for zone in validate(case, mesh).zones}
     extent = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))

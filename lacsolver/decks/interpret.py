@@ -6,7 +6,7 @@ from lacmesh.mesh import Mesh
 from lacsolver.decks.cards import Card, Lacking, Refused
 from lacsolver.decks.names import Names
 from lacsolver.decks.reading import Reading
-from lacsolver.decks.table import LACKS, NOTES, OF_THE_MESH, READ
+from lacsolver.decks.table import LACKS, NOTES, OF_THE_MESH, PROCEDURES, READ
 
 
 def interpret(mesh: Mesh, *, lenient: bool = False) -> Reading:
@@ -40,6 +40,8 @@ def _take(reading: Reading, card: Card) -> None:
         row.read(reading, card)
     elif card.key in NOTES:
         reading.note(card, NOTES[card.key])
+    elif card.key in PROCEDURES:
+        raise Refused(PROCEDURES[card.key])
     elif card.key in LACKS:
         raise Lacking(LACKS[card.key])
     elif card.key not in OF_THE_MESH:

@@ -10,19 +10,20 @@ from typing import Any
 import numpy as np
 
 from lacmesh.errors import some
-from lacmesh.mesh import Floats, Ints
-from lacsolver.decks.cards import Refused, look_up
+from lacmesh.mesh import Ints
+from lacsolver.decks.cards import Refused
 from lacsolver.decks.content import COMPONENTS, Assigned
-from lacsolver.decks.draft import AXES, Draft
+from lacsolver.decks.draft import AXES, CaseDraft
 from lacsolver.decks.histories import Orders, orders_of, written
 from lacsolver.decks.model_records import expanding, initial_temperatures
+from lacsolver.decks.names import SIDES
 from lacsolver.decks.parts import history_of, parts_of
 
 #: most increments of a step that become steps of a case; a step that does not converge is halved all the same
 MOST_INCREMENTS = 10
 
 
-def orders(draft: Draft, kind: str) -> Orders:
+def orders(draft: CaseDraft, kind: str) -> Orders:
     """Return the orders of one kind on nodes, facets or cells that are no nodes of rigid bodies. Raises Refused."""
     content = draft.reading.content
     held = np.array([n for body in content.rigid for n in (body.reference, body.rotation) if n is not None], np.int64)
@@ -33,7 +34,7 @@ def orders(draft: Draft, kind: str) -> Orders:
     return orders_by_step(draft, kind, lines)
 
 
-def orders_by_step(draft: Draft, kind: str, lines: Sequence[Assigned]) -> Orders:
+def orders_by_step(draft: CaseDraft, kind: str, lines: Sequence[Assigned]) -> Orders:
     """Return the orders of some lines. Raises Refused where a step removes some of earlier steps (OP=NEW)."""
     content = draft.reading.content
     adds = kind not in ("displacement", "spin", "temperature")
@@ -48,10 +49,21 @@ def orders_by_step(draft: Draft, kind: str, lines: Sequence[Assigned]) -> Orders
         if (lost & ~kept).any():
             message = "what OP=NEW removes stays in lacsolver; repeat it in this step, a load with the value 0"
             raise Refused(message, card.rows[0] if card.rows else None)
+    if kind in ("displacement", "spin"):
+        _check_begun(whole)
     return whole
 
 
-def supports(draft: Draft) -> None:
+def _check_begun(found: Orders) -> None:
+    """Raise Refused for a support that begins after the first step: lacsolver's hold from time 0 on."""
+    late = np.isnan(found.value[0]) & ~np.isnan(found.value).all(axis=0)
+    if late.any():
+        line = found.line_of(int(np.flatnonzero(late.any(axis=0))[0]))
+        message = "this support begins after the first step, and lacsolver's hold from the beginning"
+        raise Refused(f"{message}; hold it in the first step too, or compute the steps apart", line.row)
+
+
+def supports(draft: CaseDraft) -> None:
     """Add a [[displacement]] for each set of nodes. Raises Refused."""
     found = orders(draft, "displacement")
     names = draft.reading.names
@@ -68,9 +80,11 @@ def supports(draft: Draft) -> None:
             draft.add("displacement", {"group": draft.node_group(name, there, "held")} | keys, part.line.card)
 
 
-def forces(draft: Draft) -> None:
+def forces(draft: CaseDraft) -> None:
     """Add a [[force]] for each set of nodes. Raises Refused."""
     for part in parts_of(draft.reading.content, orders(draft, "force"), once=True):
+        if max(part.histories) >= draft.dim:
+            raise Refused("a force has the directions 1 and 2 in a plane model", part.line.row)
         loose = part.items[~draft.reading.names.in_cells[part.items]]
         numbers = draft.groups.mesh.node_number
         if len(loose):
@@ -78,14 +92,14 @@ def forces(draft: Draft) -> None:
         keys = {
             f"f{AXES[c]}": scaled(written(points, draft.end), draft.per_thickness)
             for c, points in part.histories.items()
-            if c < draft.dim
         }
-        draft.add("force", {"group": draft.node_group(part.name, part.items, "loaded")} | keys, part.line.card)
+        for group in draft.loaded_groups(part.name, part.items, "loaded"):
+            draft.add("force", {"group": group} | keys, part.line.card)
     if moments := [one for one in draft.reading.content.assigned if one.kind in ("moment", "spin")]:
         _check_rotations(draft, moments)
 
 
-def _check_rotations(draft: Draft, lines: list[Assigned]) -> None:
+def _check_rotations(draft: CaseDraft, lines: list[Assigned]) -> None:
     """Raise Refused for moments at nodes of no rigid body; a rotation of 0 has no meaning there, and is left out."""
     held = [body.reference for body in draft.reading.content.rigid]
     for line in lines:
@@ -98,83 +112,20 @@ def scaled(value: Any, factor: float) -> Any:
     return [[t, v * factor] for t, v in value] if isinstance(value, list) else value * factor
 
 
-def pressures(draft: Draft) -> None:
+def pressures(draft: CaseDraft) -> None:
     """Add a [[pressure]] for each set of faces; with NLGEOM it follows them. Raises Refused."""
     for part in parts_of(draft.reading.content, orders(draft, "pressure"), once=True):
+        if len(inner := draft.reading.names.inner(part.items)):
+            numbers = some(draft.groups.mesh.cell_number[inner // SIDES])
+            raise Refused(
+                f"these faces of elements {numbers} lie between two elements; press outer faces", part.line.row
+            )
         group = draft.groups.add_skin(part.name or "pressed", part.items)
         keys = {"group": group, "value": written(part.histories[0], draft.end)}
         draft.add("pressure", keys | ({"follower": True} if draft.large else {}), part.line.card)
 
 
-def body_loads(draft: Draft) -> None:
-    """Add [gravity] if it acts on all that has a density, else a [[body_force]] for each density. Raises Refused."""
-    density, mesh = densities(draft), draft.groups.mesh
-    parts = list(parts_of(draft.reading.content, orders(draft, "gravity"), once=True))
-    heavy = np.flatnonzero(density)
-    for part in parts:
-        keys = {f"{AXES[c]}": written(points, draft.end) for c, points in part.histories.items() if c < draft.dim}
-        if not np.isin(part.items, heavy).any():
-            raise Refused("gravity acts on elements without a density; give their material a *DENSITY", part.line.row)
-        if len(parts) == 1 and np.isin(heavy, part.items).all():
-            if mesh.plane == "CAX":
-                keys.pop("x")
-            draft.add("gravity", {f"g{axis}": value for axis, value in keys.items()}, part.line.card)
-            continue
-        for rho, cells in _by_density(density, part.items):
-            group = draft.groups.add_cells(part.name or "heavy", cells)
-            loads = {f"f{axis}": scaled(value, rho) for axis, value in keys.items()}
-            draft.add("body_force", {"groups": [group]} | loads, part.line.card)
-
-
-def _by_density(density: Floats, cells: Ints) -> list[tuple[float, Ints]]:
-    """Return the densities of some cells, and the cells of each."""
-    found = [(float(rho), cells[density[cells] == rho]) for rho in np.unique(density[cells])]
-    return [(rho, some_cells) for rho, some_cells in found if rho]
-
-
-def densities(draft: Draft) -> Floats:
-    """Return the density (n_cells,) of each cell, 0 without one."""
-    content = draft.reading.content
-    out = np.zeros(draft.groups.mesh.n_cells)
-    for section in content.sections:
-        key = look_up(content.materials, section.material, "*MATERIAL")
-        out[section.cells] = content.materials[key].keys.get("density", 0.0)
-    return out
-
-
-def centrifugal(draft: Draft) -> None:
-    """Add a [[body_force]] for each centrifugal load. Raises Refused."""
-    content, density = draft.reading.content, densities(draft)
-    for line in (one for one in content.assigned if one.kind == "centrifugal"):
-        if draft.large or line.amplitude or len(content.steps) > 1:
-            message = (
-                "a centrifugal load is taken in one step, without NLGEOM and without amplitude; write a [[body_force]]"
-            )
-            raise Refused(message, line.row)
-        for rho, cells in _by_density(density, line.items):
-            group = draft.groups.add_cells(line.name or "turning", cells)
-            factor = rho * line.value
-            time = "" if content.steps[0].sudden else f" * t / {draft.end!r}"
-            outward = _outward(np.array(line.data[:3]), np.array(line.data[3:]))
-            loads = {f"f{AXES[c]}": f"{factor!r} * ({outward[c]}){time}" for c in range(draft.dim) if outward[c]}
-            draft.add("body_force", {"groups": [group]} | loads, line.card)
-
-
-def _outward(origin: Floats, way: Floats) -> list[str]:
-    """Return the vector from an axis to a place, as formulas of x, y, z; "" for a component that is 0.
-
-    >>> _outward(np.zeros(3), np.array([0.0, 2.0, 0.0]))
-    ['1.0 * x', '', '1.0 * z']
-    """
-    across = np.eye(3) - np.outer(way, way) / (way @ way)
-    rows = []
-    for row in across:
-        terms = [(float(a), AXES[k], float(origin[k])) for k, a in enumerate(row) if abs(a) > 1e-15]
-        rows.append(" + ".join(f"{a!r} * ({axis} - {o!r})" if o else f"{a!r} * {axis}" for a, axis, o in terms))
-    return rows
-
-
-def temperatures(draft: Draft) -> None:
+def temperatures(draft: CaseDraft) -> None:
     """Add a [[temperature]] for each group of cells that expand, and have one history. Raises Refused."""
     content, mesh = draft.reading.content, draft.groups.mesh
     lines = [one for one in content.assigned if one.kind == "temperature" and one.step >= 0]
@@ -194,14 +145,16 @@ def temperatures(draft: Draft) -> None:
             message = f"the nodes of elements {some(mesh.cell_number[own[uneven]])} have several temperatures"
             raise Refused(f"{message}, and an element has one in lacsolver; give its nodes one", lines[-1].row)
         code[own] = rows[:, 0]
-    for row, T in sorted({(int(code[c]), float(start[c])) for c in cells if code[c] >= 0}):
-        own = cells[(code[cells] == row) & (start[cells] == T)]
-        item = int(found.items[np.flatnonzero(row_of[found.items] == row)[0]])
-        points = history_of(content, found, item, 0, T)
+    warm = cells[code[cells] >= 0]
+    kinds, which = np.unique(np.stack([code[warm], start[warm]], axis=1), axis=0, return_inverse=True)
+    for k, (row, T) in enumerate(kinds.tolist()):
+        own = warm[which.ravel() == k]
+        at = int(np.flatnonzero(row_of[found.items] == row)[0])
+        points = history_of(content, found, int(found.items[at]), 0, T)
         value = written(points or [(0.0, T)], draft.end, T)
         if value == T:
             continue
-        line = next(one for one in lines if item in one.items)
+        line = found.line_of(at)
         whole = len(own) == np.count_nonzero(mesh.cell_dim == mesh.dim)
         groups = {} if whole else {"groups": [draft.groups.add_cells(line.name or "warm", own)]}
         draft.add("temperature", groups | {"value": value}, line.card)
@@ -215,7 +168,7 @@ def _rows_of_nodes(found: Orders, n_nodes: int) -> Ints:
     return out
 
 
-def probes(draft: Draft) -> None:
+def probes(draft: CaseDraft) -> None:
     """Add a [[probe]] for each node whose displacements the deck prints."""
     for node in draft.reading.content.watched:
         number = draft.groups.mesh.node_number[node]
@@ -223,7 +176,7 @@ def probes(draft: Draft) -> None:
         draft.add("probe", {"group": group, "name": f"node {number}"})
 
 
-def steps(draft: Draft) -> None:
+def steps(draft: CaseDraft) -> None:
     """Add [steps]: the increments of the deck's steps, MOST_INCREMENTS of each at most. Raises Refused."""
     times: list[float] = []
     for step in draft.reading.content.steps:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from lacmesh.deck import key_of
 from lacsolver.decks.cards import Card, Refused
 from lacsolver.decks.constants import engineering_constants, rubber
-from lacsolver.decks.content import MaterialData, Section
+from lacsolver.decks.content import DeckSection, MaterialData
 from lacsolver.decks.reading import Reading
 
 
@@ -81,5 +81,5 @@ def section(reading: Reading, card: Card) -> None:
     thickness = card.rows[0].number(0, "the thickness", 1.0) if card.rows else 1.0
     if not thickness > 0:
         raise Refused(f"the thickness should be positive, not {thickness:g}", card.rows[0])
-    made = Section(name, cells, card.needed("MATERIAL"), card.options.get("ORIENTATION", ""), thickness, card)
+    made = DeckSection(name, cells, card.needed("MATERIAL"), card.options.get("ORIENTATION", ""), thickness, card)
     reading.content.sections.append(made)

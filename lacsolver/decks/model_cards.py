@@ -7,14 +7,14 @@ import re
 import numpy as np
 
 from lacmesh.deck import key_of
-from lacsolver.decks.cards import Card, Lacking, Refused, Row
+from lacsolver.decks.cards import Card, DeckLine, Lacking, Refused
 from lacsolver.decks.content import (
     Amplitude,
     Assigned,
+    DeckRigid,
     GroundSpring,
     Interaction,
     Pair,
-    RigidBody,
 )
 from lacsolver.decks.reading import Reading
 
@@ -130,7 +130,7 @@ def tie(reading: Reading, card: Card) -> None:
         reading.content.pairs.append(Pair(slave, master, "", keys, card, tie=True))
 
 
-def _skins(reading: Reading, card: Card, row: Row) -> tuple[str, str]:
+def _skins(reading: Reading, card: Card, row: DeckLine) -> tuple[str, ...]:
     """Return the keys of slave and master on a data line. Raises Refused."""
     if len(row.fields) != 2:
         raise Refused("a line should be a slave surface and a master surface", row)
@@ -138,13 +138,13 @@ def _skins(reading: Reading, card: Card, row: Row) -> tuple[str, str]:
         name, facets = reading.names.skin(text, row)
         if reading.names.of_nodes(text):
             reading.note(card, f"the surface of nodes {name!r} is taken as the {len(facets)} faces on its nodes", row)
-    return key_of(row.text(0)), key_of(row.text(1))
+    return tuple(key_of(reading.names.plain(text)) for text in row.fields)
 
 
 def clearance(reading: Reading, card: Card) -> None:
     """Take the gap between a slave and a master, which replaces the one in the mesh."""
-    pair = key_of(card.needed("SLAVE")), key_of(card.needed("MASTER"))
-    reading.content.clearances[pair] = (card.number("VALUE"), card)
+    pair = tuple(key_of(reading.names.plain(card.needed(name))) for name in ("SLAVE", "MASTER"))
+    reading.content.clearances[pair[0], pair[1]] = (card.number("VALUE"), card)
 
 
 def rigid_body(reading: Reading, card: Card) -> None:
@@ -159,7 +159,7 @@ def rigid_body(reading: Reading, card: Card) -> None:
         raise Refused("a rigid body should be a set of nodes or of elements, not a number")
     reference = int(names.nodes(card.needed("REFNODE"), None)[1][0])
     turning = int(names.nodes(card.needed("ROTNODE"), None)[1][0]) if "ROTNODE" in card.options else None
-    reading.content.rigid.append(RigidBody(group, kind, nodes, reference, turning, card))
+    reading.content.rigid.append(DeckRigid(group, kind, nodes, reference, turning, card))
 
 
 def spring(reading: Reading, card: Card) -> None:

@@ -9,15 +9,15 @@ import numpy as np
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
 from lacsolver.decks.cards import Refused, look_up
-from lacsolver.decks.content import Content, Interaction, Pair, Section
-from lacsolver.decks.draft import MODELS, Draft
+from lacsolver.decks.content import Content, DeckSection, Interaction, Pair
+from lacsolver.decks.draft import AXES, MODELS, CaseDraft
 
 #: fewer faces of a slave than this, by dimension, cannot keep a body from turning
 _FEW = {2: 2, 3: 3}
 _FINITE = {"elastic": "saint_venant_kirchhoff", "neo_hookean": "neo_hookean"}
 
 
-def top(draft: Draft) -> None:
+def top(draft: CaseDraft) -> None:
     """Set the model, the thickness and the kinematics. Raises Refused."""
     mesh, sections = draft.groups.mesh, draft.reading.content.sections
     if draft.dim == 3:
@@ -37,7 +37,7 @@ def top(draft: Draft) -> None:
         draft.top["kinematics"] = "finite"
 
 
-def materials(draft: Draft) -> None:
+def materials(draft: CaseDraft) -> None:
     """Add a [[material]] for each material, orientation and initial temperature. Raises Refused."""
     content, mesh = draft.reading.content, draft.groups.mesh
     solid = np.flatnonzero(mesh.cell_dim == mesh.dim)
@@ -58,14 +58,16 @@ def materials(draft: Draft) -> None:
         _add_material(draft, law, T, cells, content.sections[int(section_of[cells[0]])], len(cells) == len(solid))
 
 
-def _kind(content: Content, section: Section) -> tuple[str, str]:
+def _kind(content: Content, section: DeckSection) -> tuple[str, str]:
     """Return the keys of the material and the orientation of a section. Raises Refused."""
     material = look_up(content.materials, section.material, "*MATERIAL")
     axes = look_up(content.orientations, section.axes, "*ORIENTATION") if section.axes else ""
     return material, axes if content.materials[material].keys.get("law") == "orthotropic" else ""
 
 
-def _add_material(draft: Draft, law: tuple[str, str], T: float, cells: Ints, section: Section, whole: bool) -> None:
+def _add_material(
+    draft: CaseDraft, law: tuple[str, str], T: float, cells: Ints, section: DeckSection, whole: bool
+) -> None:
     """Add the record of one law on some cells. Raises Refused for a law that its kinematics do not have."""
     material = draft.reading.content.materials[law[0]]
     keys = dict(material.keys)
@@ -91,7 +93,7 @@ def _add_material(draft: Draft, law: tuple[str, str], T: float, cells: Ints, sec
     draft.add("material", groups | keys, material.card)
 
 
-def initial_temperatures(draft: Draft) -> Floats:
+def initial_temperatures(draft: CaseDraft) -> Floats:
     """Return the initial temperature (n_cells,) of each cell; 0 where no cell expands. Raises Refused."""
     mesh = draft.groups.mesh
     nodal, there = np.zeros(mesh.n_nodes), []
@@ -115,7 +117,7 @@ def initial_temperatures(draft: Draft) -> Floats:
     return out
 
 
-def expanding(draft: Draft) -> Ints:
+def expanding(draft: CaseDraft) -> Ints:
     """Return the cells (k,) whose material expands."""
     content = draft.reading.content
     found = np.zeros(draft.groups.mesh.n_cells, bool)
@@ -125,8 +127,12 @@ def expanding(draft: Draft) -> Ints:
     return np.flatnonzero(found)
 
 
-def contacts(draft: Draft) -> None:
+def contacts(draft: CaseDraft) -> None:
     """Add a [[contact]] or a [[tie]] for each slave; several masters of one slave become one group. Raises Refused."""
+    paired = {(pair.slave, pair.master) for pair in draft.reading.content.pairs if not pair.tie}
+    for names, (_, card) in draft.reading.content.clearances.items():
+        if names not in paired:
+            draft.reading.error(card, f"there is no *CONTACT PAIR of {names[0]} and {names[1]}; name one of them")
     by_slave: dict[str, list[Pair]] = {}
     for pair in draft.reading.content.pairs:
         by_slave.setdefault(pair.slave, []).append(pair)
@@ -134,7 +140,7 @@ def contacts(draft: Draft) -> None:
         _add_pair(draft, pairs)
 
 
-def _add_pair(draft: Draft, pairs: list[Pair]) -> None:
+def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
     first, names = pairs[0], draft.reading.names
     laws = [_interaction(draft.reading.content, pair) for pair in pairs]
     if any((one.tie, one.keys) != (first.tie, first.keys) for one in pairs) or len(set(map(id, laws))) > 1:
@@ -155,8 +161,8 @@ def _add_pair(draft: Draft, pairs: list[Pair]) -> None:
     if len(facets) < _FEW[draft.dim]:
         draft.reading.warn(
             first.card,
-            f"the slave {slave!r} has only {len(facets)} faces, with one pressure each: the other body may turn about "
-            "them, and results differ from other methods; refine it",
+            f"the slave {slave!r} has few faces, {len(facets)}, with one pressure each: they may not keep a body from "
+            "turning, and results are coarse; refine its mesh",
         )
     stiffness = {"stiffness": law.stiffness} if law and law.stiffness else {}
     normals = {"normals": "smoothed"} if draft.large else {}  # those of CalculiX, averaged at the nodes
@@ -170,13 +176,13 @@ def _interaction(content: Content, pair: Pair) -> Interaction | None:
     return content.interactions[look_up(content.interactions, pair.interaction, "*SURFACE INTERACTION")]
 
 
-def springs(draft: Draft) -> None:
+def springs(draft: CaseDraft) -> None:
     """Add a [[spring]] for each *SPRING; springs of several elements on one node add."""
     for spring in draft.reading.content.springs:
         for count, nodes in _repeats(spring.nodes):
-            group = draft.node_group(spring.group, nodes)
             size = count * spring.stiffness * draft.per_thickness
-            draft.add("spring", {"group": group, f"k{'xyz'[spring.axis]}": size}, spring.card)
+            for group in draft.loaded_groups(spring.group, nodes, "sprung"):
+                draft.add("spring", {"group": group, f"k{AXES[spring.axis]}": size}, spring.card)
 
 
 def _repeats(nodes: Ints) -> Iterator[tuple[int, Ints]]:

@@ -1,4 +1,4 @@
-"""What the names and numbers of a deck mean in its mesh: nodes, cells, facets, skins."""
+"""Look-up of the names and numbers of a deck in its mesh: nodes, cells, facets, skins."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.deck import Deck
+from lacmesh.deck import Deck, key_of
 from lacmesh.errors import ReadError
 from lacmesh.formats.ids import Index
 from lacmesh.formats.inp.types import FACETS
@@ -17,10 +17,12 @@ from lacmesh.mesh import Ints, Mesh
 from lacmesh.topology.faces import cells_of_dim, faces_of, facets_of
 from lacmesh.topology.facets import Facets
 from lacmesh.topology.skin import FaceIncidence, find_owners
-from lacsolver.decks.cards import Refused, Row, look_up
+from lacsolver.decks.cards import DeckLine, Refused, look_up
 
 #: number of a facet: this times its cell, and its place
 SIDES = 8
+#: digits of a number that no node and no element has
+_DIGITS = 18
 
 
 @dataclass
@@ -36,19 +38,17 @@ class Names:
             raise ReadError(self.mesh.name, "is no deck of CalculiX or Abaqus (.inp)")
         return self.mesh.deck
 
-    def nodes(self, text: str, row: Row | None) -> tuple[str, Ints]:
+    def nodes(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         """Return the name of a set and its nodes (k,), or "" and the node of a number. Raises Refused."""
-        if text.isdigit():
-            place = self._node_index.places(np.array([int(text)]))
-            if place[0] < 0:
-                raise Refused(f"there is no node {text}", row)
-            return "", place
+        text = self.plain(text)
+        if _is_number(text):
+            return "", self._place(self._node_index, text, "node", row)
         name = self.deck.node_sets[look_up(self.deck.node_sets, text, "set of nodes", row)]
         if not len(self.mesh.node_groups[name]):
             raise Refused(f"the set of nodes {name!r} is empty", row)
         return name, np.asarray(self.mesh.node_groups[name])
 
-    def cells(self, text: str, row: Row | None) -> tuple[str, Ints]:
+    def cells(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         """Return the name of a set and its solid cells (k,), or "" and the cell of a number. Raises Refused."""
         name, found = self._cells(text, row)
         found = found[self.mesh.cell_dim[found] == self.mesh.dim]
@@ -64,30 +64,48 @@ class Names:
             raise Refused(f"{text} has no elements of type SPRING1")
         return name, np.concatenate(nodes)
 
-    def _cells(self, text: str, row: Row | None) -> tuple[str, Ints]:
-        if text.isdigit():
-            place = self._cell_index.places(np.array([int(text)]))
-            if place[0] < 0:
-                raise Refused(f"there is no element {text}", row)
-            return "", place
+    def _cells(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
+        text = self.plain(text)
+        if _is_number(text):
+            return "", self._place(self._cell_index, text, "element", row)
         name = self.deck.element_sets[look_up(self.deck.element_sets, text, "set of elements", row)]
         return name, np.asarray(self.mesh.cell_groups[name])
 
-    def facets(self, cells: Ints, side: str, row: Row) -> Ints:
+    def plain(self, text: str) -> str:
+        """Return a name or number without the instance in front of it, if there is one instance: the mesh has none."""
+        before, _, rest = text.rpartition(".")
+        return rest if before and [key_of(before)] == self._instances else text
+
+    @cached_property
+    def _instances(self) -> list[str]:
+        """Keys of the names of instances."""
+        return [key_of(card.options.get("NAME", "")) for card in self.deck.named("INSTANCE")]
+
+    def _place(self, index: Index, text: str, what: str, row: DeckLine | None) -> Ints:
+        """Return the index (1,) of a number. Raises Refused, also if numbers of the deck are not those of its mesh."""
+        if self.deck.apart:
+            raise Refused(f"{self.deck.apart}, so that a number may mean several; name a set", row)
+        place = index.places(np.array([int(text)])) if len(text) < _DIGITS else np.array([-1])
+        if place[0] < 0:
+            raise Refused(f"there is no {what} {text[:40]}", row)
+        return place
+
+    def facets(self, cells: Ints, side: str, row: DeckLine) -> Ints:
         """Return the numbers of the facets `side` ("1", "2" ... of the deck) of some cells. Raises Refused."""
         found = []
         for kind, chosen, _ in self.mesh.select(cells):
             places = FACETS[CELLS[kind].family]
-            if not (side.isdigit() and 1 <= int(side) <= len(places)):
+            if not (_is_number(side) and 1 <= int(side) <= len(places)):
                 raise Refused(f"a {kind} has the faces 1 to {len(places)}, and no face {side!r}", row)
             found.append(chosen * SIDES + places[int(side) - 1])
         return np.concatenate(found)
 
-    def skin(self, text: str, row: Row | None) -> tuple[str, Ints]:
+    def skin(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         """Return the name of a surface and its facets (k,): of a surface of nodes, the faces on these nodes alone.
 
         Raises Refused for a surface that is not there, or has no faces of solid cells.
         """
+        text = self.plain(text)
         there = self.deck.surface_group(text)
         if there is None:
             look_up({key: None for _, key in self.deck.surfaces}, text, "surface", row)
@@ -103,12 +121,17 @@ class Names:
         first = np.unique(owners.face, return_index=True)[1]
         return name, owners.cell[first] * SIDES + owners.facet[first]
 
+    def inner(self, facets: Ints) -> Ints:
+        """Return those of some facets that lie between two cells."""
+        cell, place = self._boundary
+        return facets[~np.isin(facets, cell * SIDES + place)]
+
     def of_nodes(self, text: str) -> bool:
         """True if a surface is one of nodes."""
-        there = self.deck.surface_group(text)
+        there = self.deck.surface_group(self.plain(text))
         return there is not None and there[0] == "NODE"
 
-    def _faces_on(self, name: str, row: Row | None) -> Ints:
+    def _faces_on(self, name: str, row: DeckLine | None) -> Ints:
         """Return the facets of the boundary whose nodes all belong to a group of nodes. Raises Refused."""
         chosen = np.zeros(self.mesh.n_nodes + 1, bool)
         chosen[self.mesh.node_groups[name]] = True
@@ -144,3 +167,7 @@ class Names:
     def _cell_index(self) -> Index:
         """Cells by number; skin cells, whose numbers are no elements of the deck, come after these."""
         return Index(self.mesh.cell_number)
+
+
+def _is_number(text: str) -> bool:
+    return text.isascii() and text.isdigit()

@@ -14,7 +14,7 @@ from lacsolver.decks.content import Assigned, Content
 from lacsolver.decks.histories import Orders, Points, history
 
 
-class Part(NamedTuple):
+class HistoryPart(NamedTuple):
     """Items with one history: name of their set ("" if the deck has none), and the history of each component.
 
     `line`: the line of the deck that names them first.
@@ -26,7 +26,7 @@ class Part(NamedTuple):
     line: Assigned
 
 
-def parts_of(content: Content, orders: Orders, *, once: bool) -> Iterator[Part]:
+def parts_of(content: Content, orders: Orders, *, once: bool) -> Iterator[HistoryPart]:
     """Yield parts that cover every order: whole sets where all items have one history, then what is left.
 
     `once`: each component of an item is in one part only, as loads must be; supports may be in several.
@@ -40,7 +40,7 @@ def parts_of(content: Content, orders: Orders, *, once: bool) -> Iterator[Part]:
         some &= left[:, at].all(axis=1) if once else left[:, at].any(axis=1)
         if some.any():
             left[np.ix_(some, at)] = False
-            yield Part(line.name, line.items, _histories(content, orders, int(at[0]), some, line), line)
+            yield HistoryPart(line.name, line.items, _histories(content, orders, int(at[0]), some, line), line)
     yield from _others(content, orders, left)
 
 
@@ -56,7 +56,7 @@ def _uniform(orders: Orders, at: Ints) -> NDArray[np.bool_]:
     return np.asarray((same & (amplitude == amplitude[:, :, :1])).all(axis=(0, 2)))
 
 
-def _others(content: Content, orders: Orders, left: NDArray[np.bool_]) -> Iterator[Part]:
+def _others(content: Content, orders: Orders, left: NDArray[np.bool_]) -> Iterator[HistoryPart]:
     """Yield the items that no set has covered, split by their histories."""
     rest = np.flatnonzero(left.any(axis=0))
     if not len(rest):
@@ -66,8 +66,8 @@ def _others(content: Content, orders: Orders, left: NDArray[np.bool_]) -> Iterat
     _, first, which = np.unique(table.reshape(-1, len(rest)).T, axis=0, return_index=True, return_inverse=True)
     for k in np.argsort(first).tolist():
         at = rest[which.ravel() == k]
-        line = next(one for one in orders.lines if np.isin(orders.items[at[0]], one.items))
-        yield Part("", orders.items[at], _histories(content, orders, int(at[0]), left[:, at[0]], line), line)
+        line = orders.line_of(at[0])
+        yield HistoryPart("", orders.items[at], _histories(content, orders, int(at[0]), left[:, at[0]], line), line)
 
 
 def _histories(
@@ -93,5 +93,4 @@ def history_of(content: Content, orders: Orders, item: int, component: int, star
         return None
     chosen = np.zeros(orders.value.shape[1], bool)
     chosen[component] = True
-    line = next(one for one in orders.lines if item in one.items)
-    return _histories(content, orders, at, chosen, line, start)[component]
+    return _histories(content, orders, at, chosen, orders.line_of(at), start)[component]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from lacsolver.decks.cards import Card, Finding, Row, found_at
+from lacsolver.decks.cards import Card, DeckLine, Finding, found_at
 from lacsolver.decks.content import Content
 from lacsolver.decks.names import Names
 
@@ -18,14 +18,14 @@ class Reading:
     findings: list[Finding] = field(default_factory=list)
     variants: set[str] = field(default_factory=set)
 
-    def note(self, card: Card, message: str, row: Row | None = None) -> None:
+    def note(self, card: Card, message: str, row: DeckLine | None = None) -> None:
         """Tell what does not change the answer."""
         self.findings.append(found_at(card, message, row, "note"))
 
-    def warn(self, card: Card, message: str, row: Row | None = None) -> None:
+    def warn(self, card: Card, message: str, row: DeckLine | None = None) -> None:
         """Tell what may change the answer."""
         self.findings.append(found_at(card, message, row, "warning"))
 
-    def error(self, card: Card, message: str, row: Row | None = None) -> None:
+    def error(self, card: Card, message: str, row: DeckLine | None = None) -> None:
         """Tell what would change the answer, and is not taken."""
         self.findings.append(found_at(card, message, row, "error"))

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from lacsolver.decks.cards import Refused
-from lacsolver.decks.content import RigidBody
-from lacsolver.decks.draft import AXES, Draft
+from lacsolver.decks.content import DeckRigid
+from lacsolver.decks.draft import AXES, CaseDraft
 from lacsolver.decks.histories import Points, written
 from lacsolver.decks.load_records import orders_by_step, scaled
 from lacsolver.decks.parts import history_of
 
 
-def rigid_bodies(draft: Draft) -> None:
+def rigid_bodies(draft: CaseDraft) -> None:
     """Add a [[rigid]] for each rigid body. Raises Refused."""
     for body in draft.reading.content.rigid:
         keys: dict[str, Any] = {"group": body.group, "kind": body.kind}
@@ -30,7 +30,7 @@ def rigid_bodies(draft: Draft) -> None:
         draft.add("rigid", keys | ({} if axisymmetric else _turned(draft, body)), body.card)
 
 
-def _moved(draft: Draft, body: RigidBody, c: int) -> dict[str, Any]:
+def _moved(draft: CaseDraft, body: DeckRigid, c: int) -> dict[str, Any]:
     """Return how a component of the reference node moves: prescribed, or free under a force, which may be 0."""
     prescribed = _at(draft, "displacement", body.reference, c)
     pushed = _at(draft, "force", body.reference, c)
@@ -39,7 +39,7 @@ def _moved(draft: Draft, body: RigidBody, c: int) -> dict[str, Any]:
     return {f"f{AXES[c]}": scaled(written(pushed, draft.end), draft.per_thickness) if pushed else 0.0}
 
 
-def _turned(draft: Draft, body: RigidBody) -> dict[str, Any]:
+def _turned(draft: CaseDraft, body: DeckRigid) -> dict[str, Any]:
     """Return how a body turns: all rotations prescribed, or all free under a moment. Raises Refused for a mixture."""
     axes = range(3) if draft.dim == 3 else [2]
     prescribed = [_at(draft, "spin", body.reference, c) or _of_node(draft, "displacement", body, c) for c in axes]
@@ -55,11 +55,11 @@ def _turned(draft: Draft, body: RigidBody) -> dict[str, Any]:
     return {name: values if draft.dim == 3 else values[0]}
 
 
-def _of_node(draft: Draft, kind: str, body: RigidBody, c: int) -> Points | None:
+def _of_node(draft: CaseDraft, kind: str, body: DeckRigid, c: int) -> Points | None:
     return None if body.rotation is None else _at(draft, kind, body.rotation, c)
 
 
-def _at(draft: Draft, kind: str, node: int, c: int) -> Points | None:
+def _at(draft: CaseDraft, kind: str, node: int, c: int) -> Points | None:
     """Return the history of a component of one node, None if the deck says nothing of it. Raises Refused."""
     lines = [line for line in draft.reading.content.assigned if line.kind == kind and node in line.items]
     lines = [replace(line, items=np.array([node])) for line in lines]

@@ -6,8 +6,8 @@ import numpy as np
 
 from lacmesh.deck import key_of
 from lacmesh.mesh import Ints
-from lacsolver.decks.cards import Card, Refused, Row
-from lacsolver.decks.content import Assigned, Step
+from lacsolver.decks.cards import Card, DeckLine, Refused
+from lacsolver.decks.content import Assigned, DeckStep
 from lacsolver.decks.reading import Reading
 
 #: supports of Abaqus that have a name, and the displacements that they hold; rotations have no meaning in a solid
@@ -25,7 +25,7 @@ def step(reading: Reading, card: Card) -> None:
         raise Refused("lacsolver has small or finite displacements for all steps; say NLGEOM in all of them or in none")
     if (card.word("AMPLITUDE") or "RAMP") not in ("RAMP", "STEP"):
         raise Refused(f"the amplitude of a step is RAMP or STEP, and not {card.word('AMPLITUDE')}")
-    content.steps.append(Step(card, begin, large=large, sudden=card.word("AMPLITUDE") == "STEP"))
+    content.steps.append(DeckStep(card, begin, large=large, sudden=card.word("AMPLITUDE") == "STEP"))
     content.in_step = True
 
 
@@ -40,10 +40,31 @@ def static(reading: Reading, card: Card) -> None:
     which.direct = "DIRECT" in card.options
 
 
+def frequency(reading: Reading, card: Card) -> None:
+    """Take how many natural modes are asked for: `lacsolver modes` finds them."""
+    which = reading.content.step
+    which.modes = card.first("the number of modes").whole(0, "the number of modes")
+    if which.modes < 1:
+        raise Refused("the number of modes should be positive", card.rows[0])
+    state = ", with --state DIR for those about the state of a run" if len(reading.content.steps) > 1 else ""
+    reading.note(card, f"natural modes are found by lacsolver modes CASE.toml -k {which.modes}{state}")
+
+
 def end_step(reading: Reading, card: Card) -> None:
-    """End a step, if one is open."""
+    """End a step, if one is open; one that asks for modes takes no time, and may not load anything."""
     del card
-    reading.content.in_step = False
+    content = reading.content
+    if not content.in_step:
+        return
+    content.in_step = False
+    which = content.steps[-1]
+    if which.modes:
+        now = len(content.steps) - 1
+        content.modal = content.steps.pop()
+        if any(line.step == now for line in content.assigned):
+            raise Refused("supports and loads of a *FREQUENCY step are not taken; give supports in the model")
+    elif "PERTURBATION" in which.card.options:
+        raise Refused("a step of small PERTURBATION is taken with *FREQUENCY alone; leave the option out")
 
 
 def _now(reading: Reading) -> int:
@@ -102,7 +123,7 @@ def _in_step(reading: Reading, card: Card, *kinds: str) -> int:
 
 
 def _assign(
-    reading: Reading, card: Card, row: Row, kind: str, now: int, name: str, items: Ints,
+    reading: Reading, card: Card, row: DeckLine, kind: str, now: int, name: str, items: Ints,
     components: tuple[int, ...], value: float, data: tuple[float, ...] = (),
 ) -> None:  # fmt: skip
     """Add one line to the content. Raises Refused for an amplitude that is not there."""

@@ -15,7 +15,7 @@ from lacsolver.decks.cards import Card
 from lacsolver.decks.reading import Reading
 
 
-class Row(NamedTuple):
+class CardRow(NamedTuple):
     """A card that is read: its handler, the options that this takes, and those that have no effect here."""
 
     read: Callable[[Reading, Card], None]
@@ -23,8 +23,8 @@ class Row(NamedTuple):
     ignores: frozenset[str] = frozenset()
 
 
-def _row(read: Callable[[Reading, Card], None], takes: str = "", ignores: str = "") -> Row:
-    return Row(read, frozenset(takes.split()), frozenset(ignores.split()))
+def _row(read: Callable[[Reading, Card], None], takes: str = "", ignores: str = "") -> CardRow:
+    return CardRow(read, frozenset(takes.split()), frozenset(ignores.split()))
 
 
 #: keyword without blanks -> how it is read
@@ -42,14 +42,15 @@ READ = {
     "INITIALCONDITIONS": _row(model.initial_conditions, "TYPE"),
     "SURFACEINTERACTION": _row(model.interaction, "NAME"),
     "SURFACEBEHAVIOR": _row(model.behavior, "PRESSURE-OVERCLOSURE"),
-    "FRICTION": _row(model.friction),
-    "CONTACTPAIR": _row(model.contact_pair, "INTERACTION TYPE SMALLSLIDING ADJUST"),
+    "FRICTION": _row(model.friction, "", "SLIPTOLERANCE"),
+    "CONTACTPAIR": _row(model.contact_pair, "INTERACTION TYPE SMALLSLIDING ADJUST", "NAME"),
     "CLEARANCE": _row(model.clearance, "MASTER SLAVE VALUE"),
     "TIE": _row(model.tie, "POSITIONTOLERANCE", "NAME ADJUST TYPE"),
     "RIGIDBODY": _row(model.rigid_body, "NSET ELSET REFNODE ROTNODE"),
     "SPRING": _row(model.spring, "ELSET"),
-    "STEP": _row(steps.step, "NLGEOM AMPLITUDE", "INC INCF NAME"),
+    "STEP": _row(steps.step, "NLGEOM AMPLITUDE PERTURBATION", "INC INCF NAME EXTRAPOLATION UNSYMM CONVERTSDI"),
     "STATIC": _row(steps.static, "DIRECT", "SOLVER"),
+    "FREQUENCY": _row(steps.frequency, "", "STORAGE SOLVER EIGENSOLVER NORMALIZATION"),
     "ENDSTEP": _row(steps.end_step),
     "BOUNDARY": _row(steps.boundary, "OP AMPLITUDE"),
     "CLOAD": _row(steps.cload, "OP AMPLITUDE"),
@@ -93,7 +94,13 @@ NOTES = {
 _SHELLS = "lacsolver computes solid elements; model this part with them"
 _LINEAR = "lacsolver has no linear equations between nodes"
 _HEAT = "lacsolver computes no heat; give the temperatures by *TEMPERATURE"
-_TIME = "lacsolver computes static steps (*STATIC)"
+#: procedures of steps that lacsolver has not; nobody may leave them out, as a step without one is static
+PROCEDURES = dict.fromkeys(
+    ("DYNAMIC", "BUCKLE", "MODALDYNAMIC", "STEADYSTATEDYNAMICS", "COMPLEXFREQUENCY", "SENSITIVITY",
+     "VISCO", "GREEN", "ELECTROMAGNETICS", "SUBSTRUCTUREGENERATE", "HEATTRANSFER", "COUPLEDTEMPERATURE-DISPLACEMENT",
+     "UNCOUPLEDTEMPERATURE-DISPLACEMENT"),
+    "lacsolver computes static steps (*STATIC)",
+)  # fmt: skip
 #: cards that change the answer, and that lacsolver has no place for -> what to try
 LACKS = {
     **dict.fromkeys(("SHELLSECTION", "MEMBRANESECTION", "BEAMSECTION", "BEAMGENERALSECTION"), _SHELLS),
@@ -109,10 +116,7 @@ LACKS = {
     **dict.fromkeys(("PLASTIC", "CREEP", "CYCLICHARDENING", "HYPERFOAM", "USERMATERIAL", "DEPVAR", "MOHRCOULOMB",
                      "DEFORMATIONPLASTICITY", "VISCOELASTIC", "DAMPING"),
                     "lacsolver's materials are elastic; docs/architecture.md says how a program adds a law"),
-    **dict.fromkeys(("CONDUCTIVITY", "SPECIFICHEAT", "HEATTRANSFER", "FILM", "DFLUX", "CFLUX", "RADIATE",
-                     "COUPLEDTEMPERATURE-DISPLACEMENT", "UNCOUPLEDTEMPERATURE-DISPLACEMENT"), _HEAT),
-    **dict.fromkeys(("DYNAMIC", "FREQUENCY", "BUCKLE", "MODALDYNAMIC", "STEADYSTATEDYNAMICS", "COMPLEXFREQUENCY",
-                     "SENSITIVITY", "VISCO", "GREEN", "ELECTROMAGNETICS", "SUBSTRUCTUREGENERATE"), _TIME),
+    **dict.fromkeys(("CONDUCTIVITY", "SPECIFICHEAT", "FILM", "DFLUX", "CFLUX", "RADIATE"), _HEAT),
     "PRE-TENSIONSECTION": "pretension is not taken; shorten the bolt by *TEMPERATURE, or overlap it by *CLEARANCE",
     "CYCLICSYMMETRYMODEL": "cyclic symmetry is not taken; model the whole, or a half with its plane of symmetry",
     "GENERALCONTACT": "contact is between named surfaces; write *CONTACT PAIR for each pair",

@@ -84,7 +84,7 @@ def step(loads, options="", static=""):
 
 @dataclass
 class Solution:
-    """What was imported, the problem, its states; `u(number)`: displacements (k, dim) at the end by node number."""
+    """A solved deck: what was imported, the problem, its states; `u`: displacements (k, dim) of nodes by number."""
 
     made: object
     problem: object
@@ -105,7 +105,7 @@ class Solution:
 def imported(folder, text, name="model.inp", **options):
     """Write a deck and import it; notes are left out."""
     path = folder / name
-    path.write_text(text)
+    path.write_text(text, errors="surrogateescape")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LacmeshWarning)
         return import_deck(path, folder / "case.toml", **options)

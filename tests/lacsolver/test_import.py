@@ -164,6 +164,18 @@ def test_patch_of_two_blocks(tmp_path, element, behaviour):
     assert np.allclose(found.u(above.at(0, 1))[:, 0], NU * 20 / E, rtol=1e-9)
 
 
+def test_forces_and_springs_on_a_slave(tmp_path):
+    """The cut of the slave adds nodes to sets that hold its faces; forces and springs stay on the nodes of the deck."""
+    below, above = two_blocks()
+    springs = "*ELEMENT, TYPE=SPRING1, ELSET=SP\n" + "".join(f"{5000 + n}, {n}\n" for n in above.at(2, 1))
+    deck = on_each_other(below, above, CONTACT, "*CLOAD\nC_Z0, 3, -1.\nC_Z1, 3, -1.\n", nu=0.0)
+    deck = deck.replace("*CONTACT PAIR", springs + "*SPRING, ELSET=SP\n3\n10.\n*CONTACT PAIR", 1)
+    found = solved(tmp_path, deck)
+    held_back = 10 * found.u(above.at(2, 1))[:, 2].sum()
+    assert len(found.made.case.force) > 2
+    assert found.zone.pressure.mean() == pytest.approx(2 * 16 + held_back)
+
+
 def test_slave_of_nodes(tmp_path):
     """A surface of nodes is taken as the faces on its nodes, and a note says so."""
     below, above = two_blocks()
@@ -312,3 +324,62 @@ def test_names_of_sides_and_supports(tmp_path):
     (pressure,) = made.case.pressure
     assert len(made.mesh.cell_groups[pressure.group]) == 2
     assert np.allclose(solved(tmp_path, deck).u(COLUMN.at(2, 3))[:, 2], -20 / E * 3)
+
+
+ABAQUS = """\
+*Heading
+** Job name: press
+*Preprint, echo=NO, model=NO
+*Part, name=Body
+{mesh}*Solid Section, elset=B, material=Steel
+,
+*Solid Section, elset=C, material=Steel
+,
+*End Part
+*Assembly, name=Assembly
+*Instance, name=Body-1, part=Body
+*End Instance
+*Surface, type=ELEMENT, name=Upper
+Body-1.C_EZ0, S1
+*Surface, type=ELEMENT, name=Lower
+Body-1.B_EZ1, S2
+*Surface, type=ELEMENT, name=Press
+Body-1.C_EZ1, S2
+*Nset, nset=Held, instance=Body-1
+B_Z0
+*End Assembly
+*Material, name=Steel
+*Elastic
+1000., 0.
+*Surface Interaction, name=Touch
+1.,
+*Friction, slip tolerance=0.005
+0.,
+*Surface Behavior, pressure-overclosure=HARD
+*Contact Pair, interaction=Touch, type=SURFACE TO SURFACE
+Upper, Lower
+*Boundary
+Held, ENCASTRE
+Body-1.C_X0, XSYMM
+Body-1.C_Y0, YSYMM
+*Step, name=Press, nlgeom=NO
+*Static
+1., 1., 1e-05, 1.
+*Dsload
+Press, P, 20.
+*Restart, write, frequency=0
+*Output, field, variable=PRESELECT
+*Output, history
+*Node Output
+U,
+*End Step
+"""
+
+
+def test_a_deck_as_abaqus_writes_it(tmp_path):
+    """A part, its instance, an assembly; supports by their names; output that is noted."""
+    below, above = two_blocks()
+    found = solved(tmp_path, ABAQUS.format(mesh=below.text() + above.text()))
+    assert np.allclose(found.zone.pressure, 20, rtol=1e-9)
+    assert np.allclose(found.u(above.at(2, 2))[:, 2], -20 / E * 2, rtol=1e-9)
+    assert {finding.level for finding in found.made.findings} == {"note"}

@@ -1,15 +1,17 @@
-"""What `lacsolver import` refuses: an error for each card, with file, line, card, and what to try."""
+"""Cards that `lacsolver import` refuses: an error for each, with file, line, card, and what to try."""
 
 import re
+from pathlib import Path
 
 import pytest
 
 from lacsolver import CaseError
-from lacsolver.decks.table import LACKS, NOTES, READ
+from lacsolver.decks.table import LACKS, NOTES, PROCEDURES, READ
 from tests.lacsolver.deck_texts import Block, held, imported, section, step
 
 LOAD = "*DLOAD\nB_EZ1, P2, 20.\n"
 SURFACES = "*SURFACE, NAME=TOP\nB_EZ1, S2\n*SURFACE, NAME=LOW\nB_EZ0, S1\n"
+ROOT = Path(__file__).resolve().parents[2]
 #: name -> cards of the model, cards of the step, the card that the error names, words of its message
 REFUSED = {
     "shell": ("*ELEMENT, TYPE=S4, ELSET=SH\n77, 1, 2, 3, 4\n", "", "ELEMENT", "none of type S4"),
@@ -58,6 +60,7 @@ REFUSED = {
         SURFACES + "*SURFACE, NAME=ONE, TYPE=NODE\n1\n*CONTACT PAIR, INTERACTION=S\nONE, LOW\n",
         "", "CONTACT PAIR", "no face of the bodies has all its nodes",
     ),
+    "clearance": (SURFACES + "*CLEARANCE, SLAVE=TOP, MASTER=LOW, VALUE=0.1\n", "", "CLEARANCE", "no *CONTACT PAIR"),
     "two nodes": ("*RIGID BODY, NSET=B_Z1\n", "", "RIGID BODY", "REFNODE"),
     "half a rotation": (
         "*NODE\n99, 0, 0, 0\n*RIGID BODY, NSET=B_Z1, REF NODE=99\n*BOUNDARY\n99, 4\n",
@@ -89,12 +92,15 @@ REFUSED = {
     ),
     "removed load": ("", "*CLOAD\n1, 1, 1.\n*END STEP\n*STEP\n*STATIC\n*CLOAD, OP=NEW\n2, 1, 1.\n", "CLOAD", "OP=NEW"),
     "removed support": ("", "*BOUNDARY, OP=NEW\n1, 1, 1\n", "BOUNDARY", "OP=NEW"),
+    "late support": ("", "*END STEP\n*STEP\n*STATIC\n*BOUNDARY\nB_X1, 1\n", "BOUNDARY", "begins after the first step"),
     "amplitude over a step": (
         "*AMPLITUDE, NAME=A\n0,0,1,1\n", "*CLOAD, AMPLITUDE=A\n1,1,1.\n*END STEP\n*STEP\n*STATIC\n",
         "CLOAD", "repeated",
     ),
     "dynamic": ("", "*DYNAMIC\n", "DYNAMIC", "static steps"),
-    "frequency": ("", "*FREQUENCY\n3\n", "FREQUENCY", "static steps"),
+    "loads of a frequency step": ("", LOAD + "*FREQUENCY\n3\n", "END STEP", "give supports in the model"),
+    "no modes": ("", "*FREQUENCY\n0\n", "FREQUENCY", "should be positive"),
+    "perturbation": ("", "*END STEP\n*STEP, PERTURBATION\n*STATIC\n", "END STEP", "with *FREQUENCY alone"),
     "period": ("", "*STATIC\n1., -1.\n", "STATIC", "should be positive"),
     "model change": ("", "*MODEL CHANGE, TYPE=CONTACT PAIR, REMOVE\nA, B\n", "MODEL CHANGE", "in all steps"),
     "nlgeom later": ("", "*END STEP\n*STEP, NLGEOM\n*STATIC\n", "STEP", "in all of them or in none"),
@@ -176,6 +182,38 @@ def test_uneven_gap_with_a_clearance(tmp_path):
         imported(tmp_path, text + step("*BOUNDARY\nC_Z1, 3, 3, -0.1\n"))
 
 
+def test_pressure_between_elements(tmp_path):
+    column = Block(high=(1, 1, 2), cells=(1, 1, 2))
+    with pytest.raises(CaseError, match=r"\*DLOAD: these faces of elements 1 lie between two elements"):
+        imported(tmp_path, column.text() + section() + held() + step("*DLOAD\nB, P2, 1.\n"))
+
+
+def test_a_force_out_of_the_plane(tmp_path):
+    deck = "*NODE\n1, 0, 0\n2, 1, 0\n3, 1, 1\n4, 0, 1\n*ELEMENT, TYPE=CPE4, ELSET=B\n1, 1, 2, 3, 4\n" + section()
+    with pytest.raises(CaseError, match=r"\*CLOAD: a force has the directions 1 and 2"):
+        imported(tmp_path, deck + "*BOUNDARY\n1, 1, 2\n2, 2\n" + step("*CLOAD\n3, 3, 1.\n"))
+
+
+def test_radial_gravity(tmp_path):
+    deck = "*NODE\n1, 1, 0\n2, 2, 0\n3, 2, 1\n4, 1, 1\n*ELEMENT, TYPE=CAX4, ELSET=B\n1, 1, 2, 3, 4\n"
+    deck += section(more="*DENSITY\n1.\n") + "*BOUNDARY\n1, 2\n2, 2\n"
+    made = imported(tmp_path, deck + step("*DLOAD\nB, GRAV, 2., 0., -1., 0.\n"))
+    assert made.case.gravity.gy.at(1.0) == -2
+    with pytest.raises(CaseError, match=r"\*DLOAD: gravity along the radius"):
+        imported(tmp_path, deck + step("*DLOAD\nB, GRAV, 2., 1., 0., 0.\n"))
+
+
+def test_numbers_of_a_deck_of_instances(tmp_path):
+    """Sets are needed if the numbers of cards are not those of the mesh."""
+    part = BLOCK.text() + "*SOLID SECTION, ELSET=B, MATERIAL=EL\n"
+    deck = f"*PART, NAME=P\n{part}*END PART\n*ASSEMBLY, NAME=A\n*INSTANCE, NAME=I, PART=P\n*END INSTANCE\n"
+    deck += (
+        "*INSTANCE, NAME=J, PART=P\n3., 0., 0.\n*END INSTANCE\n*END ASSEMBLY\n*MATERIAL, NAME=EL\n*ELASTIC\n1., 0.\n"
+    )
+    with pytest.raises(CaseError, match=r"\*BOUNDARY: there are 2 instances of parts, .*; name a set"):
+        imported(tmp_path, deck + "*BOUNDARY\n1, 1, 3\n" + step(LOAD))
+
+
 def test_lenient_leaves_out_what_lacsolver_lacks(tmp_path):
     """Cards without a place are left out with a warning; mistakes stay errors."""
     text = deck("*EQUATION\n2\n1,1,1.,2,1,-1.\n*WORMHOLE\n", LOAD)
@@ -183,6 +221,8 @@ def test_lenient_leaves_out_what_lacsolver_lacks(tmp_path):
     warned = {finding.card: finding.message for finding in made.findings if finding.level == "warning"}
     assert set(warned) == {"EQUATION", "WORMHOLE"}
     assert all(message.startswith("left out: ") for message in warned.values())
+    with pytest.raises(CaseError, match=r"\*DYNAMIC"):  # without it the step would be another one
+        imported(tmp_path, text.replace("*STATIC", "*DYNAMIC"), lenient=True)
     with pytest.raises(CaseError, match="there is no node 4711"):
         imported(tmp_path, text.replace("*WORMHOLE", "*BOUNDARY\n4711, 1"), lenient=True)
 
@@ -191,12 +231,20 @@ def test_the_table_has_each_card_once():
     assert not READ.keys() & NOTES.keys()
     assert not READ.keys() & LACKS.keys()
     assert not NOTES.keys() & LACKS.keys()
+    assert not PROCEDURES.keys() & (READ.keys() | NOTES.keys() | LACKS.keys())
+
+
+def test_the_page_has_every_card_that_is_read():
+    page = " ".join((ROOT / "docs" / "import.md").read_text().split())
+    named = {"".join(name.split()) for name in re.findall(r"\*([A-Z][A-Z -]*[A-Z])", page)}
+    assert READ.keys() <= named
+    assert named <= READ.keys() | LACKS.keys() | NOTES.keys() | PROCEDURES.keys() | {"NODE", "NSET", "ELSET"}
 
 
 def test_every_card_of_the_table_is_refused_or_noted(tmp_path):
     """Each card that lacsolver lacks is an error of its own line; each that does not matter is a note."""
     with pytest.raises(CaseError) as caught:
-        imported(tmp_path, deck("", "".join(f"*{key}\n" for key in sorted(LACKS))))
-    assert re.findall(r"line \d+: \*([^:]+): ", str(caught.value)) == sorted(LACKS)
+        imported(tmp_path, deck("", "".join(f"*{key}\n" for key in sorted(LACKS | PROCEDURES))))
+    assert re.findall(r"line \d+: \*([^:]+): ", str(caught.value)) == sorted(LACKS | PROCEDURES)
     made = imported(tmp_path, deck("", LOAD + "".join(f"*{key}\n" for key in sorted(NOTES))))
     assert [finding.card for finding in made.findings] == sorted(NOTES)
