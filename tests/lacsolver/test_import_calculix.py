@@ -151,7 +151,7 @@ def test_bent_column_with_nlgeom(tmp_path, kind):
 
 @pytest.mark.calculix
 def test_loads_and_supports_over_steps(tmp_path):
-    """Cards of several steps mean what they mean in CalculiX: lines that add or replace, amplitudes, forces that stay."""
+    """Cards of several steps mean what they do in CalculiX: lines that add or replace, amplitudes, forces that stay."""
     column = Block(high=(1, 1, 2), cells=(1, 1, 2))
     text = column.text() + "*MATERIAL, NAME=EL\n*ELASTIC\n1000., 0.3\n*DENSITY\n2.\n*EXPANSION\n1e-4\n"
     text += "*SOLID SECTION, ELSET=B, MATERIAL=EL\n*AMPLITUDE, NAME=A\n0., 0., 0.5, 1., 1., 0.25\n"
