@@ -18,7 +18,7 @@ NAMES = ["in space", "in space, finite, smoothed", "two zones", "tie in space"]
 
 @pytest.fixture(scope="module")
 def told():
-    """How many rows differ, by number of processes and case."""
+    """Numbers of rows that differ, by number of processes and case."""
     done = in_ranks(max(NUMBERS), PROGRAM, json.dumps(NUMBERS), json.dumps(NAMES), timeout=300)
     assert done.returncode == 0, done.stderr
     lines = [json.loads(line) for line in done.stdout.splitlines()]

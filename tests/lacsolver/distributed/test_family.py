@@ -18,7 +18,7 @@ def test_two_processes_find_what_one_finds():
 
 
 def test_a_process_may_have_no_cell():
-    """Of a block over a longer rigid plate the last process has nodes of the plate alone."""
+    """The last process has nodes of the rigid plate alone, which is longer than the block over it."""
     (case,) = (case for case in FAMILY.cases if case.name == "block_QUAD4_facet")
     short = Divided(case.parameters.given, ((4, ("mumps",)),))
     assert len(list(problems(short.given))) == 1

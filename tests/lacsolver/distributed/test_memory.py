@@ -14,7 +14,7 @@ PROGRAM = "from tests.lacsolver.distributed.allocations import main; main()"
 
 @pytest.fixture(scope="module")
 def told(tmp_path_factory):
-    """What each process found, the other one having more and more."""
+    """Allocations that each process found to grow, the other one having more and more."""
     done = in_ranks(2, PROGRAM, tmp_path_factory.mktemp("models"), timeout=300)
     assert done.returncode == 0, done.stderr
     return {line["fixed"]: line for line in map(json.loads, done.stdout.splitlines())}
