@@ -22,9 +22,7 @@ from numpy.typing import NDArray
 from lacmesh import Mesh
 from lacmesh.errors import LacmeshError
 from lacmesh.partition import distribute_nodes, write_parts
-from lacsolver import Problem, State, march, parse_case
-from lacsolver.case import Case
-from lacsolver.space.space import Space
+from lacsolver import Case, Problem, State, march, parse_case
 from verification import mpiexec
 
 Floats = NDArray[np.floating]
@@ -51,21 +49,21 @@ class WholeState:
     force: Floats
 
 
-def found(state: State, space: Space) -> WholeState:
+def found(state: State, problem: Problem) -> WholeState:
     """The state of the whole model, on the first of the processes that share it; all of them call this."""
     zones = state.zones
     return WholeState(
         state.time,
-        _whole(space, state.u),
+        _whole(problem, state.u),
         np.concatenate([zone.status for zone in zones]),
         np.concatenate([zone.pressure for zone in zones]),
-        np.array([_whole(space, zone.force) for zone in zones]),
+        np.array([_whole(problem, zone.force) for zone in zones]),
     )
 
 
-def _whole(space: Space, values: Floats) -> Floats:
+def _whole(problem: Problem, values: Floats) -> Floats:
     """The values (n_nodes, dim) at all nodes of the model, from those at the own nodes of each process."""
-    share = space.share
+    space, share = problem.space, problem.space.share
     if share.node is None:
         return values.reshape(space.mesh.n_nodes, -1)
     order = np.argsort(share.collect(share.node[share.own]))
@@ -127,7 +125,7 @@ def _solve(case: Case, parts: Path, backend: str, comm: Any) -> None:
 
     solver = replace(case.solver, backend=backend, threads=1)
     problem = Problem.of(replace(case, mesh=parts, solver=solver), distribution=Processes(comm))
-    states = [found(state, problem.space) for state in march(problem)]
+    states = [found(state, problem) for state in march(problem)]
     if comm.rank == 0:
         keys = ("time", "u", "status", "pressure", "force")
         arrays = {key: np.array([getattr(state, key) for state in states]) for key in keys}

@@ -51,14 +51,14 @@ def test_problems_are_cases_and_meshes():
 
 
 def test_states_of_one_process_differ_by_nothing(alone):
-    states = [found(state, alone.problem.space) for state in alone.states]
+    states = [found(state, alone.problem) for state in alone.states]
     same = compared(alone, states, 2, "gamg")
     assert (same.sets, same.u, same.p) == (0, 0.0, 0.0) and 0 < same.balance < 1e-12
 
 
 @pytest.mark.parametrize("field", ["sets", "u", "p", "balance"])
 def test_a_difference_is_seen(alone, field):
-    (state,) = [found(state, alone.problem.space) for state in alone.states]
+    (state,) = [found(state, alone.problem) for state in alone.states]
     changed = {
         "sets": replace(state, status=1 - state.status),
         "u": replace(state, u=state.u * (1 + 1e-8)),
@@ -74,7 +74,7 @@ def test_a_difference_is_seen(alone, field):
 
 
 def test_steps_at_other_times_are_no_solution(alone):
-    state = found(alone.state, alone.problem.space)
+    state = found(alone.state, alone.problem)
     with pytest.raises(FailedError, match="took 2 steps, and one process 1"):
         compared(alone, [state, state], 2, "gamg")
 

@@ -125,7 +125,7 @@ def compared(alone: Solved, states: Sequence[WholeState], n: int, backend: str) 
 
 
 def _found(alone: Solved) -> list[WholeState]:
-    return [found(state, alone.problem.space) for state in alone.states]
+    return [found(state, alone.problem) for state in alone.states]
 
 
 def _relative(values: Floats, expected: Floats) -> float:

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import json
 import sys
+import traceback
 from functools import cache
 from itertools import pairwise
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from lacsolver.case import parse_case
 from lacsolver.distributed.launch import import_mpi
@@ -27,7 +29,11 @@ def main():
     for n in numbers:
         comm = world.Split(int(world.rank < n), world.rank)
         for name in names if world.rank < n else []:
-            told = differing(name, comm)
+            try:
+                told = differing(name, comm)
+            except Exception:
+                traceback.print_exc()
+                world.Abort(1)
             if world.rank == 0:
                 print(json.dumps({"n": n, "name": name, **told}), flush=True)
         comm.Free()
@@ -62,7 +68,7 @@ def matrices(problem):
     own = np.ones(len(node), bool) if space.share.own is None else space.share.own
     faces = tuple(pair.integrate(space, u, case.steps.last) for pair in problem.joints)
     contact = contact_system(problem, faces, u)
-    K = problem.kinematics.tangent(u, case.steps.last)
+    K = csr_array(problem.kinematics.tangent(u, case.steps.last))
     mine = np.flatnonzero(np.repeat(own, space.dim))
     told = {"K": dict(zip(dofs[mine].tolist(), as_bytes(K[mine], dofs), strict=True))}
     for key, matrix in (("B", contact.rows.B), ("D", contact.rows.D)):
