@@ -224,9 +224,9 @@ def _sliding() -> Iterator[Case]:
         given = case.parameters
         if isinstance(given, Dragged):  # of its own tolerance 1e-7 of u is left near a limit point
             tight = Divided(replace(given, tolerance=_TIGHT), FEW)
-            yield _case(case.name, case.description, tight, 12 * case.seconds)
+            yield _case(case.name, case.description, tight, 2 * case.seconds)
         else:
-            yield _case(case.name, case.description, Divided(given), 30 * case.seconds)
+            yield _case(case.name, case.description, Divided(given), 15 * case.seconds)
 
 
 TEXT = f"""
