@@ -30,7 +30,7 @@ ALL = {made.name: made for made in portable.configurations("")}
 CORES = [name for name, made in ALL.items() if made.cores]
 
 
-look = portable.look  # also while a test puts `seen` in its place
+look = portable.look  # a test replaces portable.look by `seen`
 
 
 @cache

@@ -24,7 +24,7 @@ ALLOWED = {"Array", "Bools", "Complex", "Floats", "Ints"}
 
 
 class Module(NamedTuple):
-    """Facts of a module, without its tree: a million nodes are kept at a cost."""
+    """Facts of a module, without its tree: keeping a million nodes takes longer than reading them."""
 
     path: Path
     types: list[str]
