@@ -20,7 +20,8 @@ def step(reading: Reading, card: Card) -> None:
     """Begin a step."""
     content = reading.content
     begin = content.steps[-1].end if content.steps else 0.0
-    large = "NLGEOM" in card.options and card.word("NLGEOM") != "NO"
+    before = bool(content.steps) and content.steps[-1].large  # which stays, unless a step says NO
+    large = card.word("NLGEOM") != "NO" if "NLGEOM" in card.options else before
     if content.steps and large != content.steps[0].large:
         raise Refused("lacsolver has small or finite displacements for all steps; say NLGEOM in all of them or in none")
     if (card.word("AMPLITUDE") or "RAMP") not in ("RAMP", "STEP"):

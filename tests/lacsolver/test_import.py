@@ -122,6 +122,15 @@ def test_sudden_step(tmp_path):
     assert [force.fz.at(t) for t in (0.5, 1.0, 1.5, 2.0)] == [2.0, 4.0, -8.0, -8.0]
 
 
+def test_nlgeom_stays(tmp_path):
+    """A step without NLGEOM after one with it is one of finite displacements too, in both programs."""
+    deck = COLUMN.text() + section(nu=0.0) + held() + step("*CLOAD\nB_Z1, 3, 4.\n", ", NLGEOM")
+    made = imported(tmp_path, deck + step("*CLOAD\nB_Z1, 3, 1.\n") + "*STEP, PERTURBATION\n*FREQUENCY\n3\n*END STEP\n")
+    assert made.case.kinematics == "finite"
+    assert made.case.steps.last == 2.0
+    assert any("lacsolver modes CASE.toml -k 3, with --state DIR" in finding.message for finding in made.findings)
+
+
 def test_springs_to_the_ground(tmp_path):
     """A block held by springs at its four lower nodes alone: they share its load."""
     block = Block()
