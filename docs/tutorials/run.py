@@ -1,6 +1,6 @@
 """Run the commands of the tutorials as their pages stand, and keep the pictures they make beside the pages.
 
-python docs/tutorials/run.py        needs gmsh and pyvista; writes docs/tutorials/*.png
+python docs/tutorials/run.py        needs gmsh, pyvista and CalculiX; writes docs/tutorials/*.png
 """
 
 from __future__ import annotations
@@ -23,7 +23,15 @@ from lacsolver.cli import main as lacsolver
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 PROGRAMS = {"lacmesh": lacmesh, "lacsolver": lacsolver}
-PAGES = ("gmsh_script.md", "own_mesh.md", "own_solver.md", "p0_mortar.md", "pin_in_lug.md", "step_to_med.md")
+PAGES = (
+    "from_calculix.md",
+    "gmsh_script.md",
+    "own_mesh.md",
+    "own_solver.md",
+    "p0_mortar.md",
+    "pin_in_lug.md",
+    "step_to_med.md",
+)
 
 
 class Command(NamedTuple):
@@ -54,10 +62,9 @@ def run_page(page: Path, folder: Path) -> Iterator[tuple[Command, str]]:
 
     A block of TOML is there as well, in the file that its first line names.
     """
-    scripts = [
-        f"docs/tutorials/{name}.py" for name in ("gmsh_script", "own_mesh", "half_width", "own_solver", "p0_mortar")
-    ]
-    for name in ("data/disc_on_block.msh", "data/pin_in_lug.step", *scripts):
+    of_pages = ("from_calculix", "gmsh_script", "own_mesh", "half_width", "own_solver", "p0_mortar")
+    scripts = [f"docs/tutorials/{name}.py" for name in of_pages]
+    for name in ("data/disc_on_block.msh", "data/pin_in_lug.step", "data/punch.inp", *scripts):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, folder / name)
     for case in blocks(page, "toml"):
@@ -68,10 +75,11 @@ def run_page(page: Path, folder: Path) -> Iterator[tuple[Command, str]]:
 
 
 def run(words: list[str]) -> str:
-    """Run `lacmesh ...`, `lacsolver ...` or `python ...`; what it printed. Raises SystemExit where it fails."""
+    """Run `lacmesh`, `lacsolver`, `python` or `ccx`; what it printed. Raises SystemExit where it fails."""
     program, *rest = words
-    if program == "python":
-        return subprocess.run([sys.executable, *rest], stdout=subprocess.PIPE, text=True, check=True).stdout
+    if program in ("python", "ccx"):
+        program = sys.executable if program == "python" else program
+        return subprocess.run([program, *rest], stdout=subprocess.PIPE, text=True, check=True).stdout
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         status = PROGRAMS[program](rest)

@@ -20,6 +20,7 @@ MODULES = {
     "inf-sup": "inf_sup",
     "sliding": "sliding",
     "scaling": "scaling",
+    "distributed": "distributed",
 }
 
 
