@@ -62,7 +62,7 @@ def matrices(problem):
     own = np.ones(len(node), bool) if space.share.own is None else space.share.own
     faces = tuple(pair.integrate(space, u, case.steps.last) for pair in problem.joints)
     contact = contact_system(problem, faces, u)
-    K = problem.kinematics.tangent(u, case.steps.last)
+    K = problem.kinematics.tangent(u, case.steps.last).tocsr()
     mine = np.flatnonzero(np.repeat(own, space.dim))
     told = {"K": dict(zip(dofs[mine].tolist(), as_bytes(K[mine], dofs), strict=True))}
     for key, matrix in (("B", contact.rows.B), ("D", contact.rows.D)):
