@@ -118,8 +118,9 @@ def watched(clock: Clock, solved: list[SaddleSolution], models: list[int]) -> Ex
         (lacsolver.solve.active_set, "solve_saddle", "loops", solved),
     ]
     stack = ExitStack()
-    for cache in (lacsolver.solve.stiffness.FactorCache, lacsolver.solve.shared_stiffness.SharedFactors):
-        stack.enter_context(patch.object(cache, "factorise", set_up(cache.factorise)))
+    one, several = lacsolver.solve.stiffness.FactorCache, lacsolver.solve.shared_stiffness.SharedFactors
+    for cache, name in ((one, "factorise"), (one, "factorise_on_nodes"), (several, "factorise")):
+        stack.enter_context(patch.object(cache, name, set_up(getattr(cache, name))))
     for module, name, phase, kept in places:
         stack.enter_context(patch.object(module, name, clock.around(phase, getattr(module, name), kept)))
     return stack
