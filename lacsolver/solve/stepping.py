@@ -38,7 +38,7 @@ from lacsolver.space.space import Space
 #: relative difference below which two times are the same
 _SAME = 1e-9
 #: gap, relative to the macro-element's size, below which a row is closed in the initial status
-_TOUCHING = 1e-6
+TOUCHING = 1e-6
 #: damping of the second search for an equilibrium at its start, relative to the undeformed bodies' stiffness
 _DAMPING = 1.0
 #: displacements below this multiple of the round-off of gaps are too small for reliable pressures
@@ -68,17 +68,6 @@ class NotConvergedError(LacmeshError):
     def __init__(self, message: str, state: State) -> None:
         super().__init__(message)
         self.state = state
-
-
-class Told(NamedTuple):
-    """An iteration: target time, halvings so far, its number, closed rows, relative residuals of balance and gap."""
-
-    time: float
-    halvings: int
-    number: int
-    closed: int
-    balance: float
-    gap: float
 
 
 @dataclass
@@ -122,12 +111,12 @@ def march(
         while target - state.time > _SAME * target:
             whole = target - state.time <= state.step_size * (1 + _SAME)
             step = LoadStep(model, target if whole else state.time + state.step_size, state)
-            outcome = _search(step, spent, told)
+            outcome = attempt(step, spent.halvings, told)
             spent.add(outcome)
             if not outcome.converged:
                 state = state.with_step_size((step.t - state.time) / 2)
                 if spent.halvings > steps.max_halvings:
-                    raise NotConvergedError(_why(step, outcome), _state(step, outcome, spent, state))
+                    raise NotConvergedError(why(step, outcome), _state(step, outcome, spent, state))
                 continue
             q, p, active = outcome.iterate
             _check_prescribed_gaps(step, q, outcome.contact)
@@ -163,7 +152,7 @@ def _check_prescribed_gaps(step: LoadStep, q: Floats, contact: ContactSystem) ->
     for pair, group, face in zip(pairs, contact.groups, step.interfaces(q), strict=True):
         own = gap[group.rows]
         wrong_way = (-own if pair.law.compressive else np.abs(own)).reshape(len(face.area), -1).max(axis=1)
-        bad = np.flatnonzero(wrong_way > _TOUCHING * face.length)
+        bad = np.flatnonzero(wrong_way > TOUCHING * face.length)
         if len(bad):
             place = ", ".join(space.told(face.centre[wrong_way.argmax()] + space.origin[: space.dim]))
             what = "overlap" if pair.law.compressive else "are apart"
@@ -176,75 +165,6 @@ def step_end_times(case: Case) -> list[float]:
     """Return the times at which steps must end: the planned ones, and those of fields in [output]."""
     asked = [t for t in case.output.times or () if 0 < t <= case.steps.last]
     return sorted({*case.steps.planned, *asked})
-
-
-def _search(step: LoadStep, spent: _Step, told: Callable[[Told], None] | None) -> Outcome:
-    """Search the equilibrium at one time. The iterations of all attempts are counted."""
-    model, solver = step.model, step.model.problem.case.solver
-    moved = model.problem.space.largest(step.u0)
-    length = 0.0 if model.linear else model.length
-    tolerance = ConvergenceTolerance(solver.tolerance, solver.max_iterations, length, moved, model.vectors)
-
-    def report(number: int, closed: int, balance: float, gap: float) -> None:
-        if told is not None:
-            told(Told(step.t, spent.halvings, number, closed, balance, gap))
-
-    def newton(start: Iterate, **how: Any) -> Outcome:
-        return search(newton_iterates(step.linearize, start, tolerance, **how), tolerance, report)
-
-    state, exact, outcome = step.state, model.problem.kinematics.linear, None
-    now, extrapolated = state.iterate or _first(step), model.scheme.predict(state, step.t)
-    if model.linear:
-        return search(_linear_iterates(step, extrapolated or now, tolerance), tolerance, report)
-    if extrapolated is not None:
-        with suppress(InadmissibleError):
-            outcome = newton(extrapolated, exact=exact)
-    if outcome is None:
-        outcome = newton(now, predictor=_predictor(step, now), exact=exact)
-    if outcome.converged or exact:
-        return outcome
-    again = newton(now, predictor=_predictor(step, now), damping=Damping(_DAMPING))
-    return again._replace(
-        residuals=outcome.residuals + again.residuals, applications=outcome.applications + again.applications
-    )
-
-
-def _linear_iterates(step: LoadStep, start: Iterate, tolerance: ConvergenceTolerance) -> Iterator[Trial]:
-    """Return the iteration of a linear problem: active sets on its only linearisation."""
-    free, _, springs = step.model.stabilization
-    geometric = None if springs is None else -springs
-    return active_set_iterates(step.reference, step.f, step.contact, start, tolerance, free=free, geometric=geometric)
-
-
-def _predictor(step: LoadStep, now: Iterate) -> Linearization:
-    """Return the linearisation at the new time, extrapolated from the last iterate or the undeformed bodies."""
-    time = step.state.time
-    u = LoadStep(step.model, time, step.state).u(now.q) if time else np.zeros_like(step.u0)
-    return step.predictor(now.q, u, now.p)
-
-
-def _first(step: LoadStep) -> Iterate:
-    """Return the initial iterate at q = 0. Raises errors for overlap, zones without a master, unsupported bodies."""
-    problem, q = step.model.problem, np.zeros(step.model.problem.constraints.n_q)
-    contact, interfaces = step.contact(q), step.interfaces(q)
-    for pair, face in zip(problem.joints, interfaces, strict=True):
-        check_overlap(pair, face, problem.space)
-        pair.check_facing(face)
-    step.model.check_held(interfaces, contact.solvable)
-    closed = [np.empty(0, bool), *map(_initial, problem.joints, interfaces)]
-    return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.solvable)
-
-
-def _initial(pair: ContactPair, face: Interface) -> NDArray[np.bool_]:
-    """Return a mask (rows,), True for rows of a pair that are closed at the start."""
-    if pair.initial == "gap":
-        return _touching(face)
-    return np.full(face.B.shape[0], pair.initial == "all")
-
-
-def _touching(face: Interface) -> NDArray[np.bool_]:
-    """Return a mask (rows,), True for rows of a pair without a gap, up to round-off."""
-    return np.asarray(face.gap <= _TOUCHING * face.length)
 
 
 def _state(step: LoadStep, outcome: Outcome, spent: _Step, committed: StepState, held: tuple[Held, ...] = ()) -> State:
@@ -295,40 +215,10 @@ def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
         x = space.local.points.copy()
         x[:, : space.dim] += u.reshape(-1, space.dim)
     touching = [  # without pressure, round-off alone decides which of them are active
-        _touching(face) if pair.law.compressive else np.zeros(face.B.shape[0], bool)
+        touching(face) if pair.law.compressive else np.zeros(face.B.shape[0], bool)
         for pair, face in zip(model.problem.joints, step.interfaces(q), strict=True)
     ]
     closed = active | (np.concatenate(touching) & outcome.contact.solvable)
     return holdings(model.motions, step.closed_rows(q, closed), u, x=x)
 
 
-def _why(step: LoadStep, outcome: Outcome) -> str:
-    """Return the message for a failed search: a body that moves away, or the largest imbalance, and what to try."""
-    model, problem = step.model, step.model.problem
-    q, p, rows = outcome.iterate.q, outcome.iterate.p, outcome.contact.rows
-    contact, closed = rows.B_T @ p, rows.B[np.flatnonzero(outcome.iterate.active)]
-    said = f"no equilibrium found at time {step.t:.6g} after {len(outcome.residuals)} iterations"
-    off = step.reaction(q, p)
-    pushed = problem.constraints.T.T @ off - problem.constraints.force(step.t)
-    for motion in model.motions:
-        along = unknowns(problem.constraints, motion.field)
-        left = model.vectors.dots(along[None], pushed)[0]
-        whole = model.vectors.dots(np.abs(along)[None], np.abs(pushed + contact) + np.abs(contact))[0]
-        if abs(left) > _UNCARRIED * whole and not np.abs(closed @ along).any():
-            return f"{said}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
-    number, place = _largest_node(problem.space, problem.constraints.T @ pushed)
-    balance, gap = outcome.residuals[-1]
-    said += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
-    said += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
-    return f"{said}; try more steps ([steps] count) or more iterations ([solver] max_iterations)"
-
-
-def _largest_node(space: Space, r: Floats) -> tuple[int, str]:
-    """Return the number and the place of the node with the largest entry of r (n_dof,), of those of all processes."""
-    size = np.abs(r).reshape(-1, space.dim).max(axis=1)
-    if space.share.own is not None:
-        size[~space.share.own] = -1.0
-    node = int(size.argmax())
-    found = space.share.gather(np.array([[size[node], space.mesh.node_number[node], *space.mesh.points[node]]]))
-    _, number, *at = found[found[:, 0].argmax()]
-    return int(number), ", ".join(space.told(np.array(at)))
