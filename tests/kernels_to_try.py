@@ -21,6 +21,8 @@ from lacmesh.kernels import kernel
 from lacmesh.quality import determinant, measures
 from lacmesh.surface import contact_points
 from lacmesh.topology.boxes import meeting_each_other
+from lacsolver.bodies.mass import KINDS, assemble_mass
+from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.case import parse_case
 from lacsolver.cli import main
 from lacsolver.linear import analyse
@@ -28,6 +30,7 @@ from lacsolver.linear.cycle import Team
 from lacsolver.problem.problem import Problem
 from lacsolver.results.answer import Answer
 from lacsolver.solve.stepping import march
+from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube
 from tests.lacsolver.contact_cases import held
 from tests.lacsolver.patch_meshes import stack
@@ -64,6 +67,7 @@ def work(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
         yield f"{model}, {law}, {cells}", partial(_finite, model, law, cells)
     for model, cells in _SMALL:
         yield f"{model}, {cells}", partial(_small, model, cells)
+    yield "mass", _mass
 
 
 _FINITE = (
@@ -111,6 +115,12 @@ def _surfaces() -> None:
 def _boxes() -> None:
     low = np.random.default_rng(0).random((800, 3))  # so many that they are not compared each with each
     meeting_each_other(low, low + 0.02)
+
+
+def _mass() -> None:
+    space = Space.of(cube("HEXA8", 2), "3d")
+    for kind in KINDS:
+        assemble_mass(space, Materials.of(space, Elastic(young=1.0, poisson=0.0, density=1.0)), kind)
 
 
 def _multigrid() -> None:

@@ -77,11 +77,17 @@ class Piece(NamedTuple):
 
 def spans(space: Space, degree: int | None = None) -> Iterator[tuple[int, slice]]:
     """Yield (block, slice of its cells), in pieces of limited size, so that memory does not grow with the mesh."""
-    for number, block in enumerate(space.blocks):
-        made = table(block.type, space.model.axisymmetric, degree)
-        size = max(1, _PIECE // (made.N.size * space.model.rows))
-        for first in range(0, len(block.nodes), size):
-            yield number, slice(first, min(first + size, len(block.nodes)))
+    for number in range(len(space.blocks)):
+        yield from ((number, cells) for cells in block_spans(space, number, degree))
+
+
+def block_spans(space: Space, number: int, degree: int | None = None) -> Iterator[slice]:
+    """Yield slices of the cells of one block, in pieces of limited size."""
+    block = space.blocks[number]
+    made = table(block.type, space.model.axisymmetric, degree)
+    size = max(1, _PIECE // (made.N.size * space.model.rows))
+    for first in range(0, len(block.nodes), size):
+        yield slice(first, min(first + size, len(block.nodes)))
 
 
 def piece(space: Space, block: int, cells: slice, degree: int | None = None) -> Piece:
