@@ -24,8 +24,9 @@ from lacsolver.results.figures import stress_ranges
 from lacsolver.results.results import Fields, Restart, Results, StepFigures
 from lacsolver.results.state import State
 from lacsolver.results.whole import share_of_restart, whole_restart
+from lacsolver.solve.attempt import Told
 from lacsolver.solve.holding import beyond_a_cell, warnings_of
-from lacsolver.solve.stepping import NotConvergedError, Told, march
+from lacsolver.solve.stepping import NotConvergedError, march
 from lacsolver.space.share import ALONE, Distribution
 
 

@@ -34,7 +34,6 @@ from lacsolver.case.records import (
 from lacsolver.case.rules import BACKENDS_OF, check
 from lacsolver.case.value import Value, with_values
 
-
 #: fields that are written of a motion, if [output] does not tell
 _OUTPUTS = 100
 
@@ -178,8 +177,8 @@ class Output(Entry):
 class Case(Entry):
     """The whole problem to solve. It is checked when it is made; raises CaseError with every mistake.
 
-    Plain numbers of loads are ramped up to `steps.last`, with [dynamics] up to its start, and the default of a contact's `geometry` depends on the
-    kinematics. `path`: the file that the case was read from.
+    Plain numbers of loads are ramped up to `steps.last`, with [dynamics] up to its start. The default of a contact's
+    `geometry` depends on the kinematics. `path`: the file that the case was read from.
 
     >>> from lacsolver.case import Displacement, Material, Pressure
     >>> load = Pressure(group="top", value=25)

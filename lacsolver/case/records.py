@@ -122,7 +122,9 @@ class Material(Entry):
         default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), default_words="[[1, 0, 0], [0, 1, 0]]",
         needs=Needs("law", ("orthotropic",)),
     )  # fmt: skip
-    density: float = key(Number(NOT_NEGATIVE), "mass / length³", "mass per volume, for [gravity] and [dynamics]", default=0.0)
+    density: float = key(
+        Number(NOT_NEGATIVE), "mass / length³", "mass per volume, for [gravity] and [dynamics]", default=0.0
+    )
     expansion: float | tuple[float, float, float] = key(
         ThreeNumbers(),
         "1 / temperature",

@@ -224,8 +224,8 @@ def _motion(sections: Sections) -> Iterator[Found]:
         message = f"and gamma are {beta:g} and {gamma:g}, which is not stable"
         yield moving.wrong(f"{message}; take gamma >= 1/2 and beta >= gamma / 2", "beta")
     start = moving.get("start")
-    steps = sections.get("steps") or [None]
-    end = 1.0 if steps[0] is None else (steps[0].get("times") or [steps[0].get("end")])[-1]
+    steps = sections.get("steps", [])
+    end = (steps[0].get("times") or [steps[0].get("end")])[-1] if steps else 1.0
     if None not in (start, end) and start >= end:
         yield moving.wrong(f"is {start:g}, and the steps end at {end:g}; inertia must act in some of them", "start")
     for made in sections.get("initial", []) if start else []:

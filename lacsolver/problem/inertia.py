@@ -7,18 +7,21 @@ of all nodes and then of these points, M (n_w, n_w) their mass, and T_w = dw/dq.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, coo_array, csr_array, diags_array, kron, vstack
 
-from lacmesh.mesh import Floats
+from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.mass import assemble_mass
 from lacsolver.bodies.material import Materials
 from lacsolver.case import Dynamics
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.rigid import RigidBody, moments
+from lacsolver.contact import Zone
 from lacsolver.problem.massless import Massless, massless_nodes
 from lacsolver.problem.rigid_modes import bodies, centres
 from lacsolver.space.places import wrong
@@ -32,7 +35,8 @@ LARGE = 0.01
 class Inertia:
     """Mass M (n_w, n_w) of the nodes and of the `points` of rigid bodies that have a mass of their own.
 
-    `plain` (n_dof, n_dof): mass of the cells before that of `massless` nodes is moved.
+    `plain` (n_dof, n_dof): mass of the cells before that of `massless` nodes is moved. `finite`: True if positions are
+    deformed.
     """
 
     space: Space
@@ -41,9 +45,13 @@ class Inertia:
     plain: csr_array
     massless: Massless
     points: tuple[RigidBody, ...]
+    finite: bool = False
 
     @classmethod
-    def of(cls, space: Space, materials: Materials, constraints: Constraints, zones: tuple, how: Dynamics) -> Inertia:
+    def of(
+        cls, space: Space, materials: Materials, constraints: Constraints, zones: Sequence[Zone], how: Dynamics,
+        finite: bool,
+    ) -> Inertia:  # fmt: skip
         """Build the inertia of a problem. Raises CaseError for a body that moves freely and has no mass."""
         plain = csr_array(assemble_mass(space, materials, how.mass))
         rigid = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in constraints.rigid)])
@@ -53,7 +61,7 @@ class Inertia:
         own = [_point_mass(body, space.dim) for body in points]
         M = csr_array(block_diag([P.T @ plain @ P, *own], format="csr"))
         M = csr_array((M + M.T) / 2)  # symmetric to the last bit
-        made = cls(space, constraints, M, plain, massless, points)
+        made = cls(space, constraints, M, plain, massless, points, finite)
         made._check_rigid()
         return made
 
@@ -70,6 +78,45 @@ class Inertia:
         T = self.constraints.tangent(q, t)
         parts = [_columns(body, body.moment_arm_at(body.motion(q, t)), T.shape[1]) for body in self.points]
         return T if not parts else csr_array(vstack([T, *parts]))
+
+    @cached_property
+    def turning(self) -> tuple[tuple[RigidBody, Ints], ...]:
+        """Bodies, and points of bodies, that turn by finite rotations, with their places in w."""
+        made, first = [(body, self.space.dofs(body.nodes).ravel()) for body in self.constraints.rigid], self.space.n_dof
+        for body in self.points:
+            made.append((body, first + np.arange(len(body.moment_arm))))
+            first += len(body.moment_arm)
+        return tuple((body, at) for body, at in made if body.turns)
+
+    @cached_property
+    def massless_dofs(self) -> Ints:
+        """Places in w of the nodes without mass."""
+        return self.space.dofs(np.flatnonzero(self.massless.nodes)).ravel()
+
+    def reduced(self, S: csr_array, q: Floats, t: float) -> csr_array:
+        """Return T_w^T S T_w (n_q, n_q) for S (n_w, n_w)."""
+        c = self.constraints
+        if not self.points and c.is_selection:
+            return csr_array(S[c.free][:, c.free])
+        T = self.tangent(q, t)
+        return csr_array((T.T @ S @ T).tocsr())
+
+    def curvature(self, q: Floats, t: float, f: Floats) -> csr_array | None:
+        """Return the derivative (n_q, n_q) of T_w^T f by q for constant forces f (n_w,); None if T_w is constant."""
+        entries = []
+        for body, at in self.turning:
+            columns = body.columns[body.free]
+            bent = body.curvature(body.motion(q, t), f[at]) * body.unit * body.unit[:, None]
+            entries.append((bent[np.ix_(body.free, body.free)].ravel(), np.repeat(columns, len(columns)),
+                            np.tile(columns, len(columns))))  # fmt: skip
+        if not entries:
+            return None
+        values, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
+        return coo_array((values, (rows, columns)), shape=(len(q), len(q))).tocsr()
+
+    def padded(self, f: Floats) -> NDArray[np.floating]:
+        """Return forces f (n_dof,) at the nodes as (n_w,), with none at the points."""
+        return np.concatenate([f, np.zeros(self.M.shape[0] - len(f))])
 
     def on_nodes(self, f: Floats) -> NDArray[np.floating]:
         """Return the part (n_dof,) of a vector (n_w,) at the nodes."""
@@ -98,10 +145,9 @@ class Inertia:
         centre, _ = centres(self.space, of_node)
         arm = (self.space.local.points - centre[np.maximum(of_node, 0)])[:, : self.space.dim]
         arm[of_node < 0] = 0.0
-        before, after = (
-            np.bincount(of_node[of_node >= 0], (arm.ravel() * (M @ arm.ravel())).reshape(arm.shape).sum(1)[of_node >= 0])
-            for M in (self.plain, self.M[:n, :n])
-        )
+        held = of_node >= 0
+        parts = ((arm * (M @ arm.ravel()).reshape(arm.shape)).sum(axis=1)[held] for M in (self.plain, self.M[:n, :n]))
+        before, after = (np.bincount(of_node[held], part) for part in parts)
         there = np.unique(of_node[self.massless.nodes])
         return {int(k): float(after[k] / before[k] - 1) for k in there}
 
@@ -149,7 +195,7 @@ def _points(space: Space, body: RigidBody) -> RigidBody:
 def _point_mass(body: RigidBody, dim: int) -> csr_array:
     """Return the mass (k dim, k dim) of a body's points, equal for all of them."""
     count = len(body.arm)
-    return csr_array(diags_array(np.full(count * dim, body.record.mass / count)))
+    return csr_array(diags_array(np.full(count * dim, (body.record.mass or 0.0) / count)))
 
 
 def _columns(body: RigidBody, moment_arm: Floats, n_q: int) -> csr_array:

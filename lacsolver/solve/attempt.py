@@ -20,7 +20,6 @@ from lacsolver.solve.active_set import active_set_iterates
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.newton import Damping, Linearization, newton_iterates
 from lacsolver.solve.search import Outcome, Trial, search
-from lacsolver.solve.stabilization import unknowns
 from lacsolver.solve.tolerances import ConvergenceTolerance
 from lacsolver.space.space import Space
 
@@ -120,8 +119,8 @@ def why(step: LoadStep, outcome: Outcome) -> str:
     said = f"no equilibrium found at time {step.t:.6g} after {len(outcome.residuals)} iterations"
     off = step.reaction(q, p)
     pushed = problem.constraints.T.T @ off - problem.constraints.force(step.t)
-    for motion in model.motions:
-        along = unknowns(problem.constraints, motion.field)
+    for motion in () if model.scheme.resists_rigid_motion else model.motions:
+        along = problem.constraints.unknowns(motion.field)
         left = model.vectors.dots(along[None], pushed)[0]
         whole = model.vectors.dots(np.abs(along)[None], np.abs(pushed + contact) + np.abs(contact))[0]
         if abs(left) > _UNCARRIED * whole and not np.abs(closed @ along).any():

@@ -3,49 +3,39 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.mesh import Floats
-from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.case import Case
-from lacsolver.contact import Interface
 from lacsolver.contact.laws import RowState
-from lacsolver.problem.overlap import check_overlap
-from lacsolver.problem.problem import ContactPair, Problem
-from lacsolver.problem.rigid_modes import describe
+from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
-from lacsolver.results.state import UNPAIRED, Held, Iterate, State, StepState, ZoneState
-from lacsolver.solve.active_set import active_set_iterates
+from lacsolver.results.state import UNPAIRED, Held, State, StepState, ZoneState
+from lacsolver.solve.attempt import TOUCHING, Told, attempt, touching, why
 from lacsolver.solve.contact_system import ContactSystem, RowGroup
 from lacsolver.solve.holding import holdings
 from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.newton import Damping, Linearization, newton_iterates
+from lacsolver.solve.newmark import Newmark
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.schemes import QuasiStatic, TimeScheme
-from lacsolver.solve.search import Outcome, Trial, search
-from lacsolver.solve.stabilization import unknowns
-from lacsolver.solve.tolerances import ROUNDING, ConvergenceTolerance
+from lacsolver.solve.search import Outcome
+from lacsolver.solve.tolerances import ROUNDING
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 
 #: relative difference below which two times are the same
 _SAME = 1e-9
-#: gap, relative to the macro-element's size, below which a row is closed in the initial status
-TOUCHING = 1e-6
-#: damping of the second search for an equilibrium at its start, relative to the undeformed bodies' stiffness
-_DAMPING = 1.0
 #: displacements below this multiple of the round-off of gaps are too small for reliable pressures
 _CLEAR = 100
 _EPSILON = float(np.finfo(float).eps)
-#: load along a rigid-body mode that contact does not balance, relative to all forces along it
-_UNCARRIED = 1e-6
+#: halvings of a step that converged, whose scheme asks for a smaller one
+_REFINED = 3
 
 
 class NotConvergedError(LacmeshError):
@@ -104,10 +94,46 @@ def march(
     0.5 True
     1.0 True
     """
-    model = ReducedProblem(problem, scheme or QuasiStatic())
-    steps, state = problem.case.steps, start.step if start else StepState()
-    spent, warned = _Step(), False
-    for target in step_end_times(problem.case):
+    state, warned = start.step if start else StepState(), False
+    for one, times in _phases(problem, scheme, state.time):
+        model = ReducedProblem(problem, one)
+        state = one.begin(model, state, times[0])
+        for made in _marched(model, state, times, told):
+            warned, state = warned or _warn_of_rounding(made), made.committed
+            yield _state(made)
+
+
+def _phases(problem: Problem, scheme: TimeScheme | None, now: float) -> Iterator[tuple[TimeScheme, Sequence[float]]]:
+    """Yield each time scheme with the times at which its steps end: static ones first, where [dynamics] starts later.
+
+    Times until `now` are left out.
+    """
+    case = problem.case
+    times = [t for t in step_end_times(case) if t - now > _SAME * t]
+    start = 0.0 if scheme is not None or case.dynamics is None else case.dynamics.start
+    static = [t for t in times if t - start <= _SAME * start]
+    if static:
+        yield QuasiStatic(), static
+    if len(times) > len(static):
+        yield scheme or (QuasiStatic() if case.dynamics is None else Newmark(problem)), times[len(static) :]
+
+
+class _Made(NamedTuple):
+    """A converged step: its outcome, iterations, and what it committed; `last`: True for the last one of the case."""
+
+    step: LoadStep
+    outcome: Outcome
+    spent: _Step
+    committed: StepState
+    last: bool
+
+
+def _marched(
+    model: ReducedProblem, state: StepState, times: Sequence[float], told: Callable[[Told], None] | None
+) -> Iterator[_Made]:
+    """Yield the converged steps of one time scheme, from a state to the last of some times."""
+    steps, spent = model.problem.case.steps, _Step()
+    for target in times:
         while target - state.time > _SAME * target:
             whole = target - state.time <= state.step_size * (1 + _SAME)
             step = LoadStep(model, target if whole else state.time + state.step_size, state)
@@ -116,21 +142,23 @@ def march(
             if not outcome.converged:
                 state = state.with_step_size((step.t - state.time) / 2)
                 if spent.halvings > steps.max_halvings:
-                    raise NotConvergedError(why(step, outcome), _state(step, outcome, spent, state))
+                    raise NotConvergedError(why(step, outcome), _state(_Made(step, outcome, spent, state, last=False)))
                 continue
             q, p, active = outcome.iterate
             _check_prescribed_gaps(step, q, outcome.contact)
-            warned = warned or _warn_of_rounding(step, outcome.iterate)
             histories = step.commit(q, p, active, outcome.contact)
+            if spent.halvings < _REFINED and model.scheme.too_coarse(model, state, histories.scheme):
+                spent.halvings += 1
+                state = state.with_step_size((step.t - state.time) / 2)
+                continue
             state = state.commit(step.t, outcome.iterate, state.step_size * steps.growth, histories)
-            last = steps.last - state.time <= _SAME * steps.last
-            yield _state(step, outcome, spent, state, _held(step, outcome) if last else ())
+            yield _Made(step, outcome, spent, state, steps.last - state.time <= _SAME * steps.last)
             spent = _Step()
 
 
-def _warn_of_rounding(step: LoadStep, now: Iterate) -> bool:
+def _warn_of_rounding(made: _Made) -> bool:
     """Warn if displacements are hardly larger than the round-off of gaps; return True if it warned."""
-    model = step.model
+    step, now, model = made.step, made.outcome.iterate, made.step.model
     moved = model.problem.space.largest(step.u(now.q))
     if model.linear:
         known = _EPSILON * model.length * any(face.G.any() for face in step.interfaces(now.q))
@@ -167,9 +195,10 @@ def step_end_times(case: Case) -> list[float]:
     return sorted({*case.steps.planned, *asked})
 
 
-def _state(step: LoadStep, outcome: Outcome, spent: _Step, committed: StepState, held: tuple[Held, ...] = ()) -> State:
+def _state(made: _Made) -> State:
     """Return the state of an outcome, with what the step has committed."""
-    problem = step.model.problem
+    step, outcome, spent, committed, last = made
+    problem, held = step.model.problem, _held(step, outcome) if last else ()
     q, p, active = outcome.iterate
     contact, gap = outcome.contact, outcome.contact.G / outcome.contact.rows.w
     zones = [
@@ -220,5 +249,3 @@ def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
     ]
     closed = active | (np.concatenate(touching) & outcome.contact.solvable)
     return holdings(model.motions, step.closed_rows(q, closed), u, x=x)
-
-
