@@ -77,7 +77,7 @@ class Initial(Entry):
 
     SECTION: ClassVar = Section(
         "initial", True,
-        "motion at the start of [dynamics]: velocity, and displacement; later sections replace what earlier ones give",
+        "velocity and displacement at the start of [dynamics]; later sections replace what earlier ones give",
         some_of=(("vx", "vy", "vz", "rotation", "ux", "uy", "uz"),),
     )  # fmt: skip
     groups: tuple[str, ...] | None = key(

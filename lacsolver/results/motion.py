@@ -11,10 +11,11 @@ from lacsolver.results.state import StepState
 ENERGIES = ("kinetic", "strain", "external", "damped", "contact", "numerical")
 
 
-class Motion(NamedTuple):
-    """What a step in motion keeps. `w` are the displacements of all nodes, then of points that carry rigid bodies' own
-    mass (`problem.inertia`), n_w in all.
+class MotionState(NamedTuple):
+    """Velocities, forces and sums that a step in motion keeps.
 
+    `w` are the displacements of all nodes, then of the points that carry the own mass of rigid bodies
+    (`problem.inertia`), n_w in all.
     `velocity`, `acceleration`, `reaction` (n_w,): the last are the forces of supports. `internal`, `load`, `contact`
     (n_dof,): internal forces, loads, and contact forces B^T p. `energies` (6,): see ENERGIES. `linear` (dim,) and
     `angular` (3,) or (): momentum, the angular one about the origin. By zone, `impulse` (n, dim) on the slave since the

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
 from lacsolver.problem.inertia import Inertia
-from lacsolver.results.motion import Motion
+from lacsolver.results.motion import MotionState
 from lacsolver.solve.load_step import LoadStep
 
 if TYPE_CHECKING:
@@ -35,8 +35,8 @@ class Interval(NamedTuple):
     step: LoadStep
     q: Floats
     dt: float
-    before: Motion
-    after: Motion
+    before: MotionState
+    after: MotionState
 
 
 def kinetic(inertia: Inertia, v: Floats) -> float:

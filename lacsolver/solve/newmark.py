@@ -7,7 +7,8 @@ A prime marks the end of the step. HHT: alpha in [0, 1/3], beta = (1 + alpha)^2 
 and Taylor 1977, whose alpha has the other sign); Newmark: alpha = 0. Divided by 1 - alpha, this is the static equation
 with the forces (M a' + alpha F) / (1 - alpha) + C v' and their derivative beside it: a step is a search as in statics.
 
-At nodes without mass the equation is F' = 0: their velocity is told as the difference of displacements.
+At nodes without mass the equation is F' = 0: their velocity in results is the difference of displacements over
+the step.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from scipy.sparse import block_diag, csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.problem.problem import Problem
-from lacsolver.results.motion import Motion
+from lacsolver.results.motion import MotionState
 from lacsolver.results.state import Iterate, StepState
 from lacsolver.solve.balance_of_energy import Interval, energies, momentum
 from lacsolver.solve.load_step import LoadStep
@@ -63,7 +64,7 @@ class Newmark:
 
     def begin(self, model: ReducedProblem, state: StepState, t: float) -> StepState:
         """Return the state of the start: initial velocities, with accelerations and pressures that are consistent."""
-        if Motion.of(state) is not None:
+        if MotionState.of(state) is not None:
             return state
         return start_of_motion(model, self.inertia, self.C, state, t - state.time)
 
@@ -73,7 +74,7 @@ class Newmark:
 
     def terms(self, model: ReducedProblem, state: StepState, t: float) -> StepTerms:
         """Return the forces of inertia and damping in the step to time t, and their derivatives."""
-        before, now = Motion.of(state), state.iterate
+        before, now = MotionState.of(state), state.iterate
         assert before is not None and now is not None
         dt, inertia, constraints = time_step(state, t), self.inertia, self.problem.constraints
         last = self.alpha / (1 - self.alpha)
@@ -98,7 +99,7 @@ class Newmark:
 
     def commit(self, step: LoadStep, q: Floats, p: Floats) -> Mapping[str, NDArray]:
         """Return the motion at the end of a step."""
-        before, now = Motion.of(step.state), step.state.iterate
+        before, now = MotionState.of(step.state), step.state.iterate
         assert before is not None and now is not None
         dt, inertia = time_step(step.state, step.t), self.inertia
         w_before, w = inertia.places(now.q, step.state.time), inertia.places(q, step.t)
@@ -112,7 +113,7 @@ class Newmark:
         internal, load, contact = motion_forces(step, q, p)
         pushes = self._pushes(before, step.zone_forces(q, p))
         impulse = dt * ((1 - self.gamma) * before.pushes[:, 1] + self.gamma * pushes[:, 1])
-        made = Motion(
+        made = MotionState(
             v, a, np.empty(0), internal, load, contact, before.energies, *momentum(inertia, w, v),
             before.impulse + impulse, pushes,
         )  # fmt: skip
@@ -122,23 +123,25 @@ class Newmark:
 
     def too_coarse(self, model: ReducedProblem, state: StepState, kept: Mapping[str, NDArray]) -> bool:
         """True in finite kinematics if the contact work of a step is more than one per cent of the energy."""
-        before = Motion.of(state)
+        before = MotionState.of(state)
         if not self.problem.kinematics.finite or before is None:
             return False
-        work, whole = kept["energies"][4] - before.energies[4], max(before.energies[:2].sum(), before.energies[2])
-        return bool(abs(work) > _COARSE * whole)
+        then, now = before.energies, kept["energies"]
+        return bool(abs(now[4] - then[4]) > _COARSE * max(then[:2].sum(), now[:2].sum()))
 
-    def forces(self, motion: Motion) -> NDArray[np.floating]:
+    def forces(self, motion: MotionState) -> NDArray[np.floating]:
         """Return F (n_w,), all forces but those of inertia and of supports."""
         out = self.inertia.padded(motion.internal - motion.load + motion.contact)
         return out if self.C is None else out + self.C @ motion.velocity
 
-    def _extrapolated(self, before: Motion, w: Floats, dt: float) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    def _extrapolated(
+        self, before: MotionState, w: Floats, dt: float
+    ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return displacements and velocities (n_w,) at the end of a step without an acceleration there."""
         v, a = before.velocity, before.acceleration
         return w + dt * v + dt**2 * (0.5 - self.beta) * a, v + dt * (1 - self.gamma) * a
 
-    def _pushes(self, before: Motion, forces: Floats) -> NDArray[np.floating]:
+    def _pushes(self, before: MotionState, forces: Floats) -> NDArray[np.floating]:
         weighted = (1 - self.alpha) * forces + self.alpha * before.pushes[:, 0]
         return np.stack([forces, weighted], axis=1)
 

@@ -20,7 +20,7 @@ from lacsolver.problem import acting
 from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.initial import fitted, initial_motion
 from lacsolver.problem.loads import thermal_force
-from lacsolver.results.motion import Motion
+from lacsolver.results.motion import MotionState
 from lacsolver.results.state import Iterate, StepState
 from lacsolver.solve.attempt import attempt, first_iterate
 from lacsolver.solve.balance_of_energy import kinetic, momentum, strain
@@ -63,7 +63,7 @@ def start_of_motion(
     a = T @ _accelerations(inertia.reduced(inertia.M, q, t), c.force(t, q) - T.T @ (F + inertia.M @ b)) + b
     whole = kinetic(inertia, v), strain(step, q, internal)
     pushes = step.zone_forces(q, p)
-    made = Motion(
+    made = MotionState(
         v, a, inertia.M @ a + F, internal, load, contact, np.array([*whole, sum(whole), 0.0, 0.0, 0.0]),
         *momentum(inertia, inertia.places(q, t), v), np.zeros_like(pushes), np.stack([pushes, pushes], axis=1),
     )  # fmt: skip

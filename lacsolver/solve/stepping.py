@@ -243,9 +243,9 @@ def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
     if model.problem.kinematics.finite:
         x = space.local.points.copy()
         x[:, : space.dim] += u.reshape(-1, space.dim)
-    touching = [  # without pressure, round-off alone decides which of them are active
+    reached = [  # without pressure, round-off alone decides which of them are active
         touching(face) if pair.law.compressive else np.zeros(face.B.shape[0], bool)
         for pair, face in zip(model.problem.joints, step.interfaces(q), strict=True)
     ]
-    closed = active | (np.concatenate(touching) & outcome.contact.solvable)
+    closed = active | (np.concatenate(reached) & outcome.contact.solvable)
     return holdings(model.motions, step.closed_rows(q, closed), u, x=x)

@@ -20,7 +20,7 @@ WIDTH = 0.25
 def bar(kind: str, n: int, low: float = 0.0, across: int | None = None) -> Mesh:
     """A bar from height `low` to `low` + 1, n cells of type `kind` long, its sides as groups.
 
-    >>> bar("QUAD4", 8).n_points if hasattr(Mesh, "n_points") else bar("QUAD4", 8).n_nodes
+    >>> bar("QUAD4", 8).n_nodes
     27
     """
     dim = CELLS[kind].dim
@@ -41,7 +41,7 @@ def bar_on_wall(kind: str, n: int, gap: float = 0.0) -> Mesh:
 
 
 def bars(kinds: tuple[str, str], counts: tuple[int, int], across: tuple[int, int], gap: float = 0.0) -> Mesh:
-    """A bar above another: groups `upper`, `lower`, `slave` (of the upper), `master`, `top`, `bottom`, and the sides."""
+    """A bar above another: groups `upper`, `lower`, `slave` (of the upper), `master`, `top`, `bottom`, the sides."""
     dim = CELLS[kinds[0]].dim
     upper, lower = bar(kinds[0], counts[0], gap, across[0]), bar(kinds[1], counts[1], -1.0, across[1])
     return joined([(upper, _names(dim, "slave", "top", "upper")), (lower, _names(dim, "bottom", "master", "lower"))])
