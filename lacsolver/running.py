@@ -171,6 +171,7 @@ class _Run:
 def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
     """Return warnings about doubtful results of a finished run."""
     told = list(_strangers(problem, made.results))
+    told += [] if problem.inertia is None else problem.inertia.told()
     if made.last is not None:
         told += warnings_of(made.last.held, made.last.prescribed)
         told += faceted(problem, made.last)

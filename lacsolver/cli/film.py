@@ -1,4 +1,4 @@
-"""`lacsolver film`: a film, or a sheet of pictures, of the results of a run."""
+"""`lacsolver film`: a film, or a sheet of pictures, of the results of a run or of a natural mode."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ COLOURS = ("stress", "pressure")
 def add(commands: Any) -> None:
     """Declare the command."""
     parser = add_command(
-        commands, "film", run, "make a film of a run, or a sheet of pictures, with curves of its history"
+        commands,
+        "film",
+        run,
+        "make a film of a run or a natural mode, or a sheet of pictures, with curves of a run's history",
     )
     parser.add_argument(
         "folder", metavar="DIR", help="folder of a run; or its CASE.toml, for the folder of the same name"
@@ -32,6 +35,12 @@ def add(commands: Any) -> None:
         help="von Mises stress (default), or the contact pressure on slaves",
     )
     parser.add_argument(
+        "--mode",
+        type=int,
+        metavar="N",
+        help="film the natural mode N of a folder that lacsolver modes wrote, coloured by its displacement",
+    )
+    parser.add_argument(
         "--curve",
         action="append",
         default=[],
@@ -40,7 +49,10 @@ def add(commands: Any) -> None:
         "that varies most, against the displacement of the probe of the same name, or time)",
     )
     parser.add_argument(
-        "--frames", type=int, metavar="N", help="largest number of times shown (default: 60 in a film, 6 on a sheet)"
+        "--frames",
+        type=int,
+        metavar="N",
+        help="largest number of times shown (default: 60 in a film, 24 of a mode, 6 on a sheet)",
     )
     parser.add_argument("--scale", nargs=2, type=float, metavar=("LOW", "HIGH"), help="ends of the colour scale")
     parser.add_argument("--log", action="store_true", help="a logarithmic colour scale")
@@ -71,6 +83,7 @@ def run(args: argparse.Namespace) -> None:
         camera=tuple(args.camera or CAMERA),
         rate=args.rate,
         title=args.title,
+        mode=args.mode,
     )
     if not args.quiet:
         print(f"{target}: {target.stat().st_size / 1e6:.2f} MB")

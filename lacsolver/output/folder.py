@@ -89,7 +89,7 @@ def create(path: str | os.PathLike[str], *, force: bool = False, restart: Restar
     path = Path(path)
     continued = restart is not None and restart.folder is not None and _same(path, restart.folder)
     try:
-        _check_place(path)
+        check_folder(path)
         check_free(path)
         folder = OutputFolder(path, restart if continued else None, force)
         folder.check()
@@ -98,7 +98,8 @@ def create(path: str | os.PathLike[str], *, force: bool = False, restart: Restar
     return folder
 
 
-def _check_place(path: Path) -> None:
+def check_folder(path: Path) -> None:
+    """Raise WriteError if a folder of results cannot be made or written at a path."""
     if path.exists() and not path.is_dir():
         raise WriteError(path, "is a file, and results are a folder; choose another name")
     if not path.exists() and not path.parent.is_dir():

@@ -9,6 +9,8 @@ from pathlib import Path
 
 RESULTS, HISTORY, MED = "results.json", "history.csv", "results.med"
 SOLID, CONTACT = "solid", "contact_"
+#: files of `lacsolver modes`
+MODES, MODES_PVD = "modes.json", "modes.pvd"
 #: subfolders: of the VTU files, and of the last state tried by a run that failed
 FIELDS, UNCONVERGED = "fields", "unconverged"
 _STATE = re.compile(r"state_(\d{4,})\.npz")
@@ -34,6 +36,17 @@ def vtu_file(stem: str, number: int, rank: int | None = None) -> str:
     """
     piece = "" if rank is None else f".r{rank:05d}"
     return f"{FIELDS}/{stem}_{number:04d}{piece}.vtu"
+
+
+def mode_file(number: int) -> str:
+    """Return the path of the VTU file of a natural mode, relative to the folder, as the PVD names it."""
+    return f"{FIELDS}/mode_{number:04d}.vtu"
+
+
+def modes_in(folder: Path) -> list[Path]:
+    """Return the files of natural modes in a folder. Raises OSError."""
+    found = [path for path in (folder / MODES, folder / MODES_PVD) if path.exists()]
+    return [*found, *sorted((folder / FIELDS).glob("mode_[0-9][0-9][0-9][0-9]*.vtu"))]
 
 
 def number_of(path: Path) -> int | None:

@@ -27,7 +27,7 @@ from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.space.space import Space
 
 
-class _Entry(NamedTuple):
+class PvdEntry(NamedTuple):
     """A time of a PVD, and its file."""
 
     time: float
@@ -40,11 +40,11 @@ class VtuSeries:
     def __init__(self, folder: Path, space: Space) -> None:
         self._folder, self._space = folder, space
         self._parts: dict[str, Part] = {}
-        self._told: dict[str, list[_Entry]] = {}
+        self._told: dict[str, list[PvdEntry]] = {}
         if space.share.rank == 0:
             self._told = {path.stem: read_pvd(path) for path in collections_in(folder)}
             for stem, entries in self._told.items():
-                _write_pvd(folder / f"{stem}.pvd", entries)
+                write_pvd(folder / f"{stem}.pvd", entries)
 
     def write(self, fields: Fields, number: int) -> None:
         """Add the fields after `number` steps. Raises WriteError."""
@@ -83,8 +83,8 @@ class VtuSeries:
             write(self._folder / file, mesh, compress=True)
         if share.rank > 0:
             return
-        self._told[stem] = [*self._told.get(stem, []), _Entry(float(time), file)]
-        _write_pvd(self._folder / f"{stem}.pvd", self._told[stem])
+        self._told[stem] = [*self._told.get(stem, []), PvdEntry(float(time), file)]
+        write_pvd(self._folder / f"{stem}.pvd", self._told[stem])
 
 
 def _solid(fields: Fields) -> dict[str, NDArray]:
@@ -121,19 +121,20 @@ def wide(values: Floats, width: int) -> Floats:
     return np.pad(np.asarray(values, float), ((0, 0), (0, width - values.shape[1])))
 
 
-def read_pvd(path: Path) -> list[_Entry]:
+def read_pvd(path: Path) -> list[PvdEntry]:
     """Return the times of a PVD whose files exist; none if there is no PVD. Raises ReadError."""
     if not path.exists():
         return []
     try:
         sets = ElementTree.parse(path).getroot().iter("DataSet")
-        entries = [_Entry(float(s.attrib["timestep"]), s.attrib["file"]) for s in sets]
+        entries = [PvdEntry(float(s.attrib["timestep"]), s.attrib["file"]) for s in sets]
     except (OSError, ValueError, KeyError, ElementTree.ParseError) as error:
         raise ReadError(path, f"cannot be gone on with ({error}); write into another folder") from error
     return [entry for entry in entries if (path.parent / entry.file).is_file()]
 
 
-def _write_pvd(path: Path, entries: list[_Entry]) -> None:
+def write_pvd(path: Path, entries: list[PvdEntry]) -> None:
+    """Write a PVD that names the file of each time. Raises WriteError."""
     sets = [f'<DataSet timestep="{e.time!r}" group="" part="0" file={quoted(e.file)}/>\n' for e in entries]
     head = '<?xml version="1.0" encoding="utf-8"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
     replace_file(path, (head + "".join(sets) + "</Collection>\n</VTKFile>\n").encode())

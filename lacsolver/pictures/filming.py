@@ -5,6 +5,8 @@ scale = one scale of colours for all times
 pictures = drawn by matplotlib in a plane, off-screen by pyvista in space       (offscreen)
 curves = columns of history.csv, one against the other
 film = an animated GIF of one colour table; or a sheet, PNG
+
+A natural mode is filmed in the same way, over one period of its vibration, without curves.
 """
 
 from __future__ import annotations
@@ -25,12 +27,15 @@ from lacmesh.errors import ReadError, RequestError, did_you_mean
 from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats
 from lacmesh.scene.colours import RAMP
-from lacsolver.output.names import HISTORY
-from lacsolver.pictures.frames import COLOURS, DrawnSurface, Frame, Frames, read_frames
+from lacsolver.output.modes import read_modes
+from lacsolver.output.names import HISTORY, MODES_PVD
+from lacsolver.pictures.frames import COLOURS, SHAPE, DrawnSurface, Frame, Frames, read_frames, read_mode
 from lacsolver.pictures.offscreen import CAMERA, Scene, render_frames
 
 #: default number of pictures of a sheet and of a film
 SHEET, FILM = 6, 60
+#: number of pictures of a natural mode's period
+_PERIOD = 24
 #: default range of a logarithmic scale
 DECADES = 3.0
 #: dots per inch of a film and of a sheet; in inches, widths of a film's bodies and curves, their height, and the width
@@ -56,9 +61,13 @@ class Curve(NamedTuple):
 
 @dataclass(frozen=True)
 class ColourScale:
-    """Scale of colours. `colour`: one of COLOURS; `low`, `high`: ends of the scale; `log`: True if logarithmic."""
+    """Scale of colours. `colour`: one of COLOURS, or `shape` of a natural mode; `label`: its words beside the scale.
+
+    `low`, `high`: ends of the scale; `log`: True if logarithmic.
+    """
 
     colour: str
+    label: str
     low: float
     high: float
     log: bool
@@ -99,8 +108,12 @@ def film(
     camera: tuple[float, float, float] = CAMERA,
     rate: float = 12.0,
     title: str | None = None,
+    mode: int | None = None,
 ) -> None:
     """Make a film (.gif) or a sheet of pictures (.png) from the VTU files that `lacsolver.run` wrote into a folder.
+
+    `mode`: number of a natural mode, from 1, in a folder of `lacsolver modes`, to be filmed over one period; it has no
+    curves, and is coloured by its displacement.
 
     `colour`: the bodies' von Mises `stress`, or the recovered contact `pressure` on slave skins. `curves`: "x:y",
     columns of history.csv, each with a minus in front to change its sign; by default `default_curve`. `frames`: largest
@@ -123,13 +136,29 @@ def film(
         raise RequestError(f"a film has at least one frame, not {frames}")
     if not (np.isfinite(rate) and 0 < rate <= 100):
         raise RequestError(f"a film shows more than 0 and at most 100 pictures a second, not {rate:g}")
-    drawn = _curves(folder, curves)
     moving = path.suffix.lower() == ".gif"
-    shown = read_frames(folder, colour, frames or (FILM if moving else SHEET))
+    if mode is None:
+        if (folder / MODES_PVD).exists() and not (folder / HISTORY).exists():
+            raise RequestError(f"{folder} holds natural modes, and not a run; name one of them by --mode")
+        drawn = _curves(folder, curves)
+        shown = read_frames(folder, colour, frames or (FILM if moving else SHEET))
+    else:
+        if curves:
+            raise RequestError("a natural mode has no history to draw curves of; leave --curve out")
+        drawn, shown = [], read_mode(folder, mode, frames or (_PERIOD if moving else SHEET))
+        colour, title = "shape", title or _mode_title(folder, mode)
     if shown.surface.dim == 3 and find_spec("pyvista") is None:
         raise RequestError("a film in space needs pyvista; pip install 'lacmesh[view]' brings it")
     sheet = _Sheet(shown, _colour_scale(shown, colour, scale, log), drawn, readable(title or folder.name), camera, path)
-    replace_file(path, _moving(sheet, rate) if moving else _still(sheet))
+    replace_file(path, _moving(sheet, rate, _STAYS if mode is None else 0.0) if moving else _still(sheet))
+
+
+def _mode_title(folder: Path, number: int) -> str:
+    """Return the title of a natural mode: its number and frequency, or its motion as a rigid body."""
+    modes = read_modes(folder)
+    vibrating = number - modes["rigid"]
+    said = f"f = {modes['frequencies'][vibrating - 1]:.6g}" if vibrating > 0 else modes["rigid_motions"][number - 1]
+    return f"mode {number}, {said}"
 
 
 def _colour_scale(frames: Frames, colour: str, scale: tuple[float, float] | None, log: bool) -> ColourScale:
@@ -140,7 +169,7 @@ def _colour_scale(frames: Frames, colour: str, scale: tuple[float, float] | None
     if not low < high or (log and low <= 0):
         what = "0 < low < high" if log else "low < high"
         raise RequestError(f"a scale of colours from {low:g} to {high:g} is none; it needs {what}")
-    return ColourScale(colour, float(low), float(high), log)
+    return ColourScale(colour, COLOURS.get(colour, SHAPE), float(low), float(high), log)
 
 
 # ---- curves
@@ -259,7 +288,7 @@ class _Sheet:
 
     def add_bar(self, figure: Any, axes: Any, **place: Any) -> None:
         """Add the bar of colours with its label."""
-        figure.colorbar(self.scale.bar, ax=axes, label=COLOURS[self.scale.colour], **place)
+        figure.colorbar(self.scale.bar, ax=axes, label=self.scale.label, **place)
 
 
 def _draw_plane(axes: Any, surface: DrawnSurface, frame: Frame, scale: ColourScale) -> None:
@@ -300,8 +329,8 @@ def _image(figure: Any) -> Any:
     return import_module("PIL.Image").open(out).convert("RGB")
 
 
-def _moving(sheet: _Sheet, rate: float) -> bytes:
-    """Return the film: the bodies at each time, and the curves up to that time beside them."""
+def _moving(sheet: _Sheet, rate: float, stays: float) -> bytes:
+    """Return the film: the bodies at each time, and the curves up to that time beside them; the last `stays` longer."""
     images, n = [], 1 + bool(sheet.curves)
     for frame, rendered in zip(sheet.frames.frames, sheet.rendered((_WIDE[0], _HIGH)), strict=True):
         figure = _figure(sum(_WIDE[:n]), _HIGH)
@@ -310,12 +339,12 @@ def _moving(sheet: _Sheet, rate: float) -> bytes:
         sheet.add_bar(figure, bodies, location="bottom", shrink=0.7, pad=0.02, aspect=40)
         for axes in rest:
             sheet.plot(axes, [frame.time])
-        figure.suptitle(f"{sheet.title}, t = {frame.time:.4g}", fontsize=11)
+        figure.suptitle(f"{sheet.title}, {frame.words}", fontsize=11)
         images.append(_image(figure))
-    return _gif(images, rate)
+    return _gif(images, rate, stays)
 
 
-def _gif(images: list[Any], rate: float) -> bytes:
+def _gif(images: list[Any], rate: float, stays: float) -> bytes:
     """Return an animated GIF; all images share one table of colours, so that nothing flickers."""
     pil = import_module("PIL.Image")
     few = [images[k] for k in np.unique(np.linspace(0, len(images) - 1, 5).round().astype(int))]
@@ -324,7 +353,7 @@ def _gif(images: list[Any], rate: float) -> bytes:
         strip.paste(image, (0, k * image.height))
     table = strip.quantize(_COLOURS, method=pil.Quantize.MEDIANCUT)
     flat = [image.quantize(palette=table, dither=pil.Dither.NONE) for image in images]
-    lasts = [round(1000 / rate)] * (len(flat) - 1) + [round(1000 * _STAYS)]
+    lasts = [round(1000 / rate)] * (len(flat) - 1) + [round(1000 * (stays or 1 / rate))]
     out = io.BytesIO()
     flat[0].save(out, "GIF", save_all=True, append_images=flat[1:], duration=lasts, loop=0, optimize=False, disposal=1)
     return out.getvalue()
@@ -344,7 +373,7 @@ def _still(sheet: _Sheet) -> bytes:
         _without_frame(axes)
     for axes, frame, rendered in zip(tiles.flat, frames, sheet.rendered((_TILE, tall)), strict=False):
         sheet.draw(axes, frame, rendered)
-        axes.set_title(f"t = {frame.time:.4g}", fontsize=9)
+        axes.set_title(frame.words, fontsize=9)
     sheet.add_bar(upper, tiles, location="bottom", shrink=0.5, pad=0.02, aspect=40)
     for part in lower:
         sheet.plot(part.subplots(), [frame.time for frame in frames])

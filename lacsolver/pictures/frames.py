@@ -3,6 +3,8 @@
 fields = the VTU files named by solid.pvd and contact_NAME.pvd                            (read_frames)
 visible surface, once for all times: split into triangles around the faces' centres       (DrawnSurface)
 value = von Mises' stress, or the recovered pressure on the slave skins; NaN elsewhere    (COLOURS)
+
+A natural mode has frames too: one period of its vibration, drawn with an amplitude that can be seen (`read_mode`).
 """
 
 from __future__ import annotations
@@ -20,11 +22,15 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.scene.visible import find_visible
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
-from lacsolver.output.names import CONTACT, SOLID
+from lacsolver.output.names import CONTACT, MODES_PVD, SOLID
 from lacsolver.output.vtu import read_pvd
 
 #: quantities that bodies may be coloured by, and their labels beside the scale
 COLOURS = {"stress": "von Mises stress", "pressure": "contact pressure"}
+#: that of a natural mode
+SHAPE = "displacement, relative to the largest"
+#: amplitude of a natural mode, relative to the largest side of the bodies
+_AMPLITUDE = 0.08
 #: children of a cell lie in the same face of it if the cosine between their normals is larger than this
 _FLAT = 0.9
 
@@ -77,11 +83,15 @@ class DrawnSurface:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A frame: at a time the coordinates `x` (p, 3) of the points, and the `value` (p,), NaN where there is none."""
+    """A frame: at a time the coordinates `x` (p, 3) of the points, and the `value` (p,), NaN where there is none.
+
+    `words`: the time in words.
+    """
 
     time: float
     x: Floats
     value: Floats
+    words: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +139,30 @@ def read_frames(folder: Path, colour: str, count: int | None = None) -> Frames:
             raise DataError(f"{folder / entry.file} is of another mesh than the files before; run the case again")
         value = _mises(mesh) if colour == "stress" else _pressure(mesh, folder, entry.time, zones)
         x = mesh.points + _field(mesh, "displacement", folder / entry.file)
-        frames.append(Frame(entry.time, surface.points(x), surface.points(value)))
+        frames.append(Frame(entry.time, surface.points(x), surface.points(value), f"t = {entry.time:.4g}"))
+    return Frames(surface, tuple(frames))
+
+
+def read_mode(folder: Path, number: int, count: int) -> Frames:
+    """Read a natural mode of a folder of modes as `count` frames, evenly over a period, from the largest displacement.
+
+    Raises RequestError if the folder has no such mode, ReadError, DataError for damaged files.
+    """
+    entries = read_pvd(folder / MODES_PVD)
+    if not entries:
+        raise RequestError(f"{folder} holds no natural modes (modes.pvd); name a folder that lacsolver modes wrote")
+    if not 1 <= number <= len(entries):
+        raise RequestError(f"{folder} holds the modes 1 to {len(entries)}, and not {number}")
+    path = folder / entries[number - 1].file
+    mesh = lacmesh.read(path)
+    shape, surface = _field(mesh, "displacement", path), DrawnSurface.of(mesh)
+    size, far = np.linalg.norm(shape, axis=1), np.ptp(mesh.points, axis=0).max()
+    amplitude = _AMPLITUDE * far / (size.max() or 1.0)
+    frames = []
+    for k in range(count):
+        part = np.cos(2 * np.pi * k / count)
+        x, value = mesh.points + amplitude * part * shape, abs(part) * size
+        frames.append(Frame(k / count, surface.points(x), surface.points(value), f"{k / count:.2f} of the period"))
     return Frames(surface, tuple(frames))
 
 

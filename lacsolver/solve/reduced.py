@@ -90,7 +90,7 @@ class ReducedProblem:
             try:
                 self._reference = matrix, self.factors.factorise(self.stabilized(self.K_q, matrix))
             except SingularError as error:
-                raise self._singular(error) from error
+                raise self.explained(error) from error
         return self._reference[1]
 
     def stabilized(self, K_q: csr_array, matrix: csr_array | None = None) -> csr_array:
@@ -98,7 +98,7 @@ class ReducedProblem:
         parts = [part for part in (K_q, self.stabilization.springs, matrix) if part is not None]
         return K_q if len(parts) == 1 else csr_array(sum(parts[1:], parts[0]))
 
-    def _singular(self, error: SingularError) -> SingularError:
+    def explained(self, error: SingularError) -> SingularError:
         """Return the error of a singular stiffness in terms of the mesh: the node that moves most, and its axis."""
         space = self.problem.space
         if error.dof is None:

@@ -42,6 +42,9 @@ PRECIOUS = "an older result"
 BOTH = ("validate", "run")
 RUN = ("run",)
 MATRICES = ("matrices CASE -o m.npz",)
+MODES = ("modes CASE -o m",)
+#: the good case, with a mass
+HEAVY = GOOD.replace("poisson = 0.3\n", "poisson = 0.3\ndensity = 1.0\n")
 
 
 @dataclass(frozen=True)
@@ -133,6 +136,15 @@ def _no_number(folder: Path) -> None:
     head, nodes = text.split("$Nodes")
     assert " 2.0 0.0\n" in nodes
     (folder / "blocks.msh").write_text(head + "$Nodes" + nodes.replace(" 2.0 0.0\n", " nan 0.0\n", 1))
+
+
+def _modes(folder: Path) -> None:
+    (folder / "m").mkdir()
+    (folder / "m" / "modes.json").write_text(PRECIOUS)
+
+
+def _no_modes(folder: Path) -> None:
+    assert not (folder / "m" / "modes.json").exists()
 
 
 def _results(folder: Path) -> None:
@@ -247,6 +259,21 @@ CASES: list[Bad] = [
     Bad("matrices that exist", GOOD, r"^m\.npz exists already; --force replaces it", 2, MATRICES, make=_file("m.npz")),
     Bad("matrices that exist in the other format", GOOD, r"^m\.mtx exists already; --force replaces it", 2, ("matrices CASE -o m.npz --mtx",), make=_file("m.mtx")),
     Bad("matrices on a full disk", GOOD, r"^m\.npz: cannot be written \(File too large\)", 3, MATRICES, file_size=100),
+    # natural modes
+    Bad("modes without a density", GOOD, r"^case\.toml: group 'lower', 'upper': 19 cells have no density: .*; a mass needs the density of their \[\[material\]\]", commands=MODES),
+    Bad("no modes", HEAVY, r"^-k is the number of modes to find, 1 or more, not 0$", 2, ("modes CASE -k 0",)),
+    Bad("a number of modes that is none", HEAVY, "-k/--count: invalid int value: 'all'", 2, ("modes CASE -k all",)),
+    Bad("modes that exist", HEAVY, r"^m holds natural modes already; --force replaces them, or -o names another folder$", 2, ("modes CASE -o m",), make=_modes),
+    Bad("modes into a file", HEAVY, r"^m: is a file, and results are a folder; choose another name$", 3, ("modes CASE -o m",), make=_file("m")),
+    Bad("modes into nowhere", HEAVY, r"^a/m: the folder a does not exist$", 3, ("modes CASE -o a/m",)),
+    Bad("modes where nothing may be written", HEAVY, r"^m: no file may be made in the folder \.", 3, ("modes CASE -o m",), make=_closed, nobody=True),
+    Bad("modes on a full disk", HEAVY, r"^m/\S+: cannot be written \(File too large\)", 3, MODES, file_size=1000, then=_no_modes),
+    Bad("modes at a time of no state", HEAVY, r"^--from says which state in the folder of --state to take; give both$", 2, ("modes CASE --from 1",)),
+    Bad("modes about a state from nowhere", HEAVY, "^old: cannot be read", 3, ("modes CASE --state old",)),
+    Bad("modes about no state", HEAVY, r"^\. holds no state to go on from", 2, ("modes CASE --state .",)),
+    Bad("modes by multigrid", HEAVY + '[solver]\nbackend = "multigrid"\n', 'natural modes need a factorisation; take \\[solver\\] backend = "auto"', 2, MODES),
+    Bad("modes with PETSc", HEAVY + '[solver]\nengine = "petsc"\n', 'natural modes are found by one process, not with PETSc; take \\[solver\\] engine = "serial"', 2, MODES),
+    Bad("modes of a folder that has none", HEAVY, r"^\. holds no natural modes \(modes\.pvd\)", 2, ("film . --mode 1 -o f.gif",)),
     # the command
     Bad("no command", GOOD, "the following arguments are required: COMMAND; see lacsolver --help", 2, ("",)),
     Bad("a command that nobody knows", GOOD, "invalid choice: 'solve'", 2, ("solve CASE",)),

@@ -217,7 +217,9 @@ SRUN = {"SLURM_PROCID": "0", "SLURM_NTASKS": "4", "SLURM_STEP_NUM_TASKS": "4"}
         ({"SLURM_PROCID": "1", "SLURM_NTASKS": "4", "ENVIRONMENT": "BATCH"}, "SLURM_NTASKS"),
     ],
 )
-@pytest.mark.parametrize("words", ["run case.toml", "matrices case.toml -o m.npz", "film case.toml -o f.png"])
+@pytest.mark.parametrize(
+    "words", ["run case.toml", "matrices case.toml -o m.npz", "modes case.toml", "film case.toml -o f.png"]
+)
 def test_one_of_several_processes_is_refused(folder, monkeypatch, capsys, told, name, words):
     """The command `run` only where the engine of several processes is not installed."""
     monkeypatch.setattr(ranks, "absence", lambda: "PETSc is not installed; type this")

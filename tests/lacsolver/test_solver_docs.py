@@ -52,7 +52,18 @@ def test_commands_run_in_their_order(fresh, monkeypatch, capsys):
         assert re.search(
             rf"^ +{step} +{time} +{iterations} +{halvings} +\S+ +{' '.join(rest[:3])} +{rest[3]}$", said, re.M
         )
-    assert {"press", "press.png", "again", "contact.npz", "contact.mtx"} <= {path.name for path in fresh.iterdir()}
+    printed = [line.split() for line in said.splitlines()]
+    assert all(line.split() in printed for line in blocks("text")[1].splitlines())
+    assert {
+        "press",
+        "press.png",
+        "press_modes",
+        "press_closed",
+        "press_mode.png",
+        "again",
+        "contact.npz",
+        "contact.mtx",
+    } <= {path.name for path in fresh.iterdir()}
     for code in blocks("python"):
         done = subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, env={"PYTHONPATH": str(ROOT)}

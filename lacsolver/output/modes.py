@@ -1,0 +1,89 @@
+"""Natural modes in a folder: modes.json, and modes.pvd with a VTU file for the shape of each mode.
+
+Rigid-body modes come first. The time of a mode in modes.pvd is its number, from 1.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lacmesh import __version__
+from lacmesh.errors import ReadError, RequestError, WriteError
+from lacmesh.formats import write
+from lacmesh.formats.output import replace_file
+from lacsolver.output.folder import check_folder
+from lacsolver.output.names import FIELDS, MODES, MODES_PVD, mode_file, modes_in
+from lacsolver.output.parts import body
+from lacsolver.output.vtu import PvdEntry, wide, write_pvd
+from lacsolver.results.modes import NaturalModes
+from lacsolver.space.space import Space
+
+
+def check_modes_folder(path: str | os.PathLike[str], *, force: bool = False) -> Path:
+    """Return the folder for natural modes; nothing is written yet.
+
+    Raises RequestError if it holds modes already (unless `force`), WriteError if no files can be made there.
+    """
+    folder = Path(path)
+    try:
+        check_folder(folder)
+        if not force and folder.is_dir() and modes_in(folder):
+            message = f"{folder} holds natural modes already"
+            raise RequestError(f"{message}; --force replaces them, or -o names another folder")
+    except OSError as error:
+        raise WriteError(folder, f"cannot be used ({error.strerror or error})") from error
+    return folder
+
+
+def write_modes(folder: Path, modes: NaturalModes, space: Space) -> None:
+    """Write natural modes into a folder, in place of those that it holds. Raises WriteError."""
+    try:
+        (folder / FIELDS).mkdir(parents=True, exist_ok=True)
+        for path in modes_in(folder):
+            path.unlink()
+    except OSError as error:
+        raise WriteError(folder, f"cannot be written ({error.strerror or error})") from error
+    part, entries = body(space), []
+    for number, shape in enumerate(np.concatenate([modes.rigid_shapes, modes.shapes]), 1):
+        data = {"displacement": wide(shape[part.nodes], 3)}
+        write(folder / mode_file(number), replace(part.mesh, node_data={**part.mesh.node_data, **data}), compress=True)
+        entries.append(PvdEntry(float(number), mode_file(number)))
+    write_pvd(folder / MODES_PVD, entries)
+    replace_file(folder / MODES, (json.dumps(_summary(modes), ensure_ascii=False, indent=1) + "\n").encode())
+
+
+def read_modes(folder: Path) -> dict[str, Any]:
+    """Return the content of modes.json. Raises ReadError."""
+    path = folder / MODES
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(told, dict) and isinstance(told["rigid"], int) and isinstance(told["frequencies"], list):
+            return told
+        reason = "it holds something else"
+    except (OSError, ValueError, KeyError, RecursionError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+    raise ReadError(path, f"cannot be read ({reason}); name a folder that lacsolver modes wrote")
+
+
+def _summary(modes: NaturalModes) -> dict[str, Any]:
+    """Return the content of modes.json, in its order."""
+    axes = range(len(modes.axes))
+    return {
+        "version": __version__,
+        "frequencies": modes.frequencies.tolist(),
+        "rigid": len(modes.rigid),
+        "rigid_motions": list(modes.rigid),
+        "modal_masses": modes.modal_masses.tolist(),
+        "effective_masses": {modes.axes[k]: modes.effective_masses[:, k].tolist() for k in axes},
+        "rigid_effective_masses": {modes.axes[k]: float(modes.rigid_masses[k]) for k in axes},
+        "mass": modes.mass,
+        "unknowns": modes.unknowns,
+        "closed_rows": modes.held,
+        "time": modes.time,
+    }

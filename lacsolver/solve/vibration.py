@@ -1,0 +1,135 @@
+"""Natural modes of a problem: free vibration about its undeformed bodies, or about a state.
+
+    K q + C^T p = omega^2 M q,    C q = 0
+
+C has the rows of ties and of contacts that stay closed. Rigid-body modes are not sought: they are the motions that
+supports, springs and these rows leave free.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from lacmesh.errors import RequestError
+from lacmesh.mesh import Floats
+from lacsolver.bodies.mass import assemble_mass
+from lacsolver.linear import SingularError, choose
+from lacsolver.problem.problem import Problem
+from lacsolver.problem.rigid_modes import describe
+from lacsolver.results.modes import NaturalModes
+from lacsolver.results.results import Restart
+from lacsolver.solve.eigenmodes import EigenProblem, orthonormal
+from lacsolver.solve.linearised import LinearisedProblem
+from lacsolver.solve.reduced import ReducedProblem
+from lacsolver.solve.stiffness import FactorCache, Stiffness
+from lacsolver.space.places import wrong
+from lacsolver.space.space import Space
+
+
+def natural_modes(
+    problem: Problem, count: int = 10, *, at: Restart | None = None, mass: str = "consistent"
+) -> NaturalModes:
+    """Return the rigid-body modes of a problem, and the `count` lowest others, or all if there are fewer.
+
+    `at`: a state of the same problem, whose closed contact rows stay closed, and whose tangent is taken; else the
+    undeformed bodies with open contacts. Prescribed displacements, ties and bilateral contacts are held. `mass`:
+    `consistent` or `lumped` mass matrix.
+
+    Raises DataError for cells without density, and if nothing can vibrate; CaseError for a rigid body that moves freely
+    and has no mass; SingularError if a part of a body can move without force, or the state is not stable; RequestError
+    for several processes and for a solver without a factorisation; LinearError if the iteration does not converge.
+
+    >>> from lacsolver import parse_case
+    >>> from lacmesh import Mesh
+    >>> text = 'mesh = "bar.msh"\\nmodel = "plane_stress"\\n'
+    >>> text += "[[material]]\\nyoung = 4.0\\npoisson = 0.0\\ndensity = 1.0\\n"
+    >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
+    >>> modes = natural_modes(Problem.of(parse_case(text), square))
+    >>> modes.rigid[0], len(modes.rigid), len(modes.frequencies), round(modes.mass, 12)
+    ('the body of node 1 moves along x', 3, 5, 1.0)
+    """
+    if count < 1:
+        raise RequestError(f"the number of modes is 1 or more, not {count}")
+    _check_alone(problem)
+    model = ReducedProblem(problem)
+    lin = LinearisedProblem.of(model, at)
+    M = assemble_mass(problem.space, problem.materials, mass)
+    M_q = model.reduced(M, lin.T)
+    _check_mass(lin, M_q)
+    system = EigenProblem(lin.K, M_q, lin.C, orthonormal(lin.R, M_q))
+    if system.count < 1:
+        raise RequestError("nothing can vibrate: all displacements are prescribed, or those of rigid bodies")
+    omega2, Q = system.lowest(count, _factor(lin, system))
+    along = _translations(problem.space)
+    toward = np.asarray(lin.T.T @ (M @ along))
+    whole = np.sum(along * (M @ along), axis=0)
+    shapes, modal, effective = _told(lin, Q, toward)
+    rigid_shapes, _, rigid_effective = _told(lin, system.R, toward)
+    return NaturalModes(
+        np.sqrt(omega2) / (2 * np.pi), shapes, modal, effective,
+        tuple(describe(motion) for motion in lin.rigid), rigid_shapes, rigid_effective.sum(axis=0),
+        _axes(problem.space), float(whole[0]), problem.constraints.n_q, lin.held, None if at is None else at.time,
+    )  # fmt: skip
+
+
+def _check_alone(problem: Problem) -> None:
+    """Raise RequestError for several processes, and for a linear solver without a factorisation."""
+    solver = problem.case.solver
+    if problem.space.share.n > 1 or solver.engine_for(1) != "serial":
+        raise RequestError('natural modes are found by one process, not with PETSc; take [solver] engine = "serial"')
+    if solver.backend == "multigrid":
+        raise RequestError('natural modes need a factorisation; take [solver] backend = "auto" in place of "multigrid"')
+
+
+def _axes(space: Space) -> str:
+    """Return the axes along which the whole model can be moved."""
+    return "y" if space.model.axisymmetric else "xyz"[: space.dim]
+
+
+def _translations(space: Space) -> NDArray[np.floating]:
+    """Return the unit displacements (n_dof, axes) of the whole model along its axes."""
+    chosen = ["xyz".index(axis) for axis in _axes(space)]
+    return np.tile(np.eye(space.dim)[:, chosen], (space.mesh.n_nodes, 1))
+
+
+def _told(
+    lin: LinearisedProblem, Q: Floats, toward: Floats
+) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
+    """Return shapes (k, n_nodes, dim) with a largest displacement of 1, modal masses and effective masses (k, axes).
+
+    `Q` (n_q, k): modes with Q^T M Q = 1; `toward` (n_q, axes): T^T M times unit displacements of the whole model.
+    """
+    space = lin.model.problem.space
+    shapes = np.asarray(lin.T @ Q).T.reshape(Q.shape[1], space.mesh.n_nodes, space.dim)
+    scale = np.linalg.norm(shapes, axis=2).max(axis=1, initial=0.0)
+    flat = shapes.reshape(len(shapes), space.n_dof)
+    scale = scale * np.sign(np.take_along_axis(flat, np.abs(flat).argmax(axis=1)[:, None], axis=1)[:, 0])
+    return shapes / scale[:, None, None], 1 / scale**2, np.square(Q.T @ toward)
+
+
+def _factor(lin: LinearisedProblem, system: EigenProblem) -> Stiffness:
+    """Return the factor of the regularised stiffness. Raises SingularError, in terms of the mesh."""
+    problem = lin.model.problem
+    backend = choose(problem.case.solver.backend, system.K.shape[0]).name
+    try:
+        return FactorCache(np.linalg.qr(system.R)[0], backend, problem.threads).factorise(system.regular)
+    except SingularError as error:
+        if lin.about_state and error.mode is None:
+            message = "the tangent stiffness of the state is not positive definite, so that the state is not stable"
+            raise SingularError(f"{message}; take another time, by --from", error.dof) from error
+        raise lin.model.explained(error) from error
+
+
+def _check_mass(lin: LinearisedProblem, M: csr_array) -> None:
+    """Raise CaseError for a rigid body that moves freely without any mass."""
+    for body in lin.model.problem.constraints.rigid:
+        if body.record.mass is not None and body.free.any():
+            message = f"natural modes do not count the mass and inertia given for {body.name!r}"
+            raise wrong(body.record, f"{message}; hold the body, or make it of cells with a density")
+    light = M.diagonal() <= 0
+    for body in lin.model.problem.constraints.rigid:
+        if light[body.columns[body.free]].any():
+            message = f"{body.name!r} moves freely and has no mass, so that it has no natural modes"
+            raise wrong(body.record, f"{message}; hold it, or name nodes of cells with a density")
