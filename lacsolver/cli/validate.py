@@ -92,7 +92,7 @@ def _motion(case: Case, motion: MotionFound) -> Iterator[tuple[str, str]]:
     yield "step suggested", f"{motion.suggested / 2:.4g} to {motion.suggested:.4g}, where waves matter"
     yield (
         "mass",
-        f"{motion.mass:.6g}; {motion.massless:,} nodes have none, which changes inertia by {motion.moved:+.2%}",
+        f"{motion.mass:.6g}; {motion.massless:,} nodes have none, which changes inertia {motion.moved:+.2%}",
     )
     yield "momentum at the start", ", ".join(f"{value:.6g}" for value in motion.momentum)
     for said in motion.told:
