@@ -38,6 +38,12 @@ def test_rows_placed_by_index_are_those_of_the_triple_product(told):
     assert [one["difference"] for one in told] == [0.0, 0.0]
 
 
+def test_the_cycle_with_rows_of_contact_reduces_errors_as_that_without(told):
+    assert told[0]["cycles"] == told[1]["cycles"]
+    for left, unsymmetric in told[0]["cycles"].values():
+        assert left < 0.2 and unsymmetric < 1e-5
+
+
 def one_process_has(told):
     """Number of unknowns of the whole model."""
     (n,) = {one["n_dof"] for one in told}
