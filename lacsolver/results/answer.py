@@ -15,7 +15,7 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.small.fields import Field
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.results.figures import balance, probe, zone_figures
-from lacsolver.results.motion import ENERGIES, MotionState
+from lacsolver.results.motion import ENERGIES
 from lacsolver.results.nodal import nodal_stress
 from lacsolver.results.recovery import recover_pressure
 from lacsolver.results.results import Fields, MotionFigures, StepFigures, ZoneFields
@@ -80,13 +80,13 @@ class Answer:
         u, reaction = (v.reshape(-1, space.dim) for v in (state.u, space.updated(state.reaction)))
         if self.problem.case.dynamics is None:
             return Fields(state.time, u, at_nodes, reaction, zones)
-        motion, n = MotionState.of(state.step), space.n_dof
+        motion, n = state.step.motion, space.n_dof
         both = (0.0 * u, 0.0 * u) if motion is None else (motion.velocity[:n], motion.acceleration[:n])
         return Fields(state.time, u, at_nodes, reaction, zones, *(v.reshape(-1, space.dim) for v in both))
 
     def _motion(self, state: State) -> MotionFigures:
         """Return the figures of a state in motion; NaN for a static state."""
-        space, motion = self.problem.space, MotionState.of(state.step)
+        space, motion = self.problem.space, state.step.motion
         none = np.full(space.dim, np.nan)
         names = [joint.name for joint in self.problem.joints]
         if motion is None:

@@ -64,7 +64,7 @@ class Newmark:
 
     def begin(self, model: ReducedProblem, state: StepState, t: float) -> StepState:
         """Return the state of the start: initial velocities, with accelerations and pressures that are consistent."""
-        if MotionState.of(state) is not None:
+        if state.motion is not None:
             return state
         return start_of_motion(model, self.inertia, self.C, state, t - state.time)
 
@@ -74,7 +74,7 @@ class Newmark:
 
     def terms(self, model: ReducedProblem, state: StepState, t: float) -> StepTerms:
         """Return the forces of inertia and damping in the step to time t, and their derivatives."""
-        before, now = MotionState.of(state), state.iterate
+        before, now = state.motion, state.iterate
         assert before is not None and now is not None
         dt, inertia, constraints = time_step(state, t), self.inertia, self.problem.constraints
         last = self.alpha / (1 - self.alpha)
@@ -99,7 +99,7 @@ class Newmark:
 
     def commit(self, step: LoadStep, q: Floats, p: Floats) -> Mapping[str, NDArray]:
         """Return the motion at the end of a step."""
-        before, now = MotionState.of(step.state), step.state.iterate
+        before, now = step.state.motion, step.state.iterate
         assert before is not None and now is not None
         dt, inertia = time_step(step.state, step.t), self.inertia
         w_before, w = inertia.places(now.q, step.state.time), inertia.places(q, step.t)
@@ -123,7 +123,7 @@ class Newmark:
 
     def too_coarse(self, model: ReducedProblem, state: StepState, kept: Mapping[str, NDArray]) -> bool:
         """True in finite kinematics if the contact work of a step is more than one per cent of the energy."""
-        before = MotionState.of(state)
+        before = state.motion
         if not self.problem.kinematics.finite or before is None:
             return False
         then, now = before.energies, kept["energies"]

@@ -4,7 +4,7 @@ import numpy as np
 
 from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
-from lacsolver.results.motion import ENERGIES, MotionState
+from lacsolver.results.motion import ENERGIES
 from lacsolver.solve.stepping import march
 
 #: signs of the energies in their account
@@ -38,8 +38,8 @@ def steps(end, count):
 def moved(text, mesh, start=None):
     """(the problem, its states in motion, the motion of each)."""
     problem = Problem.of(parse_case(text), mesh)
-    states = [s for s in march(problem, start=start) if MotionState.of(s.step) is not None]
-    return problem, states, [MotionState.of(s.step) for s in states]
+    states = [s for s in march(problem, start=start) if s.step.motion is not None]
+    return problem, states, [s.step.motion for s in states]
 
 
 def unbalanced(motions):

@@ -46,7 +46,7 @@ def test_mass_moves_and_stays_as_much(kind, how):
 
 @pytest.mark.parametrize(("kind", "how"), CUTS, ids=lambda v: v.strip().replace('"', ""))
 def test_nodes_that_the_cut_made_are_found(kind, how):
-    """Those on the slave skin carry internal dofs; those inside belong to one parent, and are new in the cut mesh."""
+    """New nodes that are not on the slave skin are those inside the children of one parent."""
     made = inertia(kind, "none", how=how)
     mesh, dim = made.space.mesh, made.space.dim
     before = bar_on_wall(kind, 4, 0.01).points

@@ -44,7 +44,7 @@ SDNL111 = (-1.05e-4, -1.5542e-4, -5.542e-5, 9.916e-5, 2.9916e-4)
 SDNL111_CODE_ASTER = (0.0, -0.01, -0.02, -5.80, -1.93)
 
 
-class Hertz(NamedTuple):
+class HertzImpact(NamedTuple):
     """Impact of an elastic sphere of radius R on a rigid plane: largest force, its approach and its duration."""
 
     force: float
@@ -52,7 +52,7 @@ class Hertz(NamedTuple):
     duration: float
 
 
-def hertz(radius: float, young: float, poisson: float, density: float, speed: float) -> Hertz:
+def hertz(radius: float, young: float, poisson: float, density: float, speed: float) -> HertzImpact:
     """Hertz' impact (1882): 15 m v^2 / 16 = E* sqrt(R) delta^2.5, F = 4/3 E* sqrt(R) delta^1.5, T = 2.943 delta / v.
 
     >>> hertz(1.0, 1.0, 0.0, 1.0, 0.01).approach > 0
@@ -60,7 +60,7 @@ def hertz(radius: float, young: float, poisson: float, density: float, speed: fl
     """
     mass, stiff = 4 / 3 * pi * radius**3 * density, young / (1 - poisson**2)
     approach = (15 * mass * speed**2 / (16 * stiff * sqrt(radius))) ** 0.4
-    return Hertz(4 / 3 * stiff * sqrt(radius) * approach**1.5, approach, 2.9432751 * approach / speed)
+    return HertzImpact(4 / 3 * stiff * sqrt(radius) * approach**1.5, approach, 2.9432751 * approach / speed)
 
 
 def speed_for(approach: float, radius: float, young: float, poisson: float, density: float) -> float:

@@ -23,9 +23,8 @@ import numpy as np
 import lacmesh
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacsolver.results.motion import MotionState
 from verification.exact import impact as exact
-from verification.families.impact_runs import Impact, Run, case_text, on_wall, run
+from verification.families.impact_runs import Impact, ImpactRun, case_text, on_wall, run
 from verification.meshes.balls import sphere_on_wall
 from verification.meshes.bars import WIDTH, bar_on_wall, bars
 from verification.records import Case, Family, Outcome, Published, Result, at_least, at_most, equal, informative
@@ -54,7 +53,7 @@ def _wall(given: Impact, levels: int) -> Iterator[Result]:
     yield informative("impulse over 2 m v", push, reason="1 is exact; part of the energy stays in vibrations")
 
 
-def _energies(found: Run, least: float, closed: float = _CLOSED, reason: str = "") -> Iterator[Result]:
+def _energies(found: ImpactRun, least: float, closed: float = _CLOSED, reason: str = "") -> Iterator[Result]:
     yield at_most("largest energy", found.whole.max(), 1.001, source="no energy is created")
     yield at_least("energy at the end", found.whole[-1], least, source="the rebound is elastic")
     yield at_most("account of energy", found.unbalanced, closed, source=_ACCOUNT, reason=reason)
@@ -178,7 +177,7 @@ def _sphere(given: Impact, levels: int) -> Iterator[Result]:
         ]
     )  # fmt: skip
     made = run(text, sphere_on_wall(sqrt(given.approach), wait * speed))
-    force = np.array([m.pushes[0, 0, 1] for s in made.solved.states if (m := MotionState.of(s.step)) is not None])
+    force = np.array([m.pushes[0, 0, 1] for s in made.solved.states if (m := s.step.motion) is not None])
     on = np.flatnonzero(force > 0)
     allowed = given.allowed
     yield equal("largest force over Hertz'", force.max() / right.force, 1.0, allowed, source="Hertz 1882",
