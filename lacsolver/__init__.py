@@ -71,9 +71,7 @@ if TYPE_CHECKING:
     from lacsolver.pictures.filming import film as film
     from lacsolver.problem.problem import Problem as Problem
     from lacsolver.results.answer import Answer as Answer
-    from lacsolver.results.motion import MotionState as MotionState
     from lacsolver.results.results import Fields as Fields
-    from lacsolver.results.results import MotionFigures as MotionFigures
     from lacsolver.results.results import Restart as Restart
     from lacsolver.results.results import Results as Results
     from lacsolver.results.results import StepFigures as StepFigures
