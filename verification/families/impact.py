@@ -122,6 +122,30 @@ def _rod(given: Impact, levels: int) -> Iterator[Result]:
     yield from _energies(made, 0.95)
 
 
+def _bounce(given: Impact, levels: int) -> Iterator[Result]:
+    """Five rebounds of a bar under gravity; in flight it has no stress, and contact lasts 2 L / c the first time."""
+    n, given = given.n << (levels - 1), replace(given, young=9.0, poisson=0.0)
+    height, gravity = 0.5, 1.0
+    count = ceil(14.3 * n * given.c / given.cfl)
+    made = run(
+        case_text(
+            given, 14.3, count, entry("contact", slave="slave", master="wall", search_distance=1.0),
+            entry("rigid", group="wall"), entry("gravity", gy=-gravity).replace("[[gravity]]", "[gravity]"),
+        ),
+        bar_on_wall(given.cell, n, height),
+    )  # fmt: skip
+    begin, last = sqrt(2 * height / gravity), 2 / given.c
+    inside = (made.time > begin + 0.1 * last) & (made.time < begin + 0.9 * last)
+    force = made.pressure[inside].mean(axis=1)
+    right = given.c * gravity * made.time[inside]
+    off = float(np.sqrt(np.mean((force / right - 1) ** 2)))
+    yield at_most("rms error of the first contact's force", off, 0.01, source="characteristics: rho c g t")
+    lost = made.energies[-1, 3:].sum() / (WIDTH * gravity * height)
+    yield at_least("energy after five rebounds", 1 - lost, 0.94, source="Doyen, Ern and Piperno 2011: their bar")
+    yield at_most("energy after five rebounds", 1 - lost, 1.002, source="no energy is created")
+    yield at_most("account of energy", made.unbalanced, _CLOSED, source=_ACCOUNT)
+
+
 def _aster(given: Impact, levels: int) -> Iterator[Result]:
     """sdnl111 on code_aster's mesh if it is there, else on the same bars made here."""
     file = _MESHES / "sdnl111.med"
@@ -191,8 +215,9 @@ def _sphere(given: Impact, levels: int) -> Iterator[Result]:
 
 
 _SOLVED = {
-    "wall": _wall, "limit": _limit, "plain": _plain, "bars": _bars, "rod": _rod, "aster": _aster, "sphere": _sphere
-}  # fmt: skip
+    **{"wall": _wall, "limit": _limit, "plain": _plain, "bars": _bars},
+    **{"rod": _rod, "bounce": _bounce, "aster": _aster, "sphere": _sphere},
+}
 
 
 def _cases() -> Iterator[Case]:
@@ -216,6 +241,8 @@ def _cases() -> Iterator[Case]:
         yield Case(FAMILY_NAME, f"bars-{cell}", f"A bar of {cell} on a bar of triangles", given, {"full": 2}, 8.0)
     rod = Impact("rod", n=64, allowed=0.15)
     yield Case(FAMILY_NAME, "rod", "GetFEM's rod of period 3, over four periods", rod, {"full": 1}, 60.0)
+    bounce = Impact("bounce", n=40)
+    yield Case(FAMILY_NAME, "bounce", "A bar that falls on a wall and bounces five times", bounce, {"full": 1}, 90.0)
     aster = Impact("aster", "HEXA8", young=2e11)
     yield Case(FAMILY_NAME, "sdnl111", "A free bar on a clamped one: code_aster's sdnl111", aster, {"quick": 1}, 10.0)
     for approach, allowed in ((1e-3, 0.012), (1e-4, 0.004)):

@@ -20,7 +20,7 @@ Floats = NDArray[np.floating]
 
 @dataclass(frozen=True)
 class Impact:
-    """A kind of impact: `wall`, `bars`, `rod`, `bounce`, `aster`, `sphere`.
+    """A kind of impact: `wall`, `limit` (of small steps), `plain` (mass), `bars`, `rod`, `bounce`, `aster`, `sphere`.
 
     `cell`: type of cells; `n`: cells along a bar on the coarsest level; `cfl`: cells that a wave crosses in a step;
     `dynamics`: keys of [dynamics]; `allowed`: of the error of pressures on the finest level; `approach` of a sphere.
