@@ -1,6 +1,8 @@
 # Everything starts here, and installs what it needs: `make demo`, `make test`, in any order (CONTRIBUTING.md).
 
 SHELL := /bin/bash
+# what Python compiled of a module is kept for the hundreds of processes that the tests start
+unexport PYTHONDONTWRITEBYTECODE
 BIN := .venv/bin
 INSTALLED := .venv/.installed
 # PETSc and MPI, with the older numpy that Debian's PETSc needs

@@ -22,7 +22,6 @@ from __future__ import annotations
 import argparse
 import gc
 import json
-import os
 import resource
 import subprocess
 import sys
@@ -48,23 +47,12 @@ from lacmesh.partition import distribute_nodes, read_part, write_parts
 from lacsolver.problem.problem import Problem
 from lacsolver.solve.saddle import SaddleSolution
 from lacsolver.solve.stepping import march
+from verification.mpiexec import ROOT, environment, words
 
-ROOT = Path(__file__).resolve().parents[1]
 SIZES, QUICK = (24_000, 118_000), (10_000,)
 RANKS, BACKENDS, RATIOS = (1, 2, 4, 8), ("gamg", "hypre"), (0.01, 1.0, 100.0)
 #: unknowns of a process in the weak scaling
 WEAK = 25_000
-#: more processes than cores, which leave the cores to each other while they wait; root may run them
-FREE = {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
-    "OMPI_MCA_mpi_yield_when_idle": "1",
-    "OMPI_MCA_hwloc_base_binding_policy": "none",
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "NUMBA_NUM_THREADS": "1",
-}
 HEADS = ("unknowns, backend", "n", "V-cycles", "sets", "set-up", "matrices to pressures", "efficiency")
 HEADS += ("against serial", "assembly", "pairing", "memory", "model", "grown", "bytes an unknown of the process")
 WEAK_HEADS = ("unknowns, backend", "n", "V-cycles", "sets", "matrices to pressures")
@@ -198,17 +186,9 @@ class Launcher:
 
     def of(self, unknowns: int, n: int, backend: str, ratio: float = 1.0) -> list[dict[str, Any]]:
         """The figures of all processes of one run; n is 0 for the serial solver."""
-        words = [
-            self._python if n else sys.executable,
-            __file__,
-            "--one",
-            *Run(self._divided(unknowns, max(n, 1)), backend, ratio),
-        ]
-        beside = Path(self._python).with_name("mpiexec")
-        start = [str(beside) if beside.exists() else "mpiexec", "-n", str(n)] if n else []
-        environment = {**os.environ, **FREE, "PYTHONPATH": str(ROOT)}
-        command = [*start, *map(str, words)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+        arguments = [__file__, "--one", *map(str, Run(self._divided(unknowns, max(n, 1)), backend, ratio))]
+        command = words(n, *arguments, python=self._python) if n else [sys.executable, *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment())
         if done.returncode:
             raise SystemExit(f"{unknowns} unknowns, {backend}, {n} processes: {done.stderr.strip()[-2000:]}")
         return list(json.loads(done.stdout.splitlines()[-1]))

@@ -13,13 +13,16 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from numbers import Integral
-from typing import Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import GroupNotFoundError, RequestError, some
+
+if TYPE_CHECKING:
+    from lacmesh.deck import Deck
 
 Ints = NDArray[np.integer]
 Floats = NDArray[np.floating]
@@ -107,6 +110,7 @@ class Mesh:
     `cell_data["entity"]` and `node_data["entity"]` (k or n, 2): dimension and tag of msh's elementary entity.
     `zones`: the names of a cut's zones, in the order of `cell_data["lac_zone"]`. `name`: the file's name for the mesh.
     `plane`: the type of the plane elements of an .inp file, CPS, CPE or CAX, if the mesh was read from one.
+    `deck`: all cards of that file (`lacmesh.deck`); an .inp output is this deck with the mesh as it has become.
     Built by `Mesh.create`, which fills in absent fields and checks shapes and ranges.
     """
 
@@ -126,6 +130,7 @@ class Mesh:
     model: Model | None = None
     name: str = "mesh"
     plane: str = ""
+    deck: Deck | None = None
 
     def __post_init__(self) -> None:
         made: dict[str, Any] = {"blocks": tuple(Block(kind, fixed(nodes)) for kind, nodes in self.blocks)}

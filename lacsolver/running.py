@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
@@ -17,13 +16,14 @@ from lacmesh.formats.output import signals_wait
 from lacmesh.mesh import Floats, Mesh
 from lacsolver.case import Case, fingerprint
 from lacsolver.output import OutputFolder, Writer, check_same
+from lacsolver.output.states import deal_state
 from lacsolver.problem.problem import Problem, read_mesh
 from lacsolver.results.answer import Answer
 from lacsolver.results.faceted import faceted
 from lacsolver.results.figures import stress_ranges
 from lacsolver.results.results import Fields, Restart, Results, StepFigures
 from lacsolver.results.state import State
-from lacsolver.results.whole import share_of_restart, whole_restart
+from lacsolver.results.whole import orders_of
 from lacsolver.solve.attempt import Told
 from lacsolver.solve.holding import beyond_a_cell, warnings_of
 from lacsolver.solve.stepping import NotConvergedError, march
@@ -62,25 +62,25 @@ def run(
     with clock.phase("mesh"):
         mesh = read_mesh(case, distribution) if mesh is None else mesh
         problem, prints = Problem.of(case, mesh, distribution), fingerprint(case, mesh)
+        orders = orders_of(problem.constraints)
         if start is not None:
             again = start
             problem.space.share.on_first(lambda: check_same(again, prints))
-            start = share_of_restart(problem.constraints, start)
+            start = deal_state(start, problem.space.share, orders) if orders else start
     made = _Run(Answer(problem), clock, Results(_version(), sizes=_sizes(problem)), start.number if start else 0)
-    whole = partial(whole_restart, problem.constraints)
     writer: Writer | None = None  # made once there is something to write, so that no earlier results are lost before
     try:
         with clock.phase("solve"):
             for state in march(problem, start=start, told=told):
                 with clock.phase("results"), signals_wait():  # a step is in all files or in none
-                    writer = writer or Writer(folder, case, problem.space, prints, whole)
+                    writer = writer or Writer(folder, case, problem.space, prints, orders)
                     made.add(state)
                     writer.step(made.results, made.fields_of(state), made.restart(state))
                     if stepped is not None:
                         stepped(made.results.steps[-1])
     except BaseException as error:
         if writer is None and isinstance(error, NotConvergedError):
-            writer = Writer(folder, case, problem.space, prints, whole)
+            writer = Writer(folder, case, problem.space, prints, orders)
         if writer is not None:
             writer.finish(*made.ended(error))
         raise
@@ -89,7 +89,7 @@ def run(
     made.results = replace(made.told(), status="done", held=held, message="\n".join(doubts))
     for doubt in doubts:
         warnings.warn(LacmeshWarning(doubt), stacklevel=2)
-    writer = writer or Writer(folder, case, problem.space, prints, whole)
+    writer = writer or Writer(folder, case, problem.space, prints, orders)
     writer.finish(made.results)
     return made.results
 
@@ -169,7 +169,7 @@ class _Run:
 
 
 def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
-    """Return warnings about doubtful results of a finished run."""
+    """Return warnings about doubtful results of a finished run, those of all processes."""
     told = list(_strangers(problem, made.results))
     told += [] if problem.inertia is None else problem.inertia.told()
     if made.last is not None:
@@ -177,7 +177,7 @@ def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
         told += faceted(problem, made.last)
         if not problem.kinematics.finite:
             told += filter(None, [beyond_a_cell(problem.space, made.last.u)])
-    return tuple(told)
+    return problem.space.share.texts(told)
 
 
 def _strangers(problem: Problem, results: Results) -> Iterator[str]:

@@ -1,8 +1,7 @@
-"""Kernels, for tests of how they are kept; and small pieces of work that between them call every kernel there is."""
+"""Small pieces of work that between them call every kernel there is."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -17,7 +16,6 @@ from lacmesh.formats.mail.names import scanned
 from lacmesh.formats.text_kernels import count_fields, scan_integers
 from lacmesh.formats.vtu.lz4 import expand
 from lacmesh.formats.xdmf.mixed import starts
-from lacmesh.kernels import kernel
 from lacmesh.quality import determinant, measures
 from lacmesh.surface import contact_points
 from lacmesh.topology.boxes import meeting_each_other
@@ -40,17 +38,6 @@ from tests.surface.surfaces import sheet, whole
 
 DATA = Path(__file__).parent.parent / "data"
 CONTACT = '[[contact]]\nslave = "slave"\nmaster = "master"\n'
-
-
-@kernel
-def double(x):
-    return 2 * x
-
-
-@kernel
-def fractions(a, b):
-    """Operations that plain Python treats otherwise: a number or an array entry over zero, the root of a negative."""
-    return 1.0 / b, a[0] / b, a[0] / a[1], math.sqrt(a[2])
 
 
 def work(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:

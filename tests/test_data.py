@@ -14,10 +14,11 @@ import lacmesh
 from lacmesh.cells import CELLS
 
 DATA = Path(__file__).resolve().parents[1] / "data"
+README = (DATA / "README.md").read_text(encoding="utf-8")
 MESHES = sorted(p.name for p in DATA.glob("*.msh"))
 ROWS = [
     [cell.strip() for cell in line.strip("| \n").split("|")]
-    for line in (DATA / "README.md").read_text(encoding="utf-8").splitlines()
+    for line in README.splitlines()
     if re.match(r"\| \S+\.msh \|", line)
 ]
 FILES = {row[0]: row[1:] for row in ROWS if len(row) == 4}
@@ -82,3 +83,13 @@ def test_the_scripts_still_make_them(name, tmp_path):
         k: n for k, n in kept.cells_by_type.items() if k in fixed
     }
     assert lacmesh.cut_skin(made, "slave").n_macros == len(made.cell_groups["slave"])
+
+
+def test_the_deck_is_what_its_script_makes(tmp_path):
+    subprocess.run([sys.executable, DATA / "make_punch.py", tmp_path / "punch.inp"], check=True)
+    assert (tmp_path / "punch.inp").read_text() == (DATA / "punch.inp").read_text()
+    mesh = lacmesh.read(DATA / "punch.inp")
+    told = re.search(r"\((\d+) CPE4,\nslave of (\d+) faces\).*\((\d+) CPE4, master of (\d+)", README)
+    assert told and [int(n) for n in told.groups()] == [
+        len(mesh.cell_groups[name]) for name in ("punch", "slave", "block", "master")
+    ]

@@ -18,7 +18,8 @@ from lacmesh import kernels
 from lacmesh.kernels import Kernel, kept
 from lacmesh.kernels.signatures import FILE, compile_signature, declared
 from lacmesh.kernels.threads import in_threads
-from tests.kernels_to_try import DATA, double, fractions
+from tests.kernels_to_try import DATA
+from tests.small_kernels import double, fractions
 from tools.record_kernels import recorded
 
 ROOT = Path(__file__).parent.parent
@@ -26,7 +27,7 @@ CODE = """
 import logging, resource
 logging.basicConfig(level=logging.INFO)
 {limit}
-from tests.kernels_to_try import double
+from tests.small_kernels import double
 print(double.compile()(2.0), double.compiled.stats.cache_misses)
 """
 

@@ -174,6 +174,22 @@ def test_its_half_width_is_hertz(own):
     assert a == pytest.approx(a_hertz, rel=5e-3) and p0 == pytest.approx(p0_hertz, rel=5e-3)
 
 
+# ---- a deck
+
+
+@pytest.mark.calculix
+@pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
+def test_a_deck_has_the_same_forces_in_both_programs(tutorials, tmp_path):
+    done = list(tutorials.run_page(TUTORIALS / "from_calculix.md", tmp_path))
+    forces, *pressures = done[-1][1].splitlines()
+    before, after, lac = (float(word) for word in re.findall(r"[0-9.]+", forces))
+    assert after == pytest.approx(before, rel=1e-3) and lac == pytest.approx(before, rel=5e-3)
+    before, after, lac = (float(line.split()[-1]) for line in pressures)
+    assert after == pytest.approx(before, rel=5e-2) and 0.9 * before < lac < before
+    assert shows_what_the_page_shows(done)
+    assert size_of(tmp_path / "punch.png") == size_of(TUTORIALS / "punch.png")
+
+
 # ---- a pin in a lug
 
 

@@ -8,6 +8,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -22,11 +23,28 @@ ACTIONS = {"step"}
 ALLOWED = {"Array", "Bools", "Complex", "Floats", "Ints"}
 
 
+class Module(NamedTuple):
+    """Facts of a module, without its tree: keeping a million nodes takes longer than reading them."""
+
+    path: Path
+    types: list[str]
+    first_lines: list[tuple[int, str]]
+    changed: list[tuple[int, str]]
+    texts: list[tuple[int, str]]
+
+
 @cache
-def trees(*folders: str) -> tuple[tuple[Path, ast.Module], ...]:
-    """The modules of some folders, parsed."""
-    paths = [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
-    return tuple((path.relative_to(ROOT), ast.parse(path.read_text(encoding="utf-8"))) for path in paths)
+def modules(folder: str) -> tuple[Module, ...]:
+    """The modules of a folder, each read once."""
+    return tuple(map(module, sorted((ROOT / folder).rglob("*.py"))))
+
+
+def module(path: Path) -> Module:
+    """The names, docstrings, questions and strings of a module."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    nodes = list(ast.walk(tree))
+    found = (public_types(tree), documented(nodes), changed_by_questions(nodes), texts(nodes))
+    return Module(path.relative_to(ROOT), *map(list, found))
 
 
 def public_types(tree: ast.Module) -> Iterator[str]:
@@ -43,16 +61,16 @@ def public_types(tree: ast.Module) -> Iterator[str]:
 @pytest.mark.parametrize("package", PACKAGES)
 def test_a_public_class_or_alias_has_its_name_for_itself(package):
     where = defaultdict(list)
-    for path, tree in trees(package):
-        for name in public_types(tree):
+    for one in modules(package):
+        for name in one.types:
             if not name.startswith("_") and name not in ALLOWED:
-                where[name].append(str(path))
+                where[name].append(str(one.path))
     assert {name: paths for name, paths in where.items() if len(paths) > 1} == {}
 
 
-def documented(tree: ast.Module) -> Iterator[tuple[int, str]]:
+def documented(nodes: list[ast.AST]) -> Iterator[tuple[int, str]]:
     """Line and first line of every docstring of a module."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
             words = ast.get_docstring(node)
             if words:
@@ -62,9 +80,9 @@ def documented(tree: ast.Module) -> Iterator[tuple[int, str]]:
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_first_lines_say_what_comes_back_or_is_done(folder):
     bad = [
-        f"{path}:{line}: {words}"
-        for path, tree in trees(folder)
-        for line, words in documented(tree)
+        f"{one.path}:{line}: {words}"
+        for one in modules(folder)
+        for line, words in one.first_lines
         if words.startswith(tuple(f"{riddle} " for riddle in RIDDLES))
     ]
     assert bad == []
@@ -86,15 +104,17 @@ def changed_attributes(node: ast.FunctionDef) -> Iterator[int]:
                 yield inner.lineno
 
 
-def test_nothing_that_reads_as_a_question_changes_what_it_is_asked_of():
-    bad = [
-        f"{path}:{line}: {node.name}"
-        for path, tree in trees(*PACKAGES)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.FunctionDef) and asks(node) and node.name not in ACTIONS
-        for line in changed_attributes(node)
-    ]
-    assert bad == []
+def changed_by_questions(nodes: list[ast.AST]) -> Iterator[tuple[int, str]]:
+    """Line, and name of a function that reads as a question, where it changes what it is asked of."""
+    for node in nodes:
+        if isinstance(node, ast.FunctionDef) and asks(node) and node.name not in ACTIONS:
+            for line in changed_attributes(node):
+                yield line, node.name
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_nothing_that_reads_as_a_question_changes_what_it_is_asked_of(package):
+    assert [f"{one.path}:{line}: {name}" for one in modules(package) for line, name in one.changed] == []
 
 
 #: words that pages, messages and docstrings no longer use (docs/conventions.md has what is used instead)
@@ -127,9 +147,9 @@ def pages() -> list[Path]:
                   if str(path.relative_to(ROOT)) not in OF_THE_PAST)  # fmt: skip
 
 
-def texts(tree: ast.Module) -> Iterator[tuple[int, str]]:
+def texts(nodes: list[ast.AST]) -> Iterator[tuple[int, str]]:
     """Line and text of every string of a module, docstrings among them."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.lineno, node.value
 
@@ -146,7 +166,7 @@ def test_pages_use_the_words_of_the_field(page):
 
 @pytest.mark.parametrize("package", ["lacmesh", "lacsolver"])
 def test_messages_and_docstrings_use_the_words_of_the_field(package):
-    bad = [f"{path}:{line}: {words}" for path, tree in trees(package) for line, text in texts(tree)
+    bad = [f"{one.path}:{line}: {words}" for one in modules(package) for line, text in one.texts
            if (words := retired(text))]  # fmt: skip
     assert bad == []
 

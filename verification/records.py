@@ -48,13 +48,17 @@ class Case:
 
 @dataclass(frozen=True)
 class Family:
-    """Cases of one kind. `text`: what is solved and why, paragraphs of Markdown; `solve`: a case on so many levels."""
+    """Cases of one kind. `text`: what is solved and why, paragraphs of Markdown; `solve`: a case on so many levels.
+
+    `missing`: returns a sentence about what is not installed that the family needs, and how to get it; '' if all is.
+    """
 
     name: str
     title: str
     text: str
     cases: tuple[Case, ...]
     solve: Callable[[Case, int], Outcome]
+    missing: Callable[[], str] = lambda: ""
 
 
 @dataclass(frozen=True)

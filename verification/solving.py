@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
@@ -105,18 +105,7 @@ class Solved:
     @cached_property
     def balance(self) -> Balance:
         """Worst balance of all states and zones, computed here from the nodal forces."""
-        found = [self._balance(state) for state in self.states]
-        return Balance(max(b.force for b in found), max(b.moment for b in found))
-
-    def _balance(self, state: State) -> Balance:
-        space = self.problem.space
-        u = np.zeros_like(space.mesh.points)
-        u[:, : space.dim] = state.u.reshape(-1, space.dim)
-        found = [
-            unbalanced(space.mesh.points + joint.moving * u, zone.force, axisymmetric=space.model.axisymmetric)
-            for joint, zone in zip(self.problem.joints, state.zones, strict=True)
-        ]
-        return Balance(max(b.force for b in found), max(b.moment for b in found))
+        return worst(balance_of(self.problem, s.u, [zone.force for zone in s.zones]) for s in self.states)
 
     def picture(self, title: str) -> Picture:
         """The deformed bodies with the contact pressure, drawn by lacsolver."""
@@ -135,6 +124,23 @@ def solve(case: lacsolver.Case | str, mesh: Mesh) -> Solved:
 def finished(problem: Problem) -> Solved:
     """Solve a problem. Raises what `march` raises."""
     return Solved(problem, tuple(lacsolver.march(problem)))
+
+
+def balance_of(problem: Problem, u: Floats, forces: Sequence[Floats]) -> Balance:
+    """Worst balance of all zones under u (n_dof,), with the contact force (n_nodes, dim) of each on all nodes."""
+    space = problem.space
+    moved = np.zeros_like(space.mesh.points)
+    moved[:, : space.dim] = u.reshape(-1, space.dim)
+    return worst(
+        unbalanced(space.mesh.points + pair.moving * moved, force, axisymmetric=space.model.axisymmetric)
+        for pair, force in zip(problem.joints, forces, strict=True)
+    )
+
+
+def worst(balances: Iterable[Balance]) -> Balance:
+    """The largest of several balances, of forces and of moments."""
+    found = list(balances)
+    return Balance(max(b.force for b in found), max(b.moment for b in found))
 
 
 def with_true_gap(problem: Problem, gap: Callable[[Floats, Floats], Floats]) -> Problem:

@@ -1,6 +1,6 @@
 """Run the commands of the tutorials as their pages stand, and keep the pictures they make beside the pages.
 
-python docs/tutorials/run.py        needs gmsh and pyvista; writes docs/tutorials/*.png
+python docs/tutorials/run.py        needs gmsh, pyvista and CalculiX; writes docs/tutorials/*.png
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 PROGRAMS = {"lacmesh": lacmesh, "lacsolver": lacsolver}
 PAGES = (
+    "from_calculix.md",
     "gmsh_script.md",
     "impact.md",
     "own_mesh.md",
@@ -62,11 +63,10 @@ def run_page(page: Path, folder: Path) -> Iterator[tuple[Command, str]]:
 
     A block of TOML is there as well, in the file that its first line names.
     """
-    scripts = [
-        f"docs/tutorials/{name}.py" for name in ("gmsh_script", "own_mesh", "half_width", "own_solver", "p0_mortar")
-    ]
+    of_pages = ("from_calculix", "gmsh_script", "own_mesh", "half_width", "own_solver", "p0_mortar")
+    scripts = [f"docs/tutorials/{name}.py" for name in of_pages]
     impacts = [f"data/impact/{name}.{end}" for name in ("bar_on_wall", "dropping_ball") for end in ("msh", "toml")]
-    for name in ("data/disc_on_block.msh", "data/pin_in_lug.step", *impacts, *scripts):
+    for name in ("data/disc_on_block.msh", "data/pin_in_lug.step", "data/punch.inp", *impacts, *scripts):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, folder / name)
     for case in blocks(page, "toml"):
@@ -77,10 +77,11 @@ def run_page(page: Path, folder: Path) -> Iterator[tuple[Command, str]]:
 
 
 def run(words: list[str]) -> str:
-    """Run `lacmesh ...`, `lacsolver ...` or `python ...`; what it printed. Raises SystemExit where it fails."""
+    """Run `lacmesh`, `lacsolver`, `python` or `ccx`; what it printed. Raises SystemExit where it fails."""
     program, *rest = words
-    if program == "python":
-        return subprocess.run([sys.executable, *rest], stdout=subprocess.PIPE, text=True, check=True).stdout
+    if program in ("python", "ccx"):
+        program = sys.executable if program == "python" else program
+        return subprocess.run([program, *rest], stdout=subprocess.PIPE, text=True, check=True).stdout
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         status = PROGRAMS[program](rest)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 PROGRAMS = ("gmsh", "aster", "calculix", "abaqus", "fenics", "lacsolver")
 
 #: options of a command -> those of lacmesh.write that they become
-_OPTIONS = {"msh": "msh", "ascii": "binary", "plane": "plane", "all_cells": "all_cells"}
+_OPTIONS = {"msh": "msh", "ascii": "binary", "plane": "plane", "all_cells": "all_cells", "lenient": "lenient"}
 
 EPILOG = """\
 A group is named as in the file, or by its tag (5), or dimension and tag (2:5); an elementary entity is entity:2:17.
@@ -57,6 +57,16 @@ def add_output_options(parser: argparse.ArgumentParser) -> None:
         "--all-cells",
         action="store_true",
         help="write cells below the mesh's dimension as elements of an .inp output too, not as surfaces and sets alone",
+    )
+    parser.add_argument(
+        "--lenient",
+        action="store_true",
+        help="from .inp to .inp: leave out, with a warning, a line that cannot be carried, instead of an error",
+    )
+    parser.add_argument(
+        "--mesh-only",
+        action="store_true",
+        help="from .inp to .inp: write the mesh alone, without the other cards and their order",
     )
     parser.add_argument("--force", action="store_true", help="replace an existing output")
     add_mesh_option(parser)
@@ -217,6 +227,8 @@ def write_mesh(target: Path, mesh: Mesh, source: Path, args: argparse.Namespace)
     from lacmesh.formats import detect_format, write
     from lacmesh.formats.table import format_of
 
+    if args.mesh_only:
+        mesh = replace(mesh, deck=None)
     coding, program, taken = detect_format(source), getattr(args, "program", None), format_of(target).options
     write(
         target,
@@ -226,5 +238,6 @@ def write_mesh(target: Path, mesh: Mesh, source: Path, args: argparse.Namespace)
         target=program if "target" in taken and program in ("calculix", "abaqus") else None,
         plane=args.plane,
         all_cells=args.all_cells,
+        lenient=args.lenient,
         force=args.force,
     )

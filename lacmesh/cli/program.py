@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from io import TextIOWrapper
+from keyword import iskeyword
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
@@ -39,7 +40,8 @@ SELDOM = 200_000
 
 @dataclass(frozen=True)
 class Program:
-    """A program called `name`; `commands`, in the order of the help, are modules of `package`.
+    """A program called `name`; `commands`, in the order of the help, are modules of `package` (`import_` for
+    `import`, which no module can be called).
 
     `error_lines`: gives the lines of an error message; `too_large`: message for lack of memory. `collects`: whether the
     collector of cycles runs.
@@ -79,7 +81,8 @@ class Program:
         parser.add_argument("--version", action="version", version=f"{self.name} {__version__}")
         commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
         for name in self.commands:
-            import_module(f"{self.package}.{name}").add(commands)
+            module = f"{name}_" if iskeyword(name) else name
+            import_module(f"{self.package}.{module}").add(commands)
         return parser
 
     def _main(self, argv: Sequence[str] | None) -> int:

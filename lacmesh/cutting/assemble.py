@@ -89,6 +89,10 @@ def assemble(mesh: Mesh, subdivision: Subdivision, follow: Ints, *, extend: bool
         cell_data={name: layout.carry(values) for name, values in mesh.cell_data.items()},
         node_data=node_data(mesh, subdivision.new_nodes, added),
     )
+    if mesh.deck is not None:
+        nodes = tuple(subdivision.new_nodes) if extend else ()
+        deck = mesh.deck.followed(numbers[layout.child], mesh.cell_number[layout.parent], nodes)
+        new = replace(new, deck=deck)
     if "entity" in new.node_data and "entity" in mesh.cell_data:
         cells = ((block.type, block.nodes, mesh.cell_data["entity"][block.parent]) for block in subdivision.children)
         entity = node_entities(new.node_data["entity"], mesh.n_nodes, cells)

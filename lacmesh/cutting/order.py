@@ -70,6 +70,9 @@ def raise_order(mesh: Mesh, order: str = "2", *, extend: bool = True) -> Mesh:
         node_groups=node_groups(mesh, new_nodes, extend),
         node_data=node_data(mesh, new_nodes, added),
     )
+    if mesh.deck is not None:
+        none = np.empty(0, np.int64)
+        new = replace(new, deck=mesh.deck.followed(none, none, tuple(new_nodes) if extend else ()))
     if "entity" in new.node_data and "entity" in new.cell_data:
         entities = np.split(new.cell_data["entity"], new.offsets[1:-1])
         cells = ((b.type, b.nodes, own) for b, own in zip(new.blocks, entities, strict=True))

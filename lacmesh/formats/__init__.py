@@ -103,6 +103,7 @@ def write(
     target: str | None = None,
     plane: str | None = None,
     all_cells: bool = False,
+    lenient: bool = False,
     force: bool = True,
 ) -> None:
     """Write a mesh in the format given by the suffix of `path` (`lacmesh.formats.SUFFIXES`).
@@ -111,6 +112,8 @@ def write(
     `compress`: for VTU and XDMF. XDMF has a second file beside it, .h5. For .inp: `target`, the program, calculix
     (default) or abaqus; `plane`, the elements of a plane mesh, CPS, CPE or CAX (default: `mesh.plane`, else CPS, with a
     warning); `all_cells`: write cells below the mesh's dimension as elements too, not only as surfaces and node sets.
+    A mesh read from an .inp file is written to another with all its cards (`Mesh.deck`): `lenient` leaves out a line
+    that cannot be carried, with a warning, instead of an error.
     If a format has no place for the records of a cut, they go to the sidecar NAME.SUFFIX.lac.json; writing a mesh
     without a cut removes such a file.
     An existing file is replaced at the end, as a whole, unless `force` is False. Raises WriteError, and RequestError,
@@ -125,7 +128,7 @@ def write(
     """
     path = Path(path)
     form = format_of(path)
-    options = WriteOptions(msh, binary, compress, target, plane, all_cells)
+    options = WriteOptions(msh, binary, compress, target, plane, all_cells, lenient)
     check_options(form, options)
     write_format = writer_of(form)
     _check_coordinates(path, mesh)
@@ -138,6 +141,11 @@ def write(
         if form.sidecar and len(files) > 1:
             back = _read_back(files[0].path, form, mesh)
             _write_sidecar(files[1].path, mesh, back)
+    if mesh.deck is not None and form.name != "inp":
+        from lacmesh.formats.inp import losses
+
+        if lost := losses(mesh.deck):
+            warnings.warn(LacmeshWarning(f"{lost}; an .inp output keeps them"), stacklevel=2)
 
 
 def _check_coordinates(path: Path, mesh: Mesh) -> None:

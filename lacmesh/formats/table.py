@@ -62,7 +62,7 @@ OWN = (
     Format("msh", "msh", (".msh",), ("msh", "binary")),
     Format("med", "MED", (".med", ".rmed", ".mmed")),
     Format("mail", "code_aster .mail", (".mail",), sidecar=True),
-    Format("inp", ".inp of CalculiX and Abaqus", (".inp",), ("target", "plane", "all_cells"), sidecar=True),
+    Format("inp", ".inp of CalculiX and Abaqus", (".inp",), ("target", "plane", "all_cells", "lenient"), sidecar=True),
     Format("vtu", "VTU", (".vtu",), ("binary", "compress")),
     Format("xdmf", "XDMF", (".xdmf", ".xmf"), ("binary", "compress"), beside=".h5"),
 )

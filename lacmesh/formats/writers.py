@@ -31,6 +31,7 @@ class WriteOptions:
     target: str | None = None
     plane: str | None = None
     all_cells: bool = False
+    lenient: bool = False
 
     @property
     def in_binary(self) -> bool:
@@ -82,7 +83,8 @@ def _write_inp(files: Sequence[NewFile], mesh: Mesh, options: WriteOptions) -> N
     from lacmesh.formats import inp
 
     target = options.target or "calculix"
-    inp.write(files[0].path, mesh, target=target, plane=options.plane, all_cells=options.all_cells)
+    plane, all_cells, lenient = options.plane, options.all_cells, options.lenient
+    inp.write(files[0].path, mesh, target=target, plane=plane, all_cells=all_cells, lenient=lenient)
 
 
 def _write_vtu(files: Sequence[NewFile], mesh: Mesh, options: WriteOptions) -> None:

@@ -243,6 +243,7 @@ def restrict(mesh: Mesh, nodes: Ints, cells: Ints) -> Mesh:
         cell_data={name: values[cells] for name, values in mesh.cell_data.items()},
         node_data={name: values[nodes] for name, values in mesh.node_data.items()},
         model=None if mesh.model is None else periodic_left(mesh.model, nodes),
+        deck=None,
     )
 
 

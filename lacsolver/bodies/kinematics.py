@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.bodies import finite
@@ -22,6 +22,7 @@ from lacsolver.bodies.material import Materials
 from lacsolver.bodies.pointwise import LawHistory, PointwiseBodies
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.bodies.small.fields import Field, TemperatureField, checked
+from lacsolver.linear import Matrix
 from lacsolver.space.space import Space
 
 
@@ -42,7 +43,7 @@ class Kinematics(Protocol):
     def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
         """Return f_int (n_dof,), spring forces included. Raises InadmissibleError where u inverts a cell."""
 
-    def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> csr_array:
+    def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> Matrix:
         """Return K = df_int/du (n_dof, n_dof), symmetric for hyperelastic laws. Raises InadmissibleError."""
 
     def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
@@ -73,10 +74,10 @@ class Small:
         return not self.materials.pointwise
 
     @cached_property
-    def _K(self) -> csr_array:
+    def _K(self) -> bsr_array:
         """Stiffness of springs and of cells with linear laws, (n_dof, n_dof)."""
-        K = csr_array(assemble_stiffness(self.space, self.materials, self.threads).tocsr())
-        return K if self.springs is None else csr_array(K + self.springs)
+        K = assemble_stiffness(self.space, self.materials, self.threads)
+        return K if self.springs is None else bsr_array(K + self.springs.tobsr(K.blocksize))
 
     @cached_property
     def _points(self) -> PointwiseBodies:
@@ -87,8 +88,8 @@ class Small:
         f = np.asarray(self._K @ checked(self.space, u))
         return f if self.linear else f + self._points.internal_force(u, history)
 
-    def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> csr_array:
-        """Return K, and the tangent of laws at points."""
+    def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> Matrix:
+        """Return K, as blocks, and the tangent of laws at points."""
         return self._K if self.linear else csr_array(self._K + self._points.tangent(u, history))
 
     def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:

@@ -68,7 +68,7 @@ def _run(args: argparse.Namespace, ranks: Ranks) -> None:
     distribution, mesh, start = _distribution(case, ranks.n), None, None
     if args.restart is not None:
         mesh = read_mesh(case, distribution)
-        start = ranks.on_first(lambda: read_state(args.restart, case, args.from_time, mesh=mesh))
+        start = ranks.on_first(lambda: read_state(args.restart, case, args.from_time, mesh=mesh, large=ranks.n == 1))
     output = args.output or _beside(Path(args.case))
     folder = ranks.on_first(lambda: create(output, force=args.force, restart=start))
     if args.plot is not None:

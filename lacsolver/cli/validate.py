@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from lacsolver.validation import Validation, ZoneFound
 
 #: sections whose records are listed one by one, in this order
-_ACTING = ("displacement", "rigid", "spring", "pressure", "traction", "force", "body_force", "gravity", "temperature")
+ACTING = ("displacement", "rigid", "spring", "pressure", "traction", "force", "body_force", "gravity", "temperature")
 #: keys that tell where a record acts
 _WHERE = ("group", "groups", "at", "kind", "place", "centre")
 
@@ -58,7 +58,7 @@ def _print(case: Case, found: Validation) -> None:
         for name, value in _zone(zone):
             rows.add_row(name, value)
     rows.add_section()
-    for name in _ACTING:
+    for name in ACTING:
         held = getattr(case, name)
         for record in held if isinstance(held, tuple) else [held] if held else []:
             rows.add_row(name, said(record))

@@ -94,10 +94,10 @@ class Constraints:
 
     def u0(self, t: float) -> NDArray[np.floating]:
         """Return the displacement (n_dof,) at time t with q = 0. Raises CaseError where conditions contradict."""
-        u = self.space.updated(self.local.P @ self.local.values(t))
+        u = self.local.P @ self.local.values(t)
         for body in self.rigid:
             u[self.space.dofs(body.nodes).ravel()] = body.displacement(body.held(t))
-        return u
+        return self.space.updated(u)
 
     def displacement(self, q: Floats, t: float) -> NDArray[np.floating]:
         """Return the displacement (n_dof,) at time t with unknowns q (n_q,), exact for finite rotations."""
@@ -204,9 +204,10 @@ class Constraints:
         `reaction` (n_dof,). `motions`: those of `rigid_motion`, for finite rotations: moments are then about the
         displaced centre.
         """
-        at, where = self.space.dofs, motions or {}
+        at, where, total = self.space.dofs, motions or {}, self.space.share.total
         return {
-            body.name: body.resultant(reaction[at(body.nodes).ravel()], where.get(body.name)) for body in self.rigid
+            body.name: total(body.resultant(reaction[at(body.nodes).ravel()], where.get(body.name)))
+            for body in self.rigid
         }
 
 

@@ -40,10 +40,11 @@ _NEARLY_ALL = 1.9 * np.pi
 class RigidBody:
     """Nodes that move rigidly. `nodes` (k,), `centre` (3,); `moment_arm` (k dim, m): displacements of unit motions.
 
-    `arm` (k, 3): vectors from the centre to the nodes; `finite`: True for finite rotations. `moved`: prescribed value
-    of each of the m motions, None where it is held or free; `loads`: force or moment on each free motion, None for
-    others; `free` (m,). `columns` (m,): index in q of each free motion, -1 for the others; `unit` (m,): motion per unit
-    of the unknown. Unknowns are lengths: that of a rotation is the displacement of the node farthest from the centre.
+    Each of several processes has its own nodes of the body. `arm` (k, 3): vectors from the centre to the nodes;
+    `finite`: True for finite rotations. `moved`: prescribed value of each of the m motions, None where it is held or
+    free; `loads`: force or moment on each free motion, None for others; `free` (m,). `columns` (m,): index in q of each
+    free motion, -1 for the others; `unit` (m,): motion per unit of the unknown. Unknowns are lengths: that of a
+    rotation is the displacement of the node farthest from the centre.
     `gravity`: that of the case, for the weight of the body's own mass.
     """
 
@@ -145,7 +146,7 @@ class RigidBody:
 
     @cached_property
     def _dim(self) -> int:
-        return len(self.moment_arm) // len(self.nodes)
+        return 3 if len(self.loads) == 6 else 2
 
     @cached_property
     def _axes(self) -> list[int]:
@@ -215,7 +216,7 @@ def moments(dim: int, x: Floats) -> NDArray[np.floating]:
 def _rigid_body(space: Space, record: Rigid, first: int, finite: bool, gravity: Gravity | None) -> RigidBody:
     nodes = nodes_of(space, record)
     x = space.local.points[nodes]
-    centre = x.mean(axis=0)
+    centre = space.share.total(x.sum(axis=0)) / space.share.total(np.array(len(x)))
     if record.centre is not None:
         centre[: space.dim] = np.array(record.centre) - space.origin[: space.dim]
     moment_arm = np.tile(np.eye(space.dim), (len(nodes), 1, 1))
@@ -227,7 +228,7 @@ def _rigid_body(space: Space, record: Rigid, first: int, finite: bool, gravity: 
     loads = _components(record, "f", space.dim) + _turns(record.moment, turns)
     free = np.array([load is not None for load in loads])
     columns = np.where(free, first + np.cumsum(free) - 1, -1)
-    far = float(np.linalg.norm(x - centre, axis=1).max())
+    far = space.share.largest(float(np.linalg.norm(x - centre, axis=1).max(initial=0.0)))
     unit = np.repeat([1.0, 1.0 / far if far > 0 else 1.0], [space.dim, turns])
     body = RigidBody(
         record, nodes, centre + space.origin, moment_arm, x - centre, moved, loads, columns, unit, finite, gravity

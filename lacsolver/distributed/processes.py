@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, vstack
+from scipy.sparse import coo_array, csr_array
 
 import lacmesh
 from lacmesh.cutting.records import is_cut
@@ -40,6 +40,9 @@ class Processes:
             raise RequestError(f"{path} has {there} parts, and {self.n} processes were started; {advice}")
         part = read_part(path, self.rank, everywhere=sorted(set(skins)))
         if slaves and not is_cut(part.mesh):
+            if len(set(slaves.values())) > 1:
+                advice = "cut the slaves before the mesh is divided"
+                raise RequestError(f"the slaves in {path} are cut at once, so hexa must be the same for all; {advice}")
             part = cut_part(part, list(slaves), hexa=next(iter(slaves.values())))
         self._part = part
         return part.mesh
@@ -67,7 +70,7 @@ class ProcessShare:
 
         self.comm, self.rank, self.n, self.part, self.common = comm, part.rank, part.n_ranks, part, common
         self._maximum = MAX
-        self.own, self.node, self.origin, self.body = part.own, part.node, part.origin, part.body
+        self.own, self.node, self.cell, self.origin, self.body = part.own, part.node, part.cell, part.origin, part.body
         self._asked, self._given = self._neighbours()
         first = sum(comm.allgather(int(self.own.sum()))[: self.rank])
         mine = np.zeros(len(self.node))
@@ -109,7 +112,17 @@ class ProcessShare:
 
     def gather(self, x: NDArray) -> NDArray:
         """Return the arrays of all processes, one after the other."""
-        return np.concatenate(self.comm.allgather(np.asarray(x)))
+        sent, counts = self._rows(x)
+        got = np.empty((int(counts.sum()), *sent.shape[1:]), sent.dtype)
+        size = _width(sent)
+        self.comm.Allgatherv(sent, [got, (size * counts).tolist()])
+        return got
+
+    def _rows(self, x: NDArray) -> tuple[NDArray, Ints]:
+        """Return an array (k, ...) as it is sent, and the number of rows (n,) of all processes."""
+        sent, counts = np.ascontiguousarray(x), np.empty(self.n, np.int64)
+        self.comm.Allgather(np.array([len(sent)], np.int64), counts)
+        return sent, counts
 
     def same(self, x: NDArray) -> NDArray:
         """Return the array that the first process has."""
@@ -119,23 +132,33 @@ class ProcessShare:
 
     def collect(self, x: NDArray) -> NDArray:
         """Return the arrays of all processes, one after the other, on the first process; on others what is empty."""
-        parts = self.comm.gather(np.asarray(x))
-        return x[:0] if parts is None else np.concatenate(parts)
+        sent, counts = self._rows(x)
+        got = np.empty((int(counts.sum()) if self.rank == 0 else 0, *sent.shape[1:]), sent.dtype)
+        size = _width(sent)
+        self.comm.Gatherv(sent, [got, (size * counts).tolist()] if self.rank == 0 else None)
+        return got
 
     def deal(self, x: NDArray, counts: Ints) -> NDArray:
         """Return this process's part of an array that the first process has, of which each takes as many rows."""
-        parts = np.split(x, np.cumsum(counts)[:-1]) if self.rank == 0 else None
-        return np.asarray(self.comm.scatter(parts))
+        kind, shape = self.comm.bcast((x.dtype, x.shape[1:]) if self.rank == 0 else None)
+        got = np.empty((int(counts[self.rank]), *shape), kind)
+        size = _width(got)
+        sent = [np.ascontiguousarray(x), (size * counts).tolist()] if self.rank == 0 else None
+        self.comm.Scatterv(sent, got)
+        return got
 
     def gather_rows(self, A: csr_array) -> csr_array:
         """Return the rows of all processes, one process after the other; columns mean the same on all."""
-        return csr_array(vstack(self.comm.allgather(csr_array(A)), format="csr"))
+        A = csr_array(A)
+        ends = np.concatenate([[0], np.cumsum(self.gather(np.diff(A.indptr).astype(np.int64)))])
+        columns = self.gather(A.indices.astype(np.int64))
+        return csr_array((self.gather(A.data), columns, ends), shape=(len(ends) - 1, A.shape[1]))
 
     def add_matrices(self, A: csr_array, nodal: tuple[bool, bool]) -> csr_array:
         """Return the sum over all processes of matrices of one size, see `lacsolver.space.share.Share`."""
         entries, dim = A.tocoo(), max(A.shape) // max(len(self.node), 1)
         places = [self._to_whole(i, dim) if by_node else i for i, by_node in zip(entries.coords, nodal, strict=True)]
-        row, column, value = (self.gather(part) for part in (*places, entries.data))
+        row, column, value = (self.gather(part) for part in (*(i.astype(np.int64) for i in places), entries.data))
         row, column = (
             self._from_whole(i, dim) if by_node else i for i, by_node in zip((row, column), nodal, strict=True)
         )
@@ -151,13 +174,17 @@ class ProcessShare:
         """Return the index here of unknowns of the whole model, at nodes that this process has."""
         return dim * np.searchsorted(self.node, unknown // dim) + unknown % dim
 
+    def texts(self, own: Sequence[str]) -> tuple[str, ...]:
+        """Return the different texts of all processes, those of the first one first."""
+        return tuple(dict.fromkeys(text for texts in self.comm.allgather(tuple(own)) for text in texts))
+
     def agree(self, error: Exception | None) -> None:
         """Raise the error of the first process that has one, on all of them."""
-        if not self.total(np.array(error is not None, int)):
+        first = int(-self.largest(-float(self.rank if error is not None else self.n)))
+        if first == self.n:
             return
-        found = self.comm.allgather(None if error is None else (type(error), str(error)))
-        kind, message = next(one for one in found if one is not None)
-        raise error if error is not None else _made(kind, message)
+        found = self.comm.bcast(None if error is None else (type(error), str(error)), root=first)
+        raise error if error is not None else _made(*found)
 
     def on_first(self, work: Callable[[], T]) -> T | None:
         """Do something on the first process alone, and return its result there; raise its error on all of them."""
@@ -177,6 +204,11 @@ def _made(kind: type[Exception], message: str) -> Exception:
         return kind(message)
     except TypeError:
         return LacmeshError(message)
+
+
+def _width(x: NDArray) -> int:
+    """Return the number of values in a row of an array (k, ...)."""
+    return int(np.prod(x.shape[1:], dtype=np.int64))
 
 
 def _counts(nodes: Sequence[Ints], k: int) -> Any:

@@ -230,6 +230,15 @@ class Cycle:
         dense = N.toarray().astype(float)
         return Cycle(levels, self._K + dense.T @ dense, self._unit, self._team)
 
+    def below(self) -> tuple[bsr_array, Cycle, Level] | None:
+        """Return the matrix of the first coarser level, its V-cycle, and the level above it; None if that is dense."""
+        if len(self._levels) < 2:
+            return None
+        above, level = self._levels[:2]
+        data = level.K.data.astype(float) / self._unit
+        K = bsr_array((data, level.K.indices, level.K.indptr), shape=(above.n_coarse,) * 2)
+        return K, Cycle(self._levels[1:], self._K, self._unit, self._team), above
+
     def __call__(self, r: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 r."""
         size = self._team.largest(r)

@@ -16,14 +16,14 @@ from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear.cycle import Cycle, Halo, Level, jacobi
-from lacsolver.linear.halo import Everywhere, Processes, Rows, SharedHalo, SharedTeam
+from lacsolver.linear.halo import Communication, Everywhere, OwnRows, SharedHalo, SharedTeam
 from lacsolver.linear.petsc import PREFIX, PetscCycle, petsc_errors, set_up
 
 #: options of PETSc that are about its cycle
 _OF_THE_CYCLE = ("mg_", "pc_mg_")
 
 
-def gamg_cycle(PETSc: Any, A: Any, modes: Floats, processes: Processes) -> Cycle | PetscCycle:
+def gamg_cycle(PETSc: Any, A: Any, modes: Floats, processes: Communication) -> Cycle | PetscCycle:
     """Return the V-cycle of a matrix of `petsc_matrix`, which is destroyed; modes (n_own, r): rigid-body modes.
 
     It is PETSc's own if PETSc makes one level only, or where its options are about its cycle.
@@ -62,25 +62,25 @@ class _Copy(NamedTuple):
         """Number of columns of the whole matrix."""
         return int(self.blocks[1] * self.starts[-1])
 
-    def rows(self, processes: Processes) -> tuple[bsr_array, Halo]:
+    def rows(self, processes: Communication) -> tuple[bsr_array, Halo]:
         """Return the rows in blocks, and the halo of their columns."""
-        made = Rows.of(self.csr, self.blocks, self.starts, processes.rank)
+        made = OwnRows.of(self.csr, self.blocks, self.starts, processes.rank)
         return made.A, SharedHalo(processes, self.starts, made.ghosts, self.blocks[1])
 
-    def rows_everywhere(self, processes: Processes) -> tuple[bsr_array, Halo]:
+    def rows_everywhere(self, processes: Communication) -> tuple[bsr_array, Halo]:
         """Return the rows in blocks, for vectors of all columns on each process."""
         indptr, indices, data = self.csr
         made = csr_array((data, indices, indptr), shape=(len(indptr) - 1, self.width))
         return bsr_array(made.tobsr(self.blocks)), Everywhere(processes, self.blocks[1])
 
-    def diagonal(self, processes: Processes) -> Floats:
+    def diagonal(self, processes: Communication) -> Floats:
         """Return the sum of the diagonal entries of all processes, and their number."""
         indptr, indices, data = self.csr
         first = self.blocks[1] * self.starts[processes.rank]
         row = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr)) + first
         return processes.total(np.array([data[row == indices].sum(), len(indptr) - 1.0]))
 
-    def whole(self, processes: Processes) -> Floats:
+    def whole(self, processes: Communication) -> Floats:
         """Return a small square matrix, whole on each process."""
         indptr, indices, data = self.csr
         first = self.blocks[1] * self.starts[processes.rank]
@@ -99,7 +99,7 @@ def _copies(pc: Any) -> tuple[list[_Copy], list[_Copy]]:
     return [_Copy.of(A, A) for A in matrices], prolongations
 
 
-def _cycle(matrices: list[_Copy], prolongations: list[_Copy], processes: Processes) -> Cycle:
+def _cycle(matrices: list[_Copy], prolongations: list[_Copy], processes: Communication) -> Cycle:
     """Return the cycle of matrices, which are released one by one, and of the prolongations between them."""
     team, levels = SharedTeam(processes), list[Level]()
     total, count = matrices[0].diagonal(processes)

@@ -16,8 +16,8 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.linear.cycle import Team
 
 
-class Processes(Protocol):
-    """Interface of the processes that share a level: `lacsolver.space.share.Share` has it."""
+class Communication(Protocol):
+    """Interface of sums and messages between the processes that share a level: `lacsolver.space.share.Share` has it."""
 
     @property
     def comm(self) -> Any:
@@ -40,7 +40,7 @@ class Processes(Protocol):
 class SharedTeam(Team):
     """A team of one thread on each of several processes."""
 
-    def __init__(self, processes: Processes) -> None:
+    def __init__(self, processes: Communication) -> None:
         super().__init__(1)
         self._processes = processes
 
@@ -61,14 +61,14 @@ class SharedTeam(Team):
         return self._processes.add_matrices(A, (False, False))
 
 
-class Rows(NamedTuple):
+class OwnRows(NamedTuple):
     """Own rows of a matrix in blocks: `A` (own, own and ghosts), and the `ghosts` (g,), sorted nodes of others."""
 
     A: bsr_array
     ghosts: Ints
 
     @staticmethod
-    def of(csr: tuple[Ints, Ints, Floats], blocks: tuple[int, int], starts: Ints, rank: int) -> Rows:
+    def of(csr: tuple[Ints, Ints, Floats], blocks: tuple[int, int], starts: Ints, rank: int) -> OwnRows:
         """Return rows with columns in the whole matrix, given as (indptr, indices, data).
 
         `blocks`: the unknowns of a node of the rows and of the columns; `starts` (processes + 1,): the first node of
@@ -83,7 +83,7 @@ class Rows(NamedTuple):
         local[~mine] = last - first + at
         shape = len(indptr) - 1, b * int(last - first + len(ghosts))
         made = csr_array((data, b * local + indices % b, indptr), shape=shape)
-        return Rows(bsr_array(made.tobsr(blocks)), ghosts)
+        return OwnRows(bsr_array(made.tobsr(blocks)), ghosts)
 
 
 class SharedHalo:
@@ -92,7 +92,7 @@ class SharedHalo:
     `starts` (processes + 1,): first node of each process; `block`: unknowns of a node.
     """
 
-    def __init__(self, processes: Processes, starts: Ints, ghosts: Ints, block: int) -> None:
+    def __init__(self, processes: Communication, starts: Ints, ghosts: Ints, block: int) -> None:
         comm, rank = processes.comm, processes.rank
         self._processes, self._comm, self._block = processes, comm, block
         self._first, self._whole = int(starts[rank]), int(starts[-1])
@@ -141,7 +141,7 @@ class SharedHalo:
 class Everywhere:
     """The coarsest level, whose vectors all processes have whole."""
 
-    def __init__(self, processes: Processes, block: int) -> None:
+    def __init__(self, processes: Communication, block: int) -> None:
         self._processes, self._block = processes, block
 
     def fill(self, x: NDArray[np.floating]) -> None:

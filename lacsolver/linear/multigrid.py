@@ -1,9 +1,8 @@
-"""Multigrid by smoothed aggregation (PyAMG) on nodal blocks, with the rigid-body modes, as a preconditioner.
+"""Multigrid on nodal blocks as a preconditioner, with the hierarchy of `aggregation`.
 
-Vanek, Mandel, Brezina (1996); the rigid-body modes are the near-null space. The hierarchy is built once for a matrix.
-It serves all right-hand sides, and similar matrices too, until it is stale: until they take 1.5 times as many
-iterations as at its first use. Rows of the identity for prescribed displacements keep the blocks complete; they cost no
-iterations (measured).
+The hierarchy is built once for a matrix. It serves all right-hand sides, and similar matrices too, until it is stale:
+until they take 1.5 times as many iterations as at its first use. Rows of the identity for prescribed displacements keep
+the blocks complete; they cost no iterations (measured).
 """
 
 from __future__ import annotations
@@ -17,7 +16,8 @@ from scipy.sparse.csgraph import connected_components
 
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
-from lacsolver.linear.cycle import Blocks, Cycle, Level, Team, jacobi
+from lacsolver.linear.aggregation import aggregated
+from lacsolver.linear.cycle import Blocks, Cycle, Level, Team
 from lacsolver.linear.errors import LinearError
 from lacsolver.linear.krylov import minimise
 from lacsolver.linear.protocol import TOLERANCE, Factor, Matrix
@@ -26,13 +26,6 @@ from lacsolver.linear.regular import CLEAR, is_free, positive_diagonal, singular
 from lacsolver.linear.sides import right_hand_sides
 from lacsolver.linear.vectors import Vectors
 
-#: couplings weaker than this, relative to the diagonals, do not join nodes; 0.03 took least time on HEXA8 and TETRA10
-_STRENGTH = 0.03
-#: most nodes (of six unknowns) of the coarsest level, which is solved by a dense inverse
-_COARSEST = 60
-_LEVELS = 12
-#: damping of the smoothing of prolongations, times the largest eigenvalue of D^-1 K
-_SMOOTHING = 4 / 3
 #: most iterations in all and in a round of GCR, whose directions are stored; most rounds
 _MOST, _ROUND, _LOOKS = 300, 80, 12
 #: reduction of the residual in a round, after which it is computed anew
@@ -83,11 +76,12 @@ class MultigridFactor:
         self.shape = K.shape
         self.hierarchy = hierarchy
         self.vectors: Vectors = team
-        self._scale, self._blocks, self._team = 1 / np.sqrt(d), Blocks.of(K), team
+        self.matrix, self.team = K, team
+        self._scale, self._blocks = 1 / np.sqrt(d), Blocks.of(K)
 
     def apply(self, x: Floats) -> Floats:
         """Return K x, computed on all threads."""
-        return self._team.product(self._blocks, x)
+        return self.team.product(self._blocks, x)
 
     def cycle(self, b: Floats) -> Floats:
         """Return an approximation of K^-1 b (n,), by one V-cycle."""
@@ -96,6 +90,15 @@ class MultigridFactor:
     def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], Floats]:
         """Return b -> an approximation of (K + B^T W B)^-1 b, one V-cycle, with the hierarchy of K."""
         return self.hierarchy.cycle.with_rows(bsr_array(B.tobsr((1, self._blocks.data.shape[1]))), weights)
+
+    def coarse(self) -> tuple[MultigridFactor, Level] | None:
+        """Return the factor of the matrix on the first coarser level, and the level above it; None if there is none."""
+        found = self.hierarchy.cycle.below()
+        if found is None:
+            return None
+        K, cycle, above = found
+        d = K.diagonal()
+        return MultigridFactor(K, np.where(d > 0, d, 1.0), Hierarchy(cycle), self.team), above
 
     def record_convergence(self, use: str, cycles: int, decades: float) -> None:
         """Record that `cycles` reduced a residual by so many decades, in a kind of use."""
@@ -185,13 +188,14 @@ class MultigridAnalysis:
         if isinstance(reuse, MultigridFactor) and reuse.shape == K.shape and not reuse.hierarchy.is_stale:
             return MultigridFactor(blocks, d, reuse.hierarchy, self._team)
         _check_held(blocks, d, self._modes)
-        return MultigridFactor(blocks, d, _hierarchy(blocks, self._modes, self._team), self._team)
+        return MultigridFactor(blocks, d, Hierarchy(aggregated(blocks, self._modes, self._team)), self._team)
 
 
 def _check_held(K: bsr_array, d: Floats, modes: Floats) -> None:
     """Raise SingularError if a combination of the modes costs a body no energy; bodies are connected parts of K."""
-    nodes = csr_array((np.abs(K.data).max(axis=(1, 2)), K.indices, K.indptr), shape=(len(K.indptr) - 1,) * 2)
-    nodes.eliminate_zeros()
+    size = np.maximum(K.data.max(axis=(1, 2)), -K.data.min(axis=(1, 2)))  # without a copy of all entries
+    nodes = csr_array((size, K.indices.copy(), K.indptr.copy()), shape=(len(K.indptr) - 1,) * 2)
+    nodes.eliminate_zeros()  # in place
     n_bodies, body = connected_components(nodes, directed=False)
     body = np.repeat(body, K.blocksize[0])
     forces = K @ modes
@@ -209,39 +213,3 @@ def _check_held(K: bsr_array, d: Floats, modes: Floats) -> None:
         v[rows] = M @ turn @ way[:, 0]
         if energy[0] < CLEAR and is_free(K, v):
             raise singular(v)
-
-
-def _hierarchy(K: bsr_array, modes: Floats, team: Team) -> Hierarchy[Cycle]:
-    """Build the hierarchy of K: aggregates of nodes with orthonormal modes, smoothed by one step of block Jacobi."""
-    levels: list[Level] = []
-    unit = 1 / float(K.diagonal().mean()) if K.shape[0] else 1.0
-    while len(levels) < _LEVELS and K.shape[0] // K.blocksize[0] > _COARSEST:
-        inverse, largest = jacobi(K, team)
-        tentative, coarse_modes = _tentative(K, modes)
-        if tentative.shape[1] >= K.shape[0]:
-            break
-        P = _smoothed(K, tentative, inverse, _SMOOTHING / largest)
-        del tentative  # memory is at its largest in this loop
-        R = bsr_array(P.T.tobsr(P.blocksize[::-1]))
-        coarse = bsr_array(R @ (K @ P))
-        levels.append(Level.of(K, R, P, inverse / largest, unit))
-        K, modes = coarse, coarse_modes
-    return Hierarchy(Cycle(levels, K.toarray() * unit, unit, team))
-
-
-def _tentative(K: bsr_array, modes: Floats) -> tuple[bsr_array, Floats]:
-    """Aggregate coupled nodes by PyAMG; return (P, coarse modes) with P (coarse modes) = modes."""
-    from pyamg.aggregation import fit_candidates, standard_aggregation
-    from pyamg.strength import symmetric_strength_of_connection
-
-    aggregates, _ = standard_aggregation(symmetric_strength_of_connection(K, theta=_STRENGTH))
-    P, coarse = fit_candidates(aggregates, modes)
-    return bsr_array(P), coarse
-
-
-def _smoothed(K: bsr_array, P: bsr_array, inverse: Floats, factor: float) -> bsr_array:
-    """Return the smoothed prolongation P - factor D^-1 K P."""
-    step = K @ P
-    row = np.repeat(np.arange(len(inverse)), np.diff(step.indptr))
-    step = bsr_array((-factor * (inverse[row] @ step.data), step.indices, step.indptr), shape=step.shape)
-    return bsr_array(P + step)

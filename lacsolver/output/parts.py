@@ -49,7 +49,7 @@ def body(space: Space) -> Part:
     for k, (kind, nodes) in enumerate(mesh.blocks):
         index = np.arange(mesh.offsets[k], mesh.offsets[k + 1])
         bare = (mesh.cell_dim[index] == space.dim - 1) & ~space.attached[nodes].all(axis=1)
-        bare &= space.share.own is None
+        bare &= np.ones(len(nodes), bool) if space.share.own is None else space.share.own[nodes[:, 0]]
         if bare.any():
             rows.append(_Rows(kind, nodes[bare], index[bare]))
     if space.share.own is None:

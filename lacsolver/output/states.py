@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -21,17 +22,20 @@ from numpy.typing import NDArray
 
 import lacmesh
 from lacmesh.errors import DataError, ReadError, RequestError
-from lacmesh.formats.output import replacing
 from lacmesh.mesh import Mesh
 from lacsolver.case import Case, changed, fingerprint
+from lacsolver.output.arrays import Rows, rows_in, rows_of, write_arrays
 from lacsolver.output.names import state_file, states_in
 from lacsolver.output.tables import same_time
 from lacsolver.results.results import Restart
 from lacsolver.results.state import Histories, Iterate, StepState
+from lacsolver.results.whole import Order, grows, whole_arrays, with_arrays
+from lacsolver.space.share import ALONE, Share
 
 #: raised when the meaning of a state's data changes; 3: the mesh in memory, rotations of rigid bodies as lengths
 VERSION = 3
 _ABOUT = "about"
+_NONE: Mapping[str, Order] = MappingProxyType({})
 #: errors that numpy raises for a damaged file
 _DAMAGE = (
     *(OSError, ValueError, KeyError, TypeError, EOFError, IndexError, RuntimeError, MemoryError),
@@ -39,11 +43,31 @@ _DAMAGE = (
 )
 
 
-def write_state(folder: Path, state: Restart, prints: Mapping[str, str]) -> None:
+def write_state(
+    folder: Path, state: Restart, prints: Mapping[str, str], share: Share = ALONE, orders: Mapping[str, Order] = _NONE
+) -> None:
     """Write a state; `prints`: the fingerprint of its case. An existing file is replaced at the end.
 
-    Raises WriteError.
+    All processes of a `share` call this, and the first one writes; the arrays with an order come to it piece after
+    piece. Raises WriteError, on all of them.
     """
+    large = whole_arrays(state)
+    small = {name: values for name, values in _arrays(state, prints).items() if name not in large}
+    rows = {name: Rows.of(values, orders.get(name)) for name, values in large.items()}
+    failed: Exception | None = None
+    if share.rank == 0:
+        try:
+            write_arrays(folder / state_file(state.number), small, rows)
+        except Exception as error:
+            failed = error
+    for array in rows.values():  # what other processes give, and what is left after a failure
+        for _ in array.pieces:
+            pass
+    share.agree(failed)
+
+
+def _arrays(state: Restart, prints: Mapping[str, str]) -> dict[str, NDArray]:
+    """Return all arrays of a file, by their names."""
     step, histories = state.step, state.step.histories
     assert step.iterate is not None
     about = {
@@ -62,19 +86,19 @@ def write_state(folder: Path, state: Restart, prints: Mapping[str, str]) -> None
         arrays |= {f"earlier_{name}": values for name, values in step.earlier[1]._asdict().items()}
     arrays |= {f"materials_{k}": values for k, values in enumerate(histories.materials)}
     arrays |= {f"contact_{k}": values for k, values in enumerate(histories.contact)}
-    arrays |= {f"scheme_{k}": values for k, values in enumerate(histories.scheme.values())}
-    with replacing(folder / state_file(state.number)) as (beside,), beside.open("wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]
+    return arrays | {f"scheme_{k}": values for k, values in enumerate(histories.scheme.values())}
 
 
 def read_state(
-    folder: str | os.PathLike[str], case: Case, from_time: float | None = None, *, mesh: Mesh | None = None
-) -> Restart:
+    folder: str | os.PathLike[str], case: Case, from_time: float | None = None, *, mesh: Mesh | None = None,
+    large: bool = True,
+) -> Restart:  # fmt: skip
     """Read a state that an earlier run of the same case wrote: the last one, or the one at time `from_time`.
 
-    `mesh`: the mesh of the run, as for `run`; the case's file is read if None. Raises RequestError if there is no state
-    (or none at that time; the message lists the others), DataError if the case or the mesh differs (the message names
-    the differences), ReadError for a folder or file that cannot be read.
+    `mesh`: the mesh of the run, as for `run`; the case's file is read if None. `large`: False leaves the arrays that
+    grow with the model empty, for several processes, which `run` gives their shares of the file. Raises RequestError if
+    there is no state (or none at that time; the message lists the others), DataError if the case or the mesh differs
+    (the message names the differences), ReadError for a folder or file that cannot be read.
 
     >>> from tempfile import TemporaryDirectory
     >>> from lacsolver import create, read_case, run
@@ -94,9 +118,67 @@ def read_state(
     path = paths[-1] if from_time is None else _at(folder, paths, from_time)
     with _damage_in(path, _others(folder, paths, path)), _opened(path) as file:
         about = _about(path, file)
-        found = _restart(file, about, folder)
+        found = _restart(file if large else _Light(file), about, folder)
     check_same(found, fingerprint(case, lacmesh.read(case.mesh) if mesh is None else mesh))
     return found
+
+
+def deal_state(state: Restart, share: Share, orders: Mapping[str, Order]) -> Restart:
+    """Return the share of this process in a state, of which the first process has the whole arrays, or their file.
+
+    All processes call this. Raises RequestError for a state with histories of a time scheme, ReadError.
+    """
+    if state.step.histories.scheme:
+        raise RequestError("a state with histories of a time scheme goes on in one process only")
+    own, failed = {}, None
+    for name, values in whole_arrays(state).items():
+        source = _Source(state, name, values) if share.rank == 0 else None
+        own[name] = orders[name].deal(source.read if source else _nothing)
+        failed = failed or (source.failed if source else None)
+    share.agree(failed)
+    return with_arrays(state, own)
+
+
+class _Source:
+    """The rows of an array of a state, from memory, or from its file if they were left there; `failed`: an error."""
+
+    def __init__(self, state: Restart, name: str, values: NDArray) -> None:
+        self.failed: Exception | None = None
+        self._path = state.folder / state_file(state.number) if state.folder and not len(values) else None
+        self._shape = values.shape[1:]
+        self._rows = rows_of(values) if self._path is None else rows_in(self._path, name)
+        next(self._rows)
+
+    def read(self, n: int) -> NDArray:
+        """Return the next n rows; zeros after an error, which is kept until all processes have been served."""
+        try:
+            if self._path is None:
+                return self._rows.send(n)
+            with _damage_in(self._path, "start anew"):
+                return self._rows.send(n)
+        except ReadError as error:
+            self.failed = error
+            return np.zeros((n, *self._shape))
+
+
+def _nothing(n: int) -> NDArray:
+    return np.empty(0)
+
+
+class _Light(Mapping[str, NDArray]):
+    """The arrays of a file, without the rows of those that grow with the model."""
+
+    def __init__(self, file: Mapping[str, NDArray]) -> None:
+        self._file = file
+
+    def __getitem__(self, name: str) -> NDArray:
+        return self._file[name] if not grows(name) else np.empty((0, 1, 1) if name.startswith("materials") else 0)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._file)
+
+    def __len__(self) -> int:
+        return len(self._file)
 
 
 def check_same(state: Restart, prints: Mapping[str, str]) -> None:

@@ -22,6 +22,7 @@ from lacsolver.output.summary import Summary
 from lacsolver.output.tables import History, add_contact, cut_off, same_time
 from lacsolver.output.vtu import VtuSeries
 from lacsolver.results.results import Fields, Restart, Results
+from lacsolver.results.whole import Order
 from lacsolver.space.space import Space
 
 
@@ -42,23 +43,20 @@ class _Unwritten(NamedTuple):
 class Writer:
     """Writes a run into its folder, in which the results of an earlier run are removed here, or continued.
 
-    `prints`: fingerprint of the case and its mesh, stored with states; `whole`: function that makes states of the whole
-    model from those of a process's share. Of several processes all call the same methods, and the first one writes what
-    is not a part of each. The folder is locked against other runs until
+    `prints`: fingerprint of the case and its mesh, stored with states; `orders`: those of
+    states, as by `lacsolver.results.whole.orders_of`. Of several processes all call the same methods, and the first one
+    writes what is not a part of each. The folder is locked against other runs until
     `finish`. Raises WriteError, RequestError if another run writes there, and ReadError if files to be continued are
     damaged. Signals are delayed until a file is complete.
     """
 
     def __init__(
         self, folder: OutputFolder, case: Case, space: Space, prints: Mapping[str, str],
-        whole: Callable[[Restart], Restart] = lambda state: state,
+        orders: Mapping[str, Order] | None = None,
     ) -> None:  # fmt: skip
         self._path, self._output, self._space, self._prints = folder.path, case.output, space, prints
-        self._whole, self._share, self._zones = (
-            whole,
-            space.share,
-            tuple(zone.name for zone in (*case.contact, *case.tie)),
-        )
+        self._orders, self._share = orders or {}, space.share
+        self._zones = tuple(zone.name for zone in (*case.contact, *case.tie))
         end = folder.restart.time if folder.restart else None
         with signals_wait():
             self._share.on_first(lambda: self._take(folder, end))
@@ -122,9 +120,11 @@ class Writer:
     def _fields_to(self, folder: Path, end: float | None = None) -> Series:
         """Return the files of fields in a folder; `end`: existing ones are continued after this time."""
         if self._output.format == "med":
+            from lacsolver.output.gathered import GatheredSeries
             from lacsolver.output.med import MedSeries  # with h5py, which few runs need
 
-            return MedSeries(folder, self._space, self._zones, end)
+            series = MedSeries if self._share.own is None else GatheredSeries
+            return series(folder, self._space, self._zones, end)
         return VtuSeries(folder, self._space)
 
     def _write(self, fields: Fields, state: Restart) -> None:
@@ -138,8 +138,7 @@ class Writer:
         self._state(state)
 
     def _state(self, state: Restart) -> None:
-        whole = self._whole(state)
-        self._share.on_first(lambda: write_state(self._path, whole, self._prints))
+        write_state(self._path, state, self._prints, self._share, self._orders)
 
 
 def is_due(output: Output, number: int, time: float) -> bool:

@@ -32,11 +32,13 @@ from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.laws import contact_law_of, law_of
 from lacsolver.problem.skin import check_mesh, prepared
 from lacsolver.space.places import nodes_of, wrong
-from lacsolver.space.share import ALONE, Distribution
+from lacsolver.space.share import ALONE, Distribution, Share
 from lacsolver.space.space import Space
 
 #: round-off of a coverage
 _ROUNDING = 1e-9
+#: nodes of the largest model whose fields are gathered on one process for MED: some 2 GB of fields and mesh
+MED_NODES = 5_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +213,7 @@ def build(
     with attempt(""):
         parts.mesh, share = distribution.take(parts.mesh, case.skins)
         if share.own is not None:
-            _check_shared(case)
+            _check_shared(case, share)
         parts.space = Space.of(parts.mesh, case.model, case.thickness, share)
     if parts.space is not None and bodies:
         with attempt(""):
@@ -225,12 +227,16 @@ def build(
     return parts
 
 
-def _check_shared(case: Case) -> None:
-    """Raise RequestError for what only one process solves."""
-    lacking = ["rigid bodies ([[rigid]])"] if case.rigid else []
+def _check_shared(case: Case, share: Share) -> None:
+    """Raise RequestError for what only one process solves, and for MED of a model too large to be gathered on one."""
+    assert share.node is not None
+    n = int(share.largest(float(share.node.max(initial=-1)))) + 1
+    if case.output.format == "med" and n > MED_NODES:
+        message = f'[output] format = "med" of several processes is gathered on one, for at most {MED_NODES:,} nodes'
+        raise RequestError(f'{message}, and the mesh has {n:,}; take format = "vtu", of which each writes its own part')
+    loaded = any(getattr(body, key) is not None for body in case.rigid for key in ("fx", "fy", "fz", "moment"))
+    lacking = ["rigid bodies with a free motion ([[rigid]] with fx, fy, fz or moment)"] if loaded else []
     lacking += ["motion with inertia ([dynamics])"] if case.dynamics is not None else []
-    lacking += ['[output] format = "med"'] if case.output.format == "med" else []
-    lacking += ["laws with a history"] if any(getattr(law_of(m), "n_history", 0) for m in case.material) else []
     if lacking:
         raise RequestError(f"{', '.join(lacking)}: only one process solves this so far; start one, without mpiexec")
 

@@ -180,7 +180,8 @@ def _frame(space: Space, constraints: Constraints) -> _Frame:
     made, twists = list(connected), [model / _lengths(body) for body in connected]
     for rigid in constraints.rigid:
         bare = rigid.nodes[~space.attached[rigid.nodes]]
-        radius = _radius(np.square(rigid.arm).sum(axis=1).mean())
+        sums = space.share.total(np.array([np.square(rigid.arm).sum(), len(rigid.nodes)]))
+        radius = _radius(sums[0] / sums[1])
         made.append(Body(f"rigid {rigid.name!r}", bare, rigid.centre - space.origin, radius))
         twists.append(_unit_twists(space)[: len(rigid.free)][rigid.free] / _lengths(made[-1]))
     block = np.repeat(np.arange(len(made)), [len(unit) for unit in twists])
@@ -239,11 +240,11 @@ def _names(space: Space, of_node: Ints, n: int) -> list[str]:
 
 def _first(space: Space, of_node: Ints, n: int) -> Ints:
     """Return the number of the first node of each of n bodies."""
-    share, nodes = space.share, np.arange(len(of_node))
-    place = share.gather(space.own(nodes if share.node is None else share.node).ravel())
-    body, number = (share.gather(space.own(values).ravel()) for values in (of_node, space.mesh.node_number))
-    order = np.argsort(place, kind="stable")
-    order = order[body[order] >= 0]
+    share, place = space.share, np.arange(len(of_node)) if space.share.node is None else space.share.node
+    own = np.flatnonzero((of_node >= 0) & (True if share.own is None else share.own))
+    own = own[np.unique(of_node[own], return_index=True)[1]]  # the first of each process, whose nodes are in order
+    body, number, at = (share.gather(values[own]) for values in (of_node, space.mesh.node_number, place))
+    order = np.lexsort((at, body))
     return number[order[np.unique(body[order], return_index=True)[1]]]
 
 

@@ -1,85 +1,117 @@
-"""States of the whole model, as they are written, from and for the shares of several processes.
+"""Arrays of the whole model, in the order of its nodes and cells, from and for the shares of several processes.
 
-Unknowns of the whole are in the order of the model's nodes, as one process alone has them, so that a run may go on with
-any number of processes.
+One process alone has the unknowns of a state in this order, so that a run may go on with any number of processes. An
+array goes through the first process piece after piece: none has the whole of it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import RequestError
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Ints
 from lacsolver.constraints import Constraints
 from lacsolver.results.results import Restart
-from lacsolver.results.state import Iterate
+from lacsolver.space.share import Share
+from lacsolver.space.space import Space
+
+#: number of places in the order of the model that a piece is from
+PIECE = 1 << 18
 
 
-def whole_restart(constraints: Constraints, state: Restart) -> Restart:
-    """Return a state with the displacements and unknowns of the whole model; only the first process has all of them."""
-    if constraints.own is None:
-        return state
-    unknowns = _Order(constraints, constraints.own, constraints.node_of_unknown)
-    dofs = _Order(constraints, *_of_dofs(constraints))
+class Order:
+    """Places in the whole model of rows that processes have: `key` (k,), the place of each, ascending.
 
-    def whole(now: Iterate) -> Iterate:
-        return now._replace(q=unknowns.collect(now.q))
+    `own` (k,): True for rows that this process gives; each place is given by one process. `n`: number of all rows.
+    """
 
-    step = state.step
-    assert step.iterate is not None
-    earlier = None if step.earlier is None else (step.earlier[0], whole(step.earlier[1]))
-    return replace(state, u=dofs.collect(state.u), step=replace(step, iterate=whole(step.iterate), earlier=earlier))
+    def __init__(self, share: Share, key: Ints, own: NDArray[np.bool_]) -> None:
+        self._share, self._key, self._own = share, key, np.flatnonzero(own)
+        self._end = int(share.largest(float(key.max(initial=-1)))) + 1
+        self.n = int(share.total(np.array(len(self._own))))
+
+    def pieces(self, values: NDArray) -> Iterator[NDArray]:
+        """Yield the rows of the whole model from those (k, ...) of each process, on the first; others get empty ones.
+
+        All processes go through all pieces.
+        """
+        key = self._key[self._own]
+        for rows in self._ranges(key):
+            order = np.argsort(self._share.collect(key[rows]), kind="stable")
+            yield self._share.collect(values[self._own[rows]])[order]
+
+    def deal(self, read: Callable[[int], NDArray]) -> NDArray:
+        """Return the rows (k, ...) of this process; `read(n)` returns the next n of the model, on the first one."""
+        share, parts = self._share, []
+        for rows in self._ranges(self._key):
+            asked = share.collect(self._key[rows])
+            counts = share.gather(np.array([len(self._key[rows])]))
+            places, inverse = np.unique(asked, return_inverse=True)
+            given = read(len(places))[inverse] if share.rank == 0 else np.empty(0)
+            parts.append(share.deal(given, counts))
+        return np.concatenate(parts) if parts else np.empty(0)
+
+    def _ranges(self, key: Ints) -> Iterator[slice]:
+        """Yield the rows of this process in each piece."""
+        for start in range(0, self._end, PIECE):
+            yield slice(*np.searchsorted(key, (start, start + PIECE)).tolist())
 
 
-def share_of_restart(constraints: Constraints, state: Restart) -> Restart:
-    """Return the share of this process in a state of the whole model, which every process has read."""
-    if constraints.own is None:
-        return state
-    if state.step.histories.materials or state.step.histories.scheme:
-        raise RequestError("a state with histories of materials goes on in one process only")
-    unknowns = _Order(constraints, constraints.own, constraints.node_of_unknown)
-    dofs = _Order(constraints, *_of_dofs(constraints))
-
-    def own(now: Iterate) -> Iterate:
-        q, T = unknowns.deal(now.q), constraints.T
-        return now._replace(q=T.T @ constraints.space.updated(T @ q))
-
-    step = state.step
-    assert step.iterate is not None
-    earlier = None if step.earlier is None else (step.earlier[0], own(step.earlier[1]))
-    u = constraints.space.updated(dofs.deal(state.u))
-    return replace(state, u=u, step=replace(step, iterate=own(step.iterate), earlier=earlier))
-
-
-def _of_dofs(constraints: Constraints) -> tuple[NDArray[np.bool_], Ints]:
-    """Return which displacements (n_dof,) are this process's own, and the node of each."""
+def orders_of(constraints: Constraints) -> Mapping[str, Order]:
+    """Return the order of each array of `whole_arrays`, by its name; {} for a process alone."""
     space = constraints.space
-    assert space.share.own is not None
-    return np.repeat(space.share.own, space.dim), np.repeat(np.arange(space.mesh.n_nodes), space.dim)
+    if constraints.own is None:
+        return {}
+    assert space.share.own is not None and space.share.node is not None
+    node = np.repeat(np.arange(space.mesh.n_nodes), space.dim)
+    u = _at_nodes(space, node, np.repeat(space.share.own, space.dim))
+    q = _at_nodes(space, constraints.node_of_unknown, constraints.own)
+    cells = [_of_cells(space, k) for k in range(len(space.blocks))]
+    materials = {f"materials_{k}": order for k, order in enumerate(cells)}
+    return {"u": u, "now_q": q, "earlier_q": q, **materials}
 
 
-class _Order:
-    """The places in the whole model of values at own nodes: `own` (n,) tells which are, `node` (n,) their nodes."""
+def _at_nodes(space: Space, node: Ints, own: NDArray[np.bool_]) -> Order:
+    """Return the order of unknowns at nodes (k,) of this process, node by node."""
+    assert space.share.node is not None
+    which = np.arange(len(node)) - np.searchsorted(node, node)
+    return Order(space.share, space.dim * space.share.node[node].astype(np.int64) + which, own)
 
-    def __init__(self, constraints: Constraints, own: NDArray[np.bool_], node: Ints) -> None:
-        self._share, self._own = constraints.space.share, np.flatnonzero(own)
-        assert self._share.node is not None
-        self._counts = self._share.gather(np.array([len(self._own)]))
-        self._order = np.argsort(self._share.collect(self._share.node[node[self._own]]), kind="stable")
-        self._n = len(own)
 
-    def collect(self, values: Floats) -> NDArray[np.floating]:
-        """Return the values of the whole model from those of each process, on the first process."""
-        return self._share.collect(values[self._own])[self._order]
+def _of_cells(space: Space, k: int) -> Order:
+    """Return the order of the cells of a block."""
+    block = space.blocks[k]
+    assert space.share.cell is not None
+    return Order(space.share, space.share.cell[block.cell], space.own_cells(block))
 
-    def deal(self, values: Floats) -> NDArray[np.floating]:
-        """Return the values (n,) of this process from those of the whole model, 0 where others own them."""
-        mixed = np.empty_like(values)
-        if self._share.rank == 0:
-            mixed[self._order] = values
-        out = np.zeros(self._n)
-        out[self._own] = self._share.deal(mixed, self._counts)
-        return out
+
+def whole_arrays(state: Restart) -> dict[str, NDArray]:
+    """Return the arrays of a state that grow with the model, by their names in a file."""
+    step = state.step
+    assert step.iterate is not None
+    earlier = {} if step.earlier is None else {"earlier_q": step.earlier[1].q}
+    materials = {f"materials_{k}": values for k, values in enumerate(step.histories.materials)}
+    return {"u": state.u, "now_q": step.iterate.q, **earlier, **materials}
+
+
+def grows(name: str) -> bool:
+    """True for the name of an array that is one of the `whole_arrays`."""
+    return name in ("u", "now_q", "earlier_q") or name.startswith("materials_")
+
+
+def with_arrays(state: Restart, arrays: Mapping[str, NDArray]) -> Restart:
+    """Return a state with other `whole_arrays`."""
+    step = state.step
+    assert step.iterate is not None
+    earlier = step.earlier and (step.earlier[0], step.earlier[1]._replace(q=arrays["earlier_q"]))
+    materials = tuple(arrays[f"materials_{k}"] for k in range(len(step.histories.materials)))
+    step = replace(
+        step,
+        iterate=step.iterate._replace(q=arrays["now_q"]),
+        earlier=earlier,
+        histories=step.histories._replace(materials=materials),
+    )
+    return replace(state, u=arrays["u"], step=step)

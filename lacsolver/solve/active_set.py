@@ -28,14 +28,14 @@ from lacsolver.contact.laws import Bools
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.solve.contact_system import ContactSystem, Rows
+from lacsolver.solve.operator import Operator, product
 from lacsolver.solve.saddle import SaddleProblem
 from lacsolver.solve.schur import solve_saddle
 from lacsolver.solve.search import Trial
-from lacsolver.solve.stiffness import Operator
 from lacsolver.solve.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance, sizes
 
 #: reduction of the residual in an inexact solve, and largest number of such solves
-_LOOSE, _LOOSE_SOLVES = 0.1, 12
+_LOOSE, _LOOSE_SOLVES = 0.2, 16
 #: block exchanges allowed while the number of violated rows does not fall, before Murty's single exchange
 _BLOCKS = 3
 #: relative tolerance for the rank of the active rows on the rigid-body modes, and for the load left along them
@@ -60,18 +60,20 @@ def active_set_iterates(
 
     If an inexact solve leaves the active set unchanged, the same system is solved to full accuracy in the same trial.
     """
-    stiffness = K.K if geometric is None else csr_array(K.K + geometric)
     free = K.R if free is None else free
     vectors = tolerance.vectors
-    resistance = products(vectors, free, stiffness @ free)
+    resisting = product(K, free) if geometric is None else product(K, free) + geometric @ free
+    resistance = products(vectors, free, resisting)
     q, p, _ = start
     contact = contact_at(q)
     active = contact.start_active(start.active)
     p = np.where(active, p, 0.0)
     pivots = Pivots()
     while True:
-        load = vectors.dots(free.T, f - stiffness @ q)
-        active = vectors.same(close_rows_against_rigid_modes(free, contact, active, load, resistance))
+        if free.shape[1]:
+            load = vectors.dots(free.T, f - _internal_force(K, geometric, q))
+            active = close_rows_against_rigid_modes(free, contact, active, load, resistance)
+        active = vectors.same(active)
         G, S = contact.equations(p, active)
         problem = SaddleProblem(K, contact.rows, np.flatnonzero(active), f, G + contact.rows.D @ q, S, geometric)
         applications = 0
@@ -81,7 +83,7 @@ def active_set_iterates(
             wanted = contact.next_active(active, p)
             if reduction == 0 or not np.array_equal(wanted, active):
                 break
-        off = _balance(K.K, geometric, contact.rows, f, q, p, tolerance, reduction == 0)
+        off = _balance(K, geometric, contact.rows, f, q, p, tolerance, reduction == 0)
         gap = float(np.abs(contact.residuals(p, active)).max(initial=0.0)) / tolerance.scale(q)
         residual = Residual(off, gap)
         yield Trial(Iterate(q, p, active), contact, residual, applications, exact=reduction == 0)
@@ -185,16 +187,21 @@ class Pivots:
         return out
 
 
+def _internal_force(K: Operator, geometric: csr_array | None, q: Floats) -> NDArray[np.floating]:
+    """Return (K + C) q (n,)."""
+    return K.apply(q) if geometric is None else K.apply(q) + geometric @ q
+
+
 def _balance(
-    K: csr_array, geometric: csr_array | None, rows: Rows, f: Floats, q: Floats, p: Floats,
+    K: Operator, geometric: csr_array | None, rows: Rows, f: Floats, q: Floats, p: Floats,
     tolerance: ConvergenceTolerance, exact: bool,
 ) -> float:  # fmt: skip
     """Return the relative residual of the forces f - (K + C) q - B^T p, see `balance`."""
-    inner, contact = K @ q + (0.0 if geometric is None else geometric @ q), rows.B_T @ p
+    inner, contact = _internal_force(K, geometric, q), rows.B_T @ p
     force = max(tolerance.vectors.largest(v) for v in (f, inner, contact))
 
     def terms() -> ForceTerms:
-        size = sizes(K, q) + (0.0 if geometric is None else sizes(geometric, q))
-        return ForceTerms(np.abs(f) + size + abs(rows.B_T) @ np.abs(p), K.diagonal())
+        size = sizes(K.K, q) + (0.0 if geometric is None else sizes(geometric, q))
+        return ForceTerms(np.abs(f) + size + abs(rows.B_T) @ np.abs(p), K.K.diagonal())
 
     return balance(f - inner - contact, force, terms if exact else None, tolerance)

@@ -114,9 +114,10 @@ class EigenProblem:
             return np.asarray(error.eigenvectors).reshape(n, -1)
 
     def _inverse(self, A: Stiffness) -> _Inverse:
-        C_T = csr_array(self.C.T)
-        parts = [A.solve(C_T[:, k : k + _TOGETHER].toarray()) for k in range(0, self.C.shape[0], _TOGETHER)]
-        S = np.concatenate([self.C @ part for part in parts], axis=1) if parts else np.empty((0, 0))
+        C_T, m = csr_array(self.C.T), self.C.shape[0]
+        S = np.empty((m, m))
+        for k in range(0, m, _TOGETHER):
+            S[:, k : k + _TOGETHER] = self.C @ A.solve(C_T[:, k : k + _TOGETHER].toarray())
         return _Inverse(self, A, C_T, _solver(S))
 
 

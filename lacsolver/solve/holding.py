@@ -89,13 +89,15 @@ def _resisted(part: float) -> str:
 def beyond_a_cell(space: Space, u: Floats) -> str | None:
     """Return a warning if the largest nodal displacement of u (n_dof,) exceeds the size of the node's largest cell.
 
-    Of several processes each looks at its own nodes. Under small kinematics bodies and contact are evaluated
+    Of several processes the one that has the node tells. Under small kinematics bodies and contact are evaluated
     undeformed.
     """
     far = np.linalg.norm(u.reshape(-1, space.dim), axis=1)
     if space.share.own is not None:
         far[~space.share.own] = 0.0
     node = int(far.argmax())
+    if far[node] < space.share.largest(float(far[node])):
+        return None
     size = 0.0
     for block in space.blocks:
         x = space.local.points[block.nodes[(block.nodes == node).any(axis=1)]]

@@ -21,14 +21,14 @@ from scipy.sparse import csr_array
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
-from lacsolver.linear import SingularError
+from lacsolver.linear import Matrix, SingularError
 from lacsolver.problem import acting
 from lacsolver.results.state import Histories, StepState
 from lacsolver.solve.contact_system import ContactSystem, contact_system
 from lacsolver.solve.newton import Linearization
+from lacsolver.solve.operator import Operator
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.schemes import StepTerms
-from lacsolver.solve.stiffness import Operator
 from lacsolver.solve.tolerances import ForceTerms, sizes
 
 
@@ -202,12 +202,12 @@ class LoadStep:
         r = rigid - T.T @ out - scheme
         return Linearization(r, largest, contact, stiffness, geometric_stiffness, model.stabilization.free, terms)
 
-    def _tangents(self, u: Floats) -> tuple[Callable[[], csr_array], Callable[[], csr_array | None]]:
+    def _tangents(self, u: Floats) -> tuple[Callable[[], Matrix], Callable[[], csr_array | None]]:
         """Return functions for K and df/du (n_dof, n_dof) at u, each evaluated once, when it is called."""
         problem = self.model.problem
 
         @cache
-        def tangent() -> csr_array:
+        def tangent() -> Matrix:
             if problem.kinematics.linear:
                 return self.model.K
             return problem.kinematics.tangent(u, self.t, self.state.histories.materials)

@@ -33,9 +33,9 @@ from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.solve.active_set import close_rows_against_rigid_modes, solve_set
 from lacsolver.solve.contact_system import ContactSystem
+from lacsolver.solve.operator import Operator, product
 from lacsolver.solve.saddle import SaddleProblem
 from lacsolver.solve.search import Trial
-from lacsolver.solve.stiffness import Operator
 from lacsolver.solve.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance
 
 #: step lengths that are tried, in this order
@@ -173,7 +173,7 @@ def _newton_step(
         with suppress(LinearError):
             K = there.stiffness(damping, definite)
             C, R = there.geometric_stiffness(now.p), there.free
-            resistance = products(tolerance.vectors, R, K.K @ R if C is None else K.K @ R + C @ R)
+            resistance = products(tolerance.vectors, R, product(K, R) if C is None else product(K, R) + C @ R)
             load = tolerance.vectors.dots(R.T, there.r)
             closed = close_rows_against_rigid_modes(R, there.contact, active, load, resistance)
             closed = tolerance.vectors.same(closed)

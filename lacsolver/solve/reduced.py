@@ -11,20 +11,22 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, vstack
+from scipy.sparse import bsr_array, csr_array, vstack
 
 from lacmesh.errors import DataError, some
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
-from lacsolver.linear import SingularError
+from lacsolver.linear import Matrix, SingularError
 from lacsolver.linear.vectors import WHOLE, SharedVectors, Vectors
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.problem.rigid_modes import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
+from lacsolver.solve.node_blocks import with_held
+from lacsolver.solve.operator import Operator
 from lacsolver.solve.schemes import QuasiStatic, TimeScheme
 from lacsolver.solve.shared_stiffness import SharedFactors
 from lacsolver.solve.stabilization import Stabilization
-from lacsolver.solve.stiffness import FactorCache, Operator, Whole
+from lacsolver.solve.stiffness import FactorCache, Whole, embed
 
 #: how far a node may be across the axis of symmetry, relative to the bodies' extent
 _AXIS = 1e-9
@@ -46,7 +48,7 @@ class ReducedProblem:
         self._reference: tuple[csr_array | None, Operator] | None = None
 
     @cached_property
-    def K(self) -> csr_array:
+    def K(self) -> Matrix:
         """Stiffness (n_dof, n_dof) of the undeformed bodies."""
         return self.problem.kinematics.tangent(np.zeros(self.problem.space.n_dof), 0.0)
 
@@ -88,10 +90,22 @@ class ReducedProblem:
         """
         if self._reference is None or self._reference[0] is not matrix:
             try:
-                self._reference = matrix, self.factors.factorise(self.stabilized(self.K_q, matrix))
+                self._reference = matrix, self._factorised(matrix)
             except SingularError as error:
                 raise self.explained(error) from error
         return self._reference[1]
+
+    def _factorised(self, matrix: csr_array | None) -> Operator:
+        """Return the stabilised K_q plus a scheme's matrix, factorised; for multigrid without a copy of K_q."""
+        K, factors, springs, whole = self.K, self.factors, self.stabilization.springs, self._whole
+        if not (isinstance(factors, FactorCache) and factors.on_nodes and isinstance(K, bsr_array)) or whole is None:
+            return factors.factorise(self.stabilized(self.K_q, matrix))
+        on_nodes = with_held(K, whole.free)
+        for part in (springs, matrix):
+            if part is not None:
+                added = embed(part, whole.free, whole.n_dof, diagonal=0.0)
+                on_nodes = bsr_array(on_nodes + added.tobsr(K.blocksize))
+        return factors.factorise_on_nodes(on_nodes)
 
     def stabilized(self, K_q: csr_array, matrix: csr_array | None = None) -> csr_array:
         """Return K_q with the springs of the stabilisation, and a scheme's matrix."""
@@ -169,11 +183,11 @@ class ReducedProblem:
             said = "; ".join(describe(motion) for motion in free)
             raise DataError(f"nothing holds a part of the model: {said}; add a displacement, a spring or a contact")
 
-    def reduced(self, K: csr_array, T: csr_array) -> csr_array:
+    def reduced(self, K: Matrix, T: csr_array) -> csr_array:
         """Return T^T K T."""
         c = self.problem.constraints
         if c.is_selection:
-            return csr_array(K[c.free][:, c.free])
+            return csr_array(K.tocsr()[c.free][:, c.free])
         return csr_array((T.T @ K @ T).tocsr())
 
     def interface(self, pair: ContactPair, u: Floats, t: float) -> Interface:

@@ -14,7 +14,7 @@ from scipy.sparse.linalg import splu
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.solve.contact_system import Rows
-from lacsolver.solve.stiffness import Operator
+from lacsolver.solve.operator import Operator
 
 #: added to the diagonal of B D^-1 B^T, relative to it, as rows may repeat one another
 REGULAR = 1e-13

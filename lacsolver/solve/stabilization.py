@@ -17,6 +17,7 @@ from scipy.sparse import coo_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.constraints import Constraints
+from lacsolver.linear import Matrix
 from lacsolver.linear.vectors import WHOLE, Vectors, products
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import FreeMotion, free_motions
@@ -50,7 +51,7 @@ class Stabilization(NamedTuple):
 
     @classmethod
     def of(
-        cls, problem: Problem, motions: Sequence[FreeMotion], K: csr_array, linear: bool, vectors: Vectors = WHOLE
+        cls, problem: Problem, motions: Sequence[FreeMotion], K: Matrix, linear: bool, vectors: Vectors = WHOLE
     ) -> Stabilization:
         """Return the stabilisation of `motions`, rigid-body modes that only contact constrains, and of soft springs.
 
@@ -79,7 +80,7 @@ def _orthonormal(
     return columns
 
 
-def _soft(problem: Problem, K: csr_array, free: Floats, vectors: Vectors) -> NDArray[np.floating]:
+def _soft(problem: Problem, K: Matrix, free: Floats, vectors: Vectors) -> NDArray[np.floating]:
     """Return orthonormal motions (n_q, k) on soft springs alone, orthogonal to the `free` ones (n_q, r)."""
     motions = () if problem.springs is None else free_motions(problem.space, problem.constraints)
     if not 0 < len(motions) <= _MANY:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -20,8 +20,9 @@ from scipy.sparse import bsr_array, csr_array, diags_array
 
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints
-from lacsolver.linear import Analysis, Factor, analyse, choose
+from lacsolver.linear import Analysis, Backend, Factor, Matrix, analyse, choose
 from lacsolver.linear.vectors import Vectors
+from lacsolver.solve.node_blocks import add_to_diagonal, submatrix
 
 
 class Whole(NamedTuple):
@@ -37,62 +38,15 @@ class Whole(NamedTuple):
     modes: NDArray[np.floating]
 
 
-class Operator(Protocol):
-    """Interface of a stiffness on the constrained unknowns, whole (`Stiffness`) or shared by several processes.
-
-    What the iterative loops ask of it. Vectors of displacements are known at all unknowns of a process, forces at its
-    own. `K`: the matrix, as far as this process has it; `R` (n, r): rigid-body modes in its null space.
-    """
-
-    @property
-    def K(self) -> csr_array:
-        """Matrix (n, n), of which the rows of a process's own unknowns are complete."""
-
-    @property
-    def R(self) -> NDArray[np.floating]:
-        """Rigid-body modes (n, r) in the null space, with orthonormal columns."""
-
-    @property
-    def iterative(self) -> bool:
-        """True if `cycle` is the basic operation and K^-1 takes many of them."""
-
-    @property
-    def definite(self) -> bool:
-        """True if negative energies of K are errors, of an iterative solution."""
-
-    @property
-    def vectors(self) -> Vectors:
-        """Operations on vectors of the unknowns."""
-
-    @property
-    def scaling(self) -> NDArray[np.floating]:
-        """Diagonal (n,) of K with its springs; 1 where it is 0."""
-
-    def apply(self, q: Floats) -> NDArray[np.floating]:
-        """Return K q (n,)."""
-
-    def restricted(self, unknowns: Ints) -> csr_array:
-        """Return the rows and columns of K at some unknowns, which all processes have."""
-
-    def cycle(self, f: Floats) -> NDArray[np.floating]:
-        """Return an approximation of K^-1 f (n,)."""
-
-    def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]] | None:
-        """Return f -> an approximation of (K + B^T W B)^-1 f, with W = diag `weights` (a,); None if it has none."""
-
-    def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
-        """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""
-
-
 @dataclass(eq=False)
 class Stiffness:
     """K (n, n) on the constrained unknowns, its factor, and the rigid-body modes R (n, r) in its null space.
 
     `R` has orthonormal columns. `factor`: that of K with the springs `spring` (n,), embedded by `whole` unless that is
-    None. It is an `Operator`, and solves with K.
+    None. `matrix`: K, or the matrix of that factor, as blocks. It is an `Operator`, and solves with K.
     """
 
-    K: csr_array
+    matrix: Matrix
     factor: Factor
     R: NDArray[np.floating]
     whole: Whole | None = None
@@ -100,6 +54,11 @@ class Stiffness:
 
     def __post_init__(self) -> None:
         self._restricted: tuple[Ints, csr_array] | None = None
+
+    @cached_property
+    def K(self) -> csr_array:
+        """Matrix (n, n); where only blocks are kept, it is made of them once it is asked for."""
+        return self.matrix if isinstance(self.matrix, csr_array) else self._submatrix(np.arange(len(self.R)))
 
     @property
     def definite(self) -> bool:
@@ -119,7 +78,11 @@ class Stiffness:
     @cached_property
     def scaling(self) -> NDArray[np.floating]:
         """Diagonal (n,) of K with its springs; 1 where it is 0."""
-        d = self.K.diagonal() + (0.0 if self.spring is None else self.spring)
+        d = self.matrix.diagonal()
+        if isinstance(self.matrix, csr_array):
+            d = d + (0.0 if self.spring is None else self.spring)
+        elif self.whole is not None:
+            d = d[self.whole.free]
         return np.where(d == 0, 1.0, d)
 
     def apply(self, q: Floats) -> NDArray[np.floating]:
@@ -132,8 +95,14 @@ class Stiffness:
     def restricted(self, unknowns: Ints) -> csr_array:
         """Return the rows and columns of K at some unknowns; the last are kept, as all active sets ask for the same."""
         if self._restricted is None or self._restricted[0] is not unknowns:
-            self._restricted = unknowns, csr_array(self.K[unknowns][:, unknowns])
+            self._restricted = unknowns, self._submatrix(unknowns)
         return self._restricted[1]
+
+    def _submatrix(self, unknowns: Ints) -> csr_array:
+        if isinstance(self.matrix, csr_array) or self.whole is None:
+            return csr_array(self.matrix[unknowns][:, unknowns])
+        K = submatrix(self.matrix, self.whole.free[unknowns])
+        return K if self.spring is None else csr_array(K - diags_array(self.spring[unknowns]))
 
     def solve(self, f: Floats) -> NDArray[np.floating]:
         """Return K^-1 f (n,); f should be in balance along R, since the springs balance the rest."""
@@ -183,23 +152,56 @@ class FactorCache:
         self._analyses: dict[bool, Analysis] = {}
         self._cycles: Factor | None = None
 
+    @property
+    def on_nodes(self) -> bool:
+        """True if multigrid is taken, which works on blocks of whole nodes: see `factorise_on_nodes`."""
+        return self._whole is not None and not self._chosen.direct
+
+    @cached_property
+    def _chosen(self) -> Backend:
+        return choose(self._backend, len(self._R), 0 if self._whole is None else self._whole.modes.shape[1])
+
     def factorise(self, K: csr_array, definite: bool = True) -> Stiffness:
         """Factorise a symmetric K, regularised by springs; with `definite` false K may be indefinite, see `analyse`.
 
         Raises SingularError if K has other motions without energy than R.
         """
-        regular, spring, R, whole = K, None, self._R, self._whole
-        if R.shape[1]:
-            spring = np.zeros(K.shape[0])
-            spring[leading_unknowns(R)] = np.abs(K.diagonal()).mean() or 1.0
+        regular, spring, whole = K, self._springs(K.diagonal()), self._whole
+        if spring is not None:
             regular = csr_array(K + diags_array(spring))
-        chosen = choose(self._backend, K.shape[0], 0 if whole is None else whole.modes.shape[1])
-        if chosen.direct or whole is None or not definite:
-            return Stiffness(K, self._analysed(regular, chosen.name, definite), R, None, spring)
+        if whole is None or self._chosen.direct or not definite:
+            return Stiffness(K, self._analysed(regular, self._chosen.name, definite), self._R, None, spring)
         on_nodes = bsr_array(embed(regular, whole.free, whole.n_dof).tobsr((whole.block, whole.block)))
-        made = analyse(on_nodes, backend=chosen.name, threads=self._threads, modes=whole.modes, block=whole.block)
-        self._cycles = made.factor(on_nodes, self._cycles)
-        return Stiffness(K, self._cycles, R, whole, spring)
+        return Stiffness(K, self._preconditioned(on_nodes, whole), self._R, whole, spring)
+
+    def factorise_on_nodes(self, K: bsr_array) -> Stiffness:
+        """Return the factor of K that is embedded in the unknowns of all nodes as blocks, for multigrid.
+
+        K is the only copy that is kept, and regularised in place. Raises SingularError as `factorise` does.
+        """
+        whole = self._whole
+        assert whole is not None
+        spring = self._springs(K.diagonal()[whole.free])
+        if spring is not None:
+            everywhere = np.zeros(whole.n_dof)
+            everywhere[whole.free] = spring
+            add_to_diagonal(K, everywhere)
+        return Stiffness(K, self._preconditioned(K, whole), self._R, whole, spring)
+
+    def _springs(self, diagonal: Floats) -> NDArray[np.floating] | None:
+        """Return springs (n,) at as many unknowns as K of that diagonal has rigid-body modes; None if it has none."""
+        if not self._R.shape[1]:
+            return None
+        spring = np.zeros(len(diagonal))
+        spring[leading_unknowns(self._R)] = np.abs(diagonal).mean() or 1.0
+        return spring
+
+    def _preconditioned(self, K: bsr_array, whole: Whole) -> Factor:
+        """Return K with a hierarchy, that of the matrix before until it is stale."""
+        name = self._chosen.name
+        made = analyse(K, backend=name, threads=self._threads, modes=whole.modes, block=whole.block)
+        self._cycles = made.factor(K, self._cycles)
+        return self._cycles
 
     def _analysed(self, K: csr_array, backend: str, definite: bool) -> Factor:
         """Return a factor of K, by the analysis before if the pattern is the same."""

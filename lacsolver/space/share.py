@@ -72,6 +72,10 @@ class Share(Protocol):
         """Index (n_nodes,) in the whole model of each node; None if the share is the whole."""
 
     @property
+    def cell(self) -> Ints | None:
+        """Index (n_cells,) in the whole model of each cell; None if the share is the whole."""
+
+    @property
     def common(self) -> NDArray[np.bool_] | None:
         """Mask (n_nodes,) of the nodes of contact skins, which all processes have; None for one alone."""
 
@@ -110,6 +114,9 @@ class Share(Protocol):
         those nodes. Others mean the same on all.
         """
 
+    def texts(self, own: Sequence[str]) -> tuple[str, ...]:
+        """Return the different texts of all processes, those of the first one first."""
+
     def agree(self, error: Exception | None) -> None:
         """Raise the error of the first process that has one, on all of them."""
 
@@ -125,7 +132,7 @@ class Alone:
     """
 
     rank, n = 0, 1
-    comm = number = common = own = origin = node = body = None
+    comm = number = common = own = origin = node = cell = body = None
 
     def read(self, path: Path, skins: Sequence[str], slaves: Mapping[str, str]) -> Mesh:
         """Return the mesh of a file. Raises ReadError, and RequestError for a mesh that is divided."""
@@ -172,6 +179,10 @@ class Alone:
     def add_matrices(self, A: csr_array, nodal: tuple[bool, bool]) -> csr_array:
         """Return A."""
         return A
+
+    def texts(self, own: Sequence[str]) -> tuple[str, ...]:
+        """Return the different texts."""
+        return tuple(dict.fromkeys(own))
 
     def agree(self, error: Exception | None) -> None:
         """Raise the error, if there is one."""

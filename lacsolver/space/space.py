@@ -126,7 +126,7 @@ class Space:
         if model not in MODELS:
             raise RequestError(f"no model named {model!r}{did_you_mean(model, MODELS)}")
         thickness = _thickness(model, thickness)
-        made = cls(mesh, MODELS[model], _solid_blocks(mesh, MODELS[model], share.own), thickness, share)
+        made = cls(mesh, MODELS[model], _solid_blocks(mesh, MODELS[model], share), thickness, share)
         _check_plane(made)
         _check_volume(made)
         return made
@@ -248,21 +248,22 @@ class Space:
         return np.flatnonzero(chosen)
 
 
-def _solid_blocks(mesh: Mesh, model: ModellingHypothesis, own: NDArray[np.bool_] | None = None) -> tuple[Cells, ...]:
-    """Return the cells of the model's dimension, one block per type; with `own` nodes, those that touch them."""
+def _solid_blocks(mesh: Mesh, model: ModellingHypothesis, share: Share) -> tuple[Cells, ...]:
+    """Return the cells of the model's dimension, one block per type; of several processes, those at own nodes.
+
+    All processes have a block for each type of the model, which is empty where no cell touches an own node.
+    """
     blocks = []
     for k, (kind, nodes) in enumerate(mesh.blocks):
-        if ALL_CELLS[kind].dim != model.dim or not len(nodes):
+        if ALL_CELLS[kind].dim != model.dim or not share.total(np.array(len(nodes))):
             continue
         index = np.arange(mesh.offsets[k], mesh.offsets[k + 1])
         if kind not in CELLS:
             message = f"cells {mesh.cell_names(index[:10])} are of type {kind}, of order 3 or more"
             raise DataError(f"{message}; mesh the body with linear or quadratic cells", mesh.cell_number[index])
-        if own is not None:
-            touching = own[nodes].any(axis=1)
+        if share.own is not None:
+            touching = share.own[nodes].any(axis=1)
             nodes, index = nodes[touching], index[touching]
-            if not len(nodes):
-                continue
         blocks.append(Cells(kind, fixed(np.ascontiguousarray(nodes, np.int32)), index))
     if not blocks:
         there = ", ".join(mesh.cells_by_type) or "no cells"
@@ -283,7 +284,7 @@ def _thickness(model: str, thickness: float | None) -> float:
 def _check_plane(space: Space) -> None:
     """Raise DataError unless a plane model's nodes lie in one plane z = constant, an axisymmetric one's at x >= 0."""
     mesh = space.mesh
-    if space.dim == 3:
+    if space.dim == 3 or not space.attached.any():
         return
     x = mesh.points[space.attached]
     extent = np.ptp(x, axis=0)[:2].max()

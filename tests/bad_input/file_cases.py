@@ -127,6 +127,6 @@ _IN_TWO = {
 }
 _MAGIC = {
     "mail": (3, "is no keyword of a .mail file"),
-    "inp": (0, "the text before the first keyword line is left out"),
+    "inp": (0, "the text before the first keyword line is no card"),
 }
 _NAMED = {".mail": "is no keyword of a .mail file", ".inp": "holds no keyword line"}

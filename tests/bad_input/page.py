@@ -76,6 +76,11 @@ KINDS = {
         "What a command was asked to see to is not so: nothing is written, and the status is 1. `lacmesh check` prints "
         "its findings first; `lacmesh quality` measures, and its status is 0 whatever it measures.",
     ),
+    "decks": (
+        "Decks that contradict themselves",
+        "A deck is judged where it is written as a deck: `info` and `check` need its mesh alone. `--lenient` goes on "
+        "with a warning.",
+    ),
     "geometry": (
         "Geometry",
         "`lacmesh mesh` lets gmsh work in a process of its own, so that gmsh may fail in any way, and may be stopped.",

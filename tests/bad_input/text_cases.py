@@ -114,6 +114,34 @@ def _with_more(content: bytes, more: bytes, folder: Path) -> None:
     (folder / "more.inp").write_bytes(more)
 
 
+#: Cards that contradict the mesh or each other, and what is said of them.
+DECKS = {
+    "a section of no set": ("*SOLID SECTION, ELSET=nothing\n", "no element set 'nothing'"),
+    "a condition on no set": ("*BOUNDARY\nnothing, 1, 3\n", "no node set 'nothing'"),
+    "a condition on no node": ("*BOUNDARY\n999, 1, 3\n", "there is no node 999"),
+    "a load on no element": ("*DLOAD\n999, P1, 1.\n", "there is no element 999"),
+    "a load on no surface": ("*DSLOAD\nnothing, P, 1.\n", "no surface 'nothing'"),
+    "a contact pair without its interaction": ("*CONTACT PAIR, INTERACTION=I\nSLAVE, SLAVE\n", "no "),
+    "a load with no amplitude": ("*CLOAD, AMPLITUDE=A\n1, 3, 1.\n", "no amplitude 'A'"),
+    "a step inside a step": ("*STEP\n*STEP\n*END STEP\n", "has no .END STEP before it"),
+    "the end of no step": ("*END STEP\n", "there is no .STEP above it"),
+    "a step without its end": ("*STEP\n*STATIC\n", "has no .END STEP; end it"),
+    "a parameter with two values": ("*BOUNDARY, OP=NEW, OP=MOD\n", "OP is both NEW and MOD"),
+}
+#: A deck is judged where it is written.
+CONVERT = ("convert", "{in}", "{out}", "--force")
+
+
+def _decks() -> Iterator[Case]:
+    """Yield decks that contradict themselves, to be written as decks; and one that is written all the same."""
+    content = raw.inp(two_hexahedra())
+    for what, (cards, says) in DECKS.items():
+        yield Case("decks", "inp", what, content + cards.encode(), says, 1, CONVERT, out="out.inp")
+    cards, says = DECKS["a step without its end"]
+    lenient = (*CONVERT, "--lenient")
+    yield Case("decks", "inp", "the same, with --lenient", content + cards.encode(), says, 0, lenient, out="out.inp")
+
+
 def cases() -> Iterator[Case]:
     """Both formats."""
     for name, (writer, changes) in WRITERS.items():
@@ -128,6 +156,7 @@ def cases() -> Iterator[Case]:
     ):
         yield Case("sections", "inp", what, partial(_with_more, content, more), says)
     text = raw.inp(two_hexahedra()) + b"*MATERIAL, NAME=steel\n*STEP\n*STATIC\n*END STEP\n"
-    yield Case("sections", "inp", "cards that are no mesh", text, "left out", 0, INFO)
+    yield Case("sections", "inp", "cards that are no mesh, to a format without a place for them", text, "left out", 0)
+    yield from _decks()
     text = raw.inp(two_hexahedra()) + b"*NSET, NSET=A, GENERATE\n1, 1000000000000, 1\n"
     yield Case("counts", "inp", "10^12 numbers to generate: those that are there", text, "", 0, INFO)

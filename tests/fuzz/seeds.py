@@ -21,6 +21,7 @@ from lacmesh.mesh import Model, Periodic, Step
 from tests.bad_input import raw
 from tests.bad_input.mesh_cases import WRITERS
 from tests.bad_input.raw import two_hexahedra
+from tests.formats.decks import pressed
 from tests.formats.med_old import write_old
 from tests.fuzz import texts
 from tests.meshes import cell_with_faces, random_mesh
@@ -50,6 +51,7 @@ FORMATS = {
     "MED": Format(".med", text=False),
     "mail": Format(".mail"),
     "inp": Format(".inp", ({"target": "abaqus"},)),
+    "inp deck": Format(".inp", ()),
     "vtu": Format(".vtu", _PACKED),
     "xdmf": Format(".xdmf", _PACKED),
 }
@@ -107,6 +109,11 @@ def _by_hand(name: str) -> Iterator[Seed]:
         for version in ((2, 3, 6), (3, 0, 0)):
             yield Seed(main, {main: raw.med(two_hexahedra(), version)})
         yield Seed(main, {main: _old()})
+        return
+    if name == "inp deck":
+        for element in ("C3D8I", "C3D10", "CPE4"):
+            yield Seed(main, {main: pressed(element).encode()})
+        yield Seed(main, {main: texts.DECK.encode(), "more.inp": texts.INCLUDED.encode()})
         return
     yield Seed(main, {main: WRITERS[name](two_hexahedra())})
     if name == "inp":

@@ -44,6 +44,74 @@ Fix, 1, 3
 *END STEP
 """
 
+#: A deck with every card that is rewritten where elements are cut.
+DECK = """** a deck
+*INCLUDE, INPUT=more.inp
+*NSET, NSET=Top, GENERATE
+7, 12
+*NSET, NSET=Fix
+1, 2, 3
+4, 5, 6
+*ELEMENT, TYPE=C3D8, ELSET=Body
+1, 1, 2, 5, 4, 7, 8, 11, 10
+*ELEMENT, TYPE=B31, ELSET=Beam
+41, 1, 4, 3
+*SURFACE, NAME=slave
+Body, S2
+*SURFACE, NAME=master, TYPE=ELEMENT
+Second, S1
+2, S3
+*SURFACE, NAME=Nodes, TYPE=NODE
+Top
+1
+*MATERIAL, NAME=steel
+*ELASTIC
+210000., .3
+*SOLID SECTION, ELSET=Body, MATERIAL=steel
+*SOLID SECTION, ELSET=Second, MATERIAL=steel
+*SURFACE INTERACTION, NAME=I
+*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD
+*CONTACT PAIR, INTERACTION=I
+slave, master
+*EQUATION
+2
+Fix, 1, 1., 9, 1, -1.
+*INITIAL CONDITIONS, TYPE=TEMPERATURE
+Fix, 20.
+7, 1.
+8, 2.
+10, 3.
+11, 4.
+*INITIAL CONDITIONS, TYPE=STRESS
+2, 1, 1., 2., 3., 4., 5., 6.
+*AMPLITUDE, NAME=A
+0., 0., 1., 1.
+*STEP, NLGEOM
+*STATIC
+*BOUNDARY, AMPLITUDE=A
+Fix, 1, 3
+7, 1, 2, .5
+8, 1, 2, 1.
+10, 1, 2
+11, 1, 2, 1.d0
+*CLOAD
+Top, 3, -1.
+*DLOAD
+1, P2, 3.
+Body, P3, 4.
+Second, GRAV, 9.81, 0., 0., -1.
+1, BX, 1.
+*FILM
+1, F6, 20., 1.
+*MODEL CHANGE, TYPE=ELEMENT, REMOVE
+1, Second
+*TEMPERATURE
+Top, 5.
+*NODE PRINT, NSET=Top
+U
+*END STEP
+"""
+
 INCLUDED = """*NODE
 1, 0., 0., 0.
 2, 1., 0., 0.

@@ -85,10 +85,24 @@ def _read(path: Path) -> Outcome:
     for group in list(mesh.cell_groups)[:2]:
         _allowed(cut_skin, mesh, group)
         _allowed(_checked, mesh, group)
+        if mesh.deck is not None:
+            _allowed(_cut_deck, mesh, group, path)
     _allowed(page, mesh, path.with_name("out.html"))
     for suffix in OWN:
         _allowed(lacmesh.write, path.with_name(f"out{suffix}"), mesh)
     return Outcome(READ)
+
+
+def _cut_deck(mesh: Mesh, group: str, path: Path) -> None:
+    """Cut a deck and write it: the new file is read again, as a mesh of as many nodes."""
+    cut = cut_skin(mesh, group, hexa="hexa").mesh
+    out = path.with_name("cut.inp")
+    lacmesh.write(out, cut, lenient=True)
+    try:
+        back = lacmesh.read(out)
+    except LacmeshError as error:
+        raise RuntimeError(f"a deck that was written cannot be read: {error}") from error
+    _must(back.n_nodes == cut.n_nodes, "a deck that was cut")
 
 
 def _checked(mesh: Mesh, group: str) -> None:

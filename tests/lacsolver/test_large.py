@@ -28,7 +28,7 @@ def test_the_figures_of_a_size(found):
     assert 0.3 * phases["contact"] < parts <= phases["contact"]
     assert 0.05 < found["memory"] < 2.0
     row = large.line(found)
-    assert row.count("|") == 11 and f"{found['cycles']} V-cycles" in row
+    assert row.count("|") == 12 and f"{found['cycles']} V-cycles" in row
 
 
 @pytest.mark.parametrize("ratio", [100.0, 0.01])

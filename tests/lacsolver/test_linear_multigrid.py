@@ -87,6 +87,22 @@ def test_prescribed_components_stay_as_rows_of_the_identity():
         multigrid(K[kept][:, kept], rigid_modes(space)[kept])
 
 
+def test_blocks_of_zeros_are_kept_and_change_nothing():
+    """A matrix is not written into, also where blocks of zeros are stored that join no bodies."""
+    one, modes = held("hexahedra")
+    K = csr_array(block_diag([one, one])).tobsr((3, 3))
+    rows = np.repeat(np.arange(len(K.indptr) - 1), np.diff(K.indptr))
+    row, at = np.r_[rows, 0, rows[-1]], np.r_[K.indices, rows[-1], 0]  # two more blocks, in opposite corners
+    order = np.argsort(row, kind="stable")
+    data = np.concatenate([K.data, np.zeros((2, 3, 3))])[order]
+    stored = bsr_array((data, at[order], np.r_[0, np.cumsum(np.bincount(row))]), shape=K.shape)
+    before = stored.toarray()
+    b = np.random.default_rng(0).normal(size=K.shape[0])
+    x = multigrid(stored, np.concatenate([modes, modes])).solve(b)
+    assert np.array_equal(stored.toarray(), before)
+    np.testing.assert_allclose(K @ x, b, atol=1e-11 * np.linalg.norm(b))
+
+
 def test_without_modes_translations_serve():
     K, _ = held("hexahedra")
     b = np.ones(K.shape[0])

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.program import on_one_line
-from lacmesh.errors import LacmeshError
+from lacmesh.errors import LacmeshError, RequestError
 from verification.cli.options import add_choice, add_command
 
 if TYPE_CHECKING:
     from verification.running.folder import CaseResult, Run
+    from verification.running.plan import Planned
     from verification.running.suite import Progress
 
 
@@ -39,7 +41,7 @@ def run(args: argparse.Namespace) -> None:
     from verification.running.plan import plan
     from verification.running.suite import locked_run, run_suite
 
-    planned = plan(args.suite, args.family, args.case)
+    planned = _possible(plan(args.suite, args.family, args.case))
     folder = args.output or Path("build") / f"verification-{args.suite}"
     jobs = args.jobs or cores()
     with locked_run(folder, resume=args.resume):
@@ -47,6 +49,23 @@ def run(args: argparse.Namespace) -> None:
         made = run_suite(planned, args.suite, folder, jobs, *((_quiet, _quiet) if args.quiet else (_begun, _said)))
         report.write(made, folder / "report.html")
     _end(made, quiet=args.quiet)
+
+
+def _possible(planned: Sequence[Planned]) -> list[Planned]:
+    """Return what can be run here, with a line about each family that cannot.
+
+    Raises RequestError, with what is missing, if nothing is left.
+    """
+    from verification.families import family
+
+    lacking = {name: said for name in {p.case.family for p in planned} if (said := family(name).missing())}
+    left = [p for p in planned if p.case.family not in lacking]
+    if not left:
+        raise RequestError("; ".join(f"family {name} cannot be run: {said}" for name, said in lacking.items()))
+    for name, said in lacking.items():
+        count = sum(p.case.family == name for p in planned)
+        print(f"family {name} is left out ({count} of the cases): {said}", flush=True)
+    return left
 
 
 def _begun(progress: Progress) -> None:

@@ -21,6 +21,7 @@ MODULES = {
     "sliding": "sliding",
     "impact": "impact",
     "scaling": "scaling",
+    "distributed": "distributed",
 }
 
 

@@ -138,6 +138,11 @@ def slide(case: Case, given: Slider, levels: int) -> Outcome:
 
 def slid(given: Slider, n: int) -> Solved:
     """The block, n cells a side, over all steps."""
+    return solve(slider_text(given), slider(given.cell, n, given.faces, given.wave))
+
+
+def slider_text(given: Slider) -> str:
+    """The case of the block, as TOML."""
     up, whole = "xyz"[given.dim - 1], 1.0 + given.steps
     along = [[1.0, 0.0], [whole, given.way]]
     lines = ['mesh = "slider.msh"', f'model = "{"plane_strain" if given.dim == 2 else "3d"}"', 'kinematics = "finite"']
@@ -153,7 +158,7 @@ def slid(given: Slider, n: int) -> Solved:
         lines += [entry("displacement", group="y0", uy=0.0)] * (given.dim - 2)
         lines.append(entry("pressure", group="top", value=[[0.0, 0.0], [1.0, given.pressure]]))
     lines += [f"[steps]\nend = {whole}\ncount = {1 + given.steps}", f"[solver]\ntolerance = {given.tolerance!r}"]
-    return solve("\n".join(lines), slider(given.cell, n, given.faces, given.wave))
+    return "\n".join(lines)
 
 
 # ---- a ring, and ironing
@@ -187,6 +192,11 @@ def between_faces(given: Dragged, smooth: Solved) -> Iterator[Result]:
 
 def dragged(given: Dragged, size: int, steps: int) -> Solved:
     """A mesh, over all steps."""
+    return solve(dragged_text(given, steps), MESHES[given.mesh](size))
+
+
+def dragged_text(given: Dragged, steps: int) -> str:
+    """The case of the body that is dragged in so many steps, as TOML."""
     lines = [f'mesh = "{given.mesh}.msh"', f'model = "{given.model}"', 'kinematics = "finite"']
     for group, young, poisson in given.materials:
         lines.append(entry("material", groups=[group], law="neo_hookean", young=young, poisson=poisson))
@@ -198,7 +208,7 @@ def dragged(given: Dragged, size: int, steps: int) -> Solved:
         lines.append(entry("displacement", group=group, **dict.fromkeys(components, 0.0)))
     lines += [entry("displacement", group=given.moved, **dict(given.path)), entry("probe", group=given.moved)]
     lines += [f"[steps]\nend = {given.end}\ncount = {steps}", f"[solver]\ntolerance = {given.tolerance!r}"]
-    return solve("\n".join(lines), MESHES[given.mesh](size))
+    return "\n".join(lines)
 
 
 def _iterations(given: Dragged, own: Solved) -> Result:

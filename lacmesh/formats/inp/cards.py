@@ -38,14 +38,27 @@ class Span(NamedTuple):
 
 @dataclass
 class Card:
-    """A keyword (`name`, in capitals without blanks; `shown`, as written), its parameters, its data lines."""
+    """A keyword (`name`, in capitals without blanks; `shown`, with them), its parameters, its data lines.
+
+    `head`: the keyword line; `body`: all lines up to the next one, comments included; `spans`: the data among them.
+    """
 
     name: str
     shown: str
     parameters: dict[str, str]
-    source: SourceFile
-    at: int
+    head: Span
     spans: list[Span] = field(default_factory=list)
+    body: list[Span] = field(default_factory=list)
+
+    @property
+    def source(self) -> SourceFile:
+        """The file that the keyword line stands in."""
+        return self.head.source
+
+    @property
+    def at(self) -> int:
+        """Offset of the keyword line in its file."""
+        return self.head.begin
 
     def text(self) -> bytes:
         """All data lines, each terminated by a line end."""
@@ -76,15 +89,15 @@ def label(text: str) -> tuple[str, str]:
     return shown, shown.upper()
 
 
-def cards(path: Path, said: list[str]) -> list[Card]:
-    """The cards of a file and of those that it includes, in order. Raises ReadError."""
+def cards(path: Path, said: list[str]) -> tuple[list[Card], list[Span]]:
+    """The cards of a file and of those that it includes, in order, and the lines before the first. Raises ReadError."""
     walk = _Walk(path)
     walk.walk(SourceFile(path), ())
     if not walk.cards:
         raise ReadError(path, "holds no keyword line (as *NODE)")
     if walk.stray:
-        said.append("the text before the first keyword line is left out")
-    return walk.cards
+        said.append("the text before the first keyword line is no card")
+    return walk.cards, walk.start
 
 
 class _Walk:
@@ -93,6 +106,7 @@ class _Walk:
     def __init__(self, path: Path) -> None:
         self.home = path.parent
         self.cards: list[Card] = []
+        self.start: list[Span] = []
         self.n_files = 0
         self.stray = False
 
@@ -103,12 +117,14 @@ class _Walk:
             raise ReadError(source.path, f"includes more than {_MOST_FILES} files")
         begin = 0
         for at, end in _starred(source):
-            self._add_data(source, begin, at)
+            start = source.data.rfind(b"\n", begin, at) + 1 or begin
+            self._add_data(source, begin, start)
             begin = end
             if source.data[at + 1 : at + 2] == b"*":
+                self._add_lines(source, start, end)
                 continue
             text, begin = _keyword_line(source, at, end)
-            card = _card(source, at, text)
+            card = _card(Span(source, start, begin), text)
             if card.name == "INCLUDE":
                 self._include(card, source, at, inside)
             else:
@@ -117,7 +133,18 @@ class _Walk:
                     self._include(card, source, at, inside)
         self._add_data(source, begin, source.size)
 
+    def _add_lines(self, source: SourceFile, begin: int, end: int) -> None:
+        """Add lines of any kind to the body of the last card, as one span with those that they follow."""
+        body = self.cards[-1].body if self.cards else self.start
+        if begin == end:
+            return
+        if body and body[-1].source is source and body[-1].end == begin:
+            body[-1] = body[-1]._replace(end=end)
+        else:
+            body.append(Span(source, begin, end))
+
     def _add_data(self, source: SourceFile, begin: int, end: int) -> None:
+        self._add_lines(source, begin, end)
         if not _SOLID.search(source.data, begin, end):
             return
         if not self.cards:
@@ -167,11 +194,11 @@ def _keyword_line(source: SourceFile, at: int, end: int) -> tuple[str, int]:
     return text, end
 
 
-def _card(source: SourceFile, at: int, text: str) -> Card:
+def _card(head_span: Span, text: str) -> Card:
     head, _, rest = text[1:].partition(",")
     shown = " ".join(head.split()).upper()
     parameters = {}
     if rest.strip():
         for parameter in _PARAMETER.finditer(rest):
             parameters["".join(parameter[1].split()).upper()] = parameter[2] or ""
-    return Card(shown.replace(" ", ""), shown, parameters, source, at)
+    return Card(shown.replace(" ", ""), shown, parameters, head_span)

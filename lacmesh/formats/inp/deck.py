@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from lacmesh.formats.inp import data as inp_data
-from lacmesh.formats.inp.cards import Card, cards, label
+from lacmesh.formats.inp.cards import Card, Span, cards, label
 from lacmesh.formats.inp.data import Members, key
 from lacmesh.formats.inp.scope import ElementCard, NodeCard, Scope, SurfaceCard, raised
-from lacmesh.formats.inp.types import LINE, NO_CELL, element
+from lacmesh.formats.inp.types import LINE, NO_CELL, POINT, element
 from lacmesh.formats.text import decoded, values_in_lines
 from lacmesh.mesh import Floats, Ints
 
@@ -28,8 +28,6 @@ _NOT_READ = {
     "SYSTEM": "turns coordinates",
     "SYMMETRICMODELGENERATION": "makes elements",
 }
-#: Cards that only say where a part of the file begins or ends.
-_FRAMES = {"ENDPART", "ENDASSEMBLY", "ASSEMBLY"}
 #: Cards whose members are listed by number.
 _OF_MEMBERS = {"NSET", "ELSET", "SURFACE"}
 _LARGEST = 10**9
@@ -46,20 +44,28 @@ class _Instance:
 
 @dataclass
 class InputDeck:
-    """Mesh content of a file: its `scope`, the cards left out, other messages, and the heading."""
+    """Content of a file: the `scope` of its mesh, all its cards and the lines before them, messages, the heading.
+
+    `whole`: cards whose data lines say more than the cells made of them, as orientation nodes of beams. `largest`: the
+    largest number of an element that is no cell. `apart`: why numbers of the cards are not those of the scope.
+    """
 
     scope: Scope = field(default_factory=Scope)
-    left_out: dict[str, None] = field(default_factory=dict)
+    cards: list[Card] = field(default_factory=list)
+    start: list[Span] = field(default_factory=list)
     said: list[str] = field(default_factory=list)
     heading: list[str] = field(default_factory=list)
+    whole: list[Card] = field(default_factory=list)
+    largest: int = 0
+    apart: str = ""
 
 
 def read_model(path: Path) -> InputDeck:
     """Read the model in a file, with all instances merged into one scope. Raises ReadError."""
     model = InputDeck()
-    listed = cards(path, model.said)
-    reader = _Reader(model, sum(c.name == "INSTANCE" for c in listed))
-    for card in _sets_after_own_nodes(listed):
+    model.cards, model.start = cards(path, model.said)
+    reader = _Reader(model, sum(c.name == "INSTANCE" for c in model.cards))
+    for card in _sets_after_own_nodes(model.cards):
         reader.take(card)
     return reader.finish()
 
@@ -112,6 +118,7 @@ class _Reader:
         self.too_long: dict[str, int] = {}
         self.elsewhere = False  # a file without parts that names instances
         self.n_no_cell: dict[str, int] = {}
+        self.other_surfaces: dict[str, None] = {}
 
     def take(self, card: Card) -> None:
         """Process one card. Raises ReadError."""
@@ -120,8 +127,6 @@ class _Reader:
         elif card.name in _NOT_READ:
             what = _NOT_READ[card.name]
             raise card.error(f"*{card.shown} {what}, which is not read; write all nodes and elements out")
-        elif card.name not in _FRAMES:
-            self.model.left_out[card.shown] = None
 
     def finish(self) -> InputDeck:
         """Complete the model after the last card. Raises ReadError."""
@@ -138,7 +143,9 @@ class _Reader:
         if self.elsewhere:
             self.model.said.append("sets name an instance, and this file has no parts: they are read without it")
         for name, n in self.n_no_cell.items():
-            self.model.said.append(f"{n} elements of type {name} are no cells, and left out")
+            self.model.said.append(f"{n} elements of type {name} are no cells, and left out of the mesh")
+        if self.other_surfaces:
+            self.model.said.append(f"no groups are made of: {', '.join('*' + name for name in self.other_surfaces)}")
         return self.model
 
     def _raise(self) -> tuple[int, int]:
@@ -147,6 +154,7 @@ class _Reader:
             return 0, 0
         if self.own is None:
             self.own = _Instance("", *self.model.scope.largest())
+            self.model.apart = "the assembly has nodes or elements of its own, whose numbers are raised"
         return self.own.nodes, self.own.elements
 
     def _node(self, card: Card) -> None:
@@ -172,11 +180,15 @@ class _Reader:
                 raise card.error(f"elements of type {name[:40]} are not known to lacmesh; take them out of the file")
             n = int(np.count_nonzero(values_in_lines(card.text())))
             self.n_no_cell[name] = self.n_no_cell.get(name, 0) + n
+            self.model.whole.append(card)
+            self.model.largest = max(self.model.largest, _largest_of(card))
             if card.parameters.get("ELSET"):
                 self.here.add_to("element", card.parameters["ELSET"], card)
             return
         rows, lost = inp_data.elements(card, len(cell.nodes))
         self._count_lost(name, cell.kind == LINE, lost)
+        if cell.kind in (LINE, POINT) or lost.any():
+            self.model.whole.append(card)
         if len(rows) and (rows.min() < 1 or rows.max() >= _LARGEST):
             wrong = rows[(rows < 1) | (rows >= _LARGEST)][0]
             raise card.error(f"numbers of elements and nodes run from 1 to {_LARGEST - 1}, and one here is {wrong}")
@@ -247,10 +259,8 @@ class _Reader:
         if not shown:
             raise card.error("*SURFACE should say the surface's name: *SURFACE, NAME=name")
         if surface_type not in ("ELEMENT", "NODE") or {"COMBINE", "CROP"} & set(card.parameters):
-            shown_kind = (
-                f"SURFACE of type {surface_type}" if surface_type not in ("ELEMENT", "NODE") else "SURFACE, COMBINE"
-            )
-            self.model.left_out[shown_kind] = None
+            other = f"SURFACE of type {surface_type}" if surface_type not in ("ELEMENT", "NODE") else "SURFACE, COMBINE"
+            self.other_surfaces[other] = None
             return
         own = self._of(card)
         entries = inp_data.faces(card) if surface_type == "ELEMENT" else self._of_nodes(card)
@@ -303,6 +313,10 @@ class _Reader:
         prefix = f"{shown}." if self.n_instances > 1 else ""
         whole.add(scope, prefix, *by)
         self.instances[key(shown)] = _Instance(prefix, *by)
+        if len(self.instances) > 1 or any(by):
+            self.model.apart = f"there are {len(self.instances)} instances of parts"
+        elif begin.text().strip():
+            self.model.apart = f"the instance {shown} stands elsewhere than its part"
         if any(by):
             self.model.said.append(f"the numbers of instance {shown} are raised, nodes by {by[0]} and cells by {by[1]}")
         self.instance, self.here = None, whole
@@ -324,6 +338,12 @@ _HANDLERS: Mapping[str, Callable[[_Reader, Card], None]] = {
     "ENDINSTANCE": _Reader._end_instance,
     "HEADING": _Reader._heading,
 }
+
+
+def _largest_of(card: Card) -> int:
+    """The largest number that begins a data line; lines that continue an element may only make it larger."""
+    words = (line.split(b",", 1)[0].strip() for line in card.text().splitlines())
+    return max((int(word) for word in words if re.fullmatch(rb"[0-9]{1,9}", word)), default=0)
 
 
 def _placed(card: Card, points: Floats) -> Floats:

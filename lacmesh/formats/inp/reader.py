@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -11,8 +12,9 @@ import numpy as np
 
 from lacmesh.errors import LacmeshWarning, ReadError, some
 from lacmesh.formats.ids import Index, repeated
-from lacmesh.formats.inp.deck import InputDeck, read_model
-from lacmesh.formats.inp.plain import losses, plane_of
+from lacmesh.formats.inp.deck import read_model
+from lacmesh.formats.inp.plain import plane_of
+from lacmesh.formats.inp.record import deck_of
 from lacmesh.formats.inp.scope import ElementCard, NodesOf, Resolver, Scope, SurfaceCard
 from lacmesh.formats.inp.skin import CellBlock, DeckCells, Skin
 from lacmesh.mesh import Floats, Ints, Mesh
@@ -23,7 +25,7 @@ _NONE = np.empty(0, np.int64)
 def read(path: Path) -> Mesh:
     """Read the mesh in an .inp file of Abaqus or CalculiX. Raises ReadError, with the file and the line.
 
-    One LacmeshWarning names the cards that do not belong to a mesh, and the elements that cells do not preserve.
+    All cards are in `Mesh.deck`. One LacmeshWarning names what is read otherwise than it stands.
     """
     model = read_model(path)
     said = model.said
@@ -31,17 +33,17 @@ def read(path: Path) -> Mesh:
         raise ReadError(path, "has no nodes: there is no *NODE")
     number, points = _nodes(model.scope)
     elements = _elements(model.scope, Index(number), said)
-    said += losses(model.scope.elements)
     skin = Skin(DeckCells(elements.blocks, len(number)))
     groups = _groups(model.scope, number, elements.number, skin, said)
     new, members = skin.finish([groups.cells.get(name, _NONE) for name in groups.surfaces])
     if skin.unknown:
         said.append(f"surfaces name sides that are no faces, left out: {', '.join(skin.unknown)}")
-    _say(path, model, said)
-    cells = _with_skin(elements, new)
+    if said:
+        warnings.warn(LacmeshWarning(f"{path}: {'; '.join(said)}"), stacklevel=2)
+    cells = _with_skin(elements, new, model.largest)
     for name, which in zip(groups.surfaces, members, strict=True):
         groups.cells[name] = np.append(groups.cells.get(name, _NONE), which)
-    return Mesh.create(
+    mesh = Mesh.create(
         points,
         cells.blocks,
         space_dim=_space_dim(model.scope, points),
@@ -53,6 +55,7 @@ def read(path: Path) -> Mesh:
         name=model.heading[0] if len(model.heading) == 1 else "mesh",
         plane=plane_of(model.scope.elements),
     )
+    return replace(mesh, deck=deck_of(path, model, mesh))
 
 
 class _Listed(NamedTuple):
@@ -78,13 +81,6 @@ class _All(NamedTuple):
     place: Ints
     number: Ints
     of_earlier: Ints
-
-
-def _say(path: Path, model: InputDeck, said: list[str]) -> None:
-    if model.left_out:
-        said.append(f"left out, as they are no part of a mesh: {', '.join('*' + name for name in model.left_out)}")
-    if said:
-        warnings.warn(LacmeshWarning(f"{path}: {'; '.join(said)}"), stacklevel=3)
 
 
 def _nodes(scope: Scope) -> tuple[Ints, Floats]:
@@ -193,8 +189,8 @@ def _entry(resolver: Resolver, surface: SurfaceCard, which: Ints | str) -> Ints:
     return resolver.existing(of, which)
 
 
-def _with_skin(elements: _Listed, new: list[tuple[str, Ints]]) -> _All:
-    """Append the new cells on surfaces to the file's cells; they follow in number and order."""
+def _with_skin(elements: _Listed, new: list[tuple[str, Ints]], largest: int) -> _All:
+    """Append the new cells on surfaces to the file's cells; their numbers follow those, and `largest`."""
     offsets = np.cumsum([0, *(len(b.nodes) for b in elements.blocks)])
     blocks = {b.type: b.nodes for b in elements.blocks}
     index = {b.type: np.arange(lo, hi) for b, (lo, hi) in zip(elements.blocks, pairwise(offsets), strict=True)}
@@ -205,7 +201,7 @@ def _with_skin(elements: _Listed, new: list[tuple[str, Ints]]) -> _All:
         n += len(rows)
     before = np.concatenate([_NONE, *index.values()])  # the index that each cell had before new ones came among them
     more = np.arange(n - int(offsets[-1]))
-    number = np.append(elements.number, int(elements.number.max(initial=0)) + 1 + more)
+    number = np.append(elements.number, max(largest, int(elements.number.max(initial=0))) + 1 + more)
     place = np.append(elements.place, len(elements.place) + more)
     return _All(list(blocks.items()), place[before], number[before], np.argsort(before))
 

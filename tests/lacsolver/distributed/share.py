@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
+from lacsolver.bodies.mass import assemble_mass
+from lacsolver.bodies.material import Materials
 from lacsolver.case import read_case
 from lacsolver.distributed.processes import Processes
 from lacsolver.problem.problem import Problem
@@ -26,7 +29,10 @@ def found(comm):
     placed = _own_rows(K, constraints, own)
     vars(constraints)["is_selection"] = False
     product = _own_rows(K, constraints, own)
+    laws = tuple(replace(law, density=2.0) for law in problem.materials.laws)
+    M = assemble_mass(space, Materials(space.model, laws, problem.materials.law))
     return {
+        "mass": float(share.total(np.array(M[own].sum()))),
         "largest": share.largest(float(share.rank)),
         "least": share.largest(-1.0 - share.rank),
         "nan": math.isnan(share.largest(math.nan if share.rank else 1.0)),
@@ -39,7 +45,7 @@ def found(comm):
 
 
 def cycles(problem):
-    """What the V-cycle of GAMG's hierarchy leaves of an error, without and with rows of contact, and its symmetry."""
+    """Energy of an error after a V-cycle of GAMG's hierarchy, without and with rows of contact, and the symmetry."""
     model, constraints = ReducedProblem(problem), problem.constraints
     K = SharedFactors(np.zeros((constraints.n_q, 0)), "gamg", constraints, model.vectors).factorise(model.K_q)
     B = LoadStep(model, 1.0).contact(np.zeros(constraints.n_q)).rows.B
@@ -53,7 +59,10 @@ def cycles(problem):
 
 def quality(K, A, cycle, x, y):
     """The energy of x - cycle(A x) over that of x, and the difference of y cycle(x) and x cycle(y)."""
-    dot = lambda a, b: K.vectors.dots(a[None], b)[0]
+
+    def dot(a, b):
+        return K.vectors.dots(a[None], b)[0]
+
     left = x - cycle(A(x))
     one, other = dot(y, cycle(x)), dot(x, cycle(y))
     return float(dot(left, A(left)) / dot(x, A(x))), float(abs(one - other) / abs(one))

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 import shutil
+from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
 
 from lacmesh.cli import main as lacmesh_main
+from lacmesh.errors import RequestError
 from lacmesh.formats import read
 from lacsolver.case import read_case
+from lacsolver.cli import main as solver_main
 from lacsolver.output import read_state
+from lacsolver.problem import problem
 from lacsolver.problem.skin import prepared
 from tests.lacsolver.distributed.mpi import ROOT, in_ranks, own_lines
 
@@ -83,17 +88,40 @@ def test_parts_are_solved_by_as_many_processes(runs):
     assert "has 3 parts, and 2 processes were started; start 3 processes, or divide it again" in line
 
 
-@pytest.mark.parametrize(
-    ("section", "said"),
-    [
-        ('[[rigid]]\ngroup = "top"\n', "rigid bodies ([[rigid]])"),
-        ('[output]\nformat = "med"\n', '[output] format = "med"'),
-    ],
-)
-def test_what_only_one_process_solves_is_refused(runs, section, said):
+def test_med_is_the_file_of_one_process(runs):
+    text = (runs / "two_blocks.toml").read_text() + '[output]\nformat = "med"\n'
+    (runs / "med.toml").write_text(text)
+    run(3, runs / "med.toml", "-o", runs / "med_of_three")
+    assert not solver_main(["run", "-q", str(runs / "med.toml"), "-o", str(runs / "med_of_one")])
+    one, three = ({}, {})
+    for found, folder in ((one, "med_of_one"), (three, "med_of_three")):
+        with h5py.File(runs / folder / "results.med") as file:
+            file.visititems(lambda name, item, found=found: found.update({name: item[()]} if is_array(item) else {}))
+    assert one.keys() == three.keys() and len(one) > 20
+    for name, values in one.items():
+        size = np.nanmax(np.abs(values)) if values.dtype.kind == "f" else 0.0
+        np.testing.assert_allclose(three[name], values, rtol=0, atol=1e-9 * size + 1e-14, err_msg=name)  # closed gaps
+
+
+def is_array(item):
+    """True for an array of numbers of HDF5."""
+    return isinstance(item, h5py.Dataset) and item.dtype.kind in "if"
+
+
+def test_what_only_one_process_solves_is_refused(runs):
     text = (runs / "two_blocks.toml").read_text()
-    (runs / "refused.toml").write_text(text + section)
+    (runs / "refused.toml").write_text(text + '[[rigid]]\ngroup = "top"\nfz = -1.0\n')
     done = in_ranks(2, COMMAND, "run", runs / "refused.toml", "-o", runs / "refused")
     assert done.returncode == 2 and not (runs / "refused").exists()
     (line,) = own_lines(done.stderr)
+    said = "rigid bodies with a free motion ([[rigid]] with fx, fy, fz or moment)"
     assert f"{said}: only one process solves this so far" in line
+
+
+def test_med_of_a_large_model_is_refused(monkeypatch):
+    monkeypatch.setattr(problem, "MED_NODES", 3)
+    case = SimpleNamespace(rigid=(), output=SimpleNamespace(format="med"))
+    share = SimpleNamespace(node=np.arange(4), largest=lambda x: x)
+    with pytest.raises(RequestError, match=r"gathered on one, for at most 3 nodes, and the mesh has 4; take format"):
+        problem._check_shared(case, share)
+    problem._check_shared(case, SimpleNamespace(node=np.arange(3), largest=lambda x: x))

@@ -6,7 +6,10 @@ import json
 
 import pytest
 
-from tests.lacsolver.distributed.mpi import in_ranks
+import lacmesh
+from lacmesh.cells import CELLS
+from lacmesh.reference.quadrature import measure
+from tests.lacsolver.distributed.mpi import ROOT, in_ranks
 
 pytestmark = pytest.mark.petsc
 PROGRAM = """
@@ -36,6 +39,13 @@ def test_the_largest_value_of_all_processes_keeps_nan(told):
 def test_rows_placed_by_index_are_those_of_the_triple_product(told):
     assert sum(one["own"] for one in told) == one_process_has(told)
     assert [one["difference"] for one in told] == [0.0, 0.0]
+
+
+def test_the_rows_of_all_processes_have_the_whole_mass(told):
+    """Density 2, along each of three axes: six times the volume of the cells."""
+    mesh = lacmesh.read(ROOT / "data" / "two_blocks.msh")
+    volume = sum(measure(b.type, mesh.points[b.nodes]).sum() for b in mesh.blocks if CELLS[b.type].dim == 3)
+    assert [one["mass"] for one in told] == pytest.approx([6 * volume] * 2, rel=1e-12)
 
 
 def test_the_cycle_with_rows_of_contact_reduces_errors_as_that_without(told):

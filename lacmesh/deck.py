@@ -1,0 +1,187 @@
+"""The deck behind a mesh: every card of the .inp file that it was read from, in order, as plain text with its place.
+
+Only `lacmesh.formats.inp` makes it and writes it again; a cut notes here what it replaced, and who solves a deck reads
+materials, loads and steps from it. A card's nodes and elements are not repeated here: they are in the mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from lacmesh.mesh import Floats, Ints, Mesh, fixed
+
+
+class DataLine(NamedTuple):
+    """A data line, word for word, and its place; comments and blank lines are none."""
+
+    text: str
+    file: str
+    line: int
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Fields of the line: the text between commas, without blanks around it; a comma at the end adds no field.
+
+        >>> DataLine("Nfix, 1,3 ,\\n", "a.inp", 7).fields
+        ('Nfix', '1', '3')
+        """
+        fields = tuple(part.strip() for part in self.text.split(","))
+        return fields[:-1] if len(fields) > 1 and not fields[-1] else fields
+
+
+class Lines(NamedTuple):
+    """Lines that follow each other in a file, word for word: comments, blank lines and data; `line` is the first's."""
+
+    text: str
+    file: str
+    line: int
+
+
+@dataclass(frozen=True)
+class DeckCard:
+    """A card: its keyword line and the lines up to the next one, with their place.
+
+    `name`: the keyword in capitals with single blanks, "SOLID SECTION". `options`: the keyword line's parameters, by
+    name in capitals, with their values as written ("" without one), quotes included. `head`: the keyword line, word for
+    word, with its continuation lines. `body`: the lines that follow it, by the files that they stand in; that of a
+    *NODE, and of an *ELEMENT whose cells say the same, has comments alone. `numbers`: of the nodes or elements that
+    the card makes, None for any other card, and where those of the mesh are others (`Deck.apart`).
+    """
+
+    name: str
+    options: Mapping[str, str]
+    file: str
+    line: int
+    head: str
+    body: tuple[Lines, ...] = ()
+    numbers: Ints | None = None
+
+    @property
+    def key(self) -> str:
+        """Name without blanks, by which cards are compared: both programs ignore blanks."""
+        return self.name.replace(" ", "")
+
+    @property
+    def place(self) -> str:
+        """File and line of the keyword line, for a message."""
+        return f"{self.file}, line {self.line}"
+
+    @cached_property
+    def data(self) -> tuple[DataLine, ...]:
+        """The data lines, without comments and blank lines."""
+        found = []
+        for part in self.body:
+            for k, text in enumerate(part.text.splitlines()):
+                if text.strip() and not text.lstrip().startswith("**"):
+                    found.append(DataLine(text, part.file, part.line + k))
+        return tuple(found)
+
+
+class AddedNodes(Protocol):
+    """New nodes `ids` (k, m) in k cells of one type with nodes `sources` (k, n), at reference points `at` (m, dim).
+
+    `on` (k, c): the corners of the face, edge or cell on which they lie. All are indices. `values`: (k, m, ...), node
+    values `old` (n_nodes, ...) interpolated in the cells.
+    """
+
+    @property
+    def type(self) -> str: ...  # noqa: D102
+    @property
+    def sources(self) -> Ints: ...  # noqa: D102
+    @property
+    def at(self) -> Floats: ...  # noqa: D102
+    @property
+    def ids(self) -> Ints: ...  # noqa: D102
+    @property
+    def on(self) -> Ints: ...  # noqa: D102
+    def values(self, old: Floats) -> Floats: ...  # noqa: D102
+
+
+@dataclass(frozen=True, eq=False)
+class Deck:
+    """All cards of a deck in order, *INCLUDE resolved, and the mesh as it was read.
+
+    `start`: the lines before the first card. `mesh`: the mesh as read, which `Mesh.deck` of a later mesh still refers
+    to. `node_sets`, `element_sets`: name for comparison (`key_of`) -> name of the group of the mesh; `surfaces`: the
+    same for ("ELEMENT" or "NODE", name). A group of cells holds the cells of an element set and the skin cells of a
+    surface of the same name. `apart`: why the numbers on cards are not those of the mesh (instances), else empty.
+    What the mesh went through since: `child` (c,), `root` (c,): numbers of the elements that took the place of
+    elements of the deck, and of these; `added`: the new nodes, in order.
+    """
+
+    path: str
+    cards: tuple[DeckCard, ...]
+    mesh: Mesh
+    start: tuple[Lines, ...] = ()
+    node_sets: Mapping[str, str] = field(default_factory=dict)
+    element_sets: Mapping[str, str] = field(default_factory=dict)
+    surfaces: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    apart: str = ""
+    child: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    root: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    added: tuple[AddedNodes, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("child", "root"):
+            object.__setattr__(self, name, fixed(getattr(self, name)))
+
+    @property
+    def model(self) -> tuple[DeckCard, ...]:
+        """The cards before the first *STEP."""
+        first = next((k for k, card in enumerate(self.cards) if card.key == "STEP"), len(self.cards))
+        return self.cards[:first]
+
+    @property
+    def steps(self) -> tuple[tuple[DeckCard, ...], ...]:
+        """The cards of each step, from its *STEP up to the card before the next one."""
+        begins = [k for k, card in enumerate(self.cards) if card.key == "STEP"]
+        return tuple(self.cards[a:b] for a, b in zip(begins, [*begins[1:], len(self.cards)], strict=True))
+
+    def named(self, *keys: str) -> Iterator[DeckCard]:
+        """Iterate over the cards of some names (`DeckCard.key`), in order."""
+        return (card for card in self.cards if card.key in keys)
+
+    def node_group(self, name: str) -> str | None:
+        """Name of the mesh's group of nodes that a card means by `name`; None if there is no such node set."""
+        return self.node_sets.get(key_of(name))
+
+    def element_group(self, name: str) -> str | None:
+        """Name of the mesh's group of cells that a card means by `name`; None if there is no such element set."""
+        return self.element_sets.get(key_of(name))
+
+    def surface_group(self, name: str) -> tuple[str, str] | None:
+        """Type of the surface that a card means by `name`, and its group: ELEMENT, of cells; NODE, of nodes."""
+        found = [(kind, self.surfaces[kind, key_of(name)]) for kind in ("ELEMENT", "NODE")
+                 if (kind, key_of(name)) in self.surfaces]  # fmt: skip
+        return found[0] if found else None
+
+    def followed(self, child: Ints, parent: Ints, added: tuple[AddedNodes, ...]) -> Deck:
+        """The deck of a mesh in which elements were replaced, both by number (c,), and nodes were added."""
+        root = parent.copy()
+        if len(self.child):
+            order = np.argsort(self.child, kind="stable")
+            at = np.minimum(np.searchsorted(self.child[order], parent), len(order) - 1)
+            known = self.child[order][at] == parent
+            root[known] = self.root[order][at[known]]
+        keep = ~np.isin(self.child, parent)
+        return replace(
+            self,
+            child=np.append(self.child[keep], child),
+            root=np.append(self.root[keep], root),
+            added=(*self.added, *added),
+        )
+
+
+def key_of(name: str) -> str:
+    """Name of a set or surface in the form used for comparison: case and blanks count between quotes only.
+
+    >>> key_of(" Top face"), key_of('"Top face"')
+    ('TOPFACE', '"Top face"')
+    """
+    name = name.strip()
+    return name if len(name) > 1 and name[0] == name[-1] == '"' else "".join(name.split()).upper()

@@ -1,0 +1,216 @@
+"""The cards of a deck that are no part of the mesh, as they stand in a new file: word for word, or rewritten.
+
+A line is rewritten where it names an element that a cut replaced, or a node set that a cut made larger. `REWRITTEN` has
+what does it for each card; every other card is carried as it stands.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+
+from lacmesh.deck import DataLine, DeckCard
+from lacmesh.errors import DataError
+from lacmesh.formats.inp.follow import Followed
+from lacmesh.formats.inp.node_values import added_lines
+
+#: Entries of a data line.
+_PER_LINE = 16
+NUMBER = re.compile(r"[0-9]{1,9}")
+#: A load or a condition on a face of an element, as P3, F1NU, EDNOR2.
+_ON_FACE = re.compile(r"(P|HP|TRVEC|TRSHR|F|R|S|VP|SP|EDLD|EDNOR|EDSHR|EDTRA|EDMOM)([1-6])((?:NU|FC|CR)?.*)", re.I)
+#: Initial conditions of nodes; all others are of elements and their integration points.
+OF_NODES = ("TEMPERATURE", "VELOCITY", "DISPLACEMENT", "PRESSURE", "MASSFLOW", "TOTALPRESSURE", "FIELD", "POREPRESSURE")
+
+Replacement = list[str] | None
+
+
+class RefusedError(DataError):
+    """A line that cannot be carried; the text says why, and what to try."""
+
+
+class Complaints:
+    """Lines that cannot be carried: the first is an error, or with `lenient` all are left out and named."""
+
+    def __init__(self, lenient: bool) -> None:
+        self.lenient = lenient
+        self.said: list[str] = []
+
+    def add(self, card: DeckCard, file: str, line: int, why: str, left: str) -> None:
+        """Raise DataError with the card and its line, or note it, and what is `left`."""
+        text = f"{file}, line {line}: *{card.name}: {why}"
+        if not self.lenient:
+            raise DataError(f"{text}; --lenient (lenient=True) goes on with a warning")
+        self.said.append(f"{text}; {left}")
+
+
+def carried(card: DeckCard, followed: Followed, complaints: Complaints) -> Iterator[str]:
+    """Yield the text of a card in a new file, keyword line first. Raises DataError for a line that is refused."""
+    yield card.head
+    if followed.same or card.key not in REWRITTEN:
+        yield from (part.text for part in card.body)
+        return
+    for part in card.body:
+        for k, text in enumerate(part.text.splitlines(keepends=True)):
+            yield from _line(card, DataLine(text, part.file, part.line + k), followed, complaints)
+    if card.key in _OF_NODES or (card.key == "INITIALCONDITIONS" and _is_of_nodes(card)):
+        try:
+            yield from added_lines(card, followed)
+        except ValueError as error:
+            complaints.add(card, card.file, card.line, str(error), "its new nodes get none")
+
+
+def _line(card: DeckCard, line: DataLine, followed: Followed, complaints: Complaints) -> Iterator[str]:
+    """Yield what a line of a card becomes: itself, others, or nothing if it is refused and that is allowed."""
+    stripped = line.text.strip()
+    if not stripped or stripped.startswith("**"):
+        yield line.text
+        return
+    try:
+        made = REWRITTEN[card.key](card, line._replace(text=stripped), followed)
+    except RefusedError as error:
+        complaints.add(card, line.file, line.line, str(error), "the line is left out")
+        made = []
+    yield from [line.text] if made is None else (text + "\n" for text in made)
+
+
+def _load(card: DeckCard, line: DataLine, followed: Followed) -> Replacement:
+    """A load, film or flux of an element or an element set: the same on the children of those that were cut."""
+    fields = line.fields
+    label = fields[1] if len(fields) > 1 else ""
+    on_face = _ON_FACE.fullmatch(label)
+    if NUMBER.fullmatch(fields[0]):
+        numbers = [int(fields[0])]
+    elif on_face is None:  # the whole elements: their set has the children
+        return None
+    else:
+        found = followed.members(fields[0])
+        numbers = [] if found is None else found.tolist()
+    if not any(map(followed.is_changed, numbers)):
+        return None
+    made = []
+    for number in numbers:
+        sides = _sides(number, on_face, label, followed)
+        made += [", ".join([str(element), new, *fields[2:]]) for element, new in sides]
+    return made
+
+
+def _sides(number: int, on_face: re.Match[str] | None, label: str, followed: Followed) -> list[tuple[int, str]]:
+    """Elements and labels that take the place of one element and a label. Raises RefusedError."""
+    if not followed.is_changed(number):
+        return [(number, label)]
+    if on_face is None:
+        return [(child, label) for child in followed.children(number)]
+    faces = followed.faces(number, int(on_face[2]))
+    if not faces:
+        raise RefusedError(f"element {number} was cut, and its children have no face that lies on its {label}")
+    return [(side.element, f"{on_face[1]}{side.face}{on_face[3]}") for side in faces]
+
+
+def _concentrated(card: DeckCard, line: DataLine, followed: Followed) -> Replacement:
+    """A force on each node of a set: on the nodes that it had, so that the sum stays."""
+    group = followed.deck.node_group(line.fields[0])
+    if NUMBER.fullmatch(line.fields[0]) or group is None or not _grown(group, followed):
+        return None
+    read = followed.deck.mesh
+    numbers = read.node_number[read.node_groups[group]].tolist()
+    return [", ".join([str(number), *line.fields[1:]]) for number in numbers]
+
+
+def _grown(group: str, followed: Followed) -> bool:
+    now = followed.mesh.node_groups.get(group)
+    return now is not None and len(now) != len(followed.deck.mesh.node_groups[group])
+
+
+def _equation(card: DeckCard, line: DataLine, followed: Followed) -> Replacement:
+    """An equation between nodes stays; one between node sets has no sense for the new nodes of one of them."""
+    for name in line.fields:
+        group = followed.deck.node_group(name)
+        if group is not None and not NUMBER.fullmatch(name) and _grown(group, followed):
+            raise RefusedError(f"it lists the node set {name}, which the cut made larger; list its nodes by number")
+    return None
+
+
+def _elements(card: DeckCard, line: DataLine, followed: Followed) -> Replacement:
+    """A list of elements: those that were cut are replaced by their children."""
+    if card.options.get("TYPE", "ELEMENT").upper() != "ELEMENT":
+        return None
+    numbers = [int(f) for f in line.fields if NUMBER.fullmatch(f)]
+    if not any(map(followed.is_changed, numbers)):
+        return None
+    made = []
+    for f in line.fields:
+        known = NUMBER.fullmatch(f) and followed.is_changed(int(f))
+        made += [str(child) for child in followed.children(int(f))] if known else [f]
+    return [", ".join(made[k : k + _PER_LINE]) for k in range(0, len(made), _PER_LINE)]
+
+
+def _of_each(card: DeckCard, line: DataLine, followed: Followed) -> Replacement:
+    """Values of an element: the same for each of its children."""
+    first = line.fields[0]
+    if not NUMBER.fullmatch(first) or not followed.is_changed(int(first)):
+        return None
+    return [", ".join([str(child), *line.fields[1:]]) for child in followed.children(int(first))]
+
+
+def _at_points(card: DeckCard, line: DataLine, followed: Followed) -> Replacement:
+    """Values at integration points or at nodes of an element: refused if it was cut."""
+    first = line.fields[0]
+    if NUMBER.fullmatch(first) and followed.is_changed(int(first)):
+        raise RefusedError(f"element {first} was cut, and its children have other integration points and nodes")
+    return None
+
+
+def _initial(card: DeckCard, line: DataLine, followed: Followed) -> Replacement:
+    """Initial conditions: those of nodes are carried to the new nodes, those of points are `_at_points`."""
+    return None if _is_of_nodes(card) else _at_points(card, line, followed)
+
+
+def _is_of_nodes(card: DeckCard) -> bool:
+    return "".join(card.options.get("TYPE", "").upper().split()) in OF_NODES
+
+
+def _as_it_is(card: DeckCard, line: DataLine, followed: Followed) -> Replacement:
+    return None
+
+
+#: Card -> what rewrites one of its data lines: the new lines, or None for the line as it stands. Raises RefusedError.
+REWRITTEN: Mapping[str, Callable[[DeckCard, DataLine, Followed], Replacement]] = {
+    "DLOAD": _load,
+    "FILM": _load,
+    "RADIATE": _load,
+    "DFLUX": _load,
+    "CLOAD": _concentrated,
+    "CFLUX": _concentrated,
+    "EQUATION": _equation,
+    "MODELCHANGE": _elements,
+    "DISTRIBUTION": _of_each,
+    "NORMAL": _at_points,
+    "INITIALCONDITIONS": _initial,
+    "BOUNDARY": _as_it_is,
+    "TEMPERATURE": _as_it_is,
+    "NODALTHICKNESS": _as_it_is,
+}
+#: Cards of values at nodes, which get lines for the new nodes.
+_OF_NODES = ("BOUNDARY", "TEMPERATURE", "NODALTHICKNESS")
+
+
+def without_option(card: DeckCard, *names: str) -> DeckCard:
+    """The card without some of its parameters."""
+    head = card.head
+    for name in names:
+        if name in card.options:
+            head = re.sub(_parameter(name), r"\2", head, count=1, flags=re.I)
+    return replace(card, head=head)
+
+
+def with_option(card: DeckCard, name: str, value: str) -> DeckCard:
+    """The card with another value of a parameter that it has."""
+    head = re.sub(_parameter(name), rf",\1{name}={value}\2", card.head, count=1, flags=re.I)
+    return replace(card, head=head)
+
+
+def _parameter(name: str) -> str:
+    """Pattern of a parameter with the comma before it: the blanks before its name, and what follows its value."""
+    return r",(\s*)" + r"\s*".join(name) + r'\s*(?:=\s*(?:"[^"]*"|[^,"\r\n]*))?(?=(\s*?)(?:,|\r|\n|$))'

@@ -1,0 +1,70 @@
+"""Constants of materials: those of a deck as those of a case."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lacsolver.decks.cards import Card, DeckLine, Refused
+
+#: places in the 21 constants of anisotropy (upper triangle of the stiffness, column by column) of the 9 of orthotropy
+_ORTHOTROPIC = (0, 1, 2, 3, 4, 5, 9, 14, 20)
+
+
+def engineering_constants(card: Card, kind: str) -> dict[str, Any]:
+    """Return young, poisson and shear of an orthotropic *ELASTIC. Raises Refused.
+
+    ENGINEERING CONSTANTS are E1, E2, E3, nu12, nu13, nu23, G12, G13, G23; ORTHO is D1111, D1122, D2222, D1133, D2233,
+    D3333, D1212, D1313, D2323; ANISO is the upper triangle of the stiffness, column by column.
+    """
+    count = {"ENGINEERINGCONSTANTS": 9, "ORTHO": 9, "ORTHOTROPIC": 9, "ANISO": 21, "ANISOTROPIC": 21}.get(kind, 0)
+    if not count:
+        raise Refused(f"elasticity of type {kind} is not taken; ISO, ORTHO and ENGINEERING CONSTANTS are")
+    fields = [(row, k) for row in card.rows for k in range(len(row.fields))]
+    if not count <= len(fields) <= count + 1:
+        raise Refused(f"it should list {count} constants for one temperature, and lists {len(fields)}")
+    values = [row.number(k, "a constant") for row, k in fields[:count]]
+    if count == 21:
+        others = [value for k, value in enumerate(values) if k not in _ORTHOTROPIC]
+        if any(others):
+            raise Refused(
+                "lacsolver has materials with three axes of symmetry, and this one couples shear and stretch in its "
+                "axes; give its axes in *ORIENTATION if it has such, and ENGINEERING CONSTANTS"
+            )
+        values = [values[k] for k in _ORTHOTROPIC]
+    if kind == "ENGINEERINGCONSTANTS":
+        return {"young": values[:3], "poisson": values[3:6], "shear": values[6:]}
+    return _from_stiffness(values)
+
+
+def _from_stiffness(values: list[float]) -> dict[str, Any]:
+    """Return the engineering constants of the nine of a stiffness. Raises Refused if it is singular."""
+    d11, d12, d22, d13, d23, d33 = values[:6]
+    D = np.array([[d11, d12, d13], [d12, d22, d23], [d13, d23, d33]])
+    if not np.linalg.eigvalsh(D)[0] > 1e-14 * np.abs(D).max():
+        raise Refused("its stiffness is not positive definite, so that it gives energy when it is strained")
+    S = np.linalg.inv(D)
+    young = 1 / np.diag(S)
+    poisson = [-S[0, 1] * young[0], -S[0, 2] * young[0], -S[1, 2] * young[1]]
+    return {"young": young.tolist(), "poisson": [float(nu) for nu in poisson], "shear": values[6:]}
+
+
+def rubber(row: DeckLine) -> dict[str, float]:
+    """Return young and poisson of C10 and D1, which are half the shear modulus and two over the bulk modulus.
+
+    D1 = 0 means incompressible in Abaqus, and a Poisson's ratio of 0.475 in CalculiX. Raises Refused for it.
+
+    >>> {k: round(v, 12) for k, v in rubber(DeckLine(("0.5", "1.0"), "", 1)).items()}
+    {'young': 2.571428571429, 'poisson': 0.285714285714}
+    """
+    c10, d1 = row.number(0, "C10"), row.number(1, "D1", 0.0)
+    if not (c10 > 0 and d1 > 0):
+        raise Refused(
+            "C10 and D1 should be positive; a D1 of 0 (no compression) is for mixed elements, so give one", row
+        )
+    shear, bulk = 2 * c10, 2 / d1
+    return {
+        "young": 9 * bulk * shear / (3 * bulk + shear),
+        "poisson": (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear)),
+    }

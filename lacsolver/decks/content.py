@@ -1,0 +1,181 @@
+"""Content of a deck that lacsolver has a place for: what its cards say, before it becomes the records of a case.
+
+Nodes, cells and facets are indices into the mesh of the deck; a facet is 8 times its cell and its place among the
+facets of that cell.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from lacmesh.mesh import Ints
+from lacsolver.decks.cards import Card, DeckLine, Refused
+
+#: kinds of what acts, and the components of each
+COMPONENTS = {
+    "displacement": 3,
+    "force": 3,
+    "spin": 3,
+    "moment": 3,
+    "pressure": 1,
+    "gravity": 3,
+    "centrifugal": 1,
+    "temperature": 1,
+}
+
+
+@dataclass
+class MaterialData:
+    """A material: the keys of its [[material]] so far, and the card that began it."""
+
+    name: str
+    card: Card
+    keys: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class DeckSection:
+    """Cells (indices) of one material; `axes`: the name of an orientation, or ""; `thickness` of the plane."""
+
+    name: str
+    cells: Ints
+    material: str
+    axes: str
+    thickness: float
+    card: Card
+
+
+@dataclass(frozen=True)
+class Amplitude:
+    """Factor ((time, value), ...) of loads, over the time of the step or of the whole analysis."""
+
+    rows: tuple[tuple[float, float], ...]
+    total: bool
+
+
+@dataclass
+class Interaction:
+    """Surface interaction: `stiffness` of linear contact, None if hard; `tied`; `friction` is never taken."""
+
+    card: Card
+    stiffness: float | None = None
+    tied: bool = False
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A contact pair or a tie: names of its skins, and the keys of the record that do not depend on others."""
+
+    slave: str
+    master: str
+    interaction: str
+    keys: Mapping[str, Any]
+    card: Card
+    tie: bool = False
+
+
+@dataclass(frozen=True)
+class DeckRigid:
+    """A rigid body: its group, kind of group, and the nodes (indices) that hold its place and its rotation."""
+
+    group: str
+    kind: str
+    nodes: Ints
+    reference: int
+    rotation: int | None
+    card: Card
+
+
+@dataclass(frozen=True)
+class GroundSpring:
+    """Springs of one stiffness along one axis at the nodes of an element set."""
+
+    group: str
+    nodes: Ints
+    axis: int
+    stiffness: float
+    card: Card
+
+
+@dataclass
+class DeckStep:
+    """A step: when it begins and how long it takes, its first increment, and how loads without amplitude grow."""
+
+    card: Card
+    begin: float
+    period: float = 1.0
+    increment: float = 1.0
+    direct: bool = False
+    large: bool = False
+    sudden: bool = False
+
+    @property
+    def end(self) -> float:
+        """Time at which the step ends."""
+        return self.begin + self.period
+
+
+@dataclass(frozen=True)
+class Assigned:
+    """One line of a load, a support or a temperature: `value` on components of some items in a step.
+
+    `items`: nodes, facets or cells; `step`: -1 for what the model says; `data`: numbers beside the value, such as the
+    axis of a centrifugal load.
+    """
+
+    kind: str
+    step: int
+    name: str
+    items: Ints
+    components: tuple[int, ...]
+    value: float
+    amplitude: str
+    card: Card
+    row: DeckLine
+    data: tuple[float, ...] = ()
+
+
+@dataclass
+class Content:
+    """Everything that the cards of a deck have said, in their order. Names are keys in capitals."""
+
+    materials: dict[str, MaterialData] = field(default_factory=dict)
+    orientations: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=dict)
+    sections: list[DeckSection] = field(default_factory=list)
+    amplitudes: dict[str, Amplitude] = field(default_factory=dict)
+    interactions: dict[str, Interaction] = field(default_factory=dict)
+    pairs: list[Pair] = field(default_factory=list)
+    clearances: dict[tuple[str, str], tuple[float, Card]] = field(default_factory=dict)
+    rigid: list[DeckRigid] = field(default_factory=list)
+    springs: list[GroundSpring] = field(default_factory=list)
+    steps: list[DeckStep] = field(default_factory=list)
+    assigned: list[Assigned] = field(default_factory=list)
+    #: kinds of which a step removes what earlier steps have said, and the card that says so
+    removed: dict[str, dict[int, Card]] = field(default_factory=lambda: defaultdict(dict))
+    #: nodes whose displacements are asked for
+    watched: dict[int, None] = field(default_factory=dict)
+    in_step: bool = False
+
+    @property
+    def step(self) -> DeckStep:
+        """The step that is open. Raises Refused outside a step."""
+        if not self.in_step:
+            raise Refused("it belongs between *STEP and *END STEP; move it there")
+        return self.steps[-1]
+
+    @property
+    def material(self) -> MaterialData:
+        """The material begun last. Raises Refused before the first."""
+        if not self.materials:
+            raise Refused("it belongs after *MATERIAL, NAME=name; move it there")
+        return next(reversed(self.materials.values()))
+
+    @property
+    def interaction(self) -> Interaction:
+        """The surface interaction begun last. Raises Refused before the first."""
+        if not self.interactions:
+            raise Refused("it belongs after *SURFACE INTERACTION, NAME=name; move it there")
+        return next(reversed(self.interactions.values()))

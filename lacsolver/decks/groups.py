@@ -1,0 +1,91 @@
+"""Groups of the mesh that an import writes: sets of the deck, and what supports, loads and contact need besides."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lacmesh.cells import CELLS
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.topology.faces import cells_of_dim
+from lacsolver.decks.names import SIDES
+
+
+@dataclass
+class DeckGroups:
+    """Groups by name: `nodes`, solid `cells`, and `skins` of facets (numbers), all of the mesh of the deck."""
+
+    mesh: Mesh
+    nodes: dict[str, Ints] = field(default_factory=dict)
+    cells: dict[str, Ints] = field(default_factory=dict)
+    skins: dict[str, Ints] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> DeckGroups:
+        """Return the sets of nodes and of elements that a deck has."""
+        solid = {name: cells[mesh.cell_dim[cells] == mesh.dim] for name, cells in mesh.cell_groups.items()}
+        nodes = {name: np.asarray(some) for name, some in mesh.node_groups.items() if len(some)}
+        return cls(mesh, nodes, {name: cells for name, cells in solid.items() if len(cells)})
+
+    def add_nodes(self, name: str, nodes: Ints) -> str:
+        """Return the name of the group of these nodes, which is `name` unless other nodes have that."""
+        return _add(self.nodes, {}, name, np.unique(nodes))
+
+    def add_cells(self, name: str, cells: Ints) -> str:
+        """Return the name of the group of these cells, which is `name` unless others have that."""
+        return _add(self.cells, self.skins, name, np.unique(cells))
+
+    def add_skin(self, name: str, facets: Ints) -> str:
+        """Return the name of the group of these facets, which is `name` unless others have that."""
+        return _add(self.skins, self.cells, name, np.unique(facets))
+
+    def written(self) -> Mesh:
+        """Return the mesh: the deck's nodes and solid cells, and skin cells, one for each facet of a skin."""
+        mesh = self.mesh
+        blocks = [(kind, nodes) for kind, nodes, _ in cells_of_dim(mesh, mesh.dim)]
+        old = np.concatenate([cells for _, _, cells in cells_of_dim(mesh, mesh.dim)])
+        place = np.full(mesh.n_cells, -1)
+        place[old] = np.arange(len(old))
+        facets = np.unique(np.concatenate([np.empty(0, np.int64), *self.skins.values()]))
+        skins, order = _skin_cells(mesh, facets)
+        new = np.empty(len(facets), np.int64)
+        new[order] = len(old) + np.arange(len(facets))
+        groups = {name: place[cells] for name, cells in self.cells.items()}
+        groups |= {name: new[np.searchsorted(facets, some)] for name, some in self.skins.items()}
+        number = mesh.cell_number[old]
+        return Mesh.create(
+            mesh.points,
+            [*blocks, *skins],
+            space_dim=mesh.dim,
+            node_number=mesh.node_number,
+            cell_number=np.append(number, number.max() + 1 + np.arange(len(facets))),
+            cell_groups=groups,
+            node_groups=self.nodes,
+            name=mesh.name,
+        )
+
+
+def _add(own: dict[str, Ints], others: dict[str, Ints], name: str, members: Ints) -> str:
+    """Store members under a name, or under the name and a number if others have it; return that name."""
+    chosen, k = name, 1
+    while chosen in others or (chosen in own and not np.array_equal(own[chosen], members)):
+        k += 1
+        chosen = f"{name}_{k}"
+    own[chosen] = members
+    return chosen
+
+
+def _skin_cells(mesh: Mesh, facets: Ints) -> tuple[list[tuple[str, Ints]], Ints]:
+    """Return the cells on some facets, one (type, nodes) for each type, and the rows of `facets` in their order."""
+    parts: dict[str, list[tuple[Ints, Ints]]] = {}
+    cells, places = np.divmod(facets, SIDES)
+    for kind, nodes, own in cells_of_dim(mesh, mesh.dim):
+        first = own[0] if len(own) else 0
+        for k, facet in enumerate(CELLS[kind].facets):
+            rows = np.flatnonzero((cells >= first) & (cells < first + len(own)) & (places == k))
+            if len(rows):
+                parts.setdefault(facet.type, []).append((nodes[cells[rows] - first][:, facet.nodes], rows))
+    blocks = [(kind, np.concatenate([nodes for nodes, _ in some])) for kind, some in parts.items()]
+    order = [rows for some in parts.values() for _, rows in some]
+    return blocks, np.concatenate([np.empty(0, np.int64), *order])

@@ -1,0 +1,190 @@
+"""Records of what acts in the steps: supports, rigid bodies, loads, temperatures; and the times of the steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from lacmesh.errors import some
+from lacmesh.mesh import Ints
+from lacsolver.decks.cards import Refused
+from lacsolver.decks.content import COMPONENTS, Assigned
+from lacsolver.decks.draft import AXES, CaseDraft
+from lacsolver.decks.histories import Orders, orders_of, written
+from lacsolver.decks.model_records import expanding, initial_temperatures
+from lacsolver.decks.names import SIDES
+from lacsolver.decks.parts import history_of, parts_of
+
+#: most increments of a step that become steps of a case; a step that does not converge is halved all the same
+MOST_INCREMENTS = 10
+
+
+def orders(draft: CaseDraft, kind: str) -> Orders:
+    """Return the orders of one kind on nodes, facets or cells that are no nodes of rigid bodies. Raises Refused."""
+    content = draft.reading.content
+    held = np.array([n for body in content.rigid for n in (body.reference, body.rotation) if n is not None], np.int64)
+    lines = [line for line in content.assigned if line.kind == kind]
+    if kind in ("displacement", "force"):
+        lines = [replace(line, items=np.setdiff1d(line.items, held)) for line in lines]
+        lines = [line for line in lines if len(line.items)]
+    return orders_by_step(draft, kind, lines)
+
+
+def orders_by_step(draft: CaseDraft, kind: str, lines: Sequence[Assigned]) -> Orders:
+    """Return the orders of some lines. Raises Refused where a step removes some of earlier steps (OP=NEW)."""
+    content = draft.reading.content
+    adds = kind not in ("displacement", "spin", "temperature")
+    whole = orders_of(lines, len(content.steps), COMPONENTS[kind], adds)
+    for now, card in content.removed.get(kind, {}).items():
+        before = orders_of([one for one in lines if one.step < now], len(content.steps), COMPONENTS[kind], adds)
+        after = orders_of([one for one in lines if one.step == now], len(content.steps), COMPONENTS[kind], adds)
+        kept = np.zeros((COMPONENTS[kind], len(whole.items)), bool)
+        lost = kept.copy()
+        lost[:, np.searchsorted(whole.items, before.items)] = ~np.isnan(before.value).all(axis=0)
+        kept[:, np.searchsorted(whole.items, after.items)] = ~np.isnan(after.value).all(axis=0)
+        if (lost & ~kept).any():
+            message = "what OP=NEW removes stays in lacsolver; repeat it in this step, a load with the value 0"
+            raise Refused(message, card.rows[0] if card.rows else None)
+    if kind in ("displacement", "spin"):
+        _check_begun(whole)
+    return whole
+
+
+def _check_begun(found: Orders) -> None:
+    """Raise Refused for a support that begins after the first step: lacsolver's hold from time 0 on."""
+    late = np.isnan(found.value[0]) & ~np.isnan(found.value).all(axis=0)
+    if late.any():
+        line = found.line_of(int(np.flatnonzero(late.any(axis=0))[0]))
+        message = "this support begins after the first step, and lacsolver's hold from the beginning"
+        raise Refused(f"{message}; hold it in the first step too, or compute the steps apart", line.row)
+
+
+def supports(draft: CaseDraft) -> None:
+    """Add a [[displacement]] for each set of nodes. Raises Refused."""
+    found = orders(draft, "displacement")
+    names = draft.reading.names
+    for part in parts_of(draft.reading.content, found, once=False):
+        there = part.items[names.in_cells[part.items]]
+        if not len(there):
+            draft.reading.note(
+                part.line.card, "these nodes belong to no solid element: the support is left out", part.line.row
+            )
+            continue
+        keys = {f"u{AXES[c]}": written(points, draft.end) for c, points in part.histories.items() if c < draft.dim}
+        if keys:
+            name = part.name if len(there) == len(part.items) else ""
+            draft.add("displacement", {"group": draft.node_group(name, there, "held")} | keys, part.line.card)
+
+
+def forces(draft: CaseDraft) -> None:
+    """Add a [[force]] for each set of nodes. Raises Refused."""
+    for part in parts_of(draft.reading.content, orders(draft, "force"), once=True):
+        if max(part.histories) >= draft.dim:
+            raise Refused("a force has the directions 1 and 2 in a plane model", part.line.row)
+        loose = part.items[~draft.reading.names.in_cells[part.items]]
+        numbers = draft.groups.mesh.node_number
+        if len(loose):
+            raise Refused(f"nodes {some(numbers[loose])} belong to no solid element, and carry no force", part.line.row)
+        keys = {
+            f"f{AXES[c]}": scaled(written(points, draft.end), draft.per_thickness)
+            for c, points in part.histories.items()
+        }
+        for group in draft.loaded_groups(part.name, part.items, "loaded"):
+            draft.add("force", {"group": group} | keys, part.line.card)
+    if moments := [one for one in draft.reading.content.assigned if one.kind in ("moment", "spin")]:
+        _check_rotations(draft, moments)
+
+
+def _check_rotations(draft: CaseDraft, lines: list[Assigned]) -> None:
+    """Raise Refused for moments at nodes of no rigid body; a rotation of 0 has no meaning there, and is left out."""
+    held = [body.reference for body in draft.reading.content.rigid]
+    for line in lines:
+        if line.value and not np.isin(line.items, held).all():
+            raise Refused("only the reference node of a *RIGID BODY turns; nodes of solid elements do not", line.row)
+
+
+def scaled(value: Any, factor: float) -> Any:
+    """Return a value of a case, a number or a table of times, times a factor."""
+    return [[t, v * factor] for t, v in value] if isinstance(value, list) else value * factor
+
+
+def pressures(draft: CaseDraft) -> None:
+    """Add a [[pressure]] for each set of faces; with NLGEOM it follows them. Raises Refused."""
+    for part in parts_of(draft.reading.content, orders(draft, "pressure"), once=True):
+        if len(inner := draft.reading.names.inner(part.items)):
+            numbers = some(draft.groups.mesh.cell_number[inner // SIDES])
+            raise Refused(
+                f"these faces of elements {numbers} lie between two elements; press outer faces", part.line.row
+            )
+        group = draft.groups.add_skin(part.name or "pressed", part.items)
+        keys = {"group": group, "value": written(part.histories[0], draft.end)}
+        draft.add("pressure", keys | ({"follower": True} if draft.large else {}), part.line.card)
+
+
+def temperatures(draft: CaseDraft) -> None:
+    """Add a [[temperature]] for each group of cells that expand, and have one history. Raises Refused."""
+    content, mesh = draft.reading.content, draft.groups.mesh
+    lines = [one for one in content.assigned if one.kind == "temperature" and one.step >= 0]
+    cells = expanding(draft)
+    if not lines:
+        return
+    if not len(cells):
+        draft.reading.note(lines[0].card, "no material has an *EXPANSION, so that temperatures have no effect")
+        return
+    found = orders_by_step(draft, "temperature", lines)
+    row_of, start = _rows_of_nodes(found, mesh.n_nodes), initial_temperatures(draft)
+    code = np.full(mesh.n_cells, -1)
+    for _, own, nodes in mesh.select(cells):
+        rows = row_of[nodes]
+        uneven = (rows != rows[:, :1]).any(axis=1)
+        if uneven.any():
+            message = f"the nodes of elements {some(mesh.cell_number[own[uneven]])} have several temperatures"
+            raise Refused(f"{message}, and an element has one in lacsolver; give its nodes one", lines[-1].row)
+        code[own] = rows[:, 0]
+    warm = cells[code[cells] >= 0]
+    kinds, which = np.unique(np.stack([code[warm], start[warm]], axis=1), axis=0, return_inverse=True)
+    for k, (row, T) in enumerate(kinds.tolist()):
+        own = warm[which.ravel() == k]
+        at = int(np.flatnonzero(row_of[found.items] == row)[0])
+        points = history_of(content, found, int(found.items[at]), 0, T)
+        value = written(points or [(0.0, T)], draft.end, T)
+        if value == T:
+            continue
+        line = found.line_of(at)
+        whole = len(own) == np.count_nonzero(mesh.cell_dim == mesh.dim)
+        groups = {} if whole else {"groups": [draft.groups.add_cells(line.name or "warm", own)]}
+        draft.add("temperature", groups | {"value": value}, line.card)
+
+
+def _rows_of_nodes(found: Orders, n_nodes: int) -> Ints:
+    """Return a number (n_nodes,) for each node, the same for nodes of the same orders; -1 for nodes without."""
+    table = np.concatenate([np.nan_to_num(found.value[:, 0], nan=np.inf), found.amplitude[:, 0].astype(float)])
+    out = np.full(n_nodes, -1)
+    out[found.items] = np.unique(table.T, axis=0, return_inverse=True)[1].ravel()
+    return out
+
+
+def probes(draft: CaseDraft) -> None:
+    """Add a [[probe]] for each node whose displacements the deck prints."""
+    for node in draft.reading.content.watched:
+        number = draft.groups.mesh.node_number[node]
+        group = draft.node_group("", np.array([node]))
+        draft.add("probe", {"group": group, "name": f"node {number}"})
+
+
+def steps(draft: CaseDraft) -> None:
+    """Add [steps]: the increments of the deck's steps, MOST_INCREMENTS of each at most. Raises Refused."""
+    times: list[float] = []
+    for step in draft.reading.content.steps:
+        count = max(1, ceil(step.period / step.increment - 1e-9))
+        count = count if step.direct else min(count, MOST_INCREMENTS)
+        times += [step.begin + step.period * k / count for k in range(1, count + 1)]
+    even = [draft.end * k / len(times) for k in range(1, len(times) + 1)]
+    if np.allclose(times, even, rtol=1e-12, atol=0):
+        draft.add("steps", {"end": draft.end, "count": len(times)})
+    else:
+        draft.add("steps", {"times": times})

@@ -1,0 +1,179 @@
+"""Handlers of the cards that describe a model: elements, amplitudes, contact, ties, rigid bodies, springs."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from lacmesh.deck import key_of
+from lacsolver.decks.cards import Card, DeckLine, Lacking, Refused
+from lacsolver.decks.content import (
+    Amplitude,
+    Assigned,
+    DeckRigid,
+    GroundSpring,
+    Interaction,
+    Pair,
+)
+from lacsolver.decks.reading import Reading
+
+#: elements that lacsolver computes, and letters of their names that change how they are computed
+_SOLIDS = re.compile(r"(?:C3D(?:4|6|8|10|15|20|27)|CPS(?:3|4|6|8)|CPE(?:3|4|6|8)|CAX(?:3|4|6|8))([RIHM]*)")
+_VARIANTS = {
+    "R": "reduced integration",
+    "I": "incompatible modes",
+    "H": "a pressure of its own (hybrid)",
+    "M": "a modified tetrahedron",
+}
+
+
+def element(reading: Reading, card: Card) -> None:
+    """Take elements that are solids or springs to the ground; others have no place in lacsolver."""
+    name = card.word("TYPE")
+    solid = _SOLIDS.fullmatch(name)
+    if solid is None and name != "SPRING1":
+        raise Refused(
+            f"lacsolver computes solid elements (C3D, CPS, CPE, CAX) and springs to the ground (SPRING1), and none of "
+            f"type {name or '(none)'}; model this part with solid elements, or take it out"
+        )
+    if solid and solid[1] and name not in reading.variants:
+        reading.variants.add(name)
+        told = " and ".join(_VARIANTS[letter] for letter in dict.fromkeys(solid[1]))
+        reading.note(card, f"{name} has {told}; lacsolver computes the same shape with full integration")
+
+
+def surface(reading: Reading, card: Card) -> None:
+    """Refuse surfaces without faces and nodes in the mesh, such as analytical ones."""
+    del reading
+    kind = card.word("TYPE") or "ELEMENT"
+    if kind not in ("ELEMENT", "NODE"):
+        raise Refused(f"a surface of type {kind} has no faces in the mesh; list element faces (TYPE=ELEMENT)")
+
+
+def amplitude(reading: Reading, card: Card) -> None:
+    """Take a table of times and factors."""
+    if (card.word("DEFINITION") or "TABULAR") != "TABULAR":
+        raise Refused("only tables of times and factors are taken (DEFINITION=TABULAR); write one")
+    if (card.word("VALUE") or "RELATIVE") != "RELATIVE":
+        raise Refused("only factors are taken (VALUE=RELATIVE); divide the table by the load's size")
+    shift = [card.number(name, 0.0) for name in ("SHIFTX", "SHIFTY")]
+    rows: list[tuple[float, float]] = []
+    for row in card.rows:
+        for k in range(0, len(row.fields) - 1, 2):
+            t, factor = row.number(k, "a time"), row.number(k + 1, "a factor")
+            if rows and t + shift[0] <= rows[-1][0]:
+                raise Refused(f"its times should increase, and {t:g} follows {rows[-1][0]:g}", row)
+            rows.append((t + shift[0], factor + shift[1]))
+    if not rows:
+        raise Refused("it should list times and factors")
+    total = card.word("TIME") == "TOTALTIME"
+    reading.content.amplitudes[key_of(card.needed("NAME"))] = Amplitude(tuple(rows), total)
+
+
+def initial_conditions(reading: Reading, card: Card) -> None:
+    """Take temperatures without strain."""
+    if card.word("TYPE") != "TEMPERATURE":
+        raise Refused(f"initial conditions of type {card.word('TYPE') or '(none)'} are not taken; TEMPERATURE is")
+    for row in card.rows:
+        name, nodes = reading.names.nodes(row.text(0), row)
+        value = row.number(1, "the temperature")
+        reading.content.assigned.append(Assigned("temperature", -1, name, nodes, (0,), value, "", card, row))
+
+
+def interaction(reading: Reading, card: Card) -> None:
+    """Begin a surface interaction, hard as long as nothing else is said."""
+    reading.content.interactions[key_of(card.needed("NAME"))] = Interaction(card)
+
+
+def behavior(reading: Reading, card: Card) -> None:
+    """Take hard contact, linear pressure over overlap, and contact that is tied."""
+    which = reading.content.interaction
+    kind = card.word("PRESSURE-OVERCLOSURE") or "HARD"
+    if kind in ("LINEAR", "TIED"):
+        row = card.first("the pressure per overlap")
+        stiffness = row.number(0, "the pressure per overlap")
+        if not stiffness > 0:
+            raise Refused(f"the pressure per overlap should be positive, not {stiffness:g}", row)
+        which.stiffness, which.tied = stiffness, kind == "TIED"
+        if which.tied:
+            reading.note(card, "surfaces that are tied become a [[tie]], without its stiffness: they stay together")
+    elif kind != "HARD":
+        raise Refused(f"lacsolver has HARD and LINEAR contact, and not {kind}; write one of these")
+
+
+def friction(reading: Reading, card: Card) -> None:
+    """Refuse friction, unless it belongs to tied contact or is 0."""
+    which = reading.content.interaction
+    value = card.first("the coefficient of friction").number(0, "the coefficient of friction", 0.0)
+    if value and not which.tied:
+        raise Lacking("contact in lacsolver is without friction; take the card out if it may slip freely")
+
+
+def contact_pair(reading: Reading, card: Card) -> None:
+    """Take pairs of a slave and a master; slaves that are surfaces of nodes become the faces on these nodes."""
+    if "ADJUST" in card.options:
+        raise Refused("nodes of the slave are not moved (ADJUST); move them in the mesh, or give a *CLEARANCE")
+    keys = {"geometry": "reference"} if "SMALLSLIDING" in card.options else {}
+    for row in card.rows:
+        slave, master = _skins(reading, card, row)
+        reading.content.pairs.append(Pair(slave, master, card.options.get("INTERACTION", ""), keys, card))
+
+
+def tie(reading: Reading, card: Card) -> None:
+    """Take ties; the position tolerance becomes the distance within which the master is searched."""
+    keys = {}
+    if card.options.get("POSITIONTOLERANCE", ""):
+        keys["search_distance"] = card.number("POSITIONTOLERANCE")
+    for row in card.rows:
+        slave, master = _skins(reading, card, row)
+        reading.content.pairs.append(Pair(slave, master, "", keys, card, tie=True))
+
+
+def _skins(reading: Reading, card: Card, row: DeckLine) -> tuple[str, ...]:
+    """Return the keys of slave and master on a data line. Raises Refused."""
+    if len(row.fields) != 2:
+        raise Refused("a line should be a slave surface and a master surface", row)
+    for text in row.fields:
+        name, facets = reading.names.skin(text, row)
+        if reading.names.of_nodes(text):
+            reading.note(card, f"the surface of nodes {name!r} is taken as the {len(facets)} faces on its nodes", row)
+    return tuple(key_of(reading.names.plain(text)) for text in row.fields)
+
+
+def clearance(reading: Reading, card: Card) -> None:
+    """Take the gap between a slave and a master, which replaces the one in the mesh."""
+    pair = tuple(key_of(reading.names.plain(card.needed(name))) for name in ("SLAVE", "MASTER"))
+    reading.content.clearances[pair[0], pair[1]] = (card.number("VALUE"), card)
+
+
+def rigid_body(reading: Reading, card: Card) -> None:
+    """Take a rigid body, with the nodes that hold its place and its rotation."""
+    names = reading.names
+    if "NSET" in card.options:
+        kind, (group, nodes) = "node", names.nodes(card.needed("NSET"), None)
+    else:
+        kind, (group, cells) = "cell", names.cells(card.needed("ELSET"), None)
+        nodes = np.unique(np.concatenate([part.ravel() for _, _, part in names.mesh.select(cells)]))
+    if not group:
+        raise Refused("a rigid body should be a set of nodes or of elements, not a number")
+    reference = int(names.nodes(card.needed("REFNODE"), None)[1][0])
+    turning = int(names.nodes(card.needed("ROTNODE"), None)[1][0]) if "ROTNODE" in card.options else None
+    reading.content.rigid.append(DeckRigid(group, kind, nodes, reference, turning, card))
+
+
+def spring(reading: Reading, card: Card) -> None:
+    """Take linear springs between nodes and the ground: a line with the direction, a line with the stiffness."""
+    group, nodes = reading.names.points(card.needed("ELSET"))
+    if len(card.rows) != 2:
+        raise Refused("a spring to the ground is a line with its direction, 1 to 3, and one with its stiffness")
+    axis = card.rows[0].whole(0, "the direction")
+    stiffness = card.rows[1].number(0, "the stiffness")
+    if axis not in (1, 2, 3) or not stiffness > 0:
+        raise Refused("the direction should be 1 to 3, and the stiffness positive", card.rows[0])
+    if reading.names.mesh.plane == "CAX":
+        raise Refused(
+            "a spring of an axisymmetric model is that of a sector of 2 degrees in CalculiX, and of the full circle in "
+            "Abaqus and here; write a [[spring]] into the case"
+        )
+    reading.content.springs.append(GroundSpring(group, nodes, axis - 1, stiffness, card))

@@ -1,0 +1,192 @@
+"""Records of the model: its dimension, materials, contacts, ties, springs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from lacmesh.errors import some
+from lacmesh.mesh import Floats, Ints
+from lacsolver.decks.cards import Refused, look_up
+from lacsolver.decks.content import Content, DeckSection, Interaction, Pair
+from lacsolver.decks.draft import AXES, MODELS, CaseDraft
+
+#: fewer faces of a slave than this, by dimension, cannot keep a body from turning
+_FEW = {2: 2, 3: 3}
+_FINITE = {"elastic": "saint_venant_kirchhoff", "neo_hookean": "neo_hookean"}
+
+
+def top(draft: CaseDraft) -> None:
+    """Set the model, the thickness and the kinematics. Raises Refused."""
+    mesh, sections = draft.groups.mesh, draft.reading.content.sections
+    if draft.dim == 3:
+        draft.top["model"] = "3d"
+    elif mesh.plane in MODELS:
+        draft.top["model"] = MODELS[mesh.plane]
+    else:
+        raise Refused(
+            "its elements are of several plane kinds, or of none: lacsolver has one of CPS, CPE, CAX in a model"
+        )
+    if draft.top["model"].startswith("plane"):
+        if len({section.thickness for section in sections}) > 1:
+            raise Refused("its sections have several thicknesses, and lacsolver has one for the plane")
+        if draft.top["model"] == "plane_stress":
+            draft.top["thickness"] = draft.thickness
+    if draft.large:
+        draft.top["kinematics"] = "finite"
+
+
+def materials(draft: CaseDraft) -> None:
+    """Add a [[material]] for each material, orientation and initial temperature. Raises Refused."""
+    content, mesh = draft.reading.content, draft.groups.mesh
+    solid = np.flatnonzero(mesh.cell_dim == mesh.dim)
+    section_of = np.full(mesh.n_cells, -1)
+    for k, section in enumerate(content.sections):
+        section_of[section.cells] = k
+    if (bare := solid[section_of[solid] < 0]).size:
+        raise Refused(f"elements {some(mesh.cell_number[bare])} have no *SOLID SECTION; give them one")
+    kinds = [_kind(content, section) for section in content.sections]
+    start = initial_temperatures(draft)
+    laws = {kind: k for k, kind in enumerate(dict.fromkeys(kinds))}
+    law_of = np.array([laws[kind] for kind in kinds])[section_of[solid]]
+    temperature, which = np.unique(start[solid], return_inverse=True)
+    both = law_of * len(temperature) + which.ravel()
+    for code in np.unique(both).tolist():
+        law, T = list(laws)[code // len(temperature)], float(temperature[code % len(temperature)])
+        cells = solid[both == code]
+        _add_material(draft, law, T, cells, content.sections[int(section_of[cells[0]])], len(cells) == len(solid))
+
+
+def _kind(content: Content, section: DeckSection) -> tuple[str, str]:
+    """Return the keys of the material and the orientation of a section. Raises Refused."""
+    material = look_up(content.materials, section.material, "*MATERIAL")
+    axes = look_up(content.orientations, section.axes, "*ORIENTATION") if section.axes else ""
+    return material, axes if content.materials[material].keys.get("law") == "orthotropic" else ""
+
+
+def _add_material(
+    draft: CaseDraft, law: tuple[str, str], T: float, cells: Ints, section: DeckSection, whole: bool
+) -> None:
+    """Add the record of one law on some cells. Raises Refused for a law that its kinematics do not have."""
+    material = draft.reading.content.materials[law[0]]
+    keys = dict(material.keys)
+    if "law" not in keys:
+        raise Refused(f"material {material.name} has no *ELASTIC and no *HYPERELASTIC; give it one")
+    if draft.large and keys["law"] not in _FINITE:
+        raise Refused(
+            f"material {material.name} is orthotropic, which lacsolver has for small displacements; leave out NLGEOM"
+        )
+    if not draft.large and keys["law"] == "neo_hookean":
+        raise Refused(
+            f"material {material.name} is hyperelastic, which lacsolver has for finite displacements; say NLGEOM"
+        )
+    keys["law"] = _FINITE[keys["law"]] if draft.large else keys["law"]
+    if keys["law"] == "orthotropic":
+        keys["axes"] = draft.reading.content.orientations.get(law[1], ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    elif isinstance(keys.get("expansion"), list):
+        raise Refused(f"material {material.name} is isotropic and has an expansion for each axis; give one")
+    if keys.get("expansion") and T:
+        keys["reference_temperature"] = T
+    name = section.name if np.array_equal(cells, section.cells) else material.name
+    groups = {} if whole else {"groups": [draft.groups.add_cells(name, cells)]}
+    draft.add("material", groups | keys, material.card)
+
+
+def initial_temperatures(draft: CaseDraft) -> Floats:
+    """Return the initial temperature (n_cells,) of each cell; 0 where no cell expands. Raises Refused."""
+    mesh = draft.groups.mesh
+    nodal, there = np.zeros(mesh.n_nodes), []
+    for line in draft.reading.content.assigned:
+        if line.kind == "temperature" and line.step < 0:
+            nodal[line.items] = line.value
+            there.append(line)
+    out = np.zeros(mesh.n_cells)
+    if not there:
+        return out
+    for _, cells, nodes in mesh.select(expanding(draft)):
+        T = nodal[nodes]
+        uneven = (T[:, :1] != T).any(axis=1)
+        if uneven.any():
+            raise Refused(
+                f"the nodes of elements {some(mesh.cell_number[cells[uneven]])} have several initial temperatures, and "
+                "an element has one in lacsolver",
+                there[-1].row,
+            )
+        out[cells] = T[:, 0]
+    return out
+
+
+def expanding(draft: CaseDraft) -> Ints:
+    """Return the cells (k,) whose material expands."""
+    content = draft.reading.content
+    found = np.zeros(draft.groups.mesh.n_cells, bool)
+    for section in content.sections:
+        key = look_up(content.materials, section.material, "*MATERIAL")
+        found[section.cells] = bool(content.materials[key].keys.get("expansion"))
+    return np.flatnonzero(found)
+
+
+def contacts(draft: CaseDraft) -> None:
+    """Add a [[contact]] or a [[tie]] for each slave; several masters of one slave become one group. Raises Refused."""
+    paired = {(pair.slave, pair.master) for pair in draft.reading.content.pairs if not pair.tie}
+    for names, (_, card) in draft.reading.content.clearances.items():
+        if names not in paired:
+            draft.reading.error(card, f"there is no *CONTACT PAIR of {names[0]} and {names[1]}; name one of them")
+    by_slave: dict[str, list[Pair]] = {}
+    for pair in draft.reading.content.pairs:
+        by_slave.setdefault(pair.slave, []).append(pair)
+    for pairs in by_slave.values():
+        _add_pair(draft, pairs)
+
+
+def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
+    first, names = pairs[0], draft.reading.names
+    laws = [_interaction(draft.reading.content, pair) for pair in pairs]
+    if any((one.tie, one.keys) != (first.tie, first.keys) for one in pairs) or len(set(map(id, laws))) > 1:
+        raise Refused("this slave has several masters with different contact; give them one", pairs[1].card.rows[0])
+    skins = [names.skin(pair.master, None) for pair in pairs]
+    slave, facets = names.skin(first.slave, None)
+    master = draft.groups.add_skin(
+        "_".join(dict.fromkeys(name for name, _ in skins)), np.concatenate([f for _, f in skins])
+    )
+    keys = {"slave": draft.groups.add_skin(slave, facets), "master": master}
+    law = laws[0]
+    if first.tie or (law and law.tied):
+        draft.add("tie", keys | {k: v for k, v in first.keys.items() if k == "search_distance"}, first.card)
+        return
+    for pair in pairs:
+        if (pair.slave, pair.master) in draft.reading.content.clearances:
+            draft.clearances[keys["slave"]] = draft.reading.content.clearances[pair.slave, pair.master]
+    if len(facets) < _FEW[draft.dim]:
+        draft.reading.warn(
+            first.card,
+            f"the slave {slave!r} has only {len(facets)} faces, with one pressure each: the other body may turn about "
+            "them, and results differ from other methods; refine it",
+        )
+    stiffness = {"stiffness": law.stiffness} if law and law.stiffness else {}
+    normals = {"normals": "smoothed"} if draft.large else {}  # those of CalculiX, averaged at the nodes
+    draft.add("contact", keys | stiffness | normals | dict(first.keys), first.card)
+
+
+def _interaction(content: Content, pair: Pair) -> Interaction | None:
+    """Return the surface interaction of a contact pair. Raises Refused if it is not there."""
+    if pair.tie or not pair.interaction:
+        return None
+    return content.interactions[look_up(content.interactions, pair.interaction, "*SURFACE INTERACTION")]
+
+
+def springs(draft: CaseDraft) -> None:
+    """Add a [[spring]] for each *SPRING; springs of several elements on one node add."""
+    for spring in draft.reading.content.springs:
+        for count, nodes in _repeats(spring.nodes):
+            size = count * spring.stiffness * draft.per_thickness
+            for group in draft.loaded_groups(spring.group, nodes, "sprung"):
+                draft.add("spring", {"group": group, f"k{AXES[spring.axis]}": size}, spring.card)
+
+
+def _repeats(nodes: Ints) -> Iterator[tuple[int, Ints]]:
+    """Yield how often nodes are listed, and the nodes that are listed so often."""
+    distinct, counts = np.unique(nodes, return_counts=True)
+    for count in np.unique(counts).tolist():
+        yield count, distinct[counts == count]

@@ -1,0 +1,173 @@
+"""Look-up of the names and numbers of a deck in its mesh: nodes, cells, facets, skins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS
+from lacmesh.deck import Deck, key_of
+from lacmesh.errors import ReadError
+from lacmesh.formats.ids import Index
+from lacmesh.formats.inp.types import FACETS
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.topology.faces import cells_of_dim, faces_of, facets_of
+from lacmesh.topology.facets import Facets
+from lacmesh.topology.skin import FaceIncidence, find_owners
+from lacsolver.decks.cards import DeckLine, Refused, look_up
+
+#: number of a facet: this times its cell, and its place
+SIDES = 8
+#: digits of a number that no node and no element has
+_DIGITS = 18
+
+
+@dataclass
+class Names:
+    """Look-up of names and numbers of a deck in its mesh."""
+
+    mesh: Mesh
+
+    @property
+    def deck(self) -> Deck:
+        """The deck of the mesh. Raises ReadError for a mesh that was not read from a deck."""
+        if self.mesh.deck is None:
+            raise ReadError(self.mesh.name, "is no deck of CalculiX or Abaqus (.inp)")
+        return self.mesh.deck
+
+    def nodes(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
+        """Return the name of a set and its nodes (k,), or "" and the node of a number. Raises Refused."""
+        text = self.plain(text)
+        if _is_number(text):
+            return "", self._place(self._node_index, text, "node", row)
+        name = self.deck.node_sets[look_up(self.deck.node_sets, text, "set of nodes", row)]
+        if not len(self.mesh.node_groups[name]):
+            raise Refused(f"the set of nodes {name!r} is empty", row)
+        return name, np.asarray(self.mesh.node_groups[name])
+
+    def cells(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
+        """Return the name of a set and its solid cells (k,), or "" and the cell of a number. Raises Refused."""
+        name, found = self._cells(text, row)
+        found = found[self.mesh.cell_dim[found] == self.mesh.dim]
+        if not len(found):
+            raise Refused(f"{text} has no solid elements", row)
+        return name, found
+
+    def points(self, text: str) -> tuple[str, Ints]:
+        """Return the name of a set of springs to the ground, and their nodes (k,). Raises Refused."""
+        name, found = self._cells(text, None)
+        nodes = [nodes[:, 0] for _, _, nodes in self.mesh.select(found[self.mesh.cell_dim[found] == 0])]
+        if not nodes:
+            raise Refused(f"{text} has no elements of type SPRING1")
+        return name, np.concatenate(nodes)
+
+    def _cells(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
+        text = self.plain(text)
+        if _is_number(text):
+            return "", self._place(self._cell_index, text, "element", row)
+        name = self.deck.element_sets[look_up(self.deck.element_sets, text, "set of elements", row)]
+        return name, np.asarray(self.mesh.cell_groups[name])
+
+    def plain(self, text: str) -> str:
+        """Return a name or number without the instance in front of it, if there is one instance: the mesh has none."""
+        before, _, rest = text.rpartition(".")
+        return rest if before and [key_of(before)] == self._instances else text
+
+    @cached_property
+    def _instances(self) -> list[str]:
+        """Keys of the names of instances."""
+        return [key_of(card.options.get("NAME", "")) for card in self.deck.named("INSTANCE")]
+
+    def _place(self, index: Index, text: str, what: str, row: DeckLine | None) -> Ints:
+        """Return the index (1,) of a number. Raises Refused, also if numbers of the deck are not those of its mesh."""
+        if self.deck.apart:
+            raise Refused(f"{self.deck.apart}, so that a number may mean several; name a set", row)
+        place = index.places(np.array([int(text)])) if len(text) < _DIGITS else np.array([-1])
+        if place[0] < 0:
+            raise Refused(f"there is no {what} {text[:40]}", row)
+        return place
+
+    def facets(self, cells: Ints, side: str, row: DeckLine) -> Ints:
+        """Return the numbers of the facets `side` ("1", "2" ... of the deck) of some cells. Raises Refused."""
+        found = []
+        for kind, chosen, _ in self.mesh.select(cells):
+            places = FACETS[CELLS[kind].family]
+            if not (_is_number(side) and 1 <= int(side) <= len(places)):
+                raise Refused(f"a {kind} has the faces 1 to {len(places)}, and no face {side!r}", row)
+            found.append(chosen * SIDES + places[int(side) - 1])
+        return np.concatenate(found)
+
+    def skin(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
+        """Return the name of a surface and its facets (k,): of a surface of nodes, the faces on these nodes alone.
+
+        Raises Refused for a surface that is not there, or has no faces of solid cells.
+        """
+        text = self.plain(text)
+        there = self.deck.surface_group(text)
+        if there is None:
+            look_up({key: None for _, key in self.deck.surfaces}, text, "surface", row)
+        assert there is not None
+        kind, name = there
+        if kind == "NODE":
+            return name, self._faces_on(name, row)
+        cells = self.mesh.cell_groups[name]
+        faces = faces_of(self.mesh, cells[self.mesh.cell_dim[cells] == self.mesh.dim - 1])
+        owners = find_owners(faces, list(cells_of_dim(self.mesh, self.mesh.dim)), self.mesh.n_nodes)
+        if not len(owners.face):
+            raise Refused(f"the surface {name!r} has no faces of solid elements", row)
+        first = np.unique(owners.face, return_index=True)[1]
+        return name, owners.cell[first] * SIDES + owners.facet[first]
+
+    def inner(self, facets: Ints) -> Ints:
+        """Return those of some facets that lie between two cells."""
+        cell, place = self._boundary
+        return facets[~np.isin(facets, cell * SIDES + place)]
+
+    def of_nodes(self, text: str) -> bool:
+        """True if a surface is one of nodes."""
+        there = self.deck.surface_group(self.plain(text))
+        return there is not None and there[0] == "NODE"
+
+    def _faces_on(self, name: str, row: DeckLine | None) -> Ints:
+        """Return the facets of the boundary whose nodes all belong to a group of nodes. Raises Refused."""
+        chosen = np.zeros(self.mesh.n_nodes + 1, bool)
+        chosen[self.mesh.node_groups[name]] = True
+        chosen[-1] = True  # faces of few nodes are padded with -1
+        cell, facet = self._boundary
+        faces = facets_of(self.mesh, FaceIncidence(np.arange(len(cell)), cell, facet, np.ones(len(cell), bool)))
+        inside = chosen[faces.nodes].all(axis=1)
+        if not inside.any():
+            message = f"no face of the bodies has all its nodes in the surface of nodes {name!r}"
+            raise Refused(f"{message}; name a surface of element faces", row)
+        return cell[inside] * SIDES + facet[inside]
+
+    @cached_property
+    def in_cells(self) -> NDArray[np.bool_]:
+        """Mask (n_nodes,), True for nodes of a solid cell."""
+        used = np.zeros(self.mesh.n_nodes, bool)
+        for _, nodes, _ in cells_of_dim(self.mesh, self.mesh.dim):
+            used[nodes] = True
+        return used
+
+    @cached_property
+    def _boundary(self) -> tuple[Ints, Ints]:
+        """Cells and places of the facets that belong to one cell only."""
+        facets = Facets.of(self.mesh)
+        rows, facet = facets.boundary
+        return facets.solid.cells[rows].astype(np.int64), facet.astype(np.int64)
+
+    @cached_property
+    def _node_index(self) -> Index:
+        return Index(self.mesh.node_number)
+
+    @cached_property
+    def _cell_index(self) -> Index:
+        """Cells by number; skin cells, whose numbers are no elements of the deck, come after these."""
+        return Index(self.mesh.cell_number)
+
+
+def _is_number(text: str) -> bool:
+    return text.isascii() and text.isdigit()

@@ -1,0 +1,128 @@
+"""The table of cards: what reads each, with which options; what has no effect here; what lacsolver lacks.
+
+A card that stands in none of the three is refused by its name: nobody knows if the answer hangs on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from lacsolver.decks import material_cards as materials
+from lacsolver.decks import model_cards as model
+from lacsolver.decks import step_cards as steps
+from lacsolver.decks.cards import Card
+from lacsolver.decks.reading import Reading
+
+
+class CardRow(NamedTuple):
+    """A card that is read: its handler, the options that this takes, and those that have no effect here."""
+
+    read: Callable[[Reading, Card], None]
+    takes: frozenset[str] = frozenset()
+    ignores: frozenset[str] = frozenset()
+
+
+def _row(read: Callable[[Reading, Card], None], takes: str = "", ignores: str = "") -> CardRow:
+    return CardRow(read, frozenset(takes.split()), frozenset(ignores.split()))
+
+
+#: keyword without blanks -> how it is read
+READ = {
+    "ELEMENT": _row(model.element, "TYPE ELSET INPUT"),
+    "SURFACE": _row(model.surface, "NAME TYPE INSTANCE", "INTERNAL"),
+    "MATERIAL": _row(materials.material, "NAME"),
+    "ELASTIC": _row(materials.elastic, "TYPE"),
+    "HYPERELASTIC": _row(materials.hyperelastic, "NEOHOOKE"),
+    "DENSITY": _row(materials.density),
+    "EXPANSION": _row(materials.expansion, "TYPE ZERO"),
+    "ORIENTATION": _row(materials.orientation, "NAME SYSTEM", "DEFINITION"),
+    "SOLIDSECTION": _row(materials.section, "ELSET MATERIAL ORIENTATION", "CONTROLS"),
+    "AMPLITUDE": _row(model.amplitude, "NAME TIME DEFINITION VALUE SHIFTX SHIFTY", "SMOOTH"),
+    "INITIALCONDITIONS": _row(model.initial_conditions, "TYPE"),
+    "SURFACEINTERACTION": _row(model.interaction, "NAME"),
+    "SURFACEBEHAVIOR": _row(model.behavior, "PRESSURE-OVERCLOSURE"),
+    "FRICTION": _row(model.friction, "", "SLIPTOLERANCE"),
+    "CONTACTPAIR": _row(model.contact_pair, "INTERACTION TYPE SMALLSLIDING ADJUST", "NAME"),
+    "CLEARANCE": _row(model.clearance, "MASTER SLAVE VALUE"),
+    "TIE": _row(model.tie, "POSITIONTOLERANCE", "NAME ADJUST TYPE"),
+    "RIGIDBODY": _row(model.rigid_body, "NSET ELSET REFNODE ROTNODE"),
+    "SPRING": _row(model.spring, "ELSET"),
+    "STEP": _row(steps.step, "NLGEOM AMPLITUDE", "INC INCF NAME EXTRAPOLATION UNSYMM CONVERTSDI"),
+    "STATIC": _row(steps.static, "DIRECT", "SOLVER"),
+    "ENDSTEP": _row(steps.end_step),
+    "BOUNDARY": _row(steps.boundary, "OP AMPLITUDE"),
+    "CLOAD": _row(steps.cload, "OP AMPLITUDE"),
+    "DLOAD": _row(steps.dload, "OP AMPLITUDE"),
+    "DSLOAD": _row(steps.dsload, "OP AMPLITUDE"),
+    "TEMPERATURE": _row(steps.temperature, "OP AMPLITUDE"),
+    "NODEPRINT": _row(steps.node_print, "NSET", "FREQUENCY FREQUENCYF TOTALS TIMEPOINTS GLOBAL"),
+}
+#: cards that are the mesh, or frames of it: lacmesh has read them
+OF_THE_MESH = frozenset(
+    (
+        "NODE",
+        "NSET",
+        "ELSET",
+        "HEADING",
+        "PART",
+        "ENDPART",
+        "INSTANCE",
+        "ENDINSTANCE",
+        "ASSEMBLY",
+        "ENDASSEMBLY",
+        "PREPRINT",
+        "RESTART",
+        "INCLUDE",
+    )
+)
+#: cards that do not change the answer -> what a user may want to know
+NOTES = {
+    "ELPRINT": "stresses are in the fields (solid.pvd), and their extremes of each group in results.json",
+    "CONTACTPRINT": "pressures, gaps, areas and resultants of contact are in contact_NAME.csv and history.csv",
+    "SECTIONPRINT": "forces on sections are not computed; reactions and contact resultants are in history.csv",
+    **dict.fromkeys(
+        ("NODEFILE", "ELFILE", "CONTACTFILE", "OUTPUT", "NODEOUTPUT", "ELEMENTOUTPUT", "CONTACTOUTPUT", "FILEFORMAT"),
+        "a run writes its fields after every step; see [output] in docs/case.md",
+    ),
+    "TIMEPOINTS": "times of results are [output] times in the case",
+    "MONITOR": "history.csv has probes and reactions",
+    "CONTROLS": "the case has its own [solver] and [steps]",
+    "SECTIONCONTROLS": "lacsolver integrates in full, without hourglass modes",
+}
+_SHELLS = "lacsolver computes solid elements; model this part with them"
+_LINEAR = "lacsolver has no linear equations between nodes"
+_HEAT = "lacsolver computes no heat; give the temperatures by *TEMPERATURE"
+#: procedures of steps that lacsolver has not; nobody may leave them out, as a step without one is static
+PROCEDURES = dict.fromkeys(
+    ("DYNAMIC", "FREQUENCY", "BUCKLE", "MODALDYNAMIC", "STEADYSTATEDYNAMICS", "COMPLEXFREQUENCY", "SENSITIVITY",
+     "VISCO", "GREEN", "ELECTROMAGNETICS", "SUBSTRUCTUREGENERATE", "HEATTRANSFER", "COUPLEDTEMPERATURE-DISPLACEMENT",
+     "UNCOUPLEDTEMPERATURE-DISPLACEMENT"),
+    "lacsolver computes static steps (*STATIC)",
+)  # fmt: skip
+#: cards that change the answer, and that lacsolver has no place for -> what to try
+LACKS = {
+    **dict.fromkeys(("SHELLSECTION", "MEMBRANESECTION", "BEAMSECTION", "BEAMGENERALSECTION"), _SHELLS),
+    **dict.fromkeys(("USERELEMENT", "USERSECTION", "FLUIDSECTION", "GAP", "DASHPOT", "MASS"), _SHELLS),
+    "EQUATION": f"{_LINEAR}; a face that stays plane may be a [[rigid]], two meshes that do not match a *TIE",
+    "MPC": f"{_LINEAR}; a face that stays plane may be a [[rigid]], two meshes that do not match a *TIE",
+    **dict.fromkeys(("COUPLING", "KINEMATIC", "DISTRIBUTING"), f"{_LINEAR}; what moves rigidly is a *RIGID BODY"),
+    "TRANSFORM": "supports and forces are along the global axes, or un along a normal in the case; write them so",
+    "MODELCHANGE": "contact and elements are there in all steps; leave out the steps without them",
+    "CHANGEFRICTION": "contact is without friction",
+    "CHANGESURFACEBEHAVIOR": "contact has one law for all steps",
+    "CONTACTDAMPING": "contact has no damping",
+    **dict.fromkeys(("PLASTIC", "CREEP", "CYCLICHARDENING", "HYPERFOAM", "USERMATERIAL", "DEPVAR", "MOHRCOULOMB",
+                     "DEFORMATIONPLASTICITY", "VISCOELASTIC", "DAMPING"),
+                    "lacsolver's materials are elastic; docs/architecture.md says how a program adds a law"),
+    **dict.fromkeys(("CONDUCTIVITY", "SPECIFICHEAT", "FILM", "DFLUX", "CFLUX", "RADIATE"), _HEAT),
+    "PRE-TENSIONSECTION": "pretension is not taken; shorten the bolt by *TEMPERATURE, or overlap it by *CLEARANCE",
+    "CYCLICSYMMETRYMODEL": "cyclic symmetry is not taken; model the whole, or a half with its plane of symmetry",
+    "GENERALCONTACT": "contact is between named surfaces; write *CONTACT PAIR for each pair",
+    "CONTACT": "contact is between named surfaces; write *CONTACT PAIR for each pair",
+    "GAPCONDUCTANCE": _HEAT,
+    "FIELD": "fields other than temperature are not taken",
+    "SUBMODEL": "boundary values from another run are not taken; write them as *BOUNDARY",
+    "DESIGNVARIABLES": "lacsolver computes no sensitivities; take this out",
+    "RETAINEDNODALDOFS": "lacsolver makes no substructures",
+}  # fmt: skip

@@ -1,0 +1,149 @@
+"""Decks of our own: two bodies in contact, with a little of all that decks hold; and CalculiX's answers to them."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+import lacmesh
+from lacmesh import LacmeshWarning, Mesh
+from lacmesh.cells import CELLS
+from lacmesh.formats.inp.types import element
+from tests.formats.inp_blocks import two_blocks
+
+#: Young's modulus, pressure, stiffness of the contact (pressure over overclosure).
+E, P, K = 1000.0, 2.0, 1e5
+#: Cards behind the mesh; {free} are the degrees of freedom across the pressure, {load} what presses.
+CARDS = """\
+** materials come first
+*Material, NAME=Steel
+*Elastic
+ {E}, 0.
+** a comment between the cards
+*SOLID SECTION, ELSET=lower, MATERIAL=steel
+{thickness}
+*SOLID SECTION, ELSET=UPPER, MATERIAL=STEEL
+{thickness}
+*SURFACE INTERACTION, NAME=touch
+*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR
+{K}
+*CONTACT PAIR, INTERACTION=touch, TYPE=SURFACE TO SURFACE
+slave, master
+*AMPLITUDE, NAME=ramp
+0., 0., 1., 1.
+*BOUNDARY
+base, 1, {up}, 0.
+all, {across}, 0.
+*STEP
+*STATIC
+1., 1.
+*DLOAD, AMPLITUDE=ramp
+{load}
+*NODE PRINT, NSET=base, TOTALS=ONLY
+RF
+*NODE PRINT, NSET=top
+U
+*EL PRINT, ELSET=upper
+S
+*NODE FILE
+U
+*END STEP
+"""
+
+
+def plane_blocks(kind):
+    """Unit squares of 2 x 2 and 3 x 3 cells, the second on the first, one unit from the axis, with the same groups."""
+    x, cells, sides, groups, n_cells = [], [], [], {}, 0
+    for name, n, shift in (("lower", 2, 0), ("upper", 3, 1)):
+        start = sum(map(len, x))
+        line = np.linspace(0, 1, n + 1)
+        x.append(np.stack([*np.meshgrid(1 + line, shift + line)], axis=-1).reshape(-1, 2))
+        corner = (np.arange(n)[None] + (n + 1) * np.arange(n)[:, None]).ravel() + start
+        quads = np.stack([corner, corner + 1, corner + n + 2, corner + n + 1], axis=1)
+        if kind.startswith("TRIA"):
+            quads = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+        cells.append(quads)
+        groups[name] = n_cells + np.arange(len(quads))
+        n_cells += len(quads)
+        along = np.arange(n)
+        bottom, top = start + along, start + n * (n + 1) + along
+        sides += [np.stack([bottom, bottom + 1], axis=1), np.stack([top + 1, top], axis=1)]
+    for name, side in zip(("base", "slave", "master", "press"), sides, strict=True):
+        groups[name] = n_cells + np.arange(len(side))
+        n_cells += len(side)
+    points = np.concatenate(x)
+    blocks = [("TRIA3" if kind.startswith("TRIA") else "QUAD4", np.concatenate(cells)), ("SEG2", np.concatenate(sides))]
+    mesh = Mesh.create(points, blocks, cell_groups=groups, node_groups={"all": np.arange(len(points))})
+    return lacmesh.raise_order(mesh) if CELLS[kind].order == 2 else mesh
+
+
+def pressed(name):
+    """A deck of two blocks of elements `name`, the upper one pressed on faces of its elements."""
+    kind = element(name).type
+    plane = CELLS[kind].dim == 2
+    mesh = plane_blocks(kind) if plane else two_blocks(kind)
+    rows = _faces_of(mesh, "press")
+    nodes = np.unique(np.concatenate([n.ravel() for _, _, n in mesh.select(mesh.cell_groups["press"])]))
+    groups = {g: cells for g, cells in mesh.cell_groups.items() if g != "press"}
+    mesh = replace(mesh, cell_groups=groups, node_groups={**mesh.node_groups, "top": nodes})
+    return _mesh_text(mesh, name) + CARDS.format(
+        E=E,
+        K=K,
+        up=2 if plane else 3,
+        across="1, 1" if plane else "1, 2",
+        thickness="1." if name.startswith(("CPS", "CPE")) else "",
+        load="\n".join(f"{number}, P{face}, {P}" for number, face in rows),
+    ).replace("\n\n", "\n")
+
+
+def _faces_of(mesh, group):
+    """Elements and face numbers of a skin group, by what *SURFACE says of it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)
+        text = _written(replace(mesh, cell_groups={group: mesh.cell_groups[group]}))
+    return re.findall(r"^(\d+), S(\d)$", text, re.MULTILINE)
+
+
+def _mesh_text(mesh, name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)
+        text = _written(mesh)
+    return re.sub(r"TYPE=C\w+$", f"TYPE={name}", text, flags=re.MULTILINE)
+
+
+def _written(mesh):
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "a.inp")
+        lacmesh.write(path, mesh)
+        return path.read_text()
+
+
+def solved(path, program):
+    """Run a deck, and return CalculiX's .dat without its heading and date; empty if it prints nothing."""
+    done = subprocess.run(
+        [program, path.stem], cwd=path.parent, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert "Job finished" in done.stdout, done.stdout[-2000:]
+    results = path.with_suffix(".dat")
+    return results.read_text() if results.exists() else ""
+
+
+def tables(text):
+    """Numbers of a .dat, by what they are: (what, the rows of one table) in order."""
+    found, head = [], ""
+    for part in re.split(r"\n\s*\n", text):
+        rows = [row.split() for row in part.splitlines() if row.strip()]
+        try:
+            numbers = [[float(word) for word in row] for row in rows]
+        except ValueError:
+            head = " ".join(part.split())
+            continue
+        if numbers:
+            found.append((head, np.array(numbers)))
+    return found

@@ -1,0 +1,436 @@
+"""Decks: the record of their cards, and what becomes of every card in a file that is written again."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lacmesh
+from lacmesh import LacmeshWarning, cut_skin, raise_order
+from lacmesh.cells import CELLS
+from lacmesh.cli import main
+from lacmesh.cutting.cut import is_cut
+from lacmesh.errors import DataError, WriteError
+from lacmesh.formats.inp.follow import Followed
+from lacmesh.formats.inp.types import FACETS
+from lacmesh.formats.inp.variants import variant
+from lacmesh.formats.inp.writer_types import card as element_of
+from lacmesh.mesh import Mesh
+from tests.formats.decks import pressed
+from tests.formats.inp_texts import PARTS
+from tests.meshes import cell_with_faces
+
+MESH = """\
+** made by hand
+*NODE, NSET=Nall
+1, 0., 0., 0.
+2, 1., 0., 0.
+3, 1., 1., 0.
+4, 0., 1., 0.
+5, 0., 0., 1.
+6, 1., 0., 1.
+7, 1., 1., 1.
+8, 0., 1., 1.
+** the brick
+*ELEMENT, TYPE=C3D8R, ELSET=Eall
+1, 1, 2, 3, 4, 5, 6, 7, 8
+*NSET, NSET=Bottom
+1, 2, 3, 4
+*NSET, NSET=Top, GENERATE
+5, 8
+*ELSET, ELSET=Few
+1
+*SURFACE, NAME=slave
+Few, S2
+*SURFACE, NAME=side, TYPE=ELEMENT
+1, S3
+*SURFACE, NAME=Nodes, TYPE=NODE
+5
+6
+7
+8
+"""
+MODEL = """\
+*Material, Name = "Steel of  1990"
+*ELASTIC
+ 2.1e5 , .3
+*SOLID SECTION, ELSET=EALL,
+ MATERIAL="Steel of  1990"
+*CARD OF NO PROGRAM, ELSET=nothing
+ whatever it says; 1, 2
+"""
+STEP = "*STEP\n*STATIC\n1., 1.\n{cards}*NODE PRINT, NSET=Nall\nU\n*END STEP\n"
+
+
+def read_text(folder, text, name="a.inp"):
+    (folder / name).write_text(text)
+    return lacmesh.read(folder / name)
+
+
+def written(folder, mesh, name="b.inp", **options):
+    lacmesh.write(folder / name, mesh, **options)
+    return (folder / name).read_text()
+
+
+def cut_text(folder, cards, **options):
+    """The deck with `cards` in its step, cut on its top; the lines of the first of these cards in the new file."""
+    mesh = cut_skin(read_text(folder, MESH + MODEL + STEP.format(cards=cards)), "slave", hexa="hexa").mesh
+    text = written(folder, mesh, **options)
+    keyword = cards.split("\n")[0]
+    body = text[text.index(keyword + "\n") + len(keyword) + 1 :]
+    return mesh, re.split(r"^\*[A-Z]", body, flags=re.MULTILINE)[0].splitlines()
+
+
+def others(text):
+    """The lines of a deck that are no mesh."""
+    found, mine = [], True
+    for line in text.splitlines():
+        if line.startswith("*") and not line.startswith("**"):
+            mine = not re.match(r"\*(NODE|ELEMENT|NSET|ELSET|SURFACE)\b(?! (PRINT|INTERACTION|BEHAVIOR))", line)
+        if mine or line.startswith("**"):
+            found.append(line)
+    return found
+
+
+def test_the_record_has_every_card(tmp_path):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "more.inp").write_text("** inside\n*BOUNDARY\nBottom, 1, 3\n** between\n 5 , 1,1, 2.5\n")
+    text = (
+        MESH
+        + MODEL
+        + "*INCLUDE, INPUT=sub/more.inp\n"
+        + STEP.format(cards="*CLOAD\nTop, 3, 1.\n")
+        + STEP.format(cards="")
+    )
+    deck = read_text(tmp_path, text).deck
+    assert [c.name for c in deck.cards[:3]] == ["NODE", "ELEMENT", "NSET"]
+    assert [len(step) for step in deck.steps] == [5, 4] and len(deck.model) + 9 == len(deck.cards)
+    section = next(deck.named("SOLIDSECTION"))
+    assert (section.name, section.line) == ("SOLID SECTION", 32)
+    assert section.options == {"ELSET": "EALL", "MATERIAL": '"Steel of  1990"'}
+    held = next(deck.named("BOUNDARY"))
+    assert (held.file, held.line) == (str(tmp_path / "sub" / "more.inp"), 2)
+    assert [(line.fields, line.line) for line in held.data] == [
+        (("Bottom", "1", "3"), 3),
+        (("5", "1", "1", "2.5"), 5),
+    ]
+    assert deck.start[0].text == "** made by hand\n"
+    assert (deck.node_group("bottom"), deck.element_group('" x"'), deck.surface_group("NODES")) == (
+        *("Bottom", None),
+        ("NODE", "Nodes"),
+    )
+    nodes, elements = deck.cards[:2]
+    assert nodes.numbers.tolist() == list(range(1, 9)) and elements.numbers.tolist() == [1] and not nodes.data
+    assert "".join(part.text for part in nodes.body) == "** the brick\n"
+
+
+def test_what_is_no_mesh_is_carried_word_for_word(tmp_path):
+    """Every line, in its order, whether the file comes in pieces or with other ends of lines."""
+    text = MESH + MODEL + STEP.format(cards="*CLOAD\n** a comment\n 5, 3 , 1.\n\n")
+    assert others(written(tmp_path, read_text(tmp_path, text))) == others(text)
+    (tmp_path / "more.inp").write_text(MODEL)
+    pieces = MESH + "*INCLUDE, INPUT=more.inp\n" + STEP.format(cards="")
+    assert others(written(tmp_path, read_text(tmp_path, pieces))) == others(MESH + MODEL + STEP.format(cards=""))
+    strange = text.replace("whatever", "f\xfcr").encode("latin-1").replace(b"\n", b"\r\n")
+    (tmp_path / "a.inp").write_bytes(strange)
+    lacmesh.write(tmp_path / "b.inp", lacmesh.read(tmp_path / "a.inp"))
+    assert b"\r\n f\xfcr it says; 1, 2\r\n" in (tmp_path / "b.inp").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["C3D8I", "C3D20R", "CPE4"])
+def test_a_deck_written_twice_is_the_same(name, tmp_path):
+    first = written(tmp_path, read_text(tmp_path, pressed(name)))
+    assert written(tmp_path, read_text(tmp_path, first), "c.inp") == first
+    assert others(first) == others(pressed(name))
+
+
+def test_a_cut_deck_is_read_as_the_mesh_that_was_cut(tmp_path):
+    """Sets by the children, surfaces by their faces, new nodes in the sets that hold a whole face, and nothing lost."""
+    mesh, _ = cut_text(tmp_path, "*BOUNDARY\nBottom, 1, 3\n")
+    back = lacmesh.read(tmp_path / "b.inp")
+    for groups in ("cell_groups", "node_groups"):
+        numbers = "cell_number" if groups == "cell_groups" else "node_number"
+        for name, members in getattr(mesh, groups).items():
+            if name not in ("slave", "side"):
+                found = getattr(back, numbers)[getattr(back, groups)[name]]
+                assert set(found.tolist()) == set(getattr(mesh, numbers)[members].tolist()), name
+    for name, z in (("slave", 1.0), ("side", None)):
+        assert len(back.cell_groups[name]) == len(mesh.cell_groups[name])
+        for _, _, nodes in back.select(back.cell_groups[name]):
+            assert z is None or (back.points[nodes, 2] == z).all()
+    assert is_cut(back)
+    assert {c.options["TYPE"] for c in back.deck.named("ELEMENT")} == {"C3D8R"}
+
+
+def _side_area(mesh, number, face):
+    """Area vector of a face of an element, by the numbers of both."""
+    cell = int(np.flatnonzero(mesh.cell_number == number)[0])
+    ((kind, _, nodes),) = mesh.select(np.array([cell]))
+    side = CELLS[kind].facets[FACETS[CELLS[kind].family][face - 1]]
+    x = mesh.points[nodes[0][list(side.nodes[: CELLS[side.type].n_corners])]]
+    if len(x) == 2:
+        return np.array([(x[1] - x[0])[1], -(x[1] - x[0])[0], 0])
+    return np.cross(x[1:-1] - x[0], x[2:] - x[0]).sum(axis=0) / 2
+
+
+KINDS = [
+    kind
+    for kind, cell in CELLS.items()
+    if cell.dim > 1 and element_of(kind, "calculix", "CPE" if cell.dim == 2 else None, False)
+]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_load_on_a_face_goes_to_the_children_on_it(kind, tmp_path):
+    """On every face of a cell that is cut on one face, or on two: the faces of children have the same area vector."""
+    n = len(CELLS[kind].facets)
+    for faces in [(j,) for j in range(n)] + [(0, n - 1)]:
+        mesh = cell_with_faces(kind, facets=list(faces), inward=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LacmeshWarning)
+            lacmesh.write(tmp_path / "a.inp", mesh, plane="CPE")
+            read = lacmesh.read(tmp_path / "a.inp")
+            cut = cut_skin(read, "slave", hexa="hexa").mesh
+        number = int(read.deck.cards[1].numbers[0])
+        followed = Followed(cut.deck, cut)
+        if not followed.is_changed(number):
+            assert CELLS[kind].dim == 2  # a SEG3 is left whole
+            continue
+        for face in range(1, n + 1):
+            sides = followed.faces(number, face)
+            assert len(sides) == len(set(sides)) > (1 if FACETS[CELLS[kind].family][face - 1] in faces else 0)
+            areas = sum(_side_area(cut, *side) for side in sides)
+            assert np.allclose(areas, _side_area(read, number, face), atol=1e-12)
+
+
+def test_loads_on_elements_that_were_cut(tmp_path):
+    _, lines = cut_text(
+        tmp_path,
+        "*DLOAD, OP=NEW\n1, P3, 2.5\n** kept\nEall, GRAV, 9.81, 0, 0, -1\n1, BX, 7.\n",
+    )
+    assert lines[1:3] == ["** kept", "Eall, GRAV, 9.81, 0, 0, -1"]
+    assert re.fullmatch(r"\d+, P\d, 2.5", lines[0])
+    assert len(lines) == 3 + 6 and all(re.fullmatch(r"\d+, BX, 7.", line) for line in lines[3:])
+    mesh, lines = cut_text(tmp_path, "*FILM\nFew, F2, 20., 1.e-3\n")
+    assert len(lines) == 5 and all(line.endswith(", 20., 1.e-3") for line in lines)
+    sides = [(int(line.split(",")[0]), int(line.split(",")[1].strip()[1:])) for line in lines]
+    assert np.allclose(sum(_side_area(mesh, *side) for side in sides), [0, 0, 1])
+    _, lines = cut_text(tmp_path, "*MODEL CHANGE, TYPE=ELEMENT, REMOVE\n1\n")
+    assert len(lines[0].split(",")) == 6
+
+
+def test_conditions_of_whole_faces_take_the_new_nodes(tmp_path):
+    """By number, with values that are linear: new nodes on the face have those of their places."""
+    x = {1: (0, 0, 0), 2: (1, 0, 0), 3: (1, 1, 0), 4: (0, 1, 0), 5: (0, 0, 1), 6: (1, 0, 1), 7: (1, 1, 1), 8: (0, 1, 1)}
+    field = {k: 1 + 2 * p[0] + 3 * p[1] + 4 * p[2] for k, p in x.items()}
+    top = "".join(f"{k}, 1, 2, {field[k]}\n" for k in (5, 6, 7, 8))
+    mesh, lines = cut_text(tmp_path, "*BOUNDARY\n" + top)
+    at = {int(n): p for n, p in zip(mesh.node_number, mesh.points, strict=True)}
+    rows = [[float(f) for f in line.split(",")] for line in lines[4:]]
+    on_top = [n for n, p in at.items() if n > 8 and p[2] == 1]
+    assert sorted((int(r[0]), int(r[1])) for r in rows) == sorted((n, dof) for n in on_top for dof in (1, 2))
+    for n, first, last, value in rows:
+        assert first == last and value == pytest.approx(1 + at[int(n)] @ [2, 3, 4])
+    every = "".join(f"{k}, {value}\n" for k, value in field.items())
+    _, lines = cut_text(tmp_path, "*TEMPERATURE\n" + every)
+    assert sorted(int(line.split(",")[0]) for line in lines) == sorted(at)
+    for n, value in ([float(f) for f in line.split(",")] for line in lines):
+        assert value == pytest.approx(1 + at[int(n)] @ [2, 3, 4])
+    assert len(cut_text(tmp_path, "*BOUNDARY\n5, 3\n6, 3\n7, 3\n")[1]) == 3  # three corners are no face
+    assert len(cut_text(tmp_path, "*BOUNDARY\nTop, 3\n5, 1\n")[1]) == 2  # the set has its new nodes itself
+
+
+def test_forces_on_nodes_stay_on_those_nodes(tmp_path):
+    mesh, lines = cut_text(tmp_path, "*CLOAD\nTop, 3, -1.\n5, 1, 2.\n")
+    assert len(mesh.node_groups["Top"]) > 4
+    assert lines == ["5, 3, -1.", "6, 3, -1.", "7, 3, -1.", "8, 3, -1.", "5, 1, 2."]
+
+
+def test_initial_conditions(tmp_path):
+    text = MESH + "*INITIAL CONDITIONS, TYPE=TEMPERATURE\n" + "".join(f"{k}, {k}.\n" for k in range(1, 9)) + MODEL
+    cut = cut_skin(read_text(tmp_path, text), "slave", hexa="hexa").mesh
+    assert len(next(lacmesh.read(_path(tmp_path, cut)).deck.named("INITIALCONDITIONS")).data) == cut.n_nodes
+    text = MESH + "*INITIAL CONDITIONS, TYPE=STRESS\n1, 1, 5., 0., 0., 0., 0., 0.\n" + MODEL
+    cut = cut_skin(read_text(tmp_path, text), "slave", hexa="hexa").mesh
+    words = r"a\.inp, line 30: \*INITIAL CONDITIONS: element 1 was cut, and its children have other integration points"
+    with pytest.raises(DataError, match=words):
+        written(tmp_path, cut)
+    with pytest.warns(LacmeshWarning, match=words + ".*; the line is left out"):
+        assert "*INITIAL CONDITIONS, TYPE=STRESS\n*Material" in written(tmp_path, cut, lenient=True)
+
+
+def _path(folder, mesh):
+    written(folder, mesh)
+    return folder / "b.inp"
+
+
+def test_sets_that_would_catch_new_numbers_are_written_anew(tmp_path):
+    """GENERATE beyond the last number means more once there are more; a cut set would hold what it should not."""
+    text = MESH.replace("*NSET, NSET=Top, GENERATE\n5, 8\n", "*NSET, NSET=Top, GENERATE\n5, 100\n") + MODEL
+    mesh = cut_skin(read_text(tmp_path, text), "slave", hexa="hexa").mesh
+    back = lacmesh.read(_path(tmp_path, mesh))
+    for name in ("Top", "Nall", "Bottom"):
+        assert set(back.node_number[back.node_groups[name]]) == set(mesh.node_number[mesh.node_groups[name]])
+    assert len(back.node_groups["Top"]) < back.n_nodes - 4
+
+
+def test_a_deck_is_cut_twice(tmp_path):
+    """Children of children: a load on the side goes to what is left of it, sets have all of them."""
+    deck = read_text(tmp_path, MESH + MODEL + STEP.format(cards="*DLOAD\n1, P3, 2.5\n1, P1, 1.\n"))
+    once = cut_skin(deck, "slave", hexa="hexa").mesh
+    with pytest.warns(LacmeshWarning, match="records .* are replaced"):
+        twice = cut_skin(once, "side", hexa="hexa", recognise=False).mesh
+    back = lacmesh.read(_path(tmp_path, twice))
+    assert len(back.cell_groups["Eall"]) == len(twice.cell_groups["Eall"]) > len(once.cell_groups["Eall"]) > 1
+    sides = [(int(line.fields[0]), int(line.fields[1][1:])) for line in next(back.deck.named("DLOAD")).data]
+    areas = [_side_area(back, *side) for side in sides]
+    assert np.allclose(sum(areas), [0, -1, -1]) and len(areas) > 2
+
+
+def test_elements_that_are_no_cells_keep_their_lines_and_numbers(tmp_path):
+    """Orientation nodes of beams, couplings, elements of the user; children take other numbers than theirs."""
+    lines = "*ELEMENT, TYPE=B31, ELSET=beam\n20, 1, 2, 5\n*ELEMENT, TYPE=DCOUP3D, ELSET=ref\n70, 8\n"
+    with pytest.warns(LacmeshWarning, match="orientation nodes of 1 beams are left out; 1 elements of type DCOUP3D"):
+        mesh = read_text(tmp_path, MESH + lines + MODEL)
+    cut = cut_skin(mesh, "slave", hexa="hexa").mesh
+    assert lines in written(tmp_path, cut)
+    new = np.setdiff1d(cut.cell_number, mesh.cell_number)
+    assert len(new) and new.min() > 70
+
+
+def test_data_of_other_files_stand_in_the_new_one(tmp_path):
+    (tmp_path / "top.txt").write_text("5, 6\n7, 8\n")
+    (tmp_path / "more.txt").write_text("9, 2., 2., 2.\n")
+    text = MESH.replace("Top, GENERATE\n5, 8\n", "Top, INPUT=top.txt\n")
+    text = text.replace("*ELEMENT", "*NODE, INPUT=more.txt\n*ELEMENT") + MODEL
+    out = written(tmp_path, read_text(tmp_path, text))
+    assert "INPUT" not in out and "*NSET, NSET=Top\n5, 6\n7, 8\n" in out and "*NODE\n9, 2.0, 2.0, 2.0\n" in out
+
+
+def test_a_mesh_that_was_changed_in_python(tmp_path):
+    """Moved nodes, a set that lost a member, a new one: the deck says the same as the mesh."""
+    mesh = read_text(tmp_path, MESH + MODEL)
+    groups = {**mesh.node_groups, "Nall": np.array([0, 1]), "new set": np.array([2])}
+    changed = replace(mesh, points=mesh.points + 1, node_groups=groups)
+    with pytest.warns(LacmeshWarning, match="'new set' is new_set"):
+        text = written(tmp_path, changed)
+    back = lacmesh.read(tmp_path / "b.inp")
+    assert np.array_equal(back.points, changed.points)
+    assert {k: v.tolist() for k, v in back.node_groups.items() if k != "slave"} == {
+        **{"Bottom": [0, 1, 2, 3], "Top": [4, 5, 6, 7], "Nodes": [4, 5, 6, 7]},
+        **{"Nall": [0, 1], "new_set": [2]},
+    }
+    assert "*NODE\n" in text and others(text) == others(MESH + MODEL)
+    fewer = Mesh.create(mesh.points, [("HEXA8", mesh.block("HEXA8"))], cell_number=[5], deck=mesh.deck)
+    with pytest.warns(
+        LacmeshWarning, match=r"written anew and not as the deck .*elements are not in the mesh.*MATERIAL"
+    ):
+        assert "MATERIAL" not in written(tmp_path, fewer)
+
+
+def test_a_raised_deck_keeps_its_cards(tmp_path):
+    mesh = raise_order(read_text(tmp_path, MESH + MODEL + STEP.format(cards="*BOUNDARY\n1, 1\n2, 1\n3, 1\n4, 1\n")))
+    text = written(tmp_path, mesh)
+    assert "*ELEMENT, TYPE=C3D20R, ELSET=Eall" in text
+    assert len(next(lacmesh.read(tmp_path / "b.inp").deck.named("BOUNDARY")).data) == 8
+
+
+def test_orient_carries_the_deck(tmp_path, capsys):
+    (tmp_path / "a.inp").write_text(MESH + MODEL)
+    assert main(["orient", str(tmp_path / "a.inp"), "--group", "slave", "-o", str(tmp_path / "b.inp"), "-q"]) == 0
+    assert others((tmp_path / "b.inp").read_text()) == others(MESH + MODEL)
+    assert main(["convert", str(tmp_path / "a.inp"), str(tmp_path / "c.inp"), "--mesh-only", "-q"]) == 0
+    assert "MATERIAL" not in (tmp_path / "c.inp").read_text()
+
+
+def test_children_that_calculix_lacks_are_an_error(tmp_path):
+    mesh = cut_skin(read_text(tmp_path, MESH + MODEL), "slave").mesh
+    with pytest.raises(WriteError, match=r"CalculiX has no element for PYRAM5, and the mesh has .*--hexa hexa"):
+        written(tmp_path, mesh)
+    assert "TYPE=C3D5, ELSET=Eall" in written(tmp_path, mesh, target="abaqus")
+
+
+def test_parts_are_carried_and_not_cut(tmp_path):
+    """Instances have numbers of their own: a deck of them is carried as it stands, or named as what it is."""
+    with pytest.warns(LacmeshWarning, match="numbers of instance Upper are raised"):
+        mesh = read_text(tmp_path, PARTS.replace("*End Assembly", "*End Assembly\n*Material, name=M"))
+    assert mesh.deck.apart
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert written(tmp_path, mesh) == (tmp_path / "a.inp").read_text()
+    with pytest.warns(
+        LacmeshWarning, match=r"written anew and not as the deck .*a.inp: .*left out of the deck .*MATERIAL"
+    ):
+        written(tmp_path, raise_order(mesh))
+    with pytest.warns(LacmeshWarning, match="the assembly has nodes or elements of its own"):
+        written(tmp_path, replace(mesh, points=mesh.points * 2))
+
+
+@pytest.mark.parametrize(
+    ("old", "cell", "new"),
+    [
+        *[("C3D20R", "HEXA20", "C3D20R"), ("C3D20R", "PENTA15", "C3D15"), ("C3D8I", "PENTA6", "C3D6")],
+        *[("C3D8RT", "TETRA4", "C3D4T"), ("DC3D8", "TETRA4", "DC3D4"), ("C3D10M", "TETRA10", "C3D10M")],
+        *[("CPS8R", "TRIA6", "CPS6"), ("CAX4R", "QUAD4", "CAX4R"), ("S8R", "TRIA6", "S6"), ("M3D4R", "TRIA3", "M3D3")],
+        *[
+            ("C3D8R", "HEXA20", "C3D20R"),
+            ("C3D8I", "HEXA20", "C3D20"),
+            ("STRI65", "TRIA3", "STRI3"),
+            ("C3D8", "PYRAM5", None),
+        ],
+    ],
+)
+def test_elements_keep_their_names(old, cell, new):
+    assert variant(old, cell, "calculix") == new
+
+
+#: cards behind the mesh, the line of these that is wrong, what is said
+WRONG = {
+    "section without its set": (
+        "*SOLID SECTION, ELSET=Eal, MATERIAL=M\n*MATERIAL, NAME=M\n",
+        1,
+        "no element set 'Eal'; did you mean Eall",
+    ),
+    "section without its material": ("*SOLID SECTION, ELSET=Eall, MATERIAL=M\n", 1, "no material 'M'; there are none"),
+    "condition on no set": ("*BOUNDARY\nBotom, 1, 3\n", 2, "no node set 'Botom'; did you mean Bottom"),
+    "condition on no node": ("*BOUNDARY\n99, 1, 3\n", 2, "there is no node 99"),
+    "load on no element": ("*DLOAD\n7, P1, 1.\n", 2, "there is no element 7"),
+    "load on no surface": ("*DSLOAD\nslav, P, 1.\n", 2, "no surface 'slav'; did you mean slave"),
+    "pair of no surface": (
+        "*CONTACT PAIR, INTERACTION=I\nslave, master\n*SURFACE INTERACTION, NAME=I\n",
+        2,
+        "no surface 'master'",
+    ),
+    "pair without its law": ("*CONTACT PAIR, INTERACTION=I\nslave, side\n", 1, "no interaction 'I'"),
+    "no amplitude": ("*CLOAD, AMPLITUDE=A\n5, 3, 1.\n", 1, "no amplitude 'A'"),
+    "step in a step": ("*STEP\n*STATIC\n*STEP\n*END STEP\n", 3, "the step of line 29 has no *END STEP before it"),
+    "end of no step": ("*END STEP\n", 1, "there is no *STEP above it"),
+    "step without end": ("*STEP\n*STATIC\n", 1, "this step has no *END STEP"),
+    "two values": ("*BOUNDARY, OP=NEW, OP=MOD\n5, 3\n", 1, "OP is both NEW and MOD"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_deck_that_contradicts_itself_is_refused(name, tmp_path, capsys):
+    """With its file, line and card; `--lenient` carries the line as it stands. The mesh can be used in any case."""
+    cards, line, words = WRONG[name]
+    line += MESH.count("\n")
+    (tmp_path / "a.inp").write_text(MESH + cards)
+    command = ["convert", str(tmp_path / "a.inp"), str(tmp_path / "b.inp"), "-q"]
+    assert main(command) == 1
+    said = capsys.readouterr().err
+    assert re.search(rf"a\.inp, line {line}: \*[A-Z ]+: .*{re.escape(words)}.*; --lenient", said), said
+    assert not (tmp_path / "b.inp").exists()
+    assert main([*command, "--lenient"]) == 0
+    assert words in capsys.readouterr().err and cards in (tmp_path / "b.inp").read_text()
+    assert main(["info", str(tmp_path / "a.inp"), "-q"]) == 0
+
+
+def test_the_options_are_of_inp_alone(tmp_path, capsys):
+    (tmp_path / "a.inp").write_text(MESH + MODEL)
+    assert main(["convert", str(tmp_path / "a.inp"), str(tmp_path / "a.msh"), "--lenient"]) == 2
+    assert "--lenient is for an .inp output" in capsys.readouterr().err

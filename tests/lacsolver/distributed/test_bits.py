@@ -1,0 +1,39 @@
+"""Matrices do not depend on the number of processes: rows of K, B, D and G have the same bits for 1, 2, 3, 4 and 8."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.lacsolver.distributed.mpi import in_ranks
+from tests.lacsolver.invariant_cases import CASES
+
+pytestmark = pytest.mark.petsc
+PROGRAM = "from tests.lacsolver.distributed.bits import main; main()"
+NUMBERS = (1, 2, 3, 4, 8)
+#: B is not D where the skins are curved and follow the deformation
+NAMES = ["in space", "in space, finite, smoothed", "two zones", "tie in space"]
+
+
+@pytest.fixture(scope="module")
+def told():
+    """How many rows differ, by number of processes and case."""
+    done = in_ranks(max(NUMBERS), PROGRAM, json.dumps(NUMBERS), json.dumps(NAMES), timeout=300)
+    assert done.returncode == 0, done.stderr
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    return {(line["n"], line["name"]): line for line in lines}
+
+
+@pytest.mark.parametrize("n", NUMBERS)
+def test_rows_have_the_same_bits(told, n):
+    for name in NAMES:
+        one = told[n, name]
+        assert one["K"] == [0, one["rows"]["K"]]  # each row on one process
+        for key in "BDG":
+            assert one[key] == [0, n * one["rows"][key]] and one[key][1]  # all rows on all of them
+
+
+def test_the_cases_have_what_is_compared():
+    assert {CASES[name].dim for name in NAMES} == {2, 3}
+    assert {CASES[name].finite for name in NAMES} == {False, True}

@@ -1,0 +1,30 @@
+"""Memory of a process: no array as long as the whole model, from the parts of the mesh to the files and back."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.lacsolver.distributed.mpi import in_ranks
+
+pytestmark = pytest.mark.petsc
+PROGRAM = "from tests.lacsolver.distributed.allocations import main; main()"
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    """What each process found, the other one having more and more."""
+    done = in_ranks(2, PROGRAM, tmp_path_factory.mktemp("models"), timeout=300)
+    assert done.returncode == 0, done.stderr
+    return {line["fixed"]: line for line in map(json.loads, done.stdout.splitlines())}
+
+
+@pytest.mark.parametrize("fixed", [0, 1])
+def test_no_allocation_grows_with_the_part_of_another_process(told, fixed):
+    """The first process writes the states, and gathers nothing else either."""
+    (nodes, cells, own), (more, more_cells, same) = told[fixed]["sizes"]
+    assert own == same and more > 3 * nodes and more_cells > 3 * cells
+    longer = min(more - nodes, more_cells - cells)  # bytes by which an array of one byte a node or cell would grow
+    assert {place: size for place, size in told[fixed]["grown"].items() if size >= longer / 2} == {}
+    assert told[fixed]["largest"] > 10 * longer  # what is allocated is seen

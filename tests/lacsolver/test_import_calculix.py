@@ -1,0 +1,181 @@
+"""Decks solved by lacsolver and by CalculiX: decks of CalculiX's own tests with its .dat, and decks of our own."""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from lacsolver import Answer, CaseError
+from tests.formats.decks import E, K, P, pressed, tables
+from tests.formats.decks import solved as run_calculix
+from tests.lacsolver.deck_texts import Block, imported, listed, solved
+from tests.samples import samples
+
+PROGRAM = shutil.which("ccx")
+pytestmark = pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
+#: Decks of CalculiX's own tests that lacsolver takes; all others name the card that it has no place for.
+TAKEN = {"achtelp", "axial", "beamcontact", "beamd", "beamp", "dloadlinI", "plate", "ring1"}
+REFUSED = {
+    "aniso": "ELASTIC",
+    "ball": "SHELL SECTION",
+    "beam_sens_freq_coord1": "FREQUENCY",
+    "beamptied5": "FRICTION",
+    "bolt": "SURFACE BEHAVIOR",
+    "contact1": "EQUATION",
+    "contact12": "DYNAMIC",
+    "contact13": "MODEL CHANGE",
+    "contact3": "EQUATION",
+    "contact5": "FRICTION",
+    "cubes": "FRICTION",
+    "friction1": "FRICTION",
+    "lin_stat_cooks_beam_128": "USER ELEMENT",
+    "load1": "SHELL SECTION",
+    "swing": "BEAM SECTION",
+}
+#: elements of decks of our own
+OWN = ["C3D8", "C3D8I", "C3D20", "C3D20R", "C3D4", "C3D10", "CPE4", "CPS4R", "CPE3", "CAX4"]
+#: a spring of no weight to turn the plate, whose contact is one face on one face
+HELD = "*ELEMENT, TYPE=SPRING1, ELSET=WEAK\n901, 2\n902, 3\n*SPRING, ELSET=WEAK\n1\n1.\n*BOUNDARY\n"
+
+
+def error(solution, text):
+    """Largest difference of the last displacements in a .dat, relative to the largest of them."""
+    rows = [rows for head, rows in tables(text) if head.startswith("displacements")][-1]
+    mine = solution.u(rows[:, 0].astype(int))
+    return np.abs(mine - rows[:, 1 : 1 + mine.shape[1]]).max() / np.abs(rows[:, 1:]).max()
+
+
+def whole(text):
+    """The deck with elements that are integrated in full, as lacsolver's are."""
+    return re.sub(r"(?i)(TYPE\s*=\s*C\w*?\d)R\b", r"\1", text)
+
+
+@pytest.mark.shared
+def test_every_deck_is_taken_or_names_a_card(shared, tmp_path):
+    decks = sorted((shared / "reference" / "decks").glob("*.inp"))
+    assert {deck.stem for deck in decks} >= TAKEN | REFUSED.keys()
+    for deck in decks:
+        try:
+            imported(tmp_path, deck.read_text())
+            assert deck.stem not in REFUSED
+        except CaseError as refused:
+            assert deck.stem not in TAKEN, str(refused)
+            told = re.findall(r"model\.inp, line (\d+): \*([A-Z -]+): ", str(refused))
+            assert len(told) == len(str(refused).splitlines())
+            assert REFUSED.get(deck.stem, told[0][1]) in [card for _, card in told]
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(
+    ("name", "edit", "rel"),
+    [
+        ("ring1", str, 3e-4),  # thermal contact of two rings; CalculiX's are wedges of two degrees
+        ("beamd", str, 4e-3),  # C3D20R, of which lacsolver integrates in full
+        ("plate", lambda text: text.replace("*BOUNDARY\n", HELD, 1), 3e-2),  # one face on one: one pressure
+    ],
+)
+def test_the_results_of_calculix(shared, tmp_path, name, edit, rel):
+    folder = shared / "reference" / "decks"
+    found = solved(tmp_path, edit((folder / f"{name}.inp").read_text()))
+    assert error(found, (folder / f"{name}.dat.ref").read_text()) < rel
+
+
+@pytest.mark.shared
+@pytest.mark.calculix
+@pytest.mark.parametrize(("name", "rel"), [("achtelp", 1e-6), ("beamd", 1e-6), ("axial", 3e-4)])
+def test_full_integration_gives_the_digits_of_calculix(shared, tmp_path, name, rel):
+    """The .dat has seven digits; an axisymmetric body of CalculiX is a wedge of two degrees."""
+    text = whole((shared / "reference" / "decks" / f"{name}.inp").read_text())
+    found = solved(tmp_path, text)
+    assert error(found, run_calculix(tmp_path / "model.inp", PROGRAM)) < rel
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("name", samples(["C3D8", "C3D10", "CPE4", "CAX4"], OWN))
+def test_pressed_blocks(tmp_path, name):
+    """Two blocks of any elements under a pressure: the contact has it everywhere, and its overlap is P / K."""
+    found = solved(tmp_path, pressed(name))
+    mesh = found.problem.space.mesh
+    assert np.allclose(found.zone.pressure, P, rtol=1e-8)
+    top = mesh.node_number[mesh.node_groups["top"]]
+    assert np.allclose(found.u(top)[:, found.problem.space.dim - 1], -P * (2 / E + 1 / K), rtol=1e-8)
+
+
+def bent(element, options=""):
+    """Two blocks that do not match, the upper one bent by a pressure along one edge besides that on its top."""
+    low = Block("B", cells=(3, 3, 3), element=element)
+    high = Block("C", (0, 0, 1), (1, 1, 2), (4, 4, 4), element, first=10000)
+    edge = (high.index[:, 0] == 0) & (high.index[:, 2] == 3)
+    text = low.text() + high.text() + "*ELSET, ELSET=C_EX0Z1\n" + "\n".join(listed(high.element_numbers[edge].tolist()))
+    text += "\n*SURFACE, NAME=U\nC_EZ0, S1\n*SURFACE, NAME=L\nB_EZ1, S2\n"
+    text += "*MATERIAL, NAME=EL\n*ELASTIC\n1000., 0.3\n"
+    text += "*SOLID SECTION, ELSET=B, MATERIAL=EL\n*SOLID SECTION, ELSET=C, MATERIAL=EL\n"
+    text += "*BOUNDARY\nB_Z0, 1, 3\nC_Z1, 1, 2\n*SURFACE INTERACTION, NAME=SI\n"
+    text += "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n1e6\n"
+    text += "*CONTACT PAIR, INTERACTION=SI, TYPE=SURFACE TO SURFACE\nU, L\n"
+    loads = "*DLOAD\nC_EZ1, P2, 20.\nC_EX0Z1, P2, 20.\n"
+    return text + f"*STEP{options}\n*STATIC\n1., 1.\n{loads}*NODE PRINT, NSET=C_N\nU\n*END STEP\n"
+
+
+@pytest.mark.calculix
+@pytest.mark.fuzz
+@pytest.mark.parametrize(("element", "rel"), samples([("C3D8", 6e-3)], [("C3D8", 6e-3), ("C3D20", 6e-3)]))
+def test_contact_that_is_not_uniform(tmp_path, element, rel):
+    """CalculiX's penalty and lacsolver's pressures give the same displacements, to 0.5 % with four faces along it."""
+    found = solved(tmp_path, bent(element))
+    assert np.ptp(found.zone.pressure) > 5
+    assert error(found, run_calculix(tmp_path / "model.inp", PROGRAM)) < rel
+
+
+@pytest.mark.calculix
+@pytest.mark.parametrize("kind", ["pressure", "force", "steps"])
+def test_bent_column_with_nlgeom(tmp_path, kind):
+    """Large rotations: pressures that follow, forces that do not, two steps; C3D20 in both programs."""
+    column = Block(high=(1, 1, 6), cells=(1, 1, 6), element="C3D20")
+    loads = {
+        "pressure": ["*DLOAD\nB_EX1, P4, 1.5\n"],
+        "force": ["*CLOAD\nB_Z1, 1, 0.5\nB_Z1, 2, 0.2\n"],
+        "steps": ["*CLOAD\nB_Z1, 1, 0.5\n*DLOAD\nB_EX1, P4, 0.5\n", "*CLOAD\nB_Z1, 1, -0.2\n"],
+    }[kind]
+    text = column.text() + "*MATERIAL, NAME=EL\n*ELASTIC\n1000., 0.3\n*SOLID SECTION, ELSET=B, MATERIAL=EL\n"
+    text += "*BOUNDARY\nB_Z0, 1, 3\n"
+    for load in loads:
+        text += f"*STEP, NLGEOM\n*STATIC\n0.5, 1.\n{load}*NODE PRINT, NSET=B_N\nU\n*END STEP\n"
+    found = solved(tmp_path, text)
+    assert np.abs(found.u(column.at(2, 6))[:, 0]).max() > 0.5
+    assert error(found, run_calculix(tmp_path / "model.inp", PROGRAM)) < 1e-3
+
+
+@pytest.mark.calculix
+def test_loads_and_supports_over_steps(tmp_path):
+    """What the cards of several steps mean: lines that add or replace, amplitudes, forces that stay."""
+    column = Block(high=(1, 1, 2), cells=(1, 1, 2))
+    text = column.text() + "*MATERIAL, NAME=EL\n*ELASTIC\n1000., 0.3\n*DENSITY\n2.\n*EXPANSION\n1e-4\n"
+    text += "*SOLID SECTION, ELSET=B, MATERIAL=EL\n*AMPLITUDE, NAME=A\n0., 0., 0.5, 1., 1., 0.25\n"
+    text += "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nB_N, 10.\n*BOUNDARY\nB_Z0, 1, 3\n"
+    node = column.at(2, 2)[0]
+    steps = [
+        f"*CLOAD\nB_Z1, 1, 1.\n{node}, 1, 2.\n*DLOAD\nB, GRAV, 5., 0., 0., -1.\nB_EZ1, P2, 3.\nB_EZ1, P2, 1.\n",
+        f"*CLOAD\n{node}, 1, 1.5\n*TEMPERATURE\nB_N, 60.\n",
+        "*CLOAD, AMPLITUDE=A\nB_Z1, 2, 4.\n*BOUNDARY\nB_Z0, 1, 1, 0.01\n",
+    ]
+    for loads in steps:
+        text += f"*STEP\n*STATIC\n1., 1.\n{loads}*NODE PRINT, NSET=B_N\nU\n*END STEP\n"
+    found = solved(tmp_path, text)
+    printed = [rows for _, rows in tables(run_calculix(tmp_path / "model.inp", PROGRAM))]
+    for k, rows in enumerate(printed):
+        assert np.allclose(found.u(rows[:, 0].astype(int), k), rows[:, 1:], atol=2e-6 * np.abs(rows[:, 1:]).max())
+    assert len(printed) == 3
+
+
+@pytest.mark.calculix
+def test_reactions(tmp_path):
+    """The reaction of a support has the sign and the size of CalculiX's RF."""
+    column = Block(high=(1, 1, 2), cells=(1, 1, 2))
+    text = column.text() + "*MATERIAL, NAME=EL\n*ELASTIC\n1000., 0.3\n*SOLID SECTION, ELSET=B, MATERIAL=EL\n"
+    text += "*BOUNDARY\nB_Z0, 1, 3\n*STEP\n*STATIC\n*CLOAD\nB_Z1, 1, 1.\nB_Z1, 3, -3.\n"
+    found = solved(tmp_path, text + "*NODE PRINT, NSET=B_Z0, TOTALS=ONLY\nRF\n*END STEP\n")
+    (_, rows) = tables(run_calculix(tmp_path / "model.inp", PROGRAM))[-1]
+    reactions = Answer(found.problem).figures(found.states[-1]).reactions
+    assert np.allclose(reactions["B_Z0"], rows[-1], atol=1e-5)

@@ -1,0 +1,239 @@
+"""What `lacsolver import` refuses: an error for each card, with file, line, card, and what to try."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from lacsolver import CaseError
+from lacsolver.decks.table import LACKS, NOTES, PROCEDURES, READ
+from tests.lacsolver.deck_texts import Block, held, imported, section, step
+
+LOAD = "*DLOAD\nB_EZ1, P2, 20.\n"
+SURFACES = "*SURFACE, NAME=TOP\nB_EZ1, S2\n*SURFACE, NAME=LOW\nB_EZ0, S1\n"
+ROOT = Path(__file__).resolve().parents[2]
+#: name -> cards of the model, cards of the step, the card that the error names, words of its message
+REFUSED = {
+    "shell": ("*ELEMENT, TYPE=S4, ELSET=SH\n77, 1, 2, 3, 4\n", "", "ELEMENT", "none of type S4"),
+    "spring between nodes": ("*ELEMENT, TYPE=SPRING2, ELSET=SH\n77, 1, 2\n", "", "ELEMENT", "SPRING2"),
+    "young": ("*MATERIAL, NAME=M\n*ELASTIC\nsoft, 0.3\n", "", "ELASTIC", "modulus should be a number, not 'soft'"),
+    "infinite": ("*MATERIAL, NAME=M\n*ELASTIC\n1e999, 0.3\n", "", "ELASTIC", "should be a finite number"),
+    "two temperatures": ("*MATERIAL, NAME=M\n*ELASTIC\n1., .3, 0.\n2., .3, 9.\n", "", "ELASTIC", "give one line"),
+    "no line": ("*MATERIAL, NAME=M\n*ELASTIC\n", "", "ELASTIC", "should be followed by a line"),
+    "elastic twice": ("*MATERIAL, NAME=M\n*ELASTIC\n1., .3\n*ELASTIC\n1., .3\n", "", "ELASTIC", "keep one"),
+    "anisotropic": (
+        "*MATERIAL, NAME=M\n*ELASTIC, TYPE=ANISO\n1,2,3,4,5,6,7,8\n9,1,2,3,4,5,6,7\n8,9,1,2,3\n",
+        "", "ELASTIC", "three axes of symmetry",
+    ),
+    "few constants": ("*MATERIAL, NAME=M\n*ELASTIC, TYPE=ORTHO\n1,2,3\n", "", "ELASTIC", "9 constants"),
+    "singular": (
+        "*MATERIAL, NAME=M\n*ELASTIC, TYPE=ORTHO\n1,1,1,1,1,1,1,1\n1\n", "", "ELASTIC", "not positive definite",
+    ),
+    "kind of elasticity": ("*MATERIAL, NAME=M\n*ELASTIC, TYPE=TRACTION\n1.\n", "", "ELASTIC", "TRACTION is not taken"),
+    "material twice": ("*MATERIAL, NAME=EL\n", "", "MATERIAL", "two materials named"),
+    "mooney": ("*MATERIAL, NAME=M\n*HYPERELASTIC, MOONEY-RIVLIN\n1.,1.,1.\n", "", "HYPERELASTIC", "MOONEY-RIVLIN"),
+    "incompressible": ("*MATERIAL, NAME=M\n*HYPERELASTIC, NEO HOOKE\n1., 0.\n", "", "HYPERELASTIC", "be positive"),
+    "plastic": ("*MATERIAL, NAME=M\n*PLASTIC\n1., 0.\n", "", "PLASTIC", "materials are elastic"),
+    "cylindrical axes": (
+        "*ORIENTATION, NAME=O, SYSTEM=CYLINDRICAL\n0,0,0,0,0,1\n", "", "ORIENTATION", "only rectangular",
+    ),
+    "set of a section": ("*SOLID SECTION, ELSET=BB, MATERIAL=EL\n", "", "SOLID SECTION", "set of elements named 'BB'"),
+    "material of a section": ("*SOLID SECTION, ELSET=B, MATERIAL=EK\n", "", "SOLID SECTION", "no *MATERIAL named 'EK'"),
+    "thickness": ("*SOLID SECTION, ELSET=B, MATERIAL=EL\n-1.\n", "", "SOLID SECTION", "should be positive"),
+    "amplitude": ("*AMPLITUDE, NAME=A, DEFINITION=PERIODIC\n1,2\n", "", "AMPLITUDE", "DEFINITION=TABULAR"),
+    "times": ("*AMPLITUDE, NAME=A\n0., 1., 0., 2.\n", "", "AMPLITUDE", "times should increase"),
+    "initial velocity": ("*INITIAL CONDITIONS, TYPE=VELOCITY\nB_N, 1, 2.\n", "", "INITIAL CONDITIONS", "VELOCITY"),
+    "exponential": (
+        "*SURFACE INTERACTION, NAME=S\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL\n1e-4, .1\n",
+        "", "SURFACE BEHAVIOR", "not EXPONENTIAL; write one of these",
+    ),
+    "stiffness": (
+        "*SURFACE INTERACTION, NAME=S\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n0.\n",
+        "", "SURFACE BEHAVIOR", "should be positive",
+    ),
+    "friction": ("*SURFACE INTERACTION, NAME=S\n*FRICTION\n0.2\n", "", "FRICTION", "without friction"),
+    "pair": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP, LOV\n", "", "CONTACT PAIR", "did you mean"),
+    "one surface": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP\n", "", "CONTACT PAIR", "a master surface"),
+    "adjust": (SURFACES + "*CONTACT PAIR, INTERACTION=S, ADJUST=0.1\nTOP, LOW\n", "", "CONTACT PAIR", "ADJUST"),
+    "interaction": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP, LOW\n", "", "CONTACT PAIR", "SURFACE INTERACTION"),
+    "slave of a node": (
+        SURFACES + "*SURFACE, NAME=ONE, TYPE=NODE\n1\n*CONTACT PAIR, INTERACTION=S\nONE, LOW\n",
+        "", "CONTACT PAIR", "no face of the bodies has all its nodes",
+    ),
+    "clearance": (SURFACES + "*CLEARANCE, SLAVE=TOP, MASTER=LOW, VALUE=0.1\n", "", "CLEARANCE", "no *CONTACT PAIR"),
+    "two nodes": ("*RIGID BODY, NSET=B_Z1\n", "", "RIGID BODY", "REFNODE"),
+    "half a rotation": (
+        "*NODE\n99, 0, 0, 0\n*RIGID BODY, NSET=B_Z1, REF NODE=99\n*BOUNDARY\n99, 4\n",
+        "", "RIGID BODY", "about all axes or about none",
+    ),
+    "spring": (
+        "*ELEMENT, TYPE=SPRING1, ELSET=SP\n77, 1\n*SPRING, ELSET=SP\n3\n-1.\n", "", "SPRING", "stiffness positive",
+    ),
+    "equation": ("*EQUATION\n2\n1,1,1.,2,1,-1.\n", "", "EQUATION", "no linear equations"),
+    "transform": ("*TRANSFORM, NSET=B_N\n1,0,0,0,1,0\n", "", "TRANSFORM", "global axes"),
+    "unknown": ("*WORMHOLE\n", "", "WORMHOLE", "does not know this card"),
+    "option": ("*BOUNDARY, USER\nB_Z0, 3\n", "", "BOUNDARY", "the option USER is not taken"),
+    "support not 0": ("*BOUNDARY\nB_Z0, 3, 3, 1.\n", "", "BOUNDARY", "belongs into a step"),
+    "direction": ("*BOUNDARY\nB_Z0, 7\n", "", "BOUNDARY", "directions should be 1 to 3"),
+    "temperature as a support": ("*BOUNDARY\nB_Z0, 11\n", "", "BOUNDARY", "directions should be 1 to 3"),
+    "no node": ("*BOUNDARY\n4711, 3\n", "", "BOUNDARY", "there is no node 4711"),
+    "no set": ("*BOUNDARY\nB_Z9, 3\n", "", "BOUNDARY", "no set of nodes named 'B_Z9'"),
+    "load outside": ("*CLOAD\n1, 1, 1.\n", "", "CLOAD", "between *STEP and *END STEP"),
+    "moment": ("", "*CLOAD\n1, 4, 1.\n", "CLOAD", "only the reference node of a *RIGID BODY turns"),
+    "loose force": ("*NODE\n99, 0, 0, 9.\n", "*CLOAD\n99, 1, 1.\n", "CLOAD", "no solid element, and carry no force"),
+    "face": ("", "*DLOAD\nB, P7, 1.\n", "DLOAD", "a HEXA8 has the faces 1 to 6"),
+    "kind of load": ("", "*DLOAD\nB, BX, 1.\n", "DLOAD", "not BX"),
+    "direction of gravity": ("", "*DLOAD\nB, GRAV, 1.\n", "DLOAD", "should not be 0"),
+    "gravity without density": ("", "*DLOAD\nB, GRAV, 1., 0., 0., -1.\n", "DLOAD", "give their material a *DENSITY"),
+    "surface load": (SURFACES, "*DSLOAD\nTOP, HP, 1.\n", "DSLOAD", "not HP"),
+    "amplitude of a load": ("", "*CLOAD, AMPLITUDE=A\n1, 1, 1.\n", "CLOAD", "no *AMPLITUDE named 'A'"),
+    "two amplitudes": (
+        "*AMPLITUDE, NAME=A\n0,0,1,1\n", "*CLOAD, AMPLITUDE=A\n1, 1, 1.\n*CLOAD\n1, 1, 1.\n", "CLOAD", "same amplitude",
+    ),
+    "removed load": ("", "*CLOAD\n1, 1, 1.\n*END STEP\n*STEP\n*STATIC\n*CLOAD, OP=NEW\n2, 1, 1.\n", "CLOAD", "OP=NEW"),
+    "removed support": ("", "*BOUNDARY, OP=NEW\n1, 1, 1\n", "BOUNDARY", "OP=NEW"),
+    "late support": ("", "*END STEP\n*STEP\n*STATIC\n*BOUNDARY\nB_X1, 1\n", "BOUNDARY", "begins after the first step"),
+    "amplitude over a step": (
+        "*AMPLITUDE, NAME=A\n0,0,1,1\n", "*CLOAD, AMPLITUDE=A\n1,1,1.\n*END STEP\n*STEP\n*STATIC\n",
+        "CLOAD", "repeated",
+    ),
+    "dynamic": ("", "*DYNAMIC\n", "DYNAMIC", "static steps"),
+    "frequency": ("", "*FREQUENCY\n3\n", "FREQUENCY", "static steps"),
+    "period": ("", "*STATIC\n1., -1.\n", "STATIC", "should be positive"),
+    "model change": ("", "*MODEL CHANGE, TYPE=CONTACT PAIR, REMOVE\nA, B\n", "MODEL CHANGE", "in all steps"),
+    "nlgeom later": ("", "*END STEP\n*STEP, NLGEOM\n*STATIC\n", "STEP", "in all of them or in none"),
+    "temperature of half an element": (
+        "", "*TEMPERATURE\n1, 100.\n", "TEMPERATURE", "have several temperatures",
+    ),
+}  # fmt: skip
+BLOCK = Block()
+
+
+def deck(model, loads, more=""):
+    return BLOCK.text() + section(more="*EXPANSION\n1e-5\n" + more) + held() + model + step(loads)
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused(tmp_path, name):
+    model, loads, card, words = REFUSED[name]
+    text = deck(model, loads)
+    with pytest.raises(CaseError) as caught:
+        imported(tmp_path, text)
+    lines = text.splitlines()
+    told = [line for line in str(caught.value).splitlines() if words in line]
+    assert len(told) >= 1, str(caught.value)
+    at = re.match(r".*model\.inp, line (\d+): \*([A-Z -]+): ", told[0])
+    assert at
+    assert at[2] == card
+    begun = [k for k, line in enumerate(lines[: int(at[1])]) if line.startswith("*")]
+    assert lines[begun[-1]].upper().startswith(f"*{card}")
+
+
+def test_every_mistake_at_once(tmp_path):
+    with pytest.raises(CaseError) as caught:
+        imported(tmp_path, deck("*EQUATION\n2\n1,1,1.,2,1,-1.\n*BOUNDARY\n4711, 3\n", "*DYNAMIC\n"))
+    assert len(caught.value.problems) == 3
+
+
+def test_a_deck_without_steps(tmp_path):
+    with pytest.raises(CaseError, match=r"there is no \*STEP"):
+        imported(tmp_path, BLOCK.text() + section() + held())
+
+
+def test_elements_without_a_section(tmp_path):
+    with pytest.raises(CaseError, match=r"\*ELEMENT: elements 1 have no \*SOLID SECTION"):
+        imported(tmp_path, BLOCK.text() + held() + step(LOAD))
+
+
+def test_a_material_without_a_law(tmp_path):
+    text = (
+        BLOCK.text() + "*MATERIAL, NAME=EL\n*DENSITY\n1.\n*SOLID SECTION, ELSET=B, MATERIAL=EL\n" + held() + step(LOAD)
+    )
+    with pytest.raises(CaseError, match=r"material EL has no \*ELASTIC"):
+        imported(tmp_path, text)
+
+
+@pytest.mark.parametrize(("options", "law", "words"), [
+    ("", "*HYPERELASTIC, NEO HOOKE\n1., 1.", "say NLGEOM"),
+    (", NLGEOM", "*ELASTIC, TYPE=ENGINEERING CONSTANTS\n1,1,1,.3,.3,.3,1,1\n1", "leave out NLGEOM"),
+])  # fmt: skip
+def test_laws_of_one_kinematics(tmp_path, options, law, words):
+    text = deck("", LOAD).replace("*ELASTIC\n1000., 0.3", law).replace("*STEP", f"*STEP{options}")
+    with pytest.raises(CaseError, match=words):
+        imported(tmp_path, text)
+
+
+def test_values_that_a_case_refuses_name_the_card(tmp_path):
+    """A Poisson's ratio of 0.5 is told with the line of the deck, not with one of a case that is not written."""
+    with pytest.raises(CaseError, match=r"^\*MATERIAL \(model.inp, line \d+\): .*poisson is 0.5"):
+        imported(tmp_path, deck("", LOAD).replace("1000., 0.3", "1000., 0.5"))
+
+
+def test_uneven_gap_with_a_clearance(tmp_path):
+    """A clearance replaces the gap of the mesh, which must be even for this."""
+    above = Block("C", (0, 0, 1), (1, 1, 2), (2, 2, 1), first=100)
+    text = BLOCK.text() + above.text().replace("101, 0.0, 0.0, 1.0", "101, 0.0, 0.0, 1.1") + section()
+    text += "*SOLID SECTION, ELSET=C, MATERIAL=EL\n" + held() + held("C").replace("C_Z0, 3\n", "")
+    text += "*SURFACE, NAME=U\nC_EZ0, S1\n*SURFACE, NAME=L\nB_EZ1, S2\n*SURFACE INTERACTION, NAME=S\n"
+    text += "*CONTACT PAIR, INTERACTION=S\nU, L\n*CLEARANCE, SLAVE=U, MASTER=L, VALUE=0.\n"
+    with pytest.raises(CaseError, match=r"\*CLEARANCE: the gap in the mesh is from .* to .*; .*|move the nodes"):
+        imported(tmp_path, text + step("*BOUNDARY\nC_Z1, 3, 3, -0.1\n"))
+
+
+def test_pressure_between_elements(tmp_path):
+    column = Block(high=(1, 1, 2), cells=(1, 1, 2))
+    with pytest.raises(CaseError, match=r"\*DLOAD: these faces of elements 1 lie between two elements"):
+        imported(tmp_path, column.text() + section() + held() + step("*DLOAD\nB, P2, 1.\n"))
+
+
+def test_a_force_out_of_the_plane(tmp_path):
+    deck = "*NODE\n1, 0, 0\n2, 1, 0\n3, 1, 1\n4, 0, 1\n*ELEMENT, TYPE=CPE4, ELSET=B\n1, 1, 2, 3, 4\n" + section()
+    with pytest.raises(CaseError, match=r"\*CLOAD: a force has the directions 1 and 2"):
+        imported(tmp_path, deck + "*BOUNDARY\n1, 1, 2\n2, 2\n" + step("*CLOAD\n3, 3, 1.\n"))
+
+
+def test_numbers_of_a_deck_of_instances(tmp_path):
+    """Where the numbers of cards are not those of the mesh, sets are needed."""
+    part = BLOCK.text() + "*SOLID SECTION, ELSET=B, MATERIAL=EL\n"
+    deck = f"*PART, NAME=P\n{part}*END PART\n*ASSEMBLY, NAME=A\n*INSTANCE, NAME=I, PART=P\n*END INSTANCE\n"
+    deck += (
+        "*INSTANCE, NAME=J, PART=P\n3., 0., 0.\n*END INSTANCE\n*END ASSEMBLY\n*MATERIAL, NAME=EL\n*ELASTIC\n1., 0.\n"
+    )
+    with pytest.raises(CaseError, match=r"\*BOUNDARY: there are 2 instances of parts, .*; name a set"):
+        imported(tmp_path, deck + "*BOUNDARY\n1, 1, 3\n" + step(LOAD))
+
+
+def test_lenient_leaves_out_what_lacsolver_lacks(tmp_path):
+    """Cards without a place are left out with a warning; mistakes stay errors."""
+    text = deck("*EQUATION\n2\n1,1,1.,2,1,-1.\n*WORMHOLE\n", LOAD)
+    made = imported(tmp_path, text, lenient=True)
+    warned = {finding.card: finding.message for finding in made.findings if finding.level == "warning"}
+    assert set(warned) == {"EQUATION", "WORMHOLE"}
+    assert all(message.startswith("left out: ") for message in warned.values())
+    with pytest.raises(CaseError, match=r"\*DYNAMIC"):  # without it the step would be another one
+        imported(tmp_path, text.replace("*STATIC", "*DYNAMIC"), lenient=True)
+    with pytest.raises(CaseError, match="there is no node 4711"):
+        imported(tmp_path, text.replace("*WORMHOLE", "*BOUNDARY\n4711, 1"), lenient=True)
+
+
+def test_the_table_has_each_card_once():
+    assert not READ.keys() & NOTES.keys()
+    assert not READ.keys() & LACKS.keys()
+    assert not NOTES.keys() & LACKS.keys()
+    assert not PROCEDURES.keys() & (READ.keys() | NOTES.keys() | LACKS.keys())
+
+
+def test_the_page_has_every_card_that_is_read():
+    page = " ".join((ROOT / "docs" / "import.md").read_text().split())
+    named = {"".join(name.split()) for name in re.findall(r"\*([A-Z][A-Z -]*[A-Z])", page)}
+    assert READ.keys() <= named
+    assert named <= READ.keys() | LACKS.keys() | NOTES.keys() | PROCEDURES.keys() | {"NODE", "NSET", "ELSET"}
+
+
+def test_every_card_of_the_table_is_refused_or_noted(tmp_path):
+    """Each card that lacsolver lacks is an error of its own line; each that does not matter is a note."""
+    with pytest.raises(CaseError) as caught:
+        imported(tmp_path, deck("", "".join(f"*{key}\n" for key in sorted(LACKS | PROCEDURES))))
+    assert re.findall(r"line \d+: \*([^:]+): ", str(caught.value)) == sorted(LACKS | PROCEDURES)
+    made = imported(tmp_path, deck("", LOAD + "".join(f"*{key}\n" for key in sorted(NOTES))))
+    assert [finding.card for finding in made.findings] == sorted(NOTES)

@@ -1,0 +1,250 @@
+"""Several processes against one: problems of the other families, divided among 1 to 8 processes of PETSc over MPI.
+
+The reference is lacsolver in one process, whose results the other families compare with exact solutions: here they must
+not depend on the number of processes, nor on the preconditioner. Each process reads its part of the mesh alone, as
+`lacmesh partition` divides it, and cuts it there.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh import Mesh
+from lacmesh.report.blocks import Line, Plot
+from verification.divided import FailedError, Found, found, solve_divided
+from verification.families import balance, patch, sliding
+from verification.families.balance import Touch
+from verification.families.patch import Press
+from verification.families.sliding import MESHES, Dragged, Slider
+from verification.meshes.sliding import slider
+from verification.mpiexec import missing
+from verification.records import Case, Family, Outcome, Result, at_least, at_most
+from verification.solving import Solved, balance_of, solve, worst
+
+Floats = NDArray[np.floating]
+Given = Touch | Press | Slider | Dragged
+
+FAMILY_NAME = "distributed"
+BACKENDS = ("gamg", "hypre", "mumps")
+#: numbers of processes, and the backends that each solves with
+RANKS: tuple[tuple[int, tuple[str, ...]], ...] = (*((n, BACKENDS) for n in (1, 2, 3, 4)), (8, ("gamg",)))
+#: the same for cases of dozens of steps: each backend, and several numbers, once
+FEW: tuple[tuple[int, tuple[str, ...]], ...] = ((2, ("gamg", "mumps")), (3, ("hypre",)), (4, ("gamg",)))
+#: tolerance of Newton's method in these
+_TIGHT = 1e-11
+#: bounds of the difference from one process, relative to the largest value of the step
+U, P, BALANCED = 1e-9, 5e-9, 1e-10
+_SOURCE = "one process (engine serial), on the whole mesh"
+_REASON = {
+    "u": "linear systems are solved to 1e-10 of the forces; the condition of the bodies multiplies it",
+    "p": "the same, and a pressure is a difference of neighbouring forces",
+    "set": "the active set is the same, or it is another solution",
+}
+
+
+@dataclass(frozen=True)
+class Divided:
+    """A problem of another family. `ranks`: numbers of processes, and the backends that each solves with."""
+
+    given: Given
+    ranks: tuple[tuple[int, tuple[str, ...]], ...] = RANKS
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A solution by n processes against that by one, the worst of all steps: `sets` macro-elements whose state differs,
+    displacement and pressure relative to the largest of the step, and the balance of the contact forces.
+    """
+
+    n: int
+    backend: str
+    sets: int
+    u: float
+    p: float
+    balance: float
+
+
+def problems(given: Given) -> Iterator[tuple[str, Mesh]]:
+    """The cases, as TOML, and the meshes, not cut, of a problem of another family, on its coarsest mesh."""
+    if isinstance(given, Touch):
+        yield from ((balance.text(given), balance.mesh_of(given, *pair)) for pair in given.pairs)
+    elif isinstance(given, Press):
+        yield from ((patch.text(given), patch.mesh_of(given, *pair, True)) for pair in given.pairs)
+    elif isinstance(given, Slider):
+        yield sliding.slider_text(given), slider(given.cell, given.n, given.faces, given.wave)
+    else:
+        yield sliding.dragged_text(given, given.steps[0]), MESHES[given.mesh](given.sizes[0])
+
+
+def run(case: Case, levels: int) -> Outcome:
+    """Solve a case in one process and in several, and compare."""
+    given: Divided = case.parameters
+    cases = {f"case{k}": problem for k, problem in enumerate(problems(given.given))}
+    alone = {name: solve(*problem) for name, problem in cases.items()}
+    differences = list(_differences(given, cases, alone))
+    closed = min(int((_found(solved)[-1].status == 1).sum()) for solved in alone.values())
+    reason = "processes agree on nothing where nothing touches"
+    pressed = at_least("closed macro-elements at the end, the least of all problems", closed, 1, source="the load",
+                       reason=reason)  # fmt: skip
+    return Outcome((*_judged(differences), pressed), (_plot(case.description, differences),))
+
+
+def _differences(
+    given: Divided, cases: Mapping[str, tuple[str, Mesh]], alone: Mapping[str, Solved]
+) -> Iterator[Difference]:
+    """Yield the difference of each problem, number of processes and backend."""
+    for n, backend in ((n, backend) for n, backends in given.ranks for backend in backends):
+        with tempfile.TemporaryDirectory() as folder:
+            several = solve_divided(cases, n, backend, Path(folder))
+        for name, states in several.items():
+            yield compared(alone[name], states, n, backend)
+
+
+def compared(alone: Solved, states: Sequence[Found], n: int, backend: str) -> Difference:
+    """The difference of states of n processes from those of one. Raises FailedError where they are at other times."""
+    expected = _found(alone)
+    times, wanted = [s.time for s in states], [s.time for s in expected]
+    if len(times) != len(wanted) or not np.allclose(times, wanted, rtol=1e-12, atol=0.0):
+        raise FailedError(f"{n} processes with {backend} took {len(times)} steps, and one process {len(wanted)}")
+    pairs = list(zip(states, expected, strict=True))
+    forces = worst(balance_of(alone.problem, one.u.ravel(), list(one.force)) for one in states)
+    return Difference(
+        n,
+        backend,
+        max(int((one.status != other.status).sum()) for one, other in pairs),
+        max(_relative(one.u, other.u) for one, other in pairs),
+        max(_relative(one.pressure, other.pressure) for one, other in pairs),
+        max(forces.force, forces.moment),
+    )
+
+
+def _found(alone: Solved) -> list[Found]:
+    return [found(state, alone.problem.space) for state in alone.states]
+
+
+def _relative(values: Floats, expected: Floats) -> float:
+    """Largest difference, relative to the largest value; inf where that is 0 and the values are not."""
+    far, size = float(np.abs(values - expected).max()), float(np.abs(expected).max())
+    return far / size if size else np.inf if far else 0.0
+
+
+def _judged(found: Sequence[Difference]) -> Iterator[Result]:
+    """Criteria for each backend: the worst of all numbers of processes and problems."""
+    for backend in dict.fromkeys(one.backend for one in found):
+        own = [one for one in found if one.backend == backend]
+        which = f"{backend}, n = {', '.join(map(str, dict.fromkeys(one.n for one in own)))}"
+        for what, name, bound, reason in (
+            ("sets", "macro-elements in another state", 0, _REASON["set"]),
+            ("u", "displacement, relative difference", U, _REASON["u"]),
+            ("p", "pressure, relative difference", P, _REASON["p"]),
+        ):
+            value = max(getattr(one, what) for one in own)
+            yield at_most(f"{name}: {which}", value, bound, source=_SOURCE, reason=reason)
+        value = max(one.balance for one in own)
+        yield at_most(f"balance of forces and moments: {which}", value, BALANCED, source="action and reaction",
+                      reason="of the contact forces that are gathered from all processes")  # fmt: skip
+
+
+def _plot(title: str, found: Sequence[Difference]) -> Plot:
+    """Differences of displacement over the number of processes, the worst of all problems."""
+    lines = []
+    for backend in dict.fromkeys(one.backend for one in found):
+        counts = sorted({one.n for one in found if one.backend == backend})
+        values = [max(one.u for one in found if (one.n, one.backend) == (n, backend)) for n in counts]
+        lines.append(Line(backend, tuple(map(float, counts)), tuple(max(v, 1e-17) for v in values)))
+    return Plot("difference", title, "processes", "relative difference of u", tuple(lines), log_y=True)
+
+
+# ---- the cases
+
+_FACET = (("normals", "facet"),)
+_SMOOTHED = (("normals", "smoothed"),)
+#: every kind of cells, as slave or as master
+PLANE = (*(("TRIA3", "QUAD8"), ("QUAD4", "TRIA7"), ("TRIA6", "QUAD4"), ("QUAD9", "QUAD8")), ("mixed 1", "mixed 2-full"))
+SOLID = (
+    *(("TETRA4", "HEXA8"), ("HEXA8", "TETRA10"), ("TETRA10", "HEXA20"), ("HEXA20", "PENTA6 triangle")),
+    *(("HEXA27", "PYRAM5 quadrangle"), ("PENTA15 quadrangle", "HEXA27"), ("PYRAM13 triangle", "TETRA4")),
+    *(("PENTA18 triangle", "HEXA8"), ("TETRA4", "PYRAM14 quadrangle"), ("mixed 2", "mixed 1")),
+)
+_FEW = {"plane_strain": PLANE[:2], "axisymmetric": PLANE[1:3], "3d": (("HEXA8", "TETRA4"),)}
+
+
+def _touch(name: str, description: str, given: Touch, seconds: float = 60.0) -> Case:
+    return _case(name, description, Divided(given), seconds)
+
+
+def _case(name: str, description: str, given: Divided, seconds: float) -> Case:
+    return Case(FAMILY_NAME, name, description, given, {"all": 1}, seconds)
+
+
+def _balanced() -> Iterator[Case]:
+    """Problems of the family `balance`."""
+    for dim, model, pairs in (("2d", "plane_strain", PLANE), ("axisymmetric", "axisymmetric", PLANE),
+                              ("3d", "3d", SOLID)):  # fmt: skip
+        few = _FEW[model]
+        yield _touch(f"cells-{dim}", f"every kind of cells, {dim}", Touch(pairs, model, "waves", _FACET), 120.0)
+        finite = Touch(few, model, "waves", _SMOOTHED, "finite", steps=2)
+        yield _touch(f"finite-{dim}", f"finite kinematics, smoothed normals, {dim}", finite)
+    for dim, model in (("2d", "plane_strain"), ("3d", "3d")):
+        few = _FEW[model]
+        yield _touch(f"tie-{dim}", f"a tie across a gap, {dim}", Touch(few, model, "waves", (), joint="tie", gap=0.07))
+        yield _touch(f"overhang-{dim}", f"a slave wider than its master, {dim}", Touch(few, model, "overhang"))
+        rigid = Touch(few[:1], model, "rigid", (), "finite", steps=2)
+        yield _touch(f"rigid-{dim}", f"a rigid skin that comes down and turns, finite kinematics, {dim}", rigid)
+    bilateral = Touch(_FEW["3d"], "3d", "waves", (("type", "bilateral"),))
+    yield _touch("bilateral-3d", "pressure of either sign, 3d", bilateral)
+    warped = Touch((("HEXA20", "HEXA8"),), "3d", "saddle", (("hexa", "hexa"),))
+    yield _touch("warped-3d", "quadrangles that are not plane, cut hexa, 3d", warped)
+
+
+def _floating() -> Iterator[Case]:
+    """Bodies that contact alone holds."""
+    plane = Press((("QUAD4", "TRIA3"), ("TRIA6", "QUAD8")), "plane_strain", contact=_FACET)
+    yield _case(
+        "floating-2d", "patch test: the upper block floats on the lower one under a pressure, 2d", Divided(plane), 60.0
+    )
+    solid = Press((("HEXA8", "TETRA4"), ("TETRA10", "HEXA8")), contact=_FACET)
+    yield _case(
+        "floating-3d", "patch test: the upper block floats on the lower one under a pressure, 3d", Divided(solid), 60.0
+    )
+    three = Touch((("HEXA8", "TETRA4"),), "3d", "tower", ())
+    yield _case("tower-small", "three blocks, two zones, the middle one held by contact", Divided(three), 60.0)
+    yield _case("tower-finite", "the same, finite kinematics", Divided(replace(three, kinematics="finite")), 90.0)
+
+
+def _sliding() -> Iterator[Case]:
+    """Problems of the family `sliding`, on its coarsest meshes."""
+    for case in sliding.FAMILY.cases:
+        given = case.parameters
+        if isinstance(given, Dragged):  # of its own tolerance 1e-7 of u is left near a limit point
+            tight = Divided(replace(given, tolerance=_TIGHT), FEW)
+            yield _case(case.name, case.description, tight, 12 * case.seconds)
+        else:
+            yield _case(case.name, case.description, Divided(given), 30 * case.seconds)
+
+
+TEXT = f"""
+Problems of the families balance, patch and sliding, on their coarsest meshes: every kind of cells, bodies that float,
+ties, rigid skins, finite kinematics, several zones and large sliding. Each is solved by one process on the whole mesh,
+and by 1, 2, 3, 4 and 8 processes of `mpiexec`, of which each reads its own part of the mesh and cuts it, with PETSc's
+GAMG, with hypre and with MUMPS (8 processes with GAMG). The ring and the ironing, of 20 to 36 steps, are solved by 2
+processes with GAMG and MUMPS, by 3 with hypre and by 4 with GAMG.
+
+At every step the same macro-elements must be closed, displacements differ by at most {U:g} of the largest, pressures by
+at most {P:g}, and the contact forces that are gathered from all processes be in balance to {BALANCED:g}.
+"""
+
+FAMILY = Family(
+    FAMILY_NAME,
+    "Several processes",
+    TEXT,
+    (*_balanced(), *_floating(), *_sliding()),
+    run,
+    missing,
+)
