@@ -55,6 +55,8 @@ def run(args: argparse.Namespace) -> None:
         lacmesh.write(target.with_suffix(".med"), made.mesh, force=args.force)
         replace_file(target, made.text.encode())
     for finding in made.findings:
+        if args.quiet and finding.level == "note":
+            continue
         print(f"lacsolver: {finding.level}: {finding.text}", file=sys.stderr)
     if not args.quiet:
         _print(target, made)

@@ -22,8 +22,10 @@ def gravity(draft: CaseDraft) -> None:
         if not np.isin(part.items, heavy).any():
             raise Refused("gravity acts on elements without a density; give their material a *DENSITY", part.line.row)
         if len(parts) == 1 and np.isin(heavy, part.items).all():
-            if mesh.plane == "CAX":
-                keys.pop("x")
+            if mesh.plane == "CAX" and keys.pop("x", 0.0):
+                raise Refused(
+                    "gravity along the radius has no meaning in a full circle; give it along y", part.line.row
+                )
             draft.add("gravity", {f"g{axis}": value for axis, value in keys.items()}, part.line.card)
             continue
         for rho, cells in _by_density(density, part.items):

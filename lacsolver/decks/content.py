@@ -102,7 +102,10 @@ class GroundSpring:
 
 @dataclass
 class DeckStep:
-    """A step: when it begins and how long it takes, its first increment, and how loads without amplitude grow."""
+    """A step: when it begins and how long it takes, its first increment, and how loads without amplitude grow.
+
+    `modes`: how many natural modes it asks for; such a step takes no time, and goes at its end.
+    """
 
     card: Card
     begin: float
@@ -111,6 +114,7 @@ class DeckStep:
     direct: bool = False
     large: bool = False
     sudden: bool = False
+    modes: int = 0
 
     @property
     def end(self) -> float:
@@ -157,6 +161,8 @@ class Content:
     removed: dict[str, dict[int, Card]] = field(default_factory=lambda: defaultdict(dict))
     #: nodes whose displacements are asked for
     watched: dict[int, None] = field(default_factory=dict)
+    #: the step that asks for natural modes
+    modal: DeckStep | None = None
     in_step: bool = False
 
     @property

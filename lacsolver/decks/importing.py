@@ -15,6 +15,7 @@ from lacsolver.decks import load_records as loads
 from lacsolver.decks import model_records as model
 from lacsolver.decks.body_records import centrifugal, gravity
 from lacsolver.decks.cards import Card, Finding, Refused
+from lacsolver.decks.content import DeckStep
 from lacsolver.decks.draft import CaseDraft
 from lacsolver.decks.groups import DeckGroups
 from lacsolver.decks.interpret import interpret
@@ -64,6 +65,8 @@ def import_deck(path: str | Path, case_path: str | Path, *, lenient: bool = Fals
     reading = interpret(lacmesh.read(path), lenient=lenient)
     _raise(reading)
     draft = CaseDraft(reading, DeckGroups.of(reading.names.mesh), {"mesh": case_path.with_suffix(".med").name})
+    if not reading.content.steps and reading.content.modal:
+        reading.content.steps.append(DeckStep(reading.content.modal.card, 0.0))
     if not reading.content.steps:
         raise CaseError([Issue(f"{path}: there is no *STEP, and so nothing to compute; give it one with *STATIC")])
     for build, key in _BUILDERS:

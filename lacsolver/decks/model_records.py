@@ -161,8 +161,8 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
     if len(facets) < _FEW[draft.dim]:
         draft.reading.warn(
             first.card,
-            f"the slave {slave!r} has only {len(facets)} faces, with one pressure each: the other body may turn about "
-            "them, and results differ from other methods; refine it",
+            f"the slave {slave!r} has few faces, {len(facets)}, with one pressure each: they may not keep a body from "
+            "turning, and results are coarse; refine its mesh",
         )
     stiffness = {"stiffness": law.stiffness} if law and law.stiffness else {}
     normals = {"normals": "smoothed"} if draft.large else {}  # those of CalculiX, averaged at the nodes

@@ -40,10 +40,31 @@ def static(reading: Reading, card: Card) -> None:
     which.direct = "DIRECT" in card.options
 
 
+def frequency(reading: Reading, card: Card) -> None:
+    """Take how many natural modes are asked for: `lacsolver modes` finds them."""
+    which = reading.content.step
+    which.modes = card.first("the number of modes").whole(0, "the number of modes")
+    if which.modes < 1:
+        raise Refused("the number of modes should be positive", card.rows[0])
+    state = ", with --state DIR for those about the state of a run" if len(reading.content.steps) > 1 else ""
+    reading.note(card, f"natural modes are found by lacsolver modes CASE.toml -k {which.modes}{state}")
+
+
 def end_step(reading: Reading, card: Card) -> None:
-    """End a step, if one is open."""
+    """End a step, if one is open; one that asks for modes takes no time, and may not load anything."""
     del card
-    reading.content.in_step = False
+    content = reading.content
+    if not content.in_step:
+        return
+    content.in_step = False
+    which = content.steps[-1]
+    if which.modes:
+        now = len(content.steps) - 1
+        content.modal = content.steps.pop()
+        if any(line.step == now for line in content.assigned):
+            raise Refused("supports and loads of a *FREQUENCY step are not taken; give supports in the model")
+    elif "PERTURBATION" in which.card.options:
+        raise Refused("a step of small PERTURBATION is taken with *FREQUENCY alone; leave the option out")
 
 
 def _now(reading: Reading) -> int:

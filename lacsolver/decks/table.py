@@ -48,8 +48,9 @@ READ = {
     "TIE": _row(model.tie, "POSITIONTOLERANCE", "NAME ADJUST TYPE"),
     "RIGIDBODY": _row(model.rigid_body, "NSET ELSET REFNODE ROTNODE"),
     "SPRING": _row(model.spring, "ELSET"),
-    "STEP": _row(steps.step, "NLGEOM AMPLITUDE", "INC INCF NAME EXTRAPOLATION UNSYMM CONVERTSDI"),
+    "STEP": _row(steps.step, "NLGEOM AMPLITUDE PERTURBATION", "INC INCF NAME EXTRAPOLATION UNSYMM CONVERTSDI"),
     "STATIC": _row(steps.static, "DIRECT", "SOLVER"),
+    "FREQUENCY": _row(steps.frequency, "", "STORAGE SOLVER EIGENSOLVER NORMALIZATION"),
     "ENDSTEP": _row(steps.end_step),
     "BOUNDARY": _row(steps.boundary, "OP AMPLITUDE"),
     "CLOAD": _row(steps.cload, "OP AMPLITUDE"),
@@ -95,7 +96,7 @@ _LINEAR = "lacsolver has no linear equations between nodes"
 _HEAT = "lacsolver computes no heat; give the temperatures by *TEMPERATURE"
 #: procedures of steps that lacsolver has not; nobody may leave them out, as a step without one is static
 PROCEDURES = dict.fromkeys(
-    ("DYNAMIC", "FREQUENCY", "BUCKLE", "MODALDYNAMIC", "STEADYSTATEDYNAMICS", "COMPLEXFREQUENCY", "SENSITIVITY",
+    ("DYNAMIC", "BUCKLE", "MODALDYNAMIC", "STEADYSTATEDYNAMICS", "COMPLEXFREQUENCY", "SENSITIVITY",
      "VISCO", "GREEN", "ELECTROMAGNETICS", "SUBSTRUCTUREGENERATE", "HEATTRANSFER", "COUPLEDTEMPERATURE-DISPLACEMENT",
      "UNCOUPLEDTEMPERATURE-DISPLACEMENT"),
     "lacsolver computes static steps (*STATIC)",

@@ -2,9 +2,9 @@
 
 On that level q = P v, with P the prolongation, and K is P^T K P, which the hierarchy has. Its unknowns are too few for
 a pressure on each macro-element: the rows of a pair are joined to groups, those that act most on the same node of the
-level, and a group has one pressure. The joined rows are a contact problem as any other. A V-cycle of it costs a small
-part of one of K, and its set is right but for a strip of the width of a group, so that few sets are left to be tried on
-K, and about as many for all sizes of a model (nested iteration).
+level, and a group has one pressure. The joined rows are a contact problem as any other. A set of it costs a small part
+of one on K, and the last is right but for a strip of the width of a group, so that few sets are left to be tried on K,
+and about as many for all sizes of a model (nested iteration).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from lacsolver.solve.stiffness import Stiffness, Whole
 from lacsolver.solve.tolerances import ConvergenceTolerance
 
 #: reduction of the residual in each solve, and most sets that are tried
-_LOOSE, _SETS = 0.2, 12
+_LOOSE, _SETS = 0.2, 6
 
 
 def coarse_start(

@@ -366,8 +366,20 @@ def test_parts_are_carried_and_not_cut(tmp_path):
         LacmeshWarning, match=r"written anew and not as the deck .*a.inp: .*left out of the deck .*MATERIAL"
     ):
         written(tmp_path, raise_order(mesh))
-    with pytest.warns(LacmeshWarning, match="the assembly has nodes or elements of its own"):
+    with pytest.warns(LacmeshWarning, match="it has instances of parts; write it without"):
         written(tmp_path, replace(mesh, points=mesh.points * 2))
+
+
+def test_a_single_instance_is_carried_and_not_cut(tmp_path):
+    text = "*PART, NAME=P\n" + MESH.partition("\n")[2] + "*END PART\n*ASSEMBLY, NAME=A\n*INSTANCE, NAME=I, PART=P\n"
+    text += "*END INSTANCE\n*NSET, NSET=Held, INSTANCE=I\n1, 2\n*END ASSEMBLY\n*MATERIAL, NAME=M\n"
+    mesh = read_text(tmp_path, text)
+    assert not mesh.deck.apart
+    out = written(tmp_path, mesh)
+    assert others(out) == others(text) and "*NSET, NSET=Held, INSTANCE=I\n1, 2\n" in out
+    assert np.array_equal(lacmesh.read(tmp_path / "b.inp").points, mesh.points)
+    with pytest.warns(LacmeshWarning, match="it has instances of parts; write it without"):
+        assert "INSTANCE" not in written(tmp_path, cut_skin(mesh, "slave", hexa="hexa").mesh)
 
 
 @pytest.mark.parametrize(

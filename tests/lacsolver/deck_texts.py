@@ -84,7 +84,7 @@ def step(loads, options="", static=""):
 
 @dataclass
 class Solution:
-    """What was imported, the problem, its states; `u(number)`: displacements (k, dim) at the end by node number."""
+    """A solved deck: what was imported, the problem, its states; `u`: displacements (k, dim) of nodes by number."""
 
     made: object
     problem: object

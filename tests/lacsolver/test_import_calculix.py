@@ -1,5 +1,6 @@
 """Decks solved by lacsolver and by CalculiX: decks of CalculiX's own tests with its .dat, and decks of our own."""
 
+import json
 import re
 import shutil
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from lacsolver import Answer, CaseError
+from lacsolver.cli import main
 from tests.formats.decks import E, K, P, pressed, tables
 from tests.formats.decks import solved as run_calculix
 from tests.lacsolver.deck_texts import Block, imported, listed, solved
@@ -19,7 +21,7 @@ TAKEN = {"achtelp", "axial", "beamcontact", "beamd", "beamp", "dloadlinI", "plat
 REFUSED = {
     "aniso": "ELASTIC",
     "ball": "SHELL SECTION",
-    "beam_sens_freq_coord1": "FREQUENCY",
+    "beam_sens_freq_coord1": "SENSITIVITY",
     "beamptied5": "FRICTION",
     "bolt": "SURFACE BEHAVIOR",
     "contact1": "EQUATION",
@@ -149,7 +151,7 @@ def test_bent_column_with_nlgeom(tmp_path, kind):
 
 @pytest.mark.calculix
 def test_loads_and_supports_over_steps(tmp_path):
-    """What the cards of several steps mean: lines that add or replace, amplitudes, forces that stay."""
+    """Cards of several steps mean what they do in CalculiX: lines that add or replace, amplitudes, forces that stay."""
     column = Block(high=(1, 1, 2), cells=(1, 1, 2))
     text = column.text() + "*MATERIAL, NAME=EL\n*ELASTIC\n1000., 0.3\n*DENSITY\n2.\n*EXPANSION\n1e-4\n"
     text += "*SOLID SECTION, ELSET=B, MATERIAL=EL\n*AMPLITUDE, NAME=A\n0., 0., 0.5, 1., 1., 0.25\n"
@@ -167,6 +169,24 @@ def test_loads_and_supports_over_steps(tmp_path):
     for k, rows in enumerate(printed):
         assert np.allclose(found.u(rows[:, 0].astype(int), k), rows[:, 1:], atol=2e-6 * np.abs(rows[:, 1:]).max())
     assert len(printed) == 3
+
+
+@pytest.mark.calculix
+def test_natural_frequencies(tmp_path, monkeypatch):
+    """A step of *FREQUENCY leaves a case of which `lacsolver modes` finds the frequencies that CalculiX has."""
+    column = Block(high=(1, 2, 6), cells=(1, 1, 4), element="C3D20")
+    text = (
+        column.text() + "*MATERIAL, NAME=EL\n*ELASTIC\n1000., 0.3\n*DENSITY\n2.\n*SOLID SECTION, ELSET=B, MATERIAL=EL\n"
+    )
+    (tmp_path / "model.inp").write_text(text + "*BOUNDARY\nB_Z0, 1, 3\n*STEP\n*FREQUENCY\n4\n*END STEP\n")
+    monkeypatch.chdir(tmp_path)
+    assert main(["import", "model.inp", "-q"]) == 0
+    assert main(["modes", "model.toml", "-k", "4", "-o", "modes", "-q"]) == 0
+    found = json.loads((tmp_path / "modes" / "modes.json").read_text())["frequencies"]
+    printed = run_calculix(tmp_path / "model.inp", PROGRAM).partition("P A R T I C I P A T I O N")[0]
+    rows = re.findall(r"^ +\d+ +\S+ +\S+ +(\d\S+) +\S+ *$", printed, re.MULTILINE)
+    assert len(rows) == 4
+    assert np.allclose(found, [float(row) for row in rows], rtol=1e-5)
 
 
 @pytest.mark.calculix

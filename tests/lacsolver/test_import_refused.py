@@ -1,4 +1,4 @@
-"""What `lacsolver import` refuses: an error for each card, with file, line, card, and what to try."""
+"""Cards that `lacsolver import` refuses: an error for each, with file, line, card, and what to try."""
 
 import re
 from pathlib import Path
@@ -98,7 +98,9 @@ REFUSED = {
         "CLOAD", "repeated",
     ),
     "dynamic": ("", "*DYNAMIC\n", "DYNAMIC", "static steps"),
-    "frequency": ("", "*FREQUENCY\n3\n", "FREQUENCY", "static steps"),
+    "loads of a frequency step": ("", LOAD + "*FREQUENCY\n3\n", "END STEP", "give supports in the model"),
+    "no modes": ("", "*FREQUENCY\n0\n", "FREQUENCY", "should be positive"),
+    "perturbation": ("", "*END STEP\n*STEP, PERTURBATION\n*STATIC\n", "END STEP", "with *FREQUENCY alone"),
     "period": ("", "*STATIC\n1., -1.\n", "STATIC", "should be positive"),
     "model change": ("", "*MODEL CHANGE, TYPE=CONTACT PAIR, REMOVE\nA, B\n", "MODEL CHANGE", "in all steps"),
     "nlgeom later": ("", "*END STEP\n*STEP, NLGEOM\n*STATIC\n", "STEP", "in all of them or in none"),
@@ -192,8 +194,17 @@ def test_a_force_out_of_the_plane(tmp_path):
         imported(tmp_path, deck + "*BOUNDARY\n1, 1, 2\n2, 2\n" + step("*CLOAD\n3, 3, 1.\n"))
 
 
+def test_radial_gravity(tmp_path):
+    deck = "*NODE\n1, 1, 0\n2, 2, 0\n3, 2, 1\n4, 1, 1\n*ELEMENT, TYPE=CAX4, ELSET=B\n1, 1, 2, 3, 4\n"
+    deck += section(more="*DENSITY\n1.\n") + "*BOUNDARY\n1, 2\n2, 2\n"
+    made = imported(tmp_path, deck + step("*DLOAD\nB, GRAV, 2., 0., -1., 0.\n"))
+    assert made.case.gravity.gy.at(1.0) == -2
+    with pytest.raises(CaseError, match=r"\*DLOAD: gravity along the radius"):
+        imported(tmp_path, deck + step("*DLOAD\nB, GRAV, 2., 1., 0., 0.\n"))
+
+
 def test_numbers_of_a_deck_of_instances(tmp_path):
-    """Where the numbers of cards are not those of the mesh, sets are needed."""
+    """Sets are needed if the numbers of cards are not those of the mesh."""
     part = BLOCK.text() + "*SOLID SECTION, ELSET=B, MATERIAL=EL\n"
     deck = f"*PART, NAME=P\n{part}*END PART\n*ASSEMBLY, NAME=A\n*INSTANCE, NAME=I, PART=P\n*END INSTANCE\n"
     deck += (

@@ -103,7 +103,7 @@ class DeckWriter:
             if len(some):
                 name = variant(old, block.type, self.plan.target, self.plane)
                 if name is None:
-                    raise no_element(self.place, block.type, self.plan.target, len(some), False)
+                    raise no_element(self.place, block.type, self.plan.target, mesh.cells_by_type[block.type], False)
                 names[name] = (block, some, lo)
         for name in sorted(names, key=lambda name: name != old):
             block, some, lo = names[name]
