@@ -7,7 +7,18 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from lacsolver.case.keys import MODELS, Needs, Section, key
-from lacsolver.case.kinds import NOT_NEGATIVE, Bounds, Choice, Groups, Number, Option, Pair, Point, Turning, Varying
+from lacsolver.case.kinds import (
+    NOT_NEGATIVE,
+    Bounds,
+    Choice,
+    Groups,
+    Number,
+    Option,
+    Point,
+    Turning,
+    TwoNumbers,
+    Varying,
+)
 from lacsolver.case.records import PLANAR, SPACE, Entry
 from lacsolver.case.value import Value
 
@@ -62,7 +73,7 @@ class Dynamics(Entry):
         "", "mass matrix of the cells", default="consistent",
     )  # fmt: skip
     rayleigh: tuple[float, float] = key(
-        Pair(NOT_NEGATIVE), "1 / time, time", "[a, b] of the damping matrix a M + b K, with K of the undeformed bodies",
+        TwoNumbers(NOT_NEGATIVE), "1 / time, time", "[a, b] of the damping matrix a M + b K, with K of the undeformed bodies",
         default=(0.0, 0.0), default_words="[0.0, 0.0]",
     )  # fmt: skip
 

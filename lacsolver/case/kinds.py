@@ -272,7 +272,7 @@ class ThreeNumbers:
 
 
 @dataclass(frozen=True)
-class Pair:
+class TwoNumbers:
     """Two numbers within bounds."""
 
     bounds: Bounds = FREE
