@@ -73,7 +73,8 @@ class Dynamics(Entry):
         "", "mass matrix of the cells", default="consistent",
     )  # fmt: skip
     rayleigh: tuple[float, float] = key(
-        TwoNumbers(NOT_NEGATIVE), "1 / time, time", "[a, b] of the damping matrix a M + b K, with K of the undeformed bodies",
+        TwoNumbers(NOT_NEGATIVE), "1 / time, time",
+        "[a, b] of the damping matrix a M + b K, with K of the undeformed bodies",
         default=(0.0, 0.0), default_words="[0.0, 0.0]",
     )  # fmt: skip
 

@@ -55,6 +55,7 @@ def plot_history(
 def chosen(table: Mapping[str, Floats], columns: Sequence[str]) -> dict[str, Floats]:
     """Return the values of the columns that are named, in this order, by their names. Raises RequestError.
 
+    >>> import numpy as np
     >>> table = {"time": np.r_[0, 1], "energy.kinetic": np.r_[2, 1], "energy.strain": np.r_[0, 1]}
     >>> list(chosen(table, ["energy.s*"])), list(chosen(table, []))
     (['energy.strain'], ['energy.kinetic', 'energy.strain'])

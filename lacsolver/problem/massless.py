@@ -82,9 +82,9 @@ def born_inside(space: Space) -> Bools:
     """Return the mask (n_nodes,) of the nodes that the cut made inside cells: those inside the children of one parent.
 
     >>> from lacmesh import cut_skin, read
-    >>> space = Space.of(cut_skin(read("data/two_blocks.msh"), "slave").mesh, "3d")
-    >>> int(born_inside(space).sum())  # the apex of each of 36 hexahedra
-    36
+    >>> space = Space.of(cut_skin(read("data/two_blocks.msh"), "slave", hexa="hexa").mesh, "3d")
+    >>> int(born_inside(space).sum())  # four in each of 36 hexahedra
+    144
     """
     mesh, out = space.mesh, np.zeros(space.mesh.n_nodes, bool)
     parent = mesh.cell_data.get("lac_parent")
