@@ -26,6 +26,7 @@ PROGRAMS = {"lacmesh": lacmesh, "lacsolver": lacsolver}
 PAGES = (
     "from_calculix.md",
     "gmsh_script.md",
+    "impact.md",
     "own_mesh.md",
     "own_solver.md",
     "p0_mortar.md",
@@ -64,7 +65,8 @@ def run_page(page: Path, folder: Path) -> Iterator[tuple[Command, str]]:
     """
     of_pages = ("from_calculix", "gmsh_script", "own_mesh", "half_width", "own_solver", "p0_mortar")
     scripts = [f"docs/tutorials/{name}.py" for name in of_pages]
-    for name in ("data/disc_on_block.msh", "data/pin_in_lug.step", "data/punch.inp", *scripts):
+    impacts = [f"data/impact/{name}.{end}" for name in ("bar_on_wall", "dropping_ball") for end in ("msh", "toml")]
+    for name in ("data/disc_on_block.msh", "data/pin_in_lug.step", "data/punch.inp", *impacts, *scripts):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, folder / name)
     for case in blocks(page, "toml"):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact.laws import CONTACT, OPEN, UNPAIRED
+from lacsolver.results.motion import MotionState
 
 __all__ = ["CONTACT", "OPEN", "UNPAIRED", "Held", "Histories", "Iterate", "State", "StepState", "ZoneState"]
 
@@ -66,6 +67,11 @@ class StepState:
         """Return the state after a converged step."""
         earlier = None if self.iterate is None else (self.time, self.iterate)
         return StepState(time, iterate, earlier, step_size, histories)
+
+    @property
+    def motion(self) -> MotionState | None:
+        """Velocities, accelerations, energies and momentum of a state with inertia; None for a static one."""
+        return MotionState.of(self.histories.scheme)
 
     def with_step_size(self, step_size: float) -> StepState:
         """Return this state with another size of the next step."""

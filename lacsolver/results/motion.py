@@ -1,0 +1,54 @@
+"""Motion of a state: velocities and forces that the next step starts from, energies, momentum, impulses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple, Self
+
+from lacmesh.mesh import Floats
+
+#: energies of a state in motion, in their order: kinetic + strain - external + damped + contact + numerical = 0
+ENERGIES = ("kinetic", "strain", "external", "damped", "contact", "numerical")
+
+
+class MotionState(NamedTuple):
+    """Velocities, forces and sums that a step in motion keeps.
+
+    `w` are the displacements of all nodes, then of the points that carry the own mass of rigid bodies
+    (`problem.inertia`), n_w in all.
+    `velocity`, `acceleration`, `reaction` (n_w,): the last are the forces of supports. `internal`, `load`, `contact`
+    (n_dof,): internal forces, loads, and contact forces B^T p. `energies` (6,): see ENERGIES. `linear` (dim,) and
+    `angular` (3,) or (): momentum, the angular one about the origin. By zone, `impulse` (n, dim) on the slave since the
+    start, and `pushes` (n, 2, dim): the force on it now, and as the time scheme weighs it.
+
+    >>> from dataclasses import replace
+    >>> from lacsolver import Problem, march, read_case
+    >>> from lacsolver.case import Steps
+    >>> case = replace(read_case("data/impact/bar_on_wall.toml"), steps=Steps(end=0.1, count=2))
+    >>> *_, state = march(Problem.of(case))
+    >>> motion = state.step.motion
+    >>> [float(p.round(12)) for p in motion.linear], abs(motion.account) < 1e-15
+    ([0.0, -0.0025], True)
+    """
+
+    velocity: Floats
+    acceleration: Floats
+    reaction: Floats
+    internal: Floats
+    load: Floats
+    contact: Floats
+    energies: Floats
+    linear: Floats
+    angular: Floats
+    impulse: Floats
+    pushes: Floats
+
+    @property
+    def account(self) -> float:
+        """Sum of the account of energy, kinetic + strain - external + damped + contact + numerical: 0 but round-off."""
+        return float(self.energies.sum() - 2 * self.energies[ENERGIES.index("external")])
+
+    @classmethod
+    def of(cls, kept: Mapping[str, Floats]) -> Self | None:
+        """Return the motion that a time scheme has kept; None if it has kept none."""
+        return cls(**{name: kept[name] for name in cls._fields}) if set(cls._fields) <= set(kept) else None
