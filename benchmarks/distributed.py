@@ -13,8 +13,8 @@ efficiencies are lower bounds. They run from the matrices to the pressures: all 
 and the pairing, which are told beside them. Efficiency is the time of one process over n times that of n. Memory is
 the largest resident memory of a process, and what it has grown by since all modules and kernels were loaded: up to the
 set-up of the preconditioner, when the mesh, contact and K are there ("model"), and at most ("grown"). Messages
-and bytes are those that the process with most of them sends in a V-cycle: those of PETSc (GAMG only, from its log) and
-those of lacsolver, with the reductions over all processes of both.
+and bytes are those that the process with most of them sends for each V-cycle, with the reductions over all processes;
+what hypre sends within its own cycles is not counted.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ FREE = {
 HEADS = ("unknowns, backend", "n", "V-cycles", "sets", "set-up", "matrices to pressures", "efficiency")
 HEADS += ("against serial", "assembly", "pairing", "memory", "model", "grown", "bytes an unknown of the process")
 WEAK_HEADS = ("unknowns, backend", "n", "V-cycles", "sets", "matrices to pressures")
-WEAK_HEADS += ("PETSc: messages, bytes, reductions a V-cycle", "lacsolver: messages, bytes, reductions a V-cycle")
+WEAK_HEADS += ("messages, bytes, reductions for each V-cycle",)
 
 
 class Run(NamedTuple):
@@ -96,6 +96,10 @@ def counted(MPI: Any, sent: Sent) -> Any:
             counts = [count for rank, count in enumerate(given[1]) if count and rank != self.rank]
             sent.counts += (len(counts), sum(counts) * given[0].itemsize, 0)
             super().Alltoallv(given, got)
+
+        def Isend(self, given: Any, *to: Any) -> Any:
+            sent.counts += (1, given.nbytes, 0)
+            return super().Isend(given, *to)
 
         def Allreduce(self, *arguments: Any, **options: Any) -> None:
             sent.counts[2] += 1
@@ -140,18 +144,16 @@ def measured(run: Run) -> list[dict[str, Any]]:
     case = pressed_case(run.backend, "small", run.ratio, Path(run.path), threads=1)
     if serial:
         return [figures(lambda: Problem.of(case, read_part(run.path, 0).mesh))]
-    from lacsolver.distributed.launch import import_mpi, import_petsc
+    from lacsolver.distributed.launch import import_mpi
     from lacsolver.distributed.processes import Processes
 
-    petsc = import_petsc()
-    petsc.Log.begin()
     sent = Sent()
     comm = counted(import_mpi(), sent)
-    told = figures(lambda: Problem.of(case, distribution=Processes(comm)), sent, petsc)
+    told = figures(lambda: Problem.of(case, distribution=Processes(comm)), sent)
     return list(comm.gather(told) or [])
 
 
-def figures(problem_of: Callable[[], Problem], sent: Sent | None = None, petsc: Any = None) -> dict[str, Any]:
+def figures(problem_of: Callable[[], Problem], sent: Sent | None = None) -> dict[str, Any]:
     """The figures of a contact solve on this process."""
     gc.collect()
     before, clock, solved, models = resident(), Clock(), list[SaddleSolution](), list[int]()
@@ -173,8 +175,7 @@ def figures(problem_of: Callable[[], Problem], sent: Sent | None = None, petsc: 
         "memory": peak(),
         "model": models[0] - before,
         "grown": peak() - before,
-        "ours": [0.0] * 3 if sent is None else ((sent.counts - earlier) / cycles).tolist(),
-        "petsc": [0.0] * 3 if petsc is None else traffic(petsc),
+        "traffic": [0.0] * 3 if sent is None else ((sent.counts - earlier) / cycles).tolist(),
     }
 
 
@@ -186,14 +187,6 @@ def resident() -> int:
 def peak() -> int:
     """Largest resident memory of this process, bytes."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-
-
-def traffic(petsc: Any) -> list[float]:
-    """Messages, bytes and reductions of PETSc in one application of its preconditioner, on this process."""
-    told = petsc.Log.Event("PCApply").getPerfInfo()
-    count = max(told["count"], 1)
-    messages, size = (told[key] / 2 / count for key in ("numMessages", "messageLength"))  # sent and received
-    return [messages, size, told["numReductions"] / count]
 
 
 class Launcher:
@@ -260,9 +253,8 @@ def weak_line(backend: str, n: int, found: Any) -> str:
     """A row of the table of weak scaling."""
     cells = [name_of(found, backend), str(n), f"{found[0]['cycles']}", f"{found[0]['sets']}"]
     cells.append(f"{busiest(found, 'solve'):.2f} s")
-    for library in ("petsc", "ours"):
-        messages, size, sums = np.max([one[library] for one in found], axis=0)
-        cells.append("" if library == "petsc" and backend != "gamg" else f"{messages:.0f}, {size:,.0f}, {sums:.1f}")
+    messages, size, sums = np.max([one["traffic"] for one in found], axis=0)
+    cells.append(f"{messages:.0f}, {size:,.0f}, {sums:.1f}")
     return row(cells)
 
 

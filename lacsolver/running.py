@@ -24,8 +24,9 @@ from lacsolver.results.figures import stress_ranges
 from lacsolver.results.results import Fields, Restart, Results, StepFigures
 from lacsolver.results.state import State
 from lacsolver.results.whole import share_of_restart, whole_restart
+from lacsolver.solve.attempt import Told
 from lacsolver.solve.holding import beyond_a_cell, warnings_of
-from lacsolver.solve.stepping import NotConvergedError, Told, march
+from lacsolver.solve.stepping import NotConvergedError, march
 from lacsolver.space.share import ALONE, Distribution
 
 
@@ -170,6 +171,7 @@ class _Run:
 def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
     """Return warnings about doubtful results of a finished run."""
     told = list(_strangers(problem, made.results))
+    told += [] if problem.inertia is None else problem.inertia.told()
     if made.last is not None:
         told += warnings_of(made.last.held, made.last.prescribed)
         told += faceted(problem, made.last)

@@ -25,8 +25,9 @@ from lacsolver.contact import Interface
 from lacsolver.distributed.launch import absence
 from lacsolver.linear import choose
 from lacsolver.problem import acting
+from lacsolver.problem.first_look import MotionFound, motion_found
 from lacsolver.problem.overlap import check_overlap, deepest
-from lacsolver.problem.problem import ContactPair, ProblemParts, build
+from lacsolver.problem.problem import ContactPair, Problem, ProblemParts, build
 from lacsolver.problem.rigid_modes import describe, free_motions, still_free
 from lacsolver.space.places import nodes_of
 
@@ -61,7 +62,8 @@ class Validation:
     `mesh`: the cut mesh; `cut_here`: True if the cut was made here and not read from the file; `whole`: True if each
     slave face is a macro-element by itself, so that nothing has to be cut; `unknowns`: number of unknowns q.
 
-    `held`: rigid-body motions that only contact constrains, in words. `problems`: mistakes that would prevent a run.
+    `held`: rigid-body motions that only contact constrains, in words; `motion`: figures of a case with [dynamics].
+    `problems`: mistakes that would prevent a run.
     """
 
     mesh: Mesh
@@ -71,6 +73,7 @@ class Validation:
     unknowns: int = 0
     zones: list[ZoneFound] = field(default_factory=list)
     held: list[str] = field(default_factory=list)
+    motion: MotionFound | None = None
     problems: list[Issue] = field(default_factory=list)
 
     @contextmanager
@@ -108,8 +111,12 @@ def validate(case: Case, mesh: Mesh | None = None) -> Validation:
         before = len(found.problems)
         faces = _zones(case, parts, found)
         whole = len(faces) == len(case.contact) + len(case.tie) and len(found.problems) == before
-        if parts.constraints is not None and whole:
+        if parts.constraints is not None and whole and case.dynamics is None:
             _look_at_motions(case, parts.constraints, faces, found)
+        elif parts.constraints is not None and parts.materials is not None and whole:
+            with found.looking():
+                problem = Problem(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs))
+                found.motion = motion_found(problem)
     found.problems = list(dict.fromkeys(found.problems))
     return found
 

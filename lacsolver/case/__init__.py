@@ -10,6 +10,7 @@ The rows of the table also give the schemas and the page of docs (schema). numpy
 
 from lacsolver.case.case import Case, Output, Probe, Solver, Steps
 from lacsolver.case.digest import changed, digest, fingerprint
+from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.errors import CaseError, EvaluationError, Issue
 from lacsolver.case.groups import check_groups
 from lacsolver.case.read import parse_case, read_case
@@ -35,9 +36,11 @@ __all__ = [
     "CaseError",
     "Contact",
     "Displacement",
+    "Dynamics",
     "EvaluationError",
     "Force",
     "Gravity",
+    "Initial",
     "Issue",
     "Material",
     "Output",

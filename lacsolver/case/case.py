@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from lacsolver.case.draft import Draft
+from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.keys import Section, key, keys_of, section, section_of, sections_of
 from lacsolver.case.kinds import POSITIVE, Bounds, Choice, Count, MeshFile, Number, Option, Text, Times
@@ -32,6 +33,9 @@ from lacsolver.case.records import (
 )
 from lacsolver.case.rules import BACKENDS_OF, check
 from lacsolver.case.value import Value, with_values
+
+#: fields that are written of a motion, if [output] does not tell
+_OUTPUTS = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +164,10 @@ class Output(Entry):
         "file format of the fields",
         default="vtu",
     )
-    every: int = key(Count(1), "", "write the fields of every k-th step, and of the last one", default=1)
+    every: int | None = key(
+        Count(1), "", "write the fields of every k-th step, and of the last one", default=None,
+        default_words="1; with [dynamics] what gives about a hundred",
+    )  # fmt: skip
     times: tuple[float, ...] | None = key(
         Times(), "time", "instead of every: write the fields at these times, at which steps then end", default=None
     )
@@ -170,8 +177,8 @@ class Output(Entry):
 class Case(Entry):
     """The whole problem to solve. It is checked when it is made; raises CaseError with every mistake.
 
-    Plain numbers of loads are ramped up to `steps.last`, and the default of a contact's `geometry` depends on the
-    kinematics. `path`: the file that the case was read from.
+    Plain numbers of loads are ramped up to `steps.last`, with [dynamics] up to its start. The default of a contact's
+    `geometry` depends on the kinematics. `path`: the file that the case was read from.
 
     >>> from lacsolver.case import Displacement, Material, Pressure
     >>> load = Pressure(group="top", value=25)
@@ -222,6 +229,8 @@ class Case(Entry):
     body_force: tuple[BodyForce, ...] = section(BodyForce)
     gravity: Gravity | None = section(Gravity)
     temperature: tuple[Temperature, ...] = section(Temperature)
+    dynamics: Dynamics | None = section(Dynamics)
+    initial: tuple[Initial, ...] = section(Initial)
     probe: tuple[Probe, ...] = section(Probe)
     steps: Steps = section(Steps, Steps())
     solver: Solver = section(Solver, Solver())
@@ -285,7 +294,7 @@ def _records(name: str, record: type, held: Any) -> Any:
     several = section_of(record).several
     items = tuple(held) if several and isinstance(held, (list, tuple)) else (held,)
     if not several and held is None:
-        return None if name == "gravity" else record()
+        return None if name in ("gravity", "dynamics") else record()
     if not all(isinstance(item, record) for item in items):
         what = f"a list of {record.__name__} records" if several else f"a {record.__name__} record"
         raise TypeError(f"{name} is {what}, not {held!r}")
@@ -300,8 +309,12 @@ def _settled(record: Any, case: Case) -> Any:
             changes[name] = with_values(getattr(record, name), lambda v: replace(v, ramp_end=_ramp_end(v, case)))
     if isinstance(record, Contact) and record.geometry is None:
         changes["geometry"] = "current" if case.kinematics == "finite" else "reference"
+    if isinstance(record, Output) and record.every is None:
+        changes["every"] = 1 if case.dynamics is None else max(1, round(len(case.steps.planned) / _OUTPUTS))
     return record.of_read({**vars(record), **changes}) if changes else record
 
 
 def _ramp_end(value: Value, case: Case) -> float | None:
-    return case.steps.last if isinstance(value.source, float) else None
+    """Return the time at which a number is reached: the end of the steps, or the start of motion; None for at once."""
+    end = case.steps.last if case.dynamics is None else case.dynamics.start
+    return end if isinstance(value.source, float) and end > 0 else None

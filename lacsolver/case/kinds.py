@@ -272,6 +272,25 @@ class ThreeNumbers:
 
 
 @dataclass(frozen=True)
+class Pair:
+    """Two numbers within bounds."""
+
+    bounds: Bounds = FREE
+
+    @property
+    def words(self) -> str:
+        return f"two numbers {self.bounds.words}".strip()
+
+    def read(self, given: Any) -> tuple[float, ...]:
+        if not isinstance(given, (list, tuple)) or len(given) != 2:
+            raise Mistake(f"is {described(given)}; it takes {self.words}")
+        return _each(Number(self.bounds).read, given)
+
+    def schema(self) -> Schema:
+        return {"type": "array", "items": Number(self.bounds).schema(), "minItems": 2, "maxItems": 2}
+
+
+@dataclass(frozen=True)
 class Point:
     """A point: one coordinate for each dimension of the model (checked once the model is known)."""
 

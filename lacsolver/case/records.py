@@ -122,7 +122,9 @@ class Material(Entry):
         default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), default_words="[[1, 0, 0], [0, 1, 0]]",
         needs=Needs("law", ("orthotropic",)),
     )  # fmt: skip
-    density: float = key(Number(NOT_NEGATIVE), "mass / length³", "mass per volume, for [gravity]", default=0.0)
+    density: float = key(
+        Number(NOT_NEGATIVE), "mass / length³", "mass per volume, for [gravity] and [dynamics]", default=0.0
+    )
     expansion: float | tuple[float, float, float] = key(
         ThreeNumbers(),
         "1 / temperature",
@@ -412,3 +414,12 @@ class Rigid(Entry):
     moment: tuple[Value, ...] | None = _of_body(
         Turning(), "force × length", "moment vector about the centre; the rotation is then free", PLANAR
     )
+    mass: float | None = key(
+        Number(POSITIVE), "mass", "mass of the body, at its centre, beside that of cells with a density", default=None,
+        default_words="that of its cells",
+    )  # fmt: skip
+    inertia: float | tuple[float, float, float] | None = key(
+        ThreeNumbers(POSITIVE), "mass × length²",
+        "moments of inertia of this mass about the axes x, y, z through the centre; one number in a plane",
+        default=None, models=PLANAR, default_words="that of its cells",
+    )  # fmt: skip

@@ -207,6 +207,49 @@ def _output(sections: Sections) -> Iterator[Found]:
         yield outputs[0].wrong(f"has {late[0]:g}, after the end of the steps at {end:g}", "times")
 
 
+def _motion(sections: Sections) -> Iterator[Found]:
+    """Check that bodies that move have a mass, and that the scheme is stable."""
+    if not sections.get("dynamics"):
+        for made in sections.get("initial", []):
+            yield made.wrong("means something only with [dynamics]; add that section, or leave this one out")
+        return
+    (moving, *_) = sections["dynamics"]
+    for made in sections.get("material", []):
+        if made.get("density") == 0.0:
+            groups = ", ".join(repr(name) for name in made.get("groups") or ())
+            where = f"the cells of {groups}" if groups else "the cells"
+            yield made.wrong(f"needs a density, for {where} have a mass with [dynamics]")
+    beta, gamma = moving.get("beta"), moving.get("gamma")
+    if moving.get("scheme") == "newmark" and None not in (beta, gamma) and not 0.5 <= gamma <= 2 * beta:
+        message = f"and gamma are {beta:g} and {gamma:g}, which is not stable"
+        yield moving.wrong(f"{message}; take gamma >= 1/2 and beta >= gamma / 2", "beta")
+    start = moving.get("start")
+    steps = sections.get("steps", [])
+    end = (steps[0].get("times") or [steps[0].get("end")])[-1] if steps else 1.0
+    if None not in (start, end) and start >= end:
+        yield moving.wrong(f"is {start:g}, and the steps end at {end:g}; inertia must act in some of them", "start")
+    for made in sections.get("initial", []) if start else []:
+        for name in [n for n in ("ux", "uy", "uz") if made.has(n)]:
+            message = f"means something only with start = 0, and dynamics.start is {start:g}"
+            yield made.wrong(f"{message}: the static steps before give the displacement", name)
+
+
+def _inertia(sections: Sections) -> Iterator[Found]:
+    """Check that the inertia of rigid bodies has a mass, and is that of a body."""
+    space = sections[""][0].get("model") == "3d"
+    for made in sections.get("rigid", []):
+        inertia = made.get("inertia")
+        if inertia is None:
+            continue
+        if not made.has("mass"):
+            yield made.wrong("needs the mass that it is of; give mass too", "inertia")
+        if space != isinstance(inertia, tuple):
+            words = "is one number; in 3d it is three" if space else "is three numbers; in a plane it is one"
+            yield made.wrong(words, "inertia")
+        elif space and not 2 * max(inertia) <= sum(inertia) * (1 + 1e-9):
+            yield made.wrong("has a moment larger than the sum of the other two, as no body has", "inertia")
+
+
 RULES: tuple[Callable[[Sections], Iterator[Found]], ...] = (
     _materials,
     _groups_once,
@@ -218,6 +261,8 @@ RULES: tuple[Callable[[Sections], Iterator[Found]], ...] = (
     _prescribed_once,
     _rigid_once,
     _fields,
+    _motion,
+    _inertia,
     _engine,
     _output,
 )

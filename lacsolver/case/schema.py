@@ -39,8 +39,9 @@ def schema_text() -> str:
 
 _INTRODUCTION = (
     "A value is a number, a formula of x, y, z, t, or a table of times [[t, v], ...], linear in between. A value "
-    "marked * is a load: a number is ramped from 0 at the start to its value at the end of the steps (a temperature: "
-    "from the material's reference). Use any consistent units; the units listed here are dimensions."
+    "marked * is a load: a number is ramped from 0 at the start to its value at the end of the steps, or at the "
+    "start of [dynamics] (a temperature: from the material's reference). Use any consistent units; the units listed "
+    "here are dimensions."
 )
 
 

@@ -10,7 +10,7 @@ from lacmesh.errors import LacmeshError
 from lacsolver.cli.options import EPILOG
 
 #: in the order of the help
-COMMANDS = ("run", "validate", "modes", "film", "matrices", "schema")
+COMMANDS = ("run", "validate", "modes", "film", "plot", "matrices", "schema")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

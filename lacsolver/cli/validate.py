@@ -13,6 +13,7 @@ from lacsolver.cli.options import add_case, add_command
 if TYPE_CHECKING:
     from lacsolver.case import Case
     from lacsolver.case.records import Entry
+    from lacsolver.problem.first_look import MotionFound
     from lacsolver.validation import Validation, ZoneFound
 
 #: sections whose records are listed one by one, in this order
@@ -77,8 +78,25 @@ def _figures(case: Case, found: Validation) -> Iterator[tuple[str, str]]:
     steps = case.steps
     halved = f"each halved {steps.max_halvings} times at most"
     yield "steps", f"{len(steps.planned)}, to t = {steps.last:g}, {halved}"
+    if found.motion is not None:
+        yield from _motion(case, found.motion)
     for motion in found.held:
         yield "rigid-body mode without support", motion
+
+
+def _motion(case: Case, motion: MotionFound) -> Iterator[tuple[str, str]]:
+    """Yield the figures of a case with [dynamics]: waves and steps, what is moved of the inertia, the momentum."""
+    low, high = motion.speeds
+    yield "wave speeds", f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
+    yield "cells crossed in a step", f"{motion.crossed:.3g}; the smallest that is not cut is {motion.cell:.4g} long"
+    yield "step suggested", f"{motion.suggested / 2:.4g} to {motion.suggested:.4g}, where waves matter"
+    yield (
+        "mass",
+        f"{motion.mass:.6g}; {motion.massless:,} nodes have none, which changes inertia {motion.moved:+.2%}",
+    )
+    yield "momentum at the start", ", ".join(f"{value:.6g}" for value in motion.momentum)
+    for said in motion.told:
+        yield "warning", said
 
 
 def _cut(found: Validation) -> str:

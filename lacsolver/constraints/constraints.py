@@ -18,7 +18,8 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array, csc_array, csr_array
+from scipy.sparse.linalg import spsolve
 
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints
@@ -57,7 +58,7 @@ class Constraints:
         here, and at every time by `u0`), a node in two rigid bodies, or a node of one that is prescribed too.
         """
         parts = prescribed(space, case.displacement)
-        rigid = rigid_bodies(space, case.rigid, case.kinematics == "finite")
+        rigid = rigid_bodies(space, case.rigid, case.kinematics == "finite", case.gravity)
         check_apart(space, rigid, parts)
         moved = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in rigid)])
         local = combine(space, (*parts, *on_axis(space, moved)))
@@ -115,6 +116,14 @@ class Constraints:
         own, n = _own_unknowns(self.space, self.local, self.rigid)
         moment_arms = tuple(body.moment_arm_at(body.motion(q, t)) for body in self.rigid)
         return _map(self.space, self.local, own, n, self.rigid, moment_arms)
+
+    def unknowns(self, u: Floats) -> NDArray[np.floating]:
+        """Return q (n_q,) with T q = u, for a u (n_dof,) in the range of T; the nearest one for others."""
+        if self.is_selection:
+            return u[self.free]
+        if not self.rigid:  # orthonormal columns
+            return np.asarray(self.T.T @ u)
+        return np.asarray(spsolve(csc_array(self.T.T @ self.T), self.T.T @ u))
 
     def force(self, t: float, q: Floats | None = None) -> NDArray[np.floating]:
         """Return the forces and moments on the free motions of rigid bodies at time t, 0 elsewhere, (n_q,).

@@ -22,7 +22,7 @@ from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.finite.errors import InadmissibleError
 from lacsolver.case.errors import CaseError, Issue
-from lacsolver.case.records import Rigid
+from lacsolver.case.records import Gravity, Rigid
 from lacsolver.case.value import Value
 from lacsolver.constraints.conditions import Prescribed
 from lacsolver.constraints.rotation import conjugate, conjugate_derivative, turn, turn_curvature, turn_derivative
@@ -44,6 +44,7 @@ class RigidBody:
     of each of the m motions, None where it is held or free; `loads`: force or moment on each free motion, None for
     others; `free` (m,). `columns` (m,): index in q of each free motion, -1 for the others; `unit` (m,): motion per unit
     of the unknown. Unknowns are lengths: that of a rotation is the displacement of the node farthest from the centre.
+    `gravity`: that of the case, for the weight of the body's own mass.
     """
 
     record: Rigid
@@ -56,6 +57,7 @@ class RigidBody:
     columns: Ints
     unit: NDArray[np.floating]
     finite: bool = False
+    gravity: Gravity | None = None
 
     @property
     def name(self) -> str:
@@ -79,10 +81,19 @@ class RigidBody:
 
     def force(self, t: float, motion: Floats | None = None) -> NDArray[np.floating]:
         """Return the forces (m,) at time t that are conjugate to changes of the motions, at `motion` (m,)."""
-        f = _values(self.loads, t)
+        f = _values(self.loads, t) + self.weight(t)
         if motion is not None and self.turns:
             f[self._dim :] = conjugate(self._theta(motion), self._in_space(f[self._dim :]))[self._axes]
         return f
+
+    def weight(self, t: float) -> NDArray[np.floating]:
+        """Return the weight (m,) of the body's own mass at time t, at its centre."""
+        out, given = np.zeros(len(self.loads)), self.gravity
+        if self.record.mass is not None and given is not None:
+            at = self.centre[None, : self._dim]
+            values = _components(given, "g", self._dim)
+            out[: self._dim] = [0.0 if v is None else self.record.mass * float(v(at, t)[0]) for v in values]
+        return out
 
     def force_derivative(self, t: float, motion: Floats) -> NDArray[np.floating]:
         """Return the derivative (m, m) of `force` by motions (m,)."""
@@ -156,7 +167,9 @@ class RigidBody:
         return theta
 
 
-def rigid_bodies(space: Space, records: Sequence[Rigid], finite: bool = False) -> tuple[RigidBody, ...]:
+def rigid_bodies(
+    space: Space, records: Sequence[Rigid], finite: bool = False, gravity: Gravity | None = None
+) -> tuple[RigidBody, ...]:
     """Return the rigid bodies of a case, with their free motions numbered from 0; `finite`: finite kinematics.
 
     Raises CaseError for a group that is missing or empty, a node in two of them, and a loaded motion that moves no node
@@ -167,7 +180,7 @@ def rigid_bodies(space: Space, records: Sequence[Rigid], finite: bool = False) -
     for record in records:
         try:
             first = sum(int(body.free.sum()) for body in made)
-            made.append(_rigid_body(space, record, first, finite))
+            made.append(_rigid_body(space, record, first, finite, gravity))
         except CaseError as error:
             problems += error.problems
     if problems:
@@ -199,7 +212,7 @@ def moments(dim: int, x: Floats) -> NDArray[np.floating]:
     return np.moveaxis(cross if dim == 3 else cross[:, 2:, :2], 1, 2)
 
 
-def _rigid_body(space: Space, record: Rigid, first: int, finite: bool) -> RigidBody:
+def _rigid_body(space: Space, record: Rigid, first: int, finite: bool, gravity: Gravity | None) -> RigidBody:
     nodes = nodes_of(space, record)
     x = space.local.points[nodes]
     centre = x.mean(axis=0)
@@ -216,12 +229,14 @@ def _rigid_body(space: Space, record: Rigid, first: int, finite: bool) -> RigidB
     columns = np.where(free, first + np.cumsum(free) - 1, -1)
     far = float(np.linalg.norm(x - centre, axis=1).max())
     unit = np.repeat([1.0, 1.0 / far if far > 0 else 1.0], [space.dim, turns])
-    body = RigidBody(record, nodes, centre + space.origin, moment_arm, x - centre, moved, loads, columns, unit, finite)
+    body = RigidBody(
+        record, nodes, centre + space.origin, moment_arm, x - centre, moved, loads, columns, unit, finite, gravity
+    )
     _check_moves(space, body)
     return body
 
 
-def _components(record: Rigid, letter: str, dim: int) -> tuple[Value | None, ...]:
+def _components(record: Rigid | Gravity, letter: str, dim: int) -> tuple[Value | None, ...]:
     return tuple(getattr(record, letter + axis) for axis in _AXES[:dim])
 
 

@@ -8,6 +8,9 @@ correction, which is rough and thus weighs 1e-14 times the condition number in e
 in double precision. Matrix and residual are scaled first, so that units do not matter. The coarsest level is solved in
 double precision.
 
+A level of several processes has the rows of its own nodes, and beside its own entries of a vector those of neighbouring
+nodes, which its `Halo` fills in (`lacsolver.linear.halo`).
+
 Rows that add a term N^T N to the matrix (`lacsolver.linear.row_term`) keep its hierarchy: the term is restricted to the
 coarser levels by products of the rows with the prolongations, and everything that belongs to the matrix is shared.
 """
@@ -15,11 +18,11 @@ coarser levels by products of the rows with the prolongations, and everything th
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array
+from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
@@ -81,9 +84,13 @@ class Team:
         self.run(_dots, n_parts, np.ascontiguousarray(A), x, out, worth=_WORTH_PARTS)
         return np.asarray(out.sum(axis=0))
 
+    def dot(self, x: Floats, y: Floats) -> float:
+        """Return the product of two vectors, the same for any number of threads."""
+        return float(self.dots(x[None], y)[0])
+
     def norm(self, x: Floats) -> float:
         """Return the Euclidean norm of a vector, the same for any number of threads."""
-        return float(np.sqrt(self.dots(x[None], x)[0]))
+        return float(np.sqrt(self.dot(x, x)))
 
     def largest(self, x: Floats) -> float:
         """Return the largest magnitude of an entry, 0 for an empty vector."""
@@ -97,42 +104,112 @@ class Team:
         """Return x."""
         return x
 
+    def total(self, x: Floats) -> NDArray[np.floating]:
+        """Return the sum of an array over all processes: x."""
+        return x
+
+    def total_matrix(self, A: csr_array) -> csr_array:
+        """Return the sum of a matrix over all processes: A."""
+        return A
+
+
+class Halo(Protocol):
+    """Interface of the vectors of a level that several processes share: own entries, then those of neighbours."""
+
+    def fill(self, x: NDArray[np.floating]) -> None:
+        """Fill the entries of neighbours in place."""
+
+    def add(self, x: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Return the own entries with what all processes have for them added."""
+
+    def add_columns(self, A: bsr_array) -> bsr_array:
+        """Return the own columns of a matrix with what all processes have for them added."""
+
+
+class NoHalo:
+    """Vectors that one process has whole."""
+
+    def fill(self, x: NDArray[np.floating]) -> None:
+        """Do nothing: there are no other entries."""
+
+    def add(self, x: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Return x."""
+        return x
+
+    def add_columns(self, A: bsr_array) -> bsr_array:
+        """Return A."""
+        return A
+
+
+#: vectors that one process has whole
+NO_HALO = NoHalo()
+
+
+def extended(halo: Halo, x: NDArray[np.floating], size: int) -> NDArray[np.floating]:
+    """Return own entries with those of neighbours, (size,)."""
+    if len(x) < size:
+        x = np.concatenate([x, np.zeros(size - len(x), x.dtype)])
+    halo.fill(x)  # also where there are none: others may want what is here
+    return x
+
 
 class Level(NamedTuple):
     """Level of the hierarchy: K, inverses of its diagonal blocks over the largest eigenvalue of D^-1 K, R and P.
 
-    R restricts a residual to the next coarser level, P prolongs a correction from it. `added`: a term added to K.
+    R restricts a residual to the next coarser level, P prolongs a correction from it. `width`: columns of K. `halo`:
+    that of K's columns; `coarse`: that of P's. `added`: a term added to K.
     """
 
     K: Blocks
     inverse: NDArray[np.floating]
     R: Blocks
     P: Blocks
+    width: int
+    halo: Halo = NO_HALO
+    coarse: Halo = NO_HALO
     added: RowTerm | None = None
 
     @staticmethod
-    def of(K: bsr_array, R: bsr_array, P: bsr_array, inverse: Floats, unit: float) -> Level:
-        """Make a level of `unit` K in single precision."""
+    def of(
+        K: bsr_array, R: bsr_array, P: bsr_array, inverse: Floats, unit: float,
+        halos: tuple[Halo, Halo] = (NO_HALO, NO_HALO),
+    ) -> Level:  # fmt: skip
+        """Make a level of `unit` K in single precision; `halos`: those of the columns of K and of P."""
         single = Blocks.of(R, np.float32), Blocks.of(P, np.float32)
-        return Level(Blocks.of(K, np.float32, unit), (inverse / unit).astype(np.float32), *single)
+        scaled = Blocks.of(K, np.float32, unit), (inverse / unit).astype(np.float32)
+        return Level(*scaled, *single, K.shape[1], *halos)
 
-    def with_rows(self, N: bsr_array, finest: bool) -> Level:
+    @property
+    def n_coarse(self) -> int:
+        """Number of columns of P."""
+        return (len(self.R.indptr) - 1) * self.R.data.shape[1]
+
+    def with_rows(self, N: bsr_array, finest: bool, team: Team) -> Level:
         """Return the level of K + N^T N, for rows of blocks (1, b)."""
         if finest:
-            return self._replace(added=RowTerm.smoothed(N, self.inverse))
-        return self._replace(added=RowTerm.of(N), inverse=bounded(self.inverse, N))
+            return self._replace(added=RowTerm.smoothed(N, self.inverse, team))
+        return self._replace(added=RowTerm.of(N), inverse=bounded(self.inverse, N, team))
 
-    def restricted(self, N: bsr_array) -> bsr_array:
+    def rows_below(self, N: bsr_array) -> bsr_array:
         """Return N P, the rows N on the next coarser level."""
-        n_coarse = (len(self.R.indptr) - 1) * self.R.data.shape[1]
-        return bsr_array(N @ bsr_array((self.P.data, self.P.indices, self.P.indptr), shape=(N.shape[1], n_coarse)))
+        P = bsr_array((self.P.data, self.P.indices, self.P.indptr), shape=(N.shape[1], self.n_coarse))
+        return self.coarse.add_columns(bsr_array(N @ P))
 
     def residual(self, r: NDArray[np.floating], x: NDArray[np.floating], team: Team) -> NDArray[np.floating]:
-        """Return r - K x, with the added term in K."""
+        """Return r - K x, with the added term in K; x (width,)."""
+        self.halo.fill(x)
         out = r - team.product(self.K, x)
         if self.added is not None:
-            self.added.subtract(out, x)
+            self.added.subtract(out, x, team)
         return np.asarray(out)
+
+    def restrict(self, r: NDArray[np.floating], team: Team) -> NDArray[np.floating]:
+        """Return R r, a residual on the next coarser level."""
+        return self.coarse.add(team.product(self.R, r))
+
+    def prolong(self, x: NDArray[np.floating], team: Team) -> NDArray[np.floating]:
+        """Return P x, a correction from the next coarser level."""
+        return team.product(self.P, extended(self.coarse, x, self.n_coarse))
 
 
 class Cycle:
@@ -148,14 +225,14 @@ class Cycle:
         N = bsr_array(((scale * B.data).astype(np.float32), B.indices, B.indptr), shape=B.shape)
         levels: list[Level] = []
         for level in self._levels:
-            levels.append(level.with_rows(N, finest=not levels))
-            N = level.restricted(N)
+            levels.append(level.with_rows(N, not levels, self._team))
+            N = level.rows_below(N)
         dense = N.toarray().astype(float)
         return Cycle(levels, self._K + dense.T @ dense, self._unit, self._team)
 
     def __call__(self, r: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 r."""
-        size = float(np.abs(r).max(initial=0.0))
+        size = self._team.largest(r)
         if not (size > 0 and np.isfinite(size)):
             return np.asarray(r * self._unit)
         return self._down(0, (r / size).astype(np.float32)).astype(float) * (size * self._unit)
@@ -164,53 +241,54 @@ class Cycle:
         if k == len(self._levels):
             return (self._coarsest @ r.astype(float)).astype(np.float32)
         level, team = self._levels[k], self._team
-        x = np.zeros_like(r)
+        x = np.zeros(level.width, r.dtype)
         left = self._smooth(level, r.copy(), x)
-        x += team.product(level.P, self._down(k + 1, team.product(level.R, left)))
+        x[: len(r)] += level.prolong(self._down(k + 1, level.restrict(left, team)), team)
         self._smooth(level, level.residual(r, x, team), x, last=True)
-        return x
+        return x[: len(r)]
 
     def _smooth(
         self, level: Level, r: NDArray[np.floating], x: NDArray[np.floating], last: bool = False
     ) -> NDArray[np.floating]:
         """Add the smoothing polynomial of the residual r to x; return the new residual, or any if it is the `last`."""
         rows = len(level.K.indptr) - 1
-        z, new = np.zeros_like(r), np.empty_like(r)
+        z, new = np.zeros_like(x), np.empty_like(x)
         for k in range(1, _DEGREE + 1):
             old, fresh = np.float32((2 * k - 3) / (2 * k + 1)), np.float32((8 * k - 4) / (2 * k + 1))
             if k == 1:
                 self._team.run(_start, rows, level.inverse, r, z, x, fresh)
             else:
+                level.halo.fill(z)
                 if level.added is not None:
-                    level.added.subtract(r, z)
+                    level.added.subtract(r, z, self._team)
                 self._team.run(_advance, rows, *level.K, level.inverse, z, r, new, x, old, fresh)
                 z, new = new, z
             if level.added is not None:
-                level.added.correct(float(fresh), r, z, x)
+                level.added.correct(float(fresh), r, self._team, z, x)
         return r if last else level.residual(r, z, self._team)
 
 
-def jacobi(K: bsr_array, team: Team) -> tuple[NDArray[np.floating], float]:
+def jacobi(K: bsr_array, team: Team, halo: Halo = NO_HALO) -> tuple[NDArray[np.floating], float]:
     """Return D^-1 (rows, b, b), and an estimate slightly above the largest eigenvalue of D^-1 K."""
     inverse = np.linalg.pinv(_diagonal_blocks(K), hermitian=True)
-    return inverse, _MARGIN * _largest(Blocks.of(K), inverse, team)
+    return inverse, _MARGIN * _largest(K, inverse, team, halo)
 
 
-def _largest(K: Blocks, inverse: Floats, team: Team) -> float:
+def _largest(K: bsr_array, inverse: Floats, team: Team, halo: Halo) -> float:
     """Return a lower bound of the largest eigenvalue of D^-1 K, by Lanczos from the conjugate gradient coefficients."""
     r = np.random.default_rng(0).normal(size=len(inverse) * inverse.shape[1])
     p = z = _apply(inverse, r)
-    rz = float(r @ z)
+    rz, blocks = team.dot(r, z), Blocks.of(K)
     alphas, betas = [], [0.0]
     for _ in range(_LANCZOS):
-        Kp = team.product(K, p)
-        energy = float(p @ Kp)
+        Kp = team.product(blocks, extended(halo, p, K.shape[1]))
+        energy = team.dot(p, Kp)
         if not (energy > 0 and rz > 0):
             break
         alphas.append(rz / energy)
         r = r - alphas[-1] * Kp
         z = _apply(inverse, r)
-        rz, before = float(r @ z), rz
+        rz, before = team.dot(r, z), rz
         betas.append(rz / before)
         p = z + betas[-1] * p
     if not alphas:
@@ -233,7 +311,7 @@ def _diagonal_blocks(K: bsr_array) -> NDArray[np.floating]:
 
 def _apply(inverse: Floats, r: Floats) -> NDArray[np.floating]:
     """Return the product of diagonal blocks (n, b, b) with r."""
-    return np.asarray(np.einsum("nij,nj->ni", inverse, r.reshape(len(inverse), -1)).ravel())
+    return np.asarray(np.einsum("nij,nj->ni", inverse, r.reshape(inverse.shape[:2])).ravel())
 
 
 @kernel

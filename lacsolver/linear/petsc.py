@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear.errors import LinearError
@@ -79,29 +79,30 @@ def petsc_matrix(PETSc: Any, comm: Any, K: csr_array, number: Ints, block: int) 
         return PETSc.Mat().createAIJ((size, size), bsize=block, csr=rows, comm=comm)
 
 
+def set_up(PETSc: Any, A: Any, modes: Floats, backend: str) -> Any:
+    """Return PETSc's preconditioner of a matrix of `petsc_matrix`; modes (n_own, r): rigid-body modes."""
+    pc, comm = PETSc.PC().create(A.getComm()), A.getComm()
+    A.setNearNullSpace(PETSc.NullSpace().create(vectors=_orthonormal(A.createVecRight(), modes), comm=comm))
+    options = PETSc.Options(PREFIX)
+    for name, value in _OPTIONS[backend].items():
+        if not options.hasName(name):
+            options[name] = value
+    pc.setOptionsPrefix(PREFIX)
+    pc.setOperators(A)
+    pc.setFromOptions()
+    pc.setUp()
+    return pc
+
+
 class PetscCycle:
-    """One application of a preconditioner to a residual at this process's own nodes.
+    """One application of PETSc's preconditioner `pc` to a residual at this process's own nodes."""
 
-    A: a matrix of `petsc_matrix`; `modes` (n_own, r): rigid-body modes at the own unknowns.
-    """
+    def __init__(self, pc: Any, backend: str) -> None:
+        self._pc, self._backend = pc, backend
+        self._x, self._b = pc.getOperators()[0].createVecs()
 
-    def __init__(self, PETSc: Any, A: Any, modes: Floats, backend: str) -> None:
-        with petsc_errors():
-            self._set_up(PETSc, A, modes, backend)
-
-    def _set_up(self, PETSc: Any, A: Any, modes: Floats, backend: str) -> None:
-        self._A, comm = A, A.getComm()
-        self._x, self._b = self._A.createVecs()
-        self._A.setNearNullSpace(PETSc.NullSpace().create(vectors=_orthonormal(self._b, modes), comm=comm))
-        self._backend, self._pc = backend, PETSc.PC().create(comm)
-        options = PETSc.Options(PREFIX)
-        for name, value in _OPTIONS[backend].items():
-            if not options.hasName(name):
-                options[name] = value
-        self._pc.setOptionsPrefix(PREFIX)
-        self._pc.setOperators(self._A)
-        self._pc.setFromOptions()
-        self._pc.setUp()
+    def with_rows(self, B: bsr_array, weights: Floats) -> None:
+        """Return None: PETSc's cycle has no rows of contact."""
 
     def __call__(self, r: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 r (n_own,). Raises LinearError on all processes if it is not finite."""

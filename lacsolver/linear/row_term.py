@@ -1,5 +1,8 @@
 """The term N^T N that a few rows N add to a matrix K: its products, and its part in the smoother of a V-cycle.
 
+Of a level that several processes share, each has the columns of its own nodes, of all rows; sums over columns are those
+of all processes, by `Sums`.
+
 The smoother is a polynomial in M^-1 K, with M block diagonal and v K v <= v M v for all v. With rows, M + N^T N takes
 the place of M on the finest level. Its inverse is M^-1 and a correction on the unknowns of the rows (Woodbury), for
 which a sparse matrix of the size of the rows is factorised. On coarser levels, where rows overlap and that matrix would
@@ -8,7 +11,7 @@ be dense, M + L takes its place, with L block diagonal and v N^T N v <= v L v.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +19,16 @@ from scipy.sparse import bsr_array, csc_array, csr_array, eye_array
 from scipy.sparse.linalg import SuperLU, splu
 
 from lacmesh.mesh import Floats, Ints
+
+
+class Sums(Protocol):
+    """Interface of the sums over processes: `lacsolver.linear.cycle.Team`, where one process has everything."""
+
+    def total(self, x: Floats) -> NDArray[np.floating]:
+        """Return the sum of an array over all processes."""
+
+    def total_matrix(self, A: csr_array) -> csr_array:
+        """Return the sum of a matrix over all processes."""
 
 
 class RowTerm(NamedTuple):
@@ -39,25 +52,26 @@ class RowTerm(NamedTuple):
         return RowTerm((b * nodes[:, None] + np.arange(b)).ravel(), own, own.T.tocsr())
 
     @staticmethod
-    def smoothed(N: bsr_array, inverse: Floats) -> RowTerm:
+    def smoothed(N: bsr_array, inverse: Floats, sums: Sums) -> RowTerm:
         """Return the term of rows of blocks (1, b) with its correction of M^-1, whose blocks are (n / b, b, b)."""
         made = RowTerm.of(N)
         nodes, at = np.unique(N.indices, return_inverse=True)
         N_M = _rows(N.data @ inverse[N.indices], at, N.indptr, len(nodes))
-        factor = splu(csc_array(eye_array(N.shape[0]) + N_M.astype(float) @ made.N_T))
+        products = sums.total_matrix(csr_array(N_M.astype(float) @ made.N_T))
+        factor = splu(csc_array(eye_array(N.shape[0]) + products))
         return made._replace(factor=factor, N_M=N_M)
 
-    def subtract(self, r: NDArray[np.floating], x: NDArray[np.floating]) -> None:
+    def subtract(self, r: NDArray[np.floating], x: NDArray[np.floating], sums: Sums) -> None:
         """Subtract N^T N x from r in place."""
-        r[self.unknowns] -= self.N_T @ (self.N @ x[self.unknowns])
+        r[self.unknowns] -= self.N_T @ sums.total(self.N @ x[self.unknowns])
 
-    def correct(self, factor: float, r: NDArray[np.floating], *sums: NDArray[np.floating]) -> None:
-        """Add `factor` (M + N^T N)^-1 r - `factor` M^-1 r to each of the vectors `sums`, in place."""
+    def correct(self, factor: float, r: NDArray[np.floating], sums: Sums, *vectors: NDArray[np.floating]) -> None:
+        """Add `factor` (M + N^T N)^-1 r - `factor` M^-1 r to each of the `vectors`, in place."""
         if self.factor is None or self.N_M is None:
             return
-        p = factor * self.factor.solve((self.N_M @ r[self.unknowns]).astype(float))
+        p = factor * self.factor.solve(sums.total(self.N_M @ r[self.unknowns]).astype(float))
         change = self.N_M.T @ p.astype(r.dtype)
-        for one in sums:
+        for one in vectors:
             one[self.unknowns] -= change
 
 
@@ -69,7 +83,7 @@ def _rows(blocks: Floats, nodes: Ints, indptr: Ints, n_nodes: int) -> csr_array:
     return made
 
 
-def bounded(inverse: NDArray[np.floating], N: bsr_array) -> NDArray[np.floating]:
+def bounded(inverse: NDArray[np.floating], N: bsr_array, sums: Sums) -> NDArray[np.floating]:
     """Return the blocks (n / b, b, b) of (M + L)^-1 for those of M^-1, with v N^T N v <= v L v for rows N (a, n).
 
     Of the entries n_j of a row at the nodes j, n_j n_j^T / t_j is added at each node, with t_j > 0 and sum t_j = 1
@@ -79,9 +93,9 @@ def bounded(inverse: NDArray[np.floating], N: bsr_array) -> NDArray[np.floating]
     nodes, at = np.unique(N.indices, return_inverse=True)
     own = inverse[nodes].astype(float)
     part = np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", n, own[at], n), 0.0))
-    whole = np.bincount(row, part, minlength=N.shape[0])[row]
+    whole = sums.total(np.bincount(row, part, minlength=N.shape[0]).astype(float))[row]
     weight = np.divide(whole, part, out=np.zeros_like(part), where=part > 0)
-    terms = ((weight[:, None] * n)[:, :, None] * n[:, None, :]).reshape(len(n), -1)
+    terms = ((weight[:, None] * n)[:, :, None] * n[:, None, :]).reshape(len(n), n.shape[1] ** 2)
     L = csr_array((np.ones(len(at)), (at, np.arange(len(at)))), shape=(len(nodes), len(at))) @ terms
     out = inverse.copy()
     out[nodes] = np.linalg.pinv(np.linalg.pinv(own, hermitian=True) + L.reshape(own.shape), hermitian=True)

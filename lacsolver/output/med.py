@@ -101,6 +101,9 @@ def _fields(fields: Fields, part: Part, space: Space) -> Iterator[_Field]:
     yield _Field("DEPL", tuple(f"D{a}" for a in axes), True, fields.displacement, everywhere)
     yield _Field("SIEF_NOEU", stresses, True, fields.stress, everywhere)
     yield _Field("REAC_NODA", tuple(f"D{a}" for a in axes), True, fields.reaction, everywhere)
+    for name, values in (("VITE", fields.velocity), ("ACCE", fields.acceleration)):
+        if values is not None:
+            yield _Field(name, tuple(f"D{a}" for a in axes), True, values, everywhere)
     for name, zone in fields.zones.items():
         yield from _zone_fields(name, zone, part, everywhere, axes)
 

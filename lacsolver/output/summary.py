@@ -22,6 +22,8 @@ from lacsolver.results.results import Results, StepFigures, ZoneFigures
 
 #: figures of a step in results.json
 STEP_KEYS = ("time", "iterations", "halvings", "residuals", "reactions", "probes")
+#: further figures of a step of a case with [dynamics]
+MOTION_KEYS = ("energies", "momentum", "impulse", "velocities", "accelerations")
 _BALANCE = ("force", "moment")
 
 
@@ -63,7 +65,8 @@ def _whole(results: Results, worst: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _step(step: StepFigures) -> dict[str, Any]:
-    return {name: getattr(step, name) for name in STEP_KEYS}
+    told = {name: getattr(step, name) for name in STEP_KEYS}
+    return told if step.motion is None else told | {name: getattr(step.motion, name) for name in MOTION_KEYS}
 
 
 def _zone(zone: ZoneFigures) -> dict[str, Any]:

@@ -74,13 +74,28 @@ def history_row(step: StepFigures) -> dict[str, float]:
     """Return the row of a step, by column."""
     row = {"time": step.time, "iterations": step.iterations}
     for name, force in step.reactions.items():
-        row |= {f"reaction.{name}.{axis}": value for axis, value in zip(_AXES, _list(force), strict=False)}
+        row |= _along_axes(f"reaction.{name}.", force)
+    moving = step.motion
     for name, move in step.probes.items():
-        row |= {f"probe.{name}.u{axis}": value for axis, value in zip(_AXES, _list(move), strict=False)}
+        row |= _along_axes(f"probe.{name}.u", move)
+        if moving is not None:
+            row |= _along_axes(f"probe.{name}.v", moving.velocities[name])
+            row |= _along_axes(f"probe.{name}.a", moving.accelerations[name])
     for name, zone in step.contact.items():
-        row |= {f"contact.{name}.f{axis}": f for axis, f in zip(_AXES, _list(zone.resultant), strict=False)}
+        row |= _along_axes(f"contact.{name}.f", zone.resultant)
         row |= {f"contact.{name}.area": zone.contact_area, f"contact.{name}.pressure_max": zone.pressure_max}
+        row |= {} if moving is None else _along_axes(f"contact.{name}.impulse.", moving.impulse[name])
+    if moving is not None:
+        row |= {f"energy.{name}": value for name, value in moving.energies.items()}
+        row |= _along_axes("momentum.", moving.momentum["linear"])
+        angular = moving.momentum["angular"]
+        row |= _along_axes("momentum.angular.", angular) if angular.ndim else {"momentum.angular": float(angular)}
     return row
+
+
+def _along_axes(start: str, vector: Floats) -> dict[str, float]:
+    """Return the components of a vector by the names of their columns, `start` and the axis."""
+    return {f"{start}{axis}": value for axis, value in zip(_AXES, _list(vector), strict=False)}
 
 
 def add_contact(path: Path, time: float, zone: ZoneFields) -> None:

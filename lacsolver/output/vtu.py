@@ -88,10 +88,12 @@ class VtuSeries:
 
 
 def _solid(fields: Fields) -> dict[str, NDArray]:
+    moving = {"velocity": fields.velocity, "acceleration": fields.acceleration}
     return {
         "displacement": wide(fields.displacement, 3),
         "stress": wide(fields.stress, 6),
         "reaction": wide(fields.reaction, 3),
+        **{name: wide(values, 3) for name, values in moving.items() if values is not None},
     }
 
 

@@ -152,7 +152,7 @@ def is_due(output: Output, number: int, time: float) -> bool:
     """
     if output.times is not None:
         return any(same_time(time, t) for t in output.times)
-    return number % output.every == 0
+    return number % (output.every or 1) == 0
 
 
 def _made(folder: Path) -> Path:

@@ -20,6 +20,7 @@ from lacsolver.case.value import Value
 from lacsolver.problem import loads
 from lacsolver.space.places import nodes_of, wrong
 from lacsolver.space.space import Space
+from lacsolver.space.values import evaluate_vector
 
 _AXES = "xyz"
 PointFunction = Callable[[Floats, float], Floats]
@@ -36,11 +37,13 @@ def at_local_points(space: Space, value: Value) -> PointFunction:
 
 
 def load(
-    space: Space, materials: Materials, case: Case, t: float, threads: int = 1, *, u: Floats | None = None
-) -> NDArray[np.floating]:
+    space: Space, materials: Materials, case: Case, t: float, threads: int = 1, *, u: Floats | None = None,
+    weight: Callable[[Floats], Floats] | None = None,
+) -> NDArray[np.floating]:  # fmt: skip
     """Return the nodal forces f (n_dof,) of all loads at time t, except springs and loads on rigid bodies.
 
-    `u` (n_dof,): displacement of the faces of follower loads; None: undeformed. Temperature is a load under small
+    `u` (n_dof,): displacement of the faces of follower loads; None: undeformed. `weight`: function for the weight
+    (n_dof,) under accelerations (n_dof,) of gravity, that of the cells by default. Temperature is a load under small
     kinematics; under finite kinematics it is part of the internal forces (`kinematics.Finite`).
     """
     mesh, f = space.mesh, np.zeros(space.n_dof)
@@ -56,7 +59,9 @@ def load(
     for body in case.body_force:
         with _said_of(body):
             f += loads.body_force(space, _vector(space, body, "f"), t, cells=space.cells(body.groups))
-    if case.gravity is not None:
+    if case.gravity is not None and weight is not None:
+        f += weight(evaluate_vector(_vector(space, case.gravity, "g"), mesh.points, t, space.dim, "gravity").ravel())
+    elif case.gravity is not None:
         f += loads.gravity(space, materials, _vector(space, case.gravity, "g"), t)
     warm = temperature(space, materials, case)
     if warm is not None and case.kinematics == "small":

@@ -28,6 +28,7 @@ from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface, Pairing, Zone, integrate
 from lacsolver.contact.laws import ContactLaw
 from lacsolver.problem import acting
+from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.laws import contact_law_of, law_of
 from lacsolver.problem.skin import check_mesh, prepared
 from lacsolver.space.places import nodes_of, wrong
@@ -150,6 +151,16 @@ class Problem:
         """Stiffness (n_dof, n_dof) of springs to the ground; None if there are none."""
         return acting.springs(self.space, self.case)
 
+    @cached_property
+    def inertia(self) -> Inertia | None:
+        """Mass of the nodes and of rigid bodies; None without [dynamics]."""
+        if self.case.dynamics is None:
+            return None
+        zones = [pair.zone for pair in self.joints]
+        return Inertia.of(
+            self.space, self.materials, self.constraints, zones, self.case.dynamics, self.case.kinematics == "finite"
+        )
+
     @property
     def threads(self) -> int:
         """Number of cores to use: that of the case, at most those available to the process, which are the default."""
@@ -157,7 +168,8 @@ class Problem:
 
     def load(self, t: float, u: Floats | None = None) -> NDArray[np.floating]:
         """Return the nodal forces f (n_dof,) of all loads at time t, with the faces of follower loads at u (n_dof,)."""
-        return acting.load(self.space, self.materials, self.case, t, self.threads, u=u)
+        weight = None if self.inertia is None else self.inertia.weight
+        return acting.load(self.space, self.materials, self.case, t, self.threads, u=u, weight=weight)
 
 
 #: context of one stage, which may keep the errors raised in it; `place`: file and line of the record concerned
@@ -216,6 +228,7 @@ def build(
 def _check_shared(case: Case) -> None:
     """Raise RequestError for what only one process solves."""
     lacking = ["rigid bodies ([[rigid]])"] if case.rigid else []
+    lacking += ["motion with inertia ([dynamics])"] if case.dynamics is not None else []
     lacking += ['[output] format = "med"'] if case.output.format == "med" else []
     lacking += ["laws with a history"] if any(getattr(law_of(m), "n_history", 0) for m in case.material) else []
     if lacking:

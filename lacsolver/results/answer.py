@@ -15,9 +15,10 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.small.fields import Field
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.results.figures import balance, probe, zone_figures
+from lacsolver.results.motion import ENERGIES, MotionState
 from lacsolver.results.nodal import nodal_stress
 from lacsolver.results.recovery import recover_pressure
-from lacsolver.results.results import Fields, StepFigures, ZoneFields
+from lacsolver.results.results import Fields, MotionFigures, StepFigures, ZoneFields
 from lacsolver.results.state import State, ZoneState
 from lacsolver.space.places import nodes_of
 
@@ -66,6 +67,7 @@ class Answer:
             balance=balance((zone.force, x) for zone, _, x in pairs),
             energy=float(space.share.total(np.array(problem.kinematics.energy(state.u, state.time, state.history)))),
             displacement=space.largest(np.linalg.norm(state.u.reshape(-1, space.dim), axis=1)),
+            motion=None if problem.case.dynamics is None else self._motion(state),
         )
 
     def fields(self, state: State) -> Fields:
@@ -76,7 +78,31 @@ class Answer:
         zones = {zone.name: self._zone(joint, zone, state.u) for joint, zone in pairs}
         at_nodes = space.share.update(at_nodes)
         u, reaction = (v.reshape(-1, space.dim) for v in (state.u, space.updated(state.reaction)))
-        return Fields(state.time, u, at_nodes, reaction, zones)
+        if self.problem.case.dynamics is None:
+            return Fields(state.time, u, at_nodes, reaction, zones)
+        motion, n = MotionState.of(state.step), space.n_dof
+        both = (0.0 * u, 0.0 * u) if motion is None else (motion.velocity[:n], motion.acceleration[:n])
+        return Fields(state.time, u, at_nodes, reaction, zones, *(v.reshape(-1, space.dim) for v in both))
+
+    def _motion(self, state: State) -> MotionFigures:
+        """Return the figures of a state in motion; NaN for a static state."""
+        space, motion = self.problem.space, MotionState.of(state.step)
+        none = np.full(space.dim, np.nan)
+        names = [joint.name for joint in self.problem.joints]
+        if motion is None:
+            return MotionFigures(
+                dict.fromkeys(ENERGIES, float("nan")),
+                {"linear": none, "angular": np.full(3, np.nan) if space.dim == 3 else np.array(np.nan)},
+                *(dict.fromkeys(told, none) for told in (names, self._probes, self._probes)),
+            )
+        v, a = motion.velocity[: space.n_dof], motion.acceleration[: space.n_dof]
+        return MotionFigures(
+            dict(zip(ENERGIES, motion.energies.tolist(), strict=True)),
+            {"linear": motion.linear, "angular": motion.angular},
+            dict(zip(names, motion.impulse, strict=True)),
+            {name: probe(space, v, nodes) for name, nodes in self._probes.items()},
+            {name: probe(space, a, nodes) for name, nodes in self._probes.items()},
+        )
 
     def _places(self, joint: ContactPair, state: State) -> Floats:
         """Return the coordinates (n_nodes, dim) at which a pair's forces act, relative to the space's origin."""

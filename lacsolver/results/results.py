@@ -52,13 +52,30 @@ class ZoneFigures:
 
 
 @dataclass(frozen=True, eq=False)
+class MotionFigures:
+    """Figures of a step in motion (NaN in static steps before the start of [dynamics]).
+
+    `energies`: by the names of `results.motion.ENERGIES`, with kinetic + strain - external + damped + contact +
+    numerical = 0; `momentum`: `linear` (d,) and `angular`, (3,) or () in a plane, about the origin. `impulse`: by zone,
+    that of the contact forces on the slave since the start, (d,). `velocities`, `accelerations`: of each probe, (d,).
+    """
+
+    energies: Mapping[str, float]
+    momentum: Mapping[str, Floats]
+    impulse: Mapping[str, Floats]
+    velocities: Mapping[str, Floats]
+    accelerations: Mapping[str, Floats]
+
+
+@dataclass(frozen=True, eq=False)
 class StepFigures:
     """Figures of a converged step that ends at `time`.
 
     `iterations`: number of iterations, failed attempts included; `residuals`: residual after each iteration;
     `reactions`: force (d,) of each displacement condition on the body; `probes`: displacement (d,) of each probe;
     `contact`: figures of each zone; the names are the same in every step. `balance`: relative error of the balance of
-    forces and of moments. `energy`: strain energy. `displacement`: largest magnitude of a nodal displacement.
+    forces and of moments. `energy`: strain energy. `displacement`: largest magnitude of a nodal displacement. `motion`:
+    energies, velocities and the like of a case with [dynamics], None for others.
 
     >>> from lacsolver import Answer, Problem, march, read_case
     >>> problem = Problem.of(read_case("data/two_blocks.toml"))
@@ -77,6 +94,7 @@ class StepFigures:
     balance: tuple[float, float]
     energy: float
     displacement: float = float("nan")
+    motion: MotionFigures | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +174,8 @@ class ZoneFields:
 class Fields:
     """Fields at one time on the mesh's nodes: `displacement`, `reaction` (n_nodes, d), `stress` (n_nodes, n_stress).
 
-    Stress has the components of `space.COMPONENTS`; it is NaN on nodes of no cell of the body.
+    Stress has the components of `space.COMPONENTS`; it is NaN on nodes of no cell of the body. `velocity` and
+    `acceleration` (n_nodes, d) are those of a case with [dynamics], 0 in its static steps; None for other cases.
 
     >>> from lacsolver import Answer, Problem, march, read_case
     >>> problem = Problem.of(read_case("data/two_blocks.toml"))
@@ -171,6 +190,8 @@ class Fields:
     stress: Floats
     reaction: Floats
     zones: Mapping[str, ZoneFields]
+    velocity: Floats | None = None
+    acceleration: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,6 @@ from lacsolver.results.results import Restart
 from lacsolver.results.state import Histories
 from lacsolver.solve.contact_system import ContactSystem, contact_system, row_energies
 from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.stabilization import unknowns
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +124,7 @@ class _Base:
         """
         x = self.problem.space.places(self.u)
         free = still_free(B, model.motions, x=x)
-        R = [unknowns(self.problem.constraints, _field(motion, x)) for motion in free]
+        R = [self.problem.constraints.unknowns(_field(motion, x)) for motion in free]
         if not model.linear and self.u.any():
             chosen = [is_free(K, q) for q in R]
             free = tuple(motion for motion, kept in zip(free, chosen, strict=True) if kept)

@@ -34,11 +34,15 @@ from lacsolver.solve.tolerances import ForceTerms, sizes
 
 @dataclass(eq=False)
 class LoadStep:
-    """A problem at time t, in the step from a state: loads, prescribed displacements, and all that depends on q."""
+    """A problem at time t, in the step from a state: loads, prescribed displacements, and all that depends on q.
+
+    `given`: terms to take in place of those of the model's time scheme.
+    """
 
     model: ReducedProblem
     t: float
     state: StepState = field(default_factory=StepState)
+    given: StepTerms | None = None
 
     def __post_init__(self) -> None:
         self._last: tuple[Floats, tuple[Interface, ...], ContactSystem] | None = None
@@ -58,7 +62,7 @@ class LoadStep:
     @cached_property
     def terms(self) -> StepTerms | None:
         """Terms of the time scheme."""
-        return self.model.scheme.terms(self.model, self.state, self.t)
+        return self.given or self.model.scheme.terms(self.model, self.state, self.t)
 
     @property
     def _matrix(self) -> csr_array | None:
@@ -103,15 +107,32 @@ class LoadStep:
         return csr_array(self._nodal_contact(q)[1].rows.B[np.flatnonzero(active)])
 
     def reaction(self, q: Floats, p: Floats) -> NDArray[np.floating]:
-        """Return the reactions (n_dof,) of the supports on the bodies, f_int - f + B^T p."""
+        """Return the reactions (n_dof,) of the supports on the bodies: f_int - f + B^T p, and the time scheme's."""
+        internal, load, contact = self.forces(q, p)
+        out = internal - load + contact
+        return out if self.terms is None else self.terms.reaction(q, out)
+
+    def forces(self, q: Floats, p: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
+        """Return the internal forces, the loads, and the contact forces B^T p, (n_dof,) each."""
         u = self.u(q)
-        return self._internal_force(u) - self.load(u) + self._nodal_contact(q)[1].rows.B_T @ p
+        return self._internal_force(u), self.load(u), self._nodal_contact(q)[1].rows.B_T @ p
+
+    def zone_forces(self, q: Floats, p: Floats) -> NDArray[np.floating]:
+        """Return the resultant (n_pairs, dim) of the contact forces on each slave."""
+        space, system = self.model.problem.space, self._nodal_contact(q)[1]
+        out = np.zeros((len(system.groups), space.dim))
+        for k, group in enumerate(system.groups):
+            assert group.pair is not None and group.face is not None
+            nodes = group.pair.zone.slave.faces.nodes
+            force = -(group.face.B.T @ p[group.rows]).reshape(-1, space.dim)
+            out[k] = force[np.unique(nodes[nodes >= 0])].sum(axis=0)
+        return out
 
     def commit(self, q: Floats, p: Floats, active: NDArray[np.bool_], contact: ContactSystem) -> Histories:
         """Return what laws and the time scheme keep of this step, which has converged at q."""
         histories, model = self.state.histories, self.model
         materials = model.problem.kinematics.commit(self.u(q), self.t, histories.materials)
-        scheme = model.scheme.commit(model, self.state, self.t, q)
+        scheme = model.scheme.commit(self, q, p)
         return Histories(materials, contact.commit(p, active), scheme)
 
     def linearize(self, q: Floats) -> Linearization:
@@ -164,6 +185,8 @@ class LoadStep:
             bent = c.turning(q, self.t, out + nodal.rows.B_T @ pressure)
             springs = model.stabilization.springs
             total += ([] if bent is None else [bent]) + ([] if springs is None else [-springs])
+            inertial = None if self.terms is None else self.terms.bent(q)
+            total += [] if inertial is None else [inertial]
             return csr_array(sum(total[1:], total[0])) if total else None
 
         def stiffness(damping: float, definite: bool) -> Operator:

@@ -5,20 +5,23 @@ Each process has the rows of K at its own nodes. Displacements are known at all 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import bsr_array, csr_array, diags_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.rigid import moments
 from lacsolver.linear import MULTIGRID_ABOVE
+from lacsolver.linear.cycle import Cycle
+from lacsolver.linear.gamg import gamg_cycle
 from lacsolver.linear.multigrid import Hierarchy
-from lacsolver.linear.petsc import PetscCycle, petsc_matrix
+from lacsolver.linear.petsc import PetscCycle, petsc_errors, petsc_matrix, set_up
 from lacsolver.linear.vectors import Vectors
 from lacsolver.problem.rigid_modes import bodies, centres
 from lacsolver.solve.stiffness import embed, leading_unknowns
@@ -32,7 +35,7 @@ class SharedStiffness:
     K: csr_array
     R: NDArray[np.floating]
     constraints: Constraints
-    hierarchy: Hierarchy[PetscCycle]
+    hierarchy: Hierarchy[Cycle | PetscCycle]
     vectors: Vectors
     spring: NDArray[np.floating] | None = None
     definite: bool = True
@@ -62,14 +65,24 @@ class SharedStiffness:
 
     def cycle(self, f: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 f (n,) at all unknowns."""
-        space, T = self.constraints.space, self.constraints.T
+        return self._on_nodes(self.hierarchy.cycle, f)
+
+    def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]] | None:
+        """Return f -> an approximation of (K + B^T W B)^-1 f, one V-cycle; None if the backend has none."""
+        space = self.constraints.space
+        assert space.share.own is not None
+        own = space.dofs(np.flatnonzero(space.share.own)).ravel()
+        rows = csr_array((B @ self.constraints.T.T).tocsc()[:, own])
+        cycle = self.hierarchy.cycle.with_rows(bsr_array(rows.tobsr((1, space.dim))), weights)
+        return None if cycle is None else lambda f: self._on_nodes(cycle, f)
+
+    def _on_nodes(self, apply: Callable[[Floats], Floats], f: Floats) -> NDArray[np.floating]:
+        """Apply an operator on the unknowns of own nodes to forces f (n,); return displacements at all unknowns."""
+        space = self.constraints.space
         u = np.zeros((space.mesh.n_nodes, space.dim))
-        made = self.hierarchy.cycle(space.own(np.asarray(T @ f)).ravel())
+        made = apply(space.own(np.asarray(self.constraints.T @ f)).ravel())
         u[space.share.own] = made.reshape(-1, space.dim)
         return self._updated(u.ravel())
-
-    def cycle_with_rows(self, B: csr_array, weights: Floats) -> None:
-        """Return None: there is no cycle for rows of contact."""
 
     def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
         """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""
@@ -82,7 +95,7 @@ class SharedFactors:
 
     def __init__(self, R: NDArray[np.floating], backend: str, constraints: Constraints, vectors: Vectors) -> None:
         self._R, self._backend, self._constraints, self._vectors = R, backend, constraints, vectors
-        self._kept: Hierarchy[PetscCycle] | None = None
+        self._kept: Hierarchy[Cycle | PetscCycle] | None = None
 
     def factorise(self, K: csr_array, definite: bool = True) -> SharedStiffness:
         """Precondition a symmetric K, regularised by springs; one that may be indefinite by a factorisation."""
@@ -119,8 +132,8 @@ def _mean(diagonal: Floats, constraints: Constraints) -> float:
     return float(total / max(count, 1.0)) or 1.0
 
 
-def _petsc_cycle(K: csr_array, constraints: Constraints, backend: str) -> PetscCycle:
-    """Return PETSc's preconditioner of T K T^T, with the mean diagonal of K in what T leaves out."""
+def _petsc_cycle(K: csr_array, constraints: Constraints, backend: str) -> Cycle | PetscCycle:
+    """Return a cycle of T K T^T by PETSc, with the mean diagonal of K in what T leaves out."""
     from lacsolver.distributed.launch import import_petsc
 
     space, T, share = constraints.space, constraints.T, constraints.space.share
@@ -129,7 +142,11 @@ def _petsc_cycle(K: csr_array, constraints: Constraints, backend: str) -> PetscC
     own = space.dofs(np.flatnonzero(share.own)).ravel()
     number = space.dofs(share.number).ravel()
     A = petsc_matrix(petsc, share.comm, _own_rows(K, constraints, own), number, space.dim)
-    return PetscCycle(petsc, A, (T @ (T.T @ rigid_body_modes(space)))[own], backend)
+    modes = (T @ (T.T @ rigid_body_modes(space)))[own]
+    if backend == "gamg":
+        return gamg_cycle(petsc, A, modes, share)
+    with petsc_errors():
+        return PetscCycle(set_up(petsc, A, modes, backend), backend)
 
 
 def _own_rows(K: csr_array, constraints: Constraints, own: Ints) -> csr_array:

@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array, csr_array
-from scipy.sparse.linalg import spsolve
+from scipy.sparse import coo_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.constraints import Constraints
@@ -67,23 +66,13 @@ class Stabilization(NamedTuple):
         return cls(free, R, _springs(R, free[:, R.shape[1] :], size, problem.constraints.common))
 
 
-def unknowns(constraints: Constraints, u: Floats) -> NDArray[np.floating]:
-    """Return q (n_q,) with T q = u, for a u (n_dof,) in the range of T."""
-    T = constraints.T
-    if constraints.is_selection:
-        return u[constraints.free]
-    if not constraints.rigid:  # orthonormal columns
-        return np.asarray(T.T @ u)
-    return np.asarray(spsolve(csc_array(T.T @ T), T.T @ u))
-
-
 def _orthonormal(
     constraints: Constraints, motions: Sequence[FreeMotion], vectors: Vectors = WHOLE
 ) -> NDArray[np.floating]:
     """Return orthonormal columns (n_q, k) with the span of motions, by Cholesky's factor of their products, twice."""
     if not motions:
         return np.zeros((constraints.n_q, 0))
-    columns = np.stack([unknowns(constraints, motion.field) for motion in motions], axis=1)
+    columns = np.stack([constraints.unknowns(motion.field) for motion in motions], axis=1)
     for _ in range(2):
         upper = np.linalg.cholesky(products(vectors, columns, columns)).T
         columns = np.linalg.solve(upper.T, columns.T).T

@@ -3,49 +3,39 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.mesh import Floats
-from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.case import Case
-from lacsolver.contact import Interface
 from lacsolver.contact.laws import RowState
-from lacsolver.problem.overlap import check_overlap
-from lacsolver.problem.problem import ContactPair, Problem
-from lacsolver.problem.rigid_modes import describe
+from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
-from lacsolver.results.state import UNPAIRED, Held, Iterate, State, StepState, ZoneState
-from lacsolver.solve.active_set import active_set_iterates
+from lacsolver.results.state import UNPAIRED, Held, State, StepState, ZoneState
+from lacsolver.solve.attempt import TOUCHING, Told, attempt, touching, why
 from lacsolver.solve.contact_system import ContactSystem, RowGroup
 from lacsolver.solve.holding import holdings
 from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.newton import Damping, Linearization, newton_iterates
+from lacsolver.solve.newmark import Newmark
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.schemes import QuasiStatic, TimeScheme
-from lacsolver.solve.search import Outcome, Trial, search
-from lacsolver.solve.stabilization import unknowns
-from lacsolver.solve.tolerances import ROUNDING, ConvergenceTolerance
+from lacsolver.solve.search import Outcome
+from lacsolver.solve.tolerances import ROUNDING
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 
 #: relative difference below which two times are the same
 _SAME = 1e-9
-#: gap, relative to the macro-element's size, below which a row is closed in the initial status
-_TOUCHING = 1e-6
-#: damping of the second search for an equilibrium at its start, relative to the undeformed bodies' stiffness
-_DAMPING = 1.0
 #: displacements below this multiple of the round-off of gaps are too small for reliable pressures
 _CLEAR = 100
 _EPSILON = float(np.finfo(float).eps)
-#: load along a rigid-body mode that contact does not balance, relative to all forces along it
-_UNCARRIED = 1e-6
+#: halvings of a step that converged, whose scheme asks for a smaller one
+_REFINED = 3
 
 
 class NotConvergedError(LacmeshError):
@@ -68,17 +58,6 @@ class NotConvergedError(LacmeshError):
     def __init__(self, message: str, state: State) -> None:
         super().__init__(message)
         self.state = state
-
-
-class Told(NamedTuple):
-    """An iteration: target time, halvings so far, its number, closed rows, relative residuals of balance and gap."""
-
-    time: float
-    halvings: int
-    number: int
-    closed: int
-    balance: float
-    gap: float
 
 
 @dataclass
@@ -115,33 +94,71 @@ def march(
     0.5 True
     1.0 True
     """
-    model = ReducedProblem(problem, scheme or QuasiStatic())
-    steps, state = problem.case.steps, start.step if start else StepState()
-    spent, warned = _Step(), False
-    for target in step_end_times(problem.case):
+    state, warned = start.step if start else StepState(), False
+    for one, times in _phases(problem, scheme, state.time):
+        model = ReducedProblem(problem, one)
+        state = one.begin(model, state, times[0])
+        for made in _marched(model, state, times, told):
+            warned, state = warned or _warn_of_rounding(made), made.committed
+            yield _state(made)
+
+
+def _phases(problem: Problem, scheme: TimeScheme | None, now: float) -> Iterator[tuple[TimeScheme, Sequence[float]]]:
+    """Yield each time scheme with the times at which its steps end: static ones first, where [dynamics] starts later.
+
+    Times until `now` are left out.
+    """
+    case = problem.case
+    times = [t for t in step_end_times(case) if t - now > _SAME * t]
+    start = 0.0 if scheme is not None or case.dynamics is None else case.dynamics.start
+    static = [t for t in times if t - start <= _SAME * start]
+    if static:
+        yield QuasiStatic(), static
+    if len(times) > len(static):
+        yield scheme or (QuasiStatic() if case.dynamics is None else Newmark(problem)), times[len(static) :]
+
+
+class _Made(NamedTuple):
+    """A converged step: its outcome, iterations, and what it committed; `last`: True for the last one of the case."""
+
+    step: LoadStep
+    outcome: Outcome
+    spent: _Step
+    committed: StepState
+    last: bool
+
+
+def _marched(
+    model: ReducedProblem, state: StepState, times: Sequence[float], told: Callable[[Told], None] | None
+) -> Iterator[_Made]:
+    """Yield the converged steps of one time scheme, from a state to the last of some times."""
+    steps, spent = model.problem.case.steps, _Step()
+    for target in times:
         while target - state.time > _SAME * target:
             whole = target - state.time <= state.step_size * (1 + _SAME)
             step = LoadStep(model, target if whole else state.time + state.step_size, state)
-            outcome = _search(step, spent, told)
+            outcome = attempt(step, spent.halvings, told)
             spent.add(outcome)
             if not outcome.converged:
                 state = state.with_step_size((step.t - state.time) / 2)
                 if spent.halvings > steps.max_halvings:
-                    raise NotConvergedError(_why(step, outcome), _state(step, outcome, spent, state))
+                    raise NotConvergedError(why(step, outcome), _state(_Made(step, outcome, spent, state, last=False)))
                 continue
             q, p, active = outcome.iterate
             _check_prescribed_gaps(step, q, outcome.contact)
-            warned = warned or _warn_of_rounding(step, outcome.iterate)
             histories = step.commit(q, p, active, outcome.contact)
+            if spent.halvings < _REFINED and model.scheme.too_coarse(model, state, histories.scheme):
+                spent.halvings += 1
+                state = state.with_step_size((step.t - state.time) / 2)
+                continue
             state = state.commit(step.t, outcome.iterate, state.step_size * steps.growth, histories)
-            last = steps.last - state.time <= _SAME * steps.last
-            yield _state(step, outcome, spent, state, _held(step, outcome) if last else ())
+            yield _Made(step, outcome, spent, state, steps.last - state.time <= _SAME * steps.last)
             spent = _Step()
 
 
-def _warn_of_rounding(step: LoadStep, now: Iterate) -> bool:
+def _warn_of_rounding(made: _Made) -> bool:
     """Warn if displacements are hardly larger than the round-off of gaps; return True if it warned."""
-    model = step.model
+    step, now, model = made.step, made.outcome.iterate, made.step.model
     moved = model.problem.space.largest(step.u(now.q))
     if model.linear:
         known = _EPSILON * model.length * any(face.G.any() for face in step.interfaces(now.q))
@@ -163,7 +180,7 @@ def _check_prescribed_gaps(step: LoadStep, q: Floats, contact: ContactSystem) ->
     for pair, group, face in zip(pairs, contact.groups, step.interfaces(q), strict=True):
         own = gap[group.rows]
         wrong_way = (-own if pair.law.compressive else np.abs(own)).reshape(len(face.area), -1).max(axis=1)
-        bad = np.flatnonzero(wrong_way > _TOUCHING * face.length)
+        bad = np.flatnonzero(wrong_way > TOUCHING * face.length)
         if len(bad):
             place = ", ".join(space.told(face.centre[wrong_way.argmax()] + space.origin[: space.dim]))
             what = "overlap" if pair.law.compressive else "are apart"
@@ -178,78 +195,10 @@ def step_end_times(case: Case) -> list[float]:
     return sorted({*case.steps.planned, *asked})
 
 
-def _search(step: LoadStep, spent: _Step, told: Callable[[Told], None] | None) -> Outcome:
-    """Search the equilibrium at one time. The iterations of all attempts are counted."""
-    model, solver = step.model, step.model.problem.case.solver
-    moved = model.problem.space.largest(step.u0)
-    length = 0.0 if model.linear else model.length
-    tolerance = ConvergenceTolerance(solver.tolerance, solver.max_iterations, length, moved, model.vectors)
-
-    def report(number: int, closed: int, balance: float, gap: float) -> None:
-        if told is not None:
-            told(Told(step.t, spent.halvings, number, closed, balance, gap))
-
-    def newton(start: Iterate, **how: Any) -> Outcome:
-        return search(newton_iterates(step.linearize, start, tolerance, **how), tolerance, report)
-
-    state, exact, outcome = step.state, model.problem.kinematics.linear, None
-    now, extrapolated = state.iterate or _first(step), model.scheme.predict(state, step.t)
-    if model.linear:
-        return search(_linear_iterates(step, extrapolated or now, tolerance), tolerance, report)
-    if extrapolated is not None:
-        with suppress(InadmissibleError):
-            outcome = newton(extrapolated, exact=exact)
-    if outcome is None:
-        outcome = newton(now, predictor=_predictor(step, now), exact=exact)
-    if outcome.converged or exact:
-        return outcome
-    again = newton(now, predictor=_predictor(step, now), damping=Damping(_DAMPING))
-    return again._replace(
-        residuals=outcome.residuals + again.residuals, applications=outcome.applications + again.applications
-    )
-
-
-def _linear_iterates(step: LoadStep, start: Iterate, tolerance: ConvergenceTolerance) -> Iterator[Trial]:
-    """Return the iteration of a linear problem: active sets on its only linearisation."""
-    free, _, springs = step.model.stabilization
-    geometric = None if springs is None else -springs
-    return active_set_iterates(step.reference, step.f, step.contact, start, tolerance, free=free, geometric=geometric)
-
-
-def _predictor(step: LoadStep, now: Iterate) -> Linearization:
-    """Return the linearisation at the new time, extrapolated from the last iterate or the undeformed bodies."""
-    time = step.state.time
-    u = LoadStep(step.model, time, step.state).u(now.q) if time else np.zeros_like(step.u0)
-    return step.predictor(now.q, u, now.p)
-
-
-def _first(step: LoadStep) -> Iterate:
-    """Return the initial iterate at q = 0. Raises errors for overlap, zones without a master, unsupported bodies."""
-    problem, q = step.model.problem, np.zeros(step.model.problem.constraints.n_q)
-    contact, interfaces = step.contact(q), step.interfaces(q)
-    for pair, face in zip(problem.joints, interfaces, strict=True):
-        check_overlap(pair, face, problem.space)
-        pair.check_facing(face)
-    step.model.check_held(interfaces, contact.solvable)
-    closed = [np.empty(0, bool), *map(_initial, problem.joints, interfaces)]
-    return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.solvable)
-
-
-def _initial(pair: ContactPair, face: Interface) -> NDArray[np.bool_]:
-    """Return a mask (rows,), True for rows of a pair that are closed at the start."""
-    if pair.initial == "gap":
-        return _touching(face)
-    return np.full(face.B.shape[0], pair.initial == "all")
-
-
-def _touching(face: Interface) -> NDArray[np.bool_]:
-    """Return a mask (rows,), True for rows of a pair without a gap, up to round-off."""
-    return np.asarray(face.gap <= _TOUCHING * face.length)
-
-
-def _state(step: LoadStep, outcome: Outcome, spent: _Step, committed: StepState, held: tuple[Held, ...] = ()) -> State:
+def _state(made: _Made) -> State:
     """Return the state of an outcome, with what the step has committed."""
-    problem = step.model.problem
+    step, outcome, spent, committed, last = made
+    problem, held = step.model.problem, _held(step, outcome) if last else ()
     q, p, active = outcome.iterate
     contact, gap = outcome.contact, outcome.contact.G / outcome.contact.rows.w
     zones = [
@@ -294,41 +243,9 @@ def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
     if model.problem.kinematics.finite:
         x = space.local.points.copy()
         x[:, : space.dim] += u.reshape(-1, space.dim)
-    touching = [  # without pressure, round-off alone decides which of them are active
-        _touching(face) if pair.law.compressive else np.zeros(face.B.shape[0], bool)
+    reached = [  # without pressure, round-off alone decides which of them are active
+        touching(face) if pair.law.compressive else np.zeros(face.B.shape[0], bool)
         for pair, face in zip(model.problem.joints, step.interfaces(q), strict=True)
     ]
-    closed = active | (np.concatenate(touching) & outcome.contact.solvable)
+    closed = active | (np.concatenate(reached) & outcome.contact.solvable)
     return holdings(model.motions, step.closed_rows(q, closed), u, x=x)
-
-
-def _why(step: LoadStep, outcome: Outcome) -> str:
-    """Return the message for a failed search: a body that moves away, or the largest imbalance, and what to try."""
-    model, problem = step.model, step.model.problem
-    q, p, rows = outcome.iterate.q, outcome.iterate.p, outcome.contact.rows
-    contact, closed = rows.B_T @ p, rows.B[np.flatnonzero(outcome.iterate.active)]
-    said = f"no equilibrium found at time {step.t:.6g} after {len(outcome.residuals)} iterations"
-    off = step.reaction(q, p)
-    pushed = problem.constraints.T.T @ off - problem.constraints.force(step.t)
-    for motion in model.motions:
-        along = unknowns(problem.constraints, motion.field)
-        left = model.vectors.dots(along[None], pushed)[0]
-        whole = model.vectors.dots(np.abs(along)[None], np.abs(pushed + contact) + np.abs(contact))[0]
-        if abs(left) > _UNCARRIED * whole and not np.abs(closed @ along).any():
-            return f"{said}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
-    number, place = _largest_node(problem.space, problem.constraints.T @ pushed)
-    balance, gap = outcome.residuals[-1]
-    said += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
-    said += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
-    return f"{said}; try more steps ([steps] count) or more iterations ([solver] max_iterations)"
-
-
-def _largest_node(space: Space, r: Floats) -> tuple[int, str]:
-    """Return the number and the place of the node with the largest entry of r (n_dof,), of those of all processes."""
-    size = np.abs(r).reshape(-1, space.dim).max(axis=1)
-    if space.share.own is not None:
-        size[~space.share.own] = -1.0
-    node = int(size.argmax())
-    found = space.share.gather(np.array([[size[node], space.mesh.node_number[node], *space.mesh.points[node]]]))
-    _, number, *at = found[found[:, 0].argmax()]
-    return int(number), ", ".join(space.told(np.array(at)))

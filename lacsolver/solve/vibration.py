@@ -124,6 +124,10 @@ def _factor(lin: LinearisedProblem, system: EigenProblem) -> Stiffness:
 
 def _check_mass(lin: LinearisedProblem, M: csr_array) -> None:
     """Raise CaseError for a rigid body that moves freely without any mass."""
+    for body in lin.model.problem.constraints.rigid:
+        if body.record.mass is not None and body.free.any():
+            message = f"natural modes do not count the mass and inertia given for {body.name!r}"
+            raise wrong(body.record, f"{message}; hold the body, or make it of cells with a density")
     light = M.diagonal() <= 0
     for body in lin.model.problem.constraints.rigid:
         if light[body.columns[body.free]].any():

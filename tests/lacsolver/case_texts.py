@@ -246,4 +246,63 @@ SOLVERS = [
     for name in ("engine", "backend")
     for word in keys_of(Solver)[name].kind.known
 ]
-VALID = [SMALL, FINITE, PLANE, STRAIN, *SOLVERS]
+MOTION = """
+mesh = "balls.msh"
+model = "3d"
+[[material]]
+groups = ["ball"]
+young = 1.0
+poisson = 0.3
+density = 2.0
+[[rigid]]
+group = "c"
+fx = 1.0
+moment = [0.0, 0.0, 1.0]
+mass = 2.0
+inertia = [1.0, 2.0, 2.5]
+[dynamics]
+scheme = "newmark"
+beta = 0.3
+gamma = 0.6
+start = 0.5
+massless = "internal"
+mass = "lumped"
+rayleigh = [0.1, 0.2]
+[[initial]]
+groups = ["ball"]
+vx = 1.0
+vy = "x"
+vz = 0.0
+rotation = [0.0, 0.0, 1.0]
+centre = [0.0, 1.0, 0.0]
+"""
+
+IMPACTS = [
+    f"""
+mesh = "balls.msh"
+model = "plane_strain"
+[[material]]
+young = 1.0
+poisson = 0.3
+density = 2.0
+[dynamics]
+alpha = 0.1
+massless = "{massless}"
+[[initial]]
+ux = 1.0
+uy = 2.0
+"""
+    for massless in ("slave", "none")
+]
+DISPLACED = """
+mesh = "balls.msh"
+model = "3d"
+[[material]]
+young = 1.0
+poisson = 0.3
+density = 2.0
+[dynamics]
+[[initial]]
+uz = 1.0
+"""
+VALID = [MOTION, DISPLACED, *IMPACTS, SMALL, FINITE, PLANE, STRAIN, *SOLVERS]

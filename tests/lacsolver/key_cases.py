@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from lacmesh import Mesh
-from tests.lacsolver.key_meshes import cube, overhang, plane, punch, roof, tower, towers
+from tests.lacsolver.key_meshes import apart, cube, overhang, pair, plane, punch, roof, tower, towers
 
 
 class KeyCase(NamedTuple):
@@ -501,7 +501,74 @@ value = 100.0
 follower = true
 """
 
+THROWN = """
+mesh = "blocks.msh"
+model = "3d"
+[[material]]
+young = 1000.0
+poisson = 0.3
+density = 2.0
+[[rigid]]
+group = "lower"
+fx = 1.5
+moment = [0.0, 0.0, 0.6]
+mass = 3.0
+inertia = [1.0, 2.0, 2.5]
+[dynamics]
+scheme = "newmark"
+beta = 0.4
+gamma = 0.6
+rayleigh = [0.5, 0.01]
+[[initial]]
+groups = ["upper"]
+vx = 0.1
+vy = "0.2"
+vz = 0.3
+rotation = [0.0, 0.0, 0.4]
+centre = [0.25, 0.5, 1.6]
+ux = 0.01
+uy = 0.02
+uz = 0.03
+[steps]
+end = 1.0 # held
+count = 4 # held
+"""
+
+FALLING = """
+mesh = "blocks.msh" # held
+model = "plane_strain" # held
+[[material]] # held
+young = 1000.0 # held
+poisson = 0.3 # held
+density = 2.0 # held
+[[contact]] # held
+slave = "slave" # held
+master = "master" # held
+[[displacement]] # held
+group = "x0" # held
+ux = 0.0 # held
+[[displacement]] # held
+group = "lower" # held
+uy = 0.0 # held
+[dynamics]
+{lines}
+[[initial]] # held
+groups = ["upper"] # held
+vy = 0.5 # held
+[steps]
+end = 1.0 # held
+count = 4 # held
+"""
+LINES = {
+    "skins": 'scheme = "hht"\nmassless = "skins"\nmass = "consistent"\nalpha = 0.1\nrayleigh = [0.5, 0.0]',
+    "slave": 'massless = "slave"\nmass = "lumped"',
+    "internal": 'massless = "internal"',
+    "none": 'massless = "none"\nstart = 0.5\nrayleigh = [0.0, 0.0]',
+}
+
 CASES = {
+    "thrown": KeyCase(apart, THROWN),
+    **{f"massless {name}": KeyCase(pair, FALLING.format(lines=lines)) for name, lines in LINES.items()},
     "loads": KeyCase(cube, LOADS),
     "fields": KeyCase(cube, FIELDS),
     "springs": KeyCase(cube, SPRINGS),

@@ -19,6 +19,7 @@ from lacmesh import Mesh
 from lacmesh.errors import LacmeshError
 from lacsolver.case import Case
 from lacsolver.output.states import read_state
+from lacsolver.problem.problem import Problem
 from lacsolver.solve.stepping import NotConvergedError, Told
 from lacsolver.validation import validate
 
@@ -312,8 +313,56 @@ def check_strip(ran, cauchy):
     np.testing.assert_allclose(ran.table("slave")["pressure"], 100.0 * x, rtol=1e-9)
 
 
+def newmark(v, force, damping, *, dt=0.25, count=4, alpha=0.0, beta=0.25, gamma=0.5):
+    """(displacement, velocity) of a unit mass after some steps of Newmark's method or HHT, under a constant force."""
+    u, a = 0.0, force - damping * v
+    for _ in range(count):
+        w, free = u + dt * v + dt**2 * (0.5 - beta) * a, v + dt * (1 - gamma) * a
+        a = (force - damping * ((1 - alpha) * free + alpha * v)) / (1 + (1 - alpha) * damping * gamma * dt)
+        u, v = w + dt**2 * beta * a, free + gamma * dt * a
+    return u, v
+
+
+def check_thrown(ran):
+    """A rigid body under constant loads, and one that is thrown, both damped by their mass; the second one turns."""
+    how = {"damping": 0.5, "beta": 0.4, "gamma": 0.6}
+    fields = ran.solid()
+    u, x = fields.node_data["displacement"], fields.points
+    lower = x[:, 2] < 1.05
+    moved, turned = newmark(0.0, 1.5 / 5.0, **how)[0], newmark(0.0, 0.6 / (2.5 + 2.0 / 6), **how)[0]
+    arm = x[lower] - [0.5, 0.5, 0.5]
+    wanted = np.column_stack([moved - turned * arm[:, 1], turned * arm[:, 0], 0 * arm[:, 2]])
+    np.testing.assert_allclose(u[lower], wanted, atol=1e-6)
+    path, arm = newmark(1.0, 0.0, **how)[0], x[~lower] - [0.25, 0.5, 1.6]
+    v = np.array([0.1, 0.2, 0.3]) + 0.4 * np.column_stack([-arm[:, 1], arm[:, 0], 0 * arm[:, 2]])
+    np.testing.assert_allclose(u[~lower], np.array([0.01, 0.02, 0.03]) + path * v, atol=1e-6)
+    assert ran.steps[-1]["energies"]["damped"] > 0
+
+
+#: by choice of massless nodes: their number (4 + 6 nodes of the slave's three faces, 6 inside the cells behind them, 3
+#: of the master), alpha, and the damping by the mass
+MASSLESS = {"skins": (19, 0.1, 0.5), "slave": (16, 0.05, 0.0), "internal": (6, 0.05, 0.0), "none": (0, 0.05, 0.0)}
+
+
+def check_falling(ran):
+    """A square that flies up, damped by its mass where that is said; its energy is m v^2 / 2 whatever mass moves."""
+    how = ran.case.dynamics
+    nodes, alpha, damping = MASSLESS[how.massless]
+    inertia = Problem.of(ran.case, ran.mesh).inertia
+    assert inertia.massless.nodes.sum() == nodes
+    start = 0.5 if how.massless == "none" else 0.0
+    beta, gamma, count = (1 + alpha) ** 2 / 4, 0.5 + alpha, round((1 - start) / 0.25)
+    u, v = newmark(0.5, 0.0, damping, count=count, alpha=alpha, beta=beta, gamma=gamma)
+    x = ran.solid().points
+    np.testing.assert_allclose(ran.solid().node_data["displacement"][x[:, 1] > 1.05, 1], u, rtol=1e-5)
+    assert ran.steps[-1]["energies"]["kinetic"] == pytest.approx(v**2, rel=1e-5)
+    assert (inertia.plain.nnz == inertia.plain.shape[0]) == (how.massless == "slave")  # which is lumped
+
+
 CHECKS: dict[str, Callable[[Ran], None]] = {
     "loads": check_loads,
+    "thrown": check_thrown,
+    **{f"massless {name}": check_falling for name in MASSLESS},
     "saint venant": check_saint_venant,
     "neo-hookean": check_neo_hookean,
     "fields": check_fields,

@@ -85,6 +85,18 @@ def punch():
 
 
 @cache
+def apart():
+    """Two cubes over one another, a cell each, a tenth apart."""
+    return stack("HEXA8", "HEXA8", 3, counts=(1, 1), gap=0.1, even=True)
+
+
+@cache
+def pair():
+    """Two squares on one another, with `slave` and `master`."""
+    return stack("QUAD4", "QUAD4", 2, counts=(3, 2), gap=0.1, even=True)
+
+
+@cache
 def tower(height):
     """Three blocks on one another, all of hexahedra; tall ones are cut best into hexahedra."""
     return placed(three_blocks(("HEXA8", "HEXA8", "HEXA8")), size=(1, 1, height))

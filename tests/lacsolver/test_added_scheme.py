@@ -21,6 +21,9 @@ class Viscous:
     def __init__(self, drag):
         self.drag = drag
 
+    def begin(self, model, state, t):
+        return state
+
     def terms(self, model, state, t):
         n = model.problem.constraints.n_q
         before = np.zeros(n) if state.iterate is None else state.iterate.q
@@ -30,8 +33,14 @@ class Viscous:
     def predict(self, state, t):
         return None
 
-    def commit(self, model, state, t, q):
-        return {"velocity": np.zeros_like(q) if state.iterate is None else (q - state.iterate.q) / (t - state.time)}
+    def commit(self, step, q, p):
+        state = step.state
+        return {
+            "velocity": np.zeros_like(q) if state.iterate is None else (q - state.iterate.q) / (step.t - state.time)
+        }
+
+    def too_coarse(self, model, state, kept):
+        return False
 
 
 @pytest.mark.parametrize("geometry", ["reference", "current"])

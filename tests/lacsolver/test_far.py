@@ -16,7 +16,8 @@ from lacsolver.matrices import contact_matrices
 from lacsolver.output.folder import create
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
-from lacsolver.solve.stepping import _initial, march
+from lacsolver.solve.attempt import _initial
+from lacsolver.solve.stepping import march
 from lacsolver.validation import validate
 from tests.lacsolver.invariant_cases import (
     CASES,

@@ -240,12 +240,12 @@ def test_the_smoother_with_rows_by_dense_algebra():
     inverse = np.linalg.inv(M).astype(np.float32)
     r = rng.normal(size=n_nodes * b).astype(np.float32)
     x = block_diag(inverse) @ r
-    RowTerm.smoothed(N, inverse).correct(1.0, r, x)
+    RowTerm.smoothed(N, inverse, Team(1)).correct(1.0, r, Team(1), x)
     exact = np.linalg.solve(block_diag(M).toarray() + dense.T @ dense, r)
     np.testing.assert_allclose(x, exact, atol=1e-5 * np.abs(exact).max())
-    L = np.linalg.inv(bounded(inverse, N)) - M
+    L = np.linalg.inv(bounded(inverse, N, Team(1))) - M
     least = np.linalg.eigvalsh(block_diag(L).toarray() - dense.T @ dense)[0]
     assert -1e-4 < least < 1e-2  # a bound, and one that is reached
     Q = np.linalg.qr(rng.normal(size=(b, b)))[0].astype(np.float32)
-    other = bounded(Q @ inverse @ Q.T, bsr_array((N.data @ Q.T, N.indices, N.indptr), shape=N.shape))
-    np.testing.assert_allclose(other, Q @ bounded(inverse, N) @ Q.T, atol=1e-5)
+    other = bounded(Q @ inverse @ Q.T, bsr_array((N.data @ Q.T, N.indices, N.indptr), shape=N.shape), Team(1))
+    np.testing.assert_allclose(other, Q @ bounded(inverse, N, Team(1)) @ Q.T, atol=1e-5)

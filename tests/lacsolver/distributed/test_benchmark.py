@@ -17,16 +17,16 @@ pytestmark = pytest.mark.petsc
 
 def test_the_figures_of_two_processes(tmp_path):
     launcher = distributed.Launcher(sys.executable, tmp_path)
+    serial = launcher.of(2000, 0, "multigrid")
     single, found = (launcher.of(2000, n, "gamg") for n in (1, 2))
     assert len(single) == 1 and len(found) == 2
     assert sum(one["unknowns"] for one in found) == single[0]["unknowns"]
     for one in found:
-        assert one["closed"] == single[0]["closed"] and 0 < one["cycles"] < 2 * single[0]["cycles"]
+        assert one["closed"] == single[0]["closed"] and 0 < one["cycles"] < 1.5 * serial[0]["cycles"]
         assert 0 < one["solve"] < one["cpu"]["contact"] and one["grown"] < one["memory"]
-        for library in ("petsc", "ours"):
-            messages, size, reductions = one[library]
-            assert messages > 0 and size > messages and reductions > 0
-    assert single[0]["ours"][:2] == [0, 0] == single[0]["petsc"][:2]
+        messages, size, reductions = one["traffic"]
+        assert messages > 0 and size > messages and reductions > 0
+    assert single[0]["traffic"][:2] == [0, 0]
     line = distributed.strong_line("gamg", 2, found, single, single)
     assert line.count("|") == len(distributed.HEADS) + 1
     assert distributed.weak_line("gamg", 2, found).count("|") == len(distributed.WEAK_HEADS) + 1

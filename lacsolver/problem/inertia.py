@@ -1,0 +1,206 @@
+"""Inertia of a problem: the mass of cells, without that of massless nodes, and of rigid bodies.
+
+A rigid body's own mass is carried by points that move with it, one, two (in a plane) or six (in space), which together
+have its mass, centre and moments of inertia. So one rule serves for nodes and points: `w` (n_w,) are the displacements
+of all nodes and then of these points, M (n_w, n_w) their mass, and T_w = dw/dq.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import block_diag, coo_array, csr_array, diags_array, kron, vstack
+
+from lacmesh.mesh import Floats, Ints
+from lacsolver.bodies.mass import assemble_mass
+from lacsolver.bodies.material import Materials
+from lacsolver.case import Dynamics
+from lacsolver.constraints import Constraints
+from lacsolver.constraints.rigid import RigidBody, moments
+from lacsolver.contact import Zone
+from lacsolver.problem.massless import Massless, massless_nodes
+from lacsolver.problem.rigid_modes import bodies, centres
+from lacsolver.space.places import wrong
+from lacsolver.space.space import Space
+
+#: change of a body's inertia by its massless nodes above which a warning is due
+LARGE = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Inertia:
+    """Mass M (n_w, n_w) of the nodes and of the `points` of rigid bodies that have a mass of their own.
+
+    `plain` (n_dof, n_dof): mass of the cells before that of `massless` nodes is moved. `finite`: True if positions are
+    deformed.
+    """
+
+    space: Space
+    constraints: Constraints
+    M: csr_array
+    plain: csr_array
+    massless: Massless
+    points: tuple[RigidBody, ...]
+    finite: bool = False
+
+    @classmethod
+    def of(
+        cls, space: Space, materials: Materials, constraints: Constraints, zones: Sequence[Zone], how: Dynamics,
+        finite: bool,
+    ) -> Inertia:  # fmt: skip
+        """Build the inertia of a problem. Raises CaseError for a body that moves freely and has no mass."""
+        plain = csr_array(assemble_mass(space, materials, how.mass))
+        rigid = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in constraints.rigid)])
+        massless = massless_nodes(space, zones, how.massless, rigid)
+        P = kron(massless.P, np.eye(space.dim), format="csr")
+        points = tuple(_points(space, body) for body in constraints.rigid if body.record.mass)
+        own = [_point_mass(body, space.dim) for body in points]
+        M = csr_array(block_diag([P.T @ plain @ P, *own], format="csr"))
+        M = csr_array((M + M.T) / 2)  # symmetric to the last bit
+        made = cls(space, constraints, M, plain, massless, points, finite)
+        made._check_rigid()
+        return made
+
+    def places(self, q: Floats, t: float) -> NDArray[np.floating]:
+        """Return w (n_w,), the displacements of nodes and points at unknowns q (n_q,) and time t."""
+        return np.concatenate([self.constraints.displacement(q, t), self.of_points(q, t)])
+
+    def of_points(self, q: Floats, t: float) -> NDArray[np.floating]:
+        """Return the displacements of the points alone."""
+        return np.concatenate([np.empty(0), *(body.displacement(body.motion(q, t)) for body in self.points)])
+
+    def tangent(self, q: Floats, t: float) -> csr_array:
+        """Return T_w = dw/dq (n_w, n_q)."""
+        T = self.constraints.tangent(q, t)
+        parts = [_columns(body, body.moment_arm_at(body.motion(q, t)), T.shape[1]) for body in self.points]
+        return T if not parts else csr_array(vstack([T, *parts]))
+
+    @cached_property
+    def turning(self) -> tuple[tuple[RigidBody, Ints], ...]:
+        """Bodies, and points of bodies, that turn by finite rotations, with their places in w."""
+        made, first = [(body, self.space.dofs(body.nodes).ravel()) for body in self.constraints.rigid], self.space.n_dof
+        for body in self.points:
+            made.append((body, first + np.arange(len(body.moment_arm))))
+            first += len(body.moment_arm)
+        return tuple((body, at) for body, at in made if body.turns)
+
+    @cached_property
+    def massless_dofs(self) -> Ints:
+        """Places in w of the nodes without mass."""
+        return self.space.dofs(np.flatnonzero(self.massless.nodes)).ravel()
+
+    def reduced(self, S: csr_array, q: Floats, t: float) -> csr_array:
+        """Return T_w^T S T_w (n_q, n_q) for S (n_w, n_w)."""
+        c = self.constraints
+        if not self.points and c.is_selection:
+            return csr_array(S[c.free][:, c.free])
+        T = self.tangent(q, t)
+        return csr_array((T.T @ S @ T).tocsr())
+
+    def curvature(self, q: Floats, t: float, f: Floats) -> csr_array | None:
+        """Return the derivative (n_q, n_q) of T_w^T f by q for constant forces f (n_w,); None if T_w is constant."""
+        entries = []
+        for body, at in self.turning:
+            columns = body.columns[body.free]
+            bent = body.curvature(body.motion(q, t), f[at]) * body.unit * body.unit[:, None]
+            entries.append((bent[np.ix_(body.free, body.free)].ravel(), np.repeat(columns, len(columns)),
+                            np.tile(columns, len(columns))))  # fmt: skip
+        if not entries:
+            return None
+        values, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
+        return coo_array((values, (rows, columns)), shape=(len(q), len(q))).tocsr()
+
+    def padded(self, f: Floats) -> NDArray[np.floating]:
+        """Return forces f (n_dof,) at the nodes as (n_w,), with none at the points."""
+        return np.concatenate([f, np.zeros(self.M.shape[0] - len(f))])
+
+    def on_nodes(self, f: Floats) -> NDArray[np.floating]:
+        """Return the part (n_dof,) of a vector (n_w,) at the nodes."""
+        return f[: self.space.n_dof]
+
+    def weight(self, g: Floats) -> NDArray[np.floating]:
+        """Return the weight (n_dof,) of the nodes under accelerations g (n_dof,) of gravity, M g."""
+        n = self.space.n_dof
+        return np.asarray(self.M[:n, :n] @ g)
+
+    @property
+    def positions(self) -> NDArray[np.floating]:
+        """Undeformed coordinates (n_w,) of nodes and points, relative to the space's origin."""
+        dim, centre = self.space.dim, self.space.origin
+        of_points = [(body.centre - centre)[:dim] + body.arm[:, :dim] for body in self.points]
+        return np.concatenate([self.space.local.points[:, :dim].ravel(), *(x.ravel() for x in of_points)])
+
+    def moved(self) -> dict[int, float]:
+        """Return the relative change of each body's moment of inertia by its massless nodes, the trace of its tensor.
+
+        In axisymmetry, that along the axis about the centre.
+        """
+        of_node, n = bodies(self.space), self.space.n_dof
+        if not self.massless.nodes.any():
+            return {}
+        centre, _ = centres(self.space, of_node)
+        arm = (self.space.local.points - centre[np.maximum(of_node, 0)])[:, : self.space.dim]
+        arm[of_node < 0] = 0.0
+        held = of_node >= 0
+        parts = ((arm * (M @ arm.ravel()).reshape(arm.shape)).sum(axis=1)[held] for M in (self.plain, self.M[:n, :n]))
+        before, after = (np.bincount(of_node[held], part) for part in parts)
+        there = np.unique(of_node[self.massless.nodes])
+        return {int(k): float(after[k] / before[k] - 1) for k in there}
+
+    def told(self) -> list[str]:
+        """Return warnings: skins that keep their mass, and a change of inertia above one per cent."""
+        moved = self.moved()
+        worst = max(moved.values(), key=abs, default=0.0)
+        said = list(self.massless.told)
+        if abs(worst) > LARGE:
+            advice = 'refine the cells at the contact, or take massless = "internal"'
+            said.append(f"massless nodes change the inertia of a body by {worst:+.2%}; {advice}")
+        return said
+
+    def _check_rigid(self) -> None:
+        """Raise CaseError for a rigid body that a load moves freely, and that has no mass, or no moment of inertia."""
+        T = self.constraints.T
+        M = csr_array(self.tangent(np.zeros(T.shape[1]), 0.0).T @ self.M @ self.tangent(np.zeros(T.shape[1]), 0.0))
+        diagonal = M.diagonal()
+        for body in self.constraints.rigid:
+            free = np.flatnonzero(body.free)
+            empty = free[~(diagonal[body.columns[free]] > 0)]
+            if len(empty):
+                key = "mass" if (empty < self.space.dim).any() else "inertia"
+                message = f"{body.name!r} moves freely under its loads and has no {key}"
+                raise wrong(body.record, f"{message}, which [dynamics] needs; give {key}")
+
+
+def _points(space: Space, body: RigidBody) -> RigidBody:
+    """Return the points that carry a body's own mass, as a body of these points."""
+    inertia, mass = body.record.inertia, body.record.mass
+    arm = np.zeros((1, 3))
+    if inertia is not None and space.dim == 2:
+        arm = np.sqrt(np.atleast_1d(inertia)[0] / mass) * np.array([[1.0, 0, 0], [-1.0, 0, 0]])
+    elif inertia is not None:
+        trace = np.sum(inertia)
+        size = np.sqrt(np.maximum(1.5 * (trace - 2 * np.array(inertia)) / mass, 0.0))
+        arm = np.concatenate([np.diag(size), -np.diag(size)])
+    moment_arm = np.tile(np.eye(space.dim), (len(arm), 1, 1))
+    if not space.model.axisymmetric:
+        moment_arm = np.concatenate([moment_arm, moments(space.dim, arm)], axis=2)
+    moment_arm = moment_arm.reshape(-1, moment_arm.shape[-1])
+    return replace(body, nodes=np.arange(len(arm)), arm=arm, moment_arm=moment_arm)
+
+
+def _point_mass(body: RigidBody, dim: int) -> csr_array:
+    """Return the mass (k dim, k dim) of a body's points, equal for all of them."""
+    count = len(body.arm)
+    return csr_array(diags_array(np.full(count * dim, (body.record.mass or 0.0) / count)))
+
+
+def _columns(body: RigidBody, moment_arm: Floats, n_q: int) -> csr_array:
+    """Return the derivative (k dim, n_q) of a body's displacements by the unknowns, from that by its motions."""
+    values = (moment_arm * body.unit)[:, body.free]
+    rows, columns = np.indices(values.shape)
+    at = body.columns[body.free][columns]
+    return coo_array((values.ravel(), (rows.ravel(), at.ravel())), shape=(len(moment_arm), n_q)).tocsr()

@@ -1,0 +1,95 @@
+"""Displacement and velocity that [[initial]] gives to the nodes, and the unknowns that fit them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import some
+from lacmesh.mesh import Floats, Ints
+from lacsolver.case import Case, Initial
+from lacsolver.constraints.rigid import moments
+from lacsolver.problem.problem import Problem
+from lacsolver.space.places import nodes_on, wrong
+from lacsolver.space.space import Space
+
+#: relative error up to which prescribed displacements allow an initial motion
+_SAME = 1e-6
+
+
+class Given(NamedTuple):
+    """A field of [[initial]]: `values` (n_nodes, dim), and the components that are `given`, with their `record`.
+
+    `record` (n_nodes, dim): index of the last record that gives each component, -1 for none.
+    """
+
+    values: NDArray[np.floating]
+    record: Ints
+
+
+def initial_motion(space: Space, case: Case, t: float) -> tuple[Given, Given]:
+    """Return the displacements and the velocities that a case gives at its start. Raises CaseError for empty groups."""
+    shape = space.mesh.n_nodes, space.dim
+    made = Given(np.zeros(shape), np.full(shape, -1)), Given(np.zeros(shape), np.full(shape, -1))
+    for number, record in enumerate(case.initial):
+        nodes = _nodes(space, record)
+        x = space.mesh.points[nodes, : space.dim]
+        turned = _turned(space, record, nodes, t)
+        for field, letter, more in zip(made, "uv", (None, turned), strict=True):
+            for k, axis in enumerate("xyz"[: space.dim]):
+                value = getattr(record, letter + axis)
+                if value is None and more is None:
+                    continue
+                field.values[nodes, k] = 0.0 if value is None else value(x, t)
+                field.values[nodes, k] += 0.0 if more is None else more[:, k]
+                field.record[nodes, k] = number
+    return made
+
+
+def fitted(problem: Problem, given: Given, held: Floats, what: str) -> NDArray[np.floating]:
+    """Return unknowns q (n_q,) with T q + held = the given values, where they are given; 0 elsewhere.
+
+    `held` (n_dof,): what prescribed displacements give. Raises CaseError where these contradict.
+    """
+    space = problem.space
+    there = given.record.ravel() >= 0
+    wanted = np.where(there, given.values.ravel(), held)
+    q = problem.constraints.unknowns(wanted - held)
+    off = np.where(there, np.abs(problem.constraints.T @ q + held - wanted), 0.0)
+    off[~np.repeat(space.attached | _rigid(problem), space.dim)] = 0.0
+    if (off > _SAME * np.abs(wanted).max(initial=0.0)).any():
+        bad = np.flatnonzero(off > _SAME * np.abs(wanted).max())
+        nodes = np.unique(bad // space.dim)
+        record = problem.case.initial[given.record.ravel()[bad[0]]]
+        message = f"gives nodes {some(space.mesh.node_number[nodes])} a {what} that prescribed displacements exclude"
+        raise wrong(record, f"{message}; name groups without them, or let both be the same")
+    return q
+
+
+def _rigid(problem: Problem) -> NDArray[np.bool_]:
+    mask = np.zeros(problem.space.mesh.n_nodes, bool)
+    for body in problem.constraints.rigid:
+        mask[body.nodes] = True
+    return mask
+
+
+def _nodes(space: Space, record: Initial) -> Ints:
+    if record.groups is None:
+        return np.flatnonzero(space.attached)
+    nodes = nodes_on(space, np.unique(np.concatenate([space.mesh.cells_of(name) for name in record.groups])))
+    if not len(nodes):
+        raise wrong(record, f"the groups {', '.join(map(repr, record.groups))} are empty; name some that have cells")
+    return nodes
+
+
+def _turned(space: Space, record: Initial, nodes: Ints, t: float) -> NDArray[np.floating] | None:
+    """Return the velocities (k, dim) of a record's rotation; None if it has none."""
+    if record.rotation is None:
+        return None
+    x = space.local.points[nodes]
+    centre = x.mean(axis=0)
+    if record.centre is not None:
+        centre[: space.dim] = np.array(record.centre) - space.origin[: space.dim]
+    return np.asarray(moments(space.dim, x - centre) @ np.array([value.at(t) for value in record.rotation]))

@@ -1,0 +1,174 @@
+"""Nodes without mass: which they are, and the velocity that each of them has instead.
+
+Contact is well posed in motion if every contact row has an entry at a node without mass (docs/theory.md): the pressures
+then follow from the displacements, without impulses. The velocity field is v = P v_y, with v_y at the nodes that keep
+their mass, and the mass matrix is P^T M P: its total is that of M, and it is positive definite on v_y.
+
+Rows of P at massless nodes have the weights 1 / distance², normalised, of the nearest nodes with mass. Pressures are
+smooth only with such positive weights. For internal nodes alone the weights reproduce linear fields, so that centres
+and inertia stay exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array, diags_array, eye_array
+
+from lacmesh.cutting.records import NODE_RECORD
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.topology.facets import boundary_faces
+from lacsolver.contact import Zone
+from lacsolver.problem.rigid_modes import bodies
+from lacsolver.space.space import Space
+
+Bools = NDArray[np.bool_]
+#: most steps from node to node, through cells, to the nodes that take the mass of another
+_RINGS = 3
+
+
+class Massless(NamedTuple):
+    """Nodes without mass: `nodes` (n_nodes,) a mask, `P` (n_nodes, n_nodes) the velocities of all nodes by those of
+    nodes with mass. `told`: one sentence for each body whose skins keep their mass, in part.
+    """
+
+    nodes: Bools
+    P: csr_array
+    told: tuple[str, ...]
+
+
+def massless_nodes(space: Space, zones: Sequence[Zone], choice: str, rigid: Ints) -> Massless:
+    """Return the massless nodes for a choice of [dynamics] massless; nodes of `rigid` bodies keep their mass.
+
+    A body that would have no node with mass near some of its skin nodes keeps the mass of its master skins, or, if
+    this does not suffice, that of all its nodes but the internal ones.
+    """
+    adjacent = _adjacency(space)
+    movable = space.attached.copy()
+    movable[rigid] = False
+    wanted, told, of_node = _levels(space, zones)[choice] & movable, [], bodies(space)
+    for fallback, words in (("slave", "all but its master skins"), ("internal", "its internal nodes alone")):
+        if choice in (fallback, "internal", "none"):
+            continue
+        stranded = wanted & ~_reached(adjacent, space.attached & ~wanted)
+        short = np.unique(of_node[stranded])
+        if len(short):
+            there = np.isin(of_node, short)
+            wanted = np.where(there, _levels(space, zones)[fallback] & movable, wanted)
+            told += [f"{_name(space, of_node == body)} is too thin for massless skins: {words} are massless, if any"
+                     for body in short]  # fmt: skip
+    stranded = wanted & ~_reached(adjacent, space.attached & ~wanted)
+    wanted &= ~stranded
+    return Massless(wanted, _velocities(space, adjacent, wanted, linear=choice == "internal"), tuple(told))
+
+
+def _levels(space: Space, zones: Sequence[Zone]) -> dict[str, Bools]:
+    """Return the mask (n_nodes,) of the nodes that each choice makes massless."""
+    n = space.mesh.n_nodes
+    record = space.mesh.node_data.get(NODE_RECORD)
+    internal = np.zeros(n, bool) if record is None else np.asarray(record) >= 0
+    slave, master = np.zeros(n, bool), np.zeros(n, bool)
+    for zone in zones:
+        for mask, skin in ((slave, zone.slave), (master, zone.master)):
+            mask[skin.faces.nodes[skin.faces.nodes >= 0]] = True
+    born = internal | born_inside(space)
+    return {"skins": born | slave | master, "slave": born | slave, "internal": internal, "none": np.zeros(n, bool)}
+
+
+def born_inside(space: Space) -> Bools:
+    """Return the mask (n_nodes,) of the nodes that the cut made inside cells: those inside the children of one parent.
+
+    >>> from lacmesh import cut_skin, read
+    >>> space = Space.of(cut_skin(read("data/two_blocks.msh"), "slave").mesh, "3d")
+    >>> int(born_inside(space).sum())  # the apex of each of 36 hexahedra
+    36
+    """
+    mesh, out = space.mesh, np.zeros(space.mesh.n_nodes, bool)
+    parent = mesh.cell_data.get("lac_parent")
+    if parent is None:
+        return out
+    children = [(b.type, b.nodes[parent[b.cell] >= 0], parent[b.cell][parent[b.cell] >= 0]) for b in space.blocks]
+    children = [(kind, nodes, of) for kind, nodes, of in children if len(nodes)]
+    if not children:
+        return out
+    keys = [nodes.astype(np.int64) + mesh.n_nodes * of[:, None].astype(np.int64) for _, nodes, of in children]
+    unique, place = np.unique(np.concatenate([key.ravel() for key in keys]), return_inverse=True)
+    ends = np.cumsum([key.size for key in keys])[:-1]
+    own = [part.reshape(key.shape) for part, key in zip(np.split(place, ends), keys, strict=True)]
+    apart = Mesh.create(
+        mesh.points[unique % mesh.n_nodes], [(kind, nodes) for (kind, *_), nodes in zip(children, own, strict=True)],
+        space_dim=space.dim,
+    )  # fmt: skip
+    inside = np.ones(len(unique), bool)
+    faces = boundary_faces(apart)[0].nodes
+    inside[faces[faces >= 0]] = False
+    out[unique[inside] % mesh.n_nodes] = True
+    return out
+
+
+def _adjacency(space: Space) -> csr_array:
+    """Return ones (n_nodes, n_nodes) for nodes that share a cell."""
+    indptr, indices = space.pattern
+    return csr_array((np.ones(len(indices)), indices, indptr), shape=(space.mesh.n_nodes,) * 2)
+
+
+def _reached(adjacent: csr_array, nodes: Bools) -> Bools:
+    """Return the mask of the nodes at most two cells away from some `nodes`."""
+    once = adjacent @ nodes.astype(float) > 0
+    return np.asarray(adjacent @ once.astype(float) > 0)
+
+
+def _velocities(space: Space, adjacent: csr_array, massless: Bools, linear: bool) -> csr_array:
+    """Return P (n_nodes, n_nodes): the identity at nodes with mass, weights of nearby ones at massless nodes."""
+    n = space.mesh.n_nodes
+    P = diags_array((~massless).astype(float), format="csr")
+    for rows, columns in _near(adjacent, massless):
+        away = space.local.points[columns] - space.local.points[rows]
+        weight = 1 / (away**2).sum(axis=1)
+        if linear:
+            weight = _reproducing(rows, away[:, : space.dim], weight, n)
+        total = np.bincount(rows, weight, n)
+        part = coo_array((weight / total[rows], (rows, columns)), shape=(n, n)).tocsr()
+        P = csr_array(P + part)
+    return P
+
+
+def _near(adjacent: csr_array, massless: Bools) -> Iterator[tuple[Ints, Ints]]:
+    """Yield (massless nodes, nodes with mass next to them) as pairs, for the nearest ring of cells that has any."""
+    left, ring = massless.copy(), csr_array(eye_array(adjacent.shape[0], format="csr"))
+    for _ in range(_RINGS):
+        ring = csr_array(diags_array(left.astype(float)) @ ring @ adjacent)
+        ring.eliminate_zeros()
+        pairs = ring.tocoo()
+        there = ~massless[pairs.col]
+        rows, columns = pairs.row[there].astype(np.int64), pairs.col[there].astype(np.int64)
+        if len(rows):
+            yield rows, columns
+        left[rows] = False
+
+
+def _reproducing(rows: Ints, away: NDArray[np.floating], weight: NDArray[np.floating], n: int) -> NDArray[np.floating]:
+    """Return weights (k,) near the given ones that interpolate linear fields at the rows' nodes, by least squares.
+
+    `away` (k, dim): from a row's node to the other one. Nodes whose neighbours do not span the space get what is best.
+    """
+    size = np.sqrt(np.bincount(rows, weight, n) / np.maximum(np.bincount(rows, minlength=n), 1))
+    basis = np.column_stack([np.ones(len(rows)), away * size[rows, None]])  # lengths near 1
+    used, place = np.unique(rows, return_inverse=True)
+    gram = np.zeros((len(used), basis.shape[1], basis.shape[1]))
+    np.add.at(gram, place, (weight / size[rows] ** 2)[:, None, None] * basis[:, :, None] * basis[:, None, :])
+    first = np.linalg.pinv(gram, rcond=1e-10, hermitian=True)[:, 0]
+    return np.asarray((basis * first[place]).sum(axis=1) * weight / size[rows] ** 2)
+
+
+def _name(space: Space, nodes: Bools) -> str:
+    """Return words for a body: the group of cells that is all of it, or a node of it."""
+    for name, cells in space.mesh.cell_groups.items():
+        inside = [b.nodes[np.isin(b.cell, cells)] for b in space.blocks]
+        there = np.unique(np.concatenate([part.ravel() for part in inside]))
+        if len(there) == nodes.sum() and nodes[there].all():
+            return repr(name)
+    return f"the body of node {space.mesh.node_number[np.flatnonzero(nodes)[0]]}"

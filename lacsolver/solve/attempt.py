@@ -1,0 +1,143 @@
+"""Attempts to find the equilibrium of one step, with their start, and the message of one that failed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats
+from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.contact import Interface
+from lacsolver.problem.overlap import check_overlap
+from lacsolver.problem.problem import ContactPair
+from lacsolver.problem.rigid_modes import describe
+from lacsolver.results.state import Iterate
+from lacsolver.solve.active_set import active_set_iterates
+from lacsolver.solve.load_step import LoadStep
+from lacsolver.solve.newton import Damping, Linearization, newton_iterates
+from lacsolver.solve.search import Outcome, Trial, search
+from lacsolver.solve.tolerances import ConvergenceTolerance
+from lacsolver.space.space import Space
+
+#: gap, relative to the macro-element's size, below which a row is closed in the initial status
+TOUCHING = 1e-6
+#: damping of the second search for an equilibrium at its start, relative to the undeformed bodies' stiffness
+_DAMPING = 1.0
+#: load along a rigid-body mode that contact does not balance, relative to all forces along it
+_UNCARRIED = 1e-6
+
+
+class Told(NamedTuple):
+    """An iteration: target time, halvings so far, its number, closed rows, relative residuals of balance and gap."""
+
+    time: float
+    halvings: int
+    number: int
+    closed: int
+    balance: float
+    gap: float
+
+
+def attempt(step: LoadStep, halvings: int = 0, told: Callable[[Told], None] | None = None) -> Outcome:
+    """Search the equilibrium at one time, after so many halvings. The iterations of all attempts are counted."""
+    model, solver = step.model, step.model.problem.case.solver
+    moved = model.problem.space.largest(step.u0)
+    length = 0.0 if model.linear else model.length
+    tolerance = ConvergenceTolerance(solver.tolerance, solver.max_iterations, length, moved, model.vectors)
+
+    def report(number: int, closed: int, balance: float, gap: float) -> None:
+        if told is not None:
+            told(Told(step.t, halvings, number, closed, balance, gap))
+
+    def newton(start: Iterate, **how: Any) -> Outcome:
+        return search(newton_iterates(step.linearize, start, tolerance, **how), tolerance, report)
+
+    state, exact, outcome = step.state, model.problem.kinematics.linear, None
+    now, extrapolated = state.iterate or first_iterate(step), model.scheme.predict(state, step.t)
+    if model.linear:
+        return search(_linear_iterates(step, extrapolated or now, tolerance), tolerance, report)
+    if extrapolated is not None:
+        with suppress(InadmissibleError):
+            outcome = newton(extrapolated, exact=exact)
+    if outcome is None:
+        outcome = newton(now, predictor=_predictor(step, now), exact=exact)
+    if outcome.converged or exact:
+        return outcome
+    again = newton(now, predictor=_predictor(step, now), damping=Damping(_DAMPING))
+    return again._replace(
+        residuals=outcome.residuals + again.residuals, applications=outcome.applications + again.applications
+    )
+
+
+def _linear_iterates(step: LoadStep, start: Iterate, tolerance: ConvergenceTolerance) -> Iterator[Trial]:
+    """Return the iteration of a linear problem: active sets on its only linearisation."""
+    free, _, springs = step.model.stabilization
+    geometric = None if springs is None else -springs
+    return active_set_iterates(step.reference, step.f, step.contact, start, tolerance, free=free, geometric=geometric)
+
+
+def _predictor(step: LoadStep, now: Iterate) -> Linearization:
+    """Return the linearisation at the new time, extrapolated from the last iterate or the undeformed bodies."""
+    time = step.state.time
+    u = LoadStep(step.model, time, step.state).u(now.q) if time else np.zeros_like(step.u0)
+    return step.predictor(now.q, u, now.p)
+
+
+def first_iterate(step: LoadStep) -> Iterate:
+    """Return the initial iterate at q = 0. Raises errors for overlap, zones without a master, unsupported bodies."""
+    problem, q = step.model.problem, np.zeros(step.model.problem.constraints.n_q)
+    contact, interfaces = step.contact(q), step.interfaces(q)
+    for pair, face in zip(problem.joints, interfaces, strict=True):
+        check_overlap(pair, face, problem.space)
+        pair.check_facing(face)
+    step.model.check_held(interfaces, contact.solvable)
+    closed = [np.empty(0, bool), *map(_initial, problem.joints, interfaces)]
+    return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.solvable)
+
+
+def _initial(pair: ContactPair, face: Interface) -> NDArray[np.bool_]:
+    """Return a mask (rows,), True for rows of a pair that are closed at the start."""
+    if pair.initial == "gap":
+        return touching(face)
+    return np.full(face.B.shape[0], pair.initial == "all")
+
+
+def touching(face: Interface) -> NDArray[np.bool_]:
+    """Return a mask (rows,), True for rows of a pair without a gap, up to round-off."""
+    return np.asarray(face.gap <= TOUCHING * face.length)
+
+
+def why(step: LoadStep, outcome: Outcome) -> str:
+    """Return the message for a failed search: a body that moves away, or the largest imbalance, and what to try."""
+    model, problem = step.model, step.model.problem
+    q, p, rows = outcome.iterate.q, outcome.iterate.p, outcome.contact.rows
+    contact, closed = rows.B_T @ p, rows.B[np.flatnonzero(outcome.iterate.active)]
+    said = f"no equilibrium found at time {step.t:.6g} after {len(outcome.residuals)} iterations"
+    off = step.reaction(q, p)
+    pushed = problem.constraints.T.T @ off - problem.constraints.force(step.t)
+    for motion in () if model.scheme.resists_rigid_motion else model.motions:
+        along = problem.constraints.unknowns(motion.field)
+        left = model.vectors.dots(along[None], pushed)[0]
+        whole = model.vectors.dots(np.abs(along)[None], np.abs(pushed + contact) + np.abs(contact))[0]
+        if abs(left) > _UNCARRIED * whole and not np.abs(closed @ along).any():
+            return f"{said}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
+    number, place = _largest_node(problem.space, problem.constraints.T @ pushed)
+    balance, gap = outcome.residuals[-1]
+    said += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
+    said += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
+    return f"{said}; try more steps ([steps] count) or more iterations ([solver] max_iterations)"
+
+
+def _largest_node(space: Space, r: Floats) -> tuple[int, str]:
+    """Return the number and the place of the node with the largest entry of r (n_dof,), of those of all processes."""
+    size = np.abs(r).reshape(-1, space.dim).max(axis=1)
+    if space.share.own is not None:
+        size[~space.share.own] = -1.0
+    node = int(size.argmax())
+    found = space.share.gather(np.array([[size[node], space.mesh.node_number[node], *space.mesh.points[node]]]))
+    _, number, *at = found[found[:, 0].argmax()]
+    return int(number), ", ".join(space.told(np.array(at)))

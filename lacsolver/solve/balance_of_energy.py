@@ -1,0 +1,142 @@
+"""Energies of a motion, and its momentum: an account that closes in every step, if the step fulfils its equations.
+
+    kinetic + strain - external + damped + contact + numerical = 0
+
+`external`: the energy at the start, and the work of loads, supports and heat since then; `damped`, `contact`: what
+damping and contact have taken. Work is that of mean forces, dw . (F + F') / 2. `numerical`: what the time scheme has
+taken, by its own formula, with d for differences over a step and m for means,
+
+    dT = dv . M v_m = dw . M a_m - N,
+    N = dt^2 (beta - gamma/2) (d(a . M a) / 2 + (gamma - 1/2) da . M da) - (gamma - 1/2) da . M dw
+
+and M a = reaction - F_alpha with F_alpha' = (1 - alpha) F' + alpha F. What is left over in finite kinematics, as mean
+forces do not integrate energy exactly, is numerical too.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats
+from lacsolver.problem.inertia import Inertia
+from lacsolver.results.motion import MotionState
+from lacsolver.solve.load_step import LoadStep
+
+if TYPE_CHECKING:
+    from lacsolver.solve.newmark import Newmark
+
+
+class Interval(NamedTuple):
+    """A step that has converged at q (n_q,), of size dt, with the motions `before` and after it."""
+
+    step: LoadStep
+    q: Floats
+    dt: float
+    before: MotionState
+    after: MotionState
+
+
+def kinetic(inertia: Inertia, v: Floats) -> float:
+    """Return the kinetic energy of velocities v (n_w,)."""
+    return 0.5 * float(v @ (inertia.M @ v))
+
+
+def strain(step: LoadStep, q: Floats, internal: Floats) -> float:
+    """Return the energy stored in bodies and springs at q, with the internal forces (n_dof,) there."""
+    problem, u = step.model.problem, step.u(q)
+    if problem.kinematics.linear and not problem.case.temperature:
+        return 0.5 * float(u @ internal)
+    return problem.kinematics.energy(u, step.t, step.state.histories.materials)
+
+
+def momentum(inertia: Inertia, w: Floats, v: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return the linear momentum (dim,), and the angular one (3,), () in a plane, about the origin.
+
+    Displacements w (n_w,) count in finite kinematics. In axisymmetry only the momentum along y is not 0.
+    """
+    space, dim = inertia.space, inertia.space.dim
+    mv = (inertia.M @ v).reshape(-1, dim)
+    x = inertia.positions.reshape(-1, dim) + space.origin[:dim]
+    x = x + w.reshape(-1, dim) if inertia.finite else x
+    linear = mv.sum(axis=0)
+    if space.model.axisymmetric:
+        return linear * [0.0, 1.0], np.array(0.0)
+    if dim == 2:
+        return linear, np.asarray(x[:, 0] @ mv[:, 1] - x[:, 1] @ mv[:, 0])
+    return linear, np.cross(x, mv).sum(axis=0)
+
+
+def energies(scheme: Newmark, made: Interval) -> NDArray[np.floating]:
+    """Return the energies (6,) at the end of a step, in the order of `results.motion.ENERGIES`."""
+    step, q, before, after = made.step, made.q, made.before, made.after
+    inertia, problem, now = scheme.inertia, step.model.problem, step.state.iterate
+    assert now is not None
+    dw = inertia.places(q, step.t) - inertia.places(now.q, step.state.time)
+    du = inertia.on_nodes(dw)
+
+    def work(name: str) -> float:
+        return 0.5 * float(du @ (getattr(before, name) + getattr(after, name)))
+
+    stored, heat = strain(step, q, after.internal), _heat(step, q)
+    damped = 0.0 if scheme.C is None else 0.5 * float(dw @ (scheme.C @ (before.velocity + after.velocity)))
+    supports, turned = _supports(scheme, made, dw)
+    added = [work("load") + supports + heat, damped, work("contact"), turned + _dissipated(scheme, made, dw)]
+    if not problem.kinematics.linear:  # what laws with a history do not give back is damped
+        added[1 if step.state.histories.materials else 3] += work("internal") + heat - (stored - before.energies[1])
+    return np.array([kinetic(inertia, after.velocity), stored, *(before.energies[2:] + added)])
+
+
+def _heat(step: LoadStep, q: Floats) -> float:
+    """Return the energy that bodies get from a change of temperature in a step, the mean of that at both its ends."""
+    problem, state = step.model.problem, step.state
+    if not any(record.value.depends_on_time for record in problem.case.temperature):
+        return 0.0
+    assert state.iterate is not None
+    before, history = problem.constraints.displacement(state.iterate.q, state.time), state.histories.materials
+    ends = [
+        problem.kinematics.energy(u, step.t, history) - problem.kinematics.energy(u, state.time, history)
+        for u in (before, step.u(q))
+    ]
+    return 0.5 * sum(ends)
+
+
+def _dissipated(scheme: Newmark, made: Interval, dw: Floats) -> float:
+    """Return the energy that the time scheme takes in a step: N, and the work of F_alpha beyond that of F."""
+    M, (_, _, dt, before, after) = scheme.inertia.M, made
+    da, more = after.acceleration - before.acceleration, scheme.gamma - 0.5
+    Mda = M @ da
+    square = float((after.acceleration + before.acceleration) @ Mda)
+    newmark = dt**2 * (scheme.beta - scheme.gamma / 2) * (0.5 * square + more * float(da @ Mda))
+    weighted = after.reaction + before.reaction - M @ (after.acceleration + before.acceleration)
+    plain = scheme.forces(after) + scheme.forces(before)
+    return newmark - more * float(Mda @ dw) + 0.5 * float(dw @ (weighted - plain))
+
+
+def _supports(scheme: Newmark, made: Interval, dw: Floats) -> tuple[float, float]:
+    """Return the work of supports and of loads on rigid bodies in a step, and what finite rotations lose of it.
+
+    That of free unknowns is dq times the loads on them, and not times the reactions, which must come to the same.
+    """
+    step, q, _, before, after = made
+    inertia, constraints, now, then = (
+        scheme.inertia,
+        step.model.problem.constraints,
+        step.state.iterate,
+        step.state.time,
+    )
+    assert now is not None
+    mean, turned = 0.5 * (before.reaction + after.reaction), 0.0
+    held = inertia.places(np.zeros_like(q), step.t) - inertia.places(np.zeros_like(q), then)
+    on_free = inertia.tangent(now.q, then).T @ before.reaction
+    on_free += (1 - scheme.alpha) * constraints.force(step.t, q) + scheme.alpha * constraints.force(then, now.q)
+    work = 0.5 * float((q - now.q) @ on_free)
+    for body, at in inertia.turning:
+        start, end = body.motion(now.q, then), body.motion(q, step.t)
+        force = body.moment_arm_at(start).T @ before.reaction[at] + body.moment_arm_at(end).T @ after.reaction[at]
+        turned += 0.5 * float((end - start) @ force) - float(dw[at] @ mean[at])
+        work += 0.5 * float((end - start)[~body.free] @ force[~body.free])
+        held[at] = 0.0
+    return work + float(held @ mean), turned
