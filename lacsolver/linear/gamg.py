@@ -9,7 +9,7 @@ options of PETSc's cycle (`-lacsolver_mg_...`) gets that one.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
@@ -33,57 +33,82 @@ def gamg_cycle(PETSc: Any, A: Any, modes: Floats, processes: Processes) -> Cycle
         pc = set_up(PETSc, A, modes, "gamg")
         if asked or pc.getMGLevels() < 2:
             return PetscCycle(pc, "gamg")
-        made = _taken_over(pc, SharedTeam(processes), processes)
+        matrices, prolongations = _copies(pc)
         pc.destroy()
         A.destroy()
-    return made
+    return _cycle(matrices, prolongations, processes)
 
 
-def _taken_over(pc: Any, team: SharedTeam, processes: Processes) -> Cycle:
-    """Return the cycle of PETSc's matrices and prolongations, from the finest level to the coarsest."""
-    matrices = [pc.getMGSmoother(k).getOperators()[0] for k in reversed(range(pc.getMGLevels()))]
-    K, halo = _rows(matrices[0], processes)
-    diagonal, size = matrices[0].getDiagonal().sum(), matrices[0].getSize()[0]
-    levels, unit = [], size / diagonal
-    for k in range(1, len(matrices)):
+class _Copy(NamedTuple):
+    """Own rows (indptr, indices, data) of a matrix of PETSc, with columns in the whole matrix.
+
+    `blocks`: unknowns of a node of the rows and of the columns; `starts` (processes + 1,): first node of the columns of
+    each process.
+    """
+
+    csr: tuple[Ints, Ints, Floats]
+    blocks: tuple[int, int]
+    starts: Ints
+
+    @staticmethod
+    def of(A: Any, columns: Any) -> _Copy:
+        """Copy a matrix, whose columns are numbered as those of a square one."""
+        b = columns.getBlockSize()
+        starts = np.asarray(columns.getOwnershipRanges(), np.int64) // b
+        return _Copy(A.getValuesCSR(), (A.getBlockSizes()[0], b), starts)
+
+    @property
+    def width(self) -> int:
+        """Number of columns of the whole matrix."""
+        return int(self.blocks[1] * self.starts[-1])
+
+    def rows(self, processes: Processes) -> tuple[bsr_array, Halo]:
+        """Return the rows in blocks, and the halo of their columns."""
+        made = Rows.of(self.csr, self.blocks, self.starts, processes.rank)
+        return made.A, SharedHalo(processes, self.starts, made.ghosts, self.blocks[1])
+
+    def rows_everywhere(self, processes: Processes) -> tuple[bsr_array, Halo]:
+        """Return the rows in blocks, for vectors of all columns on each process."""
+        indptr, indices, data = self.csr
+        made = csr_array((data, indices, indptr), shape=(len(indptr) - 1, self.width))
+        return bsr_array(made.tobsr(self.blocks)), Everywhere(processes, self.blocks[1])
+
+    def diagonal(self, processes: Processes) -> Floats:
+        """Return the sum of the diagonal entries of all processes, and their number."""
+        indptr, indices, data = self.csr
+        first = self.blocks[1] * self.starts[processes.rank]
+        row = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr)) + first
+        return processes.total(np.array([data[row == indices].sum(), len(indptr) - 1.0]))
+
+    def whole(self, processes: Processes) -> Floats:
+        """Return a small square matrix, whole on each process."""
+        indptr, indices, data = self.csr
+        first = self.blocks[1] * self.starts[processes.rank]
+        last = self.width - first - len(indptr) + 1
+        ends = np.concatenate([np.zeros(first, np.int64), indptr, np.full(last, indptr[-1])])
+        own = csr_array((data, indices, ends), shape=(self.width, self.width))
+        return np.asarray(processes.add_matrices(own, (False, False)).toarray())
+
+
+def _copies(pc: Any) -> tuple[list[_Copy], list[_Copy]]:
+    """Return the matrices of PETSc's levels, from the finest to the coarsest, and the prolongations between them."""
+    numbers = range(pc.getMGLevels() - 1, -1, -1)
+    matrices = [pc.getMGSmoother(k).getOperators()[0] for k in numbers]
+    between = [pc.getMGInterpolation(k) for k in numbers[:-1]]
+    prolongations = [_Copy.of(P, below) for P, below in zip(between, matrices[1:], strict=True)]
+    return [_Copy.of(A, A) for A in matrices], prolongations
+
+
+def _cycle(matrices: list[_Copy], prolongations: list[_Copy], processes: Processes) -> Cycle:
+    """Return the cycle of matrices, which are released one by one, and of the prolongations between them."""
+    team, levels = SharedTeam(processes), list[Level]()
+    total, count = matrices[0].diagonal(processes)
+    unit = float(count / total)
+    while len(matrices) > 1:
+        K, halo = matrices.pop(0).rows(processes)
         inverse, largest = jacobi(K, team, halo)
-        last = k + 1 == len(matrices)
-        P, coarse = _prolongation(pc.getMGInterpolation(len(matrices) - k), matrices[k], processes, last)
+        below = prolongations.pop(0)
+        P, coarse = below.rows(processes) if prolongations else below.rows_everywhere(processes)
         R = bsr_array(P.T.tobsr(P.blocksize[::-1]))
         levels.append(Level.of(K, R, P, inverse / largest, unit, (halo, coarse)))
-        if not last:
-            K, halo = _rows(matrices[k], processes)
-    return Cycle(levels, _whole(matrices[-1], team) * unit, unit, team)
-
-
-def _starts(A: Any) -> Ints:
-    """Return the first node of each process, and the number of nodes (processes + 1,), of a square matrix."""
-    return np.asarray(A.getOwnershipRanges(), np.int64) // A.getBlockSize()
-
-
-def _rows(A: Any, processes: Processes) -> tuple[bsr_array, Halo]:
-    """Return the own rows of a square matrix, and the halo of its columns."""
-    starts, b = _starts(A), A.getBlockSize()
-    rows = Rows.of(A.getValuesCSR(), (b, b), starts, processes.rank)
-    return rows.A, SharedHalo(processes, starts, rows.ghosts, b)
-
-
-def _prolongation(P: Any, below: Any, processes: Processes, last: bool) -> tuple[bsr_array, Halo]:
-    """Return the own rows of a prolongation from the level `below`, whose vectors are whole if it is the `last`."""
-    indptr, indices, data = P.getValuesCSR()
-    blocks = P.getBlockSizes()[0], below.getBlockSize()
-    if last:
-        whole = csr_array((data, indices, indptr), shape=(len(indptr) - 1, below.getSize()[0]))
-        return bsr_array(whole.tobsr(blocks)), Everywhere(processes, blocks[1])
-    starts = _starts(below)
-    rows = Rows.of((indptr, indices, data), blocks, starts, processes.rank)
-    return rows.A, SharedHalo(processes, starts, rows.ghosts, blocks[1])
-
-
-def _whole(A: Any, team: SharedTeam) -> Floats:
-    """Return a small square matrix, whole on each process."""
-    indptr, indices, data = A.getValuesCSR()
-    first, last = A.getOwnershipRange()
-    n = A.getSize()[0]
-    ends = np.concatenate([np.zeros(first, np.int64), indptr, np.full(n - last, indptr[-1])])
-    return np.asarray(team.total_matrix(csr_array((data, indices, ends), shape=(n, n))).toarray())
+    return Cycle(levels, matrices[0].whole(processes) * unit, unit, team)

@@ -13,8 +13,9 @@ from lacsolver.case import read_case
 from lacsolver.distributed.processes import Processes
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import prepared
+from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.shared_stiffness import _own_rows
+from lacsolver.solve.shared_stiffness import SharedFactors, _own_rows
 from tests.lacsolver.distributed.mpi import ROOT
 
 
@@ -39,4 +40,26 @@ def found(comm):
         "own": len(own),
         "n_dof": space.dim * share.part.n_nodes,
         "difference": float(abs(placed - product).max()),
+        "cycles": cycles(problem),
     }
+
+
+def cycles(problem):
+    """What the V-cycle of GAMG's hierarchy leaves of an error, without and with rows of contact, and its symmetry."""
+    model, constraints = ReducedProblem(problem), problem.constraints
+    K = SharedFactors(np.zeros((constraints.n_q, 0)), "gamg", constraints, model.vectors).factorise(model.K_q)
+    B = LoadStep(model, 1.0).contact(np.zeros(constraints.n_q)).rows.B
+    weights = np.full(B.shape[0], float(K.scaling.max()) / float(abs(B).max()) ** 2)
+    rows = K.cycle_with_rows(B, weights)
+    unknown = problem.space.dofs(problem.space.share.node).ravel()  # of the whole model
+    x, y = (constraints.T.T @ np.sin(rate * unknown) for rate in (1.0, 2.0))
+    alone = quality(K, lambda q: K.apply(q), K.cycle, x, y)
+    return {"alone": alone, "with rows": quality(K, lambda q: K.apply(q) + B.T @ (weights * (B @ q)), rows, x, y)}
+
+
+def quality(K, A, cycle, x, y):
+    """The energy of x - cycle(A x) over that of x, and the difference of y cycle(x) and x cycle(y)."""
+    dot = lambda a, b: K.vectors.dots(a[None], b)[0]
+    left = x - cycle(A(x))
+    one, other = dot(y, cycle(x)), dot(x, cycle(y))
+    return float(dot(left, A(left)) / dot(x, A(x))), float(abs(one - other) / abs(one))

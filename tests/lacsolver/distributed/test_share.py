@@ -48,6 +48,12 @@ def test_the_rows_of_all_processes_have_the_whole_mass(told):
     assert [one["mass"] for one in told] == pytest.approx([6 * volume] * 2, rel=1e-12)
 
 
+def test_the_cycle_with_rows_of_contact_reduces_errors_as_that_without(told):
+    assert told[0]["cycles"] == told[1]["cycles"]
+    for left, unsymmetric in told[0]["cycles"].values():
+        assert left < 0.2 and unsymmetric < 1e-5
+
+
 def one_process_has(told):
     """Number of unknowns of the whole model."""
     (n,) = {one["n_dof"] for one in told}
