@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from lacmesh.errors import RequestError
+from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats
 from lacsolver.bodies.mass import assemble_mass
 from lacsolver.linear import SingularError, choose
@@ -60,7 +60,7 @@ def natural_modes(
     _check_mass(lin, M_q)
     system = EigenProblem(lin.K, M_q, lin.C, orthonormal(lin.R, M_q))
     if system.count < 1:
-        raise RequestError("nothing can vibrate: all displacements are prescribed, or those of rigid bodies")
+        raise DataError("nothing can vibrate: all displacements are prescribed, or those of rigid bodies")
     omega2, Q = system.lowest(count, _factor(lin, system))
     along = _translations(problem.space)
     toward = np.asarray(lin.T.T @ (M @ along))
