@@ -19,6 +19,7 @@ MODULES = {
     "manufactured": "manufactured",
     "inf-sup": "inf_sup",
     "sliding": "sliding",
+    "impact": "impact",
     "scaling": "scaling",
 }
 

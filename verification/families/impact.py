@@ -1,0 +1,324 @@
+"""Impacts: bars on a rigid wall and on one another, a rod that bounces for ever, a sphere, against exact solutions.
+
+Mass is taken off the skins (`massless = "skins"`), so that pressures follow from displacements, without impulses: they
+neither alternate nor grow as steps get smaller, and no energy is created. The first case with a plain mass shows what
+is meant: there pressures are wrong by their own size and energy grows; it passes because it fails.
+
+Bars cannot move sideways, so that waves are those of one dimension, and run from impact to release in 2 L / c. Errors
+of pressures are root mean squares over all macro-elements and over the time from 10 % to 90 % of the contact, relative
+to the exact pressure; at its front any method of the second order overshoots. Energies are relative to those at the
+start. In every step of every case the account of energy closes to 1e-10.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import ceil, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lacmesh
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
+from lacsolver.results.motion import ENERGIES, MotionState
+from verification.exact import impact as exact
+from verification.meshes.balls import sphere_on_wall
+from verification.meshes.bars import WIDTH, bar_on_wall, bars
+from verification.records import Case, Family, Outcome, Published, Result, at_least, at_most, equal, informative
+from verification.solving import Solved, entry, solve
+
+Floats = NDArray[np.floating]
+FAMILY_NAME = "impact"
+SIGNS = np.array([-1.0 if name == "external" else 1.0 for name in ENERGIES])
+_CLOSED = 1e-10
+_ACCOUNT = "kinetic + strain - external + damped + contact + numerical = 0"
+_MESHES = Path(os.environ.get("LACMESH_SHARED") or Path(__file__).parents[3] / "shared") / "reference" / "meshes"
+
+
+@dataclass(frozen=True)
+class Impact:
+    """A kind of impact: `wall`, `bars`, `rod`, `bounce`, `aster`, `sphere`.
+
+    `cell`: type of cells; `n`: cells along a bar on the coarsest level; `cfl`: cells that a wave crosses in a step;
+    `dynamics`: keys of [dynamics]; `allowed`: of the error of pressures on the finest level; `approach` of a sphere.
+    """
+
+    kind: str
+    cell: str = "QUAD4"
+    n: int = 16
+    cfl: float = 0.5
+    dynamics: tuple[tuple[str, Any], ...] = ()
+    allowed: float = 0.02
+    approach: float = 1e-3
+    young: float = 1.0
+    poisson: float = 0.3
+    speed: float = 0.01
+
+    @property
+    def dim(self) -> int:
+        """Dimension of space."""
+        return CELLS[self.cell].dim
+
+    @property
+    def c(self) -> float:
+        """Speed of waves in a bar of density 1."""
+        return sqrt(exact.modulus(self.young, self.poisson))
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A solved impact: `time` (steps,), `pressure` (steps, n), `energies` (steps, 6), and the motion at the end."""
+
+    solved: Solved
+    time: Floats
+    pressure: Floats
+    energies: Floats
+    last: MotionState
+
+    @property
+    def whole(self) -> Floats:
+        """Kinetic and strain energy (steps,), relative to that at the start."""
+        start = self.energies[0, 2]
+        return self.energies[:, :2].sum(axis=1) / start
+
+    @property
+    def unbalanced(self) -> float:
+        """Largest error of the account of energy, relative to the largest energy."""
+        return float(np.abs(self.energies @ SIGNS).max() / np.abs(self.energies).max())
+
+    def error(self, right: float, start: float, last: float) -> float:
+        """Root mean square of the error of pressures from 10 % to 90 % of a contact, relative to the right one."""
+        inside = (self.time > start + 0.1 * last) & (self.time < start + 0.9 * last)
+        return float(np.sqrt(np.mean((self.pressure[inside] / right - 1) ** 2)))
+
+
+def run(text: str, mesh: Mesh) -> Run:
+    """Solve an impact. Raises what `solve` raises."""
+    solved = solve(text, mesh)
+    motions = [MotionState.of(state.step) for state in solved.states]
+    found = [motion for motion in motions if motion is not None]
+    return Run(
+        solved, np.array([state.time for state in solved.states]),
+        np.array([state.zones[0].pressure for state in solved.states]), np.array([m.energies for m in found]),
+        found[-1],
+    )  # fmt: skip
+
+
+def case_text(given: Impact, end: float, count: int, *tables: str, density: float = 1.0) -> str:
+    """The case of bars that cannot move sideways, as TOML."""
+    sides = [(a, f"{a}{e}") for a in "xyz"[: given.dim - 1] for e in "01"]
+    return "\n\n".join(
+        [
+            f'mesh = "bars.msh"\nmodel = "{"plane_strain" if given.dim == 2 else "3d"}"',
+            entry("material", young=given.young, poisson=given.poisson, density=density),
+            *(entry("displacement", group=side, **{f"u{axis}": 0.0}) for axis, side in sides),
+            *tables,
+            entry("dynamics", **dict(given.dynamics)).replace("[[dynamics]]", "[dynamics]"),
+            entry("steps", end=end, count=count).replace("[[steps]]", "[steps]"),
+        ]
+    )
+
+
+def on_wall(given: Impact, n: int) -> tuple[Run, float]:
+    """Throw a bar of n cells on a wall; return the run, and the error of its pressures."""
+    dt, last = given.cfl / n / given.c, 2 / given.c
+    wait = 2.5 * dt
+    count = ceil((wait + 1.3 * last) / dt)
+    made = run(
+        case_text(
+            given, count * dt, count, entry("contact", slave="slave", master="wall"), entry("rigid", group="wall"),
+            entry("initial", groups=["bar"], **{f"v{'xyz'[given.dim - 1]}": -given.speed}),
+        ),
+        bar_on_wall(given.cell, n, wait * given.speed),
+    )  # fmt: skip
+    return made, made.error(given.c * given.speed, wait, last)
+
+
+def solve_case(case: Case, levels: int) -> Outcome:
+    """An impact, on so many meshes."""
+    given: Impact = case.parameters
+    return Outcome(tuple(_SOLVED[given.kind](given, levels)))
+
+
+def _wall(given: Impact, levels: int) -> Iterator[Result]:
+    found = [on_wall(given, given.n << level) for level in range(levels)]
+    errors = [error for _, error in found]
+    yield at_most("rms error of pressures", errors[-1], given.allowed, source="p = rho c v")
+    if levels > 1:
+        yield at_most("error on the finest mesh over that before", errors[-1] / errors[-2], 0.75, source="convergence")
+    yield from _energies(found[-1][0], 0.99)
+    push = found[-1][0].last.impulse[0, -1] / (2 * given.speed * WIDTH ** (given.dim - 1))
+    yield informative("impulse over 2 m v", push, reason="1 is exact; part of the energy stays in vibrations")
+
+
+def _energies(found: Run, least: float, most: float = 1.001) -> Iterator[Result]:
+    yield at_most("largest energy", found.whole.max(), most, source="no energy is created")
+    yield at_least("energy at the end", found.whole[-1], least, source="the rebound is elastic")
+    yield at_most("account of energy", found.unbalanced, _CLOSED, source=_ACCOUNT)
+
+
+def _limit(given: Impact, levels: int) -> Iterator[Result]:
+    found, error = on_wall(given, given.n)
+    yield equal("energy at the end", found.whole[-1], 1.0, 1e-3, source="conserved as dt -> 0", reason="index 1")
+    yield at_most("rms error of pressures", error, given.allowed, source="p = rho c v")
+    yield at_most("account of energy", found.unbalanced, _CLOSED, source=_ACCOUNT)
+
+
+def _plain(given: Impact, levels: int) -> Iterator[Result]:
+    found, error = on_wall(given, given.n)
+    yield at_least("rms error of pressures", error, 0.2, source="a plain mass must fail")
+    yield at_least("largest energy", found.whole.max(), 1.01, source="a plain mass must fail")
+    yield at_most("account of energy", found.unbalanced, _CLOSED, source=_ACCOUNT)
+
+
+def _bars(given: Impact, levels: int) -> Iterator[Result]:
+    n = given.n << (levels - 1)
+    dt, last = given.cfl / n / given.c, 2 / given.c
+    wait = 2.5 * dt
+    count = ceil((wait + 1.3 * last) / dt)
+    other = "QUAD4" if given.cell.startswith("TRIA") else "TRIA3"
+    other = other if CELLS[given.cell].order == 1 else {"QUAD4": "QUAD8", "TRIA3": "TRIA6"}[other]
+    made = run(
+        case_text(
+            given, count * dt, count, entry("contact", slave="slave", master="master"),
+            entry("initial", groups=["upper"], vy=-given.speed),
+        ),
+        bars((given.cell, other), (n, n - n // 8), (max(1, n // 4), max(1, n // 4 - 1)), wait * given.speed),
+    )  # fmt: skip
+    yield at_most(
+        "rms error of pressures", made.error(given.c * given.speed / 2, wait, last), given.allowed, source="rho c v / 2"
+    )
+    space, inertia = made.solved.problem.space, made.solved.problem.inertia
+    assert inertia is not None
+    mv = (inertia.M @ made.last.velocity).reshape(-1, 2)[:, 1] / (WIDTH * given.speed)
+    for body, right in (("upper", 0.0), ("lower", -1.0)):
+        cells = space.mesh.cells_of(body)
+        nodes = np.unique(np.concatenate([b.nodes[np.isin(b.cell, cells)].ravel() for b in space.blocks]))
+        yield equal(
+            f"velocity of the {body} bar afterwards", mv[nodes].sum(), right, 0.01, source="velocities are exchanged",
+            reason="relative to v; part of the energy stays in vibrations",
+        )  # fmt: skip
+    yield from _energies(made, 0.98)
+
+
+def _rod(given: Impact, levels: int) -> Iterator[Result]:
+    n, periods = given.n << (levels - 1), 4
+    count = ceil(3 * periods * n / given.cfl)
+    given = replace(given, young=1.0, poisson=0.0)
+    made = run(
+        case_text(
+            given, 3.0 * periods, count, entry("contact", slave="slave", master="wall"), entry("rigid", group="wall"),
+            entry("displacement", group="top", uy=0.0), entry("initial", groups=["bar"], uy="0.5 - y / 2"),
+        ),
+        bar_on_wall(given.cell, n),
+    )  # fmt: skip
+    part = np.mod(made.time, 3)
+    inside = (part > 1.1) & (part < 1.9)
+    off = made.pressure[inside] / 0.5 - 1
+    yield at_most("rms error of pressures, 4 periods", float(np.sqrt(np.mean(off**2))), given.allowed,
+                  source="Dabaghi et al. 2016: a solution of period 3, p = 1/2")  # fmt: skip
+    yield from _energies(made, 0.95)
+
+
+def _aster(given: Impact, levels: int) -> Iterator[Result]:
+    """sdnl111 on code_aster's mesh if it is there, else on the same bars made here."""
+    file = _MESHES / "sdnl111.med"
+    there = file.is_file() and given.cell == "HEXA8"
+    if there:
+        mesh, names = lacmesh.read(file), ("M103", "M101", "POU1", "CL_POU2")
+        held = [entry("displacement", group=name, ux=0.0, uy=0.0) for name in ("POU1", "POU2")]
+    else:
+        mesh, names = _twin(), ("slave", "master", "lower", "top")
+        held = []
+    slave, master, free, foot = names
+    up = -1.0 if there else 1.0  # in the twin the slave is above
+    tables = [
+        entry("contact", slave=slave, master=master), *held,
+        entry("displacement", group=foot, uz=0.0), entry("initial", groups=[free], vz=up),
+        entry("probe", name="face", group=master),
+    ]  # fmt: skip
+    text = case_text(given, 1e-3, 500, *tables, density=7800.0)
+    if there:
+        text = "\n\n".join(t for t in text.split("\n\n") if not any(f'"{a}{e}"' in t for a in "xy" for e in "01"))
+    made = run(text, mesh)
+    figures = [made.solved.answer.figures(state) for state in made.solved.states[99::100]]
+    for t, step, right, theirs in zip(
+        exact.SDNL111_TIMES, figures, exact.SDNL111, exact.SDNL111_CODE_ASTER, strict=True
+    ):
+        value = float(step.probes["face"][2]) * -up
+        yield equal(
+            f"displacement at {t:g} s", value, right, 5e-3 * abs(right), source="characteristics",
+            reason="half a per cent, on 50 cells",
+            published=(Published("code_aster, continuous contact", right * (1 + theirs / 100), "sdnl111e"),),
+        )  # fmt: skip
+    yield informative("code_aster's own mesh", float(there), reason="1 if it was there; else a twin made here")
+    yield at_most("account of energy", made.unbalanced, _CLOSED, source=_ACCOUNT)
+
+
+def _twin() -> Mesh:
+    """The two bars of sdnl111, of the width that they have here, which does not matter."""
+    return bars(("HEXA8", "HEXA8"), (50, 50), (1, 1), 1e-5)
+
+
+def _sphere(given: Impact, levels: int) -> Iterator[Result]:
+    speed = exact.speed_for(given.approach, 1.0, given.young, given.poisson, 1.0)
+    right = exact.hertz(1.0, given.young, given.poisson, 1.0, speed)
+    dt = right.duration / 200
+    wait = 2.5 * dt
+    text = "\n\n".join(
+        [
+            'mesh = "sphere.msh"\nmodel = "axisymmetric"',
+            entry("material", young=given.young, poisson=given.poisson, density=1.0),
+            entry("contact", slave="slave", master="wall"), entry("rigid", group="wall"),
+            entry("initial", groups=["ball"], vy=-speed), "[dynamics]",
+            f"[steps]\nend = {230 * dt!r}\ncount = 230",
+        ]
+    )  # fmt: skip
+    made = run(text, sphere_on_wall(sqrt(given.approach), wait * speed))
+    force = np.array([m.pushes[0, 0, 1] for s in made.solved.states if (m := MotionState.of(s.step)) is not None])
+    on = np.flatnonzero(force > 0)
+    allowed = given.allowed
+    yield equal("largest force over Hertz'", force.max() / right.force, 1.0, allowed, source="Hertz 1882",
+                reason="Hertz' solution is of a half-space: errors go as a / R")  # fmt: skip
+    yield equal("duration over Hertz'", (on[-1] - on[0] + 1) * dt / right.duration, 1.0, max(allowed, 0.007),
+                source="Hertz 1882", reason="as of the force, and a step of 1/200")  # fmt: skip
+    yield equal("openings", float((np.diff(on) > 1).sum() + 1), 1, 0, source="one impact", reason="exact")
+    yield from _energies(made, 0.99)
+
+
+_SOLVED = {
+    "wall": _wall, "limit": _limit, "plain": _plain, "bars": _bars, "rod": _rod, "aster": _aster, "sphere": _sphere
+}  # fmt: skip
+
+
+def _cases() -> Iterator[Case]:
+    newmark = (("scheme", "newmark"),)
+    plain = Impact("plain", cfl=0.25, dynamics=(*newmark, ("massless", "none")))
+    yield Case(FAMILY_NAME, "plain-mass", "A bar on a wall, mass on its skin: it must fail", plain, {"quick": 1}, 4.0)
+    small = Impact("limit", n=16, cfl=0.1, dynamics=newmark, allowed=0.1)
+    yield Case(FAMILY_NAME, "small-steps", "A bar on a wall, a tenth of a cell a step", small, {"full": 1}, 6.0)
+    for cell in ("TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9"):
+        suite = {"quick": 2} if cell in ("TRIA3", "QUAD8") else {"full": 2}
+        yield Case(FAMILY_NAME, f"wall-{cell}", f"A bar of {cell} on a rigid wall", Impact("wall", cell), suite, 6.0)
+    for cell in ("TETRA4", "TETRA10", "HEXA8", "HEXA20", "HEXA27", "PENTA6", "PENTA15", "PENTA18", "PYRAM5", "PYRAM13"):
+        given = Impact("wall", cell, n=8, allowed=0.07)
+        yield Case(FAMILY_NAME, f"wall-{cell}", f"A bar of {cell} on a rigid wall", given, {"full": 2}, 30.0)
+    for cell in ("QUAD4", "QUAD8"):
+        given = Impact("bars", cell, allowed=0.03)
+        yield Case(FAMILY_NAME, f"bars-{cell}", f"A bar of {cell} on a bar of triangles", given, {"full": 2}, 8.0)
+    rod = Impact("rod", n=64, allowed=0.15)
+    yield Case(FAMILY_NAME, "rod", "GetFEM's rod of period 3, over four periods", rod, {"full": 1}, 60.0)
+    aster = Impact("aster", "HEXA8", young=2e11)
+    yield Case(FAMILY_NAME, "sdnl111", "A free bar on a clamped one: code_aster's sdnl111", aster, {"quick": 1}, 10.0)
+    for approach, allowed in ((1e-3, 0.012), (1e-4, 0.004)):
+        given = Impact("sphere", approach=approach, allowed=allowed)
+        description = f"Hertz' impact of a sphere, approach / radius {approach:g}"
+        yield Case(FAMILY_NAME, f"sphere-{approach:g}", description, given, {"full": 1}, 60.0)
+
+
+FAMILY = Family(name=FAMILY_NAME, title="Impacts", text=__doc__, cases=tuple(_cases()), solve=solve_case)
