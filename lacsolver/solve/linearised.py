@@ -30,9 +30,9 @@ from lacsolver.solve.reduced import ReducedProblem
 class LinearisedProblem:
     """Matrices on the unknowns q: `K` (n_q, n_q), and `C` (m, n_q), the rows that stay closed.
 
-    Rows are scaled: C^T C is about as stiff as K. `T` (n_dof, n_q): du/dq. `rigid`: motions that nothing resists;
-    `held`: number of closed rows of each contact pair, of those that yield too. `about_state`: False for the undeformed
-    bodies.
+    Rows are scaled: C^T C is about as stiff as K. `T` (n_dof, n_q): du/dq. `rigid`: motions that nothing resists, and
+    `R` (n_q, r) their unknowns. `held`: number of closed rows of each contact pair, of those that yield too.
+    `about_state`: False for the undeformed bodies.
     """
 
     model: ReducedProblem
