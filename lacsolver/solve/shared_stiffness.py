@@ -28,7 +28,7 @@ from lacsolver.solve.stiffness import embed, leading_unknowns
 from lacsolver.space.space import Space
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class SharedStiffness:
     """Rows of K (n, n) at the own unknowns of this process, and a cycle; see `stiffness.Stiffness` for the methods."""
 
@@ -41,6 +41,9 @@ class SharedStiffness:
     definite: bool = True
 
     iterative = True
+
+    def __post_init__(self) -> None:
+        self._restricted: tuple[Ints, csr_array] | None = None
 
     @cached_property
     def scaling(self) -> NDArray[np.floating]:
@@ -58,10 +61,13 @@ class SharedStiffness:
         return np.asarray(self.K @ q)
 
     def restricted(self, unknowns: Ints) -> csr_array:
-        """Return the rows and columns of K at some unknowns, which all processes have."""
-        assert self.constraints.own is not None
-        own = diags_array(self.constraints.own[unknowns].astype(float))
-        return self.constraints.space.share.add_matrices(csr_array(own @ self.K[unknowns][:, unknowns]), (False, False))
+        """Return the rows and columns of K at some unknowns, which all processes have; the last are kept."""
+        if self._restricted is None or self._restricted[0] is not unknowns:
+            assert self.constraints.own is not None
+            own = diags_array(self.constraints.own[unknowns].astype(float))
+            rows = csr_array(own @ self.K[unknowns][:, unknowns])
+            self._restricted = unknowns, self.constraints.space.share.add_matrices(rows, (False, False))
+        return self._restricted[1]
 
     def cycle(self, f: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 f (n,) at all unknowns."""
