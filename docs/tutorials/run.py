@@ -23,7 +23,15 @@ from lacsolver.cli import main as lacsolver
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 PROGRAMS = {"lacmesh": lacmesh, "lacsolver": lacsolver}
-PAGES = ("gmsh_script.md", "own_mesh.md", "own_solver.md", "p0_mortar.md", "pin_in_lug.md", "step_to_med.md")
+PAGES = (
+    "gmsh_script.md",
+    "impact.md",
+    "own_mesh.md",
+    "own_solver.md",
+    "p0_mortar.md",
+    "pin_in_lug.md",
+    "step_to_med.md",
+)
 
 
 class Command(NamedTuple):
@@ -57,7 +65,8 @@ def run_page(page: Path, folder: Path) -> Iterator[tuple[Command, str]]:
     scripts = [
         f"docs/tutorials/{name}.py" for name in ("gmsh_script", "own_mesh", "half_width", "own_solver", "p0_mortar")
     ]
-    for name in ("data/disc_on_block.msh", "data/pin_in_lug.step", *scripts):
+    impacts = [f"data/impact/{name}.{end}" for name in ("bar_on_wall", "dropping_ball") for end in ("msh", "toml")]
+    for name in ("data/disc_on_block.msh", "data/pin_in_lug.step", *impacts, *scripts):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, folder / name)
     for case in blocks(page, "toml"):

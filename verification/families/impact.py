@@ -14,129 +14,27 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil, sqrt
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import lacmesh
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacsolver.results.motion import ENERGIES, MotionState
+from lacsolver.results.motion import MotionState
 from verification.exact import impact as exact
+from verification.families.impact_runs import Impact, Run, case_text, on_wall, run
 from verification.meshes.balls import sphere_on_wall
 from verification.meshes.bars import WIDTH, bar_on_wall, bars
 from verification.records import Case, Family, Outcome, Published, Result, at_least, at_most, equal, informative
-from verification.solving import Solved, entry, solve
+from verification.solving import entry
 
-Floats = NDArray[np.floating]
 FAMILY_NAME = "impact"
-SIGNS = np.array([-1.0 if name == "external" else 1.0 for name in ENERGIES])
 _CLOSED = 1e-10
 _ACCOUNT = "kinetic + strain - external + damped + contact + numerical = 0"
 _MESHES = Path(os.environ.get("LACMESH_SHARED") or Path(__file__).parents[3] / "shared") / "reference" / "meshes"
-
-
-@dataclass(frozen=True)
-class Impact:
-    """A kind of impact: `wall`, `bars`, `rod`, `bounce`, `aster`, `sphere`.
-
-    `cell`: type of cells; `n`: cells along a bar on the coarsest level; `cfl`: cells that a wave crosses in a step;
-    `dynamics`: keys of [dynamics]; `allowed`: of the error of pressures on the finest level; `approach` of a sphere.
-    """
-
-    kind: str
-    cell: str = "QUAD4"
-    n: int = 16
-    cfl: float = 0.5
-    dynamics: tuple[tuple[str, Any], ...] = ()
-    allowed: float = 0.02
-    approach: float = 1e-3
-    young: float = 1.0
-    poisson: float = 0.3
-    speed: float = 0.01
-
-    @property
-    def dim(self) -> int:
-        """Dimension of space."""
-        return CELLS[self.cell].dim
-
-    @property
-    def c(self) -> float:
-        """Speed of waves in a bar of density 1."""
-        return sqrt(exact.modulus(self.young, self.poisson))
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """A solved impact: `time` (steps,), `pressure` (steps, n), `energies` (steps, 6), and the motion at the end."""
-
-    solved: Solved
-    time: Floats
-    pressure: Floats
-    energies: Floats
-    last: MotionState
-
-    @property
-    def whole(self) -> Floats:
-        """Kinetic and strain energy (steps,), relative to that at the start."""
-        start = self.energies[0, 2]
-        return self.energies[:, :2].sum(axis=1) / start
-
-    @property
-    def unbalanced(self) -> float:
-        """Largest error of the account of energy, relative to the largest energy."""
-        return float(np.abs(self.energies @ SIGNS).max() / np.abs(self.energies).max())
-
-    def error(self, right: float, start: float, last: float) -> float:
-        """Root mean square of the error of pressures from 10 % to 90 % of a contact, relative to the right one."""
-        inside = (self.time > start + 0.1 * last) & (self.time < start + 0.9 * last)
-        return float(np.sqrt(np.mean((self.pressure[inside] / right - 1) ** 2)))
-
-
-def run(text: str, mesh: Mesh) -> Run:
-    """Solve an impact. Raises what `solve` raises."""
-    solved = solve(text, mesh)
-    motions = [MotionState.of(state.step) for state in solved.states]
-    found = [motion for motion in motions if motion is not None]
-    return Run(
-        solved, np.array([state.time for state in solved.states]),
-        np.array([state.zones[0].pressure for state in solved.states]), np.array([m.energies for m in found]),
-        found[-1],
-    )  # fmt: skip
-
-
-def case_text(given: Impact, end: float, count: int, *tables: str, density: float = 1.0) -> str:
-    """The case of bars that cannot move sideways, as TOML."""
-    sides = [(a, f"{a}{e}") for a in "xyz"[: given.dim - 1] for e in "01"]
-    return "\n\n".join(
-        [
-            f'mesh = "bars.msh"\nmodel = "{"plane_strain" if given.dim == 2 else "3d"}"',
-            entry("material", young=given.young, poisson=given.poisson, density=density),
-            *(entry("displacement", group=side, **{f"u{axis}": 0.0}) for axis, side in sides),
-            *tables,
-            entry("dynamics", **dict(given.dynamics)).replace("[[dynamics]]", "[dynamics]"),
-            entry("steps", end=end, count=count).replace("[[steps]]", "[steps]"),
-        ]
-    )
-
-
-def on_wall(given: Impact, n: int) -> tuple[Run, float]:
-    """Throw a bar of n cells on a wall; return the run, and the error of its pressures."""
-    dt, last = given.cfl / n / given.c, 2 / given.c
-    wait = 2.5 * dt
-    count = ceil((wait + 1.3 * last) / dt)
-    made = run(
-        case_text(
-            given, count * dt, count, entry("contact", slave="slave", master="wall"), entry("rigid", group="wall"),
-            entry("initial", groups=["bar"], **{f"v{'xyz'[given.dim - 1]}": -given.speed}),
-        ),
-        bar_on_wall(given.cell, n, wait * given.speed),
-    )  # fmt: skip
-    return made, made.error(given.c * given.speed, wait, last)
 
 
 def solve_case(case: Case, levels: int) -> Outcome:
@@ -156,10 +54,10 @@ def _wall(given: Impact, levels: int) -> Iterator[Result]:
     yield informative("impulse over 2 m v", push, reason="1 is exact; part of the energy stays in vibrations")
 
 
-def _energies(found: Run, least: float, most: float = 1.001) -> Iterator[Result]:
-    yield at_most("largest energy", found.whole.max(), most, source="no energy is created")
+def _energies(found: Run, least: float, closed: float = _CLOSED, reason: str = "") -> Iterator[Result]:
+    yield at_most("largest energy", found.whole.max(), 1.001, source="no energy is created")
     yield at_least("energy at the end", found.whole[-1], least, source="the rebound is elastic")
-    yield at_most("account of energy", found.unbalanced, _CLOSED, source=_ACCOUNT)
+    yield at_most("account of energy", found.unbalanced, closed, source=_ACCOUNT, reason=reason)
 
 
 def _limit(given: Impact, levels: int) -> Iterator[Result]:
@@ -288,7 +186,9 @@ def _sphere(given: Impact, levels: int) -> Iterator[Result]:
     yield equal("duration over Hertz'", (on[-1] - on[0] + 1) * dt / right.duration, 1.0, max(allowed, 0.007),
                 source="Hertz 1882", reason="as of the force, and a step of 1/200")  # fmt: skip
     yield equal("openings", float((np.diff(on) > 1).sum() + 1), 1, 0, source="one impact", reason="exact")
-    yield from _energies(made, 0.99)
+    narrow = given.approach < 1e-3
+    why = "its narrow cells have an aspect ratio of some hundreds: round-off of K u is 1e-9 of the forces"
+    yield from _energies(made, 0.99, 1e-9 if narrow else _CLOSED, why if narrow else "")
 
 
 _SOLVED = {
@@ -304,9 +204,13 @@ def _cases() -> Iterator[Case]:
     yield Case(FAMILY_NAME, "small-steps", "A bar on a wall, a tenth of a cell a step", small, {"full": 1}, 6.0)
     for cell in ("TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9"):
         suite = {"quick": 2} if cell in ("TRIA3", "QUAD8") else {"full": 2}
-        yield Case(FAMILY_NAME, f"wall-{cell}", f"A bar of {cell} on a rigid wall", Impact("wall", cell), suite, 6.0)
+        given = Impact("wall", cell, dynamics=newmark)
+        yield Case(FAMILY_NAME, f"wall-{cell}", f"A bar of {cell} on a rigid wall", given, suite, 6.0)
+    for cell in ("TRIA3", "QUAD4", "QUAD8"):
+        description = f"A bar of {cell} on a rigid wall, HHT with alpha = 0.05"
+        yield Case(FAMILY_NAME, f"wall-hht-{cell}", description, Impact("wall", cell), {"full": 2}, 6.0)
     for cell in ("TETRA4", "TETRA10", "HEXA8", "HEXA20", "HEXA27", "PENTA6", "PENTA15", "PENTA18", "PYRAM5", "PYRAM13"):
-        given = Impact("wall", cell, n=8, allowed=0.07)
+        given = Impact("wall", cell, n=8, dynamics=newmark, allowed=0.07)
         yield Case(FAMILY_NAME, f"wall-{cell}", f"A bar of {cell} on a rigid wall", given, {"full": 2}, 30.0)
     for cell in ("QUAD4", "QUAD8"):
         given = Impact("bars", cell, allowed=0.03)

@@ -189,6 +189,16 @@ def _sliding() -> str:
     )  # fmt: skip
 
 
+def _impact() -> str:
+    return "".join(
+        (
+            _box("slave", 170, 30, 80, 110), _grid(170, 30, 80, 110, 2, 5), _path("skin", "M170 140H250"),
+            _path("master", "M60 158H360V180H60z"), _ground(60, 180, 300), _arrow(300, 50, 0, 50), _word(330, 80, "v"),
+            _arrow(150, 134, 0, -70), _word(128, 100, "c"), _word(210, 20, "a wave goes up and comes back"),
+        )
+    )  # fmt: skip
+
+
 def _scaling() -> str:
     dots = [(90.0, 142.0), (160.0, 117.0), (230.0, 92.0), (300.0, 68.0)]
     return "".join(
@@ -210,6 +220,7 @@ _DRAWN: dict[str, tuple[str, Callable[[], str]]] = {
     "manufactured": ("a block deformed onto a rigid curved surface, and the same block at rest", _manufactured),
     "inf-sup": ("a skin of four macro-elements, each with a constant multiplier and an inner node", _inf_sup),
     "sliding": ("a rounded die pressed on a block and drawn along it", _sliding),
+    "impact": ("a bar that flies at a rigid wall, and the wave that goes up in it", _impact),
     "scaling": ("seconds against size, both as logarithms, beside a line of slope one", _scaling),
 }
 

@@ -1,0 +1,120 @@
+"""Runs of the family `impact`: what an impact is made of, its case, and what is looked at of its motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
+from lacsolver.results.motion import ENERGIES, MotionState
+from verification.exact import impact as exact
+from verification.meshes.bars import bar_on_wall
+from verification.solving import Solved, entry, solve
+
+Floats = NDArray[np.floating]
+#: signs of the energies in their account
+SIGNS = np.array([-1.0 if name == "external" else 1.0 for name in ENERGIES])
+
+
+@dataclass(frozen=True)
+class Impact:
+    """A kind of impact: `wall`, `bars`, `rod`, `bounce`, `aster`, `sphere`.
+
+    `cell`: type of cells; `n`: cells along a bar on the coarsest level; `cfl`: cells that a wave crosses in a step;
+    `dynamics`: keys of [dynamics]; `allowed`: of the error of pressures on the finest level; `approach` of a sphere.
+    """
+
+    kind: str
+    cell: str = "QUAD4"
+    n: int = 16
+    cfl: float = 0.5
+    dynamics: tuple[tuple[str, Any], ...] = ()
+    allowed: float = 0.02
+    approach: float = 1e-3
+    young: float = 1.0
+    poisson: float = 0.3
+    speed: float = 0.01
+
+    @property
+    def dim(self) -> int:
+        """Dimension of space."""
+        return CELLS[self.cell].dim
+
+    @property
+    def c(self) -> float:
+        """Speed of waves in a bar of density 1."""
+        return sqrt(exact.modulus(self.young, self.poisson))
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A solved impact: `time` (steps,), `pressure` (steps, n), `energies` (steps, 6), and the motion at the end."""
+
+    solved: Solved
+    time: Floats
+    pressure: Floats
+    energies: Floats
+    last: MotionState
+
+    @property
+    def whole(self) -> Floats:
+        """Kinetic and strain energy (steps,), relative to that at the start."""
+        start = self.energies[0, 2]
+        return self.energies[:, :2].sum(axis=1) / start
+
+    @property
+    def unbalanced(self) -> float:
+        """Largest error of the account of energy, relative to the largest energy."""
+        return float(np.abs(self.energies @ SIGNS).max() / np.abs(self.energies).max())
+
+    def error(self, right: float, start: float, last: float) -> float:
+        """Root mean square of the error of pressures from 10 % to 90 % of a contact, relative to the right one."""
+        inside = (self.time > start + 0.1 * last) & (self.time < start + 0.9 * last)
+        return float(np.sqrt(np.mean((self.pressure[inside] / right - 1) ** 2)))
+
+
+def run(text: str, mesh: Mesh) -> Run:
+    """Solve an impact. Raises what `solve` raises."""
+    solved = solve(text, mesh)
+    motions = [MotionState.of(state.step) for state in solved.states]
+    found = [motion for motion in motions if motion is not None]
+    return Run(
+        solved, np.array([state.time for state in solved.states]),
+        np.array([state.zones[0].pressure for state in solved.states]), np.array([m.energies for m in found]),
+        found[-1],
+    )  # fmt: skip
+
+
+def case_text(given: Impact, end: float, count: int, *tables: str, density: float = 1.0) -> str:
+    """The case of bars that cannot move sideways, as TOML."""
+    sides = [(a, f"{a}{e}") for a in "xyz"[: given.dim - 1] for e in "01"]
+    return "\n\n".join(
+        [
+            f'mesh = "bars.msh"\nmodel = "{"plane_strain" if given.dim == 2 else "3d"}"',
+            entry("material", young=given.young, poisson=given.poisson, density=density),
+            *(entry("displacement", group=side, **{f"u{axis}": 0.0}) for axis, side in sides),
+            *tables,
+            entry("dynamics", **dict(given.dynamics)).replace("[[dynamics]]", "[dynamics]"),
+            entry("steps", end=end, count=count).replace("[[steps]]", "[steps]"),
+        ]
+    )
+
+
+def on_wall(given: Impact, n: int) -> tuple[Run, float]:
+    """Throw a bar of n cells on a wall; return the run, and the error of its pressures."""
+    dt, last = given.cfl / n / given.c, 2 / given.c
+    wait = 2.5 * dt
+    count = ceil((wait + 1.3 * last) / dt)
+    made = run(
+        case_text(
+            given, count * dt, count, entry("contact", slave="slave", master="wall"), entry("rigid", group="wall"),
+            entry("initial", groups=["bar"], **{f"v{'xyz'[given.dim - 1]}": -given.speed}),
+        ),
+        bar_on_wall(given.cell, n, wait * given.speed),
+    )  # fmt: skip
+    return made, made.error(given.c * given.speed, wait, last)
