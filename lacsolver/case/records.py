@@ -123,7 +123,10 @@ class Material(Entry):
         needs=Needs("law", ("orthotropic",)),
     )  # fmt: skip
     density: float = key(
-        Number(NOT_NEGATIVE), "mass / length³", "mass per volume, for [gravity] and [dynamics]", default=0.0
+        Number(NOT_NEGATIVE),
+        "mass / length³",
+        "mass per volume, for weight, motion and natural modes",
+        default=0.0,
     )
     expansion: float | tuple[float, float, float] = key(
         ThreeNumbers(),

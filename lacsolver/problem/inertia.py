@@ -172,7 +172,7 @@ class Inertia:
             if len(empty):
                 key = "mass" if (empty < self.space.dim).any() else "inertia"
                 message = f"{body.name!r} moves freely under its loads and has no {key}"
-                raise wrong(body.record, f"{message}, which [dynamics] needs; give {key}")
+                raise wrong(body.record, f"{message}; give its {key}, or hold it")
 
 
 def _points(space: Space, body: RigidBody) -> RigidBody:

@@ -32,7 +32,7 @@ class LinearisedProblem:
 
     Rows are scaled: C^T C is about as stiff as K. `T` (n_dof, n_q): du/dq. `rigid`: motions that nothing resists, and
     `R` (n_q, r) their unknowns. `held`: number of closed rows of each contact pair, of those that yield too.
-    `about_state`: False for the undeformed bodies.
+    `q` (n_q,) and `t`: unknowns and time of the state. `about_state`: False for the undeformed bodies.
     """
 
     model: ReducedProblem
@@ -42,6 +42,8 @@ class LinearisedProblem:
     rigid: tuple[FreeMotion, ...]
     R: NDArray[np.floating]
     held: dict[str, int]
+    q: Floats
+    t: float
     about_state: bool = False
 
     @classmethod
@@ -60,7 +62,7 @@ class LinearisedProblem:
         return cls(
             model, K, _scaled(csr_array(B[moved & ~yields]), K), T, rigid, R,
             {g.pair.name: int(moved[_between(base.closed, g.rows)].sum()) for g in base.contact.groups if g.pair},
-            at is not None,
+            base.q, base.t, at is not None,
         )  # fmt: skip
 
 

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats
-from lacsolver.bodies.mass import assemble_mass
+from lacsolver.case import Dynamics
 from lacsolver.linear import SingularError, choose
+from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import describe
 from lacsolver.results.modes import NaturalModes
@@ -24,7 +24,6 @@ from lacsolver.solve.eigenmodes import EigenProblem, orthonormal
 from lacsolver.solve.linearised import LinearisedProblem
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.stiffness import FactorCache, Stiffness
-from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 
 
@@ -55,16 +54,15 @@ def natural_modes(
     _check_alone(problem)
     model = ReducedProblem(problem)
     lin = LinearisedProblem.of(model, at)
-    M = assemble_mass(problem.space, problem.materials, mass)
-    M_q = model.reduced(M, lin.T)
-    _check_mass(lin, M_q)
+    inertia = _inertia(problem, mass)
+    M_q = inertia.reduced(inertia.M, lin.q, lin.t)
     system = EigenProblem(lin.K, M_q, lin.C, orthonormal(lin.R, M_q))
     if system.count < 1:
         raise DataError("nothing can vibrate: all displacements are prescribed, or those of rigid bodies")
     omega2, Q = system.lowest(count, _factor(lin, system))
-    along = _translations(problem.space)
-    toward = np.asarray(lin.T.T @ (M @ along))
-    whole = np.sum(along * (M @ along), axis=0)
+    along = _translations(inertia)
+    toward = np.asarray(inertia.tangent(lin.q, lin.t).T @ (inertia.M @ along))
+    whole = np.sum(along * (inertia.M @ along), axis=0)
     shapes, modal, effective = _told(lin, Q, toward)
     rigid_shapes, _, rigid_effective = _told(lin, system.R, toward)
     return NaturalModes(
@@ -88,10 +86,17 @@ def _axes(space: Space) -> str:
     return "y" if space.model.axisymmetric else "xyz"[: space.dim]
 
 
-def _translations(space: Space) -> NDArray[np.floating]:
-    """Return the unit displacements (n_dof, axes) of the whole model along its axes."""
+def _inertia(problem: Problem, mass: str) -> Inertia:
+    """Return the inertia of a problem, with the mass of all nodes in its place. Raises DataError, CaseError."""
+    how, finite = Dynamics(massless="none", mass=mass), problem.case.kinematics == "finite"
+    return Inertia.of(problem.space, problem.materials, problem.constraints, (), how, finite)
+
+
+def _translations(inertia: Inertia) -> NDArray[np.floating]:
+    """Return the displacements (n_w, axes) of nodes and points if the whole model is moved by 1 along each axis."""
+    space = inertia.space
     chosen = ["xyz".index(axis) for axis in _axes(space)]
-    return np.tile(np.eye(space.dim)[:, chosen], (space.mesh.n_nodes, 1))
+    return np.tile(np.eye(space.dim)[:, chosen], (inertia.M.shape[0] // space.dim, 1))
 
 
 def _told(
@@ -120,16 +125,3 @@ def _factor(lin: LinearisedProblem, system: EigenProblem) -> Stiffness:
             message = "the tangent stiffness of the state is not positive definite, so that the state is not stable"
             raise SingularError(f"{message}; take another time, by --from", error.dof) from error
         raise lin.model.explained(error) from error
-
-
-def _check_mass(lin: LinearisedProblem, M: csr_array) -> None:
-    """Raise CaseError for a rigid body that moves freely without any mass."""
-    for body in lin.model.problem.constraints.rigid:
-        if body.record.mass is not None and body.free.any():
-            message = f"natural modes do not count the mass and inertia given for {body.name!r}"
-            raise wrong(body.record, f"{message}; hold the body, or make it of cells with a density")
-    light = M.diagonal() <= 0
-    for body in lin.model.problem.constraints.rigid:
-        if light[body.columns[body.free]].any():
-            message = f"{body.name!r} moves freely and has no mass, so that it has no natural modes"
-            raise wrong(body.record, f"{message}; hold it, or name nodes of cells with a density")

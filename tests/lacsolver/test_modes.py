@@ -360,13 +360,30 @@ def test_a_rigid_part_of_a_body_keeps_the_mass_of_its_cells():
     assert (stiffer.frequencies > free.frequencies).all()
 
 
+def plate(more):
+    """A rigid plate beside a block, loaded along y, with more keys."""
+    mesh = joined(with_sides(square("QUAD4", 2)), Mesh.create([[0, 2], [3, 2]], [("SEG2", [[0, 1]])], space_dim=2))
+    return mesh, '[[rigid]]\ngroup = "b"\nux = 0.0\nfy = -1.0\n' + more
+
+
 def test_a_rigid_surface_without_mass_is_refused():
-    solid = with_sides(square("QUAD4", 2))
-    plate = Mesh.create([[0.0, 2.0], [3.0, 2.0]], [("SEG2", [[0, 1]])], space_dim=2)
-    mesh = joined(solid, plate)
-    case = text(sections='[[rigid]]\ngroup = "b"\nux = 0.0\nfy = -1.0\n')
-    with pytest.raises(CaseError, match=r"'b' moves freely and has no mass"):
-        modes_of(mesh, case, 2)
+    mesh, sections = plate("")
+    with pytest.raises(CaseError, match=r"'b' moves freely under its loads and has no mass; give its mass, or hold it"):
+        modes_of(mesh, text(sections=sections), 2)
+    mesh, sections = plate("mass = 2.0\nmoment = 0.0\n")
+    with pytest.raises(CaseError, match=r"'b' moves freely under its loads and has no inertia; give its inertia"):
+        modes_of(mesh, text(sections=sections), 2)
+
+
+def test_a_rigid_surface_with_mass_on_a_spring_is_an_oscillator():
+    """A plate on springs at its ends, 3 apart: f = sqrt(k / m) / 2 pi along y, sqrt(k_t / J) / 2 pi in rotation."""
+    mesh, sections = plate("mass = 2.0\ninertia = 5.0\nmoment = 0.0\n")
+    ends = "".join(f"[[spring]]\nat = [{x}, 2.0]\nky = 1e-4\n" for x in (0.0, 3.0))
+    modes = modes_of(mesh, text(sections=sections + ends), 2)
+    expected = np.sqrt(np.array([2e-4 / 2.0, 2 * 1e-4 * 1.5**2 / 5.0])) / (2 * np.pi)
+    assert modes.frequencies == pytest.approx(np.sort(expected), rel=1e-10)
+    assert modes.mass == pytest.approx(2.0 + DENSITY, rel=1e-12) and len(modes.rigid) == 3
+    assert sorted(modes.effective_masses[:, 1]) == pytest.approx([0.0, 2.0], abs=1e-9)
 
 
 @pytest.mark.parametrize(
