@@ -50,7 +50,7 @@ $(PETSC)/.installed: pyproject.toml tools/system.sh tools/python.sh
 	@bash tools/system.sh petsc
 	@python=$$(bash tools/python.sh) && $$python -m venv $(PETSC)
 	@echo "installing lacsolver with PETSc into $(PETSC) (some 100 MB to fetch the first time)"
-	@$(PETSC)/bin/pip install --quiet --disable-pip-version-check -e '.[petsc]' pytest hypothesis
+	@$(PETSC)/bin/pip install --quiet --disable-pip-version-check -e '.[petsc,multigrid]' pytest hypothesis
 	@touch $@
 
 demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks together, and draw both

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from lacsolver.bodies.mass import assemble_mass
 from lacsolver.bodies.material import Materials
@@ -41,6 +42,7 @@ def found(comm):
         "n_dof": space.dim * share.part.n_nodes,
         "difference": float(abs(placed - product).max()),
         "cycles": cycles(problem),
+        "kinds": kinds(problem),
     }
 
 
@@ -66,3 +68,19 @@ def quality(K, A, cycle, x, y):
     left = x - cycle(A(x))
     one, other = dot(y, cycle(x)), dot(x, cycle(y))
     return float(dot(left, A(left)) / dot(x, A(x))), float(abs(one - other) / abs(one))
+
+
+def kinds(problem):
+    """PETSc's name of each preconditioner, one set up after the other in the same process."""
+    from lacsolver.distributed.launch import import_petsc
+    from lacsolver.linear.petsc import petsc_matrix, set_up
+
+    petsc, share = import_petsc(), problem.space.share
+    own = problem.space.dofs(np.flatnonzero(share.own)).ravel()
+    one = csr_array((np.ones(len(own)), (np.arange(len(own)), own)), shape=(len(own), problem.space.n_dof))
+    number = problem.space.dofs(share.number).ravel()
+    modes = np.tile(np.eye(problem.space.dim), (len(own) // problem.space.dim, 1))
+    return [
+        set_up(petsc, petsc_matrix(petsc, share.comm, one, number, problem.space.dim), modes, backend).getType()
+        for backend in ("gamg", "hypre", "mumps", "gamg")
+    ]

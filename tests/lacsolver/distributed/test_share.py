@@ -54,6 +54,10 @@ def test_the_cycle_with_rows_of_contact_reduces_errors_as_that_without(told):
         assert left < 0.2 and unsymmetric < 1e-5
 
 
+def test_a_backend_is_taken_after_another_in_the_same_process(told):
+    assert [one["kinds"] for one in told] == [["gamg", "hypre", "lu", "gamg"]] * 2
+
+
 def one_process_has(told):
     """Number of unknowns of the whole model."""
     (n,) = {one["n_dof"] for one in told}
