@@ -37,7 +37,7 @@ from meshes import blocks
 import lacsolver.contact.interface
 import lacsolver.problem.problem
 import lacsolver.solve.active_set
-import lacsolver.solve.stepping
+import lacsolver.solve.attempt
 import lacsolver.solve.stiffness
 from lacmesh import Mesh
 from lacsolver.bodies.small import assemble_stiffness
@@ -93,7 +93,7 @@ def watched(clock: Clock, solved: list[SaddleSolution]) -> ExitStack:
         (lacsolver.solve.stiffness.FactorCache, "factorise", "set-up", None),
         (lacsolver.solve.stiffness.FactorCache, "factorise_on_nodes", "set-up", None),
         (lacsolver.solve.active_set, "solve_saddle", "loops", solved),
-        (lacsolver.solve.stepping, "coarse_start", "coarse start", None),
+        (lacsolver.solve.attempt, "coarse_start", "coarse start", None),
     ]
     stack = ExitStack()
     for module, name, phase, kept in places:

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import lacsolver.solve.stepping
+import lacsolver.solve.attempt
+from lacsolver.solve.attempt import first_iterate
 from lacsolver.solve.coarse_start import _CoarseLevel, _joined, coarse_start
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.stepping import _first, march
+from lacsolver.solve.stepping import march
 from lacsolver.solve.tolerances import ConvergenceTolerance
 from tests.lacsolver.test_coupled import moment
 from tests.skips import REPOSITORY
@@ -60,14 +61,14 @@ def test_joined_rows_are_sums_of_the_rows_of_one_pair(hertz):
 
 def test_the_first_set_is_near_the_last_and_the_state_is_the_same(hertz, monkeypatch):
     problem, step = hertz
-    start = _first(step)
+    start = first_iterate(step)
     assert not start.active.any()
     near = coarse_start(step.reference, step.f, step.contact(start.q), start, TOLERANCE)
     *_, state = march(problem)
     closed = state.zones[0].status == 1
     assert (near.active != closed).sum() < 0.35 * closed.sum()
     assert np.linalg.norm(near.q - state.step.iterate.q) < 0.2 * np.linalg.norm(state.step.iterate.q)
-    monkeypatch.setattr(lacsolver.solve.stepping, "coarse_start", lambda K, f, contact, start, tolerance: start)
+    monkeypatch.setattr(lacsolver.solve.attempt, "coarse_start", lambda K, f, contact, start, tolerance: start)
     *_, other = march(problem)
     assert np.array_equal(other.zones[0].status, state.zones[0].status)
     size = state.zones[0].pressure.max()
@@ -77,11 +78,11 @@ def test_the_first_set_is_near_the_last_and_the_state_is_the_same(hertz, monkeyp
 
 def test_bodies_on_contact_alone_and_laws_with_a_history_start_as_they_are(hertz):
     floating = moment(6, "multigrid", free=True)
-    start = _first(floating)
+    start = first_iterate(floating)
     given = floating.reference, floating.f, floating.contact(start.q)
     assert coarse_start(*given, start, TOLERANCE) is start
     _, step = hertz
-    start, contact = _first(step), step.contact(np.zeros(len(step.f)))
+    start, contact = first_iterate(step), step.contact(np.zeros(len(step.f)))
     law = replace_law(contact, n_history=1)
     assert coarse_start(step.reference, step.f, law, start, TOLERANCE) is start
     assert coarse_start(step.reference, step.f, replace_law(contact, exact=True), start, TOLERANCE) is start
