@@ -133,9 +133,12 @@ class SharedHalo:
         number = np.concatenate([self._first + np.arange(self._n_own), self._ghosts])
         placed = (A.data, number[A.indices], A.indptr)
         whole = bsr_array(placed, shape=(A.shape[0], self._block * self._whole)).tocsr()
-        added = self._processes.add_matrices(csr_array(whole), (False, False)).tocsc()
-        columns = slice(self._block * self._first, self._block * (self._first + self._n_own))
-        return bsr_array(added[:, columns].tobsr((1, self._block)))
+        added = self._processes.add_matrices(csr_array(whole), (False, False)).tocoo()
+        row, column = added.coords[0], added.coords[1] - self._block * self._first
+        own = (column >= 0) & (column < self._block * self._n_own)
+        shape = A.shape[0], self._block * self._n_own
+        made = csr_array((added.data[own], (row[own], column[own])), shape=shape)
+        return bsr_array(made.tobsr((1, self._block)))
 
 
 class Everywhere:

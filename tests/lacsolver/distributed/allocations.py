@@ -65,7 +65,7 @@ def main():
     comm = MPI.COMM_WORLD
     solved(divided(folder / "first", 6, 0, comm), comm)  # modules and kernels are loaded
     for fixed in (0, 1):
-        models = [divided(folder / f"{fixed}.{layers}", layers, fixed, comm) for layers in (6, 40)]
+        models = [divided(folder / f"{fixed}.{layers}", layers, fixed, comm) for layers in (6, 160)]
         found = [watched(MPI, place) for place in models]
         if comm.rank == fixed:
             sizes = [np.load(place / "figures.npy").tolist() for place in models]
