@@ -7,6 +7,8 @@ in 2^20, so that nodes in one plane of the model are in one plane here, wherever
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,38 @@ Bools = NDArray[np.bool_]
 _PLANES = 2**20
 #: two sides whose lengths differ by less are of one length, relative to the longer one
 _EQUAL = 1e-6
+#: bits of a digit of a plane, and the number of digits below the highest one
+_BITS, _DIGITS = 7, 2
+
+
+class Holders(Protocol):
+    """Interface of the processes that hold some points together, in the order of the points; all call each method."""
+
+    def total(self, x: NDArray) -> NDArray:
+        """Return the sum of an array over all processes."""
+
+    def greatest(self, x: NDArray) -> NDArray:
+        """Return the largest value of all processes at each place of an array."""
+
+    def before(self, count: int) -> int:
+        """Return the sum of a number over the processes before this one."""
+
+
+class _Alone:
+    """The holder of all points."""
+
+    def total(self, x: NDArray) -> NDArray:
+        return x
+
+    def greatest(self, x: NDArray) -> NDArray:
+        return x
+
+    def before(self, count: int) -> int:
+        return 0
+
+
+#: the holder of all points
+ALONE = _Alone()
 
 
 def distribute_nodes(mesh: Mesh, n: int) -> Ints:
@@ -32,9 +66,17 @@ def distribute_nodes(mesh: Mesh, n: int) -> Ints:
     array([0, 1, 0, 1, 1], dtype=int32)
     """
     check_count(mesh, n)
-    x = np.ascontiguousarray(mesh.points.T)
-    _check_finite(mesh, x)
-    return bisect(x, n)
+    return distribute_points(mesh.points, mesh.node_number, n)
+
+
+def distribute_points(points: Floats, number: Ints, n: int, holders: Holders = ALONE) -> Ints:
+    """Return the rank (k,) that owns each of the points (k, 3) that this one of their `holders` has.
+
+    `number` (k,): how messages name them. Raises DataError for coordinates that are not finite.
+    """
+    x = np.ascontiguousarray(points.T)
+    _check_finite(x, number, holders)
+    return bisect(x, n, holders)
 
 
 def check_count(mesh: Mesh, n: int) -> None:
@@ -43,48 +85,77 @@ def check_count(mesh: Mesh, n: int) -> None:
         raise RequestError(f"a mesh of {mesh.n_nodes:,} nodes has from 1 to {mesh.n_nodes:,} parts, not {n:,}")
 
 
-def bisect(x: Floats, n: int) -> Ints:
-    """Return the box (k,), 0 to n - 1, that each of the points x (3, k) belongs to."""
+def bisect(x: Floats, n: int, holders: Holders = ALONE) -> Ints:
+    """Return the box (k,), 0 to n - 1, that each of the points x (3, k) belongs to.
+
+    `holders`: the processes that hold the points, each of which gives its own here and gets their boxes.
+    """
     box = np.zeros(x.shape[1], np.int32)
-    left = [(np.arange(x.shape[1]), x, 0, n)]
+    left = [(np.arange(x.shape[1]), x, int(holders.total(np.array(x.shape[1]))), 0, n)]
     while left:
-        nodes, x, first, count = left.pop()
+        nodes, x, size, first, count = left.pop()
         if count == 1:
             box[nodes] = first
             continue
         low = count // 2
-        lower = _come_first(x, len(nodes) * low // count)
-        left.append((nodes[lower], np.compress(lower, x, axis=1), first, low))
-        left.append((nodes[~lower], np.compress(~lower, x, axis=1), first + low, count - low))
+        below = size * low // count
+        lower = _come_first(x, below, holders)
+        left.append((nodes[lower], np.compress(lower, x, axis=1), below, first, low))
+        left.append((nodes[~lower], np.compress(~lower, x, axis=1), size - below, first + low, count - low))
     return box
 
 
-def _come_first(x: Floats, size: int) -> Bools:
+def _come_first(x: Floats, size: int, holders: Holders) -> Bools:
     """Return a mask (k,) of the first `size` (>= 1) of the points x (3, k) along the longest side of their box.
 
     Of points in one plane across it the other coordinates decide, of points at one place their order.
     """
-    corner, sides = x.min(axis=1), np.ptp(x, axis=1)
+    corner, upper = extent(x, holders)
+    sides = upper - corner
     longest = sides.max()
     axis = int(np.argmax(sides >= (1 - _EQUAL) * longest))
     first = np.zeros(x.shape[1], bool)
     tied: Ints = np.arange(x.shape[1])
     for k in (axis, (axis + 1) % 3, (axis + 2) % 3):
         plane = np.rint((x[k, tied] - corner[k]) / (longest or 1.0) * _PLANES).astype(np.int32)
-        last = np.partition(plane, size - 1)[size - 1]
-        before = tied[plane < last]
-        first[before] = True
-        size -= len(before)
+        last, size = _nth(plane, size, holders)
+        first[tied[plane < last]] = True
         tied = tied[plane == last]
-    first[tied[:size]] = True
+    first[tied[: max(size - holders.before(len(tied)), 0)]] = True
     return first
 
 
-def _check_finite(mesh: Mesh, x: Floats) -> None:
-    """Raise DataError if a node of a mesh, at x (3, n_nodes), has no place, or the model no finite size."""
+def extent(x: Floats, holders: Holders) -> tuple[Floats, Floats]:
+    """Return the lower and the upper corner (3,) of the box of the points x (3, k) of all holders."""
+    ends = np.stack([-x.min(axis=1, initial=np.inf), x.max(axis=1, initial=-np.inf)])
+    least, upper = holders.greatest(ends)
+    return -least, upper
+
+
+def _nth(plane: Ints, n: int, holders: Holders) -> tuple[int, int]:
+    """Return the n-th smallest (n >= 1) of the planes (k,) of all holders, and n less the number of smaller ones.
+
+    The counts of each digit are added up, from the highest to the lowest: few numbers, however many planes there are.
+    """
+    found = 0
+    for shift in range(_DIGITS * _BITS, -1, -_BITS):
+        digit = plane >> shift
+        count = np.cumsum(holders.total(np.bincount(digit, minlength=1 << _BITS)))
+        last = int(np.searchsorted(count, n))
+        n -= int(count[last - 1]) if last else 0
+        found += last << shift
+        plane = plane[digit == last] & ((1 << shift) - 1)
+    return found, n
+
+
+def _check_finite(x: Floats, number: Ints, holders: Holders) -> None:
+    """Raise DataError if one of the points x (3, k) has no place, or all of them no finite extent."""
     with np.errstate(over="ignore", invalid="ignore"):
-        finite = not mesh.n_nodes or np.isfinite(np.ptp(x, axis=1)).all()
-    if not finite:
-        far = np.nan_to_num(np.abs(mesh.points), nan=np.inf).max(axis=1)
-        number = mesh.node_number[int(far.argmax())]
-        raise DataError(f"node {number} has a coordinate that is not finite, or is huge; repair or remove it")
+        lower, upper = extent(x, holders)
+        finite = np.isfinite(upper - lower).all()
+    if not finite and int(holders.total(np.array(x.shape[1]))):
+        far = np.nan_to_num(np.abs(x), nan=np.inf).max(axis=0, initial=0.0)
+        farthest = far.max(initial=0.0)
+        here = farthest == holders.greatest(np.array(farthest)) and len(far) > 0
+        told = int(holders.greatest(np.array(number[far.argmax()] if here else -1, np.int64)))
+        raise DataError(f"node {told} has a coordinate that is not finite, or is huge; repair or remove it")
