@@ -14,41 +14,18 @@ from __future__ import annotations
 import warnings
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import h5py
 import numpy as np
 
-from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError, did_you_mean, some
-from lacmesh.formats.med import families, fields, notes
-from lacmesh.formats.med.hdf5 import (
-    Branch,
-    Name,
-    add_array,
-    add_group,
-    compact,
-    created,
-    encoded,
-    opened,
-    text,
-)
-from lacmesh.formats.med.types import MED_TYPES, NOT_READ, MedType
-from lacmesh.formats.notes import zone_names
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.errors import LacmeshWarning, WriteError
+from lacmesh.formats.med import families, fields, notes, reader
+from lacmesh.formats.med.hdf5 import add_array, add_group, compact, created, encoded, text
+from lacmesh.formats.med.types import MED_TYPES, MedType
+from lacmesh.mesh import Ints, Mesh
 
-_OF_NAME = {kind.name: kind for kind in MED_TYPES}
 _OF_TYPE = {kind.type: kind for kind in MED_TYPES}
-#: Where a file may keep cells: as cells, or in old files as faces and edges (the first that has a type counts).
-_ENTITIES = ("MAI", "FAC", "ARE")
-#: Parts of a file, or of a mesh, that no Mesh holds.
-_NOT_CARRIED = {
-    "EQS": "equivalences",
-    "JNT": "joints",
-    "NUM_DATA": "parameters",
-    "LIENS": "links to other files",
-    "STR": "structure elements",
-    "INTERP": "interpolation functions",
-}
 
 
 def read(path: Path, mesh: str | None = None) -> Mesh:
@@ -58,217 +35,15 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     choice of the mesh. What is left out is named in one LacmeshWarning.
     """
     said: list[str] = []
-    with opened(path) as root:
-        _check_version(root)
-        chosen = _read_mesh(root, _chosen(root, mesh), said)
+    made = reader.read(path, mesh, said)
     _say(path, said)
-    return chosen
+    return made
 
 
 def _say(path: Path | None, said: list[str]) -> None:
     if said:
         where = f"{path}: " if path else "MED: "
         warnings.warn(where + "; ".join(said), LacmeshWarning, stacklevel=3)
-
-
-def _check_version(root: Branch) -> None:
-    if not root.has("INFOS_GENERALES"):
-        raise ReadError(root.path, "is an HDF5 file, but not MED (it has no INFOS_GENERALES)")
-    infos = root.branch("INFOS_GENERALES")
-    version = infos.integer("MAJ"), infos.integer("MIN", 0)
-    if not (2, 2) <= version < (5, 0):
-        raise infos.error(f"MED version {version[0]}.{version[1]} is not read; versions 2.2 to 4.2 are")
-
-
-def _chosen(root: Branch, wanted: str | None) -> Name:
-    """The link to the mesh of that name, or to the only one."""
-    links = {text(name): name for name in root.branch("ENS_MAA").names()} if root.has("ENS_MAA") else {}
-    if not links:
-        raise ReadError(root.path, "holds no mesh")
-    if wanted is None and len(links) > 1:
-        raise RequestError(f"{root.path} holds {len(links)} meshes, say which: {', '.join(sorted(links))}")
-    if wanted is not None and wanted not in links:
-        raise RequestError(f"{root.path} holds no mesh named {wanted!r}{did_you_mean(wanted, links)}")
-    return links[wanted] if wanted is not None else next(iter(links.values()))
-
-
-class _Cells(NamedTuple):
-    """All cells of one type in the file: nodes (k, n) from 0, numbers and families (k,) where the file has them."""
-
-    kind: MedType
-    support: str
-    nodes: Ints
-    number: Ints | None
-    family: Ints
-
-
-def _read_mesh(root: Branch, name: Name, said: list[str]) -> Mesh:
-    home = root.branch("ENS_MAA").branch(name)
-    if home.integer("TYP", 0) != 0:
-        raise home.error("is a structured grid, which is not read; turn it into cells (MEDCoupling: buildUnstructured)")
-    step = _step(home, said)
-    points, space_dim = _read_points(home, step)
-    nodes = step.branch("NOE")
-    cells = _read_cells(step, len(points), said)
-    of_cells, of_nodes = families.read(root, home, name, said)
-    cell_family = np.concatenate([np.empty(0, np.int64), *(c.family for c in cells)])
-    cell_groups = families.members(cell_family, of_cells, "cells", said)
-    node_groups = families.members(_family(nodes, len(points)), of_nodes, "nodes", said)
-    bounds = np.cumsum([0, *(len(c.nodes) for c in cells)])
-    supports = {c.support: np.arange(lo, hi) for c, (lo, hi) in zip(cells, pairwise(bounds), strict=True)}
-    supports["NOE"] = np.arange(len(points))
-    data = fields.read(root, name, supports, {"NOE": len(points), "MAI": int(bounds[-1])}, said)
-    noted = notes.read(root, text(name), len(points), said)
-    if "group_tags" in noted:  # another program may have taken groups away
-        noted["group_tags"] = {name: tags for name, tags in noted["group_tags"].items() if name in cell_groups}
-    if not noted.get("zones"):
-        noted["zones"] = zone_names(data.cell_data, cell_groups)
-    _say_not_carried(root, home, step, said)
-    return Mesh.create(
-        points,
-        [(c.kind.type, c.nodes) for c in cells],
-        space_dim=space_dim,
-        node_number=_distinct(_number(nodes, len(points)), np.arange(1, len(points) + 1), "nodes", said),
-        cell_number=_cell_numbers(cells, said),
-        cell_groups=cell_groups,
-        node_groups=node_groups,
-        name=text(name),
-        **data._asdict(),
-        **noted,
-    )
-
-
-def _step(home: Branch, said: list[str]) -> Branch:
-    """Group that holds nodes and cells: the mesh's step without a number, else its first; in MED 2.3 the mesh."""
-    if any(home.has(place) for place in ("NOE", *_ENTITIES)):
-        return home
-    steps = [step for _, step in home.branches() if step.has_attribute("NDT")]
-    if not steps:
-        raise home.error("has neither nodes nor steps")
-    timeless = [step for step in steps if (step.integer("NDT"), step.integer("NOR", -1)) == (-1, -1)]
-    if len(steps) > 1:
-        said.append(f"only one of the {len(steps)} steps of the mesh is read")
-    return (timeless or steps)[0]
-
-
-def _read_points(home: Branch, step: Branch) -> tuple[Floats, int]:
-    """Points (n, 3), and the number of coordinates in the file (2 if it has one)."""
-    nodes = step.branch("NOE")
-    values = nodes.reals("COO")
-    counted = nodes.has_attribute("NBR", of="COO")
-    n = nodes.integer("NBR", of="COO") if counted else -1
-    dim = home.integer("ESP", len(values) // n if n > 0 else home.integer("DIM"))
-    if not counted and 1 <= dim <= 3:
-        n = len(values) // dim
-    if not 1 <= dim <= 3 or len(values) != n * dim:
-        raise nodes.error(f"holds {len(values)} values for {n} nodes in {dim} dimensions", "COO")
-    if home.integer("REP", nodes.integer("REP", 0, of="COO")) != 0:
-        raise nodes.error("is cylindrical or spherical; only Cartesian coordinates are read", "COO")
-    points = np.zeros((n, 3))
-    points[:, :dim] = values.reshape(dim, n).T
-    finite = np.isfinite(points)
-    if not finite.all():
-        bad = np.flatnonzero(~finite.all(axis=1))
-        number = _number(nodes, n)
-        names = some(bad + 1 if number is None else number[bad])
-        raise nodes.error(f"the coordinates of nodes {names} are not finite numbers", "COO")
-    return points, max(dim, 2)
-
-
-def _read_cells(step: Branch, n_nodes: int, said: list[str]) -> list[_Cells]:
-    """The cells of each type, in the order of the file where it has one, else in libmed's."""
-    cells_of: dict[str, _Cells] = {}
-    named = step.branch("NOE").has("NOM")
-    for entity in _ENTITIES:
-        for link in _in_order(step.branch(entity)) if step.has(entity) else ():
-            name = text(link)
-            part = step.branch(entity).branch(link)
-            named = named or part.has("NOM")
-            if name in cells_of:
-                said.append(f"{entity}/{name} is left out, {cells_of[name].support} has such cells too")
-            elif (cells := _read_type(part, entity, name, n_nodes)) is not None:
-                cells_of[name] = cells
-    if named:
-        said.append("names of single nodes and cells are left out")
-    return list(cells_of.values())
-
-
-def _in_order(inside: Branch) -> list[Name]:
-    order = {kind.name: k for k, kind in enumerate(MED_TYPES)}
-    names = inside.names()
-    return names if inside.ordered else sorted(names, key=lambda n: order.get(text(n), len(order)))
-
-
-def _read_type(part: Branch, entity: str, name: str, n_nodes: int) -> _Cells | None:
-    """The cells of one type; None where there are none."""
-    if name not in _OF_NAME:
-        raise part.error(f"{NOT_READ.get(name, f'cells of type {name}')} are not read")
-    kind = _OF_NAME[name]
-    width = len(kind.nodes)
-    if not part.has("NOD"):
-        if part.has("DES"):
-            raise part.error("gives cells by their faces (descending connectivity), which is not read")
-        return None
-    values = part.integers("NOD")
-    n = part.integer("NBR", len(values) // width, of="NOD")
-    if n < 0 or len(values) != n * width:
-        raise part.error(f"holds {len(values)} values for {n} cells of {width} nodes", "NOD")
-    if n == 0:
-        return None
-    if values.min() < 1 or values.max() > n_nodes:
-        raise _stray_node(part, kind, values, n_nodes)
-    nodes = np.empty((n, width), np.int64)
-    nodes[:, kind.nodes] = values.reshape(width, n).T
-    nodes -= 1
-    return _Cells(kind, f"{entity}.{name}", nodes, _number(part, n), _family(part, n))
-
-
-def _stray_node(part: Branch, kind: MedType, values: Ints, n_nodes: int) -> ReadError:
-    """The error for a cell one of whose nodes, counted from 1, is not there."""
-    n = len(values) // len(kind.nodes)
-    place = int(((values < 1) | (values > n_nodes)).argmax())
-    number = _number(part, n)
-    cell = place % n + 1 if number is None else number[place % n]
-    return part.error(f"the {kind.type} {cell} has node {values[place]}, and there are {n_nodes} nodes", "NOD")
-
-
-def _number(part: Branch, size: int) -> Ints | None:
-    return part.integers("NUM", size).astype(np.int64) if part.has("NUM") else None
-
-
-def _family(part: Branch, size: int) -> Ints:
-    return part.integers("FAM", size).astype(np.int64) if part.has("FAM") else np.zeros(size, np.int64)
-
-
-def _cell_numbers(cells: list[_Cells], said: list[str]) -> Ints:
-    """Cell numbers (n_cells,): the file's, or counted in libmed's order of types for a type that has none."""
-    first: dict[str, int] = {}
-    for c in sorted(cells, key=lambda c: c.kind.bit):
-        first[c.support] = 1 + sum(len(other.nodes) for other in cells if other.support in first)
-    counted = [first[c.support] + np.arange(len(c.nodes)) for c in cells]
-    given = [by_count if c.number is None else c.number for c, by_count in zip(cells, counted, strict=True)]
-    none = np.empty(0, np.int64)
-    return _distinct(np.concatenate([none, *given]), np.concatenate([none, *counted]), "cells", said)
-
-
-def _distinct(number: Ints | None, counted: Ints, what: str, said: list[str]) -> Ints:
-    """The file's numbers if they are distinct, else `counted`."""
-    if number is None:
-        return counted
-    if (np.diff(number) > 0).all():
-        return number
-    ordered = np.sort(number)
-    again = ordered[1:][ordered[1:] == ordered[:-1]]
-    if not len(again):
-        return number
-    said.append(f"{what} are numbered from 1, the file gives several the number {again[0]}")
-    return counted
-
-
-def _say_not_carried(root: Branch, home: Branch, step: Branch, said: list[str]) -> None:
-    for name, what in _NOT_CARRIED.items():
-        if any(place.has(name) and place.branch(name).names() for place in (root, home, step)):
-            said.append(f"{what} are left out")
 
 
 def write(path: Path, mesh: Mesh) -> None:

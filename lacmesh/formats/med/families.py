@@ -87,19 +87,19 @@ def _names(family: Branch) -> list[str]:
     return [text(raw[k * NAME_SIZE : (k + 1) * NAME_SIZE]) for k in range(count)]
 
 
-def members(family: Ints, families: Families, what: str, said: list[str]) -> dict[str, Ints]:
+def members(family: Ints, families: Families) -> dict[str, Ints]:
     """Sorted indices of each group, from the family number of each cell or node; groups without members included."""
     order = np.argsort(family, kind="stable")
     ordered = family[order]
     starts = np.flatnonzero(np.diff(ordered, prepend=ordered[:1] - 1))
     pieces: dict[str, list[Ints]] = {name: [] for names in families.values() for name in names}
-    unknown = []
     for lo, hi in pairwise([*starts, len(ordered)]):
-        number = int(ordered[lo])
-        if number and number not in families:
-            unknown.append(number)
-        for name in families.get(number, ()):
+        for name in families.get(int(ordered[lo]), ()):
             pieces[name].append(order[lo:hi])
-    if unknown:
-        said.append(f"{what} in {len(unknown)} undefined families (as {unknown[0]}) get no group from them")
     return {name: np.sort(np.concatenate([*pieces[name], order[:0]])) for name in sorted(pieces)}
+
+
+def undefined(used: Ints, families: Families, what: str) -> list[str]:
+    """Message about those of the family numbers in use, ascending, that the file does not define; none if it does."""
+    unknown = [number for number in used.tolist() if number and number not in families]
+    return [f"{what} in {len(unknown)} undefined families (as {unknown[0]}) get no group from them"] if unknown else []

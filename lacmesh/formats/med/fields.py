@@ -21,6 +21,7 @@ from lacmesh.errors import WriteError
 from lacmesh.formats.med.hdf5 import (
     Branch,
     Name,
+    RowRange,
     add_array,
     add_group,
     compact,
@@ -38,8 +39,17 @@ _KINDS = {"float64": 6, "int32": 24, "int64": 26}
 _CELLS, _NODES = 1, 8
 #: A support to write on: its name, the bit of its type, the indices in the mesh of its nodes or cells.
 _Support = tuple[str, int, Ints]
+#: Entries of a profile that are read at a time.
+_PIECE = 1 << 18
 #: Bytes of the name of a field, of a mesh; of a component.
 _NAME_SIZE, _SHORT = 64, 16
+
+
+class Support(NamedTuple):
+    """Nodes, or cells of one type, that are read: their `rows` among all in the file, the `first` one's index here."""
+
+    rows: RowRange
+    first: int
 
 
 class _Leaf(NamedTuple):
@@ -61,10 +71,10 @@ class Data(NamedTuple):
     steps: dict[str, Step]
 
 
-def read(root: Branch, mesh: Name, supports: Mapping[str, Ints], sizes: Mapping[str, int], said: list[str]) -> Data:
-    """Read the fields on nodes and cells of the mesh.
+def read(root: Branch, mesh: Name, supports: Mapping[str, Support], sizes: Mapping[str, int], said: list[str]) -> Data:
+    """Read the fields on nodes and cells of the mesh, or on those of a slice of it.
 
-    `supports`: support -> indices in the mesh of its nodes or cells; `sizes`: numbers of nodes (NOE) and cells (MAI).
+    `supports`: by the names of the file; `sizes`: numbers of nodes (NOE) and cells (MAI) that are read.
     What lies elsewhere (nodes of each cell, Gauss points) is named in `said`. Raises ReadError.
     """
     data = Data({}, {}, {})
@@ -88,7 +98,7 @@ def read(root: Branch, mesh: Name, supports: Mapping[str, Ints], sizes: Mapping[
 
 
 def _field(
-    root: Branch, field: Branch, mesh: Name, supports: Mapping[str, Ints], sizes: Mapping[str, int]
+    root: Branch, field: Branch, mesh: Name, supports: Mapping[str, Support], sizes: Mapping[str, int]
 ) -> tuple[dict[tuple[str, Step], NDArray], bool]:
     """Values of a field on all nodes or cells, by (NOE or MAI, step); and False if some of its values are left out."""
     width = field.integer("NCO")
@@ -99,14 +109,11 @@ def _field(
             whole = False
             at_cells = at_cells and leaf.support not in supports
             continue
-        rows = supports[leaf.support]
-        if text(leaf.profile) not in ("", NO_PROFILE):
-            rows = rows[_profile(root, leaf.profile, len(rows))]
         if width < 1:
             raise field.error(f"has {width} components")
-        values = leaf.branch.numbers("CO", len(rows) * width).reshape(width, -1).T
         where = "NOE" if leaf.support == "NOE" else "MAI"
-        pieces.setdefault((where, Step("", leaf.number, leaf.order, leaf.time)), []).append((rows, values))
+        there = pieces.setdefault((where, Step("", leaf.number, leaf.order, leaf.time)), [])
+        there += _values(root, leaf, supports[leaf.support], width)
     return {
         (where, step): _assembled(field, part, sizes[where], width)
         for (where, step), part in pieces.items()
@@ -131,16 +138,31 @@ def _leaves(field: Branch, mesh: Name) -> Iterator[_Leaf]:
                     yield _Leaf(*when, text(outer), branch.string("PFL"), branch)
 
 
-def _profile(root: Branch, name: Name, size: int) -> Ints:
-    """Indices, from 0, of the rows that a profile lists as having a value."""
+def _values(root: Branch, leaf: _Leaf, support: Support, width: int) -> Iterator[tuple[Ints, NDArray]]:
+    """Yield the indices of nodes or cells that are read, and their values (k, width)."""
+    rows, first = support
+    if text(leaf.profile) in ("", NO_PROFILE):
+        values = leaf.branch.numbers("CO", rows.size * width, rows)
+        yield first + np.arange(rows.n), values.reshape(width, -1).T
+        return
+    home = _profile(root, leaf.profile)
+    size = home.count("PFL", "iu")
+    for start in range(0, max(size, 1), _PIECE):
+        piece = RowRange(start, min(start + _PIECE, size), size)
+        place = home.integers("PFL", None, piece).astype(np.int64) - 1
+        if len(place) and (place.min() < 0 or place.max() >= rows.size):
+            raise home.error(f"holds a number outside 1..{rows.size}", "PFL")
+        values = leaf.branch.numbers("CO", size * width, piece).reshape(width, -1).T
+        ours = (place >= rows.start) & (place < rows.stop)
+        yield first + place[ours] - rows.start, values[ours]
+
+
+def _profile(root: Branch, name: Name) -> Branch:
+    """The group of a profile: the numbers, from 1, of the rows that have a value."""
     homes = root.branch("PROFILS")
     if not homes.has(name):  # MED 2.3 may fill up the link, or the name of it, with blanks
         name = next((n for n in homes.names() if text(n) == text(name)), name)
-    home = homes.branch(name)
-    places = home.integers("PFL").astype(np.int64) - 1
-    if len(places) and (places.min() < 0 or places.max() >= size):
-        raise home.error(f"holds a number outside 1..{size}", "PFL")
-    return places
+    return homes.branch(name)
 
 
 def _assembled(field: Branch, parts: list[tuple[Ints, NDArray]], size: int, width: int) -> NDArray:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import h5py
 import numpy as np
@@ -27,6 +27,19 @@ Name = str | bytes
 #: What h5py raises on a damaged file.
 _DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError, MemoryError)
 _MISSING: Final = object()
+
+
+class RowRange(NamedTuple):
+    """Rows `start` to `stop` of arrays of `size` rows, each of which MED keeps column by column in a dataset."""
+
+    start: int
+    stop: int
+    size: int
+
+    @property
+    def n(self) -> int:
+        """Number of the rows."""
+        return self.stop - self.start
 
 
 def text(name: Any) -> str:
@@ -192,27 +205,40 @@ class Branch:
             self.check_room(dataset.dtype.itemsize * int(dataset.size), name, dataset.chunks is not None)
         return dataset
 
-    def _numbers(self, name: Name, kinds: str, size: int | None) -> NDArray:
+    def _of_kind(self, name: Name, kinds: str) -> Any:
         dataset = self._dataset(name)
+        if dataset.dtype.kind not in kinds:
+            raise self.error(f"holds {dataset.dtype}, expected {'integers' if 'f' not in kinds else 'reals'}", name)
+        return dataset
+
+    def count(self, name: Name, kinds: str) -> int:
+        """Number of values of a dataset of numbers; `kinds`: the letters that numpy has for their kinds."""
+        return int(self._of_kind(name, kinds).size)
+
+    def _numbers(self, name: Name, kinds: str, size: int | None, rows: RowRange | None) -> NDArray:
+        dataset = self._of_kind(name, kinds)
         with self._looking_at(name):
-            if dataset.dtype.kind not in kinds:
-                raise self.error(f"holds {dataset.dtype}, expected {'integers' if 'f' not in kinds else 'reals'}", name)
             if size is not None and dataset.size != size:
                 raise self.error(f"holds {dataset.size} values, expected {size}", name)
-            values = np.asarray(dataset[()]).reshape(-1)
+            if rows is None or rows.n == rows.size or dataset.ndim != 1:
+                values = np.asarray(dataset[()]).reshape(-1)
+            if rows is not None and rows.n < rows.size:
+                flat = dataset if dataset.ndim == 1 else values
+                starts = range(0, dataset.size, rows.size)
+                values = np.concatenate([flat[start + rows.start : start + rows.stop] for start in starts])
             return values.astype(values.dtype.newbyteorder("="), copy=False)
 
-    def integers(self, name: Name, size: int | None = None) -> Ints:
-        """Values of a dataset of integers, (size,)."""
-        return self._numbers(name, "iu", size)
+    def integers(self, name: Name, size: int | None = None, rows: RowRange | None = None) -> Ints:
+        """Values of a dataset of integers, (size,), or those in some `rows` of each of its columns."""
+        return self._numbers(name, "iu", size, rows)
 
-    def reals(self, name: Name, size: int | None = None) -> Floats:
-        """Values of a dataset of reals, (size,)."""
-        return self._numbers(name, "f", size).astype(float, copy=False)
+    def reals(self, name: Name, size: int | None = None, rows: RowRange | None = None) -> Floats:
+        """Values of a dataset of reals, (size,), or those in some `rows`."""
+        return self._numbers(name, "f", size, rows).astype(float, copy=False)
 
-    def numbers(self, name: Name, size: int | None = None) -> NDArray:
-        """Values of a dataset of integers or reals, (size,)."""
-        return self._numbers(name, "iuf", size)
+    def numbers(self, name: Name, size: int | None = None, rows: RowRange | None = None) -> NDArray:
+        """Values of a dataset of integers or reals, (size,), or those in some `rows`."""
+        return self._numbers(name, "iuf", size, rows)
 
     def rows(self, name: Name, start: int, stop: int) -> NDArray:
         """Rows `start` to `stop` of a dataset of numbers, (stop - start, ...); no others are read."""

@@ -1,0 +1,213 @@
+"""MED read: the mesh of a file, or a slice of it, which has some rows of each array, so that nobody holds the whole.
+
+Slice k of n has as many consecutive nodes, and cells of each type, as any other; their nodes are indices in the whole.
+Families, groups, names and sizes are those of the whole file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.errors import ReadError, RequestError, did_you_mean
+from lacmesh.formats.med import families, fields, notes
+from lacmesh.formats.med.blocks import ENTITIES, Cells, Slice, family_in, number_in, read_cells, read_points
+from lacmesh.formats.med.hdf5 import Branch, Name, RowRange, opened, text
+from lacmesh.formats.notes import zone_names
+from lacmesh.mesh import Floats, Ints, Mesh
+
+#: Parts of a file that no Mesh holds.
+_NOT_CARRIED = {
+    "EQS": "equivalences",
+    "JNT": "joints",
+    "NUM_DATA": "parameters",
+    "LIENS": "links to other files",
+    "STR": "structure elements",
+    "INTERP": "interpolation functions",
+}
+
+
+@dataclass(frozen=True)
+class MeshSlice:
+    """A slice of a file's mesh: the nodes in `rows`, with points (k, 3), numbers if there are any, and families (k,).
+
+    `cell_families`, `node_families`: the groups of each family of the file. `noted`: further fields of the mesh.
+    `said`: what is left out.
+    """
+
+    name: str
+    rows: RowRange
+    points: Floats
+    space_dim: int
+    node_number: Ints | None
+    node_family: Ints
+    cells: tuple[Cells, ...]
+    cell_families: families.Families
+    node_families: families.Families
+    data: fields.Data
+    noted: dict[str, Any]
+    said: tuple[str, ...]
+
+    @property
+    def dim(self) -> int:
+        """The highest dimension of a cell of the whole mesh."""
+        return max((ALL_CELLS[c.kind.type].dim for c in self.cells), default=0)
+
+    @property
+    def cell_family(self) -> Ints:
+        """(k,): the family of each cell."""
+        return np.concatenate([np.empty(0, np.int64), *(c.family for c in self.cells)])
+
+    def numbers(self, repeated: Callable[[Ints], int | None], said: list[str]) -> tuple[Ints, Ints]:
+        """Return the numbers of the nodes and of the cells: the file's if they are distinct, else they are counted.
+
+        `repeated`: a function that returns a number which occurs twice in the whole mesh, or None. Types without
+        numbers are counted in libmed's order.
+        """
+        counted = np.arange(self.rows.start, self.rows.stop) + 1
+        nodes = _distinct(self.node_number, counted, "nodes", repeated, said)
+        first: dict[str, int] = {}
+        for c in sorted(self.cells, key=lambda c: c.kind.bit):
+            first[c.support] = 1 + sum(other.rows.size for other in self.cells if other.support in first)
+        by_count = [first[c.support] + np.arange(c.rows.start, c.rows.stop) for c in self.cells]
+        given = [by if c.number is None else c.number for c, by in zip(self.cells, by_count, strict=True)]
+        none = np.empty(0, np.int64)
+        all_cells = np.concatenate([none, *given]), np.concatenate([none, *by_count])
+        return nodes, _distinct(*all_cells, "cells", repeated, said)
+
+
+def read(path: Path, mesh: str | None, said: list[str]) -> Mesh:
+    """Read the mesh of a file, or the one of that name; see `lacmesh.formats.med.read`."""
+    content = read_slice(path, Slice(), mesh)
+    said += content.said
+    cell_groups = families.members(content.cell_family, content.cell_families)
+    for what, used, defined in (
+        ("cells", content.cell_family, content.cell_families),
+        ("nodes", content.node_family, content.node_families),
+    ):
+        said += families.undefined(np.unique(used), defined, what)
+    noted = content.noted
+    if not noted.get("zones"):
+        noted["zones"] = zone_names(content.data.cell_data, cell_groups)
+    node_number, cell_number = content.numbers(_repeated, said)
+    return Mesh.create(
+        content.points,
+        [(c.kind.type, c.nodes) for c in content.cells],
+        space_dim=content.space_dim,
+        node_number=node_number,
+        cell_number=cell_number,
+        cell_groups=cell_groups,
+        node_groups=families.members(content.node_family, content.node_families),
+        name=content.name,
+        **content.data._asdict(),
+        **noted,
+    )
+
+
+def read_slice(path: Path, piece: Slice, mesh: str | None = None) -> MeshSlice:
+    """Read a slice of the mesh of a file, or of the one of that name. Raises ReadError, RequestError."""
+    with opened(path) as root:
+        _check_version(root)
+        return _read_slice(root, _chosen(root, mesh), piece)
+
+
+def _read_slice(root: Branch, name: Name, piece: Slice) -> MeshSlice:
+    said: list[str] = []
+    home = root.branch("ENS_MAA").branch(name)
+    if home.integer("TYP", 0) != 0:
+        raise home.error("is a structured grid, which is not read; turn it into cells (MEDCoupling: buildUnstructured)")
+    step = _step(home, said)
+    points, space_dim, rows = read_points(home, step, piece)
+    nodes = step.branch("NOE")
+    cells = read_cells(step, rows.size, piece, said)
+    of_cells, of_nodes = families.read(root, home, name, said)
+    starts = np.cumsum([0, *(len(c.nodes) for c in cells)]).tolist()
+    supports = {c.support: fields.Support(c.rows, start) for c, start in zip(cells, starts, strict=False)}
+    supports["NOE"] = fields.Support(rows, 0)
+    data = fields.read(root, name, supports, {"NOE": rows.n, "MAI": starts[-1]}, said)
+    noted = notes.read(root, text(name), rows.size, said)
+    if "group_tags" in noted:  # another program may have taken groups away
+        there = {group for names in of_cells.values() for group in names}
+        noted["group_tags"] = {group: tags for group, tags in noted["group_tags"].items() if group in there}
+    _say_not_carried(root, home, step, said)
+    return MeshSlice(
+        name=text(name),
+        rows=rows,
+        points=points,
+        space_dim=space_dim,
+        node_number=number_in(nodes, rows),
+        node_family=family_in(nodes, rows),
+        cells=tuple(cells),
+        cell_families=of_cells,
+        node_families=of_nodes,
+        data=data,
+        noted=noted,
+        said=tuple(said),
+    )
+
+
+def _check_version(root: Branch) -> None:
+    if not root.has("INFOS_GENERALES"):
+        raise ReadError(root.path, "is an HDF5 file, but not MED (it has no INFOS_GENERALES)")
+    infos = root.branch("INFOS_GENERALES")
+    version = infos.integer("MAJ"), infos.integer("MIN", 0)
+    if not (2, 2) <= version < (5, 0):
+        raise infos.error(f"MED version {version[0]}.{version[1]} is not read; versions 2.2 to 4.2 are")
+
+
+def _chosen(root: Branch, wanted: str | None) -> Name:
+    """The link to the mesh of that name, or to the only one."""
+    links = {text(name): name for name in root.branch("ENS_MAA").names()} if root.has("ENS_MAA") else {}
+    if not links:
+        raise ReadError(root.path, "holds no mesh")
+    if wanted is None and len(links) > 1:
+        raise RequestError(f"{root.path} holds {len(links)} meshes, say which: {', '.join(sorted(links))}")
+    if wanted is not None and wanted not in links:
+        raise RequestError(f"{root.path} holds no mesh named {wanted!r}{did_you_mean(wanted, links)}")
+    return links[wanted] if wanted is not None else next(iter(links.values()))
+
+
+def _step(home: Branch, said: list[str]) -> Branch:
+    """Group that holds nodes and cells: the mesh's step without a number, else its first; in MED 2.3 the mesh."""
+    if any(home.has(place) for place in ("NOE", *ENTITIES)):
+        return home
+    steps = [step for _, step in home.branches() if step.has_attribute("NDT")]
+    if not steps:
+        raise home.error("has neither nodes nor steps")
+    timeless = [step for step in steps if (step.integer("NDT"), step.integer("NOR", -1)) == (-1, -1)]
+    if len(steps) > 1:
+        said.append(f"only one of the {len(steps)} steps of the mesh is read")
+    return (timeless or steps)[0]
+
+
+def _distinct(
+    number: Ints | None, counted: Ints, what: str, repeated: Callable[[Ints], int | None], said: list[str]
+) -> Ints:
+    """The file's numbers if they are distinct, else `counted`."""
+    if number is None:
+        return counted
+    again = repeated(number)
+    if again is None:
+        return number
+    said.append(f"{what} are numbered from 1, the file gives several the number {again}")
+    return counted
+
+
+def _repeated(number: Ints) -> int | None:
+    """The smallest number that occurs several times, or None."""
+    if (np.diff(number) > 0).all():
+        return None
+    ordered = np.sort(number)
+    again = ordered[1:][ordered[1:] == ordered[:-1]]
+    return int(again[0]) if len(again) else None
+
+
+def _say_not_carried(root: Branch, home: Branch, step: Branch, said: list[str]) -> None:
+    for name, what in _NOT_CARRIED.items():
+        if any(place.has(name) and place.branch(name).names() for place in (root, home, step)):
+            said.append(f"{what} are left out")
