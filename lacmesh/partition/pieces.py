@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +54,13 @@ def pieces_of(mesh: Mesh, owner: Ints) -> MeshPieces:
         mask[cells] = True
         under.append(np.flatnonzero(nodes_of(mesh, mask)))
     return MeshPieces(n_ranks, skins, _joined(node, under), _joined(cell, behind))
+
+
+def cells_of_ranks(mesh: Mesh, owner: Ints, n_ranks: int, everywhere: Ints) -> PieceIndices:
+    """Return the cells that each rank needs: those at its own nodes, and the cells `everywhere` (k,)."""
+    _, cell = _of_ranks(mesh, owner, n_ranks)
+    needed = [np.union1d(cell.index[first:last], everywhere) for first, last in pairwise(cell.start)]
+    return PieceIndices(np.concatenate(needed), np.cumsum([0, *map(len, needed)]))
 
 
 def _of_ranks(mesh: Mesh, owner: Ints, n_ranks: int) -> tuple[PieceIndices, PieceIndices]:

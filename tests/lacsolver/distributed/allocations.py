@@ -68,7 +68,7 @@ def main():
     solved(divided(folder / "first", 6, 0, comm), comm)  # modules and kernels are loaded
     for fixed in (0, 1):
         models = [divided(folder / f"{fixed}.{layers}", layers, fixed, comm) for layers in (6, 160)]
-        found = [watched(MPI, place) for place in models]
+        found = [watched(MPI, lambda place=place: solved(place, comm)) for place in models]
         if comm.rank == fixed:
             sizes = [np.load(place / "figures.npy").tolist() for place in models]
             told = {"fixed": fixed, "grown": grown(*found), "sizes": sizes, "largest": max(found[0].values())}
@@ -149,8 +149,8 @@ _MORE = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, cty
 _KEPT = []  # what numpy has pointers to, until the process ends
 
 
-def watched(MPI, folder):
-    """Largest allocation of numpy's arrays, and largest message of pickled objects, by place, of a run: bytes."""
+def watched(MPI, work):
+    """Largest allocation of numpy's arrays, and largest message of pickled objects, by place, of some work: bytes."""
     largest = {}
 
     def seen(size):
@@ -163,7 +163,7 @@ def watched(MPI, folder):
         lambda *given: noted(pickle.dumps(*given), seen), lambda data, *more: pickle.loads(noted(data, seen), *more)
     )
     try:
-        solved(folder, MPI.COMM_WORLD)
+        work()
     finally:
         MPI.pickle.__init__()
         set_handler(before)

@@ -1,0 +1,71 @@
+"""Parts of meshes that processes read by slices, compared with those of the whole mesh: a program for `test_slices`."""
+
+from __future__ import annotations
+
+import json
+import sys
+import traceback
+import warnings
+from pathlib import Path
+
+import lacmesh
+from lacmesh.errors import LacmeshError
+from lacmesh.partition import cut_part, distribute_nodes, part_of
+from lacsolver.distributed.collective import Collective
+from lacsolver.distributed.launch import import_mpi
+from lacsolver.distributed.slices import read_in_slices
+from tests.lacsolver.distributed.allocations import watched
+from tests.partition.compare import differences
+
+#: groups of skin faces that each part is to have, as far as the file has them
+SKINS = ("slave", "master", "none", "absent")
+
+
+def main():
+    """Print what is told of each file; an unexpected error ends all processes."""
+    MPI = import_mpi()
+    try:
+        told(MPI, Path(sys.argv[1]))
+    except Exception:
+        traceback.print_exc()
+        MPI.COMM_WORLD.Abort(1)
+
+
+def told(MPI, folder):
+    """Print for each file, and for 1, 2 and all processes, what differs on any of them; then the allocations."""
+    world = MPI.COMM_WORLD
+    for n in (1, 2, world.size):
+        group = Collective(world.Split(min(world.rank // n, 1)))
+        for path in sorted(folder.glob("*.med")) if world.rank < n else ():
+            told = group.comm.gather(found(path, group))
+            if world.rank == 0:
+                print(json.dumps([n, path.name, told]), flush=True)
+        if n > 1 and world.rank < n:
+            (path,) = folder.glob("large/*.med")
+            sizes = watched(MPI, lambda path=path, group=group: read_in_slices(path, group, ["slave", "master"]))
+            told = group.comm.gather(sizes)
+            if world.rank == 0:
+                print(json.dumps([n, "allocations", told]), flush=True)
+
+
+def found(path, group):
+    """Return what differs in the part of this process, as it is and cut; or the error."""
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        try:
+            part = read_in_slices(path, group, SKINS)
+        except LacmeshError as error:
+            return f"{error.status} {error}"
+    if part is None:
+        return "read as a whole"
+    with warnings.catch_warnings(record=True) as heard_of_one:
+        warnings.simplefilter("always")
+        mesh = lacmesh.read(path)
+    skins = [name for name in SKINS if name in mesh.cell_groups]
+    there = part_of(mesh, distribute_nodes(mesh, group.n), group.rank, everywhere=skins)
+    told = differences(there, part)
+    if [str(one.message) for one in heard] != [str(one.message) for one in heard_of_one]:
+        told.append(f"warnings: {[str(one.message) for one in heard]}")
+    if "blocks" in path.name:
+        told += differences(cut_part(there, "slave"), cut_part(part, "slave"), "part")
+    return told

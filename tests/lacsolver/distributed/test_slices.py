@@ -1,0 +1,203 @@
+"""Parts that processes read by slices are those of the whole mesh; what cannot be read is told as by one process."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import warnings
+
+import h5py
+import numpy as np
+import pytest
+
+from lacmesh import Mesh, ReadError, cut_skin, read, write
+from lacsolver.cli import main as solver_main
+from tests.lacsolver.distributed.allocations import box
+from tests.lacsolver.distributed.mpi import ROOT, in_ranks, own_lines
+from tests.meshes import random_mesh
+from verification.meshes.blocks import joined
+
+pytestmark = pytest.mark.petsc
+PROGRAM = "from tests.lacsolver.distributed.sliced import main; main()"
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A folder of MED files: whole, odd, damaged, and one in `large`."""
+    folder = tmp_path_factory.mktemp("files")
+    blocks = read(ROOT / "data" / "two_blocks.msh")
+    write(folder / "blocks.med", blocks)
+    write(folder / "blocks_cut.med", cut_skin(blocks, "slave").mesh)
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        mesh = random_mesh(rng, dim=2 + seed % 2, order=1 + seed // 2, interior=seed % 3 == 0, twins=True)
+        write(folder / f"random_{seed}.med", twice(mesh) if seed % 2 else mesh)
+    write(folder / "skins_of_second_body.med", twice(read(folder / "random_0.med"), grouped=1))
+    for name, change in CHANGES.items():
+        shutil.copy(folder / "blocks.med", folder / f"{name}.med")
+        with h5py.File(folder / f"{name}.med", "r+") as file:
+            change(file, next(iter(next(iter(file["ENS_MAA"].values())).values())))
+    (folder / "large").mkdir()
+    column = [(column_of(800, -200.0, 0.0), {"z1": "master"}), (column_of(4, 0.0, 1.0), {"z0": "slave"})]
+    write(folder / "large" / "column.med", joined(column))
+    return folder
+
+
+def twice(mesh, grouped=0):
+    """A mesh and a copy of it, apart from it, whose numbers follow; groups of cells in both, or in the copy alone."""
+    n, counts = mesh.n_nodes, np.diff(mesh.offsets)
+    first = np.arange(mesh.n_cells) + np.repeat(mesh.offsets[:-1], counts)
+    second = first + np.repeat(counts, counts)
+    order = np.argsort(np.concatenate([first, second]))
+    number = np.concatenate([mesh.cell_number, mesh.cell_number + mesh.cell_number.max()])
+    return Mesh.create(
+        np.vstack([mesh.points, mesh.points + np.array([5.0, 0.0, 0.0])]),
+        [(b.type, np.concatenate([b.nodes, b.nodes + n])) for b in mesh.blocks],
+        space_dim=mesh.space_dim,
+        node_number=np.concatenate([mesh.node_number, mesh.node_number + mesh.node_number.max()]),
+        cell_number=number[order],
+        cell_groups={
+            name: np.concatenate([first[ids], second[ids]][grouped:]) for name, ids in mesh.cell_groups.items()
+        },
+        node_groups={name: np.concatenate([ids, ids + n]) for name, ids in mesh.node_groups.items()},
+        cell_data={name: np.concatenate([v, v])[order] for name, v in mesh.cell_data.items()},
+        node_data={name: np.concatenate([v, v]) for name, v in mesh.node_data.items()},
+    )
+
+
+def column_of(layers, low, high):
+    """A column of 4 by 4 HEXA8 between two heights."""
+    return box((4, 4, layers), low, high)
+
+
+def repeat_numbers(file, step):
+    """Give the first and the last node one number, and likewise the cells of a type."""
+    step["NOE/NUM"][-1] = step["NOE/NUM"][0]
+    part = next(iter(step["MAI"].values()))
+    part["NUM"][-1] = part["NUM"][0]
+
+
+def move_to_one_place(file, step):
+    """Give all nodes the same coordinates."""
+    step["NOE/COO"][:] = 1.0
+
+
+def leave_families_out(file, step):
+    """Remove the families of the cells."""
+    del next(iter(file["FAS"].values()))["ELEME"]
+
+
+def forget_zones(file, step):
+    """Record a cut without the names of its zones."""
+    if "LACMESH" in file:
+        del file["LACMESH"]
+    field = file.require_group("CHA").create_group("lac_macro")
+    field.attrs.update({"NCO": np.int32(1), "MAI": np.bytes_(next(iter(file["ENS_MAA"])))})
+    support = field.create_group("x")
+    support.attrs.update({"NDT": np.int32(-1), "NOR": np.int32(-1)})
+    kind, part = next(iter(step["MAI"].items()))
+    leaf = support.create_group(f"MAI.{kind}/MED_NO_PROFILE_INTERNAL")
+    leaf["CO"] = np.zeros(len(part["FAM"]), np.int32)
+
+
+def add_a_stray_node(file, step):
+    """Let the last cell of a type have a node that is not there."""
+    list(step["MAI"].values())[-1]["NOD"][-1] = 10**6
+
+
+def lose_a_coordinate(file, step):
+    """Let a coordinate be no number."""
+    step["NOE/COO"][100] = np.nan
+
+
+def cut_families_short(file, step):
+    """Leave the last family of the nodes out."""
+    families = step["NOE/FAM"][:-1]
+    del step["NOE/FAM"]
+    step["NOE/FAM"] = families
+
+
+CHANGES = {
+    "repeated_numbers": repeat_numbers,
+    "one_place": move_to_one_place,
+    "no_families": leave_families_out,
+    "unnamed_zones": forget_zones,
+    "stray_node": add_a_stray_node,
+    "no_number": lose_a_coordinate,
+    "short_families": cut_families_short,
+}
+DAMAGED = ("stray_node", "no_number", "short_families")
+
+
+@pytest.fixture(scope="module")
+def told(files):
+    """The findings of each process, by the number of processes and the file."""
+    done = in_ranks(3, PROGRAM, files, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return {(n, name): of_each for n, name, of_each in map(json.loads, done.stdout.splitlines())}
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_parts_read_by_slices_are_those_of_the_whole_mesh(files, told, n):
+    for path in files.glob("*.med"):
+        if path.stem not in DAMAGED and path.stem != "unnamed_zones":
+            assert told[n, path.name] == [[]] * n, path.name
+    assert told[n, "unnamed_zones.med"] == ["read as a whole"] * n
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_damage_is_told_as_by_one_process(files, told, name):
+    with warnings.catch_warnings(), pytest.raises(ReadError) as error:
+        warnings.simplefilter("ignore")
+        read(files / f"{name}.med")
+    for n in (1, 2, 3):
+        assert told[n, f"{name}.med"] == [f"3 {error.value}"] * n
+
+
+def test_allocations_are_of_slices_and_parts(files, told):
+    """Whatever is larger than a byte a node of the whole mesh is smaller with more processes.
+
+    A slice of three has 0.67 of the cells of one of two, and up to 0.8 of the nodes, since faces and solids are sliced
+    apart; an array of the whole mesh would not be smaller.
+    """
+    mesh = read(files / "large" / "column.med")
+    two, three = ({}, {})
+    for largest, n in ((two, 2), (three, 3)):
+        for of_each in told[n, "allocations"]:
+            for place, size in of_each.items():
+                largest[place] = max(largest.get(place, 0), size)
+    assert max(two.values()) > 8 * mesh.n_nodes  # what is allocated is seen
+    assert {place: size for place, size in three.items() if size > max(mesh.n_nodes, 0.9 * two.get(place, 0))} == {}
+
+
+COMMAND = """
+import sys
+from lacsolver.cli import main
+from lacsolver.distributed import processes
+processes.LARGE = 0
+sys.exit(main(["run", "-q", *sys.argv[1:]]))
+"""
+
+
+@pytest.fixture(scope="module")
+def case(files):
+    """The case `two_blocks` with the mesh as MED, and the same with a slave that is not there."""
+    text = (ROOT / "data" / "two_blocks.toml").read_text().replace("two_blocks.msh", "blocks.med")
+    (files / "case.toml").write_text(text)
+    (files / "wrong.toml").write_text(text.replace('slave = "slave"', 'slave = "slvae"'))
+    return files / "case.toml"
+
+
+def test_a_case_is_solved_on_slices_as_by_one_process(files, case):
+    done = in_ranks(2, COMMAND, case, "-o", files / "two")
+    assert done.returncode == 0, done.stderr
+    assert not solver_main(["run", "-q", str(case), "-o", str(files / "one")])
+    one, two = (json.loads((files / name / "results.json").read_text()) for name in ("one", "two"))
+    assert two["energy"] == pytest.approx(one["energy"], rel=1e-9)
+    assert two["sizes"] == one["sizes"]
+
+
+def test_a_group_that_is_not_there_is_told_as_by_one_process(files, case, capsys):
+    done = in_ranks(2, COMMAND, files / "wrong.toml", "-o", files / "wrong")
+    assert done.returncode == solver_main(["run", "-q", str(files / "wrong.toml"), "-o", str(files / "wrong")]) > 0
+    assert own_lines(done.stderr) == own_lines(capsys.readouterr().err) != []
