@@ -14,7 +14,7 @@ class MotionFound(NamedTuple):
     """Figures of a case with [dynamics].
 
     `speeds`: lowest and highest speed of pressure waves; `cell`: smallest size of a cell that the cut has left whole;
-    `crossed`: number of such cells that a wave crosses in the first step; `suggested`: time in which it crosses one.
+    `crossed`: number of such cells that a wave crosses in the longest step; `suggested`: time in which it crosses one.
     `mass`: of all cells and rigid bodies; `massless`: number of nodes without mass; `moved`: largest relative change of
     a body's inertia by them; `momentum` (dim,) at the start; `told`: warnings.
     """
@@ -41,7 +41,7 @@ def motion_found(problem: Problem) -> MotionFound:
     momentum = (inertia.M @ (inertia.tangent(0 * rate, start) @ rate)).reshape(-1, space.dim).sum(axis=0)
     speeds, cell = _speeds(problem), _smallest(problem)
     ends = np.array([0.0, *case.steps.planned])
-    step = ends[ends > start][0] - ends[ends <= start][-1]
+    step = np.diff([start, *ends[ends > start]]).max()
     one = np.tile(np.eye(space.dim)[-1], inertia.M.shape[0] // space.dim)
     moved = max(inertia.moved().values(), key=abs, default=0.0)
     return MotionFound(

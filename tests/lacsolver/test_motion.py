@@ -1,12 +1,19 @@
 """Motion with inertia: the bar on a rigid wall, the account of energy in every step, momentum, rest, fall, restarts."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 from lacsolver.case import parse_case, read_case
+from lacsolver.cli.summary import print_summary
+from lacsolver.output import create
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import MotionState
 from lacsolver.results.results import Restart
+from lacsolver.running import run
+from lacsolver.solve.stepping import march
+from lacsolver.validation import validate
 from tests.lacsolver.moving import (
     DENSITY,
     FINITE,
@@ -192,7 +199,7 @@ def test_second_order_in_time():
     load = '[[force]]\ngroup = "top"\nfy = "-0.01 - 0.02 * max(t - 1, 0) ** 4"\n'
     text = PLANE + SMALL + WALL + held_sideways() + load + "[dynamics]\nstart = 1.0\n"
     found = []
-    for count in (30, 60, 240):
+    for count in (60, 120, 480):
         problem, states, motions = moved(text + steps(3.0, count), bar_on_wall("QUAD4", 2))
         massive = np.delete(motions[-1].velocity, problem.inertia.massless_dofs)
         found.append((states[-1].u, massive, motions[-1].pushes[0, 0]))
@@ -214,6 +221,7 @@ MISTAKES = {
     "[dynamics]\nrayleigh = [1.0]\n": "dynamics.rayleigh is a list of 1; it takes two numbers >= 0",
     "[[initial]]\nvx = 1.0\n": r"\[\[initial\]\] means something only with \[dynamics\]",
     "[dynamics]\nstart = 0.5\n[[initial]]\nux = 1.0\n": "initial.ux means something only with start = 0",
+    "[dynamics]\n[[initial]]\nvx = 1.0\ncentre = [0.0, 0.0]\n": "initial.centre means something only with rotation",
     "[dynamics]\n[[initial]]\n": r"\[\[initial\]\] needs at least one of vx, vy",
 }
 
@@ -250,3 +258,38 @@ def test_motion_is_kept_in_the_state():
     _, states, motions = moved(text, bar_on_wall("QUAD4", 4, 0.05))
     assert set(states[-1].step.histories.scheme) == set(MotionState._fields)
     assert motions[-1].linear == pytest.approx([0.0, -0.5 * WIDTH], abs=1e-12)
+
+
+def test_a_step_ends_at_the_start_of_motion():
+    """A preload that the planned steps would miss: all of it acts at `start`, and the motion is at rest then."""
+    text = PLANE + SMALL + WALL + held_sideways() + '[[force]]\ngroup = "top"\nfy = -0.01\n[dynamics]\nstart = 0.33\n'
+    problem = Problem.of(parse_case(text + steps(1.0, 4)), bar_on_wall("QUAD4", 4))
+    states = list(march(problem))
+    assert [state.time for state in states] == pytest.approx([0.25, 0.33, 0.5, 0.75, 1.0])
+    held = [state.zones[0].pressure.mean() * WIDTH for state in states]
+    assert held == pytest.approx([0.02 * 0.25 / 0.33, *[0.02] * 4], rel=1e-9)  # on each of two nodes
+    moving = [state.step.motion for state in states if state.step.motion is not None]
+    assert len(moving) == 3 and max(np.abs(m.velocity).max() for m in moving) < 1e-12
+
+
+def test_a_preload_without_support_is_told_before_the_run():
+    found = validate(
+        parse_case(PLANE + SMALL + WALL + "[dynamics]\nstart = 0.5\n" + steps(1.0, 4)), bar_on_wall("QUAD4", 4)
+    )
+    assert [problem.message.partition(";")[0] for problem in found.problems] == [
+        "nothing holds a part of the model: 'bar' moves along x"
+    ]
+    assert found.motion is not None
+
+
+def test_energy_that_is_made_is_warned_of(tmp_path, capsys):
+    """A plain mass makes energy at the impact, and the run says so; with massless skins it says nothing of it."""
+    for massless, said in (("none", 'out of nothing; take massless = "skins", or smaller steps'), ("skins", "")):
+        text = PLANE + SMALL + WALL + held_sideways() + thrown("bar", vy=-0.1) + steps(2.5, 100)
+        text += f'[output]\nevery = 100\n[dynamics]\nscheme = "newmark"\nmassless = "{massless}"\n'
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            done = run(parse_case(text), create(tmp_path / massless), mesh=bar_on_wall("QUAD4", 8, 0.01))
+        assert said in done.message and ("out of nothing" in done.message) == bool(said)
+    print_summary(done, tmp_path, "vtu")
+    assert "energy taken by" in capsys.readouterr().out

@@ -12,7 +12,8 @@ start. In every step of every case the account of energy closes to 1e-10, or to 
 Spheres are axisymmetric, or a quarter in space between its planes of symmetry. Hertz' solution is that of half-spaces
 and of bodies that are at rest within, so that errors go as the radius of contact over that of the sphere. Beside the
 impacts there are free motions: a bar that spins and flies under finite kinematics, which keeps its linear momentum to
-round-off, its angular momentum and energy to the second order of the step; and natural frequencies of a bar.
+round-off, its angular momentum and energy to the second order of the step; natural frequencies of a bar; and a bar that
+stays in contact, for the order of the time schemes.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from verification.exact import impact as exact
 from verification.families.impact_free import spin, vibration
+from verification.families.impact_order import order
 from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, case_text, energies, on_wall, run
 from verification.families.impact_sphere import sphere
 from verification.meshes.bars import WIDTH, bar_on_wall, bars
@@ -186,7 +188,15 @@ def _twin() -> Mesh:
 
 _SOLVED = {
     **{"wall": _wall, "limit": _limit, "plain": _plain, "bars": _bars},
-    **{"rod": _rod, "bounce": _bounce, "aster": _aster, "sphere": sphere, "spin": spin, "vibration": vibration},
+    **{
+        "rod": _rod,
+        "bounce": _bounce,
+        "aster": _aster,
+        "sphere": sphere,
+        "spin": spin,
+        "vibration": vibration,
+        "order": order,
+    },
 }
 
 
@@ -224,7 +234,11 @@ def _cases() -> Iterator[Case]:
 
 
 def _free() -> Iterator[Case]:
-    """Cases without contact."""
+    """Smooth motions: contact that stays closed, and none."""
+    for scheme in ("newmark", "hht"):
+        given = Impact("order", n=2, dynamics=(("scheme", scheme), ("start", 1.0)))
+        description = f"A bar that stays in contact, {scheme}, against small steps"
+        yield Case(FAMILY_NAME, f"order-{scheme}", description, given, {"full": 3}, 8.0)
     for cell, scheme, suite in (("QUAD4", "newmark", "quick"), ("QUAD8", "hht", "full"), ("HEXA8", "hht", "full")):
         given = Impact("spin", cell, n=4, young=1e3, dynamics=(("scheme", scheme),))
         description = f"A bar of {cell} that spins freely, {scheme}"

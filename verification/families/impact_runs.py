@@ -25,7 +25,7 @@ ACCOUNT, CLOSED = "kinetic + strain - external + damped + contact + numerical = 
 @dataclass(frozen=True)
 class Impact:
     """A kind of impact: `wall`, `limit` (of small steps), `plain` (mass), `bars`, `rod`, `bounce`, `aster`, `sphere`;
-    or of free motion: `spin`, `vibration`.
+    or of smooth motion: `spin`, `vibration`, `order`.
 
     `cell`: type of cells; `n`: cells along a bar on the coarsest level; `cfl`: cells that a wave crosses in a step;
     `dynamics`: keys of [dynamics]; `allowed`: of the error of pressures on the finest level; `approach` of a sphere.
