@@ -11,8 +11,8 @@ from lacmesh.mesh import Floats
 ENERGIES = ("kinetic", "strain", "external", "damped", "contact", "numerical")
 
 
-#: energy that contact and the time scheme may make, relative to the largest energy, before a warning is due
-_MADE = 0.01
+#: parts of the largest energy above which a warning is due: what the steps have made, and what rigid contact has taken
+_MADE, _TAKEN = 0.01, 0.05
 
 
 class MotionState(NamedTuple):
@@ -58,20 +58,27 @@ class MotionState(NamedTuple):
         return cls(**{name: kept[name] for name in cls._fields}) if set(cls._fields) <= set(kept) else None
 
 
-def energy_made(times: Sequence[float], energies: Floats) -> str | None:
-    """Return a sentence if contact and the time scheme together have made over one per cent of the largest energy.
+def doubtful_energy(times: Sequence[float], energies: Floats, rigid: bool) -> str | None:
+    """Return a sentence if the steps have made over 1 % of the largest energy, or contact has taken over 5 % of it.
 
-    `times` (n,) and `energies` (n, 6), in the order of ENERGIES, are those of the steps in motion.
+    `times` (n,) and `energies` (n, 6), in the order of ENERGIES, are those of the steps in motion. Contact may take
+    energy, and keep it, if it is not `rigid`.
 
     >>> import numpy as np
-    >>> energy_made([0.5, 1.0], np.array([[1.0, 0, 1, 0, 0, 0], [1.5, 0, 1, 0, 0.1, -0.6]]))
-    'contact and the time scheme have made 33% of the largest energy by time 1 out of nothing'
+    >>> doubtful_energy([0.5, 1.0], np.array([[1.0, 0, 1, 0, 0, 0], [1.5, 0, 1, 0, 0.1, -0.6]]), True)
+    'contact and the time scheme have made 33% of the largest energy out of nothing by time 1'
+    >>> doubtful_energy([0.5, 1.0], np.array([[1.0, 0, 1, 0, 0, 0], [0.9, 0, 1, 0, 0.1, 0]]), True)
+    'contact has taken 10% of the largest energy by time 1, as steps do not resolve the impact'
     """
     if not len(times):
         return None
-    made, largest = -energies[:, 4:].sum(axis=1), energies[:, :2].sum(axis=1).max()
-    last = int(made.argmax())
-    if made[last] <= _MADE * largest:
-        return None
-    share = f"{made[last] / largest:.0%} of the largest energy by time {times[last]:.6g}"
-    return f"contact and the time scheme have made {share} out of nothing"
+    largest = max(energies[:, :2].sum(axis=1).max(), energies[:, 2].max())  # external has that at the start
+    made, taken = -energies[:, 4:].sum(axis=1), energies[:, 4]
+    last, most = int(made.argmax()), int(taken.argmax())
+    if made[last] > _MADE * largest:
+        share = f"{made[last] / largest:.0%} of the largest energy out of nothing by time {times[last]:.6g}"
+        return f"contact and the time scheme have made {share}"
+    if rigid and taken[most] > _TAKEN * largest:
+        share = f"{taken[most] / largest:.0%} of the largest energy by time {times[most]:.6g}"
+        return f"contact has taken {share}, as steps do not resolve the impact"
+    return None
