@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lacsolver.problem.initial import fitted, initial_motion
+from lacsolver.problem.initial import fitted, initial_motion, jumps
 from lacsolver.problem.problem import Problem
 
 
@@ -47,7 +47,7 @@ def motion_found(problem: Problem) -> MotionFound:
     return MotionFound(
         (float(speeds.min()), float(speeds.max())), cell, float(speeds.max() * step / cell), cell / float(speeds.max()),
         float(one @ inertia.M @ one), int(inertia.massless.nodes.sum()), moved, tuple(momentum.tolist()),
-        tuple(inertia.told()),
+        (*inertia.told(), *jumps(problem)),
     )  # fmt: skip
 
 

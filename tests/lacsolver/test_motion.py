@@ -297,3 +297,17 @@ def test_energy_that_is_made_is_warned_of(tmp_path, capsys):
         assert said in done.message and ("energy" in done.message) == bool(said), done.message
     print_summary(done, tmp_path, "vtu")
     assert "energy taken by" in capsys.readouterr().out
+
+
+def test_a_displacement_that_jumps_at_the_start_is_told():
+    """A plain number is a jump; not so a formula that begins at 0, an initial displacement that fits, or a preload."""
+    mesh, end = bar_on_wall("QUAD4", 4), steps(1.0, 4)
+    for value, more, told in (
+        ("-0.1", "[dynamics]\n", True),
+        ('"-0.1 * t"', "[dynamics]\n", False),
+        ("-0.1", '[dynamics]\n[[initial]]\nuy = "-0.1 * y"\n', False),
+        ("-0.1", "[dynamics]\nstart = 0.5\n", False),
+    ):
+        text = PLANE + SMALL + WALL + held_sideways() + f'[[displacement]]\ngroup = "top"\nuy = {value}\n' + more + end
+        motion = validate(parse_case(text), mesh).motion
+        assert any("by up to 0.1 at once when motion starts" in said for said in motion.told) == told
