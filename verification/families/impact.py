@@ -213,7 +213,19 @@ def _cases() -> Iterator[Case]:
     for cell in ("TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9"):
         description = f"A bar of {cell} on a rigid wall, HHT as by default"
         yield Case(FAMILY_NAME, f"wall-hht-{cell}", description, Impact("wall", cell), {"full": 2}, 6.0)
-    for cell in ("TETRA4", "TETRA10", "HEXA8", "HEXA20", "HEXA27", "PENTA6", "PENTA15", "PENTA18", "PYRAM5", "PYRAM13"):
+    for cell in (
+        "TETRA4",
+        "TETRA10",
+        "HEXA8",
+        "HEXA20",
+        "HEXA27",
+        "PENTA6",
+        "PENTA15",
+        "PENTA18",
+        "PYRAM5",
+        "PYRAM13",
+        "PYRAM14",
+    ):
         given = Impact("wall", cell, n=8, dynamics=newmark, allowed=0.07)
         yield Case(FAMILY_NAME, f"wall-{cell}", f"A bar of {cell} on a rigid wall", given, {"full": 2}, 30.0)
     for cell in ("QUAD4", "QUAD8"):
