@@ -285,9 +285,9 @@ def test_a_preload_without_support_is_told_before_the_run():
 def test_energy_that_is_made_is_warned_of(tmp_path, capsys):
     """A plain mass makes energy at the impact, a long step loses it in contact; with massless skins nothing is told."""
     for massless, count, said in (
-        ("none", 100, 'take massless = "skins", or smaller steps'),
+        ("none", 50, 'take massless = "skins", or smaller steps'),
         ("skins", 1, "as steps do not resolve the impact; take smaller steps"),
-        ("skins", 100, ""),
+        ("skins", 50, ""),
     ):
         text = PLANE + SMALL + WALL + held_sideways() + thrown("bar", vy=-0.1) + steps(2.5, count)
         text += f'[output]\nevery = 100\n[dynamics]\nscheme = "newmark"\nmassless = "{massless}"\n'
