@@ -94,7 +94,7 @@ fuzz: $(INSTALLED) ## all cases of bad input and of random tests, and 10,000 dam
 bench: $(INSTALLED) ## measure speed and memory
 	for name in start run check partition quality surface assembly linear contact peers; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 
-verify: $(INSTALLED) ## cases with known solutions, what comes out, and a report (90 minutes on two cores; goes on if stopped)
+verify: $(INSTALLED) ## cases with known solutions, what comes out, and a report (half an hour on two free cores; goes on if stopped)
 	$(BIN)/python -m verification run --suite full --resume -o build/verification-full
 
 docs: $(INSTALLED) ## make the figures and tables of docs/ again
