@@ -89,6 +89,7 @@ class ReducedProblem:
         The last one is kept. Raises SingularError, in terms of the mesh.
         """
         if self._reference is None or self._reference[0] is not matrix:
+            self.factors.forget()  # a step of another size is another matrix: with the mass of a tiny one little is left
             try:
                 self._reference = matrix, self._factorised(matrix)
             except SingularError as error:

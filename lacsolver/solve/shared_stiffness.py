@@ -103,6 +103,10 @@ class SharedFactors:
         self._R, self._backend, self._constraints, self._vectors = R, backend, constraints, vectors
         self._kept: Hierarchy[Cycle | PetscCycle] | None = None
 
+    def forget(self) -> None:
+        """Drop the cycle: the next matrix is not similar to the last one."""
+        self._kept = None
+
     def factorise(self, K: csr_array, definite: bool = True) -> SharedStiffness:
         """Precondition a symmetric K, regularised by springs; one that may be indefinite by a factorisation."""
         regular, spring = K, None
