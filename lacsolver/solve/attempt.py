@@ -18,6 +18,7 @@ from lacsolver.problem.rigid_modes import describe
 from lacsolver.results.state import Iterate
 from lacsolver.solve.active_set import active_set_iterates
 from lacsolver.solve.coarse_start import coarse_start
+from lacsolver.solve.kept_columns import start_from_columns
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.newton import Damping, Linearization, newton_iterates
 from lacsolver.solve.search import Outcome, Trial, search
@@ -80,6 +81,10 @@ def _linear_iterates(step: LoadStep, start: Iterate, tolerance: ConvergenceToler
     geometric = None if springs is None else -springs
     if step.state.iterate is None and geometric is None:  # later steps start from the set of the one before
         start = coarse_start(step.reference, step.f, step.contact(start.q), start, tolerance)
+    if step.given is None and geometric is None:
+        contact = step.contact(start.q)
+        kept = step.model.kept_columns(step.reference, contact.rows)
+        start = start if kept is None else start_from_columns(kept, step.f, contact, start, tolerance)
     return active_set_iterates(step.reference, step.f, step.contact, start, tolerance, free=free, geometric=geometric)
 
 
