@@ -38,11 +38,10 @@ def on_wall(made: Body, width: float = 6.0) -> Mesh:
     return together([(joined({"body": made}), {"body": "body", "slave": "slave"}), (wall, {"wall": "wall"})])
 
 
-def two_rings(around: tuple[int, int], rows: int, gap: float, aside: float) -> Mesh:
-    """Two rings `gap` apart, with centres `aside` in height. Groups: left, right, slave, master."""
-    reach = np.sqrt((2 * OUTER + gap) ** 2 - aside**2)
-    left = ring(around[0], rows, (-reach / 2, aside / 2), "slave")
-    right = ring(around[1], rows, (reach / 2, -aside / 2), "master")
+def two_rings(around: tuple[int, int], rows: int, gap: float) -> Mesh:
+    """Two rings beside one another, `gap` apart. Groups: left, right, slave, master."""
+    left, right = (ring(n, rows, (side * (OUTER + gap / 2), 0.0), skin)
+                   for n, side, skin in zip(around, (-1, 1), ("slave", "master"), strict=True))  # fmt: skip
     return joined({"left": left, "right": right})
 
 
