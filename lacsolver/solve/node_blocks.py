@@ -6,6 +6,7 @@ A copy of all blocks takes as much memory as the stiffness itself, so that tempo
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
@@ -14,15 +15,22 @@ from lacmesh.mesh import Floats, Ints
 _PIECE = 1 << 17
 
 
-def with_held(K: bsr_array, free: Ints) -> bsr_array:
-    """Return K (n, n) with a multiple of the identity at the unknowns that are not `free`, the mean of K's diagonal."""
+def with_held(K: bsr_array, free: Ints, own: NDArray[np.bool_] | None = None) -> bsr_array:
+    """Return K (n, n) with a multiple of the identity at the unknowns that are not `free`, the mean of K's diagonal.
+
+    `own`: mask of the rows of blocks that are wanted, all if None; others are left empty.
+    """
     b, on = K.blocksize[0], np.zeros(K.shape[0], bool)
     on[free] = True
     mean = float(K.diagonal()[free].mean()) if len(free) else 1.0
     on = on.reshape(-1, b)
     held = np.logical_not(on.any(axis=1))
     row = np.repeat(np.arange(len(on), dtype=K.indices.dtype), np.diff(K.indptr))
-    kept = np.flatnonzero(~(held[row] | held[K.indices]))
+    wanted = ~(held[row] | held[K.indices])
+    if own is not None:
+        wanted &= own[row]
+        held &= own
+    kept = np.flatnonzero(wanted)
     length = np.bincount(row[kept], minlength=len(on)) + held
     indptr = np.concatenate([[0], np.cumsum(length)]).astype(K.indptr.dtype)
     at = np.ones(indptr[-1], bool)
@@ -47,6 +55,16 @@ def add_to_diagonal(K: bsr_array, values: Floats) -> None:
     at = np.flatnonzero(row == K.indices)
     for s in range(b):
         K.data[at, s, s] += values[b * row[at] + s]
+
+
+def only_rows(K: bsr_array, kept: NDArray[np.bool_]) -> bsr_array:
+    """Return K without the blocks of the rows that are not `kept` (rows of blocks,)."""
+    length = np.diff(K.indptr)
+    if not length[~kept].any():
+        return K
+    of_kept = np.repeat(kept, length)
+    indptr = np.concatenate([[0], np.cumsum(np.where(kept, length, 0))]).astype(K.indptr.dtype)
+    return bsr_array((K.data[of_kept], K.indices[of_kept], indptr), shape=K.shape)
 
 
 def submatrix(K: bsr_array, unknowns: Ints) -> csr_array:
