@@ -45,11 +45,15 @@ _SETS = 50
 
 
 class KeptColumns:
-    """Columns of C (m, m) for a stiffness and rows B (m, n); `most`: largest number of closed rows that they serve."""
+    """Columns of C (m, m) for a stiffness and rows B (m, n); `most`: largest number of closed rows that they serve.
+
+    `stored`: largest number of columns that are kept.
+    """
 
     def __init__(self, K: Stiffness, rows: Rows, most: int) -> None:
         m = len(rows.w)
-        self.K, self.rows, self.most = K, rows, min(most, _MEMORY // (8 * max(m, 1)))
+        self.K, self.rows, self.stored = K, rows, _MEMORY // (8 * max(m, 1))
+        self.most = min(most, self.stored)
         self.BR = np.asarray(rows.B @ K.R)
         self._values = np.empty((0, m))
         self._at = np.full(m, -1)
@@ -65,7 +69,7 @@ class KeptColumns:
         Each is found alone, so that its bits do not depend on the others.
         """
         new = rows[self._at[rows] < 0]
-        if len(self._values) + len(new) > self.most:  # those of rows that are open now are dropped
+        if len(self._values) + len(new) > self.stored:  # those of rows that are open now are dropped
             self._values, new = self._values[:0], rows
             self._at[:] = -1
         if len(new):

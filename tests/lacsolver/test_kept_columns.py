@@ -47,7 +47,7 @@ def counted(problem, start=None):
 
 
 def without(problem):
-    """The same without columns."""
+    """Return what `counted` does, without columns."""
     with patch.object(lacsolver.solve.reduced, "SAVED", 0):
         return counted(problem)
 
@@ -120,7 +120,9 @@ def test_columns_are_dropped_with_their_factor_and_with_their_rows():
     assert kept[0] is kept[2] is not kept[3] is kept[4]
     K, rows = kept[4].K, kept[4].rows
     assert kept[4].serve(K, rows) and not kept[4].serve(kept[0].K, rows)
-    small = kept_columns.KeptColumns(K, rows, most=1)
+    with patch.object(kept_columns, "_MEMORY", 8 * len(rows.w)):
+        small = kept_columns.KeptColumns(K, rows, 9)
+    assert small.most == 1
     one, other = small.columns(np.array([0])), small.columns(np.array([1]))
     np.testing.assert_array_equal(one, kept_columns.KeptColumns(K, rows, 9).columns(np.array([1, 0]))[:, 1:])
     assert len(small._values) == 1 and other.shape == one.shape
