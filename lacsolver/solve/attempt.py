@@ -79,12 +79,12 @@ def _linear_iterates(step: LoadStep, start: Iterate, tolerance: ConvergenceToler
     """Return the iteration of a linear problem: active sets on its only linearisation."""
     free, _, springs = step.model.stabilization
     geometric = None if springs is None else -springs
-    if step.state.iterate is None and geometric is None:  # later steps start from the set of the one before
-        start = coarse_start(step.reference, step.f, step.contact(start.q), start, tolerance)
-    if step.given is None and geometric is None:
+    if geometric is None and step.given is None:
         contact = step.contact(start.q)
-        kept = step.model.kept_columns(step.reference, contact.rows)
-        start = start if kept is None else start_from_columns(kept, step.f, contact, start, tolerance)
+        if step.state.iterate is None:
+            start = coarse_start(step.reference, step.f, contact, start, tolerance)
+        elif (kept := step.model.kept_columns(step.reference, contact.rows)) is not None:
+            start = start_from_columns(kept, step.f, contact, start, tolerance)
     return active_set_iterates(step.reference, step.f, step.contact, start, tolerance, free=free, geometric=geometric)
 
 

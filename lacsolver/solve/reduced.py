@@ -102,11 +102,11 @@ class ReducedProblem:
     def kept_columns(self, K: Operator, rows: Rows) -> KeptColumns | None:
         """Return the columns of the Schur complement of K and contact rows, the last ones as long as these serve.
 
-        None for a case of one step, and with multigrid, which has no factor.
+        None with multigrid, which has no factor.
         """
-        later = len(self.problem.case.steps.planned) - 1
-        if not later or not isinstance(K, Stiffness) or K.iterative:
+        if not isinstance(K, Stiffness) or K.iterative:
             return None
+        later = len(self.problem.case.steps.planned) - 1
         if self._columns is None or not self._columns.serve(K, rows):
             self._columns = KeptColumns(K, rows, SAVED * later)
         return self._columns
