@@ -98,7 +98,8 @@ LAWS = {
 def test_results_are_those_without_columns(name):
     states, table = counted(static(6, LAWS[name], counts=(4, 3)))
     plain, _ = without(static(6, LAWS[name], counts=(4, 3)))
-    assert table[1:, 0].sum() - table[-1, 2] <= 3 * (len(table) - 1)  # the first step has no columns yet
+    rows = table[-1, 2] * (3 if name == "tie" else 1)
+    assert table[1:, 0].sum() - rows <= 3 * (len(table) - 1)  # the first step has no columns yet
     for one, other in zip(states, plain, strict=True):
         assert np.abs(one.u - other.u).max() <= 1e-9 * np.abs(other.u).max()
         np.testing.assert_array_equal(one.zones[0].status, other.zones[0].status)
