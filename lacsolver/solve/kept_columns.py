@@ -73,8 +73,8 @@ class KeptColumns:
             self._values, new = self._values[:0], rows
             self._at[:] = -1
         if len(new):
-            B_T, B = self.rows.B_T, self.rows.B
-            made = [B @ self.K.solve(B_T[:, [row]].toarray().ravel()) for row in new]
+            B = self.rows.B
+            made = [B @ self.K.solve(B[[row]].toarray().ravel()) for row in new]
             self._at[new] = len(self._values) + np.arange(len(new))
             self._values = np.concatenate([self._values, made])
         return self._values[self._at[rows]].T

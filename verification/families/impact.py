@@ -25,7 +25,7 @@ import lacmesh
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from verification.exact import impact as exact
-from verification.families.impact_finite import thrown
+from verification.families.impact_finite import THROWN, thrown
 from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, ImpactRun, case_text, on_wall, run
 from verification.meshes.balls import sphere_on_wall
 from verification.meshes.bars import WIDTH, bar_on_wall, bars
@@ -217,7 +217,7 @@ def _sphere(given: Impact, levels: int) -> Iterator[Result]:
 _SOLVED = {
     **{"wall": _wall, "limit": _limit, "plain": _plain, "bars": _bars},
     **{"rod": _rod, "bounce": _bounce, "aster": _aster, "sphere": _sphere},
-    **dict.fromkeys(("ring", "ball", "rings"), thrown),
+    **{given.kind: thrown for *_, given in THROWN},
 }
 
 
@@ -250,11 +250,8 @@ def _cases() -> Iterator[Case]:
         given = Impact("sphere", approach=approach, allowed=allowed)
         description = f"Hertz' impact of a sphere, approach / radius {approach:g}"
         yield Case(FAMILY_NAME, f"sphere-{approach:g}", description, given, {"full": 1}, 60.0)
-    whats = {"ring": "A neo-Hookean ring", "ball": "A neo-Hookean disc", "rings": "Two neo-Hookean rings"}
-    for kind, what in whats.items():
-        given = Impact(kind, n=6 if kind == "ball" else 48, dynamics=newmark, young=100.0, speed=0.5)
-        where = "that hit each other" if kind == "rings" else "thrown on a wall"
-        yield Case(FAMILY_NAME, f"thrown-{kind}", f"{what} {where}, large deformations", given, {"full": 1}, 30.0)
+    for name, description, given in THROWN:
+        yield Case(FAMILY_NAME, name, description, given, {"full": 1}, 30.0)
 
 
 FAMILY = Family(name=FAMILY_NAME, title="Impacts", text=__doc__, cases=tuple(_cases()), solve=solve_case)

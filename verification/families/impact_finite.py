@@ -19,6 +19,16 @@ from verification.solving import entry, solve
 
 #: way of a body to its first touch, size of a step, and steps of the static twin
 _GAP, _STEP, _PRESSED = 0.02, 0.01, 10
+_NEWMARK = (("scheme", "newmark"),)
+#: name, description and parameters of the cases
+THROWN = tuple(
+    (f"thrown-{kind}", f"{what}, large deformations", Impact(kind, n=n, dynamics=_NEWMARK, young=100.0, speed=0.5))
+    for kind, n, what in (
+        ("ring", 48, "A neo-Hookean ring thrown on a wall"),
+        ("ball", 6, "A neo-Hookean disc thrown on a wall"),
+        ("rings", 48, "Two neo-Hookean rings that hit each other"),
+    )
+)
 
 
 class _Bodies(NamedTuple):
