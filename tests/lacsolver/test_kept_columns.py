@@ -20,7 +20,7 @@ from tests.lacsolver.moving import PLANE, SMALL, SPACE, SPEED, WALL, moved, step
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.test_contact_held import FIXED, UPRIGHT
 from verification.meshes.bars import bar_on_wall
-from verification.meshes.thrown import ball, on_wall
+from verification.meshes.thrown import disc, on_wall
 
 #: two blocks whose contact spreads from the middle while the upper one is pressed down, and shrinks again
 ROUND = JOINT + 'clearance = "0.02 * ((x - 0.5)**2 + (y - 0.5)**2)"\n'
@@ -64,9 +64,9 @@ def static(count, sections=PRESSED, counts=(7, 6)):
 
 
 def impact():
-    """A ball on a wall, small kinematics: rows close and open one after the other."""
+    """A disc on a wall, small kinematics: rows close and open one after the other."""
     text = PLANE + SMALL + WALL + "[dynamics]\n" + thrown("body", vy=-0.1) + steps(4.0, 50)
-    return Problem.of(parse_case(text), on_wall(ball(8, (0.0, 1.01), "slave")))
+    return Problem.of(parse_case(text), on_wall(disc(8, (0.0, 1.01), "slave")))
 
 
 @pytest.mark.parametrize("made", [impact, lambda: static(50)], ids=["dynamics", "statics"])

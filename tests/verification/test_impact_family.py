@@ -58,8 +58,8 @@ def test_the_sphere_is_one():
 def test_a_coarse_disc_is_thrown():
     """The three cases of large deformation are made alike: energy is kept, and the static twin is solved."""
     with patch("verification.families.impact_finite._STEP", 0.02):
-        given = Impact("ball", n=3, dynamics=(("scheme", "newmark"),), young=100.0, speed=0.5)
-        results = solve_case(replace(case("thrown-ball"), parameters=given), 1).results
+        given = Impact("disc", n=3, dynamics=(("scheme", "newmark"),), young=100.0, speed=0.5)
+        results = solve_case(replace(case("thrown-disc"), parameters=given), 1).results
     found = {result.quantity: result for result in results}
     assert all(result.passed for result in found.values()) and len(found) == 7
     assert 0.97 < found["smallest energy"].value < 1 and found["openings"].value == 1

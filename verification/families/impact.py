@@ -7,7 +7,7 @@ is meant: there pressures are wrong by their own size and energy grows; it passe
 Bars cannot move sideways, so that waves are those of one dimension, and run from impact to release in 2 L / c. Errors
 of pressures are root mean squares over all macro-elements and over the time from 10 % to 90 % of the contact, relative
 to the exact pressure; at its front any method of the second order overshoots. Energies are relative to those at the
-start. In every step of every case the account of energy closes to 1e-10. Rings and a disc are thrown in finite
+start. In every step of every case the account of energy closes to 1e-10. Rings, a disc and a ball are thrown in finite
 kinematics, too: their energy is looked at, and the number of Newton iterations.
 """
 

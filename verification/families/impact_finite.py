@@ -1,4 +1,4 @@
-"""Impacts with large deformations: a ring and a ball thrown on a wall, two rings that hit each other.
+"""Impacts with large deformations: a ring, a disc and a ball thrown on a wall, two rings that hit each other.
 
 No exact solution is known. Energy is compared with that at the start, and the work of Newton's method with that of the
 static twin: the same bodies, held at the far side, and pressed as deep as the impact presses them.
@@ -13,26 +13,32 @@ import numpy as np
 
 from lacmesh import Mesh
 from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, ImpactRun, run
-from verification.meshes.thrown import INNER, OUTER, ball, on_wall, ring, two_rings
+from verification.meshes.balls import sphere_on_wall
+from verification.meshes.thrown import INNER, OUTER, disc, on_wall, ring, two_rings
 from verification.records import Result, at_least, at_most, informative
 from verification.solving import entry, solve
 
 #: way of a body to its first touch, size of a step, and steps of the static twin
 _GAP, _STEP, _PRESSED = 0.02, 0.01, 10
+#: end of each kind of impact
+_END = {"ring": 1.6, "disc": 0.7, "ball": 1.0, "rings": 1.8}
+#: radius of the contact of a ball, about
+_WIDE = 0.4
 _NEWMARK = (("scheme", "newmark"),)
 #: name, description and parameters of the cases
 THROWN = tuple(
     (f"thrown-{kind}", f"{what}, large deformations", Impact(kind, n=n, dynamics=_NEWMARK, young=100.0, speed=0.5))
     for kind, n, what in (
         ("ring", 48, "A neo-Hookean ring thrown on a wall"),
-        ("ball", 6, "A neo-Hookean disc thrown on a wall"),
+        ("disc", 6, "A neo-Hookean disc thrown on a wall"),
+        ("ball", 5, "A neo-Hookean ball thrown on a wall, axisymmetric"),
         ("rings", 48, "Two neo-Hookean rings that hit each other"),
     )
 )
 
 
 class _Bodies(NamedTuple):
-    """Bodies of an impact until its `end`: `meshes`, apart and touching; tables of contact, start, and static twin.
+    """Bodies of an impact: `meshes`, apart and touching; tables of contact, start, and static twin.
 
     In the static twin a formula DEPTH * t is the way that the bodies are pressed.
     """
@@ -41,14 +47,14 @@ class _Bodies(NamedTuple):
     contact: str
     start: tuple[str, ...]
     pressed: tuple[str, ...]
-    end: float
 
 
 def thrown(given: Impact, levels: int) -> Iterator[Result]:
     """Throw neo-Hookean bodies at one another, and press them as deep."""
     bodies = _two_rings(given) if given.kind == "rings" else _on_wall(given)
     tables = [bodies.contact, *bodies.start, entry("dynamics", **dict(given.dynamics))]
-    made = run(_text(given, bodies.end, round(bodies.end / _STEP), *tables), bodies.meshes[0])
+    end = _END[given.kind]
+    made = run(_text(given, end, round(end / _STEP), *tables), bodies.meshes[0])
     yield at_most("largest energy", made.whole.max(), 1.001, source="no energy is created")
     yield at_least("smallest energy", made.whole.min(), 0.97, source="energy is conserved as dt -> 0",
                    reason="Newmark's method is of the second order in finite kinematics")  # fmt: skip
@@ -84,15 +90,22 @@ def _depth(given: Impact, made: ImpactRun) -> float:
 
 
 def _on_wall(given: Impact) -> _Bodies:
-    body = {"ring": lambda y: ring(given.n, 2, (0.0, y), "slave"), "ball": lambda y: ball(given.n, (0.0, y), "slave")}
-    meshes = on_wall(body[given.kind](OUTER + _GAP)), on_wall(body[given.kind](OUTER))
-    below = OUTER + INNER if given.kind == "ring" else OUTER
-    held = entry("displacement", at=[0.0, 2 * OUTER], ux=0.0, uy=0.0), entry("displacement", at=[0.0, below], ux=0.0)
+    body = "ball" if given.kind == "ball" else "body"
+    below = entry("displacement", at=[0.0, OUTER + INNER if given.kind == "ring" else OUTER], ux=0.0)
+    top = entry("displacement", at=[0.0, 2 * OUTER], ux=0.0, uy=0.0)
     return _Bodies(
-        meshes, entry("contact", slave="slave", master="wall"),
-        (entry("rigid", group="wall"), entry("initial", groups=["body"], vy=-given.speed)),
-        (entry("rigid", group="wall", uy="DEPTH * t"), *held), 1.6 if given.kind == "ring" else 0.7,
+        (_over_wall(given, _GAP), _over_wall(given, 0.0)), entry("contact", slave="slave", master="wall"),
+        (entry("rigid", group="wall"), entry("initial", groups=[body], vy=-given.speed)),
+        (entry("rigid", group="wall", uy="DEPTH * t"), top, below),
     )  # fmt: skip
+
+
+def _over_wall(given: Impact, gap: float) -> Mesh:
+    """A body over a wall; `n`: cells along half of the contact of a ball, around a ring, along an eighth of a disc."""
+    if given.kind == "ball":
+        return sphere_on_wall(_WIDE, gap, given.n)
+    centre = 0.0, OUTER + gap
+    return on_wall(ring(given.n, 2, centre, "slave") if given.kind == "ring" else disc(given.n, centre, "slave"))
 
 
 def _two_rings(given: Impact) -> _Bodies:
@@ -102,13 +115,14 @@ def _two_rings(given: Impact) -> _Bodies:
     held = [entry("displacement", at=[-far, 0.0], ux="DEPTH * t", uy=0.0),
             entry("displacement", at=[far, 0.0], ux="-DEPTH * t", uy=0.0),
             *(entry("displacement", at=[side * inner, 0.0], uy=0.0) for side in (-1, 1))]  # fmt: skip
-    return _Bodies(meshes, entry("contact", slave="slave", master="master"), tuple(start), tuple(held), 1.8)
+    return _Bodies(meshes, entry("contact", slave="slave", master="master"), tuple(start), tuple(held))
 
 
 def _text(given: Impact, end: float, count: int, *tables: str) -> str:
-    """The case of neo-Hookean bodies in a plane, as TOML."""
+    """The case of neo-Hookean bodies, as TOML."""
+    model = "axisymmetric" if given.kind == "ball" else "plane_strain"
     sections = [
-        'mesh = "thrown.msh"\nmodel = "plane_strain"\nkinematics = "finite"',
+        f'mesh = "thrown.msh"\nmodel = "{model}"\nkinematics = "finite"',
         entry("material", law="neo_hookean", young=given.young, poisson=given.poisson, density=1.0),
         *tables, entry("steps", end=end, count=count),
     ]  # fmt: skip

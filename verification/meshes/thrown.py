@@ -1,4 +1,4 @@
-"""Rings and balls in a plane that are thrown at a wall or at one another, whose nodes do not match."""
+"""Rings and discs that are thrown at a wall or at one another, whose nodes do not match."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def ring(around: int, rows: int, centre: tuple[float, float], skin: str) -> Body
     return _placed(body(grid, skins={skin: _outside}), centre)
 
 
-def ball(n: int, centre: tuple[float, float], skin: str) -> Body:
+def disc(n: int, centre: tuple[float, float], skin: str) -> Body:
     """A disc with 8 n QUAD4 along its circle, with its skin as a group."""
     lower = half_disc(OUTER, n, max(2, n // 2))
     return _placed(body(*lower, *(turned(grid, 2) for grid in lower), skins={skin: _outside}), centre)
