@@ -1,5 +1,8 @@
 """The family of impacts: small ones pass, a plain mass fails, and the exact solutions are what they should be."""
 
+from dataclasses import replace
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 
@@ -12,6 +15,7 @@ from verification.families.impact import FAMILY, solve_case
 from verification.families.impact_free import spin
 from verification.families.impact_runs import Impact, on_wall
 from verification.meshes.balls import quarter_sphere_on_wall, sphere_on_wall
+from verification.meshes.thrown import two_rings
 
 
 def case(name):
@@ -73,3 +77,23 @@ def test_free_spin_and_frequencies_have_their_orders():
     assert momentum.passed and account.passed
     assert all(1.8 < result.value < 2.6 for result in rates)
     assert all(result.passed for result in solve_case(case("frequencies-QUAD8"), 3).results)
+
+
+def test_a_coarse_disc_is_thrown():
+    """The three cases of large deformation are made alike: energy is kept, and the static twin is solved."""
+    with patch("verification.families.impact_finite._STEP", 0.02):
+        given = Impact("disc", n=3, dynamics=(("scheme", "newmark"),), young=100.0, speed=0.5)
+        results = solve_case(replace(case("thrown-disc"), parameters=given), 1).results
+    found = {result.quantity: result for result in results}
+    assert all(result.passed for result in found.values()) and len(found) == 7
+    assert 0.97 < found["smallest energy"].value < 1 and found["openings"].value == 1
+    assert found["Newton iterations of 10 static steps"].value > 1
+
+
+def test_two_rings_do_not_match():
+    mesh = two_rings((12, 8), 2, 0.1)
+    skins = (mesh.select(mesh.cells_of(name)) for name in ("slave", "master"))
+    slave, master = (np.unique(np.concatenate([nodes for *_, nodes in skin])) for skin in skins)
+    assert (len(slave), len(master)) == (12, 8)
+    x = mesh.points[:, 0]
+    assert x[slave].max() == pytest.approx(-0.05) and x[master].min() == pytest.approx(0.05)

@@ -13,7 +13,8 @@ Spheres are axisymmetric, or a quarter in space between its planes of symmetry. 
 and of bodies that are at rest within, so that errors go as the radius of contact over that of the sphere. Beside the
 impacts there are free motions: a bar that spins and flies under finite kinematics, which keeps its linear momentum to
 round-off, its angular momentum and energy to the second order of the step; natural frequencies of a bar; and a bar that
-stays in contact, for the order of the time schemes.
+stays in contact, for the order of the time schemes. Rings, a disc and a ball are thrown in finite kinematics: their
+energy is looked at, and the number of Newton iterations.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ import lacmesh
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from verification.exact import impact as exact
+from verification.families.impact_finite import THROWN, thrown
 from verification.families.impact_free import spin, vibration
 from verification.families.impact_order import order
 from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, case_text, energies, on_wall, run
@@ -188,15 +190,9 @@ def _twin() -> Mesh:
 
 _SOLVED = {
     **{"wall": _wall, "limit": _limit, "plain": _plain, "bars": _bars},
-    **{
-        "rod": _rod,
-        "bounce": _bounce,
-        "aster": _aster,
-        "sphere": sphere,
-        "spin": spin,
-        "vibration": vibration,
-        "order": order,
-    },
+    **{"rod": _rod, "bounce": _bounce, "aster": _aster, "sphere": sphere},
+    **{"spin": spin, "vibration": vibration, "order": order},
+    **{given.kind: thrown for *_, given in THROWN},
 }
 
 
@@ -242,6 +238,8 @@ def _cases() -> Iterator[Case]:
             given = Impact("sphere", cell, approach=approach, allowed=allowed)
             description = f"Hertz' impact of a sphere of {cell}, approach / radius {approach:g}"
             yield Case(FAMILY_NAME, f"{name}-{approach:g}", description, given, {"full": 1}, seconds)
+    for name, description, given in THROWN:
+        yield Case(FAMILY_NAME, name, description, given, {"full": 1}, 30.0)
     yield from _free()
 
 

@@ -24,8 +24,8 @@ ACCOUNT, CLOSED = "kinetic + strain - external + damped + contact + numerical = 
 
 @dataclass(frozen=True)
 class Impact:
-    """A kind of impact: `wall`, `limit` (of small steps), `plain` (mass), `bars`, `rod`, `bounce`, `aster`, `sphere`;
-    or of smooth motion: `spin`, `vibration`, `order`.
+    """A kind of impact: `wall`, `limit` (of small steps), `plain` (mass), `bars`, `rod`, `bounce`, `aster`, `sphere`,
+    `ring`, `disc`, `ball` and `rings` (thrown); or of smooth motion: `spin`, `vibration`, `order`.
 
     `cell`: type of cells; `n`: cells along a bar on the coarsest level; `cfl`: cells that a wave crosses in a step;
     `dynamics`: keys of [dynamics]; `allowed`: of the error of pressures on the finest level; `approach` of a sphere.
