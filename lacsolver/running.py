@@ -17,7 +17,7 @@ from lacmesh.mesh import Floats, Mesh
 from lacsolver.case import Case, fingerprint
 from lacsolver.output import OutputFolder, Writer, check_same
 from lacsolver.output.states import deal_state
-from lacsolver.problem.initial import jumps
+from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem, read_mesh
 from lacsolver.results.answer import Answer
 from lacsolver.results.faceted import faceted
@@ -173,7 +173,7 @@ class _Run:
 def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
     """Return warnings about doubtful results of a finished run, those of all processes."""
     told = list(_strangers(problem, made.results))
-    told += [] if problem.inertia is None else [*problem.inertia.told(), *jumps(problem)]
+    told += doubts(problem)
     told += _doubtful_energy(problem.case, made.results)
     if made.last is not None:
         told += warnings_of(made.last.held, made.last.prescribed)

@@ -330,3 +330,17 @@ def test_a_step_of_large_contact_work_is_refined():
         assert any(s.halvings for s in states) == np.isfinite(allowed)
     assert work[0.01].max() < 0.01 and whole[0.01].min() > 0.97 and whole[0.01].max() < 1.001
     assert work[np.inf].max() > 0.1 and whole[np.inf].max() > 1.05
+
+
+def test_contact_between_rigid_bodies_needs_a_stiffness():
+    """A bar that is rigid hits a rigid wall: its energy is kept by a stiffness; without one it is warned of."""
+    free = '[[rigid]]\ngroup = "bar"\nfx = 0.0\nfy = 0.0\nmoment = 0.0\n[dynamics]\n'
+    mesh, rest = bar_on_wall("QUAD4", 4, 0.05), free + thrown("bar", vy=-0.1) + steps(1.5, 60)
+    told = validate(parse_case(PLANE + SMALL + WALL + rest), mesh).motion.told
+    assert any(said.startswith("the skins of contact 'slave' have no nodes without mass") for said in told)
+    text = PLANE + SMALL + WALL.replace("[[rigid]]", "stiffness = 20.0\n[[rigid]]") + rest
+    assert not any("no nodes without mass" in said for said in validate(parse_case(text), mesh).motion.told)
+    _, states, motions = moved(text, mesh)
+    assert unbalanced(motions) < CLOSED
+    assert any(state.zones[0].pressure.any() for state in states) and not states[-1].zones[0].pressure.any()
+    assert motions[-1].linear[1] == pytest.approx(0.1 * WIDTH, rel=2e-3)
