@@ -26,7 +26,7 @@ from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
-from lacsolver.linear.row_term import RowTerm, bounded
+from lacsolver.linear.row_term import RowTerm, bounded, scaled_rows
 
 #: degree of the polynomial: 2 takes least time on HEXA8 and TETRA10
 _DEGREE = 2
@@ -263,17 +263,30 @@ class Cycle:
     def __init__(self, levels: list[Level], coarsest: Floats, unit: float, team: Team) -> None:
         self._levels, self._unit, self._team, self._K = levels, unit, team, coarsest
         self._coarsest = np.linalg.pinv(coarsest, hermitian=True) if coarsest.size else coarsest
+        self._rows: tuple[bsr_array, float, list[bsr_array]] | None = None
 
     def with_rows(self, B: bsr_array, weights: Floats) -> Cycle:
-        """Return the V-cycle of K + B^T W B, for rows B (a, n) of blocks (1, b), with W = diag `weights` (a,)."""
-        scale = np.repeat(np.sqrt(weights * self._unit), np.diff(B.indptr))[:, None, None]
-        N = bsr_array(((scale * B.data).astype(np.float32), B.indices, B.indptr), shape=B.shape)
-        levels: list[Level] = []
-        for level in self._levels:
-            levels.append(level.with_rows(N, not levels))
-            N = level.rows_below(N)
-        dense = N.toarray().astype(float)
+        """Return the V-cycle of K + B^T W B, for rows B (m, n) of blocks (1, b), with W = diag `weights` (m,).
+
+        Rows without weight have no part in it. The rows on all levels are kept for other weights of the same B.
+        """
+        if self._rows is None or self._rows[0] is not B:
+            self._rows = self._restricted(B)
+        _, size, on_levels = self._rows
+        active = np.flatnonzero(weights)
+        factor = np.sqrt(weights[active] * self._unit) * size
+        *N, coarsest = (scaled_rows(rows, active, factor) for rows in on_levels)
+        levels = [level.with_rows(own, k == 0) for k, (level, own) in enumerate(zip(self._levels, N, strict=True))]
+        dense = coarsest.toarray().astype(float)
         return Cycle(levels, self._K + dense.T @ dense, self._unit, self._team)
+
+    def _restricted(self, B: bsr_array) -> tuple[bsr_array, float, list[bsr_array]]:
+        """Return B, its largest entry, and B over that on all levels in single precision, finest first."""
+        size = self._team.largest(B.data.ravel()) or 1.0
+        on_levels = [bsr_array(((B.data / size).astype(np.float32), B.indices, B.indptr), shape=B.shape)]
+        for level in self._levels:
+            on_levels.append(level.rows_below(on_levels[-1]))
+        return B, size, on_levels
 
     def below(self) -> tuple[bsr_array, Cycle, Level] | None:
         """Return the matrix of the first coarser level, its V-cycle, and the level above it; None if that is dense."""

@@ -68,6 +68,21 @@ def fitted(problem: Problem, given: Given, held: Floats, what: str) -> NDArray[n
     return q
 
 
+def jumps(problem: Problem) -> list[str]:
+    """Return a warning about prescribed displacements that begin with a jump, where none are given by [[initial]]."""
+    space, how = problem.space, problem.case.dynamics
+    if how is None or how.start > 0:
+        return []
+    given, _ = initial_motion(space, problem.case, 0.0)
+    moved = np.where(given.record < 0, problem.constraints.u0(0.0).reshape(-1, space.dim), 0.0)
+    far = np.linalg.norm(moved, axis=1)
+    if not far.any():
+        return []
+    nodes = some(space.mesh.node_number[np.flatnonzero(far)])
+    message = f"prescribed displacements move nodes {nodes} by up to {far.max():.4g} at once when motion starts"
+    return [f"{message}; write formulas of t that begin at 0, or let inertia act from a later [dynamics] start on"]
+
+
 def _rigid(problem: Problem) -> NDArray[np.bool_]:
     mask = np.zeros(problem.space.mesh.n_nodes, bool)
     for body in problem.constraints.rigid:

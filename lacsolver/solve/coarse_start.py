@@ -66,8 +66,9 @@ class _CoarseLevel(NamedTuple):
         if found is None:
             return None
         factor, above = found
-        n = factor.shape[0]
-        return _CoarseLevel(Stiffness(csr_array(factor.matrix), factor, np.zeros((n, 0))), above, K.whole)
+        n, none = factor.shape[0], np.zeros((factor.shape[0], 0))
+        whole = Whole(np.arange(n), n, factor.matrix.blocksize[1], none)
+        return _CoarseLevel(Stiffness(factor.matrix, factor, none, whole), above, K.whole)
 
     def restricted(self, f: Floats) -> NDArray[np.floating]:
         """Return P^T f."""

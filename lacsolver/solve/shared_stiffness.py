@@ -48,6 +48,7 @@ class SharedStiffness:
 
     def __post_init__(self) -> None:
         self._restricted: tuple[Ints, csr_array] | None = None
+        self._rows: tuple[csr_array, bsr_array] | None = None
 
     @cached_property
     def K(self) -> csr_array:
@@ -98,12 +99,17 @@ class SharedStiffness:
 
     def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]] | None:
         """Return f -> an approximation of (K + B^T W B)^-1 f, one V-cycle; None if the backend has none."""
+        if self._rows is None or self._rows[0] is not B:
+            self._rows = B, self._blocks_of(B)
+        cycle = self.hierarchy.cycle.with_rows(self._rows[1], weights)
+        return None if cycle is None else lambda f: self._on_nodes(cycle, f)
+
+    def _blocks_of(self, B: csr_array) -> bsr_array:
+        """Return rows B at the unknowns of own nodes, as blocks."""
         space = self.constraints.space
         assert space.share.own is not None
         own = space.dofs(np.flatnonzero(space.share.own)).ravel()
-        rows = csr_array((B @ self.constraints.T.T).tocsc()[:, own])
-        cycle = self.hierarchy.cycle.with_rows(bsr_array(rows.tobsr((1, space.dim))), weights)
-        return None if cycle is None else lambda f: self._on_nodes(cycle, f)
+        return bsr_array(csr_array((B @ self.constraints.T.T).tocsc()[:, own]).tobsr((1, space.dim)))
 
     def _on_nodes(self, apply: Callable[[Floats], Floats], f: Floats) -> NDArray[np.floating]:
         """Apply an operator on the unknowns of own nodes to forces f (n,); return displacements at all unknowns."""
@@ -133,6 +139,10 @@ class SharedFactors:
     def on_nodes(self) -> bool:
         """True if multigrid takes K as blocks of whole nodes: see `factorise_on_nodes`."""
         return self._constraints.is_selection and self._chosen == "multigrid"
+
+    def forget(self) -> None:
+        """Drop the cycle: the next matrix is not similar to the last one."""
+        self._kept = None
 
     def factorise(self, K: csr_array, definite: bool = True) -> SharedStiffness:
         """Precondition a symmetric K, regularised by springs; one that may be indefinite by a factorisation."""
