@@ -186,7 +186,8 @@ def check_same(state: Restart, prints: Mapping[str, str]) -> None:
     differs = changed(state.case, prints) if state.case is not None else ()
     if differs:
         whose = "the state to go on from is" if state.folder is None else f"the states in {state.folder} are"
-        raise DataError(f"{whose} of another case: {', '.join(differs)} changed; restore it, or start anew")
+        parts = ", start as many processes as before if each read a part of the mesh" if "mesh" in differs else ""
+        raise DataError(f"{whose} of another case: {', '.join(differs)} changed; restore it{parts}, or start anew")
 
 
 def _restart(file: Mapping[str, NDArray], about: Mapping[str, Any], folder: Path) -> Restart:

@@ -10,7 +10,8 @@ import h5py
 import numpy as np
 import pytest
 
-from lacmesh import Mesh, ReadError, cut_skin, read, write
+from lacmesh import DataError, Mesh, ReadError, cut_skin, read, write
+from lacmesh.partition import distribute_nodes
 from lacsolver.cli import main as solver_main
 from tests.lacsolver.distributed.allocations import box
 from tests.lacsolver.distributed.mpi import ROOT, in_ranks, own_lines
@@ -82,6 +83,11 @@ def move_to_one_place(file, step):
     step["NOE/COO"][:] = 1.0
 
 
+def make_huge(file, step):
+    """Give two nodes coordinates whose difference is not finite."""
+    step["NOE/COO"][[5, 400]] = 1.7e308, -1.6e308
+
+
 def leave_families_out(file, step):
     """Remove the families of the cells."""
     del next(iter(file["FAS"].values()))["ELEME"]
@@ -120,6 +126,7 @@ def cut_families_short(file, step):
 CHANGES = {
     "repeated_numbers": repeat_numbers,
     "one_place": move_to_one_place,
+    "huge": make_huge,
     "no_families": leave_families_out,
     "unnamed_zones": forget_zones,
     "stray_node": add_a_stray_node,
@@ -140,7 +147,7 @@ def told(files):
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_parts_read_by_slices_are_those_of_the_whole_mesh(files, told, n):
     for path in files.glob("*.med"):
-        if path.stem not in DAMAGED and path.stem != "unnamed_zones":
+        if path.stem not in (*DAMAGED, "huge", "unnamed_zones"):
             assert told[n, path.name] == [[]] * n, path.name
     assert told[n, "unnamed_zones.med"] == ["read as a whole"] * n
 
@@ -152,6 +159,14 @@ def test_damage_is_told_as_by_one_process(files, told, name):
         read(files / f"{name}.med")
     for n in (1, 2, 3):
         assert told[n, f"{name}.med"] == [f"3 {error.value}"] * n
+
+
+def test_coordinates_without_a_finite_box_are_told_as_by_one_process(files, told):
+    mesh = read(files / "huge.med")
+    for n in (2, 3):
+        with pytest.raises(DataError) as error:
+            distribute_nodes(mesh, n)
+        assert told[n, "huge.med"] == [f"1 {error.value}"] * n
 
 
 def test_allocations_are_of_slices_and_parts(files, told):
