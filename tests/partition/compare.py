@@ -6,13 +6,13 @@ from dataclasses import fields
 
 import numpy as np
 
-from lacmesh.mesh import Block, Mesh, Model
+from lacmesh.mesh import Block, Mesh, Model, Periodic
 from lacmesh.partition.parts import WholeMesh
 
 
 def differences(one, other, place="part"):
     """The places at which two values differ, in value or type."""
-    if isinstance(one, (Mesh, Model, WholeMesh)) or place == "part":
+    if isinstance(one, (Mesh, Model, Periodic, WholeMesh)) or place == "part":
         pairs = {f.name: (getattr(one, f.name), getattr(other, f.name)) for f in fields(one)}
     elif isinstance(one, dict):
         if one.keys() != other.keys():
