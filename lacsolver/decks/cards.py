@@ -55,12 +55,16 @@ class DeckLine(NamedTuple):
 
 
 class Refused(Exception):  # noqa: N818 (never leaves this package: it becomes a Finding)
-    """A card, or the line `row` of it, cannot be taken; the message says why, and what to try."""
+    """A card, or the line `row` of it, cannot be taken; the message says why, and what to try.
 
-    def __init__(self, message: str, row: DeckLine | None = None) -> None:
+    `card`: the card, if it is not the one that is being read.
+    """
+
+    def __init__(self, message: str, row: DeckLine | None = None, card: Card | None = None) -> None:
         super().__init__(message)
         self.message = message
         self.row = row
+        self.card = card
 
 
 class Lacking(Refused):

@@ -24,16 +24,21 @@ COMPONENTS = {
     "gravity": 3,
     "centrifugal": 1,
     "temperature": 1,
+    "velocity": 3,
 }
 
 
 @dataclass
 class MaterialData:
-    """A material: the keys of its [[material]] so far, and the card that began it."""
+    """A material: the keys of its [[material]] so far, and the card that began it.
+
+    `damping`: factors of its mass and of its stiffness.
+    """
 
     name: str
     card: Card
     keys: dict[str, Any] = field(default_factory=dict)
+    damping: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -100,20 +105,33 @@ class GroundSpring:
     card: Card
 
 
+@dataclass(frozen=True)
+class PointMass:
+    """Mass at a node (index), or moments of inertia about axes along x, y and z through it."""
+
+    node: int
+    mass: float
+    inertia: tuple[float, ...]
+    card: Card
+
+
 @dataclass
 class DeckStep:
-    """A step: when it begins and how long it takes, its first increment, and how loads without amplitude grow.
+    """A step: when it begins and how long it takes, its increments, and how loads without amplitude grow.
 
-    `modes`: how many natural modes it asks for; such a step takes no time, and goes at its end.
+    `increment`: the first one; `largest`: the largest one allowed. `alpha`: numerical damping of a step with inertia,
+    None for a static one. `modes`: how many natural modes it asks for; such a step takes no time, and goes at its end.
     """
 
     card: Card
     begin: float
     period: float = 1.0
     increment: float = 1.0
+    largest: float = 0.0
     direct: bool = False
     large: bool = False
     sudden: bool = False
+    alpha: float | None = None
     modes: int = 0
 
     @property
@@ -155,6 +173,7 @@ class Content:
     clearances: dict[tuple[str, str], tuple[float, Card]] = field(default_factory=dict)
     rigid: list[DeckRigid] = field(default_factory=list)
     springs: list[GroundSpring] = field(default_factory=list)
+    masses: list[PointMass] = field(default_factory=list)
     steps: list[DeckStep] = field(default_factory=list)
     assigned: list[Assigned] = field(default_factory=list)
     #: kinds of which a step removes what earlier steps have said, and the card that says so

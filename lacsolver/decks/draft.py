@@ -54,6 +54,12 @@ class CaseDraft:
         return self.reading.content.steps[-1].end
 
     @property
+    def ramped(self) -> float:
+        """Time up to which a case ramps plain numbers: that at which the steps with inertia begin, else the end."""
+        steps = self.reading.content.steps
+        return next((step.begin for step in steps if step.alpha is not None), self.end)
+
+    @property
     def per_thickness(self) -> float:
         """Factor of forces and springs: those of plane strain are per unit of thickness."""
         return 1 / self.thickness if self.top.get("model") == "plane_strain" else 1.0

@@ -16,10 +16,12 @@ from lacsolver.decks.content import (
     Interaction,
     Pair,
 )
+from lacsolver.decks.motion_cards import velocities
 from lacsolver.decks.reading import Reading
 
 #: elements that lacsolver computes, and letters of their names that change how they are computed
 _SOLIDS = re.compile(r"(?:C3D(?:4|6|8|10|15|20|27)|CPS(?:3|4|6|8)|CPE(?:3|4|6|8)|CAX(?:3|4|6|8))([RIHM]*)")
+_POINTS = ("SPRING1", "MASS", "ROTARYI")
 _VARIANTS = {
     "R": "reduced integration",
     "I": "incompatible modes",
@@ -32,10 +34,11 @@ def element(reading: Reading, card: Card) -> None:
     """Take elements that are solids or springs to the ground; others have no place in lacsolver."""
     name = card.word("TYPE")
     solid = _SOLIDS.fullmatch(name)
-    if solid is None and name != "SPRING1":
+    if solid is None and name not in _POINTS:
         raise Refused(
-            f"lacsolver computes solid elements (C3D, CPS, CPE, CAX) and springs to the ground (SPRING1), and none of "
-            f"type {name or '(none)'}; model this part with solid elements, or take it out"
+            f"lacsolver computes solid elements (C3D, CPS, CPE, CAX), springs to the ground (SPRING1) and masses of "
+            f"rigid bodies (MASS, ROTARYI), and none of type {name or '(none)'}; model this part with solid "
+            "elements, or take it out"
         )
     if solid and solid[1] and name not in reading.variants:
         reading.variants.add(name)
@@ -72,9 +75,13 @@ def amplitude(reading: Reading, card: Card) -> None:
 
 
 def initial_conditions(reading: Reading, card: Card) -> None:
-    """Take temperatures without strain."""
+    """Take temperatures without strain, and velocities."""
+    if card.word("TYPE") == "VELOCITY":
+        velocities(reading, card)
+        return
     if card.word("TYPE") != "TEMPERATURE":
-        raise Refused(f"initial conditions of type {card.word('TYPE') or '(none)'} are not taken; TEMPERATURE is")
+        kind = card.word("TYPE") or "(none)"
+        raise Refused(f"initial conditions of type {kind} are not taken; TEMPERATURE and VELOCITY are")
     for row in card.rows:
         name, nodes = reading.names.nodes(row.text(0), row)
         value = row.number(1, "the temperature")

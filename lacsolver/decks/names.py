@@ -57,11 +57,11 @@ class Names:
         return name, found
 
     def points(self, text: str) -> tuple[str, Ints]:
-        """Return the name of a set of springs to the ground, and their nodes (k,). Raises Refused."""
+        """Return the name of a set of elements of one node, springs or masses, and their nodes (k,). Raises Refused."""
         name, found = self._cells(text, None)
         nodes = [nodes[:, 0] for _, _, nodes in self.mesh.select(found[self.mesh.cell_dim[found] == 0])]
         if not nodes:
-            raise Refused(f"{text} has no elements of type SPRING1")
+            raise Refused(f"{text} has no elements of one node, such as SPRING1 or MASS")
         return name, np.concatenate(nodes)
 
     def _cells(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:

@@ -32,12 +32,17 @@ def step(reading: Reading, card: Card) -> None:
 
 def static(reading: Reading, card: Card) -> None:
     """Take the first increment and the length of a step."""
-    which = reading.content.step
+    take_times(reading.content.step, card)
+
+
+def take_times(which: DeckStep, card: Card) -> None:
+    """Take the increments and the length of a step from its procedure. Raises Refused."""
     if card.rows:
         row = card.rows[0]
         which.increment, which.period = row.number(0, "the first increment", 1.0), row.number(1, "the period", 1.0)
-        if not (which.period > 0 and which.increment > 0):
-            raise Refused("the first increment and the period of a step should be positive", row)
+        which.largest = row.number(3, "the largest increment", 0.0)
+        if not (which.period > 0 and which.increment > 0 and which.largest >= 0):
+            raise Refused("the increments and the period of a step should be positive", row)
     which.direct = "DIRECT" in card.options
 
 
