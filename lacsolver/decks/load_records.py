@@ -98,8 +98,7 @@ def forces(draft: CaseDraft) -> None:
             f"f{AXES[c]}": scaled(written(points, draft.ramped), draft.per_thickness)
             for c, points in part.histories.items()
         }
-        for group in draft.loaded_groups(part.name, part.items, "loaded"):
-            draft.add("force", {"group": group} | keys, part.line.card)
+        draft.add("force", {"group": draft.node_group(part.name, part.items, "loaded")} | keys, part.line.card)
     if moments := [one for one in draft.reading.content.assigned if one.kind in ("moment", "spin")]:
         _check_rotations(draft, moments)
 

@@ -181,8 +181,8 @@ def springs(draft: CaseDraft) -> None:
     for spring in draft.reading.content.springs:
         for count, nodes in _repeats(spring.nodes):
             size = count * spring.stiffness * draft.per_thickness
-            for group in draft.loaded_groups(spring.group, nodes, "sprung"):
-                draft.add("spring", {"group": group, f"k{AXES[spring.axis]}": size}, spring.card)
+            group = draft.node_group(spring.group, nodes, "sprung")
+            draft.add("spring", {"group": group, f"k{AXES[spring.axis]}": size}, spring.card)
 
 
 def _repeats(nodes: Ints) -> Iterator[tuple[int, Ints]]:
