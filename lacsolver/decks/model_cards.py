@@ -145,12 +145,12 @@ def _skins(reading: Reading, card: Card, row: DeckLine) -> tuple[str, ...]:
         name, facets = reading.names.skin(text, row)
         if reading.names.of_nodes(text):
             reading.note(card, f"the surface of nodes {name!r} is taken as the {len(facets)} faces on its nodes", row)
-    return tuple(key_of(reading.names.plain(text)) for text in row.fields)
+    return tuple(key_of(text) for text in row.fields)
 
 
 def clearance(reading: Reading, card: Card) -> None:
     """Take the gap between a slave and a master, which replaces the one in the mesh."""
-    pair = tuple(key_of(reading.names.plain(card.needed(name))) for name in ("SLAVE", "MASTER"))
+    pair = tuple(key_of(card.needed(name)) for name in ("SLAVE", "MASTER"))
     reading.content.clearances[pair[0], pair[1]] = (card.number("VALUE"), card)
 
 

@@ -11,7 +11,7 @@ from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
 from lacmesh.topology.bodies import label_bodies
 from lacsolver.decks.cards import Refused, look_up
-from lacsolver.decks.content import Assigned, Content
+from lacsolver.decks.content import Assigned
 from lacsolver.decks.draft import AXES, CaseDraft
 
 #: largest difference of the velocities of a body from linear ones, relative to the largest of them
@@ -40,16 +40,21 @@ def dynamics(draft: CaseDraft) -> None:
         message = "CalculiX takes these velocities away in the static step before the motion"
         raise Refused(f"{message}; take them out, or write [[initial]] into the case", given[0].row, given[0].card)
     keys: dict[str, Any] = {"alpha": moving[0].alpha} | ({"start": moving[0].begin} if first else {})
-    if any(damping := _damping(content)):
+    if any(damping := _damping(draft)):
         keys["rayleigh"] = list(damping)
     draft.add("dynamics", keys, moving[0].card)
     _add_initial(draft, given)
 
 
-def _damping(content: Content) -> tuple[float, float]:
-    """Return the Rayleigh damping, which all materials must share. Raises Refused."""
+def _damping(draft: CaseDraft) -> tuple[float, float]:
+    """Return the Rayleigh damping of the materials, which all must share, and have a density. Raises Refused."""
+    content = draft.reading.content
     keys = {look_up(content.materials, section.material, "*MATERIAL") for section in content.sections}
     made = [content.materials[key] for key in sorted(keys)]
+    for material in made:
+        if not material.keys.get("density"):
+            message = f"material {material.name} has no *DENSITY, and what moves has a mass; give it one"
+            draft.reading.error(material.card, message)
     if len({material.damping for material in made}) > 1:
         names = ", ".join(material.name for material in made)
         raise Refused(f"materials {names} have several dampings, and lacsolver has one for all; give them the same")

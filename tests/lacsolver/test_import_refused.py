@@ -131,6 +131,7 @@ REFUSED = {
     "two alphas": (
         "", "*DYNAMIC\n*END STEP\n*STEP\n*DYNAMIC, ALPHA=0.\n", "STEP", "one ALPHA for all steps",
     ),
+    "no density": ("", "*DYNAMIC\n", "MATERIAL", "has no *DENSITY"),
     "static at last": ("", "*DYNAMIC\n*END STEP\n*STEP\n*STATIC\n", "STEP", "after a dynamic one"),
     "too many increments": ("", "*DYNAMIC\n1e-9, 1.\n", "STEP", "too long for the case"),
     "loads of a frequency step": ("", LOAD + "*FREQUENCY\n3\n", "END STEP", "give supports in the model"),

@@ -144,7 +144,7 @@ class DeckWriter:
         group = self.deck.surfaces.get(("ELEMENT", key_of(name)))
         members = self.plan.mesh.cell_groups.get(group or "", np.empty(0, np.int64))
         skin = members[self.plan.roles.skin[members]]
-        if kind != "ELEMENT" or group is None or not len(skin) or not self._changed(group, skin):
+        if kind != "ELEMENT" or group is None or not len(skin) or (card.body and not self._changed(group, skin)):
             return False
         _put(file, card.head.rstrip("\r\n"))
         write_faces(file, self.plan.mesh, self.plan.roles, self.plan.target, self.plan.cell, skin)

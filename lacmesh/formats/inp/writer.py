@@ -15,10 +15,12 @@ from typing import BinaryIO
 
 import numpy as np
 
+from lacmesh.deck import Deck
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.inp.carry import Complaints
 from lacmesh.formats.inp.contradictions import contradictions
 from lacmesh.formats.inp.deck_writer import DeckWriter
+from lacmesh.formats.inp.flat import flattened
 from lacmesh.formats.inp.follow import Followed
 from lacmesh.formats.inp.lines import is_plane, write_nodes, write_rows
 from lacmesh.formats.inp.plain import below_dimension, losses
@@ -54,7 +56,8 @@ def write(
             f"an .inp file is for {' or '.join(TARGETS)}, in {', '.join(PLANES)}: not {target}, {chosen}"
         )
     said = left_out(mesh)
-    followed = None if mesh.deck is None else Followed(mesh.deck, mesh)
+    complaints = Complaints(lenient)
+    followed = None if mesh.deck is None else _followed(mesh.deck, mesh, complaints, said)
     if followed is not None and (why := followed.misfit() or ("" if all_cells else below_dimension(followed))):
         said += [
             f"written anew and not as the deck {followed.deck.path}: {why}",
@@ -63,16 +66,31 @@ def write(
         followed = None
     roles = roles_of(mesh, all_cells)
     if followed is not None:
-        _write_deck(path, followed, roles, said, target, plane, lenient)
+        _write_deck(path, followed, roles, said, target, plane, complaints)
     else:
         _write_mesh(path, mesh, roles, said, target, plane)
     if said:
         warnings.warn(LacmeshWarning(".inp: " + "; ".join(said)), stacklevel=2)
 
 
+def _followed(deck: Deck, mesh: Mesh, complaints: Complaints, said: list[str]) -> Followed:
+    """Follow a deck into a mesh made of it, without its parts if nodes, elements or groups are no more as read."""
+    followed = Followed(deck, mesh)
+    if not deck.instances or followed.untouched:
+        return followed
+    flat, refused = flattened(deck)
+    without_parts = Followed(flat, mesh)
+    if not without_parts.misfit():
+        for found in refused:
+            complaints.add(found.card, found.file, found.line, found.why, "it is left out")
+        said.append("the deck is written without parts and instances, whose names stand before those of their sets")
+    return without_parts
+
+
 def _write_deck(
-    path: Path, followed: Followed, roles: Roles, said: list[str], target: str, plane: str | None, lenient: bool
-) -> None:
+    path: Path, followed: Followed, roles: Roles, said: list[str], target: str, plane: str | None,
+    complaints: Complaints,
+) -> None:  # fmt: skip
     """Write the deck that a mesh was read from, as `write` says."""
     deck, mesh = followed.deck, followed.mesh
     of_deck = followed.home >= 0
@@ -86,7 +104,6 @@ def _write_deck(
     )
     chosen = plane or mesh.plane or "CPS"
     plan = plan_of(path, mesh, roles, target, chosen, [], of_deck)
-    complaints = Complaints(lenient)
     for found in contradictions(deck):
         complaints.add(found.card, found.file, found.line, found.why, "carried as it stands")
     with path.open("wb") as file:
