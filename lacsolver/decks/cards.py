@@ -145,8 +145,9 @@ def found_at(card: Card, message: str, row: DeckLine | None, level: str) -> Find
 
 
 def look_up(known: Mapping[str, object], name: str, what: str, row: DeckLine | None = None) -> str:
-    """Return the key (`key_of`) of a name of the deck. Raises Refused, with near matches."""
+    """Return the key (`key_of`) of a name of the deck. Raises Refused, with near matches, values if they are names."""
     key = key_of(name)
     if key not in known:
-        raise Refused(f"there is no {what} named {name!r}{did_you_mean(key, known)}", row)
+        shown = [value if isinstance(value, str) else name for name, value in known.items()]
+        raise Refused(f"there is no {what} named {name!r}{did_you_mean(name, shown)}", row)
     return key

@@ -119,12 +119,14 @@ class PointMass:
 class DeckStep:
     """A step: when it begins and how long it takes, its increments, and how loads without amplitude grow.
 
-    `increment`: the first one; `largest`: the largest one allowed. `alpha`: numerical damping of a step with inertia,
-    None for a static one. `modes`: how many natural modes it asks for; such a step takes no time, and goes at its end.
+    `procedure`: the card that says what is computed. `increment`: the first one; `largest`: the largest one allowed.
+    `alpha`: numerical damping of a step with inertia, None for a static one. `modes`: how many natural modes it asks
+    for; such a step takes no time, and goes at its end.
     """
 
     card: Card
     begin: float
+    procedure: Card | None = None
     period: float = 1.0
     increment: float = 1.0
     largest: float = 0.0
@@ -171,6 +173,8 @@ class Content:
     interactions: dict[str, Interaction] = field(default_factory=dict)
     pairs: list[Pair] = field(default_factory=list)
     clearances: dict[tuple[str, str], tuple[float, Card]] = field(default_factory=dict)
+    #: for a pair: the steps in which its contact is removed (False) or added again (True), and the card that says so
+    changes: dict[tuple[str, str], list[tuple[int, bool, Card]]] = field(default_factory=lambda: defaultdict(list))
     rigid: list[DeckRigid] = field(default_factory=list)
     springs: list[GroundSpring] = field(default_factory=list)
     masses: list[PointMass] = field(default_factory=list)
@@ -190,6 +194,15 @@ class Content:
         if not self.in_step:
             raise Refused("it belongs between *STEP and *END STEP; move it there")
         return self.steps[-1]
+
+    def begin_procedure(self, card: Card) -> DeckStep:
+        """Return the step that is open, which has this procedure. Raises Refused if it has another."""
+        which = self.step
+        if which.procedure is not None:
+            before = which.procedure.of
+            raise Refused(f"this step is *{before.name} already (line {before.line}); keep one of them")
+        which.procedure = card
+        return which
 
     @property
     def material(self) -> MaterialData:

@@ -105,6 +105,9 @@ def behavior(reading: Reading, card: Card) -> None:
         which.stiffness, which.tied = stiffness, kind == "TIED"
         if which.tied:
             reading.note(card, "surfaces that are tied become a [[tie]], without its stiffness: they stay together")
+    elif kind in ("EXPONENTIAL", "TABULAR"):
+        message = f"lacsolver has HARD and LINEAR contact, and not {kind}; write one of these"
+        reading.lack(card, message, "contact is HARD")
     elif kind != "HARD":
         raise Refused(f"lacsolver has HARD and LINEAR contact, and not {kind}; write one of these")
 

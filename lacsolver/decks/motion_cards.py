@@ -13,12 +13,12 @@ _MOST_DAMPING = 1 / 3
 
 def dynamic(reading: Reading, card: Card) -> None:
     """Take an implicit step with inertia: its increments, and the numerical damping; loads act in full at once."""
-    which = reading.content.step
+    which = reading.content.begin_procedure(card)
     if "EXPLICIT" in card.options:
-        raise Refused(
-            "lacsolver's time scheme is implicit, and this step is EXPLICIT; leave the option out, and give increments "
-            "in which a wave crosses a half to a whole element"
+        message = (
+            "lacsolver's time scheme is implicit, and this step is EXPLICIT; leave the option out, and give increments"
         )
+        reading.lack(card, f"{message} in which a wave crosses a half to a whole element", "the step is implicit")
     alpha = -card.number("ALPHA", -0.05)
     if not 0 <= alpha <= _MOST_DAMPING:
         raise Refused(f"ALPHA should be from -1/3 to 0, not {-alpha:g}")

@@ -91,7 +91,7 @@ class Names:
         """
         there = self.deck.surface_group(text)
         if there is None:
-            look_up({key: None for _, key in self.deck.surfaces}, text, "surface", row)
+            look_up({key: group for (_, key), group in self.deck.surfaces.items()}, text, "surface", row)
         assert there is not None
         kind, name = there
         if kind == "NODE":

@@ -138,7 +138,12 @@ REFUSED = {
     "no modes": ("", "*FREQUENCY\n0\n", "FREQUENCY", "should be positive"),
     "perturbation": ("", "*END STEP\n*STEP, PERTURBATION\n*STATIC\n", "END STEP", "with *FREQUENCY alone"),
     "period": ("", "*STATIC\n1., -1.\n", "STATIC", "should be positive"),
-    "model change": ("", "*MODEL CHANGE, TYPE=CONTACT PAIR, REMOVE\nA, B\n", "MODEL CHANGE", "in all steps"),
+    "elements removed": ("", "*MODEL CHANGE, TYPE=ELEMENT, REMOVE\nB\n", "MODEL CHANGE", "in all steps"),
+    "no pair to remove": ("", "*MODEL CHANGE, TYPE=CONTACT PAIR, REMOVE\nA, B\n", "MODEL CHANGE", "no *CONTACT PAIR"),
+    "neither added nor removed": ("", "*MODEL CHANGE, TYPE=CONTACT PAIR\nA, B\n", "MODEL CHANGE", "ADD or REMOVE"),
+    "one surface to remove": ("", "*MODEL CHANGE, TYPE=CONTACT PAIR, ADD\nA\n", "MODEL CHANGE", "a master surface"),
+    "a step in a step": ("", "*STEP\n*STATIC\n", "STEP", "has no *END STEP before it"),
+    "a parameter twice": ("*BOUNDARY, OP=NEW, OP=MOD\nB_X0, 1\n", "", "BOUNDARY", "OP is both NEW and MOD"),
     "nlgeom later": ("", "*END STEP\n*STEP, NLGEOM\n*STATIC\n", "STEP", "in all of them or in none"),
     "temperature of half an element": (
         "", "*TEMPERATURE\n1, 100.\n", "TEMPERATURE", "have several temperatures",
@@ -148,7 +153,9 @@ BLOCK = Block()
 
 
 def deck(model, loads, more=""):
-    return BLOCK.text() + section(more="*EXPANSION\n1e-5\n" + more) + held() + model + step(loads)
+    """A deck of a block; a step whose cards have a procedure is not *STATIC."""
+    text = BLOCK.text() + section(more="*EXPANSION\n1e-5\n" + more) + held() + model + step(loads)
+    return re.sub(r"\*STATIC\n(?=(?:(?!\*STEP|\*END).*\n)*\*(?:STATIC|DYNAMIC|FREQUENCY))", "", text)
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -171,6 +178,18 @@ def test_every_mistake_at_once(tmp_path):
     with pytest.raises(CaseError) as caught:
         imported(tmp_path, deck("*EQUATION\n2\n1,1,1.,2,1,-1.\n*BOUNDARY\n4711, 3\n", "*DYNAMIC, EXPLICIT\n"))
     assert len(caught.value.problems) == 3
+
+
+def test_two_procedures_of_one_step(tmp_path):
+    text = BLOCK.text() + section() + held() + step("*DYNAMIC\n" + LOAD)
+    with pytest.raises(CaseError, match=r"\*DYNAMIC: this step is \*STATIC already \(line \d+\); keep one"):
+        imported(tmp_path, text)
+
+
+def test_a_truncated_deck(tmp_path):
+    """A deck that ends in its step would have fewer loads than it was meant to have."""
+    with pytest.raises(CaseError, match=r"\*STEP: this step has no \*END STEP; end it"):
+        imported(tmp_path, deck("", LOAD).replace("*END STEP\n", ""))
 
 
 def test_a_deck_without_steps(tmp_path):
@@ -261,6 +280,16 @@ def test_lenient_leaves_out_what_lacsolver_lacks(tmp_path):
         imported(tmp_path, text.replace("*STATIC", "*VISCO"), lenient=True)
     with pytest.raises(CaseError, match="there is no node 4711"):
         imported(tmp_path, text.replace("*WORMHOLE", "*BOUNDARY\n4711, 1"), lenient=True)
+
+
+def test_lenient_takes_something_else(tmp_path):
+    """An explicit step is computed implicitly, softened contact as a hard one: warnings say so."""
+    soft = SURFACES + "*SURFACE INTERACTION, NAME=S\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL\n1e-4, .1\n"
+    text = deck(soft, "*DYNAMIC, EXPLICIT\n0.1, 1.\n" + LOAD, "*DENSITY\n1.\n")
+    made = imported(tmp_path, text, lenient=True)
+    told = {finding.card: finding.message for finding in made.findings if finding.level == "warning"}
+    assert told["DYNAMIC"].endswith("the step is implicit") and told["SURFACE BEHAVIOR"].endswith("contact is HARD")
+    assert made.case.dynamics.alpha == 0.05
 
 
 def test_the_table_has_each_card_once():

@@ -18,6 +18,9 @@ class FlatNames:
 
     def __init__(self, deck: Deck) -> None:
         self.instances = {key_of(one.name): one for one in deck.instances}
+        ends = [(one.nodes, one.elements) for one in deck.instances[1:]]
+        end = deck.own if any(deck.own) else (_largest(deck, "NODE"), _largest(deck, "ELEMENT"))
+        self._ends = dict(zip(self.instances, [*ends, end], strict=True))
         known = {**deck.node_sets, **deck.element_sets, **{key: group for (_, key), group in deck.surfaces.items()}}
         self._label = _labels(dict.fromkeys(known.values()))
         self._by_key = {key: self._label[group] for key, group in known.items()}
@@ -28,7 +31,10 @@ class FlatNames:
         return self._label[group]
 
     def written(self, text: str, elements: bool) -> str:
-        """Return what stands for a name in the assembly, or for a number after the name of an instance."""
+        """Return what stands for a name in the assembly, or for a number after the name of an instance.
+
+        A number that is beyond those of its instance stays, and is then the name of nothing.
+        """
         if label := self._renamed.get(key_of(text)):
             return label
         before, point, rest = text.strip().strip('"').rpartition(".")
@@ -36,12 +42,18 @@ class FlatNames:
         if one is None:
             return text
         if NUMBER.fullmatch(rest.strip()):
-            return str(int(rest) + (one.elements if elements else one.nodes))
+            number = int(rest) + (one.elements if elements else one.nodes)
+            return str(number) if number <= self._ends[key_of(before)][elements] else text
         return self._by_key.get(key_of(one.prefix + rest), text)
 
     def of_part(self, text: str, one: DeckInstance) -> str:
         """Return what stands for a name in a part, for one of its instances."""
         return self._by_key.get(key_of(one.prefix + text.strip('"')), text)
+
+
+def _largest(deck: Deck, key: str) -> int:
+    """Return the largest number that cards of a kind make."""
+    return max((int(n.max()) for k, n in deck.placed if deck.cards[k].key == key and len(n)), default=0)
 
 
 def _labels(groups: Mapping[str, None]) -> dict[str, str]:
