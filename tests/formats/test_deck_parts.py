@@ -11,6 +11,7 @@ import pytest
 
 import lacmesh
 from lacmesh import LacmeshWarning, cut_skin, raise_order
+from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError
 from tests.formats.decks import solved as run_calculix
 from tests.formats.decks import tables
@@ -81,6 +82,7 @@ RF
 U
 *End Step
 """
+SURFACES = "*SURFACE, NAME=Upper\nC_EZ0, S1\n*SURFACE, NAME=Lower\nB_EZ1, S2\n"
 NODE = int(UPPER.at(2, 2)[0])
 
 
@@ -141,6 +143,25 @@ def test_a_cut_deck_has_no_parts(tmp_path):
         name: len(cells) for name, cells in back.cell_groups.items()
     }
     assert np.array_equal(np.sort(back.node_number), np.sort(cut.node_number))
+
+
+def nodes_of_faces(cut):
+    return [nodes for _, _, nodes in cut.mesh.select(np.flatnonzero(cut.macro_of_face >= 0))]
+
+
+def test_records_of_the_cut_are_beside_the_deck(tmp_path):
+    """New nodes follow the first card of nodes, and so stand in another order in the mesh that is read."""
+    for name, text in (("parts", two()), ("cards", LOWER.text() + replace(UPPER, first=100).text() + SURFACES)):
+        cut = cut_skin(quiet_read(tmp_path, text), "Upper", hexa="hexa")
+        _, said = flat(tmp_path, cut.mesh, name=f"{name}.inp")
+        assert "records" not in said
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LacmeshWarning)
+            back = Cut(lacmesh.read(tmp_path / f"{name}.inp"))
+        assert not np.array_equal(back.mesh.points, cut.mesh.points)
+        there = [c.mesh.points[np.unique(np.concatenate([f.ravel() for f in nodes_of_faces(c)]))] for c in (cut, back)]
+        assert np.allclose(*(np.sort(points, axis=0) for points in there))
+        assert back.n_macros == cut.n_macros == 9
 
 
 @pytest.mark.calculix
