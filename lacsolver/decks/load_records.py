@@ -197,16 +197,15 @@ def steps(draft: CaseDraft) -> None:
 
 def _increments(draft: CaseDraft, step: DeckStep) -> int:
     """Return how many increments a step is computed in. Raises Refused for more than MOST_STEPS."""
-    size = step.increment if step.direct else max(step.increment, step.largest)
-    count = max(1, ceil(step.period / (size if step.alpha is not None else step.increment) - 1e-9))
-    if step.alpha is None:
-        count = count if step.direct else min(count, MOST_INCREMENTS)
-    elif not step.direct:
-        told = (
-            f"it is computed in {count} equal increments, its largest ones; lacsolver validate tells if they are short"
-        )
-        draft.reading.note(step.card, told)
-    if count > MOST_STEPS:
-        message = f"a step of {count} increments is too long for the case; give fewer ones in the line of the procedure"
+    static = step.alpha is None
+    count = step.period / (step.increment if static or step.direct else max(step.increment, step.largest))
+    if static and not step.direct:
+        count = min(count, MOST_INCREMENTS)
+    if not count <= MOST_STEPS:
+        message = f"a step of {count:.0f} increments is too long for the case; give fewer in the line of the procedure"
         raise Refused(message, None, step.card)
+    count = max(1, ceil(count - 1e-9))
+    if not static and not step.direct:
+        told = f"it is computed in {count} equal increments; lacsolver validate tells if they are short enough"
+        draft.reading.note(step.card, told)
     return count

@@ -42,8 +42,19 @@ def element(reading: Reading, card: Card) -> None:
         )
     if solid and solid[1] and name not in reading.variants:
         reading.variants.add(name)
-        told = " and ".join(_VARIANTS[letter] for letter in dict.fromkeys(solid[1]))
-        reading.note(card, f"{name} has {told}; lacsolver computes the same shape with full integration")
+        _tell_variant(reading, card, name, solid[1])
+
+
+def _tell_variant(reading: Reading, card: Card, name: str, letters: str) -> None:
+    """Tell that elements of a variant are computed otherwise here; linear ones are too stiff in bending."""
+    told = " and ".join(_VARIANTS[letter] for letter in dict.fromkeys(letters))
+    message = f"{name} has {told}; lacsolver computes the same shape with full integration"
+    if letters == "H":
+        reading.note(card, message)
+        return
+    linear = re.search(r"[48][A-Z]*$", name) and not name.startswith(("CPS8", "CPE8", "CAX8"))
+    advice = ", which is too stiff in bending: elevate its order before (lacmesh convert --order 2)" if linear else ""
+    reading.warn(card, message + advice)
 
 
 def surface(reading: Reading, card: Card) -> None:

@@ -353,6 +353,23 @@ def test_children_that_calculix_lacks_are_an_error(tmp_path):
     assert "TYPE=C3D5, ELSET=Eall" in written(tmp_path, mesh, target="abaqus")
 
 
+def test_elements_that_are_raised_have_their_new_nodes(tmp_path):
+    """Also where their lines list more than their nodes, which are carried word for word as long as nothing changes."""
+    text = MESH.replace("5, 6, 7, 8\n*NSET", "5, 6, 7, 8, 1\n*NSET")
+    with pytest.warns(LacmeshWarning, match="list more nodes than these have"):
+        mesh = read_text(tmp_path, text)
+    assert "1, 1, 2, 3, 4, 5, 6, 7, 8, 1\n" in written(tmp_path, mesh)
+    raised = raise_order(mesh)
+    assert "*ELEMENT, TYPE=C3D20R" in written(tmp_path, raised)
+    assert lacmesh.read(tmp_path / "b.inp").cells_by_type == raised.cells_by_type
+    beam = "*NODE\n1, 0.\n2, 1.\n3, 0., 1.\n*ELEMENT, TYPE=B31\n1, 1, 2, 3\n*MATERIAL, NAME=M\n"
+    with pytest.warns(LacmeshWarning, match="orientation nodes of 1 beams"):
+        mesh = read_text(tmp_path, beam)
+    assert "1, 1, 2, 3\n" in written(tmp_path, mesh)
+    with pytest.raises(DataError, match=r"line 5: \*ELEMENT: these beams have changed"):
+        written(tmp_path, raise_order(mesh))
+
+
 @pytest.mark.parametrize(
     ("old", "cell", "new"),
     [
