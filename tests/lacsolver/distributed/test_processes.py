@@ -19,8 +19,13 @@ SOLID = [name for name, case in CASES.items() if case.dim == 3]
 
 @pytest.mark.parametrize(
     ("n", "backend", "names"),
-    [(1, "gamg", SOLID[:1]), (2, "mumps", PLANE), (3, "gamg", SOLID), (4, "hypre", SOLID[:1])],
-    ids=["gamg in 1", "mumps in 2", "gamg in 3", "hypre in 4"],
+    [
+        (1, "multigrid", SOLID[:1]),
+        (2, "mumps", PLANE),
+        (2, "gamg", SOLID[:1]),
+        (3, "multigrid", SOLID),
+        (4, "hypre", SOLID[:1]),
+    ],
 )
 def test_several_processes_find_what_one_finds(n, backend, names):
     done = in_ranks(n, PROGRAM, backend, *names, timeout=300)
