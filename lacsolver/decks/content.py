@@ -137,6 +137,11 @@ class DeckStep:
     modes: int = 0
 
     @property
+    def origin(self) -> Card:
+        """The card of the procedure, or that of the step if it has none."""
+        return self.procedure or self.card
+
+    @property
     def end(self) -> float:
         """Time at which the step ends."""
         return self.begin + self.period

@@ -203,9 +203,9 @@ def _increments(draft: CaseDraft, step: DeckStep) -> int:
         count = min(count, MOST_INCREMENTS)
     if not count <= MOST_STEPS:
         message = f"a step of {count:.0f} increments is too long for the case; give fewer in the line of the procedure"
-        raise Refused(message, None, step.card)
+        raise Refused(message, None, step.origin)
     count = max(1, ceil(count - 1e-9))
     if not static and not step.direct:
         told = f"it is computed in {count} equal increments; lacsolver validate tells if they are short enough"
-        draft.reading.note(step.card, told)
+        draft.reading.note(step.origin, told)
     return count

@@ -32,17 +32,17 @@ def dynamics(draft: CaseDraft) -> None:
     if len(moving) < len(content.steps) - first:
         late = next(step for step in content.steps[first:] if step.alpha is None)
         draft.reading.error(
-            late.card, "a static step after a dynamic one is not taken; compute it in a deck of its own"
+            late.origin, "a static step after a dynamic one is not taken; compute it in a deck of its own"
         )
     if other := next((step for step in moving if step.alpha != moving[0].alpha), None):
-        draft.reading.error(other.card, "lacsolver has one ALPHA for all steps; give the steps of *DYNAMIC the same")
+        draft.reading.error(other.origin, "lacsolver has one ALPHA for all steps; give the steps of *DYNAMIC the same")
     if first and given:
         message = "CalculiX takes these velocities away in the static step before the motion"
         raise Refused(f"{message}; take them out, or write [[initial]] into the case", given[0].row, given[0].card)
     keys: dict[str, Any] = {"alpha": moving[0].alpha} | ({"start": moving[0].begin} if first else {})
     if any(damping := _damping(draft)):
         keys["rayleigh"] = list(damping)
-    draft.add("dynamics", keys, moving[0].card)
+    draft.add("dynamics", keys, moving[0].origin)
     _add_initial(draft, given)
 
 
