@@ -11,6 +11,7 @@ import pytest
 
 import lacmesh
 from lacmesh import LacmeshWarning, cut_skin, raise_order
+from lacmesh.cli import main
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError
 from tests.formats.decks import solved as run_calculix
@@ -181,6 +182,22 @@ def test_lacsolver_imports_it(tmp_path):
     assert {record.group for record in found.made.case.displacement} >= {"Set-1", "Upper-1.C_X0"}
     (node,) = found.made.mesh.node_groups[f"node_{NODE + LOWER.numbers.max()}"]
     assert np.allclose(found.made.mesh.points[node], UPPER.points[NODE - 1])
+
+
+@pytest.mark.calculix
+def test_convert_for_calculix(tmp_path, monkeypatch):
+    """An unchanged deck of parts is carried, and written without them where CalculiX is named."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.inp").write_text(two())
+    assert (
+        main(["convert", "a.inp", "same.inp", "-q"])
+        == main(["convert", "a.inp", "b.inp", "--for", "calculix", "-q"])
+        == 0
+    )
+    assert (tmp_path / "same.inp").read_text() == two()
+    (_, force), (_, u) = tables(run_calculix(tmp_path / "b.inp", PROGRAM))
+    assert np.allclose(force[-1], [0, 0, 20.0], atol=1e-5)
+    assert len(u) == len(UPPER.at(2, 2))
 
 
 def test_two_instances_of_one_part(tmp_path):

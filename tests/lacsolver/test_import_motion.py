@@ -115,11 +115,16 @@ def rigid(model, loads, more=""):
     return text + moving(loads, procedure=", DIRECT, ALPHA=0.", prints=more)
 
 
+@pytest.mark.calculix
 def test_mass_of_a_rigid_body(tmp_path):
     """A rigid body moves by F t^2 / 2 m, with the mass of its elements and that at its reference node."""
-    found = solved(tmp_path, rigid("*BOUNDARY\n900, 4, 6\n", "*CLOAD\n900, 3, 4.\n"))
+    turning = "*NODE\n901, 0.5, 0.5, 0.5\n*RIGID BODY, ELSET=B, REF NODE=900, ROT NODE=901\n"
+    text = rigid("*BOUNDARY\n901, 1, 3\n", "*CLOAD\n900, 3, 4.\n", "*NODE PRINT, NSET=B_N\nU\n")
+    found = solved(tmp_path, text.replace("*RIGID BODY, ELSET=B, REF NODE=900\n", turning))
     assert found.made.case.rigid[0].mass == 6.0
     assert np.allclose(found.u(BLOCK.numbers)[:, 2], 4 / (2 * 8.0), rtol=1e-9)
+    _, rows = printed(run_calculix(tmp_path / "model.inp", PROGRAM), "displacements")
+    assert np.allclose(rows[-1][:, 3], 4 / (2 * 8.0), rtol=1e-6)
 
 
 def test_inertia_of_a_rigid_body(tmp_path):

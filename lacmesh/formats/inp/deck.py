@@ -84,9 +84,9 @@ def _sets_after_own_nodes(listed: list[Card]) -> list[Card]:
 
 def _same_names(listed: list[Card]) -> bool:
     """True if an assembly has a set or a surface of the same name as one of its parts."""
-    outside = _after_instances(listed)
+    outside = set(_after_instances(listed))
     of_assembly = {_named(listed[k]) for k in outside}
-    of_parts = {_named(card) for k, card in enumerate(listed) if k not in set(outside)}
+    of_parts = {_named(card) for k, card in enumerate(listed) if k not in outside}
     return bool(of_assembly & of_parts - {("", "")})
 
 

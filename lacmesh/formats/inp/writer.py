@@ -35,21 +35,23 @@ def write(
     path: Path,
     mesh: Mesh,
     *,
-    target: str = "calculix",
+    target: str | None = None,
     plane: str | None = None,
     all_cells: bool = False,
     lenient: bool = False,
 ) -> None:
-    """Write a mesh as an .inp file for `target`, "calculix" or "abaqus", replacing any content.
+    """Write a mesh as an .inp file for `target`, "calculix" (also if None) or "abaqus", replacing any content.
 
     `plane`: the elements of plane meshes: CPS (plane stress), CPE (plane strain) or CAX (axisymmetric); by default
     `mesh.plane`, else CPS, with a warning. Skin cells are written as faces of *SURFACEs, other cells below the mesh's
     dimension as sets of nodes; with `all_cells` all of them are elements as well. Raises WriteError for a cell that the
     target has no element for, RequestError for an option; one LacmeshWarning names what is changed or left out.
 
-    A mesh with a deck (`Mesh.deck`) is written as that deck: every card in its place, its mesh as it has become. Raises
-    DataError for a line that cannot be carried; with `lenient` it is left out, and a LacmeshWarning names it.
+    A mesh with a deck (`Mesh.deck`) is written as that deck: every card in its place, its mesh as it has become; one of
+    parts is written without them if anything in its mesh has changed, or if "calculix", which has none, is named.
+    Raises DataError for a line that cannot be carried; with `lenient` it is left out, and a LacmeshWarning names it.
     """
+    with_parts, target = target != "calculix", target or "calculix"
     chosen = plane or mesh.plane or "CPS"
     if target not in TARGETS or chosen not in PLANES:
         raise RequestError(
@@ -57,7 +59,7 @@ def write(
         )
     said = left_out(mesh)
     complaints = Complaints(lenient)
-    followed = None if mesh.deck is None else _followed(mesh.deck, mesh, complaints, said)
+    followed = None if mesh.deck is None else _followed(mesh.deck, mesh, with_parts, complaints, said)
     if followed is not None and (why := followed.misfit() or ("" if all_cells else below_dimension(followed))):
         said += [
             f"written anew and not as the deck {followed.deck.path}: {why}",
@@ -73,10 +75,10 @@ def write(
         warnings.warn(LacmeshWarning(".inp: " + "; ".join(said)), stacklevel=2)
 
 
-def _followed(deck: Deck, mesh: Mesh, complaints: Complaints, said: list[str]) -> Followed:
-    """Follow a deck into a mesh made of it, without its parts if nodes, elements or groups are no more as read."""
+def _followed(deck: Deck, mesh: Mesh, with_parts: bool, complaints: Complaints, said: list[str]) -> Followed:
+    """Follow a deck into a mesh made of it; `with_parts`: with its parts as long as all in the mesh is as read."""
     followed = Followed(deck, mesh)
-    if not deck.instances or followed.untouched:
+    if not deck.instances or (with_parts and followed.untouched):
         return followed
     flat, refused = flattened(deck)
     without_parts = Followed(flat, mesh)
