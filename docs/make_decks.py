@@ -1,9 +1,10 @@
-"""Write the table of decks in docs/decks.md: CalculiX's own tests, carried by lacmesh, and solved by lacsolver.
+"""Write the tables of docs/decks.md: decks of CalculiX's own tests, and impacts, by CalculiX and by lacsolver.
 
     python docs/make_decks.py [FOLDER]    FOLDER: of the decks (default: ../shared/reference/decks)
 
-It needs CalculiX (`ccx`), and takes some minutes. Each deck is run by ccx as it stands, after `lacmesh convert`, and
-after `lacmesh cut` of its first slave; it is imported, solved, and its displacements at the end are compared.
+It needs CalculiX (`ccx`), and takes some minutes, most of them for the impacts. Each deck is run by ccx as it stands,
+after `lacmesh convert`, and after `lacmesh cut` of its first slave; it is imported, solved, and its displacements are
+compared at the end.
 """
 
 from __future__ import annotations
@@ -20,16 +21,18 @@ import numpy as np
 
 import lacmesh
 from lacmesh import LacmeshError, cut_skin
-from lacsolver import Problem, march
+from lacsolver import Answer, Problem, march
 from lacsolver.decks import import_deck
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 from tests.formats.decks import solved, tables  # noqa: E402 (the checkout's tests are no package that is installed)
+from tests.lacsolver.moving_decks import ball_on_block, bar_on_wall, printed  # noqa: E402
 
 PAGE = ROOT / "docs" / "decks.md"
 DECKS = ROOT.parent / "shared" / "reference" / "decks"
 _HEAD = "| deck | elements | after `convert` | its slave cut | `lacsolver import` | displacements |"
+_IMPACTS = "| deck | impulse, ccx | lacsolver | largest force, ccx | lacsolver | its time | displacement |"
 _PRINT = "*NODE PRINT, NSET=everynode\nU\n*END STEP"
 
 
@@ -47,9 +50,14 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as work:
             rows.append("| " + " | ".join(_row(deck, Path(work), program)) + " |")
         print(rows[-1], flush=True)
-    text = PAGE.read_text()
-    begin, end = "<!-- decks: begin -->\n", "<!-- decks: end -->"
-    before, _, rest = text.partition(begin)
+    _write("decks", rows)
+    _write("impacts", [_IMPACTS, "|---|---|---|---|---|---|---|", *_impacts(program)])
+
+
+def _write(name: str, rows: list[str]) -> None:
+    """Write a table between its marks in the page."""
+    begin, end = f"<!-- {name}: begin -->\n", f"<!-- {name}: end -->"
+    before, _, rest = PAGE.read_text().partition(begin)
     PAGE.write_text(before + begin + "\n".join(rows) + "\n" + end + rest.partition(end)[2])
 
 
@@ -142,6 +150,42 @@ def _difference(text: str, work: Path, program: str) -> str:
     there = (nodes >= 0) & attached[nodes]
     mine, theirs = last.u.reshape(-1, dim)[nodes[there]], rows[-1][there, 1 : 1 + dim]
     return f"{np.abs(mine - theirs).max() / np.abs(theirs).max():.0e}"
+
+
+def _impacts(program: str) -> Iterator[str]:
+    """Yield the rows of the impacts: impulse and largest force at the supports, and the flying body's mean motion."""
+    decks = {
+        "a bar of 16 C3D8 on a wall": bar_on_wall(16, 80),
+        "the same with NLGEOM": bar_on_wall(16, 80, options=", NLGEOM"),
+        "a ball of 8 by 8 by 8 C3D8 on a block": ball_on_block(8, 150),
+    }
+    for name, text in decks.items():
+        with tempfile.TemporaryDirectory() as work:
+            row = f"| {name} | {_impact(text, Path(work), program)} |"
+        print(row, flush=True)
+        yield row
+
+
+def _impact(text: str, work: Path, program: str) -> str:
+    """Return the cells of an impact."""
+    (work / "model.inp").write_text(text)
+    report = solved(work / "model.inp", program)
+    times, rows = printed(report, "displacements")
+    theirs = np.array([part[:, 3].mean() for part in rows])
+    forces = np.array([part[0, 2] for part in printed(report, "total force")[1]])
+    made = import_deck(work / "model.inp", work / "case.toml")
+    problem = Problem.of(made.case, made.mesh)
+    states, answer = list(march(problem)), Answer(problem)
+    nodes = np.isin(problem.space.mesh.node_number, rows[0][:, 0])
+    t = np.array([state.time for state in states])
+    mine = np.array([state.u.reshape(-1, 3)[nodes, 2].mean() for state in states])
+    support = made.case.displacement[0].group
+    pushes = np.array([answer.figures(state).reactions[support][2] for state in states])
+    cells = [f"{np.diff(s) @ (f[1:] + f[:-1]) / 2:.3g}" for s, f in ((times, forces), (t, pushes))]
+    cells += [f"{forces.max():.3g}", f"{pushes.max():.3g}"]
+    cells.append(f"{times[forces.argmax()]:.3f}, {t[pushes.argmax()]:.3f}")
+    cells.append(f"{np.abs(np.interp(times, t, mine) - theirs).max() / np.abs(theirs).max():.1%}")
+    return " | ".join(cells)
 
 
 if __name__ == "__main__":

@@ -212,6 +212,16 @@ def test_two_instances_of_one_part(tmp_path):
     assert back.points[back.node_groups["Lower-2_B_N"]].min(axis=0).tolist() == [5, 0, 0]
 
 
+def test_a_part_without_an_instance(tmp_path):
+    """It is no part of the model, whatever it says."""
+    unused = (
+        "*Part, name=Spare\n*Node\n1, 0., 0., 0.\n2, 1., 0., 0.\n*Element, type=B31\n1, 1, 2, 3\n*MPC\nBEAM, 1, 2\n"
+    )
+    mesh = quiet_read(tmp_path, two().replace("*Part, name=Lower\n", unused + "*End Part\n*Part, name=Lower\n"))
+    out, _ = flat(tmp_path, cut_skin(mesh, "Upper", hexa="hexa").mesh)
+    assert "MPC" not in out and "B31" not in out
+
+
 def test_nodes_of_the_assembly(tmp_path):
     """A node of the assembly has a raised number, also where a card names it."""
     text = two().replace("*Nset, nset=Set-1, instance", "*Node\n1, 9., 9., 9.\n*Nset, nset=Set-1, instance")

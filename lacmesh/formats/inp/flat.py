@@ -125,7 +125,9 @@ class _Flattening:
         self.refused.append(Contradiction(card, *at, why))
 
     def _of_part(self, card: DeckCard) -> None:
-        """Take a card of a part, or of an instance alone, once for each instance of it."""
+        """Take a card of a part, or of an instance alone, once for each instance of it; a part may have none."""
+        if self.instance is None and self.part not in self._used:
+            return
         if card.key not in _OF_PARTS | _WITH_DIRECTIONS:
             why = "it stands in a part, and lacmesh does not know which of its names and numbers are the part's"
             self._refuse(card, f"{why}; move it to the assembly")
