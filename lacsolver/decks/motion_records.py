@@ -69,6 +69,7 @@ def _add_initial(draft: CaseDraft, lines: list[Assigned]) -> None:
     v = np.zeros((mesh.n_nodes, 3))
     for line in lines:
         v[line.items, line.components[0]] = line.value
+    _move_rigid(draft, v, lines)
     _check_velocities(draft, v, lines)
     solid = np.flatnonzero(mesh.cell_dim == mesh.dim)
     body_of = label_bodies((nodes for _, _, nodes in mesh.select(solid)), mesh.n_nodes)
@@ -77,10 +78,23 @@ def _add_initial(draft: CaseDraft, lines: list[Assigned]) -> None:
         cell_body[cells] = body_of[nodes[:, 0]]
     for body in np.unique(body_of[(v != 0).any(axis=1) & (body_of >= 0)]).tolist():
         nodes, cells = np.flatnonzero(body_of == body), np.flatnonzero(cell_body == body)
-        line = next(one for one in lines if np.isin(one.items, nodes).any())
+        line = next((one for one in lines if np.isin(one.items, nodes).any()), lines[0])
         keys = dict(_linear(draft, nodes, v[nodes], line))
         groups = {} if len(cells) == len(solid) else {"groups": [_group(draft, cells)]}
         draft.add("initial", groups | keys, line.card)
+
+
+def _move_rigid(draft: CaseDraft, v: Floats, lines: list[Assigned]) -> None:
+    """Give the nodes of rigid bodies the velocity (n_nodes, 3) of their reference nodes, in place. Raises Refused."""
+    for body in draft.reading.content.rigid:
+        own, reference = v[body.nodes], v[body.reference].copy()
+        if own.any() and (own != reference).any():
+            number = draft.groups.mesh.node_number[body.reference]
+            line = next(one for one in lines if np.isin(one.items, body.nodes).any())
+            message = f"a rigid body moves with its reference node, {number}, in CalculiX and Abaqus"
+            raise Refused(f"{message}; give the velocity to that node", line.row, line.card)
+        v[body.reference] = 0.0
+        v[body.nodes] = reference
 
 
 def _group(draft: CaseDraft, cells: Ints) -> str:

@@ -103,6 +103,16 @@ def test_mass_of_a_rigid_body(tmp_path):
     assert np.allclose(rows[-1][:, 3], 4 / (2 * 8.0), rtol=1e-6)
 
 
+@pytest.mark.calculix
+def test_a_rigid_body_that_flies(tmp_path):
+    """It has the velocity of its reference node, which is no node of an element."""
+    text = rigid("*INITIAL CONDITIONS, TYPE=VELOCITY\n900, 3, 2.\n", "", "*NODE PRINT, NSET=B_N\nU\n")
+    found = solved(tmp_path, text)
+    assert np.allclose(found.u(BLOCK.numbers), [0, 0, 2.0], atol=1e-12)
+    _, rows = printed(run_calculix(tmp_path / "model.inp", PROGRAM), "displacements")
+    assert np.allclose(rows[-1][:, 3], 2.0, rtol=1e-6)
+
+
 def test_inertia_of_a_rigid_body(tmp_path):
     """It turns by M t^2 / 2 I about z, with the inertia of its cube, m a^2 / 6, and that at its reference node."""
     more = "*ELEMENT, TYPE=ROTARYI, ELSET=R\n902, 900\n*ROTARY INERTIA, ELSET=R\n1., 2., 2.5\n*BOUNDARY\n900, 1, 3\n"

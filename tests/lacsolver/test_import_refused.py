@@ -57,6 +57,10 @@ REFUSED = {
         "*NODE\n99, 0, 0, 9.\n*INITIAL CONDITIONS, TYPE=VELOCITY\n99, 3, 2.\n", DYNAMIC,
         "INITIAL CONDITIONS", "belong to no solid element",
     ),
+    "velocity of a rigid body": (
+        "*NODE\n99, 0, 0, 0\n*RIGID BODY, ELSET=B, REF NODE=99\n*INITIAL CONDITIONS, TYPE=VELOCITY\nB_N, 1, 2.\n",
+        DYNAMIC, "INITIAL CONDITIONS", "give the velocity to that node",
+    ),
     "velocity before a static step": (
         "*INITIAL CONDITIONS, TYPE=VELOCITY\nB_N, 1, 2.\n", f"*END STEP\n*STEP\n{DYNAMIC}",
         "INITIAL CONDITIONS", "in the static step before",
