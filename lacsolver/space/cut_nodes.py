@@ -23,11 +23,12 @@ def made_by_cut(mesh: Mesh) -> Bools:
 
 
 def inside_children(mesh: Mesh, dim: int) -> Bools:
-    """Return the mask (n_nodes,) of the nodes inside the children of one cell of a dimension, off their boundary."""
+    """Return the mask (n_nodes,) of the nodes inside the children of one cell of a dimension, off their boundary.
+
+    Of a cut that was recognised, and has no parents, the children are the faces of a macro-element.
+    """
     out = np.zeros(mesh.n_nodes, bool)
-    parent = mesh.cell_data.get("lac_parent")
-    if parent is None:
-        return out
+    parent = mesh.cell_data.get("lac_parent", _several(mesh))
     chosen = np.flatnonzero((parent >= 0) & (mesh.cell_dim == dim))
     parts = [(kind, nodes + mesh.n_nodes * parent[cells].astype(np.int64)[:, None])
              for kind, cells, nodes in mesh.select(chosen)]  # fmt: skip
@@ -40,6 +41,14 @@ def inside_children(mesh: Mesh, dim: int) -> Bools:
     inside[_boundary(Mesh.create(mesh.points[unique % mesh.n_nodes], blocks), dim)] = False
     out[unique[inside] % mesh.n_nodes] = True
     return out
+
+
+def _several(mesh: Mesh) -> Ints:
+    """Return the macro-element (n_cells,) of each slave face, -1 for one that is a macro-element alone."""
+    macro = mesh.cell_data.get("lac_macro")
+    if macro is None:
+        return np.full(mesh.n_cells, -1)
+    return np.where((macro >= 0) & (np.bincount(macro + 1)[macro + 1] > 1), macro, -1)
 
 
 def _boundary(mesh: Mesh, dim: int) -> Ints:

@@ -72,6 +72,18 @@ def test_totals_are_those_before_the_cut(tmp_path, kind, hexa):
         assert problem.springs.sum() == pytest.approx(5.0 * count)
 
 
+@pytest.mark.parametrize("kind", ["HEXA8", "TETRA10", "QUAD4"])
+def test_a_cut_that_was_recognised(kind):
+    """Without the records of parents the new nodes on slave faces are those inside macro-elements."""
+    mesh, count = blocks(kind)
+    cut = lacmesh.cut_skin(mesh, "slave", hexa="hexa").mesh
+    bare = replace(cut, cell_data={}, node_data={}, zones=())
+    known = lacmesh.recognise(bare, ["slave"]).mesh
+    case = parse_case(RECORDS.format(model="3d" if CELLS[kind].dim == 3 else "plane_strain", hexa="hexa"))
+    f = Problem.of(case, known).load(1.0).reshape(-1, known.dim)
+    assert f.sum(axis=0)[:2] == pytest.approx([2.0 * count, 3.0 * count])
+
+
 def test_a_group_of_new_nodes_alone():
     mesh, _ = blocks("HEXA8")
     cut = lacmesh.cut_skin(mesh, "slave", hexa="hexa").mesh
