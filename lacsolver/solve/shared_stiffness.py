@@ -140,6 +140,10 @@ class SharedFactors:
         """True if multigrid takes K as blocks of whole nodes: see `factorise_on_nodes`."""
         return self._constraints.is_selection and self._chosen == "multigrid"
 
+    def forget(self) -> None:
+        """Drop the cycle: the next matrix is not similar to the last one."""
+        self._kept = None
+
     def factorise(self, K: csr_array, definite: bool = True) -> SharedStiffness:
         """Precondition a symmetric K, regularised by springs; one that may be indefinite by a factorisation."""
         regular, spring = K, self._springs(K.diagonal())

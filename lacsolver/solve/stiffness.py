@@ -169,6 +169,10 @@ class FactorCache:
     def _chosen(self) -> Backend:
         return choose(self._backend, len(self._R), 0 if self._whole is None else self._whole.modes.shape[1])
 
+    def forget(self) -> None:
+        """Drop the hierarchy of multigrid: the next matrix is not similar to the last one."""
+        self._cycles = None
+
     def factorise(self, K: csr_array, definite: bool = True) -> Stiffness:
         """Factorise a symmetric K, regularised by springs; with `definite` false K may be indefinite, see `analyse`.
 

@@ -1,5 +1,7 @@
 """Motion with inertia: the bar on a rigid wall, the account of energy in every step, momentum, rest, fall, restarts."""
 
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 
@@ -22,6 +24,7 @@ from tests.lacsolver.moving import (
     unbalanced,
 )
 from verification.meshes.bars import WIDTH, bar_on_wall, bars
+from verification.meshes.thrown import on_wall, ring
 
 #: largest error of the account of energy that is allowed, relative to the largest energy
 CLOSED = 1e-10
@@ -250,3 +253,20 @@ def test_motion_is_kept_in_the_state():
     _, states, motions = moved(text, bar_on_wall("QUAD4", 4, 0.05))
     assert set(states[-1].step.histories.scheme) == set(MotionState._fields)
     assert motions[-1].linear == pytest.approx([0.0, -0.5 * WIDTH], abs=1e-12)
+
+
+def test_a_step_of_large_contact_work_is_refined():
+    """A ring that is thrown in large steps: without smaller ones where it hits, energy is created."""
+    text = PLANE + FINITE.replace("young = 1.0", "young = 100.0") + WALL + '[dynamics]\nscheme = "newmark"\n'
+    text += thrown("body", vy=-1.0) + steps(0.4, 8)
+    whole, work = {}, {}
+    for allowed in (0.01, np.inf):
+        with patch("lacsolver.solve.newmark._COARSE", allowed):
+            _, states, motions = moved(text, on_wall(ring(24, 2, (0.0, 1.05), "slave")))
+        table = np.array([m.energies for m in motions])
+        whole[allowed] = table[:, :2].sum(axis=1) / table[0, 2]
+        work[allowed] = np.abs(np.diff(table[:, 4])) / table[0, 2]
+        assert unbalanced(motions) < CLOSED
+        assert any(s.halvings for s in states) == np.isfinite(allowed)
+    assert work[0.01].max() < 0.01 and whole[0.01].min() > 0.97 and whole[0.01].max() < 1.001
+    assert work[np.inf].max() > 0.1 and whole[np.inf].max() > 1.05

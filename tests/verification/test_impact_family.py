@@ -1,5 +1,8 @@
 """The family of impacts: small ones pass, a plain mass fails, and the exact solutions are what they should be."""
 
+from dataclasses import replace
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 
@@ -7,6 +10,7 @@ from verification.exact.impact import SDNL111, SDNL111_TIMES, hertz, modulus, ro
 from verification.families.impact import FAMILY, solve_case
 from verification.families.impact_runs import Impact, on_wall
 from verification.meshes.balls import sphere_on_wall
+from verification.meshes.thrown import two_rings
 
 
 def case(name):
@@ -49,3 +53,23 @@ def test_the_sphere_is_one():
     x = mesh.points[np.unique(mesh.block("QUAD4"))]
     assert np.hypot(x[:, 0], x[:, 1] - 1.02).max() == pytest.approx(1.0)
     assert x[:, 1].min() == pytest.approx(0.02) and x[:, 1].max() == pytest.approx(2.02)
+
+
+def test_a_coarse_disc_is_thrown():
+    """The three cases of large deformation are made alike: energy is kept, and the static twin is solved."""
+    with patch("verification.families.impact_finite._STEP", 0.02):
+        given = Impact("disc", n=3, dynamics=(("scheme", "newmark"),), young=100.0, speed=0.5)
+        results = solve_case(replace(case("thrown-disc"), parameters=given), 1).results
+    found = {result.quantity: result for result in results}
+    assert all(result.passed for result in found.values()) and len(found) == 7
+    assert 0.97 < found["smallest energy"].value < 1 and found["openings"].value == 1
+    assert found["Newton iterations of 10 static steps"].value > 1
+
+
+def test_two_rings_do_not_match():
+    mesh = two_rings((12, 8), 2, 0.1)
+    skins = (mesh.select(mesh.cells_of(name)) for name in ("slave", "master"))
+    slave, master = (np.unique(np.concatenate([nodes for *_, nodes in skin])) for skin in skins)
+    assert (len(slave), len(master)) == (12, 8)
+    x = mesh.points[:, 0]
+    assert x[slave].max() == pytest.approx(-0.05) and x[master].min() == pytest.approx(0.05)

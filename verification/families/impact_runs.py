@@ -17,10 +17,15 @@ from verification.solving import Solved, entry, solve
 
 Floats = NDArray[np.floating]
 
+#: error of the account of energy that is allowed, relative to the largest energy, and the account
+CLOSED = 1e-10
+ACCOUNT = "kinetic + strain - external + damped + contact + numerical = 0"
+
 
 @dataclass(frozen=True)
 class Impact:
-    """A kind of impact: `wall`, `limit` (of small steps), `plain` (mass), `bars`, `rod`, `bounce`, `aster`, `sphere`.
+    """A kind of impact: `wall`, `limit` (of small steps), `plain` (mass), `bars`, `rod`, `bounce`, `aster`, `sphere`,
+    `ring`, `disc`, `ball` and `rings` (thrown).
 
     `cell`: type of cells; `n`: cells along a bar on the coarsest level; `cfl`: cells that a wave crosses in a step;
     `dynamics`: keys of [dynamics]; `allowed`: of the error of pressures on the finest level; `approach` of a sphere.
