@@ -85,7 +85,8 @@ def _followed(deck: Deck, mesh: Mesh, with_parts: bool, complaints: Complaints, 
     if not without_parts.misfit():
         for found in refused:
             complaints.add(found.card, found.file, found.line, found.why, "it is left out")
-        said.append("the deck is written without parts and instances, whose names stand before those of their sets")
+        names = ", whose names stand before those of their sets" if any(one.prefix for one in deck.instances) else ""
+        said.append(f"the deck is written without parts and instances{names}")
     return without_parts
 
 
