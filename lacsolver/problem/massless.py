@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array, eye_array
 
 from lacmesh.cutting.records import NODE_RECORD
-from lacmesh.mesh import Ints, Mesh
-from lacmesh.topology.facets import boundary_faces
+from lacmesh.mesh import Ints
 from lacsolver.contact import Zone
 from lacsolver.problem.rigid_modes import bodies
+from lacsolver.space.cut_nodes import inside_children
 from lacsolver.space.space import Space
 
 Bools = NDArray[np.bool_]
@@ -74,39 +74,8 @@ def _levels(space: Space, zones: Sequence[Zone]) -> dict[str, Bools]:
     for zone in zones:
         for mask, skin in ((slave, zone.slave), (master, zone.master)):
             mask[skin.faces.nodes[skin.faces.nodes >= 0]] = True
-    born = internal | born_inside(space)
+    born = internal | inside_children(space.mesh, space.dim)
     return {"skins": born | slave | master, "slave": born | slave, "internal": internal, "none": np.zeros(n, bool)}
-
-
-def born_inside(space: Space) -> Bools:
-    """Return the mask (n_nodes,) of the nodes that the cut made inside cells: those inside the children of one parent.
-
-    >>> from lacmesh import cut_skin, read
-    >>> space = Space.of(cut_skin(read("data/two_blocks.msh"), "slave", hexa="hexa").mesh, "3d")
-    >>> int(born_inside(space).sum())  # four in each of 36 hexahedra
-    144
-    """
-    mesh, out = space.mesh, np.zeros(space.mesh.n_nodes, bool)
-    parent = mesh.cell_data.get("lac_parent")
-    if parent is None:
-        return out
-    children = [(b.type, b.nodes[parent[b.cell] >= 0], parent[b.cell][parent[b.cell] >= 0]) for b in space.blocks]
-    children = [(kind, nodes, of) for kind, nodes, of in children if len(nodes)]
-    if not children:
-        return out
-    keys = [nodes.astype(np.int64) + mesh.n_nodes * of[:, None].astype(np.int64) for _, nodes, of in children]
-    unique, place = np.unique(np.concatenate([key.ravel() for key in keys]), return_inverse=True)
-    ends = np.cumsum([key.size for key in keys])[:-1]
-    own = [part.reshape(key.shape) for part, key in zip(np.split(place, ends), keys, strict=True)]
-    apart = Mesh.create(
-        mesh.points[unique % mesh.n_nodes], [(kind, nodes) for (kind, *_), nodes in zip(children, own, strict=True)],
-        space_dim=space.dim,
-    )  # fmt: skip
-    inside = np.ones(len(unique), bool)
-    faces = boundary_faces(apart)[0].nodes
-    inside[faces[faces >= 0]] = False
-    out[unique[inside] % mesh.n_nodes] = True
-    return out
 
 
 def _adjacency(space: Space) -> csr_array:

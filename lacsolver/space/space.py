@@ -27,6 +27,7 @@ from lacmesh.errors import DataError, RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints, Mesh, fixed
 from lacmesh.origin import from_origin, origin_of_mesh, told
 from lacmesh.reference.shapes import gradient
+from lacsolver.space.cut_nodes import made_by_cut
 from lacsolver.space.determinant import determinant
 from lacsolver.space.pattern import Pattern, node_pattern
 from lacsolver.space.rules import cell_rule
@@ -202,6 +203,11 @@ class Space:
         for block in self.blocks:
             held[block.nodes] = True
         return held
+
+    @cached_property
+    def made_by_cut(self) -> NDArray[np.bool_]:
+        """Mask (n_nodes,), True for nodes that the cut of the slaves made."""
+        return made_by_cut(self.mesh)
 
     @cached_property
     def pattern(self) -> Pattern:
