@@ -125,6 +125,10 @@ class Constraints:
             return np.asarray(self.T.T @ u)
         return np.asarray(spsolve(csc_array(self.T.T @ self.T), self.T.T @ u))
 
+    def updated(self, q: Floats) -> NDArray[np.floating]:
+        """Return unknowns q (n_q,) with the values at the nodes of other processes that they have."""
+        return q if self.own is None else np.asarray(self.T.T @ self.space.updated(self.T @ q))
+
     def force(self, t: float, q: Floats | None = None) -> NDArray[np.floating]:
         """Return the forces and moments on the free motions of rigid bodies at time t, 0 elsewhere, (n_q,).
 

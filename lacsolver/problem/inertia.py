@@ -2,7 +2,8 @@
 
 A rigid body's own mass is carried by points that move with it, one, two (in a plane) or six (in space), which together
 have its mass, centre and moments of inertia. So one rule serves for nodes and points: `w` (n_w,) are the displacements
-of all nodes and then of these points, M (n_w, n_w) their mass, and T_w = dw/dq.
+of all nodes and then of these points, M (n_w, n_w) their mass, and T_w = dw/dq. Of several processes each has the rows
+of M at its own nodes, and all have the points.
 """
 
 from __future__ import annotations
@@ -56,11 +57,9 @@ class Inertia:
         plain = csr_array(assemble_mass(space, materials, how.mass))
         rigid = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in constraints.rigid)])
         massless = massless_nodes(space, zones, how.massless, rigid)
-        P = kron(massless.P, np.eye(space.dim), format="csr")
         points = tuple(_points(space, body) for body in constraints.rigid if body.record.mass)
         own = [_point_mass(body, space.dim) for body in points]
-        M = csr_array(block_diag([P.T @ plain @ P, *own], format="csr"))
-        M = csr_array((M + M.T) / 2)  # symmetric to the last bit
+        M = csr_array(block_diag([_redistributed(space, plain, massless), *own], format="csr"))
         made = cls(space, constraints, M, plain, massless, points, finite)
         made._check_rigid()
         return made
@@ -114,6 +113,16 @@ class Inertia:
         values, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
         return coo_array((values, (rows, columns)), shape=(len(q), len(q))).tocsr()
 
+    def dot(self, x: Floats, y: Floats) -> float:
+        """Return the product x . y of vectors (n_w,), over the nodes of all processes and the points."""
+        n = self.space.n_dof
+        return self.space.dot(x[:n], y[:n]) + float(x[n:] @ y[n:])
+
+    def total(self, values: Floats) -> NDArray[np.floating]:
+        """Return the sum (k,) of values (n_w / dim, k) over the nodes of all processes and the points."""
+        n = self.space.mesh.n_nodes
+        return self.space.share.total(self.space.own(values[:n]).sum(axis=0)) + values[n:].sum(axis=0)
+
     def padded(self, f: Floats) -> NDArray[np.floating]:
         """Return forces f (n_dof,) at the nodes as (n_w,), with none at the points."""
         return np.concatenate([f, np.zeros(self.M.shape[0] - len(f))])
@@ -139,15 +148,16 @@ class Inertia:
 
         In axisymmetry, that along the axis about the centre.
         """
-        of_node, n = bodies(self.space), self.space.n_dof
+        space, of_node, n = self.space, bodies(self.space), self.space.n_dof
         if not self.massless.nodes.any():
             return {}
-        centre, _ = centres(self.space, of_node)
-        arm = (self.space.local.points - centre[np.maximum(of_node, 0)])[:, : self.space.dim]
+        centre, _ = centres(space, of_node)
+        arm = (space.local.points - centre[np.maximum(of_node, 0)])[:, : space.dim]
         arm[of_node < 0] = 0.0
-        held = of_node >= 0
+        held = space.own_nodes(np.flatnonzero(of_node >= 0))
         parts = ((arm * (M @ arm.ravel()).reshape(arm.shape)).sum(axis=1)[held] for M in (self.plain, self.M[:n, :n]))
-        before, after = (np.bincount(of_node[held], part) for part in parts)
+        sums = (np.bincount(of_node[held], part, len(centre)).astype(float) for part in parts)
+        before, after = map(space.share.total, sums)
         there = np.unique(of_node[self.massless.nodes])
         return {int(k): float(after[k] / before[k] - 1) for k in there}
 
@@ -173,6 +183,22 @@ class Inertia:
                 key = "mass" if (empty < self.space.dim).any() else "inertia"
                 message = f"{body.name!r} moves freely under its loads and has no {key}"
                 raise wrong(body.record, f"{message}; give its {key}, or hold it")
+
+
+def _redistributed(space: Space, plain: csr_array, massless: Massless) -> csr_array:
+    """Return P^T M P (n_dof, n_dof) of a mass M, symmetric to the last bit, with its rows at own nodes alone.
+
+    With D the identity at nodes with mass and W = P - D: D M D + (X + X^T), X = W^T M (D + W / 2). W and the rows of M
+    that W^T takes are at massless nodes, and the same on all processes.
+    """
+    P = kron(massless.P, np.eye(space.dim), format="csr")
+    given = np.repeat(massless.nodes, space.dim)
+    own = np.ones(space.n_dof, bool) if space.share.own is None else np.repeat(space.share.own, space.dim)
+    D = csr_array(diags_array((~given).astype(float)))
+    W = csr_array(P - D)
+    taken = space.share.add_matrices(csr_array(diags_array((given & own).astype(float)) @ plain), (True, True))
+    X = W.T @ taken @ (D + W / 2)
+    return csr_array(diags_array(own.astype(float)) @ csr_array(D @ plain @ D + (X + X.T)))
 
 
 def _points(space: Space, body: RigidBody) -> RigidBody:

@@ -236,7 +236,6 @@ def _check_shared(case: Case, share: Share) -> None:
         raise RequestError(f'{message}, and the mesh has {n:,}; take format = "vtu", of which each writes its own part')
     loaded = any(getattr(body, key) is not None for body in case.rigid for key in ("fx", "fy", "fz", "moment"))
     lacking = ["rigid bodies with a free motion ([[rigid]] with fx, fy, fz or moment)"] if loaded else []
-    lacking += ["motion with inertia ([dynamics])"] if case.dynamics is not None else []
     if lacking:
         raise RequestError(f"{', '.join(lacking)}: only one process solves this so far; start one, without mpiexec")
 

@@ -25,7 +25,7 @@ from lacsolver.constraints.rigid import moments
 from lacsolver.problem.motions import Body, FreeMotion, describe, plain_motions
 from lacsolver.space.space import Space
 
-__all__ = ["Body", "FreeMotion", "bodies", "describe", "free_motions", "rigid_modes", "still_free"]
+__all__ = ["Body", "FreeMotion", "bodies", "body_names", "describe", "free_motions", "rigid_modes", "still_free"]
 
 #: root mean square of a unit motion on the rows of its system, below which the motion is free
 _STOPPED = 1e-9
@@ -194,7 +194,7 @@ def _connected(space: Space, of_node: Ints) -> list[Body]:
     n = len(centre)
     nodes = np.argsort(of_node, kind="stable")[np.count_nonzero(of_node < 0) :]
     parts = np.split(nodes, np.cumsum(np.bincount(of_node[nodes], minlength=n))[:-1])
-    named = zip(_names(space, of_node, n), parts, centre, square, strict=True)
+    named = zip(body_names(space, of_node, n), parts, centre, square, strict=True)
     return [Body(name, there, c, _radius(s)) for name, there, c, s in named]
 
 
@@ -215,7 +215,7 @@ def centres(space: Space, of_node: Ints) -> tuple[NDArray[np.floating], NDArray[
     return centre, sums(np.square(x - centre[own]).sum(axis=1)) / count
 
 
-def _names(space: Space, of_node: Ints, n: int) -> list[str]:
+def body_names(space: Space, of_node: Ints, n: int) -> list[str]:
     """Return the name of each of n bodies: the smallest cell group with all its cells and no other body's, or its node.
 
     That is the first node of the model that belongs to the body.

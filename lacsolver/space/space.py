@@ -168,6 +168,16 @@ class Space:
         own = self.own(u)
         return float(np.divide(*self.share.total(np.array([own.sum(), own.size]))))
 
+    def dot(self, x: Floats, y: Floats) -> float:
+        """Return the product x . y of vectors (n_dof,), over the nodes of all processes."""
+        if self.share.own is None:
+            return float(x @ y)
+        return float(self.share.total(np.asarray(self.own(x).ravel() @ self.own(y).ravel())))
+
+    def agreed(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return a mask (n_nodes,) as the processes have it at their own nodes."""
+        return np.asarray(self.updated(mask.astype(float)) > 0)
+
     def own(self, values: NDArray) -> NDArray:
         """Return the values (n_nodes, k), from (n_nodes k,), at this process's own nodes only: all, if it is alone."""
         by_node = values.reshape(self.mesh.n_nodes, -1)

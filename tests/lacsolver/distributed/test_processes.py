@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from tests.lacsolver.distributed import moving_cases
 from tests.lacsolver.distributed.mpi import in_ranks
 from tests.lacsolver.invariant_cases import CASES
 
@@ -13,6 +14,8 @@ pytestmark = pytest.mark.petsc
 PROGRAM = "from tests.lacsolver.distributed.compare import main; main()"
 #: bounds of relative differences from one process
 BOUNDS = {"u": 1e-9, "p": 5e-9, "reaction": 1e-9, "energy": 1e-9}
+#: and of those of a motion
+MOVING = ("velocity", "acceleration", "energies", "impulse", "linear", "angular", "probes")
 PLANE = [name for name, case in CASES.items() if case.dim == 2 and "rigid" not in name]
 SOLID = [name for name, case in CASES.items() if case.dim == 3]
 
@@ -30,3 +33,19 @@ def test_several_processes_find_what_one_finds(n, backend, names):
     for one in told:
         assert one["sets"], one
         assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
+
+
+@pytest.mark.parametrize(
+    ("n", "backend", "names"),
+    [(2, "gamg", ["in space, finite, thrown with a spin"]), (4, "mumps", [*moving_cases.CASES])],
+    ids=["gamg in 2", "mumps in 4"],
+)
+def test_several_processes_find_the_motion_that_one_finds(n, backend, names):
+    done = in_ranks(n, PROGRAM, backend, *names, timeout=300)
+    assert done.returncode == 0, done.stderr
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [one["name"] for one in told] == names
+    for one in told:
+        assert one["sets"] and one["closed"] and one["told"], one
+        assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
+        assert all(one[key] <= BOUNDS["u"] for key in MOVING), one

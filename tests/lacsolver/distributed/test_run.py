@@ -120,14 +120,8 @@ def test_what_only_one_process_solves_is_refused(runs):
 
 def test_med_of_a_large_model_is_refused(monkeypatch):
     monkeypatch.setattr(problem, "MED_NODES", 3)
-    case = SimpleNamespace(rigid=(), output=SimpleNamespace(format="med"), dynamics=None)
+    case = SimpleNamespace(rigid=(), output=SimpleNamespace(format="med"))
     share = SimpleNamespace(node=np.arange(4), largest=lambda x: x)
     with pytest.raises(RequestError, match=r"gathered on one, for at most 3 nodes, and the mesh has 4; take format"):
         problem._check_shared(case, share)
     problem._check_shared(case, SimpleNamespace(node=np.arange(3), largest=lambda x: x))
-
-
-def test_motion_is_refused():
-    case = SimpleNamespace(rigid=(), output=SimpleNamespace(format="vtu"), dynamics=object())
-    with pytest.raises(RequestError, match=r"motion with inertia \(\[dynamics\]\)"):
-        problem._check_shared(case, SimpleNamespace(node=np.arange(4), largest=lambda x: x))

@@ -1,0 +1,47 @@
+"""A motion in three processes, from whose states two of them go on: a program for `mpiexec`, for `test_restarts`."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from pathlib import Path
+
+from lacsolver.case import parse_case
+from lacsolver.distributed.launch import import_mpi, import_petsc
+from lacsolver.distributed.processes import Processes
+from lacsolver.distributed.together import on_first
+from lacsolver.output import create, read_state
+from lacsolver.running import run
+from tests.lacsolver.distributed.compare import problem_of
+
+#: a case that has everything at its middle: preload, damping, closed rows; and the time to go on from
+NAME, MIDDLE = "preloaded, pushed by a foot, damped", 1.0
+
+
+def solved(folder, start=None, comm=None):
+    """Solve the case into a folder, or go on from the state in another; alone without a communicator."""
+    text, mesh = problem_of(NAME)
+    if comm is None:
+        case = parse_case(text)
+        state = None if start is None else read_state(start, case, MIDDLE, mesh=mesh)
+        return run(case, create(folder, restart=state), mesh=mesh, start=state)
+    case = parse_case(text + 'backend = "mumps"\n')
+    state = None if start is None else on_first(comm, lambda: read_state(start, case, MIDDLE, mesh=mesh, large=False))
+    place = on_first(comm, lambda: create(folder, restart=state))
+    return run(case, place, mesh=mesh, start=state, distribution=Processes(comm))
+
+
+def main():
+    """Solve the case, and go on, in the processes of `mpiexec`."""
+    import_petsc()
+    comm = import_mpi().COMM_WORLD
+    three, two, one = map(Path, sys.argv[1:])
+    try:
+        solved(three, comm=comm)
+        some = comm.Split(int(comm.rank > 1))
+        if comm.rank <= 1:
+            solved(two, three, some)
+            solved(one.with_name("two_after_one"), one, some)
+    except Exception:
+        traceback.print_exc()
+        comm.Abort(1)
