@@ -93,16 +93,26 @@ class Inertia:
         return self.space.dofs(np.flatnonzero(self.massless.nodes)).ravel()
 
     def reduced(self, S: csr_array, q: Floats, t: float) -> csr_array:
-        """Return T_w^T S T_w (n_q, n_q) for S (n_w, n_w)."""
-        c = self.constraints
-        if not self.points and c.is_selection:
-            return csr_array(S[c.free][:, c.free])
-        T = self.tangent(q, t)
-        return csr_array((T.T @ S @ T).tocsr())
+        """Return T_w^T S T_w (n_q, n_q) for S (n_w, n_w); of several processes the part of this one."""
+        c, n, T = self.constraints, self.space.n_dof, self.tangent(q, t)
+        if not self.points:
+            return c.reduced(S, T)
+        made = c.reduced(csr_array(S[:n, :n]), csr_array(T[:n]))
+        return made if self.space.share.rank else csr_array(made + T[n:].T @ S[n:, n:] @ T[n:])
+
+    def on_unknowns(self, f: Floats, q: Floats, t: float) -> NDArray[np.floating]:
+        """Return T_w^T f (n_q,) of forces f (n_w,)."""
+        c, n, T = self.constraints, self.space.n_dof, self.tangent(q, t)
+        if not self.points:
+            return c.on_unknowns(f, T)
+        return c.on_unknowns(f[:n], csr_array(T[:n])) + T[n:].T @ f[n:]
 
     def curvature(self, q: Floats, t: float, f: Floats) -> csr_array | None:
-        """Return the derivative (n_q, n_q) of T_w^T f by q for constant forces f (n_w,); None if T_w is constant."""
-        entries = []
+        """Return the derivative (n_q, n_q) of T_w^T f by q for constant forces f (n_w,); None if T_w is constant.
+
+        Of several processes each has its part.
+        """
+        entries, f = [], self.of_own(f)
         for body, at in self.turning:
             columns = body.columns[body.free]
             bent = body.curvature(body.motion(q, t), f[at]) * body.unit * body.unit[:, None]
@@ -112,6 +122,11 @@ class Inertia:
             return None
         values, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
         return coo_array((values, (rows, columns)), shape=(len(q), len(q))).tocsr()
+
+    def of_own(self, f: Floats) -> NDArray[np.floating]:
+        """Return forces f (n_w,) with 0 where another process counts them: its nodes, or the points."""
+        n, share = self.space.n_dof, self.space.share
+        return np.concatenate([self.space.of_own(f[:n]), f[n:] * (share.rank == 0)])
 
     def dot(self, x: Floats, y: Floats) -> float:
         """Return the product x . y of vectors (n_w,), over the nodes of all processes and the points."""
@@ -173,9 +188,8 @@ class Inertia:
 
     def _check_rigid(self) -> None:
         """Raise CaseError for a rigid body that a load moves freely, and that has no mass, or no moment of inertia."""
-        T = self.constraints.T
-        M = csr_array(self.tangent(np.zeros(T.shape[1]), 0.0).T @ self.M @ self.tangent(np.zeros(T.shape[1]), 0.0))
-        diagonal = M.diagonal()
+        c = self.constraints
+        diagonal = c.summed(self.reduced(self.M, np.zeros(c.n_q), 0.0).diagonal())
         for body in self.constraints.rigid:
             free = np.flatnonzero(body.free)
             empty = free[~(diagonal[body.columns[free]] > 0)]

@@ -73,10 +73,10 @@ def orders_of(constraints: Constraints, points: int = 0) -> Mapping[str, Order]:
     assert space.share.own is not None and space.share.node is not None
     node = np.repeat(np.arange(space.mesh.n_nodes), space.dim)
     u = _at_nodes(space, node, np.repeat(space.share.own, space.dim))
-    q = _at_nodes(space, constraints.node_of_unknown, constraints.own)
+    q = _at_nodes(space, constraints.node_of_unknown, constraints.own)  # with the motions of rigid bodies
     cells = [_of_cells(space, k) for k in range(len(space.blocks))]
     materials = {f"materials_{k}": order for k, order in enumerate(cells)}
-    w = _with_points(space, points)
+    w = _at_nodes(space, node, np.append(np.repeat(space.share.own, space.dim), np.full(points, space.share.rank == 0)))
     motion = {_in_file(name): order for names, order in ((WITH_POINTS, w), (AT_NODES, u)) for name in names}
     return {"u": u, "now_q": q, "earlier_q": q, **materials, **motion}
 
@@ -86,21 +86,16 @@ def _in_file(name: str) -> str:
     return f"scheme_{MotionState._fields.index(name)}"
 
 
-def _with_points(space: Space, points: int) -> Order:
-    """Return the order of the displacements of nodes, then of points, which the first process gives."""
-    share, node = space.share, np.repeat(np.arange(space.mesh.n_nodes), space.dim)
-    assert share.own is not None and share.node is not None
-    key = space.dim * share.node[node].astype(np.int64) + np.tile(np.arange(space.dim), space.mesh.n_nodes)
-    end = int(share.largest(float(key.max(initial=-1)))) + 1
-    own = np.concatenate([np.repeat(share.own, space.dim), np.full(points, share.rank == 0)])
-    return Order(share, np.concatenate([key, end + np.arange(points)]), own)
-
-
 def _at_nodes(space: Space, node: Ints, own: NDArray[np.bool_]) -> Order:
-    """Return the order of unknowns at nodes (k,) of this process, node by node."""
+    """Return the order of unknowns at nodes (k,) of this process, node by node; `own` (k + m,).
+
+    The last m are no unknowns of nodes, and come last in the model, too; all processes have them.
+    """
     assert space.share.node is not None
     which = np.arange(len(node)) - np.searchsorted(node, node)
-    return Order(space.share, space.dim * space.share.node[node].astype(np.int64) + which, own)
+    key = space.dim * space.share.node[node].astype(np.int64) + which
+    end = space.dim * (int(space.share.largest(float(space.share.node.max(initial=-1)))) + 1)
+    return Order(space.share, np.append(key, end + np.arange(len(own) - len(node))), own)
 
 
 def _of_cells(space: Space, k: int) -> Order:

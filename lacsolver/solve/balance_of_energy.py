@@ -131,13 +131,15 @@ def _supports(scheme: Newmark, made: Interval, dw: Floats) -> tuple[float, float
     assert now is not None
     mean, turned = 0.5 * (before.reaction + after.reaction), 0.0
     held = inertia.places(np.zeros_like(q), step.t) - inertia.places(np.zeros_like(q), then)
-    on_free = inertia.tangent(now.q, then).T @ before.reaction
+    on_free = inertia.on_unknowns(before.reaction, now.q, then)
     on_free += (1 - scheme.alpha) * constraints.force(step.t, q) + scheme.alpha * constraints.force(then, now.q)
     work = 0.5 * float(step.model.vectors.dots((q - now.q)[None], on_free)[0])
+    first, last = inertia.of_own(before.reaction), inertia.of_own(after.reaction)
     for body, at in inertia.turning:
         start, end = body.motion(now.q, then), body.motion(q, step.t)
-        force = body.moment_arm_at(start).T @ before.reaction[at] + body.moment_arm_at(end).T @ after.reaction[at]
-        turned += 0.5 * float((end - start) @ force) - float(dw[at] @ mean[at])
-        work += 0.5 * float((end - start)[~body.free] @ force[~body.free])
+        force = body.moment_arm_at(start).T @ first[at] + body.moment_arm_at(end).T @ last[at]
+        sums = inertia.space.share.total(np.append(force, dw[at] @ (first[at] + last[at])))
+        turned += 0.5 * float((end - start) @ sums[:-1] - sums[-1])
+        work += 0.5 * float((end - start)[~body.free] @ sums[:-1][~body.free])
         held[at] = 0.0
     return work + inertia.dot(held, mean), turned

@@ -1,6 +1,8 @@
 """Stiffness on the unknowns of several processes, preconditioned by PETSc; the counterpart of `stiffness`.
 
 Each process has the rows of K at its own nodes. Displacements are known at all nodes of its share, forces at its own.
+The free motions of rigid bodies are unknowns that all processes have; their rows are sums of those of all processes,
+and the cycle on the other unknowns is completed by eliminating them (`solve.bordered`).
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from lacsolver.linear.multigrid import Hierarchy
 from lacsolver.linear.petsc import PetscCycle, petsc_errors, petsc_matrix, set_up
 from lacsolver.linear.vectors import Vectors
 from lacsolver.problem.rigid_modes import bodies, centres
+from lacsolver.solve.bordered import Bordered
 from lacsolver.solve.stiffness import embed, leading_unknowns
 from lacsolver.space.space import Space
 
@@ -48,47 +51,62 @@ class SharedStiffness:
     @cached_property
     def scaling(self) -> NDArray[np.floating]:
         """Diagonal (n,) of K with its springs, at all unknowns; 1 where it is 0."""
-        d = self.K.diagonal() + (0.0 if self.spring is None else self.spring)
-        d = self._updated(self.constraints.T @ np.where(d == 0, 1.0, d))
+        d = self.vectors.summed(self.K.diagonal() + (0.0 if self.spring is None else self.spring))
+        d = self.constraints.updated(np.where(d == 0, 1.0, d))
         return np.where(d == 0, 1.0, d)
-
-    def _updated(self, u: Floats) -> NDArray[np.floating]:
-        """Return the unknowns (n,) of displacements u (n_dof,) at own nodes; all processes compute them alike."""
-        return np.asarray(self.constraints.T.T @ self.constraints.space.updated(u))
 
     def apply(self, q: Floats) -> NDArray[np.floating]:
         """Return K q (n,) at the own unknowns."""
-        return np.asarray(self.K @ q)
+        return self.vectors.summed(np.asarray(self.K @ q))
 
     def restricted(self, unknowns: Ints) -> csr_array:
         """Return the rows and columns of K at some unknowns, which all processes have; the last are kept."""
         if self._restricted is None or self._restricted[0] is not unknowns:
             assert self.constraints.own is not None
-            own = diags_array(self.constraints.own[unknowns].astype(float))
+            here = self.constraints.own[unknowns] | (unknowns >= self.constraints.n_nodal)
+            own = diags_array(here.astype(float))
             rows = csr_array(own @ self.K[unknowns][:, unknowns])
             self._restricted = unknowns, self.constraints.space.share.add_matrices(rows, (False, False))
         return self._restricted[1]
 
     def cycle(self, f: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 f (n,) at all unknowns."""
-        return self._on_nodes(self.hierarchy.cycle, f)
+        return self._plain(f)
+
+    @cached_property
+    def _plain(self) -> Callable[[Floats], NDArray[np.floating]]:
+        return self._with_motions(self.hierarchy.cycle)
 
     def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]] | None:
         """Return f -> an approximation of (K + B^T W B)^-1 f, one V-cycle; None if the backend has none."""
-        space = self.constraints.space
+        space, nodal = self.constraints.space, self.constraints.nodal
         assert space.share.own is not None
         own = space.dofs(np.flatnonzero(space.share.own)).ravel()
-        rows = csr_array((B @ self.constraints.T.T).tocsc()[:, own])
+        rows = csr_array((B[:, : nodal.n_q] @ nodal.T.T).tocsc()[:, own])
         cycle = self.hierarchy.cycle.with_rows(bsr_array(rows.tobsr((1, space.dim))), weights)
-        return None if cycle is None else lambda f: self._on_nodes(cycle, f)
+        return None if cycle is None else self._with_motions(cycle, B, weights)
+
+    def _with_motions(
+        self, cycle: Callable[[Floats], Floats], B: csr_array | None = None, weights: Floats | None = None
+    ) -> Callable[[Floats], NDArray[np.floating]]:
+        """Return a cycle on all unknowns, with rows B and their weights, from one on displacements of own nodes."""
+        c = self.constraints
+
+        def on_nodal(f: Floats) -> NDArray[np.floating]:
+            return self._on_nodes(cycle, f)
+
+        if c.n_nodal == c.n_q:
+            return on_nodal
+        K = self.K if self.spring is None else csr_array(self.K + diags_array(self.spring))
+        return Bordered.of(on_nodal, K, c.n_nodal, self.vectors, B, weights)
 
     def _on_nodes(self, apply: Callable[[Floats], Floats], f: Floats) -> NDArray[np.floating]:
-        """Apply an operator on the unknowns of own nodes to forces f (n,); return displacements at all unknowns."""
-        space = self.constraints.space
+        """Apply an operator on the unknowns of own nodes to forces f (n_nodal,); return displacements of all nodes."""
+        space, nodal = self.constraints.space, self.constraints.nodal
         u = np.zeros((space.mesh.n_nodes, space.dim))
-        made = apply(space.own(np.asarray(self.constraints.T @ f)).ravel())
+        made = apply(space.own(np.asarray(nodal.T @ f)).ravel())
         u[space.share.own] = made.reshape(-1, space.dim)
-        return self._updated(u.ravel())
+        return np.asarray(nodal.T.T @ space.updated(u.ravel()))
 
     def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
         """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""
@@ -109,15 +127,21 @@ class SharedFactors:
         if self._R.shape[1]:
             spring = np.zeros(K.shape[0])
             leading = leading_unknowns(self._R, self._constraints.common)
-            spring[leading] = _mean(K.diagonal(), self._constraints)
+            spring[leading] = _mean(self._nodal(K).diagonal(), self._constraints.nodal)
+            spring *= self._constraints.own
             regular = csr_array(K + diags_array(spring))
         backend = self._chosen if definite else "mumps"
         if self._kept is None or self._kept.is_stale or backend == "mumps":
-            hierarchy = Hierarchy(_petsc_cycle(regular, self._constraints, backend))
+            hierarchy = Hierarchy(_petsc_cycle(self._nodal(regular), self._constraints.nodal, backend))
             self._kept = None if backend == "mumps" else hierarchy
         else:
             hierarchy = self._kept
         return SharedStiffness(K, self._R, self._constraints, hierarchy, self._vectors, spring, definite)
+
+    def _nodal(self, K: csr_array) -> csr_array:
+        """Return the rows and columns of the nodes' own unknowns."""
+        n = self._constraints.n_nodal
+        return K if n == K.shape[0] else csr_array(K[:n, :n])
 
     @cached_property
     def _chosen(self) -> str:

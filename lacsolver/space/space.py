@@ -224,6 +224,22 @@ class Space:
             return 2 * np.pi * x[..., 0]
         return np.full(x.shape[:-1], self.thickness)
 
+    def known(self, own: Ints) -> Ints:
+        """Return the nodes (k,) of this process's mesh that are among some, of which each process gives its own."""
+        if self.share.own is None:
+            return own
+        mask = np.zeros(self.mesh.n_nodes, bool)
+        mask[own] = True
+        return np.flatnonzero(self.agreed(mask))
+
+    def mask_own(self, nodes: Ints) -> NDArray[np.bool_]:
+        """Return a mask (k,) of those of some nodes that this process has as its own."""
+        return np.ones(len(nodes), bool) if self.share.own is None else self.share.own[nodes]
+
+    def of_own(self, f: Floats) -> NDArray[np.floating]:
+        """Return forces f (n_dof,) with 0 at the nodes of other processes, where they are not complete."""
+        return f if self.share.own is None else f * np.repeat(self.share.own, self.dim)
+
     def own_nodes(self, nodes: Ints) -> Ints:
         """Return those of some nodes that this process has as its own."""
         return nodes if self.share.own is None else nodes[self.share.own[nodes]]

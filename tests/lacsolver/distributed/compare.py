@@ -37,7 +37,7 @@ def problem_of(name):
     if name in CASES:
         case = CASES[name]
         return text_of(case, case.world), case.mesh()
-    text, mesh = moving_cases.CASES[name]
+    text, mesh = (moving_cases.RIGID | moving_cases.CASES)[name]
     return text + "[solver]\nthreads = 1\n", mesh()
 
 
