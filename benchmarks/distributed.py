@@ -1,7 +1,8 @@
 """Measure runs in several processes against one: V-cycles, processor time, memory, communication, stiffness ratios.
 
-    python benchmarks/distributed.py [--quick] [--sizes 24000 118000] [--ranks 1 2 4 8] [--backends gamg hypre]
-                                     [--weak 25000] [--python .venv-petsc/bin/python] [-o TABLE.md]
+    python benchmarks/distributed.py [--quick] [--sizes 24000 118000] [--ranks 1 2 4 8]
+                                     [--backends multigrid gamg hypre] [--weak 25000]
+                                     [--python .venv-petsc/bin/python] [-o TABLE.md]
 
 The model is that of `contact.py`: a block with a clearance of r^2 / 2R over an elastic block whose faces do not match,
 HEXA8 cut `pyramid`, one step from no contact at all. It is divided once for each number of processes, and each reads
@@ -50,7 +51,9 @@ from lacsolver.solve.stepping import march
 from verification.mpiexec import ROOT, environment, words
 
 SIZES, QUICK = (24_000, 118_000), (10_000,)
-RANKS, BACKENDS, RATIOS = (1, 2, 4, 8), ("gamg", "hypre"), (0.01, 1.0, 100.0)
+RANKS, BACKENDS, RATIOS = (1, 2, 4, 8), ("multigrid", "gamg", "hypre"), (0.01, 1.0, 100.0)
+#: the backend multigrid on one thread of one process
+SERIAL = "serial"
 #: unknowns of a process in the weak scaling
 WEAK = 25_000
 HEADS = ("unknowns, backend", "n", "V-cycles", "sets", "set-up", "matrices to pressures", "efficiency")
@@ -118,9 +121,9 @@ def watched(clock: Clock, solved: list[SaddleSolution], models: list[int]) -> Ex
         (lacsolver.solve.active_set, "solve_saddle", "loops", solved),
     ]
     stack = ExitStack()
-    one, several = lacsolver.solve.stiffness.FactorCache, lacsolver.solve.shared_stiffness.SharedFactors
-    for cache, name in ((one, "factorise"), (one, "factorise_on_nodes"), (several, "factorise")):
-        stack.enter_context(patch.object(cache, name, set_up(getattr(cache, name))))
+    for cache in (lacsolver.solve.stiffness.FactorCache, lacsolver.solve.shared_stiffness.SharedFactors):
+        for name in ("factorise", "factorise_on_nodes"):
+            stack.enter_context(patch.object(cache, name, set_up(getattr(cache, name))))
     for module, name, phase, kept in places:
         stack.enter_context(patch.object(module, name, clock.around(phase, getattr(module, name), kept)))
     return stack
@@ -128,9 +131,9 @@ def watched(clock: Clock, solved: list[SaddleSolution], models: list[int]) -> Ex
 
 def measured(run: Run) -> list[dict[str, Any]]:
     """The figures of one run, of each of its processes; on all but the first an empty list."""
-    serial = run.backend == "multigrid"
+    serial = run.backend == SERIAL
     _ = list(march(pressed(blocks(9, 6, 4), "multigrid" if serial else "superlu")))  # modules and kernels are loaded
-    case = pressed_case(run.backend, "small", run.ratio, Path(run.path), threads=1)
+    case = pressed_case("multigrid" if serial else run.backend, "small", run.ratio, Path(run.path), threads=1)
     if serial:
         return [figures(lambda: Problem.of(case, read_part(run.path, 0).mesh))]
     from lacsolver.distributed.launch import import_mpi
@@ -263,7 +266,7 @@ def strong(launcher: Launcher, sizes: Sequence[int], args: argparse.Namespace, t
     """The tables of one model in more and more processes."""
     for size in sizes:
         told.table("### The same model in more processes", HEADS)
-        serial = launcher.of(size, 0, "multigrid")
+        serial = launcher.of(size, 0, SERIAL)
         told(strong_line("multigrid", 0, serial, serial, serial))
         for backend in args.backends:
             single = launcher.of(size, 1, backend) if args.ranks[0] != 1 else None
@@ -277,9 +280,17 @@ def ratios(launcher: Launcher, size: int, args: argparse.Namespace, told: Told) 
     """The table of V-cycles at several ratios of stiffness."""
     told.table(f"### Stiffness of the master over the slave's, {size:,} unknowns: V-cycles (sets)",
                ("backend", "n", *(f"{ratio:g}" for ratio in RATIOS)))  # fmt: skip
-    for backend, n in [("multigrid", 0), *((backend, n) for backend in args.backends for n in (1, 2))]:
+    for backend, n in [(SERIAL, 0), *((backend, n) for backend in args.backends for n in (1, 2))]:
         found = [launcher.of(size, n, backend, ratio)[0] for ratio in RATIOS]
-        told(row([backend, str(n or "serial"), *(f"{one['cycles']} ({one['sets']})" for one in found)]))
+        told(
+            row(
+                [
+                    "multigrid" if n == 0 else backend,
+                    str(n or "serial"),
+                    *(f"{one['cycles']} ({one['sets']})" for one in found),
+                ]
+            )
+        )
 
 
 def weak(launcher: Launcher, args: argparse.Namespace, told: Told) -> None:
@@ -296,7 +307,9 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help=f"{QUICK[0]:,} unknowns, and a tenth of the weak scaling")
     parser.add_argument("--sizes", nargs="*", type=int, help=f"unknowns (default: {' '.join(map(str, SIZES))})")
     parser.add_argument("--ranks", nargs="+", type=int, default=RANKS, help="numbers of processes (default: 1 2 4 8)")
-    parser.add_argument("--backends", nargs="+", default=BACKENDS, help="of PETSc (default: gamg hypre)")
+    parser.add_argument(
+        "--backends", nargs="+", default=BACKENDS, help="of the engine petsc (default: multigrid gamg hypre)"
+    )
     parser.add_argument("--weak", type=int, help=f"unknowns a process; 0 for none (default: {WEAK})")
     parser.add_argument("--no-ratios", action="store_true", help="without the table of stiffness ratios")
     there = ROOT / ".venv-petsc" / "bin" / "python"

@@ -115,7 +115,7 @@ class Solver(Entry):
                 Option("mumps", "direct, of both engines"),
                 Option("cholmod", "direct"),
                 Option("superlu", "direct, slow"),
-                Option("multigrid", "iterative, for large models"),
+                Option("multigrid", "iterative, for large models; of both engines"),
                 Option("gamg", "iterative: PETSc's own multigrid, of the engine petsc"),
                 Option("hypre", "iterative: multigrid of hypre, of the engine petsc"),
             )

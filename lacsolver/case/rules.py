@@ -12,7 +12,7 @@ from lacsolver.case.draft import Draft, Found, by_section, check_context
 #: the linear solvers of each engine, beside `auto`
 BACKENDS_OF = {
     "serial": ("rslab", "pardiso", "mumps", "cholmod", "superlu", "multigrid"),
-    "petsc": ("gamg", "hypre", "mumps"),
+    "petsc": ("multigrid", "gamg", "hypre", "mumps"),
 }
 #: the drafts of each section; the top of the file is section ""
 Sections = dict[str, list[Draft]]

@@ -2,59 +2,116 @@
 
 Vanek, Mandel, Brezina (1996); the rigid-body modes are the near-null space. Memory is at its largest here, so that
 temporary arrays have the size of a part of a matrix where they can.
+
+Of a matrix that several processes share, each aggregates its own nodes, and makes the rows of its own aggregates on the
+coarser level from those of its own nodes and what others send (`lacsolver.linear.halo`). A level with few nodes is
+whole on each process, and so are those below it.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple, cast
 
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.linear.cycle import Cycle, Level, Team, jacobi
+from lacsolver.linear.cycle import NO_HALO, Cycle, Halo, Level, RowHalo, Team, jacobi
+from lacsolver.linear.halo import SharedHalo
 
 #: couplings weaker than this, relative to the diagonals, do not join nodes; 0.03 took least time on HEXA8 and TETRA10
 _STRENGTH = 0.03
 #: most nodes (of six unknowns) of the coarsest level, which is solved by a dense inverse
 _COARSEST = 60
 _LEVELS = 12
+#: most nodes of a level that is whole on each process, and most for each of many processes
+_WHOLE, _FEW = 500, 8
 #: damping of the smoothing of prolongations, times the largest eigenvalue of D^-1 K
 _SMOOTHING = 4 / 3
 #: number of blocks, and of rows of blocks, that are multiplied at once
 _PIECE, _ROWS = 1 << 17, 1 << 16
 
 
-def aggregated(K: bsr_array, modes: Floats, team: Team) -> Cycle:
-    """Return the V-cycle of K: aggregates of nodes with orthonormal modes, smoothed by one step of block Jacobi."""
-    levels: list[Level] = []
-    unit = 1 / float(K.diagonal().mean()) if K.shape[0] else 1.0
-    while len(levels) < _LEVELS and K.shape[0] // K.blocksize[0] > _COARSEST:
-        inverse, largest = jacobi(K, team)
-        tentative, coarse_modes = _tentative(K, modes)
-        if tentative.shape[1] >= K.shape[0]:
+class _Rows(NamedTuple):
+    """Own rows K of a level, with the `halo` of its columns; modes (own unknowns, r) of its near-null space."""
+
+    K: bsr_array
+    modes: Floats
+    halo: RowHalo
+    team: Team
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes on all processes."""
+        return int(self.team.total(np.array(self.K.shape[0] // self.K.blocksize[0])))
+
+    def whole(self) -> _Rows:
+        """Return the rows of all processes."""
+        assert isinstance(self.halo, SharedHalo)
+        return _Rows(*self.halo.whole(self.K, self.modes), NO_HALO, Team(1))
+
+    def mean_diagonal(self) -> float:
+        """Return the mean entry of the diagonal; 1 for a matrix without rows."""
+        total, count = self.team.total(np.array([self.K.diagonal().sum(), self.K.shape[0]]))
+        return float(total / count) if count else 1.0
+
+
+def aggregated(K: bsr_array, modes: Floats, team: Team, halo: RowHalo = NO_HALO) -> Cycle:
+    """Return the V-cycle of K: aggregates of nodes with orthonormal modes, smoothed by one step of block Jacobi.
+
+    Of several processes each gives the rows K of its own nodes, with columns of `halo`, and the modes at its own nodes.
+    """
+    rows, levels = _Rows(K, modes, halo, team), list[Level]()
+    unit = 1 / rows.mean_diagonal()
+    while len(levels) < _LEVELS and (rows.halo is not NO_HALO or rows.n_nodes > _COARSEST):
+        made = _coarsened(rows, unit)
+        if made is None:
             break
-        P = _smoothed(K, tentative, inverse, _SMOOTHING / largest)
-        del tentative  # memory is at its largest in this loop
-        coarse = _galerkin(K, P)
-        levels.append(Level.of(K, _transposed(P), P, inverse / largest, unit))
-        K, modes = coarse, coarse_modes
-    return Cycle(levels, K.toarray() * unit, unit, team)
+        level, rows = made
+        levels.append(level)
+    return Cycle(levels, rows.K.toarray() * unit, unit, team)
+
+
+def _coarsened(rows: _Rows, unit: float) -> tuple[Level, _Rows] | None:
+    """Return a level, and the rows of the next coarser one; None if it would be as large and one process has all."""
+    K, modes, halo, team = rows
+    inverse, largest = jacobi(K, team, halo)
+    tentative, modes = _tentative(K, modes)
+    if halo is NO_HALO and tentative.shape[1] >= K.shape[0]:
+        return None
+    near, coarse = halo.with_ghosts(tentative, halo.of_columns(tentative))
+    P = _smoothed(K, tentative, near, inverse, _SMOOTHING / largest)
+    del tentative, near  # memory is at its largest here
+    all_P, wide = halo.with_ghosts(P, coarse)
+    coarse_K, wide = coarse.summed(_galerkin(K, P, all_P), wide)
+    made, below = _Rows(coarse_K, modes, wide, team), cast(Halo, coarse)
+    if isinstance(coarse, SharedHalo) and made.n_nodes <= max(_WHOLE, _FEW * coarse.n_processes):
+        P, below, made = coarse.whole_columns(P), coarse.everywhere, made.whole()
+    return Level.of(K, P, inverse / largest, unit, team, (halo, below)), made
 
 
 def _tentative(K: bsr_array, modes: Floats) -> tuple[bsr_array, Floats]:
-    """Aggregate coupled nodes by PyAMG; return (P, coarse modes) with P (coarse modes) = modes."""
+    """Aggregate coupled own nodes by PyAMG; return (P, coarse modes) with P (coarse modes) = modes."""
     from pyamg.aggregation import fit_candidates, standard_aggregation
     from pyamg.strength import symmetric_strength_of_connection
 
     norms = np.sqrt(np.einsum("kij,kij->k", K.data, K.data))  # PyAMG would copy all entries for them
-    nodes = csr_array((norms, K.indices, K.indptr), shape=(len(K.indptr) - 1,) * 2)
-    aggregates, _ = standard_aggregation(symmetric_strength_of_connection(nodes, theta=_STRENGTH))
+    n = len(K.indptr) - 1
+    nodes = csr_array((norms, K.indices, K.indptr), shape=(n, K.shape[1] // K.blocksize[1]))[:, :n]
+    aggregates, _ = standard_aggregation(symmetric_strength_of_connection(csr_array(nodes), theta=_STRENGTH))
+    if not aggregates.nnz:  # one aggregate without nodes, of which PyAMG would leave the modes undefined
+        r = modes.shape[1]
+        return bsr_array((len(modes), r), blocksize=(K.blocksize[0], r)), np.zeros((r, r))
     P, coarse = fit_candidates(aggregates, modes)
     return bsr_array(P), coarse
 
 
-def _smoothed(K: bsr_array, P: bsr_array, inverse: Floats, factor: float) -> bsr_array:
-    """Return the smoothed prolongation P - factor D^-1 K P in single precision, in which the cycle has it."""
-    made = K @ P
+def _smoothed(K: bsr_array, P: bsr_array, near: bsr_array, inverse: Floats, factor: float) -> bsr_array:
+    """Return the smoothed prolongation P - factor D^-1 K P in single precision, in which the cycle has it.
+
+    P has rows for own nodes, `near` also those of the other nodes that K touches.
+    """
+    made = K @ near
     row = np.repeat(np.arange(len(inverse), dtype=made.indices.dtype), np.diff(made.indptr))
     for first in range(0, len(row), _PIECE):
         piece = slice(first, first + _PIECE)
@@ -71,10 +128,13 @@ def _add(A: bsr_array, row: Ints, P: bsr_array) -> None:
     A.data[at] += P.data[P.indptr[row[at]]]
 
 
-def _galerkin(K: bsr_array, P: bsr_array) -> bsr_array:
-    """Return P^T K P, summed over parts of the rows of K: K P has several times the blocks of P."""
+def _galerkin(K: bsr_array, P: bsr_array, all_P: bsr_array) -> bsr_array:
+    """Return P^T K P, summed over parts of the own rows of K: K P has several times the blocks of P.
+
+    P has rows for own nodes, `all_P` also those of the other nodes that K touches.
+    """
     n = len(K.indptr) - 1
-    parts = (_transposed(_rows(P, k, k + _ROWS)) @ (_rows(K, k, k + _ROWS) @ P) for k in range(0, n, _ROWS))
+    parts = (_transposed(_rows(P, k, k + _ROWS)) @ (_rows(K, k, k + _ROWS) @ all_P) for k in range(0, max(n, 1), _ROWS))
     return bsr_array(sum(parts, next(parts)))
 
 

@@ -26,7 +26,7 @@ from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
-from lacsolver.linear.row_term import RowTerm, bounded
+from lacsolver.linear.row_term import RowTerm, bounded, scaled_rows
 
 #: degree of the polynomial: 2 takes least time on HEXA8 and TETRA10
 _DEGREE = 2
@@ -130,6 +130,19 @@ class Halo(Protocol):
         """Return the own columns of a matrix with what all processes have for them added."""
 
 
+class RowHalo(Halo, Protocol):
+    """Interface of a halo that sends rows of matrices, too, by which a hierarchy is set up."""
+
+    def of_columns(self, A: bsr_array) -> RowHalo:
+        """Return the halo of vectors of the columns of A, all of which are own entries."""
+
+    def with_ghosts(self, A: bsr_array, columns: Any) -> tuple[bsr_array, RowHalo]:
+        """Return own rows of A with those of neighbours below them, and the halo of the columns that they have."""
+
+    def summed(self, A: bsr_array, columns: Any) -> tuple[bsr_array, RowHalo]:
+        """Return the own rows of A with what all processes have for them added, and the halo of their columns."""
+
+
 class NoHalo:
     """Vectors that one process has whole."""
 
@@ -143,6 +156,18 @@ class NoHalo:
     def add_columns(self, A: bsr_array) -> bsr_array:
         """Return A."""
         return A
+
+    def of_columns(self, A: bsr_array) -> RowHalo:
+        """Return this halo."""
+        return self
+
+    def with_ghosts(self, A: bsr_array, columns: Any) -> tuple[bsr_array, RowHalo]:
+        """Return what was given."""
+        return A, columns
+
+    def summed(self, A: bsr_array, columns: Any) -> tuple[bsr_array, RowHalo]:
+        """Return what was given."""
+        return A, columns
 
 
 #: vectors that one process has whole
@@ -161,7 +186,7 @@ class Level(NamedTuple):
     """Level of the hierarchy: K, inverses of its diagonal blocks over the largest eigenvalue of D^-1 K, R and P.
 
     R restricts a residual to the next coarser level, P prolongs a correction from it. `width`: columns of K. `halo`:
-    that of K's columns; `coarse`: that of P's. `added`: a term added to K.
+    that of K's columns; `coarse`: that of P's. `team` computes. `added`: a term added to K.
     """
 
     K: Blocks
@@ -169,51 +194,71 @@ class Level(NamedTuple):
     R: Blocks
     P: Blocks
     width: int
+    team: Team
     halo: Halo = NO_HALO
     coarse: Halo = NO_HALO
     added: RowTerm | None = None
 
     @staticmethod
     def of(
-        K: bsr_array, R: bsr_array, P: bsr_array, inverse: Floats, unit: float,
+        K: bsr_array, P: bsr_array, inverse: Floats, unit: float, team: Team,
         halos: tuple[Halo, Halo] = (NO_HALO, NO_HALO),
     ) -> Level:  # fmt: skip
         """Make a level of `unit` K in single precision; `halos`: those of the columns of K and of P."""
+        R = bsr_array(P.T.tobsr(P.blocksize[::-1]))
         single = Blocks.of(R, np.float32), Blocks.of(P, np.float32)
         scaled = Blocks.of(K, np.float32, unit), (inverse / unit).astype(np.float32)
-        return Level(*scaled, *single, K.shape[1], *halos)
+        return Level(*scaled, *single, K.shape[1], team, *halos)
 
     @property
     def n_coarse(self) -> int:
         """Number of columns of P."""
         return (len(self.R.indptr) - 1) * self.R.data.shape[1]
 
-    def with_rows(self, N: bsr_array, finest: bool, team: Team) -> Level:
+    def with_rows(self, N: bsr_array, finest: bool) -> Level:
         """Return the level of K + N^T N, for rows of blocks (1, b)."""
         if finest:
-            return self._replace(added=RowTerm.smoothed(N, self.inverse, team))
-        return self._replace(added=RowTerm.of(N), inverse=bounded(self.inverse, N, team))
+            return self._replace(added=RowTerm.smoothed(N, self.inverse, self.team))
+        return self._replace(added=RowTerm.of(N), inverse=bounded(self.inverse, N, self.team))
 
     def rows_below(self, N: bsr_array) -> bsr_array:
         """Return N P, the rows N on the next coarser level."""
         P = bsr_array((self.P.data, self.P.indices, self.P.indptr), shape=(N.shape[1], self.n_coarse))
         return self.coarse.add_columns(bsr_array(N @ P))
 
-    def residual(self, r: NDArray[np.floating], x: NDArray[np.floating], team: Team) -> NDArray[np.floating]:
+    def residual(self, r: NDArray[np.floating], x: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return r - K x, with the added term in K; x (width,)."""
         self.halo.fill(x)
-        out = r - team.product(self.K, x)
+        out = r - self.team.product(self.K, x)
         if self.added is not None:
-            self.added.subtract(out, x, team)
+            self.added.subtract(out, x, self.team)
         return np.asarray(out)
 
-    def restrict(self, r: NDArray[np.floating], team: Team) -> NDArray[np.floating]:
+    def restrict(self, r: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return R r, a residual on the next coarser level."""
-        return self.coarse.add(team.product(self.R, r))
+        return self.coarse.add(self.team.product(self.R, r))
 
-    def prolong(self, x: NDArray[np.floating], team: Team) -> NDArray[np.floating]:
+    def prolong(self, x: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return P x, a correction from the next coarser level."""
-        return team.product(self.P, extended(self.coarse, x, self.n_coarse))
+        return self.team.product(self.P, extended(self.coarse, x, self.n_coarse))
+
+    def smooth(self, r: NDArray[np.floating], x: NDArray[np.floating], last: bool = False) -> NDArray[np.floating]:
+        """Add the smoothing polynomial of the residual r to x; return the new residual, or any if it is the `last`."""
+        rows, run = len(self.K.indptr) - 1, self.team.run
+        z, new = np.zeros_like(x), np.empty_like(x)
+        for k in range(1, _DEGREE + 1):
+            old, fresh = np.float32((2 * k - 3) / (2 * k + 1)), np.float32((8 * k - 4) / (2 * k + 1))
+            if k == 1:
+                run(_start, rows, self.inverse, r, z, x, fresh)
+            else:
+                self.halo.fill(z)
+                if self.added is not None:
+                    self.added.subtract(r, z, self.team)
+                run(_advance, rows, *self.K, self.inverse, z, r, new, x, old, fresh)
+                z, new = new, z
+            if self.added is not None:
+                self.added.correct(float(fresh), r, self.team, z, x)
+        return r if last else self.residual(r, z)
 
 
 class Cycle:
@@ -222,17 +267,30 @@ class Cycle:
     def __init__(self, levels: list[Level], coarsest: Floats, unit: float, team: Team) -> None:
         self._levels, self._unit, self._team, self._K = levels, unit, team, coarsest
         self._coarsest = np.linalg.pinv(coarsest, hermitian=True) if coarsest.size else coarsest
+        self._rows: tuple[bsr_array, float, list[bsr_array]] | None = None
 
     def with_rows(self, B: bsr_array, weights: Floats) -> Cycle:
-        """Return the V-cycle of K + B^T W B, for rows B (a, n) of blocks (1, b), with W = diag `weights` (a,)."""
-        scale = np.repeat(np.sqrt(weights * self._unit), np.diff(B.indptr))[:, None, None]
-        N = bsr_array(((scale * B.data).astype(np.float32), B.indices, B.indptr), shape=B.shape)
-        levels: list[Level] = []
-        for level in self._levels:
-            levels.append(level.with_rows(N, not levels, self._team))
-            N = level.rows_below(N)
-        dense = N.toarray().astype(float)
+        """Return the V-cycle of K + B^T W B, for rows B (m, n) of blocks (1, b), with W = diag `weights` (m,).
+
+        Rows without weight have no part in it. The rows on all levels are kept for other weights of the same B.
+        """
+        if self._rows is None or self._rows[0] is not B:
+            self._rows = self._restricted(B)
+        _, size, on_levels = self._rows
+        active = np.flatnonzero(weights)
+        factor = np.sqrt(weights[active] * self._unit) * size
+        *N, coarsest = (scaled_rows(rows, active, factor) for rows in on_levels)
+        levels = [level.with_rows(own, k == 0) for k, (level, own) in enumerate(zip(self._levels, N, strict=True))]
+        dense = coarsest.toarray().astype(float)
         return Cycle(levels, self._K + dense.T @ dense, self._unit, self._team)
+
+    def _restricted(self, B: bsr_array) -> tuple[bsr_array, float, list[bsr_array]]:
+        """Return B, its largest entry, and B over that on all levels in single precision, finest first."""
+        size = self._team.largest(B.data.ravel()) or 1.0
+        on_levels = [bsr_array(((B.data / size).astype(np.float32), B.indices, B.indptr), shape=B.shape)]
+        for level in self._levels:
+            on_levels.append(level.rows_below(on_levels[-1]))
+        return B, size, on_levels
 
     def below(self) -> tuple[bsr_array, Cycle, Level] | None:
         """Return the matrix of the first coarser level, its V-cycle, and the level above it; None if that is dense."""
@@ -253,32 +311,12 @@ class Cycle:
     def _down(self, k: int, r: NDArray[np.floating]) -> NDArray[np.floating]:
         if k == len(self._levels):
             return (self._coarsest @ r.astype(float)).astype(np.float32)
-        level, team = self._levels[k], self._team
+        level = self._levels[k]
         x = np.zeros(level.width, r.dtype)
-        left = self._smooth(level, r.copy(), x)
-        x[: len(r)] += level.prolong(self._down(k + 1, level.restrict(left, team)), team)
-        self._smooth(level, level.residual(r, x, team), x, last=True)
+        left = level.smooth(r.copy(), x)
+        x[: len(r)] += level.prolong(self._down(k + 1, level.restrict(left)))
+        level.smooth(level.residual(r, x), x, last=True)
         return x[: len(r)]
-
-    def _smooth(
-        self, level: Level, r: NDArray[np.floating], x: NDArray[np.floating], last: bool = False
-    ) -> NDArray[np.floating]:
-        """Add the smoothing polynomial of the residual r to x; return the new residual, or any if it is the `last`."""
-        rows = len(level.K.indptr) - 1
-        z, new = np.zeros_like(x), np.empty_like(x)
-        for k in range(1, _DEGREE + 1):
-            old, fresh = np.float32((2 * k - 3) / (2 * k + 1)), np.float32((8 * k - 4) / (2 * k + 1))
-            if k == 1:
-                self._team.run(_start, rows, level.inverse, r, z, x, fresh)
-            else:
-                level.halo.fill(z)
-                if level.added is not None:
-                    level.added.subtract(r, z, self._team)
-                self._team.run(_advance, rows, *level.K, level.inverse, z, r, new, x, old, fresh)
-                z, new = new, z
-            if level.added is not None:
-                level.added.correct(float(fresh), r, self._team, z, x)
-        return r if last else level.residual(r, z, self._team)
 
 
 def jacobi(K: bsr_array, team: Team, halo: Halo = NO_HALO) -> tuple[NDArray[np.floating], float]:

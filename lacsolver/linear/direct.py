@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
@@ -52,7 +52,7 @@ class DirectFactor:
         """Return K^-1 b."""
         return self.solve(b)
 
-    def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], Floats]:
+    def cycle_with_rows(self, B: bsr_array, weights: Floats) -> Callable[[Floats], Floats]:
         """Raise NotImplementedError: with a factor, contact is solved for on the Schur complement."""
         raise NotImplementedError("a direct backend has no V-cycle")
 

@@ -87,9 +87,9 @@ class MultigridFactor:
         """Return an approximation of K^-1 b (n,), by one V-cycle."""
         return self.hierarchy.cycle(b)
 
-    def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], Floats]:
+    def cycle_with_rows(self, B: bsr_array, weights: Floats) -> Callable[[Floats], Floats]:
         """Return b -> an approximation of (K + B^T W B)^-1 b, one V-cycle, with the hierarchy of K."""
-        return self.hierarchy.cycle.with_rows(bsr_array(B.tobsr((1, self._blocks.data.shape[1]))), weights)
+        return self.hierarchy.cycle.with_rows(B, weights)
 
     def coarse(self) -> tuple[MultigridFactor, Level] | None:
         """Return the factor of the matrix on the first coarser level, and the level above it; None if there is none."""

@@ -1,10 +1,11 @@
 """PETSc as a preconditioner of a matrix that is distributed over processes by whole nodes.
 
 `gamg` (PETSc's smoothed aggregation) and `hypre` (BoomerAMG) apply one V-cycle, `mumps` a factorisation. Options of
-PETSc with the prefix `lacsolver_`, from PETSC_OPTIONS, go before those that are set here. The hierarchy of GAMG is
-usually taken over by `lacsolver.linear.gamg`; its own cycle is smoothed by Chebyshev's polynomial with the inverse
-diagonal. BoomerAMG truncates its interpolation. It does not coarsen its first level aggressively, which is faster where
-it converges, but with 4 processes it did not on three models of warped and quadratic cells (docs/scaling.md).
+PETSc with the prefix `lacsolver_`, from PETSC_OPTIONS, go before those that are set here. GAMG's cycle is smoothed by
+Chebyshev's polynomial with the inverse diagonal; its smoothers by blocks give NaN in PETSc 3.18 where an aggregate is
+smaller than six rigid-body modes. BoomerAMG truncates its interpolation. It does not coarsen its first level
+aggressively, which is faster where it converges, but with 4 processes it did not on three models of warped and
+quadratic cells (docs/scaling.md).
 """
 
 from __future__ import annotations

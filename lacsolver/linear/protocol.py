@@ -38,8 +38,11 @@ class Factor(Protocol):
     def cycle(self, b: Floats) -> Floats:
         """Return an approximation of K^-1 b (n,)."""
 
-    def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], Floats]:
-        """Return b -> an approximation of (K + B^T W B)^-1 b, with W = diag `weights` (a,); iterative backends only."""
+    def cycle_with_rows(self, B: bsr_array, weights: Floats) -> Callable[[Floats], Floats]:
+        """Return b -> an approximation of (K + B^T W B)^-1 b, with W = diag `weights` (m,); iterative backends only.
+
+        B (m, n) has blocks (1, b) for nodes of b unknowns.
+        """
 
     def record_convergence(self, use: str, cycles: int, decades: float) -> None:
         """Record that `cycles` reduced a residual by so many decades, in a kind of use."""

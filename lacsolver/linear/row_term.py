@@ -16,9 +16,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csc_array, csr_array, eye_array
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse.linalg import SuperLU
 
 from lacmesh.mesh import Floats, Ints
+from lacsolver.linear.superlu import factor_of
 
 
 class Sums(Protocol):
@@ -58,7 +59,7 @@ class RowTerm(NamedTuple):
         nodes, at = np.unique(N.indices, return_inverse=True)
         N_M = _rows(N.data @ inverse[N.indices], at, N.indptr, len(nodes))
         products = sums.total_matrix(csr_array(N_M.astype(float) @ made.N_T))
-        factor = splu(csc_array(eye_array(N.shape[0]) + products))
+        factor = factor_of(csc_array(eye_array(N.shape[0]) + products))
         return made._replace(factor=factor, N_M=N_M)
 
     def subtract(self, r: NDArray[np.floating], x: NDArray[np.floating], sums: Sums) -> None:
@@ -73,6 +74,15 @@ class RowTerm(NamedTuple):
         change = self.N_M.T @ p.astype(r.dtype)
         for one in vectors:
             one[self.unknowns] -= change
+
+
+def scaled_rows(N: bsr_array, rows: Ints, factor: Floats) -> bsr_array:
+    """Return some `rows` (a,) of blocks (1, b), each times its `factor` (a,)."""
+    length = np.diff(N.indptr)[rows]
+    ends = np.concatenate([[0], np.cumsum(length)])
+    at = np.repeat(N.indptr[rows] - ends[:-1], length) + np.arange(ends[-1])
+    data = (N.data[at] * np.repeat(factor, length)[:, None, None]).astype(N.dtype)
+    return bsr_array((data, N.indices[at], ends.astype(N.indptr.dtype)), shape=(len(rows), N.shape[1]))
 
 
 def _rows(blocks: Floats, nodes: Ints, indptr: Ints, n_nodes: int) -> csr_array:

@@ -19,7 +19,7 @@ from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear import LinearError
-from lacsolver.linear.cycle import Level, Team
+from lacsolver.linear.cycle import Level
 from lacsolver.linear.multigrid import MultigridFactor
 from lacsolver.results.state import Iterate
 from lacsolver.solve.contact_system import ContactSystem, RowGroup, Rows, skin_stiffness
@@ -56,7 +56,6 @@ class _CoarseLevel(NamedTuple):
     K: Stiffness
     above: Level
     whole: Whole
-    team: Team
 
     @staticmethod
     def of(K: Operator) -> _CoarseLevel | None:
@@ -67,16 +66,17 @@ class _CoarseLevel(NamedTuple):
         if found is None:
             return None
         factor, above = found
-        n = factor.shape[0]
-        return _CoarseLevel(Stiffness(csr_array(factor.matrix), factor, np.zeros((n, 0))), above, K.whole, factor.team)
+        n, none = factor.shape[0], np.zeros((factor.shape[0], 0))
+        whole = Whole(np.arange(n), n, factor.matrix.blocksize[1], none)
+        return _CoarseLevel(Stiffness(factor.matrix, factor, none, whole), above, K.whole)
 
     def restricted(self, f: Floats) -> NDArray[np.floating]:
         """Return P^T f."""
-        return _in_single(lambda r: self.above.restrict(r, self.team), self._embedded(f))
+        return _in_single(self.above.restrict, self._embedded(f))
 
     def prolonged(self, v: Floats) -> NDArray[np.floating]:
         """Return P v."""
-        return _in_single(lambda x: self.above.prolong(x, self.team), v)[self.whole.free]
+        return _in_single(self.above.prolong, v)[self.whole.free]
 
     def rows(self, B: csr_array) -> bsr_array:
         """Return B P."""

@@ -138,7 +138,9 @@ class _System:
         self.weight = np.concatenate([1 / np.sqrt(self.diagonal), np.sqrt(self.preconditioner.stiffness)])
         soft = self.preconditioner.size / _AUGMENTED + self.S
         self.W = 1 / np.where(soft > 0, soft, 1.0)
-        augmented = K.cycle_with_rows(self.B, self.W) if len(active) else None
+        weights = np.zeros(rows.B.shape[0])
+        weights[active] = self.W
+        augmented = K.cycle_with_rows(rows.B, weights) if len(active) else None
         self.cycle = augmented or K.cycle
         if augmented is None:
             self.W = np.zeros_like(self.W)

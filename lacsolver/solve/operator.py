@@ -54,7 +54,10 @@ class Operator(Protocol):
         """Return an approximation of K^-1 f (n,)."""
 
     def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]] | None:
-        """Return f -> an approximation of (K + B^T W B)^-1 f, with W = diag `weights` (a,); None if it has none."""
+        """Return f -> an approximation of (K + B^T W B)^-1 f, with W = diag `weights` (m,); None if it has none.
+
+        Rows of B (m, n) without weight have no part in it. What belongs to B is kept for other weights.
+        """
 
     def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
         """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""

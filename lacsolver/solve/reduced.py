@@ -99,13 +99,14 @@ class ReducedProblem:
 
     def _factorised(self, matrix: csr_array | None) -> Operator:
         """Return the stabilised K_q plus a scheme's matrix, factorised; for multigrid without a copy of K_q."""
-        K, factors, springs, whole = self.K, self.factors, self.stabilization.springs, self._whole
-        if not (isinstance(factors, FactorCache) and factors.on_nodes and isinstance(K, bsr_array)) or whole is None:
+        K, factors, springs = self.K, self.factors, self.stabilization.springs
+        if not (factors.on_nodes and isinstance(K, bsr_array)):
             return factors.factorise(self.stabilized(self.K_q, matrix))
-        on_nodes = with_held(K, whole.free)
+        free = self.problem.constraints.free
+        on_nodes = with_held(K, free, self.problem.space.share.own)
         for part in (springs, matrix):
             if part is not None:
-                added = embed(part, whole.free, whole.n_dof, diagonal=0.0)
+                added = embed(part, free, K.shape[0], diagonal=0.0)
                 on_nodes = bsr_array(on_nodes + added.tobsr(K.blocksize))
         return factors.factorise_on_nodes(on_nodes)
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, diags_array
-from scipy.sparse.linalg import splu
 
 from lacmesh.mesh import Floats, Ints
+from lacsolver.linear.superlu import factor_of
 from lacsolver.solve.contact_system import Rows
 from lacsolver.solve.operator import Operator
 
@@ -80,7 +80,7 @@ class SchurPreconditioner:
         gram = self.B @ self.B_T
         self.size = gram.diagonal()
         if self.n:
-            self.gram = splu(csc_array(gram + diags_array(np.where(self.size > 0, REGULAR * self.size, 1.0))))
+            self.gram = factor_of(csc_array(gram + diags_array(np.where(self.size > 0, REGULAR * self.size, 1.0))))
         soft = self.size + problem.S
         self.stiffness = 1 / np.where(soft > 0, soft, 1.0)
         self.QB, self.QD = rows.B[active] @ K.R, rows.D[active] @ K.R

@@ -1,4 +1,4 @@
-"""Stiffness on the unknowns of several processes, preconditioned by PETSc; the counterpart of `stiffness`.
+"""Stiffness on the unknowns of several processes, with a V-cycle or a factorisation; the counterpart of `stiffness`.
 
 Each process has the rows of K at its own nodes. Displacements are known at all nodes of its share, forces at its own.
 The free motions of rigid bodies are unknowns that all processes have; their rows are sums of those of all processes,
@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,23 +18,28 @@ from scipy.sparse import bsr_array, csr_array, diags_array
 from lacmesh.mesh import Floats, Ints
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.rigid import moments
-from lacsolver.linear import MULTIGRID_ABOVE
+from lacsolver.linear import MULTIGRID_ABOVE, Matrix, backends, choose
+from lacsolver.linear.aggregation import aggregated
 from lacsolver.linear.cycle import Cycle
-from lacsolver.linear.gamg import gamg_cycle
+from lacsolver.linear.halo import BlockRows, SharedHalo, SharedTeam
 from lacsolver.linear.multigrid import Hierarchy
 from lacsolver.linear.petsc import PetscCycle, petsc_errors, petsc_matrix, set_up
 from lacsolver.linear.vectors import Vectors
 from lacsolver.problem.rigid_modes import bodies, centres
 from lacsolver.solve.bordered import Bordered
+from lacsolver.solve.node_blocks import add_to_diagonal, only_rows, submatrix
 from lacsolver.solve.stiffness import embed, leading_unknowns
 from lacsolver.space.space import Space
 
 
 @dataclass(eq=False)
 class SharedStiffness:
-    """Rows of K (n, n) at the own unknowns of this process, and a cycle; see `stiffness.Stiffness` for the methods."""
+    """Rows of K (n, n) at the own unknowns of this process, and a cycle; see `stiffness.Stiffness` for the methods.
 
-    K: csr_array
+    `matrix`: these rows, or those of own nodes as blocks on the unknowns of all nodes, with the springs.
+    """
+
+    matrix: Matrix
     R: NDArray[np.floating]
     constraints: Constraints
     hierarchy: Hierarchy[Cycle | PetscCycle]
@@ -47,27 +51,46 @@ class SharedStiffness:
 
     def __post_init__(self) -> None:
         self._restricted: tuple[Ints, csr_array] | None = None
+        self._rows: tuple[csr_array, bsr_array] | None = None
+
+    @cached_property
+    def K(self) -> csr_array:
+        """Matrix (n, n); where only blocks are kept, it is made of them once it is asked for."""
+        return self.matrix if isinstance(self.matrix, csr_array) else self._submatrix(np.arange(len(self.R)))
 
     @cached_property
     def scaling(self) -> NDArray[np.floating]:
         """Diagonal (n,) of K with its springs, at all unknowns; 1 where it is 0."""
-        d = self.vectors.summed(self.K.diagonal() + (0.0 if self.spring is None else self.spring))
+        d = self.matrix.diagonal()
+        if isinstance(self.matrix, csr_array):
+            d = self.vectors.summed(d + (0.0 if self.spring is None else self.spring))
+        else:
+            d = d[self.constraints.free]
         d = self.constraints.updated(np.where(d == 0, 1.0, d))
         return np.where(d == 0, 1.0, d)
 
     def apply(self, q: Floats) -> NDArray[np.floating]:
         """Return K q (n,) at the own unknowns."""
-        return self.vectors.summed(np.asarray(self.K @ q))
+        if isinstance(self.matrix, csr_array):
+            return self.vectors.summed(np.asarray(self.matrix @ q))
+        made = np.asarray(self.matrix @ (self.constraints.T @ q))[self.constraints.free]
+        return made if self.spring is None else made - self.spring * q
 
     def restricted(self, unknowns: Ints) -> csr_array:
         """Return the rows and columns of K at some unknowns, which all processes have; the last are kept."""
         if self._restricted is None or self._restricted[0] is not unknowns:
-            assert self.constraints.own is not None
-            here = self.constraints.own[unknowns] | (unknowns >= self.constraints.n_nodal)
-            own = diags_array(here.astype(float))
-            rows = csr_array(own @ self.K[unknowns][:, unknowns])
-            self._restricted = unknowns, self.constraints.space.share.add_matrices(rows, (False, False))
+            made = self._submatrix(unknowns)
+            self._restricted = unknowns, self.constraints.space.share.add_matrices(made, (False, False))
         return self._restricted[1]
+
+    def _submatrix(self, unknowns: Ints) -> csr_array:
+        """Return the rows and columns of K at some unknowns, without the rows of other processes."""
+        assert self.constraints.own is not None
+        own = (self.constraints.own[unknowns] | (unknowns >= self.constraints.n_nodal)).astype(float)
+        if isinstance(self.matrix, csr_array):
+            return csr_array(diags_array(own) @ self.matrix[unknowns][:, unknowns])
+        K = submatrix(self.matrix, self.constraints.free[unknowns])
+        return K if self.spring is None else csr_array(K - diags_array(own * self.spring[unknowns]))
 
     def cycle(self, f: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 f (n,) at all unknowns."""
@@ -79,12 +102,17 @@ class SharedStiffness:
 
     def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]] | None:
         """Return f -> an approximation of (K + B^T W B)^-1 f, one V-cycle; None if the backend has none."""
+        if self._rows is None or self._rows[0] is not B:
+            self._rows = B, self._blocks_of(B)
+        cycle = self.hierarchy.cycle.with_rows(self._rows[1], weights)
+        return None if cycle is None else self._with_motions(cycle, B, weights)
+
+    def _blocks_of(self, B: csr_array) -> bsr_array:
+        """Return rows B at the unknowns of own nodes, as blocks."""
         space, nodal = self.constraints.space, self.constraints.nodal
         assert space.share.own is not None
         own = space.dofs(np.flatnonzero(space.share.own)).ravel()
-        rows = csr_array((B[:, : nodal.n_q] @ nodal.T.T).tocsc()[:, own])
-        cycle = self.hierarchy.cycle.with_rows(bsr_array(rows.tobsr((1, space.dim))), weights)
-        return None if cycle is None else self._with_motions(cycle, B, weights)
+        return bsr_array(csr_array((B[:, : nodal.n_q] @ nodal.T.T).tocsc()[:, own]).tobsr((1, space.dim)))
 
     def _with_motions(
         self, cycle: Callable[[Floats], Floats], B: csr_array | None = None, weights: Floats | None = None
@@ -115,43 +143,71 @@ class SharedStiffness:
 
 
 class SharedFactors:
-    """Preconditions matrices one after the other, see `stiffness.FactorCache`; `backend`: gamg, hypre or mumps."""
+    """Preconditions matrices one after the other, see `stiffness.FactorCache`.
+
+    `backend`: multigrid, or gamg, hypre or mumps of PETSc.
+    """
 
     def __init__(self, R: NDArray[np.floating], backend: str, constraints: Constraints, vectors: Vectors) -> None:
         self._R, self._backend, self._constraints, self._vectors = R, backend, constraints, vectors
         self._kept: Hierarchy[Cycle | PetscCycle] | None = None
 
+    @property
+    def on_nodes(self) -> bool:
+        """True if multigrid takes K as blocks of whole nodes: see `factorise_on_nodes`."""
+        return self._constraints.is_selection and self._chosen == "multigrid"
+
     def factorise(self, K: csr_array, definite: bool = True) -> SharedStiffness:
         """Precondition a symmetric K, regularised by springs; one that may be indefinite by a factorisation."""
-        regular, spring = K, None
-        if self._R.shape[1]:
-            spring = np.zeros(K.shape[0])
-            leading = leading_unknowns(self._R, self._constraints.common)
-            spring[leading] = _mean(self._nodal(K).diagonal(), self._constraints.nodal)
-            spring *= self._constraints.own
+        regular, spring = K, self._springs(K.diagonal())
+        if spring is not None:
             regular = csr_array(K + diags_array(spring))
-        backend = self._chosen if definite else "mumps"
+        backend, n = self._chosen if definite else "mumps", self._constraints.n_nodal
         if self._kept is None or self._kept.is_stale or backend == "mumps":
-            hierarchy = Hierarchy(_petsc_cycle(self._nodal(regular), self._constraints.nodal, backend))
+            nodal = regular if n == regular.shape[0] else csr_array(regular[:n, :n])
+            hierarchy = Hierarchy(_cycle(nodal, self._constraints.nodal, backend))
             self._kept = None if backend == "mumps" else hierarchy
         else:
             hierarchy = self._kept
         return SharedStiffness(K, self._R, self._constraints, hierarchy, self._vectors, spring, definite)
 
-    def _nodal(self, K: csr_array) -> csr_array:
-        """Return the rows and columns of the nodes' own unknowns."""
-        n = self._constraints.n_nodal
-        return K if n == K.shape[0] else csr_array(K[:n, :n])
+    def factorise_on_nodes(self, K: bsr_array) -> SharedStiffness:
+        """Precondition K, embedded in the unknowns of all nodes of the share as blocks, by multigrid.
+
+        K is regularised in place; its rows of own nodes are the only copy that is kept.
+        """
+        constraints, share = self._constraints, self._constraints.space.share
+        assert share.own is not None
+        spring = self._springs(K.diagonal()[constraints.free])
+        if spring is not None:
+            add_to_diagonal(K, constraints.T @ spring)
+        K = only_rows(K, share.own)
+        if self._kept is None or self._kept.is_stale:
+            self._kept = Hierarchy(_aggregated(K, constraints))
+        return SharedStiffness(K, self._R, constraints, self._kept, self._vectors, spring)
+
+    def _springs(self, diagonal: Floats) -> NDArray[np.floating] | None:
+        """Return springs (n,) at as many unknowns as there are rigid-body modes, each on one process; None for none."""
+        if not self._R.shape[1]:
+            return None
+        c, spring = self._constraints, np.zeros(len(diagonal))
+        assert c.own is not None
+        spring[leading_unknowns(self._R, c.common)] = _mean(diagonal[: c.n_nodal], c.nodal)
+        return np.asarray(spring * c.own)
 
     @cached_property
     def _chosen(self) -> str:
-        """The backend; for `auto` a factorisation of small and of plane models, else GAMG."""
+        """The backend; for `auto` a factorisation of small and of plane models, else multigrid."""
+        if self._backend == "multigrid":
+            return choose("multigrid", 0).name
         if self._backend != "auto":
             return self._backend
         space, own = self._constraints.space, self._constraints.own
         assert own is not None
         small = space.share.total(np.array(own.sum())) < MULTIGRID_ABOVE
-        return "mumps" if space.dim == 2 or small else "gamg"
+        if space.dim == 2 or small:
+            return "mumps"
+        return "multigrid" if backends()["multigrid"].installed else "gamg"
 
 
 def _mean(diagonal: Floats, constraints: Constraints) -> float:
@@ -162,21 +218,43 @@ def _mean(diagonal: Floats, constraints: Constraints) -> float:
     return float(total / max(count, 1.0)) or 1.0
 
 
-def _petsc_cycle(K: csr_array, constraints: Constraints, backend: str) -> Cycle | PetscCycle:
-    """Return a cycle of T K T^T by PETSc, with the mean diagonal of K in what T leaves out."""
+def _cycle(K: csr_array, constraints: Constraints, backend: str) -> Cycle | PetscCycle:
+    """Return a cycle of T K T^T, with the mean diagonal of K in what T leaves out."""
+    space, share = constraints.space, constraints.space.share
+    assert share.own is not None
+    rows = _own_rows(K, constraints, space.dofs(np.flatnonzero(share.own)).ravel())
+    if backend != "multigrid":
+        return _petsc_cycle(rows, constraints, backend)
+    return _aggregated(bsr_array(rows.tobsr((space.dim, space.dim))), constraints)
+
+
+def _aggregated(rows: bsr_array, constraints: Constraints) -> Cycle:
+    """Return the V-cycle of multigrid of the rows of own nodes, or of all nodes of the share where others are empty."""
+    share = constraints.space.share
+    assert share.own is not None and share.number is not None
+    length = np.diff(rows.indptr)
+    length = length[share.own] if len(length) == len(share.own) else length
+    K, halo = SharedHalo.of_rows(BlockRows(length, share.number[rows.indices], rows.data), share)
+    return aggregated(K, _own_modes(constraints), SharedTeam(share), halo)
+
+
+def _own_modes(constraints: Constraints) -> NDArray[np.floating]:
+    """Return the rigid-body modes at the unknowns of own nodes, without what T leaves out."""
+    space, T = constraints.space, constraints.T
+    assert space.share.own is not None
+    modes = T @ (T.T @ rigid_body_modes(space))
+    return np.asarray(modes[space.dofs(np.flatnonzero(space.share.own)).ravel()])
+
+
+def _petsc_cycle(rows: csr_array, constraints: Constraints, backend: str) -> PetscCycle:
+    """Return a preconditioner of PETSc for own rows (n_own, n_dof)."""
     from lacsolver.distributed.launch import import_petsc
 
-    space, T, share = constraints.space, constraints.T, constraints.space.share
-    petsc: Any = import_petsc()
-    assert share.own is not None and share.number is not None
-    own = space.dofs(np.flatnonzero(share.own)).ravel()
-    number = space.dofs(share.number).ravel()
-    A = petsc_matrix(petsc, share.comm, _own_rows(K, constraints, own), number, space.dim)
-    modes = (T @ (T.T @ rigid_body_modes(space)))[own]
-    if backend == "gamg":
-        return gamg_cycle(petsc, A, modes, share)
+    petsc, space, share = import_petsc(), constraints.space, constraints.space.share
+    assert share.number is not None
     with petsc_errors():
-        return PetscCycle(set_up(petsc, A, modes, backend), backend)
+        A = petsc_matrix(petsc, share.comm, rows, space.dofs(share.number).ravel(), space.dim)
+        return PetscCycle(set_up(petsc, A, _own_modes(constraints), backend), backend)
 
 
 def _own_rows(K: csr_array, constraints: Constraints, own: Ints) -> csr_array:

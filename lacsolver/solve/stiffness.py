@@ -54,6 +54,7 @@ class Stiffness:
 
     def __post_init__(self) -> None:
         self._restricted: tuple[Ints, csr_array] | None = None
+        self._rows: tuple[csr_array, bsr_array] | None = None
 
     @cached_property
     def K(self) -> csr_array:
@@ -113,15 +114,22 @@ class Stiffness:
         return self._on_nodes(self.factor.cycle, f)
 
     def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]]:
-        """Return f -> an approximation of (K + B^T W B)^-1 f, one V-cycle: rows B (a, n), W = diag `weights` (a,).
+        """Return f -> an approximation of (K + B^T W B)^-1 f, one V-cycle: rows B (m, n), W = diag `weights` (m,).
 
-        What was made for the cycles of K serves it too, so that it costs little for another set of rows.
+        What was made for the cycles of K, and for the rows of B, serves other weights too.
         """
-        if self.whole is not None:
-            columns = self.whole.free.astype(B.indices.dtype)[B.indices]
-            B = csr_array((B.data, columns, B.indptr), shape=(B.shape[0], self.whole.n_dof))
-        cycle = self.factor.cycle_with_rows(B, weights)
+        if self._rows is None or self._rows[0] is not B:
+            self._rows = B, self._blocks_of(B)
+        cycle = self.factor.cycle_with_rows(self._rows[1], weights)
         return lambda f: self._on_nodes(cycle, f)
+
+    def _blocks_of(self, B: csr_array) -> bsr_array:
+        """Return rows B as blocks of the unknowns of nodes."""
+        if self.whole is None:
+            return bsr_array(B.tobsr((1, 1)))
+        columns = self.whole.free.astype(B.indices.dtype)[B.indices]
+        made = csr_array((B.data, columns, B.indptr), shape=(B.shape[0], self.whole.n_dof))
+        return bsr_array(made.tobsr((1, self.whole.block)))
 
     def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
         """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""

@@ -36,8 +36,8 @@ def test_every_kind_of_cells_is_divided():
 def test_goal_1_is_asked_for():
     """1, 2, 3, 4 and 8 processes, and each backend."""
     assert [n for n, _ in RANKS] == [1, 2, 3, 4, 8]
-    assert all(set(backends) == {"gamg", "hypre", "mumps"} for n, backends in RANKS if n < 8)
-    assert {backend for _, backends in FEW for backend in backends} == {"gamg", "hypre", "mumps"}
+    assert all(set(backends) == {"multigrid", "gamg", "hypre", "mumps"} for n, backends in RANKS if n < 8)
+    assert {backend for _, backends in FEW for backend in backends} == {"multigrid", "gamg", "hypre", "mumps"}
     names = {case.name for case in FAMILY.cases}
     assert {"cells-2d", "cells-3d", "floating-3d", "tower-finite", "tie-3d", "rigid-3d", "ring"} <= names
 

@@ -31,11 +31,15 @@ Floats = NDArray[np.floating]
 Borrowed = Touch | Press | Slider | Dragged
 
 FAMILY_NAME = "distributed"
-BACKENDS = ("gamg", "hypre", "mumps")
+BACKENDS = ("multigrid", "gamg", "hypre", "mumps")
 #: numbers of processes, and the backends that each solves with
-RANKS: tuple[tuple[int, tuple[str, ...]], ...] = (*((n, BACKENDS) for n in (1, 2, 3, 4)), (8, ("gamg",)))
+RANKS: tuple[tuple[int, tuple[str, ...]], ...] = (*((n, BACKENDS) for n in (1, 2, 3, 4)), (8, ("multigrid",)))
 #: the same for cases of dozens of steps: each backend, and several numbers, once
-FEW: tuple[tuple[int, tuple[str, ...]], ...] = ((2, ("gamg", "mumps")), (3, ("hypre",)), (4, ("gamg",)))
+FEW: tuple[tuple[int, tuple[str, ...]], ...] = (
+    (2, ("multigrid", "mumps")),
+    (3, ("hypre", "gamg")),
+    (4, ("multigrid",)),
+)
 #: tolerance of Newton's method in these
 _TIGHT = 1e-11
 #: bounds of the difference from one process, relative to the largest value of the step

@@ -21,6 +21,7 @@ from lacsolver.case import parse_case
 from lacsolver.distributed.launch import import_mpi, import_petsc
 from lacsolver.distributed.processes import Processes
 from lacsolver.distributed.together import on_first
+from lacsolver.linear import aggregation
 from lacsolver.output import create, read_state
 from lacsolver.problem.problem import read_mesh
 from lacsolver.results import whole
@@ -49,7 +50,7 @@ ux = 0.0
 uy = 0.0
 uz = "-0.02 * t"
 [solver]
-backend = "gamg"
+backend = "multigrid"
 threads = 1
 [steps]
 count = 2
@@ -60,6 +61,7 @@ def main():
     """Print, for each process as the one with the same part, the places that grow, and the sizes of both models."""
     folder = Path(sys.argv[1])
     whole.PIECE = 256
+    aggregation._WHOLE, aggregation._FEW = 0, 2  # the levels that each process has whole: four nodes, not 500
     import_petsc()
     MPI = import_mpi()
     comm = MPI.COMM_WORLD

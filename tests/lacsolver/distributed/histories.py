@@ -53,7 +53,11 @@ def solved(folder, start=None, comm=None):
     state = None if start is None else on_first(comm, lambda: read_state(start, case, 2.0, mesh=mesh, large=False))
     place = on_first(comm, lambda: create(folder, restart=state))
     return run(
-        parse_case(CASE + '[solver]\nbackend = "gamg"\n'), place, mesh=mesh, start=state, distribution=Processes(comm)
+        parse_case(CASE + '[solver]\nbackend = "multigrid"\n'),
+        place,
+        mesh=mesh,
+        start=state,
+        distribution=Processes(comm),
     )
 
 

@@ -47,9 +47,9 @@ def found(comm):
 
 
 def cycles(problem):
-    """Energy of an error after a V-cycle of GAMG's hierarchy, without and with rows of contact, and the symmetry."""
+    """Energy of an error after a V-cycle, without and with rows of contact, and the symmetry."""
     model, constraints = ReducedProblem(problem), problem.constraints
-    K = SharedFactors(np.zeros((constraints.n_q, 0)), "gamg", constraints, model.vectors).factorise(model.K_q)
+    K = SharedFactors(np.zeros((constraints.n_q, 0)), "multigrid", constraints, model.vectors).factorise(model.K_q)
     B = LoadStep(model, 1.0).contact(np.zeros(constraints.n_q)).rows.B
     weights = np.full(B.shape[0], float(K.scaling.max()) / float(abs(B).max()) ** 2)
     rows = K.cycle_with_rows(B, weights)

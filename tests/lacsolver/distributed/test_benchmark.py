@@ -17,8 +17,8 @@ pytestmark = pytest.mark.petsc
 
 def test_the_figures_of_two_processes(tmp_path):
     launcher = distributed.Launcher(sys.executable, tmp_path)
-    serial = launcher.of(2000, 0, "multigrid")
-    single, found = (launcher.of(2000, n, "gamg") for n in (1, 2))
+    serial = launcher.of(2000, 0, distributed.SERIAL)
+    single, found = (launcher.of(2000, n, "multigrid") for n in (1, 2))
     assert len(single) == 1 and len(found) == 2
     assert sum(one["unknowns"] for one in found) == single[0]["unknowns"]
     for one in found:
@@ -27,6 +27,6 @@ def test_the_figures_of_two_processes(tmp_path):
         messages, size, reductions = one["traffic"]
         assert messages > 0 and size > messages and reductions > 0
     assert single[0]["traffic"][:2] == [0, 0]
-    line = distributed.strong_line("gamg", 2, found, single, single)
+    line = distributed.strong_line("multigrid", 2, found, single, single)
     assert line.count("|") == len(distributed.HEADS) + 1
-    assert distributed.weak_line("gamg", 2, found).count("|") == len(distributed.WEAK_HEADS) + 1
+    assert distributed.weak_line("multigrid", 2, found).count("|") == len(distributed.WEAK_HEADS) + 1

@@ -24,7 +24,7 @@ def told(tmp_path_factory):
 def test_no_allocation_grows_with_the_part_of_another_process(told, fixed):
     """The first process writes the states, and gathers nothing else either.
 
-    The coarsest level of multigrid, which is whole on each process, has some 50 unknowns in both models: 10 kB.
+    Levels of multigrid that are whole on each process have at most four nodes here, in place of 500.
     """
     (nodes, cells, own), (more, more_cells, same) = told[fixed]["sizes"]
     assert own == same and more > 3 * nodes and more_cells > 3 * cells
