@@ -28,7 +28,7 @@ from lacsolver.linear.vectors import Vectors
 from lacsolver.problem.rigid_modes import bodies, centres
 from lacsolver.solve.bordered import Bordered
 from lacsolver.solve.node_blocks import add_to_diagonal, only_rows, submatrix
-from lacsolver.solve.stiffness import embed, leading_unknowns
+from lacsolver.solve.stiffness import alike, embed, leading_unknowns
 from lacsolver.space.space import Space
 
 
@@ -151,6 +151,7 @@ class SharedFactors:
     def __init__(self, R: NDArray[np.floating], backend: str, constraints: Constraints, vectors: Vectors) -> None:
         self._R, self._backend, self._constraints, self._vectors = R, backend, constraints, vectors
         self._kept: Hierarchy[Cycle | PetscCycle] | None = None
+        self._size = 0.0
 
     @property
     def on_nodes(self) -> bool:
@@ -163,11 +164,12 @@ class SharedFactors:
         if spring is not None:
             regular = csr_array(K + diags_array(spring))
         backend, n = self._chosen if definite else "mumps", self._constraints.n_nodal
-        if self._kept is None or self._kept.is_stale or backend == "mumps":
+        if not self._serves(regular.diagonal()[:n]) or backend == "mumps":
             nodal = regular if n == regular.shape[0] else csr_array(regular[:n, :n])
             hierarchy = Hierarchy(_cycle(nodal, self._constraints.nodal, backend))
             self._kept = None if backend == "mumps" else hierarchy
         else:
+            assert self._kept is not None
             hierarchy = self._kept
         return SharedStiffness(K, self._R, self._constraints, hierarchy, self._vectors, spring, definite)
 
@@ -182,9 +184,17 @@ class SharedFactors:
         if spring is not None:
             add_to_diagonal(K, constraints.T @ spring)
         K = only_rows(K, share.own)
-        if self._kept is None or self._kept.is_stale:
+        if not self._serves(K.diagonal()[constraints.free]) or self._kept is None:
             self._kept = Hierarchy(_aggregated(K, constraints))
         return SharedStiffness(K, self._R, constraints, self._kept, self._vectors, spring)
+
+    def _serves(self, diagonal: Floats) -> bool:
+        """True if the hierarchy that is kept serves a matrix with a diagonal (n_nodal,); else keep the size of it."""
+        size = _mean(diagonal, self._constraints.nodal)
+        if self._kept is not None and not self._kept.is_stale and alike(self._size, size):
+            return True
+        self._size = size
+        return False
 
     def _springs(self, diagonal: Floats) -> NDArray[np.floating] | None:
         """Return springs (n,) at as many unknowns as there are rigid-body modes, each on one process; None for none."""

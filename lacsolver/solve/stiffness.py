@@ -24,6 +24,9 @@ from lacsolver.linear import Analysis, Backend, Factor, Matrix, analyse, choose
 from lacsolver.linear.vectors import Vectors
 from lacsolver.solve.node_blocks import add_to_diagonal, submatrix
 
+#: largest ratio of the diagonals of two matrices that share a hierarchy
+_ALIKE = 2.0
+
 
 class Whole(NamedTuple):
     """Embedding of q in the unknowns of all nodes.
@@ -159,6 +162,7 @@ class FactorCache:
         self._R, self._backend, self._threads, self._whole = R, backend, threads, whole
         self._analyses: dict[bool, Analysis] = {}
         self._cycles: Factor | None = None
+        self._size = 0.0
 
     @property
     def on_nodes(self) -> bool:
@@ -205,9 +209,11 @@ class FactorCache:
         return spring
 
     def _preconditioned(self, K: bsr_array, whole: Whole) -> Factor:
-        """Return K with a hierarchy, that of the matrix before until it is stale."""
-        name = self._chosen.name
+        """Return K with a hierarchy, that of a matrix before of about its size until it is stale."""
+        name, size = self._chosen.name, float(np.abs(K.diagonal()).mean())
         made = analyse(K, backend=name, threads=self._threads, modes=whole.modes, block=whole.block)
+        if not alike(self._size, size):
+            self._cycles, self._size = None, size
         self._cycles = made.factor(K, self._cycles)
         return self._cycles
 
@@ -219,6 +225,11 @@ class FactorCache:
         analysis = analyse(K, backend=backend, threads=self._threads, definite=definite)
         self._analyses[definite] = analysis
         return analysis.factor(K)
+
+
+def alike(size: float, other: float) -> bool:
+    """True if matrices whose diagonals have these means may share a hierarchy; a mass over dt² has another size."""
+    return other <= _ALIKE * size and size <= _ALIKE * other
 
 
 def leading_unknowns(R: Floats, among: Ints | None = None) -> Ints:

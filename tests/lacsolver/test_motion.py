@@ -250,3 +250,16 @@ def test_motion_is_kept_in_the_state():
     _, states, motions = moved(text, bar_on_wall("QUAD4", 4, 0.05))
     assert set(states[-1].step.histories.scheme) == set(MotionState._fields)
     assert motions[-1].linear == pytest.approx([0.0, -0.5 * WIDTH], abs=1e-12)
+
+
+def test_multigrid_takes_a_hierarchy_of_its_own_for_each_size_of_steps():
+    """The tiny step of the start has a matrix many times as large as that of the steps, and of the preload."""
+    rest = '[[contact]]\nslave = "slave"\nmaster = "master"\n[[displacement]]\ngroup = "bottom"\nux = 0.0\nuy = 0.0\n'
+    rest += 'uz = 0.0\n[[displacement]]\ngroup = "top"\nux = 0.0\nuy = 0.0\nuz = "-0.02 * t"\n[dynamics]\nstart = 0.5\n'
+    text, mesh = (
+        SPACE + SMALL.replace("young = 1.0", "young = 1000.0") + rest + steps(1.0, 2),
+        bars(("HEXA8", "HEXA8"), (4, 3), (3, 3)),
+    )
+    found = {name: moved(f'{text}[solver]\nbackend = "{name}"\n', mesh)[1][-1] for name in ("multigrid", "superlu")}
+    u, right = (found[name].u for name in ("multigrid", "superlu"))
+    assert np.abs(u - right).max() < 1e-9 * np.abs(right).max()

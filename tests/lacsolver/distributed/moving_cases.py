@@ -41,12 +41,12 @@ RIGID = {
 #: the text of each case, and its mesh
 CASES = {
     "bar on a wall": (
-        _dropped(PLANE + SMALL) + thrown("bar", vy=-0.2) + "[dynamics]\n" + steps(2.4, 24),
-        lambda: bar_on_wall("QUAD8", 8, 0.02),
+        _dropped(PLANE + SMALL) + thrown("bar", vy=-0.2) + "[dynamics]\n" + steps(2.4, 12),
+        lambda: bar_on_wall("QUAD8", 5, 0.02),
     ),
     "preloaded, pushed by a foot, damped": (
-        PLANE + SMALL + _TOUCH + _PROBE + held_sideways() + _FOOT + _DAMPED + steps(2.0, 16),
-        lambda: bars(("TRIA3", "QUAD4"), (8, 7), (2, 3)),
+        PLANE + SMALL + _TOUCH + _PROBE + held_sideways() + _FOOT + _DAMPED + steps(2.0, 8),
+        lambda: bars(("TRIA3", "QUAD4"), (5, 4), (2, 3)),
     ),
     "one cell thick": (
         _dropped(PLANE + SMALL) + thrown("bar", vy=-0.2) + '[dynamics]\nmass = "lumped"\n' + steps(1.5, 8),
@@ -54,19 +54,19 @@ CASES = {
     ),
     "in space, finite, thrown with a spin": (
         SPACE + FINITE + _TOUCH + _PROBE + '[[initial]]\ngroups = ["upper"]\nvz = -0.15\nrotation = [0.0, 0.1, 0.05]\n'
-        + '[dynamics]\nscheme = "newmark"\n' + steps(1.2, 8),
+        + '[dynamics]\nscheme = "newmark"\n' + steps(0.6, 4),
         lambda: bars(("HEXA8", "TETRA4"), (4, 3), (2, 1), 0.02),
     ),
     "a wall of its own mass, finite": (
         PLANE + FINITE + WALL.replace("[[contact]]", '[[contact]]\nname = "zone"')
         + "fx = 0.0\nfy = 0.0\nmoment = 0.0\nmass = 0.5\ninertia = 0.01\n" + _PROBE
         + "[gravity]\ngx = 0.1\n[dynamics]\n"
-        + thrown("wall", rotation=2.0) + thrown("bar", vy=-0.53) + steps(0.4, 8),
+        + thrown("wall", rotation=2.0) + thrown("bar", vy=-0.53) + steps(0.4, 4),
         lambda: bar_on_wall("QUAD4", 6, 0.05),
     ),
     "in space, a rigid top that is thrown": (
         SPACE + SMALL + _TOUCH + _PROBE + _BOTTOM + '[[rigid]]\ngroup = "top"\n' + _ALL
-        + "mass = 0.01\ninertia = [1e-4, 1e-4, 2e-4]\n[dynamics]\n" + thrown("upper", vz=-0.1) + steps(1.0, 6),
+        + "mass = 0.01\ninertia = [1e-4, 1e-4, 2e-4]\n[dynamics]\n" + thrown("upper", vz=-0.1) + steps(1.0, 4),
         lambda: bars(("HEXA8", "TETRA4"), (4, 3), (2, 1), 0.01),
     ),
 }  # fmt: skip

@@ -14,34 +14,37 @@ from lacsolver.output import create, read_state
 from lacsolver.running import run
 from tests.lacsolver.distributed.compare import problem_of
 
-#: a case that has everything at its middle: preload, damping, closed rows; and the time to go on from
-NAME, MIDDLE = "preloaded, pushed by a foot, damped", 1.0
+#: cases, and the time of each to go on from: with a preload and damping, with a free rigid body of its own mass
+MIDDLE = {"preloaded, pushed by a foot, damped": 1.0, "a wall of its own mass, finite": 0.2}
 
 
-def solved(folder, start=None, comm=None):
-    """Solve the case into a folder, or go on from the state in another; alone without a communicator."""
-    text, mesh = problem_of(NAME)
+def solved(name, folder, start=None, comm=None):
+    """Solve a case into a folder, or go on from the state in another; alone without a communicator."""
+    text, mesh = problem_of(name)
     if comm is None:
         case = parse_case(text)
-        state = None if start is None else read_state(start, case, MIDDLE, mesh=mesh)
+        state = None if start is None else read_state(start, case, MIDDLE[name], mesh=mesh)
         return run(case, create(folder, restart=state), mesh=mesh, start=state)
     case = parse_case(text + 'backend = "mumps"\n')
-    state = None if start is None else on_first(comm, lambda: read_state(start, case, MIDDLE, mesh=mesh, large=False))
+    state = (
+        None if start is None else on_first(comm, lambda: read_state(start, case, MIDDLE[name], mesh=mesh, large=False))
+    )
     place = on_first(comm, lambda: create(folder, restart=state))
     return run(case, place, mesh=mesh, start=state, distribution=Processes(comm))
 
 
 def main():
-    """Solve the case, and go on, in the processes of `mpiexec`."""
+    """Solve the cases, and go on, in the processes of `mpiexec`."""
     import_petsc()
     comm = import_mpi().COMM_WORLD
-    three, two, one = map(Path, sys.argv[1:])
+    some = comm.Split(int(comm.rank > 1))
     try:
-        solved(three, comm=comm)
-        some = comm.Split(int(comm.rank > 1))
-        if comm.rank <= 1:
-            solved(two, three, some)
-            solved(one.with_name("two_after_one"), one, some)
+        for name in MIDDLE:
+            place = Path(sys.argv[1]) / name
+            solved(name, place / "three", comm=comm)
+            if comm.rank <= 1:
+                solved(name, place / "two_after_three", place / "three", some)
+                solved(name, place / "two_after_one", place / "one", some)
     except Exception:
         traceback.print_exc()
         comm.Abort(1)

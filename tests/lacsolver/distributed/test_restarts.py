@@ -8,40 +8,52 @@ import numpy as np
 import pytest
 
 from tests.lacsolver.distributed.mpi import in_ranks
-from tests.lacsolver.distributed.restarts import solved
+from tests.lacsolver.distributed.restarts import MIDDLE, solved
 
 pytestmark = [pytest.mark.petsc, pytest.mark.filterwarnings("ignore:massless nodes change")]  # few cells
 PROGRAM = "from tests.lacsolver.distributed.restarts import main; main()"
 
 
+FOLDERS = ("three", "two_after_three", "one_after_three", "two_after_one")
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Folders of the whole motion and of its second half: by one process, and by others after others."""
+    """For each case, folders of the motion and of its second half: by one process, and by others after others."""
     place = tmp_path_factory.mktemp("motions")
-    solved(place / "one")
-    done = in_ranks(3, PROGRAM, place / "three", place / "two_after_three", place / "one", timeout=300)
+    for name in MIDDLE:
+        (place / name).mkdir()
+        solved(name, place / name / "one")
+    done = in_ranks(3, PROGRAM, place, timeout=300)
     assert done.returncode == 0, done.stderr
-    solved(place / "one_after_three", place / "three")
+    for name in MIDDLE:
+        solved(name, place / name / "one_after_three", place / name / "three")
     return place
 
 
-@pytest.mark.parametrize("name", ["three", "two_after_three", "one_after_three", "two_after_one"])
-def test_a_motion_goes_on_with_any_number_of_processes(folder, name):
-    found, expected = (rows(folder / other / "history.csv") for other in (name, "one"))
-    assert list(found) == list(expected) and len(found["time"]) in (8, 16)
+@pytest.mark.parametrize("other", FOLDERS)
+@pytest.mark.parametrize("name", MIDDLE)
+def test_a_motion_goes_on_with_any_number_of_processes(folder, name, other):
+    found, expected = (rows(folder / name / one / "history.csv") for one in (other, "one"))
+    kept = expected["time"] > (MIDDLE[name] if "after" in other else 0.0) + 1e-9
+    assert list(found) == list(expected) and 0 < len(found["time"]) == kept.sum()
     for key, values in expected.items():
-        alike = [v for k, v in expected.items() if k.rsplit(".", 1)[0] == key.rsplit(".", 1)[0]]
+        alike = [v for k, v in expected.items() if k.split(".")[0] == key.split(".")[0]]
         size = max(np.abs(v).max() for v in alike)
-        assert np.abs(found[key] - values[-len(found[key]) :]).max() <= 1e-9 * size, key
+        assert np.abs(found[key] - values[kept]).max() <= 1e-9 * size, key
 
 
-@pytest.mark.parametrize("name", ["three", "two_after_three", "one_after_three", "two_after_one"])
-def test_its_state_is_that_of_one_process(folder, name):
-    with np.load(folder / "one" / "state_0016.npz") as one, np.load(folder / name / "state_0016.npz") as other:
-        assert set(one) == set(other) and "scheme_10" in other
+@pytest.mark.parametrize("other", FOLDERS)
+@pytest.mark.parametrize("name", MIDDLE)
+def test_its_state_is_that_of_one_process(folder, name, other):
+    last = max(path.name for path in (folder / name / "one").glob("state_*.npz"))
+    with np.load(folder / name / "one" / last) as one, np.load(folder / name / other / last) as found:
+        assert set(one) == set(found) and "scheme_10" in found
         for key in set(one) - {"about"}:
             size = np.abs(one[key]).max(initial=0.0)
-            np.testing.assert_allclose(other[key], one[key], rtol=0, atol=1e-9 * size, err_msg=key)
+            if key == "scheme_2":  # reactions, which are noise where nothing is held, beside forces
+                size = max(size, np.abs(one["scheme_5"]).max())
+            np.testing.assert_allclose(found[key], one[key], rtol=0, atol=1e-9 * size, err_msg=key)
 
 
 def rows(path):
