@@ -20,10 +20,10 @@ MIDDLE = {"preloaded, pushed by a foot, damped": 1.0, "a wall of its own mass, f
 
 def solved(name, folder, start=None, comm=None):
     """Solve a case into a folder, or go on from the state in another; alone without a communicator."""
-    text, mesh = problem_of(name)
+    (text, mesh), when = problem_of(name), MIDDLE[name]
     if comm is None:
-        case = parse_case(text)
-        state = None if start is None else read_state(start, case, MIDDLE[name], mesh=mesh)
+        case = parse_case(f"{text}[output]\ntimes = [{when}]\n")
+        state = None if start is None else read_state(start, case, when, mesh=mesh)
         return run(case, create(folder, restart=state), mesh=mesh, start=state)
     case = parse_case(text + 'backend = "mumps"\n')
     state = (
