@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -94,11 +95,12 @@ def _named(package: str, name: str, public: Mapping[str, str], moved: Mapping[st
     raise AttributeError(f"module {package!r} has no attribute {name!r}")
 
 
-def _modules() -> set[str]:
+@cache
+def _modules() -> frozenset[str]:
     """Names of the modules of this package; each can be accessed as an attribute without an import of its own."""
     from pkgutil import iter_modules
 
-    return {module.name for module in iter_modules(__path__) if not module.name.startswith("_")}
+    return frozenset(module.name for module in iter_modules(__path__) if not module.name.startswith("_"))
 
 
 def __dir__() -> list[str]:

@@ -17,10 +17,12 @@ from lacmesh.mesh import Floats, Mesh
 from lacsolver.case import Case, fingerprint
 from lacsolver.output import OutputFolder, Writer, check_same
 from lacsolver.output.states import deal_state
+from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem, read_mesh
 from lacsolver.results.answer import Answer
 from lacsolver.results.faceted import faceted
 from lacsolver.results.figures import stress_ranges
+from lacsolver.results.motion import ENERGIES, doubtful_energy
 from lacsolver.results.results import Fields, Restart, Results, StepFigures
 from lacsolver.results.state import State
 from lacsolver.results.whole import orders_of
@@ -172,7 +174,8 @@ class _Run:
 def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
     """Return warnings about doubtful results of a finished run, those of all processes."""
     told = list(_strangers(problem, made.results))
-    told += [] if problem.inertia is None else problem.inertia.told()
+    told += doubts(problem)
+    told += _doubtful_energy(problem.case, made.results)
     if made.last is not None:
         told += warnings_of(made.last.held, made.last.prescribed)
         told += faceted(problem, made.last)
@@ -188,6 +191,18 @@ def _strangers(problem: Problem, results: Results) -> Iterator[str]:
         if seen and not any(zone.active + zone.open for zone in seen):
             message = f"slave {joint.record.slave!r} never had master {joint.record.master!r} in front of it"
             yield f"{message}; check which groups these are and that their faces turn outward, or raise search_distance"
+
+
+def _doubtful_energy(case: Case, results: Results) -> Iterator[str]:
+    """Yield a warning if the steps in motion have made energy, or have lost too much of it in contact."""
+    steps = [(step.time, step.motion.energies) for step in results.steps if step.motion is not None]
+    table = np.array([[energies[name] for name in ENERGIES] for _, energies in steps]).reshape(-1, len(ENERGIES))
+    there = np.isfinite(table).all(axis=1)  # static steps before have none
+    rigid = all(pair.type in ("unilateral", "bilateral") and pair.stiffness is None for pair in case.contact)
+    said = doubtful_energy([time for (time, _), on in zip(steps, there, strict=True) if on], table[there], rigid)
+    if said is not None and case.dynamics is not None:
+        skins = case.dynamics.massless == "skins"
+        yield f"{said}; " + ("take smaller steps" if skins else 'take massless = "skins", or smaller steps')
 
 
 def _sizes(problem: Problem) -> dict[str, int]:

@@ -111,9 +111,9 @@ def validate(case: Case, mesh: Mesh | None = None) -> Validation:
         before = len(found.problems)
         faces = _zones(case, parts, found)
         whole = len(faces) == len(case.contact) + len(case.tie) and len(found.problems) == before
-        if parts.constraints is not None and whole and case.dynamics is None:
+        if parts.constraints is not None and whole and (case.dynamics is None or case.dynamics.start > 0):
             _look_at_motions(case, parts.constraints, faces, found)
-        elif parts.constraints is not None and parts.materials is not None and whole:
+        if parts.constraints is not None and parts.materials is not None and whole and case.dynamics is not None:
             with found.looking():
                 problem = Problem(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs))
                 found.motion = motion_found(problem)

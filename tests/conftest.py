@@ -6,6 +6,7 @@ import shutil
 import signal
 
 import pytest
+from _pytest.doctest import DoctestModule
 from hypothesis import settings
 
 from tests import skips
@@ -14,6 +15,13 @@ from tests.samples import FUZZ
 # no example is too slow by the clock; but for `make fuzz`, which seeks new ones, the same examples in every run
 settings.register_profile("any machine", deadline=None, derandomize=not FUZZ)
 settings.load_profile("any machine")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file(file_path):
+    """Seek no examples in the tests themselves, which have none: it takes a second for every hundred files."""
+    found = yield
+    return [one for one in found if not (isinstance(one, DoctestModule) and "tests" in file_path.parts)]
 
 
 def pytest_configure(config):

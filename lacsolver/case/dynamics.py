@@ -42,7 +42,7 @@ class Dynamics(Entry):
         "", "time scheme", default="hht",
     )  # fmt: skip
     alpha: float = key(
-        Number(Bounds(0, 1 / 3, open=False)), "", "numerical damping; 0 is Newmark's method", default=0.05, needs=_HHT
+        Number(Bounds(0, 1 / 3, open=False)), "", "numerical damping; 0 is Newmark's method", default=0.02, needs=_HHT
     )
     beta: float = key(Number(NOT_NEGATIVE), "", "weight of the acceleration in displacements", default=0.25,
                       needs=_NEWMARK)  # fmt: skip

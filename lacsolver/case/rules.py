@@ -228,6 +228,9 @@ def _motion(sections: Sections) -> Iterator[Found]:
     end = (steps[0].get("times") or [steps[0].get("end")])[-1] if steps else 1.0
     if None not in (start, end) and start >= end:
         yield moving.wrong(f"is {start:g}, and the steps end at {end:g}; inertia must act in some of them", "start")
+    for made in sections.get("initial", []):
+        if made.has("centre") and not made.has("rotation"):
+            yield made.wrong("means something only with rotation; give that, or leave it out", "centre")
     for made in sections.get("initial", []) if start else []:
         for name in [n for n in ("ux", "uy", "uz") if made.has(n)]:
             message = f"means something only with start = 0, and dynamics.start is {start:g}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ from lacmesh.cli.terminal import console, table
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Floats
-    from lacsolver.results.results import Results, ZoneFigures
+    from lacsolver.results.results import Results, StepFigures, ZoneFigures
 
 
 def print_summary(results: Results, folder: Path, fields: str) -> None:
@@ -40,6 +40,8 @@ def _figures(results: Results) -> Iterator[tuple[str, str]]:
         force, moment = np.max([step.balance for step in steps], axis=0)
         yield "contact imbalance", f"force {force:.1e}, moment {moment:.1e} (relative, largest over the steps)"
         yield "strain energy", f"{steps[-1].energy:.6g}"
+        if steps[-1].motion is not None:
+            yield from _energies(steps)
         yield "largest displacement", f"{steps[-1].displacement:.6g}"
     for motion in results.held:
         yield "rigid-body mode without support", motion
@@ -48,6 +50,16 @@ def _figures(results: Results) -> Iterator[tuple[str, str]]:
     phases = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in results.timings.items())
     yield "time", phases or "nothing was left to do"
     yield "peak memory", f"{results.memory / 1e6:.0f} MB"
+
+
+def _energies(steps: Sequence[StepFigures]) -> Iterator[tuple[str, str]]:
+    """Yield the kinetic energy at the end, and what has been taken until then, relative to the largest energy."""
+    table = [step.motion.energies for step in steps if step.motion is not None]
+    largest = np.nanmax([energies["kinetic"] + energies["strain"] for energies in table]) or 1.0
+    yield "kinetic energy", f"{table[-1]['kinetic']:.6g}"
+    takers = (("damping", "damped"), ("contact", "contact"), ("the time scheme", "numerical"))
+    taken = ", ".join(f"{who} {table[-1][name] / largest:.2%}" for who, name in takers)
+    yield "energy taken by", f"{taken} (of the largest)"
 
 
 def _zone(zone: ZoneFigures) -> Iterator[tuple[str, str]]:

@@ -130,7 +130,7 @@ def said(record: Entry) -> str:
         for name in keys_of(type(record))
         if name not in _WHERE and getattr(record, name) not in (None, False)
     ]
-    return f"{where}: {', '.join(told)}"
+    return f"{where}: {', '.join(told)}" if told else where
 
 
 def _value(value: Any) -> str:
@@ -144,4 +144,6 @@ def _value(value: Any) -> str:
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, Formula):
         return repr(value.text)
+    if isinstance(value, bool):
+        return str(value).lower()
     return f"{value:g}" if isinstance(value, float) else str(value)

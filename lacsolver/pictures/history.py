@@ -81,6 +81,8 @@ def _kind(name: str) -> str:
         if "impulse" in parts[-2:]:
             return "impulse"
         return "contact force" if parts[-1] in ("fx", "fy", "fz") else parts[-1].replace("_", " ")
+    if parts[:2] == ["momentum", "angular"]:
+        return "angular momentum"
     return parts[0]
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from lacsolver.problem.initial import fitted, initial_motion
+from lacmesh.cells import CELLS
+from lacsolver.case import Tie
+from lacsolver.problem.initial import fitted, initial_motion, jumps
 from lacsolver.problem.problem import Problem
 
 
@@ -14,7 +17,8 @@ class MotionFound(NamedTuple):
     """Figures of a case with [dynamics].
 
     `speeds`: lowest and highest speed of pressure waves; `cell`: smallest size of a cell that the cut has left whole;
-    `crossed`: number of such cells that a wave crosses in the first step; `suggested`: time in which it crosses one.
+    `crossed`: number of such cells that a wave crosses in the longest step; `suggested`: time in which it goes from one
+    corner of such a cell to the next, or to the mid-node of a quadratic one.
     `mass`: of all cells and rigid bodies; `massless`: number of nodes without mass; `moved`: largest relative change of
     a body's inertia by them; `momentum` (dim,) at the start; `told`: warnings.
     """
@@ -39,16 +43,44 @@ def motion_found(problem: Problem) -> MotionFound:
     fitted(problem, displacements, problem.constraints.u0(start), "displacement")
     rate = fitted(problem, velocities, np.zeros(n), "velocity")
     momentum = (inertia.M @ (inertia.tangent(0 * rate, start) @ rate)).reshape(-1, space.dim).sum(axis=0)
-    speeds, cell = _speeds(problem), _smallest(problem)
+    speeds, (cell, spacing) = _speeds(problem), _smallest(problem)
     ends = np.array([0.0, *case.steps.planned])
-    step = ends[ends > start][0] - ends[ends <= start][-1]
+    step = np.diff([start, *ends[ends > start]]).max()
     one = np.tile(np.eye(space.dim)[-1], inertia.M.shape[0] // space.dim)
     moved = max(inertia.moved().values(), key=abs, default=0.0)
+    low, high = float(speeds.min()), float(speeds.max())
     return MotionFound(
-        (float(speeds.min()), float(speeds.max())), cell, float(speeds.max() * step / cell), cell / float(speeds.max()),
+        (low, high), cell, float(high * step / cell), spacing / high,
         float(one @ inertia.M @ one), int(inertia.massless.nodes.sum()), moved, tuple(momentum.tolist()),
-        tuple(inertia.told()),
+        tuple(doubts(problem)),
     )  # fmt: skip
+
+
+def doubts(problem: Problem) -> list[str]:
+    """Return the warnings about a motion before it is computed; none without [dynamics]."""
+    if problem.inertia is None:
+        return []
+    return [*problem.inertia.told(), *_heavy_skins(problem), *jumps(problem)]
+
+
+def _heavy_skins(problem: Problem) -> Iterator[str]:
+    """Yield a warning for each rigid contact that moves and has no node without mass, as between rigid bodies."""
+    space, inertia, how = problem.space, problem.inertia, problem.case.dynamics
+    assert inertia is not None and how is not None
+    moves = np.diff(problem.constraints.T.indptr).reshape(-1, space.dim).any(axis=1)
+    for pair in problem.joints if how.massless != "none" else ():
+        faces = np.concatenate([skin.faces.nodes.ravel() for skin in (pair.zone.slave, pair.zone.master)])
+        nodes = faces[faces >= 0]
+        soft = isinstance(pair.record, Tie) or pair.record.stiffness is not None
+        if soft or inertia.massless.nodes[nodes].any():
+            continue
+        if moves[nodes].any():
+            advice = "let one body deform, or give the contact a stiffness"
+            advice += "" if how.massless == "skins" else ', or take massless = "skins"'
+            yield (
+                f"the skins of contact {pair.name!r} have no nodes without mass, as those of rigid bodies keep theirs: "
+                f"pressures alternate, and an impact makes energy; {advice}"
+            )
 
 
 def _speeds(problem: Problem) -> np.ndarray:
@@ -59,13 +91,18 @@ def _speeds(problem: Problem) -> np.ndarray:
     return np.sqrt(stiff / density)
 
 
-def _smallest(problem: Problem) -> float:
-    """Return the smallest size of a cell, dim-th root of its volume, of those that are no children of the cut."""
+def _smallest(problem: Problem) -> tuple[float, float]:
+    """Return the smallest extent of a cell along an axis, and the smallest distance of nodes that this gives.
+
+    Children of the cut do not count where there are other cells.
+    """
     space, sizes = problem.space, []
     parent = space.mesh.cell_data.get("lac_parent")
     for block in space.blocks:
         x = space.local.points[block.nodes][:, :, : space.dim]
         extent = np.ptp(x, axis=1).min(axis=1)
         whole = np.ones(len(extent), bool) if parent is None else parent[block.cell] < 0
-        sizes.append(extent[whole] if whole.any() else extent)
-    return float(min(size.min() for size in sizes))
+        least = float((extent[whole] if whole.any() else extent).min())
+        sizes.append((least, least / CELLS[block.type].order))
+    cells, spacings = zip(*sizes, strict=True)
+    return min(cells), min(spacings)

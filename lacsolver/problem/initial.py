@@ -82,6 +82,22 @@ def _excluded(problem: Problem, given: Given, bad: Ints, what: str) -> CaseError
     return wrong(record, f"{message}; name groups without them, or let both be the same")
 
 
+def jumps(problem: Problem) -> list[str]:
+    """Return a warning about prescribed displacements that begin with a jump, where none are given by [[initial]]."""
+    space, how = problem.space, problem.case.dynamics
+    if how is None or how.start > 0:
+        return []
+    given, _ = initial_motion(space, problem.case, 0.0)
+    moved = np.where(given.record < 0, problem.constraints.u0(0.0).reshape(-1, space.dim), 0.0)
+    far = np.linalg.norm(space.own(moved.ravel()), axis=1)
+    most, own = space.share.largest(float(far.max(initial=0.0))), space.own_nodes(np.arange(space.mesh.n_nodes))
+    if not most:
+        return []
+    nodes = some(space.share.gather(space.mesh.node_number[own[far > 0]]))
+    message = f"prescribed displacements move nodes {nodes} by up to {most:.4g} at once when motion starts"
+    return [f"{message}; write formulas of t that begin at 0, or let inertia act from a later [dynamics] start on"]
+
+
 def _rigid(problem: Problem) -> NDArray[np.bool_]:
     mask = np.zeros(problem.space.mesh.n_nodes, bool)
     for body in problem.constraints.rigid:

@@ -18,6 +18,7 @@ from lacsolver.problem.rigid_modes import describe
 from lacsolver.results.state import Iterate
 from lacsolver.solve.active_set import active_set_iterates
 from lacsolver.solve.coarse_start import coarse_start
+from lacsolver.solve.kept_columns import start_from_columns
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.newton import Damping, Linearization, newton_iterates
 from lacsolver.solve.search import Outcome, Trial, search
@@ -78,8 +79,12 @@ def _linear_iterates(step: LoadStep, start: Iterate, tolerance: ConvergenceToler
     """Return the iteration of a linear problem: active sets on its only linearisation."""
     free, _, springs = step.model.stabilization
     geometric = None if springs is None else -springs
-    if step.state.iterate is None and geometric is None:  # later steps start from the set of the one before
-        start = coarse_start(step.reference, step.f, step.contact(start.q), start, tolerance)
+    if geometric is None and step.given is None:
+        contact = step.contact(start.q)
+        if step.state.iterate is None:
+            start = coarse_start(step.reference, step.f, contact, start, tolerance)
+        elif (kept := step.model.kept_columns(step.reference, contact.rows)) is not None:
+            start = start_from_columns(kept, step.f, contact, start, tolerance)
     return active_set_iterates(step.reference, step.f, step.contact, start, tolerance, free=free, geometric=geometric)
 
 

@@ -21,12 +21,14 @@ from lacsolver.linear import Matrix, SingularError
 from lacsolver.linear.vectors import WHOLE, SharedVectors, Vectors
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.problem.rigid_modes import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
+from lacsolver.solve.contact_system import Rows
+from lacsolver.solve.kept_columns import SAVED, KeptColumns
 from lacsolver.solve.node_blocks import with_held
 from lacsolver.solve.operator import Operator
 from lacsolver.solve.schemes import QuasiStatic, TimeScheme
 from lacsolver.solve.shared_stiffness import SharedFactors
 from lacsolver.solve.stabilization import Stabilization
-from lacsolver.solve.stiffness import FactorCache, Whole, embed
+from lacsolver.solve.stiffness import FactorCache, Stiffness, Whole, embed
 
 #: how far a node may be across the axis of symmetry, relative to the bodies' extent
 _AXIS = 1e-9
@@ -46,6 +48,7 @@ class ReducedProblem:
     def __post_init__(self) -> None:
         self._interfaces: dict[str, Interface] = {}
         self._reference: tuple[csr_array | None, Operator] | None = None
+        self._columns: KeptColumns | None = None
 
     @cached_property
     def K(self) -> Matrix:
@@ -91,11 +94,24 @@ class ReducedProblem:
         The last one is kept. Raises SingularError, in terms of the mesh.
         """
         if self._reference is None or self._reference[0] is not matrix:
+            self.factors.forget()  # the size of a step changes the matrix by orders of magnitude
             try:
                 self._reference = matrix, self._factorised(matrix)
             except SingularError as error:
                 raise self.explained(error) from error
         return self._reference[1]
+
+    def kept_columns(self, K: Operator, rows: Rows) -> KeptColumns | None:
+        """Return the columns of the Schur complement of K and contact rows, the last ones as long as these serve.
+
+        None with multigrid, which has no factor.
+        """
+        if not isinstance(K, Stiffness) or K.iterative:
+            return None
+        later = len(self.problem.case.steps.planned) - 1
+        if self._columns is None or not self._columns.serve(K, rows):
+            self._columns = KeptColumns(K, rows, SAVED * later)
+        return self._columns
 
     def _factorised(self, matrix: csr_array | None) -> Operator:
         """Return the stabilised K_q plus a scheme's matrix, factorised; for multigrid without a copy of K_q."""

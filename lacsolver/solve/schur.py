@@ -76,8 +76,10 @@ def _relative(r: Floats, allowed: Floats) -> float:
     return float((np.abs(r) / allowed).max(initial=0.0))
 
 
-def _in_balance(K: Stiffness, f: Floats, terms: Floats, q: Floats) -> tuple[NDArray[np.floating], int]:
-    """Correct q until K q = f to round-off; return q and the number of solves.
+def in_balance(
+    K: Stiffness, f: Floats, terms: Floats, q: Floats, most: int = _CORRECTIONS
+) -> tuple[NDArray[np.floating], int]:
+    """Correct q until K q = f to round-off, at most so many times; return q and the number of solves.
 
     terms (n,): sums of the magnitudes of the terms of f. A q that is in balance is left unchanged: another solve would
     add noise, which soft bodies turn into gaps.
@@ -85,12 +87,12 @@ def _in_balance(K: Stiffness, f: Floats, terms: Floats, q: Floats) -> tuple[NDAr
     if not f.any():  # no load: the rest of q is noise of earlier loads, without a scale to compare it with
         return K.R @ (K.R.T @ q), 0
     scale = 1 / np.sqrt(np.abs(K.scaling))
-    for count in range(_CORRECTIONS):
+    for count in range(most):
         r = f - K.apply(q)
         if backward_error(scale, q, r, terms) <= _BALANCED:
             return q, count
         q = q + K.solve(r)
-    return q, _CORRECTIONS
+    return q, most
 
 
 class _SchurLoop:
@@ -159,7 +161,7 @@ class _SchurLoop:
         p = self.carrying(p, self.f - self.scattered(s))
         contact, bending = self.rows.B_T @ p, self.scattered(s)
         terms = np.abs(self.f) + abs(self.rows.B_T) @ np.abs(p) + np.abs(bending)
-        q, count = _in_balance(self.K, self.f - contact - bending, terms, q)
+        q, count = in_balance(self.K, self.f - contact - bending, terms, q)
         if self.K.R.shape[1]:
             q = q - self.K.R @ self.motion(self.residual(q, p, s))
         force = max(self.vectors.largest(v) for v in (self.problem.f, contact))

@@ -28,7 +28,7 @@ from lacsolver.linear.vectors import Vectors
 from lacsolver.problem.rigid_modes import bodies, centres
 from lacsolver.solve.bordered import Bordered
 from lacsolver.solve.node_blocks import add_to_diagonal, only_rows, submatrix
-from lacsolver.solve.stiffness import alike, embed, leading_unknowns
+from lacsolver.solve.stiffness import embed, leading_unknowns
 from lacsolver.space.space import Space
 
 
@@ -151,12 +151,15 @@ class SharedFactors:
     def __init__(self, R: NDArray[np.floating], backend: str, constraints: Constraints, vectors: Vectors) -> None:
         self._R, self._backend, self._constraints, self._vectors = R, backend, constraints, vectors
         self._kept: Hierarchy[Cycle | PetscCycle] | None = None
-        self._size = 0.0
 
     @property
     def on_nodes(self) -> bool:
         """True if multigrid takes K as blocks of whole nodes: see `factorise_on_nodes`."""
         return self._constraints.is_selection and self._chosen == "multigrid"
+
+    def forget(self) -> None:
+        """Drop the cycle: the next matrix is not similar to the last one."""
+        self._kept = None
 
     def factorise(self, K: csr_array, definite: bool = True) -> SharedStiffness:
         """Precondition a symmetric K, regularised by springs; one that may be indefinite by a factorisation."""
@@ -164,12 +167,11 @@ class SharedFactors:
         if spring is not None:
             regular = csr_array(K + diags_array(spring))
         backend, n = self._chosen if definite else "mumps", self._constraints.n_nodal
-        if not self._serves(regular.diagonal()[:n]) or backend == "mumps":
+        if self._kept is None or self._kept.is_stale or backend == "mumps":
             nodal = regular if n == regular.shape[0] else csr_array(regular[:n, :n])
             hierarchy = Hierarchy(_cycle(nodal, self._constraints.nodal, backend))
             self._kept = None if backend == "mumps" else hierarchy
         else:
-            assert self._kept is not None
             hierarchy = self._kept
         return SharedStiffness(K, self._R, self._constraints, hierarchy, self._vectors, spring, definite)
 
@@ -184,17 +186,9 @@ class SharedFactors:
         if spring is not None:
             add_to_diagonal(K, constraints.T @ spring)
         K = only_rows(K, share.own)
-        if not self._serves(K.diagonal()[constraints.free]) or self._kept is None:
+        if self._kept is None or self._kept.is_stale:
             self._kept = Hierarchy(_aggregated(K, constraints))
         return SharedStiffness(K, self._R, constraints, self._kept, self._vectors, spring)
-
-    def _serves(self, diagonal: Floats) -> bool:
-        """True if the hierarchy that is kept serves a matrix with a diagonal (n_nodal,); else keep the size of it."""
-        size = _mean(diagonal, self._constraints.nodal)
-        if self._kept is not None and not self._kept.is_stale and alike(self._size, size):
-            return True
-        self._size = size
-        return False
 
     def _springs(self, diagonal: Floats) -> NDArray[np.floating] | None:
         """Return springs (n,) at as many unknowns as there are rigid-body modes, each on one process; None for none."""

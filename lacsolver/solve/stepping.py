@@ -190,9 +190,9 @@ def _check_prescribed_gaps(step: LoadStep, q: Floats, contact: ContactSystem) ->
 
 
 def step_end_times(case: Case) -> list[float]:
-    """Return the times at which steps must end: the planned ones, and those of fields in [output]."""
-    asked = [t for t in case.output.times or () if 0 < t <= case.steps.last]
-    return sorted({*case.steps.planned, *asked})
+    """Return the times at which steps must end: the planned ones, those of fields in [output], the start of motion."""
+    asked = [*(case.output.times or ()), *([] if case.dynamics is None else [case.dynamics.start])]
+    return sorted({*case.steps.planned, *(t for t in asked if 0 < t <= case.steps.last)})
 
 
 def _state(made: _Made) -> State:

@@ -24,9 +24,6 @@ from lacsolver.linear import Analysis, Backend, Factor, Matrix, analyse, choose
 from lacsolver.linear.vectors import Vectors
 from lacsolver.solve.node_blocks import add_to_diagonal, submatrix
 
-#: largest ratio of the diagonals of two matrices that share a hierarchy
-_ALIKE = 2.0
-
 
 class Whole(NamedTuple):
     """Embedding of q in the unknowns of all nodes.
@@ -162,7 +159,6 @@ class FactorCache:
         self._R, self._backend, self._threads, self._whole = R, backend, threads, whole
         self._analyses: dict[bool, Analysis] = {}
         self._cycles: Factor | None = None
-        self._size = 0.0
 
     @property
     def on_nodes(self) -> bool:
@@ -172,6 +168,10 @@ class FactorCache:
     @cached_property
     def _chosen(self) -> Backend:
         return choose(self._backend, len(self._R), 0 if self._whole is None else self._whole.modes.shape[1])
+
+    def forget(self) -> None:
+        """Drop the hierarchy of multigrid: the next matrix is not similar to the last one."""
+        self._cycles = None
 
     def factorise(self, K: csr_array, definite: bool = True) -> Stiffness:
         """Factorise a symmetric K, regularised by springs; with `definite` false K may be indefinite, see `analyse`.
@@ -209,11 +209,9 @@ class FactorCache:
         return spring
 
     def _preconditioned(self, K: bsr_array, whole: Whole) -> Factor:
-        """Return K with a hierarchy, that of a matrix before of about its size until it is stale."""
-        name, size = self._chosen.name, float(np.abs(K.diagonal()).mean())
+        """Return K with a hierarchy, that of the matrix before until it is stale."""
+        name = self._chosen.name
         made = analyse(K, backend=name, threads=self._threads, modes=whole.modes, block=whole.block)
-        if not alike(self._size, size):
-            self._cycles, self._size = None, size
         self._cycles = made.factor(K, self._cycles)
         return self._cycles
 
@@ -225,11 +223,6 @@ class FactorCache:
         analysis = analyse(K, backend=backend, threads=self._threads, definite=definite)
         self._analyses[definite] = analysis
         return analysis.factor(K)
-
-
-def alike(size: float, other: float) -> bool:
-    """True if matrices whose diagonals have these means may share a hierarchy; a mass over dt² has another size."""
-    return other <= _ALIKE * size and size <= _ALIKE * other
 
 
 def leading_unknowns(R: Floats, among: Ints | None = None) -> Ints:

@@ -13,11 +13,13 @@ import pytest
 
 import lacmesh
 from lacmesh.errors import RequestError
-from lacsolver.case import read_case
+from lacsolver.case import parse_case, read_case
 from lacsolver.cli import main
 from lacsolver.pictures.history import chosen
 from lacsolver.results.motion import ENERGIES
 from lacsolver.validation import validate
+from tests.lacsolver.moving import PLANE, SMALL, SPEED, WALL, steps
+from verification.meshes.bars import bar_on_wall
 
 IMPACT = Path(__file__).resolve().parents[2] / "data" / "impact"
 
@@ -105,6 +107,10 @@ def test_validate_tells_of_the_motion(capsys):
     assert motion.speeds == pytest.approx((1.0, 1.0)) and motion.cell == pytest.approx(1 / 16)
     assert motion.crossed == pytest.approx(0.5) and motion.suggested == pytest.approx(1 / 16)
     assert motion.mass == pytest.approx(0.25) and motion.momentum == pytest.approx((0.0, -0.0025))
+    text = PLANE + SMALL + WALL + "[dynamics]\n" + steps(1.0, 4)
+    quadratic = validate(parse_case(text), bar_on_wall("QUAD8", 4)).motion
+    assert quadratic.cell == pytest.approx(1 / 4)  # a wave goes from node to node, of which there are twice as many
+    assert quadratic.suggested == pytest.approx(1 / 8 / SPEED)
     assert main(["validate", str(IMPACT / "bar_on_wall.toml")]) == 0
     said = capsys.readouterr().out
     assert "wave speeds" in said and "momentum at the start" in said

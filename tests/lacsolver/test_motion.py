@@ -1,12 +1,20 @@
 """Motion with inertia: the bar on a rigid wall, the account of energy in every step, momentum, rest, fall, restarts."""
 
+import warnings
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 
 from lacsolver.case import parse_case, read_case
+from lacsolver.cli.summary import print_summary
+from lacsolver.output import create
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import MotionState
 from lacsolver.results.results import Restart
+from lacsolver.running import run
+from lacsolver.solve.stepping import march
+from lacsolver.validation import validate
 from tests.lacsolver.moving import (
     DENSITY,
     FINITE,
@@ -22,6 +30,7 @@ from tests.lacsolver.moving import (
     unbalanced,
 )
 from verification.meshes.bars import WIDTH, bar_on_wall, bars
+from verification.meshes.thrown import on_wall, ring
 
 #: largest error of the account of energy that is allowed, relative to the largest energy
 CLOSED = 1e-10
@@ -192,7 +201,7 @@ def test_second_order_in_time():
     load = '[[force]]\ngroup = "top"\nfy = "-0.01 - 0.02 * max(t - 1, 0) ** 4"\n'
     text = PLANE + SMALL + WALL + held_sideways() + load + "[dynamics]\nstart = 1.0\n"
     found = []
-    for count in (30, 60, 240):
+    for count in (60, 120, 480):
         problem, states, motions = moved(text + steps(3.0, count), bar_on_wall("QUAD4", 2))
         massive = np.delete(motions[-1].velocity, problem.inertia.massless_dofs)
         found.append((states[-1].u, massive, motions[-1].pushes[0, 0]))
@@ -214,6 +223,7 @@ MISTAKES = {
     "[dynamics]\nrayleigh = [1.0]\n": "dynamics.rayleigh is a list of 1; it takes two numbers >= 0",
     "[[initial]]\nvx = 1.0\n": r"\[\[initial\]\] means something only with \[dynamics\]",
     "[dynamics]\nstart = 0.5\n[[initial]]\nux = 1.0\n": "initial.ux means something only with start = 0",
+    "[dynamics]\n[[initial]]\nvx = 1.0\ncentre = [0.0, 0.0]\n": "initial.centre means something only with rotation",
     "[dynamics]\n[[initial]]\n": r"\[\[initial\]\] needs at least one of vx, vy",
 }
 
@@ -250,6 +260,90 @@ def test_motion_is_kept_in_the_state():
     _, states, motions = moved(text, bar_on_wall("QUAD4", 4, 0.05))
     assert set(states[-1].step.histories.scheme) == set(MotionState._fields)
     assert motions[-1].linear == pytest.approx([0.0, -0.5 * WIDTH], abs=1e-12)
+
+
+def test_a_step_ends_at_the_start_of_motion():
+    """A preload that the planned steps would miss: all of it acts at `start`, and the motion is at rest then."""
+    text = PLANE + SMALL + WALL + held_sideways() + '[[force]]\ngroup = "top"\nfy = -0.01\n[dynamics]\nstart = 0.33\n'
+    problem = Problem.of(parse_case(text + steps(1.0, 4)), bar_on_wall("QUAD4", 4))
+    states = list(march(problem))
+    assert [state.time for state in states] == pytest.approx([0.25, 0.33, 0.5, 0.75, 1.0])
+    held = [state.zones[0].pressure.mean() * WIDTH for state in states]
+    assert held == pytest.approx([0.02 * 0.25 / 0.33, *[0.02] * 4], rel=1e-9)  # on each of two nodes
+    moving = [state.step.motion for state in states if state.step.motion is not None]
+    assert len(moving) == 3 and max(np.abs(m.velocity).max() for m in moving) < 1e-12
+
+
+def test_a_preload_without_support_is_told_before_the_run():
+    found = validate(
+        parse_case(PLANE + SMALL + WALL + "[dynamics]\nstart = 0.5\n" + steps(1.0, 4)), bar_on_wall("QUAD4", 4)
+    )
+    assert [problem.message.partition(";")[0] for problem in found.problems] == [
+        "nothing holds a part of the model: 'bar' moves along x"
+    ]
+    assert found.motion is not None
+
+
+def test_energy_that_is_made_is_warned_of(tmp_path, capsys):
+    """A plain mass makes energy at the impact, a long step loses it in contact; with massless skins nothing is told."""
+    for massless, count, said in (
+        ("none", 50, 'take massless = "skins", or smaller steps'),
+        ("skins", 1, "as steps do not resolve the impact; take smaller steps"),
+        ("skins", 50, ""),
+    ):
+        text = PLANE + SMALL + WALL + held_sideways() + thrown("bar", vy=-0.1) + steps(2.5, count)
+        text += f'[output]\nevery = 100\n[dynamics]\nscheme = "newmark"\nmassless = "{massless}"\n'
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            done = run(parse_case(text), create(tmp_path / f"{massless}{count}"), mesh=bar_on_wall("QUAD4", 8, 0.01))
+        assert said in done.message and ("energy" in done.message) == bool(said), done.message
+    print_summary(done, tmp_path, "vtu")
+    assert "energy taken by" in capsys.readouterr().out
+
+
+def test_a_displacement_that_jumps_at_the_start_is_told():
+    """A plain number is a jump; not so a formula that begins at 0, an initial displacement that fits, or a preload."""
+    mesh, end = bar_on_wall("QUAD4", 4), steps(1.0, 4)
+    for value, more, told in (
+        ("-0.1", "[dynamics]\n", True),
+        ('"-0.1 * t"', "[dynamics]\n", False),
+        ("-0.1", '[dynamics]\n[[initial]]\nuy = "-0.1 * y"\n', False),
+        ("-0.1", "[dynamics]\nstart = 0.5\n", False),
+    ):
+        text = PLANE + SMALL + WALL + held_sideways() + f'[[displacement]]\ngroup = "top"\nuy = {value}\n' + more + end
+        motion = validate(parse_case(text), mesh).motion
+        assert any("by up to 0.1 at once when motion starts" in said for said in motion.told) == told
+
+
+def test_a_step_of_large_contact_work_is_refined():
+    """A ring that is thrown in large steps: without smaller ones where it hits, energy is created."""
+    text = PLANE + FINITE.replace("young = 1.0", "young = 100.0") + WALL + '[dynamics]\nscheme = "newmark"\n'
+    text += thrown("body", vy=-1.0) + steps(0.4, 8)
+    whole, work = {}, {}
+    for allowed in (0.01, np.inf):
+        with patch("lacsolver.solve.newmark._COARSE", allowed):
+            _, states, motions = moved(text, on_wall(ring(24, 2, (0.0, 1.05), "slave")))
+        table = np.array([m.energies for m in motions])
+        whole[allowed] = table[:, :2].sum(axis=1) / table[0, 2]
+        work[allowed] = np.abs(np.diff(table[:, 4])) / table[0, 2]
+        assert unbalanced(motions) < CLOSED
+        assert any(s.halvings for s in states) == np.isfinite(allowed)
+    assert work[0.01].max() < 0.01 and whole[0.01].min() > 0.97 and whole[0.01].max() < 1.001
+    assert work[np.inf].max() > 0.1 and whole[np.inf].max() > 1.05
+
+
+def test_contact_between_rigid_bodies_needs_a_stiffness():
+    """A bar that is rigid hits a rigid wall: its energy is kept by a stiffness; without one it is warned of."""
+    free = '[[rigid]]\ngroup = "bar"\nfx = 0.0\nfy = 0.0\nmoment = 0.0\n[dynamics]\n'
+    mesh, rest = bar_on_wall("QUAD4", 4, 0.05), free + thrown("bar", vy=-0.1) + steps(1.5, 60)
+    told = validate(parse_case(PLANE + SMALL + WALL + rest), mesh).motion.told
+    assert any(said.startswith("the skins of contact 'slave' have no nodes without mass") for said in told)
+    text = PLANE + SMALL + WALL.replace("[[rigid]]", "stiffness = 20.0\n[[rigid]]") + rest
+    assert not any("no nodes without mass" in said for said in validate(parse_case(text), mesh).motion.told)
+    _, states, motions = moved(text, mesh)
+    assert unbalanced(motions) < CLOSED
+    assert any(state.zones[0].pressure.any() for state in states) and not states[-1].zones[0].pressure.any()
+    assert motions[-1].linear[1] == pytest.approx(0.1 * WIDTH, rel=2e-3)
 
 
 def test_multigrid_takes_a_hierarchy_of_its_own_for_each_size_of_steps():

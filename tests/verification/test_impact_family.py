@@ -1,12 +1,21 @@
 """The family of impacts: small ones pass, a plain mass fails, and the exact solutions are what they should be."""
 
+from dataclasses import replace
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 
+from lacmesh import check
+from lacsolver.bodies.mass import assemble_mass
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.space.space import Space
 from verification.exact.impact import SDNL111, SDNL111_TIMES, hertz, modulus, rod_pressure, speed_for
 from verification.families.impact import FAMILY, solve_case
+from verification.families.impact_free import spin
 from verification.families.impact_runs import Impact, on_wall
-from verification.meshes.balls import sphere_on_wall
+from verification.meshes.balls import quarter_sphere_on_wall, sphere_on_wall
+from verification.meshes.thrown import two_rings
 
 
 def case(name):
@@ -44,8 +53,47 @@ def test_the_rod_has_period_3_and_hertz_is_consistent():
     assert 0.4 * found.force * found.approach == pytest.approx(0.5 * mass * speed**2)  # the work of the force
 
 
-def test_the_sphere_is_one():
-    mesh = sphere_on_wall(0.1, 0.02)
-    x = mesh.points[np.unique(mesh.block("QUAD4"))]
-    assert np.hypot(x[:, 0], x[:, 1] - 1.02).max() == pytest.approx(1.0)
-    assert x[:, 1].min() == pytest.approx(0.02) and x[:, 1].max() == pytest.approx(2.02)
+@pytest.mark.parametrize(
+    ("make", "model", "part"), [(sphere_on_wall, "axisymmetric", 1.0), (quarter_sphere_on_wall, "3d", 0.25)]
+)
+def test_the_spheres_are_round(make, model, part):
+    """Faces outward and on the sphere, a volume within 0.05 %, no cell inverted."""
+    mesh = make(0.1, 0.02)
+    space = Space.of(mesh, model)
+    x = mesh.points[:, : space.dim] - np.eye(space.dim)[-1] * 1.02
+    for name, side in (("slave", -1), ("rest", 1)):
+        nodes = np.unique(np.concatenate([n.ravel() for _, _, n in mesh.select(mesh.cell_groups[name])]))
+        np.testing.assert_allclose(np.linalg.norm(x[nodes], axis=1), 1.0)
+        assert (side * (x[nodes, -1] + np.sqrt(0.5)) > -1e-9).all()
+    M = assemble_mass(space, Materials.of(space, Elastic(young=1.0, poisson=0.0, density=1.0)))
+    assert M.sum() / space.dim == pytest.approx(part * 4 / 3 * np.pi, rel=5e-4)
+    assert {error.rule for error in check(mesh, "slave", "wall").errors} <= {"no-internal-dof"}  # not cut yet
+
+
+def test_free_spin_and_frequencies_have_their_orders():
+    """The families' own criteria on few steps, and frequencies at the rates of the case."""
+    given = Impact("spin", "QUAD4", n=1, young=1e3, dynamics=(("scheme", "newmark"),))
+    momentum, *rates, account = list(spin(given, 2))
+    assert momentum.passed and account.passed
+    assert all(1.8 < result.value < 2.6 for result in rates)
+    assert all(result.passed for result in solve_case(case("frequencies-QUAD8"), 3).results)
+
+
+def test_a_coarse_disc_is_thrown():
+    """The three cases of large deformation are made alike: energy is kept, and the static twin is solved."""
+    with patch("verification.families.impact_finite._STEP", 0.02):
+        given = Impact("disc", n=3, dynamics=(("scheme", "newmark"),), young=100.0, speed=0.5)
+        results = solve_case(replace(case("thrown-disc"), parameters=given), 1).results
+    found = {result.quantity: result for result in results}
+    assert all(result.passed for result in found.values()) and len(found) == 7
+    assert 0.97 < found["smallest energy"].value < 1 and found["openings"].value == 1
+    assert found["Newton iterations of 10 static steps"].value > 1
+
+
+def test_two_rings_do_not_match():
+    mesh = two_rings((12, 8), 2, 0.1)
+    skins = (mesh.select(mesh.cells_of(name)) for name in ("slave", "master"))
+    slave, master = (np.unique(np.concatenate([nodes for *_, nodes in skin])) for skin in skins)
+    assert (len(slave), len(master)) == (12, 8)
+    x = mesh.points[:, 0]
+    assert x[slave].max() == pytest.approx(-0.05) and x[master].min() == pytest.approx(0.05)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil, sqrt
 from typing import Any
@@ -13,14 +14,18 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from verification.exact import impact as exact
 from verification.meshes.bars import bar_on_wall
+from verification.records import Result, at_least, at_most
 from verification.solving import Solved, entry, solve
 
 Floats = NDArray[np.floating]
+#: the account of energy, and what may be left of it, relative to the largest energy
+ACCOUNT, CLOSED = "kinetic + strain - external + damped + contact + numerical = 0", 1e-10
 
 
 @dataclass(frozen=True)
 class Impact:
-    """A kind of impact: `wall`, `limit` (of small steps), `plain` (mass), `bars`, `rod`, `bounce`, `aster`, `sphere`.
+    """A kind of impact: `wall`, `limit` (of small steps), `plain` (mass), `bars`, `rod`, `bounce`, `aster`, `sphere`,
+    `ring`, `disc`, `ball` and `rings` (thrown); or of smooth motion: `spin`, `vibration`, `order`.
 
     `cell`: type of cells; `n`: cells along a bar on the coarsest level; `cfl`: cells that a wave crosses in a step;
     `dynamics`: keys of [dynamics]; `allowed`: of the error of pressures on the finest level; `approach` of a sphere.
@@ -104,10 +109,15 @@ def case_text(given: Impact, end: float, count: int, *tables: str, density: floa
             entry("material", young=given.young, poisson=given.poisson, density=density),
             *(entry("displacement", group=side, **{f"u{axis}": 0.0}) for axis, side in sides),
             *tables,
-            entry("dynamics", **dict(given.dynamics)).replace("[[dynamics]]", "[dynamics]"),
+            dynamics(given),
             entry("steps", end=end, count=count).replace("[[steps]]", "[steps]"),
         ]
     )
+
+
+def dynamics(given: Impact) -> str:
+    """The section [dynamics] of a case."""
+    return entry("dynamics", **dict(given.dynamics)).replace("[[dynamics]]", "[dynamics]")
 
 
 def on_wall(given: Impact, n: int) -> tuple[ImpactRun, float]:
@@ -123,3 +133,10 @@ def on_wall(given: Impact, n: int) -> tuple[ImpactRun, float]:
         bar_on_wall(given.cell, n, wait * given.speed),
     )  # fmt: skip
     return made, made.error(given.c * given.speed, wait, last)
+
+
+def energies(found: ImpactRun, least: float, closed: float = CLOSED, reason: str = "") -> Iterator[Result]:
+    """The results about energy that every impact has; `least`: what is left at the end."""
+    yield at_most("largest energy", found.whole.max(), 1.001, source="no energy is created")
+    yield at_least("energy at the end", found.whole[-1], least, source="the rebound is elastic")
+    yield at_most("account of energy", found.unbalanced, closed, source=ACCOUNT, reason=reason)

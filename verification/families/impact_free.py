@@ -1,0 +1,88 @@
+"""*Free motion*, without contact: a body that spins and flies, under finite kinematics, and a bar that vibrates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from lacmesh.cells import CELLS
+from lacsolver import Problem, natural_modes, parse_case
+from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, case_text, dynamics
+from verification.meshes.bars import WIDTH, bar
+from verification.records import Result, at_least, at_most, levels_of, rate
+from verification.solving import Solved, entry, solve
+
+#: velocity and angular velocity of a body in one turn, in a plane and in space
+_FLIGHT = (0.3, 0.1, -0.2)
+_TURN = {2: 1.0, 3: [0.6, 0.0, 0.8]}
+#: steps of the turn on the coarsest level
+_STEPS = 40
+#: how many natural frequencies are compared
+_MODES = 2
+
+
+def spin(given: Impact, levels: int) -> Iterator[Result]:
+    """One turn of a neo-Hookean bar that flies and starts unstretched, each level in twice as many steps."""
+    counts = [_STEPS << level for level in range(levels)]
+    runs = [_turned(given, count) for count in counts]
+    off = [_errors(solved, given.dim) for solved in runs]
+    yield at_most("linear momentum", max(e.linear for e in off), 1e-12, source="no force acts", reason="in every step")
+    steps, unknowns = [2 * np.pi / count for count in counts], [runs[0].unknowns] * levels
+    for what, errors in (("angular momentum", [e.angular for e in off]), ("energy", [e.energy for e in off])):
+        table = levels_of(steps, unknowns, errors)
+        yield rate(f"{what}, its largest error", table, 1.95, source="second order in dt", reason="relative, in a turn")
+    yield at_most("account of energy", max(e.account for e in off), 10 * CLOSED, source=ACCOUNT,
+                  reason="Newton's method ends at the round-off of K u, 1e-14 of it, in every step")  # fmt: skip
+
+
+class _Errors(NamedTuple):
+    """Largest relative errors over a motion, of what a free body keeps, and of the account of energy."""
+
+    linear: float
+    angular: float
+    energy: float
+    account: float
+
+
+def _turned(given: Impact, count: int) -> Solved:
+    """Let a bar turn once in so many steps."""
+    dim = given.dim
+    text = "\n\n".join(
+        [
+            f'mesh = "bar.msh"\nmodel = "{"plane_strain" if dim == 2 else "3d"}"\nkinematics = "finite"',
+            entry("material", law="neo_hookean", young=given.young, poisson=given.poisson, density=1.0),
+            entry("initial", rotation=_TURN[dim], **dict(zip(("vx", "vy", "vz"), _FLIGHT[:dim], strict=False))),
+            dynamics(given), f"[steps]\nend = {2 * np.pi!r}\ncount = {count}",
+        ]
+    )  # fmt: skip
+    return solve(text, bar(given.cell, given.n))
+
+
+def _errors(solved: Solved, dim: int) -> _Errors:
+    motions = [motion for state in solved.states if (motion := state.step.motion) is not None]
+    linear = np.array([m.linear for m in motions]) / WIDTH ** (dim - 1) - _FLIGHT[:dim]
+    angular = np.array([np.atleast_1d(m.angular) for m in motions])
+    table = np.array([m.energies for m in motions])
+    whole = table[:, :2].sum(axis=1)
+    return _Errors(
+        float(np.linalg.norm(linear, axis=1).max() / np.linalg.norm(_FLIGHT[:dim])),
+        float(np.linalg.norm(angular - angular[0], axis=1).max() / np.linalg.norm(angular[0])),
+        float(np.abs(whole / table[0, 2] - 1).max()), float(max(abs(m.account) for m in motions) / np.abs(table).max()),
+    )  # fmt: skip
+
+
+def vibration(given: Impact, levels: int) -> Iterator[Result]:
+    """Lowest natural frequencies of a bar that one end holds and that cannot move sideways."""
+    right = (2 * np.arange(_MODES) + 1) * given.c / 4
+    counts, errors, unknowns = [given.n << level for level in range(levels)], [], []
+    for n in counts:
+        low = f"{'xyz'[given.dim - 1]}0"
+        text = case_text(given, 1.0, 1, entry("displacement", group=low, **{f"u{low[0]}": 0.0}))
+        modes = natural_modes(Problem.of(parse_case(text), bar(given.cell, n)), _MODES)
+        errors.append(float((modes.frequencies / right - 1).max()))
+        unknowns.append(modes.unknowns)
+    yield at_least("least error of a frequency", min(errors), 0.0, source="a consistent mass: all come from above")
+    yield rate(f"largest error of {_MODES} frequencies", levels_of([1 / n for n in counts], unknowns, errors),
+               2.0 * CELLS[given.cell].order - 0.05, source="h^2 and h^4: frequencies (2 k - 1) c / 4 L")  # fmt: skip
