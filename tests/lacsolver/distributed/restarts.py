@@ -44,7 +44,6 @@ def main():
             solved(name, place / "three", comm=comm)
             if comm.rank <= 1:
                 solved(name, place / "two_after_three", place / "three", some)
-                solved(name, place / "two_after_one", place / "one", some)
     except Exception:
         traceback.print_exc()
         comm.Abort(1)

@@ -14,7 +14,7 @@ pytestmark = [pytest.mark.petsc, pytest.mark.filterwarnings("ignore:massless nod
 PROGRAM = "from tests.lacsolver.distributed.restarts import main; main()"
 
 
-FOLDERS = ("three", "two_after_three", "one_after_three", "two_after_one")
+FOLDERS = ("three", "two_after_three", "one_after_three")
 
 
 @pytest.fixture(scope="module")
