@@ -202,7 +202,7 @@ def _made(kind: type[Exception], message: str) -> Exception:
     """Return an error with a message; a LacmeshError if errors of this kind are made of more."""
     try:
         return kind(message)
-    except TypeError:
+    except (TypeError, AttributeError):
         return LacmeshError(message)
 
 
