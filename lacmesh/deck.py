@@ -82,6 +82,20 @@ class DeckCard:
         return tuple(found)
 
 
+@dataclass(frozen=True)
+class DeckInstance:
+    """An instance of a part: by how much numbers of its nodes and elements are raised in the mesh, `prefix`: what
+    stands before the names of its sets there. `turned`: it is rotated.
+    """
+
+    name: str
+    part: str
+    prefix: str
+    nodes: int
+    elements: int
+    turned: bool
+
+
 class AddedNodes(Protocol):
     """New nodes `ids` (k, m) in k cells of one type with nodes `sources` (k, n), at reference points `at` (m, dim).
 
@@ -110,6 +124,9 @@ class Deck:
     to. `node_sets`, `element_sets`: name for comparison (`key_of`) -> name of the group of the mesh; `surfaces`: the
     same for ("ELEMENT" or "NODE", name). A group of cells holds the cells of an element set and the skin cells of a
     surface of the same name. `apart`: why the numbers on cards are not those of the mesh (instances), else empty.
+    Of a deck with `instances`, `placed`: the index of each card of nodes or elements and their numbers in the mesh, in
+    the order of this, once for each instance; `own`: by how much numbers of the assembly's own nodes and elements are
+    raised.
     What the mesh went through since: `child` (c,), `root` (c,): numbers of the elements that took the place of
     elements of the deck, and of these; `added`: the new nodes, in order.
     """
@@ -122,6 +139,9 @@ class Deck:
     element_sets: Mapping[str, str] = field(default_factory=dict)
     surfaces: Mapping[tuple[str, str], str] = field(default_factory=dict)
     apart: str = ""
+    instances: tuple[DeckInstance, ...] = ()
+    placed: tuple[tuple[int, Ints], ...] = ()
+    own: tuple[int, int] = (0, 0)
     child: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     root: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     added: tuple[AddedNodes, ...] = ()

@@ -64,7 +64,8 @@ def run(
     with clock.phase("mesh"):
         mesh = read_mesh(case, distribution) if mesh is None else mesh
         problem, prints = Problem.of(case, mesh, distribution), fingerprint(case, mesh)
-        orders = orders_of(problem.constraints)
+        points = 0 if problem.inertia is None else problem.inertia.M.shape[0] - problem.space.n_dof
+        orders = orders_of(problem.constraints, points)
         if start is not None:
             again = start
             problem.space.share.on_first(lambda: check_same(again, prints))

@@ -30,6 +30,8 @@ Floats = NDArray[np.floating]
 #: seconds after which processes are given up
 _PATIENCE = 1500.0
 _JOBS = "jobs.json"
+#: fields of a state in a file, beside its time
+_FIELDS = ("u", "status", "pressure", "force", "velocity", "energies")
 
 
 class FailedError(LacmeshError):
@@ -39,7 +41,8 @@ class FailedError(LacmeshError):
 @dataclass(frozen=True, eq=False)
 class WholeState:
     """A state of the whole model. `u` (n_nodes, dim); of all zones, one after the other: `status` and `pressure`
-    (macro-elements,), and `force` (zones, n_nodes, dim).
+    (macro-elements,), and `force` (zones, n_nodes, dim). In motion, `velocity` (n_nodes, dim) and `energies` (6,); both
+    are empty without.
     """
 
     time: float
@@ -47,17 +50,21 @@ class WholeState:
     status: NDArray[np.integer]
     pressure: Floats
     force: Floats
+    velocity: Floats
+    energies: Floats
 
 
 def found(state: State, problem: Problem) -> WholeState:
     """The state of the whole model, on the first of the processes that share it; all of them call this."""
-    zones = state.zones
+    zones, motion, n = state.zones, state.step.motion, problem.space.n_dof
     return WholeState(
         state.time,
         _whole(problem, state.u),
         np.concatenate([zone.status for zone in zones]),
         np.concatenate([zone.pressure for zone in zones]),
         np.array([_whole(problem, zone.force) for zone in zones]),
+        np.empty((0, 0)) if motion is None else _whole(problem, motion.velocity[:n]),
+        np.empty(0) if motion is None else motion.energies,
     )
 
 
@@ -94,7 +101,7 @@ def solve_divided(
 def _read(path: Path) -> list[WholeState]:
     with np.load(path) as file:
         times = file["time"]
-        fields = {key: file[key] for key in ("u", "status", "pressure", "force")}
+        fields = {key: file[key] for key in _FIELDS}
     return [WholeState(float(t), **{key: values[k] for key, values in fields.items()}) for k, t in enumerate(times)]
 
 
@@ -127,8 +134,7 @@ def _solve(case: Case, parts: Path, backend: str, comm: Any) -> None:
     problem = Problem.of(replace(case, mesh=parts, solver=solver), distribution=Processes(comm))
     states = [found(state, problem) for state in march(problem)]
     if comm.rank == 0:
-        keys = ("time", "u", "status", "pressure", "force")
-        arrays = {key: np.array([getattr(state, key) for state in states]) for key in keys}
+        arrays = {key: np.array([getattr(state, key) for state in states]) for key in ("time", *_FIELDS)}
         np.savez(f"{parts}.npz", **arrays)  # type: ignore[arg-type]
 
 

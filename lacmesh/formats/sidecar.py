@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
 from lacmesh.errors import CutError, LacmeshWarning
+from lacmesh.formats.ids import Index
 from lacmesh.formats.note_types import DAMAGE, INTEGER, from_plain, to_plain
 from lacmesh.formats.notes import CUT_NOTES, VERSION
 from lacmesh.formats.round_trip import match
@@ -189,6 +190,10 @@ def _nodes(mesh: Mesh, back: Mesh) -> Ints:
     size = float(np.ptp(mesh.points, axis=0).max(initial=0.0))
     if back.n_nodes == mesh.n_nodes and np.abs(back.points - mesh.points).max(initial=0.0) <= 1e-5 * size:
         return np.arange(mesh.n_nodes)
+    if distinct(back.node_number) and back.node_number.min(initial=1) > 0:  # a deck's new nodes follow its first card
+        there = Index(back.node_number).places(np.asarray(mesh.node_number, np.int64))
+        if (there >= 0).all() and np.abs(back.points[there] - mesh.points).max(initial=0.0) <= 1e-5 * size:
+            return there
     indices = match(mesh, back)
     if isinstance(indices, str):
         raise UnfitError(f"the file has {indices}")

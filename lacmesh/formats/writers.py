@@ -82,8 +82,7 @@ def _write_mail(files: Sequence[NewFile], mesh: Mesh, options: WriteOptions) -> 
 def _write_inp(files: Sequence[NewFile], mesh: Mesh, options: WriteOptions) -> None:
     from lacmesh.formats import inp
 
-    target = options.target or "calculix"
-    plane, all_cells, lenient = options.plane, options.all_cells, options.lenient
+    target, plane, all_cells, lenient = options.target, options.plane, options.all_cells, options.lenient
     inp.write(files[0].path, mesh, target=target, plane=plane, all_cells=all_cells, lenient=lenient)
 
 

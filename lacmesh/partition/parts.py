@@ -9,13 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Ints, Mesh, Model
 from lacmesh.origin import bounds_of, bounds_of_mesh, origin_of
 from lacmesh.topology.bodies import label_bodies
-from lacmesh.topology.faces import cells_of_dim, faces_of
-from lacmesh.topology.skin import TYPE_CODE, find_owners, find_repeats, first_of_each, label_faces
+from lacmesh.topology.faces import cells_of_dim
 
 Bools = NDArray[np.bool_]
 
@@ -116,7 +114,8 @@ def part_of(mesh: Mesh, owner: Ints, rank: int, *, everywhere: Sequence[str] = (
     """Return the part of a mesh that process `rank` needs.
 
     `owner` (n_nodes,): the rank that owns each node, as by `distribute_nodes`. `everywhere`: groups of skin faces, such
-    as slaves and masters, that are in every part, with the cells behind them. Raises GroupNotFoundError, RequestError.
+    as slaves and masters, that are in every part, with all cells that touch them. Raises GroupNotFoundError, and
+    RequestError.
 
     >>> row = Mesh.create([[0, 0], [1, 0], [2, 0], [3, 0]], [("SEG2", [[0, 1], [1, 2], [2, 3]])])
     >>> part = part_of(row, np.array([0, 0, 1, 1]), 1)
@@ -188,30 +187,39 @@ def nodes_of(mesh: Mesh, cells: Bools) -> Bools:
 
 
 def cells_of_skins(mesh: Mesh, groups: Sequence[str]) -> list[Ints]:
-    """Return for each of some groups of skin faces its cells, all cells on its faces and those behind them, ascending.
+    """Return for each of some groups of skin faces its cells and all cells that touch one of their nodes, ascending.
 
-    Raises GroupNotFoundError, and RequestError for a group that holds cells of the highest dimension.
+    Where a cut has made such a cell, the other children of the same parent are there, too. Raises GroupNotFoundError,
+    and RequestError for a group that holds cells of the highest dimension.
     """
+    check_skins(mesh, groups)
     members = [np.asarray(mesh.cells_of(name)) for name in groups]
-    for name, cells in zip(groups, members, strict=True):
-        if (mesh.cell_dim[cells] == mesh.dim).any():
-            raise RequestError(f"group {name!r} holds cells of dimension {mesh.dim}; name a group of skin faces")
-    named = np.unique(np.concatenate([np.empty(0, np.int64), *members]))
-    known = np.array([b.type in TYPE_CODE and ALL_CELLS[b.type].dim == mesh.dim - 1 for b in mesh.blocks], bool)
-    skin = named[known[np.searchsorted(mesh.offsets, named, side="right") - 1]]
-    faces = faces_of(mesh, skin)
-    first, face = first_of_each(*label_faces(faces))
-    distinct = faces.take(first)
-    found = [
-        find_repeats(distinct, cells_of_dim(mesh, mesh.dim - 1), mesh.n_nodes),
-        find_owners(distinct, cells_of_dim(mesh, mesh.dim), mesh.n_nodes),
-    ]
+    parent = mesh.cell_data.get("lac_parent", np.full(mesh.n_cells, -1))
+    born = np.flatnonzero(parent >= 0)
+    near = np.flatnonzero(touching(mesh, _nodes_on(mesh, np.concatenate([np.empty(0, np.int64), *members]))))
+    nodes = [(cells, nodes) for _, cells, nodes in mesh.select(near)]
     every = []
-    for cells in members:
-        of_group = np.zeros(len(first), bool)
-        of_group[face[np.isin(skin, cells, assume_unique=True)]] = True
-        every.append(np.unique(np.concatenate([cells, *(pairs.cell[of_group[pairs.face]] for pairs in found)])))
+    for own in members:
+        on = _nodes_on(mesh, own)
+        touched = np.concatenate([own, *(cells[on[nodes].any(axis=1)] for cells, nodes in nodes)])
+        siblings = born[np.isin(parent[born], parent[touched][parent[touched] >= 0])]
+        every.append(np.unique(np.concatenate([touched, siblings])))
     return every
+
+
+def check_skins(mesh: Mesh, groups: Sequence[str]) -> None:
+    """Raise GroupNotFoundError or RequestError unless some groups have no cells of the highest dimension."""
+    for name in groups:
+        if (mesh.cell_dim[mesh.cells_of(name)] == mesh.dim).any():
+            raise RequestError(f"group {name!r} holds cells of dimension {mesh.dim}; name a group of skin faces")
+
+
+def _nodes_on(mesh: Mesh, cells: Ints) -> Bools:
+    """Return a mask (n_nodes,) of the nodes of some cells, by their indices."""
+    on = np.zeros(mesh.n_nodes, bool)
+    for _, _, nodes in mesh.select(cells):
+        on[nodes] = True
+    return on
 
 
 def skin_name(mesh: Mesh, spec: str) -> str:

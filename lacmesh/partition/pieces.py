@@ -1,4 +1,4 @@
-"""Pieces of a mesh: the nodes and cells that each rank needs, and the cells of each skin with those behind it."""
+"""Pieces of a mesh: the nodes and cells that each rank needs, and the cells of each skin with those that touch it."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ def pieces_of(mesh: Mesh, owner: Ints) -> MeshPieces:
     if not mesh.cell_groups:
         skins = tuple(f"entity:{dim}:{tag}" for dim, tag in mesh.entities if dim < mesh.dim)
     node, cell = _of_ranks(mesh, owner, n_ranks)
-    behind = cells_of_skins(mesh, skins)
+    around = cells_of_skins(mesh, skins)
     under: list[Ints] = []
-    for cells in behind:
+    for cells in around:
         mask = np.zeros(mesh.n_cells, bool)
         mask[cells] = True
         under.append(np.flatnonzero(nodes_of(mesh, mask)))
-    return MeshPieces(n_ranks, skins, _joined(node, under), _joined(cell, behind))
+    return MeshPieces(n_ranks, skins, _joined(node, under), _joined(cell, around))
 
 
 def cells_of_ranks(mesh: Mesh, owner: Ints, n_ranks: int, everywhere: Ints) -> PieceIndices:

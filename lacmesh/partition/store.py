@@ -38,8 +38,8 @@ from lacmesh.partition.pieces import MeshPieces, PieceIndices, pieces_of
 if TYPE_CHECKING:
     import h5py
 
-#: of the file's layout
-VERSION = 1
+#: of the file's layout; 2: skins have all cells that touch them
+VERSION = 2
 #: the name of the file in the folder
 FILE = "parts.h5"
 

@@ -71,8 +71,10 @@ def _print(target: Path, made: Imported) -> None:
     cells = ", ".join(f"{count:,} {kind}" for kind, count in mesh.cells_by_type.items())
     rows.add_row("mesh", f"{case.mesh}: {mesh.n_nodes:,} nodes, {cells}")
     rows.add_row("steps", f"{len(case.steps.planned)}, to t = {case.steps.last:g}")
+    if case.dynamics is not None:
+        rows.add_row("motion", f"with inertia, from t = {case.dynamics.start:g}")
     counts = Counter(str(path[0]) for path, _ in case.records())
-    for name in ("material", "contact", "tie", "rigid", "probe"):
+    for name in ("material", "contact", "tie", "rigid", "initial", "probe"):
         if counts[name]:
             rows.add_row(name, f"{counts[name]}")
     rows.add_row("supports and loads", ", ".join(f"{counts[name]} {name}" for name in ACTING if counts[name]))

@@ -12,21 +12,22 @@ T^T K T + turning(q, t, forces), with the geometric stiffness `turning`. Otherwi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array, csr_array
-from scipy.sparse.linalg import spsolve
+from scipy.sparse import coo_array, csr_array, diags_array
 
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case.case import Case
 from lacsolver.constraints.conditions import AXIS, on_axis, prescribed
 from lacsolver.constraints.local import LocalBases, combine
+from lacsolver.constraints.matrix import nodal_map, with_motions
 from lacsolver.constraints.rigid import RigidBody, check_apart, numbered, rigid_bodies
+from lacsolver.linear import Matrix
 from lacsolver.space.places import name_of
 from lacsolver.space.space import Space
 
@@ -62,9 +63,9 @@ class Constraints:
         check_apart(space, rigid, parts)
         moved = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in rigid)])
         local = combine(space, (*parts, *on_axis(space, moved)))
-        own, n = _own_unknowns(space, local, rigid)
-        rigid = numbered(rigid, n)
-        made = cls(space, _shared(space, _map(space, local, own, n, rigid), own), local, rigid, _names(local))
+        nodal = nodal_map(space, local, rigid)
+        rigid = numbered(rigid, nodal.shape[1])
+        made = cls(space, with_motions(space, nodal, rigid), local, rigid, _names(local))
         for t in _probed(case):
             made.u0(t)
         return made
@@ -75,22 +76,64 @@ class Constraints:
         return self.T.shape[1]
 
     @cached_property
+    def n_nodal(self) -> int:
+        """Number of the nodes' own unknowns, which come before the free motions of rigid bodies."""
+        return self.n_q - sum(int(body.free.sum()) for body in self.rigid)
+
+    @cached_property
+    def nodal(self) -> Constraints:
+        """The constraints without free motions of rigid bodies, on the nodes' own unknowns."""
+        return self if self.n_nodal == self.n_q else replace(self, T=csr_array(self.T[:, : self.n_nodal]), rigid=())
+
+    @cached_property
     def own(self) -> NDArray[np.bool_] | None:
-        """Mask (n_q,) of the unknowns at this process's own nodes; None if all are."""
-        return None if self.space.share.own is None else self.space.share.own[self.node_of_unknown]
+        """Mask (n_q,) of the unknowns that count for this process; None if all do.
+
+        They are those at its own nodes, and on the first process the motions of rigid bodies, which all processes have.
+        """
+        share = self.space.share
+        if share.own is None:
+            return None
+        return np.append(share.own[self.node_of_unknown], np.full(self.n_q - self.n_nodal, share.rank == 0))
 
     @cached_property
     def common(self) -> Ints | None:
-        """Unknowns at nodes of contact skins, which all processes have in this order; None for a process alone."""
-        return (
-            None if self.space.share.common is None else np.flatnonzero(self.space.share.common[self.node_of_unknown])
-        )
+        """Unknowns at nodes of contact skins, and motions, which all processes have in this order; None for one."""
+        if self.space.share.common is None:
+            return None
+        at_nodes = np.flatnonzero(self.space.share.common[self.node_of_unknown])
+        return np.append(at_nodes, np.arange(self.n_nodal, self.n_q))
 
     @cached_property
     def node_of_unknown(self) -> Ints:
-        """Node (n_q,) of each unknown, the first one for the motion of a rigid body."""
-        T = self.T.tocsc()
+        """Node (n_nodal,) of each of the nodes' own unknowns."""
+        T = self.T[:, : self.n_nodal].tocsc()
         return T.indices[T.indptr[:-1]] // self.space.dim
+
+    def summed(self, f: Floats) -> NDArray[np.floating]:
+        """Return forces f (n_q,) with the sums over all processes on the motions of rigid bodies.
+
+        Forces on them, and their rows of matrices, are sums over nodes, of which each process has its own part.
+        """
+        if self.own is None or self.n_nodal == self.n_q:
+            return f
+        return np.append(f[: self.n_nodal], self.space.share.total(f[self.n_nodal :]))
+
+    def on_unknowns(self, f: Floats, T: csr_array | None = None) -> NDArray[np.floating]:
+        """Return T^T f (n_q,) of forces f (n_dof,) at own nodes; `T`: that of `tangent`, the constant one if None."""
+        T = self.T if T is None else T
+        return self.summed(np.asarray(T.T @ self.space.of_own(f)))
+
+    def reduced(self, K: Matrix, T: csr_array) -> csr_array:
+        """Return T^T K T (n_q, n_q), of several processes the part of own nodes: see `summed`."""
+        if self.is_selection:
+            return csr_array(K.tocsr()[self.free][:, self.free])
+        return csr_array((self._at_own(T).T @ K @ T).tocsr())
+
+    def _at_own(self, T: csr_array) -> csr_array:
+        """Return T (n_dof, k) without its rows at nodes of other processes."""
+        own = self.space.share.own
+        return T if own is None else csr_array(diags_array(np.repeat(own, self.space.dim).astype(float)) @ T)
 
     def u0(self, t: float) -> NDArray[np.floating]:
         """Return the displacement (n_dof,) at time t with q = 0. Raises CaseError where conditions contradict."""
@@ -113,17 +156,28 @@ class Constraints:
         """
         if not self._turning:
             return self.T
-        own, n = _own_unknowns(self.space, self.local, self.rigid)
         moment_arms = tuple(body.moment_arm_at(body.motion(q, t)) for body in self.rigid)
-        return _map(self.space, self.local, own, n, self.rigid, moment_arms)
+        return with_motions(self.space, self.nodal.T, self.rigid, moment_arms)
 
     def unknowns(self, u: Floats) -> NDArray[np.floating]:
         """Return q (n_q,) with T q = u, for a u (n_dof,) in the range of T; the nearest one for others."""
         if self.is_selection:
             return u[self.free]
-        if not self.rigid:  # orthonormal columns
-            return np.asarray(self.T.T @ u)
-        return np.asarray(spsolve(csc_array(self.T.T @ self.T), self.T.T @ u))
+        q = np.asarray(self.T.T @ u)  # T has orthonormal columns at the nodes' own unknowns
+        return q if self.n_nodal == self.n_q else np.append(q[: self.n_nodal], self._motions(u))
+
+    def _motions(self, u: Floats) -> NDArray[np.floating]:
+        """Return the motions of rigid bodies that are nearest to u (n_dof,)."""
+        T = csr_array(self.T[:, self.n_nodal :])
+        gram = self.space.share.total((self._at_own(T).T @ T).toarray())
+        return np.linalg.solve(gram, self.on_unknowns(u)[self.n_nodal :])
+
+    def updated(self, q: Floats) -> NDArray[np.floating]:
+        """Return unknowns q (n_q,) with the values at the nodes of other processes that they have."""
+        if self.own is None:
+            return q
+        n, T = self.n_nodal, self.nodal.T
+        return np.append(T.T @ self.space.updated(T @ q[:n]), q[n:])
 
     def force(self, t: float, q: Floats | None = None) -> NDArray[np.floating]:
         """Return the forces and moments on the free motions of rigid bodies at time t, 0 elsewhere, (n_q,).
@@ -139,17 +193,17 @@ class Constraints:
     def turning(self, q: Floats, t: float, forces: Floats) -> csr_array | None:
         """Return the geometric stiffness (n_q, n_q): derivative by q of T(q)^T forces - force(t, q), `forces` fixed.
 
-        `forces` (n_dof,) are f_int - f_ext + B^T p. None where T and force do not depend on q; not symmetric where a
-        moment rotates a body in space.
+        `forces` (n_dof,) are f_int - f_ext + B^T p; of several processes the part of own nodes: see `summed`. None
+        where T and force do not depend on q; not symmetric where a moment rotates a body in space.
         """
         if not self._turning:
             return None
         rows, columns, values = [], [], []
+        forces, first = self.space.of_own(forces), self.space.share.rank == 0
         for body in self._turning:
             motion, at = body.motion(q, t), body.columns[body.free]
-            bent = body.curvature(motion, forces[self.space.dofs(body.nodes).ravel()]) - body.force_derivative(
-                t, motion
-            )
+            bent = body.curvature(motion, forces[self.space.dofs(body.nodes).ravel()])
+            bent = bent - body.force_derivative(t, motion) if first else bent
             rows.append(np.repeat(at, len(at)))
             columns.append(np.tile(at, len(at)))
             bent = bent * body.unit * body.unit[:, None]
@@ -169,6 +223,8 @@ class Constraints:
     @cached_property
     def is_selection(self) -> bool:
         """True if T merely selects unknowns of u, so that T^T K T is K[free][:, free]."""
+        if self.space.share.own is not None and self.n_nodal < self.n_q:
+            return False  # on all processes, even if the body has one node
         one_each = np.diff(self.T.tocsc().indptr) == 1
         return bool(one_each.all() and (self.T.data == 1.0).all() and self.T.has_canonical_format)
 
@@ -205,67 +261,11 @@ class Constraints:
         displaced centre.
         """
         at, where, total = self.space.dofs, motions or {}, self.space.share.total
+        reaction = self.space.of_own(reaction)
         return {
             body.name: total(body.resultant(reaction[at(body.nodes).ravel()], where.get(body.name)))
             for body in self.rigid
         }
-
-
-def _own_unknowns(space: Space, local: LocalBases, rigid: tuple[RigidBody, ...]) -> tuple[Ints, int]:
-    """Return the first of each node's own unknowns in q, (n_nodes,), -1 for none, and the number of such unknowns."""
-    count = np.where(space.attached, space.dim, 0)
-    count[local.nodes] = np.where(space.attached[local.nodes], local.n_free, 0)
-    for body in rigid:
-        count[body.nodes] = 0
-    first = np.cumsum(count) - count
-    return np.where(count > 0, first, -1), int(count.sum())
-
-
-def _map(
-    space: Space,
-    local: LocalBases,
-    own: Ints,
-    n: int,
-    rigid: tuple[RigidBody, ...],
-    moment_arms: tuple[NDArray[np.floating], ...] | None = None,
-) -> csr_array:
-    """Return T from the first own unknown of each node, n own unknowns in all, and the moment_arms of the rigid bodies.
-
-    `moment_arms`: other moment arms than the bodies' own, for finite rotations.
-    """
-    alone = own >= 0
-    alone[local.nodes] = False
-    whole = np.flatnonzero(alone)
-    entries: list[tuple[Ints, Ints, Floats]] = []
-    entries.append((space.dofs(whole), own[whole, None] + np.arange(space.dim), np.ones((len(whole), space.dim))))
-    k, j = np.nonzero((own[local.nodes, None] >= 0) & (np.arange(space.dim) < local.n_free[:, None]))
-    entries.append((space.dofs(local.nodes[k]), (own[local.nodes[k]] + j)[:, None], local.basis[k, j]))
-    for body, moment_arm in zip(rigid, moment_arms or [body.moment_arm for body in rigid], strict=True):
-        rows = space.dofs(body.nodes).reshape(-1, 1)
-        entries.append((rows, body.columns[body.free], (moment_arm * body.unit)[:, body.free]))
-        n += int(body.free.sum())
-    spread = [np.broadcast_arrays(*entry) for entry in entries]
-    row, column, value = (np.concatenate([part[a].ravel() for part in spread]) for a in range(3))
-    T = coo_array((value, (row, column)), shape=(space.n_dof, n)).tocsr()
-    if moment_arms is None:
-        T.eliminate_zeros()
-    return T
-
-
-def _shared(space: Space, T: csr_array, own: Ints) -> csr_array:
-    """Return T with the blocks at the nodes of other processes that they have; `own` (n_nodes,) as for `_map`."""
-    if space.share.own is None:
-        return T
-    entries, dim = T.tocoo(), space.dim
-    node = entries.row // dim
-    blocks = np.zeros((space.mesh.n_nodes, dim, dim))
-    blocks[node, entries.row % dim, entries.col - own[node]] = entries.data
-    shared = space.share.update(blocks.reshape(-1, dim * dim)).reshape(-1, dim, dim)
-    used = shared.any(axis=1)  # (n_nodes, columns)
-    first = np.cumsum(used.sum(axis=1)) - used.sum(axis=1)
-    node, s, j = np.nonzero(shared)
-    entry = shared[node, s, j], (dim * node + s, first[node] + j)
-    return coo_array(entry, shape=(space.n_dof, int(used.sum()))).tocsr()
 
 
 def _names(local: LocalBases) -> Mapping[str, Ints]:

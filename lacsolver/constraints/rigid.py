@@ -40,11 +40,11 @@ _NEARLY_ALL = 1.9 * np.pi
 class RigidBody:
     """Nodes that move rigidly. `nodes` (k,), `centre` (3,); `moment_arm` (k dim, m): displacements of unit motions.
 
-    Each of several processes has its own nodes of the body. `arm` (k, 3): vectors from the centre to the nodes;
-    `finite`: True for finite rotations. `moved`: prescribed value of each of the m motions, None where it is held or
-    free; `loads`: force or moment on each free motion, None for others; `free` (m,). `columns` (m,): index in q of each
-    free motion, -1 for the others; `unit` (m,): motion per unit of the unknown. Unknowns are lengths: that of a
-    rotation is the displacement of the node farthest from the centre.
+    Each of several processes has the body with those of its nodes that it knows. `arm` (k, 3): vectors from the centre
+    to the nodes; `finite`: True for finite rotations. `moved`: prescribed value of each of the m motions, None where it
+    is held or free; `loads`: force or moment on each free motion, None for others; `free` (m,). `columns` (m,): index
+    in q of each free motion, -1 for the others; `unit` (m,): motion per unit of the unknown. Unknowns are lengths: that
+    of a rotation is the displacement of the node farthest from the centre.
     `gravity`: that of the case, for the weight of the body's own mass.
     """
 
@@ -214,11 +214,12 @@ def moments(dim: int, x: Floats) -> NDArray[np.floating]:
 
 
 def _rigid_body(space: Space, record: Rigid, first: int, finite: bool, gravity: Gravity | None) -> RigidBody:
-    nodes = nodes_of(space, record)
-    x = space.local.points[nodes]
+    own = nodes_of(space, record)
+    nodes, x = space.known(own), space.local.points[own]
     centre = space.share.total(x.sum(axis=0)) / space.share.total(np.array(len(x)))
     if record.centre is not None:
         centre[: space.dim] = np.array(record.centre) - space.origin[: space.dim]
+    x = space.local.points[nodes]
     moment_arm = np.tile(np.eye(space.dim), (len(nodes), 1, 1))
     if not space.model.axisymmetric:
         moment_arm = np.concatenate([moment_arm, moments(space.dim, x - centre)], axis=2)
@@ -252,16 +253,15 @@ def _values(values: Sequence[Value | None], t: float) -> NDArray[np.floating]:
 
 def _check_moves(space: Space, body: RigidBody) -> None:
     """Raise CaseError if a free motion, or a combination of free motions, moves no node."""
-    moment_arm = body.moment_arm[:, body.free]
-    size = np.linalg.norm(moment_arm, axis=0)
-    reach = space.extent * np.sqrt(len(body.nodes))
+    own = space.mask_own(body.nodes)
+    moment_arm = body.moment_arm[np.repeat(own, space.dim)][:, body.free]
+    size = np.sqrt(space.share.total(np.square(moment_arm).sum(axis=0)))
+    reach = space.extent * np.sqrt(space.share.total(np.array(float(own.sum()))))
     turning = np.flatnonzero(body.free) >= space.dim
-    scaled = moment_arm / np.where(turning, reach, size)
-    rank = (
-        int((np.linalg.svd(np.linalg.qr(scaled, mode="r"), compute_uv=False) > _STILL).sum()) if moment_arm.size else 0
-    )
+    scaled = space.share.gather(np.asarray(np.linalg.qr(moment_arm / np.where(turning, reach, size), mode="r")))
+    rank = int((np.linalg.svd(np.linalg.qr(scaled, mode="r"), compute_uv=False) > _STILL).sum()) if scaled.size else 0
     if rank < moment_arm.shape[1]:
-        one = space.dim == 2 or not np.ptp(space.mesh.points[body.nodes], axis=0).any()
+        one = space.dim == 2 or not space.extent_of(body.nodes[own])
         message = f"the nodes of {body.name!r} are {'one point' if one else 'on one line'}"
         raise wrong(
             body.record, f"{message}, so that a free rotation moves none; leave moment out, and the rotation is held"

@@ -18,7 +18,7 @@ def gravity(draft: CaseDraft) -> None:
     parts = list(parts_of(draft.reading.content, orders(draft, "gravity"), once=True))
     heavy = np.flatnonzero(density)
     for part in parts:
-        keys = {f"{AXES[c]}": written(points, draft.end) for c, points in part.histories.items() if c < draft.dim}
+        keys = {f"{AXES[c]}": written(points, draft.ramped) for c, points in part.histories.items() if c < draft.dim}
         if not np.isin(part.items, heavy).any():
             raise Refused("gravity acts on elements without a density; give their material a *DENSITY", part.line.row)
         if len(parts) == 1 and np.isin(heavy, part.items).all():

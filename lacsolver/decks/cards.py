@@ -55,12 +55,16 @@ class DeckLine(NamedTuple):
 
 
 class Refused(Exception):  # noqa: N818 (never leaves this package: it becomes a Finding)
-    """A card, or the line `row` of it, cannot be taken; the message says why, and what to try."""
+    """A card, or the line `row` of it, cannot be taken; the message says why, and what to try.
 
-    def __init__(self, message: str, row: DeckLine | None = None) -> None:
+    `card`: the card, if it is not the one that is being read.
+    """
+
+    def __init__(self, message: str, row: DeckLine | None = None, card: Card | None = None) -> None:
         super().__init__(message)
         self.message = message
         self.row = row
+        self.card = card
 
 
 class Lacking(Refused):
@@ -141,8 +145,9 @@ def found_at(card: Card, message: str, row: DeckLine | None, level: str) -> Find
 
 
 def look_up(known: Mapping[str, object], name: str, what: str, row: DeckLine | None = None) -> str:
-    """Return the key (`key_of`) of a name of the deck. Raises Refused, with near matches."""
+    """Return the key (`key_of`) of a name of the deck. Raises Refused, with near matches, values if they are names."""
     key = key_of(name)
     if key not in known:
-        raise Refused(f"there is no {what} named {name!r}{did_you_mean(key, known)}", row)
+        shown = [value if isinstance(value, str) else name for name, value in known.items()]
+        raise Refused(f"there is no {what} named {name!r}{did_you_mean(name, shown)}", row)
     return key

@@ -24,16 +24,21 @@ COMPONENTS = {
     "gravity": 3,
     "centrifugal": 1,
     "temperature": 1,
+    "velocity": 3,
 }
 
 
 @dataclass
 class MaterialData:
-    """A material: the keys of its [[material]] so far, and the card that began it."""
+    """A material: the keys of its [[material]] so far, and the card that began it.
+
+    `damping`: factors of its mass and of its stiffness.
+    """
 
     name: str
     card: Card
     keys: dict[str, Any] = field(default_factory=dict)
+    damping: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -100,21 +105,41 @@ class GroundSpring:
     card: Card
 
 
+@dataclass(frozen=True)
+class PointMass:
+    """Mass at a node (index), or moments of inertia about axes along x, y and z through it."""
+
+    node: int
+    mass: float
+    inertia: tuple[float, ...]
+    card: Card
+
+
 @dataclass
 class DeckStep:
-    """A step: when it begins and how long it takes, its first increment, and how loads without amplitude grow.
+    """A step: when it begins and how long it takes, its increments, and how loads without amplitude grow.
 
-    `modes`: how many natural modes it asks for; such a step takes no time, and goes at its end.
+    `procedure`: the card that says what is computed. `increment`: the first one; `largest`: the largest one allowed.
+    `alpha`: numerical damping of a step with inertia, None for a static one. `modes`: how many natural modes it asks
+    for; such a step takes no time, and goes at its end.
     """
 
     card: Card
     begin: float
+    procedure: Card | None = None
     period: float = 1.0
     increment: float = 1.0
+    largest: float = 0.0
     direct: bool = False
     large: bool = False
     sudden: bool = False
+    alpha: float | None = None
     modes: int = 0
+
+    @property
+    def origin(self) -> Card:
+        """The card of the procedure, or that of the step if it has none."""
+        return self.procedure or self.card
 
     @property
     def end(self) -> float:
@@ -153,8 +178,11 @@ class Content:
     interactions: dict[str, Interaction] = field(default_factory=dict)
     pairs: list[Pair] = field(default_factory=list)
     clearances: dict[tuple[str, str], tuple[float, Card]] = field(default_factory=dict)
+    #: for a pair: the steps in which its contact is removed (False) or added again (True), and the card that says so
+    changes: dict[tuple[str, str], list[tuple[int, bool, Card]]] = field(default_factory=lambda: defaultdict(list))
     rigid: list[DeckRigid] = field(default_factory=list)
     springs: list[GroundSpring] = field(default_factory=list)
+    masses: list[PointMass] = field(default_factory=list)
     steps: list[DeckStep] = field(default_factory=list)
     assigned: list[Assigned] = field(default_factory=list)
     #: kinds of which a step removes what earlier steps have said, and the card that says so
@@ -171,6 +199,15 @@ class Content:
         if not self.in_step:
             raise Refused("it belongs between *STEP and *END STEP; move it there")
         return self.steps[-1]
+
+    def begin_procedure(self, card: Card) -> DeckStep:
+        """Return the step that is open, which has this procedure. Raises Refused if it has another."""
+        which = self.step
+        if which.procedure is not None:
+            before = which.procedure.of
+            raise Refused(f"this step is *{before.name} already (line {before.line}); keep one of them")
+        which.procedure = card
+        return which
 
     @property
     def material(self) -> MaterialData:

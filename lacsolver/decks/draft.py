@@ -5,13 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from lacmesh.mesh import Ints
-from lacsolver.decks.apart import apart
 from lacsolver.decks.cards import Card
 from lacsolver.decks.groups import DeckGroups
-from lacsolver.decks.names import SIDES
 from lacsolver.decks.reading import Reading
 
 AXES = ("x", "y", "z")
@@ -54,6 +50,12 @@ class CaseDraft:
         return self.reading.content.steps[-1].end
 
     @property
+    def ramped(self) -> float:
+        """Time up to which a case ramps plain numbers: that at which the steps with inertia begin, else the end."""
+        steps = self.reading.content.steps
+        return next((step.begin for step in steps if step.alpha is not None), self.end)
+
+    @property
     def per_thickness(self) -> float:
         """Factor of forces and springs: those of plane strain are per unit of thickness."""
         return 1 / self.thickness if self.top.get("model") == "plane_strain" else 1.0
@@ -66,12 +68,6 @@ class CaseDraft:
     def add(self, section: str, keys: dict[str, Any], card: Card | None = None) -> None:
         """Add a record."""
         self.records.append(Record(section, keys, card))
-
-    def loaded_groups(self, name: str, nodes: Ints, default: str) -> list[str]:
-        """Return the names of groups of nodes of which each carries a load: several on a slave, which is cut."""
-        slaves = [self.groups.skins[one.keys["slave"]] for one in self.records if "slave" in one.keys]
-        cut = np.concatenate([np.empty(0, np.int64), *slaves]) // SIDES
-        return [self.node_group(name, some, default) for some in apart(self.groups.mesh, cut, nodes)]
 
     def node_group(self, name: str, nodes: Ints, default: str = "nodes") -> str:
         """Return the name of a group of nodes: `name`, else `node_7` of a single one, `default` of several."""

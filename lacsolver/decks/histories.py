@@ -19,7 +19,7 @@ from lacsolver.decks.content import Amplitude, Assigned, DeckStep
 
 Points = list[tuple[float, float]]
 #: part of a step in which a value jumps
-_JUMP = 1e-9
+JUMP = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ def history(
             part = [(step.end, points[-1][1])]
         if part[0][0] <= step.begin and part[0][1] != points[-1][1]:  # a jump at the beginning of the step
             points = points[:-1] if step.begin == 0 else points
-            part[0] = (step.begin + (_JUMP * step.period if step.begin else 0.0), part[0][1])
+            part[0] = (step.begin + (JUMP * step.period if step.begin else 0.0), part[0][1])
         points += [row for row in part if not points or row[0] > points[-1][0]]
     return points
 

@@ -19,6 +19,7 @@ from lacsolver.decks.content import DeckStep
 from lacsolver.decks.draft import CaseDraft
 from lacsolver.decks.groups import DeckGroups
 from lacsolver.decks.interpret import interpret
+from lacsolver.decks.motion_records import dynamics
 from lacsolver.decks.reading import Reading
 from lacsolver.decks.rigid_records import rigid_bodies
 from lacsolver.decks.toml import case_text
@@ -37,6 +38,7 @@ _BUILDERS: tuple[tuple[Callable[[CaseDraft], None], str], ...] = (
     (gravity, "DLOAD"),
     (centrifugal, "DLOAD"),
     (loads.temperatures, "TEMPERATURE"),
+    (dynamics, "DYNAMIC"),
     (loads.probes, "NODEPRINT"),
     (loads.steps, "STATIC"),
 )
@@ -75,7 +77,7 @@ def import_deck(path: str | Path, case_path: str | Path, *, lenient: bool = Fals
         except Refused as refused:
             deck = reading.names.deck
             card = next(deck.named(key), None) or next(deck.named("ELEMENT"), deck.cards[0])
-            reading.error(Card(card), refused.message, refused.row)
+            reading.error(refused.card or Card(card), refused.message, refused.row)
     _raise(reading)
     return _imported(path, case_path, draft)
 

@@ -12,7 +12,7 @@ import numpy as np
 from lacmesh.errors import some
 from lacmesh.mesh import Ints
 from lacsolver.decks.cards import Refused
-from lacsolver.decks.content import COMPONENTS, Assigned
+from lacsolver.decks.content import COMPONENTS, Assigned, DeckStep
 from lacsolver.decks.draft import AXES, CaseDraft
 from lacsolver.decks.histories import Orders, orders_of, written
 from lacsolver.decks.model_records import expanding, initial_temperatures
@@ -21,6 +21,11 @@ from lacsolver.decks.parts import history_of, parts_of
 
 #: most increments of a step that become steps of a case; a step that does not converge is halved all the same
 MOST_INCREMENTS = 10
+#: short increments, relative to the others, that follow on a static step: the motion begins in equilibrium, and after a
+#: jump of loads the scheme of Hilber, Hughes and Taylor has the new forces at both ends of the second one
+_SUDDEN = (1e-3, 2e-3)
+#: most increments of a step that a case lists
+MOST_STEPS = 100_000
 
 
 def orders(draft: CaseDraft, kind: str) -> Orders:
@@ -74,7 +79,7 @@ def supports(draft: CaseDraft) -> None:
                 part.line.card, "these nodes belong to no solid element: the support is left out", part.line.row
             )
             continue
-        keys = {f"u{AXES[c]}": written(points, draft.end) for c, points in part.histories.items() if c < draft.dim}
+        keys = {f"u{AXES[c]}": written(points, draft.ramped) for c, points in part.histories.items() if c < draft.dim}
         if keys:
             name = part.name if len(there) == len(part.items) else ""
             draft.add("displacement", {"group": draft.node_group(name, there, "held")} | keys, part.line.card)
@@ -90,11 +95,10 @@ def forces(draft: CaseDraft) -> None:
         if len(loose):
             raise Refused(f"nodes {some(numbers[loose])} belong to no solid element, and carry no force", part.line.row)
         keys = {
-            f"f{AXES[c]}": scaled(written(points, draft.end), draft.per_thickness)
+            f"f{AXES[c]}": scaled(written(points, draft.ramped), draft.per_thickness)
             for c, points in part.histories.items()
         }
-        for group in draft.loaded_groups(part.name, part.items, "loaded"):
-            draft.add("force", {"group": group} | keys, part.line.card)
+        draft.add("force", {"group": draft.node_group(part.name, part.items, "loaded")} | keys, part.line.card)
     if moments := [one for one in draft.reading.content.assigned if one.kind in ("moment", "spin")]:
         _check_rotations(draft, moments)
 
@@ -121,7 +125,7 @@ def pressures(draft: CaseDraft) -> None:
                 f"these faces of elements {numbers} lie between two elements; press outer faces", part.line.row
             )
         group = draft.groups.add_skin(part.name or "pressed", part.items)
-        keys = {"group": group, "value": written(part.histories[0], draft.end)}
+        keys = {"group": group, "value": written(part.histories[0], draft.ramped)}
         draft.add("pressure", keys | ({"follower": True} if draft.large else {}), part.line.card)
 
 
@@ -151,7 +155,7 @@ def temperatures(draft: CaseDraft) -> None:
         own = warm[which.ravel() == k]
         at = int(np.flatnonzero(row_of[found.items] == row)[0])
         points = history_of(content, found, int(found.items[at]), 0, T)
-        value = written(points or [(0.0, T)], draft.end, T)
+        value = written(points or [(0.0, T)], draft.ramped, T)
         if value == T:
             continue
         line = found.line_of(at)
@@ -177,14 +181,31 @@ def probes(draft: CaseDraft) -> None:
 
 
 def steps(draft: CaseDraft) -> None:
-    """Add [steps]: the increments of the deck's steps, MOST_INCREMENTS of each at most. Raises Refused."""
+    """Add [steps]: the increments of the deck's steps, of a static one MOST_INCREMENTS at most. Raises Refused."""
     times: list[float] = []
     for step in draft.reading.content.steps:
-        count = max(1, ceil(step.period / step.increment - 1e-9))
-        count = count if step.direct else min(count, MOST_INCREMENTS)
+        count = _increments(draft, step)
+        if step.begin and step.begin == draft.ramped and step.sudden:  # loads jump where the motion begins
+            times += [step.begin + part * step.period / count for part in _SUDDEN]
         times += [step.begin + step.period * k / count for k in range(1, count + 1)]
     even = [draft.end * k / len(times) for k in range(1, len(times) + 1)]
     if np.allclose(times, even, rtol=1e-12, atol=0):
         draft.add("steps", {"end": draft.end, "count": len(times)})
     else:
         draft.add("steps", {"times": times})
+
+
+def _increments(draft: CaseDraft, step: DeckStep) -> int:
+    """Return how many increments a step is computed in. Raises Refused for more than MOST_STEPS."""
+    static = step.alpha is None
+    count = step.period / (step.increment if static or step.direct else max(step.increment, step.largest))
+    if static and not step.direct:
+        count = min(count, MOST_INCREMENTS)
+    if not count <= MOST_STEPS:
+        message = f"a step of {count:.0f} increments is too long for the case; give fewer in the line of the procedure"
+        raise Refused(message, None, step.origin)
+    count = max(1, ceil(count - 1e-9))
+    if not static and not step.direct:
+        told = f"it is computed in {count} equal increments; lacsolver validate tells if they are short enough"
+        draft.reading.note(step.origin, told)
+    return count

@@ -16,10 +16,12 @@ from lacsolver.decks.content import (
     Interaction,
     Pair,
 )
+from lacsolver.decks.motion_cards import velocities
 from lacsolver.decks.reading import Reading
 
 #: elements that lacsolver computes, and letters of their names that change how they are computed
 _SOLIDS = re.compile(r"(?:C3D(?:4|6|8|10|15|20|27)|CPS(?:3|4|6|8)|CPE(?:3|4|6|8)|CAX(?:3|4|6|8))([RIHM]*)")
+_POINTS = ("SPRING1", "MASS", "ROTARYI")
 _VARIANTS = {
     "R": "reduced integration",
     "I": "incompatible modes",
@@ -32,15 +34,27 @@ def element(reading: Reading, card: Card) -> None:
     """Take elements that are solids or springs to the ground; others have no place in lacsolver."""
     name = card.word("TYPE")
     solid = _SOLIDS.fullmatch(name)
-    if solid is None and name != "SPRING1":
+    if solid is None and name not in _POINTS:
         raise Refused(
-            f"lacsolver computes solid elements (C3D, CPS, CPE, CAX) and springs to the ground (SPRING1), and none of "
-            f"type {name or '(none)'}; model this part with solid elements, or take it out"
+            f"lacsolver computes solid elements (C3D, CPS, CPE, CAX), springs to the ground (SPRING1) and masses of "
+            f"rigid bodies (MASS, ROTARYI), and none of type {name or '(none)'}; model this part with solid "
+            "elements, or take it out"
         )
     if solid and solid[1] and name not in reading.variants:
         reading.variants.add(name)
-        told = " and ".join(_VARIANTS[letter] for letter in dict.fromkeys(solid[1]))
-        reading.note(card, f"{name} has {told}; lacsolver computes the same shape with full integration")
+        _tell_variant(reading, card, name, solid[1])
+
+
+def _tell_variant(reading: Reading, card: Card, name: str, letters: str) -> None:
+    """Tell that elements of a variant are computed otherwise here; linear ones are too stiff in bending."""
+    told = " and ".join(_VARIANTS[letter] for letter in dict.fromkeys(letters))
+    message = f"{name} has {told}; lacsolver computes the same shape with full integration"
+    if letters == "H":
+        reading.note(card, message)
+        return
+    linear = re.search(r"[48][A-Z]*$", name) and not name.startswith(("CPS8", "CPE8", "CAX8"))
+    advice = ", which is too stiff in bending: elevate its order before (lacmesh convert --order 2)" if linear else ""
+    reading.warn(card, message + advice)
 
 
 def surface(reading: Reading, card: Card) -> None:
@@ -72,9 +86,13 @@ def amplitude(reading: Reading, card: Card) -> None:
 
 
 def initial_conditions(reading: Reading, card: Card) -> None:
-    """Take temperatures without strain."""
+    """Take temperatures without strain, and velocities."""
+    if card.word("TYPE") == "VELOCITY":
+        velocities(reading, card)
+        return
     if card.word("TYPE") != "TEMPERATURE":
-        raise Refused(f"initial conditions of type {card.word('TYPE') or '(none)'} are not taken; TEMPERATURE is")
+        kind = card.word("TYPE") or "(none)"
+        raise Refused(f"initial conditions of type {kind} are not taken; TEMPERATURE and VELOCITY are")
     for row in card.rows:
         name, nodes = reading.names.nodes(row.text(0), row)
         value = row.number(1, "the temperature")
@@ -98,6 +116,9 @@ def behavior(reading: Reading, card: Card) -> None:
         which.stiffness, which.tied = stiffness, kind == "TIED"
         if which.tied:
             reading.note(card, "surfaces that are tied become a [[tie]], without its stiffness: they stay together")
+    elif kind in ("EXPONENTIAL", "TABULAR"):
+        message = f"lacsolver has HARD and LINEAR contact, and not {kind}; write one of these"
+        reading.lack(card, message, "contact is HARD")
     elif kind != "HARD":
         raise Refused(f"lacsolver has HARD and LINEAR contact, and not {kind}; write one of these")
 
@@ -138,12 +159,12 @@ def _skins(reading: Reading, card: Card, row: DeckLine) -> tuple[str, ...]:
         name, facets = reading.names.skin(text, row)
         if reading.names.of_nodes(text):
             reading.note(card, f"the surface of nodes {name!r} is taken as the {len(facets)} faces on its nodes", row)
-    return tuple(key_of(reading.names.plain(text)) for text in row.fields)
+    return tuple(key_of(text) for text in row.fields)
 
 
 def clearance(reading: Reading, card: Card) -> None:
     """Take the gap between a slave and a master, which replaces the one in the mesh."""
-    pair = tuple(key_of(reading.names.plain(card.needed(name))) for name in ("SLAVE", "MASTER"))
+    pair = tuple(key_of(card.needed(name)) for name in ("SLAVE", "MASTER"))
     reading.content.clearances[pair[0], pair[1]] = (card.number("VALUE"), card)
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
-from lacsolver.decks.cards import Refused, look_up
+from lacsolver.decks.cards import Card, Refused, look_up
 from lacsolver.decks.content import Content, DeckSection, Interaction, Pair
 from lacsolver.decks.draft import AXES, MODELS, CaseDraft
+from lacsolver.decks.histories import JUMP
 
 #: fewer faces of a slave than this, by dimension, cannot keep a body from turning
 _FEW = {2: 2, 3: 3}
@@ -150,7 +152,7 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
     master = draft.groups.add_skin(
         "_".join(dict.fromkeys(name for name, _ in skins)), np.concatenate([f for _, f in skins])
     )
-    keys = {"slave": draft.groups.add_skin(slave, facets), "master": master}
+    keys: dict[str, Any] = {"slave": draft.groups.add_skin(slave, facets), "master": master}
     law = laws[0]
     if first.tie or (law and law.tied):
         draft.add("tie", keys | {k: v for k, v in first.keys.items() if k == "search_distance"}, first.card)
@@ -158,6 +160,8 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
     for pair in pairs:
         if (pair.slave, pair.master) in draft.reading.content.clearances:
             draft.clearances[keys["slave"]] = draft.reading.content.clearances[pair.slave, pair.master]
+    if removed := [one for pair in pairs for one in draft.reading.content.changes.get((pair.slave, pair.master), ())]:
+        keys["clearance"] = _removed(draft, pairs, removed, keys["slave"])
     if len(facets) < _FEW[draft.dim]:
         draft.reading.warn(
             first.card,
@@ -167,6 +171,27 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
     stiffness = {"stiffness": law.stiffness} if law and law.stiffness else {}
     normals = {"normals": "smoothed"} if draft.large else {}  # those of CalculiX, averaged at the nodes
     draft.add("contact", keys | stiffness | normals | dict(first.keys), first.card)
+
+
+def _removed(
+    draft: CaseDraft, pairs: list[Pair], changes: list[tuple[int, bool, Card]], slave: str
+) -> list[list[float]]:
+    """Return the clearance of contact that is removed for some steps: larger than the model, else 0. Raises Refused."""
+    card = changes[0][2]
+    if len(pairs) > 1:
+        raise Refused("this slave has several masters, whose contact is removed together here; give it one", None, card)
+    if slave in draft.clearances:
+        raise Refused("contact that is removed for some steps has no *CLEARANCE; take one of them out", None, card)
+    far = 10 * float(np.linalg.norm(np.ptp(draft.groups.mesh.points, axis=0)))
+    there = {step: far * (not added) for step, added, _ in changes}
+    steps = draft.reading.content.steps
+    values = [there[max(k for k in there if k <= now)] if min(there) <= now else 0.0 for now in range(len(steps))]
+    points = [(0.0, values[0])]
+    for step, value in zip(steps, values, strict=True):
+        if value != points[-1][1]:
+            points.append((step.begin + JUMP * step.period, value))
+        points.append((step.end, value))
+    return [list(point) for point in points]
 
 
 def _interaction(content: Content, pair: Pair) -> Interaction | None:
@@ -181,8 +206,8 @@ def springs(draft: CaseDraft) -> None:
     for spring in draft.reading.content.springs:
         for count, nodes in _repeats(spring.nodes):
             size = count * spring.stiffness * draft.per_thickness
-            for group in draft.loaded_groups(spring.group, nodes, "sprung"):
-                draft.add("spring", {"group": group, f"k{AXES[spring.axis]}": size}, spring.card)
+            group = draft.node_group(spring.group, nodes, "sprung")
+            draft.add("spring", {"group": group, f"k{AXES[spring.axis]}": size}, spring.card)
 
 
 def _repeats(nodes: Ints) -> Iterator[tuple[int, Ints]]:

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.deck import Deck, key_of
-from lacmesh.errors import ReadError
+from lacmesh.deck import Deck
 from lacmesh.formats.ids import Index
 from lacmesh.formats.inp.types import FACETS
 from lacmesh.mesh import Ints, Mesh
@@ -33,14 +32,12 @@ class Names:
 
     @property
     def deck(self) -> Deck:
-        """The deck of the mesh. Raises ReadError for a mesh that was not read from a deck."""
-        if self.mesh.deck is None:
-            raise ReadError(self.mesh.name, "is no deck of CalculiX or Abaqus (.inp)")
+        """The deck of the mesh."""
+        assert self.mesh.deck is not None
         return self.mesh.deck
 
     def nodes(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         """Return the name of a set and its nodes (k,), or "" and the node of a number. Raises Refused."""
-        text = self.plain(text)
         if _is_number(text):
             return "", self._place(self._node_index, text, "node", row)
         name = self.deck.node_sets[look_up(self.deck.node_sets, text, "set of nodes", row)]
@@ -57,34 +54,21 @@ class Names:
         return name, found
 
     def points(self, text: str) -> tuple[str, Ints]:
-        """Return the name of a set of springs to the ground, and their nodes (k,). Raises Refused."""
+        """Return the name of a set of elements of one node, springs or masses, and their nodes (k,). Raises Refused."""
         name, found = self._cells(text, None)
         nodes = [nodes[:, 0] for _, _, nodes in self.mesh.select(found[self.mesh.cell_dim[found] == 0])]
         if not nodes:
-            raise Refused(f"{text} has no elements of type SPRING1")
+            raise Refused(f"{text} has no elements of one node, such as SPRING1 or MASS")
         return name, np.concatenate(nodes)
 
     def _cells(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
-        text = self.plain(text)
         if _is_number(text):
             return "", self._place(self._cell_index, text, "element", row)
         name = self.deck.element_sets[look_up(self.deck.element_sets, text, "set of elements", row)]
         return name, np.asarray(self.mesh.cell_groups[name])
 
-    def plain(self, text: str) -> str:
-        """Return a name or number without the instance in front of it, if there is one instance: the mesh has none."""
-        before, _, rest = text.rpartition(".")
-        return rest if before and [key_of(before)] == self._instances else text
-
-    @cached_property
-    def _instances(self) -> list[str]:
-        """Keys of the names of instances."""
-        return [key_of(card.options.get("NAME", "")) for card in self.deck.named("INSTANCE")]
-
     def _place(self, index: Index, text: str, what: str, row: DeckLine | None) -> Ints:
-        """Return the index (1,) of a number. Raises Refused, also if numbers of the deck are not those of its mesh."""
-        if self.deck.apart:
-            raise Refused(f"{self.deck.apart}, so that a number may mean several; name a set", row)
+        """Return the index (1,) of a number. Raises Refused."""
         place = index.places(np.array([int(text)])) if len(text) < _DIGITS else np.array([-1])
         if place[0] < 0:
             raise Refused(f"there is no {what} {text[:40]}", row)
@@ -105,10 +89,9 @@ class Names:
 
         Raises Refused for a surface that is not there, or has no faces of solid cells.
         """
-        text = self.plain(text)
         there = self.deck.surface_group(text)
         if there is None:
-            look_up({key: None for _, key in self.deck.surfaces}, text, "surface", row)
+            look_up({key: group for (_, key), group in self.deck.surfaces.items()}, text, "surface", row)
         assert there is not None
         kind, name = there
         if kind == "NODE":
@@ -128,7 +111,7 @@ class Names:
 
     def of_nodes(self, text: str) -> bool:
         """True if a surface is one of nodes."""
-        there = self.deck.surface_group(self.plain(text))
+        there = self.deck.surface_group(text)
         return there is not None and there[0] == "NODE"
 
     def _faces_on(self, name: str, row: DeckLine | None) -> Ints:

@@ -11,9 +11,13 @@ from lacsolver.decks.names import Names
 
 @dataclass
 class Reading:
-    """Content, names and findings of a deck; `variants`: names of elements that a note has told of."""
+    """Content, names and findings of a deck; `variants`: names of elements that a note has told of.
+
+    `lenient`: what lacsolver lacks is left out, with a warning.
+    """
 
     names: Names
+    lenient: bool = False
     content: Content = field(default_factory=Content)
     findings: list[Finding] = field(default_factory=list)
     variants: set[str] = field(default_factory=set)
@@ -25,6 +29,13 @@ class Reading:
     def warn(self, card: Card, message: str, row: DeckLine | None = None) -> None:
         """Tell what may change the answer."""
         self.findings.append(found_at(card, message, row, "warning"))
+
+    def lack(self, card: Card, message: str, instead: str) -> None:
+        """Tell what would change the answer and is not taken, or, if this is lenient, what is taken instead."""
+        if self.lenient:
+            self.warn(card, f"left out: {message}; {instead}")
+        else:
+            self.error(card, message)
 
     def error(self, card: Card, message: str, row: DeckLine | None = None) -> None:
         """Tell what would change the answer, and is not taken."""

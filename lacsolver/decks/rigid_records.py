@@ -27,7 +27,26 @@ def rigid_bodies(draft: CaseDraft) -> None:
             keys["centre"] = centre.tolist()
         for c in [1] if axisymmetric else range(draft.dim):
             keys |= _moved(draft, body, c)
-        draft.add("rigid", keys | ({} if axisymmetric else _turned(draft, body)), body.card)
+        keys |= {} if axisymmetric else _turned(draft, body)
+        draft.add("rigid", keys | _own_mass(draft, body), body.card)
+    references = [body.reference for body in draft.reading.content.rigid]
+    for one in draft.reading.content.masses:
+        if one.node not in references:
+            number = draft.groups.mesh.node_number[one.node]
+            message = f"node {number} is no reference node of a *RIGID BODY, and others have the mass of their elements"
+            draft.reading.error(one.card, f"{message} alone in lacsolver; spread the mass by *DENSITY")
+
+
+def _own_mass(draft: CaseDraft, body: DeckRigid) -> dict[str, Any]:
+    """Return mass and inertia of the elements at the reference node of a body. Raises Refused for a wrong mass."""
+    own = [one for one in draft.reading.content.masses if one.node == body.reference]
+    if not own:
+        return {}
+    mass = sum(one.mass for one in own) * draft.per_thickness
+    inertia = (np.sum([one.inertia for one in own], axis=0) * draft.per_thickness).tolist()
+    if not mass > 0:
+        raise Refused("the mass at the reference node of a rigid body should be positive", None, own[0].card)
+    return {"mass": mass} | ({"inertia": inertia if draft.dim == 3 else inertia[2]} if any(inertia) else {})
 
 
 def _moved(draft: CaseDraft, body: DeckRigid, c: int) -> dict[str, Any]:
@@ -35,8 +54,8 @@ def _moved(draft: CaseDraft, body: DeckRigid, c: int) -> dict[str, Any]:
     prescribed = _at(draft, "displacement", body.reference, c)
     pushed = _at(draft, "force", body.reference, c)
     if prescribed:
-        return {f"u{AXES[c]}": written(prescribed, draft.end)}
-    return {f"f{AXES[c]}": scaled(written(pushed, draft.end), draft.per_thickness) if pushed else 0.0}
+        return {f"u{AXES[c]}": written(prescribed, draft.ramped)}
+    return {f"f{AXES[c]}": scaled(written(pushed, draft.ramped), draft.per_thickness) if pushed else 0.0}
 
 
 def _turned(draft: CaseDraft, body: DeckRigid) -> dict[str, Any]:
@@ -47,10 +66,10 @@ def _turned(draft: CaseDraft, body: DeckRigid) -> dict[str, Any]:
     if any(prescribed):
         if not all(prescribed):
             raise Refused("a rigid body of lacsolver turns freely about all axes or about none; fix all or none")
-        name, values = "rotation", [written(points, draft.end) for points in prescribed if points]
+        name, values = "rotation", [written(points, draft.ramped) for points in prescribed if points]
     else:
         scale = draft.per_thickness
-        values = [scaled(written(points, draft.end), scale) if points else 0.0 for points in loaded]
+        values = [scaled(written(points, draft.ramped), scale) if points else 0.0 for points in loaded]
         name = "moment"
     return {name: values if draft.dim == 3 else values[0]}
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from lacmesh.deck import key_of
 from lacmesh.mesh import Ints
-from lacsolver.decks.cards import Card, DeckLine, Refused
+from lacsolver.decks.cards import Card, DeckLine, Lacking, Refused
 from lacsolver.decks.content import Assigned, DeckStep
 from lacsolver.decks.reading import Reading
 
@@ -32,18 +32,23 @@ def step(reading: Reading, card: Card) -> None:
 
 def static(reading: Reading, card: Card) -> None:
     """Take the first increment and the length of a step."""
-    which = reading.content.step
+    take_times(reading.content.begin_procedure(card), card)
+
+
+def take_times(which: DeckStep, card: Card) -> None:
+    """Take the increments and the length of a step from its procedure. Raises Refused."""
     if card.rows:
         row = card.rows[0]
         which.increment, which.period = row.number(0, "the first increment", 1.0), row.number(1, "the period", 1.0)
-        if not (which.period > 0 and which.increment > 0):
-            raise Refused("the first increment and the period of a step should be positive", row)
+        which.largest = row.number(3, "the largest increment", 0.0)
+        if not (which.period > 0 and which.increment > 0 and which.largest >= 0):
+            raise Refused("the increments and the period of a step should be positive", row)
     which.direct = "DIRECT" in card.options
 
 
 def frequency(reading: Reading, card: Card) -> None:
     """Take how many natural modes are asked for: `lacsolver modes` finds them."""
-    which = reading.content.step
+    which = reading.content.begin_procedure(card)
     which.modes = card.first("the number of modes").whole(0, "the number of modes")
     if which.modes < 1:
         raise Refused("the number of modes should be positive", card.rows[0])
@@ -169,6 +174,22 @@ def dsload(reading: Reading, card: Card) -> None:
             raise Refused(f"lacsolver has the load P on a surface, and not {row.text(1) or '(none)'}", row)
         name, facets = reading.names.skin(row.text(0), row)
         _assign(reading, card, row, "pressure", now, name, facets, (0,), row.number(2, "the pressure"))
+
+
+def model_change(reading: Reading, card: Card) -> None:
+    """Take contact that is removed for some steps, or added again."""
+    now = reading.content.steps.index(reading.content.step)
+    if card.word("TYPE") != "CONTACTPAIR":
+        raise Lacking("elements are there in all steps; leave out the steps without them")
+    if ("ADD" in card.options) == ("REMOVE" in card.options):
+        raise Refused("it should say either ADD or REMOVE")
+    for row in card.rows:
+        if len(row.fields) != 2:
+            raise Refused("a line should be a slave surface and a master surface", row)
+        pair = key_of(row.text(0)), key_of(row.text(1))
+        if pair not in {(one.slave, one.master) for one in reading.content.pairs if not one.tie}:
+            raise Refused(f"there is no *CONTACT PAIR of {row.text(0)} and {row.text(1)}; name one of them", row)
+        reading.content.changes[pair].append((now, "ADD" in card.options, card))
 
 
 def temperature(reading: Reading, card: Card) -> None:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from lacsolver.decks import material_cards as materials
 from lacsolver.decks import model_cards as model
+from lacsolver.decks import motion_cards as motion
 from lacsolver.decks import step_cards as steps
 from lacsolver.decks.cards import Card
 from lacsolver.decks.reading import Reading
@@ -51,8 +52,13 @@ READ = {
     "STEP": _row(steps.step, "NLGEOM AMPLITUDE PERTURBATION", "INC INCF NAME EXTRAPOLATION UNSYMM CONVERTSDI"),
     "STATIC": _row(steps.static, "DIRECT", "SOLVER"),
     "FREQUENCY": _row(steps.frequency, "", "STORAGE SOLVER EIGENSOLVER NORMALIZATION"),
+    "DYNAMIC": _row(motion.dynamic, "ALPHA DIRECT EXPLICIT", "SOLVER"),
+    "DAMPING": _row(motion.damping, "ALPHA BETA"),
+    "MASS": _row(motion.mass, "ELSET"),
+    "ROTARYINERTIA": _row(motion.rotary_inertia, "ELSET"),
     "ENDSTEP": _row(steps.end_step),
     "BOUNDARY": _row(steps.boundary, "OP AMPLITUDE"),
+    "MODELCHANGE": _row(steps.model_change, "TYPE ADD REMOVE"),
     "CLOAD": _row(steps.cload, "OP AMPLITUDE"),
     "DLOAD": _row(steps.dload, "OP AMPLITUDE"),
     "DSLOAD": _row(steps.dsload, "OP AMPLITUDE"),
@@ -96,25 +102,24 @@ _LINEAR = "lacsolver has no linear equations between nodes"
 _HEAT = "lacsolver computes no heat; give the temperatures by *TEMPERATURE"
 #: procedures of steps that lacsolver has not; nobody may leave them out, as a step without one is static
 PROCEDURES = dict.fromkeys(
-    ("DYNAMIC", "BUCKLE", "MODALDYNAMIC", "STEADYSTATEDYNAMICS", "COMPLEXFREQUENCY", "SENSITIVITY",
+    ("BUCKLE", "MODALDYNAMIC", "STEADYSTATEDYNAMICS", "COMPLEXFREQUENCY", "SENSITIVITY",
      "VISCO", "GREEN", "ELECTROMAGNETICS", "SUBSTRUCTUREGENERATE", "HEATTRANSFER", "COUPLEDTEMPERATURE-DISPLACEMENT",
      "UNCOUPLEDTEMPERATURE-DISPLACEMENT"),
-    "lacsolver computes static steps (*STATIC)",
+    "lacsolver computes static steps (*STATIC) and implicit ones with inertia (*DYNAMIC)",
 )  # fmt: skip
 #: cards that change the answer, and that lacsolver has no place for -> what to try
 LACKS = {
     **dict.fromkeys(("SHELLSECTION", "MEMBRANESECTION", "BEAMSECTION", "BEAMGENERALSECTION"), _SHELLS),
-    **dict.fromkeys(("USERELEMENT", "USERSECTION", "FLUIDSECTION", "GAP", "DASHPOT", "MASS"), _SHELLS),
+    **dict.fromkeys(("USERELEMENT", "USERSECTION", "FLUIDSECTION", "GAP", "DASHPOT"), _SHELLS),
     "EQUATION": f"{_LINEAR}; a face that stays plane may be a [[rigid]], two meshes that do not match a *TIE",
     "MPC": f"{_LINEAR}; a face that stays plane may be a [[rigid]], two meshes that do not match a *TIE",
     **dict.fromkeys(("COUPLING", "KINEMATIC", "DISTRIBUTING"), f"{_LINEAR}; what moves rigidly is a *RIGID BODY"),
     "TRANSFORM": "supports and forces are along the global axes, or un along a normal in the case; write them so",
-    "MODELCHANGE": "contact and elements are there in all steps; leave out the steps without them",
     "CHANGEFRICTION": "contact is without friction",
     "CHANGESURFACEBEHAVIOR": "contact has one law for all steps",
     "CONTACTDAMPING": "contact has no damping",
     **dict.fromkeys(("PLASTIC", "CREEP", "CYCLICHARDENING", "HYPERFOAM", "USERMATERIAL", "DEPVAR", "MOHRCOULOMB",
-                     "DEFORMATIONPLASTICITY", "VISCOELASTIC", "DAMPING"),
+                     "DEFORMATIONPLASTICITY", "VISCOELASTIC"),
                     "lacsolver's materials are elastic; docs/architecture.md says how a program adds a law"),
     **dict.fromkeys(("CONDUCTIVITY", "SPECIFICHEAT", "FILM", "DFLUX", "CFLUX", "RADIATE"), _HEAT),
     "PRE-TENSIONSECTION": "pretension is not taken; shorten the bolt by *TEMPERATURE, or overlap it by *CLEARANCE",

@@ -124,7 +124,7 @@ def _made(kind: type[Exception], message: str) -> Exception:
     """Return an error with a message; a LacmeshError if errors of this kind are made of more."""
     try:
         return kind(message)
-    except TypeError:
+    except (TypeError, AttributeError):
         made = LacmeshError(message)
         made.status = getattr(kind, "status", made.status)
         return made

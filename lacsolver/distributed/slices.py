@@ -2,7 +2,7 @@
 
 Each process reads a slice (`lacmesh.formats.med.reader`): some consecutive nodes, and some cells of each type. All
 nodes are bisected together, so that each has an owner (`lacmesh.partition.bisection`). A process then sends each of its
-cells to the owners of the cell's nodes, and those on a skin or behind it to all; it asks for the points, numbers and
+cells to the owners of the cell's nodes, and those that touch a skin to all; it asks for the points, numbers and
 data of its nodes where they are kept (`homes`). The result is that of `part_of`.
 """
 
@@ -27,9 +27,8 @@ from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.origin import bounds_of
 from lacmesh.partition import Part
 from lacmesh.partition.bisection import distribute_points
-from lacmesh.partition.parts import WholeMesh, cells_of_skins, nodes_of, periodic_left, skin_name
+from lacmesh.partition.parts import WholeMesh, check_skins, nodes_of, periodic_left, skin_name, touching
 from lacmesh.partition.pieces import PieceIndices, cells_of_ranks
-from lacmesh.topology.skin import TYPE_CODE
 from lacsolver.distributed.collective import Collective, Routes
 from lacsolver.distributed.homes import Homes, join_bodies
 
@@ -169,53 +168,31 @@ class _Dealer:
 
     def _cells_to_send(self, names: Sequence[str]) -> PieceIndices:
         """Return the cells of the slice that each process needs: those at its own nodes, and those of some skins."""
-        mesh, node, ours = self._with_skins(names)
-        skins = self.together.on_each(lambda: cells_of_skins(mesh, names))
-        owner = self.homes.ask(node)(self.owner)
-        cells = cells_of_ranks(mesh, owner, self.together.n, np.unique(np.concatenate([_NONE, *skins])))
-        kept = ours[cells.index] >= 0
-        return PieceIndices(ours[cells.index[kept]], cells.count(kept))
-
-    def _with_skins(self, names: Sequence[str]) -> tuple[Mesh, Ints, Ints]:
-        """Return the slice with the faces of some groups of the whole mesh, as a mesh with these groups.
-
-        Also the index of its nodes in the whole mesh, and of its cells (n_cells,) in the slice, -1 for further ones.
-        """
-        members = self._members(names)
-        blocks: _Blocks = []
-        ours: list[Ints] = []
-        groups: list[list[Ints]] = [[] for _ in names]
-        start = first = 0
-        for c in self.content.cells:
-            inside = members[start : start + c.rows.n]
-            nodes, marks = c.nodes, inside
-            if self._is_skin(c.kind.type):
-                chosen = np.flatnonzero(inside.any(axis=1))
-                nodes = np.concatenate([nodes, self.together.gather(c.nodes[chosen])])
-                marks = np.concatenate([inside, self.together.gather(inside[chosen])])
-            blocks.append((c.kind.type, nodes))
-            ours.append(np.where(np.arange(len(nodes)) < c.rows.n, start + np.arange(len(nodes)), -1))
-            for group, mark in zip(groups, marks.T, strict=True):
-                group.append(first + np.flatnonzero(mark))
-            start, first = start + c.rows.n, first + len(nodes)
-        node = _distinct([nodes for _, nodes in blocks])
+        node = _distinct([c.nodes for c in self.content.cells])
         mesh = Mesh.create(
             np.zeros((len(node), 3)),
-            [(kind, np.searchsorted(node, nodes)) for kind, nodes in blocks],
-            cell_groups={name: np.concatenate([_NONE, *rows]) for name, rows in zip(names, groups, strict=True)},
+            [(c.kind.type, np.searchsorted(node, c.nodes)) for c in self.content.cells],
+            cell_groups=self.groups,
         )
-        return mesh, node, np.concatenate([_NONE, *ours])
+        owner = self.homes.ask(node)(self.owner)
+        return cells_of_ranks(mesh, owner, self.together.n, self._around_skins(mesh, node, names))
 
-    def _is_skin(self, kind: str) -> bool:
-        """True for a type of faces of the cells of the highest dimension."""
-        return kind in TYPE_CODE and ALL_CELLS[kind].dim == self.content.dim - 1
+    def _around_skins(self, mesh: Mesh, node: Ints, names: Sequence[str]) -> Ints:
+        """Return the cells of the slice that `cells_of_skins` finds for some groups of the whole mesh, ascending.
 
-    def _members(self, names: Sequence[str]) -> _Bools:
-        """Return a mask (k, n_names) of the members of some groups in the slice."""
-        inside = np.zeros((len(self.index), len(names)), bool)
-        for j, name in enumerate(names):
-            inside[self.groups[name], j] = True
-        return inside
+        `mesh`: the slice, of the nodes (k,) of the whole mesh.
+        """
+        self.together.on_each(lambda: check_skins(mesh, names))
+        around = np.zeros(mesh.n_cells, bool)
+        for name in names:
+            around[mesh.cells_of(name)] = True
+        skin = np.unique(self.together.gather(node[nodes_of(mesh, around)]))
+        around |= touching(mesh, np.isin(node, skin))
+        parent = self.content.data.cell_data.get("lac_parent")
+        if parent is not None:
+            cut = np.unique(self.together.gather(np.unique(parent[around & (parent >= 0)])))
+            around |= np.isin(parent, cut)
+        return np.flatnonzero(around)
 
     def _whole(self, mesh: Mesh, own: _Bools, body: Ints, n_bodies: int) -> WholeMesh:
         """Return the figures of the whole mesh from those of all parts; `own`, `body` (n_nodes,): as in a Part."""

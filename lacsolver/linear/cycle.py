@@ -100,6 +100,10 @@ class Team:
         """Subtract c A from x in place, for a few long rows A (k, n)."""
         self.run(_subtract, -(-len(x) // _PART), c, A, x, worth=_WORTH_PARTS)
 
+    def summed(self, f: Floats) -> NDArray[np.floating]:
+        """Return f."""
+        return f
+
     def same(self, x: NDArray[Any]) -> NDArray[Any]:
         """Return x."""
         return x

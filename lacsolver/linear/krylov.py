@@ -1,4 +1,4 @@
-"""Generalised conjugate residuals (GCR): the Krylov loop of all iterative solutions.
+"""Generalised conjugate residuals (GCR): the Krylov loop of all iterative solutions; and conjugate gradients.
 
 For A x = b with any preconditioner, one that changes included (GMRES with a flexible preconditioner, Saad 1993). Each
 direction z is stored with its image A z; the images are made orthonormal, A Z = I T^T with rows I, so that the residual
@@ -100,3 +100,30 @@ def _orthogonalise(image: Floats, others: Floats, vectors: Vectors) -> tuple[NDA
         vectors.subtract(again, others, image)
         parts, left = parts + again, vectors.norm(image)
     return parts, left
+
+
+def conjugate_gradients(
+    apply: Callable[[Floats], Floats], b: Floats, vectors: Vectors, reduction: float, most: int
+) -> NDArray[np.floating]:
+    """Return x (n,) with A x = b for a symmetric positive definite A = `apply` that is well conditioned.
+
+    It ends where the residual by recurrence is `reduction` times that at 0, or after `most` steps (Hestenes and Stiefel
+    1952). Of several processes `apply` takes and returns own entries, as b has them.
+
+    >>> from lacsolver.linear.vectors import WHOLE
+    >>> conjugate_gradients(lambda x: np.array([2.0, 4.0]) * x, np.array([2.0, 8.0]), WHOLE, 1e-15, 10).round(12)
+    array([1., 2.])
+    """
+    x, r = np.zeros_like(b), b.copy()
+    direction, square = r.copy(), vectors.dots(r[None], r)[0]
+    least = reduction**2 * square
+    for _ in range(most):
+        if not square > least:
+            break
+        image = apply(direction)
+        step = square / vectors.dots(image[None], direction)[0]
+        x += step * direction
+        r -= step * image
+        before, square = square, vectors.dots(r[None], r)[0]
+        direction = r + (square / before) * direction
+    return x

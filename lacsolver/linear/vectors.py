@@ -29,6 +29,9 @@ class Vectors(Protocol):
     def subtract(self, c: Floats, A: Floats, x: Floats) -> None:
         """Subtract c A from x in place, for rows A (k, n)."""
 
+    def summed(self, f: Floats) -> NDArray[np.floating]:
+        """Return f (n,) with sums over all processes at unknowns that all have, where each process has a part."""
+
     def same(self, x: NDArray) -> NDArray:
         """Return an array that all processes compute, as the first one has it: their processors may round otherwise."""
 
@@ -56,6 +59,10 @@ class WholeVectors:
         """Subtract c A from x in place, for rows A (k, n)."""
         x -= c @ A
 
+    def summed(self, f: Floats) -> NDArray[np.floating]:
+        """Return f."""
+        return f
+
     def same(self, x: NDArray) -> NDArray:
         """Return x."""
         return x
@@ -64,14 +71,15 @@ class WholeVectors:
 class SharedVectors:
     """Vectors of unknowns of which each process holds some, its `own` (n,), and copies of others.
 
-    Entries beyond the n unknowns, such as pressures, are the same on all processes. `total` and `largest` combine the
-    arrays and numbers of all processes, `same` takes those of the first one; `first`: True there.
+    Entries beyond the n unknowns, such as pressures, are the same on all processes. `summed`: the method; `total` and
+    `largest` combine the arrays and numbers of all processes, `same` takes those of the first one; `first`: True there.
     """
 
     def __init__(
-        self, own: NDArray[np.bool_], total: Callable[[Floats], Floats], largest: Callable[[float], float],
-        same: Callable[[NDArray], NDArray], first: bool,
+        self, own: NDArray[np.bool_], summed: Callable[[Floats], Floats], total: Callable[[Floats], Floats],
+        largest: Callable[[float], float], same: Callable[[NDArray], NDArray], first: bool,
     ) -> None:  # fmt: skip
+        self._summed = summed
         self._own, self._weight = np.flatnonzero(own), own.astype(float)
         self._total, self._largest, self._same, self._first = total, largest, same, first
 
@@ -96,6 +104,10 @@ class SharedVectors:
     def subtract(self, c: Floats, A: Floats, x: Floats) -> None:
         """Subtract c A from x in place, for rows A (k, n)."""
         x -= c @ A
+
+    def summed(self, f: Floats) -> NDArray[np.floating]:
+        """Return f (n,) with sums over all processes at unknowns that all have, where each process has a part."""
+        return self._summed(f)
 
     def same(self, x: NDArray) -> NDArray:
         """Return an array that all processes compute, as the first one has it: their processors may round otherwise."""

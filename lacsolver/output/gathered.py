@@ -40,6 +40,8 @@ class GatheredSeries:
             displacement=self._at_nodes(fields.displacement),
             stress=self._at_nodes(fields.stress),
             reaction=self._at_nodes(fields.reaction),
+            velocity=self._at_nodes_if(fields.velocity),
+            acceleration=self._at_nodes_if(fields.acceleration),
             zones={name: self._zone(zone) for name, zone in fields.zones.items()},
         )
 
@@ -64,6 +66,10 @@ class GatheredSeries:
     def _at_nodes(self, values: NDArray) -> NDArray:
         """Return values (n_nodes, ...) at the nodes of the whole mesh, on the first process."""
         return _all(self._nodes, values)
+
+    def _at_nodes_if(self, values: NDArray | None) -> NDArray | None:
+        """Return values at the nodes of the whole mesh; None for a field that the case does not have."""
+        return None if values is None else self._at_nodes(values)
 
     def _whole_mesh(self, own: NDArray[np.bool_]) -> Mesh:
         """Return the whole mesh on the first process, the part on others. `own` (n_cells,): each is in one process."""

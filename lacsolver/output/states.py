@@ -126,10 +126,10 @@ def read_state(
 def deal_state(state: Restart, share: Share, orders: Mapping[str, Order]) -> Restart:
     """Return the share of this process in a state, of which the first process has the whole arrays, or their file.
 
-    All processes call this. Raises RequestError for a state with histories of a time scheme, ReadError.
+    All processes call this. Raises RequestError for a state with histories of an added time scheme, ReadError.
     """
-    if state.step.histories.scheme:
-        raise RequestError("a state with histories of a time scheme goes on in one process only")
+    if state.step.histories.scheme and state.step.motion is None:
+        raise RequestError("a state with histories of an added time scheme goes on in one process only")
     own, failed = {}, None
     for name, values in whole_arrays(state).items():
         source = _Source(state, name, values) if share.rank == 0 else None

@@ -13,7 +13,7 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small.fields import TemperatureField
-from lacsolver.case import Case, Traction
+from lacsolver.case import Case, Force, Spring, Traction
 from lacsolver.case import Temperature as Record
 from lacsolver.case.records import Entry
 from lacsolver.case.value import Value
@@ -55,7 +55,7 @@ def load(
         with _said_of(traction):
             f += loads.traction(space, mesh.cells_of(traction.group), _traction(space, traction), t)
     for force in case.force:
-        f += loads.nodal_force(space, nodes_of(space, force), _vector(space, force, "f"), t)
+        f += loads.nodal_force(space, _nodes_before_cut(space, force), _vector(space, force, "f"), t)
     for body in case.body_force:
         with _said_of(body):
             f += loads.body_force(space, _vector(space, body, "f"), t, cells=space.cells(body.groups))
@@ -89,13 +89,28 @@ def _said_of(record: Entry) -> Iterator[None]:
         raise wrong(record, str(error)) from None
 
 
+def _nodes_before_cut(space: Space, record: Force | Spring) -> Ints:
+    """Return the nodes (k,) of a force or a spring without those that a cut made, so that its total is that of no cut.
+
+    A node that is named by its place keeps its own. Raises CaseError for a group that has nodes of the cut alone.
+    """
+    nodes = nodes_of(space, record)
+    if record.at is not None:
+        return nodes
+    kept = nodes[~space.made_by_cut[nodes]]
+    if not space.share.total(np.array(len(kept))):
+        message = f"the group {record.group!r} has only nodes that the cut made, on which forces and springs do not act"
+        raise wrong(record, f"{message}; name one that has nodes of the mesh before the cut")
+    return kept
+
+
 def springs(space: Space, case: Case) -> csr_array | None:
     """Return the stiffness (n_dof, n_dof) of springs to the ground; None if there are none."""
     made = None
     moved = np.concatenate([np.empty(0, np.int64), *(nodes_of(space, body) for body in case.rigid)])
     for spring in case.spring:
         stiffness = [getattr(spring, f"k{a}") or 0.0 for a in _AXES[: space.dim]]
-        own = loads.springs(space, nodes_of(space, spring), stiffness, moved=moved)
+        own = loads.springs(space, _nodes_before_cut(space, spring), stiffness, moved=moved)
         made = own if made is None else csr_array(made + own)
     return made
 

@@ -2,7 +2,8 @@
 
 A rigid body's own mass is carried by points that move with it, one, two (in a plane) or six (in space), which together
 have its mass, centre and moments of inertia. So one rule serves for nodes and points: `w` (n_w,) are the displacements
-of all nodes and then of these points, M (n_w, n_w) their mass, and T_w = dw/dq.
+of all nodes and then of these points, M (n_w, n_w) their mass, and T_w = dw/dq. Of several processes each has the rows
+of M at its own nodes, and all have the points.
 """
 
 from __future__ import annotations
@@ -56,11 +57,9 @@ class Inertia:
         plain = csr_array(assemble_mass(space, materials, how.mass))
         rigid = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in constraints.rigid)])
         massless = massless_nodes(space, zones, how.massless, rigid)
-        P = kron(massless.P, np.eye(space.dim), format="csr")
         points = tuple(_points(space, body) for body in constraints.rigid if body.record.mass)
         own = [_point_mass(body, space.dim) for body in points]
-        M = csr_array(block_diag([P.T @ plain @ P, *own], format="csr"))
-        M = csr_array((M + M.T) / 2)  # symmetric to the last bit
+        M = csr_array(block_diag([_redistributed(space, plain, massless), *own], format="csr"))
         made = cls(space, constraints, M, plain, massless, points, finite)
         made._check_rigid()
         return made
@@ -94,16 +93,26 @@ class Inertia:
         return self.space.dofs(np.flatnonzero(self.massless.nodes)).ravel()
 
     def reduced(self, S: csr_array, q: Floats, t: float) -> csr_array:
-        """Return T_w^T S T_w (n_q, n_q) for S (n_w, n_w)."""
-        c = self.constraints
-        if not self.points and c.is_selection:
-            return csr_array(S[c.free][:, c.free])
-        T = self.tangent(q, t)
-        return csr_array((T.T @ S @ T).tocsr())
+        """Return T_w^T S T_w (n_q, n_q) for S (n_w, n_w); of several processes the part of this one."""
+        c, n, T = self.constraints, self.space.n_dof, self.tangent(q, t)
+        if not self.points:
+            return c.reduced(S, T)
+        made = c.reduced(csr_array(S[:n, :n]), csr_array(T[:n]))
+        return made if self.space.share.rank else csr_array(made + T[n:].T @ S[n:, n:] @ T[n:])
+
+    def on_unknowns(self, f: Floats, q: Floats, t: float) -> NDArray[np.floating]:
+        """Return T_w^T f (n_q,) of forces f (n_w,)."""
+        c, n, T = self.constraints, self.space.n_dof, self.tangent(q, t)
+        if not self.points:
+            return c.on_unknowns(f, T)
+        return c.on_unknowns(f[:n], csr_array(T[:n])) + T[n:].T @ f[n:]
 
     def curvature(self, q: Floats, t: float, f: Floats) -> csr_array | None:
-        """Return the derivative (n_q, n_q) of T_w^T f by q for constant forces f (n_w,); None if T_w is constant."""
-        entries = []
+        """Return the derivative (n_q, n_q) of T_w^T f by q for constant forces f (n_w,); None if T_w is constant.
+
+        Of several processes each has its part.
+        """
+        entries, f = [], self.of_own(f)
         for body, at in self.turning:
             columns = body.columns[body.free]
             bent = body.curvature(body.motion(q, t), f[at]) * body.unit * body.unit[:, None]
@@ -113,6 +122,21 @@ class Inertia:
             return None
         values, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
         return coo_array((values, (rows, columns)), shape=(len(q), len(q))).tocsr()
+
+    def of_own(self, f: Floats) -> NDArray[np.floating]:
+        """Return forces f (n_w,) with 0 where another process counts them: its nodes, or the points."""
+        n, share = self.space.n_dof, self.space.share
+        return np.concatenate([self.space.of_own(f[:n]), f[n:] * (share.rank == 0)])
+
+    def dot(self, x: Floats, y: Floats) -> float:
+        """Return the product x . y of vectors (n_w,), over the nodes of all processes and the points."""
+        n = self.space.n_dof
+        return self.space.dot(x[:n], y[:n]) + float(x[n:] @ y[n:])
+
+    def total(self, values: Floats) -> NDArray[np.floating]:
+        """Return the sum (k,) of values (n_w / dim, k) over the nodes of all processes and the points."""
+        n = self.space.mesh.n_nodes
+        return self.space.share.total(self.space.own(values[:n]).sum(axis=0)) + values[n:].sum(axis=0)
 
     def padded(self, f: Floats) -> NDArray[np.floating]:
         """Return forces f (n_dof,) at the nodes as (n_w,), with none at the points."""
@@ -139,15 +163,16 @@ class Inertia:
 
         In axisymmetry, that along the axis about the centre.
         """
-        of_node, n = bodies(self.space), self.space.n_dof
+        space, of_node, n = self.space, bodies(self.space), self.space.n_dof
         if not self.massless.nodes.any():
             return {}
-        centre, _ = centres(self.space, of_node)
-        arm = (self.space.local.points - centre[np.maximum(of_node, 0)])[:, : self.space.dim]
+        centre, _ = centres(space, of_node)
+        arm = (space.local.points - centre[np.maximum(of_node, 0)])[:, : space.dim]
         arm[of_node < 0] = 0.0
-        held = of_node >= 0
+        held = space.own_nodes(np.flatnonzero(of_node >= 0))
         parts = ((arm * (M @ arm.ravel()).reshape(arm.shape)).sum(axis=1)[held] for M in (self.plain, self.M[:n, :n]))
-        before, after = (np.bincount(of_node[held], part) for part in parts)
+        sums = (np.bincount(of_node[held], part, len(centre)).astype(float) for part in parts)
+        before, after = map(space.share.total, sums)
         there = np.unique(of_node[self.massless.nodes])
         return {int(k): float(after[k] / before[k] - 1) for k in there}
 
@@ -163,9 +188,8 @@ class Inertia:
 
     def _check_rigid(self) -> None:
         """Raise CaseError for a rigid body that a load moves freely, and that has no mass, or no moment of inertia."""
-        T = self.constraints.T
-        M = csr_array(self.tangent(np.zeros(T.shape[1]), 0.0).T @ self.M @ self.tangent(np.zeros(T.shape[1]), 0.0))
-        diagonal = M.diagonal()
+        c = self.constraints
+        diagonal = c.summed(self.reduced(self.M, np.zeros(c.n_q), 0.0).diagonal())
         for body in self.constraints.rigid:
             free = np.flatnonzero(body.free)
             empty = free[~(diagonal[body.columns[free]] > 0)]
@@ -173,6 +197,22 @@ class Inertia:
                 key = "mass" if (empty < self.space.dim).any() else "inertia"
                 message = f"{body.name!r} moves freely under its loads and has no {key}"
                 raise wrong(body.record, f"{message}; give its {key}, or hold it")
+
+
+def _redistributed(space: Space, plain: csr_array, massless: Massless) -> csr_array:
+    """Return P^T M P (n_dof, n_dof) of a mass M, symmetric to the last bit, with its rows at own nodes alone.
+
+    With D the identity at nodes with mass and W = P - D: D M D + (X + X^T), X = W^T M (D + W / 2). W and the rows of M
+    that W^T takes are at massless nodes, and the same on all processes.
+    """
+    P = kron(massless.P, np.eye(space.dim), format="csr")
+    given = np.repeat(massless.nodes, space.dim)
+    own = np.ones(space.n_dof, bool) if space.share.own is None else np.repeat(space.share.own, space.dim)
+    D = csr_array(diags_array((~given).astype(float)))
+    W = csr_array(P - D)
+    taken = space.share.add_matrices(csr_array(diags_array((given & own).astype(float)) @ plain), (True, True))
+    X = W.T @ taken @ (D + W / 2)
+    return csr_array(diags_array(own.astype(float)) @ csr_array(D @ plain @ D + (X + X.T)))
 
 
 def _points(space: Space, body: RigidBody) -> RigidBody:

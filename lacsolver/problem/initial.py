@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
-from lacsolver.case import Case, Initial
+from lacsolver.case import Case, CaseError, Initial
 from lacsolver.constraints.rigid import moments
 from lacsolver.problem.problem import Problem
 from lacsolver.space.places import nodes_on, wrong
@@ -30,7 +30,10 @@ class Given(NamedTuple):
 
 
 def initial_motion(space: Space, case: Case, t: float) -> tuple[Given, Given]:
-    """Return the displacements and the velocities that a case gives at its start. Raises CaseError for empty groups."""
+    """Return the displacements and the velocities that a case gives at its start. Raises CaseError for empty groups.
+
+    Several processes have them at all their nodes.
+    """
     shape = space.mesh.n_nodes, space.dim
     made = Given(np.zeros(shape), np.full(shape, -1)), Given(np.zeros(shape), np.full(shape, -1))
     for number, record in enumerate(case.initial):
@@ -45,7 +48,11 @@ def initial_motion(space: Space, case: Case, t: float) -> tuple[Given, Given]:
                 field.values[nodes, k] = 0.0 if value is None else value(x, t)
                 field.values[nodes, k] += 0.0 if more is None else more[:, k]
                 field.record[nodes, k] = number
-    return made
+    displacements, velocities = (
+        Given(space.share.update(values), space.share.update(record.astype(float)).astype(np.int64))
+        for values, record in made
+    )
+    return displacements, velocities
 
 
 def fitted(problem: Problem, given: Given, held: Floats, what: str) -> NDArray[np.floating]:
@@ -58,14 +65,21 @@ def fitted(problem: Problem, given: Given, held: Floats, what: str) -> NDArray[n
     wanted = np.where(there, given.values.ravel(), held)
     q = problem.constraints.unknowns(wanted - held)
     off = np.where(there, np.abs(problem.constraints.T @ q + held - wanted), 0.0)
-    off[~np.repeat(space.attached | _rigid(problem), space.dim)] = 0.0
-    if (off > _SAME * np.abs(wanted).max(initial=0.0)).any():
-        bad = np.flatnonzero(off > _SAME * np.abs(wanted).max())
-        nodes = np.unique(bad // space.dim)
-        record = problem.case.initial[given.record.ravel()[bad[0]]]
-        message = f"gives nodes {some(space.mesh.node_number[nodes])} a {what} that prescribed displacements exclude"
-        raise wrong(record, f"{message}; name groups without them, or let both be the same")
+    mine = space.attached | _rigid(problem)
+    off[~np.repeat(mine if space.share.own is None else mine & space.share.own, space.dim)] = 0.0
+    bad = np.flatnonzero(off > _SAME * space.largest(wanted))
+    space.share.agree(_excluded(problem, given, bad, what) if len(bad) else None)
     return q
+
+
+def _excluded(problem: Problem, given: Given, bad: Ints, what: str) -> CaseError:
+    """Return the error for given values that prescribed displacements exclude; `bad` (k,): their places in u."""
+    nodes = np.unique(bad // problem.space.dim)
+    record = problem.case.initial[given.record.ravel()[bad[0]]]
+    message = (
+        f"gives nodes {some(problem.space.mesh.node_number[nodes])} a {what} that prescribed displacements exclude"
+    )
+    return wrong(record, f"{message}; name groups without them, or let both be the same")
 
 
 def jumps(problem: Problem) -> list[str]:
@@ -75,11 +89,12 @@ def jumps(problem: Problem) -> list[str]:
         return []
     given, _ = initial_motion(space, problem.case, 0.0)
     moved = np.where(given.record < 0, problem.constraints.u0(0.0).reshape(-1, space.dim), 0.0)
-    far = np.linalg.norm(moved, axis=1)
-    if not far.any():
+    far = np.linalg.norm(space.own(moved.ravel()), axis=1)
+    most, own = space.share.largest(float(far.max(initial=0.0))), space.own_nodes(np.arange(space.mesh.n_nodes))
+    if not most:
         return []
-    nodes = some(space.mesh.node_number[np.flatnonzero(far)])
-    message = f"prescribed displacements move nodes {nodes} by up to {far.max():.4g} at once when motion starts"
+    nodes = some(space.share.gather(space.mesh.node_number[own[far > 0]]))
+    message = f"prescribed displacements move nodes {nodes} by up to {most:.4g} at once when motion starts"
     return [f"{message}; write formulas of t that begin at 0, or let inertia act from a later [dynamics] start on"]
 
 
@@ -94,7 +109,7 @@ def _nodes(space: Space, record: Initial) -> Ints:
     if record.groups is None:
         return np.flatnonzero(space.attached)
     nodes = nodes_on(space, np.unique(np.concatenate([space.mesh.cells_of(name) for name in record.groups])))
-    if not len(nodes):
+    if not space.share.total(np.array(len(nodes))):
         raise wrong(record, f"the groups {', '.join(map(repr, record.groups))} are empty; name some that have cells")
     return nodes
 
@@ -104,7 +119,8 @@ def _turned(space: Space, record: Initial, nodes: Ints, t: float) -> NDArray[np.
     if record.rotation is None:
         return None
     x = space.local.points[nodes]
-    centre = x.mean(axis=0)
+    own = space.local.points[space.own_nodes(nodes)]
+    centre = space.share.total(own.sum(axis=0)) / space.share.total(np.array(len(own)))
     if record.centre is not None:
         centre[: space.dim] = np.array(record.centre) - space.origin[: space.dim]
     return np.asarray(moments(space.dim, x - centre) @ np.array([value.at(t) for value in record.rotation]))

@@ -4,6 +4,9 @@ Contact is well posed in motion if every contact row has an entry at a node with
 then follow from the displacements, without impulses. The velocity field is v = P v_y, with v_y at the nodes that keep
 their mass, and the mass matrix is P^T M P: its total is that of M, and it is positive definite on v_y.
 
+Several processes all have the skins with the cells that touch them. Each decides about its own nodes, as it has all
+cells there; then all have the rows of P at massless nodes.
+
 Rows of P at massless nodes have the weights 1 / distance², normalised, of the nearest nodes with mass. Pressures are
 smooth only with such positive weights. For internal nodes alone the weights reproduce linear fields, so that centres
 and inertia stay exact.
@@ -19,10 +22,10 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array, eye_array
 
 from lacmesh.cutting.records import NODE_RECORD
-from lacmesh.mesh import Ints, Mesh
-from lacmesh.topology.facets import boundary_faces
+from lacmesh.mesh import Ints
 from lacsolver.contact import Zone
-from lacsolver.problem.rigid_modes import bodies
+from lacsolver.problem.rigid_modes import bodies, body_names
+from lacsolver.space.cut_nodes import inside_children
 from lacsolver.space.space import Space
 
 Bools = NDArray[np.bool_]
@@ -46,23 +49,25 @@ def massless_nodes(space: Space, zones: Sequence[Zone], choice: str, rigid: Ints
     A body that would have no node with mass near some of its skin nodes keeps the mass of its master skins, or, if
     this does not suffice, that of all its nodes but the internal ones.
     """
-    adjacent = _adjacency(space)
-    movable = space.attached.copy()
-    movable[rigid] = False
-    wanted, told, of_node = _levels(space, zones)[choice] & movable, [], bodies(space)
+    adjacent, held = _adjacency(space), np.zeros(space.mesh.n_nodes, bool)
+    held[rigid] = True
+    attached = space.agreed(space.attached)
+    movable, levels = attached & ~space.agreed(held), _levels(space, zones)
+    wanted, told, of_node = levels[choice] & movable, [], bodies(space)
     for fallback, words in (("slave", "all but its master skins"), ("internal", "its internal nodes alone")):
         if choice in (fallback, "internal", "none"):
             continue
-        stranded = wanted & ~_reached(adjacent, space.attached & ~wanted)
-        short = np.unique(of_node[stranded])
+        stranded = wanted & ~_reached(space, adjacent, attached & ~wanted)
+        short = np.unique(space.share.gather(np.unique(of_node[stranded])))
         if len(short):
             there = np.isin(of_node, short)
-            wanted = np.where(there, _levels(space, zones)[fallback] & movable, wanted)
-            told += [f"{_name(space, of_node == body)} is too thin for massless skins: {words} are massless, if any"
-                     for body in short]  # fmt: skip
-    stranded = wanted & ~_reached(adjacent, space.attached & ~wanted)
-    wanted &= ~stranded
-    return Massless(wanted, _velocities(space, adjacent, wanted, linear=choice == "internal"), tuple(told))
+            wanted = np.where(there, levels[fallback] & movable, wanted)
+            names = body_names(space, of_node, int(space.share.largest(float(of_node.max(initial=-1)))) + 1)
+            told += [f"{names[body]} is too thin for massless skins: {words} are massless, if any" for body in short]
+    wanted &= _reached(space, adjacent, attached & ~wanted)
+    own = wanted if space.share.own is None else wanted & space.share.own
+    around = space.share.add_matrices(csr_array(diags_array(own.astype(float)) @ adjacent), (True, True))
+    return Massless(wanted, _velocities(space, around, wanted, linear=choice == "internal"), tuple(told))
 
 
 def _levels(space: Space, zones: Sequence[Zone]) -> dict[str, Bools]:
@@ -74,39 +79,8 @@ def _levels(space: Space, zones: Sequence[Zone]) -> dict[str, Bools]:
     for zone in zones:
         for mask, skin in ((slave, zone.slave), (master, zone.master)):
             mask[skin.faces.nodes[skin.faces.nodes >= 0]] = True
-    born = internal | born_inside(space)
+    born = internal | space.agreed(inside_children(space.mesh, space.dim))
     return {"skins": born | slave | master, "slave": born | slave, "internal": internal, "none": np.zeros(n, bool)}
-
-
-def born_inside(space: Space) -> Bools:
-    """Return the mask (n_nodes,) of the nodes that the cut made inside cells: those inside the children of one parent.
-
-    >>> from lacmesh import cut_skin, read
-    >>> space = Space.of(cut_skin(read("data/two_blocks.msh"), "slave", hexa="hexa").mesh, "3d")
-    >>> int(born_inside(space).sum())  # four in each of 36 hexahedra
-    144
-    """
-    mesh, out = space.mesh, np.zeros(space.mesh.n_nodes, bool)
-    parent = mesh.cell_data.get("lac_parent")
-    if parent is None:
-        return out
-    children = [(b.type, b.nodes[parent[b.cell] >= 0], parent[b.cell][parent[b.cell] >= 0]) for b in space.blocks]
-    children = [(kind, nodes, of) for kind, nodes, of in children if len(nodes)]
-    if not children:
-        return out
-    keys = [nodes.astype(np.int64) + mesh.n_nodes * of[:, None].astype(np.int64) for _, nodes, of in children]
-    unique, place = np.unique(np.concatenate([key.ravel() for key in keys]), return_inverse=True)
-    ends = np.cumsum([key.size for key in keys])[:-1]
-    own = [part.reshape(key.shape) for part, key in zip(np.split(place, ends), keys, strict=True)]
-    apart = Mesh.create(
-        mesh.points[unique % mesh.n_nodes], [(kind, nodes) for (kind, *_), nodes in zip(children, own, strict=True)],
-        space_dim=space.dim,
-    )  # fmt: skip
-    inside = np.ones(len(unique), bool)
-    faces = boundary_faces(apart)[0].nodes
-    inside[faces[faces >= 0]] = False
-    out[unique[inside] % mesh.n_nodes] = True
-    return out
 
 
 def _adjacency(space: Space) -> csr_array:
@@ -115,14 +89,17 @@ def _adjacency(space: Space) -> csr_array:
     return csr_array((np.ones(len(indices)), indices, indptr), shape=(space.mesh.n_nodes,) * 2)
 
 
-def _reached(adjacent: csr_array, nodes: Bools) -> Bools:
+def _reached(space: Space, adjacent: csr_array, nodes: Bools) -> Bools:
     """Return the mask of the nodes at most two cells away from some `nodes`."""
-    once = adjacent @ nodes.astype(float) > 0
-    return np.asarray(adjacent @ once.astype(float) > 0)
+    once = space.agreed(adjacent @ nodes.astype(float) > 0)
+    return space.agreed(adjacent @ once.astype(float) > 0)
 
 
 def _velocities(space: Space, adjacent: csr_array, massless: Bools, linear: bool) -> csr_array:
-    """Return P (n_nodes, n_nodes): the identity at nodes with mass, weights of nearby ones at massless nodes."""
+    """Return P (n_nodes, n_nodes): the identity at nodes with mass, weights of nearby ones at massless nodes.
+
+    `adjacent` (n_nodes, n_nodes): ones at the neighbours of massless nodes.
+    """
     n = space.mesh.n_nodes
     P = diags_array((~massless).astype(float), format="csr")
     for rows, columns in _near(adjacent, massless):
@@ -162,13 +139,3 @@ def _reproducing(rows: Ints, away: NDArray[np.floating], weight: NDArray[np.floa
     np.add.at(gram, place, (weight / size[rows] ** 2)[:, None, None] * basis[:, :, None] * basis[:, None, :])
     first = np.linalg.pinv(gram, rcond=1e-10, hermitian=True)[:, 0]
     return np.asarray((basis * first[place]).sum(axis=1) * weight / size[rows] ** 2)
-
-
-def _name(space: Space, nodes: Bools) -> str:
-    """Return words for a body: the group of cells that is all of it, or a node of it."""
-    for name, cells in space.mesh.cell_groups.items():
-        inside = [b.nodes[np.isin(b.cell, cells)] for b in space.blocks]
-        there = np.unique(np.concatenate([part.ravel() for part in inside]))
-        if len(there) == nodes.sum() and nodes[there].all():
-            return repr(name)
-    return f"the body of node {space.mesh.node_number[np.flatnonzero(nodes)[0]]}"

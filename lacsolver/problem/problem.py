@@ -228,17 +228,12 @@ def build(
 
 
 def _check_shared(case: Case, share: Share) -> None:
-    """Raise RequestError for what only one process solves, and for MED of a model too large to be gathered on one."""
+    """Raise RequestError for MED of a model too large to be gathered on one process."""
     assert share.node is not None
     n = int(share.largest(float(share.node.max(initial=-1)))) + 1
     if case.output.format == "med" and n > MED_NODES:
         message = f'[output] format = "med" of several processes is gathered on one, for at most {MED_NODES:,} nodes'
         raise RequestError(f'{message}, and the mesh has {n:,}; take format = "vtu", of which each writes its own part')
-    loaded = any(getattr(body, key) is not None for body in case.rigid for key in ("fx", "fy", "fz", "moment"))
-    lacking = ["rigid bodies with a free motion ([[rigid]] with fx, fy, fz or moment)"] if loaded else []
-    lacking += ["motion with inertia ([dynamics])"] if case.dynamics is not None else []
-    if lacking:
-        raise RequestError(f"{', '.join(lacking)}: only one process solves this so far; start one, without mpiexec")
 
 
 def read_mesh(case: Case, distribution: Distribution = ALONE) -> Mesh:

@@ -25,7 +25,7 @@ from lacsolver.constraints.rigid import moments
 from lacsolver.problem.motions import Body, FreeMotion, describe, plain_motions
 from lacsolver.space.space import Space
 
-__all__ = ["Body", "FreeMotion", "bodies", "describe", "free_motions", "rigid_modes", "still_free"]
+__all__ = ["Body", "FreeMotion", "bodies", "body_names", "describe", "free_motions", "rigid_modes", "still_free"]
 
 #: root mean square of a unit motion on the rows of its system, below which the motion is free
 _STOPPED = 1e-9
@@ -178,9 +178,10 @@ def _frame(space: Space, constraints: Constraints) -> _Frame:
     if space.model.axisymmetric:
         model = model[1:2]
     made, twists = list(connected), [model / _lengths(body) for body in connected]
+    attached = space.agreed(space.attached)
     for rigid in constraints.rigid:
-        bare = rigid.nodes[~space.attached[rigid.nodes]]
-        sums = space.share.total(np.array([np.square(rigid.arm).sum(), len(rigid.nodes)]))
+        bare, arm = rigid.nodes[~attached[rigid.nodes]], rigid.arm[space.mask_own(rigid.nodes)]
+        sums = space.share.total(np.array([np.square(arm).sum(), len(arm)]))
         radius = _radius(sums[0] / sums[1])
         made.append(Body(f"rigid {rigid.name!r}", bare, rigid.centre - space.origin, radius))
         twists.append(_unit_twists(space)[: len(rigid.free)][rigid.free] / _lengths(made[-1]))
@@ -194,7 +195,7 @@ def _connected(space: Space, of_node: Ints) -> list[Body]:
     n = len(centre)
     nodes = np.argsort(of_node, kind="stable")[np.count_nonzero(of_node < 0) :]
     parts = np.split(nodes, np.cumsum(np.bincount(of_node[nodes], minlength=n))[:-1])
-    named = zip(_names(space, of_node, n), parts, centre, square, strict=True)
+    named = zip(body_names(space, of_node, n), parts, centre, square, strict=True)
     return [Body(name, there, c, _radius(s)) for name, there, c, s in named]
 
 
@@ -215,7 +216,7 @@ def centres(space: Space, of_node: Ints) -> tuple[NDArray[np.floating], NDArray[
     return centre, sums(np.square(x - centre[own]).sum(axis=1)) / count
 
 
-def _names(space: Space, of_node: Ints, n: int) -> list[str]:
+def body_names(space: Space, of_node: Ints, n: int) -> list[str]:
     """Return the name of each of n bodies: the smallest cell group with all its cells and no other body's, or its node.
 
     That is the first node of the model that belongs to the body.
@@ -264,13 +265,14 @@ def _unit_twists(space: Space) -> Floats:
 
 def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_array | None) -> csr_array:
     """Return the constraint matrix on the amplitudes: prescribed directions, mismatch of bodies and groups, springs."""
-    rigid = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in constraints.rigid)])
+    of_bodies = [space.own_nodes(body.nodes) for body in constraints.rigid]
+    rigid = np.concatenate([np.empty(0, np.int64), *of_bodies])
     sprung = np.empty(0, np.int64) if springs is None else np.flatnonzero(np.diff(springs.indptr)) // space.dim
     nodes = np.unique(np.concatenate([constraints.local.nodes, rigid, sprung]))
     nodes = nodes[space.attached[nodes]]
     own = _modes(space, frame, nodes, frame.of_node[nodes])
     n = len(frame.bodies) - len(constraints.rigid)
-    group = np.repeat(n + np.arange(len(constraints.rigid)), [len(body.nodes) for body in constraints.rigid])
+    group = np.repeat(n + np.arange(len(constraints.rigid)), [len(nodes) for nodes in of_bodies])
     held = space.attached[rigid]
     shared = space.dofs(rigid[held]).ravel()
     apart = (own - _modes(space, frame, rigid[held], group[held]))[shared]

@@ -10,6 +10,9 @@ from lacmesh.mesh import Floats
 #: energies of a state in motion, in their order: kinetic + strain - external + damped + contact + numerical = 0
 ENERGIES = ("kinetic", "strain", "external", "damped", "contact", "numerical")
 
+#: arrays of a motion that grow with the model: those with the points of rigid bodies (n_w,), and those without (n_dof,)
+WITH_POINTS, AT_NODES = ("velocity", "acceleration", "reaction"), ("internal", "load", "contact")
+
 
 #: parts of the largest energy above which a warning is due: what the steps have made, and what rigid contact has taken
 _MADE, _TAKEN = 0.01, 0.05

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Ints
 from lacsolver.constraints import Constraints
+from lacsolver.results.motion import AT_NODES, WITH_POINTS, MotionState
 from lacsolver.results.results import Restart
 from lacsolver.space.share import Share
 from lacsolver.space.space import Space
 
 #: number of places in the order of the model that a piece is from
 PIECE = 1 << 18
+_MOVING = (*WITH_POINTS, *AT_NODES)
 
 
 class Order:
@@ -60,25 +62,40 @@ class Order:
             yield slice(*np.searchsorted(key, (start, start + PIECE)).tolist())
 
 
-def orders_of(constraints: Constraints) -> Mapping[str, Order]:
-    """Return the order of each array of `whole_arrays`, by its name; {} for a process alone."""
+def orders_of(constraints: Constraints, points: int = 0) -> Mapping[str, Order]:
+    """Return the order of each array of `whole_arrays`, by its name; {} for a process alone.
+
+    `points`: number of entries of a motion for the points of rigid bodies, which all processes have.
+    """
     space = constraints.space
     if constraints.own is None:
         return {}
     assert space.share.own is not None and space.share.node is not None
     node = np.repeat(np.arange(space.mesh.n_nodes), space.dim)
     u = _at_nodes(space, node, np.repeat(space.share.own, space.dim))
-    q = _at_nodes(space, constraints.node_of_unknown, constraints.own)
+    q = _at_nodes(space, constraints.node_of_unknown, constraints.own)  # with the motions of rigid bodies
     cells = [_of_cells(space, k) for k in range(len(space.blocks))]
     materials = {f"materials_{k}": order for k, order in enumerate(cells)}
-    return {"u": u, "now_q": q, "earlier_q": q, **materials}
+    w = _at_nodes(space, node, np.append(np.repeat(space.share.own, space.dim), np.full(points, space.share.rank == 0)))
+    motion = {_in_file(name): order for names, order in ((WITH_POINTS, w), (AT_NODES, u)) for name in names}
+    return {"u": u, "now_q": q, "earlier_q": q, **materials, **motion}
+
+
+def _in_file(name: str) -> str:
+    """Return the name in a file of an array of a motion."""
+    return f"scheme_{MotionState._fields.index(name)}"
 
 
 def _at_nodes(space: Space, node: Ints, own: NDArray[np.bool_]) -> Order:
-    """Return the order of unknowns at nodes (k,) of this process, node by node."""
+    """Return the order of unknowns at nodes (k,) of this process, node by node; `own` (k + m,).
+
+    The last m are no unknowns of nodes, and come last in the model, too; all processes have them.
+    """
     assert space.share.node is not None
     which = np.arange(len(node)) - np.searchsorted(node, node)
-    return Order(space.share, space.dim * space.share.node[node].astype(np.int64) + which, own)
+    key = space.dim * space.share.node[node].astype(np.int64) + which
+    end = space.dim * (int(space.share.largest(float(space.share.node.max(initial=-1)))) + 1)
+    return Order(space.share, np.append(key, end + np.arange(len(own) - len(node))), own)
 
 
 def _of_cells(space: Space, k: int) -> Order:
@@ -94,12 +111,13 @@ def whole_arrays(state: Restart) -> dict[str, NDArray]:
     assert step.iterate is not None
     earlier = {} if step.earlier is None else {"earlier_q": step.earlier[1].q}
     materials = {f"materials_{k}": values for k, values in enumerate(step.histories.materials)}
-    return {"u": state.u, "now_q": step.iterate.q, **earlier, **materials}
+    moving = {} if step.motion is None else {_in_file(name): getattr(step.motion, name) for name in _MOVING}
+    return {"u": state.u, "now_q": step.iterate.q, **earlier, **materials, **moving}
 
 
 def grows(name: str) -> bool:
     """True for the name of an array that is one of the `whole_arrays`."""
-    return name in ("u", "now_q", "earlier_q") or name.startswith("materials_")
+    return name in ("u", "now_q", "earlier_q", *map(_in_file, _MOVING)) or name.startswith("materials_")
 
 
 def with_arrays(state: Restart, arrays: Mapping[str, NDArray]) -> Restart:
@@ -108,10 +126,13 @@ def with_arrays(state: Restart, arrays: Mapping[str, NDArray]) -> Restart:
     assert step.iterate is not None
     earlier = step.earlier and (step.earlier[0], step.earlier[1]._replace(q=arrays["earlier_q"]))
     materials = tuple(arrays[f"materials_{k}"] for k in range(len(step.histories.materials)))
+    scheme = step.histories.scheme
+    if step.motion is not None:
+        scheme = {**scheme, **{name: arrays[_in_file(name)] for name in _MOVING}}
     step = replace(
         step,
         iterate=step.iterate._replace(q=arrays["now_q"]),
         earlier=earlier,
-        histories=step.histories._replace(materials=materials),
+        histories=step.histories._replace(materials=materials, scheme=scheme),
     )
     return replace(state, u=arrays["u"], step=step)

@@ -62,8 +62,7 @@ def active_set_iterates(
     """
     free = K.R if free is None else free
     vectors = tolerance.vectors
-    resisting = product(K, free) if geometric is None else product(K, free) + geometric @ free
-    resistance = products(vectors, free, resisting)
+    resistance = products(vectors, free, product(K, free, geometric))
     q, p, _ = start
     contact = contact_at(q)
     active = contact.start_active(start.active)
@@ -189,7 +188,7 @@ class Pivots:
 
 def _internal_force(K: Operator, geometric: csr_array | None, q: Floats) -> NDArray[np.floating]:
     """Return (K + C) q (n,)."""
-    return K.apply(q) if geometric is None else K.apply(q) + geometric @ q
+    return K.apply(q) if geometric is None else K.apply(q) + K.vectors.summed(geometric @ q)
 
 
 def _balance(
@@ -201,7 +200,7 @@ def _balance(
     force = max(tolerance.vectors.largest(v) for v in (f, inner, contact))
 
     def terms() -> ForceTerms:
-        size = sizes(K.K, q) + (0.0 if geometric is None else sizes(geometric, q))
-        return ForceTerms(np.abs(f) + size + abs(rows.B_T) @ np.abs(p), K.K.diagonal())
+        size = K.vectors.summed(sizes(K.K, q) + (0.0 if geometric is None else sizes(geometric, q)))
+        return ForceTerms(np.abs(f) + size + abs(rows.B_T) @ np.abs(p), K.vectors.summed(K.K.diagonal()))
 
     return balance(f - inner - contact, force, terms if exact else None, tolerance)

@@ -126,7 +126,7 @@ def why(step: LoadStep, outcome: Outcome) -> str:
     contact, closed = rows.B_T @ p, rows.B[np.flatnonzero(outcome.iterate.active)]
     said = f"no equilibrium found at time {step.t:.6g} after {len(outcome.residuals)} iterations"
     off = step.reaction(q, p)
-    pushed = problem.constraints.T.T @ off - problem.constraints.force(step.t)
+    pushed = problem.constraints.on_unknowns(off) - problem.constraints.force(step.t)
     for motion in () if model.scheme.resists_rigid_motion else model.motions:
         along = problem.constraints.unknowns(motion.field)
         left = model.vectors.dots(along[None], pushed)[0]

@@ -41,15 +41,16 @@ class Interval(NamedTuple):
 
 def kinetic(inertia: Inertia, v: Floats) -> float:
     """Return the kinetic energy of velocities v (n_w,)."""
-    return 0.5 * float(v @ (inertia.M @ v))
+    return 0.5 * inertia.dot(v, inertia.M @ v)
 
 
 def strain(step: LoadStep, q: Floats, internal: Floats) -> float:
     """Return the energy stored in bodies and springs at q, with the internal forces (n_dof,) there."""
     problem, u = step.model.problem, step.u(q)
     if problem.kinematics.linear and not problem.case.temperature:
-        return 0.5 * float(u @ internal)
-    return problem.kinematics.energy(u, step.t, step.state.histories.materials)
+        return 0.5 * problem.space.dot(u, internal)
+    own = problem.kinematics.energy(u, step.t, step.state.histories.materials)
+    return float(problem.space.share.total(np.array(own)))
 
 
 def momentum(inertia: Inertia, w: Floats, v: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
@@ -61,12 +62,12 @@ def momentum(inertia: Inertia, w: Floats, v: Floats) -> tuple[NDArray[np.floatin
     mv = (inertia.M @ v).reshape(-1, dim)
     x = inertia.positions.reshape(-1, dim) + space.origin[:dim]
     x = x + w.reshape(-1, dim) if inertia.finite else x
-    linear = mv.sum(axis=0)
+    linear = inertia.total(mv)
     if space.model.axisymmetric:
         return linear * [0.0, 1.0], np.array(0.0)
     if dim == 2:
-        return linear, np.asarray(x[:, 0] @ mv[:, 1] - x[:, 1] @ mv[:, 0])
-    return linear, np.cross(x, mv).sum(axis=0)
+        return linear, inertia.total((x[:, 0] * mv[:, 1] - x[:, 1] * mv[:, 0])[:, None])[0]
+    return linear, inertia.total(np.cross(x, mv))
 
 
 def energies(scheme: Newmark, made: Interval) -> NDArray[np.floating]:
@@ -78,10 +79,10 @@ def energies(scheme: Newmark, made: Interval) -> NDArray[np.floating]:
     du = inertia.on_nodes(dw)
 
     def work(name: str) -> float:
-        return 0.5 * float(du @ (getattr(before, name) + getattr(after, name)))
+        return 0.5 * problem.space.dot(du, getattr(before, name) + getattr(after, name))
 
     stored, heat = strain(step, q, after.internal), _heat(step, q)
-    damped = 0.0 if scheme.C is None else 0.5 * float(dw @ (scheme.C @ (before.velocity + after.velocity)))
+    damped = 0.0 if scheme.C is None else 0.5 * inertia.dot(dw, scheme.C @ (before.velocity + after.velocity))
     supports, turned = _supports(scheme, made, dw)
     added = [work("load") + supports + heat, damped, work("contact"), turned + _dissipated(scheme, made, dw)]
     if not problem.kinematics.linear:  # what laws with a history do not give back is damped
@@ -100,19 +101,19 @@ def _heat(step: LoadStep, q: Floats) -> float:
         problem.kinematics.energy(u, step.t, history) - problem.kinematics.energy(u, state.time, history)
         for u in (before, step.u(q))
     ]
-    return 0.5 * sum(ends)
+    return 0.5 * float(problem.space.share.total(np.array(sum(ends))))
 
 
 def _dissipated(scheme: Newmark, made: Interval, dw: Floats) -> float:
     """Return the energy that the time scheme takes in a step: N, and the work of F_alpha beyond that of F."""
-    M, (_, _, dt, before, after) = scheme.inertia.M, made
+    M, dot, (_, _, dt, before, after) = scheme.inertia.M, scheme.inertia.dot, made
     da, more = after.acceleration - before.acceleration, scheme.gamma - 0.5
     Mda = M @ da
-    square = float((after.acceleration + before.acceleration) @ Mda)
-    newmark = dt**2 * (scheme.beta - scheme.gamma / 2) * (0.5 * square + more * float(da @ Mda))
+    square = dot(after.acceleration + before.acceleration, Mda)
+    newmark = dt**2 * (scheme.beta - scheme.gamma / 2) * (0.5 * square + more * dot(da, Mda))
     weighted = after.reaction + before.reaction - M @ (after.acceleration + before.acceleration)
     plain = scheme.forces(after) + scheme.forces(before)
-    return newmark - more * float(Mda @ dw) + 0.5 * float(dw @ (weighted - plain))
+    return newmark - more * dot(Mda, dw) + 0.5 * dot(dw, weighted - plain)
 
 
 def _supports(scheme: Newmark, made: Interval, dw: Floats) -> tuple[float, float]:
@@ -130,13 +131,15 @@ def _supports(scheme: Newmark, made: Interval, dw: Floats) -> tuple[float, float
     assert now is not None
     mean, turned = 0.5 * (before.reaction + after.reaction), 0.0
     held = inertia.places(np.zeros_like(q), step.t) - inertia.places(np.zeros_like(q), then)
-    on_free = inertia.tangent(now.q, then).T @ before.reaction
+    on_free = inertia.on_unknowns(before.reaction, now.q, then)
     on_free += (1 - scheme.alpha) * constraints.force(step.t, q) + scheme.alpha * constraints.force(then, now.q)
-    work = 0.5 * float((q - now.q) @ on_free)
+    work = 0.5 * float(step.model.vectors.dots((q - now.q)[None], on_free)[0])
+    first, last = inertia.of_own(before.reaction), inertia.of_own(after.reaction)
     for body, at in inertia.turning:
         start, end = body.motion(now.q, then), body.motion(q, step.t)
-        force = body.moment_arm_at(start).T @ before.reaction[at] + body.moment_arm_at(end).T @ after.reaction[at]
-        turned += 0.5 * float((end - start) @ force) - float(dw[at] @ mean[at])
-        work += 0.5 * float((end - start)[~body.free] @ force[~body.free])
+        force = body.moment_arm_at(start).T @ first[at] + body.moment_arm_at(end).T @ last[at]
+        sums = inertia.space.share.total(np.append(force, dw[at] @ (first[at] + last[at])))
+        turned += 0.5 * float((end - start) @ sums[:-1] - sums[-1])
+        work += 0.5 * float((end - start)[~body.free] @ sums[:-1][~body.free])
         held[at] = 0.0
-    return work + float(held @ mean), turned
+    return work + inertia.dot(held, mean), turned

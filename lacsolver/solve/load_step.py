@@ -82,7 +82,7 @@ class LoadStep:
     def f(self) -> NDArray[np.floating]:
         """Forces (n_q,) of a linear problem, (K_q + matrix) q = f without contact."""
         c = self.model.problem.constraints
-        f = np.asarray(c.T.T @ (self._reference_load - self.model.K @ self.u0) + c.force(self.t))
+        f = c.on_unknowns(self._reference_load - self.model.K @ self.u0) + c.force(self.t)
         return f if self.terms is None else f - self.terms.force(np.zeros_like(f))
 
     def u(self, q: Floats) -> NDArray[np.floating]:
@@ -195,11 +195,12 @@ class LoadStep:
             return self._factorised(model.stabilized(model.reduced(tangent(), T), self._matrix), damping, definite)
 
         def terms() -> ForceTerms:
-            return self._force_terms(q, np.abs(rigid) + np.abs(scheme) + abs(T).T @ (np.abs(inner) + np.abs(load)))
+            inside = c.on_unknowns(np.abs(inner) + np.abs(load), abs(T))
+            return self._force_terms(q, np.abs(rigid) + np.abs(scheme) + inside)
 
         largest = max(problem.space.largest(v) for v in (inner, load, out))
         largest = max(largest, *(model.vectors.largest(v) for v in (rigid, scheme)))
-        r = rigid - T.T @ out - scheme
+        r = rigid - c.on_unknowns(out, T) - scheme
         return Linearization(r, largest, contact, stiffness, geometric_stiffness, model.stabilization.free, terms)
 
     def _tangents(self, u: Floats) -> tuple[Callable[[], Matrix], Callable[[], csr_array | None]]:
@@ -220,10 +221,10 @@ class LoadStep:
 
     def _force_terms(self, q: Floats, terms: Floats) -> ForceTerms:
         """Return the terms that forces at q are summed from; `terms` (n_q,): those beside K q of a linear problem."""
-        K = self.reference.K
-        stiff = np.abs(K.diagonal())
+        K, summed = self.reference.K, self.model.vectors.summed
+        stiff = np.abs(summed(K.diagonal()))
         if self.model.problem.kinematics.linear:
-            return ForceTerms(sizes(K, q) + terms, stiff)
+            return ForceTerms(summed(sizes(K, q)) + terms, stiff)
         largest = self.model.vectors.largest(q) + self.model.longest  # strains of about 1
         return ForceTerms(stiff * largest, stiff)
 

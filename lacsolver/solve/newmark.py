@@ -95,7 +95,7 @@ class Newmark:
             return inertia.on_nodes((1 - self.alpha) * (inertia.padded(out) + inner(q)))
 
         matrix = self._constant(dt) if not inertia.turning else self._reduced(dt, now.q, state.time)
-        return StepTerms(lambda q: inertia.tangent(q, t).T @ inner(q) - force, matrix, bent, reaction)
+        return StepTerms(lambda q: inertia.on_unknowns(inner(q), q, t) - force, matrix, bent, reaction)
 
     def commit(self, step: LoadStep, q: Floats, p: Floats) -> Mapping[str, NDArray]:
         """Return the motion at the end of a step."""

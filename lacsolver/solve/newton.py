@@ -173,7 +173,7 @@ def _newton_step(
         with suppress(LinearError):
             K = there.stiffness(damping, definite)
             C, R = there.geometric_stiffness(now.p), there.free
-            resistance = products(tolerance.vectors, R, product(K, R) if C is None else product(K, R) + C @ R)
+            resistance = products(tolerance.vectors, R, product(K, R, C))
             load = tolerance.vectors.dots(R.T, there.r)
             closed = close_rows_against_rigid_modes(R, there.contact, active, load, resistance)
             closed = tolerance.vectors.same(closed)

@@ -63,6 +63,7 @@ class Operator(Protocol):
         """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""
 
 
-def product(K: Operator, V: Floats) -> NDArray[np.floating]:
-    """Return K V (n, k), column by column."""
-    return np.stack([K.apply(v) for v in V.T], axis=1) if V.shape[1] else np.zeros_like(V)
+def product(K: Operator, V: Floats, C: csr_array | None = None) -> NDArray[np.floating]:
+    """Return (K + C) V (n, k), column by column; C (n, n): a matrix whose rows each process has as those of K."""
+    columns = [K.apply(v) if C is None else K.apply(v) + K.vectors.summed(C @ v) for v in V.T]
+    return np.stack(columns, axis=1) if columns else np.zeros_like(V)

@@ -75,8 +75,10 @@ class ReducedProblem:
     @cached_property
     def vectors(self) -> Vectors:
         """Operations on vectors of the unknowns q."""
-        share, own = self.problem.space.share, self.problem.constraints.own
-        return WHOLE if own is None else SharedVectors(own, share.total, share.largest, share.same, share.rank == 0)
+        share, c = self.problem.space.share, self.problem.constraints
+        if c.own is None:
+            return WHOLE
+        return SharedVectors(c.own, c.summed, share.total, share.largest, share.same, share.rank == 0)
 
     @cached_property
     def factors(self) -> FactorCache | SharedFactors:
@@ -202,10 +204,7 @@ class ReducedProblem:
 
     def reduced(self, K: Matrix, T: csr_array) -> csr_array:
         """Return T^T K T."""
-        c = self.problem.constraints
-        if c.is_selection:
-            return csr_array(K.tocsr()[c.free][:, c.free])
-        return csr_array((T.T @ K @ T).tocsr())
+        return self.problem.constraints.reduced(K, T)
 
     def interface(self, pair: ContactPair, u: Floats, t: float) -> Interface:
         """Return a pair's interface, on the skins displaced by u (n_dof,) if it is paired again, else undeformed."""

@@ -44,7 +44,7 @@ class SaddleProblem(NamedTuple):
 
     def geometric_forces(self, q: Floats) -> NDArray[np.floating]:
         """Return C q (n,)."""
-        return np.zeros_like(q) if self.geometric is None else self.geometric @ q
+        return np.zeros_like(q) if self.geometric is None else self.K.vectors.summed(self.geometric @ q)
 
 
 class SaddleSolution(NamedTuple):

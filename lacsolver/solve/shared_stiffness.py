@@ -1,6 +1,8 @@
 """Stiffness on the unknowns of several processes, with a V-cycle or a factorisation; the counterpart of `stiffness`.
 
 Each process has the rows of K at its own nodes. Displacements are known at all nodes of its share, forces at its own.
+The free motions of rigid bodies are unknowns that all processes have; their rows are sums of those of all processes,
+and the cycle on the other unknowns is completed by eliminating them (`solve.bordered`).
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from lacsolver.linear.multigrid import Hierarchy
 from lacsolver.linear.petsc import PetscCycle, petsc_errors, petsc_matrix, set_up
 from lacsolver.linear.vectors import Vectors
 from lacsolver.problem.rigid_modes import bodies, centres
+from lacsolver.solve.bordered import Bordered
 from lacsolver.solve.node_blocks import add_to_diagonal, only_rows, submatrix
 from lacsolver.solve.stiffness import embed, leading_unknowns
 from lacsolver.space.space import Space
@@ -60,20 +63,16 @@ class SharedStiffness:
         """Diagonal (n,) of K with its springs, at all unknowns; 1 where it is 0."""
         d = self.matrix.diagonal()
         if isinstance(self.matrix, csr_array):
-            d = d + (0.0 if self.spring is None else self.spring)
+            d = self.vectors.summed(d + (0.0 if self.spring is None else self.spring))
         else:
             d = d[self.constraints.free]
-        d = self._updated(self.constraints.T @ np.where(d == 0, 1.0, d))
+        d = self.constraints.updated(np.where(d == 0, 1.0, d))
         return np.where(d == 0, 1.0, d)
-
-    def _updated(self, u: Floats) -> NDArray[np.floating]:
-        """Return the unknowns (n,) of displacements u (n_dof,) at own nodes; all processes compute them alike."""
-        return np.asarray(self.constraints.T.T @ self.constraints.space.updated(u))
 
     def apply(self, q: Floats) -> NDArray[np.floating]:
         """Return K q (n,) at the own unknowns."""
         if isinstance(self.matrix, csr_array):
-            return np.asarray(self.matrix @ q)
+            return self.vectors.summed(np.asarray(self.matrix @ q))
         made = np.asarray(self.matrix @ (self.constraints.T @ q))[self.constraints.free]
         return made if self.spring is None else made - self.spring * q
 
@@ -87,7 +86,7 @@ class SharedStiffness:
     def _submatrix(self, unknowns: Ints) -> csr_array:
         """Return the rows and columns of K at some unknowns, without the rows of other processes."""
         assert self.constraints.own is not None
-        own = self.constraints.own[unknowns].astype(float)
+        own = (self.constraints.own[unknowns] | (unknowns >= self.constraints.n_nodal)).astype(float)
         if isinstance(self.matrix, csr_array):
             return csr_array(diags_array(own) @ self.matrix[unknowns][:, unknowns])
         K = submatrix(self.matrix, self.constraints.free[unknowns])
@@ -95,29 +94,47 @@ class SharedStiffness:
 
     def cycle(self, f: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 f (n,) at all unknowns."""
-        return self._on_nodes(self.hierarchy.cycle, f)
+        return self._plain(f)
+
+    @cached_property
+    def _plain(self) -> Callable[[Floats], NDArray[np.floating]]:
+        return self._with_motions(self.hierarchy.cycle)
 
     def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]] | None:
         """Return f -> an approximation of (K + B^T W B)^-1 f, one V-cycle; None if the backend has none."""
         if self._rows is None or self._rows[0] is not B:
             self._rows = B, self._blocks_of(B)
         cycle = self.hierarchy.cycle.with_rows(self._rows[1], weights)
-        return None if cycle is None else lambda f: self._on_nodes(cycle, f)
+        return None if cycle is None else self._with_motions(cycle, B, weights)
 
     def _blocks_of(self, B: csr_array) -> bsr_array:
         """Return rows B at the unknowns of own nodes, as blocks."""
-        space = self.constraints.space
+        space, nodal = self.constraints.space, self.constraints.nodal
         assert space.share.own is not None
         own = space.dofs(np.flatnonzero(space.share.own)).ravel()
-        return bsr_array(csr_array((B @ self.constraints.T.T).tocsc()[:, own]).tobsr((1, space.dim)))
+        return bsr_array(csr_array((B[:, : nodal.n_q] @ nodal.T.T).tocsc()[:, own]).tobsr((1, space.dim)))
+
+    def _with_motions(
+        self, cycle: Callable[[Floats], Floats], B: csr_array | None = None, weights: Floats | None = None
+    ) -> Callable[[Floats], NDArray[np.floating]]:
+        """Return a cycle on all unknowns, with rows B and their weights, from one on displacements of own nodes."""
+        c = self.constraints
+
+        def on_nodal(f: Floats) -> NDArray[np.floating]:
+            return self._on_nodes(cycle, f)
+
+        if c.n_nodal == c.n_q:
+            return on_nodal
+        K = self.K if self.spring is None else csr_array(self.K + diags_array(self.spring))
+        return Bordered.of(on_nodal, K, c.n_nodal, self.vectors, B, weights)
 
     def _on_nodes(self, apply: Callable[[Floats], Floats], f: Floats) -> NDArray[np.floating]:
-        """Apply an operator on the unknowns of own nodes to forces f (n,); return displacements at all unknowns."""
-        space = self.constraints.space
+        """Apply an operator on the unknowns of own nodes to forces f (n_nodal,); return displacements of all nodes."""
+        space, nodal = self.constraints.space, self.constraints.nodal
         u = np.zeros((space.mesh.n_nodes, space.dim))
-        made = apply(space.own(np.asarray(self.constraints.T @ f)).ravel())
+        made = apply(space.own(np.asarray(nodal.T @ f)).ravel())
         u[space.share.own] = made.reshape(-1, space.dim)
-        return self._updated(u.ravel())
+        return np.asarray(nodal.T.T @ space.updated(u.ravel()))
 
     def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
         """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""
@@ -149,9 +166,10 @@ class SharedFactors:
         regular, spring = K, self._springs(K.diagonal())
         if spring is not None:
             regular = csr_array(K + diags_array(spring))
-        backend = self._chosen if definite else "mumps"
+        backend, n = self._chosen if definite else "mumps", self._constraints.n_nodal
         if self._kept is None or self._kept.is_stale or backend == "mumps":
-            hierarchy = Hierarchy(_cycle(regular, self._constraints, backend))
+            nodal = regular if n == regular.shape[0] else csr_array(regular[:n, :n])
+            hierarchy = Hierarchy(_cycle(nodal, self._constraints.nodal, backend))
             self._kept = None if backend == "mumps" else hierarchy
         else:
             hierarchy = self._kept
@@ -173,12 +191,13 @@ class SharedFactors:
         return SharedStiffness(K, self._R, constraints, self._kept, self._vectors, spring)
 
     def _springs(self, diagonal: Floats) -> NDArray[np.floating] | None:
-        """Return springs (n,) at as many unknowns as there are rigid-body modes; None if there are none."""
+        """Return springs (n,) at as many unknowns as there are rigid-body modes, each on one process; None for none."""
         if not self._R.shape[1]:
             return None
-        spring = np.zeros(len(diagonal))
-        spring[leading_unknowns(self._R, self._constraints.common)] = _mean(diagonal, self._constraints)
-        return spring
+        c, spring = self._constraints, np.zeros(len(diagonal))
+        assert c.own is not None
+        spring[leading_unknowns(self._R, c.common)] = _mean(diagonal[: c.n_nodal], c.nodal)
+        return np.asarray(spring * c.own)
 
     @cached_property
     def _chosen(self) -> str:

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array, csr_array, diags_array
 
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats
 from lacsolver.constraints import Constraints
 from lacsolver.linear import Matrix
 from lacsolver.linear.vectors import WHOLE, Vectors, products
@@ -64,7 +64,7 @@ class Stabilization(NamedTuple):
         free = np.concatenate([free, _soft(problem, K, free, vectors)], axis=1)
         R = free[:, : len(always)]
         size = problem.space.mean(np.abs(K.diagonal())) or 1.0
-        return cls(free, R, _springs(R, free[:, R.shape[1] :], size, problem.constraints.common))
+        return cls(free, R, _springs(R, free[:, R.shape[1] :], size, problem.constraints))
 
 
 def _orthonormal(
@@ -105,13 +105,14 @@ def _products(space: Space, A: Floats, B: Floats) -> NDArray[np.floating]:
     return space.share.total(own_A.T @ own_B)
 
 
-def _springs(R: Floats, soft: Floats, size: float, among: Ints | None) -> csr_array | None:
+def _springs(R: Floats, soft: Floats, size: float, constraints: Constraints) -> csr_array | None:
     """Return springs (n_q, n_q) against modes `soft` (n_q, k), on differences of unknowns that R leaves unchanged.
 
-    `size`: their stiffness; `among`: the unknowns that they may act on, all if None.
+    `size`: their stiffness. Several processes take unknowns that all have, and each has its own rows.
     """
     if not soft.shape[1]:
         return None
+    among, own = constraints.common, constraints.own
     leading = leading_unknowns(R, among)
     if len(leading):
         soft = soft - R @ np.linalg.solve(R[leading], soft[leading])
@@ -121,4 +122,5 @@ def _springs(R: Floats, soft: Floats, size: float, among: Ints | None) -> csr_ar
         part = np.linalg.solve(R[leading].T, R[other].T)
         rows, columns = np.meshgrid(leading, np.arange(len(other)), indexing="ij")
         w = csr_array(w - coo_array((part.ravel(), (rows.ravel(), columns.ravel())), shape=soft.shape))
-    return csr_array(size * (w @ w.T))
+    springs = csr_array(size * (w @ w.T))
+    return springs if own is None else csr_array(diags_array(own.astype(float)) @ springs)

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.linalg import LinearOperator, cg
 
 from lacmesh.mesh import Floats
+from lacsolver.linear.krylov import conjugate_gradients
 from lacsolver.problem import acting
 from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.initial import fitted, initial_motion
@@ -60,7 +60,8 @@ def start_of_motion(
     internal, load, contact = motion_forces(step, q, p)
     F = inertia.padded(internal - load + contact) + damping
     T = inertia.tangent(q, t)
-    a = T @ _accelerations(inertia.reduced(inertia.M, q, t), c.force(t, q) - T.T @ (F + inertia.M @ b)) + b
+    left = c.force(t, q) - inertia.on_unknowns(F + inertia.M @ b, q, t)
+    a = T @ _accelerations(model, inertia.reduced(inertia.M, q, t), left) + b
     whole = kinetic(inertia, v), strain(step, q, internal)
     pushes = step.zone_forces(q, p)
     made = MotionState(
@@ -114,19 +115,18 @@ def _resting(
 
     def force(now: Floats) -> NDArray[np.floating]:
         inner = M @ (inertia.places(now, t) - w)
-        return np.asarray(inertia.tangent(now, t).T @ (inner if forces is None else inner + forces))
+        return inertia.on_unknowns(inner if forces is None else inner + forces, now, t)
 
     return LoadStep(model, t, state, StepTerms(force, inertia.reduced(M, q, t)))
 
 
-def _accelerations(M: csr_array, f: Floats) -> NDArray[np.floating]:
+def _accelerations(model: ReducedProblem, M: csr_array, f: Floats) -> NDArray[np.floating]:
     """Return the rates q'' (n_q,) with M q'' = f where there is mass, 0 elsewhere, by conjugate gradients."""
-    diagonal = M.diagonal()
-    there = np.flatnonzero(diagonal > 0)
-    out = np.zeros(len(f))
-    scale = 1 / np.sqrt(diagonal[there])
-    inner = LinearOperator((len(there),) * 2, lambda x: scale * (M[there][:, there] @ (scale * x)))
-    if f[there].any():
-        x, _ = cg(inner, scale * f[there], rtol=_EXACT, atol=0.0, maxiter=_MOST)
-        out[there] = scale * x
-    return out
+    updated, summed = model.problem.constraints.updated, model.problem.constraints.summed
+    diagonal = updated(summed(M.diagonal()))
+    scale = np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 0.0)
+
+    def apply(x: Floats) -> NDArray[np.floating]:
+        return scale * summed(M @ updated(scale * x))
+
+    return updated(scale * conjugate_gradients(apply, scale * f, model.vectors, _EXACT, _MOST))

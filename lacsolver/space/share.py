@@ -1,8 +1,8 @@
 """Share of one process in a model that several processes hold together, and the sums that they agree on.
 
-A process has its `own` nodes, all cells that touch them, and the skins of contact with the cells behind them. Forces,
-and rows of matrices, are complete at own nodes only; displacements are known at all nodes of the share, those of other
-processes by `update`. Contact is the same on every process. A process that has the whole model is `ALONE`.
+A process has its `own` nodes, all cells that touch them, and the skins of contact with the cells that touch them.
+Forces, and rows of matrices, are complete at own nodes only; displacements are known at all nodes of the share, those
+of other processes by `update`. Contact is the same on every process. A process that has the whole model is `ALONE`.
 """
 
 from __future__ import annotations

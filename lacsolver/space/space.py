@@ -27,6 +27,7 @@ from lacmesh.errors import DataError, RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints, Mesh, fixed
 from lacmesh.origin import from_origin, origin_of_mesh, told
 from lacmesh.reference.shapes import gradient
+from lacsolver.space.cut_nodes import made_by_cut
 from lacsolver.space.determinant import determinant
 from lacsolver.space.pattern import Pattern, node_pattern
 from lacsolver.space.rules import cell_rule
@@ -168,6 +169,16 @@ class Space:
         own = self.own(u)
         return float(np.divide(*self.share.total(np.array([own.sum(), own.size]))))
 
+    def dot(self, x: Floats, y: Floats) -> float:
+        """Return the product x . y of vectors (n_dof,), over the nodes of all processes."""
+        if self.share.own is None:
+            return float(x @ y)
+        return float(self.share.total(np.asarray(self.own(x).ravel() @ self.own(y).ravel())))
+
+    def agreed(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return a mask (n_nodes,) as the processes have it at their own nodes."""
+        return np.asarray(self.updated(mask.astype(float)) > 0)
+
     def own(self, values: NDArray) -> NDArray:
         """Return the values (n_nodes, k), from (n_nodes k,), at this process's own nodes only: all, if it is alone."""
         by_node = values.reshape(self.mesh.n_nodes, -1)
@@ -204,6 +215,11 @@ class Space:
         return held
 
     @cached_property
+    def made_by_cut(self) -> NDArray[np.bool_]:
+        """Mask (n_nodes,), True for nodes that the cut of the slaves made."""
+        return made_by_cut(self.mesh)
+
+    @cached_property
     def pattern(self) -> Pattern:
         """Pattern of the nonzero blocks of the stiffness."""
         return node_pattern((block.nodes for block in self.blocks), self.mesh.n_nodes)
@@ -213,6 +229,22 @@ class Space:
         if self.model.axisymmetric:
             return 2 * np.pi * x[..., 0]
         return np.full(x.shape[:-1], self.thickness)
+
+    def known(self, own: Ints) -> Ints:
+        """Return the nodes (k,) of this process's mesh that are among some, of which each process gives its own."""
+        if self.share.own is None:
+            return own
+        mask = np.zeros(self.mesh.n_nodes, bool)
+        mask[own] = True
+        return np.flatnonzero(self.agreed(mask))
+
+    def mask_own(self, nodes: Ints) -> NDArray[np.bool_]:
+        """Return a mask (k,) of those of some nodes that this process has as its own."""
+        return np.ones(len(nodes), bool) if self.share.own is None else self.share.own[nodes]
+
+    def of_own(self, f: Floats) -> NDArray[np.floating]:
+        """Return forces f (n_dof,) with 0 at the nodes of other processes, where they are not complete."""
+        return f if self.share.own is None else f * np.repeat(self.share.own, self.dim)
 
     def own_nodes(self, nodes: Ints) -> Ints:
         """Return those of some nodes that this process has as its own."""

@@ -21,7 +21,6 @@ from lacmesh.formats.inp.variants import variant
 from lacmesh.formats.inp.writer_types import card as element_of
 from lacmesh.mesh import Mesh
 from tests.formats.decks import pressed
-from tests.formats.inp_texts import PARTS
 from tests.meshes import cell_with_faces
 
 MESH = """\
@@ -354,32 +353,21 @@ def test_children_that_calculix_lacks_are_an_error(tmp_path):
     assert "TYPE=C3D5, ELSET=Eall" in written(tmp_path, mesh, target="abaqus")
 
 
-def test_parts_are_carried_and_not_cut(tmp_path):
-    """Instances have numbers of their own: a deck of them is carried as it stands, or named as what it is."""
-    with pytest.warns(LacmeshWarning, match="numbers of instance Upper are raised"):
-        mesh = read_text(tmp_path, PARTS.replace("*End Assembly", "*End Assembly\n*Material, name=M"))
-    assert mesh.deck.apart
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert written(tmp_path, mesh) == (tmp_path / "a.inp").read_text()
-    with pytest.warns(
-        LacmeshWarning, match=r"written anew and not as the deck .*a.inp: .*left out of the deck .*MATERIAL"
-    ):
+def test_elements_that_are_raised_have_their_new_nodes(tmp_path):
+    """Also where their lines list more than their nodes, which are carried word for word as long as nothing changes."""
+    text = MESH.replace("5, 6, 7, 8\n*NSET", "5, 6, 7, 8, 1\n*NSET")
+    with pytest.warns(LacmeshWarning, match="list more nodes than these have"):
+        mesh = read_text(tmp_path, text)
+    assert "1, 1, 2, 3, 4, 5, 6, 7, 8, 1\n" in written(tmp_path, mesh)
+    raised = raise_order(mesh)
+    assert "*ELEMENT, TYPE=C3D20R" in written(tmp_path, raised)
+    assert lacmesh.read(tmp_path / "b.inp").cells_by_type == raised.cells_by_type
+    beam = "*NODE\n1, 0.\n2, 1.\n3, 0., 1.\n*ELEMENT, TYPE=B31\n1, 1, 2, 3\n*MATERIAL, NAME=M\n"
+    with pytest.warns(LacmeshWarning, match="orientation nodes of 1 beams"):
+        mesh = read_text(tmp_path, beam)
+    assert "1, 1, 2, 3\n" in written(tmp_path, mesh)
+    with pytest.raises(DataError, match=r"line 5: \*ELEMENT: these beams have changed"):
         written(tmp_path, raise_order(mesh))
-    with pytest.warns(LacmeshWarning, match="it has instances of parts; write it without"):
-        written(tmp_path, replace(mesh, points=mesh.points * 2))
-
-
-def test_a_single_instance_is_carried_and_not_cut(tmp_path):
-    text = "*PART, NAME=P\n" + MESH.partition("\n")[2] + "*END PART\n*ASSEMBLY, NAME=A\n*INSTANCE, NAME=I, PART=P\n"
-    text += "*END INSTANCE\n*NSET, NSET=Held, INSTANCE=I\n1, 2\n*END ASSEMBLY\n*MATERIAL, NAME=M\n"
-    mesh = read_text(tmp_path, text)
-    assert not mesh.deck.apart
-    out = written(tmp_path, mesh)
-    assert others(out) == others(text) and "*NSET, NSET=Held, INSTANCE=I\n1, 2\n" in out
-    assert np.array_equal(lacmesh.read(tmp_path / "b.inp").points, mesh.points)
-    with pytest.warns(LacmeshWarning, match="it has instances of parts; write it without"):
-        assert "INSTANCE" not in written(tmp_path, cut_skin(mesh, "slave", hexa="hexa").mesh)
 
 
 @pytest.mark.parametrize(

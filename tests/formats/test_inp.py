@@ -730,3 +730,12 @@ def test_the_options_of_the_command(tmp_path, capsys):
         assert main([*cut, str(tmp_path / "b.med"), *option]) == 2
         assert f"{option[0]} is for an .inp output" in capsys.readouterr().err
     assert not (tmp_path / "b.med").exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "members"), [(" 2, 4", [2, 4]), ("GENERATE\n 2, 4, 2", [2, 4]), ("UNSORTED\n 4,", [4])]
+)
+def test_a_keyword_line_that_ends_with_a_comma(tmp_path, line, members):
+    """CalculiX takes the next line for data, Abaqus for parameters: one with numbers is data."""
+    mesh = read_text(tmp_path, "*NODE\n1, 0.\n2, 1.\n3, 2.\n4, 3.\n*NSET, NSET=A,\n" + line + "\n")
+    assert mesh.node_number[mesh.node_groups["A"]].tolist() == members

@@ -23,6 +23,7 @@ from tests.bad_input.mesh_cases import WRITERS
 from tests.bad_input.raw import two_hexahedra
 from tests.formats.decks import pressed
 from tests.formats.med_old import write_old
+from tests.formats.test_deck_parts import two
 from tests.fuzz import texts
 from tests.meshes import cell_with_faces, random_mesh
 
@@ -114,6 +115,7 @@ def _by_hand(name: str) -> Iterator[Seed]:
         for element in ("C3D8I", "C3D10", "CPE4"):
             yield Seed(main, {main: pressed(element).encode()})
         yield Seed(main, {main: texts.DECK.encode(), "more.inp": texts.INCLUDED.encode()})
+        yield Seed(main, {main: two().encode()})
         return
     yield Seed(main, {main: WRITERS[name](two_hexahedra())})
     if name == "inp":

@@ -50,10 +50,11 @@ def test_the_case_says_where_its_records_come_from(deck):
 
 
 def test_a_deck_that_is_refused_leaves_nothing(deck, capsys):
-    (deck / "column.inp").write_text(TEXT.replace("*STATIC", "*DYNAMIC"))
+    (deck / "column.inp").write_text(TEXT.replace("*STATIC", "*VISCO"))
     assert main(["import", "column.inp"]) == 1
     line = TEXT.splitlines().index("*STATIC") + 1
-    message = f"lacsolver: error: column.inp, line {line}: *DYNAMIC: lacsolver computes static steps (*STATIC)"
+    what = "lacsolver computes static steps (*STATIC) and implicit ones with inertia (*DYNAMIC)"
+    message = f"lacsolver: error: column.inp, line {line}: *VISCO: {what}"
     assert capsys.readouterr().err.splitlines() == [message]
     assert [path.name for path in deck.iterdir()] == ["column.inp"]
 

@@ -6,6 +6,7 @@ import pytest
 
 from lacmesh.errors import LacmeshError
 from lacsolver import CaseError, parse_case
+from tests.formats.test_deck_parts import two
 from tests.fuzz.mutate import mutated
 from tests.lacsolver.deck_texts import Block, held, imported, section, step
 from tests.lacsolver.test_import import ABAQUS, CONTACT, ORTHOTROPIC, on_each_other, two_blocks
@@ -34,6 +35,13 @@ DECKS = [
     ABAQUS.format(mesh=BELOW.text() + ABOVE.text()),
     COLUMN.text() + ORTHOTROPIC + "*ORIENTATION, NAME=O\n0., 0., 1., 0., 1., 0.\n"
     "*SOLID SECTION, ELSET=B, MATERIAL=W, ORIENTATION=O\n" + held() + step("*DLOAD\nB_EZ1, P2, 20.\n"),
+    two(),
+    COLUMN.text()
+    + "*NODE\n900, 0.5, 1., 3.\n*ELEMENT, TYPE=MASS, ELSET=M\n77, 900\n*ELEMENT, TYPE=ROTARYI, ELSET=R\n78, 900\n"
+    + section(more="*DENSITY\n1.\n*DAMPING, ALPHA=0.1, BETA=0.01\n")
+    + "*RIGID BODY, NSET=B_Z1, REF NODE=900\n*MASS, ELSET=M\n5.\n*ROTARY INERTIA, ELSET=R\n1., 1., 1.\n"
+    + "*INITIAL CONDITIONS, TYPE=VELOCITY\nB_N, 3, 2.\n900, 3, 2.\n*STEP\n*DYNAMIC, DIRECT, ALPHA=-0.1\n"
+    + "0.1, 1.\n*CLOAD\n900, 3, 8.\n*END STEP\n*STEP\n*DYNAMIC, ALPHA=-0.1\n0.1, 1., , 0.5\n*END STEP\n",
 ]
 
 

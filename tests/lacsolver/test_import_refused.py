@@ -11,6 +11,7 @@ from tests.lacsolver.deck_texts import Block, held, imported, section, step
 
 LOAD = "*DLOAD\nB_EZ1, P2, 20.\n"
 SURFACES = "*SURFACE, NAME=TOP\nB_EZ1, S2\n*SURFACE, NAME=LOW\nB_EZ0, S1\n"
+DYNAMIC = "*DYNAMIC\n0.1, 1.\n"
 ROOT = Path(__file__).resolve().parents[2]
 #: name -> cards of the model, cards of the step, the card that the error names, words of its message
 REFUSED = {
@@ -42,7 +43,38 @@ REFUSED = {
     "thickness": ("*SOLID SECTION, ELSET=B, MATERIAL=EL\n-1.\n", "", "SOLID SECTION", "should be positive"),
     "amplitude": ("*AMPLITUDE, NAME=A, DEFINITION=PERIODIC\n1,2\n", "", "AMPLITUDE", "DEFINITION=TABULAR"),
     "times": ("*AMPLITUDE, NAME=A\n0., 1., 0., 2.\n", "", "AMPLITUDE", "times should increase"),
-    "initial velocity": ("*INITIAL CONDITIONS, TYPE=VELOCITY\nB_N, 1, 2.\n", "", "INITIAL CONDITIONS", "VELOCITY"),
+    "initial stress": ("*INITIAL CONDITIONS, TYPE=STRESS\n1,1,1.\n", "", "INITIAL CONDITIONS", "and VELOCITY are"),
+    "velocity of a rotation": (
+        "*INITIAL CONDITIONS, TYPE=VELOCITY\nB_N, 4, 2.\n", "", "INITIAL CONDITIONS", "should be 1 to 3",
+    ),
+    "velocity of held nodes": (
+        "*INITIAL CONDITIONS, TYPE=VELOCITY\nB_N, 3, 2.\n", DYNAMIC, "BOUNDARY", "in which they are held",
+    ),
+    "velocity of a part": (
+        "*INITIAL CONDITIONS, TYPE=VELOCITY\n8, 3, 2.\n", DYNAMIC, "INITIAL CONDITIONS", "not linear in its",
+    ),
+    "loose velocity": (
+        "*NODE\n99, 0, 0, 9.\n*INITIAL CONDITIONS, TYPE=VELOCITY\n99, 3, 2.\n", DYNAMIC,
+        "INITIAL CONDITIONS", "belong to no solid element",
+    ),
+    "velocity of a rigid body": (
+        "*NODE\n99, 0, 0, 0\n*RIGID BODY, ELSET=B, REF NODE=99\n*INITIAL CONDITIONS, TYPE=VELOCITY\nB_N, 1, 2.\n",
+        DYNAMIC, "INITIAL CONDITIONS", "give the velocity to that node",
+    ),
+    "velocity before a static step": (
+        "*INITIAL CONDITIONS, TYPE=VELOCITY\nB_N, 1, 2.\n", f"*END STEP\n*STEP\n{DYNAMIC}",
+        "INITIAL CONDITIONS", "in the static step before",
+    ),
+    "mass of a node": ("*ELEMENT, TYPE=MASS, ELSET=M\n77, 1\n*MASS, ELSET=M\n5.\n", "", "MASS", "no reference node"),
+    "no mass": (
+        "*NODE\n99, 0, 0, 0\n*RIGID BODY, NSET=B_Z1, REF NODE=99\n*ELEMENT, TYPE=MASS, ELSET=M\n77, 99\n"
+        "*MASS, ELSET=M\n-5.\n", "", "MASS", "should be positive",
+    ),
+    "product of inertia": (
+        "*ELEMENT, TYPE=ROTARYI, ELSET=M\n77, 1\n*ROTARY INERTIA, ELSET=M\n1., 1., 1., 0.5\n",
+        "", "ROTARY INERTIA", "products of inertia",
+    ),
+    "masses of springs": ("*MASS, ELSET=B\n5.\n", "", "MASS", "no elements of one node"),
     "exponential": (
         "*SURFACE INTERACTION, NAME=S\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL\n1e-4, .1\n",
         "", "SURFACE BEHAVIOR", "not EXPONENTIAL; write one of these",
@@ -97,12 +129,25 @@ REFUSED = {
         "*AMPLITUDE, NAME=A\n0,0,1,1\n", "*CLOAD, AMPLITUDE=A\n1,1,1.\n*END STEP\n*STEP\n*STATIC\n",
         "CLOAD", "repeated",
     ),
-    "dynamic": ("", "*DYNAMIC\n", "DYNAMIC", "static steps"),
+    "modal dynamics": ("", "*MODAL DYNAMIC\n", "MODAL DYNAMIC", "implicit ones with inertia"),
+    "explicit": ("", "*DYNAMIC, EXPLICIT\n", "DYNAMIC", "this step is EXPLICIT"),
+    "alpha": ("", "*DYNAMIC, ALPHA=-0.5\n", "DYNAMIC", "ALPHA should be from -1/3 to 0"),
+    "two alphas": (
+        "", "*DYNAMIC\n*END STEP\n*STEP\n*DYNAMIC, ALPHA=0.\n", "DYNAMIC", "one ALPHA for all steps",
+    ),
+    "no density": ("", "*DYNAMIC\n", "MATERIAL", "has no *DENSITY"),
+    "static at last": ("", "*DYNAMIC\n*END STEP\n*STEP\n*STATIC\n", "STATIC", "after a dynamic one"),
+    "too many increments": ("", "*DYNAMIC\n1e-9, 1.\n", "DYNAMIC", "too long for the case"),
     "loads of a frequency step": ("", LOAD + "*FREQUENCY\n3\n", "END STEP", "give supports in the model"),
     "no modes": ("", "*FREQUENCY\n0\n", "FREQUENCY", "should be positive"),
     "perturbation": ("", "*END STEP\n*STEP, PERTURBATION\n*STATIC\n", "END STEP", "with *FREQUENCY alone"),
     "period": ("", "*STATIC\n1., -1.\n", "STATIC", "should be positive"),
-    "model change": ("", "*MODEL CHANGE, TYPE=CONTACT PAIR, REMOVE\nA, B\n", "MODEL CHANGE", "in all steps"),
+    "elements removed": ("", "*MODEL CHANGE, TYPE=ELEMENT, REMOVE\nB\n", "MODEL CHANGE", "in all steps"),
+    "no pair to remove": ("", "*MODEL CHANGE, TYPE=CONTACT PAIR, REMOVE\nA, B\n", "MODEL CHANGE", "no *CONTACT PAIR"),
+    "neither added nor removed": ("", "*MODEL CHANGE, TYPE=CONTACT PAIR\nA, B\n", "MODEL CHANGE", "ADD or REMOVE"),
+    "one surface to remove": ("", "*MODEL CHANGE, TYPE=CONTACT PAIR, ADD\nA\n", "MODEL CHANGE", "a master surface"),
+    "a step in a step": ("", "*STEP\n*STATIC\n", "STEP", "has no *END STEP before it"),
+    "a parameter twice": ("*BOUNDARY, OP=NEW, OP=MOD\nB_X0, 1\n", "", "BOUNDARY", "OP is both NEW and MOD"),
     "nlgeom later": ("", "*END STEP\n*STEP, NLGEOM\n*STATIC\n", "STEP", "in all of them or in none"),
     "temperature of half an element": (
         "", "*TEMPERATURE\n1, 100.\n", "TEMPERATURE", "have several temperatures",
@@ -112,7 +157,9 @@ BLOCK = Block()
 
 
 def deck(model, loads, more=""):
-    return BLOCK.text() + section(more="*EXPANSION\n1e-5\n" + more) + held() + model + step(loads)
+    """A deck of a block; a step whose cards have a procedure is not *STATIC."""
+    text = BLOCK.text() + section(more="*EXPANSION\n1e-5\n" + more) + held() + model + step(loads)
+    return re.sub(r"\*STATIC\n(?=(?:(?!\*STEP|\*END).*\n)*\*(?:STATIC|DYNAMIC|FREQUENCY))", "", text)
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -133,8 +180,20 @@ def test_refused(tmp_path, name):
 
 def test_every_mistake_at_once(tmp_path):
     with pytest.raises(CaseError) as caught:
-        imported(tmp_path, deck("*EQUATION\n2\n1,1,1.,2,1,-1.\n*BOUNDARY\n4711, 3\n", "*DYNAMIC\n"))
+        imported(tmp_path, deck("*EQUATION\n2\n1,1,1.,2,1,-1.\n*BOUNDARY\n4711, 3\n", "*DYNAMIC, EXPLICIT\n"))
     assert len(caught.value.problems) == 3
+
+
+def test_two_procedures_of_one_step(tmp_path):
+    text = BLOCK.text() + section() + held() + step("*DYNAMIC\n" + LOAD)
+    with pytest.raises(CaseError, match=r"\*DYNAMIC: this step is \*STATIC already \(line \d+\); keep one"):
+        imported(tmp_path, text)
+
+
+def test_a_truncated_deck(tmp_path):
+    """A deck that ends in its step would have fewer loads than it was meant to have."""
+    with pytest.raises(CaseError, match=r"\*STEP: this step has no \*END STEP; end it"):
+        imported(tmp_path, deck("", LOAD).replace("*END STEP\n", ""))
 
 
 def test_a_deck_without_steps(tmp_path):
@@ -221,10 +280,20 @@ def test_lenient_leaves_out_what_lacsolver_lacks(tmp_path):
     warned = {finding.card: finding.message for finding in made.findings if finding.level == "warning"}
     assert set(warned) == {"EQUATION", "WORMHOLE"}
     assert all(message.startswith("left out: ") for message in warned.values())
-    with pytest.raises(CaseError, match=r"\*DYNAMIC"):  # without it the step would be another one
-        imported(tmp_path, text.replace("*STATIC", "*DYNAMIC"), lenient=True)
+    with pytest.raises(CaseError, match=r"\*VISCO"):  # without it the step would be another one
+        imported(tmp_path, text.replace("*STATIC", "*VISCO"), lenient=True)
     with pytest.raises(CaseError, match="there is no node 4711"):
         imported(tmp_path, text.replace("*WORMHOLE", "*BOUNDARY\n4711, 1"), lenient=True)
+
+
+def test_lenient_takes_something_else(tmp_path):
+    """An explicit step is computed implicitly, softened contact as a hard one: warnings say so."""
+    soft = SURFACES + "*SURFACE INTERACTION, NAME=S\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL\n1e-4, .1\n"
+    text = deck(soft, "*DYNAMIC, EXPLICIT\n0.1, 1.\n" + LOAD, "*DENSITY\n1.\n")
+    made = imported(tmp_path, text, lenient=True)
+    told = {finding.card: finding.message for finding in made.findings if finding.level == "warning"}
+    assert told["DYNAMIC"].endswith("the step is implicit") and told["SURFACE BEHAVIOR"].endswith("contact is HARD")
+    assert made.case.dynamics.alpha == 0.05
 
 
 def test_the_table_has_each_card_once():

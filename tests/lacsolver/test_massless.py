@@ -5,8 +5,8 @@ import pytest
 
 from lacsolver.case import parse_case
 from lacsolver.problem.inertia import LARGE
-from lacsolver.problem.massless import born_inside
 from lacsolver.problem.problem import Problem
+from lacsolver.space.cut_nodes import inside_children
 from tests.lacsolver.moving import PLANE, SMALL, SPACE, WALL
 from verification.meshes.bars import bar, bar_on_wall
 from verification.meshes.blocks import BLOCK_TYPES, joined
@@ -52,7 +52,7 @@ def test_nodes_that_the_cut_made_are_found(kind, how):
     before = bar_on_wall(kind, 4, 0.01).points
     new = np.array([np.linalg.norm(before - x, axis=1).min() > 1e-9 for x in mesh.points])
     on_skin = mesh.points[:, dim - 1] < 0.01 + 1e-9
-    np.testing.assert_array_equal(born_inside(made.space), new & ~on_skin)
+    np.testing.assert_array_equal(inside_children(made.space.mesh, dim), new & ~on_skin)
 
 
 @pytest.mark.parametrize("kind", ["QUAD4", "TRIA6", "TETRA4"])

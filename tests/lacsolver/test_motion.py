@@ -344,3 +344,16 @@ def test_contact_between_rigid_bodies_needs_a_stiffness():
     assert unbalanced(motions) < CLOSED
     assert any(state.zones[0].pressure.any() for state in states) and not states[-1].zones[0].pressure.any()
     assert motions[-1].linear[1] == pytest.approx(0.1 * WIDTH, rel=2e-3)
+
+
+def test_multigrid_takes_a_hierarchy_of_its_own_for_each_size_of_steps():
+    """The tiny step of the start has a matrix many times as large as that of the steps, and of the preload."""
+    rest = '[[contact]]\nslave = "slave"\nmaster = "master"\n[[displacement]]\ngroup = "bottom"\nux = 0.0\nuy = 0.0\n'
+    rest += 'uz = 0.0\n[[displacement]]\ngroup = "top"\nux = 0.0\nuy = 0.0\nuz = "-0.02 * t"\n[dynamics]\nstart = 0.5\n'
+    text, mesh = (
+        SPACE + SMALL.replace("young = 1.0", "young = 1000.0") + rest + steps(1.0, 2),
+        bars(("HEXA8", "HEXA8"), (4, 3), (3, 3)),
+    )
+    found = {name: moved(f'{text}[solver]\nbackend = "{name}"\n', mesh)[1][-1] for name in ("multigrid", "superlu")}
+    u, right = (found[name].u for name in ("multigrid", "superlu"))
+    assert np.abs(u - right).max() < 1e-9 * np.abs(right).max()

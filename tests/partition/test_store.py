@@ -122,8 +122,8 @@ def test_data_that_are_no_numbers_are_left_out_and_named(tmp_path):
     "place, value, told",
     [
         ("header", np.frombuffer(b"{}", np.uint8), r"is damaged \('version'\); partition the mesh again"),
-        ("header", np.frombuffer(b'{"version": 2}', np.uint8), "has version 2, expected 1"),
-        ("header", np.frombuffer(b'{"version": 1}', np.uint8), r"is damaged \('whole'\)"),
+        ("header", np.frombuffer(b'{"version": 1}', np.uint8), "has version 1, expected 2"),
+        ("header", np.frombuffer(b'{"version": 2}', np.uint8), r"is damaged \('whole'\)"),
         ("header", np.frombuffer(b"[", np.uint8), "is damaged .*partition the mesh again"),
         ("node/number", np.array([[1], [2]] * 999), "is damaged .*node_number must be integers"),
         ("notes", np.frombuffer(b"[]", np.uint8), "/notes: are damaged"),

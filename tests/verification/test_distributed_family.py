@@ -13,6 +13,7 @@ from verification.divided import FailedError, found
 from verification.families import distributed
 from verification.families.balance import Touch, mesh_of, text
 from verification.families.distributed import FAMILY, FEW, PLANE, RANKS, SOLID, Divided, compared, problems
+from verification.families.distributed_moving import Free
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS
 from verification.records import Case
 from verification.running.plan import suite_of
@@ -40,11 +41,12 @@ def test_goal_1_is_asked_for():
     assert {backend for _, backends in FEW for backend in backends} == {"multigrid", "gamg", "hypre", "mumps"}
     names = {case.name for case in FAMILY.cases}
     assert {"cells-2d", "cells-3d", "floating-3d", "tower-finite", "tie-3d", "rigid-3d", "ring"} <= names
+    assert {f"free-{name}" for name in ("bars", "spin", "top", "plate", "wall", "thrown")} <= names
 
 
 def test_problems_are_cases_and_meshes():
     for case in FAMILY.cases:
-        if case.name in ("tie-2d", "floating-2d", "block_QUAD4_facet", "ring"):
+        if case.name in ("tie-2d", "floating-2d", "block_QUAD4_facet", "ring") or case.name.startswith("free"):
             for words, mesh in problems(case.parameters.given):
                 assert "[[contact]]" in words or "[[tie]]" in words
                 assert mesh.n_cells > 10 and not mesh.zones
@@ -71,6 +73,19 @@ def test_a_difference_is_seen(alone, field):
     wrong = [name for name, result in results.items() if not result.passed]
     words = {"sets": "macro-elements", "u": "displacement", "p": "pressure", "balance": "balance"}[field]
     assert len(wrong) == 1 and wrong[0].startswith(words)
+
+
+@pytest.mark.parametrize("field", ["velocity", "energies"])
+def test_a_difference_of_a_motion_is_seen(field):
+    (problem,) = problems(Free("wall"))
+    alone = solve(*problem)
+    states = [found(state, alone.problem) for state in alone.states]
+    same = compared(alone, states, 2, "mumps")
+    assert (same.u, same.motion) == (0.0, 0.0) and all(result.passed for result in distributed._judged([same]))
+    assert all(state.velocity.any() and state.energies[0] > 0 for state in states)
+    states[-1] = replace(states[-1], **{field: getattr(states[-1], field) * (1 + 1e-8)})
+    wrong = [r.quantity for r in distributed._judged([compared(alone, states, 2, "mumps")]) if not r.passed]
+    assert wrong == ["velocities and energies, relative difference: mumps, n = 2"]
 
 
 def test_steps_at_other_times_are_no_solution(alone):

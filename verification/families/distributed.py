@@ -20,6 +20,7 @@ from lacmesh.report.blocks import Line, Plot
 from verification.divided import FailedError, WholeState, found, solve_divided
 from verification.families import balance, patch, sliding
 from verification.families.balance import Touch
+from verification.families.distributed_moving import Free
 from verification.families.patch import Press
 from verification.families.sliding import MESHES, Dragged, Slider
 from verification.meshes.sliding import slider
@@ -28,7 +29,7 @@ from verification.records import Case, Family, Outcome, Result, at_least, at_mos
 from verification.solving import Solved, balance_of, solve, worst
 
 Floats = NDArray[np.floating]
-Borrowed = Touch | Press | Slider | Dragged
+Borrowed = Touch | Press | Slider | Dragged | Free
 
 FAMILY_NAME = "distributed"
 BACKENDS = ("multigrid", "gamg", "hypre", "mumps")
@@ -54,7 +55,10 @@ _REASON = {
 
 @dataclass(frozen=True)
 class Divided:
-    """A problem of another family. `ranks`: numbers of processes, and the backends that each solves with."""
+    """A problem of another family, or of `distributed_moving`.
+
+    `ranks`: numbers of processes, and the backends that each solves with.
+    """
 
     given: Borrowed
     ranks: tuple[tuple[int, tuple[str, ...]], ...] = RANKS
@@ -63,7 +67,8 @@ class Divided:
 @dataclass(frozen=True)
 class Difference:
     """A solution by n processes against that by one, the worst of all steps: `sets` macro-elements whose state differs,
-    displacement and pressure relative to the largest of the step, and the balance of the contact forces.
+    displacement and pressure relative to the largest of the step, and the balance of the contact forces. `motion`:
+    velocities and energies, relative to the largest of the step; None without inertia.
     """
 
     n: int
@@ -72,6 +77,7 @@ class Difference:
     u: float
     p: float
     balance: float
+    motion: float | None = None
 
 
 def problems(given: Borrowed) -> Iterator[tuple[str, Mesh]]:
@@ -80,6 +86,8 @@ def problems(given: Borrowed) -> Iterator[tuple[str, Mesh]]:
         yield from ((balance.text(given), balance.mesh_of(given, *pair)) for pair in given.pairs)
     elif isinstance(given, Press):
         yield from ((patch.text(given), patch.mesh_of(given, *pair, True)) for pair in given.pairs)
+    elif isinstance(given, Free):
+        yield given.text, given.mesh
     elif isinstance(given, Slider):
         yield sliding.slider_text(given), slider(given.cell, given.n, given.faces, given.wave)
     else:
@@ -125,7 +133,12 @@ def compared(alone: Solved, states: Sequence[WholeState], n: int, backend: str) 
         max(_relative(one.u, other.u) for one, other in pairs),
         max(_relative(one.pressure, other.pressure) for one, other in pairs),
         max(forces.force, forces.moment),
+        max((_moving(one, other) for one, other in pairs if len(other.energies)), default=None),
     )
+
+
+def _moving(one: WholeState, other: WholeState) -> float:
+    return max(_relative(one.velocity, other.velocity), _relative(one.energies, other.energies))
 
 
 def _found(alone: Solved) -> list[WholeState]:
@@ -150,6 +163,10 @@ def _judged(found: Sequence[Difference]) -> Iterator[Result]:
         ):
             value = max(getattr(one, what) for one in own)
             yield at_most(f"{name}: {which}", value, bound, source=_SOURCE, reason=reason)
+        moving = [one.motion for one in own if one.motion is not None]
+        if moving:
+            yield at_most(f"velocities and energies, relative difference: {which}", max(moving), U, source=_SOURCE,
+                          reason=_REASON["u"])  # fmt: skip
         value = max(one.balance for one in own)
         yield at_most(f"balance of forces and moments: {which}", value, BALANCED, source="action and reaction",
                       reason="of the contact forces that are gathered from all processes")  # fmt: skip
@@ -233,22 +250,37 @@ def _sliding() -> Iterator[Case]:
             yield _case(case.name, case.description, Divided(given), 15 * case.seconds)
 
 
+def _moving_cases() -> Iterator[Case]:
+    """Impacts, and free rigid bodies."""
+    for name, description, ranks in (
+        ("bars", "a bar hits another, 2d", FEW),
+        ("spin", "a bar that spins hits another, finite kinematics, 3d", FEW),
+        ("top", "a rigid top that is pushed and turned, 3d", RANKS),
+        ("plate", "a rigid plate that contact alone stops, finite kinematics, 2d", RANKS),
+        ("wall", "a bar hits a free wall that turns, finite kinematics, 2d", FEW),
+        ("thrown", "a body with a free rigid top is thrown on another, 3d", FEW),
+    ):
+        yield _case(f"free-{name}", description, Divided(Free(name), ranks), 90.0)
+
+
 TEXT = f"""
 Problems of the families balance, patch and sliding, on their coarsest meshes: every kind of cells, bodies that float,
-ties, rigid skins, finite kinematics, several zones and large sliding. Each is solved by one process on the whole mesh,
-and by 1, 2, 3, 4 and 8 processes of `mpiexec`, of which each reads its own part of the mesh and cuts it, with PETSc's
-GAMG, with hypre and with MUMPS (8 processes with GAMG). The ring and the ironing, of 20 to 36 steps, are solved by 2
-processes with GAMG and MUMPS, by 3 with hypre and by 4 with GAMG.
+ties, rigid skins, finite kinematics, several zones and large sliding; and impacts and free rigid bodies on few cells.
+Each is solved by one process on the whole mesh, and by 1, 2, 3, 4 and 8 processes of `mpiexec`, of which each reads its
+own part of the mesh and cuts it, with multigrid, with PETSc's GAMG, with hypre and with MUMPS (8 processes with
+multigrid). Impacts, the ring and the ironing, of 6 to 36 steps, are solved by 2 processes with multigrid and MUMPS, by
+3 with hypre and GAMG, and by 4 with multigrid.
 
 At every step the same macro-elements must be closed, displacements differ by at most {U:g} of the largest, pressures by
 at most {P:g}, and the contact forces that are gathered from all processes be in balance to {BALANCED:g}.
+Of impacts velocities and energies are compared, too.
 """
 
 FAMILY = Family(
     FAMILY_NAME,
     "Several processes",
     TEXT,
-    (*_balanced(), *_floating(), *_sliding()),
+    (*_balanced(), *_floating(), *_moving_cases(), *_sliding()),
     run,
     missing,
 )

@@ -24,6 +24,8 @@ _DEEPEST, _MOST_FILES = 16, 10_000
 _LONGEST = 4096
 _SOLID = re.compile(rb"\S")
 _PARAMETER = re.compile(r'\s*([^,="]+?)\s*(?:=\s*("[^"]*"|[^,]*?)\s*)?(?:,|$)')
+#: A field that is a number, as no parameter without a value is.
+_NUMBERS = re.compile(r"(?:^|,)\s*[-+.0-9][-+.0-9eEdD]*\s*(?:,|$)")
 #: Cards of which the parameter INPUT names a file with their data lines.
 _WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET")
 
@@ -179,12 +181,15 @@ def _starred(source: SourceFile) -> Iterator[tuple[int, int]]:
 
 
 def _keyword_line(source: SourceFile, at: int, end: int) -> tuple[str, int]:
-    """Text of a keyword line joined with its continuation lines, and the offset where the last of them ends."""
+    """Text of a keyword line joined with its continuation lines, and the offset where the last of them ends.
+
+    A line with a number among its fields is data: CalculiX takes a comma at the end of a keyword line for nothing.
+    """
     text = decoded(bytes(source.data[at:end])).strip()
     while text.endswith(",") and end < source.size:
         begin, end = end, source.data.find(b"\n", end) + 1 or source.size
         more = decoded(bytes(source.data[begin:end])).strip()
-        if more.startswith("*") or not more:
+        if more.startswith("*") or not more or _NUMBERS.search(more):
             return text, begin
         text += more
         if len(text) > _LONGEST:

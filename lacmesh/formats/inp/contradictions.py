@@ -44,8 +44,18 @@ class Contradiction(NamedTuple):
 
 
 def contradictions(deck: Deck) -> Iterator[Contradiction]:
-    """Find the contradictions of a deck, in the order of its cards."""
+    """Find the contradictions of a deck: those of its frame, then those of its names, in the order of its cards."""
+    yield from contradictions_of_frame(deck)
+    if deck.apart:  # names of parts are other names in the mesh
+        return
     names = _Names(deck)
+    for card in deck.cards:
+        yield from _parameters(card, names)
+        yield from _data(card, names)
+
+
+def contradictions_of_frame(deck: Deck) -> Iterator[Contradiction]:
+    """Find steps inside steps, or without an end, and parameters that stand twice."""
     inside: DeckCard | None = None
     for card in deck.cards:
         if card.key == "STEP" and inside is not None:
@@ -54,9 +64,6 @@ def contradictions(deck: Deck) -> Iterator[Contradiction]:
             yield _at(card, "there is no *STEP above it; take it out, or begin the step")
         inside = {"STEP": card, "ENDSTEP": None}.get(card.key, inside)
         yield from _twice(card)
-        if not deck.apart:  # names of parts are other names in the mesh
-            yield from _parameters(card, names)
-            yield from _data(card, names)
     if inside is not None:
         yield _at(inside, "this step has no *END STEP; end it")
 

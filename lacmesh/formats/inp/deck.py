@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lacmesh.deck import DeckInstance
 from lacmesh.formats.inp import data as inp_data
 from lacmesh.formats.inp.cards import Card, Span, cards, label
 from lacmesh.formats.inp.data import Members, key
@@ -34,20 +35,11 @@ _LARGEST = 10**9
 
 
 @dataclass
-class _Instance:
-    """An instance of a part in the assembly: the offsets of its node and element numbers, and its prefix to names."""
-
-    prefix: str
-    nodes: int
-    elements: int
-
-
-@dataclass
 class InputDeck:
     """Content of a file: the `scope` of its mesh, all its cards and the lines before them, messages, the heading.
 
     `whole`: cards whose data lines say more than the cells made of them, as orientation nodes of beams. `largest`: the
-    largest number of an element that is no cell. `apart`: why numbers of the cards are not those of the scope.
+    largest number of an element that is no cell. `apart`, `instances`, `own`: as those of a `Deck`.
     """
 
     scope: Scope = field(default_factory=Scope)
@@ -58,13 +50,16 @@ class InputDeck:
     whole: list[Card] = field(default_factory=list)
     largest: int = 0
     apart: str = ""
+    instances: list[DeckInstance] = field(default_factory=list)
+    own: tuple[int, int] = (0, 0)
 
 
 def read_model(path: Path) -> InputDeck:
     """Read the model in a file, with all instances merged into one scope. Raises ReadError."""
     model = InputDeck()
     model.cards, model.start = cards(path, model.said)
-    reader = _Reader(model, sum(c.name == "INSTANCE" for c in model.cards))
+    n_instances = sum(c.name == "INSTANCE" for c in model.cards)
+    reader = _Reader(model, n_instances, n_instances > 1 or _same_names(model.cards))
     for card in _sets_after_own_nodes(model.cards):
         reader.take(card)
     return reader.finish()
@@ -87,6 +82,21 @@ def _sets_after_own_nodes(listed: list[Card]) -> list[Card]:
     return [*others, *(listed[k] for k in early), *listed[first + 1 :]]
 
 
+def _same_names(listed: list[Card]) -> bool:
+    """True if an assembly has a set or a surface of the same name as one of its parts."""
+    outside = set(_after_instances(listed))
+    of_assembly = {_named(listed[k]) for k in outside}
+    of_parts = {_named(card) for k, card in enumerate(listed) if k not in outside}
+    return bool(of_assembly & of_parts - {("", "")})
+
+
+def _named(card: Card) -> tuple[str, str]:
+    """Kind and name of the set or surface that a card makes, or adds to."""
+    option = {"NODE": "NSET", "ELEMENT": "ELSET", "SURFACE": "NAME"}.get(card.name, card.name)
+    name = card.parameters.get(option, "") if card.name in (*_OF_MEMBERS, "NODE", "ELEMENT") else ""
+    return (option, key(name)) if name else ("", "")
+
+
 def _after_instances(listed: list[Card]) -> list[int]:
     """Places of the cards of an assembly that follow one of its instances, and are inside none."""
     places = []
@@ -105,13 +115,15 @@ def _after_instances(listed: list[Card]) -> list[int]:
 class _Reader:
     """Processes cards one by one; those outside parts go to the model's own scope."""
 
-    def __init__(self, model: InputDeck, n_instances: int) -> None:
+    def __init__(self, model: InputDeck, n_instances: int, prefixed: bool) -> None:
+        """`prefixed`: names of instances precede those of their sets."""
         self.model = model
         self.n_instances = n_instances
+        self.prefixed = prefixed
         self.parts: dict[str, Scope] = {}
-        self.instances: dict[str, _Instance] = {}
+        self.instances: dict[str, DeckInstance] = {}
         self.here = self.model.scope
-        self.own: _Instance | None = None  # of the assembly's own nodes and elements, once it has some
+        self.own: DeckInstance | None = None  # of the assembly's own nodes and elements, once it has some
         self.instance: Card | None = None
         self.second_part: Card | None = None
         self.spare = 0
@@ -153,7 +165,8 @@ class _Reader:
         if self.here is not self.model.scope or not self.instances:
             return 0, 0
         if self.own is None:
-            self.own = _Instance("", *self.model.scope.largest())
+            self.model.own = self.model.scope.largest()
+            self.own = DeckInstance("", "", "", *self.model.own, False)
             self.model.apart = "the assembly has nodes or elements of its own, whose numbers are raised"
         return self.own.nodes, self.own.elements
 
@@ -220,7 +233,7 @@ class _Reader:
         elements = card.parameters.get("ELSET", "") if of == "node" else ""
         self.here.add_to(of, name, card, raised(listed, by, prefix), prefix + key(elements) if elements else "")
 
-    def _of(self, card: Card) -> _Instance | None:
+    def _of(self, card: Card) -> DeckInstance | None:
         """Instance that a card of the assembly refers to, the assembly's own if it names none; None elsewhere."""
         name = card.parameters.get("INSTANCE", "")
         if name and not self.parts and not self.n_instances:
@@ -231,7 +244,7 @@ class _Reader:
             return self.instances[key(name)]
         if self.here is not self.model.scope or not self.instances:
             return None
-        return self.own or _Instance("", 0, 0)
+        return self.own or DeckInstance("", "", "", 0, 0, False)
 
     def _with_instances(self, listed: Members, of: str) -> Members:
         """Resolve members named with their instance: `I.5` is number 5 of instance I, `I.SET` its set SET."""
@@ -310,9 +323,12 @@ class _Reader:
         moved = [NodeCard(n.card, n.number, _placed(begin, n.points)) for n in scope.nodes]
         scope.nodes = moved
         by = whole.largest()
-        prefix = f"{shown}." if self.n_instances > 1 else ""
+        prefix = f"{shown}." if self.prefixed else ""
         whole.add(scope, prefix, *by)
-        self.instances[key(shown)] = _Instance(prefix, *by)
+        turned = len([row for row in begin.text().splitlines() if row.strip()]) > 1
+        made = DeckInstance(shown, begin.parameters.get("PART", ""), prefix, *by, turned)
+        self.instances[key(shown)] = made
+        self.model.instances.append(made)
         if len(self.instances) > 1 or any(by):
             self.model.apart = f"there are {len(self.instances)} instances of parts"
         elif begin.text().strip():

@@ -21,6 +21,7 @@ from lacmesh.formats.inp.follow import Followed
 from lacmesh.formats.inp.lines import write_faces, write_nodes, write_rows, write_set
 from lacmesh.formats.inp.plain import name_of
 from lacmesh.formats.inp.plan import Plan, no_element, write_groups
+from lacmesh.formats.inp.types import LINE, element
 from lacmesh.formats.inp.variants import variant
 from lacmesh.mesh import Ints
 
@@ -74,6 +75,7 @@ class DeckWriter:
             _put(file, without_option(card, "SYSTEM", "INPUT").head)
             write_nodes(file, self.plan.mesh, self.plan.node, self.starts[k], self.starts[k] + len(card.numbers))
         elif card.key == "ELEMENT" and card.numbers is not None and not self._as_it_stood(k, card):
+            self._tell_lost(card)
             self._elements(file, k, without_option(card, "INPUT"))
             _put(file, *_comments(card))
             return
@@ -89,9 +91,18 @@ class DeckWriter:
             return
         _put(file, *(part.text for part in card.body))
 
+    def _tell_lost(self, card: DeckCard) -> None:
+        """Refuse lines of beams that have changed, and that list an orientation node behind their own."""
+        old = element(name_of(card.options))
+        if old is not None and old.kind == LINE and any(len(line.fields) > 1 + len(old.nodes) for line in card.data):
+            why = "these beams have changed, and their orientation nodes would be lost; give a direction in the section"
+            self.complaints.add(card, card.file, card.line, why, "they are written without these nodes")
+
     def _as_it_stood(self, k: int, card: DeckCard) -> bool:
-        """True for a card whose lines say more than its cells do, and of which no element was replaced."""
-        return bool(card.data) and not np.isin(self.followed.root[self._cells_of(k)], self.followed.changed).any()
+        """True for a card whose lines say more than its cells do, and of which no element was replaced, or raised."""
+        cells, old = self._cells_of(k), element(name_of(card.options))
+        raised = old is not None and any(kind != old.type for kind, _, _ in self.plan.mesh.select(cells))
+        return bool(card.data) and not raised and not np.isin(self.followed.root[cells], self.followed.changed).any()
 
     def _elements(self, file: BinaryIO, k: int, card: DeckCard) -> None:
         """Write the elements of a card, and the children of those that were replaced: a card for each type."""
@@ -144,7 +155,7 @@ class DeckWriter:
         group = self.deck.surfaces.get(("ELEMENT", key_of(name)))
         members = self.plan.mesh.cell_groups.get(group or "", np.empty(0, np.int64))
         skin = members[self.plan.roles.skin[members]]
-        if kind != "ELEMENT" or group is None or not len(skin) or not self._changed(group, skin):
+        if kind != "ELEMENT" or group is None or not len(skin) or (card.body and not self._changed(group, skin)):
             return False
         _put(file, card.head.rstrip("\r\n"))
         write_faces(file, self.plan.mesh, self.plan.roles, self.plan.target, self.plan.cell, skin)

@@ -18,9 +18,6 @@ from lacmesh.deck import Deck
 from lacmesh.formats.inp.types import FACETS
 from lacmesh.mesh import Floats, Ints, Mesh
 
-#: Sets and surfaces of an assembly name nodes and elements of instances, which no card of a new mesh would.
-_PARTS = "it has instances of parts; write it without (Abaqus/CAE: do not use parts and assemblies in input files)"
-
 
 class Side(NamedTuple):
     """A face of an element: the element's number, and the face's number as S1, S2 ... count."""
@@ -77,8 +74,8 @@ class Followed:
 
     def misfit(self) -> str:
         """Reason why the mesh is not one of this deck; empty if it is."""
-        if self.deck.apart or any(self.deck.named("INSTANCE")):
-            return "" if self._untouched() else _PARTS
+        if self.deck.instances and self.untouched:
+            return ""
         if not np.array_equal(self.mesh.node_number[: self.n_read], self.deck.mesh.node_number):
             return "its nodes have other numbers in the mesh"
         if len(np.unique(self.root[self.home >= 0])) < len(self._number):
@@ -88,7 +85,8 @@ class Followed:
             return "numbers stand twice in the mesh"
         return ""
 
-    def _untouched(self) -> bool:
+    @cached_property
+    def untouched(self) -> bool:
         """True if nodes and groups are those that were read."""
         mesh, read = self.mesh, self.deck.mesh
         pairs = [(mesh.cell_groups, read.cell_groups), (mesh.node_groups, read.node_groups)]

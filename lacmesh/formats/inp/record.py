@@ -8,7 +8,9 @@ from pathlib import Path
 from lacmesh.deck import Deck, DeckCard, Lines
 from lacmesh.formats.inp.cards import Card, Span
 from lacmesh.formats.inp.deck import InputDeck
+from lacmesh.formats.inp.scope import ElementCard
 from lacmesh.formats.source import SourceFile
+from lacmesh.formats.text import values_in_lines
 from lacmesh.mesh import Ints, Mesh
 
 
@@ -31,7 +33,24 @@ def deck_of(path: Path, model: InputDeck, mesh: Mesh) -> Deck:
         {key: found.shown for key, found in scope.element_sets.items()},
         {key: found.shown for key, found in scope.surfaces.items()},
         model.apart,
+        tuple(model.instances),
+        _placed(model) if model.instances else (),
+        model.own,
     )
+
+
+def _placed(model: InputDeck) -> tuple[tuple[int, Ints], ...]:
+    """Indices of the cards of nodes and elements that are cells alone, with their numbers in the mesh."""
+    index = {id(card): k for k, card in enumerate(model.cards)}
+    nodes = [(index[id(one.card)], one.number) for one in model.scope.nodes]
+    elements = [(index[id(one.card)], one.number) for one in model.scope.elements if not _says_more(one, model)]
+    return (*nodes, *elements)
+
+
+def _says_more(one: ElementCard, model: InputDeck) -> bool:
+    """True if the lines of elements have more numbers than those of the elements and of their nodes."""
+    listed = any(one.card is card for card in model.whole)
+    return listed and int(values_in_lines(one.card.text()).sum()) > one.nodes.size + len(one.number)
 
 
 def _card(card: Card, places: _Places, numbers: Ints | None, in_mesh: bool) -> DeckCard:

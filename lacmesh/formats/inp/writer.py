@@ -15,10 +15,12 @@ from typing import BinaryIO
 
 import numpy as np
 
+from lacmesh.deck import Deck
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.inp.carry import Complaints
 from lacmesh.formats.inp.contradictions import contradictions
 from lacmesh.formats.inp.deck_writer import DeckWriter
+from lacmesh.formats.inp.flat import flattened
 from lacmesh.formats.inp.follow import Followed
 from lacmesh.formats.inp.lines import is_plane, write_nodes, write_rows
 from lacmesh.formats.inp.plain import below_dimension, losses
@@ -33,28 +35,31 @@ def write(
     path: Path,
     mesh: Mesh,
     *,
-    target: str = "calculix",
+    target: str | None = None,
     plane: str | None = None,
     all_cells: bool = False,
     lenient: bool = False,
 ) -> None:
-    """Write a mesh as an .inp file for `target`, "calculix" or "abaqus", replacing any content.
+    """Write a mesh as an .inp file for `target`, "calculix" (also if None) or "abaqus", replacing any content.
 
     `plane`: the elements of plane meshes: CPS (plane stress), CPE (plane strain) or CAX (axisymmetric); by default
     `mesh.plane`, else CPS, with a warning. Skin cells are written as faces of *SURFACEs, other cells below the mesh's
     dimension as sets of nodes; with `all_cells` all of them are elements as well. Raises WriteError for a cell that the
     target has no element for, RequestError for an option; one LacmeshWarning names what is changed or left out.
 
-    A mesh with a deck (`Mesh.deck`) is written as that deck: every card in its place, its mesh as it has become. Raises
-    DataError for a line that cannot be carried; with `lenient` it is left out, and a LacmeshWarning names it.
+    A mesh with a deck (`Mesh.deck`) is written as that deck: every card in its place, its mesh as it has become; one of
+    parts is written without them if anything in its mesh has changed, or if "calculix", which has none, is named.
+    Raises DataError for a line that cannot be carried; with `lenient` it is left out, and a LacmeshWarning names it.
     """
+    with_parts, target = target != "calculix", target or "calculix"
     chosen = plane or mesh.plane or "CPS"
     if target not in TARGETS or chosen not in PLANES:
         raise RequestError(
             f"an .inp file is for {' or '.join(TARGETS)}, in {', '.join(PLANES)}: not {target}, {chosen}"
         )
     said = left_out(mesh)
-    followed = None if mesh.deck is None else Followed(mesh.deck, mesh)
+    complaints = Complaints(lenient)
+    followed = None if mesh.deck is None else _followed(mesh.deck, mesh, with_parts, complaints, said)
     if followed is not None and (why := followed.misfit() or ("" if all_cells else below_dimension(followed))):
         said += [
             f"written anew and not as the deck {followed.deck.path}: {why}",
@@ -63,16 +68,32 @@ def write(
         followed = None
     roles = roles_of(mesh, all_cells)
     if followed is not None:
-        _write_deck(path, followed, roles, said, target, plane, lenient)
+        _write_deck(path, followed, roles, said, target, plane, complaints)
     else:
         _write_mesh(path, mesh, roles, said, target, plane)
     if said:
         warnings.warn(LacmeshWarning(".inp: " + "; ".join(said)), stacklevel=2)
 
 
+def _followed(deck: Deck, mesh: Mesh, with_parts: bool, complaints: Complaints, said: list[str]) -> Followed:
+    """Follow a deck into a mesh made of it; `with_parts`: with its parts as long as all in the mesh is as read."""
+    followed = Followed(deck, mesh)
+    if not deck.instances or (with_parts and followed.untouched):
+        return followed
+    flat, refused = flattened(deck)
+    without_parts = Followed(flat, mesh)
+    if not without_parts.misfit():
+        for found in refused:
+            complaints.add(found.card, found.file, found.line, found.why, "it is left out")
+        names = ", whose names stand before those of their sets" if any(one.prefix for one in deck.instances) else ""
+        said.append(f"the deck is written without parts and instances{names}")
+    return without_parts
+
+
 def _write_deck(
-    path: Path, followed: Followed, roles: Roles, said: list[str], target: str, plane: str | None, lenient: bool
-) -> None:
+    path: Path, followed: Followed, roles: Roles, said: list[str], target: str, plane: str | None,
+    complaints: Complaints,
+) -> None:  # fmt: skip
     """Write the deck that a mesh was read from, as `write` says."""
     deck, mesh = followed.deck, followed.mesh
     of_deck = followed.home >= 0
@@ -86,7 +107,6 @@ def _write_deck(
     )
     chosen = plane or mesh.plane or "CPS"
     plan = plan_of(path, mesh, roles, target, chosen, [], of_deck)
-    complaints = Complaints(lenient)
     for found in contradictions(deck):
         complaints.add(found.card, found.file, found.line, found.why, "carried as it stands")
     with path.open("wb") as file:

@@ -1,6 +1,7 @@
 """The largest allocation of numpy, and of messages, at each place of the code: a program for `test_memory`.
 
-A run is done in a model that is divided beforehand, from the parts of its mesh to its files, and again from its state.
+A run is done in a model that is divided beforehand, from the parts of its mesh to its files, and again from its state:
+a step in static equilibrium, and one in motion.
 One process has the same part in both models, the other one has the rest, which is larger in the second model. So
 whatever the first process allocates at a place must not grow with the model.
 """
@@ -35,6 +36,7 @@ model = "3d"
 [[material]]
 young = 1000.0
 poisson = 0.3
+density = 1.0
 [[contact]]
 name = "zone"
 slave = "slave"
@@ -49,6 +51,8 @@ group = "top"
 ux = 0.0
 uy = 0.0
 uz = "-0.02 * t"
+[dynamics]
+start = 0.5
 [solver]
 backend = "multigrid"
 threads = 1

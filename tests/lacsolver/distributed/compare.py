@@ -1,6 +1,7 @@
 """Cases of every kind solved by several processes, compared with one: a program for `mpiexec`.
 
-Arguments: a backend, and names of the cases in tests/lacsolver/invariant_cases.py. Rank 0 prints a line of JSON each.
+Arguments: a backend, and names of the cases in tests/lacsolver/invariant_cases.py or `moving_cases`. Rank 0 prints a
+line of JSON each.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ import numpy as np
 from lacsolver.case import parse_case
 from lacsolver.distributed.launch import import_mpi, import_petsc
 from lacsolver.distributed.processes import Processes
+from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem
 from lacsolver.results.answer import Answer
 from lacsolver.solve.stepping import march
+from tests.lacsolver.distributed import moving_cases
 from tests.lacsolver.invariant_cases import CASES, text_of
 
 
@@ -25,39 +28,73 @@ def main():
     import_petsc()
     comm = import_mpi().COMM_WORLD
     for name in names:
-        told = compared(CASES[name], backend, comm)
+        told = compared(*problem_of(name), backend, comm)
         if comm.rank == 0:
             print(json.dumps({"name": name, **told}), flush=True)
 
 
-def compared(case, backend, comm):
-    """Worst relative differences from one process, over all steps."""
-    text, mesh = text_of(case, case.world), case.mesh()
+def problem_of(name):
+    """The text of a case, with a section [solver], and its mesh."""
+    if name in CASES:
+        case = CASES[name]
+        return text_of(case, case.world), case.mesh()
+    text, mesh = (moving_cases.RIGID | moving_cases.CASES)[name]
+    return text + "[solver]\nthreads = 1\n", mesh()
+
+
+def compared(text, mesh, backend, comm):
+    """Worst relative differences from one process, over all steps.
+
+    Those of u and p are relative to the largest of their step, those of what may vanish in flight to that of all steps.
+    """
     alone = list(march(Problem.of(parse_case(text), mesh)))
     several = parse_case(text.replace("[solver]", f'[solver]\nbackend = "{backend}"', 1))
-    problem = Problem.of(several, mesh, Processes(comm))
-    answer, whole_answer = Answer(problem), Answer(Problem.of(parse_case(text), mesh))
-    worst = {"u": 0.0, "p": 0.0, "reaction": 0.0, "energy": 0.0, "sets": True}
+    problem, whole_problem = Problem.of(several, mesh, Processes(comm)), Problem.of(parse_case(text), mesh)
+    answers = Answer(problem), Answer(whole_problem)
+    worst, sizes = {"u": 0.0, "p": 0.0, "sets": True, "closed": 0}, {}
+
+    def add(key, value, expected, least=0.0):
+        far, size = np.abs(value - expected).max(), max(np.abs(expected).max(), least)
+        if key in worst:
+            worst[key] = max(worst[key], float(far / size) if far else 0.0)
+        else:
+            before = sizes.get(key, (0.0, 0.0))
+            sizes[key] = max(before[0], float(far)), max(before[1], float(size))
+
     for one, other in zip(march(problem), alone, strict=True):
-        for key, field in (("u", "u"), ("reaction", "reaction")):
-            worst[key] = max(worst[key], difference(whole(problem.space, getattr(one, field)), getattr(other, field)))
-        energy = (made.figures(state).energy for made, state in ((answer, one), (whole_answer, other)))
-        worst["energy"] = max(worst["energy"], difference(*map(np.float64, energy)))
+        add("u", whole(problem.space, one.u), other.u)
+        pushed = max(np.abs(zone.force).max() for zone in other.zones)
+        add("reaction", whole(problem.space, one.reaction), other.reaction, pushed)
+        figures = [made.figures(state) for made, state in zip(answers, (one, other), strict=True)]
+        add("energy", *(np.float64(found.energy) for found in figures))
         for zone, expected in zip(one.zones, other.zones, strict=True):
-            worst["p"] = max(worst["p"], difference(zone.pressure, expected.pressure))
+            add("p", zone.pressure, expected.pressure)
             worst["sets"] &= bool((zone.status == expected.status).all())
+            worst["closed"] = max(worst["closed"], int((zone.status == 1).sum()))
+        if other.step.motion is not None:
+            compare_motions(add, problem.space, one.step.motion, other.step.motion)
+            probes = [np.concatenate([*found.motion.velocities.values()]) for found in figures]
+            add("probes", *probes)
+    worst |= {key: far / size if far else 0.0 for key, (far, size) in sizes.items()}
+    if problem.inertia is not None:
+        worst["told"] = doubts(problem) == doubts(whole_problem)
     return worst
+
+
+def compare_motions(add, space, one, other):
+    """Add the differences of a motion."""
+    n = space.n_dof
+    for key in ("velocity", "acceleration"):
+        values = getattr(other, key)
+        add(key, whole(space, getattr(one, key)[:n]), values[: len(values) - len(getattr(one, key)) + n])
+    for key in ("energies", "impulse", "linear", "angular"):
+        add(key, getattr(one, key), getattr(other, key))
 
 
 def whole(space, values):
     """Values (n_dof,) at all nodes of the model, from those that each process owns."""
     order = np.argsort(space.share.gather(space.share.node[space.share.own]))
     return space.share.gather(space.own(values))[order].ravel()
-
-
-def difference(values, expected):
-    """Largest difference, relative to the largest value."""
-    return float(np.abs(values - expected).max() / np.abs(expected).max())
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from tests.lacsolver.distributed import moving_cases
 from tests.lacsolver.distributed.mpi import in_ranks
 from tests.lacsolver.invariant_cases import CASES
 
@@ -13,8 +14,12 @@ pytestmark = pytest.mark.petsc
 PROGRAM = "from tests.lacsolver.distributed.compare import main; main()"
 #: bounds of relative differences from one process
 BOUNDS = {"u": 1e-9, "p": 5e-9, "reaction": 1e-9, "energy": 1e-9}
-PLANE = [name for name, case in CASES.items() if case.dim == 2 and "rigid" not in name]
+#: and of those of a motion
+MOVING = ("velocity", "acceleration", "energies", "impulse", "linear", "angular", "probes")
+PLANE = [name for name, case in CASES.items() if case.dim == 2]
 SOLID = [name for name, case in CASES.items() if case.dim == 3]
+RIGID = [*moving_cases.RIGID]
+MOVED = [*moving_cases.CASES]
 
 
 @pytest.mark.parametrize(
@@ -23,7 +28,7 @@ SOLID = [name for name, case in CASES.items() if case.dim == 3]
         (1, "multigrid", SOLID[:1]),
         (2, "mumps", PLANE),
         (2, "gamg", SOLID[:1]),
-        (3, "multigrid", SOLID),
+        (3, "multigrid", SOLID + RIGID),
         (4, "hypre", SOLID[:1]),
     ],
 )
@@ -35,3 +40,18 @@ def test_several_processes_find_what_one_finds(n, backend, names):
     for one in told:
         assert one["sets"], one
         assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
+
+
+@pytest.mark.parametrize(
+    ("n", "backend", "names"),
+    [(2, "multigrid", MOVED[3:]), (4, "mumps", MOVED[:3])],
+)
+def test_several_processes_find_the_motion_that_one_finds(n, backend, names):
+    done = in_ranks(n, PROGRAM, backend, *names, timeout=300)
+    assert done.returncode == 0, done.stderr
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [one["name"] for one in told] == names
+    for one in told:
+        assert one["sets"] and one["closed"] and one["told"], one
+        assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
+        assert all(one[key] <= BOUNDS["u"] for key in MOVING), one

@@ -108,26 +108,10 @@ def is_array(item):
     return isinstance(item, h5py.Dataset) and item.dtype.kind in "if"
 
 
-def test_what_only_one_process_solves_is_refused(runs):
-    text = (runs / "two_blocks.toml").read_text()
-    (runs / "refused.toml").write_text(text + '[[rigid]]\ngroup = "top"\nfz = -1.0\n')
-    done = in_ranks(2, COMMAND, "run", runs / "refused.toml", "-o", runs / "refused")
-    assert done.returncode == 2 and not (runs / "refused").exists()
-    (line,) = own_lines(done.stderr)
-    said = "rigid bodies with a free motion ([[rigid]] with fx, fy, fz or moment)"
-    assert f"{said}: only one process solves this so far" in line
-
-
 def test_med_of_a_large_model_is_refused(monkeypatch):
     monkeypatch.setattr(problem, "MED_NODES", 3)
-    case = SimpleNamespace(rigid=(), output=SimpleNamespace(format="med"), dynamics=None)
+    case = SimpleNamespace(output=SimpleNamespace(format="med"))
     share = SimpleNamespace(node=np.arange(4), largest=lambda x: x)
     with pytest.raises(RequestError, match=r"gathered on one, for at most 3 nodes, and the mesh has 4; take format"):
         problem._check_shared(case, share)
     problem._check_shared(case, SimpleNamespace(node=np.arange(3), largest=lambda x: x))
-
-
-def test_motion_is_refused():
-    case = SimpleNamespace(rigid=(), output=SimpleNamespace(format="vtu"), dynamics=object())
-    with pytest.raises(RequestError, match=r"motion with inertia \(\[dynamics\]\)"):
-        problem._check_shared(case, SimpleNamespace(node=np.arange(4), largest=lambda x: x))

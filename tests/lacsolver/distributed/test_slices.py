@@ -29,6 +29,8 @@ def files(tmp_path_factory):
     blocks = read(ROOT / "data" / "two_blocks.msh")
     write(folder / "blocks.med", blocks)
     write(folder / "blocks_cut.med", cut_skin(blocks, "slave").mesh)
+    hexahedra = joined([(column_of(24, -6.0, 0.0), {"z1": "master"}), (column_of(12, 0.0, 3.0), {"z0": "slave"})])
+    write(folder / "hexahedra_cut.med", cut_skin(hexahedra, "slave", hexa="hexa").mesh)
     for seed in range(4):
         rng = np.random.default_rng(seed)
         mesh = random_mesh(rng, dim=2 + seed % 2, order=1 + seed // 2, interior=seed % 3 == 0, twins=True)
