@@ -106,9 +106,11 @@ class Program:
                     args.run(args)
                 sys.stdout.flush()
             except BrokenPipeError:  # the reader of our output went away, as `head` does
-                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+                _drop_output()
                 return 0
             except Exception as error:
+                if isinstance(error, OSError) and not isinstance(error, LacmeshError):
+                    _drop_output()
                 if args.verbose and not isinstance(error, EXPECTED):
                     raise
                 return self.fail(*self.message(error, args))
@@ -145,6 +147,12 @@ class Program:
     ) -> None:
         if issubclass(category, LacmeshWarning):
             print(f"{self.name}: warning: {on_one_line(str(message))}", file=sys.stderr)
+
+
+def _drop_output() -> None:
+    """Lead standard output nowhere: what is left in its buffer would fail again when Python ends, with status 120."""
+    with suppress(OSError):  # a stream without a file
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _left(args: argparse.Namespace) -> str:

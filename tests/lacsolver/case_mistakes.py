@@ -180,7 +180,7 @@ MISTAKES = [
     (BODY + '[solver]\nbackend = "pardisso" #!\n', 'solver.backend is "pardisso"; did you mean pardiso?'),
     (BODY + '[solver]\nengine = "petscs" #!\n', 'solver.engine is "petscs"; did you mean petsc?'),
     (BODY + '[solver]\nengine = "serial"\nbackend = "gamg" #!\n', 'solver.backend is "gamg"; the linear solvers of engine = "serial" are auto, rslab'),
-    (BODY + '[solver]\nengine = "petsc"\nbackend = "rslab" #!\n', 'solver.backend is "rslab"; the linear solvers of engine = "petsc" are auto, gamg, hypre, mumps'),
+    (BODY + '[solver]\nengine = "petsc"\nbackend = "rslab" #!\n', 'solver.backend is "rslab"; the linear solvers of engine = "petsc" are auto, multigrid, gamg, hypre, mumps'),
     (BODY + "[solver]\nthreads = 0 #!\n", "solver.threads is 0; it must be >= 1"),
     (BODY + "[solver]\ntolerance = 1.0 #!\n", "solver.tolerance is 1; it must be > 0 and < 1"),
     (BODY + "[solver]\nmax_iterations = true #!\n", "solver.max_iterations is true; it takes a whole number"),

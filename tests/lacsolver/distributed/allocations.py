@@ -62,7 +62,7 @@ count = 2
 
 
 def main():
-    """Print, for each process as the one with the same part, the places that grow, and the sizes of both models."""
+    """Print, for processes as the one with the same part, the places that grow, and the sizes of both models."""
     folder = Path(sys.argv[1])
     whole.PIECE = 256
     aggregation._WHOLE, aggregation._FEW = 0, 2  # the levels that each process has whole: four nodes, not 500
@@ -70,7 +70,7 @@ def main():
     MPI = import_mpi()
     comm = MPI.COMM_WORLD
     solved(divided(folder / "first", 6, 0, comm), comm)  # modules and kernels are loaded
-    for fixed in (0, 1):
+    for fixed in map(int, sys.argv[2:]):
         models = [divided(folder / f"{fixed}.{layers}", layers, fixed, comm) for layers in (6, 160)]
         found = [watched(MPI, lambda place=place: solved(place, comm)) for place in models]
         if comm.rank == fixed:
