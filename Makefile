@@ -7,8 +7,8 @@ BIN := .venv/bin
 INSTALLED := .venv/.installed
 # PETSc and MPI, with the older numpy that Debian's PETSc needs
 PETSC := .venv-petsc
-# two processes, each with one thread of OpenBLAS: more would wait for one another
-PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist worksteal
+# three processes on two cores, since tests wait for programs that they start; each has one thread of OpenBLAS
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 3 --dist worksteal
 # what `make quick` runs: of every package what notices most in the least time, a minute of one core in all
 QUICK := \
   $(addprefix tests/test_,cells.py cut.py recognition.py orientation.py order.py layers.py cli.py) \

@@ -196,20 +196,6 @@ def test_a_run_goes_on_to_the_last_bit(law):
         np.testing.assert_array_equal(getattr(more[-1], name), value, err_msg=name)
 
 
-def test_second_order_in_time():
-    """Displacements, velocities of nodes with mass, and the contact force, contact closed, against small steps."""
-    load = '[[force]]\ngroup = "top"\nfy = "-0.01 - 0.02 * max(t - 1, 0) ** 4"\n'
-    text = PLANE + SMALL + WALL + held_sideways() + load + "[dynamics]\nstart = 1.0\n"
-    found = []
-    for count in (60, 120, 480):
-        problem, states, motions = moved(text + steps(3.0, count), bar_on_wall("QUAD4", 2))
-        massive = np.delete(motions[-1].velocity, problem.inertia.massless_dofs)
-        found.append((states[-1].u, massive, motions[-1].pushes[0, 0]))
-    for kind in zip(*found, strict=True):
-        off = [np.abs(value - kind[-1]).max() for value in kind[:-1]]
-        assert np.log2(off[0] / off[1]) >= 1.95
-
-
 def test_a_static_case_is_as_before():
     problem = Problem.of(read_case("data/two_blocks.toml"))
     assert problem.inertia is None
