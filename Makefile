@@ -50,7 +50,7 @@ $(PETSC)/.installed: pyproject.toml tools/system.sh tools/python.sh
 	@bash tools/system.sh petsc
 	@python=$$(bash tools/python.sh) && $$python -m venv $(PETSC)
 	@echo "installing lacsolver with PETSc into $(PETSC) (some 100 MB to fetch the first time)"
-	@$(PETSC)/bin/pip install --quiet --disable-pip-version-check -e '.[petsc,multigrid]' pytest pytest-xdist hypothesis
+	@$(PETSC)/bin/pip install --quiet --disable-pip-version-check -e '.[petsc,multigrid]' pytest hypothesis
 	@touch $@
 
 demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks together, and draw both
@@ -71,7 +71,7 @@ test: $(INSTALLED) .venv/.system-tests ## linters, then every test; what is skip
 	@make --no-print-directory lint & lint=$$!; status=0; bash tools/system.sh petsc || status=$$?; \
 	if [ $$status = 1 ]; then echo "skipped: the tests marked petsc, for want of what the lines above name"; status=0; \
 	elif [ $$status = 0 ]; then make --no-print-directory petsc \
-	  && LACMESH_ALL=1 OPENBLAS_NUM_THREADS=1 $(PETSC)/bin/pytest -q -n 2 --dist worksteal -m petsc tests/lacsolver/distributed || status=$$?; fi; \
+	  && LACMESH_ALL=1 OPENBLAS_NUM_THREADS=1 $(PETSC)/bin/pytest -q -m petsc tests/lacsolver/distributed || status=$$?; fi; \
 	wait $$lint && [ $$status = 0 ]
 	LACMESH_ALL=1 $(PYTEST) -m "not petsc"
 
