@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.linear.cycle import NO_HALO, Cycle, Halo, Level, RowHalo, Team, jacobi
+from lacsolver.linear.cycle import NO_HALO, Cycle, Halo, Level, RowHalo, Team, jacobi, transposed
 from lacsolver.linear.halo import SharedHalo
 
 #: couplings weaker than this, relative to the diagonals, do not join nodes; 0.03 took least time on HEXA8 and TETRA10
@@ -134,7 +134,7 @@ def _galerkin(K: bsr_array, P: bsr_array, all_P: bsr_array) -> bsr_array:
     P has rows for own nodes, `all_P` also those of the other nodes that K touches.
     """
     n = len(K.indptr) - 1
-    parts = (_transposed(_rows(P, k, k + _ROWS)) @ (_rows(K, k, k + _ROWS) @ all_P) for k in range(0, max(n, 1), _ROWS))
+    parts = (transposed(_rows(P, k, k + _ROWS)) @ (_rows(K, k, k + _ROWS) @ all_P) for k in range(0, max(n, 1), _ROWS))
     return bsr_array(sum(parts, next(parts)))
 
 
@@ -143,8 +143,3 @@ def _rows(A: bsr_array, first: int, last: int) -> bsr_array:
     indptr, b = A.indptr[first : last + 1], A.blocksize[0]
     own = slice(indptr[0], indptr[-1])
     return bsr_array((A.data[own], A.indices[own], indptr - indptr[0]), shape=(b * (len(indptr) - 1), A.shape[1]))
-
-
-def _transposed(A: bsr_array) -> bsr_array:
-    """Return the transpose of A as blocks."""
-    return bsr_array(A.T.tobsr(A.blocksize[::-1]))

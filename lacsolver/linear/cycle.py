@@ -205,8 +205,7 @@ class Level(NamedTuple):
         halos: tuple[Halo, Halo] = (NO_HALO, NO_HALO),
     ) -> Level:  # fmt: skip
         """Make a level of `unit` K in single precision; `halos`: those of the columns of K and of P."""
-        R = bsr_array(P.T.tobsr(P.blocksize[::-1]))
-        single = Blocks.of(R, np.float32), Blocks.of(P, np.float32)
+        single = Blocks.of(transposed(P), np.float32), Blocks.of(P, np.float32)
         scaled = Blocks.of(K, np.float32, unit), (inverse / unit).astype(np.float32)
         return Level(*scaled, *single, K.shape[1], team, *halos)
 
@@ -317,6 +316,11 @@ class Cycle:
         x[: len(r)] += level.prolong(self._down(k + 1, level.restrict(left)))
         level.smooth(level.residual(r, x), x, last=True)
         return x[: len(r)]
+
+
+def transposed(A: bsr_array) -> bsr_array:
+    """Return the transpose of A as blocks."""
+    return bsr_array(A.T.tobsr(A.blocksize[::-1]))
 
 
 def jacobi(K: bsr_array, team: Team, halo: Halo = NO_HALO) -> tuple[NDArray[np.floating], float]:
