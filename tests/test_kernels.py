@@ -17,7 +17,7 @@ import pytest
 from lacmesh import kernels
 from lacmesh.kernels import Kernel, kept
 from lacmesh.kernels.signatures import FILE, compile_signature, declared
-from lacmesh.kernels.threads import in_threads
+from lacmesh.kernels.threads import in_threads, worthwhile
 from tests.kernels_to_try import DATA
 from tests.small_kernels import double, fractions
 from tools.record_kernels import recorded
@@ -61,6 +61,7 @@ def test_a_full_disk_keeps_nothing_and_stops_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("cores", [1, 3])
+@pytest.mark.usefixtures("every_thread")
 def test_there_are_as_many_threads_as_cores_that_may_be_used(monkeypatch, cores):
     """Not as the machine has: a process may be held to some, as by taskset or in a container."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cores)), raising=False)
@@ -69,6 +70,13 @@ def test_there_are_as_many_threads_as_cores_that_may_be_used(monkeypatch, cores)
     assert sorted((part.start, part.stop) for part in parts) == [
         (k, k + 12 // cores) for k in range(0, 12, 12 // cores)
     ]
+
+
+def test_few_rows_have_one_thread(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2}, raising=False)
+    parts = []
+    in_threads(parts.append, 12)
+    assert parts == [slice(0, 12)] and [worthwhile(3, n) for n in (0, 127, 128, 1000)] == [1, 1, 2, 3]
 
 
 # ---- the two forms
