@@ -40,7 +40,7 @@ def shared():
 
 @pytest.fixture
 def every_thread(monkeypatch):
-    """As many threads as are asked for, however few rows or cells there are."""
+    """Take as many threads as are asked for, however few rows or cells there are."""
     monkeypatch.setattr("lacmesh.kernels.threads._WORTH", 1)
 
 

@@ -19,6 +19,7 @@ from lacmesh.kernels import Kernel, kept
 from lacmesh.kernels.signatures import FILE, compile_signature, declared
 from lacmesh.kernels.threads import in_threads, worthwhile
 from tests.kernels_to_try import DATA
+from tests.samples import one_in
 from tests.small_kernels import double, fractions
 from tools.record_kernels import recorded
 
@@ -111,7 +112,6 @@ def worked(tmp_path_factory):
     return recorded(tmp_path_factory.mktemp("work"), both), different
 
 
-@pytest.mark.slow
 def test_every_kernel_gives_the_same_compiled_and_as_it_stands(worked):
     compared, different = worked
     assert not different
@@ -173,7 +173,10 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize(("name", "debug"), [*((name, "0") for name in COMMANDS), ("check", "1"), ("run", "1")])
+@pytest.mark.fuzz
+@pytest.mark.parametrize(
+    ("name", "debug"), one_in(2, [("check", "1"), *((name, "0") for name in COMMANDS), ("run", "1")])
+)
 def test_a_first_command_on_a_small_model_compiles_nothing(name, debug, tmp_path):
     env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept"), "NUMBA_DISABLE_JIT": debug, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
@@ -243,13 +246,11 @@ def test_what_cannot_be_kept_beside_the_package_is_kept_for_the_user(tmp_path, m
 # ---- compiling beforehand
 
 
-@pytest.mark.slow
 def test_what_is_listed_is_what_kernels_are_called_with(worked):
     """After a change: `python -m tools.record_kernels`."""
     assert worked[0] == json.loads(FILE.read_text())
 
 
-@pytest.mark.slow
 def test_compile_compiles_all_that_is_listed(tmp_path):
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
