@@ -29,7 +29,7 @@ def row_sums(name: str, index: Ints, values: NDArray) -> NDArray[np.uint64]:
     Integers count by their values, reals by their bits, -0.0 as 0.0.
 
     >>> first, last = row_sums("x", np.array([0]), np.array([[7]])), row_sums("x", np.array([1]), np.array([[8]]))
-    >>> (row_sums("x", np.array([1, 0]), np.array([[8], [7]])) == first + last).all()
+    >>> np.array_equal(row_sums("x", np.array([1, 0]), np.array([[8], [7]])), first + last)
     True
     """
     seed = np.frombuffer(hashlib.sha256(name.encode()).digest(), "<u8", 2).astype(np.uint64)
