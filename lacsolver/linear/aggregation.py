@@ -25,7 +25,7 @@ _STRENGTH = 0.03
 _COARSEST = 60
 _LEVELS = 12
 #: most nodes of a level that is whole on each process, and most for each of many processes
-_WHOLE, _FEW = 500, 8
+_WHOLE, _FEW = 100, 8
 #: damping of the smoothing of prolongations, times the largest eigenvalue of D^-1 K
 _SMOOTHING = 4 / 3
 #: number of blocks, and of rows of blocks, that are multiplied at once
