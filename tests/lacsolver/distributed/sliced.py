@@ -36,16 +36,15 @@ def told(MPI, folder):
     world = MPI.COMM_WORLD
     for n in (1, 2, world.size):
         group = Collective(world.Split(min(world.rank // n, 1)))
-        for path in sorted(folder.glob("*.med")) if world.rank < n else ():
+        for path in sorted(folder.glob("*.m[es][dh]")) if world.rank < n else ():  # .med, .msh
             told = group.comm.gather(found(path, group))
             if world.rank == 0:
                 print(json.dumps([n, path.name, told]), flush=True)
-        if n > 1 and world.rank < n:
-            (path,) = folder.glob("large/*.med")
+        for path in sorted(folder.glob("large/*")) if n > 1 and world.rank < n else ():
             sizes = watched(MPI, lambda path=path, group=group: read_in_slices(path, group, ["slave", "master"]))
             told = group.comm.gather(sizes)
             if world.rank == 0:
-                print(json.dumps([n, "allocations", told]), flush=True)
+                print(json.dumps([n, f"allocations of {path.name}", told]), flush=True)
 
 
 def found(path, group):
