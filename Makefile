@@ -67,13 +67,14 @@ demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks 
 	@bash tools/system.sh tests
 	@mkdir -p .venv && touch $@
 
-test: $(INSTALLED) .venv/.system-tests ## linters, then every test; what is skipped must be what was expected
-	@make --no-print-directory lint & lint=$$!; status=0; bash tools/system.sh petsc || status=$$?; \
-	if [ $$status = 1 ]; then echo "skipped: the tests marked petsc, for want of what the lines above name"; status=0; \
-	elif [ $$status = 0 ]; then make --no-print-directory petsc \
-	  && LACMESH_ALL=1 OPENBLAS_NUM_THREADS=1 $(PETSC)/bin/pytest -q -m petsc tests/lacsolver/distributed || status=$$?; fi; \
+test: .venv/.system-tests ## linters, then every test but the slow ones (make verify); what is skipped must be what was expected
+	@petsc=petsc; bash tools/system.sh petsc || { [ $$? = 1 ] || exit 2; petsc=; }; \
+	$(MAKE) --no-print-directory -j 2 $(INSTALLED) $$petsc || exit; \
+	$(MAKE) --no-print-directory lint & lint=$$!; status=0; \
+	if [ $$petsc ]; then LACMESH_ALL=1 OPENBLAS_NUM_THREADS=1 $(PETSC)/bin/pytest -q -m petsc tests/lacsolver/distributed || status=$$?; \
+	else echo "skipped: the tests marked petsc, for want of what the lines above name"; fi; \
 	wait $$lint && [ $$status = 0 ]
-	LACMESH_ALL=1 $(PYTEST) -m "not petsc"
+	LACMESH_ALL=1 $(PYTEST) -m "not petsc and not slow"
 
 lint: $(INSTALLED) ## style, types, import layers
 	$(BIN)/ruff check .
@@ -94,7 +95,8 @@ fuzz: $(INSTALLED) ## all cases of bad input and of random tests, and 10,000 dam
 bench: $(INSTALLED) ## measure speed and memory
 	for name in start run check partition quality surface assembly linear contact peers; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 
-verify: $(INSTALLED) ## cases with known solutions, what comes out, and a report (half an hour on two free cores; goes on if stopped)
+verify: $(INSTALLED) .venv/.system-tests ## the slow tests, then cases with known solutions and a report of them (half an hour on two free cores; goes on if stopped)
+	LACMESH_ALL=1 $(PYTEST) -q -m slow
 	$(BIN)/python -m verification run --suite full --resume -o build/verification-full
 
 docs: $(INSTALLED) ## make the figures and tables of docs/ again

@@ -39,6 +39,12 @@ def shared():
 
 
 @pytest.fixture
+def every_thread(monkeypatch):
+    """Take as many threads as are asked for, however few rows or cells there are."""
+    monkeypatch.setattr("lacmesh.kernels.threads._WORTH", 1)
+
+
+@pytest.fixture
 def fresh(tmp_path, monkeypatch):
     """A folder with `data/`, as a user's checkout has it."""
     data = skips.REPOSITORY / "data"

@@ -12,6 +12,12 @@ def samples(few, all_of_them):
     return all_of_them if FUZZ else few
 
 
+def one_in(n, cases):
+    """List every n-th case, or all cases; a test that calls this is marked `fuzz`."""
+    every = list(cases)
+    return every if FUZZ else every[::n]
+
+
 def one_of_each(cases, key):
     """List the first case of every key, or all cases; a test that calls this is marked `fuzz`."""
     every, firsts = list(cases), {}

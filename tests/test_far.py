@@ -125,7 +125,6 @@ def test_places_in_words():
     assert told([5000001.25], 2.0) == ["5000001.25"] and told([1.0], 0.0) == ["1"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("far", FAR)
 def test_the_mesh_of_the_readme(far):
     mesh = lacmesh.read("data/two_blocks.msh")

@@ -17,8 +17,9 @@ import pytest
 from lacmesh import kernels
 from lacmesh.kernels import Kernel, kept
 from lacmesh.kernels.signatures import FILE, compile_signature, declared
-from lacmesh.kernels.threads import in_threads
+from lacmesh.kernels.threads import in_threads, worthwhile
 from tests.kernels_to_try import DATA
+from tests.samples import one_in
 from tests.small_kernels import double, fractions
 from tools.record_kernels import recorded
 
@@ -61,6 +62,7 @@ def test_a_full_disk_keeps_nothing_and_stops_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("cores", [1, 3])
+@pytest.mark.usefixtures("every_thread")
 def test_there_are_as_many_threads_as_cores_that_may_be_used(monkeypatch, cores):
     """Not as the machine has: a process may be held to some, as by taskset or in a container."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cores)), raising=False)
@@ -69,6 +71,13 @@ def test_there_are_as_many_threads_as_cores_that_may_be_used(monkeypatch, cores)
     assert sorted((part.start, part.stop) for part in parts) == [
         (k, k + 12 // cores) for k in range(0, 12, 12 // cores)
     ]
+
+
+def test_few_rows_have_one_thread(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2}, raising=False)
+    parts = []
+    in_threads(parts.append, 12)
+    assert parts == [slice(0, 12)] and [worthwhile(3, n) for n in (0, 127, 128, 1000)] == [1, 1, 2, 3]
 
 
 # ---- the two forms
@@ -103,7 +112,6 @@ def worked(tmp_path_factory):
     return recorded(tmp_path_factory.mktemp("work"), both), different
 
 
-@pytest.mark.slow
 def test_every_kernel_gives_the_same_compiled_and_as_it_stands(worked):
     compared, different = worked
     assert not different
@@ -165,7 +173,10 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize(("name", "debug"), [*((name, "0") for name in COMMANDS), ("check", "1"), ("run", "1")])
+@pytest.mark.fuzz
+@pytest.mark.parametrize(
+    ("name", "debug"), one_in(2, [("check", "1"), *((name, "0") for name in COMMANDS), ("run", "1")])
+)
 def test_a_first_command_on_a_small_model_compiles_nothing(name, debug, tmp_path):
     env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept"), "NUMBA_DISABLE_JIT": debug, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
@@ -235,13 +246,11 @@ def test_what_cannot_be_kept_beside_the_package_is_kept_for_the_user(tmp_path, m
 # ---- compiling beforehand
 
 
-@pytest.mark.slow
 def test_what_is_listed_is_what_kernels_are_called_with(worked):
     """After a change: `python -m tools.record_kernels`."""
     assert worked[0] == json.loads(FILE.read_text())
 
 
-@pytest.mark.slow
 def test_compile_compiles_all_that_is_listed(tmp_path):
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(

@@ -85,6 +85,7 @@ COMPILED = "from tests.small_kernels import double; made = double.compile(); mad
 COMPILED += "print(made.targetctx.codegen().magic_tuple()[1:], made.stats.cache_misses)"
 
 
+@pytest.mark.slow
 def test_numba_compiles_for_any_processor_and_keeps_that_apart(tmp_path, monkeypatch):
     """In one folder: what is compiled for one kind of processor is not taken for another, nor compiled twice."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
@@ -148,6 +149,7 @@ def test_threads():
 
 
 @pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: ())(0)) < 2, reason="takes two cores")
+@pytest.mark.slow
 def test_it_goes_on_after_a_failure_and_says_so(tmp_path, monkeypatch, capsys):
     (tmp_path / "test_it.py").write_text(TEST)
     start = portable.started

@@ -39,6 +39,7 @@ def test_commands_of_the_readme_run(fresh):
     assert (fresh / "two_blocks" / "solid.pvd").is_file()
 
 
+@pytest.mark.slow
 def test_commands_of_the_overview_run(fresh):
     assert run_commands(OVERVIEW) >= 15
     assert {"two_blocks.med", "quadratic.msh"} <= {p.name for p in fresh.iterdir()}

@@ -47,7 +47,7 @@ def session(folder, *arguments, absent=None, quietly=False, everything=False):
     return child.returncode, child.stdout
 
 
-@pytest.mark.parametrize("workers", ["0", pytest.param("2", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("workers", ["0", "2"])
 def test_expected_skips_are_counted(tmp_path, workers):
     status, said = session(tmp_path, "-n", workers, absent="not installed")
     assert "skipped: 3, expected: 3" in said
@@ -55,7 +55,6 @@ def test_expected_skips_are_counted(tmp_path, workers):
     assert status == 0
 
 
-@pytest.mark.slow
 def test_an_unexpected_skip_fails_make_test(tmp_path):
     status, said = session(tmp_path, "-n", "2", quietly=True, everything=True)
     assert "skipped: 3, expected: 2" in said

@@ -453,7 +453,6 @@ def test_long_words_are_broken_or_shortened():
     assert "..." not in wide.legend[1].words + wide.legend[2].words
 
 
-@pytest.mark.slow
 def test_only_the_skin_of_a_large_mesh_is_drawn():
     def drawn(n):
         points, hexahedra = box(n)

@@ -61,14 +61,19 @@ def test_findings_and_values_in_a_picture(tmp_path):
 
 
 @pytest.mark.vtk
-@pytest.mark.parametrize("mesh", [two_cubes(), Mesh.create([[0, 0], [1, 0], [2, 1]], [("SEG2", [[0, 1], [1, 2]])])])
-def test_small_and_strange_pictures(mesh, tmp_path):
+@pytest.mark.parametrize(
+    ("mesh", "size"),
+    [
+        (two_cubes(), (1, 1)),
+        (Mesh.create([[0, 0], [1, 0], [2, 1]], [("SEG2", [[0, 1], [1, 2]])]), (60, 200)),
+    ],
+)
+def test_small_and_strange_pictures(mesh, size, tmp_path):
     from PIL import Image
 
-    for size in ((1, 1), (60, 200)):
-        picture(mesh, tmp_path / "a.png", size=size)
-        with Image.open(tmp_path / "a.png") as image:
-            assert image.size == size
+    picture(mesh, tmp_path / "a.png", size=size)
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.size == size
 
 
 # what goes wrong

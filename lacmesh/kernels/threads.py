@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
-
-import numpy as np
+from typing import TypeVar
 
 _THREADS = 8
+#: least number of rows or cells for a thread: fewer take less time than its start
+_WORTH = 64
+
+T = TypeVar("T")
 
 
 def available_cores() -> int:
@@ -17,9 +19,21 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def worthwhile(threads: int, count: int) -> int:
+    """Number of threads, at least 1 and at most `threads`, for work on `count` rows or cells."""
+    return max(1, min(threads, count // _WORTH))
+
+
 def in_threads(run: Callable[[slice], None], count: int) -> None:
-    """Call `run` on slices of the rows 0 to `count`, one in each thread, with as many threads as available cores."""
-    threads = min(available_cores(), _THREADS)
-    ends = np.linspace(0, count, threads + 1).astype(int).tolist()
+    """Call `run` on slices of the rows 0 to `count`, each in a thread, as many as there are cores and it is worth."""
+    threads = worthwhile(min(available_cores(), _THREADS), count)
+    ends = [count * k // threads for k in range(threads + 1)]
+    side_by_side(lambda k: run(slice(ends[k], ends[k + 1])), threads)
+
+
+def side_by_side(run: Callable[[int], T], threads: int) -> list[T]:
+    """Call `run` on 0 to `threads` - 1, each in a thread of its own; return the results in order."""
+    if threads == 1:
+        return [run(0)]
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, (slice(a, b) for a, b in pairwise(ends))))
+        return list(pool.map(run, range(threads)))

@@ -19,7 +19,7 @@ from lacmesh.surface.patches import Patches, norm, patches
 from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Sides, pair_rule
-from lacmesh.surface.search import Pairs, Reach, candidates, side_by_side
+from lacmesh.surface.search import Pairs, Reach, candidates
 from lacmesh.topology.skin import MAX_CORNERS
 
 NORMALS = ("facet", "smoothed")
@@ -96,7 +96,7 @@ def contact_points(
         raise ValueError(f"macro must be ({len(slave)},), not {macro.shape}")
     origin = origin_of(np.concatenate([_corners(slave), _corners(master)]))
     slave, master = _from(slave, origin), _from(master, origin)
-    s, m = side_by_side(lambda: patches(slave), lambda: patches(master))
+    s, m = patches(slave), patches(master)
     with np.errstate(over="ignore", invalid="ignore"):
         H = coefficients(slave, smoothed(slave, crease_angle)) if normals == "smoothed" else None
     s = s.take(np.flatnonzero(macro[s.face] >= 0))

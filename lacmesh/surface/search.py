@@ -9,7 +9,6 @@ can be missed, whatever the sizes of faces.
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -109,12 +108,6 @@ def in_parts(run: Callable[[slice], T], count: int) -> list[T]:
 
     in_threads(keep, count)
     return [parts[key] for key in sorted(parts)]
-
-
-def side_by_side(*runs: Callable[[], T]) -> list[T]:
-    """Call each function in a thread of its own; return their results in order."""
-    with ThreadPoolExecutor(len(runs)) as pool:
-        return [made.result() for made in [pool.submit(run) for run in runs]]
 
 
 def joined_starts(starts: list[Ints]) -> Ints:

@@ -9,7 +9,7 @@ The rows of the table also give the schemas and the page of docs (schema). numpy
 """
 
 from lacsolver.case.case import Case, Output, Probe, Solver, Steps
-from lacsolver.case.digest import changed, digest, fingerprint
+from lacsolver.case.digest import MeshPart, changed, digest, fingerprint, fingerprint_as
 from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.errors import CaseError, EvaluationError, Issue
 from lacsolver.case.groups import check_groups
@@ -43,6 +43,7 @@ __all__ = [
     "Initial",
     "Issue",
     "Material",
+    "MeshPart",
     "Output",
     "Pressure",
     "Probe",
@@ -58,6 +59,7 @@ __all__ = [
     "check_groups",
     "digest",
     "fingerprint",
+    "fingerprint_as",
     "parse_case",
     "read_case",
 ]

@@ -28,7 +28,8 @@ class Processes:
 
     def __init__(self, comm: Any) -> None:
         self.comm, self.rank, self.n = comm, comm.Get_rank(), comm.Get_size()
-        self._part: Part | None = None
+        self._read: Part | None = None  # as the file has it
+        self._part: Part | None = None  # with the slaves cut
 
     def read(self, path: Path, skins: Sequence[str], slaves: Mapping[str, str]) -> Mesh:
         """Return the mesh of a file, or this process's part, cut, of a large file or the folder of a divided mesh.
@@ -40,6 +41,7 @@ class Processes:
         part = self._divided(path, names) if path.is_dir() else self._sliced(path, names)
         if part is None:
             return lacmesh.read(path)
+        self._read = part
         if slaves and len(part.everywhere) == len(names) and not is_cut(part.mesh):
             if len(set(slaves.values())) > 1:
                 advice = "cut the slaves before the mesh is divided"
@@ -52,7 +54,8 @@ class Processes:
         """Return this process's part from a folder. Raises ReadError, RequestError."""
         there = len(describe_parts(path)["parts"]["nodes"])
         if there != self.n:
-            advice = f"start {there} processes, or divide it again: lacmesh partition MESH -n {self.n} -o {path}"
+            again = f"divide it again: lacmesh partition MESH -n {self.n} -o {path}"
+            advice = f"start {there} processes, name the mesh file itself, or {again}"
             raise RequestError(f"{path} has {there} parts, and {self.n} processes were started; {advice}")
         return read_part(path, self.rank, everywhere=skins)
 
@@ -67,6 +70,12 @@ class Processes:
         large = together.on_each(lambda: detect_format(path).format in SLICE_OF and path.stat().st_size >= LARGE)
         return read_in_slices(path, together, skins) if large else None
 
+    def as_read(self, mesh: Mesh) -> tuple[Mesh, PartShare | None]:
+        """Return a mesh of `read` before its cut, and which part it is of the mesh in the file; None for the whole."""
+        if self._read is None or self._part is None or self._part.mesh is not mesh:
+            return mesh, None
+        return self._read.mesh, PartShare(self.comm, self._read)
+
     def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, ProcessShare]:
         """Return the part of a mesh that this process takes, and its share; all processes have the groups `skins`."""
         part = self._part
@@ -79,16 +88,23 @@ class Processes:
         return part.mesh, ProcessShare(self.comm, part, common)
 
 
-class ProcessShare(Collective):
+class PartShare(Collective):
+    """The part of a mesh that one process of a communicator has: its `own` nodes, and indices in the whole mesh."""
+
+    def __init__(self, comm: Any, part: Part) -> None:
+        super().__init__(comm)
+        self.own, self.node, self.cell = part.own, part.node, part.cell
+
+
+class ProcessShare(PartShare):
     """The share of one process in a model that the processes of a communicator hold together.
 
     `number` (n_nodes,): number of each node in the order of the processes, each of which has consecutive ones.
     """
 
     def __init__(self, comm: Any, part: Part, common: NDArray[np.bool_]) -> None:
-        super().__init__(comm)
-        self.part, self.common = part, common
-        self.own, self.node, self.cell, self.origin, self.body = part.own, part.node, part.cell, part.origin, part.body
+        super().__init__(comm, part)
+        self.part, self.common, self.origin, self.body = part, common, part.origin, part.body
         self._asked, self._given = self._neighbours()
         first = self.before(int(self.own.sum()))
         mine = np.zeros(len(self.node))

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 import lacmesh
 from lacmesh.errors import DataError, ReadError, RequestError
 from lacmesh.mesh import Mesh
-from lacsolver.case import Case, changed, fingerprint
+from lacsolver.case import Case, changed, fingerprint, fingerprint_as
 from lacsolver.output.arrays import StoredRows, rows_in, rows_of, write_arrays
 from lacsolver.output.names import state_file, states_in
 from lacsolver.output.tables import same_time
@@ -96,9 +96,10 @@ def read_state(
     """Read a state that an earlier run of the same case wrote: the last one, or the one at time `from_time`.
 
     `mesh`: the mesh of the run, as for `run`; the case's file is read if None. `large`: False leaves the arrays that
-    grow with the model empty, for several processes, which `run` gives their shares of the file. Raises RequestError if
-    there is no state (or none at that time; the message lists the others), DataError if the case or the mesh differs
-    (the message names the differences), ReadError for a folder or file that cannot be read.
+    grow with the model empty, for several processes, which `run` gives their shares of the file, and leaves it to `run`
+    to compare case and mesh. Raises RequestError if there is no state (or none at that time; the message lists the
+    others), DataError if the case or the mesh differs (the message names the differences), ReadError for a folder or
+    file that cannot be read.
 
     >>> from tempfile import TemporaryDirectory
     >>> from lacsolver import create, read_case, run
@@ -119,7 +120,8 @@ def read_state(
     with _damage_in(path, _others(folder, paths, path)), _opened(path) as file:
         about = _about(path, file)
         found = _restart(file if large else _Light(file), about, folder)
-    check_same(found, fingerprint(case, lacmesh.read(case.mesh) if mesh is None else mesh))
+    if large:
+        check_same(found, case, lacmesh.read(case.mesh) if mesh is None else mesh)
     return found
 
 
@@ -181,13 +183,18 @@ class _Light(Mapping[str, NDArray]):
         return len(self._file)
 
 
-def check_same(state: Restart, prints: Mapping[str, str]) -> None:
-    """Raise DataError if a state belongs to another case or mesh than the one with the fingerprint `prints`."""
-    differs = changed(state.case, prints) if state.case is not None else ()
+def check_same(state: Restart, case: Case, mesh: Mesh, prints: Mapping[str, str] | None = None) -> None:
+    """Raise DataError if a state belongs to another case or mesh; `prints`: the fingerprint of these, if known."""
+    if state.case is None:
+        return
+    prints = fingerprint(case, mesh) if prints is None else prints
+    same = fingerprint_as(state.case, prints, case, mesh)
+    differs = changed(state.case, same)
     if differs:
         whose = "the state to go on from is" if state.folder is None else f"the states in {state.folder} are"
-        parts = ", start as many processes as before if each read a part of the mesh" if "mesh" in differs else ""
-        raise DataError(f"{whose} of another case: {', '.join(differs)} changed; restore it{parts}, or start anew")
+        older = "mesh" in differs and same is not prints
+        advice = ", start as many processes as that run of an older lacsolver had" if older else ""
+        raise DataError(f"{whose} of another case: {', '.join(differs)} changed; restore it{advice}, or start anew")
 
 
 def _restart(file: Mapping[str, NDArray], about: Mapping[str, Any], folder: Path) -> Restart:

@@ -18,6 +18,7 @@ from scipy.sparse import csr_array
 import lacmesh
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
+from lacsolver.case import MeshPart
 
 T = TypeVar("T")
 
@@ -30,6 +31,9 @@ class Distribution(Protocol):
 
         `skins`: groups that all processes need; `slaves`: the groups to cut, each with its kind of `hexa` cut.
         """
+
+    def as_read(self, mesh: Mesh) -> tuple[Mesh, MeshPart | None]:
+        """Return a mesh of `read` before its cut, and which part it is of the mesh in the file; None for the whole."""
 
     def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, Share]:
         """Return the part of a mesh that this process takes, and its share; all processes have the groups `skins`."""
@@ -139,6 +143,10 @@ class Alone:
         if path.is_dir():
             raise RequestError(f"{path} is a folder; if it has parts of a mesh, start as many processes: mpiexec -n N")
         return lacmesh.read(path)
+
+    def as_read(self, mesh: Mesh) -> tuple[Mesh, None]:
+        """Return the mesh, which is whole."""
+        return mesh, None
 
     def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, Share]:
         """Return the whole mesh and this share."""

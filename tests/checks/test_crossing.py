@@ -10,9 +10,11 @@ from lacmesh.checks.crossing import PIECES, crossing
 from lacmesh.topology.skin import Faces
 from tests.checks import plain
 from tests.meshes import pad
+from tests.samples import samples
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.fuzz
+@pytest.mark.parametrize("seed", range(samples(1, 4)))
 @pytest.mark.parametrize("kinds", [("SEG2", "SEG3"), ("TRIA3", "QUAD4"), ("TRIA6", "QUAD8"), ("TRIA7", "QUAD9")])
 def test_faces_that_cross_are_those_of_all_pieces_compared(kinds, seed):
     rng = np.random.default_rng(seed)

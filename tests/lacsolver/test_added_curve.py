@@ -11,6 +11,7 @@ from lacsolver.problem.problem import Problem
 from lacsolver.solve.stepping import march
 from tests.lacsolver.contact_cases import HEAD, JOINT, SLIDING, held
 from tests.lacsolver.patch_meshes import stack
+from tests.samples import one_in
 
 
 class Curve(Unilateral):
@@ -46,8 +47,11 @@ def exponential(c, p0):
     return Curve(p, lambda g: p(g) / c, lambda p: -c * np.log(p / p0), lambda s: s * c, 12 * c)
 
 
+@pytest.mark.fuzz
 @pytest.mark.parametrize("geometry", ["reference", "current"])
-@pytest.mark.parametrize("law", [quadratic(k) for k in (1e3, 1e6, 1e9)] + [exponential(c, 1.0) for c in (1e-2, 1e-4)])
+@pytest.mark.parametrize(
+    "law", one_in(2, [quadratic(k) for k in (1e9, 1e6, 1e3)] + [exponential(c, 1.0) for c in (1e-2, 1e-4)])
+)
 def test_columns(law, geometry, monkeypatch):
     """Pressed by d, 2 p / E - g(p) = d; then apart or nearly so, pressed again, and far apart."""
     monkeypatch.setitem(CONTACT_LAWS, "curve", lambda: law)

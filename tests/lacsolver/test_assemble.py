@@ -113,6 +113,7 @@ def test_stiffness_of_two_materials_in_a_mixture(order, model):
 
 
 @pytest.mark.parametrize(("order", "model"), MIXTURES)
+@pytest.mark.usefixtures("every_thread")
 def test_stiffness_is_symmetric_and_the_same_to_the_last_bit_for_any_threads(order, model):
     space, materials = made(mixed(order, model), model)
     K = assemble_stiffness(space, materials)

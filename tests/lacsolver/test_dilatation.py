@@ -71,6 +71,7 @@ def test_warm(name, model):
 
 
 @pytest.mark.parametrize("model", ["3d", "plane_strain", "axisymmetric"])
+@pytest.mark.usefixtures("every_thread")
 def test_a_mixture_is_the_same_for_any_threads_and_passes_the_patch_test(model):
     plane = model != "3d"
     mesh = distorted(plane_mixture("1") if plane else mixture("1"), 0.05)

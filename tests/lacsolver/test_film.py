@@ -243,6 +243,7 @@ def test_a_sheet_has_so_many_pictures(plane, tmp_path, monkeypatch):
 
 
 @pytest.mark.vtk
+@pytest.mark.slow
 def test_bodies_in_space_are_drawn_anew_each_time(space, tmp_path):
     film(space, tmp_path / "f.gif")
     frames, _ = pictures(tmp_path / "f.gif")

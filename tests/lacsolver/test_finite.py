@@ -131,6 +131,7 @@ def test_two_laws_in_a_mixture_equal_their_twins(order, model):
 
 
 @pytest.mark.parametrize(("order", "model"), MIXTURES)
+@pytest.mark.usefixtures("every_thread")
 def test_the_same_to_the_last_bit_for_any_threads_and_symmetric(order, model):
     space, materials = two_laws(order, model)
     u = shaken(space, 0.02)
@@ -318,6 +319,7 @@ def test_a_little_warmth_is_that_of_small_strains(model):
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.usefixtures("every_thread")
 def test_an_inverted_cell_is_told_by_its_number(law, threads):
     mesh = cube("HEXA8", 2)
     mesh = Mesh.create(mesh.points, mesh.blocks, cell_number=np.arange(11, 11 + mesh.n_cells))

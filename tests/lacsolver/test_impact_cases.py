@@ -48,6 +48,7 @@ def bar(tmp_path_factory):
     return folder, {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
 
 
+@pytest.mark.slow
 def test_the_bar_does_what_its_page_says(bar):
     _, table = bar
     t, p = table["time"], table["contact.impact.pressure_max"]

@@ -18,7 +18,8 @@ import pytest
 
 import lacmesh
 from lacmesh.errors import DataError, ReadError
-from lacsolver.case import parse_case, read_case
+from lacsolver.case import fingerprint, parse_case, read_case
+from lacsolver.case.digest import _older_mesh_digest
 from lacsolver.cli import main
 from lacsolver.output import create
 from lacsolver.output.states import read_state
@@ -397,6 +398,22 @@ def test_a_restart_on_another_mesh_in_memory_is_refused(folder):
     with pytest.raises(DataError, match="first are of another case: mesh changed"):
         run(whole, create("then"), mesh=wider, start=read_state("first", whole))
     assert not (folder / "then").exists()
+
+
+def test_states_that_know_their_mesh_by_the_older_digest_are_gone_on_from(folder, monkeypatch):
+    """On the same mesh; the following states have the digest of this version."""
+    first, whole, mesh, wider = halves()
+    older = _older_mesh_digest(first, mesh)
+    with monkeypatch.context() as before:
+        before.setattr("lacsolver.running.fingerprint", lambda *given: {**fingerprint(*given), "mesh": older})
+        run(first, create("first"), mesh=mesh)
+    start = read_state("first", whole, mesh=mesh)
+    assert start.case["mesh"] == older
+    with pytest.raises(DataError, match="mesh changed; restore it, start as many processes as that run of an older"):
+        read_state("first", whole, mesh=wider)
+    assert run(whole, create("then"), mesh=mesh, start=start).status == "done"
+    assert dict(read_state("then", whole, mesh=mesh).case) == fingerprint(whole, mesh)
+    assert fingerprint(whole, mesh)["mesh"] != older
 
 
 def test_states_of_an_older_version_are_refused(folder, monkeypatch):

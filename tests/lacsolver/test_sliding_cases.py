@@ -103,6 +103,7 @@ def test_the_ring_lies_down_on_the_block(tmp_path):
     assert middle[0] < -4 < side[0] < 0 and side[1] < middle[1] - 1
 
 
+@pytest.mark.slow
 def test_the_ball_keeps_its_volume(tmp_path, script):
     script("make_ball").main(tmp_path / "ball.msh", 5, 3)
     table, told = solved(tmp_path, "ball", ("count = 20", "count = 8"))
@@ -134,6 +135,7 @@ def volume(surface, x):
     return 2 * np.pi * (area * (a + b + c)[:, 0] / 3).sum()
 
 
+@pytest.mark.slow
 def test_ironing_costs_no_force_in_the_mean(tmp_path, script):
     """Without friction: the drag is odd about the middle of the block, its ripple little beside the push."""
     script("make_ironing").make_plane(tmp_path / "ironing_2d.msh", 24)

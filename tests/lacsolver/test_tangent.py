@@ -20,6 +20,7 @@ from lacsolver.contact import Pairing, integrate
 from lacsolver.contact.tangent import gap_derivative, motion_of, tangent
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.test_interface import rigid_motions, wavy, zone_of
+from tests.samples import one_in
 
 #: of a central difference
 STEP, EXACT = 1e-6, 1e-8
@@ -31,16 +32,13 @@ ANY = [("QUAD4", "QUAD4", 2), ("QUAD8", "TRIA6", 2), ("TETRA4", "HEXA8", 3), ("T
 
 
 def every(pairs, normals=NORMALS):
-    """Each pair with each measure and normal, in a plane about an axis too."""
-    return pytest.mark.parametrize(
-        "pair, options",
-        [
-            (pair, {"measure": m, "normals": n, "axisymmetric": a})
-            for pair, m, n, a in itertools.product(pairs, MEASURES, normals, (False, True))
-            if not (a and pair[2] == 3)
-        ],
-        ids=str,
-    )
+    """Mark a test to try each pair with each measure and normal, in a plane about an axis too."""
+    options = [
+        (pair, {"measure": m, "normals": n, "axisymmetric": a})
+        for pair, m, n, a in itertools.product(pairs, MEASURES, normals, (False, True))
+        if not (a and pair[2] == 3)
+    ]
+    return lambda test: pytest.mark.fuzz(pytest.mark.parametrize("pair, options", one_in(3, options), ids=str)(test))
 
 
 def raised(surface):

@@ -14,6 +14,7 @@ from lacmesh.partition.bisection import bisect
 from tests.lacsolver.bodies import body, mixture, plane_mixture
 from tests.meshes import facets_of, random_mesh
 from tests.partition.compare import differences
+from tests.samples import samples
 
 BLOCKS = "data/two_blocks.msh"
 
@@ -76,7 +77,8 @@ FAMILIES = [name for name, cell in CELLS.items() if cell.dim > 1]
 
 
 @pytest.mark.parametrize("name", FAMILIES)
-@pytest.mark.parametrize("n", [1, 2, 3, 8])
+@pytest.mark.fuzz
+@pytest.mark.parametrize("n", samples([3], [1, 2, 3, 8]))
 def test_parts_of_every_family(name, n):
     mesh = with_slave(body(name, 2), of_one_body)
     for hexa in ("pyramid", "hexa", "auto") if CELLS[name].family in ("HEXA", "PENTA") else ("pyramid",):

@@ -70,9 +70,10 @@ def test_tidying_takes_out_what_adds_no_area_and_the_longer_edge_names_both():
     assert label[0] == 1  # the edge from (0.5, 0)
 
 
+@pytest.mark.fuzz
 def test_layers_keep_the_nearest_and_the_union():
     rng = np.random.default_rng(3)
-    for _ in range(50):
+    for _ in range(samples(15, 50)):
         of = make_room(1000)
         n = int(rng.integers(2, 9))
         polygons = [convex(rng) for _ in range(n)]
@@ -128,7 +129,7 @@ def test_places_in_a_quadrangle_two_of_whose_corners_are_one():
 def test_moments_of_quadrangles_are_those_of_a_rule_of_many_points(skew, k):
     rng = np.random.default_rng(k)
     for turn in (1, -1):
-        for _ in range(samples(4, 10)):
+        for _ in range(samples(1, 10)):
             y = SQUARE[::turn] + skew * rng.uniform(-1, 1, (4, 2))
             ring = y[::turn]
             p, n = convex(rng, 4)

@@ -17,7 +17,7 @@ from lacmesh.surface.normals import smoothed
 from lacmesh.surface.patches import patches
 from lacmesh.topology.skin import FACE_TYPES
 from lacmesh.topology.winding import REVERSED
-from tests.samples import samples
+from tests.samples import one_in, samples
 from tests.surface.surfaces import TYPES, blocks, errors, line, mapped, positions, sheet, whole
 
 
@@ -479,8 +479,11 @@ def _pressing(slave, master, normals, over=1.0):
     return out, np.bincount(points.macro, points.weight * points.gap, len(slave))
 
 
-@pytest.mark.parametrize("normals", ["facet", "smoothed"])
-@pytest.mark.parametrize("kind", ["TRIA3", "QUAD4", "mixed"])
+@pytest.mark.fuzz
+@pytest.mark.parametrize(
+    "kind, normals",
+    one_in(3, [(kind, normals) for normals in ("smoothed", "facet") for kind in ("mixed", "QUAD4", "TRIA3")]),
+)
 def test_what_presses_does_not_jump_as_faces_bend_and_is_mirrored(kind, normals):
     slave = whole(sheet(5, kind=kind, skew=0.1))
     master = whole(sheet(4, 0.01, kind=kind, skew=0.1, seed=1, down=True))

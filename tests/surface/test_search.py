@@ -75,7 +75,7 @@ def test_the_tree_finds_what_brute_force_finds():
 
 @pytest.mark.fuzz
 def test_front_and_tree_give_the_same_points_on_many_pairs_of_surfaces():
-    count = samples(100, 1000)
+    count = samples(40, 1000)
     names = ("macro", "slave", "master", "xi_slave", "xi_master", "weight", "normal", "gap", "groups")
     empty = 0
     for seed in range(count):

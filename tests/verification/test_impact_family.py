@@ -70,6 +70,7 @@ def test_the_spheres_are_round(make, model, part):
     assert {error.rule for error in check(mesh, "slave", "wall").errors} <= {"no-internal-dof"}  # not cut yet
 
 
+@pytest.mark.slow
 def test_free_spin_and_frequencies_have_their_orders():
     """The families' own criteria on few steps, and frequencies at the rates of the case."""
     given = Impact("spin", "QUAD4", n=1, young=1e3, dynamics=(("scheme", "newmark"),))
@@ -79,6 +80,7 @@ def test_free_spin_and_frequencies_have_their_orders():
     assert all(result.passed for result in solve_case(case("frequencies-QUAD8"), 3).results)
 
 
+@pytest.mark.slow
 def test_a_coarse_disc_is_thrown():
     """The three cases of large deformation are made alike: energy is kept, and the static twin is solved."""
     with patch("verification.families.impact_finite._STEP", 0.02):

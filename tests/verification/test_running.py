@@ -20,6 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lacmesh.errors import RequestError, WriteError
+from tests.samples import samples
 from tests.verification.fakes import Given, command, planned, ran
 from verification import families
 from verification.records import Case, Family, Outcome, Picture, informative
@@ -91,7 +92,8 @@ ENDS = {
 }
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.fuzz
+@pytest.mark.parametrize("jobs", samples([2], [1, 2]))
 def test_no_case_stops_the_others(prepared, folder, monkeypatch, jobs):
     monkeypatch.setattr(pool, "PATIENCE", 8)  # a worker is there within a tenth of a second, idle
     made, _ = run(planned(prepared, ["good", *ENDS, "missed", "last"]), folder, jobs)

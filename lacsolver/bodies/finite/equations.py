@@ -20,7 +20,6 @@ to the last bit for any number of threads, and K is symmetric to the last bit.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +27,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
 from lacmesh.kernels import kernel
+from lacmesh.kernels.threads import side_by_side, worthwhile
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite.dilatation import dilate, mean_of, put_mean, stress_and_tangent_mean
 from lacsolver.bodies.finite.errors import InadmissibleError
@@ -92,6 +92,7 @@ def _assembled(
     """Return f_int, and add the blocks of K to `out` unless that array is empty."""
     if threads < 1:
         raise ValueError(f"threads is 1 or more, not {threads}")
+    threads = worthwhile(threads, space.mesh.n_cells)
     laws, moved = constants(materials), checked(space, u).reshape(-1, space.dim)
     f, owner = np.zeros((space.mesh.n_nodes, space.dim)), owners(space, threads)
     folded = [np.zeros(len(block.nodes), bool) for block in space.blocks]
@@ -105,11 +106,7 @@ def _assembled(
                 laws, may_take_the_mean(space, number), theta, owner, mine, space.pattern, f, out, folded[number],
             )  # fmt: skip
 
-    if threads == 1:
-        run(0)
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(run, range(threads)))
+    side_by_side(run, threads)
     check_admissible(space, folded)
     return f.ravel()
 

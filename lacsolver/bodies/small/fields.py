@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.kernels import kernel
+from lacmesh.kernels.threads import worthwhile
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small.gradients import Piece, coordinates, nodal, piece, spans
@@ -236,7 +237,7 @@ def mapped(space: Space, degree: int | None, make: Callable[[Piece], T], threads
     def run(span: tuple[int, slice]) -> T:
         return make(piece(space, *span, degree))
 
-    if threads == 1:
+    if worthwhile(threads, space.mesh.n_cells) == 1:
         yield from map(run, spans(space, degree))
         return
     with ThreadPoolExecutor(threads) as pool:

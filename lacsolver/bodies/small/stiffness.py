@@ -10,7 +10,6 @@ last bit.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
 from lacmesh.kernels import kernel
+from lacmesh.kernels.threads import side_by_side, worthwhile
 from lacmesh.mesh import Ints
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small.gradients import at_points, kind, table
@@ -61,6 +61,7 @@ def stiffness_values(
         raise ValueError(f"out must be {shape}, not {out.shape}")
     else:
         out[:] = 0.0
+    threads = worthwhile(threads, space.mesh.n_cells)
     owner = owners(space, threads)
 
     def run(mine: int) -> None:
@@ -70,11 +71,7 @@ def stiffness_values(
             law, x = materials.law[number], space.local.points
             _add(rows, nodes, x, made, kind(space), law, materials.terms, owner, mine, space.pattern, out)
 
-    if threads == 1:
-        run(0)
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(run, range(threads)))
+    side_by_side(run, threads)
     return out
 
 

@@ -1,18 +1,26 @@
-"""A motion in three processes, from whose states two of them go on: a program for `mpiexec`, for `test_restarts`."""
+"""Runs in some processes, from whose states others go on: a program for `mpiexec`, for `test_restarts`.
+
+A motion on a mesh that each process has as a whole; and blocks in contact on a mesh of which processes read slices, or
+parts of a folder.
+"""
 
 from __future__ import annotations
 
 import sys
 import traceback
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
+from lacmesh.errors import DataError
 from lacsolver.case import parse_case
+from lacsolver.distributed import processes
 from lacsolver.distributed.launch import import_mpi, import_petsc
 from lacsolver.distributed.processes import Processes
 from lacsolver.distributed.together import on_first
 from lacsolver.output import create, read_state
 from lacsolver.running import run
 from tests.lacsolver.distributed.compare import problem_of
+from tests.lacsolver.distributed.mpi import ROOT
 
 #: cases, and the time of each to go on from: with a preload and damping, with a free rigid body of its own mass
 MIDDLE = {"preloaded, pushed by a foot, damped": 1.0, "a wall of its own mass, finite": 0.2}
@@ -33,12 +41,57 @@ def solved(name, folder, start=None, comm=None):
     return run(case, place, mesh=mesh, start=state, distribution=Processes(comm))
 
 
+def blocks(mesh):
+    """The case `two_blocks` on a mesh, in four steps, each with its state."""
+    text = (ROOT / "data" / "two_blocks.toml").read_text().replace("two_blocks.msh", str(mesh))
+    return parse_case(text.replace("count = 2", "count = 4") + "[output]\nevery = 1\n[solver]\nthreads = 1\n")
+
+
+def pressed(mesh, folder, start=None, comm=None, *, when=0.5, stop=False):
+    """Press the blocks, or go on from a state in another folder; `stop`: interrupted after two steps."""
+    case = blocks(mesh)
+
+    def stepped(step):
+        if stop and step.time == 0.5:
+            raise KeyboardInterrupt
+
+    if comm is None:
+        state = None if start is None else read_state(start, case, when)
+        run(case, create(folder, restart=state), start=state)
+        return
+    shared = Processes(comm)
+    state = None if start is None else on_first(comm, lambda: read_state(start, case, when, large=False))
+    place = on_first(comm, lambda: create(folder, restart=state))
+    with suppress(KeyboardInterrupt) if stop else nullcontext():
+        run(case, place, start=state, stepped=stepped, distribution=shared)
+
+
+def spread(world, some, alone, place):
+    """Press the blocks in two of the processes, and go on in other numbers of them, on slices and on parts."""
+    processes.LARGE = 0  # files are read by slices
+    mesh = place / "blocks.med"
+    if world.rank < some.size:
+        pressed(mesh, place / "two", comm=some, stop=True)
+    world.Barrier()
+    pressed(mesh, place / "three_after_two", place / "two", world)
+    try:
+        pressed(place / "moved.med", place / "refused", place / "two", world)
+    except DataError as error:
+        (place / f"refused_{world.rank}.txt").write_text(str(error))
+    if world.rank < some.size:
+        pressed(mesh, place / "two_after_one", place / "one", some)
+        pressed(place / "blocks.parts", place / "parts_after_two", place / "two", some)
+    if world.rank == 0:
+        pressed(mesh, place / "one_after_two", place / "two", alone)
+
+
 def main():
     """Solve the cases, and go on, in the processes of `mpiexec`."""
     import_petsc()
     comm = import_mpi().COMM_WORLD
-    some = comm.Split(int(comm.rank > 1))
+    some, alone = comm.Split(int(comm.rank > 1)), comm.Split(comm.rank)
     try:
+        spread(comm, some, alone, Path(sys.argv[1]) / "blocks")
         for name in MIDDLE:
             place = Path(sys.argv[1]) / name
             solved(name, place / "three", comm=comm)

@@ -1,14 +1,18 @@
-"""States of a motion: written by some processes, and gone on from by others, as one process does."""
+"""States that some processes have written, and others go on from, as one process does: of a motion, and of parts."""
 
 from __future__ import annotations
 
 import csv
+import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.lacsolver.distributed.mpi import in_ranks
-from tests.lacsolver.distributed.restarts import MIDDLE, solved
+from lacmesh import read, write
+from lacmesh.partition import distribute_nodes, write_parts
+from tests.lacsolver.distributed.mpi import ROOT, in_ranks
+from tests.lacsolver.distributed.restarts import MIDDLE, pressed, solved
 
 pytestmark = [pytest.mark.petsc, pytest.mark.filterwarnings("ignore:massless nodes change")]  # few cells
 PROGRAM = "from tests.lacsolver.distributed.restarts import main; main()"
@@ -24,11 +28,28 @@ def folder(tmp_path_factory):
     for name in MIDDLE:
         (place / name).mkdir()
         solved(name, place / name / "one")
+    spread(place / "blocks")
     done = in_ranks(3, PROGRAM, place, timeout=300)
     assert done.returncode == 0, done.stderr
     for name in MIDDLE:
         solved(name, place / name / "one_after_three", place / name / "three")
+    blocks, mesh = place / "blocks", place / "blocks" / "blocks.med"
+    pressed(mesh, blocks / "serial_after_two", blocks / "two")
+    pressed(mesh, blocks / "serial_after_parts", blocks / "parts_after_two", when=0.75)
     return place
+
+
+def spread(place):
+    """Put the mesh of two blocks into a folder, as a file and divided, and a run of one process in one go."""
+    place.mkdir()
+    mesh = read(ROOT / "data" / "two_blocks.msh")
+    write(place / "blocks.med", mesh)
+    mesh = read(place / "blocks.med")
+    write_parts(place / "blocks.parts", mesh, distribute_nodes(mesh, 2))
+    points = mesh.points.copy()
+    points[-1] += 1e-6
+    write(place / "moved.med", replace(mesh, points=points))
+    pressed(place / "blocks.med", place / "one")
 
 
 @pytest.mark.parametrize("other", FOLDERS)
@@ -54,6 +75,36 @@ def test_its_state_is_that_of_one_process(folder, name, other):
             if key == "scheme_2":  # reactions, which are noise where nothing is held, beside forces
                 size = max(size, np.abs(one["scheme_5"]).max())
             np.testing.assert_allclose(found[key], one[key], rtol=0, atol=1e-9 * size, err_msg=key)
+
+
+@pytest.mark.parametrize(
+    "other",
+    ["three_after_two", "one_after_two", "serial_after_two", "two_after_one", "parts_after_two", "serial_after_parts"],
+)
+def test_a_run_on_parts_goes_on_with_any_number_of_processes_and_on_the_whole_mesh(folder, other):
+    """A run on slices by two was interrupted; its last steps are those of a run in one go, and so is its last state."""
+    place = folder / "blocks"
+    found, expected = (rows(place / name / "history.csv") for name in (other, "one"))
+    assert rows(place / "two" / "history.csv")["time"].tolist() == [0.25, 0.5]
+    assert found["time"].tolist() == ([1.0] if other == "serial_after_parts" else [0.75, 1.0])
+    for key, values in expected.items():
+        assert np.abs(found[key] - values[-len(found[key]) :]).max() <= 1e-9 * max(
+            np.abs(v).max() for v in expected.values()
+        ), key
+    name = max(path.name for path in (place / "one").glob("state_*.npz"))
+    with np.load(place / "one" / name) as one, np.load(place / other / name) as last:
+        assert set(one) == set(last)
+        for key in set(one) - {"about"}:
+            np.testing.assert_allclose(last[key], one[key], rtol=0, atol=1e-9 * np.abs(one[key]).max(initial=0.0))
+        told = (json.loads(file["about"].tobytes()) for file in (one, last))
+        assert len({json.dumps(about["case"], sort_keys=True) for about in told}) == 1
+
+
+def test_a_mesh_with_a_node_that_was_moved_is_refused_by_all_processes(folder):
+    place = folder / "blocks"
+    advice = f"the states in {place / 'two'} are of another case: mesh changed; restore it, or start anew"
+    assert [(place / f"refused_{rank}.txt").read_text() for rank in range(3)] == [advice] * 3
+    assert not (place / "refused").exists()
 
 
 def rows(path):

@@ -85,7 +85,7 @@ def test_parts_are_solved_by_as_many_processes(runs):
     done = in_ranks(2, COMMAND, "run", runs / "parts.toml", "-o", runs / "no")
     assert done.returncode == 2 and not (runs / "no").exists()
     (line,) = own_lines(done.stderr)
-    assert "has 3 parts, and 2 processes were started; start 3 processes, or divide it again" in line
+    assert "has 3 parts, and 2 processes were started; start 3 processes, name the mesh file itself, or" in line
 
 
 def test_med_is_the_file_of_one_process(runs):
