@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from lacmesh import DataError, Mesh, ReadError, cut_skin, read, write
+from lacmesh.formats.ids import counts_up
 from lacmesh.partition import distribute_nodes
 from lacsolver.cli import main as solver_main
 from tests.lacsolver.distributed.allocations import box
@@ -32,6 +33,10 @@ def files(tmp_path_factory):
         write(folder / f"{name}.med", mesh)
         write(folder / f"{name}.msh", mesh)
     shutil.copy(ROOT / "tests" / "reference" / "two_boxes_gmsh.msh", folder)
+    blocks = read(ROOT / "data" / "two_blocks.msh")
+    of_one_entity = {**blocks.node_data, "entity": np.tile([3, 1], (blocks.n_nodes, 1))}
+    counted = replace(blocks, node_data=of_one_entity, node_number=np.arange(blocks.n_nodes) + 1)
+    write(folder / "counted.msh", counted)
     write(folder / "skins_of_second_body.med", twice(read(folder / "random_0.med"), grouped=1))
     for name, change in CHANGES.items():
         shutil.copy(folder / "blocks.med", folder / f"{name}.med")
@@ -196,7 +201,9 @@ def told(files):
 def test_parts_read_by_slices_are_those_of_the_whole_mesh(files, told, n):
     in_parts = {name for k, name in told if k == n and not name.startswith("allocations")}
     in_parts -= {*DAMAGED, "huge.med", "unnamed_zones.med", "ascii.msh"}
-    assert len(in_parts) == 20
+    assert len(in_parts) == 21
+    counted, other = (read(files / name).node_number for name in ("counted.msh", "blocks.msh"))
+    assert counts_up(counted) and not counts_up(other)  # numbers that are indices, and numbers that are asked for
     for name in in_parts:
         assert told[n, name] == [[]] * n, name
     for name in ("unnamed_zones.med", "ascii.msh"):
