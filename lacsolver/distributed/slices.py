@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.errors import GroupNotFoundError, LacmeshWarning
+from lacmesh.errors import GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.formats import detect_format, med, msh
 from lacmesh.formats.slices import MeshSlice
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, entity_rows, entity_tag
 from lacmesh.origin import bounds_of
 from lacmesh.partition import Part
 from lacmesh.partition.bisection import distribute_points
-from lacmesh.partition.parts import WholeMesh, check_skins, nodes_of, periodic_left, skin_name, touching
+from lacmesh.partition.parts import WholeMesh, check_skins, nodes_of, periodic_left, touching
 from lacmesh.partition.pieces import PieceIndices, cells_of_ranks
 from lacsolver.distributed.collective import Collective, Routes
 from lacsolver.distributed.homes import Homes, join_bodies
@@ -46,14 +46,14 @@ def read_in_slices(path: Path, together: Collective, everywhere: Sequence[str]) 
     """Return the part of the mesh in a MED or msh file that this process needs; None if it must be read as a whole.
 
     `everywhere`: groups of skin faces that are in every part, as for `part_of`; those that the file does not have are
-    left out of `Part.everywhere`. A mesh is read as a whole if one of them is an entity of msh, if there are fewer
-    cells of each type of the highest dimension than processes, or if a cut is recorded without the names of its zones;
-    a msh file, too, that is not msh 4.1 in binary, or has cells of a type that msh lacks. Raises ReadError, DataError
-    and RequestError, on all processes alike.
+    left out of `Part.everywhere`. A mesh is read as a whole if there are fewer cells of each type of the highest
+    dimension than processes, or if a cut is recorded without the names of its zones; a msh file, too, that is not msh
+    4.1 in binary, or has cells of a type that msh lacks. Raises ReadError, DataError and RequestError, on all processes
+    alike.
     """
     slice_of = SLICE_OF[together.on_each(lambda: detect_format(path).format)]
     content = slice_of(path, NumberedReaders(together.comm))
-    if content is None or _must_be_whole(content, everywhere, together):
+    if content is None or _must_be_whole(content, together):
         return None
     for message in content.said:
         warnings.warn(message, LacmeshWarning, stacklevel=2)
@@ -61,10 +61,10 @@ def read_in_slices(path: Path, together: Collective, everywhere: Sequence[str]) 
     return _Dealer(content, owner, together).part(everywhere)
 
 
-def _must_be_whole(content: MeshSlice, everywhere: Sequence[str], together: Collective) -> bool:
+def _must_be_whole(content: MeshSlice, together: Collective) -> bool:
     """True for a mesh that `read_in_slices` does not read."""
     most = max((c.rows.size for c in content.cells if ALL_CELLS[c.type].dim == content.dim), default=0)
-    if min(most, content.rows.size) < together.n or any(name.startswith("entity:") for name in everywhere):
+    if min(most, content.rows.size) < together.n:
         return True
     macro = content.cell_data.get("lac_macro")
     if macro is None or content.noted.get("zones"):
@@ -94,8 +94,9 @@ class _Dealer:
 
     def part(self, everywhere: Sequence[str]) -> Part:
         """Return the part of this process."""
-        names = self._named(everywhere)
-        sent = self._cells_to_send(names)
+        groups = {**self.content.cell_groups, **self._entities(everywhere)}
+        names = self._named(everywhere, groups)
+        sent = self._cells_to_send(names, groups)
         routes = Routes(self.together, np.diff(sent.start))
         index = routes.there(self.index[sent.index])
         order = np.argsort(index)
@@ -130,15 +131,24 @@ class _Dealer:
             **noted,
         )
 
-    def _named(self, everywhere: Sequence[str]) -> tuple[str, ...]:
+    def _entities(self, everywhere: Sequence[str]) -> dict[str, Ints]:
+        """Return the members in the slice of the entities of msh among some names, as far as the file has them."""
+        entity = entity_rows(self.content.cell_data, len(self.index))
+        found = {}
+        for name in everywhere:
+            if name.startswith("entity:") and name not in self.content.cell_groups:
+                with suppress(RequestError):
+                    found[name] = np.flatnonzero((entity == entity_tag(name)).all(axis=1))
+        return {name: here for name, here in found.items() if self.together.total(np.array(len(here)))}
+
+    def _named(self, everywhere: Sequence[str], groups: Mapping[str, Ints]) -> tuple[str, ...]:
         """Return the names of those groups that the file has. Raises RequestError for a tag of several groups."""
         tags = self.content.noted.get("group_tags", {})
-        groups = dict.fromkeys(self.content.cell_groups, _NONE)
-        header = Mesh.create(np.empty((0, 3)), [], cell_groups=groups, group_tags=tags)
+        header = Mesh.create(np.empty((0, 3)), [], cell_groups=dict.fromkeys(groups, _NONE), group_tags=tags)
         names = []
         for name in everywhere:
             with suppress(GroupNotFoundError):
-                names.append(skin_name(header, name))
+                names.append(header.group(name))
         return tuple(names)
 
     def _own_nodes(self) -> Ints:
@@ -158,13 +168,13 @@ class _Dealer:
             start += c.rows.n
         return blocks
 
-    def _cells_to_send(self, names: Sequence[str]) -> PieceIndices:
+    def _cells_to_send(self, names: Sequence[str], groups: Mapping[str, Ints]) -> PieceIndices:
         """Return the cells of the slice that each process needs: those at its own nodes, and those of some skins."""
         node = _distinct([c.nodes for c in self.content.cells])
         mesh = Mesh.create(
             np.zeros((len(node), 3)),
             [(c.type, np.searchsorted(node, c.nodes)) for c in self.content.cells],
-            cell_groups=self.content.cell_groups,
+            cell_groups=groups,
         )
         owner = self.homes.ask(node)(self.owner)
         return cells_of_ranks(mesh, owner, self.together.n, self._around_skins(mesh, node, names))

@@ -18,7 +18,7 @@ from tests.lacsolver.distributed.allocations import watched
 from tests.partition.compare import differences
 
 #: groups of skin faces that each part is to have, as far as the file has them
-SKINS = ("slave", "master", "none", "absent")
+SKINS = ("slave", "master", "none", "absent", "entity:2:7", "entity:2:99", "entity:surface")
 
 
 def main():
@@ -60,7 +60,7 @@ def found(path, group):
     with warnings.catch_warnings(record=True) as heard_of_one:
         warnings.simplefilter("always")
         mesh = lacmesh.read(path)
-    skins = [name for name in SKINS if name in mesh.cell_groups]
+    skins = [name for name in SKINS if name in mesh.cell_groups or ((2, 7) in mesh.entities and name == "entity:2:7")]
     there = part_of(mesh, distribute_nodes(mesh, group.n), group.rank, everywhere=skins)
     told = differences(there, part)
     if [str(one.message) for one in heard] != [str(one.message) for one in heard_of_one]:
