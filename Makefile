@@ -68,12 +68,7 @@ demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks 
 	@mkdir -p .venv && touch $@
 
 test: .venv/.system-tests ## linters, then every test but the slow ones (make verify); what is skipped must be what was expected
-	@petsc=petsc; bash tools/system.sh petsc || { [ $$? = 1 ] || exit 2; petsc=; }; \
-	$(MAKE) --no-print-directory -j 2 $(INSTALLED) $$petsc || exit; \
-	$(MAKE) --no-print-directory lint & lint=$$!; status=0; \
-	if [ $$petsc ]; then LACMESH_ALL=1 OPENBLAS_NUM_THREADS=1 $(PETSC)/bin/pytest -q -m petsc tests/lacsolver/distributed || status=$$?; \
-	else echo "skipped: the tests marked petsc, for want of what the lines above name"; fi; \
-	wait $$lint && [ $$status = 0 ]
+	@bash tools/test.sh
 	LACMESH_ALL=1 $(PYTEST) -m "not petsc and not slow"
 
 lint: $(INSTALLED) ## style, types, import layers
@@ -96,7 +91,8 @@ bench: $(INSTALLED) ## measure speed and memory
 	for name in start run check partition quality surface assembly linear contact peers; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 verify: $(INSTALLED) .venv/.system-tests ## the slow tests, then cases with known solutions and a report of them (half an hour on two free cores; goes on if stopped)
-	LACMESH_ALL=1 $(PYTEST) -q -m slow
+	LACMESH_ALL=1 $(PYTEST) -q -m "slow and not petsc"
+	[ ! -x $(PETSC)/bin/pytest ] || $(PETSC)/bin/pytest -q -m "slow and petsc" tests/lacsolver/distributed
 	$(BIN)/python -m verification run --suite full --resume -o build/verification-full
 
 docs: $(INSTALLED) ## make the figures and tables of docs/ again

@@ -9,7 +9,7 @@ The rows of the table also give the schemas and the page of docs (schema). numpy
 """
 
 from lacsolver.case.case import Case, Output, Probe, Solver, Steps
-from lacsolver.case.digest import MeshPart, changed, digest, fingerprint, fingerprint_as
+from lacsolver.case.digest import changed, digest, fingerprint, fingerprint_as
 from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.errors import CaseError, EvaluationError, Issue
 from lacsolver.case.groups import check_groups
@@ -43,7 +43,6 @@ __all__ = [
     "Initial",
     "Issue",
     "Material",
-    "MeshPart",
     "Output",
     "Pressure",
     "Probe",

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 import lacmesh
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacsolver.case import MeshPart
+from lacsolver.case.mesh_digest import MeshPart
 
 T = TypeVar("T")
 

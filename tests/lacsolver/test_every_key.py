@@ -24,6 +24,7 @@ from lacsolver.running import run
 from lacsolver.solve.stepping import NotConvergedError
 from tests.lacsolver.key_cases import CASES, ENGINES, SOLVERS
 from tests.lacsolver.key_checks import CHECKS, Ran, check_tower
+from tests.samples import one_in
 
 #: cores that the process has, here
 CORES = 7
@@ -77,12 +78,14 @@ def shop(tmp_path, monkeypatch):
 
 @pytest.mark.filterwarnings("ignore:.* small kinematics takes displacements for small:lacmesh.errors.LacmeshWarning")
 @pytest.mark.filterwarnings("ignore:massless nodes change the inertia:lacmesh.errors.LacmeshWarning")
+@pytest.mark.fuzz
 @pytest.mark.parametrize("name", CASES)
 def test_every_line_of_a_case_has_its_effect(shop, name):
     case = CASES[name]
     ran = shop.run(case, case.text)
     CHECKS[name](ran)
-    idle = [line for line, text in without_a_line(case.text) if is_idle(shop, case, ran.case, text, CHECKS[name])]
+    lines = one_in(3, without_a_line(case.text))
+    idle = [line for line, text in lines if is_idle(shop, case, ran.case, text, CHECKS[name])]
     assert set(idle) <= {'kind = "cell"'}, "what is so without being said"
 
 

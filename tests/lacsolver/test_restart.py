@@ -18,8 +18,7 @@ import pytest
 
 import lacmesh
 from lacmesh.errors import DataError, ReadError
-from lacsolver.case import fingerprint, parse_case, read_case
-from lacsolver.case.digest import _older_mesh_digest
+from lacsolver.case import fingerprint, fingerprint_as, parse_case, read_case
 from lacsolver.cli import main
 from lacsolver.output import create
 from lacsolver.output.states import read_state
@@ -403,7 +402,7 @@ def test_a_restart_on_another_mesh_in_memory_is_refused(folder):
 def test_states_that_know_their_mesh_by_the_older_digest_are_gone_on_from(folder, monkeypatch):
     """On the same mesh; the following states have the digest of this version."""
     first, whole, mesh, wider = halves()
-    older = _older_mesh_digest(first, mesh)
+    older = fingerprint_as({}, {}, first, mesh)["mesh"]
     with monkeypatch.context() as before:
         before.setattr("lacsolver.running.fingerprint", lambda *given: {**fingerprint(*given), "mesh": older})
         run(first, create("first"), mesh=mesh)

@@ -37,6 +37,7 @@ def fresh(tmp_path_factory):
 
 
 @pytest.mark.vtk
+@pytest.mark.slow
 def test_commands_run_in_their_order(fresh, monkeypatch, capsys):
     monkeypatch.chdir(fresh)
     commands = [line[2:] for block in blocks("console") for line in block.splitlines() if line.startswith("$ ")]

@@ -17,6 +17,7 @@ def test_two_processes_find_what_one_finds():
     assert len(outcome.results) == 5 and all(result.passed for result in outcome.results), outcome.results
 
 
+@pytest.mark.slow
 def test_a_process_may_have_no_cell():
     """The last process has nodes of the rigid plate alone, which is longer than the block over it."""
     (case,) = (case for case in FAMILY.cases if case.name == "block_QUAD4_facet")

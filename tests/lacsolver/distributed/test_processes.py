@@ -40,7 +40,7 @@ def test_several_processes_find_what_one_finds(n, backend, names):
 
 @pytest.mark.parametrize(
     ("n", "backend", "names"),
-    [(2, "multigrid", MOVED[3:]), (4, "mumps", MOVED[:3])],
+    [(2, "multigrid", MOVED[3:]), pytest.param(4, "mumps", MOVED[:3], marks=pytest.mark.slow)],
 )
 def test_several_processes_find_the_motion_that_one_finds(n, backend, names):
     for one in compared(n, backend, names):
