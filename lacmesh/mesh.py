@@ -279,10 +279,7 @@ class Mesh:
     @property
     def entity_of_cell(self) -> Ints:
         """(k, 2): dimension and tag of each cell's entity; no rows in a mesh without entities."""
-        entity = self.cell_data.get("entity")
-        if entity is None or entity.shape != (self.n_cells, 2) or entity.dtype.kind not in "iu":  # of that name only
-            return np.empty((0, 2), np.int64)
-        return entity
+        return entity_rows(self.cell_data, self.n_cells)
 
     def _entity_hint(self) -> str:
         """End of a message for a mesh without groups: how to name an entity instead, preferably one of the skin."""
@@ -300,10 +297,7 @@ class Mesh:
         return self.cell_groups[self.group(spec)]
 
     def _cells_of_entity(self, spec: str) -> Ints:
-        parts = spec.split(":")[1:]
-        if len(parts) != 2 or not all(p.isdigit() for p in parts):
-            raise RequestError(f"{spec!r} is no entity; write entity:DIM:TAG, as entity:2:17")
-        found = np.flatnonzero((self.entity_of_cell == [int(p) for p in parts]).all(axis=1))
+        found = np.flatnonzero((self.entity_of_cell == entity_tag(spec)).all(axis=1))
         if not len(found):
             known = [f"entity:{dim}:{tag}" for dim, tag in self.entities]
             raise GroupNotFoundError(spec, known, "entity")
@@ -316,6 +310,26 @@ class Mesh:
 
 def _remade(values: dict[str, Any]) -> Mesh:
     return Mesh(**values)
+
+
+def entity_rows(cell_data: Mapping[str, NDArray], n_cells: int) -> Ints:
+    """Return the dimension and tag (n_cells, 2) of each cell's entity from the data of cells; no rows without any."""
+    entity = cell_data.get("entity")
+    if entity is None or entity.shape != (n_cells, 2) or entity.dtype.kind not in "iu":  # of that name only
+        return np.empty((0, 2), np.int64)
+    return entity
+
+
+def entity_tag(spec: str) -> Tag:
+    """Return the dimension and tag of an entity of msh. Raises RequestError.
+
+    >>> entity_tag("entity:2:17")
+    (2, 17)
+    """
+    parts = spec.split(":")[1:]
+    if len(parts) != 2 or not all(p.isdigit() for p in parts):
+        raise RequestError(f"{spec!r} is no entity; write entity:DIM:TAG, as entity:2:17")
+    return int(parts[0]), int(parts[1])
 
 
 def spec_text(spec: Spec) -> str:

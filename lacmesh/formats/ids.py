@@ -22,11 +22,11 @@ def counts_up(numbers: Ints) -> bool:
 
 
 def repeated(numbers: Ints) -> int | None:
-    """A number that stands twice among positive numbers, or None."""
+    """The smallest number that stands twice, or None."""
     n = len(numbers)
     if n < 2 or (numbers[1:] > numbers[:-1]).all():
         return None
-    if _dense(numbers):
+    if numbers.min() >= 0 and _dense(numbers):
         seen = np.zeros(int(numbers.max()) + 1, bool)
         seen[numbers] = True
         if np.count_nonzero(seen) == n:
@@ -41,33 +41,53 @@ def _dense(numbers: Ints) -> bool:
 
 
 class Index:
-    """Map from distinct positive numbers (n,) to indices 0..n-1; `more`: further numbers, which stand for `meant`."""
+    """Map from distinct positive numbers (n,) to indices 0..n-1; `more`: further numbers, which stand for `meant`.
 
-    def __init__(self, numbers: Ints, more: Ints | None = None, meant: Ints | None = None) -> None:
+    `table`: False for a map that is searched, so that it takes no more room than its numbers.
+    """
+
+    def __init__(
+        self, numbers: Ints, more: Ints | None = None, meant: Ints | None = None, *, table: bool = True
+    ) -> None:
         self.n = len(numbers)
-        self._numbers, self._places = numbers, None
+        self.numbers, self._tabled = numbers, table
+        self._places: Ints | None = None
         if more is not None and meant is not None and len(more):
             self._places = np.append(np.arange(self.n), Index(numbers).places(meant))
-            self._numbers = np.append(numbers, more)
+            self.numbers = np.append(numbers, more)
+
+    @classmethod
+    def counting(cls, n: int) -> Index:
+        """Return the map from 1, 2, ... n to 0, 1, ... n - 1."""
+        made = cls(np.empty(0, np.int64))
+        made.n = n
+        return made
+
+    @classmethod
+    def of_places(cls, numbers: Ints, places: Ints, n: int) -> Index:
+        """Return the map from some numbers (k,) to their places (k,), indices below n, or -1."""
+        made = cls(numbers, table=False)
+        made.n, made._places = n, places
+        return made
 
     @cached_property
     def _up(self) -> bool:
-        return self._places is None and counts_up(self._numbers)
+        return self._places is None and counts_up(self.numbers)
 
     @cached_property
     def _table(self) -> Ints | None:
         """Table from number to index, the last entry (-1) for unknown numbers; None if numbers are too scattered."""
-        if not _dense(self._numbers):
+        if not self._tabled or not _dense(self.numbers):
             return None
-        table: Ints = np.full(int(self._numbers.max()) + 2, -1, np.int32 if self.n < 2**31 else np.int64)
-        table[self._numbers] = np.arange(self.n) if self._places is None else self._places
+        table: Ints = np.full(int(self.numbers.max()) + 2, -1, np.int32 if self.n < 2**31 else np.int64)
+        table[self.numbers] = np.arange(self.n) if self._places is None else self._places
         return table
 
     @cached_property
     def _ordered(self) -> tuple[Ints, Ints]:
         """The numbers in ascending order, and their places."""
-        order = np.argsort(self._numbers, kind="stable")
-        return self._numbers[order], order if self._places is None else self._places[order]
+        order = np.argsort(self.numbers, kind="stable")
+        return self.numbers[order], order if self._places is None else self._places[order]
 
     def places(self, numbers: Ints) -> Ints:
         """The place of each number, any shape, int64; -1 where it is unknown."""
@@ -80,6 +100,8 @@ class Index:
             known = (numbers >= 0) & (numbers < last)
             return self._table[np.where(known, numbers, last)].astype(np.int64)
         ordered, places = self._ordered
+        if not len(ordered):
+            return np.full(numbers.shape, -1)
         k = np.minimum(np.searchsorted(ordered, numbers), len(ordered) - 1)
         return np.where(ordered[k] == numbers, places[k], -1)
 

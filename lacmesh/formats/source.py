@@ -26,8 +26,10 @@ class SourceFile:
     def error(self, message: str, at: int | None = None) -> ReadError:
         """Make the error for byte `at` (default: the start of the section)."""
         at = self.section_start if at is None else min(at, self.size)
+        if self.binary:
+            return ReadError(self.path, message, f"byte {at}")
         line = self.data[:at].count(b"\n") + 1
-        return ReadError(self.path, message, f"byte {at}" if self.binary else f"line {line}")
+        return ReadError(self.path, message, f"line {line}")
 
     def line(self) -> bytes:
         """The next line, without its end. Raises ReadError at the end of the file."""

@@ -1,7 +1,7 @@
 """gmsh's current model as a mesh.
 
     content = nodes, cells, groups, boundaries, links and views, by gmsh's functions   (`_content`)
-    mesh = what a msh file with that content makes                                      (`formats.msh.content.to_mesh`)
+    mesh = what a msh file with that content makes                                      (`formats.msh.assembly`)
 
 gmsh's getElements shows one type of a shape in an entity. Where it shows fewer cells than the model counts, cells are
 taken from a temporary file that gmsh writes.
@@ -23,7 +23,7 @@ import numpy as np
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import DataError, RequestError
 from lacmesh.formats import read
-from lacmesh.formats.msh import content as msh_content
+from lacmesh.formats.msh.assembly import to_mesh
 from lacmesh.formats.msh.content import Content, Piece
 from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.formats.msh.types import TYPE_NAMES, UNKNOWN_TYPE
@@ -96,7 +96,7 @@ def read_model(keep: Collection[Tag] | None = None) -> Read:
     held = views.read_views(gmsh, name, content)
     content.rows = [h.rows for h in held if not h.stale]
     named = content.notes.name is None and name
-    mesh = msh_content.to_mesh(content)
+    mesh = to_mesh(content)
     return Read(name, replace(mesh, name=name) if named else mesh, parent, tuple(held))
 
 

@@ -17,9 +17,9 @@ from lacmesh.formats import detect_format
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.partition import Part, cut_part, describe_parts, distribute_nodes, part_of, read_part
 from lacsolver.distributed.collective import Collective
-from lacsolver.distributed.slices import read_in_slices
+from lacsolver.distributed.slices import SLICE_OF, read_in_slices
 
-#: bytes of a MED file from which on it is read by slices; every process reads a smaller one as a whole
+#: bytes of a MED or msh file from which on it is read by slices; every process reads a smaller one as a whole
 LARGE = 1 << 26
 
 
@@ -32,7 +32,7 @@ class Processes:
         self._part: Part | None = None  # with the slaves cut
 
     def read(self, path: Path, skins: Sequence[str], slaves: Mapping[str, str]) -> Mesh:
-        """Return the mesh of a file, or this process's part, cut, of a large MED file or the folder of a divided mesh.
+        """Return the mesh of a file, or this process's part, cut, of a large file or the folder of a divided mesh.
 
         `skins`: groups that all processes need; `slaves`: the groups to cut, each with its kind of `hexa` cut. Raises
         ReadError, CutError, and RequestError for a folder with parts for another number of processes.
@@ -60,14 +60,14 @@ class Processes:
         return read_part(path, self.rank, everywhere=skins)
 
     def _sliced(self, path: Path, skins: Sequence[str]) -> Part | None:
-        """Return this process's part of the mesh in a large MED file, read by slices; None for any other file.
+        """Return this process's part of the mesh in a large MED or msh file, read by slices; None for any other file.
 
         Groups that are not there are left to the check of the case, which knows its lines.
         """
         if self.n == 1:
             return None
         together = Collective(self.comm)
-        large = together.on_each(lambda: detect_format(path).format == "med" and path.stat().st_size >= LARGE)
+        large = together.on_each(lambda: detect_format(path).format in SLICE_OF and path.stat().st_size >= LARGE)
         return read_in_slices(path, together, skins) if large else None
 
     def as_read(self, mesh: Mesh) -> tuple[Mesh, PartShare | None]:

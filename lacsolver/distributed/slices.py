@@ -1,6 +1,6 @@
 """The part of a mesh that each process needs, dealt out from slices of its file: no process holds the whole mesh.
 
-Each process reads a slice (`lacmesh.formats.med.reader`): some consecutive nodes, and some cells of each type. All
+Each process reads a slice (`lacmesh.formats.slices`): some consecutive nodes, and some cells of each type. All
 nodes are bisected together, so that each has an owner (`lacmesh.partition.bisection`). A process then sends each of its
 cells to the owners of the cell's nodes, and those that touch a skin to all; it asks for the points, numbers and
 data of its nodes where they are kept (`homes`). The result is that of `part_of`.
@@ -9,7 +9,7 @@ data of its nodes where they are kept (`homes`). The result is that of `part_of`
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,18 +19,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.errors import GroupNotFoundError, LacmeshWarning
-from lacmesh.formats.med import families
-from lacmesh.formats.med.blocks import Slice
-from lacmesh.formats.med.reader import MeshSlice, read_slice
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.errors import GroupNotFoundError, LacmeshWarning, RequestError
+from lacmesh.formats import detect_format, med, msh
+from lacmesh.formats.slices import MeshSlice
+from lacmesh.mesh import Floats, Ints, Mesh, entity_rows, entity_tag
 from lacmesh.origin import bounds_of
 from lacmesh.partition import Part
 from lacmesh.partition.bisection import distribute_points
-from lacmesh.partition.parts import WholeMesh, check_skins, nodes_of, periodic_left, skin_name, touching
+from lacmesh.partition.parts import WholeMesh, check_skins, nodes_of, periodic_left, touching
 from lacmesh.partition.pieces import PieceIndices, cells_of_ranks
 from lacsolver.distributed.collective import Collective, Routes
 from lacsolver.distributed.homes import Homes, join_bodies
+from lacsolver.distributed.numbers import NumberedReaders
 
 _Bools = NDArray[np.bool_]
 #: types of cells, with their nodes (k, n)
@@ -38,38 +38,35 @@ _Blocks = list[tuple[str, Ints]]
 #: what makes the values on the nodes or cells of a part of those in the slice
 _Dealt = Callable[[NDArray], NDArray]
 _NONE = np.empty(0, np.int64)
+#: formats that are read by slices
+SLICE_OF = {"med": med.reader.slice_of, "msh": msh.reader.slice_of}
 
 
 def read_in_slices(path: Path, together: Collective, everywhere: Sequence[str]) -> Part | None:
-    """Return the part of the mesh in a MED file that this process needs; None for a mesh that must be read as a whole.
+    """Return the part of the mesh in a MED or msh file that this process needs; None if it must be read as a whole.
 
     `everywhere`: groups of skin faces that are in every part, as for `part_of`; those that the file does not have are
-    left out of `Part.everywhere`. A mesh is read as a whole if one of them is an entity of msh, if there are fewer
-    cells of each type of the highest dimension than processes, or if a cut is recorded without the names of its zones.
-    Raises ReadError, DataError and RequestError, on all processes alike.
+    left out of `Part.everywhere`. A mesh is read as a whole if there are fewer cells of each type of the highest
+    dimension than processes, or if a cut is recorded without the names of its zones; a msh file, too, that is not msh
+    4.1 in binary, or has cells of a type that msh lacks. Raises ReadError, DataError and RequestError, on all processes
+    alike.
     """
-    content = together.on_each(lambda: read_slice(path, Slice(together.rank, together.n)))
-    if _must_be_whole(content, everywhere, together):
+    slice_of = SLICE_OF[together.on_each(lambda: detect_format(path).format)]
+    content = slice_of(path, NumberedReaders(together.comm))
+    if content is None or _must_be_whole(content, together):
         return None
-    said = list(content.said)
-    for what, used, defined in (
-        ("cells", content.cell_family, content.cell_families),
-        ("nodes", content.node_family, content.node_families),
-    ):
-        said += families.undefined(np.unique(together.gather(np.unique(used))), defined, what)
-    numbers = content.numbers(lambda number: _repeated(number, together), said)
-    if said:
-        warnings.warn(f"{path}: {'; '.join(said)}", LacmeshWarning, stacklevel=2)
-    owner = distribute_points(content.points, numbers[0], together.n, together)
-    return _Dealer(content, numbers, owner, together).part(everywhere)
+    for message in content.said:
+        warnings.warn(message, LacmeshWarning, stacklevel=2)
+    owner = distribute_points(content.points, content.node_number, together.n, together)
+    return _Dealer(content, owner, together).part(everywhere)
 
 
-def _must_be_whole(content: MeshSlice, everywhere: Sequence[str], together: Collective) -> bool:
+def _must_be_whole(content: MeshSlice, together: Collective) -> bool:
     """True for a mesh that `read_in_slices` does not read."""
-    most = max((c.rows.size for c in content.cells if ALL_CELLS[c.kind.type].dim == content.dim), default=0)
-    if min(most, content.rows.size) < together.n or any(name.startswith("entity:") for name in everywhere):
+    most = max((c.rows.size for c in content.cells if ALL_CELLS[c.type].dim == content.dim), default=0)
+    if min(most, content.rows.size) < together.n:
         return True
-    macro = content.data.cell_data.get("lac_macro")
+    macro = content.cell_data.get("lac_macro")
     if macro is None or content.noted.get("zones"):
         return False
     return bool(together.greatest(np.array(macro.max(initial=-1))) >= 0)
@@ -77,10 +74,9 @@ def _must_be_whole(content: MeshSlice, everywhere: Sequence[str], together: Coll
 
 @dataclass(frozen=True)
 class _Dealer:
-    """A slice of a mesh, with the `numbers` of its nodes and cells, and the `owner` (k,) of each of its nodes."""
+    """A slice of a mesh, with the `owner` (k,) of each of its nodes."""
 
     content: MeshSlice
-    numbers: tuple[Ints, Ints]
     owner: Ints
     together: Collective
 
@@ -88,11 +84,6 @@ class _Dealer:
     def homes(self) -> Homes:
         """The processes that have the nodes in their slices."""
         return Homes(self.together, self.content.rows.start, self.content.rows.stop)
-
-    @cached_property
-    def groups(self) -> dict[str, Ints]:
-        """The members of each group of cells in the slice."""
-        return families.members(self.content.cell_family, self.content.cell_families)
 
     @cached_property
     def index(self) -> Ints:
@@ -103,8 +94,9 @@ class _Dealer:
 
     def part(self, everywhere: Sequence[str]) -> Part:
         """Return the part of this process."""
-        names = self._named(everywhere)
-        sent = self._cells_to_send(names)
+        groups = {**self.content.cell_groups, **self._entities(everywhere)}
+        names = self._named(everywhere, groups)
+        sent = self._cells_to_send(names, groups)
         routes = Routes(self.together, np.diff(sent.start))
         index = routes.there(self.index[sent.index])
         order = np.argsort(index)
@@ -124,29 +116,39 @@ class _Dealer:
         noted = dict(content.noted)
         if noted.get("model") is not None:
             noted["model"] = periodic_left(noted["model"], node)
+        if content.cell_place is not None:
+            noted["file_order"] = np.argsort(of_cells(content.cell_place))
         return Mesh.create(
             of_nodes(content.points),
-            [(kind, np.searchsorted(node, nodes)) for kind, nodes in blocks],
+            [(kind, np.searchsorted(node, nodes).astype(nodes.dtype)) for kind, nodes in blocks],
             space_dim=content.space_dim,
-            node_number=of_nodes(self.numbers[0]),
-            cell_number=of_cells(self.numbers[1]),
-            cell_groups=families.members(of_cells(content.cell_family), content.cell_families),
-            node_groups=families.members(of_nodes(content.node_family), content.node_families),
-            cell_data={name: of_cells(values) for name, values in content.data.cell_data.items()},
-            node_data={name: of_nodes(values) for name, values in content.data.node_data.items()},
-            steps=content.data.steps,
-            name=content.name,
+            node_number=of_nodes(content.node_number),
+            cell_number=of_cells(content.cell_number),
+            cell_groups=_groups(content.cell_groups, len(content.cell_number), of_cells),
+            node_groups=_groups(content.node_groups, content.rows.n, of_nodes),
+            cell_data={name: of_cells(values) for name, values in content.cell_data.items()},
+            node_data={name: of_nodes(values) for name, values in content.node_data.items()},
             **noted,
         )
 
-    def _named(self, everywhere: Sequence[str]) -> tuple[str, ...]:
+    def _entities(self, everywhere: Sequence[str]) -> dict[str, Ints]:
+        """Return the members in the slice of the entities of msh among some names, as far as the file has them."""
+        entity = entity_rows(self.content.cell_data, len(self.index))
+        found = {}
+        for name in everywhere:
+            if name.startswith("entity:") and name not in self.content.cell_groups:
+                with suppress(RequestError):
+                    found[name] = np.flatnonzero((entity == entity_tag(name)).all(axis=1))
+        return {name: here for name, here in found.items() if self.together.total(np.array(len(here)))}
+
+    def _named(self, everywhere: Sequence[str], groups: Mapping[str, Ints]) -> tuple[str, ...]:
         """Return the names of those groups that the file has. Raises RequestError for a tag of several groups."""
         tags = self.content.noted.get("group_tags", {})
-        header = Mesh.create(np.empty((0, 3)), [], cell_groups=dict.fromkeys(self.groups, _NONE), group_tags=tags)
+        header = Mesh.create(np.empty((0, 3)), [], cell_groups=dict.fromkeys(groups, _NONE), group_tags=tags)
         names = []
         for name in everywhere:
             with suppress(GroupNotFoundError):
-                names.append(skin_name(header, name))
+                names.append(header.group(name))
         return tuple(names)
 
     def _own_nodes(self) -> Ints:
@@ -162,17 +164,17 @@ class _Dealer:
         for c in self.content.cells:
             mine = (sent.index >= start) & (sent.index < start + c.rows.n)
             routes = Routes(self.together, np.diff(sent.count(mine)))
-            blocks.append((c.kind.type, routes.there(c.nodes[sent.index[mine] - start])))
+            blocks.append((c.type, routes.there(c.nodes[sent.index[mine] - start])))
             start += c.rows.n
         return blocks
 
-    def _cells_to_send(self, names: Sequence[str]) -> PieceIndices:
+    def _cells_to_send(self, names: Sequence[str], groups: Mapping[str, Ints]) -> PieceIndices:
         """Return the cells of the slice that each process needs: those at its own nodes, and those of some skins."""
         node = _distinct([c.nodes for c in self.content.cells])
         mesh = Mesh.create(
             np.zeros((len(node), 3)),
-            [(c.kind.type, np.searchsorted(node, c.nodes)) for c in self.content.cells],
-            cell_groups=self.groups,
+            [(c.type, np.searchsorted(node, c.nodes)) for c in self.content.cells],
+            cell_groups=groups,
         )
         owner = self.homes.ask(node)(self.owner)
         return cells_of_ranks(mesh, owner, self.together.n, self._around_skins(mesh, node, names))
@@ -188,7 +190,7 @@ class _Dealer:
             around[mesh.cells_of(name)] = True
         skin = np.unique(self.together.gather(node[nodes_of(mesh, around)]))
         around |= touching(mesh, np.isin(node, skin))
-        parent = self.content.data.cell_data.get("lac_parent")
+        parent = self.content.cell_data.get("lac_parent")
         if parent is not None:
             cut = np.unique(self.together.gather(np.unique(parent[around & (parent >= 0)])))
             around |= np.isin(parent, cut)
@@ -197,10 +199,11 @@ class _Dealer:
     def _whole(self, mesh: Mesh, own: _Bools, body: Ints, n_bodies: int) -> WholeMesh:
         """Return the figures of the whole mesh from those of all parts; `own`, `body` (n_nodes,): as in a Part."""
         used = nodes_of(mesh, np.ones(mesh.n_cells, bool)) if self.content.cells else np.ones(mesh.n_nodes, bool)
-        largest = [int(self.together.greatest(np.array(number.max(initial=0)))) for number in self.numbers]
+        numbers = self.content.node_number, self.content.cell_number
+        largest = [int(self.together.greatest(np.array(number.max(initial=0)))) for number in numbers]
         return WholeMesh(
             n_nodes=self.content.rows.size,
-            types=tuple((c.kind.type, c.rows.size) for c in self.content.cells),
+            types=tuple((c.type, c.rows.size) for c in self.content.cells),
             dim=self.content.dim,
             n_bodies=n_bodies,
             largest_node=largest[0],
@@ -222,16 +225,10 @@ def _distinct(nodes: Sequence[Ints]) -> Ints:
     return np.unique(np.concatenate([_NONE, *map(np.unique, nodes)]))
 
 
-def _repeated(number: Ints, together: Collective) -> int | None:
-    """Return the smallest of the numbers (k,) of all processes that occurs several times, or None."""
-    ends = together.gather(number[[0, -1]] if len(number) else number)
-    ascending = (np.diff(number) > 0).all() and (ends[1:-1:2] < ends[2::2]).all()
-    if together.greatest(np.array(not ascending, np.int64)) == 0:
-        return None
-    where = number % together.n
-    order = np.argsort(where, kind="stable")
-    ordered = np.sort(Routes(together, np.bincount(where, minlength=together.n)).there(number[order]))
-    again = ordered[1:][ordered[1:] == ordered[:-1]]
-    none = np.iinfo(np.int64).max
-    least = -int(together.greatest(np.array(-again[0] if len(again) else -none)))
-    return None if least == none else least
+def _groups(members: Mapping[str, Ints], size: int, dealt: _Dealt) -> dict[str, Ints]:
+    """Return the members of each group that a part has, of those in a slice of `size` nodes or cells: a bit each."""
+    bits = np.zeros((size, (len(members) + 7) // 8), np.uint8)
+    for k, index in enumerate(members.values()):
+        bits[index, k // 8] |= 1 << k % 8
+    there = dealt(bits)
+    return {name: np.flatnonzero(there[:, k // 8] & (1 << k % 8)) for k, name in enumerate(members)}

@@ -8,8 +8,8 @@ import pytest
 
 from lacmesh import cut_skin, read, write
 from lacmesh.formats.med import fields
-from lacmesh.formats.med.blocks import Slice
 from lacmesh.formats.med.reader import read_slice
+from lacmesh.formats.slices import Slice
 from tests.meshes import random_mesh
 
 
@@ -32,7 +32,7 @@ def check(path, n):
         assert np.array_equal(joined, values, equal_nan=values.dtype.kind == "f") and joined.dtype == values.dtype
     for one in slices:
         assert (one.cell_families, one.node_families) == (whole.cell_families, whole.node_families)
-        assert (one.name, one.space_dim, one.dim, one.said) == (whole.name, whole.space_dim, whole.dim, whole.said)
+        assert (one.name, one.space_dim, one.said) == (whole.name, whole.space_dim, whole.said)
 
 
 def by_type(content, values):

@@ -23,6 +23,7 @@ from lacmesh.errors import LacmeshWarning, WriteError
 from lacmesh.formats.med import families, fields, notes, reader
 from lacmesh.formats.med.hdf5 import add_array, add_group, compact, created, encoded, text
 from lacmesh.formats.med.types import MED_TYPES, MedType
+from lacmesh.formats.slices import ALONE
 from lacmesh.mesh import Ints, Mesh
 
 _OF_TYPE = {kind.type: kind for kind in MED_TYPES}
@@ -34,16 +35,10 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     Raises ReadError for a file that is damaged or holds what a Mesh cannot (polygons, grids); RequestError for the
     choice of the mesh. What is left out is named in one LacmeshWarning.
     """
-    said: list[str] = []
-    made = reader.read(path, mesh, said)
-    _say(path, said)
-    return made
-
-
-def _say(path: Path | None, said: list[str]) -> None:
-    if said:
-        where = f"{path}: " if path else "MED: "
-        warnings.warn(where + "; ".join(said), LacmeshWarning, stacklevel=3)
+    made = reader.slice_of(path, ALONE, mesh)
+    for message in made.said:
+        warnings.warn(message, LacmeshWarning, stacklevel=2)
+    return reader.with_zones(made).mesh()
 
 
 def write(path: Path, mesh: Mesh) -> None:
@@ -69,7 +64,8 @@ def write(path: Path, mesh: Mesh) -> None:
         families.write(home, "NOEUD", node_families, 1)
         fields.write(root, mesh, name, cells, said)
         notes.write(root, mesh, name)
-    _say(None, said)  # `path` may stand for another file (`formats.write`)
+    if said:  # `path` may stand for another file (`formats.write`)
+        warnings.warn("MED: " + "; ".join(said), LacmeshWarning, stacklevel=2)
 
 
 def _check(path: Path, mesh: Mesh) -> None:

@@ -7,24 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from lacmesh.errors import ReadError, some
-from lacmesh.formats.med.hdf5 import Branch, Name, RowRange, text
+from lacmesh.formats.med.hdf5 import Branch, Name, text
 from lacmesh.formats.med.types import MED_TYPES, NOT_READ, MedType
+from lacmesh.formats.slices import RowRange, Slice
 from lacmesh.mesh import Floats, Ints
 
 _OF_NAME = {kind.name: kind for kind in MED_TYPES}
 #: Where a file may keep cells: as cells, or in old files as faces and edges (the first that has a type counts).
 ENTITIES = ("MAI", "FAC", "ARE")
-
-
-class Slice(NamedTuple):
-    """Slice `k` of `n` of a file."""
-
-    k: int = 0
-    n: int = 1
-
-    def rows(self, size: int) -> RowRange:
-        """The rows of this slice, of as many as there are."""
-        return RowRange(size * self.k // self.n, size * (self.k + 1) // self.n, size)
 
 
 class Cells(NamedTuple):

@@ -21,7 +21,6 @@ from lacmesh.errors import WriteError
 from lacmesh.formats.med.hdf5 import (
     Branch,
     Name,
-    RowRange,
     add_array,
     add_group,
     compact,
@@ -31,6 +30,7 @@ from lacmesh.formats.med.hdf5 import (
     text,
 )
 from lacmesh.formats.med.types import MedType
+from lacmesh.formats.slices import RowRange
 from lacmesh.mesh import Ints, Mesh, Step
 
 NO_PROFILE = "MED_NO_PROFILE_INTERNAL"

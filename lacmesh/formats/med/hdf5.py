@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import h5py
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError, WriteError
 from lacmesh.formats.hdf5_sink import written
+from lacmesh.formats.slices import RowRange
 from lacmesh.mesh import Floats, Ints
 
 #: How a link is called; h5py gives bytes for what is not UTF-8.
@@ -27,19 +28,6 @@ Name = str | bytes
 #: What h5py raises on a damaged file.
 _DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError, MemoryError)
 _MISSING: Final = object()
-
-
-class RowRange(NamedTuple):
-    """Rows `start` to `stop` of arrays of `size` rows, each of which MED keeps column by column in a dataset."""
-
-    start: int
-    stop: int
-    size: int
-
-    @property
-    def n(self) -> int:
-        """Number of the rows."""
-        return self.stop - self.start
 
 
 def text(name: Any) -> str:

@@ -7,19 +7,19 @@ Families, groups, names and sizes are those of the whole file.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import ReadError, RequestError, did_you_mean
 from lacmesh.formats.med import families, fields, notes
-from lacmesh.formats.med.blocks import ENTITIES, Cells, Slice, family_in, number_in, read_cells, read_points
-from lacmesh.formats.med.hdf5 import Branch, Name, RowRange, opened, text
+from lacmesh.formats.med.blocks import ENTITIES, Cells, family_in, number_in, read_cells, read_points
+from lacmesh.formats.med.hdf5 import Branch, Name, opened, text
 from lacmesh.formats.notes import zone_names
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.formats.slices import CellRows, MeshSlice, Readers, RowRange, Slice
+from lacmesh.mesh import Floats, Ints
 
 #: Parts of a file that no Mesh holds.
 _NOT_CARRIED = {
@@ -33,8 +33,8 @@ _NOT_CARRIED = {
 
 
 @dataclass(frozen=True)
-class MeshSlice:
-    """A slice of a file's mesh: the nodes in `rows`, with points (k, 3), numbers if there are any, and families (k,).
+class MedSlice:
+    """Rows of a file: the nodes in `rows`, with points (k, 3), numbers if there are any, and families (k,).
 
     `cell_families`, `node_families`: the groups of each family of the file. `noted`: further fields of the mesh.
     `said`: what is left out.
@@ -52,11 +52,6 @@ class MeshSlice:
     data: fields.Data
     noted: dict[str, Any]
     said: tuple[str, ...]
-
-    @property
-    def dim(self) -> int:
-        """The highest dimension of a cell of the whole mesh."""
-        return max((ALL_CELLS[c.kind.type].dim for c in self.cells), default=0)
 
     @property
     def cell_family(self) -> Ints:
@@ -81,42 +76,51 @@ class MeshSlice:
         return nodes, _distinct(*all_cells, "cells", repeated, said)
 
 
-def read(path: Path, mesh: str | None, said: list[str]) -> Mesh:
-    """Read the mesh of a file, or the one of that name; see `lacmesh.formats.med.read`."""
-    content = read_slice(path, Slice(), mesh)
-    said += content.said
-    cell_groups = families.members(content.cell_family, content.cell_families)
+def slice_of(path: Path, readers: Readers, mesh: str | None = None) -> MeshSlice:
+    """Return the slice that one of the readers has of the mesh of a file, or of the one of that name.
+
+    Raises ReadError, RequestError.
+    """
+    content = readers.on_each(lambda: read_slice(path, Slice(readers.rank, readers.n), mesh))
+    said = list(content.said)
     for what, used, defined in (
         ("cells", content.cell_family, content.cell_families),
         ("nodes", content.node_family, content.node_families),
     ):
-        said += families.undefined(np.unique(used), defined, what)
-    noted = content.noted
-    if not noted.get("zones"):
-        noted["zones"] = zone_names(content.data.cell_data, cell_groups)
-    node_number, cell_number = content.numbers(_repeated, said)
-    return Mesh.create(
-        content.points,
-        [(c.kind.type, c.nodes) for c in content.cells],
+        said += families.undefined(np.unique(readers.gather(np.unique(used))), defined, what)
+    node_number, cell_number = content.numbers(readers.repeated, said)
+    return MeshSlice(
+        rows=content.rows,
+        points=content.points,
         space_dim=content.space_dim,
         node_number=node_number,
+        cells=tuple(CellRows(c.kind.type, c.rows, c.nodes) for c in content.cells),
         cell_number=cell_number,
-        cell_groups=cell_groups,
+        cell_place=None,
+        cell_groups=families.members(content.cell_family, content.cell_families),
         node_groups=families.members(content.node_family, content.node_families),
-        name=content.name,
-        **content.data._asdict(),
-        **noted,
+        cell_data=content.data.cell_data,
+        node_data=content.data.node_data,
+        noted={"name": content.name, "steps": content.data.steps, **content.noted},
+        said=(f"{path}: {'; '.join(said)}",) if said else (),
     )
 
 
-def read_slice(path: Path, piece: Slice, mesh: str | None = None) -> MeshSlice:
-    """Read a slice of the mesh of a file, or of the one of that name. Raises ReadError, RequestError."""
+def with_zones(content: MeshSlice) -> MeshSlice:
+    """Return a whole mesh with names for the zones of a cut that is recorded without them."""
+    if content.noted.get("zones"):
+        return content
+    return replace(content, noted={**content.noted, "zones": zone_names(content.cell_data, content.cell_groups)})
+
+
+def read_slice(path: Path, piece: Slice, mesh: str | None = None) -> MedSlice:
+    """Read a slice of the mesh of a file, or of the one of that name, by itself. Raises ReadError, RequestError."""
     with opened(path) as root:
         _check_version(root)
         return _read_slice(root, _chosen(root, mesh), piece)
 
 
-def _read_slice(root: Branch, name: Name, piece: Slice) -> MeshSlice:
+def _read_slice(root: Branch, name: Name, piece: Slice) -> MedSlice:
     said: list[str] = []
     home = root.branch("ENS_MAA").branch(name)
     if home.integer("TYP", 0) != 0:
@@ -135,7 +139,7 @@ def _read_slice(root: Branch, name: Name, piece: Slice) -> MeshSlice:
         there = {group for names in of_cells.values() for group in names}
         noted["group_tags"] = {group: tags for group, tags in noted["group_tags"].items() if group in there}
     _say_not_carried(root, home, step, said)
-    return MeshSlice(
+    return MedSlice(
         name=text(name),
         rows=rows,
         points=points,
@@ -196,15 +200,6 @@ def _distinct(
         return number
     said.append(f"{what} are numbered from 1, the file gives several the number {again}")
     return counted
-
-
-def _repeated(number: Ints) -> int | None:
-    """The smallest number that occurs several times, or None."""
-    if (np.diff(number) > 0).all():
-        return None
-    ordered = np.sort(number)
-    again = ordered[1:][ordered[1:] == ordered[:-1]]
-    return int(again[0]) if len(again) else None
 
 
 def _say_not_carried(root: Branch, home: Branch, step: Branch, said: list[str]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import WriteError
-from lacmesh.formats.ids import Index
+from lacmesh.formats.ids import CHUNK, Index
 from lacmesh.formats.msh.names import quoted, safe_names
 from lacmesh.formats.msh.output import Output
 from lacmesh.formats.msh.scan import MshBytes
@@ -44,7 +44,7 @@ class Head(NamedTuple):
 
 @dataclass(frozen=True)
 class Rows:
-    """A section as it stands in the file: `number` (m,), `values` (m, components)."""
+    """A section as it stands in the file, in a binary one as views: `number` (m,), `values` (m, components)."""
 
     head: Head
     partition: int
@@ -103,36 +103,37 @@ def keys(heads: Sequence[Head]) -> list[tuple[str, Step | None]]:
 
 
 class Fields(NamedTuple):
-    """Fields of a file as arrays of a mesh; `stray` counts the rows of nodes or cells that the mesh lacks."""
+    """Fields of a file as arrays of a mesh, or of a slice of it; `known` counts the rows of its nodes and cells."""
 
     cell_data: dict[str, NDArray]
     node_data: dict[str, NDArray]
     steps: dict[str, Step]
-    stray: int
+    known: int
 
 
 def to_mesh(
     source: MshBytes,
     rows: Sequence[Rows],
     index: Mapping[str, Index],
+    sizes: Mapping[str, int],
     notes: Mapping[tuple[str, str, int], FieldNote],
 ) -> Fields:
-    """Convert sections to arrays; `index`: from numbers of nodes ("node") and cells ("cell") to their indices."""
+    """Convert sections to arrays; `index`: from numbers of nodes ("node") and cells ("cell") to their indices.
+
+    `sizes`: how many nodes and cells the whole mesh has. Raises ReadError.
+    """
     fields = Fields({}, {}, {}, 0)
     arrays = _joined(rows)
     budget = 64 * source.size + 2**28
-    stray = 0
+    known = 0
     for (head, parts), (key, step) in zip(arrays, keys([head for head, _ in arrays]), strict=True):
         note = notes.get((head.on, head.name, head.step))
         width = parts[0].values.shape[1]
-        budget -= 8 * index[head.on].n * width
+        budget -= 8 * sizes[head.on] * width
         if budget < 0:
             raise source.error(f"the field {head.name!r} would take far more memory than the file has values")
         values = np.full((index[head.on].n, width), np.nan)
-        for part in parts:
-            place = index[head.on].places(part.number)
-            stray += int((place < 0).sum())
-            values[place[place >= 0]] = part.values[place >= 0]
+        known += sum(_fill(values, part, index[head.on]) for part in parts)
         if note is not None:
             key = note.key if note.key not in RESERVED else key
             step = Step(note.name, note.number, note.order, head.time)
@@ -141,7 +142,18 @@ def to_mesh(
         data[key] = _shaped(source, key, head, values, note)
         if step is not None:
             fields.steps[key] = step
-    return fields._replace(stray=stray)
+    return fields._replace(known=known)
+
+
+def _fill(values: Floats, rows: Rows, index: Index) -> int:
+    """Write the rows of a section to the places of their numbers, piece by piece; return how many have a place."""
+    known = 0
+    for a in range(0, len(rows.number), CHUNK):
+        place = index.places(rows.number[a : a + CHUNK])
+        here = place >= 0
+        values[place[here]] = rows.values[a : a + CHUNK][here]
+        known += int(here.sum())
+    return known
 
 
 def _joined(rows: Sequence[Rows]) -> list[tuple[Head, list[Rows]]]:

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import re
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 from lacmesh.errors import LacmeshWarning
-from lacmesh.formats.msh import content as msh_content
 from lacmesh.formats.msh import fields as msh_fields
 from lacmesh.formats.msh import names as msh_names
 from lacmesh.formats.msh import notes as msh_notes
 from lacmesh.formats.msh import reader2 as msh_read2
 from lacmesh.formats.msh import reader4 as msh_read4
+from lacmesh.formats.msh.assembly import to_mesh, to_slice
+from lacmesh.formats.msh.content import Content
 from lacmesh.formats.msh.scan import MshBytes
+from lacmesh.formats.slices import MeshSlice, Readers, Slice
 from lacmesh.mesh import Mesh
 
 #: Versions that we read -> the layout they have.
@@ -30,18 +33,47 @@ def read(path: Path) -> Mesh:
     """
     source = MshBytes(path)
     read_format(source)
+    content, said = _read_content(source, Slice())
+    for message in said:
+        warnings.warn(LacmeshWarning(message), stacklevel=3)
+    return to_mesh(content)
+
+
+def slice_of(path: Path, readers: Readers) -> MeshSlice | None:
+    """Return the slice that one of the readers has of the mesh in a file; None for a file that is read as a whole.
+
+    Such a file is not msh 4.1 in binary, or has cells of a type that msh lacks. Raises ReadError.
+    """
+
+    def content() -> tuple[Content, list[str]] | None:
+        source = MshBytes(path)
+        read_format(source)
+        if not source.binary or source.version != "4.1":
+            return None
+        return _read_content(source, Slice(readers.rank, readers.n))
+
+    found = readers.on_each(content)
+    if found is None or found[0].notes.extra_cells:
+        return None
+    made = to_slice(found[0], readers)
+    return replace(made, said=(*found[1], *made.said))
+
+
+def _read_content(source: MshBytes, piece: Slice) -> tuple[Content, list[str]]:
+    """Read what follows the format, of msh 4.1 a slice of the nodes; return what is left out, too. Raises ReadError."""
     dropped: dict[str, None] = {}
-    reader = msh_read4.Reader4(source, dropped) if source.version == "4.1" else msh_read2.Reader2(source)
+    reader = msh_read4.Reader4(source, dropped, piece) if source.version == "4.1" else msh_read2.Reader2(source)
     unknown, seen = _sections(source, reader, dropped)
     if "Nodes" not in seen:
         raise source.error("the file has no section $Nodes", source.size)
-    content = reader.finish()
+    content, said = reader.finish(), []
+    name = source.path.name
     for about, names in (("what a mesh has no place for is left out", dropped), ("unknown sections", unknown)):
         if names:
-            warnings.warn(LacmeshWarning(f"{path.name}: {about}: {', '.join(names)}"), stacklevel=3)
+            said.append(f"{name}: {about}: {', '.join(names)}")
     if "Elements" not in seen:
-        warnings.warn(LacmeshWarning(f"{path.name}: the file has no section $Elements, so no cells"), stacklevel=3)
-    return msh_content.to_mesh(content)
+        said.append(f"{name}: the file has no section $Elements, so no cells")
+    return content, said
 
 
 def read_format(source: MshBytes) -> None:

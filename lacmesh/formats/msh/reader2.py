@@ -70,7 +70,8 @@ class Reader2:
         content = self.content
         n = content.source.count("Nodes")
         numbers = content.source.numbers("Nodes", True)
-        content.node_number, content.points = numbers.numbered(n, 3, "node")
+        number, points = numbers.numbered(n, 3, "node")
+        content.node_number, content.points = np.array(number, np.int64), np.array(points, np.float64)
         numbers.done()
 
     def _read_elements(self) -> None:

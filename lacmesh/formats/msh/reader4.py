@@ -14,6 +14,7 @@ from lacmesh.errors import ReadError
 from lacmesh.formats.msh.content import Content, Piece
 from lacmesh.formats.msh.scan import MshBytes, Numbers
 from lacmesh.formats.msh.types import TYPE_NAMES, UNKNOWN_TYPE
+from lacmesh.formats.slices import Slice
 from lacmesh.mesh import Floats, Ints, Tag
 
 _LARGEST = 2**31 - 1
@@ -29,11 +30,14 @@ class _Entity(NamedTuple):
 
 
 class Reader4:
-    """Reads the sections of one file into a `Content`; `dropped` names what the mesh has no place for."""
+    """Reads the sections of one file into a `Content`; `dropped` names what the mesh has no place for.
 
-    def __init__(self, source: MshBytes, dropped: dict[str, None]) -> None:
+    Of the nodes it reads those of a slice, `piece`; of the elements it finds the places, and reads none.
+    """
+
+    def __init__(self, source: MshBytes, dropped: dict[str, None], piece: Slice) -> None:
         self.content = Content(source)
-        self.dropped = dropped
+        self.dropped, self._piece = dropped, piece
         self._entities: dict[Tag, _Entity] = {}
         self._parts: dict[Tag, _Entity] = {}
         self._used: set[Tag] = set()
@@ -116,17 +120,18 @@ class Reader4:
         if sum(len(number) for _, number, _ in blocks) != total:
             raise self.content.source.error(f"$Nodes announces {total} nodes and holds another number")
         content = self.content
-        content.node_number = np.empty(total, np.int64)
-        content.points = np.empty((total, 3))
-        content.node_entity = np.empty((total, 2), np.int32)
-        a = 0
+        content.node_rows = rows = self._piece.rows(total)
+        content.node_number = np.empty(rows.n, np.int64)
+        content.points = np.empty((rows.n, 3))
+        content.node_entity = np.empty((rows.n, 2), np.int32)
+        first = -rows.start
         for entity, number, xyz in blocks:
-            b = a + len(number)
-            content.node_number[a:b] = number
-            content.points[a:b] = xyz[:, :3]
+            a, b = (min(max(end, 0), rows.n) for end in (first, first + len(number)))
+            content.node_number[a:b] = number[a - first : b - first]
+            content.points[a:b] = xyz[a - first : b - first, :3]
             part = self._parts.get(entity)
             content.node_entity[a:b] = part.parent if part and part.parent else entity
-            a = b
+            first += len(number)
             self._used.add(entity)
 
     def _read_elements(self, numbers: Numbers) -> None:

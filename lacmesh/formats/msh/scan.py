@@ -109,11 +109,12 @@ class BinaryNumbers:
         return self.source.take(self.source.order + "f8", n)
 
     def numbered(self, n: int, width: int, what: str) -> tuple[Ints, Floats]:
-        """The next n rows: the number of a node or cell, int, and `width` doubles; as arrays (n,) and (n, width)."""
-        raw = self.source.records(n, 4 + 8 * width)  # as bytes: numpy's types hold no record of very many components
-        number = np.ascontiguousarray(raw[:, :4]).view(self.source.order + "i4").reshape(n)
-        values = np.ascontiguousarray(raw[:, 4:]).view(self.source.order + "f8").reshape(n, width)
-        return number.astype(np.int64), values.astype(np.float64)
+        """The next n rows: the number of a node or cell, int, and `width` doubles; views (n,) and (n, width)."""
+        size = 4 + 8 * width  # numpy's types hold no record of very many components
+        raw, order = self.source.records(n, size), self.source.order
+        number = np.ndarray((n,), order + "i4", raw.data, 0, (size,)) if n else np.empty(0, np.int32)
+        values = np.ndarray((n, width), order + "f8", raw.data, 4, (size, 8)) if n else np.empty((0, width))
+        return number, values
 
     def error(self, message: str) -> ReadError:
         """Make the error for the numbers read last."""

@@ -18,7 +18,7 @@ from tests.lacsolver.distributed.allocations import watched
 from tests.partition.compare import differences
 
 #: groups of skin faces that each part is to have, as far as the file has them
-SKINS = ("slave", "master", "none", "absent")
+SKINS = ("slave", "master", "none", "absent", "entity:2:7", "entity:2:99", "entity:surface")
 
 
 def main():
@@ -36,16 +36,15 @@ def told(MPI, folder):
     world = MPI.COMM_WORLD
     for n in (1, 2, world.size):
         group = Collective(world.Split(min(world.rank // n, 1)))
-        for path in sorted(folder.glob("*.med")) if world.rank < n else ():
+        for path in sorted(folder.glob("*.m[es][dh]")) if world.rank < n else ():  # .med, .msh
             told = group.comm.gather(found(path, group))
             if world.rank == 0:
                 print(json.dumps([n, path.name, told]), flush=True)
-        if n > 1 and world.rank < n:
-            (path,) = folder.glob("large/*.med")
+        for path in sorted(folder.glob("large/*")) if n > 1 and world.rank < n else ():
             sizes = watched(MPI, lambda path=path, group=group: read_in_slices(path, group, ["slave", "master"]))
             told = group.comm.gather(sizes)
             if world.rank == 0:
-                print(json.dumps([n, "allocations", told]), flush=True)
+                print(json.dumps([n, f"allocations of {path.name}", told]), flush=True)
 
 
 def found(path, group):
@@ -61,7 +60,7 @@ def found(path, group):
     with warnings.catch_warnings(record=True) as heard_of_one:
         warnings.simplefilter("always")
         mesh = lacmesh.read(path)
-    skins = [name for name in SKINS if name in mesh.cell_groups]
+    skins = [name for name in SKINS if name in mesh.cell_groups or ((2, 7) in mesh.entities and name == "entity:2:7")]
     there = part_of(mesh, distribute_nodes(mesh, group.n), group.rank, everywhere=skins)
     told = differences(there, part)
     if [str(one.message) for one in heard] != [str(one.message) for one in heard_of_one]:

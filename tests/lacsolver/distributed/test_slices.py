@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 import warnings
+from dataclasses import replace
 
 import h5py
 import numpy as np
 import pytest
 
 from lacmesh import DataError, Mesh, ReadError, cut_skin, read, write
+from lacmesh.formats.ids import counts_up
 from lacmesh.partition import distribute_nodes
 from lacsolver.cli import main as solver_main
 from tests.lacsolver.distributed.allocations import box
@@ -24,26 +26,44 @@ PROGRAM = "from tests.lacsolver.distributed.sliced import main; main()"
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """A folder of MED files: whole, odd, damaged, and one in `large`."""
+    """A folder of MED and msh files: whole, odd, damaged, and one of each in `large`."""
     folder = tmp_path_factory.mktemp("files")
+    (folder / "large").mkdir()
+    for name, mesh in sound():
+        write(folder / f"{name}.med", mesh)
+        write(folder / f"{name}.msh", mesh)
+    shutil.copy(ROOT / "tests" / "reference" / "two_boxes_gmsh.msh", folder)
     blocks = read(ROOT / "data" / "two_blocks.msh")
-    write(folder / "blocks.med", blocks)
-    write(folder / "blocks_cut.med", cut_skin(blocks, "slave").mesh)
-    hexahedra = joined([(column_of(24, -6.0, 0.0), {"z1": "master"}), (column_of(12, 0.0, 3.0), {"z0": "slave"})])
-    write(folder / "hexahedra_cut.med", cut_skin(hexahedra, "slave", hexa="hexa").mesh)
-    for seed in range(4):
-        rng = np.random.default_rng(seed)
-        mesh = random_mesh(rng, dim=2 + seed % 2, order=1 + seed // 2, interior=seed % 3 == 0, twins=True)
-        write(folder / f"random_{seed}.med", twice(mesh) if seed % 2 else mesh)
+    of_one_entity = {**blocks.node_data, "entity": np.tile([3, 1], (blocks.n_nodes, 1))}
+    counted = replace(blocks, node_data=of_one_entity, node_number=np.arange(blocks.n_nodes) + 1)
+    write(folder / "counted.msh", counted)
     write(folder / "skins_of_second_body.med", twice(read(folder / "random_0.med"), grouped=1))
     for name, change in CHANGES.items():
         shutil.copy(folder / "blocks.med", folder / f"{name}.med")
         with h5py.File(folder / f"{name}.med", "r+") as file:
             change(file, next(iter(next(iter(file["ENS_MAA"].values())).values())))
-    (folder / "large").mkdir()
-    column = [(column_of(800, -200.0, 0.0), {"z1": "master"}), (column_of(4, 0.0, 1.0), {"z0": "slave"})]
-    write(folder / "large" / "column.med", joined(column))
+    for name, change in MSH_CHANGES.items():
+        content = bytearray((folder / "blocks.msh").read_bytes())
+        change(content)
+        (folder / f"{name}.msh").write_bytes(content)
+    write(folder / "ascii.msh", read(folder / "blocks.msh"), binary=False)
     return folder
+
+
+def sound():
+    """Names and meshes that are written in both formats."""
+    blocks = read(ROOT / "data" / "two_blocks.msh")
+    yield "blocks", blocks
+    yield "blocks_cut", cut_skin(blocks, "slave").mesh
+    hexahedra = joined([(column_of(24, -6.0, 0.0), {"z1": "master"}), (column_of(12, 0.0, 3.0), {"z0": "slave"})])
+    yield "hexahedra_cut", cut_skin(hexahedra, "slave", hexa="hexa").mesh
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        mesh = random_mesh(rng, dim=2 + seed % 2, order=1 + seed // 2, interior=seed % 3 == 0, twins=True)
+        yield f"random_{seed}", twice(mesh) if seed % 2 else mesh
+    column = [(column_of(800, -200.0, 0.0), {"z1": "master"}), (column_of(4, 0.0, 1.0), {"z0": "slave"})]
+    mesh = joined(column)
+    yield "large/column", replace(mesh, node_number=np.random.default_rng(1).permutation(mesh.n_nodes) + 5)
 
 
 def twice(mesh, grouped=0):
@@ -135,7 +155,38 @@ CHANGES = {
     "no_number": lose_a_coordinate,
     "short_families": cut_families_short,
 }
-DAMAGED = ("stray_node", "no_number", "short_families")
+
+
+def put(content, place, values):
+    """Write numbers into the bytes of a msh file; `place`: a mark, and the distance in bytes from it."""
+    mark, distance = place
+    at = content.index(mark) + distance
+    content[at : at + values.nbytes] = values.tobytes()
+
+
+def stray_value(content):
+    """Let a value be of a node that is not there."""
+    content += b'$NodeData\n1\n"T"\n0\n3\n0\n1\n2\n' + np.array([(3, 1.5), (9999, 2.5)], "<i4,<f8").tobytes()
+    content += b"\n$EndNodeData\n"
+
+
+#: how msh files are made of `blocks`, whose nodes begin 59 bytes after the mark, and whose last cells have 72 bytes
+MSH_CHANGES = {
+    "stray_value": stray_value,
+    "stray_nodes": lambda content: [
+        put(content, (b"\n$EndElements", distance), np.array([10**6])) for distance in (-8, -7208)
+    ],
+    "node_zero": lambda content: put(content, (b"$Nodes\n", 59), np.array([0])),
+    "repeated_node": lambda content: put(content, (b"$Nodes\n", 59), np.array([300])),
+    "repeated_cell": lambda content: put(content, (b"\n$EndElements", -72), np.array([4004])),
+    "no_coordinate": lambda content: put(content, (b"\n$EndNodes", -24), np.array([np.nan])),
+    "cut_short": lambda content: content.__delitem__(slice(-400, None)),
+    "unknown_type": lambda content: put(content, (b"$Elements\n", 50), np.array([99], np.int32)),
+}
+DAMAGED = (
+    *(f"{name}.med" for name in ("stray_node", "no_number", "short_families")),
+    *(f"{name}.msh" for name in MSH_CHANGES if name != "stray_value"),
+)
 
 
 @pytest.fixture(scope="module")
@@ -148,19 +199,24 @@ def told(files):
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_parts_read_by_slices_are_those_of_the_whole_mesh(files, told, n):
-    for path in files.glob("*.med"):
-        if path.stem not in (*DAMAGED, "huge", "unnamed_zones"):
-            assert told[n, path.name] == [[]] * n, path.name
-    assert told[n, "unnamed_zones.med"] == ["read as a whole"] * n
+    in_parts = {name for k, name in told if k == n and not name.startswith("allocations")}
+    in_parts -= {*DAMAGED, "huge.med", "unnamed_zones.med", "ascii.msh"}
+    assert len(in_parts) == 21
+    counted, other = (read(files / name).node_number for name in ("counted.msh", "blocks.msh"))
+    assert counts_up(counted) and not counts_up(other)  # numbers that are indices, and numbers that are asked for
+    for name in in_parts:
+        assert told[n, name] == [[]] * n, name
+    for name in ("unnamed_zones.med", "ascii.msh"):
+        assert told[n, name] == ["read as a whole"] * n
 
 
 @pytest.mark.parametrize("name", DAMAGED)
 def test_damage_is_told_as_by_one_process(files, told, name):
     with warnings.catch_warnings(), pytest.raises(ReadError) as error:
         warnings.simplefilter("ignore")
-        read(files / f"{name}.med")
+        read(files / name)
     for n in (1, 2, 3):
-        assert told[n, f"{name}.med"] == [f"3 {error.value}"] * n
+        assert told[n, name] == [f"3 {error.value}"] * n
 
 
 def test_coordinates_without_a_finite_box_are_told_as_by_one_process(files, told):
@@ -171,16 +227,17 @@ def test_coordinates_without_a_finite_box_are_told_as_by_one_process(files, told
         assert told[n, "huge.med"] == [f"1 {error.value}"] * n
 
 
-def test_allocations_are_of_slices_and_parts(files, told):
+@pytest.mark.parametrize("name", ["column.med", "column.msh"])
+def test_allocations_are_of_slices_and_parts(files, told, name):
     """Whatever is larger than a byte a node of the whole mesh is smaller with more processes.
 
     A slice of three has 0.67 of the cells of one of two, and up to 0.8 of the nodes, since faces and solids are sliced
     apart; an array of the whole mesh would not be smaller.
     """
-    mesh = read(files / "large" / "column.med")
+    mesh = read(files / "large" / name)
     two, three = ({}, {})
     for largest, n in ((two, 2), (three, 3)):
-        for of_each in told[n, "allocations"]:
+        for of_each in told[n, f"allocations of {name}"]:
             for place, size in of_each.items():
                 largest[place] = max(largest.get(place, 0), size)
     assert max(two.values()) > 8 * mesh.n_nodes  # what is allocated is seen
@@ -198,10 +255,11 @@ sys.exit(main(["run", "-q", *sys.argv[1:]]))
 
 @pytest.fixture(scope="module")
 def case(files):
-    """The case `two_blocks` with the mesh as MED, and the same with a slave that is not there."""
-    text = (ROOT / "data" / "two_blocks.toml").read_text().replace("two_blocks.msh", "blocks.med")
-    (files / "case.toml").write_text(text)
-    (files / "wrong.toml").write_text(text.replace('slave = "slave"', 'slave = "slvae"'))
+    """The case `two_blocks` with the mesh as msh in binary, and as MED with a slave that is not there."""
+    text = (ROOT / "data" / "two_blocks.toml").read_text()
+    (files / "case.toml").write_text(text.replace("two_blocks.msh", "blocks.msh"))
+    wrong = text.replace("two_blocks.msh", "blocks.med").replace('slave = "slave"', 'slave = "slvae"')
+    (files / "wrong.toml").write_text(wrong)
     return files / "case.toml"
 
 

@@ -1,0 +1,144 @@
+"""Assembly of a mesh, or of a slice of it, from the content of a msh file.
+
+Numbers become indices, cells one block a type, physical tags groups, and our notes add what msh cannot hold. The
+content of a slice has some of the nodes (`Content.node_rows`) and the places of all cells, of which the slice's are
+taken here.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.errors import LacmeshWarning, some
+from lacmesh.formats.ids import Index
+from lacmesh.formats.msh import cells as msh_cells
+from lacmesh.formats.msh import fields as msh_fields
+from lacmesh.formats.msh.content import Content
+from lacmesh.formats.msh.groups import cell_groups, known
+from lacmesh.formats.msh.notes import SECTION, Notes
+from lacmesh.formats.slices import ALONE, MeshSlice, Readers, RowRange, Slice
+from lacmesh.mesh import Ints, Mesh, Model, Periodic
+
+
+def to_mesh(content: Content) -> Mesh:
+    """Convert the content of a whole file to a mesh. Raises ReadError."""
+    made = to_slice(content, ALONE)
+    for message in made.said:
+        warnings.warn(LacmeshWarning(message), stacklevel=4)
+    return made.mesh()
+
+
+def to_slice(content: Content, readers: Readers) -> MeshSlice:
+    """Convert what one of the readers of a file has read of its nodes, and the cells of its slice. Raises ReadError."""
+    said: list[str] = []
+    own = _node_index(content, readers)
+    node_rows = content.node_rows or RowRange(0, own.n, own.n)
+    notes = _fitting(content, node_rows.size, said)
+    msh_cells.add_extra_cells(content, notes)
+    whole = msh_cells.describe(content.pieces)
+    content = replace(content, pieces=msh_cells.in_slice(content.pieces, whole.sizes, Slice(readers.rank, readers.n)))
+    pairs = (link[-1] for link in content.links)
+    nodes = readers.index(own, (*(p.nodes for p in content.pieces), *pairs))
+    cells = msh_cells.joined(content, whole, nodes, readers)
+    index = {"node": own, "cell": msh_cells.cell_index(content, cells.number, readers)}
+    groups, group_tags = cell_groups(content, cells.first, notes, index["cell"], readers, said)
+    sizes = {"node": node_rows.size, "cell": sum(whole.sizes.values())}
+    fields = readers.on_each(lambda: msh_fields.to_mesh(content.source, content.rows, index, sizes, notes.fields))
+    node_groups = {name: known(own, number) for name, number in notes.node_groups.items()}
+    _say_lost(content, notes, fields.known + sum(map(len, node_groups.values())), readers, said)
+    if whole.entities:
+        fields.cell_data["entity"] = cells.entity
+    if cells.partition is not None:
+        fields.cell_data["partition"] = cells.partition
+    entity = _node_entity(content, notes)
+    if entity is not None:
+        fields.node_data["entity"] = entity
+    return MeshSlice(
+        rows=node_rows,
+        points=content.points,
+        space_dim=_space_dim(content, whole, notes, readers),
+        node_number=content.node_number,
+        cells=cells.rows,
+        cell_number=cells.number,
+        cell_place=cells.place,
+        cell_groups=groups,
+        node_groups=node_groups,
+        cell_data=fields.cell_data,
+        node_data=fields.node_data,
+        noted={
+            "group_tags": group_tags,
+            "steps": fields.steps,
+            "zones": notes.zones,
+            "model": _model(content, notes, nodes),
+            "name": "mesh" if notes.name is None else notes.name,
+        },
+        said=tuple(said),
+    )
+
+
+def _node_index(content: Content, readers: Readers) -> Index:
+    """Map from the numbers of the nodes that are read to their indices among them. Raises ReadError."""
+    numbers = content.node_number
+    least = ~int(readers.greatest(~numbers.min(initial=1)))
+    if least < 1:
+        raise content.source.error(f"a node has the number {least}; numbers start at 1", content.nodes_at)
+    twice = readers.repeated(numbers)
+    if twice is not None:
+        raise content.source.error(f"two nodes have the number {twice}", content.nodes_at)
+    bad = readers.gather(numbers[~np.isfinite(content.points).all(axis=1)])
+    if len(bad):
+        raise content.source.error(f"the coordinates of nodes {some(bad)} are not finite numbers", content.nodes_at)
+    return Index(numbers, table=readers.n == 1)
+
+
+def _fitting(content: Content, n_nodes: int, said: list[str]) -> Notes:
+    """Our notes; what they say by number is dropped, with a warning, if they were written for another mesh."""
+    notes = content.notes
+    n_cells = sum(len(p.number) for p in content.pieces) + sum(len(c.number) for c in notes.extra_cells)
+    numbered = notes.node_groups or notes.cell_groups or notes.extra_cells or notes.node_entity is not None
+    if numbered and (notes.nodes, notes.cells) != (n_nodes, n_cells):
+        said.append(
+            f"the section ${SECTION} was written for {notes.nodes} nodes and {notes.cells} cells, and the file now "
+            f"has {n_nodes} and {n_cells}: its node groups and further cells are left out"
+        )
+        notes.node_groups, notes.cell_groups, notes.extra_cells, notes.node_entity = {}, {}, (), None
+    return notes
+
+
+def _say_lost(content: Content, notes: Notes, found: int, readers: Readers, said: list[str]) -> None:
+    """Say how many values and members of node groups have no place; `found`: those in the slice that have one."""
+    there = sum(len(r.number) for r in content.rows) + sum(map(len, notes.node_groups.values()))
+    lost = there - int(readers.total(np.array(found)))
+    if lost:
+        said.append(f"{lost} values or members belong to nodes or cells that the file does not hold: left out")
+
+
+def _space_dim(content: Content, whole: msh_cells.AllCells, notes: Notes, readers: Readers) -> int:
+    """The dimension of the space: that of our notes, else 3 if there are solids or points out of the plane."""
+    least = max((ALL_CELLS[name].dim for name in whole.sizes), default=0)
+    found = int(readers.greatest(np.array(max(least, Mesh.create(content.points, []).space_dim))))
+    return found if notes.space_dim is None else notes.space_dim
+
+
+def _node_entity(content: Content, notes: Notes) -> Ints | None:
+    """Entities of the nodes, (n, 2), from the file or from our notes; None if unknown. Raises ReadError."""
+    if content.node_entity is not None or notes.node_entity is None:
+        return content.node_entity
+    n = len(content.node_number)
+    dim, tag, count = notes.node_entity.T
+    if (count < 0).any() or (count > n).any() or count.sum() != n or (np.abs([dim, tag]) >= 2**31).any():
+        raise content.source.error(f"the entities of nodes in the section ${SECTION} do not fit the nodes")
+    return np.repeat(np.stack([dim, tag], axis=1).astype(np.int32), count, axis=0)
+
+
+def _model(content: Content, notes: Notes, nodes: Index) -> Model | None:
+    boundary = content.boundary or notes.boundary
+    periodic = []
+    for slave, master, affine, pairs in content.links:
+        places = nodes.places(pairs)
+        periodic.append(Periodic(slave, master, affine, places[(places >= 0).all(axis=1)]))
+    return Model(boundary, tuple(periodic)) if boundary or periodic else None
