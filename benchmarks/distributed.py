@@ -10,12 +10,12 @@ its part alone. Every run is one of `mpiexec` with the Python that `--python` na
 `multigrid` on one thread of the Python that runs this program. More processes than cores share the cores.
 
 Seconds are those of the processor, of the process that has most of them, busy waiting for the others included; so
-efficiencies are lower bounds. Of several runs the fastest is told. They run from the matrices to the pressures: all of
-the active set, without the assembly and the pairing, which are told beside them. Efficiency is the time of one process over n times that of n. Memory is
-the largest resident memory of a process, and what it has grown by since all modules and kernels were loaded: up to the
-set-up of the preconditioner, when the mesh, contact and K are there ("model"), and at most ("grown"). Messages
-and bytes are those that the process with most of them sends for each V-cycle, with the reductions over all processes;
-what hypre sends within its own cycles is not counted.
+efficiencies are lower bounds. Of several runs the fastest is told. They run from the matrices to the pressures: all
+of the active set, without the assembly and the pairing, which are told beside them. Efficiency is the time of one
+process over n times that of n. Memory is the largest resident memory of a process, and what it has grown by since all
+modules and kernels were loaded: up to the set-up of the preconditioner, when the mesh, contact and K are there
+("model"), and at most ("grown"). Messages and bytes are those that the process with most of them sends for each
+V-cycle, with the reductions over all processes; what hypre sends within its own cycles is not counted.
 """
 
 from __future__ import annotations
