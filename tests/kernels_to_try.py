@@ -24,7 +24,7 @@ from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.case import parse_case
 from lacsolver.cli import main
 from lacsolver.linear import analyse
-from lacsolver.linear.cycle import Team
+from lacsolver.linear.multigrid.cycle import Team
 from lacsolver.problem.problem import Problem
 from lacsolver.results.answer import Answer
 from lacsolver.solve.node_blocks import with_held

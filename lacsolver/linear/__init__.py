@@ -2,8 +2,8 @@
 
 analyse (pattern) -> factor (values) -> solve (right-hand sides), the same for all backends    (analysis, protocol)
 list of backends, and the choice of `auto`                                                      (backends)
-factorisation, with shared tests for rigid-body modes and refinement   (direct, regular, refine; one module a backend)
-smoothed aggregation, and the Krylov loop that it preconditions                                 (multigrid, krylov)
+factorisation, with shared tests for rigid-body modes and refinement                      (direct/, regular, refine)
+smoothed aggregation, and the Krylov loop that it preconditions                                (multigrid/, krylov)
 operations on vectors                                                                           (vectors)
 
 There are no saddle-point systems here: contact is solved by iterations on the factor of K. (SuperLU takes minutes for a

@@ -9,10 +9,10 @@ from scipy.sparse import issparse
 
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
-from lacsolver.linear import rslab
 from lacsolver.linear.backends import MULTIGRID_ABOVE, choose
-from lacsolver.linear.direct import DirectAnalysis
-from lacsolver.linear.multigrid import MultigridAnalysis
+from lacsolver.linear.direct import rslab
+from lacsolver.linear.direct.factor import DirectAnalysis
+from lacsolver.linear.multigrid.factor import MultigridAnalysis
 from lacsolver.linear.protocol import Analysis, Factor, Matrix
 
 
@@ -56,7 +56,7 @@ def analyse(
     name = choose(backend, K.shape[0], 0 if modes is None else np.shape(modes)[-1], multigrid_above).name
     if name == "multigrid":
         return MultigridAnalysis(K, modes, block, threads)
-    method = import_module(f"lacsolver.linear.{name}")
+    method = import_module(f"lacsolver.linear.direct.{name}")
     return DirectAnalysis(name, K, lambda triangle: method.analyse(triangle, threads))
 
 

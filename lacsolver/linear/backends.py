@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from types import MappingProxyType
 
 from lacmesh.errors import RequestError, did_you_mean
-from lacsolver.linear.mkl import library
+from lacsolver.linear.direct.mkl import library
 
 #: above this number of unknowns in 3D, contact costs less with multigrid than with a factorisation
 #: (docs/solver_backends.md)

@@ -1,6 +1,6 @@
 """Operations on vectors that the iterative loops use: products, norms and sums; the only place that a loop sums in.
 
-`lacsolver.linear.cycle.Team` has the same operations on several threads, `SharedVectors` on several processes.
+`multigrid.cycle.Team` has the same operations on several threads, `SharedVectors` on several processes.
 """
 
 from __future__ import annotations

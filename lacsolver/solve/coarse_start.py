@@ -19,8 +19,8 @@ from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear import LinearError
-from lacsolver.linear.cycle import Level
-from lacsolver.linear.multigrid import MultigridFactor
+from lacsolver.linear.multigrid.cycle import Level
+from lacsolver.linear.multigrid.factor import MultigridFactor
 from lacsolver.results.state import Iterate
 from lacsolver.solve.contact_system import ContactSystem, RowGroup, Rows, skin_stiffness
 from lacsolver.solve.operator import Operator

@@ -9,7 +9,7 @@ preconditioned by a block triangle of the augmented system, in which W times the
 
     dp = -(W + E M) r_G,    dq = V (r_f + B_A^T (W r_G - E dp)),    W = (1 / c + S_A)^-1,  E = 1 - W S_A
 
-V is a V-cycle for K + B_A^T W B_A, with the hierarchy of K (`linear.row_term`); M is the stiffness of the skins
+V is a V-cycle for K + B_A^T W B_A, with the hierarchy of K (`multigrid.row_term`); M is the stiffness of the skins
 (`saddle`), and c, diagonal, a multiple of that of each row alone. The Schur complement of the augmented system has the
 inverse W + E M if that of the system itself, B_A K^-1 B_A^T + S_A, has the inverse M. M is right for pressures that
 change from row to row, and too stiff for even ones, for which W makes up: together they leave little that depends on

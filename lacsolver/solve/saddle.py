@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, diags_array
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.linear.superlu import factor_of
+from lacsolver.linear.direct.superlu import factor_of
 from lacsolver.solve.contact_system import Rows
 from lacsolver.solve.operator import Operator
 

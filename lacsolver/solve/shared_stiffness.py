@@ -19,10 +19,10 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.rigid import moments
 from lacsolver.linear import MULTIGRID_ABOVE, Matrix, backends, choose
-from lacsolver.linear.aggregation import aggregated
-from lacsolver.linear.cycle import Cycle
-from lacsolver.linear.halo import BlockRows, SharedHalo, SharedTeam
-from lacsolver.linear.multigrid import Hierarchy
+from lacsolver.linear.multigrid.aggregation import aggregated
+from lacsolver.linear.multigrid.cycle import Cycle
+from lacsolver.linear.multigrid.factor import Hierarchy
+from lacsolver.linear.multigrid.halo import BlockRows, SharedHalo, SharedTeam
 from lacsolver.linear.petsc import PetscCycle, petsc_errors, petsc_matrix, set_up
 from lacsolver.linear.vectors import Vectors
 from lacsolver.problem.rigid_modes import bodies, centres

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, diags_array
 
-import lacsolver.linear.cycle
+import lacsolver.linear.multigrid.cycle
 from lacsolver.case import parse_case
 from lacsolver.linear import LinearError, analyse
 from lacsolver.problem.problem import Problem
@@ -113,8 +113,8 @@ def test_a_loose_solve_costs_less():
 
 
 def test_the_number_of_threads_does_not_matter(monkeypatch):
-    monkeypatch.setattr(lacsolver.linear.cycle, "_WORTH", 40)
-    monkeypatch.setattr(lacsolver.linear.cycle, "_WORTH_PARTS", 1)
+    monkeypatch.setattr(lacsolver.linear.multigrid.cycle, "_WORTH", 40)
+    monkeypatch.setattr(lacsolver.linear.multigrid.cycle, "_WORTH_PARTS", 1)
     results = [solution(moment(10, "multigrid", threads=threads))[1] for threads in (1, 2, 3)]
     for one in results[1:]:
         assert (one.q == results[0].q).all() and (one.p == results[0].p).all()

@@ -9,8 +9,8 @@ from scipy.sparse.linalg import eigsh
 
 from lacmesh.errors import RequestError
 from lacsolver.linear import LinearError, SingularError, analyse, factorise
-from lacsolver.linear.cycle import Blocks, Team, jacobi
-from lacsolver.linear.row_term import RowTerm, bounded
+from lacsolver.linear.multigrid.cycle import Blocks, Team, jacobi
+from lacsolver.linear.multigrid.row_term import RowTerm, bounded
 from tests.lacsolver.bodies import cube
 from tests.lacsolver.stiffnesses import above, free, held, rigid_modes, stiffness
 
@@ -126,7 +126,7 @@ def test_the_same_every_time_and_numpys_random_numbers_are_left_alone(brick):
 
 def test_what_does_not_converge_is_an_error(brick, monkeypatch):
     K, _, factor = brick
-    monkeypatch.setattr("lacsolver.linear.multigrid._MOST", 3)
+    monkeypatch.setattr("lacsolver.linear.multigrid.factor._MOST", 3)
     with pytest.raises(LinearError, match=r"residual of .* after 3 iterations") as caught:
         factor.solve(np.ones(K.shape[0]))
     assert caught.value.status == 4
@@ -164,7 +164,7 @@ def test_units_do_not_matter_to_a_cycle(brick, unit):
 @pytest.mark.parametrize("block", [(3, 3), (3, 6), (6, 3), (2, 2)])
 @pytest.mark.parametrize("threads", [1, 3])
 def test_products_of_blocks(block, threads, monkeypatch):
-    monkeypatch.setattr("lacsolver.linear.cycle._WORTH", 5)
+    monkeypatch.setattr("lacsolver.linear.multigrid.cycle._WORTH", 5)
     rng = np.random.default_rng(0)
     A = random_array((block[0] * 20, block[1] * 30), density=0.1, rng=rng, format="bsr").tobsr(block)
     x = rng.normal(size=A.shape[1])
@@ -173,7 +173,7 @@ def test_products_of_blocks(block, threads, monkeypatch):
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_sums_over_long_rows(threads, monkeypatch):
-    monkeypatch.setattr("lacsolver.linear.cycle._WORTH_PARTS", 1)
+    monkeypatch.setattr("lacsolver.linear.multigrid.cycle._WORTH_PARTS", 1)
     rng, team = np.random.default_rng(0), Team(threads)
     A, x, c = rng.normal(size=(3, 10_000)), rng.normal(size=10_000), rng.normal(size=3)
     np.testing.assert_allclose(team.dots(A, x), A @ x, atol=1e-10)

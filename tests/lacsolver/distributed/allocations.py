@@ -22,7 +22,7 @@ from lacsolver.case import parse_case
 from lacsolver.distributed.launch import import_mpi, import_petsc
 from lacsolver.distributed.processes import Processes
 from lacsolver.distributed.together import on_first
-from lacsolver.linear import aggregation
+from lacsolver.linear.multigrid import aggregation
 from lacsolver.output import create, read_state
 from lacsolver.problem.problem import read_mesh
 from lacsolver.results import whole

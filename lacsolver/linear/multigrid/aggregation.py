@@ -4,8 +4,8 @@ Vanek, Mandel, Brezina (1996); the rigid-body modes are the near-null space. Mem
 temporary arrays have the size of a part of a matrix where they can.
 
 Of a matrix that several processes share, each aggregates its own nodes, and makes the rows of its own aggregates on the
-coarser level from those of its own nodes and what others send (`lacsolver.linear.halo`). A level with few nodes is
-whole on each process, and so are those below it.
+coarser level from those of its own nodes and what others send (`halo`). A level with few nodes is whole on each
+process, and so are those below it.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.linear.cycle import NO_HALO, Cycle, Halo, Level, RowHalo, Team, jacobi, transposed
-from lacsolver.linear.halo import SharedHalo
+from lacsolver.linear.multigrid.cycle import NO_HALO, Cycle, Halo, Level, RowHalo, Team, jacobi, transposed
+from lacsolver.linear.multigrid.halo import SharedHalo
 
 #: couplings weaker than this, relative to the diagonals, do not join nodes; 0.03 took least time on HEXA8 and TETRA10
 _STRENGTH = 0.03

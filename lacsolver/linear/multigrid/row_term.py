@@ -19,11 +19,11 @@ from scipy.sparse import bsr_array, csc_array, csr_array, eye_array
 from scipy.sparse.linalg import SuperLU
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.linear.superlu import factor_of
+from lacsolver.linear.direct.superlu import factor_of
 
 
 class Sums(Protocol):
-    """Interface of the sums over processes: `lacsolver.linear.cycle.Team`, where one process has everything."""
+    """Interface of the sums over processes: `multigrid.cycle.Team`, where one process has everything."""
 
     def total(self, x: Floats) -> NDArray[np.floating]:
         """Return the sum of an array over all processes."""

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
+from lacsolver.linear.direct.mkl import library
+from lacsolver.linear.direct.triangle import Triangle
 from lacsolver.linear.errors import Breakdown, LinearError
-from lacsolver.linear.mkl import library
-from lacsolver.linear.triangle import Triangle
 
 _POSITIVE_DEFINITE = 2
 _ANALYSE, _FACTOR, _SOLVE, _RELEASE = 11, 22, 33, -1

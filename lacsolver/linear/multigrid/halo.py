@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.linear.cycle import Team
+from lacsolver.linear.multigrid.cycle import Team
 
 
 class Communication(Protocol):

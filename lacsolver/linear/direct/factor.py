@@ -11,12 +11,12 @@ from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
+from lacsolver.linear.direct.triangle import Triangle
 from lacsolver.linear.errors import Breakdown, SingularError
 from lacsolver.linear.protocol import TOLERANCE, Factor, Matrix, Numeric, Symbolic
 from lacsolver.linear.refine import refined
 from lacsolver.linear.regular import check_regular, indefinite, least_motion, positive_diagonal, singular
 from lacsolver.linear.sides import by_rows, right_hand_sides
-from lacsolver.linear.triangle import Triangle
 from lacsolver.linear.vectors import WHOLE, Vectors
 
 #: shifts, relative to the diagonal, that make a singular matrix factorisable to find its null motion; the smaller the

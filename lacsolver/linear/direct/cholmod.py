@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from lacmesh.mesh import Floats
+from lacsolver.linear.direct.threads import limited
+from lacsolver.linear.direct.triangle import Triangle
 from lacsolver.linear.errors import Breakdown
-from lacsolver.linear.threads import limited
-from lacsolver.linear.triangle import Triangle
 
 
 class _Cholmod:

@@ -7,8 +7,8 @@ from scipy.sparse import csc_array, dia_array
 from scipy.sparse.linalg import SuperLU, splu
 
 from lacmesh.mesh import Floats
+from lacsolver.linear.direct.triangle import Triangle
 from lacsolver.linear.errors import Breakdown
-from lacsolver.linear.triangle import Triangle
 
 
 class _Numeric:

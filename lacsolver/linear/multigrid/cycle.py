@@ -9,10 +9,10 @@ in double precision. Matrix and residual are scaled first, so that units do not 
 double precision.
 
 A level of several processes has the rows of its own nodes, and beside its own entries of a vector those of neighbouring
-nodes, which its `Halo` fills in (`lacsolver.linear.halo`).
+nodes, which its `Halo` fills in (`halo`).
 
-Rows that add a term N^T N to the matrix (`lacsolver.linear.row_term`) keep its hierarchy: the term is restricted to the
-coarser levels by products of the rows with the prolongations, and everything that belongs to the matrix is shared.
+Rows that add a term N^T N to the matrix (`row_term`) keep its hierarchy: the term is restricted to the coarser levels
+by products of the rows with the prolongations, and everything that belongs to the matrix is shared.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
-from lacsolver.linear.row_term import RowTerm, bounded, scaled_rows
+from lacsolver.linear.multigrid.row_term import RowTerm, bounded, scaled_rows
 
 #: degree of the polynomial: 2 takes least time on HEXA8 and TETRA10
 _DEGREE = 2

@@ -16,10 +16,10 @@ from scipy.sparse.csgraph import connected_components
 
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
-from lacsolver.linear.aggregation import aggregated
-from lacsolver.linear.cycle import Blocks, Cycle, Level, Team
 from lacsolver.linear.errors import LinearError
 from lacsolver.linear.krylov import minimise
+from lacsolver.linear.multigrid.aggregation import aggregated
+from lacsolver.linear.multigrid.cycle import Blocks, Cycle, Level, Team
 from lacsolver.linear.protocol import TOLERANCE, Factor, Matrix
 from lacsolver.linear.refine import backward_error
 from lacsolver.linear.regular import CLEAR, is_free, positive_diagonal, singular

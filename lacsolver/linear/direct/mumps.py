@@ -8,9 +8,9 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from lacmesh.mesh import Floats
+from lacsolver.linear.direct.threads import limited
+from lacsolver.linear.direct.triangle import Triangle
 from lacsolver.linear.errors import Breakdown, LinearError
-from lacsolver.linear.threads import limited
-from lacsolver.linear.triangle import Triangle
 
 #: values of INFOG(1) for a structurally and for a numerically singular matrix
 _SINGULAR = (-6, -10)

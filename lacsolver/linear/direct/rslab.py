@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from lacmesh.mesh import Floats
+from lacsolver.linear.direct.triangle import Triangle
 from lacsolver.linear.errors import Breakdown
-from lacsolver.linear.triangle import Triangle
 
 #: number of rows up to which one thread is as fast as several, which wait for each other
 _ALONE = 5_000
