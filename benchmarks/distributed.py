@@ -41,13 +41,13 @@ from meshes import blocks
 
 import lacsolver.bodies.kinematics
 import lacsolver.problem.problem
+import lacsolver.saddle.shared_stiffness
+import lacsolver.saddle.stiffness
 import lacsolver.solve.active_set
-import lacsolver.solve.shared_stiffness
-import lacsolver.solve.stiffness
 from lacmesh import Mesh
 from lacmesh.partition import distribute_nodes, read_part, write_parts
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.saddle import SaddleSolution
+from lacsolver.saddle.saddle import SaddleSolution
 from lacsolver.solve.stepping import march
 from verification.mpiexec import ROOT, environment, words
 
@@ -122,7 +122,7 @@ def watched(clock: Clock, solved: list[SaddleSolution], models: list[int]) -> Ex
         (lacsolver.solve.active_set, "solve_saddle", "loops", solved),
     ]
     stack = ExitStack()
-    for cache in (lacsolver.solve.stiffness.FactorCache, lacsolver.solve.shared_stiffness.SharedFactors):
+    for cache in (lacsolver.saddle.stiffness.FactorCache, lacsolver.saddle.shared_stiffness.SharedFactors):
         for name in ("factorise", "factorise_on_nodes"):
             stack.enter_context(patch.object(cache, name, set_up(getattr(cache, name))))
     for module, name, phase, kept in places:

@@ -28,11 +28,11 @@ import lacsolver.solve.stepping
 from lacsolver.case import Case, Contact, Displacement, Dynamics, Initial, Material, Solver, Steps
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import ENERGIES
+from lacsolver.saddle.saddle import SaddleProblem
+from lacsolver.saddle.schur import solve_saddle
+from lacsolver.saddle.tolerances import LinearTolerance
 from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.saddle import SaddleProblem
-from lacsolver.solve.schur import solve_saddle
 from lacsolver.solve.stepping import march
-from lacsolver.solve.tolerances import LinearTolerance
 
 YOUNG, POISSON, SPEED = 1000.0, 0.3, 1.0
 #: steps in free flight before the impact

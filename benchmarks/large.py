@@ -36,17 +36,17 @@ from meshes import blocks
 
 import lacsolver.contact.interface
 import lacsolver.problem.problem
+import lacsolver.saddle.stiffness
 import lacsolver.solve.active_set
 import lacsolver.solve.attempt
-import lacsolver.solve.stiffness
 from lacmesh import Mesh
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
 from lacsolver.linear import TOLERANCE
 from lacsolver.problem.problem import Problem
+from lacsolver.saddle.saddle import SaddleSolution
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.saddle import SaddleSolution
 from lacsolver.solve.stepping import march
 
 SIZES = (50_000, 100_000, 370_000, 1_000_000)
@@ -90,8 +90,8 @@ def watched(clock: Clock, solved: list[SaddleSolution]) -> ExitStack:
     places = [
         (lacsolver.contact.interface, "contact_points", "search", None),
         (lacsolver.problem.problem, "integrate", "search and integration", None),
-        (lacsolver.solve.stiffness.FactorCache, "factorise", "set-up", None),
-        (lacsolver.solve.stiffness.FactorCache, "factorise_on_nodes", "set-up", None),
+        (lacsolver.saddle.stiffness.FactorCache, "factorise", "set-up", None),
+        (lacsolver.saddle.stiffness.FactorCache, "factorise_on_nodes", "set-up", None),
         (lacsolver.solve.active_set, "solve_saddle", "loops", solved),
         (lacsolver.solve.attempt, "coarse_start", "coarse start", None),
     ]

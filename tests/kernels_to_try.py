@@ -27,7 +27,7 @@ from lacsolver.linear import analyse
 from lacsolver.linear.multigrid.cycle import Team
 from lacsolver.problem.problem import Problem
 from lacsolver.results.answer import Answer
-from lacsolver.solve.node_blocks import with_held
+from lacsolver.saddle.node_blocks import with_held
 from lacsolver.solve.stepping import march
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube

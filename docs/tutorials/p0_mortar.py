@@ -11,12 +11,12 @@ from lacsolver.contact.interface import positions
 from lacsolver.contact.laws import Unilateral
 from lacsolver.contact.rows import macro_rows
 from lacsolver.results.state import Iterate
+from lacsolver.saddle.contact_system import ContactSystem, Rows
+from lacsolver.saddle.tolerances import ConvergenceTolerance
 from lacsolver.solve.active_set import active_set_iterates
-from lacsolver.solve.contact_system import ContactSystem, Rows
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.search import search
-from lacsolver.solve.tolerances import ConvergenceTolerance
 
 
 def pad(n):

@@ -1,1 +1,1 @@
-"""Solution of the equilibrium with contact: linear systems, active sets, Newton's method, steps of a case."""
+"""Solution of the equilibrium with contact: active sets, Newton's method, time schemes, steps of a case."""

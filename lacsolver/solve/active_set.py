@@ -27,12 +27,12 @@ from lacmesh.mesh import Floats
 from lacsolver.contact.laws import Bools
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
-from lacsolver.solve.contact_system import ContactSystem, Rows
-from lacsolver.solve.operator import Operator, product
-from lacsolver.solve.saddle import SaddleProblem
-from lacsolver.solve.schur import solve_saddle
+from lacsolver.saddle.contact_system import ContactSystem, Rows
+from lacsolver.saddle.operator import Operator, product
+from lacsolver.saddle.saddle import SaddleProblem
+from lacsolver.saddle.schur import solve_saddle
+from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance, sizes
 from lacsolver.solve.search import Trial
-from lacsolver.solve.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance, sizes
 
 #: reduction of the residual in an inexact solve, and largest number of such solves
 _LOOSE, _LOOSE_SOLVES = 0.2, 16

@@ -16,13 +16,13 @@ from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.problem import ContactPair
 from lacsolver.problem.rigid_modes import describe
 from lacsolver.results.state import Iterate
+from lacsolver.saddle.coarse_start import coarse_start
+from lacsolver.saddle.tolerances import ConvergenceTolerance
 from lacsolver.solve.active_set import active_set_iterates
-from lacsolver.solve.coarse_start import coarse_start
 from lacsolver.solve.kept_columns import start_from_columns
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.newton import Damping, Linearization, newton_iterates
 from lacsolver.solve.search import Outcome, Trial, search
-from lacsolver.solve.tolerances import ConvergenceTolerance
 from lacsolver.space.space import Space
 
 #: gap, relative to the macro-element's size, below which a row is closed in the initial status

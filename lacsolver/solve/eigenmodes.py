@@ -27,7 +27,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
 from lacsolver.linear import LinearError
-from lacsolver.solve.stiffness import Stiffness
+from lacsolver.saddle.stiffness import Stiffness
 
 #: up to this number of unknowns matrices are dense; and up to this one, if more than half of the modes are asked for
 _DENSE, _DENSE_FOR_MANY = 300, 3000

@@ -22,7 +22,7 @@ from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import FreeMotion, still_free
 from lacsolver.results.results import Restart
 from lacsolver.results.state import Histories
-from lacsolver.solve.contact_system import ContactSystem, contact_system, row_energies
+from lacsolver.saddle.contact_system import ContactSystem, contact_system, row_energies
 from lacsolver.solve.reduced import ReducedProblem
 
 

@@ -24,12 +24,12 @@ from lacsolver.contact import Interface
 from lacsolver.linear import Matrix, SingularError
 from lacsolver.problem import acting
 from lacsolver.results.state import Histories, StepState
-from lacsolver.solve.contact_system import ContactSystem, contact_system
+from lacsolver.saddle.contact_system import ContactSystem, contact_system
+from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.tolerances import ForceTerms, sizes
 from lacsolver.solve.newton import Linearization
-from lacsolver.solve.operator import Operator
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.schemes import StepTerms
-from lacsolver.solve.tolerances import ForceTerms, sizes
 
 
 @dataclass(eq=False)

@@ -31,12 +31,12 @@ from lacsolver.contact.laws import Bools
 from lacsolver.linear import LinearError
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
+from lacsolver.saddle.contact_system import ContactSystem
+from lacsolver.saddle.operator import Operator, product
+from lacsolver.saddle.saddle import SaddleProblem
+from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance
 from lacsolver.solve.active_set import close_rows_against_rigid_modes, solve_set
-from lacsolver.solve.contact_system import ContactSystem
-from lacsolver.solve.operator import Operator, product
-from lacsolver.solve.saddle import SaddleProblem
 from lacsolver.solve.search import Trial
-from lacsolver.solve.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance
 
 #: step lengths that are tried, in this order
 _STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)

@@ -21,14 +21,14 @@ from lacsolver.linear import Matrix, SingularError
 from lacsolver.linear.vectors import WHOLE, SharedVectors, Vectors
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.problem.rigid_modes import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
-from lacsolver.solve.contact_system import Rows
+from lacsolver.saddle.contact_system import Rows
+from lacsolver.saddle.node_blocks import with_held
+from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.shared_stiffness import SharedFactors
+from lacsolver.saddle.stiffness import FactorCache, Stiffness, Whole, embed
 from lacsolver.solve.kept_columns import SAVED, KeptColumns
-from lacsolver.solve.node_blocks import with_held
-from lacsolver.solve.operator import Operator
 from lacsolver.solve.schemes import QuasiStatic, TimeScheme
-from lacsolver.solve.shared_stiffness import SharedFactors
 from lacsolver.solve.stabilization import Stabilization
-from lacsolver.solve.stiffness import FactorCache, Stiffness, Whole, embed
 
 #: how far a node may be across the axis of symmetry, relative to the bodies' extent
 _AXIS = 1e-9

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lacsolver.results.state import Iterate
-from lacsolver.solve.contact_system import ContactSystem
-from lacsolver.solve.tolerances import ConvergenceTolerance, Residual
+from lacsolver.saddle.contact_system import ContactSystem
+from lacsolver.saddle.tolerances import ConvergenceTolerance, Residual
 
 #: callback for each iteration: number, closed rows, balance, gap
 IterationCallback = Callable[[int, int, float, float], None]

@@ -21,7 +21,7 @@ from lacsolver.linear import Matrix
 from lacsolver.linear.vectors import WHOLE, Vectors, products
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import FreeMotion, free_motions
-from lacsolver.solve.stiffness import leading_unknowns
+from lacsolver.saddle.stiffness import leading_unknowns
 from lacsolver.space.space import Space
 
 #: springs are soft if they resist a rigid-body motion by less than this fraction of the bodies' own stiffness

@@ -17,15 +17,15 @@ from lacsolver.contact.laws import RowState
 from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
 from lacsolver.results.state import UNPAIRED, Held, State, StepState, ZoneState
+from lacsolver.saddle.contact_system import ContactSystem, RowGroup
+from lacsolver.saddle.tolerances import ROUNDING
 from lacsolver.solve.attempt import TOUCHING, Told, attempt, touching, why
-from lacsolver.solve.contact_system import ContactSystem, RowGroup
 from lacsolver.solve.holding import holdings
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.newmark import Newmark
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.schemes import QuasiStatic, TimeScheme
 from lacsolver.solve.search import Outcome
-from lacsolver.solve.tolerances import ROUNDING
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import lacsolver.solve.attempt
+from lacsolver.saddle.coarse_start import _CoarseLevel, _joined, coarse_start
+from lacsolver.saddle.tolerances import ConvergenceTolerance
 from lacsolver.solve.attempt import first_iterate
-from lacsolver.solve.coarse_start import _CoarseLevel, _joined, coarse_start
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.stepping import march
-from lacsolver.solve.tolerances import ConvergenceTolerance
 from tests.lacsolver.test_coupled import moment
 from tests.skips import REPOSITORY
 

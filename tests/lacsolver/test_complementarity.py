@@ -13,8 +13,8 @@ import pytest
 from scipy.sparse import csr_array
 
 from lacsolver.results.state import Iterate
-from lacsolver.solve.contact_system import skin_stiffness
-from lacsolver.solve.tolerances import ConvergenceTolerance
+from lacsolver.saddle.contact_system import skin_stiffness
+from lacsolver.saddle.tolerances import ConvergenceTolerance
 from tests.lacsolver.systems import contact_system, factorised, rows, solve_active_set
 
 #: of `random_system`, those on which exchanging all rows that want it goes round in a circle

@@ -10,11 +10,11 @@ import lacsolver.linear.multigrid.cycle
 from lacsolver.case import parse_case
 from lacsolver.linear import LinearError, analyse
 from lacsolver.problem.problem import Problem
+from lacsolver.saddle.stiffness import FactorCache
+from lacsolver.saddle.tolerances import LinearTolerance
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.solve.stepping import march
-from lacsolver.solve.stiffness import FactorCache
-from lacsolver.solve.tolerances import LinearTolerance
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, at, held, pressed
 from tests.lacsolver.patch_cases import figures, pair
 from tests.lacsolver.patch_meshes import stack
@@ -216,7 +216,7 @@ def test_a_stiffness_that_is_not_definite_is_an_error():
 @pytest.mark.parametrize("backend", ["rslab", "superlu"])
 def test_an_analysis_serves_again(backend, monkeypatch):
     now, made = moment(3, backend), []
-    monkeypatch.setattr("lacsolver.solve.stiffness.analyse", lambda *a, **k: made.append(analyse(*a, **k)) or made[-1])
+    monkeypatch.setattr("lacsolver.saddle.stiffness.analyse", lambda *a, **k: made.append(analyse(*a, **k)) or made[-1])
     f, K = now.f, now.reference.K
     cache = FactorCache(now.reference.R[:, :0], backend)
     for part in (0.2, 0.5):

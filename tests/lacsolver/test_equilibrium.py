@@ -7,9 +7,9 @@ import pytest
 
 import lacsolver.solve.active_set
 from lacsolver.results.state import Iterate
-from lacsolver.solve.contact_system import skin_stiffness
-from lacsolver.solve.schur import solve_saddle
-from lacsolver.solve.tolerances import ROUNDING, ConvergenceTolerance
+from lacsolver.saddle.contact_system import skin_stiffness
+from lacsolver.saddle.schur import solve_saddle
+from lacsolver.saddle.tolerances import ROUNDING, ConvergenceTolerance
 from tests.lacsolver.systems import complementarity, contact, enumerated, saddle, solve_active_set, system
 
 LIMITS = ConvergenceTolerance(1e-10, 50, 1.0)

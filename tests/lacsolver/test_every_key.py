@@ -13,7 +13,7 @@ import pytest
 
 import lacmesh
 import lacsolver.problem.problem
-import lacsolver.solve.stiffness
+import lacsolver.saddle.stiffness
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacsolver.case import Case, read_case
 from lacsolver.case.keys import keys_of, sections_of
@@ -38,7 +38,7 @@ class Shop:
         self.meshes: dict[int, Path] = {}
         self.asked: list[tuple[str, int]] = []
         monkeypatch.setattr(lacsolver.problem.problem, "available_cores", lambda: CORES)
-        monkeypatch.setattr(lacsolver.solve.stiffness, "analyse", self.analyse)
+        monkeypatch.setattr(lacsolver.saddle.stiffness, "analyse", self.analyse)
 
     def analyse(self, K, *, backend, threads, **rest):
         """Replace `lacsolver.linear.analyse`, and record the backends and threads that are requested."""

@@ -7,7 +7,7 @@ from unittest.mock import patch
 
 import pytest
 
-from lacsolver.solve.stiffness import FactorCache
+from lacsolver.saddle.stiffness import FactorCache
 from tests.skips import REPOSITORY
 
 sys.path.append(str(REPOSITORY / "benchmarks"))

@@ -12,9 +12,9 @@ from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
 from lacsolver.results.state import CONTACT
+from lacsolver.saddle.stiffness import Stiffness
 from lacsolver.solve import kept_columns
 from lacsolver.solve.stepping import march
-from lacsolver.solve.stiffness import Stiffness
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, held, pressed
 from tests.lacsolver.moving import PLANE, SMALL, SPACE, SPEED, WALL, moved, steps, thrown
 from tests.lacsolver.patch_meshes import stack

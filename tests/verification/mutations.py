@@ -13,7 +13,7 @@ import lacsolver.problem.problem
 from lacmesh.cutting.records import Cut
 from lacmesh.surface.normals import normals_of
 from lacmesh.surface.rules import CENTROID
-from lacsolver.solve.contact_system import ContactSystem
+from lacsolver.saddle.contact_system import ContactSystem
 from verification.families.inf_sup import uncut
 
 

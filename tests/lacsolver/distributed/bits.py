@@ -19,7 +19,7 @@ from lacsolver.case import parse_case
 from lacsolver.distributed.launch import import_mpi
 from lacsolver.distributed.processes import Processes
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.contact_system import contact_system
+from lacsolver.saddle.contact_system import contact_system
 from tests.lacsolver.invariant_cases import CASES, text_of
 
 

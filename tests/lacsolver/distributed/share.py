@@ -14,9 +14,9 @@ from lacsolver.case import read_case
 from lacsolver.distributed.processes import Processes
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import prepared
+from lacsolver.saddle.shared_stiffness import SharedFactors, _own_rows
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.shared_stiffness import SharedFactors, _own_rows
 from tests.lacsolver.distributed.mpi import ROOT
 
 

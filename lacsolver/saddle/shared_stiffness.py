@@ -2,7 +2,7 @@
 
 Each process has the rows of K at its own nodes. Displacements are known at all nodes of its share, forces at its own.
 The free motions of rigid bodies are unknowns that all processes have; their rows are sums of those of all processes,
-and the cycle on the other unknowns is completed by eliminating them (`solve.bordered`).
+and the cycle on the other unknowns is completed by eliminating them (`bordered`).
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from lacsolver.linear.multigrid.halo import BlockRows, SharedHalo, SharedTeam
 from lacsolver.linear.petsc import PetscCycle, petsc_errors, petsc_matrix, set_up
 from lacsolver.linear.vectors import Vectors
 from lacsolver.problem.rigid_modes import bodies, centres
-from lacsolver.solve.bordered import Bordered
-from lacsolver.solve.node_blocks import add_to_diagonal, only_rows, submatrix
-from lacsolver.solve.stiffness import embed, leading_unknowns
+from lacsolver.saddle.bordered import Bordered
+from lacsolver.saddle.node_blocks import add_to_diagonal, only_rows, submatrix
+from lacsolver.saddle.stiffness import embed, leading_unknowns
 from lacsolver.space.space import Space
 
 

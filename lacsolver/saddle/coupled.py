@@ -35,8 +35,8 @@ from lacsolver.linear import LinearError
 from lacsolver.linear.krylov import minimise
 from lacsolver.linear.regular import indefinite
 from lacsolver.linear.vectors import WHOLE
-from lacsolver.solve.saddle import RANK_TOLERANCE, SaddleProblem, SaddleSolution, SchurPreconditioner
-from lacsolver.solve.tolerances import LinearTolerance
+from lacsolver.saddle.saddle import RANK_TOLERANCE, SaddleProblem, SaddleSolution, SchurPreconditioner
+from lacsolver.saddle.tolerances import LinearTolerance
 
 #: most directions of a restart cycle, all of which are stored; most iterations in all
 _ROUND, _MOST = 40, 400

@@ -21,10 +21,10 @@ from scipy.sparse import csr_array
 from lacmesh.mesh import Floats
 from lacsolver.linear.krylov import minimise
 from lacsolver.linear.refine import backward_error
-from lacsolver.solve.coupled import solve_coupled
-from lacsolver.solve.saddle import SaddleProblem, SaddleSolution, SchurPreconditioner
-from lacsolver.solve.stiffness import Stiffness
-from lacsolver.solve.tolerances import LinearTolerance
+from lacsolver.saddle.coupled import solve_coupled
+from lacsolver.saddle.saddle import SaddleProblem, SaddleSolution, SchurPreconditioner
+from lacsolver.saddle.stiffness import Stiffness
+from lacsolver.saddle.tolerances import LinearTolerance
 
 #: largest number of applications without a decrease: residuals stagnate while motions of little resistance are found
 _PATIENCE = 40

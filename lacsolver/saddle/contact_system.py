@@ -21,7 +21,7 @@ from lacsolver.contact import Interface
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.tangent import Motion, gap_derivative, motion_of, tangent
 from lacsolver.problem.problem import ContactPair, Problem
-from lacsolver.solve.operator import Operator
+from lacsolver.saddle.operator import Operator
 from lacsolver.space.share import ALONE, Share
 
 

@@ -22,7 +22,7 @@ from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear import Analysis, Backend, Factor, Matrix, analyse, choose
 from lacsolver.linear.vectors import Vectors
-from lacsolver.solve.node_blocks import add_to_diagonal, submatrix
+from lacsolver.saddle.node_blocks import add_to_diagonal, submatrix
 
 
 class Whole(NamedTuple):

@@ -22,12 +22,12 @@ from lacsolver.linear import LinearError
 from lacsolver.linear.multigrid.cycle import Level
 from lacsolver.linear.multigrid.factor import MultigridFactor
 from lacsolver.results.state import Iterate
-from lacsolver.solve.contact_system import ContactSystem, RowGroup, Rows, skin_stiffness
-from lacsolver.solve.operator import Operator
-from lacsolver.solve.saddle import SaddleProblem
-from lacsolver.solve.schur import solve_saddle
-from lacsolver.solve.stiffness import Stiffness, Whole
-from lacsolver.solve.tolerances import ConvergenceTolerance
+from lacsolver.saddle.contact_system import ContactSystem, RowGroup, Rows, skin_stiffness
+from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.saddle import SaddleProblem
+from lacsolver.saddle.schur import solve_saddle
+from lacsolver.saddle.stiffness import Stiffness, Whole
+from lacsolver.saddle.tolerances import ConvergenceTolerance
 
 #: reduction of the residual in each solve, and most sets that are tried
 _LOOSE, _SETS = 0.2, 6
