@@ -15,7 +15,7 @@ _PUBLIC = {
     "contact_matrices": "lacsolver.matrices",
     "write_matrices": "lacsolver.matrices",
     "march": "lacsolver.solve.stepping",
-    "natural_modes": "lacsolver.solve.vibration",
+    "natural_modes": "lacsolver.vibration.natural_modes",
     "create": "lacsolver.output",
     "run": "lacsolver.running",
     "read_state": "lacsolver.output",
@@ -82,8 +82,8 @@ if TYPE_CHECKING:
     from lacsolver.running import run as run
     from lacsolver.solve.stepping import NotConvergedError as NotConvergedError
     from lacsolver.solve.stepping import march as march
-    from lacsolver.solve.vibration import natural_modes as natural_modes
     from lacsolver.validation import validate as validate
+    from lacsolver.vibration.natural_modes import natural_modes as natural_modes
 
 
 def __getattr__(name: str) -> Any:

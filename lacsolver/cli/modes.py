@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> None:
     from lacsolver.output import read_state
     from lacsolver.output.modes import check_modes_folder, write_modes
     from lacsolver.problem.problem import Problem, read_mesh
-    from lacsolver.solve.vibration import natural_modes
+    from lacsolver.vibration.natural_modes import natural_modes
 
     check_alone()
     if args.from_time is not None and args.state is None:

@@ -7,7 +7,7 @@ import numpy as np
 from lacmesh import Mesh
 from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.vibration import natural_modes
+from lacsolver.vibration.natural_modes import natural_modes
 from tests.lacsolver.bodies import cube, raised, square
 
 YOUNG, POISSON, DENSITY = 2.5, 0.25, 1.6

@@ -18,7 +18,7 @@ from lacsolver.output.vtu import read_pvd
 from lacsolver.pictures.filming import film
 from lacsolver.pictures.frames import read_mode
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.vibration import natural_modes
+from lacsolver.vibration.natural_modes import natural_modes
 from tests.lacsolver.bad_cases import HEAVY, blocks, put
 from tests.lacsolver.test_film import pictures
 

@@ -21,10 +21,10 @@ from lacsolver.problem.rigid_modes import describe
 from lacsolver.results.modes import NaturalModes
 from lacsolver.results.results import Restart
 from lacsolver.saddle.stiffness import FactorCache, Stiffness
-from lacsolver.solve.eigenmodes import EigenProblem, orthonormal
-from lacsolver.solve.linearised import LinearisedProblem
 from lacsolver.solve.reduced import ReducedProblem
 from lacsolver.space.space import Space
+from lacsolver.vibration.eigenmodes import EigenProblem, orthonormal
+from lacsolver.vibration.linearised import LinearisedProblem
 
 
 def natural_modes(
