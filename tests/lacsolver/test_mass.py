@@ -169,7 +169,8 @@ def test_the_rows_of_a_process_s_own_nodes_are_complete(kind):
     part = assemble_mass(space, Materials.of(space, LAW), kind)
     rows = space.dofs(np.flatnonzero(Half.own)).ravel()
     assert sum(len(b.nodes) for b in space.blocks) < mesh.n_cells
-    assert abs(part[rows] - whole[rows]).max() == 0.0
+    # to rounding: a product of BLAS with fewer cells may round otherwise
+    assert abs(part[rows] - whole[rows]).max() <= 1e-15 * abs(whole).max()
 
 
 def test_nodes_of_no_cell_have_no_mass():
