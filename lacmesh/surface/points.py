@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import DataError, RequestError
+from lacmesh.kernels.threads import side_by_side
 from lacmesh.mesh import Floats, Ints
 from lacmesh.origin import origin_of
 from lacmesh.surface.clip import clip
@@ -96,7 +97,8 @@ def contact_points(
         raise ValueError(f"macro must be ({len(slave)},), not {macro.shape}")
     origin = origin_of(np.concatenate([_corners(slave), _corners(master)]))
     slave, master = _from(slave, origin), _from(master, origin)
-    s, m = patches(slave), patches(master)
+    both = slave, master
+    s, m = side_by_side(lambda k: patches(both[k]), len(both), len(slave) + len(master))
     with np.errstate(over="ignore", invalid="ignore"):
         H = coefficients(slave, smoothed(slave, crease_angle)) if normals == "smoothed" else None
     s = s.take(np.flatnonzero(macro[s.face] >= 0))
