@@ -28,12 +28,12 @@ from lacsolver.linear.vectors import Vectors
 from lacsolver.problem.rigid_modes import bodies, centres
 from lacsolver.saddle.bordered import Bordered
 from lacsolver.saddle.node_blocks import add_to_diagonal, only_rows, submatrix
-from lacsolver.saddle.stiffness import embed, leading_unknowns
+from lacsolver.saddle.stiffness import KeptParts, embed, leading_unknowns
 from lacsolver.space.space import Space
 
 
 @dataclass(eq=False)
-class SharedStiffness:
+class SharedStiffness(KeptParts):
     """Rows of K (n, n) at the own unknowns of this process, and a cycle; see `stiffness.Stiffness` for the methods.
 
     `matrix`: these rows, or those of own nodes as blocks on the unknowns of all nodes, with the springs.
@@ -48,15 +48,6 @@ class SharedStiffness:
     definite: bool = True
 
     iterative = True
-
-    def __post_init__(self) -> None:
-        self._restricted: tuple[Ints, csr_array] | None = None
-        self._rows: tuple[csr_array, bsr_array] | None = None
-
-    @cached_property
-    def K(self) -> csr_array:
-        """Matrix (n, n); where only blocks are kept, it is made of them once it is asked for."""
-        return self.matrix if isinstance(self.matrix, csr_array) else self._submatrix(np.arange(len(self.R)))
 
     @cached_property
     def scaling(self) -> NDArray[np.floating]:
@@ -76,12 +67,9 @@ class SharedStiffness:
         made = np.asarray(self.matrix @ (self.constraints.T @ q))[self.constraints.free]
         return made if self.spring is None else made - self.spring * q
 
-    def restricted(self, unknowns: Ints) -> csr_array:
-        """Return the rows and columns of K at some unknowns, which all processes have; the last are kept."""
-        if self._restricted is None or self._restricted[0] is not unknowns:
-            made = self._submatrix(unknowns)
-            self._restricted = unknowns, self.constraints.space.share.add_matrices(made, (False, False))
-        return self._restricted[1]
+    def _total(self, A: csr_array) -> csr_array:
+        """Return the sum of a matrix over all processes."""
+        return self.constraints.space.share.add_matrices(A, (False, False))
 
     def _submatrix(self, unknowns: Ints) -> csr_array:
         """Return the rows and columns of K at some unknowns, without the rows of other processes."""
@@ -102,9 +90,7 @@ class SharedStiffness:
 
     def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]] | None:
         """Return f -> an approximation of (K + B^T W B)^-1 f, one V-cycle; None if the backend has none."""
-        if self._rows is None or self._rows[0] is not B:
-            self._rows = B, self._blocks_of(B)
-        cycle = self.hierarchy.cycle.with_rows(self._rows[1], weights)
+        cycle = self.hierarchy.cycle.with_rows(self._kept_blocks_of(B), weights)
         return None if cycle is None else self._with_motions(cycle, B, weights)
 
     def _blocks_of(self, B: csr_array) -> bsr_array:

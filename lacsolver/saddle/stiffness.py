@@ -7,6 +7,7 @@ it K is embedded in the unknowns of all nodes, with multiples of identity rows f
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -38,8 +39,46 @@ class Whole(NamedTuple):
     modes: NDArray[np.floating]
 
 
+class KeptParts(ABC):
+    """Parts of a stiffness, of one or of several processes, that are kept for the next active set."""
+
+    matrix: Matrix
+    R: NDArray[np.floating]
+    _restricted: tuple[Ints, csr_array] | None = None
+    _rows: tuple[csr_array, bsr_array] | None = None
+
+    @cached_property
+    def K(self) -> csr_array:
+        """Matrix (n, n); where only blocks are kept, it is made of them once it is asked for."""
+        return self.matrix if isinstance(self.matrix, csr_array) else self._submatrix(np.arange(len(self.R)))
+
+    def restricted(self, unknowns: Ints) -> csr_array:
+        """Return the rows and columns of K at some unknowns, which all processes have; the last are kept."""
+        if self._restricted is None or self._restricted[0] is not unknowns:
+            self._restricted = unknowns, self._total(self._submatrix(unknowns))
+        return self._restricted[1]
+
+    def _kept_blocks_of(self, B: csr_array) -> bsr_array:
+        """Return rows B as blocks of the unknowns of nodes; the last are kept."""
+        if self._rows is None or self._rows[0] is not B:
+            self._rows = B, self._blocks_of(B)
+        return self._rows[1]
+
+    @abstractmethod
+    def _submatrix(self, unknowns: Ints) -> csr_array:
+        """Return the rows and columns of K at some unknowns, without the rows of other processes."""
+
+    @abstractmethod
+    def _blocks_of(self, B: csr_array) -> bsr_array:
+        """Return rows B as blocks of the unknowns of nodes."""
+
+    def _total(self, A: csr_array) -> csr_array:
+        """Return the sum of a matrix over all processes."""
+        return A
+
+
 @dataclass(eq=False)
-class Stiffness:
+class Stiffness(KeptParts):
     """K (n, n) on the constrained unknowns, its factor, and the rigid-body modes R (n, r) in its null space.
 
     `R` has orthonormal columns. `factor`: that of K with the springs `spring` (n,), embedded by `whole` unless that is
@@ -51,15 +90,6 @@ class Stiffness:
     R: NDArray[np.floating]
     whole: Whole | None = None
     spring: NDArray[np.floating] | None = None
-
-    def __post_init__(self) -> None:
-        self._restricted: tuple[Ints, csr_array] | None = None
-        self._rows: tuple[csr_array, bsr_array] | None = None
-
-    @cached_property
-    def K(self) -> csr_array:
-        """Matrix (n, n); where only blocks are kept, it is made of them once it is asked for."""
-        return self.matrix if isinstance(self.matrix, csr_array) else self._submatrix(np.arange(len(self.R)))
 
     @property
     def definite(self) -> bool:
@@ -93,12 +123,6 @@ class Stiffness:
         made = self._on_nodes(self.factor.apply, q)
         return made if self.spring is None else made - self.spring * q
 
-    def restricted(self, unknowns: Ints) -> csr_array:
-        """Return the rows and columns of K at some unknowns; the last are kept, as all active sets ask for the same."""
-        if self._restricted is None or self._restricted[0] is not unknowns:
-            self._restricted = unknowns, self._submatrix(unknowns)
-        return self._restricted[1]
-
     def _submatrix(self, unknowns: Ints) -> csr_array:
         if isinstance(self.matrix, csr_array) or self.whole is None:
             return csr_array(self.matrix[unknowns][:, unknowns])
@@ -118,9 +142,7 @@ class Stiffness:
 
         What was made for the cycles of K, and for the rows of B, serves other weights too.
         """
-        if self._rows is None or self._rows[0] is not B:
-            self._rows = B, self._blocks_of(B)
-        cycle = self.factor.cycle_with_rows(self._rows[1], weights)
+        cycle = self.factor.cycle_with_rows(self._kept_blocks_of(B), weights)
         return lambda f: self._on_nodes(cycle, f)
 
     def _blocks_of(self, B: csr_array) -> bsr_array:

@@ -83,12 +83,7 @@ def to_slice(content: Content, readers: Readers) -> MeshSlice:
 def _node_index(content: Content, readers: Readers) -> Index:
     """Map from the numbers of the nodes that are read to their indices among them. Raises ReadError."""
     numbers = content.node_number
-    least = ~int(readers.greatest(~numbers.min(initial=1)))
-    if least < 1:
-        raise content.source.error(f"a node has the number {least}; numbers start at 1", content.nodes_at)
-    twice = readers.repeated(numbers)
-    if twice is not None:
-        raise content.source.error(f"two nodes have the number {twice}", content.nodes_at)
+    msh_cells.check_numbers("node", numbers, content.source, content.nodes_at, readers)
     bad = readers.gather(numbers[~np.isfinite(content.points).all(axis=1)])
     if len(bad):
         raise content.source.error(f"the coordinates of nodes {some(bad)} are not finite numbers", content.nodes_at)

@@ -13,6 +13,7 @@ from lacmesh.errors import some
 from lacmesh.formats.ids import Index
 from lacmesh.formats.msh.content import Content, Piece
 from lacmesh.formats.msh.notes import SECTION, Notes
+from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.formats.slices import CellRows, Readers, Slice
 from lacmesh.mesh import Ints
 
@@ -164,10 +165,15 @@ def _check_nodes(content: Content, stray: tuple[Piece, int] | None, nodes: Index
 
 def cell_index(content: Content, number: Ints, readers: Readers) -> Index:
     """Map from cell numbers, also of those merged into another, to indices in the slice. Raises ReadError."""
+    check_numbers("cell", number, content.source, content.elements_at, readers)
+    return Index(number, content.repeats.number, content.repeats.of, table=readers.n == 1)
+
+
+def check_numbers(what: str, number: Ints, source: MshBytes, place: int, readers: Readers) -> None:
+    """Raise ReadError, at a place in the file, unless the numbers of all readers are positive and distinct."""
     least = ~int(readers.greatest(~number.min(initial=1)))
     if least < 1:
-        raise content.source.error(f"a cell has the number {least}; numbers start at 1", content.elements_at)
+        raise source.error(f"a {what} has the number {least}; numbers start at 1", place)
     twice = readers.repeated(number)
     if twice is not None:
-        raise content.source.error(f"two cells have the number {twice}", content.elements_at)
-    return Index(number, content.repeats.number, content.repeats.of, table=readers.n == 1)
+        raise source.error(f"two {what}s have the number {twice}", place)
