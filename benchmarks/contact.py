@@ -23,8 +23,8 @@ from lacsolver.case import Case, Contact, Displacement, Material, Solver
 from lacsolver.contact import Zone, integrate
 from lacsolver.linear import analyse
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.stepping import march
 
 _ROUND = "0.03*((x-0.5)**2+(y-0.5)**2)"
 

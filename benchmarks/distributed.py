@@ -43,12 +43,12 @@ import lacsolver.bodies.kinematics
 import lacsolver.problem.problem
 import lacsolver.saddle.shared_stiffness
 import lacsolver.saddle.stiffness
-import lacsolver.solve.active_set
+import lacsolver.equilibrium.active_set
 from lacmesh import Mesh
 from lacmesh.partition import distribute_nodes, read_part, write_parts
 from lacsolver.problem.problem import Problem
 from lacsolver.saddle.saddle import SaddleSolution
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.stepping import march
 from verification.mpiexec import ROOT, environment, words
 
 SIZES, QUICK = (24_000, 118_000), (10_000,)
@@ -119,7 +119,7 @@ def watched(clock: Clock, solved: list[SaddleSolution], models: list[int]) -> Ex
     places = [
         (lacsolver.bodies.kinematics, "assemble_stiffness", "assembly", None),
         (lacsolver.problem.problem, "integrate", "pairing", None),
-        (lacsolver.solve.active_set, "solve_saddle", "loops", solved),
+        (lacsolver.equilibrium.active_set, "solve_saddle", "loops", solved),
     ]
     stack = ExitStack()
     for cache in (lacsolver.saddle.stiffness.FactorCache, lacsolver.saddle.shared_stiffness.SharedFactors):

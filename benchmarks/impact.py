@@ -23,16 +23,16 @@ import numpy as np
 from large import side
 from meshes import blocks
 
-import lacsolver.solve.active_set
-import lacsolver.solve.stepping
+import lacsolver.equilibrium.active_set
+import lacsolver.equilibrium.stepping
 from lacsolver.case import Case, Contact, Displacement, Dynamics, Initial, Material, Solver, Steps
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import ENERGIES
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import LinearTolerance
-from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.stepping import march
 
 YOUNG, POISSON, SPEED = 1000.0, 0.3, 1.0
 #: steps in free flight before the impact
@@ -75,15 +75,15 @@ def counted(cycles: list[int], steps: list[LoadStep]) -> Iterator[None]:
         cycles.append(made.applications)
         return made
 
-    attempt = lacsolver.solve.stepping.attempt
+    attempt = lacsolver.equilibrium.stepping.attempt
 
     def attempted(step: LoadStep, *arguments: Any) -> Any:
         steps.append(step)
         return attempt(step, *arguments)
 
     with (
-        patch.object(lacsolver.solve.active_set, "solve_saddle", solve),
-        patch.object(lacsolver.solve.stepping, "attempt", attempted),
+        patch.object(lacsolver.equilibrium.active_set, "solve_saddle", solve),
+        patch.object(lacsolver.equilibrium.stepping, "attempt", attempted),
     ):
         yield
 

@@ -37,17 +37,17 @@ from meshes import blocks
 import lacsolver.contact.interface
 import lacsolver.problem.problem
 import lacsolver.saddle.stiffness
-import lacsolver.solve.active_set
-import lacsolver.solve.attempt
+import lacsolver.equilibrium.active_set
+import lacsolver.equilibrium.attempt
 from lacmesh import Mesh
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
 from lacsolver.linear import TOLERANCE
 from lacsolver.problem.problem import Problem
 from lacsolver.saddle.saddle import SaddleSolution
-from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.stepping import march
 
 SIZES = (50_000, 100_000, 370_000, 1_000_000)
 QUICK = (10_000, 25_000, 50_000)
@@ -92,8 +92,8 @@ def watched(clock: Clock, solved: list[SaddleSolution]) -> ExitStack:
         (lacsolver.problem.problem, "integrate", "search and integration", None),
         (lacsolver.saddle.stiffness.FactorCache, "factorise", "set-up", None),
         (lacsolver.saddle.stiffness.FactorCache, "factorise_on_nodes", "set-up", None),
-        (lacsolver.solve.active_set, "solve_saddle", "loops", solved),
-        (lacsolver.solve.attempt, "coarse_start", "coarse start", None),
+        (lacsolver.equilibrium.active_set, "solve_saddle", "loops", solved),
+        (lacsolver.equilibrium.attempt, "coarse_start", "coarse start", None),
     ]
     stack = ExitStack()
     for module, name, phase, kept in places:

@@ -21,8 +21,10 @@ import numpy as np
 
 import lacmesh
 from lacmesh import LacmeshError, cut_skin
-from lacsolver import Answer, Problem, march
 from lacsolver.decks import import_deck
+from lacsolver.problem.problem import Problem
+from lacsolver.results.answer import Answer
+from lacsolver.equilibrium.stepping import march
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))

@@ -22,6 +22,7 @@ _PUBLIC = {
     "contact_points": "lacmesh.surface",
     "coverage": "lacmesh.surface",
     "fit_surface": "lacmesh.smooth",
+    "from_meshio": "lacmesh.exchange.libraries",
     "aster_multipliers": "lacmesh.exchange.multipliers",
     "Mesh": "lacmesh.mesh",
     "Cut": "lacmesh.cutting.records",
@@ -30,19 +31,8 @@ _PUBLIC = {
     "Quality": "lacmesh.quality",
     "Surface": "lacmesh.surface",
     "FittedShape": "lacmesh.smooth",
-    **dict.fromkeys(
-        (
-            *("LacmeshError", "DataError", "CutError", "RequestError", "GroupNotFoundError", "ReadError"),
-            *("WriteError", "LacmeshWarning"),
-        ),
-        "lacmesh.errors",
-    ),
-}
-#: names that were public here -> the module to import them from
-_MOVED = {
-    "Block": "lacmesh.mesh",
-    "CELLS": "lacmesh.cells",
-    **dict.fromkeys(("from_meshio", "to_meshio", "to_pyvista", "to_trimesh"), "lacmesh.exchange.libraries"),
+    "LacmeshError": "lacmesh.errors",
+    "LacmeshWarning": "lacmesh.errors",
 }
 __all__ = sorted(_PUBLIC)
 
@@ -54,14 +44,9 @@ if TYPE_CHECKING:
     from lacmesh.cutting.order import raise_order as raise_order
     from lacmesh.cutting.recognition import recognise as recognise
     from lacmesh.cutting.records import Cut as Cut
-    from lacmesh.errors import CutError as CutError
-    from lacmesh.errors import DataError as DataError
-    from lacmesh.errors import GroupNotFoundError as GroupNotFoundError
     from lacmesh.errors import LacmeshError as LacmeshError
     from lacmesh.errors import LacmeshWarning as LacmeshWarning
-    from lacmesh.errors import ReadError as ReadError
-    from lacmesh.errors import RequestError as RequestError
-    from lacmesh.errors import WriteError as WriteError
+    from lacmesh.exchange.libraries import from_meshio as from_meshio
     from lacmesh.exchange.multipliers import aster_multipliers as aster_multipliers
     from lacmesh.formats import read as read
     from lacmesh.formats import write as write
@@ -79,19 +64,13 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> Any:
     if name in _modules():
         return import_module(f"lacmesh.{name}")
-    return _named("lacmesh", name, _PUBLIC, _MOVED)
+    return _named("lacmesh", name, _PUBLIC)
 
 
-def _named(package: str, name: str, public: Mapping[str, str], moved: Mapping[str, str]) -> Any:
-    """Return what a name of a package stands for; a name that has moved is found with a warning that says where."""
+def _named(package: str, name: str, public: Mapping[str, str]) -> Any:
+    """Return what a public name of a package stands for. Raises AttributeError for any other."""
     if name in public:
         return getattr(import_module(public[name]), name)
-    if name in moved:
-        import warnings
-
-        message = f"{package}.{name} has moved: from {moved[name]} import {name}"
-        warnings.warn(message, DeprecationWarning, stacklevel=3)
-        return getattr(import_module(moved[name]), name)
     raise AttributeError(f"module {package!r} has no attribute {name!r}")
 
 

@@ -88,6 +88,8 @@ class GroupNotFoundError(RequestError):
 class ReadError(LacmeshError):
     """A file that cannot be read; `path` and `place` (a line, a byte, a path inside the file) say where.
 
+    `reason`: the message without these.
+
     >>> ReadError("part.msh", "is cut short", "line 7")
     ReadError('part.msh, line 7: is cut short')
     """
@@ -97,6 +99,7 @@ class ReadError(LacmeshError):
     def __init__(self, path: Any, message: str, place: str | None = None) -> None:
         self.path = str(path)
         self.place = place
+        self.reason = message
         super().__init__(f"{self.path}: {message}" if place is None else f"{self.path}, {place}: {message}")
 
 

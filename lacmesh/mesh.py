@@ -12,7 +12,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from importlib import import_module
 from numbers import Integral
+from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -20,6 +22,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import GroupNotFoundError, RequestError, some
+from lacmesh.facts import facts_html, facts_text, listed
 
 if TYPE_CHECKING:
     from lacmesh.deck import Deck
@@ -101,7 +104,7 @@ class Model:
     periodic: tuple[Periodic, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
     """A mesh of any mixture of cells; see the module for the conventions.
 
@@ -194,6 +197,50 @@ class Mesh:
             for name, values in data.items():
                 if len(values) != size:
                     raise ValueError(f"{what} data {name!r} has {len(values)} rows, expected {size}")
+
+    def to_meshio(self) -> Any:
+        """Return the mesh as a `meshio.Mesh`, see `lacmesh.exchange.libraries.to_meshio`. Raises RequestError."""
+        return _library().to_meshio(self)
+
+    def to_pyvista(self, *, groups: bool = True, data: bool = True) -> Any:
+        """Return the mesh as a `pyvista.UnstructuredGrid`, see `lacmesh.exchange.libraries.to_pyvista`.
+
+        `groups`, `data`: whether groups and data are carried. Raises RequestError, DataError.
+        """
+        return _library().to_pyvista(self, groups=groups, data=data)
+
+    @classmethod
+    def from_pyvista(cls, grid: Any) -> Mesh:
+        """Return the mesh of a `pyvista.UnstructuredGrid`, see `lacmesh.exchange.libraries.from_pyvista`."""
+        mesh: Mesh = _library().from_pyvista(grid)
+        return mesh
+
+    def _facts(self) -> dict[str, str]:
+        facts = {
+            "nodes": f"{self.n_nodes:,}",
+            "cells": listed(f"{n:,} {name}" for name, n in self.cells_by_type.items()) or "none",
+        }
+        if self.zones:
+            facts["cut"] = (
+                f"{listed(self.zones)} into {int(self.cell_data['lac_macro'].max(initial=0)):,} macro-elements"
+            )
+        for what, groups in (("groups of cells", self.cell_groups), ("groups of nodes", self.node_groups)):
+            if groups:
+                facts[what] = listed(f"{name} ({len(members):,})" for name, members in groups.items())
+        for what, data in (("data of cells", self.cell_data), ("data of nodes", self.node_data)):
+            if data:
+                facts[what] = listed(data)
+        return facts
+
+    def __repr__(self) -> str:
+        return facts_text("Mesh in the plane" if self.space_dim == 2 else "Mesh", self._facts())
+
+    def _repr_html_(self) -> str:
+        return facts_html(
+            "Mesh in the plane" if self.space_dim == 2 else "Mesh",
+            self._facts(),
+            import_module("lacmesh.view").thumbnail(self),
+        )
 
     @property
     def n_nodes(self) -> int:
@@ -306,6 +353,26 @@ class Mesh:
     def cell_names(self, cells: Iterable[int]) -> str:
         """Format the ids in the file of some cells for a message."""
         return some(self.cell_number[np.asarray(list(cells), dtype=int)])
+
+
+#: a mesh, or the path of its file
+MeshLike = Mesh | str | PathLike[str]
+
+
+def as_mesh(mesh: MeshLike) -> Mesh:
+    """Return a mesh; a path is read. Raises ReadError, RequestError for anything else."""
+    if isinstance(mesh, Mesh):
+        return mesh
+    if isinstance(mesh, (str, PathLike)):
+        read: Mesh = import_module("lacmesh.formats").read(mesh)  # a later stage, which reads and never writes back
+        return read
+    advice = "lacmesh.from_meshio and Mesh.from_pyvista take those of other libraries"
+    raise RequestError(f"a mesh is a lacmesh.Mesh or the path of a mesh file, not {type(mesh).__name__}; {advice}")
+
+
+def _library() -> Any:
+    """Return the module that knows the meshes of other libraries: a later stage, loaded when it is asked for."""
+    return import_module("lacmesh.exchange.libraries")
 
 
 def _remade(values: dict[str, Any]) -> Mesh:

@@ -1,4 +1,10 @@
-"""The LAC contact solver, for a case file and a mesh cut by lacmesh. Its modules are imported on first use."""
+"""LAC contact in Python: a case and a mesh in, pressures out; or the matrices for a solver of your own.
+
+    solution = lacsolver.solve(case, mesh)      and march for every step, run for a folder of files
+    system = lacsolver.assemble(case, mesh)     and contact_matrices, solve_contact for your own program
+
+Names are imported on first use. What else there is has modules of its own; errors are in `lacsolver.errors`.
+"""
 
 from __future__ import annotations
 
@@ -7,87 +13,84 @@ from typing import TYPE_CHECKING, Any
 from lacmesh import __version__ as __version__
 from lacmesh import _named
 
-#: public name -> the module that holds it: verbs in the order of the stages, records, errors
+#: public name -> the module that holds it: verbs in the order of the work, records of a case, other records, errors
 _PUBLIC = {
     "read_case": "lacsolver.case",
     "parse_case": "lacsolver.case",
     "validate": "lacsolver.validation",
+    "solve": "lacsolver.solution",
+    "march": "lacsolver.solution",
+    "assemble": "lacsolver.system",
     "contact_matrices": "lacsolver.matrices",
-    "write_matrices": "lacsolver.matrices",
-    "march": "lacsolver.solve.stepping",
+    "read_matrices": "lacsolver.matrices",
+    "solve_contact": "lacsolver.equilibrium.given",
     "natural_modes": "lacsolver.vibration.natural_modes",
-    "create": "lacsolver.output",
     "run": "lacsolver.running",
-    "read_state": "lacsolver.output",
+    "read_results": "lacsolver.reading",
     "plot": "lacsolver.pictures.drawing",
     "film": "lacsolver.pictures.filming",
-    "Case": "lacsolver.case",
-    "Problem": "lacsolver.problem.problem",
-    "ContactMatrices": "lacsolver.matrices",
-    "State": "lacsolver.results.state",
-    "ZoneState": "lacsolver.results.state",
-    "Answer": "lacsolver.results.answer",
-    **dict.fromkeys(
-        ("Fields", "Restart", "Results", "StepFigures", "ZoneFields", "ZoneFigures"), "lacsolver.results.results"
-    ),
-    "CaseError": "lacsolver.case",
-    "EvaluationError": "lacsolver.case.errors",
-    "LinearError": "lacsolver.linear.errors",
-    "SingularError": "lacsolver.linear.errors",
-    "NotConvergedError": "lacsolver.solve.stepping",
-}
-#: names that were public here -> the module to import them from
-_MOVED = {
     **dict.fromkeys(
         (
-            *("BodyForce", "Contact", "Displacement", "Force", "Gravity", "Material", "Output", "Pressure", "Probe"),
-            *("Rigid", "Solver", "Spring", "Steps", "Temperature", "Tie", "Traction", "Value"),
+            *("BodyForce", "Case", "Contact", "Displacement", "Dynamics", "Force", "Gravity", "Initial", "Material"),
+            *("Output", "Pressure", "Probe", "Rigid", "Solver", "Spring", "Steps", "Temperature", "Tie", "Traction"),
         ),
         "lacsolver.case",
     ),
-    "Space": "lacsolver.space.space",
-    **dict.fromkeys(("Elastic", "Materials", "Orthotropic"), "lacsolver.bodies.material"),
-    **dict.fromkeys(("assemble_stiffness", "stress"), "lacsolver.bodies.small"),
-    "Constraints": "lacsolver.constraints",
-    **dict.fromkeys(("Interface", "Pairing", "Zone", "integrate"), "lacsolver.contact"),
-    "OutputFolder": "lacsolver.output",
+    "Solution": "lacsolver.solution",
+    "System": "lacsolver.system",
+    "ContactMatrices": "lacsolver.matrices",
+    "ContactSolution": "lacsolver.equilibrium.given",
+    "RunResults": "lacsolver.reading",
+    "CaseError": "lacsolver.case",
+    "NotConvergedError": "lacsolver.equilibrium.stepping",
 }
 __all__ = sorted(_PUBLIC)
 
 if TYPE_CHECKING:
+    from lacsolver.case import BodyForce as BodyForce
     from lacsolver.case import Case as Case
     from lacsolver.case import CaseError as CaseError
+    from lacsolver.case import Contact as Contact
+    from lacsolver.case import Displacement as Displacement
+    from lacsolver.case import Dynamics as Dynamics
+    from lacsolver.case import Force as Force
+    from lacsolver.case import Gravity as Gravity
+    from lacsolver.case import Initial as Initial
+    from lacsolver.case import Material as Material
+    from lacsolver.case import Output as Output
+    from lacsolver.case import Pressure as Pressure
+    from lacsolver.case import Probe as Probe
+    from lacsolver.case import Rigid as Rigid
+    from lacsolver.case import Solver as Solver
+    from lacsolver.case import Spring as Spring
+    from lacsolver.case import Steps as Steps
+    from lacsolver.case import Temperature as Temperature
+    from lacsolver.case import Tie as Tie
+    from lacsolver.case import Traction as Traction
     from lacsolver.case import parse_case as parse_case
     from lacsolver.case import read_case as read_case
-    from lacsolver.case.errors import EvaluationError as EvaluationError
-    from lacsolver.linear.errors import LinearError as LinearError
-    from lacsolver.linear.errors import SingularError as SingularError
     from lacsolver.matrices import ContactMatrices as ContactMatrices
     from lacsolver.matrices import contact_matrices as contact_matrices
-    from lacsolver.matrices import write_matrices as write_matrices
-    from lacsolver.output import create as create
-    from lacsolver.output import read_state as read_state
+    from lacsolver.matrices import read_matrices as read_matrices
     from lacsolver.pictures.drawing import plot as plot
     from lacsolver.pictures.filming import film as film
-    from lacsolver.problem.problem import Problem as Problem
-    from lacsolver.results.answer import Answer as Answer
-    from lacsolver.results.results import Fields as Fields
-    from lacsolver.results.results import Restart as Restart
-    from lacsolver.results.results import Results as Results
-    from lacsolver.results.results import StepFigures as StepFigures
-    from lacsolver.results.results import ZoneFields as ZoneFields
-    from lacsolver.results.results import ZoneFigures as ZoneFigures
-    from lacsolver.results.state import State as State
-    from lacsolver.results.state import ZoneState as ZoneState
+    from lacsolver.reading import RunResults as RunResults
+    from lacsolver.reading import read_results as read_results
     from lacsolver.running import run as run
-    from lacsolver.solve.stepping import NotConvergedError as NotConvergedError
-    from lacsolver.solve.stepping import march as march
+    from lacsolver.solution import Solution as Solution
+    from lacsolver.solution import march as march
+    from lacsolver.solution import solve as solve
+    from lacsolver.equilibrium.given import ContactSolution as ContactSolution
+    from lacsolver.equilibrium.given import solve_contact as solve_contact
+    from lacsolver.equilibrium.stepping import NotConvergedError as NotConvergedError
+    from lacsolver.system import System as System
+    from lacsolver.system import assemble as assemble
     from lacsolver.validation import validate as validate
     from lacsolver.vibration.natural_modes import natural_modes as natural_modes
 
 
 def __getattr__(name: str) -> Any:
-    return _named("lacsolver", name, _PUBLIC, _MOVED)
+    return _named("lacsolver", name, _PUBLIC)
 
 
 def __dir__() -> list[str]:

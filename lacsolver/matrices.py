@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +12,19 @@ from scipy.io import mmwrite
 from scipy.sparse import csr_array
 
 import lacmesh
-from lacmesh.errors import WriteError
+from lacmesh.errors import ReadError, WriteError
+from lacmesh.facts import facts_html, facts_text
 from lacmesh.formats.output import replacing
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, as_mesh
 from lacsolver.contact import Interface, Pairing, Zone, integrate
 from lacsolver.space.values import ScalarField
 
+#: names of the arrays of B in a file, those of `scipy.sparse.save_npz`, and of the arrays beside it
+_CSR = ("data", "indices", "indptr", "shape")
+_ARRAYS = ("G", "w", "area", "coverage", "normal", "centre", "macro", "node")
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class ContactMatrices:
     """Contact matrices of two skins in one configuration, one row per macro-element (m,).
 
@@ -44,6 +50,21 @@ class ContactMatrices:
     node: Ints
     mesh: Mesh
 
+    def _facts(self) -> dict[str, str]:
+        on = self.coverage > 0
+        facts = {"B": f"{self.B.shape}, {self.B.nnz:,} entries; G, w, area, coverage ({len(self.G)},)"}
+        facts["paired"] = (
+            f"{int(on.sum()):,} of {len(on):,} macro-elements, {self.w.sum():.6g} of {self.area.sum():.6g}"
+        )
+        gap = self.G[on] / self.w[on] if on.any() else np.array([np.nan])
+        return facts | {"mean gaps": f"{gap.min():.6g} to {gap.max():.6g}"}
+
+    def __repr__(self) -> str:
+        return facts_text("ContactMatrices", self._facts())
+
+    def _repr_html_(self) -> str:
+        return facts_html("ContactMatrices", self._facts())
+
     @classmethod
     def of(cls, interface: Interface, mesh: Mesh) -> ContactMatrices:
         """Return the contact matrices of an interface of a mesh."""
@@ -54,7 +75,7 @@ class ContactMatrices:
 
 
 def contact_matrices(
-    mesh: Mesh,
+    mesh: MeshLike,
     slave: str,
     master: str,
     *,
@@ -80,14 +101,36 @@ def contact_matrices(
     >>> made.B.shape, made.coverage.tolist(), made.w.tolist()
     ((1, 24), [1.0], [1.0])
     """
-    mesh = lacmesh.cut_skin(mesh, slave, hexa=hexa).mesh
+    mesh = lacmesh.cut_skin(as_mesh(mesh), slave, hexa=hexa).mesh
     zone = Zone.of(mesh, slave, master, surface=surface, crease_angle=crease_angle)
     pairing = Pairing(normals, crease_angle, search_distance, axisymmetric=axisymmetric, clearance=clearance)
     return ContactMatrices.of(integrate(zone, zone.slave.dim + 1, pairing, x=x), mesh)
 
 
+def read_matrices(path: str | Path) -> tuple[csr_array, dict[str, NDArray]]:
+    """Return B (m, n) and the other arrays by name from a file of `lacsolver matrices`. Raises ReadError.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from lacmesh import read
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "joint.npz")
+    ...     write_matrices(path, contact_matrices(read("data/two_blocks.msh"), "slave", "master"))
+    ...     B, arrays = read_matrices(path)
+    >>> B.shape, arrays["G"].shape
+    ((36, 1536), (36,))
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            names = ("B_data", "B_indices", "B_indptr", "B_shape") if "B_data" in file else _CSR  # of earlier versions
+            data, indices, indptr, shape = (file[name] for name in names)
+            arrays = {name: file[name] for name in _ARRAYS}
+        return csr_array((data, indices, indptr), shape=tuple(shape)), arrays
+    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
+        raise ReadError(path, f"holds no contact matrices ({getattr(error, 'strerror', None) or error})") from None
+
+
 def write_matrices(path: Path, made: ContactMatrices, *, mtx: bool = False) -> None:
-    """Write matrices to `path` (.npz), with B as its CSR arrays (`B_data`, `B_indices`, `B_indptr`, `B_shape`).
+    """Write matrices to `path` (.npz): B as `scipy.sparse.load_npz` reads it, the other arrays beside it by name.
 
     `mtx`: write B also to a second file, in Matrix Market's format. Raises WriteError.
 
@@ -101,8 +144,9 @@ def write_matrices(path: Path, made: ContactMatrices, *, mtx: bool = False) -> N
     """
     B = made.B
     arrays = {
-        "B_data": B.data, "B_indices": B.indices, "B_indptr": B.indptr, "B_shape": np.array(B.shape),
-        **{name: getattr(made, name) for name in ("G", "w", "area", "coverage", "normal", "centre", "macro", "node")},
+        "format": np.array(b"csr"), "_is_array": np.array(True),
+        "data": B.data, "indices": B.indices, "indptr": B.indptr, "shape": np.array(B.shape),
+        **{name: getattr(made, name) for name in _ARRAYS},
     }  # fmt: skip
     paths = [path, *([path.with_suffix(".mtx")] if mtx else [])]
     try:

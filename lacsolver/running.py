@@ -7,36 +7,36 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from lacmesh.cli.terminal import peak_memory
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.output import signals_wait
-from lacmesh.mesh import Floats, Mesh
-from lacsolver.case import Case, fingerprint
-from lacsolver.output import OutputFolder, Writer, check_same
+from lacmesh.mesh import Floats, MeshLike, as_mesh
+from lacsolver.case import Case, as_case, fingerprint
+from lacsolver.output import OutputFolder, Writer, check_same, create
 from lacsolver.output.states import deal_state
 from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem, read_mesh
 from lacsolver.results.answer import Answer
 from lacsolver.results.faceted import faceted
-from lacsolver.results.figures import stress_ranges
 from lacsolver.results.motion import ENERGIES, doubtful_energy
 from lacsolver.results.results import Fields, Restart, Results, StepFigures
 from lacsolver.results.state import State
 from lacsolver.results.whole import orders_of
-from lacsolver.solve.attempt import Told
-from lacsolver.solve.holding import beyond_a_cell, warnings_of
-from lacsolver.solve.stepping import NotConvergedError, march
+from lacsolver.equilibrium.attempt import Told
+from lacsolver.equilibrium.holding import beyond_a_cell, warnings_of
+from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.space.share import ALONE, Distribution
 
 
 def run(
-    case: Case,
-    folder: OutputFolder,
+    case: Case | str | Path,
+    folder: OutputFolder | str | Path,
     *,
-    mesh: Mesh | None = None,
+    mesh: MeshLike | None = None,
     start: Restart | None = None,
     told: Callable[[Told], None] | None = None,
     stepped: Callable[[StepFigures], None] | None = None,
@@ -44,25 +44,28 @@ def run(
 ) -> Results:
     """Solve a case and write its results into a folder; `start`: a state to restart from.
 
-    `told` is called for every iteration, `stepped` for every converged step. `distribution`: the processes that share
-    the model, each of which calls this function. Raises NotConvergedError after the last
-    state tried is written, the errors of `Problem.of` and `Writer`, and DataError for a state of another case or mesh.
+    `case`: a case, or the path of a case file. `folder`: its path, which must not hold results yet, or what
+    `lacsolver.output.create` made of it. `mesh`: a mesh or its path; None for that of the case. `told` is called for
+    every iteration, `stepped` for every converged step. `distribution`: the processes that share the model, each of
+    which calls this function. Raises NotConvergedError after the last state tried is written, the errors of
+    `Problem.of` and `Writer`, and DataError for a state of another case or mesh.
     An interrupted run leaves the steps that have converged. Raises RequestError for a case of the engine petsc
     without a distribution, such as `lacsolver.distributed.processes.Processes` of MPI's communicator.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from lacsolver import create, read_case
     >>> with TemporaryDirectory() as folder:
-    ...     results = run(read_case("data/two_blocks.toml"), create(folder))
+    ...     results = run("data/two_blocks.toml", f"{folder}/results")
     >>> results.status, [step.time for step in results.steps]
     ('done', [0.5, 1.0])
     """
+    case = as_case(case)
     if distribution is ALONE and case.solver.engine_for(1) != "serial":
         message = "the case names the engine petsc or a backend of it, which needs the processes of MPI"
         raise RequestError(f"{message}; give distribution=Processes(comm), or call the command lacsolver run")
     clock = Clock()
     with clock.phase("mesh"):
-        mesh = read_mesh(case, distribution) if mesh is None else mesh
+        mesh = read_mesh(case, distribution) if mesh is None else as_mesh(mesh)
+        folder = folder if isinstance(folder, OutputFolder) else create(folder, restart=start)
         problem, prints = Problem.of(case, mesh, distribution), fingerprint(case, *distribution.as_read(mesh))
         points = 0 if problem.inertia is None else problem.inertia.M.shape[0] - problem.space.n_dof
         orders = orders_of(problem.constraints, points)
@@ -143,7 +146,7 @@ class _Run:
         self.number += 1
         self.last = state
         step = self.answer.figures(state)
-        ranges = stress_ranges(self.problem.space, self.answer.stress(state))
+        ranges = self.answer.stress_ranges(state)
         self.results = replace(self.told(), steps=(*self.results.steps, step), stress=ranges)
 
     def fields_of(self, state: State) -> Callable[[], Fields]:

@@ -9,16 +9,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-import lacmesh
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, RequestError
-from lacmesh.mesh import Mesh
-from lacsolver.case import Case, CaseError, Issue
+from lacmesh.mesh import Mesh, MeshLike
+from lacsolver.case import Case, CaseError, Issue, as_case
 from lacsolver.case.records import Entry
 from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface
@@ -29,6 +29,7 @@ from lacsolver.problem.first_look import MotionFound, motion_found
 from lacsolver.problem.overlap import check_overlap, deepest
 from lacsolver.problem.problem import ContactPair, Problem, ProblemParts, build
 from lacsolver.problem.rigid_modes import describe, free_motions, still_free
+from lacsolver.problem.skin import mesh_of
 from lacsolver.space.places import nodes_of
 
 #: sections whose records are loads, each evaluated by itself
@@ -86,7 +87,7 @@ class Validation:
             self.problems += [Issue(line if place in line else f"{place}: {line}") for line in lines]
 
 
-def validate(case: Case, mesh: Mesh | None = None) -> Validation:
+def validate(case: Case | str | Path, mesh: MeshLike | None = None) -> Validation:
     """Check everything that a run of a case needs, without solving it. Raises ReadError for the mesh's file.
 
     Mistakes are returned in `problems`, and no error is raised for them.
@@ -95,7 +96,8 @@ def validate(case: Case, mesh: Mesh | None = None) -> Validation:
     >>> validate(read_case("data/two_blocks.toml")).problems
     []
     """
-    mesh = lacmesh.read(case.mesh) if mesh is None else mesh
+    case = as_case(case)
+    mesh = mesh_of(case, mesh)
     found = Validation(mesh)
     parts = build(case, mesh, found.looking)
     found.mesh, found.cut_here = parts.mesh, parts.mesh.n_cells > mesh.n_cells

@@ -28,7 +28,7 @@ from lacsolver.linear.multigrid.cycle import Team
 from lacsolver.problem.problem import Problem
 from lacsolver.results.answer import Answer
 from lacsolver.saddle.node_blocks import with_held
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.stepping import march
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube
 from tests.lacsolver.contact_cases import held

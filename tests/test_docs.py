@@ -19,7 +19,7 @@ from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES, parent_pattern
 from lacmesh.reference.shapes import shape
 from lacsolver.case import errors as case_errors
 from lacsolver.linear import errors as linear_errors
-from lacsolver.solve.stepping import NotConvergedError
+from lacsolver.equilibrium.stepping import NotConvergedError
 from tests.meshes import cell_with_faces
 from tests.properties import volumes
 

@@ -22,7 +22,10 @@ from numpy.typing import NDArray
 from lacmesh import Mesh
 from lacmesh.errors import LacmeshError
 from lacmesh.partition import distribute_nodes, write_parts
-from lacsolver import Case, Problem, State, march, parse_case
+from lacsolver import Case, parse_case
+from lacsolver.problem.problem import Problem
+from lacsolver.results.state import State
+from lacsolver.equilibrium.stepping import march
 from verification import mpiexec
 
 Floats = NDArray[np.floating]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.report.blocks import Line
-from lacsolver import State
+from lacsolver.results.state import State
 from verification.solving import Solved
 
 Floats = NDArray[np.floating]

@@ -15,8 +15,12 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
-from lacsolver import Answer, Fields, Problem, Restart, State, StepFigures, ZoneState
 from lacsolver.contact import integrate
+from lacsolver.problem.problem import Problem
+from lacsolver.results.answer import Answer
+from lacsolver.results.results import Fields, Restart, StepFigures
+from lacsolver.results.state import State, ZoneState
+from lacsolver.equilibrium.stepping import march
 from verification.measures.balance import Balance, unbalanced
 from verification.records import Level, Picture, Result, at_most, levels_of
 
@@ -123,7 +127,7 @@ def solve(case: lacsolver.Case | str, mesh: Mesh) -> Solved:
 
 def finished(problem: Problem) -> Solved:
     """Solve a problem. Raises what `march` raises."""
-    return Solved(problem, tuple(lacsolver.march(problem)))
+    return Solved(problem, tuple(march(problem)))
 
 
 def balance_of(problem: Problem, u: Floats, forces: Sequence[Floats]) -> Balance:

@@ -9,8 +9,10 @@ from skfem import Basis, ElementQuad1, ElementTriP1, ElementVector, MeshQuad, Me
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import lacmesh
-from lacsolver import Case, Problem, contact_matrices, march
+from lacsolver import Case, contact_matrices
 from lacsolver.case import Contact, Displacement, Material
+from lacsolver.problem.problem import Problem
+from lacsolver.equilibrium.stepping import march
 
 YOUNG, POISSON, PRESSED = 1.0, 0.3, 0.1
 

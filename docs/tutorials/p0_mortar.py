@@ -4,19 +4,20 @@ import numpy as np
 
 import lacmesh
 from lacmesh import Mesh, Surface
-from lacsolver import Case, Problem
+from lacsolver import Case
 from lacsolver.case import Displacement, Material
 from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.contact.interface import positions
 from lacsolver.contact.laws import Unilateral
 from lacsolver.contact.rows import macro_rows
+from lacsolver.problem.problem import Problem
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem, Rows
 from lacsolver.saddle.tolerances import ConvergenceTolerance
-from lacsolver.solve.active_set import active_set_iterates
-from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.search import search
+from lacsolver.equilibrium.active_set import active_set_iterates
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.search import search
 
 
 def pad(n):

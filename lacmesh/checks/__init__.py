@@ -23,7 +23,7 @@ from lacmesh.checks.rules import RULES, Rule
 from lacmesh.checks.subject import CheckStep, Subject, make_subject
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import RequestError
-from lacmesh.mesh import Mesh, spec_list
+from lacmesh.mesh import Mesh, MeshLike, as_mesh, spec_list
 from lacmesh.origin import from_origin, origin_of_mesh
 
 __all__ = ["RULES", "Finding", "Findings", "Rule", "Where", "check"]
@@ -32,7 +32,7 @@ Specs = str | int | Sequence[str | int]
 
 
 def check(
-    mesh: Mesh | Cut,
+    mesh: MeshLike | Cut,
     slave: Specs | None = None,
     master: Specs | None = None,
     dirichlet: Specs = (),
@@ -64,6 +64,7 @@ def check(
     if isinstance(mesh, Cut):
         slave = mesh.zones if slave is None else slave
         mesh = mesh.mesh
+    mesh = as_mesh(mesh)
     if slave is None or (not isinstance(slave, (str, int, Integral)) and not len(slave)):
         raise RequestError("no slave group was given")
     if axisymmetric and mesh.dim == 3:

@@ -27,14 +27,14 @@ from lacmesh.cutting.select import Selection, SlaveSkin, select, slave_skin
 from lacmesh.cutting.subdivide import WHOLE_CODE, Subdivision, subdivide
 from lacmesh.cutting.variants import HEXA, allowed_variants, compare_variants, with_ring
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh, spec_list
+from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh, spec_list
 from lacmesh.topology.skin import Faces, find_repeats
 
 __all__ = ["CELL_RECORDS", "NODE_RECORD", "Cut", "cut_skin", "is_cut"]
 
 
 def cut_skin(
-    mesh: Mesh,
+    mesh: MeshLike,
     slave: str | int | Sequence[str | int],
     *,
     hexa: str = "pyramid",
@@ -48,8 +48,9 @@ def cut_skin(
 ) -> Cut:
     """Cut the skin faces of the slave groups, and the cells behind them, into macro-elements.
 
-    `slave`: one group or several (a zone each), named as `Mesh.group` takes them; an integer is a tag. `hexa`: HEXA8
-    and HEXA20 become pyramids (`pyramid`), hexahedra (`hexa`), or the one with the higher minimum Jacobian (`auto`).
+    `mesh`: a mesh, or the path of its file. `slave`: one group or several (a zone each), named as `Mesh.group` takes
+    them; an integer is a tag. `hexa`: HEXA8 and HEXA20 become pyramids (`pyramid`), hexahedra (`hexa`), or the one with
+    the higher minimum Jacobian (`auto`).
     `interface`: a face between two cells has both cut (`both`) or is an error (`refuse`). `orient`: slave faces are
     left as they are (`keep`) or turned `outward`. `skin_only`: cut a skin that has no cells behind it. `node_groups`: a
     new node enters a node group that holds every corner of the face or cell it lies on (`extend`), or none (`keep`).
@@ -73,7 +74,7 @@ def cut_skin(
     _check_options(orient=(orient, ("keep", "outward")), node_groups=(node_groups, ("extend", "keep")))
     if not (0 < ring < 1 and 0 < depth < 1):
         raise RequestError(f"ring ({ring}) and depth ({depth}) must lie between 0 and 1")
-    specs = spec_list(slave)
+    specs, mesh = spec_list(slave), as_mesh(mesh)
     if is_cut(mesh) and recognise is not False:
         return _already_cut(mesh, specs)
     slave_faces = slave_skin(mesh, specs, skin_only=skin_only)

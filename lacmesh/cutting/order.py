@@ -15,7 +15,7 @@ from lacmesh.cells import CELLS, Cell
 from lacmesh.cutting.assemble import more_numbers, node_data, node_entities, node_groups, node_values
 from lacmesh.cutting.subdivide import NewNodes
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
-from lacmesh.mesh import Block, Ints, Mesh
+from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh
 from lacmesh.topology.skin import label_rows
 
 #: family -> the type of its serendipity cell, and of its full quadratic one
@@ -42,7 +42,7 @@ class _Wanted:
     known: Ints  # (m,) the node there already, or -1
 
 
-def raise_order(mesh: Mesh, order: str = "2", *, extend: bool = True) -> Mesh:
+def raise_order(mesh: MeshLike, order: str = "2", *, extend: bool = True) -> Mesh:
     """Make the cells quadratic: `order` is "2" (serendipity) or "2-full" (HEXA27, QUAD9, PENTA18, PYRAM14).
 
     Cells of that order or higher stay as they are. Numbers, groups and data are kept; new nodes are numbered after the
@@ -53,6 +53,7 @@ def raise_order(mesh: Mesh, order: str = "2", *, extend: bool = True) -> Mesh:
     >>> raise_order(triangle).blocks[0].type
     'TRIA6'
     """
+    mesh = as_mesh(mesh)
     if order not in ORDERS:
         raise RequestError(f"order is one of {', '.join(ORDERS)}, not {order!r}")
     if (mesh.cell_data.get("lac_macro", np.array([-1])) >= 0).any():

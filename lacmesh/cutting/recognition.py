@@ -38,7 +38,7 @@ from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
 from lacmesh.cutting.regroup import regroup_segments
 from lacmesh.cutting.select import SlaveSkin, slave_skin
 from lacmesh.errors import LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh, spec_list
+from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh, spec_list
 from lacmesh.reference.shapes import shape
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
 from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, TYPE_CODE, Faces, find_owners
@@ -107,7 +107,7 @@ class RecognisedCut:
         return sum(len(family.parts) for family in self.families)
 
 
-def recognise(mesh: Mesh, slave: str | int | Sequence[str | int], *, certain: bool = True) -> Cut | None:
+def recognise(mesh: MeshLike, slave: str | int | Sequence[str | int], *, certain: bool = True) -> Cut | None:
     """Recognise the cut of the slave groups of a mesh; return it with its records, or None if they are not cut.
 
     Existing records are used as they are; without them the macro-elements are recognised from the faces and numbered
@@ -123,6 +123,7 @@ def recognise(mesh: Mesh, slave: str | int | Sequence[str | int], *, certain: bo
     >>> recognise(bare, "slave").n_macros, recognise(mesh, "slave")
     (36, None)
     """
+    mesh = as_mesh(mesh)
     if is_cut(mesh):
         return Cut(mesh)
     recognised = find_macros(mesh, group_names(mesh, slave))

@@ -6,12 +6,15 @@ Each of them is an extra (`lacmesh[io]`, `lacmesh[view]`), and imported when it 
 from __future__ import annotations
 
 from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.errors import DataError, RequestError
+from lacmesh.errors import DataError, ReadError, RequestError
+from lacmesh.formats import vtu
 from lacmesh.formats.arrays import to_arrays
 from lacmesh.formats.meshio_mesh import from_meshio, to_meshio
 from lacmesh.formats.notes import to_json
@@ -19,7 +22,7 @@ from lacmesh.formats.vtu.types import OF_TYPE
 from lacmesh.formats.vtu.writer import NOTES, vtk_cells
 from lacmesh.mesh import Ints, Mesh
 
-__all__ = ["from_meshio", "to_meshio", "to_pyvista", "to_trimesh"]
+__all__ = ["from_meshio", "from_pyvista", "to_meshio", "to_pyvista", "to_trimesh"]
 
 _TRIA6 = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
 _TRIA7 = ((0, 3, 6), (3, 1, 6), (1, 4, 6), (4, 2, 6), (2, 5, 6), (5, 0, 6))
@@ -67,6 +70,24 @@ def to_pyvista(mesh: Mesh, *, groups: bool = True, data: bool = True) -> Any:
                 into[name] = array[rows]
     grid.field_data[NOTES] = [to_json(mesh, arrays.notes)]
     return grid
+
+
+def from_pyvista(grid: Any) -> Mesh:
+    """The mesh of a `pyvista.UnstructuredGrid`, or of other pyvista data that can be cast to one.
+
+    Arrays named as `to_pyvista` names them become groups and numbers again, others are data. Raises RequestError for
+    what is no data of pyvista, DataError for cells that lacmesh does not have.
+    """
+    _needed("pyvista", "view")
+    if not hasattr(grid, "cast_to_unstructured_grid"):
+        raise RequestError(f"from_pyvista takes the data sets of pyvista, not {type(grid).__name__}")
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "grid.vtu")  # VTK writes what the reader of VTU files knows
+        grid.cast_to_unstructured_grid().save(path)
+        try:
+            return vtu.read(path)
+        except ReadError as error:
+            raise DataError(f"this grid is no mesh of lacmesh: {error.reason}") from None
 
 
 def to_trimesh(mesh: Mesh, group: str) -> Any:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Floats, Ints, Mesh, Spec, spec_text
+from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, Spec, as_mesh, spec_text
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.quality.determinant import validity_among
 from lacmesh.quality.measures import POOR, RELATIVE, chosen_measures, mean_size_of, measure_cells, primary_metric
@@ -152,7 +152,7 @@ class _Measured:
         return _Measured(self.type, self.cells[at], values, self.validity[:, at])
 
 
-def measure_quality(mesh: Mesh, group: Spec | None = None, measures: str | Iterable[str] | None = None) -> Quality:
+def measure_quality(mesh: MeshLike, group: Spec | None = None, measures: str | Iterable[str] | None = None) -> Quality:
     """Measure the quality of a mesh, or of one `group` (named as `Mesh.cells_of` takes it).
 
     `measures`: names, "all", or None for the default ones. Surface cells are measured relative to their own normal.
@@ -163,6 +163,7 @@ def measure_quality(mesh: Mesh, group: Spec | None = None, measures: str | Itera
     >>> q.count, q.invalid, q.types[0].measures["scaled_jacobian"].least
     (1, 0, 1.0)
     """
+    mesh = as_mesh(mesh)
     cells = np.arange(mesh.n_cells) if group is None else mesh.cells_of(group)
     names = list(mesh.cell_groups) if group is None else []
     return quality_of(mesh, cells, measures, group=None if group is None else spec_text(group), by_group=names)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.errors import DataError
-from lacmesh.mesh import Floats, Ints, Mesh, Spec
+from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, Spec, as_mesh
 from lacmesh.smooth.find import FoundShape
 from lacmesh.smooth.heights import Smooth, smooth_of
 from lacmesh.surface.record import Surface
@@ -77,7 +77,7 @@ class FittedShape:
         return own | {"text": str(self), "faces": len(self.faces)}
 
 
-def fit_surface(mesh: Mesh, group: Spec, crease_angle: float = 40.0) -> tuple[FittedShape, ...]:
+def fit_surface(mesh: MeshLike, group: Spec, crease_angle: float = 40.0) -> tuple[FittedShape, ...]:
     """Find the shapes of a group's skin, the one with the most faces first; free form by connected parts.
 
     `group`: named as in `Mesh.group`. `crease_angle` (degrees): adjacent faces with a larger angle between their
@@ -91,6 +91,7 @@ def fit_surface(mesh: Mesh, group: Spec, crease_angle: float = 40.0) -> tuple[Fi
     >>> [(one.shape, round(one.radius, 12), one.nodes) for one in fit_surface(arc, "arc")]
     [('circle', 3.0, 9)]
     """
+    mesh = as_mesh(mesh)
     surface = Surface.of(mesh, skin_cells(mesh, group))
     return fitted_shapes(smooth_of(mesh, surface, crease_angle), surface)
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import DataError
-from lacmesh.mesh import Ints, Mesh, Spec, spec_text
+from lacmesh.mesh import Ints, Mesh, MeshLike, Spec, as_mesh, spec_text
 from lacmesh.topology.components import label_components
 from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.faces import cells_of_dim, distinct_faces, faces_of, facets_of
@@ -52,7 +52,7 @@ class SkinOrientation:
     one_sided: Ints
 
 
-def orient(mesh: Mesh, group: Spec) -> Mesh:
+def orient(mesh: MeshLike, group: Spec) -> Mesh:
     """Flip the skin faces of a cell group so that all are outward; numbers, groups and data are kept.
 
     `group`: named as `Mesh.group` takes it.
@@ -64,6 +64,7 @@ def orient(mesh: Mesh, group: Spec) -> Mesh:
     >>> orient(triangle, "s").block("SEG2").tolist()
     [[0, 1]]
     """
+    mesh = as_mesh(mesh)
     return reverse(mesh, analyse_orientation(mesh, skin_cells(mesh, group)).to_flip)
 
 

@@ -6,6 +6,6 @@ page = the same faces and a small viewer            (`page`, `page.html`: one fi
 """
 
 from lacmesh.view.page import page
-from lacmesh.view.png import picture
+from lacmesh.view.png import picture, thumbnail
 
-__all__ = ["page", "picture"]
+__all__ = ["page", "picture", "thumbnail"]

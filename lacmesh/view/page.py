@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.errors import RequestError
 from lacmesh.formats.output import replace_file
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh
 from lacmesh.reference.shapes import shape
 from lacmesh.scene import colours, legend_of, title_of
 from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
@@ -55,7 +55,7 @@ PageArrays = dict[str, NDArray]
 
 
 def page(
-    mesh: Mesh,
+    mesh: MeshLike,
     path: str | os.PathLike[str],
     *,
     slave: Groups = None,
@@ -72,6 +72,7 @@ def page(
 
     Raises RequestError, GroupNotFoundError, DataError, WriteError.
     """
+    mesh = as_mesh(mesh)
     path = Path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise RequestError(f"{path}: a page is written as .html")

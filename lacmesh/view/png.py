@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import os
 from collections.abc import Iterable
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
-from lacmesh.errors import RequestError
+from lacmesh.errors import LacmeshError, RequestError
 from lacmesh.formats.output import replace_file, temporary_folder
-from lacmesh.mesh import Mesh
+from lacmesh.mesh import Mesh, MeshLike, as_mesh
 from lacmesh.scene import Scene, camera_of, laid_out, make_scene
 from lacmesh.scene.marks import MarkedFinding, Values
 from lacmesh.scene.visible import Groups, Vector
@@ -23,12 +25,14 @@ from lacmesh.view.offscreen import ADVICE, render
 
 #: the largest side of a picture, in pixels: what renderers allow
 LARGEST = 16384
+#: largest number of cells of a thumbnail, which is drawn without being asked for
+_SMALL = 50_000
 #: what is quicker than a drawing that takes too long, and what to do where nothing can be drawn
 _QUICKER, _ADVICE = "a smaller size, near or a page (.html) is", f"{ADVICE}, and a page (.html) needs none"
 
 
 def picture(
-    mesh: Mesh,
+    mesh: MeshLike,
     path: str | os.PathLike[str],
     *,
     slave: Groups = None,
@@ -58,6 +62,7 @@ def picture(
     Raises RequestError where pyvista is missing, GroupNotFoundError, DataError for places too far away, WriteError
     where nothing can be drawn or written.
     """
+    mesh = as_mesh(mesh)
     path = Path(path)
     if path.suffix.lower() != ".png":
         raise RequestError(f"{path}: a picture is written as .png")
@@ -75,6 +80,19 @@ def picture(
             "lacmesh.view.draw", folder, [PICTURE], output=path, timeout=timeout, quicker=_QUICKER, advice=_ADVICE
         )
     replace_file(path, image)
+
+
+def thumbnail(mesh: Mesh) -> str:
+    """Return a small picture of a mesh as HTML, for notebooks; "" for a large mesh, or where nothing can be drawn."""
+    if find_spec("pyvista") is None or not 0 < mesh.n_cells <= _SMALL:
+        return ""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "mesh.png")
+        try:
+            picture(mesh, path, size=(480, 320), timeout=20.0)
+        except LacmeshError:
+            return ""
+        return f'<img alt="the mesh" src="data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}">'
 
 
 def _save(folder: Path, scene: Scene, size: tuple[int, int]) -> None:

@@ -13,7 +13,7 @@ from lacsolver.case.digest import changed, digest, fingerprint, fingerprint_as
 from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.errors import CaseError, EvaluationError, Issue
 from lacsolver.case.groups import check_groups
-from lacsolver.case.read import parse_case, read_case
+from lacsolver.case.read import as_case, parse_case, read_case
 from lacsolver.case.records import (
     BodyForce,
     Contact,
@@ -54,6 +54,7 @@ __all__ = [
     "Tie",
     "Traction",
     "Value",
+    "as_case",
     "changed",
     "check_groups",
     "digest",

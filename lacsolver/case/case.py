@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from lacsolver.case.draft import Draft
 from lacsolver.case.dynamics import Dynamics, Initial
@@ -33,6 +33,9 @@ from lacsolver.case.records import (
 )
 from lacsolver.case.rules import BACKENDS_OF, check
 from lacsolver.case.value import Value, with_values
+
+if TYPE_CHECKING:
+    from lacmesh.mesh import Mesh
 
 #: fields that are written of a motion, if [output] does not tell
 _OUTPUTS = 100
@@ -188,7 +191,10 @@ class Case(Entry):
     """
 
     SECTION: ClassVar = Section("", False, "the problem to solve")
-    mesh: Path = key(MeshFile(), "", "mesh file; lacsolver cuts the slaves where the mesh is not cut yet")
+    mesh: Path | Mesh | None = key(
+        MeshFile(), "", "mesh file; lacsolver cuts the slaves where the mesh is not cut yet", default=None,
+        default_words="required",
+    )  # fmt: skip
     model: str = key(
         Choice(
             (

@@ -19,6 +19,10 @@ PLANE = MODELS[1:]
 ANY = "any"
 
 
+#: what the tables of keys say of a key that a file must have
+REQUIRED = "required"
+
+
 class Needs(NamedTuple):
     """Condition for a key to have a meaning: another `key` has one of these `values` (also by default).
 
@@ -102,10 +106,15 @@ def sections_of(case: Any) -> dict[str, type]:
     return {f.name: f.metadata["section"] for f in fields(case) if "section" in f.metadata}
 
 
+def is_required(key: Key, default: Any) -> bool:
+    """True if a file must have the key; Python may give the mesh of a case elsewhere."""
+    return default is MISSING or (key.default_words == REQUIRED and not key.unless)
+
+
 def told_default(key: Key, default: Any) -> str:
     """Return the default as it is written in a file, or its description."""
     if default is MISSING:
-        return "required"
+        return REQUIRED
     if key.default_words:
         return key.default_words
     if default is None:

@@ -7,16 +7,20 @@ with the end of a sentence that begins with the key's name.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from lacmesh.errors import did_you_mean
 from lacsolver.case.errors import Mistake
 from lacsolver.case.formula import Formula
 from lacsolver.case.value import Value, described, number_from, value_from
+
+if TYPE_CHECKING:
+    from lacmesh.mesh import Mesh
 
 Schema = dict[str, Any]
 
@@ -149,11 +153,14 @@ class Text:
 
 @dataclass(frozen=True)
 class MeshFile:
-    """A path to a mesh; `read_case` makes it relative to the case's file."""
+    """A path to a mesh, which `read_case` makes relative to the case's file; from Python also a mesh."""
 
     words = "a path, relative to the case's file"
 
-    def read(self, given: Any) -> Path:
+    def read(self, given: Any) -> Path | Mesh:
+        loaded = sys.modules.get("lacmesh.mesh")  # a file has no mesh in it, and reading one needs no numpy
+        if loaded is not None and isinstance(given, loaded.Mesh):
+            return given
         return given if isinstance(given, Path) else Path(Text("a path").read(given))
 
     def schema(self) -> Schema:

@@ -6,10 +6,11 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from lacmesh.errors import ReadError, did_you_mean
+from lacmesh.errors import ReadError, RequestError, did_you_mean
 from lacsolver.case.case import Case
 from lacsolver.case.draft import Draft, Found, draft
 from lacsolver.case.errors import CaseError, Issue
@@ -37,6 +38,15 @@ def read_case(path: str | Path, *, matrices: bool = False) -> Case:
         line = error.object.count(b"\n", 0, error.start) + 1
         raise ReadError(path, "is not UTF-8 text; save it as such", f"line {line}") from None
     return parse_case(text, path, matrices=matrices)
+
+
+def as_case(case: Case | str | PathLike[str]) -> Case:
+    """Return a case; a path is read. Raises ReadError, CaseError, RequestError for anything else."""
+    if isinstance(case, Case):
+        return case
+    if isinstance(case, (str, PathLike)):
+        return read_case(Path(case))
+    raise RequestError(f"a case is a lacsolver.Case or the path of a case file, not {type(case).__name__}")
 
 
 def parse_case(text: str, path: str | Path = "case.toml", *, matrices: bool = False) -> Case:
@@ -139,6 +149,9 @@ def _explained(mistakes: list[Found], made: Draft) -> Iterator[Found]:
 def _needed(top: Draft, drafts: list[Draft], found: list[Found], matrices: bool) -> Iterator[Found]:
     """Yield a mistake if a required section is missing, unless a mistake of that section is already reported."""
     there = {made.section for made in drafts} | {f.path[0] for f in found if f.path}
+    mesh = keys_of(Case)["mesh"]
+    if not top.has("mesh"):
+        yield top.wrong(f"needs mesh ({mesh.meaning}; {mesh.kind.words})")
     if matrices:
         if not there & {"contact", "tie"}:
             yield top.wrong("needs a [[contact]] or a [[tie]], for its matrices are wanted")

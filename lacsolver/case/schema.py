@@ -16,6 +16,7 @@ from lacsolver.case.keys import (
     Needs,
     Section,
     defaults_of,
+    is_required,
     keys_of,
     section_of,
     sections_of,
@@ -104,7 +105,7 @@ def _table_schema(record: type) -> Schema:
         "description": section.meaning,
         "properties": properties,
         "additionalProperties": False,
-        "required": [name for name, default in defaults.items() if default is MISSING],
+        "required": [name for name, key in keys_of(record).items() if is_required(key, defaults[name])],
     }
     rules: list[Schema] = [{"oneOf": [{"required": [name]} for name in names]} for names in section.one_of]
     rules += [{"anyOf": [{"required": [name]} for name in names]} for names in section.some_of]

@@ -41,10 +41,10 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Write the matrices of a case."""
-    import lacmesh
     from lacmesh.cutting.records import is_cut
     from lacsolver.case import read_case
     from lacsolver.matrices import write_matrices
+    from lacsolver.problem.skin import mesh_of
 
     check_alone()
     output = Path(args.output)
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> None:
             args.left = pending_output(path, force=args.force).left
     stage = Stages(args, ("pair", "write"))
     with stage("pair"):
-        mesh = lacmesh.read(case.mesh)
+        mesh = mesh_of(case)
         made = _made(case, mesh)
     with stage("write"):
         for name, matrices in made.items():

@@ -95,7 +95,7 @@ def _solve(
 ) -> Results:  # fmt: skip
     from lacsolver.cli.watch import Watch
     from lacsolver.running import run as solve
-    from lacsolver.solve.stepping import NotConvergedError
+    from lacsolver.equilibrium.stepping import NotConvergedError
 
     watch = Watch(case, quiet=args.quiet)
     args.left = lambda: left(watch, folder, start)
@@ -141,11 +141,11 @@ def _check_plot(case: Case, args: argparse.Namespace) -> None:
 
 
 def _plot(case: Case, folder: OutputFolder, args: argparse.Namespace) -> None:
-    import lacmesh
     from lacsolver.output import read_state
     from lacsolver.pictures.drawing import plot
+    from lacsolver.problem.skin import mesh_of
 
-    mesh = lacmesh.read(case.mesh)
+    mesh = mesh_of(case)
     state = read_state(folder.path, case, mesh=mesh)
     plot(case, state, Path(args.plot), mesh, zoom=args.zoom)
     if not args.quiet:

@@ -30,14 +30,14 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Check a case and print what was found. Raises CaseError with every mistake that would prevent a run."""
-    import lacmesh
     from lacsolver.case import CaseError, read_case
+    from lacsolver.problem.skin import mesh_of
     from lacsolver.validation import validate
 
     stage = Stages(args, ("read", "look"))
     with stage("read"):
         case = read_case(args.case)
-        mesh = lacmesh.read(case.mesh)
+        mesh = mesh_of(case)
     with stage("look"):
         found = validate(case, mesh)
     if not args.quiet:

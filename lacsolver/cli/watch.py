@@ -13,7 +13,7 @@ from lacmesh.cli.terminal import tell
 if TYPE_CHECKING:
     from lacsolver.case import Case
     from lacsolver.results.results import StepFigures
-    from lacsolver.solve.attempt import Told
+    from lacsolver.equilibrium.attempt import Told
 
 #: iterations of the current step that are shown at a time
 SHOWN = 8

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import lacmesh
 from lacmesh.errors import DataError, ReadError, RequestError
 from lacmesh.mesh import Mesh
 from lacsolver.case import Case, changed, fingerprint, fingerprint_as
 from lacsolver.output.arrays import StoredRows, rows_in, rows_of, write_arrays
 from lacsolver.output.names import state_file, states_in
 from lacsolver.output.tables import same_time
+from lacsolver.problem.skin import mesh_of
 from lacsolver.results.results import Restart
 from lacsolver.results.state import Histories, Iterate, StepState
 from lacsolver.results.whole import Order, grows, whole_arrays, with_arrays
@@ -102,7 +102,8 @@ def read_state(
     file that cannot be read.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from lacsolver import create, read_case, run
+    >>> from lacsolver import read_case, run
+    >>> from lacsolver.output import create
     >>> case = read_case("data/two_blocks.toml")
     >>> with TemporaryDirectory() as folder:
     ...     done = run(case, create(folder))
@@ -121,7 +122,7 @@ def read_state(
         about = _about(path, file)
         found = _restart(file if large else _Light(file), about, folder)
     if large:
-        check_same(found, case, lacmesh.read(case.mesh) if mesh is None else mesh)
+        check_same(found, case, mesh_of(case, mesh))
     return found
 
 

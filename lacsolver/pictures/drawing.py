@@ -78,7 +78,8 @@ def plot(case: Case, state: Restart, path: Path, mesh: Mesh | None = None, *, zo
     `lacmesh.view.picture`) or written.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from lacsolver import create, read_case, read_state, run
+    >>> from lacsolver import read_case, run
+    >>> from lacsolver.output import create, read_state
     >>> case = read_case("data/two_blocks.toml")
     >>> with TemporaryDirectory() as folder:
     ...     done = run(case, create(folder))

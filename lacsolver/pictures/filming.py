@@ -125,7 +125,8 @@ def film(
     nothing can be drawn or written.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from lacsolver import create, read_case, run
+    >>> from lacsolver import read_case, run
+    >>> from lacsolver.output import create
     >>> with TemporaryDirectory() as folder:
     ...     done = run(read_case("data/two_blocks.toml"), create(folder))
     ...     film(folder, f"{folder}/press.png", colour="pressure", frames=2)

@@ -38,7 +38,8 @@ def plot_history(
     panel. Raises RequestError for columns that the history does not have, ReadError, WriteError.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from lacsolver import create, read_case, run
+    >>> from lacsolver import read_case, run
+    >>> from lacsolver.output import create
     >>> with TemporaryDirectory() as folder:
     ...     done = run(read_case("data/two_blocks.toml"), create(folder))
     ...     plot_history(folder, f"{folder}/forces.png", ["reaction.bottom.*"])

@@ -30,7 +30,7 @@ from lacsolver.contact.laws import ContactLaw
 from lacsolver.problem import acting
 from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.laws import contact_law_of, law_of
-from lacsolver.problem.skin import check_mesh, prepared
+from lacsolver.problem.skin import check_mesh, mesh_of, prepared
 from lacsolver.space.places import nodes_of, wrong
 from lacsolver.space.share import ALONE, Distribution, Share
 from lacsolver.space.space import Space
@@ -127,17 +127,31 @@ class Problem:
     materials: Materials
     constraints: Constraints
     joints: tuple[ContactPair, ...]
+    source: Mesh | None = None
 
     @classmethod
-    def of(cls, case: Case, mesh: Mesh | None = None, distribution: Distribution = ALONE) -> Problem:
+    def of(
+        cls,
+        case: Case,
+        mesh: Mesh | None = None,
+        distribution: Distribution = ALONE,
+        like: Problem | None = None,
+    ) -> Problem:
         """Read the mesh of a case (or take `mesh`), cut slaves that are not cut, and check everything against the case.
 
-        `distribution`: the processes that share the model; each gets the problem of its own part.
+        `distribution`: the processes that share the model; each gets the problem of its own part. `like`: another
+        problem, whose parts are taken where they are the same.
         Raises CaseError, ReadError, CutError, DataError, RequestError, each with a sentence for the user.
         """
-        parts = build(case, read_mesh(case, distribution) if mesh is None else mesh, distribution=distribution)
+        source = read_mesh(case, distribution) if mesh is None else mesh
+        parts = build(case, source, distribution=distribution, like=like)
         assert parts.space is not None and parts.materials is not None and parts.constraints is not None
-        return cls(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs))
+        return cls(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs), source)
+
+    def shares_bodies_with(self, other: Problem) -> bool:
+        """True if another problem has the same bodies: cells, materials, springs and temperatures."""
+        same = all(getattr(self.case, name) == getattr(other.case, name) for name in ("spring", "temperature", "steps"))
+        return same and self.space is other.space and self.materials is other.materials
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -191,12 +205,19 @@ class ProblemParts:
 
 
 def build(
-    case: Case, mesh: Mesh, attempt: Attempt | None = None, *, bodies: bool = True, distribution: Distribution = ALONE
+    case: Case,
+    mesh: Mesh,
+    attempt: Attempt | None = None,
+    *,
+    bodies: bool = True,
+    distribution: Distribution = ALONE,
+    like: Problem | None = None,
 ) -> ProblemParts:
     """Build the parts of a case's problem stage by stage: for a run, for a validation, and for contact matrices.
 
     `attempt`: context of each stage; by default the first error is raised, and the stages after one that they depend on
-    are left out if it was kept. `bodies`: False for the contact pairs alone, without materials and constraints.
+    are left out if it was kept. `bodies`: False for the contact pairs alone, without materials and constraints. `like`:
+    another problem, whose space, materials and pairs are taken where they are the same.
     """
     attempt = attempt or (lambda place: nullcontext())
     parts, named = ProblemParts(mesh), False
@@ -205,26 +226,48 @@ def build(
         named = True
     if not named:
         return parts
+    if like is not None and _same_space(case, mesh, like, distribution):
+        parts.mesh, parts.prepared, parts.space = like.space.mesh, True, like.space
+    else:
+        like = None
+        _space(case, parts, attempt, distribution)
+    if parts.space is not None and bodies:
+        with attempt(""):
+            kept = like is not None and (case.material, case.kinematics) == (like.case.material, like.case.kinematics)
+            parts.materials = like.materials if like and kept else materials_of(case, parts.space)
+        parts.constraints = _constraints(case, parts.space, attempt)
+    if parts.space is not None and parts.prepared:
+        pairs = like.joints if like is not None else ()
+        records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
+        for record in records:
+            with attempt(record.place):
+                same = next((pair for pair in pairs if pair.record == record), None)
+                parts.pairs.append(same or joint_of(parts.space, record))
+    return parts
+
+
+def _same_space(case: Case, mesh: Mesh, like: Problem, distribution: Distribution) -> bool:
+    """True if a problem has the space of this case on this mesh: the same model, slaves and masters."""
+
+    def settings(case: Case) -> tuple:
+        skins = tuple((record.slave, record.master, record.hexa) for record in (*case.contact, *case.tie))
+        return case.model, case.thickness, skins
+
+    return distribution is ALONE and like.source is mesh and settings(case) == settings(like.case)
+
+
+def _space(case: Case, parts: ProblemParts, attempt: Attempt, distribution: Distribution) -> None:
+    """Check and cut the mesh of `parts`, and make its space."""
     with attempt(""):
-        check_mesh(case, mesh)
+        check_mesh(case, parts.mesh)
     with attempt(""):
-        parts.mesh = prepared(case, mesh)
+        parts.mesh = prepared(case, parts.mesh)
         parts.prepared = True
     with attempt(""):
         parts.mesh, share = distribution.take(parts.mesh, case.skins)
         if share.own is not None:
             _check_shared(case, share)
         parts.space = Space.of(parts.mesh, case.model, case.thickness, share)
-    if parts.space is not None and bodies:
-        with attempt(""):
-            parts.materials = materials_of(case, parts.space)
-        parts.constraints = _constraints(case, parts.space, attempt)
-    if parts.space is not None and parts.prepared:
-        records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
-        for record in records:
-            with attempt(record.place):
-                parts.pairs.append(joint_of(parts.space, record))
-    return parts
 
 
 def _check_shared(case: Case, share: Share) -> None:
@@ -238,8 +281,10 @@ def _check_shared(case: Case, share: Share) -> None:
 
 def read_mesh(case: Case, distribution: Distribution = ALONE) -> Mesh:
     """Return the mesh of a case, or this process's part of it. Raises ReadError, RequestError, CutError."""
+    if not isinstance(case.mesh, Path):
+        return mesh_of(case)
     slaves = {record.slave: record.hexa for record in (*case.contact, *case.tie)}
-    return distribution.read(Path(case.mesh), case.skins, slaves)
+    return distribution.read(case.mesh, case.skins, slaves)
 
 
 def _constraints(case: Case, space: Space, attempt: Attempt) -> Constraints | None:

@@ -10,13 +10,21 @@ import lacmesh
 from lacmesh.checks.spoiling import Spoilt, find_spoiling
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
-from lacmesh.mesh import Mesh
+from lacmesh.mesh import Mesh, MeshLike, as_mesh
 from lacsolver.case import Case, CaseError, Contact, Issue
+
+
+def mesh_of(case: Case, mesh: MeshLike | None = None) -> Mesh:
+    """Return the mesh, or the one that a case names; a path is read. Raises ReadError, RequestError for none."""
+    mesh = case.mesh if mesh is None else mesh
+    if mesh is None:
+        raise RequestError("the case names no mesh: give one, as solve(case, mesh) or Case(mesh=...)")
+    return as_mesh(mesh)
 
 
 def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
     """Return the mesh with the cut that a case's contacts and ties need. Raises ReadError, CaseError, CutError."""
-    mesh = lacmesh.read(case.mesh) if mesh is None else mesh
+    mesh = mesh_of(case, mesh)
     slaves = {record.slave: record for record in (*case.contact, *case.tie)}
     if is_cut(mesh):
         zones = set(Cut(mesh).zones)

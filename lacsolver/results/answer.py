@@ -7,6 +7,7 @@ for state in march(problem):
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.small.fields import Field
 from lacsolver.problem.problem import ContactPair, Problem
-from lacsolver.results.figures import balance, probe, zone_figures
+from lacsolver.results.figures import balance, probe, stress_ranges, zone_figures
 from lacsolver.results.motion import ENERGIES
 from lacsolver.results.nodal import nodal_stress
 from lacsolver.results.recovery import recover_pressure
@@ -27,7 +28,9 @@ from lacsolver.space.places import nodes_of
 class Answer:
     """Computes the figures and fields of states of a problem.
 
-    >>> from lacsolver import Problem, march, read_case
+    >>> from lacsolver import read_case
+    >>> from lacsolver.problem.problem import Problem
+    >>> from lacsolver.equilibrium.stepping import march
     >>> problem = Problem.of(read_case("data/two_blocks.toml"))
     >>> *_, state = march(problem)
     >>> answer = Answer(problem)
@@ -69,6 +72,10 @@ class Answer:
             displacement=space.largest(np.linalg.norm(state.u.reshape(-1, space.dim), axis=1)),
             motion=None if problem.case.dynamics is None else self._motion(state),
         )
+
+    def stress_ranges(self, state: State) -> Mapping[str, Mapping[str, tuple[float, float]]]:
+        """Return the range of each stress component at integration points, by group of cells, "" for all."""
+        return stress_ranges(self.problem.space, self.stress(state))
 
     def fields(self, state: State) -> Fields:
         """Return the fields of a state."""

@@ -20,7 +20,8 @@ class NaturalModes:
     the undeformed bodies.
 
     >>> from dataclasses import replace
-    >>> from lacsolver import Problem, natural_modes, read_case
+    >>> from lacsolver import natural_modes, read_case
+    >>> from lacsolver.problem.problem import Problem
     >>> case = read_case("data/two_blocks.toml")
     >>> case = replace(case, material=tuple(replace(material, density=7.8e-9) for material in case.material))
     >>> modes = natural_modes(Problem.of(case), 3)

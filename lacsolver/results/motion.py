@@ -29,7 +29,9 @@ class MotionState(NamedTuple):
     start, and `pushes` (n, 2, dim): the force on it now, and as the time scheme weighs it.
 
     >>> from dataclasses import replace
-    >>> from lacsolver import Problem, march, read_case
+    >>> from lacsolver import read_case
+    >>> from lacsolver.problem.problem import Problem
+    >>> from lacsolver.equilibrium.stepping import march
     >>> from lacsolver.case import Steps
     >>> case = replace(read_case("data/impact/bar_on_wall.toml"), steps=Steps(end=0.1, count=2))
     >>> *_, state = march(Problem.of(case))

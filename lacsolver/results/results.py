@@ -11,11 +11,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.facts import facts_html, facts_text
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
-from lacsolver.results.state import State, StepState, ZoneState, renamed_field
+from lacsolver.results.state import CONTACT, OPEN, State, StepState, ZoneState, renamed_field
 
 #: values of `Results.status`; a run that was killed keeps the first
 STATUSES = ("running", "done", "interrupted", "failed")
@@ -29,7 +31,10 @@ class ZoneFigures:
     covered area of the macro-elements in contact. `resultant` (d,) and `moment` (3,) or (), about the origin, of the
     contact forces on the slave. `active`, `open`, `unpaired`: numbers of macro-elements.
 
-    >>> from lacsolver import Answer, Problem, march, read_case
+    >>> from lacsolver import read_case
+    >>> from lacsolver.problem.problem import Problem
+    >>> from lacsolver.results.answer import Answer
+    >>> from lacsolver.equilibrium.stepping import march
     >>> problem = Problem.of(read_case("data/two_blocks.toml"))
     >>> *_, state = march(problem)
     >>> zone = Answer(problem).figures(state).contact["joint"]
@@ -60,7 +65,10 @@ class MotionFigures:
     that of the contact forces on the slave since the start, (d,). `velocities`, `accelerations`: of each probe, (d,).
 
     >>> from dataclasses import replace
-    >>> from lacsolver import Answer, Problem, march, read_case
+    >>> from lacsolver import read_case
+    >>> from lacsolver.problem.problem import Problem
+    >>> from lacsolver.results.answer import Answer
+    >>> from lacsolver.equilibrium.stepping import march
     >>> from lacsolver.case import Steps
     >>> case = replace(read_case("data/impact/bar_on_wall.toml"), steps=Steps(end=0.1, count=2))
     >>> problem = Problem.of(case)
@@ -87,7 +95,10 @@ class StepFigures:
     forces and of moments. `energy`: strain energy. `displacement`: largest magnitude of a nodal displacement. `motion`:
     energies, velocities and the like of a case with [dynamics], None for others.
 
-    >>> from lacsolver import Answer, Problem, march, read_case
+    >>> from lacsolver import read_case
+    >>> from lacsolver.problem.problem import Problem
+    >>> from lacsolver.results.answer import Answer
+    >>> from lacsolver.equilibrium.stepping import march
     >>> problem = Problem.of(read_case("data/two_blocks.toml"))
     >>> figures = [Answer(problem).figures(state) for state in march(problem)]
     >>> [(step.time, float(step.reactions["bottom"][2].round(6))) for step in figures]
@@ -137,7 +148,7 @@ class Results:
             raise ValueError(f"status is one of {', '.join(STATUSES)}, not {self.status!r}")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ZoneFields:
     """Fields of a zone at one time, on the slave skin; arrays (n,) have one row per macro-element, as in `ZoneState`.
 
@@ -146,7 +157,10 @@ class ZoneFields:
     `centre`, `normal` (n, d). On the mesh's nodes: `contact_force` (n_nodes, d), `pressure_recovered` (n_nodes,), NaN
     off the slave.
 
-    >>> from lacsolver import Answer, Problem, march, read_case
+    >>> from lacsolver import read_case
+    >>> from lacsolver.problem.problem import Problem
+    >>> from lacsolver.results.answer import Answer
+    >>> from lacsolver.equilibrium.stepping import march
     >>> problem = Problem.of(read_case("data/two_blocks.toml"))
     >>> *_, state = march(problem)
     >>> zone = Answer(problem).fields(state).zones["joint"]
@@ -168,6 +182,35 @@ class ZoneFields:
     contact_force: Floats
     pressure_recovered: Floats
 
+    @property
+    def force(self) -> Floats:
+        """Contact force (n_nodes, d) on each node of slave and master: `contact_force`."""
+        return self.contact_force
+
+    @property
+    def resultant(self) -> Floats:
+        """Resultant (d,) of the contact forces on the slave."""
+        nodes = self.surface.faces.nodes
+        total: Floats = self.contact_force[np.unique(nodes[nodes >= 0])].sum(axis=0)
+        return total
+
+    def _facts(self) -> dict[str, str]:
+        on = self.status == CONTACT
+        facts = {"macro-elements": f"{len(on):,}: {int(on.sum()):,} closed, {int((self.status == OPEN).sum()):,} open"}
+        facts["pressure"] = f"at most {self.pressure.max(initial=0.0):.6g}; pressure, recovered ({len(on)},)"
+        facts["gap"] = (
+            f"{np.nanmin(self.gap):.6g} to {np.nanmax(self.gap):.6g}" if np.isfinite(self.gap).any() else "none"
+        )
+        facts["resultant"] = ", ".join(f"{part:.6g}" for part in self.resultant)
+        facts["area"] = f"{self.area.sum():.6g}"
+        return facts | {"also": "status, coverage, centre, normal, force, surface, macro, number"}
+
+    def __repr__(self) -> str:
+        return facts_text("Contact", self._facts())
+
+    def _repr_html_(self) -> str:
+        return facts_html("Contact", self._facts())
+
     @classmethod
     def of(
         cls, state: ZoneState, surface: Surface, macro: Ints, number: Ints, recovered: Floats, nodal: Floats
@@ -187,7 +230,10 @@ class Fields:
     Stress has the components of `space.COMPONENTS`; it is NaN on nodes of no cell of the body. `velocity` and
     `acceleration` (n_nodes, d) are those of a case with [dynamics], 0 in its static steps; None for other cases.
 
-    >>> from lacsolver import Answer, Problem, march, read_case
+    >>> from lacsolver import read_case
+    >>> from lacsolver.problem.problem import Problem
+    >>> from lacsolver.results.answer import Answer
+    >>> from lacsolver.equilibrium.stepping import march
     >>> problem = Problem.of(read_case("data/two_blocks.toml"))
     >>> *_, state = march(problem)
     >>> fields = Answer(problem).fields(state)
@@ -213,7 +259,8 @@ class Restart:
     was read from, None for a state of this run. `case`: fingerprint of its case and mesh, None if it was not computed.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from lacsolver import create, read_case, read_state, run
+    >>> from lacsolver import read_case, run
+    >>> from lacsolver.output import create, read_state
     >>> case = read_case("data/two_blocks.toml")
     >>> with TemporaryDirectory() as folder:
     ...     done = run(case, create(folder))

@@ -96,7 +96,9 @@ class ZoneState:
     thickness or 2 pi r; `centre` and `normal` (n, d) of the macro-element. `force` (n_nodes, d): contact force on every
     node of slave and master.
 
-    >>> from lacsolver import Problem, march, read_case
+    >>> from lacsolver import read_case
+    >>> from lacsolver.problem.problem import Problem
+    >>> from lacsolver.equilibrium.stepping import march
     >>> *_, state = march(Problem.of(read_case("data/two_blocks.toml")))
     >>> zone = state.zones[0]
     >>> zone.name, float((zone.pressure * zone.area).sum().round(6))
@@ -140,7 +142,9 @@ class State:
     materials before the step, with which stress and energy at u are evaluated. At the last time of a
     case, `held`: rigid-body motions that only contact constrains, and `prescribed`: largest prescribed displacement.
 
-    >>> from lacsolver import Problem, march, read_case
+    >>> from lacsolver import read_case
+    >>> from lacsolver.problem.problem import Problem
+    >>> from lacsolver.equilibrium.stepping import march
     >>> *_, state = march(Problem.of(read_case("data/two_blocks.toml")))
     >>> state.time, state.u.shape, [zone.name for zone in state.zones]
     (1.0, (1536,), ['joint'])

@@ -23,7 +23,7 @@ from lacsolver.problem.rigid_modes import FreeMotion, still_free
 from lacsolver.results.results import Restart
 from lacsolver.results.state import Histories
 from lacsolver.saddle.contact_system import ContactSystem, contact_system, row_energies
-from lacsolver.solve.reduced import ReducedProblem
+from lacsolver.equilibrium.reduced import ReducedProblem
 
 
 @dataclass(frozen=True, eq=False)

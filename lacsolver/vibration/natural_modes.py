@@ -21,7 +21,7 @@ from lacsolver.problem.rigid_modes import describe
 from lacsolver.results.modes import NaturalModes
 from lacsolver.results.results import Restart
 from lacsolver.saddle.stiffness import FactorCache, Stiffness
-from lacsolver.solve.reduced import ReducedProblem
+from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.space.space import Space
 from lacsolver.vibration.eigenmodes import EigenProblem, orthonormal
 from lacsolver.vibration.linearised import LinearisedProblem

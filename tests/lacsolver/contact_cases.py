@@ -7,7 +7,7 @@ import numpy as np
 from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.patch_cases import unbalanced
 
 YOUNG, POISSON = 1000.0, 0.3

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lacmesh.errors import LacmeshWarning
-from lacsolver import Problem, march
 from lacsolver.decks import import_deck
+from lacsolver.problem.problem import Problem
+from lacsolver.equilibrium.stepping import march
 
 #: corners of a brick, then the edges of a C3D20 as pairs of corners, in the deck's order
 _CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])

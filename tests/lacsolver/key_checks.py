@@ -20,7 +20,7 @@ from lacmesh.errors import LacmeshError
 from lacsolver.case import Case
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.stepping import NotConvergedError, Told
+from lacsolver.equilibrium.stepping import NotConvergedError, Told
 from lacsolver.validation import validate
 
 CONTACT, OPEN, UNPAIRED = 1, 0, -1

@@ -13,9 +13,9 @@ from lacsolver.saddle.contact_system import ContactSystem, RowGroup, Rows
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.stiffness import FactorCache, Stiffness
-from lacsolver.solve.active_set import active_set_iterates
-from lacsolver.solve.newton import newton_iterates
-from lacsolver.solve.search import search
+from lacsolver.equilibrium.active_set import active_set_iterates
+from lacsolver.equilibrium.newton import newton_iterates
+from lacsolver.equilibrium.search import search
 
 
 def factorised(K, R, backend="auto", definite=True):

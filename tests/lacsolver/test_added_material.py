@@ -7,7 +7,7 @@ from lacsolver.bodies.pointwise import PointResponse
 from lacsolver.case import parse_case
 from lacsolver.case.added import MATERIAL_LAWS
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.bodies import cube, square
 from tests.lacsolver.held import with_sides
 

@@ -10,7 +10,7 @@ from lacsolver.case.added import MATERIAL_LAWS
 from lacsolver.problem.problem import Problem
 from lacsolver.results.answer import Answer
 from lacsolver.results.results import Restart
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.bodies import cube
 from tests.lacsolver.held import with_sides
 

@@ -73,7 +73,7 @@ def test_importing_the_package_imports_nothing():
 
 
 @pytest.mark.parametrize(
-    "first", ["lacsolver", "lacsolver.running", "lacsolver.solve.stepping", "lacsolver.pictures.drawing"]
+    "first", ["lacsolver", "lacsolver.running", "lacsolver.equilibrium.stepping", "lacsolver.pictures.drawing"]
 )
 def test_public_names_are_what_they_say_whatever_was_imported_before(first):
     code = (

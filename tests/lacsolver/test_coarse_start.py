@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import lacsolver.solve.attempt
+import lacsolver.equilibrium.attempt
 from lacsolver.saddle.coarse_start import _CoarseLevel, _joined, coarse_start
 from lacsolver.saddle.tolerances import ConvergenceTolerance
-from lacsolver.solve.attempt import first_iterate
-from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.attempt import first_iterate
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.test_coupled import moment
 from tests.skips import REPOSITORY
 
@@ -68,7 +68,7 @@ def test_the_first_set_is_near_the_last_and_the_state_is_the_same(hertz, monkeyp
     closed = state.zones[0].status == 1
     assert (near.active != closed).sum() < 0.35 * closed.sum()
     assert np.linalg.norm(near.q - state.step.iterate.q) < 0.2 * np.linalg.norm(state.step.iterate.q)
-    monkeypatch.setattr(lacsolver.solve.attempt, "coarse_start", lambda K, f, contact, start, tolerance: start)
+    monkeypatch.setattr(lacsolver.equilibrium.attempt, "coarse_start", lambda K, f, contact, start, tolerance: start)
     *_, other = march(problem)
     assert np.array_equal(other.zones[0].status, state.zones[0].status)
     size = state.zones[0].pressure.max()

@@ -9,7 +9,7 @@ import pytest
 
 from lacmesh.errors import DataError
 from lacsolver.results.state import CONTACT, OPEN
-from lacsolver.solve.stepping import NotConvergedError
+from lacsolver.equilibrium.stepping import NotConvergedError
 from tests.lacsolver.contact_cases import (
     JOINT,
     POISSON,

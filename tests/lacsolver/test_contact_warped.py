@@ -9,7 +9,7 @@ import lacmesh
 from lacmesh import Mesh
 from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.stepping import march
 
 #: fifteen slave faces, warped by 0.01 (z - 0.4)^2 at most, over six flat master faces
 MESH = Path(__file__).with_name("meshes") / "warped.msh"

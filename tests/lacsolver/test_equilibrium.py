@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import lacsolver.solve.active_set
+import lacsolver.equilibrium.active_set
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import skin_stiffness
 from lacsolver.saddle.schur import solve_saddle
@@ -164,7 +164,7 @@ def test_sets_are_tried_loosely_and_the_last_one_is_exact(monkeypatch):
         goals.append((tuple(problem.active), tolerance.reduction))
         return solve_saddle(problem, q, p, tolerance)
 
-    monkeypatch.setattr(lacsolver.solve.active_set, "solve_saddle", spied)
+    monkeypatch.setattr(lacsolver.equilibrium.active_set, "solve_saddle", spied)
     s = system(3, n=60, m=30)
     outcome = solve_active_set(s.held, s.f, contact(s), start(s, "none"), LIMITS)
     assert outcome.converged and goals[-1][1] == 0

@@ -21,7 +21,7 @@ from lacsolver.case.kinds import Choice
 from lacsolver.linear import analyse, backends
 from lacsolver.output import create
 from lacsolver.running import run
-from lacsolver.solve.stepping import NotConvergedError
+from lacsolver.equilibrium.stepping import NotConvergedError
 from tests.lacsolver.key_cases import CASES, ENGINES, SOLVERS
 from tests.lacsolver.key_checks import CHECKS, Ran, check_tower
 from tests.samples import one_in

@@ -16,8 +16,8 @@ from lacsolver.matrices import contact_matrices
 from lacsolver.output.folder import create
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
-from lacsolver.solve.attempt import _initial
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.attempt import _initial
+from lacsolver.equilibrium.stepping import march
 from lacsolver.validation import validate
 from tests.lacsolver.invariant_cases import (
     CASES,

@@ -7,8 +7,9 @@ import shutil
 import numpy as np
 import pytest
 
-from lacsolver import Answer, CaseError
+from lacsolver import CaseError
 from lacsolver.cli import main
+from lacsolver.results.answer import Answer
 from tests.formats.decks import E, K, P, pressed, tables
 from tests.formats.decks import solved as run_calculix
 from tests.lacsolver.deck_texts import Block, imported, listed, solved

@@ -7,14 +7,14 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-import lacsolver.solve.reduced
+import lacsolver.equilibrium.reduced
 from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
 from lacsolver.results.state import CONTACT
 from lacsolver.saddle.stiffness import Stiffness
-from lacsolver.solve import kept_columns
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium import kept_columns
+from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, held, pressed
 from tests.lacsolver.moving import PLANE, SMALL, SPACE, SPEED, WALL, moved, steps, thrown
 from tests.lacsolver.patch_meshes import stack
@@ -48,7 +48,7 @@ def counted(problem, start=None):
 
 def without(problem):
     """Return what `counted` does, without columns."""
-    with patch.object(lacsolver.solve.reduced, "SAVED", 0):
+    with patch.object(lacsolver.equilibrium.reduced, "SAVED", 0):
         return counted(problem)
 
 
@@ -116,7 +116,7 @@ def test_columns_are_dropped_with_their_factor_and_with_their_rows():
         kept.append(columns)
         return start(columns, *arguments)
 
-    with patch("lacsolver.solve.attempt.start_from_columns", watched):
+    with patch("lacsolver.equilibrium.attempt.start_from_columns", watched):
         list(march(Problem.of(parse_case(text), bar_on_wall("QUAD4", 8, 0.0))))
     assert kept[0] is kept[2] is not kept[3] is kept[4]
     K, rows = kept[4].K, kept[4].rows

@@ -17,8 +17,8 @@ from lacsolver.case import CaseError, parse_case
 from lacsolver.linear import SingularError
 from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
-from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.stepping import march
 from lacsolver.vibration import eigenmodes
 from lacsolver.vibration.linearised import LinearisedProblem
 from lacsolver.vibration.natural_modes import natural_modes

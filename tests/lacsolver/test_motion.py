@@ -13,7 +13,7 @@ from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import MotionState
 from lacsolver.results.results import Restart
 from lacsolver.running import run
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.stepping import march
 from lacsolver.validation import validate
 from tests.lacsolver.moving import (
     DENSITY,
@@ -306,7 +306,7 @@ def test_a_step_of_large_contact_work_is_refined(allowed):
     """A ring that is thrown in large steps: without smaller ones where it hits, energy is created."""
     text = PLANE + FINITE.replace("young = 1.0", "young = 100.0") + WALL + '[dynamics]\nscheme = "newmark"\n'
     text += thrown("body", vy=-1.0) + steps(0.4, 8)
-    with patch("lacsolver.solve.newmark._COARSE", allowed):
+    with patch("lacsolver.equilibrium.newmark._COARSE", allowed):
         _, states, motions = moved(text, on_wall(ring(24, 2, (0.0, 1.05), "slave")))
     table = np.array([m.energies for m in motions])
     whole, work = table[:, :2].sum(axis=1) / table[0, 2], np.abs(np.diff(table[:, 4])) / table[0, 2]

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.tolerances import ConvergenceTolerance
-from lacsolver.solve.newton import Damping, Linearization
+from lacsolver.equilibrium.newton import Damping, Linearization
 from tests.lacsolver.systems import (
     contact,
     contact_system,

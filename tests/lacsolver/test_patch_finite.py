@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.contact_cases import held
 from tests.lacsolver.finite_cases import YOUNG, problem_of
 from tests.lacsolver.patch_cases import unbalanced, ways

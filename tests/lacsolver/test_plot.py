@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from lacmesh import Mesh
 from lacmesh.errors import RequestError, WriteError
-from lacsolver import plot, read_case, read_state
+from lacsolver import plot, read_case
 from lacsolver.cli import main
 from lacsolver.contact import Zone
+from lacsolver.output import read_state
 from lacsolver.pictures.drawing import Skin, along, chains, magnification, pressed_span, pressed_window
 from lacsolver.problem.skin import prepared
 from tests.lacsolver.bad_cases import GOOD, blocks, put

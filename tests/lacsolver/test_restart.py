@@ -24,8 +24,8 @@ from lacsolver.output import create
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
-from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.reduced import ReducedProblem
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.reduced import ReducedProblem
 from tests.lacsolver.key_meshes import punch
 from tests.lacsolver.patch_meshes import three_blocks
 

@@ -9,8 +9,8 @@ from scipy.sparse import csr_array
 from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
 from lacsolver.saddle.tolerances import LinearTolerance
-from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.reduced import ReducedProblem
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.reduced import ReducedProblem
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, YOUNG, at, held, pressed
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.systems import saddle, solve_rows, system

@@ -7,7 +7,7 @@ import pytest
 
 from lacsolver.case import CaseError, parse_case
 from lacsolver.problem.problem import Problem
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.contact_cases import HEAD, JOINT, SLIDING, held
 from tests.lacsolver.patch_meshes import stack
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacmesh import DataError, Mesh, RequestError
+from lacmesh import Mesh
+from lacmesh.errors import DataError, RequestError
 from lacmesh.partition import distribute_nodes
 from tests.meshes import box, random_mesh
 

@@ -11,8 +11,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lacmesh import DataError, RequestError, read
+from lacmesh import read
 from lacmesh.cli import main
+from lacmesh.errors import DataError, RequestError
 from lacmesh.partition import distribute_nodes, part_of, read_part
 from lacmesh.partition.metis import distribute_by_metis
 from tests.partition.compare import differences

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lacmesh import CutError, Mesh, RequestError, cut_skin, read
+from lacmesh import Mesh, cut_skin, read
 from lacmesh.cells import CELLS
+from lacmesh.errors import CutError, RequestError
 from lacmesh.partition import cut_part, distribute_nodes, part_of, read_part, write_parts
 from lacmesh.partition.bisection import bisect
 from tests.lacsolver.bodies import body, mixture, plane_mixture

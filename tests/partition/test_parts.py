@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacmesh import Cut, GroupNotFoundError, Mesh, RequestError, cut_skin, read
+from lacmesh import Cut, Mesh, cut_skin, read
+from lacmesh.errors import GroupNotFoundError, RequestError
 from lacmesh.mesh import Model, Periodic
 from lacmesh.origin import origin_of_mesh
 from lacmesh.partition import distribute_nodes, part_of

@@ -8,7 +8,8 @@ import h5py
 import numpy as np
 import pytest
 
-from lacmesh import GroupNotFoundError, LacmeshWarning, Mesh, ReadError, RequestError, WriteError, cut_skin, read
+from lacmesh import LacmeshWarning, Mesh, cut_skin, read
+from lacmesh.errors import GroupNotFoundError, ReadError, RequestError, WriteError
 from lacmesh.partition import describe_parts, distribute_nodes, part_of, read_part, write_parts
 from lacmesh.partition.store import FILE
 from tests.meshes import random_mesh

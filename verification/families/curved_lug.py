@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import lacmesh
 import lacsolver
-from lacsolver import Problem
+from lacsolver.problem.problem import Problem
 from verification.records import Case, Outcome, Result, at_most, informative
 from verification.solving import Solved, balanced, entry, finished, with_true_gap
 

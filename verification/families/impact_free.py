@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacsolver import Problem, natural_modes, parse_case
+from lacsolver import natural_modes, parse_case
+from lacsolver.problem.problem import Problem
 from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, case_text, dynamics
 from verification.meshes.bars import WIDTH, bar
 from verification.records import Result, at_least, at_most, levels_of, rate

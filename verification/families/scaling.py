@@ -22,9 +22,10 @@ import lacmesh
 import lacsolver
 from lacmesh import Mesh
 from lacmesh.report.blocks import Line, Plot
-from lacsolver import Problem
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
+from lacsolver.problem.problem import Problem
+from lacsolver.equilibrium.stepping import march
 from lacsolver.space.space import Space
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack
@@ -106,7 +107,7 @@ class BenchmarkStages:
 
     def solve(self) -> None:
         """Solve, from the stiffness to the state."""
-        list(lacsolver.march(self.problem))
+        list(march(self.problem))
 
 
 #: name of a stage -> the method of `BenchmarkStages` that runs it, the property it is compared with, that in words

@@ -17,7 +17,7 @@ from lacsolver.distributed.processes import Processes
 from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem
 from lacsolver.results.answer import Answer
-from lacsolver.solve.stepping import march
+from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.distributed import moving_cases
 from tests.lacsolver.invariant_cases import CASES, text_of
 

@@ -15,8 +15,8 @@ from lacsolver.distributed.processes import Processes
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import prepared
 from lacsolver.saddle.shared_stiffness import SharedFactors, _own_rows
-from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.reduced import ReducedProblem
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.reduced import ReducedProblem
 from tests.lacsolver.distributed.mpi import ROOT
 
 

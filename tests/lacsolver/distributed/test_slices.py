@@ -11,7 +11,8 @@ import h5py
 import numpy as np
 import pytest
 
-from lacmesh import DataError, Mesh, ReadError, cut_skin, read, write
+from lacmesh import Mesh, cut_skin, read, write
+from lacmesh.errors import DataError, ReadError
 from lacmesh.formats.ids import counts_up
 from lacmesh.partition import distribute_nodes
 from lacsolver.cli import main as solver_main

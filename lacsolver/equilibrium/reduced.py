@@ -26,9 +26,9 @@ from lacsolver.saddle.node_blocks import with_held
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.shared_stiffness import SharedFactors
 from lacsolver.saddle.stiffness import FactorCache, Stiffness, Whole, embed
-from lacsolver.solve.kept_columns import SAVED, KeptColumns
-from lacsolver.solve.schemes import QuasiStatic, TimeScheme
-from lacsolver.solve.stabilization import Stabilization
+from lacsolver.equilibrium.kept_columns import SAVED, KeptColumns, same_entries
+from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
+from lacsolver.equilibrium.stabilization import Stabilization
 
 #: how far a node may be across the axis of symmetry, relative to the bodies' extent
 _AXIS = 1e-9
@@ -49,6 +49,28 @@ class ReducedProblem:
         self._interfaces: dict[str, Interface] = {}
         self._reference: tuple[csr_array | None, Operator] | None = None
         self._columns: KeptColumns | None = None
+
+    def take_from(self, before: ReducedProblem | None = None) -> None:
+        """Take what another static problem has found and what is the same here: stiffness, factor, interfaces.
+
+        Results are the same as without it.
+        """
+        if before is None or self.scheme.resists_rigid_motion or before.scheme.resists_rigid_motion:
+            return
+        now, then = self.problem, before.problem
+        pairs = [pair for pair in now.joints if any(pair is one for one in then.joints) and not pair.timed]
+        self._interfaces = {p.name: before._interfaces[p.name] for p in pairs if p.name in before._interfaces}
+        if not now.shares_bodies_with(then):
+            return
+        now.__dict__["kinematics"] = then.kinematics
+        T, solver = same_entries(now.constraints.T, then.constraints.T), now.case.solver == then.case.solver
+        if not (T and solver and self.linear == before.linear):
+            return
+        found = ("K", "K_q", "motions", "stabilization", "factors", "_whole")
+        self.__dict__.update({name: before.__dict__[name] for name in found if name in before.__dict__})
+        self._reference = before._reference
+        if len(pairs) == len(then.joints) and now.case.steps == then.case.steps:
+            self._columns = before._columns
 
     @cached_property
     def K(self) -> Matrix:

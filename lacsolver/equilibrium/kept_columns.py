@@ -34,7 +34,7 @@ from lacsolver.saddle.saddle import REGULAR
 from lacsolver.saddle.schur import in_balance
 from lacsolver.saddle.stiffness import Stiffness
 from lacsolver.saddle.tolerances import ConvergenceTolerance
-from lacsolver.solve.active_set import Pivots, close_rows_against_rigid_modes
+from lacsolver.equilibrium.active_set import Pivots, close_rows_against_rigid_modes
 
 #: applications of K^-1 that columns save in a step, about: a case has so many columns at most for each of its steps
 SAVED = 10
@@ -61,7 +61,7 @@ class KeptColumns:
 
     def serve(self, K: Operator, rows: Rows) -> bool:
         """True for the same stiffness, and rows of the same entries."""
-        return K is self.K and _same(rows.B, self.rows.B)
+        return K is self.K and same_entries(rows.B, self.rows.B)
 
     def columns(self, rows: Ints) -> NDArray[np.floating]:
         """Return columns of C (m, a), as they are kept or by one application of K^-1 each.
@@ -181,7 +181,7 @@ def _closed_rows(
     return p, a, active
 
 
-def _same(A: csr_array, B: csr_array) -> bool:
+def same_entries(A: csr_array, B: csr_array) -> bool:
     """True for matrices of the same entries in the same order."""
     return A is B or (
         A.shape == B.shape

@@ -17,8 +17,8 @@ from lacmesh.mesh import Floats
 from lacsolver.results.state import Iterate, StepState
 
 if TYPE_CHECKING:
-    from lacsolver.solve.load_step import LoadStep
-    from lacsolver.solve.reduced import ReducedProblem
+    from lacsolver.equilibrium.load_step import LoadStep
+    from lacsolver.equilibrium.reduced import ReducedProblem
 
 
 class StepTerms(NamedTuple):

@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats
 from lacsolver.problem.inertia import Inertia
 from lacsolver.results.motion import MotionState
-from lacsolver.solve.load_step import LoadStep
+from lacsolver.equilibrium.load_step import LoadStep
 
 if TYPE_CHECKING:
-    from lacsolver.solve.newmark import Newmark
+    from lacsolver.equilibrium.newmark import Newmark
 
 
 class Interval(NamedTuple):

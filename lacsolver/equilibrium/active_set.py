@@ -32,7 +32,7 @@ from lacsolver.saddle.operator import Operator, product
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance, sizes
-from lacsolver.solve.search import Trial
+from lacsolver.equilibrium.search import Trial
 
 #: reduction of the residual in an inexact solve, and largest number of such solves
 _LOOSE, _LOOSE_SOLVES = 0.2, 16

@@ -22,11 +22,11 @@ from lacsolver.problem.initial import fitted, initial_motion
 from lacsolver.problem.loads import thermal_force
 from lacsolver.results.motion import MotionState
 from lacsolver.results.state import Iterate, StepState
-from lacsolver.solve.attempt import attempt, first_iterate
-from lacsolver.solve.balance_of_energy import kinetic, momentum, strain
-from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.schemes import StepTerms
+from lacsolver.equilibrium.attempt import attempt, first_iterate
+from lacsolver.equilibrium.balance_of_energy import kinetic, momentum, strain
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.schemes import StepTerms
 
 #: step of the backward Euler method, relative to the first one
 _TINY = 1e-3

@@ -27,9 +27,9 @@ from lacsolver.results.state import Histories, StepState
 from lacsolver.saddle.contact_system import ContactSystem, contact_system
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.tolerances import ForceTerms, sizes
-from lacsolver.solve.newton import Linearization
-from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.schemes import StepTerms
+from lacsolver.equilibrium.newton import Linearization
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.schemes import StepTerms
 
 
 @dataclass(eq=False)

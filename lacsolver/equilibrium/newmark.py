@@ -24,11 +24,11 @@ from lacmesh.mesh import Floats
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import MotionState
 from lacsolver.results.state import Iterate, StepState
-from lacsolver.solve.balance_of_energy import Interval, energies, momentum
-from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.schemes import StepTerms
-from lacsolver.solve.starting import motion_forces, start_of_motion
+from lacsolver.equilibrium.balance_of_energy import Interval, energies, momentum
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.schemes import StepTerms
+from lacsolver.equilibrium.starting import motion_forces, start_of_motion
 
 #: digits of a step's size: steps that differ by round-off are one, and share a factor
 _DIGITS = 10

@@ -18,11 +18,11 @@ from lacsolver.problem.rigid_modes import describe
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.coarse_start import coarse_start
 from lacsolver.saddle.tolerances import ConvergenceTolerance
-from lacsolver.solve.active_set import active_set_iterates
-from lacsolver.solve.kept_columns import start_from_columns
-from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.newton import Damping, Linearization, newton_iterates
-from lacsolver.solve.search import Outcome, Trial, search
+from lacsolver.equilibrium.active_set import active_set_iterates
+from lacsolver.equilibrium.kept_columns import start_from_columns
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.newton import Damping, Linearization, newton_iterates
+from lacsolver.equilibrium.search import Outcome, Trial, search
 from lacsolver.space.space import Space
 
 #: gap, relative to the macro-element's size, below which a row is closed in the initial status
@@ -34,7 +34,10 @@ _UNCARRIED = 1e-6
 
 
 class Told(NamedTuple):
-    """An iteration: target time, halvings so far, its number, closed rows, relative residuals of balance and gap."""
+    """An iteration: target time, halvings so far, its number, closed rows, relative residuals of balance and gap.
+
+    `before`: time of the last converged step.
+    """
 
     time: float
     halvings: int
@@ -42,6 +45,7 @@ class Told(NamedTuple):
     closed: int
     balance: float
     gap: float
+    before: float = 0.0
 
 
 def attempt(step: LoadStep, halvings: int = 0, told: Callable[[Told], None] | None = None) -> Outcome:
@@ -53,7 +57,7 @@ def attempt(step: LoadStep, halvings: int = 0, told: Callable[[Told], None] | No
 
     def report(number: int, closed: int, balance: float, gap: float) -> None:
         if told is not None:
-            told(Told(step.t, halvings, number, closed, balance, gap))
+            told(Told(step.t, halvings, number, closed, balance, gap, step.state.time))
 
     def newton(start: Iterate, **how: Any) -> Outcome:
         return search(newton_iterates(step.linearize, start, tolerance, **how), tolerance, report)

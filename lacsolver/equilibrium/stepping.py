@@ -19,13 +19,13 @@ from lacsolver.results.results import Restart
 from lacsolver.results.state import UNPAIRED, Held, State, StepState, ZoneState
 from lacsolver.saddle.contact_system import ContactSystem, RowGroup
 from lacsolver.saddle.tolerances import ROUNDING
-from lacsolver.solve.attempt import TOUCHING, Told, attempt, touching, why
-from lacsolver.solve.holding import holdings
-from lacsolver.solve.load_step import LoadStep
-from lacsolver.solve.newmark import Newmark
-from lacsolver.solve.reduced import ReducedProblem
-from lacsolver.solve.schemes import QuasiStatic, TimeScheme
-from lacsolver.solve.search import Outcome
+from lacsolver.equilibrium.attempt import TOUCHING, Told, attempt, touching, why
+from lacsolver.equilibrium.holding import holdings
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.newmark import Newmark
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
+from lacsolver.equilibrium.search import Outcome
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 
@@ -42,7 +42,8 @@ class NotConvergedError(LacmeshError):
     """No equilibrium was found at some time. `state`: the last state tried.
 
     >>> from dataclasses import replace
-    >>> from lacsolver import Problem, read_case
+    >>> from lacsolver import read_case
+    >>> from lacsolver.problem.problem import Problem
     >>> case = read_case("data/two_blocks.toml")
     >>> contact = replace(case.contact[0], geometry="current")
     >>> case = replace(case, contact=contact, solver=replace(case.solver, max_iterations=1))
@@ -80,10 +81,13 @@ def march(
     start: Restart | None = None,
     told: Callable[[Told], None] | None = None,
     scheme: TimeScheme | None = None,
+    kept: list[ReducedProblem] | None = None,
 ) -> Iterator[State]:
     """Yield the converged states, step by step, from the undeformed bodies or a restart.
 
-    `told` is called for every iteration. `scheme`: time scheme of the steps, static equilibrium by default.
+    `told` is called for every iteration. `scheme`: time scheme of the steps, static equilibrium by default. `kept`: a
+    list with the problem of an earlier call, or empty; what serves this problem too is taken from there, and the list
+    then has this problem.
 
     Raises NotConvergedError if a step was halved too often, DataError if a rigid-body motion is not constrained,
     CaseError if prescribed displacements alone make skins overlap, or hold a tie apart.
@@ -97,6 +101,9 @@ def march(
     state, warned = start.step if start else StepState(), False
     for one, times in _phases(problem, scheme, state.time):
         model = ReducedProblem(problem, one)
+        if kept is not None:
+            model.take_from(*kept)
+            kept[:] = [model]
         state = one.begin(model, state, times[0])
         for made in _marched(model, state, times, told):
             warned, state = warned or _warn_of_rounding(made), made.committed

@@ -1,0 +1,295 @@
+"""Contact on matrices that are given: the method without a mesh, a case or a file.
+
+    K u + B^T p = f,    0 <= p, 0 <= G - B u, p (G - B u) = 0,    u = u0 at fixed unknowns
+
+K may come from any finite-element program, or be left to it: `solve` then applies K^-1. The active set, the
+saddle-point problem and its tolerances are those of a case (`active_set`, `saddle`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, diags_array, vstack
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+from lacmesh.errors import DataError, RequestError
+from lacmesh.facts import facts_html, facts_text
+from lacmesh.mesh import Floats, Ints
+from lacsolver.contact.laws import CONTACT, ContactLaw, Unilateral
+from lacsolver.linear import SingularError
+from lacsolver.linear.vectors import WHOLE
+from lacsolver.results.state import Iterate
+from lacsolver.saddle.contact_system import ContactSystem, RowGroup, Rows, skin_stiffness
+from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.stiffness import FactorCache, Stiffness
+from lacsolver.saddle.tolerances import ConvergenceTolerance
+from lacsolver.equilibrium.active_set import active_set_iterates
+from lacsolver.equilibrium.search import search
+
+#: a motion costs no energy if it costs less than this part of the mean stiffness
+_FREE = 1e-9
+#: part of the forces that an inverse of K may leave
+_INVERSE = 1e-6
+#: largest number of separate bodies whose rigid-body modes are sought in K
+_BODIES = 40
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactSolution:
+    """Solution of contact on given matrices, with n displacements and m macro-elements of each pair.
+
+    `u` (n,). `pressure`, `status` (1 closed, 0 open), `gap` integral G - B u: (m,) each, or a tuple of them where
+    several pairs were given. `iterations`: number of active sets that were solved.
+    """
+
+    u: NDArray[np.floating]
+    pressure: Any
+    gap: Any
+    status: Any
+    iterations: int
+
+    def _facts(self) -> dict[str, str]:
+        pairs = zip(_listed(self.status), _listed(self.pressure), strict=True)
+        facts = {"u": f"({len(self.u)},), at most {np.abs(self.u).max(initial=0.0):.6g}"}
+        for k, (status, p) in enumerate(pairs):
+            name = f"pair {k}" if isinstance(self.status, tuple) else "pressure"
+            facts[name] = f"{int((status == CONTACT).sum())} of {len(p)} closed, at most {p.max(initial=0.0):.6g}"
+        return facts | {"iterations": str(self.iterations)}
+
+    def __repr__(self) -> str:
+        return facts_text("ContactSolution", self._facts())
+
+    def _repr_html_(self) -> str:
+        return facts_html("ContactSolution", self._facts())
+
+
+def solve_contact(
+    K: Any,
+    f: Floats,
+    B: Any,
+    G: Any,
+    *,
+    fixed: Any = (),
+    u0: Floats | None = None,
+    w: Any = None,
+    law: ContactLaw | Sequence[ContactLaw] | None = None,
+    solve: Callable[[Floats], Floats] | None = None,
+    modes: Floats | None = None,
+    backend: str = "auto",
+    tolerance: float = 1e-10,
+    max_iterations: int = 50,
+) -> ContactSolution:
+    """Solve K u + Bᵀ p = f with 0 ≤ p, 0 ≤ G − B u, p (G − B u) = 0 by active sets (Semi-smooth Newton, theory.md).
+
+    K (n, n): sparse, symmetric, positive definite on the unknowns that are not fixed; also semidefinite where contact
+    holds the bodies, whose rigid-body modes are found in K unless `modes` (n, r) names them. f (n,): forces. B (m, n),
+    G (m,): those of `lacsolver.contact_matrices`, or a list of each for several pairs. `fixed` (k,): indices of the
+    unknowns with prescribed displacements, `u0` (n,): their values. `w` (m,): measure of each row, needed for laws with
+    a compliance; by default what B tells of it, which only scales tolerances. `law`: one for all pairs, or one for each
+    (`lacsolver.contact.laws`); `Unilateral()` by default. `solve`: applies K⁻¹ on the unknowns that are not fixed, in
+    their order, in place of a factor made here, named by `backend`. `tolerance`: as [solver] of a case.
+
+    Raises RequestError for arguments that do not fit together, SingularError, DataError if no active set is found
+    in `max_iterations`.
+
+    >>> import lacsolver as ls
+    >>> system = ls.assemble("data/two_blocks.toml")
+    >>> pair = ls.contact_matrices(system.mesh, "slave", "master")
+    >>> found = ls.solve_contact(system.K, system.f, pair.B, pair.G, fixed=system.fixed, u0=system.u0)
+    >>> found.u.shape, found.pressure.shape, int(found.status.sum())
+    ((1536,), (36,), 36)
+    """
+    several = isinstance(B, (list, tuple))
+    pairs = _pairs(B, G, w, law)
+    K, f = csr_array(K), np.asarray(f, float)
+    n = len(f)
+    u0 = np.zeros(n) if u0 is None else np.asarray(u0, float)
+    free = _free_unknowns(fixed, n)
+    _check_shapes(K, u0, [pair.B for pair in pairs], modes, n)
+    u = u0.copy()
+    u[free] = 0.0
+    R = None if modes is None else np.linalg.qr(np.asarray(modes, float)[free])[0]
+    stiffness = _stiffness(csr_array(K[free][:, free]), R, solve, backend)
+    contact = _system(pairs, stiffness, u, free)
+    tolerances = ConvergenceTolerance(tolerance, max_iterations, 0.0, float(np.abs(u).max(initial=0.0)))
+    q = np.zeros(len(free))
+    start = Iterate(q, np.zeros(len(contact.G)), contact.solvable & (contact.G < 0))
+    load = (f - K @ u)[free]
+
+    def contact_at(q: Floats) -> ContactSystem:
+        return contact.with_gaps(contact.G - contact.rows.B @ q)
+
+    outcome = search(active_set_iterates(stiffness, load, contact_at, start, tolerances), tolerances)
+    if not outcome.converged:
+        balance, gap = outcome.residuals[-1]
+        message = f"no active set found in {len(outcome.residuals)} solves: forces are off by {balance:.1e}, gaps by"
+        raise DataError(f"{message} {gap:.1e} of the displacements; is K symmetric, and do the rows hold the bodies?")
+    u[free] = outcome.iterate.q
+    return _answer(u, outcome.iterate, outcome.contact, len(outcome.residuals), several)
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """The matrices of one pair, and its law."""
+
+    B: csr_array
+    G: Floats
+    w: Floats
+    law: ContactLaw
+
+
+def _listed(given: Any) -> tuple[Any, ...]:
+    return tuple(given) if isinstance(given, (list, tuple)) else (given,)
+
+
+def _pairs(B: Any, G: Any, w: Any, law: Any) -> list[_Pair]:
+    """Return the pairs of given matrices. Raises RequestError if they do not belong together."""
+    Bs = [csr_array(one) for one in _listed(B)]
+    Gs = _listed(G) if isinstance(B, (list, tuple)) else (G,)
+    ws = (None,) * len(Bs) if w is None else _listed(w) if isinstance(B, (list, tuple)) else (w,)
+    laws = (law or Unilateral(),) * len(Bs) if not isinstance(law, (list, tuple)) else tuple(law)
+    if not len(Bs) == len(Gs) == len(ws) == len(laws):
+        message = f"there are {len(Bs)} matrices B, {len(Gs)} G, {len(ws)} w and {len(laws)} laws"
+        raise RequestError(f"{message}; give one of each for every pair")
+    made = []
+    for k, (one, gap, measure, obeyed) in enumerate(zip(Bs, Gs, ws, laws, strict=True)):
+        gap = np.asarray(gap, float)
+        if gap.shape != (one.shape[0],):
+            raise RequestError(f"pair {k}: B has {one.shape[0]} rows, and G has the shape {gap.shape}")
+        if measure is None and obeyed.yields:
+            raise RequestError(f"pair {k}: a law with a compliance needs w, the measure of each row")
+        measure = _measures(one) if measure is None else np.asarray(measure, float)
+        made.append(_Pair(one, gap, np.where(measure > 0, measure, 1.0), obeyed))
+    return made
+
+
+def _measures(B: csr_array) -> NDArray[np.floating]:
+    """Return about the measure (m,) of each row: half the sum of its entries' sizes, as those of both skins add up."""
+    return np.asarray(abs(B).sum(axis=1)).ravel() / 2
+
+
+def _free_unknowns(fixed: Any, n: int) -> Ints:
+    fixed = np.asarray(fixed if len(fixed) else [], np.int64)
+    if fixed.ndim != 1 or (len(fixed) and not (fixed.min() >= 0 and fixed.max() < n)):
+        raise RequestError(f"fixed are indices of unknowns, from 0 to {n - 1}")
+    return np.setdiff1d(np.arange(n), fixed)
+
+
+def _check_shapes(K: csr_array, u0: Floats, Bs: Sequence[csr_array], modes: Floats | None, n: int) -> None:
+    if K.shape != (n, n) or u0.shape != (n,) or any(B.shape[1] != n for B in Bs):
+        shapes = ", ".join(str(B.shape) for B in Bs)
+        raise RequestError(f"K {K.shape}, f ({n},), u0 {u0.shape} and B {shapes} are not of the same unknowns")
+    if modes is not None and np.shape(modes)[0] != n:
+        raise RequestError(f"modes are (n, r) with n = {n}, not {np.shape(modes)}")
+    if not all(np.isfinite(values).all() for values in (K.data, u0, *(B.data for B in Bs))):
+        raise RequestError("K, u0 and B must be finite numbers")
+
+
+def _rigid_modes(K: csr_array) -> NDArray[np.floating]:
+    """Return the motions (n, r) without energy of a semidefinite K, orthonormal; found by shifted inverse iteration."""
+    n, scale = K.shape[0], float(np.abs(K.diagonal()).mean()) if K.shape[0] else 0.0
+    if n == 0 or scale == 0:
+        raise RequestError("K has no stiffness at the unknowns that are not fixed")
+    count, _ = connected_components(K, directed=False)
+    if count > _BODIES:
+        return np.zeros((n, 0))
+    shift = _FREE * scale
+    k = min(6 * count, n - 1)
+    if k < 1:
+        return np.zeros((n, 0))
+    factor = FactorCache(np.zeros((n, 0))).factorise(csr_array(K + shift * diags_array(np.ones(n))))
+    inverse = LinearOperator((n, n), matvec=lambda x: factor.solve(np.ravel(x)))
+    start = np.random.default_rng(1).standard_normal(n)
+    size, vectors = eigsh(K, k=k, sigma=-shift, OPinv=inverse, v0=start)
+    R = vectors[:, size < _FREE * scale]
+    return np.linalg.qr(R)[0] if R.shape[1] else R
+
+
+@dataclass(frozen=True, eq=False)
+class _Applied:
+    """K^-1 of another program, where a factor of ours would stand."""
+
+    apply_inverse: Callable[[Floats], Floats]
+    n: int
+
+    iterative = False
+    vectors = WHOLE
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.n, self.n
+
+    def solve(self, f: Floats) -> NDArray[np.floating]:
+        """Return K^-1 f. Raises RequestError for a result of another shape, or that is not finite."""
+        u = np.asarray(self.apply_inverse(f), float)
+        if u.shape != (self.n,) or not np.isfinite(u).all():
+            raise RequestError(
+                f"solve returned an array of shape {u.shape}; it takes and returns {self.n} finite numbers"
+            )
+        return u
+
+    cycle = solve
+
+
+def _stiffness(K: csr_array, R: Floats | None, solve: Callable[[Floats], Floats] | None, backend: str) -> Stiffness:
+    """Return K with a factor of ours, or with K^-1 of another program. Raises SingularError, RequestError.
+
+    R (n, r): motions without energy; None to find them in K where it is singular.
+    """
+    none = np.zeros((K.shape[0], 0))
+    if solve is not None:
+        if R is not None:
+            raise RequestError(
+                "no solve can apply the inverse of a K that has motions without energy; give one of the two"
+            )
+        applied: Any = _Applied(solve, K.shape[0])
+        _check_inverse(K, applied)
+        return Stiffness(K, applied, none)
+    if R is not None:
+        return FactorCache(R, backend).factorise(K)
+    try:
+        return FactorCache(none, backend).factorise(K)
+    except SingularError:
+        R = _rigid_modes(K)
+        if not R.shape[1]:
+            raise
+    return FactorCache(R, backend).factorise(K)
+
+
+def _check_inverse(K: csr_array, applied: _Applied) -> None:
+    """Raise RequestError if `solve` does not apply the inverse of K, by one application to forces of every kind."""
+    forces = np.random.default_rng(1).standard_normal(K.shape[0]) * np.sqrt(np.abs(K.diagonal()))
+    left = np.abs(K @ applied.solve(forces) - forces).max() / np.abs(forces).max()
+    if not left < _INVERSE:
+        message = f"solve leaves {left:.1e} of the forces: it does not apply the inverse of K on the unknowns that are not"
+        raise RequestError(f"{message} fixed, or K is singular there, as for bodies that only contact holds")
+
+
+def _system(pairs: Sequence[_Pair], K: Operator, u: Floats, free: Ints) -> ContactSystem:
+    """Return the contact rows of all pairs on the free unknowns, with their gaps at the prescribed displacements u."""
+    B = csr_array(vstack([pair.B for pair in pairs]))
+    groups, first = [], 0
+    for pair in pairs:
+        last = first + len(pair.G)
+        groups.append(RowGroup(pair.law, slice(first, last), np.zeros((last - first, pair.law.n_history))))
+        first = last
+    rows = Rows(csr_array(B[:, free]), np.concatenate([pair.w for pair in pairs]))
+    moved, yields = np.diff(rows.B.indptr) > 0, np.concatenate([np.full(len(p.G), p.law.yields) for p in pairs])
+    G = np.concatenate([pair.G for pair in pairs]) - B @ u
+    return ContactSystem(rows, G, tuple(groups), np.ones(len(G), bool), moved | yields, skin_stiffness(K, rows))
+
+
+def _answer(u: Floats, now: Iterate, contact: ContactSystem, iterations: int, several: bool) -> ContactSolution:
+    states = list(contact.states(now.p, now.active))
+    pressure = tuple(rows.pressure for _, rows in states)
+    status = tuple(group.law.status(rows) for group, rows in states)
+    gap = tuple(contact.G[group.rows] for group, _ in states)
+    if several:
+        return ContactSolution(u, pressure, gap, status, iterations)
+    return ContactSolution(u, pressure[0], gap[0], status[0], iterations)

@@ -1,0 +1,295 @@
+"""Solutions of cases in Python: a case and a mesh in, displacements, pressures and stresses out, without a file.
+
+    case, mesh -> problem                                     (problem: slaves that are not cut are cut here)
+    for state in the march of the problem: a Solution         (solve.stepping)
+    displacement, contact, stress: evaluated when asked for   (results)
+
+What the last problem was made of is kept: with the same mesh, `solve` takes the cut, the paired surfaces and the factor
+of the stiffness again as far as the new case leaves them unchanged.
+"""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import RequestError
+from lacmesh.facts import facts_html, facts_text
+from lacmesh.mesh import Floats, Mesh, MeshLike
+from lacsolver.bodies.small import weights
+from lacsolver.case import Case, as_case, fingerprint
+from lacsolver.output import Writer, create
+from lacsolver.problem.problem import Problem
+from lacsolver.problem.skin import mesh_of
+from lacsolver.results.answer import Answer
+from lacsolver.results.results import Fields, Restart, Results, ZoneFields
+from lacsolver.results.state import State
+from lacsolver.equilibrium.attempt import Told
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.stepping import march as march_states
+
+_LOG = logging.getLogger("lacsolver")
+#: what the last call of `march` has made, for the next one
+_LAST: list[ReducedProblem] = []
+
+
+class _Solved(NamedTuple):
+    """What a solution of this process was evaluated from, and the number of its step."""
+
+    answer: Answer
+    state: State
+    number: int
+
+
+class Picture(NamedTuple):
+    """A picture in PNG; notebooks show it. `png`: the bytes of the file."""
+
+    png: bytes
+
+    def _repr_png_(self) -> bytes:
+        return self.png
+
+    def __repr__(self) -> str:
+        return f"Picture of {len(self.png):,} bytes in PNG; .save(path) writes it"
+
+    def save(self, path: str | Path) -> None:
+        """Write the file. Raises OSError."""
+        Path(path).write_bytes(self.png)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Solution:
+    """A converged state of a case on its mesh, with n nodes and k cells in d dimensions.
+
+    `mesh`: the cut mesh; `time` of the state; `iterations` of its step. `u` (n, d): displacement. `contact`: by the
+    name of each contact and tie, `ZoneFields` with `pressure`, `gap`, `status`, `area`, `centre`, `normal`,
+    `recovered` and `force`. In the units of the case.
+
+    >>> import lacsolver as ls
+    >>> solution = ls.solve("data/two_blocks.toml")
+    >>> solution.u.shape, solution.contact["joint"].pressure.shape
+    ((512, 3), (36,))
+    """
+
+    mesh: Mesh
+    time: float
+    iterations: int
+    evaluate: Callable[[], Fields]
+    solved: _Solved | None = None
+
+    @classmethod
+    def of(cls, answer: Answer, state: State, number: int = 1) -> Solution:
+        """Return the solution of a state, the one after `number` steps."""
+        mesh = answer.problem.space.mesh
+        return cls(mesh, state.time, state.iterations, lambda: answer.fields(state), _Solved(answer, state, number))
+
+    @cached_property
+    def fields(self) -> Fields:
+        """All fields at the nodes and of the contacts."""
+        return self.evaluate()
+
+    @property
+    def u(self) -> NDArray[np.floating]:
+        """Displacement (n, d) of the nodes."""
+        return self.fields.displacement
+
+    @property
+    def reaction(self) -> NDArray[np.floating]:
+        """Forces (n, d) of the supports on the nodes."""
+        return self.fields.reaction
+
+    @property
+    def contact(self) -> Mapping[str, ZoneFields]:
+        """Fields of each contact and tie, by its name."""
+        return self.fields.zones
+
+    def stress(self, at: str = "nodes") -> NDArray[np.floating]:
+        """Return the stress xx, yy, zz, xy in a plane (zz: hoop), xx, yy, zz, xy, yz, xz in space.
+
+        `at="nodes"`: (n, 4 or 6), extrapolated to the nodes and averaged over the cells of each; `at="cells"`: (k, 4 or
+        6), the mean of each cell. NaN for nodes and cells that belong to no body. Cauchy stress with large
+        displacements. Raises ValueError, and RequestError for cells of a solution that was read from a folder.
+        """
+        if at == "nodes":
+            return self.fields.stress
+        if at != "cells":
+            raise ValueError(f'at is "nodes" or "cells", not {at!r}')
+        answer, state, _ = self._own("stresses of cells")
+        space = answer.problem.space
+        out = np.full((self.mesh.n_cells, space.model.n_stress), np.nan)
+        for block, values, w in zip(space.blocks, answer.stress(state), weights(space), strict=True):
+            out[block.cell] = np.einsum("cq,cqk->ck", w, values) / w.sum(axis=1)[:, None]
+        return out
+
+    def von_mises(self, at: str = "nodes") -> NDArray[np.floating]:
+        """Return the equivalent stress of von Mises, (n,) at nodes or (k,) of the mean of each cell, see `stress`."""
+        return von_mises(self.stress(at))
+
+    def to_pyvista(self) -> Any:
+        """Return a `pyvista.UnstructuredGrid` of the undeformed mesh with the fields of the solution.
+
+        On points: `displacement` and `reaction` (n, 3), `stress`, `von_mises`; on cells: `pressure`, `gap` and `status`
+        of the contacts, NaN (status -2) on cells that are not their slave faces. Raises RequestError without pyvista.
+        """
+        from lacmesh.exchange.libraries import to_pyvista
+
+        grid = to_pyvista(self.mesh)
+        order = slice(None) if self.mesh.file_order is None else np.asarray(self.mesh.file_order)
+        for name, values in (("displacement", self.u), ("reaction", self.reaction)):
+            grid.point_data[name] = np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
+        grid.point_data["stress"], grid.point_data["von_mises"] = self.stress(), self.von_mises()
+        of_zones = {"pressure": np.nan, "gap": np.nan, "status": -2}
+        for name, none in of_zones.items():
+            out = np.full(self.mesh.n_cells, none)
+            for zone in self.contact.values():
+                on = zone.macro >= 0
+                out[zone.surface.cell[on]] = getattr(zone, name)[zone.macro[on]]
+            grid.cell_data[name] = out[order]
+        return grid
+
+    def plot(self, path: str | Path | None = None, *, zoom: bool = False) -> Picture:
+        """Draw the contact pressures on the deformed bodies; write the picture to `path` (.png) if one is given.
+
+        `zoom`: show the surroundings of the contact only, to scale. Raises RequestError if the case has no contact or a
+        package is missing, WriteError.
+        """
+        from lacsolver.pictures.drawing import plot
+
+        answer, state, number = self._own("pictures")
+        with tempfile.TemporaryDirectory() as folder:
+            at = Path(folder, "picture.png") if path is None else Path(path)
+            plot(answer.problem.case, Restart.of(state, 1.0, number), at, self.mesh, zoom=zoom)
+            return Picture(at.read_bytes())
+
+    def save(self, folder: str | Path, *, force: bool = False) -> None:
+        """Write the solution into a folder, with the files of `lacsolver run` (docs/output.md) for its one time.
+
+        `force`: replace results that are there. Raises RequestError if there are any, WriteError.
+        """
+        answer, state, number = self._own("files of results")
+        problem = answer.problem
+        writer = Writer(create(folder, force=force), problem.case, problem.space, fingerprint(problem.case, self.mesh))
+        results = Results(_version(), steps=(answer.figures(state),), stress=answer.stress_ranges(state))
+        writer.step(results, lambda: self.fields, Restart.of(state, problem.case.steps.last, number))
+        writer.finish(Results(**{**vars(results), "status": "done"}))
+
+    def _own(self, wanted: str) -> _Solved:
+        if self.solved is None:
+            raise RequestError(f"{wanted} need the problem, which a solution read from a folder does not have")
+        return self.solved
+
+    def _facts(self) -> dict[str, str]:
+        d = self.u.shape[1]
+        largest = float(np.linalg.norm(self.u, axis=1).max(initial=0.0))
+        facts = {
+            "time": f"{self.time:.6g}, after {self.iterations} iterations",
+            "u": f"({len(self.u)}, {d}), at most {largest:.6g}",
+        }
+        for name, zone in list(self.contact.items())[:6]:
+            on, top = int((zone.status == 1).sum()), float(zone.pressure.max(initial=0.0))
+            facts[f"contact[{name!r}]"] = (
+                f"{on} of {len(zone.status)} macro-elements closed, pressure at most {top:.6g}"
+            )
+        if len(self.contact) > 6:
+            facts["contact"] = f"{len(self.contact) - 6} more"
+        return facts
+
+    def __repr__(self) -> str:
+        return facts_text("Solution", self._facts())
+
+    def _repr_html_(self) -> str:
+        return facts_html("Solution", self._facts())
+
+
+def von_mises(stress: Floats) -> NDArray[np.floating]:
+    """Return the equivalent stress (n,) of von Mises of stresses (n, 4 or 6), xx yy zz xy (yz xz).
+
+    >>> von_mises(np.array([[100.0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 10.0, 0]])).round(6).tolist()
+    [100.0, 17.320508]
+    """
+    xx, yy, zz = stress[:, 0], stress[:, 1], stress[:, 2]
+    shear = np.square(stress[:, 3:]).sum(axis=1)
+    return np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * shear)
+
+
+def solve(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bool = False) -> Solution:
+    """Solve a case on a mesh and return its last state; slaves that are not cut are cut here.
+
+    `case`: a case, or the path of a case file. `mesh`: a mesh, or the path of its file; None for the one that the case
+    names. `progress`: show a bar on stderr. Solved again with the same mesh and another case, what the change leaves as
+    it was is taken again: the cut, the pairing, the stiffness and its factor.
+
+    Raises CaseError, ReadError, CutError, DataError and RequestError for what is wrong in the case or the mesh, and
+    NotConvergedError.
+
+    >>> import lacsolver as ls
+    >>> ls.solve("data/two_blocks.toml")
+    Solution
+      time              1, after 1 iterations
+      u                 (512, 3), at most 0.0125...
+      contact['joint']  36 of 36 macro-elements closed, pressure at most 25.0...
+    """
+    *_, last = march(case, mesh, progress=progress)
+    return last
+
+
+def march(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bool = False) -> Iterator[Solution]:
+    """Yield the solution of every step of a case on a mesh, as it converges; arguments and errors as of `solve`.
+
+    >>> import lacsolver as ls
+    >>> [(solution.time, solution.contact["joint"].pressure.shape) for solution in ls.march("data/two_blocks.toml")]
+    [(0.5, (36,)), (1.0, (36,))]
+    """
+    case = as_case(case)
+    before = _LAST[-1] if _LAST else None
+    problem = Problem.of(case, mesh_of(case, mesh), like=before.problem if before else None)
+    answer = Answer(problem)
+    with _progress(case.steps.last if progress else None) as report:
+        for number, state in enumerate(march_states(problem, told=report, kept=_LAST), start=1):
+            _LOG.info("t = %.6g: %d iterations, %d halvings", state.time, state.iterations, state.halvings)
+            yield Solution.of(answer, state, number)
+
+
+@contextmanager
+def _progress(end: float | None) -> Iterator[Callable[[Told], None] | None]:
+    """Show a bar up to the time `end` on stderr, which follows the iterations; log them if `end` is None."""
+    if end is None:
+        yield _log
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("t = {task.completed:.6g}"), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("solving", total=end)
+
+        def report(told: Told) -> None:
+            _log(told)
+            bar.update(task, description=f"step to {told.time:.6g}, iteration {told.number}")
+            if told.number == 1:
+                bar.update(task, completed=told.before)
+
+        yield report
+        bar.update(task, completed=end)
+
+
+def _log(told: Told) -> None:
+    _LOG.debug(
+        "towards t = %.6g, iteration %d: %d closed, balance %.1e, gaps %.1e",
+        told.time, told.number, told.closed, told.balance, told.gap,
+    )  # fmt: skip
+
+
+def _version() -> str:
+    from lacmesh import __version__
+
+    return __version__
