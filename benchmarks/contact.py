@@ -21,10 +21,10 @@ from meshes import blocks
 from lacmesh import Surface
 from lacsolver.case import Case, Contact, Displacement, Material, Solver
 from lacsolver.contact import Zone, integrate
-from lacsolver.linear import analyse
-from lacsolver.problem.problem import Problem
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
+from lacsolver.linear import analyse
+from lacsolver.problem.problem import Problem
 
 _ROUND = "0.03*((x-0.5)**2+(y-0.5)**2)"
 

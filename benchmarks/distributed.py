@@ -40,15 +40,15 @@ from large import Clock, side
 from meshes import blocks
 
 import lacsolver.bodies.kinematics
+import lacsolver.equilibrium.active_set
 import lacsolver.problem.problem
 import lacsolver.saddle.shared_stiffness
 import lacsolver.saddle.stiffness
-import lacsolver.equilibrium.active_set
 from lacmesh import Mesh
 from lacmesh.partition import distribute_nodes, read_part, write_parts
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.saddle.saddle import SaddleSolution
-from lacsolver.equilibrium.stepping import march
 from verification.mpiexec import ROOT, environment, words
 
 SIZES, QUICK = (24_000, 118_000), (10_000,)

@@ -26,13 +26,13 @@ from meshes import blocks
 import lacsolver.equilibrium.active_set
 import lacsolver.equilibrium.stepping
 from lacsolver.case import Case, Contact, Displacement, Dynamics, Initial, Material, Solver, Steps
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import ENERGIES
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import LinearTolerance
-from lacsolver.equilibrium.load_step import LoadStep
-from lacsolver.equilibrium.stepping import march
 
 YOUNG, POISSON, SPEED = 1000.0, 0.3, 1.0
 #: steps in free flight before the impact

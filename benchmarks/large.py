@@ -35,19 +35,19 @@ from contact import cut, pressed
 from meshes import blocks
 
 import lacsolver.contact.interface
-import lacsolver.problem.problem
-import lacsolver.saddle.stiffness
 import lacsolver.equilibrium.active_set
 import lacsolver.equilibrium.attempt
+import lacsolver.problem.problem
+import lacsolver.saddle.stiffness
 from lacmesh import Mesh
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
-from lacsolver.linear import TOLERANCE
-from lacsolver.problem.problem import Problem
-from lacsolver.saddle.saddle import SaddleSolution
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
+from lacsolver.linear import TOLERANCE
+from lacsolver.problem.problem import Problem
+from lacsolver.saddle.saddle import SaddleSolution
 
 SIZES = (50_000, 100_000, 370_000, 1_000_000)
 QUICK = (10_000, 25_000, 50_000)

@@ -22,9 +22,9 @@ import numpy as np
 import lacmesh
 from lacmesh import LacmeshError, cut_skin
 from lacsolver.decks import import_deck
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.answer import Answer
-from lacsolver.equilibrium.stepping import march
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))

@@ -2,12 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sized
+from dataclasses import fields
 from html import escape
+from typing import Any
 
 #: most lines of a description, its title included
 _LINES = 10
 _WIDTH = 110
+#: longest collection whose members are shown
+_SHORT = 6
+
+
+class Described:
+    """Base of records that a user sees: a description of ten lines at most, as text and as a table in notebooks.
+
+    A record of arrays would otherwise be printed with all their values.
+    """
+
+    def _title(self) -> str:
+        """Return the name of the record."""
+        return type(self).__name__
+
+    def _facts(self) -> dict[str, str]:
+        """Return what is told of the record: its fields, arrays by their shape, unless a class says otherwise."""
+        shown: Any = self
+        return {one.name: brief(getattr(self, one.name)) for one in fields(shown) if one.repr}
+
+    def __repr__(self) -> str:
+        return facts_text(self._title(), self._facts())
+
+    def _repr_html_(self) -> str:
+        return facts_html(self._title(), self._facts())
+
+
+def brief(value: Any) -> str:
+    """Return a few words for a value: an array by its shape, a long collection by its length.
+
+    >>> brief(2.5), brief([1, 2]), brief(range(1000)), brief({"a": [1]})
+    ('2.5', '[1, 2]', 'range of 1,000', 'a')
+    """
+    if hasattr(value, "shape") and hasattr(value, "dtype") and value.shape:
+        return f"{value.dtype} {value.shape}"
+    if isinstance(value, (bool, int, str)) or value is None:
+        return str(value)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, Mapping):
+        return listed(map(str, value)) or "none"
+    if isinstance(value, Described):
+        return value._title()
+    words = "" if isinstance(value, Sized) and len(value) > _SHORT else repr(value)
+    if words and len(words) <= _WIDTH // 2 and "\n" not in words:
+        return words
+    return f"{type(value).__name__} of {len(value):,}" if isinstance(value, Sized) else type(value).__name__
 
 
 def facts_text(title: str, facts: Mapping[str, str]) -> str:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import GroupNotFoundError, RequestError, some
-from lacmesh.facts import facts_html, facts_text, listed
+from lacmesh.facts import Described, facts_html, listed
 
 if TYPE_CHECKING:
     from lacmesh.deck import Deck
@@ -105,7 +105,7 @@ class Model:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mesh:
+class Mesh(Described):
     """A mesh of any mixture of cells; see the module for the conventions.
 
     `points` (n, 3), `blocks` at most one a type, `node_number` (n,), `cell_number` (k,), groups name -> sorted indices,
@@ -215,15 +215,17 @@ class Mesh:
         mesh: Mesh = _library().from_pyvista(grid)
         return mesh
 
+    def _title(self) -> str:
+        return "Mesh in the plane" if self.space_dim == 2 else "Mesh"
+
     def _facts(self) -> dict[str, str]:
         facts = {
             "nodes": f"{self.n_nodes:,}",
             "cells": listed(f"{n:,} {name}" for name, n in self.cells_by_type.items()) or "none",
         }
         if self.zones:
-            facts["cut"] = (
-                f"{listed(self.zones)} into {int(self.cell_data['lac_macro'].max(initial=0)):,} macro-elements"
-            )
+            count = int(self.cell_data["lac_macro"].max(initial=-1)) + 1
+            facts["cut"] = f"{listed(self.zones)} into {count:,} macro-elements"
         for what, groups in (("groups of cells", self.cell_groups), ("groups of nodes", self.node_groups)):
             if groups:
                 facts[what] = listed(f"{name} ({len(members):,})" for name, members in groups.items())
@@ -232,15 +234,9 @@ class Mesh:
                 facts[what] = listed(data)
         return facts
 
-    def __repr__(self) -> str:
-        return facts_text("Mesh in the plane" if self.space_dim == 2 else "Mesh", self._facts())
-
     def _repr_html_(self) -> str:
-        return facts_html(
-            "Mesh in the plane" if self.space_dim == 2 else "Mesh",
-            self._facts(),
-            import_module("lacmesh.view").thumbnail(self),
-        )
+        picture = import_module("lacmesh.view").thumbnail(self)
+        return facts_html(self._title(), self._facts(), picture)
 
     @property
     def n_nodes(self) -> int:

@@ -69,6 +69,9 @@ if TYPE_CHECKING:
     from lacsolver.case import Traction as Traction
     from lacsolver.case import parse_case as parse_case
     from lacsolver.case import read_case as read_case
+    from lacsolver.equilibrium.given import ContactSolution as ContactSolution
+    from lacsolver.equilibrium.given import solve_contact as solve_contact
+    from lacsolver.equilibrium.stepping import NotConvergedError as NotConvergedError
     from lacsolver.matrices import ContactMatrices as ContactMatrices
     from lacsolver.matrices import contact_matrices as contact_matrices
     from lacsolver.matrices import read_matrices as read_matrices
@@ -80,9 +83,6 @@ if TYPE_CHECKING:
     from lacsolver.solution import Solution as Solution
     from lacsolver.solution import march as march
     from lacsolver.solution import solve as solve
-    from lacsolver.equilibrium.given import ContactSolution as ContactSolution
-    from lacsolver.equilibrium.given import solve_contact as solve_contact
-    from lacsolver.equilibrium.stepping import NotConvergedError as NotConvergedError
     from lacsolver.system import System as System
     from lacsolver.system import assemble as assemble
     from lacsolver.validation import validate as validate

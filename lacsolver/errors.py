@@ -2,8 +2,8 @@
 
 from lacmesh.errors import DataError, GroupNotFoundError, LacmeshError, LacmeshWarning, ReadError, RequestError
 from lacsolver.case.errors import CaseError, EvaluationError
-from lacsolver.linear.errors import LinearError, SingularError
 from lacsolver.equilibrium.stepping import NotConvergedError
+from lacsolver.linear.errors import LinearError, SingularError
 
 __all__ = [
     "CaseError",

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 
 import lacmesh
 from lacmesh.errors import ReadError, WriteError
-from lacmesh.facts import facts_html, facts_text
+from lacmesh.facts import Described
 from lacmesh.formats.output import replacing
 from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, as_mesh
 from lacsolver.contact import Interface, Pairing, Zone, integrate
@@ -25,7 +25,7 @@ _ARRAYS = ("G", "w", "area", "coverage", "normal", "centre", "macro", "node")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactMatrices:
+class ContactMatrices(Described):
     """Contact matrices of two skins in one configuration, one row per macro-element (m,).
 
     `B` (m, d n_nodes): B v = int (v(x) - v(x_bar)).n; the gap integral at displacement u is `G` - B u. `w`: measure of
@@ -58,12 +58,6 @@ class ContactMatrices:
         )
         gap = self.G[on] / self.w[on] if on.any() else np.array([np.nan])
         return facts | {"mean gaps": f"{gap.min():.6g} to {gap.max():.6g}"}
-
-    def __repr__(self) -> str:
-        return facts_text("ContactMatrices", self._facts())
-
-    def _repr_html_(self) -> str:
-        return facts_html("ContactMatrices", self._facts())
 
     @classmethod
     def of(cls, interface: Interface, mesh: Mesh) -> ContactMatrices:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError, RequestError
-from lacmesh.facts import facts_html, facts_text, listed
+from lacmesh.facts import Described, listed
 from lacmesh.formats import read
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.surface import Surface
@@ -31,7 +31,7 @@ from lacsolver.solution import Solution
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RunResults:
+class RunResults(Described):
     """Results of a run in its folder. `summary`: content of results.json.
 
     `history`: columns of history.csv by name, an array (steps,) each, NaN where there is no value. `status`: done,
@@ -97,12 +97,6 @@ class RunResults:
             "contact": listed(self.summary.get("contact", {})) or "none",
             "history": listed(self.history),
         }
-
-    def __repr__(self) -> str:
-        return facts_text("RunResults", self._facts())
-
-    def _repr_html_(self) -> str:
-        return facts_html("RunResults", self._facts())
 
 
 def read_results(folder: str | Path) -> RunResults:

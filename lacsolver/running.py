@@ -16,6 +16,9 @@ from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.output import signals_wait
 from lacmesh.mesh import Floats, MeshLike, as_mesh
 from lacsolver.case import Case, as_case, fingerprint
+from lacsolver.equilibrium.attempt import Told
+from lacsolver.equilibrium.holding import beyond_a_cell, warnings_of
+from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import OutputFolder, Writer, check_same, create
 from lacsolver.output.states import deal_state
 from lacsolver.problem.first_look import doubts
@@ -26,9 +29,6 @@ from lacsolver.results.motion import ENERGIES, doubtful_energy
 from lacsolver.results.results import Fields, Restart, Results, StepFigures
 from lacsolver.results.state import State
 from lacsolver.results.whole import orders_of
-from lacsolver.equilibrium.attempt import Told
-from lacsolver.equilibrium.holding import beyond_a_cell, warnings_of
-from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.space.share import ALONE, Distribution
 
 

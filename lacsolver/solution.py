@@ -23,19 +23,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import RequestError
-from lacmesh.facts import facts_html, facts_text
+from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Mesh, MeshLike
 from lacsolver.bodies.small import weights
 from lacsolver.case import Case, as_case, fingerprint
+from lacsolver.equilibrium.attempt import Told
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.stepping import march as march_states
 from lacsolver.output import Writer, create
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import mesh_of
 from lacsolver.results.answer import Answer
 from lacsolver.results.results import Fields, Restart, Results, ZoneFields
 from lacsolver.results.state import State
-from lacsolver.equilibrium.attempt import Told
-from lacsolver.equilibrium.reduced import ReducedProblem
-from lacsolver.equilibrium.stepping import march as march_states
 
 _LOG = logging.getLogger("lacsolver")
 #: what the last call of `march` has made, for the next one
@@ -67,7 +67,7 @@ class Picture(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Solution:
+class Solution(Described):
     """A converged state of a case on its mesh, with n nodes and k cells in d dimensions.
 
     `mesh`: the cut mesh; `time` of the state; `iterations` of its step. `u` (n, d): displacement. `contact`: by the
@@ -202,12 +202,6 @@ class Solution:
         if len(self.contact) > 6:
             facts["contact"] = f"{len(self.contact) - 6} more"
         return facts
-
-    def __repr__(self) -> str:
-        return facts_text("Solution", self._facts())
-
-    def _repr_html_(self) -> str:
-        return facts_html("Solution", self._facts())
 
 
 def von_mises(stress: Floats) -> NDArray[np.floating]:

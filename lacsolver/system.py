@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.errors import RequestError
-from lacmesh.facts import facts_html, facts_text
+from lacmesh.facts import Described
 from lacmesh.mesh import Ints, Mesh, MeshLike
 from lacsolver.bodies.mass import assemble_mass, check_densities
 from lacsolver.case import Case, as_case
@@ -25,7 +25,7 @@ from lacsolver.problem.skin import mesh_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class System:
+class System(Described):
     """Matrices of a case at one time, without contact; n = d n_nodes unknowns, component k of node i at d i + k.
 
     `K` (n, n): stiffness of the undeformed bodies, springs included; it is singular for bodies that nothing holds. `f`
@@ -81,12 +81,6 @@ class System:
             "K": f"({n}, {n}), {self.K.nnz:,} entries",
             "f, u0": f"({n},), at time {self.time:.6g}",
         }
-
-    def __repr__(self) -> str:
-        return facts_text("System", self._facts())
-
-    def _repr_html_(self) -> str:
-        return facts_html("System", self._facts())
 
 
 def assemble(case: Case | str | Path, mesh: MeshLike | None = None, *, t: float | None = None) -> System:

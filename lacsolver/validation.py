@@ -17,6 +17,7 @@ from scipy.sparse import csr_array, vstack
 
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, RequestError
+from lacmesh.facts import Described
 from lacmesh.mesh import Mesh, MeshLike
 from lacsolver.case import Case, CaseError, Issue, as_case
 from lacsolver.case.records import Entry
@@ -56,8 +57,8 @@ class ZoneFound:
     overlap: float = 0.0
 
 
-@dataclass
-class Validation:
+@dataclass(repr=False)
+class Validation(Described):
     """Result of a validation.
 
     `mesh`: the cut mesh; `cut_here`: True if the cut was made here and not read from the file; `whole`: True if each

@@ -23,12 +23,12 @@ from lacsolver.bodies.mass import KINDS, assemble_mass
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.case import parse_case
 from lacsolver.cli import main
+from lacsolver.equilibrium.stepping import march
 from lacsolver.linear import analyse
 from lacsolver.linear.multigrid.cycle import Team
 from lacsolver.problem.problem import Problem
 from lacsolver.results.answer import Answer
 from lacsolver.saddle.node_blocks import with_held
-from lacsolver.equilibrium.stepping import march
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube
 from tests.lacsolver.contact_cases import held

@@ -18,8 +18,8 @@ from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
 from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES, parent_pattern
 from lacmesh.reference.shapes import shape
 from lacsolver.case import errors as case_errors
-from lacsolver.linear import errors as linear_errors
 from lacsolver.equilibrium.stepping import NotConvergedError
+from lacsolver.linear import errors as linear_errors
 from tests.meshes import cell_with_faces
 from tests.properties import volumes
 

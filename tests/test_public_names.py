@@ -17,10 +17,10 @@ import pytest
 import lacmesh
 import lacsolver
 from lacsolver import read_case
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
 from lacsolver.results.state import State
-from lacsolver.equilibrium.stepping import march
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = (lacmesh, lacsolver)

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 import lacsolver
 from lacmesh import Mesh
 from lacsolver.contact import integrate
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.answer import Answer
 from lacsolver.results.results import Fields, Restart, StepFigures
 from lacsolver.results.state import State, ZoneState
-from lacsolver.equilibrium.stepping import march
 from verification.measures.balance import Balance, unbalanced
 from verification.records import Level, Picture, Result, at_most, levels_of
 

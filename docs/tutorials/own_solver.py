@@ -11,8 +11,8 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 import lacmesh
 from lacsolver import Case, contact_matrices
 from lacsolver.case import Contact, Displacement, Material
-from lacsolver.problem.problem import Problem
 from lacsolver.equilibrium.stepping import march
+from lacsolver.problem.problem import Problem
 
 YOUNG, POISSON, PRESSED = 1.0, 0.3, 0.1
 

@@ -10,14 +10,14 @@ from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.contact.interface import positions
 from lacsolver.contact.laws import Unilateral
 from lacsolver.contact.rows import macro_rows
-from lacsolver.problem.problem import Problem
-from lacsolver.results.state import Iterate
-from lacsolver.saddle.contact_system import ContactSystem, Rows
-from lacsolver.saddle.tolerances import ConvergenceTolerance
 from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.search import search
+from lacsolver.problem.problem import Problem
+from lacsolver.results.state import Iterate
+from lacsolver.saddle.contact_system import ContactSystem, Rows
+from lacsolver.saddle.tolerances import ConvergenceTolerance
 
 
 def pad(n):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from lacmesh.checks.rules import SEVERITIES
+from lacmesh.facts import Described
 
 Corner = tuple[float, float, float]
 
@@ -18,8 +19,8 @@ class Where(NamedTuple):
     box: tuple[Corner, Corner] | None = None
 
 
-@dataclass(frozen=True)
-class Finding:
+@dataclass(frozen=True, repr=False)
+class Finding(Described):
     """One finding: `rule` (a key of RULES), `severity`, ids of `cells` and `nodes` in the file, `where`, a sentence.
 
     >>> from lacmesh import check, read
@@ -35,6 +36,9 @@ class Finding:
     where: Where
     message: str
 
+    def __repr__(self) -> str:
+        return f"{self.severity} {self.rule}: {self.message}"
+
     def as_dict(self) -> dict[str, Any]:
         """Return the finding as plain data for JSON."""
         return {
@@ -47,8 +51,8 @@ class Finding:
         }
 
 
-@dataclass(frozen=True)
-class Findings:
+@dataclass(frozen=True, repr=False)
+class Findings(Described):
     """All findings, errors first; `summary`: counts, and figures of the internal dofs, the gap and the coverage.
 
     >>> from lacmesh import check, read
@@ -59,6 +63,13 @@ class Findings:
 
     findings: tuple[Finding, ...]
     summary: Mapping[str, Any]
+
+    def _title(self) -> str:
+        counts = ", ".join(f"{len(self.of_severity(kind))} {kind}" for kind in ("error", "warning", "info"))
+        return f"Findings: {counts}"
+
+    def _facts(self) -> dict[str, str]:
+        return {f"{one.severity} {one.rule}": one.message for one in self.findings}
 
     def __iter__(self) -> Iterator[Finding]:
         return iter(self.findings)

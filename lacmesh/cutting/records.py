@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from lacmesh.errors import CutError
+from lacmesh.facts import Described, listed
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.topology.skin import FACE_TYPES
 
@@ -16,8 +17,8 @@ CELL_RECORDS = ("lac_macro", "lac_zone", "lac_child", "lac_parent")
 NODE_RECORD = "lac_internal"
 
 
-@dataclass(frozen=True)
-class Cut:
+@dataclass(frozen=True, repr=False)
+class Cut(Described):
     """A view of the records of a cut in its mesh, where they are ordinary data, so that file formats keep them.
 
     Raises CutError if the mesh carries no cut.
@@ -38,6 +39,12 @@ class Cut:
         zones = self.zone_of_face[faces]
         if not kinds <= set(FACE_TYPES[1:]) or zones.min() < 0 or zones.max() >= len(self.zones):
             raise CutError("the data lac_macro and lac_zone of this mesh are not those of a cut; take them out")
+
+    def _facts(self) -> dict[str, str]:
+        zone = self.zone_of_face[[faces[0] for faces in self.faces_of_macro]] if self.n_macros else []
+        counts = np.bincount(zone, minlength=len(self.zones))
+        macros = (f"{name} ({count:,})" for name, count in zip(self.zones, counts, strict=True))
+        return {"macro-elements": listed(macros), "mesh": f"{self.mesh.n_nodes:,} nodes, {self.mesh.n_cells:,} cells"}
 
     @property
     def zones(self) -> tuple[str, ...]:

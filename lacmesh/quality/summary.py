@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
+from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, Spec, as_mesh, spec_text
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.quality.determinant import validity_among
@@ -95,8 +96,8 @@ def _range(accepted: tuple[float, float] | None) -> list[float | None] | None:
     return None if accepted is None else [v if np.isfinite(v) else None for v in accepted]
 
 
-@dataclass(frozen=True)
-class Quality:
+@dataclass(frozen=True, repr=False)
+class Quality(Described):
     """The quality of a mesh, or of one group: `types` of all its cells, and of each group by itself in `groups`.
 
     >>> from lacmesh import read
@@ -109,6 +110,10 @@ class Quality:
     types: tuple[TypeQuality, ...]
     groups: dict[str, tuple[TypeQuality, ...]]
     not_measured: dict[str, int]
+
+    def _facts(self) -> dict[str, str]:
+        facts = {"cells": f"{self.count:,} measured, {self.invalid:,} invalid"}
+        return facts | {t.type: f"{t.count:,}, {t.invalid:,} invalid" for t in self.types}
 
     @property
     def count(self) -> int:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.errors import DataError
+from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, Spec, as_mesh
 from lacmesh.smooth.find import FoundShape
 from lacmesh.smooth.heights import Smooth, smooth_of
@@ -23,8 +24,8 @@ _SHOWN = 4
 _IN_PLANE = {"plane": "line", "sphere": "circle"}
 
 
-@dataclass(frozen=True, eq=False)
-class FittedShape:
+@dataclass(frozen=True, eq=False, repr=False)
+class FittedShape(Described):
     """A part of a skin and the shape on which its nodes lie; lengths and coordinates are those of the mesh.
 
     `shape`: plane, cylinder, sphere, cone or torus; line or circle in the plane; or free form. `faces`: indices of the

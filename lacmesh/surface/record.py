@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
+from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.surface.height import Height
 from lacmesh.topology.edges import neighbours
@@ -30,8 +31,8 @@ from lacmesh.topology.winding import REVERSED, is_inverted, relative_listing
 _PLANE = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class Surface:
+@dataclass(frozen=True, eq=False, repr=False)
+class Surface(Described):
     """Distinct faces of one dimension, one per row, with the winding whose normal points out of the cells behind.
 
     `x` (n_nodes of the mesh, 3): coordinates. `faces`: types and nodes. `cell` (f,): the mesh's cell each row is.

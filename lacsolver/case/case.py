@@ -5,9 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from os import PathLike
+from os.path import relpath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from lacmesh.errors import RequestError
+from lacmesh.facts import Described, listed
 from lacsolver.case.draft import Draft
 from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.errors import CaseError, Issue
@@ -32,6 +36,7 @@ from lacsolver.case.records import (
     Traction,
 )
 from lacsolver.case.rules import BACKENDS_OF, check
+from lacsolver.case.toml import section_text
 from lacsolver.case.value import Value, with_values
 
 if TYPE_CHECKING:
@@ -41,7 +46,7 @@ if TYPE_CHECKING:
 _OUTPUTS = 100
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Probe(AtNodes):
     """[[probe]]: a displacement that is recorded after every step."""
 
@@ -58,7 +63,7 @@ class Probe(AtNodes):
             object.__setattr__(self, "name", self.group)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Steps(Entry):
     """[steps]: the steps from time 0 to the end. A step that does not converge is halved."""
 
@@ -94,7 +99,7 @@ class Steps(Entry):
         return self.times[-1] if self.times else self.end
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Solver(Entry):
     """[solver]: engine, linear solver, tolerance, iterations and tangent."""
 
@@ -156,7 +161,7 @@ class Solver(Entry):
         return owners[0] if len(owners) == 1 else "petsc" if n_ranks > 1 else "serial"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Output(Entry):
     """[output]: format of the fields, and steps or times at which they are written."""
 
@@ -176,7 +181,7 @@ class Output(Entry):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Case(Entry):
     """The whole problem to solve. It is checked when it is made; raises CaseError with every mistake.
 
@@ -266,6 +271,45 @@ class Case(Entry):
         named = (name for record in (*self.contact, *self.tie) for name in (record.slave, record.master))
         return tuple(dict.fromkeys(named))
 
+    def write(self, path: str | PathLike[str]) -> None:
+        """Write the case into a file, which `read_case` reads; the mesh is named relative to its folder.
+
+        Raises RequestError for a mesh that is in memory and for values that are Python functions, WriteError.
+
+        >>> from tempfile import TemporaryDirectory
+        >>> from lacsolver import read_case
+        >>> case = read_case("data/two_blocks.toml")
+        >>> with TemporaryDirectory() as folder:
+        ...     case.write(f"{folder}/again.toml")
+        ...     print(read_case(f"{folder}/again.toml").contact == case.contact)
+        True
+        """
+        path = Path(path)
+        if not isinstance(self.mesh, Path):
+            advice = "write the mesh with lacmesh.write, and name its file, as dataclasses.replace(case, mesh=path)"
+            raise RequestError(f"a case file names its mesh by a path, and the mesh of this case is none; {advice}")
+        top = drafted(self, ()).told() | {"mesh": Path(relpath(self.mesh, path.parent))}
+        sections = [section_text("", top)]
+        for name, record in self.records():
+            keys = drafted(record, name).told()
+            if keys or section_of(type(record)).several or name == ("dynamics",):
+                sections.append(section_text(section_of(type(record)).header, keys))
+        from lacmesh.formats.output import replace_file  # reading a case needs no numpy
+
+        replace_file(path, "\n".join(sections).encode())
+
+    def _facts(self) -> dict[str, str]:
+        facts = {"model": f"{self.model}, {self.kinematics} displacements"}
+        facts["mesh"] = "in memory" if self.mesh is not None and not isinstance(self.mesh, Path) else str(self.mesh)
+        for name in sections_of(Case):
+            held = getattr(self, name)
+            if isinstance(held, tuple) and held:
+                facts[name] = listed(_named(record) for record in held)
+        return facts | {"steps": f"{len(self.steps.planned)}, up to t = {self.steps.last:g}"}
+
+    def __repr__(self) -> str:
+        return Described.__repr__(self)
+
     def _take_records(self) -> None:
         """Store the records of each section as a tuple of them, or as a single one. Raises TypeError."""
         for name, record in sections_of(Case).items():
@@ -286,6 +330,15 @@ class Case(Entry):
                 yield from (((name, k), record) for k, record in enumerate(held))
             elif held is not None:
                 yield (name,), held
+
+
+def _named(record: Any) -> str:
+    """Return what names a record in a list: its name, group, groups, law or place."""
+    for name in ("name", "group", "groups", "law", "at"):
+        value = getattr(record, name, None)
+        if value:
+            return " + ".join(value) if isinstance(value, tuple) and isinstance(value[0], str) else str(value)
+    return "the whole mesh"
 
 
 def drafted(record: Entry, path: tuple[str | int, ...]) -> Draft:

@@ -25,7 +25,7 @@ from lacsolver.case.value import Value
 _HHT, _NEWMARK = Needs("scheme", ("hht",)), Needs("scheme", ("newmark",))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Dynamics(Entry):
     """[dynamics]: inertia and damping in the steps, and the time scheme; contact conditions hold at their ends."""
 
@@ -83,7 +83,7 @@ def _motion(unit: str, meaning: str, models: tuple[str, ...] = MODELS) -> Any:
     return key(Varying(), unit, meaning, models=models, default=None)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Initial(Entry):
     """[[initial]]: velocity, and displacement, with which bodies begin to move."""
 

@@ -13,9 +13,11 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, ClassVar, Self
 
+from lacmesh.facts import Described
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.case.draft import draft, same
 from lacsolver.case.errors import CaseError, Issue
+from lacsolver.case.formula import Formula
 from lacsolver.case.keys import MODELS, Needs, Section, defaults_of, key
 from lacsolver.case.kinds import (
     NOT_NEGATIVE,
@@ -47,8 +49,8 @@ _EITHER = "the kind that has this name; cell if both have it"
 _THREE = ("fx", "fy", "fz")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Entry:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Entry(Described):
     """Base class of the records. `place`: file and line of the record, for messages; empty for records from Python."""
 
     SECTION: ClassVar[Section]
@@ -64,6 +66,17 @@ class Entry:
         if found:
             raise CaseError([Issue(f.message) for f in found], self.place or None)
         self._complete(made.values)
+
+    def __repr__(self) -> str:
+        defaults = defaults_of(type(self))
+        given = {name: getattr(self, name) for name in defaults}
+        words = (f"{k}={_plainly(value)}" for k, value in given.items() if not same(value, defaults[k]))
+        return f"{type(self).__name__}({', '.join(words)})"
+
+    def _facts(self) -> dict[str, str]:
+        defaults = defaults_of(type(self))
+        given = {name: getattr(self, name) for name in defaults}
+        return {name: _plainly(value) for name, value in given.items() if not same(value, defaults[name])}
 
     def _complete(self, values: Mapping[str, Any]) -> None:
         """Take the values that were read, and set those that depend on others."""
@@ -81,7 +94,13 @@ class Entry:
         return made
 
 
-@dataclass(frozen=True, kw_only=True)
+def _plainly(value: Any) -> str:
+    """Return a value of a record as it could be given."""
+    source = value.source if isinstance(value, Value) else value
+    return repr(source.text) if isinstance(source, Formula) else repr(source)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Material(Entry):
     """[[material]]: the law of some cells."""
 
@@ -158,7 +177,7 @@ _SURFACE = Choice(
 )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class PairEntry(Entry):
     """Base class of contacts and ties."""
 
@@ -185,7 +204,7 @@ class PairEntry(Entry):
             object.__setattr__(self, "name", self.slave)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Contact(PairEntry):
     """[[contact]]: two skins that may touch. A Case sets the default of `geometry` from its kinematics."""
 
@@ -248,14 +267,14 @@ class Contact(PairEntry):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Tie(PairEntry):
     """[[tie]]: two surfaces bonded together, in all components."""
 
     SECTION: ClassVar = Section("tie", True, "two surfaces bonded together, in all components")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class AtNodes(Entry):
     """Base class of records that act on the nodes of a group, or on the node at a place."""
 
@@ -274,7 +293,7 @@ def _load(unit: str, meaning: str, models: tuple[str, ...] = MODELS, normals: bo
     return key(Varying(normals=normals), unit, meaning, load=True, models=models, default=None)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Displacement(AtNodes):
     """[[displacement]]: prescribed components of displacement."""
 
@@ -289,7 +308,7 @@ class Displacement(AtNodes):
     un: Value | None = _load("length", "along the outward normal of the group's faces")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Pressure(Entry):
     """[[pressure]]: pressure on faces, along their inward normal."""
 
@@ -299,7 +318,7 @@ class Pressure(Entry):
     follower: bool = key(Flag(), "", "acts on the deformed face", default=False, kinematics="finite")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Traction(Entry):
     """[[traction]]: force per area on faces."""
 
@@ -310,7 +329,7 @@ class Traction(Entry):
     tz: Value | None = _load("stress", "along z", SPACE, normals=True)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Force(AtNodes):
     """[[force]]: force on each node."""
 
@@ -323,7 +342,7 @@ class Force(AtNodes):
     fz: Value | None = _load("force", "along z", SPACE)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class BodyForce(Entry):
     """[[body_force]]: force per volume."""
 
@@ -336,7 +355,7 @@ class BodyForce(Entry):
     fz: Value | None = _load("force / length³", "along z", SPACE)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Gravity(Entry):
     """[gravity]: acceleration of everything that has a density."""
 
@@ -348,7 +367,7 @@ class Gravity(Entry):
     gz: Value | None = _load("length / time²", "along z", SPACE)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Temperature(Entry):
     """[[temperature]]: temperature, which strains cells that have an expansion."""
 
@@ -361,7 +380,7 @@ class Temperature(Entry):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Spring(AtNodes):
     """[[spring]]: springs between nodes and the ground."""
 
@@ -378,7 +397,7 @@ def _of_body(kind: Varying | Turning, unit: str, meaning: str, models: tuple[str
     return key(kind, unit, meaning, load=True, models=models, default=None, default_words=default_words)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Rigid(Entry):
     """[[rigid]]: a rigid body, or a rigid surface without parent cells.
 

@@ -94,8 +94,8 @@ def _solve(
     distribution: Distribution,
 ) -> Results:  # fmt: skip
     from lacsolver.cli.watch import Watch
-    from lacsolver.running import run as solve
     from lacsolver.equilibrium.stepping import NotConvergedError
+    from lacsolver.running import run as solve
 
     watch = Watch(case, quiet=args.quiet)
     args.left = lambda: left(watch, folder, start)

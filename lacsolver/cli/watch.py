@@ -12,8 +12,8 @@ from lacmesh.cli.terminal import tell
 
 if TYPE_CHECKING:
     from lacsolver.case import Case
-    from lacsolver.results.results import StepFigures
     from lacsolver.equilibrium.attempt import Told
+    from lacsolver.results.results import StepFigures
 
 #: iterations of the current step that are shown at a time
 SHOWN = 8

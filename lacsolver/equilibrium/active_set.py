@@ -25,6 +25,7 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.contact.laws import Bools
+from lacsolver.equilibrium.search import Trial
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem, Rows
@@ -32,7 +33,6 @@ from lacsolver.saddle.operator import Operator, product
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance, sizes
-from lacsolver.equilibrium.search import Trial
 
 #: reduction of the residual in an inexact solve, and largest number of such solves
 _LOOSE, _LOOSE_SOLVES = 0.2, 16

@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
+from lacsolver.equilibrium.active_set import active_set_iterates
+from lacsolver.equilibrium.kept_columns import start_from_columns
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.newton import Damping, Linearization, newton_iterates
+from lacsolver.equilibrium.search import Outcome, Trial, search
 from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.problem import ContactPair
 from lacsolver.problem.rigid_modes import describe
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.coarse_start import coarse_start
 from lacsolver.saddle.tolerances import ConvergenceTolerance
-from lacsolver.equilibrium.active_set import active_set_iterates
-from lacsolver.equilibrium.kept_columns import start_from_columns
-from lacsolver.equilibrium.load_step import LoadStep
-from lacsolver.equilibrium.newton import Damping, Linearization, newton_iterates
-from lacsolver.equilibrium.search import Outcome, Trial, search
 from lacsolver.space.space import Space
 
 #: gap, relative to the macro-element's size, below which a row is closed in the initial status

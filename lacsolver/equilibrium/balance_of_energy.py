@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
+from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.problem.inertia import Inertia
 from lacsolver.results.motion import MotionState
-from lacsolver.equilibrium.load_step import LoadStep
 
 if TYPE_CHECKING:
     from lacsolver.equilibrium.newmark import Newmark

@@ -19,9 +19,11 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from lacmesh.errors import DataError, RequestError
-from lacmesh.facts import facts_html, facts_text
+from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact.laws import CONTACT, ContactLaw, Unilateral
+from lacsolver.equilibrium.active_set import active_set_iterates
+from lacsolver.equilibrium.search import search
 from lacsolver.linear import SingularError
 from lacsolver.linear.vectors import WHOLE
 from lacsolver.results.state import Iterate
@@ -29,8 +31,6 @@ from lacsolver.saddle.contact_system import ContactSystem, RowGroup, Rows, skin_
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.stiffness import FactorCache, Stiffness
 from lacsolver.saddle.tolerances import ConvergenceTolerance
-from lacsolver.equilibrium.active_set import active_set_iterates
-from lacsolver.equilibrium.search import search
 
 #: a motion costs no energy if it costs less than this part of the mean stiffness
 _FREE = 1e-9
@@ -41,7 +41,7 @@ _BODIES = 40
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactSolution:
+class ContactSolution(Described):
     """Solution of contact on given matrices, with n displacements and m macro-elements of each pair.
 
     `u` (n,). `pressure`, `status` (1 closed, 0 open), `gap` integral G - B u: (m,) each, or a tuple of them where
@@ -61,12 +61,6 @@ class ContactSolution:
             name = f"pair {k}" if isinstance(self.status, tuple) else "pressure"
             facts[name] = f"{int((status == CONTACT).sum())} of {len(p)} closed, at most {p.max(initial=0.0):.6g}"
         return facts | {"iterations": str(self.iterations)}
-
-    def __repr__(self) -> str:
-        return facts_text("ContactSolution", self._facts())
-
-    def _repr_html_(self) -> str:
-        return facts_html("ContactSolution", self._facts())
 
 
 def solve_contact(
@@ -267,8 +261,8 @@ def _check_inverse(K: csr_array, applied: _Applied) -> None:
     forces = np.random.default_rng(1).standard_normal(K.shape[0]) * np.sqrt(np.abs(K.diagonal()))
     left = np.abs(K @ applied.solve(forces) - forces).max() / np.abs(forces).max()
     if not left < _INVERSE:
-        message = f"solve leaves {left:.1e} of the forces: it does not apply the inverse of K on the unknowns that are not"
-        raise RequestError(f"{message} fixed, or K is singular there, as for bodies that only contact holds")
+        message = f"solve leaves {left:.1e} of the forces: it does not apply the inverse of K on the unknowns that are"
+        raise RequestError(f"{message} not fixed, or K is singular there, as for bodies that only contact holds")
 
 
 def _system(pairs: Sequence[_Pair], K: Operator, u: Floats, free: Ints) -> ContactSystem:

@@ -27,6 +27,7 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact.laws import Bools
+from lacsolver.equilibrium.active_set import Pivots, close_rows_against_rigid_modes
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem, Rows
 from lacsolver.saddle.operator import Operator
@@ -34,7 +35,6 @@ from lacsolver.saddle.saddle import REGULAR
 from lacsolver.saddle.schur import in_balance
 from lacsolver.saddle.stiffness import Stiffness
 from lacsolver.saddle.tolerances import ConvergenceTolerance
-from lacsolver.equilibrium.active_set import Pivots, close_rows_against_rigid_modes
 
 #: applications of K^-1 that columns save in a step, about: a case has so many columns at most for each of its steps
 SAVED = 10

@@ -21,15 +21,15 @@ from scipy.sparse import csr_array
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
+from lacsolver.equilibrium.newton import Linearization
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.schemes import StepTerms
 from lacsolver.linear import Matrix, SingularError
 from lacsolver.problem import acting
 from lacsolver.results.state import Histories, StepState
 from lacsolver.saddle.contact_system import ContactSystem, contact_system
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.tolerances import ForceTerms, sizes
-from lacsolver.equilibrium.newton import Linearization
-from lacsolver.equilibrium.reduced import ReducedProblem
-from lacsolver.equilibrium.schemes import StepTerms
 
 
 @dataclass(eq=False)

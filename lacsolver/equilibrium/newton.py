@@ -28,6 +28,8 @@ from scipy.sparse import csr_array
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact.laws import Bools
+from lacsolver.equilibrium.active_set import close_rows_against_rigid_modes, solve_set
+from lacsolver.equilibrium.search import Trial
 from lacsolver.linear import LinearError
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
@@ -35,8 +37,6 @@ from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.operator import Operator, product
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance
-from lacsolver.equilibrium.active_set import close_rows_against_rigid_modes, solve_set
-from lacsolver.equilibrium.search import Trial
 
 #: step lengths that are tried, in this order
 _STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)

@@ -17,6 +17,9 @@ from lacmesh.errors import DataError, some
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
+from lacsolver.equilibrium.kept_columns import SAVED, KeptColumns, same_entries
+from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
+from lacsolver.equilibrium.stabilization import Stabilization
 from lacsolver.linear import Matrix, SingularError
 from lacsolver.linear.vectors import WHOLE, SharedVectors, Vectors
 from lacsolver.problem.problem import ContactPair, Problem
@@ -26,9 +29,6 @@ from lacsolver.saddle.node_blocks import with_held
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.shared_stiffness import SharedFactors
 from lacsolver.saddle.stiffness import FactorCache, Stiffness, Whole, embed
-from lacsolver.equilibrium.kept_columns import SAVED, KeptColumns, same_entries
-from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
-from lacsolver.equilibrium.stabilization import Stabilization
 
 #: how far a node may be across the axis of symmetry, relative to the bodies' extent
 _AXIS = 1e-9

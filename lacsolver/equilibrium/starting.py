@@ -15,6 +15,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
+from lacsolver.equilibrium.attempt import attempt, first_iterate
+from lacsolver.equilibrium.balance_of_energy import kinetic, momentum, strain
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.schemes import StepTerms
 from lacsolver.linear.krylov import conjugate_gradients
 from lacsolver.problem import acting
 from lacsolver.problem.inertia import Inertia
@@ -22,11 +27,6 @@ from lacsolver.problem.initial import fitted, initial_motion
 from lacsolver.problem.loads import thermal_force
 from lacsolver.results.motion import MotionState
 from lacsolver.results.state import Iterate, StepState
-from lacsolver.equilibrium.attempt import attempt, first_iterate
-from lacsolver.equilibrium.balance_of_energy import kinetic, momentum, strain
-from lacsolver.equilibrium.load_step import LoadStep
-from lacsolver.equilibrium.reduced import ReducedProblem
-from lacsolver.equilibrium.schemes import StepTerms
 
 #: step of the backward Euler method, relative to the first one
 _TINY = 1e-3

@@ -14,11 +14,6 @@ from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.mesh import Floats
 from lacsolver.case import Case
 from lacsolver.contact.laws import RowState
-from lacsolver.problem.problem import Problem
-from lacsolver.results.results import Restart
-from lacsolver.results.state import UNPAIRED, Held, State, StepState, ZoneState
-from lacsolver.saddle.contact_system import ContactSystem, RowGroup
-from lacsolver.saddle.tolerances import ROUNDING
 from lacsolver.equilibrium.attempt import TOUCHING, Told, attempt, touching, why
 from lacsolver.equilibrium.holding import holdings
 from lacsolver.equilibrium.load_step import LoadStep
@@ -26,6 +21,11 @@ from lacsolver.equilibrium.newmark import Newmark
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
 from lacsolver.equilibrium.search import Outcome
+from lacsolver.problem.problem import Problem
+from lacsolver.results.results import Restart
+from lacsolver.results.state import UNPAIRED, Held, State, StepState, ZoneState
+from lacsolver.saddle.contact_system import ContactSystem, RowGroup
+from lacsolver.saddle.tolerances import ROUNDING
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 

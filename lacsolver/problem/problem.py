@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
+from lacmesh.facts import Described
 from lacmesh.kernels.threads import available_cores
 from lacmesh.mesh import Floats, Mesh
 from lacsolver.bodies.finite import locking
@@ -41,8 +42,8 @@ _ROUNDING = 1e-9
 MED_NODES = 5_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class ContactPair:
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactPair(Described):
     """A contact pair or tie: its zone, the options of its pairing, and its contact law.
 
     `record`: the case's contact or tie.
@@ -112,8 +113,8 @@ class ContactPair:
             raise wrong(self.record, f"{message}; {advice}")
 
 
-@dataclass(frozen=True, eq=False)
-class Problem:
+@dataclass(frozen=True, eq=False, repr=False)
+class Problem(Described):
     """The problem of a case on its mesh; built by `Problem.of`. `joints`: contacts, then ties, in the case's order.
 
     >>> from lacsolver import read_case

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lacmesh.facts import Described
 from lacmesh.mesh import Floats
 
 
-@dataclass(frozen=True, eq=False)
-class NaturalModes:
+@dataclass(frozen=True, eq=False, repr=False)
+class NaturalModes(Described):
     """Natural modes of a problem, from the lowest frequency on.
 
     `frequencies` (k,): cycles per unit of time; `shapes` (k, n_nodes, dim), each with a largest displacement of 1;

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.facts import facts_html, facts_text
+from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacsolver.results.state import CONTACT, OPEN, State, StepState, ZoneState, renamed_field
@@ -23,8 +23,8 @@ from lacsolver.results.state import CONTACT, OPEN, State, StepState, ZoneState, 
 STATUSES = ("running", "done", "interrupted", "failed")
 
 
-@dataclass(frozen=True, eq=False)
-class ZoneFigures:
+@dataclass(frozen=True, eq=False, repr=False)
+class ZoneFigures(Described):
     """Figures of a zone at one time.
 
     Minima and maxima of pressure and gap are over paired macro-elements, those of coverage over all. `contact_area`:
@@ -56,8 +56,8 @@ class ZoneFigures:
     unpaired: int
 
 
-@dataclass(frozen=True, eq=False)
-class MotionFigures:
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionFigures(Described):
     """Figures of a step in motion (NaN in static steps before the start of [dynamics]).
 
     `energies`: by the names of `results.motion.ENERGIES`, with kinetic + strain - external + damped + contact +
@@ -85,8 +85,8 @@ class MotionFigures:
     accelerations: Mapping[str, Floats]
 
 
-@dataclass(frozen=True, eq=False)
-class StepFigures:
+@dataclass(frozen=True, eq=False, repr=False)
+class StepFigures(Described):
     """Figures of a converged step that ends at `time`.
 
     `iterations`: number of iterations, failed attempts included; `residuals`: residual after each iteration;
@@ -118,8 +118,8 @@ class StepFigures:
     motion: MotionFigures | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Results:
+@dataclass(frozen=True, eq=False, repr=False)
+class Results(Described):
     """All figures of a run so far.
 
     `version`: version of lacsolver; `status`: one of STATUSES; `message`: reason why the run is not done, or doubts
@@ -149,7 +149,7 @@ class Results:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ZoneFields:
+class ZoneFields(Described):
     """Fields of a zone at one time, on the slave skin; arrays (n,) have one row per macro-element, as in `ZoneState`.
 
     `surface`: the slave's faces; `macro` (n_faces,): row of each face's macro-element, -1 for none. `number` (n,):
@@ -194,6 +194,9 @@ class ZoneFields:
         total: Floats = self.contact_force[np.unique(nodes[nodes >= 0])].sum(axis=0)
         return total
 
+    def _title(self) -> str:
+        return "Contact"
+
     def _facts(self) -> dict[str, str]:
         on = self.status == CONTACT
         facts = {"macro-elements": f"{len(on):,}: {int(on.sum()):,} closed, {int((self.status == OPEN).sum()):,} open"}
@@ -204,12 +207,6 @@ class ZoneFields:
         facts["resultant"] = ", ".join(f"{part:.6g}" for part in self.resultant)
         facts["area"] = f"{self.area.sum():.6g}"
         return facts | {"also": "status, coverage, centre, normal, force, surface, macro, number"}
-
-    def __repr__(self) -> str:
-        return facts_text("Contact", self._facts())
-
-    def _repr_html_(self) -> str:
-        return facts_html("Contact", self._facts())
 
     @classmethod
     def of(
@@ -223,8 +220,8 @@ class ZoneFields:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Fields:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fields(Described):
     """Fields at one time on the mesh's nodes: `displacement`, `reaction` (n_nodes, d), `stress` (n_nodes, n_stress).
 
     Stress has the components of `space.COMPONENTS`; it is NaN on nodes of no cell of the body. `velocity` and
@@ -250,8 +247,8 @@ class Fields:
     acceleration: Floats | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Restart:
+@dataclass(frozen=True, eq=False, repr=False)
+class Restart(Described):
     """State for a restart: the `step` that was committed, and what a reader of the file wants to see of it.
 
     `number`: number of converged steps so far. `u` (n_dof,). By zone, `multipliers`: pressures (n,) of a contact,

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact.laws import CONTACT, OPEN, UNPAIRED
 from lacsolver.results.motion import MotionState
@@ -49,8 +50,8 @@ class Histories(NamedTuple):
     scheme: Mapping[str, NDArray[np.floating]] = {}
 
 
-@dataclass(frozen=True, eq=False)
-class StepState:
+@dataclass(frozen=True, eq=False, repr=False)
+class StepState(Described):
     """The state that a step starts from: what the step before has committed, and all that a restart needs.
 
     `iterate`: unknowns, pressures and active set at `time`; None for the undeformed bodies. `earlier`: those of the
@@ -86,8 +87,8 @@ class StepState:
         return Iterate(now.q + part * (now.q - last.q), now.p + part * (now.p - last.p), now.active)
 
 
-@dataclass(frozen=True, eq=False)
-class ZoneState:
+@dataclass(frozen=True, eq=False, repr=False)
+class ZoneState(Described):
     """State of a contact zone or a tie, one row per macro-element (n,); vectors have the space's dimension d.
 
     `pressure`: p_m >= 0 in compression, 0 where open; for a tie -traction . normal. `traction` (n, d): force per area
@@ -131,8 +132,8 @@ class Held(NamedTuple):
     part: float = float("nan")
 
 
-@dataclass(frozen=True, eq=False)
-class State:
+@dataclass(frozen=True, eq=False, repr=False)
+class State(Described):
     """A converged state (or the last one tried). `u` (n_dof,): displacement; `zones`: in the case's order, ties last.
 
     `reaction` (n_dof,): forces of the supports on the bodies. `rigid` (name -> dofs): motion of rigid bodies,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
 from lacmesh.mesh import Floats
+from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.linear.regular import is_free
 from lacsolver.problem import acting
 from lacsolver.problem.problem import Problem
@@ -23,7 +24,6 @@ from lacsolver.problem.rigid_modes import FreeMotion, still_free
 from lacsolver.results.results import Restart
 from lacsolver.results.state import Histories
 from lacsolver.saddle.contact_system import ContactSystem, contact_system, row_energies
-from lacsolver.equilibrium.reduced import ReducedProblem
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats
 from lacsolver.case import Dynamics
+from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.linear import SingularError, choose
 from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.problem import Problem
@@ -21,7 +22,6 @@ from lacsolver.problem.rigid_modes import describe
 from lacsolver.results.modes import NaturalModes
 from lacsolver.results.results import Restart
 from lacsolver.saddle.stiffness import FactorCache, Stiffness
-from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.space.space import Space
 from lacsolver.vibration.eigenmodes import EigenProblem, orthonormal
 from lacsolver.vibration.linearised import LinearisedProblem

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from lacsolver.case import parse_case
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
-from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.patch_cases import unbalanced
 
 YOUNG, POISSON = 1000.0, 0.3

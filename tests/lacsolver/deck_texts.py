@@ -7,8 +7,8 @@ import numpy as np
 
 from lacmesh.errors import LacmeshWarning
 from lacsolver.decks import import_deck
-from lacsolver.problem.problem import Problem
 from lacsolver.equilibrium.stepping import march
+from lacsolver.problem.problem import Problem
 
 #: corners of a brick, then the edges of a C3D20 as pairs of corners, in the deck's order
 _CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])

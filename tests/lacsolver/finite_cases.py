@@ -6,10 +6,10 @@ import numpy as np
 
 from lacmesh import Mesh
 from lacsolver.case import parse_case
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT, UNPAIRED
 from lacsolver.saddle.tolerances import ROUNDING
-from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.contact_cases import nodes_of
 from tests.lacsolver.patch_cases import unbalanced
 from tests.lacsolver.patch_meshes import stack

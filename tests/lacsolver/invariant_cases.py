@@ -16,9 +16,9 @@ from scipy.spatial import cKDTree
 
 from lacmesh import Mesh
 from lacsolver.case import parse_case
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import prepared
-from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.patch_meshes import joined, stack
 
 YOUNG = 1000.0

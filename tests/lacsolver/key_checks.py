@@ -18,9 +18,9 @@ import lacmesh
 from lacmesh import Mesh
 from lacmesh.errors import LacmeshError
 from lacsolver.case import Case
+from lacsolver.equilibrium.stepping import NotConvergedError, Told
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
-from lacsolver.equilibrium.stepping import NotConvergedError, Told
 from lacsolver.validation import validate
 
 CONTACT, OPEN, UNPAIRED = 1, 0, -1

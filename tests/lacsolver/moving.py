@@ -3,9 +3,9 @@
 import numpy as np
 
 from lacsolver.case import parse_case
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import ENERGIES
-from lacsolver.equilibrium.stepping import march
 
 #: signs of the energies in their account
 SIGNS = np.array([-1.0 if name == "external" else 1.0 for name in ENERGIES])

@@ -14,8 +14,8 @@ import numpy as np
 
 from lacsolver.bodies.small import stress
 from lacsolver.case import parse_case
-from lacsolver.problem.problem import Problem
 from lacsolver.equilibrium.stepping import march
+from lacsolver.problem.problem import Problem
 from tests.lacsolver.patch_meshes import own_places, placed, side_by_side, stack
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, tilt
 

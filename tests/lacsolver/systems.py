@@ -9,13 +9,13 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lacsolver.contact.laws import Bilateral, Unilateral
+from lacsolver.equilibrium.active_set import active_set_iterates
+from lacsolver.equilibrium.newton import newton_iterates
+from lacsolver.equilibrium.search import search
 from lacsolver.saddle.contact_system import ContactSystem, RowGroup, Rows
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.stiffness import FactorCache, Stiffness
-from lacsolver.equilibrium.active_set import active_set_iterates
-from lacsolver.equilibrium.newton import newton_iterates
-from lacsolver.equilibrium.search import search
 
 
 def factorised(K, R, backend="auto", definite=True):

@@ -8,8 +8,8 @@ import pytest
 from lacsolver.case import parse_case
 from lacsolver.case.added import CONTACT_LAWS
 from lacsolver.contact.laws import CONTACT, Bilateral, Unilateral
-from lacsolver.problem.problem import Problem
 from lacsolver.equilibrium.stepping import march
+from lacsolver.problem.problem import Problem
 from tests.lacsolver.patch_meshes import stack
 
 YOUNG = 1000.0

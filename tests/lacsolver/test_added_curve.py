@@ -7,8 +7,8 @@ from scipy.optimize import brentq
 from lacsolver.case import parse_case
 from lacsolver.case.added import CONTACT_LAWS
 from lacsolver.contact.laws import Unilateral
-from lacsolver.problem.problem import Problem
 from lacsolver.equilibrium.stepping import march
+from lacsolver.problem.problem import Problem
 from tests.lacsolver.contact_cases import HEAD, JOINT, SLIDING, held
 from tests.lacsolver.patch_meshes import stack
 from tests.samples import one_in

@@ -6,8 +6,8 @@ import pytest
 from lacsolver.bodies.pointwise import PointResponse
 from lacsolver.case import parse_case
 from lacsolver.case.added import MATERIAL_LAWS
-from lacsolver.problem.problem import Problem
 from lacsolver.equilibrium.stepping import march
+from lacsolver.problem.problem import Problem
 from tests.lacsolver.bodies import cube, square
 from tests.lacsolver.held import with_sides
 

@@ -7,10 +7,10 @@ from lacsolver.bodies.material import Elastic, _to_tensor
 from lacsolver.bodies.pointwise import PointResponse
 from lacsolver.case import parse_case
 from lacsolver.case.added import MATERIAL_LAWS
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.answer import Answer
 from lacsolver.results.results import Restart
-from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.bodies import cube
 from tests.lacsolver.held import with_sides
 

@@ -5,9 +5,9 @@ import pytest
 from scipy.sparse import csr_array, eye_array
 
 from lacsolver.case import parse_case
-from lacsolver.problem.problem import Problem
 from lacsolver.equilibrium.schemes import StepTerms
 from lacsolver.equilibrium.stepping import march
+from lacsolver.problem.problem import Problem
 from tests.lacsolver.patch_meshes import stack
 
 DRAG, FORCE, GAP = 50.0, -0.2, 0.05

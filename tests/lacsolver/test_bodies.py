@@ -14,9 +14,9 @@ from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import Displacement, Rigid
 from lacsolver.constraints.local import combine
+from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.problem import loads
 from lacsolver.problem.rigid_modes import bodies, describe, free_motions, rigid_modes
-from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PLANE_MODELS, cube, distorted, mixture, plane_mixture, square
 from tests.lacsolver.held import held, joined, moved, ring, turn, two, with_sides

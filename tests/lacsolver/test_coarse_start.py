@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import lacsolver.equilibrium.attempt
-from lacsolver.saddle.coarse_start import _CoarseLevel, _joined, coarse_start
-from lacsolver.saddle.tolerances import ConvergenceTolerance
 from lacsolver.equilibrium.attempt import first_iterate
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
+from lacsolver.saddle.coarse_start import _CoarseLevel, _joined, coarse_start
+from lacsolver.saddle.tolerances import ConvergenceTolerance
 from tests.lacsolver.test_coupled import moment
 from tests.skips import REPOSITORY
 

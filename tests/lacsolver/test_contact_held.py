@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from lacmesh.errors import DataError
-from lacsolver.results.state import CONTACT, OPEN
 from lacsolver.equilibrium.stepping import NotConvergedError
+from lacsolver.results.state import CONTACT, OPEN
 from tests.lacsolver.contact_cases import (
     JOINT,
     POISSON,

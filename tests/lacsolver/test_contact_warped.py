@@ -8,8 +8,8 @@ import pytest
 import lacmesh
 from lacmesh import Mesh
 from lacsolver.case import parse_case
-from lacsolver.problem.problem import Problem
 from lacsolver.equilibrium.stepping import march
+from lacsolver.problem.problem import Problem
 
 #: fifteen slave faces, warped by 0.01 (z - 0.4)^2 at most, over six flat master faces
 MESH = Path(__file__).with_name("meshes") / "warped.msh"

@@ -8,13 +8,13 @@ from scipy.sparse import csr_array, diags_array
 
 import lacsolver.linear.multigrid.cycle
 from lacsolver.case import parse_case
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.stepping import march
 from lacsolver.linear import LinearError, analyse
 from lacsolver.problem.problem import Problem
 from lacsolver.saddle.stiffness import FactorCache
 from lacsolver.saddle.tolerances import LinearTolerance
-from lacsolver.equilibrium.load_step import LoadStep
-from lacsolver.equilibrium.reduced import ReducedProblem
-from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, at, held, pressed
 from tests.lacsolver.patch_cases import figures, pair
 from tests.lacsolver.patch_meshes import stack

@@ -18,10 +18,10 @@ from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacsolver.case import Case, read_case
 from lacsolver.case.keys import keys_of, sections_of
 from lacsolver.case.kinds import Choice
+from lacsolver.equilibrium.stepping import NotConvergedError
 from lacsolver.linear import analyse, backends
 from lacsolver.output import create
 from lacsolver.running import run
-from lacsolver.equilibrium.stepping import NotConvergedError
 from tests.lacsolver.key_cases import CASES, ENGINES, SOLVERS
 from tests.lacsolver.key_checks import CHECKS, Ran, check_tower
 from tests.samples import one_in

@@ -12,12 +12,12 @@ import lacmesh
 from lacmesh import cut_skin
 from lacsolver.case import CaseError, parse_case, read_case
 from lacsolver.contact import integrate
+from lacsolver.equilibrium.attempt import _initial
+from lacsolver.equilibrium.stepping import march
 from lacsolver.matrices import contact_matrices
 from lacsolver.output.folder import create
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
-from lacsolver.equilibrium.attempt import _initial
-from lacsolver.equilibrium.stepping import march
 from lacsolver.validation import validate
 from tests.lacsolver.invariant_cases import (
     CASES,

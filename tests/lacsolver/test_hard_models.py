@@ -13,9 +13,9 @@ import pytest
 
 from lacmesh.errors import LacmeshWarning
 from lacsolver.case import parse_case
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT
-from lacsolver.equilibrium.stepping import march
 from tests.lacsolver import finite_cases
 from tests.lacsolver.contact_cases import HEAD, JOINT, check, held, pressed
 from tests.lacsolver.patch_meshes import placed, stack

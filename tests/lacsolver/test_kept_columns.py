@@ -9,12 +9,12 @@ import pytest
 
 import lacsolver.equilibrium.reduced
 from lacsolver.case import parse_case
+from lacsolver.equilibrium import kept_columns
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
 from lacsolver.results.state import CONTACT
 from lacsolver.saddle.stiffness import Stiffness
-from lacsolver.equilibrium import kept_columns
-from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, held, pressed
 from tests.lacsolver.moving import PLANE, SMALL, SPACE, SPEED, WALL, moved, steps, thrown
 from tests.lacsolver.patch_meshes import stack

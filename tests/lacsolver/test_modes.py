@@ -14,11 +14,11 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
 from lacsolver.bodies.mass import assemble_mass
 from lacsolver.case import CaseError, parse_case
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.stepping import march
 from lacsolver.linear import SingularError
 from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
-from lacsolver.equilibrium.reduced import ReducedProblem
-from lacsolver.equilibrium.stepping import march
 from lacsolver.vibration import eigenmodes
 from lacsolver.vibration.linearised import LinearisedProblem
 from lacsolver.vibration.natural_modes import natural_modes

@@ -8,12 +8,12 @@ import pytest
 
 from lacsolver.case import parse_case, read_case
 from lacsolver.cli.summary import print_summary
+from lacsolver.equilibrium.stepping import march
 from lacsolver.output import create
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import MotionState
 from lacsolver.results.results import Restart
 from lacsolver.running import run
-from lacsolver.equilibrium.stepping import march
 from lacsolver.validation import validate
 from tests.lacsolver.moving import (
     DENSITY,

@@ -9,9 +9,9 @@ import pytest
 from scipy.sparse import csr_array
 
 from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.equilibrium.newton import Damping, Linearization
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.tolerances import ConvergenceTolerance
-from lacsolver.equilibrium.newton import Damping, Linearization
 from tests.lacsolver.systems import (
     contact,
     contact_system,

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, diags_array
 
-from lacsolver.saddle.node_blocks import add_to_diagonal, submatrix, with_held
-from lacsolver.saddle.stiffness import FactorCache, Stiffness, embed
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
+from lacsolver.saddle.node_blocks import add_to_diagonal, submatrix, with_held
+from lacsolver.saddle.stiffness import FactorCache, Stiffness, embed
 from tests.lacsolver.stiffnesses import BODIES, free
 from tests.lacsolver.test_coupled import moment
 from tests.skips import REPOSITORY

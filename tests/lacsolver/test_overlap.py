@@ -7,9 +7,9 @@ import pytest
 
 from lacmesh import Mesh
 from lacsolver.case import CaseError, parse_case
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import UNPAIRED
-from lacsolver.equilibrium.stepping import march
 from lacsolver.validation import validate
 from tests.lacsolver.patch_meshes import stack
 

@@ -20,12 +20,12 @@ import lacmesh
 from lacmesh.errors import DataError, ReadError
 from lacsolver.case import fingerprint, fingerprint_as, parse_case, read_case
 from lacsolver.cli import main
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.output import create
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
-from lacsolver.equilibrium.load_step import LoadStep
-from lacsolver.equilibrium.reduced import ReducedProblem
 from tests.lacsolver.key_meshes import punch
 from tests.lacsolver.patch_meshes import three_blocks
 

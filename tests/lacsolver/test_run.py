@@ -15,12 +15,12 @@ import lacmesh
 from lacmesh.errors import DataError
 from lacsolver.bodies.small import stress
 from lacsolver.case import read_case
+from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import create
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.running import Clock, run
-from lacsolver.equilibrium.stepping import NotConvergedError, march
 from tests.lacsolver.contact_cases import JOINT, MATERIAL, SLIDING, held, nodes_of, pressed
 from tests.lacsolver.key_meshes import overhang, punch
 from tests.lacsolver.patch_meshes import stack, three_blocks

@@ -7,10 +7,10 @@ import pytest
 from scipy.sparse import csr_array
 
 from lacsolver.case import parse_case
-from lacsolver.problem.problem import Problem
-from lacsolver.saddle.tolerances import LinearTolerance
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.problem.problem import Problem
+from lacsolver.saddle.tolerances import LinearTolerance
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, YOUNG, at, held, pressed
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.systems import saddle, solve_rows, system

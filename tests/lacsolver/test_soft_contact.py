@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lacsolver.case import CaseError, parse_case
-from lacsolver.problem.problem import Problem
 from lacsolver.equilibrium.stepping import march
+from lacsolver.problem.problem import Problem
 from tests.lacsolver.contact_cases import HEAD, JOINT, SLIDING, held
 from tests.lacsolver.patch_meshes import stack
 

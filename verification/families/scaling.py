@@ -24,8 +24,8 @@ from lacmesh import Mesh
 from lacmesh.report.blocks import Line, Plot
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
-from lacsolver.problem.problem import Problem
 from lacsolver.equilibrium.stepping import march
+from lacsolver.problem.problem import Problem
 from lacsolver.space.space import Space
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack

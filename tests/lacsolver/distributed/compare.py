@@ -14,10 +14,10 @@ import numpy as np
 from lacsolver.case import parse_case
 from lacsolver.distributed.launch import import_mpi, import_petsc
 from lacsolver.distributed.processes import Processes
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem
 from lacsolver.results.answer import Answer
-from lacsolver.equilibrium.stepping import march
 from tests.lacsolver.distributed import moving_cases
 from tests.lacsolver.invariant_cases import CASES, text_of
 

@@ -12,11 +12,11 @@ from lacsolver.bodies.mass import assemble_mass
 from lacsolver.bodies.material import Materials
 from lacsolver.case import read_case
 from lacsolver.distributed.processes import Processes
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import prepared
 from lacsolver.saddle.shared_stiffness import SharedFactors, _own_rows
-from lacsolver.equilibrium.load_step import LoadStep
-from lacsolver.equilibrium.reduced import ReducedProblem
 from tests.lacsolver.distributed.mpi import ROOT
 
 
