@@ -25,7 +25,7 @@ class Described:
         return type(self).__name__
 
     def _facts(self) -> dict[str, str]:
-        """Return what is told of the record: its fields, arrays by their shape, unless a class says otherwise."""
+        """Return facts by name: the fields, arrays by their shape; a class may have others."""
         shown: Any = self
         return {one.name: brief(getattr(self, one.name)) for one in fields(shown) if one.repr}
 

@@ -43,7 +43,7 @@ _LAST: list[ReducedProblem] = []
 
 
 class _Solved(NamedTuple):
-    """What a solution of this process was evaluated from, and the number of its step."""
+    """The problem and the state of a solution of this process, and the number of its step."""
 
     answer: Answer
     state: State
@@ -51,7 +51,7 @@ class _Solved(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """A picture in PNG; notebooks show it. `png`: the bytes of the file."""
+    """A picture in PNG, shown by notebooks. `png`: the bytes of the file."""
 
     png: bytes
 
@@ -229,8 +229,8 @@ def solve(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     >>> ls.solve("data/two_blocks.toml")
     Solution
       time              1, after 1 iterations
-      u                 (512, 3), at most 0.0125...
-      contact['joint']  36 of 36 macro-elements closed, pressure at most 25.0...
+      u                 (512, 3), at most 0.0139538
+      contact['joint']  36 of 36 macro-elements closed, pressure at most 17.539
     """
     *_, last = march(case, mesh, progress=progress)
     return last

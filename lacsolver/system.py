@@ -31,6 +31,10 @@ class System(Described):
     `K` (n, n): stiffness of the undeformed bodies, springs included; it is singular for bodies that nothing holds. `f`
     (n,): forces of all loads and temperatures. `u0` (n,): prescribed displacements, 0 elsewhere. `time` of f and u0.
     `mesh`: the cut mesh, whose nodes the unknowns are.
+
+    >>> system = assemble("data/two_blocks.toml", t=0.5)
+    >>> float(system.f.sum().round(6)), bool(system.u0.any())
+    (-5.217593, False)
     """
 
     problem: Problem
@@ -86,13 +90,13 @@ class System(Described):
 def assemble(case: Case | str | Path, mesh: MeshLike | None = None, *, t: float | None = None) -> System:
     """Return the matrices of a case without its contact, at time t, the end of the steps by default.
 
-    `case`, `mesh`: as for `lacsolver.equilibrium`; slaves that are not cut are cut here. Raises CaseError, ReadError,
+    `case`, `mesh`: as for `lacsolver.solve`; slaves that are not cut are cut here. Raises CaseError, ReadError,
     CutError, DataError, RequestError.
 
     >>> import lacsolver as ls
     >>> system = ls.assemble("data/two_blocks.toml")
     >>> system.K.shape, system.f.shape, system.dofs.shape, len(system.fixed)
-    ((1536, 1536), (1536,), (512, 3), 273)
+    ((1536, 1536), (1536,), (512, 3), 230)
     """
     case = as_case(case)
     problem = Problem.of(case, mesh_of(case, mesh))

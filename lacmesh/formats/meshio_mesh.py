@@ -97,6 +97,11 @@ def from_meshio(given: Any) -> Mesh:
     """The mesh of a `meshio.Mesh`; sets are groups, and so are gmsh's physical groups where there are no sets.
 
     Raises DataError for cells that lacmesh lacks (polygons, polyhedra) and for arrays that do not fit.
+
+    >>> from lacmesh import Mesh
+    >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
+    >>> from_meshio(square.to_meshio()).cells_by_type
+    {'QUAD4': 1}
     """
     try:
         return _from_meshio(given)

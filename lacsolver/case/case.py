@@ -48,7 +48,11 @@ _OUTPUTS = 100
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Probe(AtNodes):
-    """[[probe]]: a displacement that is recorded after every step."""
+    """[[probe]]: a displacement that is recorded after every step.
+
+    >>> Probe(group="top").name
+    'top'
+    """
 
     SECTION: ClassVar = Section(
         "probe", True, "displacement kept step by step: the mean over the nodes of a group, or of one node",
@@ -65,7 +69,11 @@ class Probe(AtNodes):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Steps(Entry):
-    """[steps]: the steps from time 0 to the end. A step that does not converge is halved."""
+    """[steps]: the steps from time 0 to the end. A step that does not converge is halved.
+
+    >>> Steps(count=4).planned
+    (0.25, 0.5, 0.75, 1.0)
+    """
 
     SECTION: ClassVar = Section(
         "steps", False, "times, from 0 on; a step that does not converge is halved",
@@ -163,7 +171,11 @@ class Solver(Entry):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Output(Entry):
-    """[output]: format of the fields, and steps or times at which they are written."""
+    """[output]: format of the fields, and steps or times at which they are written.
+
+    >>> Output(format="med", times=(0.5, 1)).times
+    (0.5, 1.0)
+    """
 
     SECTION: ClassVar = Section("output", False, "fields to be written", not_both=(("every", "times"),))
     format: str = key(

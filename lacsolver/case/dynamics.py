@@ -27,7 +27,11 @@ _HHT, _NEWMARK = Needs("scheme", ("hht",)), Needs("scheme", ("newmark",))
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Dynamics(Entry):
-    """[dynamics]: inertia and damping in the steps, and the time scheme; contact conditions hold at their ends."""
+    """[dynamics]: inertia and damping in the steps, and the time scheme; contact conditions hold at their ends.
+
+    >>> Dynamics(scheme="newmark").beta
+    0.25
+    """
 
     SECTION: ClassVar = Section(
         "dynamics", False, "motion with inertia; without this section all steps are in static equilibrium"
@@ -85,7 +89,11 @@ def _motion(unit: str, meaning: str, models: tuple[str, ...] = MODELS) -> Any:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Initial(Entry):
-    """[[initial]]: velocity, and displacement, with which bodies begin to move."""
+    """[[initial]]: velocity, and displacement, with which bodies begin to move.
+
+    >>> Initial(groups=["ball"], vy=-3.0)
+    Initial(groups=('ball',), vy=-3.0)
+    """
 
     SECTION: ClassVar = Section(
         "initial", True,

@@ -102,7 +102,11 @@ def _plainly(value: Any) -> str:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Material(Entry):
-    """[[material]]: the law of some cells."""
+    """[[material]]: the law of some cells.
+
+    >>> Material(young=210e3, poisson=0.3).law
+    'elastic'
+    """
 
     SECTION: ClassVar = Section("material", True, "the law of the cells of some groups, or of the whole mesh")
     groups: tuple[str, ...] | None = key(
@@ -206,7 +210,11 @@ class PairEntry(Entry):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Contact(PairEntry):
-    """[[contact]]: two skins that may touch. A Case sets the default of `geometry` from its kinematics."""
+    """[[contact]]: two skins that may touch. A Case sets the default of `geometry` from its kinematics.
+
+    >>> Contact(slave="pin", master="hole").name
+    'pin'
+    """
 
     SECTION: ClassVar = Section("contact", True, "two surfaces that may touch, without friction")
     type: str = key(
@@ -269,7 +277,11 @@ class Contact(PairEntry):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Tie(PairEntry):
-    """[[tie]]: two surfaces bonded together, in all components."""
+    """[[tie]]: two surfaces bonded together, in all components.
+
+    >>> Tie(slave="liner", master="hole").name
+    'liner'
+    """
 
     SECTION: ClassVar = Section("tie", True, "two surfaces bonded together, in all components")
 
@@ -295,7 +307,11 @@ def _load(unit: str, meaning: str, models: tuple[str, ...] = MODELS, normals: bo
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Displacement(AtNodes):
-    """[[displacement]]: prescribed components of displacement."""
+    """[[displacement]]: prescribed components of displacement.
+
+    >>> Displacement(group="base", ux=0, uy=0)
+    Displacement(group='base', ux=0.0, uy=0.0)
+    """
 
     SECTION: ClassVar = Section(
         "displacement", True, "prescribed displacement; components that are not given are free", one_of=WHERE,
@@ -310,7 +326,11 @@ class Displacement(AtNodes):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Pressure(Entry):
-    """[[pressure]]: pressure on faces, along their inward normal."""
+    """[[pressure]]: pressure on faces, along their inward normal.
+
+    >>> Pressure(group="top", value="25 * t").value.at(0.5)
+    12.5
+    """
 
     SECTION: ClassVar = Section("pressure", True, "pressure on faces")
     group: str = key(Group(), "", "faces on which it acts")
@@ -320,7 +340,11 @@ class Pressure(Entry):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Traction(Entry):
-    """[[traction]]: force per area on faces."""
+    """[[traction]]: force per area on faces.
+
+    >>> Traction(group="end", tx=3.0)
+    Traction(group='end', tx=3.0)
+    """
 
     SECTION: ClassVar = Section("traction", True, "force per undeformed area, on faces", some_of=(("tx", "ty", "tz"),))
     group: str = key(Group(), "", "faces on which it acts")
@@ -331,7 +355,11 @@ class Traction(Entry):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Force(AtNodes):
-    """[[force]]: force on each node."""
+    """[[force]]: force on each node.
+
+    >>> Force(at=(0, 1), fy=-2.0)
+    Force(at=(0.0, 1.0), fy=-2.0)
+    """
 
     SECTION: ClassVar = Section(
         "force", True, "force on each node of a group, or on one node (axisymmetric: of the full circle)",
@@ -344,7 +372,11 @@ class Force(AtNodes):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class BodyForce(Entry):
-    """[[body_force]]: force per volume."""
+    """[[body_force]]: force per volume.
+
+    >>> BodyForce(fy=-1.0)
+    BodyForce(fy=-1.0)
+    """
 
     SECTION: ClassVar = Section("body_force", True, "force per undeformed volume", some_of=(_THREE,))
     groups: tuple[str, ...] | None = key(
@@ -357,7 +389,11 @@ class BodyForce(Entry):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Gravity(Entry):
-    """[gravity]: acceleration of everything that has a density."""
+    """[gravity]: acceleration of everything that has a density.
+
+    >>> Gravity(gy=-9.81)
+    Gravity(gy=-9.81)
+    """
 
     SECTION: ClassVar = Section(
         "gravity", False, "acceleration of gravity; materials need a density", some_of=(("gx", "gy", "gz"),)
@@ -369,7 +405,11 @@ class Gravity(Entry):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Temperature(Entry):
-    """[[temperature]]: temperature, which strains cells that have an expansion."""
+    """[[temperature]]: temperature, which strains cells that have an expansion.
+
+    >>> Temperature(groups=["pin"], value=80.0)
+    Temperature(groups=('pin',), value=80.0)
+    """
 
     SECTION: ClassVar = Section("temperature", True, "temperature; materials need an expansion")
     groups: tuple[str, ...] | None = key(
@@ -382,7 +422,11 @@ class Temperature(Entry):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Spring(AtNodes):
-    """[[spring]]: springs between nodes and the ground."""
+    """[[spring]]: springs between nodes and the ground.
+
+    >>> Spring(group="top", ky=5.0)
+    Spring(group='top', ky=5.0)
+    """
 
     SECTION: ClassVar = Section(
         "spring", True, "springs from nodes of a group, or one node, to the ground (axisymmetric: of the full circle)",
@@ -402,6 +446,9 @@ class Rigid(Entry):
     """[[rigid]]: a rigid body, or a rigid surface without parent cells.
 
     Components of its motion that are neither prescribed nor loaded are held at 0.
+
+    >>> Rigid(group="punch", uy=-0.1)
+    Rigid(group='punch', uy=-0.1)
     """
 
     SECTION: ClassVar = Section(

@@ -46,6 +46,10 @@ class ContactSolution(Described):
 
     `u` (n,). `pressure`, `status` (1 closed, 0 open), `gap` integral G - B u: (m,) each, or a tuple of them where
     several pairs were given. `iterations`: number of active sets that were solved.
+
+    >>> found = solve_contact([[2.0]], [6.0], [[1.0]], [1.0])
+    >>> found.u.tolist(), found.pressure.tolist()
+    ([1.0], [4.0])
     """
 
     u: NDArray[np.floating]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
-from lacsolver.results.state import CONTACT, OPEN, State, StepState, ZoneState, renamed_field
+from lacsolver.results.state import CONTACT, OPEN, State, StepState, ZoneState
 
 #: values of `Results.status`; a run that was killed keeps the first
 STATUSES = ("running", "done", "interrupted", "failed")
@@ -274,9 +274,6 @@ class Restart(Described):
     rigid: Mapping[str, NDArray]
     folder: Path | None = None
     case: Mapping[str, str] | None = None
-
-    iterate = renamed_field("iterate", "step.iterate")
-    earlier = renamed_field("earlier", "step.earlier")
 
     @property
     def time(self) -> float:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,16 +23,6 @@ class Iterate(NamedTuple):
     q: NDArray[np.floating]
     p: NDArray[np.floating]
     active: NDArray[np.bool_]
-
-
-def renamed_field(old: str, new: str) -> Any:
-    """Return a property by which an old field of a record still works; `new`: path to its value, which it warns of."""
-
-    def value(record: Any) -> Any:
-        warnings.warn(f"{type(record).__name__}.{old} is now {new}", DeprecationWarning, stacklevel=2)
-        return attrgetter(new)(record)
-
-    return property(value, doc=f"The former name of `{new}`.")
 
 
 class Histories(NamedTuple):
@@ -164,7 +152,3 @@ class State(Described):
     history: tuple[NDArray[np.floating], ...] = ()
     held: tuple[Held, ...] = ()
     prescribed: float = 0.0
-
-    iterate = renamed_field("iterate", "step.iterate")
-    earlier = renamed_field("earlier", "step.earlier")
-    next_step = renamed_field("next_step", "step.step_size")

@@ -1,4 +1,4 @@
-"""What a user of scikit-fem, meshio or pyvista types first: a case in Python, a solution, matrices, results."""
+"""The first lines of a user of scikit-fem, meshio or pyvista: a case in Python, a solution, matrices, results."""
 
 from __future__ import annotations
 
