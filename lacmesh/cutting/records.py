@@ -41,8 +41,8 @@ class Cut(Described):
             raise CutError("the data lac_macro and lac_zone of this mesh are not those of a cut; take them out")
 
     def _facts(self) -> dict[str, str]:
-        zone = self.zone_of_face[[faces[0] for faces in self.faces_of_macro]] if self.n_macros else []
-        counts = np.bincount(zone, minlength=len(self.zones))
+        first = [faces[0] for faces in self.faces_of_macro]
+        counts = np.bincount(self.zone_of_face[first], minlength=len(self.zones))
         macros = (f"{name} ({count:,})" for name, count in zip(self.zones, counts, strict=True))
         return {"macro-elements": listed(macros), "mesh": f"{self.mesh.n_nodes:,} nodes, {self.mesh.n_cells:,} cells"}
 

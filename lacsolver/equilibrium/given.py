@@ -103,8 +103,8 @@ def solve_contact(
     >>> found.u.shape, found.pressure.shape, int(found.status.sum())
     ((1536,), (36,), 36)
     """
-    several = isinstance(B, (list, tuple))
-    pairs = _pairs(B, G, w, law)
+    several = _several(B)
+    pairs = _pairs(B, G, w, law) if several else _pairs([B], [G], None if w is None else [w], law)
     K, f = csr_array(K), np.asarray(f, float)
     n = len(f)
     u0 = np.zeros(n) if u0 is None else np.asarray(u0, float)
@@ -146,12 +146,16 @@ def _listed(given: Any) -> tuple[Any, ...]:
     return tuple(given) if isinstance(given, (list, tuple)) else (given,)
 
 
+def _several(B: Any) -> bool:
+    """True for a list of matrices, False for one, which may be nested lists of numbers."""
+    return isinstance(B, (list, tuple)) and all(len(getattr(one, "shape", np.shape(one))) == 2 for one in B)
+
+
 def _pairs(B: Any, G: Any, w: Any, law: Any) -> list[_Pair]:
-    """Return the pairs of given matrices. Raises RequestError if they do not belong together."""
-    Bs = [csr_array(one) for one in _listed(B)]
-    Gs = _listed(G) if isinstance(B, (list, tuple)) else (G,)
-    ws = (None,) * len(Bs) if w is None else _listed(w) if isinstance(B, (list, tuple)) else (w,)
-    laws = (law or Unilateral(),) * len(Bs) if not isinstance(law, (list, tuple)) else tuple(law)
+    """Return the pairs of given matrices, lists of them. Raises RequestError if they do not belong together."""
+    Bs, Gs = [csr_array(np.asarray(one) if isinstance(one, list) else one) for one in B], _listed(G)
+    ws = (None,) * len(Bs) if w is None else _listed(w)
+    laws = tuple(law) if isinstance(law, (list, tuple)) else (law or Unilateral(),) * len(Bs)
     if not len(Bs) == len(Gs) == len(ws) == len(laws):
         message = f"there are {len(Bs)} matrices B, {len(Gs)} G, {len(ws)} w and {len(laws)} laws"
         raise RequestError(f"{message}; give one of each for every pair")
