@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from os.path import relpath
@@ -15,7 +15,7 @@ from lacmesh.facts import Described, listed
 from lacsolver.case.draft import Draft
 from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.errors import CaseError, Issue
-from lacsolver.case.keys import Section, key, keys_of, section, section_of, sections_of
+from lacsolver.case.keys import As, Section, key, keys_of, section, section_of, sections_of
 from lacsolver.case.kinds import POSITIVE, Bounds, Choice, Count, MeshFile, Number, Option, Text, Times
 from lacsolver.case.records import (
     NOT_KIND_OF_AT,
@@ -40,7 +40,7 @@ from lacsolver.case.toml import section_text
 from lacsolver.case.value import Value, with_values
 
 if TYPE_CHECKING:
-    from lacmesh.mesh import Mesh
+    from lacmesh.mesh import Mesh, MeshLike
 
 #: fields that are written of a motion, if [output] does not tell
 _OUTPUTS = 100
@@ -83,7 +83,7 @@ class Steps(Entry):
         Number(POSITIVE), "time", "end of the analysis; numbers given as loads reach their value then", default=1.0
     )
     count: int = key(Count(1), "", "number of equal steps", default=1)
-    times: tuple[float, ...] | None = key(
+    times: As[tuple[float, ...] | None, Sequence[float] | None] = key(
         Times(), "time", "instead of end and count: the times at which steps end", default=None
     )
     growth: float = key(
@@ -188,7 +188,7 @@ class Output(Entry):
         Count(1), "", "write the fields of every k-th step, and of the last one", default=None,
         default_words="1; with [dynamics] what gives about a hundred",
     )  # fmt: skip
-    times: tuple[float, ...] | None = key(
+    times: As[tuple[float, ...] | None, Sequence[float] | None] = key(
         Times(), "time", "instead of every: write the fields at these times, at which steps then end", default=None
     )
 
@@ -208,7 +208,7 @@ class Case(Entry):
     """
 
     SECTION: ClassVar = Section("", False, "the problem to solve")
-    mesh: Path | Mesh | None = key(
+    mesh: As[Path | Mesh | None, MeshLike | None] = key(
         MeshFile(), "", "mesh file; lacsolver cuts the slaves where the mesh is not cut yet", default=None,
         default_words="required",
     )  # fmt: skip
@@ -240,21 +240,21 @@ class Case(Entry):
         ),
         "", "size of the displacements", default="small",
     )  # fmt: skip
-    material: tuple[Material, ...] = section(Material)
-    contact: tuple[Contact, ...] = section(Contact)
-    tie: tuple[Tie, ...] = section(Tie)
-    rigid: tuple[Rigid, ...] = section(Rigid)
-    displacement: tuple[Displacement, ...] = section(Displacement)
-    spring: tuple[Spring, ...] = section(Spring)
-    pressure: tuple[Pressure, ...] = section(Pressure)
-    traction: tuple[Traction, ...] = section(Traction)
-    force: tuple[Force, ...] = section(Force)
-    body_force: tuple[BodyForce, ...] = section(BodyForce)
+    material: As[tuple[Material, ...], Material | Sequence[Material]] = section(Material)
+    contact: As[tuple[Contact, ...], Contact | Sequence[Contact]] = section(Contact)
+    tie: As[tuple[Tie, ...], Tie | Sequence[Tie]] = section(Tie)
+    rigid: As[tuple[Rigid, ...], Rigid | Sequence[Rigid]] = section(Rigid)
+    displacement: As[tuple[Displacement, ...], Displacement | Sequence[Displacement]] = section(Displacement)
+    spring: As[tuple[Spring, ...], Spring | Sequence[Spring]] = section(Spring)
+    pressure: As[tuple[Pressure, ...], Pressure | Sequence[Pressure]] = section(Pressure)
+    traction: As[tuple[Traction, ...], Traction | Sequence[Traction]] = section(Traction)
+    force: As[tuple[Force, ...], Force | Sequence[Force]] = section(Force)
+    body_force: As[tuple[BodyForce, ...], BodyForce | Sequence[BodyForce]] = section(BodyForce)
     gravity: Gravity | None = section(Gravity)
-    temperature: tuple[Temperature, ...] = section(Temperature)
+    temperature: As[tuple[Temperature, ...], Temperature | Sequence[Temperature]] = section(Temperature)
     dynamics: Dynamics | None = section(Dynamics)
-    initial: tuple[Initial, ...] = section(Initial)
-    probe: tuple[Probe, ...] = section(Probe)
+    initial: As[tuple[Initial, ...], Initial | Sequence[Initial]] = section(Initial)
+    probe: As[tuple[Probe, ...], Probe | Sequence[Probe]] = section(Probe)
     steps: Steps = section(Steps, Steps())
     solver: Solver = section(Solver, Solver())
     output: Output = section(Output, Output())

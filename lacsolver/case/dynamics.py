@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from lacsolver.case.keys import MODELS, Needs, Section, key
+from lacsolver.case.keys import MODELS, As, Needs, Section, key
 from lacsolver.case.kinds import (
     NOT_NEGATIVE,
     Bounds,
@@ -20,7 +21,7 @@ from lacsolver.case.kinds import (
     Varying,
 )
 from lacsolver.case.records import PLANAR, SPACE, Entry
-from lacsolver.case.value import Value
+from lacsolver.case.value import Value, ValueLike
 
 _HHT, _NEWMARK = Needs("scheme", ("hht",)), Needs("scheme", ("newmark",))
 
@@ -76,7 +77,7 @@ class Dynamics(Entry):
         ),
         "", "mass matrix of the cells", default="consistent",
     )  # fmt: skip
-    rayleigh: tuple[float, float] = key(
+    rayleigh: As[tuple[float, float], Sequence[float]] = key(
         TwoNumbers(NOT_NEGATIVE), "1 / time, time",
         "[a, b] of the damping matrix a M + b K, with K of the undeformed bodies",
         default=(0.0, 0.0), default_words="[0.0, 0.0]",
@@ -100,20 +101,20 @@ class Initial(Entry):
         "velocity and displacement at the start of [dynamics]; later sections replace what earlier ones give",
         some_of=(("vx", "vy", "vz", "rotation", "ux", "uy", "uz"),),
     )  # fmt: skip
-    groups: tuple[str, ...] | None = key(
+    groups: As[tuple[str, ...] | None, Sequence[str] | None] = key(
         Groups(), "", "groups of cells that move so", default=None, default_words="the whole mesh"
     )
-    vx: Value | None = _motion("length / time", "velocity along x")
-    vy: Value | None = _motion("length / time", "velocity along y")
-    vz: Value | None = _motion("length / time", "velocity along z", SPACE)
-    rotation: tuple[Value, ...] | None = key(
+    vx: As[Value | None, ValueLike | None] = _motion("length / time", "velocity along x")
+    vy: As[Value | None, ValueLike | None] = _motion("length / time", "velocity along y")
+    vz: As[Value | None, ValueLike | None] = _motion("length / time", "velocity along z", SPACE)
+    rotation: As[tuple[Value, ...] | None, ValueLike | Sequence[ValueLike] | None] = key(
         Turning(), "radian / time", "angular velocity about the centre, added to vx, vy, vz; one number in a plane",
         models=PLANAR, default=None,
     )  # fmt: skip
-    centre: tuple[float, ...] | None = key(
+    centre: As[tuple[float, ...] | None, Sequence[float] | None] = key(
         Point(), "length", "centre of the rotation", default=None, models=PLANAR,
         default_words="the mean of the groups' nodes",
     )  # fmt: skip
-    ux: Value | None = _motion("length", "displacement along x")
-    uy: Value | None = _motion("length", "displacement along y")
-    uz: Value | None = _motion("length", "displacement along z", SPACE)
+    ux: As[Value | None, ValueLike | None] = _motion("length", "displacement along x")
+    uy: As[Value | None, ValueLike | None] = _motion("length", "displacement along y")
+    uz: As[Value | None, ValueLike | None] = _motion("length", "displacement along z", SPACE)

@@ -9,7 +9,7 @@ page of docs and the checks of records made from Python all read these rows, and
 from __future__ import annotations
 
 from dataclasses import MISSING, field, fields
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from lacsolver.case.kinds import KeyType
 
@@ -32,6 +32,25 @@ class Needs(NamedTuple):
     key: str
     values: tuple[str, ...]
     added: bool = False
+
+
+_Stored = TypeVar("_Stored", covariant=True)
+_Given = TypeVar("_Given", contravariant=True)
+
+
+class As(Generic[_Stored, _Given]):
+    """Type of a field that stores a value of one type, and is given as another: a list, an integer, a formula.
+
+    For type checkers alone; no value of it is made.
+    """
+
+    def __get__(self, record: object, owner: Any = None) -> _Stored:
+        """Type of the field."""
+        raise NotImplementedError
+
+    def __set__(self, record: object, value: _Given) -> None:
+        """Type of the argument."""
+        raise NotImplementedError
 
 
 class Key(NamedTuple):

@@ -9,7 +9,7 @@ user's choice; `unit` gives the dimension.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, ClassVar, Self
 
@@ -18,7 +18,7 @@ from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.case.draft import draft, same
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.formula import Formula
-from lacsolver.case.keys import MODELS, Needs, Section, defaults_of, key
+from lacsolver.case.keys import MODELS, As, Needs, Section, defaults_of, key
 from lacsolver.case.kinds import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -38,7 +38,7 @@ from lacsolver.case.kinds import (
     Turning,
     Varying,
 )
-from lacsolver.case.value import Value
+from lacsolver.case.value import Value, ValueLike
 
 SPACE = ("3d",)
 PLANAR = ("3d", "plane_strain", "plane_stress")  # where x is a direction and not a radius
@@ -109,7 +109,7 @@ class Material(Entry):
     """
 
     SECTION: ClassVar = Section("material", True, "the law of the cells of some groups, or of the whole mesh")
-    groups: tuple[str, ...] | None = key(
+    groups: As[tuple[str, ...] | None, Sequence[str] | None] = key(
         Groups(), "", "groups of cells made of it", default=None, default_words="the whole mesh"
     )
     law: str = key(
@@ -127,20 +127,20 @@ class Material(Entry):
         default="elastic",
         default_words='"elastic"; needed if finite',
     )
-    young: float | tuple[float, float, float] | None = key(
+    young: As[float | tuple[float, float, float] | None, float | Sequence[float] | None] = key(
         ThreeNumbers(POSITIVE), "stress", "Young's modulus; orthotropic: [E1, E2, E3]", default=None,
         default_words="required", unless="constants",
     )  # fmt: skip
-    poisson: float | tuple[float, float, float] | None = key(
+    poisson: As[float | tuple[float, float, float] | None, float | Sequence[float] | None] = key(
         ThreeNumbers(), "",
         "Poisson's ratio, between -1 and 0.5; orthotropic: [nu12, nu13, nu23], with nu_ij / E_i = nu_ji / E_j",
         default=None, default_words="required", unless="constants",
     )  # fmt: skip
-    shear: tuple[float, float, float] | None = key(
+    shear: As[tuple[float, float, float] | None, Sequence[float] | None] = key(
         ThreeNumbers(POSITIVE, alone=False), "stress", "shear moduli [G12, G13, G23]", default=None,
         needs=Needs("law", ("orthotropic",)), default_words="required if orthotropic",
     )  # fmt: skip
-    axes: tuple[tuple[float, ...], tuple[float, ...]] = key(
+    axes: As[tuple[tuple[float, ...], tuple[float, ...]], Sequence[Sequence[float]]] = key(
         Axes(), "", "axis 1, and a second vector in the plane of axes 1 and 2",
         default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), default_words="[[1, 0, 0], [0, 1, 0]]",
         needs=Needs("law", ("orthotropic",)),
@@ -151,7 +151,7 @@ class Material(Entry):
         "mass per volume, for weight, motion and natural modes",
         default=0.0,
     )
-    expansion: float | tuple[float, float, float] = key(
+    expansion: As[float | tuple[float, float, float], float | Sequence[float]] = key(
         ThreeNumbers(),
         "1 / temperature",
         "thermal expansion, for [[temperature]]; orthotropic: one, or one for each axis",
@@ -264,7 +264,7 @@ class Contact(PairEntry):
         default=None,
         default_words="half the local cell size; search_distance if geometry = current",
     )  # fmt: skip
-    clearance: Value = key(
+    clearance: As[Value, ValueLike] = key(
         Varying(), "length", "added to the gap; negative: interference", default=Value(0.0), default_words="0.0"
     )
     friction: float = key(
@@ -291,7 +291,9 @@ class AtNodes(Entry):
     """Base class of records that act on the nodes of a group, or on the node at a place."""
 
     group: str | None = key(Group(), "", "the nodes of this group, of cells or of nodes", default=None)
-    at: tuple[float, ...] | None = key(Point(), "length", "instead of a group: the node at this point", default=None)
+    at: As[tuple[float, ...] | None, Sequence[float] | None] = key(
+        Point(), "length", "instead of a group: the node at this point", default=None
+    )
     kind: str | None = key(
         _KIND,
         "",
@@ -318,10 +320,10 @@ class Displacement(AtNodes):
         some_of=(("ux", "uy", "uz", "un"),),
         not_both=(*NOT_KIND_OF_AT, ("un", "ux"), ("un", "uy"), ("un", "uz"), ("at", "un")),
     )  # fmt: skip
-    ux: Value | None = _load("length", "along x (the radius where axisymmetric)")
-    uy: Value | None = _load("length", "along y")
-    uz: Value | None = _load("length", "along z", SPACE)
-    un: Value | None = _load("length", "along the outward normal of the group's faces")
+    ux: As[Value | None, ValueLike | None] = _load("length", "along x (the radius where axisymmetric)")
+    uy: As[Value | None, ValueLike | None] = _load("length", "along y")
+    uz: As[Value | None, ValueLike | None] = _load("length", "along z", SPACE)
+    un: As[Value | None, ValueLike | None] = _load("length", "along the outward normal of the group's faces")
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -334,7 +336,7 @@ class Pressure(Entry):
 
     SECTION: ClassVar = Section("pressure", True, "pressure on faces")
     group: str = key(Group(), "", "faces on which it acts")
-    value: Value = key(Varying(), "stress", "positive pressure pushes into the body", load=True)
+    value: As[Value, ValueLike] = key(Varying(), "stress", "positive pressure pushes into the body", load=True)
     follower: bool = key(Flag(), "", "acts on the deformed face", default=False, kinematics="finite")
 
 
@@ -348,9 +350,9 @@ class Traction(Entry):
 
     SECTION: ClassVar = Section("traction", True, "force per undeformed area, on faces", some_of=(("tx", "ty", "tz"),))
     group: str = key(Group(), "", "faces on which it acts")
-    tx: Value | None = _load("stress", "along x", normals=True)
-    ty: Value | None = _load("stress", "along y", normals=True)
-    tz: Value | None = _load("stress", "along z", SPACE, normals=True)
+    tx: As[Value | None, ValueLike | None] = _load("stress", "along x", normals=True)
+    ty: As[Value | None, ValueLike | None] = _load("stress", "along y", normals=True)
+    tz: As[Value | None, ValueLike | None] = _load("stress", "along z", SPACE, normals=True)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -365,9 +367,9 @@ class Force(AtNodes):
         "force", True, "force on each node of a group, or on one node (axisymmetric: of the full circle)",
         one_of=WHERE, some_of=(_THREE,), not_both=NOT_KIND_OF_AT,
     )  # fmt: skip
-    fx: Value | None = _load("force", "along x")
-    fy: Value | None = _load("force", "along y")
-    fz: Value | None = _load("force", "along z", SPACE)
+    fx: As[Value | None, ValueLike | None] = _load("force", "along x")
+    fy: As[Value | None, ValueLike | None] = _load("force", "along y")
+    fz: As[Value | None, ValueLike | None] = _load("force", "along z", SPACE)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -379,12 +381,12 @@ class BodyForce(Entry):
     """
 
     SECTION: ClassVar = Section("body_force", True, "force per undeformed volume", some_of=(_THREE,))
-    groups: tuple[str, ...] | None = key(
+    groups: As[tuple[str, ...] | None, Sequence[str] | None] = key(
         Groups(), "", "groups of cells on which it acts", default=None, default_words="the whole mesh"
     )
-    fx: Value | None = _load("force / length³", "along x")
-    fy: Value | None = _load("force / length³", "along y")
-    fz: Value | None = _load("force / length³", "along z", SPACE)
+    fx: As[Value | None, ValueLike | None] = _load("force / length³", "along x")
+    fy: As[Value | None, ValueLike | None] = _load("force / length³", "along y")
+    fz: As[Value | None, ValueLike | None] = _load("force / length³", "along z", SPACE)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -398,9 +400,9 @@ class Gravity(Entry):
     SECTION: ClassVar = Section(
         "gravity", False, "acceleration of gravity; materials need a density", some_of=(("gx", "gy", "gz"),)
     )
-    gx: Value | None = _load("length / time²", "along x", PLANAR)
-    gy: Value | None = _load("length / time²", "along y")
-    gz: Value | None = _load("length / time²", "along z", SPACE)
+    gx: As[Value | None, ValueLike | None] = _load("length / time²", "along x", PLANAR)
+    gy: As[Value | None, ValueLike | None] = _load("length / time²", "along y")
+    gz: As[Value | None, ValueLike | None] = _load("length / time²", "along z", SPACE)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -412,10 +414,10 @@ class Temperature(Entry):
     """
 
     SECTION: ClassVar = Section("temperature", True, "temperature; materials need an expansion")
-    groups: tuple[str, ...] | None = key(
+    groups: As[tuple[str, ...] | None, Sequence[str] | None] = key(
         Groups(), "", "groups of cells that have it", default=None, default_words="the whole mesh"
     )
-    value: Value = key(
+    value: As[Value, ValueLike] = key(
         Varying(), "temperature", "a number is ramped from the material's reference_temperature", load=True
     )
 
@@ -463,31 +465,39 @@ class Rigid(Entry):
         default=None,
         default_words=_EITHER,
     )
-    centre: tuple[float, ...] | None = key(
+    centre: As[tuple[float, ...] | None, Sequence[float] | None] = key(
         Point(), "length", "centre of rotation, at which forces act", default=None,
         models=PLANAR, default_words="the mean of its nodes",
     )  # fmt: skip
-    ux: Value | None = _of_body(
+    ux: As[Value | None, ValueLike | None] = _of_body(
         Varying(place=False), "length", "displacement of the centre along x", PLANAR, "0: fixed"
     )
-    uy: Value | None = _of_body(
+    uy: As[Value | None, ValueLike | None] = _of_body(
         Varying(place=False), "length", "displacement of the centre along y", MODELS, "0: fixed"
     )
-    uz: Value | None = _of_body(Varying(place=False), "length", "displacement of the centre along z", SPACE, "0: fixed")
-    rotation: tuple[Value, ...] | None = _of_body(
+    uz: As[Value | None, ValueLike | None] = _of_body(
+        Varying(place=False), "length", "displacement of the centre along z", SPACE, "0: fixed"
+    )
+    rotation: As[tuple[Value, ...] | None, ValueLike | Sequence[ValueLike] | None] = _of_body(
         Turning(), "radian", "rotation vector about the centre; one number in a plane", PLANAR, "0: fixed"
     )
-    fx: Value | None = _of_body(Varying(place=False), "force", "force along x; x is then free", PLANAR)
-    fy: Value | None = _of_body(Varying(place=False), "force", "force along y; y is then free", MODELS)
-    fz: Value | None = _of_body(Varying(place=False), "force", "force along z; z is then free", SPACE)
-    moment: tuple[Value, ...] | None = _of_body(
+    fx: As[Value | None, ValueLike | None] = _of_body(
+        Varying(place=False), "force", "force along x; x is then free", PLANAR
+    )
+    fy: As[Value | None, ValueLike | None] = _of_body(
+        Varying(place=False), "force", "force along y; y is then free", MODELS
+    )
+    fz: As[Value | None, ValueLike | None] = _of_body(
+        Varying(place=False), "force", "force along z; z is then free", SPACE
+    )
+    moment: As[tuple[Value, ...] | None, ValueLike | Sequence[ValueLike] | None] = _of_body(
         Turning(), "force × length", "moment vector about the centre; the rotation is then free", PLANAR
     )
     mass: float | None = key(
         Number(POSITIVE), "mass", "mass of the body, at its centre, beside that of cells with a density", default=None,
         default_words="that of its cells",
     )  # fmt: skip
-    inertia: float | tuple[float, float, float] | None = key(
+    inertia: As[float | tuple[float, float, float] | None, float | Sequence[float] | None] = key(
         ThreeNumbers(POSITIVE), "mass × length²",
         "moments of inertia of this mass about the axes x, y, z through the centre; one number in a plane",
         default=None, models=PLANAR, default_words="that of its cells",

@@ -122,6 +122,10 @@ class Value:
         return np.broadcast_to(result, shape).copy()
 
 
+#: a value as it may be given: a number, a formula, a table of times, a function f(x, t)
+ValueLike = Value | Source | str | Sequence[Sequence[float]]
+
+
 def interpolate(table: TimeTable, t: float) -> float:
     """Return the table's value at time t: linear in between, constant before the first time and after the last."""
     k = bisect_right(table, t, key=lambda row: row[0])
