@@ -10,6 +10,7 @@ import venv
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import lacmesh
@@ -64,10 +65,10 @@ def installed(tmp_path_factory):
     Path(packages, "dependencies.pth").write_text(ours + "\n", encoding="utf-8")
     python = folder / "env" / "bin" / "python"
     mesh = lacmesh.read(ROOT / "data" / "two_blocks.msh")
-    names = {"slave": "pin", "master": "hole", "bottom": "base"}
-    groups = {names.get(name, name): cells for name, cells in mesh.cell_groups.items()}
-    tags = {names.get(name, name): tag for name, tag in mesh.group_tags.items()}
-    lacmesh.write(folder / "assembly.msh", replace(mesh, cell_groups=groups, group_tags=tags))
+    held = np.unique(np.concatenate([mesh.cells_of(name) for name in ("bottom", "symmetry_x", "symmetry_y")]))
+    groups = {"pin": mesh.cells_of("slave"), "hole": mesh.cells_of("master"), "top": mesh.cells_of("top"), "base": held}
+    solids = {name: mesh.cells_of(name) for name in ("upper", "lower")}
+    lacmesh.write(folder / "assembly.msh", replace(mesh, cell_groups=groups | solids, group_tags={}))
     (folder / "first.py").write_text(SCRIPT, encoding="utf-8")
     return folder, python
 
