@@ -228,7 +228,7 @@ CASES: list[Bad] = [
     Bad("the mesh is not there", changed("blocks.msh", "blocs.msh"), r"blocs\.msh: cannot be read \(No such file or directory\)", 3, (*BOTH, *MATRICES)),
     Bad("the mesh is cut short", GOOD, r"blocks\.msh", 3, (*BOTH, *MATRICES), make=_short),
     Bad("the mesh has a coordinate that is no number", GOOD, r"blocks\.msh.*(nan|finite|number)", 3, make=_no_number),
-    Bad("a plane mesh for a model in space", changed("plane_strain", "3d").replace("uy", "uz"), "the model 3d needs cells of dimension 3, and the mesh has"),
+    Bad("a plane mesh for a model in space", changed("plane_strain", "3d").replace("uy", "uz"), "the model 3d needs volumes, and the mesh [a-z.]+ is plane; take model = .plane_strain"),
     Bad("a plane mesh that is none", GOOD, "the model plane_strain needs a mesh in a plane z = constant", make=moved(lambda x: np.add(x[:, 2], x[:, 0], out=x[:, 2]))),
     Bad("a radius below 0", changed("plane_strain", "axisymmetric"), r"node \d+ has radius x = -0\.5; an axisymmetric mesh lies at x >= 0", make=moved(lambda x: np.subtract(x[:, 0], 0.5, out=x[:, 0]))),
     Bad("a folded cell", GOOD, r"cells [\d, ]+ are folded, or have no volume", make=moved(_folded)),
