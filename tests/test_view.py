@@ -12,7 +12,7 @@ import pytest
 
 from lacmesh import Mesh, cut_skin, raise_order, scene
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.errors import GroupNotFoundError, RequestError
+from lacmesh.errors import GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.quality.measures import SCALES
 from lacmesh.reference.quadrature import measure
 from lacmesh.scene import camera_of, colours, make_scene
@@ -241,7 +241,8 @@ def test_a_hidden_skin_is_turned_towards_the_eye():
 
 def test_a_skin_that_nothing_hides_stays():
     mesh = cut_skin(cube(2), "slave").mesh
-    drawn = make_scene(mesh, explode=0.5, tilt=30)
+    with pytest.warns(LacmeshWarning, match="moves nothing: no other body is in sight"):
+        drawn = make_scene(mesh, explode=0.5, tilt=30)
     assert drawn.layers[1].points[:, 2] == pytest.approx(0)
     assert drawn.eye[2] < 0
 
