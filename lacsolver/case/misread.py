@@ -1,4 +1,4 @@
-"""What a file is that is no case, and what was meant by a line that is no TOML: sentences for `read`."""
+"""Sentences for `read` about a file that is no case, and about a line that is no TOML: what is it, what was meant?"""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NUMBER = re.compile(r"([+-]?)(\d*)(\.?)(\d*)(?:[eEdD]([+-]?\d+))?\.?")
 
 
 def other_than_case(path: Path) -> str:
-    """Say what a folder, a mesh, an empty or a binary file is instead of a case; "" if it may be a case."""
+    """Return what a folder, a mesh, an empty or a binary file is instead of a case; "" if it may be a case."""
     if path.is_dir():
         if (path / "results.json").exists() or (path / "history.csv").exists():
             return f"is a folder of results, and not a case; --restart {path} goes on from them, with the case's file"
@@ -45,7 +45,7 @@ def other_than_case(path: Path) -> str:
 
 
 def meant(line: str) -> str:
-    """Say what to write for a line that is no TOML, such as `young = 1000.` or `slave = arc`; "" for other lines."""
+    """Return what to write for a line that is no TOML, such as `young = 1000.` or `slave = arc`; "" for other lines."""
     parts = re.fullmatch(r"\s*([\w.-]+)\s*=\s*(.*?)\s*", re.sub(r"#[^\"']*$", "", line))
     if parts is None:
         return ""
@@ -66,7 +66,7 @@ def meant(line: str) -> str:
 
 
 def _word(key: str, word: str) -> str:
-    """Say what to write for text without quotes."""
+    """Return what to write for text without quotes."""
     if word.lower() in ("true", "false"):
         return f"{key} = {word} is no TOML; write {key} = {word.lower()}"
     if word.lower() in ("none", "null"):

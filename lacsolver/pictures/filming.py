@@ -228,7 +228,7 @@ def _curve(text: str, table: dict[str, NDArray[np.floating]]) -> Curve:
 
 
 def level_out(axes: Any, values: Floats) -> None:
-    """Widen the range of an axis if its values (n,) differ by round-off only, which would be drawn as large."""
+    """Make the range of an axis wider if its values (n,) differ by round-off only, which would be drawn as large."""
     known = values[np.isfinite(values)]
     low, high = ends_of(known, least=_LEVEL)
     if len(known) and low < known.min():
