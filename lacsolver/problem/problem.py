@@ -33,7 +33,7 @@ from lacsolver.problem.laws import contact_law_of, law_of
 from lacsolver.problem.skin import check_mesh, prepared
 from lacsolver.space.places import nodes_of, wrong
 from lacsolver.space.share import ALONE, Distribution, Share
-from lacsolver.space.space import Space
+from lacsolver.space.space import Space, check_dimension
 
 #: round-off of a coverage
 _ROUNDING = 1e-9
@@ -199,11 +199,13 @@ def build(
     are left out if it was kept. `bodies`: False for the contact pairs alone, without materials and constraints.
     """
     attempt = attempt or (lambda place: nullcontext())
-    parts, named = ProblemParts(mesh), False
+    parts, usable = ProblemParts(mesh), False
     with attempt(""):
+        if distribution is ALONE:
+            check_dimension(mesh, case.model, f"the mesh {Path(case.mesh).name}")
         check_groups(case, mesh)
-        named = True
-    if not named:
+        usable = True
+    if not usable:
         return parts
     with attempt(""):
         check_mesh(case, mesh)
