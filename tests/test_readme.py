@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
 import subprocess
 import sys
+import tomllib
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -37,6 +40,49 @@ def test_commands_of_the_readme_run(fresh):
     assert run_commands(README) == 3
     assert {"two_blocks.lac.msh", "two_blocks_pressure.png", "two_blocks"} <= {p.name for p in fresh.iterdir()}
     assert (fresh / "two_blocks" / "solid.pvd").is_file()
+
+
+#: runs commands (sys.argv[2:]) with the modules sys.argv[1] out of reach
+WITHOUT = """
+import json, shlex, sys
+from importlib.machinery import PathFinder
+gone, found = set(json.loads(sys.argv[1])), PathFinder.find_spec
+PathFinder.find_spec = lambda name, *rest: None if name in gone else found(name, *rest)
+from lacmesh.cli import main as lacmesh
+from lacsolver.cli import main as lacsolver
+for command in sys.argv[2:]:
+    name, *args = shlex.split(command)
+    assert {"lacmesh": lacmesh, "lacsolver": lacsolver}[name](args) == 0, command
+exec(sys.stdin.read())
+"""
+
+
+def out_of_reach(named):
+    """The modules of all extras that an installation with the extras `named` does not bring by itself."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    bare = {extra: {re.match(r"[\w-]+", need)[0] for need in needs} for extra, needs in extras.items()}
+    brought = {re.match(r"[\w-]+", need)[0] for need in project["dependencies"]}.union(*(bare[e] for e in named))
+    left = set().union(*bare.values()) - brought
+    return [module for module, owners in packages_distributions().items() if left & set(owners)]
+
+
+@pytest.mark.vtk
+def test_the_install_line_of_the_readme_brings_what_its_commands_need(fresh):
+    """In an installation by the line that stands there; without its extras the third command fails."""
+    (line,) = re.findall(r"^pip install '\.\[(.*)\]'", "\n".join(blocks(README, "")), re.MULTILINE)
+    commands = [c[2:] for block in blocks(README, "console") for c in block.splitlines()]
+    (code,) = blocks(README, "python")
+
+    def run(named, commands):
+        arguments = [sys.executable, "-c", WITHOUT, json.dumps(out_of_reach(named)), *commands]
+        return subprocess.run(arguments, input=code, capture_output=True, text=True, cwd=fresh)
+
+    assert "pyvista" in out_of_reach([]) and "numpy" not in out_of_reach([])
+    done = run(line.split(","), commands)
+    assert done.returncode == 0 and "macro-elements" in done.stdout, done.stderr
+    without = run([], [commands[2].replace("-o two_blocks", "-o again").replace("pressure.png", "again.png")])
+    assert without.returncode != 0 and "pip install 'lacmesh[view]'" in without.stderr
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import pytest
 
 from lacmesh import Mesh, cut_skin, raise_order, scene
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.errors import GroupNotFoundError, RequestError
+from lacmesh.errors import GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.quality.measures import SCALES
 from lacmesh.reference.quadrature import measure
 from lacmesh.scene import camera_of, colours, make_scene
@@ -241,7 +241,8 @@ def test_a_hidden_skin_is_turned_towards_the_eye():
 
 def test_a_skin_that_nothing_hides_stays():
     mesh = cut_skin(cube(2), "slave").mesh
-    drawn = make_scene(mesh, explode=0.5, tilt=30)
+    with pytest.warns(LacmeshWarning, match="moves nothing: no other body is in sight"):
+        drawn = make_scene(mesh, explode=0.5, tilt=30)
     assert drawn.layers[1].points[:, 2] == pytest.approx(0)
     assert drawn.eye[2] < 0
 
@@ -394,7 +395,7 @@ def test_every_measure_has_a_bad_and_a_good_end(measure):
     known = values.values[np.isfinite(values.values)]
     assert len(known)
     better = SCALES[measure].better
-    assert (values.bad != values.good) or np.ptp(known) == 0
+    assert values.bad != values.good
     assert better * (values.good - values.bad) >= 0
     assert np.isin(values.worst(1), np.flatnonzero(values.values == (known.max() if better < 0 else known.min()))).all()
     if SCALES[measure].kind == "unit":
@@ -431,6 +432,57 @@ def test_a_ramp_has_its_ends_and_the_worst_lie_at_its_bad_one():
     np.testing.assert_array_equal(found[[2, 0]], colours.rgb((colours.RAMP[0], colours.RAMP[-1])))
     lightness = colours.on_ramp(np.linspace(0, 1, 50), 0.0, 1.0) @ [0.299, 0.587, 0.114]
     assert (np.diff(lightness) > 0).all()
+
+
+@pytest.mark.parametrize("value", [5.0, 0.0, -3.0, 1e-12, 1e300, 1e-300])
+def test_values_that_differ_by_round_off_have_one_colour_and_what_has_none_is_grey(value):
+    values = np.array([value, value * (1 + 4e-15), value * (1 - 3e-15), np.nan])
+    for low, high in (colours.ends_of(values), colours.ends_of(values, zero=True)):
+        assert low < high and f"{low:.3g}" != f"{high:.3g}"
+        found = colours.on_ramp(values, low, high)
+        assert np.ptp(found[:3].astype(int), axis=0).max() <= 1  # one of 256 steps
+        assert np.array_equal(found[3:], colours.rgb(colours.BODIES[:1]))
+    assert np.array_equal(colours.on_ramp(values, value, value)[3:], colours.rgb(colours.BODIES[:1]))
+
+
+def test_a_scale_has_its_values_and_zero():
+    assert colours.ends_of(np.array([-3.0, 2.0])) == (-3.0, 2.0)
+    assert colours.ends_of(np.array([-3.0, -2.0]), zero=True) == (-3.0, 0.0)
+    assert colours.ends_of(np.array([np.nan, 5.0, 4.0]), zero=True) == (0.0, 5.0)
+    assert colours.ends_of(np.array([np.nan])) == colours.ends_of(np.zeros(3), zero=True) == (0.0, 1.0)
+    assert colours.ends_of(np.array([-1e308, 1e308])) == (-1e308, 1e308)
+
+
+def test_cells_of_one_size_have_one_colour():
+    values = cell_values(cube(3), "volume")  # 1 / 27 but for round-off
+    assert np.ptp(values.values[np.isfinite(values.values)]) > 0
+    drawn = make_scene(cube(3), values=values)
+    shades = np.vstack([layer.rgb for layer in layers(drawn, "faces")]).astype(int)
+    solid = shades[(shades != colours.rgb(colours.BODIES[:1])).any(axis=1)]
+    assert len(solid) and np.ptp(solid, axis=0).max() <= 1  # one of 256 steps
+
+
+@pytest.mark.vtk
+def test_the_name_of_a_ramp_stands_above_its_ends():
+    import pyvista
+
+    from lacmesh.view.draw import Sheet, _add_ramp
+
+    class Plotter:
+        def __init__(self):
+            self.words = {}
+
+        def add_text(self, words, position, **_style):
+            self.words[words] = position
+
+        def add_actor(self, actor):
+            pass
+
+    plotter = Plotter()
+    _add_ramp(Sheet(plotter, pyvista, 1.0, {"size": (1600, 1000), "ramp": ("pressure", -1.23e-100, 4.56e12)}))
+    name, low, high = (plotter.words[words] for words in ("pressure", "-1.23e-100", "4.56e+12"))
+    assert name[1] > low[1] + 0.03 and low[1] == high[1] and low[0] + 10 * 0.011 < high[0]
+    assert name[1] + 0.03 < make_scene(cube(), values=cell_values(cube(), "shape")).low + 0.005
 
 
 def test_the_modules_need_no_pyvista():

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import lacmesh
 from lacmesh import Mesh
 from lacmesh.errors import RequestError, WriteError
 from lacmesh.scene import colours, make_scene
@@ -242,3 +243,19 @@ def test_a_picture_into_a_folder_that_is_not_there(tmp_path, monkeypatch):
         picture(cube(), tmp_path / "a.jpg")
     with pytest.raises(RequestError, match="is written as"):
         page(cube(), tmp_path / "a.png")
+
+
+def test_a_gap_that_moves_nothing_is_told(tmp_path, capsys):
+    """Picture or page: the file is the same as without the gap."""
+    mesh, single = tmp_path / "blocks.msh", tmp_path / "cube.msh"
+    lacmesh.write(mesh, two_cubes())
+    lacmesh.write(single, cube())
+    for path, slave, says in (
+        (mesh, [], "explode 0.5 moves nothing: only bodies that carry a slave skin are moved, and none is shown"),
+        (single, ["--slave", "slave"], "explode 0.5 moves nothing: no other body is in sight"),
+    ):
+        code, said = status(capsys, path, *slave, "-o", tmp_path / "a.html", "--explode", 0.5, "--force")
+        assert code == 0 and says in said
+    for gap in ("0", "0.5"):
+        code, said = status(capsys, mesh, "--slave", "slave", "-o", tmp_path / "a.html", "--explode", gap, "--force")
+        assert code == 0 and "moves nothing" not in said

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import Subject
+from lacmesh.cutting.records import is_cut
 from lacmesh.errors import some
 from lacmesh.mesh import Block, Ints, Mesh
 from lacmesh.reference.quadrature import signed_area
+from lacmesh.topology.faces import lacking
 from lacmesh.topology.facets import CROWDED, FACETS, Solid, mixed_bits
 
 _WORST = 5
@@ -23,8 +25,8 @@ _PIECE = 1 << 14
 def check_numbers(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Check that the mesh has cells of a body, unique ids, finite coordinates and no node without a cell."""
     mesh, found = subject.mesh, []
-    if mesh.dim < 2:
-        found.append(subject.found("no-cells", "the mesh has no cells of dimension 2 or 3: there is no body to check"))
+    if mesh.dim < 2 or (mesh.dim == subject.dim < mesh.space_dim and not is_cut(mesh)):
+        found.append(subject.found("no-cells", f"{lacking(mesh, max(mesh.dim, 1) + 1)}: there is no body to check"))
     for what, numbers in (("cell", mesh.cell_number), ("node", mesh.node_number)):
         values, first, count = np.unique(numbers, return_index=True, return_counts=True)
         odd = first[(count > 1) | (values < 0)]

@@ -16,7 +16,7 @@ import numpy as np
 from lacmesh.cells import CARRIED, CELLS
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, codes, distinct
-from lacmesh.topology.faces import cells_of_dim, distinct_faces
+from lacmesh.topology.faces import cells_of_dim, distinct_faces, lacking
 from lacmesh.topology.orientation import flip_outward
 from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners, find_repeats
 
@@ -123,7 +123,7 @@ def _check_groups(mesh: Mesh, specs: Sequence[str], slave: SlaveSkin, skin_only:
         raise RequestError(f"a slave group is given twice: {', '.join(names)}")
     dims = codes(np.array([_check_group(mesh, name, skin_only) for name in names]))
     if mesh.dim < 2:
-        raise CutError("this mesh has lines and points only: there is no skin to cut")
+        raise CutError(f"{lacking(mesh, 2)}: there is no skin to cut")
     empty = [name for k, name in enumerate(names) if not (slave.zone == k).any()]
     if empty and len(dims) == 1:
         message = f"every face of {', '.join(empty)} is in an earlier slave group: no macro-element is of that zone"
@@ -150,6 +150,9 @@ def _check_group(mesh: Mesh, name: str, skin_only: bool) -> int:
     wrong = cells[dims > want] if not skin_only else cells[(dims < 1) | (dims > 2)]
     if len(wrong) or not (dims == want).any():
         odd = wrong if len(wrong) else cells
+        if (dims == mesh.dim).any() and mesh.dim < mesh.space_dim and not skin_only:
+            message = f"the slave group {name!r} has nothing behind it: {lacking(mesh, mesh.dim + 1)}"
+            raise CutError(f"{message}; --skin-only cuts a shell", mesh.cell_number[odd])
         raise CutError(
             f"the slave group {name!r} holds cells of dimension {int(mesh.cell_dim[odd].max())} "
             f"({mesh.cell_names(odd)}); a slave skin is made of faces of dimension "
@@ -181,7 +184,9 @@ def _check_parents(
         return
     if (count == 0).any():
         fail(
-            np.flatnonzero(count == 0), "have no parent cell; --skin-only cuts a surface without parent cells (a shell)"
+            np.flatnonzero(count == 0),
+            "have no parent cell; gmsh saves the cells of physical groups alone: is their body in one? "
+            "--skin-only cuts a surface without parent cells (a shell)",
         )
     if (count > 2).any():
         fail(np.flatnonzero(count > 2), "have more than two cells behind them: the mesh is not a manifold there")

@@ -21,6 +21,8 @@ COLOURS = 8
 #: outlines of marks, drawn from their centre
 _MARKS = ("m-3.4 0a3.4 3.4 0 1 0 6.8 0a3.4 3.4 0 1 0-6.8 0z", "m-3 -3h6v6h-6z", "m-3.6 2.6h7.2l-3.6-6.2z",
           "m-4 0l4-4l4 4l-4 4z")  # fmt: skip
+#: span of values that are one, relative to the largest: of values, and of logarithms
+_LEVEL, _LEVEL_LOG = 1e-6, 1e-12
 #: of a line with more points, marks are dots
 _MANY = 40
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -44,7 +46,7 @@ class Axis:
     def ticks(self) -> list[tuple[float, str]]:
         """Values to name, and their names."""
         if not self.log:
-            return [(v, _name(v)) for v in steps(self.low, self.high)]
+            return _named(steps(self.low, self.high))
         decades = range(math.ceil(self.low - 1e-9), math.floor(self.high + 1e-9) + 1)
         if len(decades) > 2:
             every = math.ceil(len(decades) / 6)
@@ -53,7 +55,7 @@ class Axis:
         inside = [v for v in fine if self.low - 1e-9 <= math.log10(v) <= self.high + 1e-9]
         if len(inside) < 2:
             inside = [v for v in steps(10**self.low, 10**self.high) if v > 0]
-        return [(v, _name(v)) for v in inside]
+        return _named(inside)
 
 
 def scale(values: Array, log: bool) -> Array:
@@ -72,7 +74,7 @@ def steps(low: float, high: float) -> list[float]:
     power = 10.0 ** math.floor(math.log10(rough))
     step = power * next(m for m in (1, 2, 2.5, 5, 10) if m * power >= rough * 0.999)
     first = math.ceil(low / step - 1e-9)
-    return [round(k * step, 12) for k in range(first, math.floor(high / step + 1e-9) + 1)]
+    return [float(f"{k * step:.12g}") for k in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
 def svg(chart: Chart) -> str:
@@ -122,15 +124,21 @@ def _scaled(plot: Plot) -> tuple[Array, Array]:
 
 def _axis(values: Array, log: bool, start: float, end: float) -> Axis:
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    if high - low <= 1e-12 * max(abs(low), abs(high), 1e-300):
+    if high - low <= (_LEVEL_LOG if log else _LEVEL) * max(abs(low), abs(high), 1e-300):
         room = 0.5 if log else abs(low) * 0.1 or 1.0
         return Axis(low - room, high + room, start, end, log)
     room = (high - low) * 0.05
     return Axis(low - room, high + room, start, end, log)
 
 
-def _name(value: float) -> str:
-    return "0" if value == 0 else f"{value:.4g}"
+def _named(values: list[float]) -> list[tuple[float, str]]:
+    """Values and their names, with as many digits as tell them apart."""
+    digits = next(d for d in range(4, 18) if d == 17 or len({_name(v, d) for v in values}) == len(values))
+    return [(v, _name(v, digits)) for v in values]
+
+
+def _name(value: float, digits: int = 4) -> str:
+    return "0" if value == 0 else f"{value:.{digits}g}"
 
 
 def _power(k: int) -> str:

@@ -33,6 +33,8 @@ from lacmesh.scene.visible import SLAVE, Groups, Vector, VisibleSurface, find_vi
 
 #: the part of the picture's height above which the mesh ends, and what a line of the legend takes below it
 HIGH, FOOT, LEGEND_LINE = 0.93, 0.035, 0.04
+#: lines of the legend beside which a ramp stands: its name, its ends, its bar
+RAMP_LINES = 3
 #: in units (`unit_of`): where words begin beside a box of the legend, what a ramp takes, a letter of a legend's words
 INDENT, RAMP_ROOM, LETTER = 82, 480, 12.4
 #: findings that get a line in the legend, and cells of theirs that get a label
@@ -69,7 +71,7 @@ class Scene:
     @property
     def low(self) -> float:
         """The part of the picture's height below which words stand."""
-        rows = max(len(self.legend), 2 * (self.values is not None))
+        rows = max(len(self.legend), RAMP_LINES * (self.values is not None))
         return min(0.6, FOOT + LEGEND_LINE * rows)
 
 

@@ -26,6 +26,10 @@ INVALID = "cc1f1a"
 RAMP = ("231a4c", "34489b", "2f7fb5", "56b4b8", "a9d9b2", "f4f3d0")
 #: by how much macro-elements pale where findings are to stand out
 PALER = 0.55
+#: least span of a scale of colours, relative to its largest end: values that differ by less have the same three digits
+SPAN = 0.01
+#: what is nearer to 0 is 0 in a scale
+NOTHING = 1e-200
 
 
 def rgb(colours: Sequence[str]) -> NDArray[np.uint8]:
@@ -42,11 +46,29 @@ def pale(colours: NDArray[np.uint8], by: float = PALER) -> NDArray[np.uint8]:
     return np.round(colours + by * (255.0 - colours)).astype(np.uint8)
 
 
+def ends_of(values: Floats, *, zero: bool = False, least: float = SPAN) -> tuple[float, float]:
+    """Low and high end of a scale for values, NaN left out; (0, 1) where all are 0 or there is none.
+
+    `zero`: 0 is part of the scale. The span is at least `least` of the larger end, so that round-off is not shown as a
+    difference: uniform values lie in its middle, or with `zero` at one end.
+
+    >>> ends_of(np.array([5 - 1e-15, 5, np.nan]), zero=True), ends_of(np.array([5.0, 5.0]), least=0.2)
+    ((0.0, 5.0), (4.5, 5.5))
+    """
+    known = np.append(values[np.isfinite(values)], [0.0] * zero)
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    size = max(abs(low), abs(high))
+    if size < NOTHING:
+        return 0.0, 1.0
+    lacking = least * size - (high / 2 - low / 2) * 2
+    return (low - lacking / 2, high + lacking / 2) if lacking > 0 else (low, high)
+
+
 def on_ramp(values: Floats, bad: float, good: float) -> NDArray[np.uint8]:
-    """Colour (n, 3) of each value between its bad and its good end; grey where it is NaN."""
+    """Colour (n, 3) of each value between its bad and its good end (good where both are one); grey where it is NaN."""
     stops = rgb(RAMP).astype(float)
     span = good - bad
-    place = np.clip((values - bad) / span if span else np.ones_like(values), 0, 1) * (len(stops) - 1)
+    place = np.clip((values - bad) / span if span else np.where(np.isnan(values), np.nan, 1.0), 0, 1) * (len(stops) - 1)
     known = np.isfinite(place)
     at = np.linspace(0, len(stops) - 1, len(stops))
     mixed = np.stack([np.interp(np.where(known, place, 0), at, stop) for stop in stops.T], axis=-1)

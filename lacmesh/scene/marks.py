@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.scene.colours import SEVERITIES
+from lacmesh.scene.colours import SEVERITIES, SPAN, ends_of
 from lacmesh.scene.visible import as_faces, facets_of
 from lacmesh.topology.skin import Faces
 
@@ -165,9 +165,9 @@ def _ends(measure: str, values: Floats) -> tuple[float, float]:
 
     kind, better = SCALES[measure]
     known = values[np.isfinite(values)]
-    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    low, high = ends_of(values)
     if kind == "unit":
         low, high = 0.0, 1.0
     elif kind == "ratio":  # from 1 on; a few that are without bound would leave no colour to the others
-        low, high = 1.0, max(1.0 + 1e-9, min(high, STRETCH * float(np.median(known)) if len(known) else 2.0))
+        low, high = 1.0, max(1.0 + SPAN, min(high, STRETCH * float(np.median(known)) if len(known) else 2.0))
     return (high, low) if better < 0 else (low, high)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from lacmesh.errors import LacmeshWarning
 from lacmesh.mesh import Floats, Mesh
 from lacmesh.scene.visible import MASTER, SLAVE, Vector, VisibleSurface, diagonal, is_segment, unit
 
@@ -66,9 +68,14 @@ def find_outward(points: Floats, visible: VisibleSurface) -> Floats:
 def find_exploded_view(
     mesh: Mesh, visible: VisibleSurface, eye: Floats, explode: float | None = None, tilt: float | None = None
 ) -> ExplodedView | None:
-    """Find the motion of the bodies that carry slave faces which shows these; None if nothing has to move."""
+    """Find the motion of the bodies that carry slave faces which shows these; None if nothing has to move.
+
+    Warns where a gap is asked for by `explode`, and nothing moves.
+    """
     points, outward, plane = mesh.points, find_outward(mesh.points, visible), mesh.space_dim == 2
     if not outward.any() or not visible.hidden:
+        if explode:
+            warnings.warn(LacmeshWarning(f"explode {explode:g} moves nothing: {_why_still(visible)}"), stacklevel=2)
         return None
     if tilt is None:
         tilt = 0.0 if plane else max(0.0, float(np.degrees(np.arccos(np.clip(outward @ eye, -1, 1)))) - SEEN_AT)
@@ -82,6 +89,15 @@ def find_exploded_view(
     turned = centre + rotated(points[mine] - centre, axis, np.radians(tilt))
     overlap = (turned @ outward).max() - (points[other] @ outward).min()
     return ExplodedView(centre, axis, float(np.radians(tilt)), -(overlap + gap * diagonal(shown)) * outward)
+
+
+def _why_still(visible: VisibleSurface) -> str:
+    """Say why no body moves, and what to try."""
+    if not len(visible.rows(SLAVE)):
+        return "only bodies that carry a slave skin are moved, and none is shown; name the skin by slave"
+    if not visible.hidden:
+        return "no other body is in sight than those that carry the slave skin"
+    return "the slave skin faces every way, so that there is none to move its body in; try a cutaway"
 
 
 def moving(visible: VisibleSurface) -> tuple[Any, Any]:

@@ -18,6 +18,19 @@ def cells_of_dim(mesh: Mesh, dim: int) -> Iterator[tuple[str, Ints, Ints]]:
             yield block.type, block.nodes, np.arange(mesh.offsets[k], mesh.offsets[k + 1])
 
 
+def lacking(mesh: Mesh, dim: int, called: str = "the mesh") -> str:
+    """Say that a mesh, `called` so, has no cells of dimension `dim`, what it has, and what gmsh leaves out of a file.
+
+    >>> lacking(Mesh.create([[0, 0], [1, 0]], [("SEG2", [[0, 1]])]), 2)[:44]
+    'the mesh has no surfaces, only cells of type'
+    """
+    name = ("points", "lines", "surfaces", "volumes")[dim]
+    if not mesh.n_cells:
+        return f"{called} has no {name}, nor any other cells"
+    message = f"{called} has no {name}, only cells of type {', '.join(mesh.cells_by_type)}; where there are physical "
+    return f"{message}groups, gmsh saves their cells alone: add one of the {name}, or set Mesh.SaveAll = 1"
+
+
 def faces_of(mesh: Mesh, cells: Ints) -> Faces:
     """Return some skin cells (of types in FACE_TYPES) as faces, in the order of `cells`."""
     order: list[Ints] = [np.empty(0, np.int64)]

@@ -114,7 +114,7 @@ def _add_mark(sheet: Sheet, kind: str, colours: list[str], x: float, y: float) -
 
 
 def _add_ramp(sheet: Sheet) -> None:
-    """Add the ramp that explains the colours of values: a bar from the bad end to the good one."""
+    """Add the ramp that explains the colours of values: a bar from the bad end to the good one, its name above."""
     plotter, pyvista, unit, scene = sheet
     width, height = scene["size"]
     what, bad, good = scene["ramp"]
@@ -125,7 +125,7 @@ def _add_ramp(sheet: Sheet) -> None:
     style = {"viewport": True, "color": f"#{INK}", "font_size": round(11 * unit)}
     top = (y + 32 * unit) / height
     plotter.add_text(f"{bad:.3g}", position=(left / width, top), **style)
-    plotter.add_text(what, position=((left + 60 * unit) / width, top), **style)
+    plotter.add_text(what, position=(left / width, top + 36 * unit / height), **style)
     end = f"{good:.3g}"
     plotter.add_text(end, position=((left + wide - 11 * len(end) * unit) / width, top), **style)
 

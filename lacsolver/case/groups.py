@@ -50,6 +50,8 @@ def _lookup(group: str, mesh: Mesh, *, cells: bool, nodes: bool) -> str | None:
     try:
         mesh.cells_of(group)
     except RequestError as error:
+        if group in mesh.node_groups:
+            return f"{group!r} is a group of nodes, and a group of cells is needed, such as the faces of a skin"
         if not nodes:
             return str(error)
         return f"no group named {group!r}{did_you_mean(group, [*mesh.cell_groups, *mesh.node_groups])}"

@@ -16,6 +16,7 @@ from lacsolver.case.draft import Draft, Found, draft
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.keys import keys_of, section_of, sections_of
 from lacsolver.case.lines import Lines
+from lacsolver.case.misread import meant, other_than_case
 from lacsolver.case.rules import check
 from lacsolver.case.value import described, with_values
 
@@ -33,10 +34,14 @@ def read_case(path: str | Path, *, matrices: bool = False) -> Case:
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except OSError as error:
-        raise ReadError(path, f"cannot be read ({error.strerror or error})") from None
+        raise ReadError(path, other_than_case(path) or f"cannot be read ({error.strerror or error})") from None
     except UnicodeDecodeError as error:
+        if other := other_than_case(path):
+            raise ReadError(path, other) from None
         line = error.object.count(b"\n", 0, error.start) + 1
         raise ReadError(path, "is not UTF-8 text; save it as such", f"line {line}") from None
+    if not text.strip():
+        raise ReadError(path, other_than_case(path))
     return parse_case(text, path, matrices=matrices)
 
 
@@ -76,23 +81,16 @@ def _document(text: str, path: Path) -> tuple[dict[str, Any], Lines]:
         said = str(error)
         at = re.search(r" \(at line (\d+), column (\d+)\)$", said)
         if at:
-            message = _unquoted(text.split("\n")[int(at[1]) - 1]) or f"{said[: at.start()]} (column {at[2]})"
-            raise ReadError(path, message, f"line {at[1]}") from None
+            message = meant(text.split("\n")[int(at[1]) - 1])
+            if not message and (other := other_than_case(path)):
+                raise ReadError(path, other) from None
+            raise ReadError(path, message or f"{said[: at.start()]} (column {at[2]})", f"line {at[1]}") from None
         if said.endswith(" (at end of document)"):
             last = f"line {text.count(chr(10)) + 1}"
+            if message := meant(text.split("\n")[-1]):
+                raise ReadError(path, message, last) from None
             raise ReadError(path, said.removesuffix(" (at end of document)") + " (the file ends)", last) from None
         raise ReadError(path, f"is no TOML text ({said})") from None
-
-
-def _unquoted(line: str) -> str:
-    """Return the message for a line whose value is text without quotes, such as `slave = arc`; "" for other lines."""
-    plain = re.fullmatch(r"\s*([\w.-]+)\s*=\s*([A-Za-z_][\w./-]*)\s*(#.*)?", line)
-    if plain is None:
-        return ""
-    key, word = plain[1], plain[2]
-    if word.lower() in ("true", "false"):
-        return f"{key} = {word} is no TOML; write {key} = {word.lower()}"
-    return f'{key} = {word} is text without quotes; write {key} = "{word}"'
 
 
 def _drafts(document: Mapping[str, Any]) -> tuple[Draft, list[Draft], list[Found]]:

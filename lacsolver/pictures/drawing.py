@@ -22,6 +22,7 @@ from lacmesh.errors import RequestError
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.reference.shapes import shape
+from lacmesh.scene.colours import ends_of
 from lacmesh.scene.marks import Values
 from lacmesh.scene.visible import MASTER, SLAVE, find_visible
 from lacmesh.topology.components import label_components
@@ -42,6 +43,8 @@ _OVERLAP = 0.004
 _PARTS = 6
 #: margin of a zoomed picture on each side of the faces under pressure, relative to their extent
 _MARGIN = 0.5
+#: room above and below a curve of pressure, relative to the span of its scale
+_ROOM = 0.05
 
 
 class Skin(NamedTuple):
@@ -177,8 +180,7 @@ def _draw_space(
         cell_data={"lac_macro": np.where(role == SLAVE, visible.macro[order], -1)},
     )
     values = np.where(role == SLAVE, pressure[skin], np.nan)
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    shown = Pressures("pressure", values, low, high, np.zeros(len(values), bool))
+    shown = Pressures("pressure", values, *ends_of(pressure, zero=True), np.zeros(len(values), bool))
     picture(faces, path, slave="slave", master="master", values=shown, title=title)
 
 
@@ -189,9 +191,8 @@ def _plane_figure(
     figure = import_module("matplotlib.figure").Figure(figsize=(10, 10), dpi=130, layout="tight")
     colours = import_module("matplotlib.colors")
     body, profile = figure.subplots(2, 1, height_ratios=(3, 2))
-    low = min(float(skin.pressure.min()) for skin in skins)
-    high = max(float(skin.pressure.max()) for skin in skins)
-    scale = colours.Normalize(low, high if high > low else low + 1.0)
+    low, high = ends_of(np.concatenate([skin.pressure for skin in skins]), zero=True)
+    scale = colours.Normalize(low, high)
     body.add_collection(_lines(_edges(mesh, x), color="#9aa2aa", linewidth=0.5))
     for skin in skins:
         drawn = _lines(_skin_lines(skin, x), cmap="viridis", norm=scale, linewidth=4, zorder=3)
@@ -207,6 +208,7 @@ def _plane_figure(
         profile.set_xlim(pressed_span(skins, mesh.points))
     body.set(title=title, xlabel="x", ylabel="y")
     profile.set(xlabel="length along the slave skin, undeformed", ylabel="pressure of the macro-elements")
+    profile.set_ylim(low - _ROOM * (high - low), high + _ROOM * (high - low))
     profile.grid(color="#e2e5e8", linewidth=0.6)
     profile.legend(frameon=False)
     out = io.BytesIO()

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import ReadError, RequestError, did_you_mean
 from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats
-from lacmesh.scene.colours import RAMP
+from lacmesh.scene.colours import RAMP, ends_of
 from lacsolver.output.modes import read_modes
 from lacsolver.output.names import HISTORY, MODES_PVD
 from lacsolver.pictures.frames import COLOURS, SHAPE, DrawnSurface, Frame, Frames, read_frames, read_mode
@@ -43,6 +43,8 @@ DECADES = 3.0
 _DPI, _DPI_SHEET, _WIDE, _HIGH, _TILE = 80, 100, (6.2, 3.8), 4.6, 3.7
 #: colours of a film
 _COLOURS = 128
+#: span of values that are one, relative to the largest of them
+_LEVEL = 1e-6
 #: duration of the last picture of a film, in seconds
 _STAYS = 1.5
 #: colours of faces without a value, of surfaces without parent cells, of lines
@@ -164,9 +166,9 @@ def _mode_title(folder: Path, number: int) -> str:
 
 def _colour_scale(frames: Frames, colour: str, scale: tuple[float, float] | None, log: bool) -> ColourScale:
     low, high = scale or frames.span
-    if scale is None:
+    if scale is None and log:
         high = high if high > 0 else 1.0
-        low = high / 10**DECADES if log else min(low, 0.0)
+        low = high / 10**DECADES
     if not low < high or (log and low <= 0):
         what = "0 < low < high" if log else "low < high"
         raise RequestError(f"a scale of colours from {low:g} to {high:g} is none; it needs {what}")
@@ -226,6 +228,14 @@ def _curve(text: str, table: dict[str, NDArray[np.floating]]) -> Curve:
     return Curve(table["time"], values[0], values[1], *(name.replace("-", "\N{MINUS SIGN}", 1) for name in names))
 
 
+def level_out(axes: Any, values: Floats) -> None:
+    """Make the range of an axis wider if its values (n,) differ by round-off only, which would be drawn as large."""
+    known = values[np.isfinite(values)]
+    low, high = ends_of(known, least=_LEVEL)
+    if len(known) and low < known.min():
+        axes.set_ylim(low, high)
+
+
 # ---- pictures
 
 
@@ -281,6 +291,7 @@ class _Sheet:
             axes.plot(x, y, color=f"C{k}", linewidth=0.8, alpha=0.3)
             axes.plot(x[on], y[on], color=f"C{k}", linewidth=1.6, label=up)
             axes.plot(np.interp(marked, time, x), np.interp(marked, time, y), "o", color=f"C{k}", markersize=4)
+        level_out(axes, np.concatenate([curve.y for curve in self.curves]))
         axes.grid(color="#e2e5e8", linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
         axes.set(xlabel=self.curves[0].across, ylabel=self.curves[0].up if len(self.curves) == 1 else "")

@@ -20,6 +20,7 @@ import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.scene.colours import ends_of
 from lacmesh.scene.visible import find_visible
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.output.names import CONTACT, MODES_PVD, SOLID
@@ -109,10 +110,8 @@ class Frames:
 
     @property
     def span(self) -> tuple[float, float]:
-        """The least and the largest value over all times; 0 and 1 if there is no value."""
-        values = np.concatenate([frame.value for frame in self.frames])
-        values = values[np.isfinite(values)]
-        return (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+        """Ends of a scale for the values of all times, 0 among them; 0 and 1 if there is no value but 0."""
+        return ends_of(np.concatenate([frame.value for frame in self.frames]), zero=True)
 
 
 def read_frames(folder: Path, colour: str, count: int | None = None) -> Frames:

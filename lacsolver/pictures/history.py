@@ -10,11 +10,13 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
+
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
 from lacsolver.output.names import HISTORY
-from lacsolver.pictures.filming import read_history
+from lacsolver.pictures.filming import level_out, read_history
 
 #: size of a panel in inches, and points per inch
 _WIDE, _HIGH, _DPI = 8.0, 2.6, 150
@@ -96,6 +98,7 @@ def _drawn(time: Floats, panels: Mapping[str, Mapping[str, Floats]], title: str)
     for ax, (kind, curves) in zip(axes, panels.items(), strict=True):
         for name, values in curves.items():
             ax.plot(time, values, label=name.replace("$", r"\$"), linewidth=1.2)
+        level_out(ax, np.concatenate(list(curves.values())))
         ax.set_ylabel(kind)
         ax.grid(alpha=0.3)
         ax.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)

@@ -34,7 +34,7 @@ from lacsolver.problem.laws import contact_law_of, law_of
 from lacsolver.problem.skin import check_mesh, mesh_of, prepared
 from lacsolver.space.places import nodes_of, wrong
 from lacsolver.space.share import ALONE, Distribution, Share
-from lacsolver.space.space import Space
+from lacsolver.space.space import Space, check_dimension
 
 #: round-off of a coverage
 _ROUNDING = 1e-9
@@ -221,11 +221,13 @@ def build(
     another problem, whose space, materials and pairs are taken where they are the same.
     """
     attempt = attempt or (lambda place: nullcontext())
-    parts, named = ProblemParts(mesh), False
+    parts, usable = ProblemParts(mesh), False
     with attempt(""):
+        if distribution is ALONE:
+            check_dimension(mesh, case.model, f"the mesh {Path(case.mesh).name}")
         check_groups(case, mesh)
-        named = True
-    if not named:
+        usable = True
+    if not usable:
         return parts
     if like is not None and _same_space(case, mesh, like, distribution):
         parts.mesh, parts.prepared, parts.space = like.space.mesh, True, like.space

@@ -27,6 +27,7 @@ from lacmesh.errors import DataError, RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints, Mesh, fixed
 from lacmesh.origin import from_origin, origin_of_mesh, told
 from lacmesh.reference.shapes import gradient
+from lacmesh.topology.faces import lacking
 from lacsolver.space.cut_nodes import made_by_cut
 from lacsolver.space.determinant import determinant
 from lacsolver.space.pattern import Pattern, node_pattern
@@ -298,9 +299,21 @@ def _solid_blocks(mesh: Mesh, model: ModellingHypothesis, share: Share) -> tuple
             nodes, index = nodes[touching], index[touching]
         blocks.append(Cells(kind, fixed(np.ascontiguousarray(nodes, np.int32)), index))
     if not blocks:
-        there = ", ".join(mesh.cells_by_type) or "no cells"
-        raise DataError(f"the model {model.name} needs cells of dimension {model.dim}, and the mesh has {there}")
+        check_dimension(mesh, model.name)
     return tuple(blocks)
+
+
+def check_dimension(mesh: Mesh, model: str, called: str = "the mesh") -> None:
+    """Raise DataError for a mesh, `called` so, without cells of a model's dimension, or with volumes if plane."""
+    dim = MODELS[model].dim
+    if mesh.dim > dim:
+        raise DataError(f'the model {model} is plane, and {called} has volumes; take model = "3d", or a plane mesh')
+    if mesh.dim == 2 == mesh.space_dim < dim:
+        raise DataError(f'the model {model} needs volumes, and {called} is plane; take model = "plane_strain" or such')
+    if mesh.dim < dim:
+        raise DataError(
+            f"the model {model} needs {'volumes' if dim == 3 else 'surfaces'}: {lacking(mesh, dim, called)}"
+        )
 
 
 def _thickness(model: str, thickness: float | None) -> float:

@@ -191,14 +191,14 @@ HARD = (
 CASES: list[Bad] = [
     # the case file
     Bad("the case is not there", "", r"^nowhere\.toml: cannot be read \(No such file or directory\)", 3, ("validate nowhere.toml", "run nowhere.toml -o r", "matrices nowhere.toml -o m.npz")),
-    Bad("the case is a folder", "", r"^\.: cannot be read \(Is a directory\)", 3, ("validate .",)),
+    Bad("the case is a folder", "", r"^\.: is a folder, and not a case; it holds case\.toml", 3, ("validate .",)),
     Bad("the case is no TOML", GOOD + "[[contact\n", r"case\.toml, line 19: ", 3),
     Bad("the case is no text", b"mesh = \"\xff\"\n", r"case\.toml, line 1: is not UTF-8 text", 3),
     Bad("several mistakes, all told with their lines", changed("young = 1000.0", "young = -1.0").replace("uy = 0.0", "uq = 0.0").replace("value", "valu"), ("line 4: material.young is -1", "line 10: .* at least one of ux", "line 12: displacement.uq is no key", r"line 16: \[\[pressure\]\] needs value", "line 18: pressure.valu is no key")),
     # groups
     Bad("a group of a contact that the mesh lacks", changed('slave = "slave"', 'slave = "slav"'), r"case\.toml, line 6: contact\.slave: no cell group named 'slav'; did you mean slave\?", commands=(*BOTH, *MATRICES)),
     Bad("several groups that the mesh lacks, all told", changed('"bottom"', '"botom"').replace('"top"', '"tip"'), (r"line 10: displacement\.group: no group named 'botom'; did you mean bottom", r"line 16: pressure\.group: no cell group named 'tip'; did you mean top")),
-    Bad("a group of nodes where faces are meant", changed('"top"', '"corner"'), "pressure.group: no cell group named 'corner'"),
+    Bad("a group of nodes where faces are meant", changed('"top"', '"corner"'), "pressure.group: 'corner' is a group of nodes, and a group of cells is needed"),
     Bad("a place without a node", changed('group = "x0"', "at = [0.123, 0.456]"), r"line 13: displacement: no node at \[0\.123, 0\.456\]; the nearest is node \d+ at "),
     Bad("a pressure on cells of the body", changed('group = "top"', 'group = "upper"'), "line 16: pressure: a load on a surface needs cells of dimension 1, and cells [0-9, ]+ are none; name a group of skin cells"),
     # material
@@ -228,7 +228,7 @@ CASES: list[Bad] = [
     Bad("the mesh is not there", changed("blocks.msh", "blocs.msh"), r"blocs\.msh: cannot be read \(No such file or directory\)", 3, (*BOTH, *MATRICES)),
     Bad("the mesh is cut short", GOOD, r"blocks\.msh", 3, (*BOTH, *MATRICES), make=_short),
     Bad("the mesh has a coordinate that is no number", GOOD, r"blocks\.msh.*(nan|finite|number)", 3, make=_no_number),
-    Bad("a plane mesh for a model in space", changed("plane_strain", "3d").replace("uy", "uz"), "the model 3d needs cells of dimension 3, and the mesh has"),
+    Bad("a plane mesh for a model in space", changed("plane_strain", "3d").replace("uy", "uz"), "the model 3d needs volumes, and the mesh [a-z.]+ is plane; take model = .plane_strain"),
     Bad("a plane mesh that is none", GOOD, "the model plane_strain needs a mesh in a plane z = constant", make=moved(lambda x: np.add(x[:, 2], x[:, 0], out=x[:, 2]))),
     Bad("a radius below 0", changed("plane_strain", "axisymmetric"), r"node \d+ has radius x = -0\.5; an axisymmetric mesh lies at x >= 0", make=moved(lambda x: np.subtract(x[:, 0], 0.5, out=x[:, 0]))),
     Bad("a folded cell", GOOD, r"cells [\d, ]+ are folded, or have no volume", make=moved(_folded)),

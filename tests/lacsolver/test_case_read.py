@@ -11,14 +11,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import lacmesh
 from lacmesh.errors import LacmeshError, ReadError
 from lacsolver.case import Case, CaseError, parse_case, read_case
 from lacsolver.case.draft import same
 from lacsolver.case.keys import defaults_of, keys_of, section_of
 from lacsolver.case.kinds import Choice
 from lacsolver.case.schema import records
+from lacsolver.cli import main
 from tests.lacsolver.case_mistakes import MISTAKES
 from tests.lacsolver.case_texts import FINITE, PLANE, SMALL, STRAIN, VALID
+from tests.viewing import DATA
 
 
 def tables(text):
@@ -185,8 +188,24 @@ ux = [[1, 0],
         ("x = 00", "line 1: "),
         ("[[contact]]\nslave = arc\n", 'line 2: slave = arc is text without quotes; write slave = "arc"'),
         ("[[pressure]]\nfollower = True # as in Python\n", "line 2: follower = True is no TOML; write follower = true"),
+        ("[[material]]\nyoung = 1000.\n", "line 2: young: 1000. is no number of TOML, which wants digits before and"),
+        ("young = 1000.", "line 1: young: 1000. is no number of TOML"),
+        ("[[material]]\nyoung = 1000. # MPa\n", "after a point; write 1000.0"),
+        ("poisson = .3\n", "write 0.3"),
+        ("x = +.5\n", "write +0.5"),
+        ("x = 1e3.\n", "write 1e3"),
+        ("x = 2.1D5\n", "write 2.1e5"),
+        ("x = 007\n", "write 7"),
+        (
+            "axis = [0.0, 1., 0.0]\n",
+            "axis: 1. is no number of TOML, which wants digits",
+        ),
+        ("x = 1,000\n", "x = 1,000 has a comma, which no number of TOML has; write 1000 or 1.000"),
+        ("thickness = None\n", "thickness = None is no TOML; leave the key out"),
+        ("mesh = ../my blocks.msh\n", 'write mesh = "../my blocks.msh"'),
+        ('mesh = "C:\\work\\m.msh"\n', "mesh: a backslash in double quotes begins a code"),
     ],
-    ids=range(12),
+    ids=range(25),
 )
 def test_no_toml(text, said):
     with pytest.raises(ReadError) as error:
@@ -194,10 +213,34 @@ def test_no_toml(text, said):
     assert said in str(error.value) and str(error.value).startswith("press.toml") and error.value.status == 3
 
 
+@pytest.mark.parametrize("command", ["run", "validate", "modes", "matrices"])
+def test_what_is_no_case_is_told_by_what_it_is(tmp_path, capsys, command):
+    """Instead of a statement that is invalid."""
+    mesh, results = tmp_path / "press.msh", tmp_path / "press"
+    lacmesh.write(mesh, lacmesh.read(DATA / "two_blocks.msh"))
+    lacmesh.write(tmp_path / "press.med", lacmesh.read(DATA / "two_blocks.msh"))
+    results.mkdir()
+    (results / "history.csv").write_text("time\n")
+    (tmp_path / "empty.toml").write_text("\n")
+    (tmp_path / "packed.toml").write_bytes(b"\x7fELF\x00\xff" * 20)
+    for path, said in (
+        (mesh, 'is a mesh (msh), and not a case; a case is a text file, .toml, that begins with mesh = "press.msh"'),
+        (tmp_path / "press.med", "is a mesh (med), and not a case"),
+        (DATA / "punch.inp", "and not a case; lacsolver import punch.inp makes a case of it"),
+        (results, "is a folder of results, and not a case; --restart"),
+        (tmp_path, "is a folder, and not a case; it holds empty.toml, packed.toml"),
+        (tmp_path / "empty.toml", "is empty; a case is a text file"),
+        (tmp_path / "packed.toml", "is a binary file, and not a case"),
+    ):
+        assert main([command, str(path), *([] if command == "validate" else ["-o", str(tmp_path / "out.npz")])]) == 3
+        (line,) = capsys.readouterr().err.splitlines()
+        assert str(path) in line and said in line
+
+
 def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(ReadError, match=r"absent.toml: cannot be read \(No such file"):
         read_case(tmp_path / "absent.toml")
-    with pytest.raises(ReadError, match="cannot be read"):
+    with pytest.raises(ReadError, match=r"is a folder, and not a case$"):
         read_case(tmp_path)
     (tmp_path / "latin.toml").write_bytes("mesh = 'a'\n# d\xe9j\xe0\n".encode("latin-1"))
     with pytest.raises(ReadError, match=r"latin\.toml, line 2: is not UTF-8 text"):

@@ -12,8 +12,9 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshError, ReadError, RequestError
 from lacsolver.cli import main
-from lacsolver.pictures.filming import SHEET, default_curve, film, read_history
-from lacsolver.pictures.frames import DrawnSurface, read_frames
+from lacsolver.pictures import history
+from lacsolver.pictures.filming import SHEET, _colour_scale, default_curve, film, read_history
+from lacsolver.pictures.frames import DrawnSurface, Frame, Frames, read_frames
 from tests.lacsolver.bad_cases import GOOD, blocks, put
 from tests.lacsolver.patch_meshes import stack
 
@@ -120,7 +121,7 @@ def test_the_stress_is_von_mises(plane):
     frames = read_frames(plane, "stress")
     expected = math.sqrt(1 - 0.3 + 0.3**2)
     assert np.nanmax(np.abs(frames.frames[-1].value - expected)) < 1e-9
-    assert frames.span == (pytest.approx(expected / 8), pytest.approx(expected))
+    assert frames.span == (0.0, pytest.approx(expected))
 
 
 def test_pressure_is_on_the_slave_skin_alone(plane):
@@ -214,6 +215,32 @@ def test_a_film_has_a_picture_each_time_and_stays_at_the_end(filmed):
     frames, stays = filmed
     assert len(frames) == 8 and stays == [100] * 7 + [1500]
     assert all((a != b).any(axis=2).sum() > 500 for a, b in pairwise(frames))
+
+
+def test_the_scale_has_zero_and_the_values_of_either_sign():
+    def ends(*values, log=False):
+        frame = Frame(0.0, np.zeros((len(values), 3)), np.array(values), "")
+        scale = _colour_scale(Frames(None, (frame,)), "pressure", None, log)
+        return scale.low, scale.high
+
+    assert ends(5.0, 5 + 1e-15, np.nan) == (0.0, 5 + 1e-15)
+    assert ends(-3.0, -2.0) == (-3.0, 0.0) and ends(-3.0, 2.0) == (-3.0, 2.0)
+    assert ends(0.0, 0.0) == ends(np.nan) == (0.0, 1.0)
+    assert ends(2.0, 7.0, log=True) == (0.007, 7.0) and ends(0.0, log=True) == (0.001, 1.0)
+
+
+def test_a_curve_of_round_off_is_level(space, tmp_path, monkeypatch):
+    from matplotlib.axes import Axes
+
+    widened, once = [], Axes.set_ylim
+    monkeypatch.setattr(Axes, "set_ylim", lambda axes, *ends, **more: (widened.append(ends), once(axes, *ends, **more)))
+    table = {"time": np.arange(3.0), "energy.total": 5 + 1e-14 * np.arange(3), "energy.kinetic": np.arange(3.0)}
+    monkeypatch.setattr(history, "read_history", lambda path: table)
+    history.plot_history(space, tmp_path / "h.png", ["energy.total"])
+    assert [high - low for low, high in (ends for ends in widened if len(ends) == 2)] == [pytest.approx(5e-6)]
+    widened.clear()
+    history.plot_history(space, tmp_path / "h.png", ["energy.*"])
+    assert not [ends for ends in widened if len(ends) == 2]  # as matplotlib chooses it
 
 
 def test_one_scale_of_colours_for_all_times(filmed):

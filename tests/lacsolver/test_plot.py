@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from lacmesh import Mesh
 from lacmesh.errors import RequestError, WriteError
+from lacmesh.scene.colours import BODIES, on_ramp, rgb
 from lacsolver import plot, read_case
 from lacsolver.cli import main
 from lacsolver.contact import Zone
@@ -101,6 +103,16 @@ def test_chains_put_each_segment_after_the_one_before(lengths, closed, random):
     assert follows.all()
 
 
+@pytest.mark.parametrize(("pressure", "place"), [(5.0, 1.0), (0.0, 0.0), (-3.0, 0.0)])
+def test_a_uniform_pressure_has_one_colour_in_the_plane(disc, tmp_path, monkeypatch, pressure, place):
+    case, state = disc
+    p = pressure * (1 + 1e-15 * np.arange(len(state.multipliers["joint"])))
+    drawn, lines = [], module()._lines
+    monkeypatch.setattr(module(), "_lines", lambda pieces, **style: drawn.append(lines(pieces, **style)) or drawn[-1])
+    plot(case, replace(state, multipliers={"joint": p}), tmp_path / "p.png")
+    np.testing.assert_allclose(np.asarray(drawn[-1].norm(p)), place, rtol=0, atol=1e-9)
+
+
 # ---- in space
 
 
@@ -130,7 +142,8 @@ def test_values_are_those_of_the_slave_faces_alone(pressed, tmp_path, monkeypatc
     drawn = faces.cell_data["lac_macro"][slave]
     number = {int(m): p for m, p in zip(zone.number, state.multipliers["joint"], strict=True)}
     assert [number[int(m)] for m in drawn] == values.values[slave].tolist()
-    assert (values.bad, values.good) == (min(number.values()), max(number.values()))
+    assert 0 < min(number.values()) < max(number.values())
+    assert (values.bad, values.good) == (0.0, max(number.values()))
     times = magnification(whole, state.u.reshape(-1, 3))
     assert f"displacement x {times:g}" in given["title"] and times > 1
     assert np.allclose(faces.points, whole.points + times * state.u.reshape(-1, 3), rtol=0, atol=1e-15)
@@ -155,6 +168,23 @@ def test_where_nothing_can_be_drawn(pressed, tmp_path, monkeypatch):
     with pytest.raises(WriteError, match="nothing can be drawn here"):
         plot(case, state, tmp_path / "p.png")
     assert not (tmp_path / "p.png").exists()
+
+
+def test_a_uniform_pressure_has_one_colour(tmp_path, monkeypatch):
+    text = GOOD.replace("plane_strain", "3d").replace("uy = 0.0", "uz = 0.0").replace("value = 1.0", "value = 5.0")
+    case, state = solved(
+        tmp_path, text + '[[displacement]]\ngroup = "y0"\nuy = 0.0\n', stack("HEXA8", "TETRA4", 3, counts=(3, 2))
+    )
+    given = []
+    monkeypatch.setattr(module(), "picture", lambda mesh, path, **options: given.append(options["values"]))
+    plot(case, state, tmp_path / "p.png")
+    plot(case, replace(state, multipliers={"joint": 0 * state.multipliers["joint"]}), tmp_path / "p.png")
+    for values, ends in zip(given, ((0.0, pytest.approx(5.0)), (0.0, 1.0)), strict=True):
+        assert (values.bad, values.good) == ends
+        known = np.isfinite(values.values)
+        found = on_ramp(values.values, values.bad, values.good)
+        assert 0 < known.sum() < len(known) and np.ptp(found[known].astype(int), axis=0).max() <= 1
+        assert np.array_equal(np.unique(found[~known], axis=0), rgb(BODIES[:1]))
 
 
 # ---- zoomed

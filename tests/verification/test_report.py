@@ -259,6 +259,19 @@ def test_any_values_make_a_chart(values, log):
     assert "inf" not in text
 
 
+@pytest.mark.parametrize("scale", [5.0, 1e-15, -2e12])
+def test_round_off_is_no_curve_and_ticks_have_names_of_their_own(scale):
+    def places(*values):
+        line = Line("a", tuple(range(len(values))), tuple(scale * v for v in values))
+        text = charts.svg(Chart(Plot("", "", "x", "y", (line,))))
+        names = re.findall(r'text-anchor="end">([^<]*)<', text)
+        assert len(set(names)) == len(names) > 2
+        return numbers(re.search(r'class="stroke" d="([^"]*)"', text)[1])[:, 1]
+
+    assert np.ptp(places(1.0, 1 + 1e-10, 1 - 1e-10)) < 0.2
+    assert np.ptp(places(1.0, 1.0001)) > 200
+
+
 def test_the_cases_of_a_family_share_charts_of_so_many_lines(run):
     cases = [done for done in run.done if done.family == "hertz"]
     drawn = list(convergence.charts_of(cases))

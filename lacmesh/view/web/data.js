@@ -118,7 +118,7 @@ const ACCENT = [200, 60, 160], INK = [27, 31, 36];
 const mix = (from, to, t) => from.map((c, k) => c + t * (to[k] - c));
 const onRamp = value => {
   if (!Number.isFinite(value)) return bodyColours[0];
-  const { bad, good } = head.values, t = Math.min(1, Math.max(0, (value - bad) / (good - bad || 1))) * (ramp.length - 1);
+  const { bad, good } = head.values, t = (good === bad ? 1 : Math.min(1, Math.max(0, (value - bad) / (good - bad)))) * (ramp.length - 1);
   const k = Math.min(ramp.length - 2, Math.floor(t));
   return mix(ramp[k], ramp[k + 1], t - k);
 };
