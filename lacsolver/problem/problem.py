@@ -224,7 +224,8 @@ def build(
     parts, usable = ProblemParts(mesh), False
     with attempt(""):
         if distribution is ALONE:
-            check_dimension(mesh, case.model, f"the mesh {Path(case.mesh).name}")
+            named = f" {case.mesh.name}" if isinstance(case.mesh, Path) else ""
+            check_dimension(mesh, case.model, f"the mesh{named}")
         check_groups(case, mesh)
         usable = True
     if not usable:
