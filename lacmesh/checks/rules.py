@@ -140,6 +140,12 @@ RULES: Mapping[str, Rule] = MappingProxyType(
             "meet at more than 22.5 degrees (fewer than 16 to a full turn), or have too few neighbours",
             "refine the mesh there, or use quadratic cells",
         ),
+        "few-faces": Rule(
+            "warning",
+            "a circle, cylinder, sphere or cone of few faces: they turn by more than 40 degrees, six to eight to a full "
+            "turn, and all nodes lie on it, so that it is taken as that shape",
+            "nothing if it is round; --crease-angle 40 if the edges are sharp, as those of a nut",
+        ),
         "hanging-node": Rule(
             "error",
             "a node of a skin lies inside an edge of another face of it: the skin does not conform",

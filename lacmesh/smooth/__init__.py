@@ -3,6 +3,7 @@
     parents = the faces before the cut                                           (parents)
     patches = faces joined without a crease                                      (patches)
     shapes = planes, cylinders, spheres, cones, tori through all nodes           (shape, find)
+    shapes of few faces, which turn by more than the crease angle                (few)
     fits = elsewhere, polynomials fitted to the nodes of two rings, or three     (local)
     heights = distances of the smooth surface from the faces                     (heights)
     description of the skin of a group, for users                                (fitted)
@@ -11,8 +12,8 @@ Nothing here depends on units, or on the position, orientation or numbering of t
 """
 
 from lacmesh.smooth.coarse import unresolved
-from lacmesh.smooth.fitted import FittedShape, fit_surface
+from lacmesh.smooth.fitted import FittedShape, fit_surface, told_of_few
 from lacmesh.smooth.heights import height_of
 from lacmesh.smooth.surfaces import surface_of
 
-__all__ = ["FittedShape", "fit_surface", "height_of", "surface_of", "unresolved"]
+__all__ = ["FittedShape", "fit_surface", "height_of", "surface_of", "told_of_few", "unresolved"]

@@ -36,7 +36,7 @@ def faceted(smooth: Smooth, surface: Surface) -> Faceted:
     return Faceted(cells, float(np.degrees(turn[free].max(initial=0.0))), int(lacking.sum()))
 
 
-def unresolved(mesh: Mesh, surface: Surface, *, how: str = "smooth", crease_angle: float = 40.0) -> Floats:
+def unresolved(mesh: Mesh, surface: Surface, *, how: str = "smooth", crease_angle: float | None = None) -> Floats:
     """(k,): largest angles (radians) to a neighbour of the linear faces whose curvature contact does not represent.
 
     With `how` = `faces` these are all faces that turn from a neighbour; with `smooth` those of free form that are too

@@ -57,10 +57,11 @@ class Sought:
     free: Bools
 
 
-def find_shapes(patches: SmoothPatches, crease_angle: float) -> Sought:
-    """Find the exact shapes in the patches, and fit the remaining faces of free form locally."""
+def find_shapes(patches: SmoothPatches, crease_angle: float, given: tuple[FoundShape, ...] = ()) -> Sought:
+    """Find the exact shapes in the patches besides those `given`, and fit the faces that are left locally."""
     budget = [_ALL_FAILING]
-    patches, found, free = _with(patches, [], _planes(patches, np.ones(len(patches.patch), bool)))
+    patches, found, free = _with(patches, [], list(given))
+    patches, found, free = _with(patches, found, _planes(patches, free))
     patches, found, free = _with(patches, found, _whole_patches(patches, free, crease_angle, budget))
     whole, beyond = patches, free
     fits, rings = _fits(patches, free, free, 2)

@@ -11,30 +11,36 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.origin import origin_of
 from lacmesh.reference.shapes import shape
+from lacmesh.smooth.few import numbers_of, shapes_of_few
 from lacmesh.smooth.find import FoundShape, Sought, find_shapes
 from lacmesh.smooth.local import centre_heights, edge_heights
 from lacmesh.smooth.parents import Parents, inverse, parents_of
 from lacmesh.smooth.patches import Bools, SmoothPatches
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
+from lacmesh.surface.normals import CREASE_ANGLE
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.topology.skin import FACE_TYPES, TYPE_CODE
 
 _LINEAR = np.array([TYPE_CODE[name] for name in QUADRATIC])
 #: heights over a face as the user meshed it: at the middles of its edges, and at a quadrangle's centre
 _OVER = 5
+#: degrees: faces that turn by the crease angle itself, nine to a circle, are smooth whatever their last bit
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Smooth:
     """Shapes and fits of a surface: its `parents`, the `rows` (k,) of the linear ones, and their shapes, `sought`.
 
-    The coordinates of `sought` are relative to `origin` (3,).
+    The coordinates of `sought` are relative to `origin` (3,). `taken` (k,): the number of the shape of few faces
+    (`lacmesh.smooth.few`) that a linear parent is on, in the order of `sought.found`; else -1.
     """
 
     parents: Parents
     rows: Ints
     origin: Floats
     sought: Sought
+    taken: Ints
 
     @cached_property
     def heights(self) -> tuple[Floats, Bools]:
@@ -42,29 +48,38 @@ class Smooth:
         return _heights(self.sought, self.parents.faces.n_corners[self.rows] == 4)
 
 
-def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float) -> Smooth:
+def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float | None) -> Smooth:
     """Find the exact shapes and the local fits of a surface; arguments as in `height_of`."""
     parents = parents_of(mesh, surface)
     there = mean_normals(parents.faces)[0].any(axis=1)  # else it has no extent, or places that are no numbers
     rows = np.flatnonzero(np.isin(parents.faces.faces.type, _LINEAR) & there)
     faces = parents.faces.take(rows)
     origin = origin_of(faces.x[np.unique(faces.faces.nodes[faces.faces.nodes >= 0])])
-    return Smooth(
-        parents, rows, origin, find_shapes(SmoothPatches.of(faces, crease_angle, faces.x - origin), crease_angle)
-    )
+    x = faces.x - origin
+    angle = CREASE_ANGLE + _ROUNDING if crease_angle is None else crease_angle
+    few = shapes_of_few(faces, x, angle) if crease_angle is None else ()
+    taken = numbers_of(few, len(faces))
+    return Smooth(parents, rows, origin, find_shapes(SmoothPatches.of(faces, angle, x, taken), angle, few), taken)
 
 
-def height_of(mesh: Mesh, surface: Surface, crease_angle: float = 40.0) -> Height | None:
+def height_of(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -> Height | None:
     """Compute the heights of the smooth surface over the faces of a surface; None if all are exactly 0.
 
     `mesh`: that of the surface's cells, with the records of its cut if it has one; the coordinates are the surface's.
     `crease_angle` (degrees): an edge with a larger angle between the normals is an edge of the smooth surface as well.
+    None: 40, but for faces whose nodes lie on one circle, cylinder, sphere or cone across such edges
+    (`lacmesh.smooth.few`).
     The fits use only the faces of the surface: include all faces that continue it smoothly.
     """
     smooth = smooth_of(mesh, surface, crease_angle)
     over = np.zeros((len(smooth.parents.faces), _OVER))
     over[smooth.rows] = smooth.heights[0]
-    return Height(surface.faces.type, _of_faces(smooth.parents, surface, over)) if over.any() else None
+    if not over.any():
+        return None
+    taken = np.full(len(over), -1)
+    taken[smooth.rows] = smooth.taken
+    value = _of_faces(smooth.parents, surface, over)
+    return Height(surface.faces.type, value, taken[smooth.parents.of] if smooth.taken.max(initial=-1) >= 0 else None)
 
 
 def _of_faces(parents: Parents, surface: Surface, over: Floats) -> Floats:

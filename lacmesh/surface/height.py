@@ -35,11 +35,13 @@ class Height:
     """The heights of a surface's faces (f,).
 
     `type` (f,): codes in skin.FACE_TYPES; `value` (f, 9): heights at the nodes of each face's quadratic type, in their
-    order, padded with 0.
+    order, padded with 0. `taken` (f,): faces with the same number, 0 or more, are taken as one smooth shape although
+    they turn by more than the crease angle; None if there are none.
     """
 
     type: Ints
     value: Floats
+    taken: Ints | None = None
 
     @property
     def degree(self) -> int:
@@ -48,7 +50,8 @@ class Height:
 
     def take(self, rows: Ints) -> Height:
         """Return the heights of some of the faces."""
-        return replace(self, type=self.type[rows], value=self.value[rows])
+        taken = None if self.taken is None else self.taken[rows]
+        return replace(self, type=self.type[rows], value=self.value[rows], taken=taken)
 
     def at(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
         """(n,): heights at reference points xi (n, 2) of faces (n,)."""

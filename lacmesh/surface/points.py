@@ -64,7 +64,7 @@ def contact_points(
     *,
     macro: Ints | None = None,
     normals: str = "facet",
-    crease_angle: float = 40.0,
+    crease_angle: float | None = None,
     search_distance: float | None = None,
     max_penetration: float | None = None,
     search: str = "tree",
@@ -75,7 +75,8 @@ def contact_points(
 
     `macro` (faces of slave,): the macro-element of each slave face; its own row if None; points of faces with a
     negative one are left out. `normals`: `facet`, the slave's true normal, or `smoothed`, nodal normals averaged over
-    edges with an angle below `crease_angle` degrees. `search`: `tree`, or `front` (advancing front, completed from the
+    edges with an angle below `crease_angle` degrees (None: 40, and over any edge between faces that the slave's height
+    takes as one shape). `search`: `tree`, or `front` (advancing front, completed from the
     tree); both give the same points. `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
     `degree` (4 at most): degree of polynomials on plane faces that are integrated exactly besides the shape functions.
 

@@ -20,6 +20,7 @@ from scipy.sparse import csr_array
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
 from lacmesh.kernels.threads import available_cores
 from lacmesh.mesh import Floats, Mesh
+from lacmesh.smooth import told_of_few
 from lacsolver.bodies.finite import locking
 from lacsolver.bodies.kinematics import Kinematics, kinematics_of
 from lacsolver.bodies.material import Materials
@@ -274,6 +275,14 @@ def zone_of(mesh: Mesh, record: Contact | Tie) -> Zone:
     )
 
 
+def _tell_of_few(mesh: Mesh, record: Contact, zone: Zone) -> None:
+    """Warn of skins of a contact that are taken as round although their faces turn by more than the crease angle."""
+    for side, group, skin in (("slave", record.slave, zone.slave), ("master", record.master, zone.master)):
+        if told := told_of_few(mesh, skin, record.crease_angle):
+            mend = "give crease_angle = 40 if the edges are sharp, or finer faces if they are not"
+            warnings.warn(LacmeshWarning(f"contact {record.name!r}: {side} {group!r}: {told}; {mend}"), stacklevel=4)
+
+
 def joint_of(space: Space, record: Contact | Tie) -> ContactPair:
     """Return the contact pair of a contact or a tie. Raises CaseError, with its line, if the groups make no zone."""
     try:
@@ -283,6 +292,7 @@ def joint_of(space: Space, record: Contact | Tie) -> ContactPair:
     if isinstance(record, Tie):
         pairing = Pairing()
     else:
+        _tell_of_few(space.local, record, zone)
         value = record.clearance
         fixed = not (value.depends_on_place or value.depends_on_time)
         clearance = value.at(0.0) if fixed else acting.at_local_points(space, value)
