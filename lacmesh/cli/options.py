@@ -139,7 +139,7 @@ def add_facing_options(parser: argparse.ArgumentParser) -> None:
         "--crease-angle",
         type=_angle,
         metavar="DEGREES",
-        help="edges at which the normal turns by more are sharp (default: 40, but for six to nine faces to a turn "
+        help="edges at which the normal turns by more are sharp (default: 40, but for five to eight faces to a turn "
         "whose nodes lie on one circle, cylinder, sphere or cone)",
     )
 

@@ -1,8 +1,8 @@
 """Shapes of few faces: skins whose nodes lie on one shape across edges that turn by more than the crease angle.
 
-With six to eight faces to a circle neighbouring faces turn by 45 to 60 degrees, as the faces of a nut do. Such edges
+With five to eight faces to a circle neighbouring faces turn by 45 to 72 degrees, as the faces of a nut do. Such edges
 are smooth where nothing speaks against it and four things speak for it: the nodes of all faces that join across them
-lie on one circle, cylinder, sphere or cone, as exactly as elsewhere; no edge turns by more than those of six faces; five
+lie on one circle, cylinder, sphere or cone, as exactly as elsewhere; no edge turns as those of a square do; five
 nodes at least follow one another round the axis, so that three edges or more turn; and the faces on both sides of most
 of these edges are about as wide. So a square stays one (90 degrees), and one with its corners cut off (two widths),
 and a bent sheet (two edges). A hexagonal nut with one face to a side has all of this: it is taken as round, and said.
@@ -18,8 +18,8 @@ from lacmesh.smooth.find import FoundShape, find_shapes
 from lacmesh.smooth.patches import Bools, SmoothPatches
 from lacmesh.surface.record import Surface
 
-#: edges that turn by more (degrees) are sharp: between six faces to a circle (60) and five (72)
-WIDEST = 66.0
+#: edges that turn by more (degrees) are sharp: between five faces to a circle (72) and four (90)
+WIDEST = 80.0
 #: shapes that are taken across such edges; in the plane a sphere is a circle
 _KINDS = ("cylinder", "sphere", "cone")
 #: two faces are about as wide if one has this part of the other's width; so many of the edges need to have two such

@@ -86,7 +86,7 @@ def fit_surface(mesh: Mesh, group: Spec, crease_angle: float | None = None) -> t
     """Find the shapes of a group's skin, the one with the most faces first; free form by connected parts.
 
     `group`: named as in `Mesh.group`. `crease_angle` (degrees): adjacent faces with a larger angle between their
-    normals belong to two shapes; None: 40, but for six to eight faces on one circle, cylinder, sphere or cone. Faces of quadratic types are curved themselves, and are left out.
+    normals belong to two shapes; None: 40, but for five to eight faces on one circle, cylinder, sphere or cone. Faces of quadratic types are curved themselves, and are left out.
 
     Raises GroupNotFoundError, and DataError if the group holds no skin.
 

@@ -176,7 +176,7 @@ class PairEntry(Entry):
     surface: str = key(_SURFACE, "", "surfaces between which the gap of linear cells is measured", default="smooth")
     crease_angle: float | None = key(
         Number(Bounds(0, 180, open=False)), "degree", "edges at which the normal turns by more are sharp", default=None,
-        default_words="40.0, but six to eight faces whose nodes lie on one circle, cylinder, sphere or cone are that",
+        default_words="40.0, but five to eight faces whose nodes lie on one circle, cylinder, sphere or cone are that",
     )  # fmt: skip
 
     def _complete(self, values: Mapping[str, Any]) -> None:
