@@ -10,9 +10,7 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 
 #: hexahedra (x, y, z fastest last) split along one diagonal, the same for all, so that neighbours agree
-_KUHN = [
-    [0, *np.cumsum([1 << axis for axis in order]).tolist()] for order in itertools.permutations(range(3))
-]
+_KUHN = [[0, *np.cumsum([1 << axis for axis in order]).tolist()] for order in itertools.permutations(range(3))]
 
 
 def rings(*given, dim):
@@ -51,10 +49,9 @@ def ring(kind, n, radii, heights=(0.0,), turn=0.0, twist=0.0, names=("body", "in
 def _boxes(number, dim):
     """(k, 2, 2, 1 or 2): nodes of the boxes of a block that closes in its first direction."""
     around = np.concatenate([number, number[:1]])
-    corner = lambda i, j, k: around[i : i + len(number), j : j + around.shape[1] - 1][  # noqa: E731
-        :, :, k : around.shape[2] - (dim == 3) + k
-    ].reshape(-1)
-    return np.stack([corner(i, j, k) for k in range(dim - 1) for j in (0, 1) for i in (0, 1)], axis=1)
+    n, rows, layers = len(number), number.shape[1] - 1, number.shape[2] - (dim == 3)
+    places = [(i, j, k) for k in range(dim - 1) for j in (0, 1) for i in (0, 1)]
+    return np.stack([around[i : i + n, j : j + rows, k : k + layers].reshape(-1) for i, j, k in places], axis=1)
 
 
 def _split(boxes, kind, dim):

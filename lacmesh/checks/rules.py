@@ -142,8 +142,8 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         ),
         "few-faces": Rule(
             "warning",
-            "a circle, cylinder, sphere or cone of few faces: they turn by more than 40 degrees, five to eight to a full "
-            "turn, and all nodes lie on it, so that it is taken as that shape",
+            "a circle, cylinder, sphere or cone of few faces, five to eight to a full turn: they turn by more than 40 "
+            "degrees, and are taken as that shape since all nodes lie on it",
             "nothing if it is round; --crease-angle 40 if the edges are sharp, as those of a nut",
         ),
         "hanging-node": Rule(

@@ -10,12 +10,14 @@ and a bent sheet (two edges). A hexagonal nut with one face to a side has all of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.smooth.find import FoundShape, find_shapes
-from lacmesh.smooth.patches import Bools, SmoothPatches
+from lacmesh.smooth.find import FoundShape, shapes_at
+from lacmesh.smooth.patches import Bools, Joints, SmoothPatches, joints_of
 from lacmesh.surface.record import Surface
 
 #: edges that turn by more (degrees) are sharp: between five faces to a circle (72) and four (90)
@@ -34,20 +36,29 @@ def shapes_of_few(faces: Surface, x: Floats, crease_angle: float) -> tuple[Found
     `x` (n_nodes of the mesh, 3): coordinates of the nodes.
     """
     every = SmoothPatches.of(faces, WIDEST, x)
-    sharp = every.patch[every.joints.i[_turning(every) > crease_angle]]
+    sharp = every.patch[every.joints.i[_turning(every, every.joints) > crease_angle]]
     rows = np.flatnonzero(np.isin(every.patch, sharp))
     if not len(rows):
         return ()
     patches = SmoothPatches.of(faces.take(rows), WIDEST, x)
-    found = find_shapes(patches, WIDEST).found
+    crease = _turning(patches, patches.joints) > crease_angle
+    seeds = np.zeros(len(patches.x), bool)
+    corner = patches.node[np.concatenate([patches.joints.i[crease], patches.joints.j[crease]])]
+    seeds[corner[corner >= 0]] = True
+    found = [one for one in shapes_at(patches, seeds, WIDEST) if one.shape.kind in _KINDS]
+    within = _within(joints_of(faces.take(rows), patches.normal, 180.0), numbers_of(found, len(rows)), len(found))
+    turns = [_turning(patches, joints) for joints in within]
     return tuple(
-        FoundShape(one.shape, rows[one.faces], one.nodes, one.distance)
-        for one in found
-        if one.shape.kind in _KINDS and _believed(patches, one, crease_angle)
+        FoundShape(one.shape, rows[one.faces], one.nodes, one.distance, float(turn.max()))
+        for one, joints, turn in zip(found, within, turns, strict=True)
+        if (turn > crease_angle).any()
+        and turn.max() <= WIDEST
+        and _even(patches, joints, turn > crease_angle)
+        and (one.shape.kind == "sphere" or _places(patches, one) >= _PLACES)
     )
 
 
-def numbers_of(found: tuple[FoundShape, ...], n_faces: int) -> Ints:
+def numbers_of(found: Sequence[FoundShape], n_faces: int) -> Ints:
     """(n_faces,): the number of the shape that each face is on, or -1."""
     out = np.full(n_faces, -1)
     for number, one in enumerate(found):
@@ -55,34 +66,25 @@ def numbers_of(found: tuple[FoundShape, ...], n_faces: int) -> Ints:
     return out
 
 
-def turn_within(patches: SmoothPatches, faces: Ints) -> float:
-    """Largest angle (degrees) between two joined faces among some rows; 0 if none are joined."""
-    return float(_turning(patches)[_within(patches, faces)].max(initial=0.0))
-
-
-def _turning(patches: SmoothPatches) -> Floats:
+def _turning(patches: SmoothPatches, joints: Joints) -> Floats:
     """(k,): angles (degrees) between the normals of joined faces."""
-    i, j = patches.joints.i, patches.joints.j
-    return np.degrees(np.arccos(np.clip((patches.normal[i] * patches.normal[j]).sum(axis=1), -1.0, 1.0)))
+    cosine = (patches.normal[joints.i] * patches.normal[joints.j]).sum(axis=1)
+    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def _within(patches: SmoothPatches, faces: Ints) -> Bools:
-    """(k,): True for joints between two of some faces."""
-    mine = np.zeros(len(patches.patch), bool)
-    mine[faces] = True
-    return mine[patches.joints.i] & mine[patches.joints.j]
+def _within(joints: Joints, number: Ints, count: int) -> list[Joints]:
+    """For each shape, the joints between two of its faces; `number` (f,): the shape of each face, or -1."""
+    own = np.flatnonzero((number[joints.i] == number[joints.j]) & (number[joints.i] >= 0))
+    own = own[np.argsort(number[joints.i[own]], kind="stable")]
+    ends = np.searchsorted(number[joints.i[own]], np.arange(1, count))
+    return [Joints(*(column[rows] for column in joints)) for rows in np.split(own, ends)][:count]
 
 
-def _believed(patches: SmoothPatches, one: FoundShape, crease_angle: float) -> bool:
-    """True if a shape goes on across creases, most of them between faces about as wide, at enough places."""
-    crease = np.flatnonzero(_within(patches, one.faces) & (_turning(patches) > crease_angle))
-    if not len(crease):
-        return False
-    i, j, a, b = (column[crease] for column in patches.joints)
+def _even(patches: SmoothPatches, joints: Joints, crease: Bools) -> bool:
+    """True if at most of the joints that are a `crease` (k,) two faces about as wide meet."""
+    i, j, a, b = (column[crease] for column in joints)
     p, q = _width(patches, i, a), _width(patches, j, b)
-    if (np.minimum(p, q) >= _EVEN * np.maximum(p, q)).mean() < _MOST:
-        return False
-    return one.shape.kind == "sphere" or _places(patches, one) >= _PLACES
+    return bool((np.minimum(p, q) >= _EVEN * np.maximum(p, q)).mean() >= _MOST)
 
 
 def _width(patches: SmoothPatches, face: Ints, edge: Ints) -> NDArray[np.floating]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints, Mesh, Spec
-from lacmesh.smooth.few import turn_within
 from lacmesh.smooth.find import FoundShape
 from lacmesh.smooth.heights import Smooth, smooth_of
 from lacmesh.surface.record import Surface
@@ -86,7 +85,8 @@ def fit_surface(mesh: Mesh, group: Spec, crease_angle: float | None = None) -> t
     """Find the shapes of a group's skin, the one with the most faces first; free form by connected parts.
 
     `group`: named as in `Mesh.group`. `crease_angle` (degrees): adjacent faces with a larger angle between their
-    normals belong to two shapes; None: 40, but for five to eight faces on one circle, cylinder, sphere or cone. Faces of quadratic types are curved themselves, and are left out.
+    normals belong to two shapes; None: 40, but for five to eight faces on one circle, cylinder, sphere or cone. Faces
+    of quadratic types are curved themselves, and are left out.
 
     Raises GroupNotFoundError, and DataError if the group holds no skin.
 
@@ -130,16 +130,16 @@ def told_of_few(mesh: Mesh, surface: Surface, crease_angle: float | None = None)
 
 def few_in_words(smooth: Smooth) -> str:
     """Say which faces are taken as one shape although they turn by more than the crease angle; "" if none are."""
-    found = smooth.sought.found[: int(smooth.taken.max(initial=-1)) + 1]
+    found = [one for one in smooth.sought.found if one.turn is not None]
     if not found:
         return ""
     one = max(found, key=lambda found: len(found.faces))
-    patches, shape = smooth.sought.patches, one.shape
-    kind = _IN_PLANE.get(shape.kind, shape.kind) if patches.dim == 1 else shape.kind
+    shape, dim = one.shape, smooth.sought.patches.dim
+    kind = _IN_PLANE.get(shape.kind, shape.kind) if dim == 1 else shape.kind
     size = f"half angle {np.degrees(shape.size[0]):.6g} degrees" if kind == "cone" else f"radius {shape.size[0]:.6g}"
     others = f" (and {len(found) - 1:,} more such parts)" if len(found) > 1 else ""
     return (
-        f"{len(one.faces):,} faces that turn by up to {turn_within(patches, one.faces):.3g} degrees lie on one {kind} "
+        f"{len(one.faces):,} faces that turn by up to {one.turn:.3g} degrees lie on one {kind} "
         f"of {size} and are taken as it{others}"
     )
 
@@ -167,8 +167,8 @@ def cells_of(smooth: Smooth, surface: Surface, faces: Ints) -> Ints:
 
 
 def _exact(smooth: Smooth, surface: Surface) -> Iterator[FittedShape]:
-    dim, n_few = smooth.sought.patches.dim, int(smooth.taken.max(initial=-1)) + 1
-    for number, found in enumerate(smooth.sought.found):
+    dim = smooth.sought.patches.dim
+    for found in smooth.sought.found:
         kind = found.shape.kind
         size = found.shape.size.tolist()
         axis, centre = _placed(smooth, found)
@@ -182,7 +182,7 @@ def _exact(smooth: Smooth, surface: Surface) -> Iterator[FittedShape]:
             centre=centre + smooth.origin,
             axis=None if kind == "sphere" else axis,
             distance=found.distance,
-            turn=turn_within(smooth.sought.patches, found.faces) if number < n_few else None,
+            turn=found.turn,
         )
 
 

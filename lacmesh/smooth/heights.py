@@ -33,7 +33,7 @@ class Smooth:
     """Shapes and fits of a surface: its `parents`, the `rows` (k,) of the linear ones, and their shapes, `sought`.
 
     The coordinates of `sought` are relative to `origin` (3,). `taken` (k,): the number of the shape of few faces
-    (`lacmesh.smooth.few`) that a linear parent is on, in the order of `sought.found`; else -1.
+    (`lacmesh.smooth.few`) that a linear parent is on; else -1.
     """
 
     parents: Parents

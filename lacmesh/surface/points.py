@@ -84,7 +84,8 @@ def contact_points(
     normal, by default `default_distance`; and behind it, where bodies overlap, up to `max_penetration`, by default the
     mean depth of the cells behind the slave face and behind the master face (the size of a face without a cell behind),
     and no farther than ahead: so two plates one cell thick may overlap by half of both before their far sides could be
-    paired. All of these are distances of the smooth surfaces where the faces have heights. Of several layers of the master the nearest counts. Raises RequestError, ValueError.
+    paired. All of these are distances of the smooth surfaces where faces have heights. Of several layers of the master
+    the nearest counts. Raises RequestError, ValueError.
 
     >>> from lacmesh import Mesh
     >>> mesh = Mesh.create([[0, 0], [1, 0], [1, 0.1], [0, 0.1]], [("SEG2", [[1, 0], [3, 2]])])
@@ -217,7 +218,9 @@ def reaches(
     if penetration is not None:
         return Reach(ahead, penetration + off_s, off_m, np.inf)
     depth_s, depth_m = (np.where(k.depth > 0, k.depth, k.size)[p.face] for k, p in ((slave, s), (master, m)))
-    return Reach(ahead, depth_s / 2 + off_s, depth_m / 2 + off_m, float(distance) + float(off_s.max(initial=0.0)) + most)
+    return Reach(
+        ahead, depth_s / 2 + off_s, depth_m / 2 + off_m, float(distance) + float(off_s.max(initial=0.0)) + most
+    )
 
 
 def _off(surface: Surface) -> Floats:
