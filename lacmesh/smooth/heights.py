@@ -16,6 +16,7 @@ from lacmesh.smooth.find import FoundShape, Sought, find_shapes
 from lacmesh.smooth.local import centre_heights, edge_heights
 from lacmesh.smooth.parents import Parents, inverse, parents_of
 from lacmesh.smooth.patches import Bools, SmoothPatches
+from lacmesh.smooth.tangency import Sides, heights_between
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
 from lacmesh.surface.normals import CREASE_ANGLE
 from lacmesh.surface.record import Surface, mean_normals
@@ -120,10 +121,11 @@ def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools]:
     face, k, i, j = patches.edges()
     free = sought.free[face]
     value[face[free], k[free]], known = edge_heights(sought.fits, patches.x, i[free], j[free])
-    lacking = np.zeros(len(value), bool)
-    lacking[face[free][~known]] = True
     centre = np.flatnonzero(four & sought.free)
     value[centre, 4] = centre_heights(sought.fits, patches.x, patches.node[centre])
+    known |= _between(sought, value, face[free], k[free], centre)
+    lacking = np.zeros(len(value), bool)
+    lacking[face[free][~known]] = True
     middle, way = (patches.x[i] + patches.x[j]) / 2, patches.edge_normal[face, k]
     curved = [found for found in sought.found if found.shape.kind != "plane"]
     of_shape = np.full(len(value), -1)
@@ -137,6 +139,20 @@ def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools]:
         quads = found.faces[four[found.faces]]
         value[quads, 4] = _met(found, patches.x[patches.node[quads]].mean(axis=1), patches.normal[quads])
     return value, lacking
+
+
+def _between(sought: Sought, value: Floats, face: Ints, k: Ints, centre: Ints) -> Bools:
+    """Set heights of free faces (f, 5), edges `k` (e,) of `face` (e,) and centres, between known shapes; (e,): set."""
+    patches, sides = sought.whole, Sides.of(sought)
+    n = (patches.node[face] >= 0).sum(axis=1)
+    ends = patches.node[face, k], patches.node[face, (k + 1) % n]
+    over, known = heights_between(sought, sides, *ends, patches.edge_normal[face, k])
+    value[face[known], k[known]] = over[known]
+    node, normal = patches.node[centre], patches.normal[centre]
+    (one, good), (two, fine) = (heights_between(sought, sides, node[:, a], node[:, a + 2], normal) for a in (0, 1))
+    both = good & fine
+    value[centre[both], 4] = (one + two)[both] / 2
+    return known
 
 
 def _met(found: FoundShape, x: Floats, way: Floats) -> Floats:
