@@ -43,15 +43,16 @@ def ring(kind, n, radii, heights=(0.0,), turn=0.0, twist=0.0, names=("body", "in
     number = np.arange(len(x)).reshape(a.shape)
     dim = CELLS[kind].dim
     shells = [(*_faces(number[:, k], dim, kind), name) for k, name in zip((0, -1), names[1:], strict=True)]
-    return x, [(kind, _split(_boxes(number, dim), kind, dim), names[0]), *shells]
+    return x, [(kind, split(np.concatenate([number, number[:1]]), kind), names[0]), *shells]
 
 
-def _boxes(number, dim):
-    """(k, 2, 2, 1 or 2): nodes of the boxes of a block that closes in its first direction."""
-    around = np.concatenate([number, number[:1]])
-    n, rows, layers = len(number), number.shape[1] - 1, number.shape[2] - (dim == 3)
+def split(number, kind):
+    """Cells of a linear type over a block of nodes (n, rows, layers), or (n, rows, 1) in the plane."""
+    dim = CELLS[kind].dim
+    n, rows, layers = number.shape[0] - 1, number.shape[1] - 1, number.shape[2] - (dim == 3)
     places = [(i, j, k) for k in range(dim - 1) for j in (0, 1) for i in (0, 1)]
-    return np.stack([around[i : i + n, j : j + rows, k : k + layers].reshape(-1) for i, j, k in places], axis=1)
+    boxes = [number[i : i + n, j : j + rows, k : k + layers].reshape(-1) for i, j, k in places]
+    return _split(np.stack(boxes, axis=1), kind, dim)
 
 
 def _split(boxes, kind, dim):

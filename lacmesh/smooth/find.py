@@ -52,12 +52,14 @@ class Sought:
 
     `whole`: the patches before shapes were grown inside them. `fits`: local fits at its nodes on free faces; they also
     use the nodes beyond the border of a shape, because a few faces left between shapes would not determine a fit.
+    `rough`: fits of second order there, whose heights differ from those of `fits` where curvature jumps.
     """
 
     patches: SmoothPatches
     whole: SmoothPatches
     found: tuple[FoundShape, ...]
     fits: Fits
+    rough: Fits
     free: Bools
 
 
@@ -75,7 +77,7 @@ def find_shapes(patches: SmoothPatches, crease_angle: float, given: tuple[FoundS
         more = [one for one in _planes(patches, free) if one.nodes > _ALWAYS_FLAT[patches.dim]]
         patches, found, free = _with(patches, found, more)
         patches, found, free = _with(patches, found, _whole_patches(patches, free, crease_angle, budget))
-    return Sought(patches, whole, tuple(found), _fits(whole, free, beyond, 4)[0], free)
+    return Sought(patches, whole, tuple(found), _fits(whole, free, beyond, 4)[0], fits, free)
 
 
 def shapes_at(patches: SmoothPatches, seeds: Bools, crease_angle: float) -> list[FoundShape]:

@@ -43,9 +43,21 @@ class Smooth:
     sought: Sought
     taken: Ints
 
-    @cached_property
+    @property
     def heights(self) -> tuple[Floats, Bools]:
         """(k, 5): heights over the linear parents; (k,): True for parents without a fit at some edge."""
+        return self._found[:2]
+
+    @property
+    def doubt(self) -> Floats:
+        """(k,): how far the heights of linear parents of free form may be off, over the lengths of their edges.
+
+        That is how much they hang on the order of the fits, or what is left between two shapes that touch inside.
+        """
+        return self._found[2]
+
+    @cached_property
+    def _found(self) -> tuple[Floats, Bools, Floats]:
         return _heights(self.sought, self.parents.faces.n_corners[self.rows] == 4)
 
 
@@ -80,7 +92,10 @@ def height_of(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -
     taken = np.full(len(over), -1)
     taken[smooth.rows] = smooth.taken
     value = _of_faces(smooth.parents, surface, over)
-    return Height(surface.faces.type, value, taken[smooth.parents.of] if smooth.taken.max(initial=-1) >= 0 else None)
+    doubt = np.zeros(len(over))
+    doubt[smooth.rows] = smooth.doubt
+    of = smooth.parents.of
+    return Height(surface.faces.type, value, taken[of] if (taken >= 0).any() else None, doubt[of])
 
 
 def _of_faces(parents: Parents, surface: Surface, over: Floats) -> Floats:
@@ -114,18 +129,30 @@ def _of_faces(parents: Parents, surface: Surface, over: Floats) -> Floats:
     return value
 
 
-def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools]:
-    """(f, 5): heights over the faces; (f,): True for free form without a fit at some edge. `four`: quadrangles."""
-    patches = sought.whole
-    value = np.zeros((len(patches.patch), _OVER))
+def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools, Floats]:
+    """(f, 5): heights over the faces; (f,): True for free form without a fit at some edge; (f,): as `Smooth.doubt`.
+
+    `four` (f,): quadrangles.
+    """
+    patches, sides = sought.whole, Sides.of(sought)
+    n = len(patches.patch)
+    value, lacking, doubt = np.zeros((n, _OVER)), np.zeros(n, bool), np.zeros(n)
     face, k, i, j = patches.edges()
-    free = sought.free[face]
+    free = np.flatnonzero(sought.free[face])
     value[face[free], k[free]], known = edge_heights(sought.fits, patches.x, i[free], j[free])
     centre = np.flatnonzero(four & sought.free)
     value[centre, 4] = centre_heights(sought.fits, patches.x, patches.node[centre])
-    known |= _between(sought, value, face[free], k[free], centre)
-    lacking = np.zeros(len(value), bool)
-    lacking[face[free][~known]] = True
+    differ = np.zeros(len(face))
+    differ[free] = np.abs(value[face[free], k[free]] - edge_heights(sought.rough, patches.x, i[free], j[free])[0])
+    differ[free[~known]] = 0.0
+    asked = np.flatnonzero((sought.free | sides.loose)[face])
+    over, between, left = heights_between(sought, sides, i[asked], j[asked], patches.edge_normal[face[asked], k[asked]])
+    split = asked[between]
+    value[face[split], k[split]], differ[split] = over[between], left[between]
+    _split_centres(sought, sides, value, np.flatnonzero(four & (sought.free | sides.loose)))
+    length = np.linalg.norm(patches.x[j] - patches.x[i], axis=1)
+    np.maximum.at(doubt, face, np.divide(differ, length, out=np.zeros_like(length), where=length > 0))
+    lacking[face[np.setdiff1d(free[~known], split)]] = True
     middle, way = (patches.x[i] + patches.x[j]) / 2, patches.edge_normal[face, k]
     curved = [found for found in sought.found if found.shape.kind != "plane"]
     of_shape = np.full(len(value), -1)
@@ -138,21 +165,17 @@ def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools]:
         value[face[e], k[e]] = _met(found, middle[e], way[e])
         quads = found.faces[four[found.faces]]
         value[quads, 4] = _met(found, patches.x[patches.node[quads]].mean(axis=1), patches.normal[quads])
-    return value, lacking
+    return value, lacking, doubt
 
 
-def _between(sought: Sought, value: Floats, face: Ints, k: Ints, centre: Ints) -> Bools:
-    """Set heights of free faces (f, 5), edges `k` (e,) of `face` (e,) and centres, between known shapes; (e,): set."""
-    patches, sides = sought.whole, Sides.of(sought)
-    n = (patches.node[face] >= 0).sum(axis=1)
-    ends = patches.node[face, k], patches.node[face, (k + 1) % n]
-    over, known = heights_between(sought, sides, *ends, patches.edge_normal[face, k])
-    value[face[known], k[known]] = over[known]
-    node, normal = patches.node[centre], patches.normal[centre]
-    (one, good), (two, fine) = (heights_between(sought, sides, node[:, a], node[:, a + 2], normal) for a in (0, 1))
+def _split_centres(sought: Sought, sides: Sides, value: Floats, centre: Ints) -> None:
+    """Set the heights (f, 5) at the centres of quadrangles whose diagonals go from one shape to another it touches."""
+    node, normal = sought.whole.node[centre], sought.whole.normal[centre]
+    (one, good, _), (two, fine, _) = (
+        heights_between(sought, sides, node[:, a], node[:, a + 2], normal) for a in (0, 1)
+    )
     both = good & fine
     value[centre[both], 4] = (one + two)[both] / 2
-    return known
 
 
 def _met(found: FoundShape, x: Floats, way: Floats) -> Floats:

@@ -11,7 +11,8 @@ sqrt(|kappa_B - kappa_A| / 2). The mean height of the skin over the edge is that
 
     h^2 / 8 (kappa_A + (kappa_B - kappa_A) (3 t^2 - 2 t^3))
 
-at the middle, which a fit that sees both curvatures in all of its neighbours has not.
+at the middle, which a fit that sees both curvatures in all of its neighbours has not. What is left within the face is
+up to an eighth of |kappa_B - kappa_A| h^2 / 8, at t = 1 / 2, and has the mean 0.
 """
 
 from __future__ import annotations
@@ -31,31 +32,44 @@ _TOUCHING = 0.15
 
 
 class Sides(NamedTuple):
-    """The shapes of nodes: `first` and `second` (n,) of `found` that each lies on, or -1; nodes of more have two."""
+    """The shapes of nodes: `first` and `second` (n,) of `found` that each lies on, or -1; nodes of more have two.
+
+    `loose` (f,): faces of planes without a node of their own, as one row of quadrangles between a plane and a fillet
+    is: the nodes do not tell that these are planes, and have only the shapes beside them.
+    """
 
     found: tuple[FoundShape, ...]
     first: Ints
     second: Ints
+    loose: Bools
 
     @classmethod
     def of(cls, sought: Sought) -> Sides:
         """Return the shapes of the nodes of all patches, before shapes were grown inside them."""
         node, n = sought.whole.node, len(sought.whole.x)
-        first, second = np.full(n, -1), np.full(n, -1)
-        for number, found in enumerate(sought.found):
-            mine = node[found.faces]
-            mine = np.unique(mine[mine >= 0])
+        nodes = [np.unique(node[found.faces][node[found.faces] >= 0]) for found in sought.found]
+        shared = np.zeros(n, np.int64)
+        for mine in nodes:
+            shared[mine] += 1
+        first, second, loose = np.full(n, -1), np.full(n, -1), np.zeros(len(node), bool)
+        for number, (found, mine) in enumerate(zip(sought.found, nodes, strict=True)):
+            if found.shape.kind == "plane" and shared[mine].min() > 1:
+                loose[found.faces] = True
+                continue
             second[mine] = np.where(first[mine] >= 0, number, -1)
             first[mine] = np.where(first[mine] >= 0, first[mine], number)
-        return cls(sought.found, first, second)
+        return cls(sought.found, first, second, loose)
 
 
-def heights_between(sought: Sought, sides: Sides, i: Ints, j: Ints, normal: Floats) -> tuple[Floats, Bools]:
+def heights_between(
+    sought: Sought, sides: Sides, i: Ints, j: Ints, normal: Floats
+) -> tuple[NDArray[np.floating], Bools, NDArray[np.floating]]:
     """(e,): heights over the middles of chords from nodes i to j (e,) along unit normals (e, 3); (e,): True if known.
 
-    Known are those between two nodes of one shape, and of two shapes that touch in between.
+    Known are those between two nodes of one shape, and of two shapes that touch in between. (e,): largest distance of
+    the skin from the parabola of such a height.
     """
-    out, known = np.zeros(len(i)), np.zeros(len(i), bool)
+    out, known, left = np.zeros(len(i)), np.zeros(len(i), bool), np.zeros(len(i))
     a, b = sides.first[i], sides.first[j]
     for one, other in ((sides.second[i], b), (a, sides.second[j]), (sides.second[i], sides.second[j])):
         same = (one == other) & (one >= 0)  # a node on two shapes: that which it shares with the other end
@@ -77,7 +91,8 @@ def heights_between(sought: Sought, sides: Sides, i: Ints, j: Ints, normal: Floa
         known[e] = (f_a * f_b < 0) & (np.abs(root_a + root_b - whole) <= _TOUCHING * whole)
         t = np.divide(root_a, root_a + root_b, out=np.zeros_like(root_a), where=root_a + root_b > 0)
         out[e] = (bend_a + (bend_b - bend_a) * t * t * (3 - 2 * t)) / 8
-    return out, known
+        left[e] = np.abs(bend_b - bend_a) * t * (1 - t) / 16
+    return out, known, left
 
 
 def _signed(shape: Shape, x: Floats, normal: Floats) -> NDArray[np.floating]:
