@@ -16,7 +16,7 @@ from lacmesh.smooth.find import FoundShape, Sought, find_shapes
 from lacmesh.smooth.local import centre_heights, edge_heights
 from lacmesh.smooth.parents import Parents, inverse, parents_of
 from lacmesh.smooth.patches import Bools, SmoothPatches
-from lacmesh.smooth.tangency import Sides, heights_between
+from lacmesh.smooth.tangency import NodeShapes, heights_between
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
 from lacmesh.surface.normals import CREASE_ANGLE
 from lacmesh.surface.record import Surface, mean_normals
@@ -134,7 +134,7 @@ def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools, Floats]:
 
     `four` (f,): quadrangles.
     """
-    patches, sides = sought.whole, Sides.of(sought)
+    patches, sides = sought.whole, NodeShapes.of(sought)
     n = len(patches.patch)
     value, lacking, doubt = np.zeros((n, _OVER)), np.zeros(n, bool), np.zeros(n)
     face, k, i, j = patches.edges()
@@ -168,7 +168,7 @@ def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools, Floats]:
     return value, lacking, doubt
 
 
-def _split_centres(sought: Sought, sides: Sides, value: Floats, centre: Ints) -> None:
+def _split_centres(sought: Sought, sides: NodeShapes, value: Floats, centre: Ints) -> None:
     """Set the heights (f, 5) at the centres of quadrangles whose diagonals go from one shape to another it touches."""
     node, normal = sought.whole.node[centre], sought.whole.normal[centre]
     (one, good, _), (two, fine, _) = (

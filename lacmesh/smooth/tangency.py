@@ -6,7 +6,7 @@ B from there on. The distances of the ends from the other's shape are the deviat
 
     |f_B(i)| = |kappa_B - kappa_A| ((1 - t) h)^2 / 2,  |f_A(j)| = |kappa_B - kappa_A| (t h)^2 / 2,
 
-of opposite signs: t is that of their square roots, and whether the shapes touch at all is told by their sum, h
+of opposite signs: t is that of their square roots, and whether the shapes touch at all follows from their sum, h
 sqrt(|kappa_B - kappa_A| / 2). The mean height of the skin over the edge is that of a parabola with the height
 
     h^2 / 8 (kappa_A + (kappa_B - kappa_A) (3 t^2 - 2 t^3))
@@ -31,7 +31,7 @@ from lacmesh.smooth.shape import Shape
 _TOUCHING = 0.15
 
 
-class Sides(NamedTuple):
+class NodeShapes(NamedTuple):
     """The shapes of nodes: `first` and `second` (n,) of `found` that each lies on, or -1; nodes of more have two.
 
     `loose` (f,): faces of planes without a node of their own, as one row of quadrangles between a plane and a fillet
@@ -44,7 +44,7 @@ class Sides(NamedTuple):
     loose: Bools
 
     @classmethod
-    def of(cls, sought: Sought) -> Sides:
+    def of(cls, sought: Sought) -> NodeShapes:
         """Return the shapes of the nodes of all patches, before shapes were grown inside them."""
         node, n = sought.whole.node, len(sought.whole.x)
         nodes = [np.unique(node[found.faces][node[found.faces] >= 0]) for found in sought.found]
@@ -62,7 +62,7 @@ class Sides(NamedTuple):
 
 
 def heights_between(
-    sought: Sought, sides: Sides, i: Ints, j: Ints, normal: Floats
+    sought: Sought, sides: NodeShapes, i: Ints, j: Ints, normal: Floats
 ) -> tuple[NDArray[np.floating], Bools, NDArray[np.floating]]:
     """(e,): heights over the middles of chords from nodes i to j (e,) along unit normals (e, 3); (e,): True if known.
 

@@ -23,6 +23,8 @@ from lacsolver.results.state import State
 #: a run warns above both of these: relative difference between pressures of neighbours, and error of flat faces
 #: relative to the mean pressure of the macro-elements in contact
 _ALTERNATE, _WORTH = 0.3, 0.5
+#: the first of these where only a few faces may be off, as at a fillet
+_LOCAL = 0.1
 
 
 def faceted(problem: Problem, state: State) -> Iterator[str]:
@@ -31,7 +33,7 @@ def faceted(problem: Problem, state: State) -> Iterator[str]:
     young = min((float(np.min(one)) for one in moduli), default=0.0)
     for joint, zone in zip(problem.joints, state.zones, strict=True):
         part = _differing(joint.zone, zone.pressure)
-        if not isinstance(joint.record, Contact) or part <= _ALTERNATE:
+        if not isinstance(joint.record, Contact) or part <= _LOCAL:
             continue
         record, mesh = joint.record, problem.space.local
         turns = [
@@ -42,14 +44,15 @@ def faceted(problem: Problem, state: State) -> Iterator[str]:
         doubt = max(_doubt(skin) for skin in (joint.zone.slave, joint.zone.master))
         on = zone.pressure > 0
         worth, mean = young * turn / 8, float(np.average(zone.pressure[on], weights=zone.area[on])) if on.any() else 0.0
-        if mean > 0 and worth <= _WORTH * mean < young * doubt:
+        flat = part > _ALTERNATE and worth > _WORTH * mean
+        if mean > 0 and not flat and young * doubt > _WORTH * mean:
             yield (
                 f"pressures of contact {joint.name!r} differ by {100 * part:.0f} % from one macro-element to the next, "
                 f"where heights of curved skins may be off by {doubt:.2g} of a face's size, which is worth "
                 f"{young * doubt:.4g} beside their mean, {mean:.4g}; refine both skins where their curvature changes, "
                 "put nodes on the line where two shapes touch, or mesh with quadratic cells"
             )
-        if mean > 0 and worth > _WORTH * mean:
+        if mean > 0 and flat:
             message = f"pressures of contact {joint.name!r} differ by {100 * part:.0f} % from one macro-element to the "
             message += (
                 f"next, as they do where flat faces stand for curved skins: these turn by {np.degrees(turn):.2g} "

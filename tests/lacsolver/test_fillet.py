@@ -139,14 +139,14 @@ def test_shapes_on_both_sides_stay():
 
 
 def test_in_space():
-    """Where one row of quadrangles lies between plane and fillet, and is plane itself; pressures were 0 to 1.8."""
+    """One row of quadrangles between plane and fillet is plane itself: pressures were 0 to 1.8."""
     p = quietly(fillet((20, 24), (0.5, 0.25), "HEXA8", (0.0, 0.2, 0.4)))
     assert np.abs(p - 1).max() < 0.15
 
 
 def test_what_is_left_is_said():
     """Triangles have means of their own: pressures that differ by what their heights may be off are told by `run`."""
-    mesh = fillet((24, 32), (0.5, 0.5), "TETRA4", (0.0, 0.2, 0.4))
+    mesh = fillet((20, 24), (0.5, 0.25), "TETRA4", (0.0, 0.2, 0.4))
     solved = solve(case(mesh), mesh)
     (message,) = faceted(solved.problem, solved.state)
     assert "heights of curved skins may be off by 0.00" in message
@@ -159,7 +159,7 @@ def test_a_fillet_of_too_few_faces_is_said():
         p = pressed(mesh)
     assert np.abs(p - 1).max() > 0.5
     said = [str(one.message) for one in told]
-    assert len(said) == 2 and "slave 'slave'" in said[0] and "near (0." in said[0] and "refine it there" in said[0]
+    assert "slave 'slave'" in said[0] and "near (0." in said[0] and "refine it there" in said[0]
     found = lacmesh.check(lacmesh.cut_skin(mesh, "slave").mesh, "slave", "master")
     (one, *_) = [one for one in found.findings if one.rule == "faceted"]
     assert "heights may be 0.00" in one.message

@@ -166,7 +166,7 @@ def test_units_and_origin(scale, shift):
 
 
 def test_smoothed_normals_go_over_the_same_edges():
-    """Those at the nodes of a circle are radial, unless the angle is given, and the faces' own."""
+    """Normals at the nodes of a circle are radial, and those of the faces where the angle is given."""
     mesh = chain(around(8)[::-1])
     surface = replace(whole(mesh), height=height_of(mesh, whole(mesh)))
     radial = surface.x[surface.faces.nodes[:, :2]]
