@@ -138,7 +138,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
             "warning",
             "a curved skin of linear faces is too coarse for a smooth fit: neighbouring faces of a free-form surface "
             "meet at more than 22.5 degrees (fewer than 16 to a full turn), have too few neighbours, or change their "
-            "curvature within few faces, as at a fillet, so that heights may be off by 0.003 of a face's size",
+            "curvature within few faces, as at a fillet, so that heights may be off by 0.005 of a face's size",
             "refine the mesh there, put nodes on the line where two shapes touch, or use quadratic cells",
         ),
         "few-faces": Rule(

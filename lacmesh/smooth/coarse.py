@@ -16,7 +16,7 @@ from lacmesh.surface.record import Surface
 #: faces that turn by more (radians) from one to the next, fewer than sixteen to a turn, are too few for a fit
 _COARSE = 2 * np.pi / 16
 #: heights that may be off by more than this part of a face's size are told: worth such a part of Young's modulus
-DOUBTFUL = 3e-3
+DOUBTFUL = 5e-3
 
 
 class Faceted(NamedTuple):

@@ -153,16 +153,25 @@ def test_what_is_left_is_said():
 
 
 def test_a_fillet_of_too_few_faces_is_said():
-    """Three faces to it are no circle that could be found; what is said has the place and the size of the error."""
-    mesh = fillet((12, 16))
+    """Two faces to it are no circle that could be found; what is said has the place and the size of the error."""
+    mesh = fillet((8, 10))
     with pytest.warns(lacmesh.LacmeshWarning, match="its curvature changes within few faces") as told:
         p = pressed(mesh)
     assert np.abs(p - 1).max() > 0.5
     said = [str(one.message) for one in told]
-    assert "slave 'slave'" in said[0] and "near (0." in said[0] and "refine it there" in said[0]
+    assert "slave 'slave'" in said[0] and "near (" in said[0] and "refine it there" in said[0]
     found = lacmesh.check(lacmesh.cut_skin(mesh, "slave").mesh, "slave", "master")
     (one, *_) = [one for one in found.findings if one.rule == "faceted"]
-    assert "heights may be 0.00" in one.message
+    assert "heights may be 0.0" in one.message
+
+
+def test_one_that_is_too_coarse_for_its_pressure_is_said():
+    """Three faces to the fillet: what is left of the gaps is little, and yet more than the pressure is worth."""
+    mesh = fillet((12, 16))
+    solved = solve(case(mesh), mesh)
+    assert np.abs(solved.state.zones[0].pressure - 1).max() > 0.5
+    (message,) = faceted(solved.problem, solved.state)
+    assert "heights of curved skins may be off by 0.0037 of a face's size" in message
 
 
 def test_a_fine_fillet_is_not_warned_of(recwarn):
