@@ -174,9 +174,10 @@ class PairEntry(Entry):
         Number(Bounds(0, 1, open=False)), "", "macro-elements with less coverage are unpaired", default=1e-6
     )
     surface: str = key(_SURFACE, "", "surfaces between which the gap of linear cells is measured", default="smooth")
-    crease_angle: float = key(
-        Number(Bounds(0, 180, open=False)), "degree", "edges at which the normal turns by more are sharp", default=40.0
-    )
+    crease_angle: float | None = key(
+        Number(Bounds(0, 180, open=False)), "degree", "edges at which the normal turns by more are sharp", default=None,
+        default_words="40.0, but five to eight faces whose nodes lie on one circle, cylinder, sphere or cone are that",
+    )  # fmt: skip
 
     def _complete(self, values: Mapping[str, Any]) -> None:
         """Take the values that were read, and name the record after its slave if it has no name."""

@@ -20,6 +20,8 @@ from scipy.sparse import csr_array
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
 from lacmesh.kernels.threads import available_cores
 from lacmesh.mesh import Floats, Mesh
+from lacmesh.smooth import DOUBTFUL, told_of_few
+from lacmesh.surface import Surface
 from lacsolver.bodies.finite import locking
 from lacsolver.bodies.kinematics import Kinematics, kinematics_of
 from lacsolver.bodies.material import Materials
@@ -276,6 +278,31 @@ def zone_of(mesh: Mesh, record: Contact | Tie) -> Zone:
     )
 
 
+def _tell_of_skins(space: Space, record: Contact, zone: Zone) -> None:
+    """Warn of skins of a contact that are taken as round over creases, and of those whose height is doubtful."""
+    for side, group, skin in (("slave", record.slave, zone.slave), ("master", record.master, zone.master)):
+        if told := told_of_few(space.local, skin, record.crease_angle):
+            mend = "give crease_angle = 40 if the edges are sharp, or finer faces if they are not"
+            warnings.warn(LacmeshWarning(f"contact {record.name!r}: {side} {group!r}: {told}; {mend}"), stacklevel=4)
+        if told := _doubtful(space, skin):
+            warnings.warn(LacmeshWarning(f"contact {record.name!r}: {side} {group!r}: {told}"), stacklevel=4)
+
+
+def _doubtful(space: Space, skin: Surface) -> str:
+    """Say where the height of a curved skin may be off by much; "" if it is not."""
+    doubt = None if skin.height is None else skin.height.doubt
+    if doubt is None or not doubt.max(initial=0.0) > DOUBTFUL:
+        return ""
+    worst = int(doubt.argmax())
+    middle = skin.x[skin.faces.nodes[worst, : skin.n_corners[worst]]].mean(axis=0)[: space.dim]
+    place = ", ".join(space.told(middle + space.origin[: space.dim]))
+    return (
+        f"its curvature changes within few faces, so that gaps may be off by {doubt[worst]:.2g} of a face's size near "
+        f"({place}), which is worth as great a part of Young's modulus in the pressure; refine it there, put nodes on "
+        "the line where two shapes touch, or take quadratic cells"
+    )
+
+
 def joint_of(space: Space, record: Contact | Tie) -> ContactPair:
     """Return the contact pair of a contact or a tie. Raises CaseError, with its line, if the groups make no zone."""
     try:
@@ -285,6 +312,7 @@ def joint_of(space: Space, record: Contact | Tie) -> ContactPair:
     if isinstance(record, Tie):
         pairing = Pairing()
     else:
+        _tell_of_skins(space, record, zone)
         value = record.clearance
         fixed = not (value.depends_on_place or value.depends_on_time)
         clearance = value.at(0.0) if fixed else acting.at_local_points(space, value)
