@@ -19,6 +19,7 @@ from lacsolver.output import OutputFolder, Writer, check_same
 from lacsolver.output.states import deal_state
 from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem, read_mesh
+from lacsolver.results.alternation import alternating
 from lacsolver.results.answer import Answer
 from lacsolver.results.faceted import faceted
 from lacsolver.results.figures import stress_ranges
@@ -179,6 +180,7 @@ def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
     if made.last is not None:
         told += warnings_of(made.last.held, made.last.prescribed)
         told += faceted(problem, made.last)
+        told += alternating(problem, made.last)
         if not problem.kinematics.finite:
             told += filter(None, [beyond_a_cell(problem.space, made.last.u)])
     return problem.space.share.texts(told)

@@ -26,6 +26,7 @@ from lacsolver.distributed.launch import absence
 from lacsolver.linear import choose
 from lacsolver.problem import acting
 from lacsolver.problem.first_look import MotionFound, motion_found
+from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.overlap import check_overlap, deepest
 from lacsolver.problem.problem import ContactPair, Problem, ProblemParts, build
 from lacsolver.problem.rigid_modes import describe, free_motions, still_free
@@ -163,6 +164,8 @@ def _zones(case: Case, parts: ProblemParts, found: Validation) -> list[tuple[Con
             faces.append((pair, face))
             check_overlap(pair, face, space)
             pair.check_facing(face)
+            if parts.constraints is not None and parts.materials is not None:
+                check_hypothesis(case, pair, space, parts.constraints, parts.materials)
     return faces
 
 

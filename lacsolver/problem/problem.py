@@ -28,6 +28,7 @@ from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface, Pairing, Zone, integrate
 from lacsolver.contact.laws import ContactLaw
 from lacsolver.problem import acting
+from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.laws import contact_law_of, law_of
 from lacsolver.problem.skin import check_mesh, prepared
@@ -137,6 +138,8 @@ class Problem:
         """
         parts = build(case, read_mesh(case, distribution) if mesh is None else mesh, distribution=distribution)
         assert parts.space is not None and parts.materials is not None and parts.constraints is not None
+        for pair in parts.pairs:
+            check_hypothesis(case, pair, parts.space, parts.constraints, parts.materials)
         return cls(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs))
 
     @cached_property
