@@ -64,14 +64,18 @@ def run(
     clock = Clock()
     with clock.phase("mesh"):
         mesh = read_mesh(case, distribution) if mesh is None else mesh
-        problem, prints = Problem.of(case, mesh, distribution), fingerprint(case, *distribution.as_read(mesh))
+        problem = Problem.of(case, mesh, distribution)
+        case = problem.case
+        prints = fingerprint(case, *distribution.as_read(mesh))
         points = 0 if problem.inertia is None else problem.inertia.M.shape[0] - problem.space.n_dof
         orders = orders_of(problem.constraints, points)
         if start is not None:
             again, there = start, mesh
             problem.space.share.on_first(lambda: check_same(again, case, there, prints))
             start = deal_state(start, problem.space.share, orders) if orders else start
-    made = _Run(Answer(problem), clock, Results(_version(), sizes=_sizes(problem)), start.number if start else 0)
+    roles = {pair.name: (pair.record.slave, pair.record.master, pair.record.why) for pair in problem.joints}
+    empty = Results(_version(), sizes=_sizes(problem), roles=roles)
+    made = _Run(Answer(problem), clock, empty, start.number if start else 0)
     writer: Writer | None = None  # made once there is something to write, so that no earlier results are lost before
     try:
         with clock.phase("solve"):

@@ -42,7 +42,7 @@ _ROUNDING = 1e-9
 Bools = NDArray[np.bool_]
 
 
-class Pair(Protocol):
+class Judged(Protocol):
     """Interface of a contact pair, for the judgement of it."""
 
     @property
@@ -86,7 +86,7 @@ class Judgement(NamedTuple):
         return int(self.lacking.sum()) <= self.nodes
 
 
-def check_hypothesis(case: Case, pair: Pair, space: Space, constraints: Constraints, materials: Materials) -> None:
+def check_hypothesis(case: Case, pair: Judged, space: Space, constraints: Constraints, materials: Materials) -> None:
     """Raise CaseError for pressures that nothing determines; warn of a slave stiffer and finer than its master.
 
     Rigid bodies on rigid bodies are not judged: whether anything holds them is checked elsewhere.
@@ -108,7 +108,7 @@ def check_hypothesis(case: Case, pair: Pair, space: Space, constraints: Constrai
         warnings.warn(LacmeshWarning(f"{message}; exchange slave and master, or refine the master"), stacklevel=3)
 
 
-def judged(pair: Pair, face: Interface, space: Space, constraints: Constraints, materials: Materials) -> Judgement:
+def judged(pair: Judged, face: Interface, space: Space, constraints: Constraints, materials: Materials) -> Judgement:
     """Return the judgement of a pair with its interface in some configuration."""
     met, free = face.w > 0, own_free(pair, space, constraints)
     lacking = met & ~free & (not pair.law.yields)
@@ -123,7 +123,7 @@ def judged(pair: Pair, face: Interface, space: Space, constraints: Constraints, 
     return Judgement(lacking, sum(map(len, columns)), ratio)
 
 
-def finer(pair: Pair, face: Interface, chosen: Bools, constraints: Constraints) -> bool:
+def finer(pair: Judged, face: Interface, chosen: Bools, constraints: Constraints) -> bool:
     """True if there are more of these macro-elements (m,) than free nodes of the master in front of them."""
     if not chosen.any():
         return False
@@ -132,7 +132,7 @@ def finer(pair: Pair, face: Interface, chosen: Bools, constraints: Constraints) 
     return int(chosen.sum()) > len(np.setdiff1d(nodes, ours))
 
 
-def own_free(pair: Pair, space: Space, constraints: Constraints) -> Bools:
+def own_free(pair: Judged, space: Space, constraints: Constraints) -> Bools:
     """Return a mask (m,), True for macro-elements with an internal dof that is free along what the law acts on.
 
     It is the normal of a contact; all directions of a tie.
@@ -181,7 +181,7 @@ def _columns(face: Interface, chosen: Bools, constraints: Constraints) -> tuple[
 
 
 def _own_stiffness(
-    pair: Pair, free: Bools, space: Space, constraints: Constraints, materials: Materials
+    pair: Judged, free: Bools, space: Space, constraints: Constraints, materials: Materials
 ) -> tuple[Floats, Floats]:
     """Return the stiffness (m,) of the slave, modulus over size, with a soft contact's; the give (f,) of the master.
 
@@ -225,7 +225,7 @@ def _of_faces(skin: Surface, values: Floats) -> NDArray[np.floating]:
     return np.divide(np.where(fine, there, 0.0).sum(axis=1), n, out=np.full(len(n), np.inf), where=n > 0)
 
 
-def _suspect(pair: Pair, space: Space, constraints: Constraints, materials: Materials) -> bool:
+def _suspect(pair: Judged, space: Space, constraints: Constraints, materials: Materials) -> bool:
     """True if the slave may be so much stiffer than the master that the two must be paired to know."""
     free = np.ones(pair.zone.n_macros, bool)
     stiffness, give = _own_stiffness(pair, free, space, constraints, materials)
@@ -233,7 +233,7 @@ def _suspect(pair: Pair, space: Space, constraints: Constraints, materials: Mate
     return space.share.largest(float(largest)) >= STIFFER
 
 
-def _facing(pair: Pair, space: Space, t: float) -> Interface:
+def _facing(pair: Judged, space: Space, t: float) -> Interface:
     """Return the interface of a pair at the start; skins that are to meet later are paired at any distance."""
     face = pair.integrate(space, np.zeros(space.n_dof), t)
     if not pair.moving or (face.w > 0).any():
@@ -246,7 +246,7 @@ def _facing(pair: Pair, space: Space, t: float) -> Interface:
     )  # fmt: skip
 
 
-def _refusal(pair: Pair, found: Judgement, space: Space, constraints: Constraints) -> str:
+def _refusal(pair: Judged, found: Judgement, space: Space, constraints: Constraints) -> str:
     """Return the message for a pair with pressures that nothing determines."""
     zone, record = pair.zone, pair.record
     owner = internal_nodes(zone, space.mesh.n_nodes)

@@ -37,9 +37,7 @@ def alternating(problem: Problem, state: State) -> Iterator[str]:
         record = joint.record
         message = f"pressures of {record.SECTION.name} {joint.name!r} alternate: they differ by "
         if poor:
-            message += (
-                f"{100 * part:.0f} % from their neighbours' mean, as they do where slave {record.slave!r} "
-            )
+            message += f"{100 * part:.0f} % from their neighbours' mean, as they do where slave {record.slave!r} "
             message += f"has finer faces than master {record.master!r} and is stiffer for its size"
             yield f"{message}; exchange slave and master, or refine the master"
         elif within > _ALTERNATE:

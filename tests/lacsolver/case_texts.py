@@ -62,6 +62,12 @@ initial = "none"
 slave = "Group_7"
 master = "Group_8"
 initial = "gap"
+[[contact]]
+name = "which"
+surfaces = ["Group_11", "Group_12"]
+[[tie]]
+name = "which tie"
+surfaces = ["Group_13", "Group_14"]
 [[tie]]
 name = "glue"
 slave = "Group_9"
