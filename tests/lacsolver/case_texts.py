@@ -66,9 +66,6 @@ initial = "gap"
 name = "which"
 surfaces = ["Group_11", "Group_12"]
 [[tie]]
-name = "which tie"
-surfaces = ["Group_13", "Group_14"]
-[[tie]]
 name = "glue"
 slave = "Group_9"
 master = "Group_10"
@@ -76,6 +73,9 @@ hexa = "auto"
 search_distance = 1.0
 coverage_threshold = 0.5
 surface = "faces"
+[[tie]]
+name = "which tie"
+surfaces = ["Group_13", "Group_14"]
 [[rigid]]
 group = "plate"
 kind = "cell"

@@ -19,7 +19,8 @@ def pressed(element="C3D8", cells=(2, 2, 2), tie=False, more="", above=(1, 1, 1)
     high = Block("C", (0, 0, 1), (1, 1, 2), above, element, first=10000)
     text = low.text() + high.text() + section() + "*SOLID SECTION, ELSET=C, MATERIAL=EL\n"
     text += "*SURFACE, NAME=U\nC_EZ0, S1\n*SURFACE, NAME=L\nB_EZ1, S2\n"
-    text += "*BOUNDARY\nB_Z0, 3\nB_X0, 1\nB_Y0, 2\n10001, 1, 2\n10005, 2\n"
+    edge = high.numbers[(high.points[:, 1] == 0) & (high.points[:, 2] == 1)]
+    text += f"*BOUNDARY\nB_Z0, 3\nB_X0, 1\nB_Y0, 2\n{edge[0]}, 1, 2\n{edge[-1]}, 2\n"
     if tie:
         text += "*TIE, NAME=T\nU, L\n"
     else:
@@ -70,7 +71,7 @@ def test_a_rigid_master_stays_the_master(tmp_path):
 
 
 def test_with_the_slave_of_one_face_the_block_turns(tmp_path):
-    """What the import wrote before: one pressure, about which the block is free to turn."""
+    """Roles as the deck has them leave one pressure, about which the block is free to turn."""
     made = imported(tmp_path, pressed())
     (record,) = made.case.contact
     before = replace(record, slave=record.master, master=record.slave, name="before")
