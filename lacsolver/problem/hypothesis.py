@@ -135,7 +135,8 @@ def finer(pair: Judged, face: Interface, chosen: Bools, constraints: Constraints
 def own_free(pair: Judged, space: Space, constraints: Constraints) -> Bools:
     """Return a mask (m,), True for macro-elements with an internal dof that is free along what the law acts on.
 
-    It is the normal of a contact; all directions of a tie.
+    It is the normal of a contact; all directions of a tie. Macro-elements without internal nodes, which no cut makes
+    (`lacmesh check` finds them in others' records), count as free.
     """
     zone, dim = pair.zone, space.dim
     owner = internal_nodes(zone, space.mesh.n_nodes)
@@ -151,7 +152,8 @@ def own_free(pair: Judged, space: Space, constraints: Constraints) -> Bools:
         size = np.linalg.norm(mean, axis=1, keepdims=True)
         mean = np.divide(mean, size, out=np.zeros_like(mean), where=size > 0)[owner[nodes]]
         part = np.einsum("ni,nij,nj->n", mean, free, mean)
-    return np.bincount(owner[nodes[part > _FREE]], minlength=zone.n_macros) > 0
+    all_, free_ = (np.bincount(owner[some], minlength=zone.n_macros) for some in (nodes, nodes[part > _FREE]))
+    return (free_ > 0) | (all_ == 0)
 
 
 def internal_nodes(zone: Zone, n_nodes: int) -> Ints:
