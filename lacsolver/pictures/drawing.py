@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import RequestError
 from lacmesh.formats.output import replace_file
@@ -32,6 +33,7 @@ from lacmesh.view import picture
 from lacsolver.case import Case
 from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.problem.problem import zone_of
+from lacsolver.problem.roles import with_roles
 from lacsolver.problem.skin import prepared
 from lacsolver.results.results import Restart
 
@@ -88,6 +90,8 @@ def plot(case: Case, state: Restart, path: Path, mesh: Mesh | None = None, *, zo
     ...     plot(case, read_state(folder, case), Path(folder, "pressure.png"))
     """
     check_plot(case, path)
+    mesh = lacmesh.read(case.mesh) if mesh is None else mesh
+    case = with_roles(case, mesh)
     mesh = prepared(case, mesh)
     dim = 3 if case.model == "3d" else 2
     u = np.zeros((mesh.n_nodes, 3))

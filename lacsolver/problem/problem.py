@@ -30,8 +30,10 @@ from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface, Pairing, Zone, integrate
 from lacsolver.contact.laws import ContactLaw
 from lacsolver.problem import acting
+from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.laws import contact_law_of, law_of
+from lacsolver.problem.roles import slaves_of, with_roles
 from lacsolver.problem.skin import check_mesh, prepared
 from lacsolver.space.places import nodes_of, wrong
 from lacsolver.space.share import ALONE, Distribution, Share
@@ -139,7 +141,9 @@ class Problem:
         """
         parts = build(case, read_mesh(case, distribution) if mesh is None else mesh, distribution=distribution)
         assert parts.space is not None and parts.materials is not None and parts.constraints is not None
-        return cls(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs))
+        for pair in parts.pairs:
+            check_hypothesis(parts.case, pair, parts.space, parts.constraints, parts.materials)
+        return cls(parts.case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs))
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -182,8 +186,12 @@ Attempt = Callable[[str], AbstractContextManager[None]]
 
 @dataclass
 class ProblemParts:
-    """Parts of a problem as `build` returns them: the mesh, cut if `prepared`; others are None where they failed."""
+    """Parts of a problem as `build` returns them: the mesh, cut if `prepared`; others are None where they failed.
 
+    `case`: with the roles of all surfaces, if they could be chosen.
+    """
+
+    case: Case
     mesh: Mesh
     prepared: bool = False
     space: Space | None = None
@@ -201,11 +209,12 @@ def build(
     are left out if it was kept. `bodies`: False for the contact pairs alone, without materials and constraints.
     """
     attempt = attempt or (lambda place: nullcontext())
-    parts, usable = ProblemParts(mesh), False
+    parts, usable = ProblemParts(case, mesh), False
     with attempt(""):
         if distribution is ALONE:
             check_dimension(mesh, case.model, f"the mesh {Path(case.mesh).name}")
         check_groups(case, mesh)
+        parts.case = case = with_roles(case, distribution.as_read(mesh)[0])
         usable = True
     if not usable:
         return parts
@@ -242,8 +251,7 @@ def _check_shared(case: Case, share: Share) -> None:
 
 def read_mesh(case: Case, distribution: Distribution = ALONE) -> Mesh:
     """Return the mesh of a case, or this process's part of it. Raises ReadError, RequestError, CutError."""
-    slaves = {record.slave: record.hexa for record in (*case.contact, *case.tie)}
-    return distribution.read(Path(case.mesh), case.skins, slaves)
+    return distribution.read(Path(case.mesh), case.skins, lambda mesh: slaves_of(case, mesh))
 
 
 def _constraints(case: Case, space: Space, attempt: Attempt) -> Constraints | None:
